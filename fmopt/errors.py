@@ -1,0 +1,114 @@
+"""Every error that leaves the package: one tree, each leaf with its exit code, its data and its advice."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+
+class FmoptError(Exception):
+    """Base of all errors that the package raises on purpose.
+
+    Args:
+        message: what was wrong, where, and by how much.
+        advice: what to change.
+    """
+
+    exit_code: ClassVar[int] = 70
+
+    def __init__(self, message: str, advice: str = "") -> None:
+        super().__init__(message)
+        self.message = message
+        self.advice = advice
+
+    def __str__(self) -> str:
+        return f"{self.message}; {self.advice}" if self.advice else self.message
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _rebuild, (type(self), self.args, dict(self.__dict__))
+
+
+def _rebuild(cls: type[FmoptError], args: tuple[Any, ...], state: dict[str, Any]) -> FmoptError:
+    error = cls.__new__(cls)
+    error.args = args
+    error.__dict__.update(state)
+    return error
+
+
+@dataclass(frozen=True, order=True)
+class Fault:
+    """One fault of an input file: place, code, message and advice. Lines and columns count from 1."""
+
+    file: str
+    line: int
+    column: int
+    key: str
+    code: str
+    message: str
+    advice: str = ""
+
+    def __str__(self) -> str:
+        where = f"{self.file}:{self.line}:{self.column}: {self.code}: "
+        key = f"{self.key}: " if self.key else ""
+        return where + key + self.message + (f"; {self.advice}" if self.advice else "")
+
+
+class InputError(FmoptError):
+    """A problem, model, plan or option that cannot be used; carries every fault that was found."""
+
+    exit_code = 2
+
+    def __init__(self, *faults: Fault) -> None:
+        self.faults = tuple(sorted(faults))
+        super().__init__("\n".join(str(fault) for fault in self.faults))
+
+
+class GeometryError(FmoptError):
+    """A solid that is empty, open, inside out or otherwise not a solid."""
+
+    exit_code = 2
+
+
+class InterferenceError(FmoptError):
+    """The parts overlap when assembled: no motion exists.
+
+    Args:
+        message: what overlaps.
+        interference: depth in metres, not negative (zero clearance counts as interference).
+        place: where, in words of the model.
+    """
+
+    exit_code = 1
+
+    def __init__(self, message: str, interference: float, place: str, advice: str = "") -> None:
+        super().__init__(message, advice)
+        self.interference = interference
+        self.place = place
+
+
+class InfeasibleError(FmoptError):
+    """A state, placement or sequence that was shown not to exist; `shortfall` in metres."""
+
+    exit_code = 1
+
+    def __init__(self, message: str, shortfall: float = 0.0, advice: str = "") -> None:
+        super().__init__(message, advice)
+        self.shortfall = shortfall
+
+
+class SolverError(FmoptError):
+    """A solver stopped without a point that passes its own re-check."""
+
+    exit_code = 3
+
+
+class PlanFormatError(FmoptError):
+    """A plan file that is no `fmopt.plan/1` document."""
+
+    exit_code = 2
+
+
+class ResourceError(FmoptError):
+    """A file, folder, lock or memory that could not be had."""
+
+    exit_code = 4

@@ -1,0 +1,120 @@
+"""Rigid poses: rotation vectors, exponentials and the local coordinates X = (d, δ).
+
+A pose lists (x, y, z, r) with r the rotation vector; around a reference pose (p₀, R₀) the local
+coordinates (d, δ) mean p = p₀ + d, R = exp([δ]×) R₀.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fmopt.values import Array, Value, frozen
+
+
+def hat(w: ArrayLike) -> Array:
+    """The matrix [w]× with [w]× a = w × a, shape (3, 3)."""
+    x, y, z = np.asarray(w, dtype=np.float64)
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def cross(a: Array, b: Array) -> Array:
+    """a × b along the last axis, broadcast over the others; a tenth of the time of NumPy's general one."""
+    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
+    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+
+
+def exp(r: ArrayLike) -> Array:
+    """Rotation matrix (3, 3) of the rotation vector r (rad), Rodrigues' formula."""
+    r = np.asarray(r, dtype=np.float64)
+    angle = float(np.linalg.norm(r))
+    K = hat(r)
+    if angle < 1e-4:
+        a = 1.0 - angle**2 / 6.0
+        b = 0.5 - angle**2 / 24.0
+    else:
+        a = np.sin(angle) / angle
+        b = 2.0 * (np.sin(0.5 * angle) / angle) ** 2
+    return np.asarray(np.eye(3) + a * K + b * (K @ K))
+
+
+def log(R: ArrayLike) -> Array:
+    """Rotation vector (3,) in rad of the rotation matrix R, |r| ≤ π."""
+    R = np.asarray(R, dtype=np.float64)
+    s = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    c = 0.5 * (np.trace(R) - 1.0)
+    sine = float(np.linalg.norm(s))
+    angle = float(np.arctan2(sine, c))
+    if angle < 1e-4:
+        return np.asarray(s * (1.0 + angle**2 / 6.0))
+    if sine > 1e-6:
+        return np.asarray(s * (angle / sine))
+    # Near π the axis comes from the symmetric part, its sign from the small antisymmetric one.
+    B = 0.5 * (R + np.eye(3))
+    k = int(np.argmax(np.diag(B)))
+    axis = B[:, k] / np.sqrt(B[k, k])
+    return np.asarray(axis * (angle if axis @ s >= 0.0 else -angle))
+
+
+def left_jacobian(r: ArrayLike) -> Array:
+    """J with exp([r + dr]×) ≈ exp([J dr]×) exp([r]×), shape (3, 3)."""
+    r = np.asarray(r, dtype=np.float64)
+    angle = float(np.linalg.norm(r))
+    K = hat(r)
+    if angle < 1e-3:
+        a, b = 0.5 - angle**2 / 24.0, 1.0 / 6.0 - angle**2 / 120.0
+    else:
+        a = (1.0 - np.cos(angle)) / angle**2
+        b = (angle - np.sin(angle)) / angle**3
+    return np.asarray(np.eye(3) + a * K + b * (K @ K))
+
+
+@dataclass(frozen=True, eq=False)
+class Pose(Value):
+    """A rigid pose: position p (3,) in m and rotation matrix R (3, 3)."""
+
+    p: Array
+    R: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "p", frozen(self.p, 3, name="position"))
+        object.__setattr__(self, "R", frozen(self.R, 3, 3, name="rotation"))
+
+    @staticmethod
+    def from_vector(x: ArrayLike) -> Pose:
+        """The pose of six numbers (x, y, z, r) in m and rad."""
+        x = np.asarray(x, dtype=np.float64)
+        return Pose(x[:3], exp(x[3:]))
+
+    @staticmethod
+    def identity() -> Pose:
+        """The pose at the origin, not turned."""
+        return Pose(np.zeros(3), np.eye(3))
+
+    def vector(self) -> Array:
+        """Six numbers (x, y, z, r) in m and rad."""
+        return np.concatenate([self.p, log(self.R)])
+
+    def moved(self, X: ArrayLike) -> Pose:
+        """The pose at local coordinates X = (d, δ) around this one."""
+        X = np.asarray(X, dtype=np.float64)
+        return Pose(self.p + X[:3], exp(X[3:]) @ self.R)
+
+    def local(self, other: Pose) -> Array:
+        """Local coordinates (6,) of `other` around this pose."""
+        return np.concatenate([other.p - self.p, log(other.R @ self.R.T)])
+
+    def apply(self, points: ArrayLike) -> Array:
+        """World points of body points (…, 3)."""
+        return np.asarray(np.asarray(points, dtype=np.float64) @ self.R.T + self.p)
+
+    def compose(self, other: Pose) -> Pose:
+        """This pose after `other`: points go through `other` first."""
+        return Pose(self.R @ other.p + self.p, self.R @ other.R)
+
+    def inverse(self) -> Pose:
+        """The pose that undoes this one."""
+        return Pose(-self.R.T @ self.p, self.R.T)

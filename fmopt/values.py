@@ -1,0 +1,40 @@
+"""Frozen values: arrays inside are copied, float64, checked and read-only, also after unpickling."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def frozen(values: ArrayLike, *shape: int | None, name: str = "array") -> Array:
+    """A read-only float64 copy of `values`.
+
+    Args:
+        values: numbers.
+        shape: expected length of each axis, None for any; no shape means any shape.
+        name: what to call the array in an error.
+
+    Raises:
+        ValueError: the shape differs, or a number is not finite.
+    """
+    array = np.array(values, dtype=np.float64)
+    if shape and (array.ndim != len(shape) or any(n not in (None, m) for n, m in zip(shape, array.shape, strict=True))):
+        raise ValueError(f"{name} has shape {array.shape}, expected {shape}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} holds a number that is not finite")
+    array.setflags(write=False)
+    return array
+
+
+class Value:
+    """Base of frozen dataclasses that hold arrays: they stay read-only through pickling."""
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for key, value in state.items():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+            object.__setattr__(self, key, value)
