@@ -1,0 +1,280 @@
+"""Clearance as measured on the parts: gaps between mating sections, play, and the overlap of assembled parts.
+
+The moving part is in its body frame (origin at the centre of the peg's leading end, z up along the peg), the fixed
+part in the B-frame (origin at the centre of the mouth, z out of the hole). Inserted by d, the moving part stands at
+(0, 0, −d), not turned.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmopt.errors import GeometryError, InterferenceError
+from fmopt.geometry.facets import place
+from fmopt.geometry.part import Part
+from fmopt.geometry.pieces import union_manifold
+from fmopt.geometry.polyhedron import Polyhedron, diameter, placed, plane_basis
+from fmopt.geometry.section import section_limit
+from fmopt.se3 import Pose
+from fmopt.values import Array, Value, frozen
+
+if TYPE_CHECKING:
+    from shapely import MultiPolygon
+
+_TOUCH = 1e-9  # m, overlaps up to this count as touching
+
+
+@dataclass(frozen=True, eq=False)
+class Clearance(Value):
+    """Measured clearance of a mating.
+
+    Args:
+        per_side: smallest gap in m between centred peg and hole over the whole insertion; when they overlap, minus the
+            depth by which the peg's section would have to shrink all around.
+        play: free travel (x, y) in m from stop to stop, infinite where nothing stops it, 0 when they overlap.
+        where: place of the smallest gap, B-frame, m, with the peg at the depth where the two sections meet.
+        moving_face, fixed_face: the faces on its two sides.
+        half_diagonal: half the diagonal of the peg's section there, m: the characteristic length ρ.
+    """
+
+    per_side: float
+    play: tuple[float, float]
+    where: Array
+    moving_face: int
+    fixed_face: int
+    half_diagonal: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "where", frozen(self.where, 3, name="place of the smallest gap"))
+
+
+@dataclass(frozen=True)
+class Interference:
+    """Overlap of two placed parts: volume (m³), depth (m, at least 0), and the centre of the overlap in words."""
+
+    volume: float
+    depth: float
+    place: str
+
+
+@dataclass(frozen=True)
+class _Slice:
+    height: float
+    side: int
+    shape: MultiPolygon
+
+
+def mating_clearance(moving: Part, fixed: Part, depth: float) -> Clearance:
+    """Clearance of the moving part's peg in the fixed part's hole, measured on their sections.
+
+    Every section of the peg's first `depth` metres is held against every section of the hole that it passes. Sections
+    are taken at both ends and the middle of each stretch between vertex levels.
+
+    Args:
+        moving: in its body frame.
+        fixed: in the B-frame.
+        depth: insertion depth, m.
+
+    Raises:
+        GeometryError: peg or hole has no material at those depths.
+    """
+    pegs = _slices(moving, 0.0, depth)
+    holes = _slices(fixed, -depth, 0.0)
+    pairs = [(peg, hole) for peg in pegs for hole in holes if _meet(peg, hole, depth)]
+    gaps = [_gap(peg.shape, hole.shape) for peg, hole in pairs]
+    peg, hole = pairs[int(np.argmin(gaps))]
+    gap = min(gaps)
+    travel = np.array([_travel(one.shape, two.shape) for one, two in pairs]).min(axis=0)
+    play = (0.0, 0.0) if gap <= 0.0 else (float(travel[0] + travel[1]), float(travel[2] + travel[3]))
+    at_peg, at_hole = _closest(peg.shape, hole.shape, gap)
+    across = at_hole - at_peg
+    return Clearance(
+        gap,
+        play,
+        np.append(0.5 * (at_peg + at_hole), hole.height),
+        _face_at(moving.polyhedron, np.append(at_peg, peg.height), np.append(across, 0.0)),
+        _face_at(fixed.polyhedron, np.append(at_hole, hole.height), np.append(-across, 0.0)),
+        0.5 * diameter(_corners(peg.shape)),
+    )
+
+
+def mating_half_diagonal(moving: Part, fixed: Part, depth: float) -> float:
+    """Half the diagonal (m) of the peg's section where the clearance is smallest: the characteristic length ρ."""
+    return mating_clearance(moving, fixed, depth).half_diagonal
+
+
+def interference(moving: Part, fixed: Part, pose: Pose) -> Interference:
+    """Overlap of the moving part at `pose` with the fixed part.
+
+    The volume is that of the boolean intersection; the depth is the largest over all pairs of convex pieces of the
+    shortest shift that takes the pair apart, so that parts which only touch have depth 0.
+    """
+    bodies = [placed(piece, pose) for piece in moving.pieces]
+    deepest = max(_penetration(body, other) for body in bodies for other in fixed.pieces)
+    if deepest <= _TOUCH:
+        return Interference(0.0, max(deepest, 0.0), "nowhere")
+    common = union_manifold(bodies) ^ union_manifold(fixed.pieces)
+    centre = 0.5 * np.sum(np.reshape(common.bounding_box(), (2, 3)), axis=0)
+    return Interference(float(common.volume()), deepest, place(centre))
+
+
+def checked_clearance(moving: Part, fixed: Part, seated: Pose, depth: float) -> Clearance:
+    """The measured clearance of parts that can be assembled.
+
+    Raises:
+        InterferenceError: the clearance is not positive, or the parts overlap when seated.
+    """
+    measured = mating_clearance(moving, fixed, depth)
+    if measured.per_side <= 0.0:
+        raise InterferenceError(
+            f"{moving.name!r} does not go into {fixed.name!r}: at {place(measured.where)} of the hole the clearance is "
+            f"{1e6 * measured.per_side:.3g} µm a side, face {measured.moving_face} on face {measured.fixed_face}",
+            -measured.per_side,
+            f"{place(measured.where)} in the B-frame",
+            "make the peg thinner or the hole wider, and check the units of both",
+        )
+    overlap = interference(moving, fixed, seated)
+    if overlap.depth > _TOUCH:
+        raise InterferenceError(
+            f"{moving.name!r} overlaps {fixed.name!r} by {1e6 * overlap.depth:.3g} µm when seated, around "
+            f"{overlap.place} in the B-frame",
+            overlap.depth,
+            f"{overlap.place} in the B-frame",
+            "seat it less deep, or move the features' frames",
+        )
+    return measured
+
+
+def _slices(part: Part, low: float, high: float) -> list[_Slice]:
+    """Sections of the part between two heights: limits at both ends and the middle of each stretch without vertices."""
+    heights = np.unique(np.clip([low, high, *(z for piece in part.pieces for z in piece.vertices[:, 2])], low, high))
+    heights = heights[np.append(True, np.diff(heights) > 1e-9)]
+    made = []
+    for bottom, top in pairwise(heights):
+        for height, side in ((bottom, 1), (0.5 * (bottom + top), 1), (top, -1)):
+            level = Pose(np.array([0.0, 0.0, height]), np.eye(3))
+            shape = section_limit(part.pieces, level, 1 if side > 0 else -1)
+            if not shape.is_empty:
+                made.append(_Slice(float(height), side, shape))
+    if not made:
+        raise GeometryError(
+            f"part {part.name!r} has no material between z = {1e3 * low:g} and {1e3 * high:g} mm of its mating frame",
+            "check the feature's frame: z points out of a hole, and back into the part from a peg's leading end",
+        )
+    return made
+
+
+def _meet(peg: _Slice, hole: _Slice, depth: float) -> bool:
+    """Whether the peg's section passes the hole's section on the way to `depth`."""
+    ahead = hole.height - (peg.height - depth)
+    return ahead > _TOUCH or (abs(ahead) <= _TOUCH and not peg.side > hole.side)
+
+
+def _gap(peg: MultiPolygon, hole: MultiPolygon) -> float:
+    """Distance between two sections; for overlapping ones minus the offset by which the peg's has to shrink."""
+    if (apart := float(peg.distance(hole))) > 0.0:
+        return apart
+
+    def overlaps(offset: float) -> bool:
+        shrunk = peg.buffer(-offset, join_style="mitre", mitre_limit=1e3) if offset > 0.0 else peg
+        return bool(shrunk.intersection(hole).area > 1e-6 * _TOUCH)
+
+    low, high = 0.0, 0.5 * diameter(_corners(peg))
+    if not overlaps(low):
+        return 0.0
+    while high - low > 1e-3 * _TOUCH:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if overlaps(middle) else (low, middle)
+    return -high
+
+
+def _travel(peg: MultiPolygon, hole: MultiPolygon) -> tuple[float, float, float, float]:
+    """Free travel of the peg's section along +x, −x, +y and −y until it touches the hole's section, m."""
+    a, b = _sides(peg), _sides(hole)
+    return (_run(a, b, 0), _run(b, a, 0), _run(a, b, 1), _run(b, a, 1))
+
+
+def _run(ahead: Array, fixed: Array, axis: int) -> float:
+    """Smallest distance along +axis from the sides `ahead` to the sides `fixed`, both (n, 2, 2)."""
+    there = _rays(ahead[:, 0], fixed, axis)
+    back = _rays(fixed[:, 0], ahead, axis)
+    steps = np.concatenate([there, -back])
+    return float(np.min(steps, where=steps > -_TOUCH, initial=np.inf))
+
+
+def _rays(points: Array, sides: Array, axis: int) -> Array:
+    """Signed distances along `axis` from points (n, 2) to the sides (m, 2, 2) beside them, shape (k,)."""
+    u, v = points[:, axis, None], points[:, 1 - axis, None]
+    (u0, v0), (u1, v1) = ((sides[:, end, axis], sides[:, end, 1 - axis]) for end in (0, 1))
+    beside = (v >= np.minimum(v0, v1)) & (v <= np.maximum(v0, v1)) & (v0 != v1)
+    share = (v - v0) / np.where(v0 != v1, v1 - v0, 1.0)
+    return np.asarray((u0 + share * (u1 - u0) - u)[beside])
+
+
+def _closest(peg: MultiPolygon, hole: MultiPolygon, gap: float) -> tuple[Array, Array]:
+    from shapely.ops import nearest_points
+
+    if gap > 0.0:
+        one, two = nearest_points(peg, hole)
+        return np.array(one.coords[0]), np.array(two.coords[0])
+    overlap = peg.intersection(hole)
+    spot = np.array(overlap.representative_point().coords[0][:2])
+    return spot, spot
+
+
+def _face_at(body: Polyhedron, point: Array, across: Array) -> int:
+    """The side face nearest to a point, among equally near ones the one that looks most along `across`."""
+    sides = np.abs(body.normals[:, 2]) < 1.0
+    distances = np.array([_face_distance(body, i, point) if side else np.inf for i, side in enumerate(sides)])
+    near = distances <= distances.min() + _TOUCH
+    return int(np.argmax(np.where(near, body.normals @ across, -np.inf)))
+
+
+def _face_distance(body: Polyhedron, number: int, point: Array) -> float:
+    from shapely import Point, Polygon
+
+    face = body.faces[number]
+    basis = plane_basis(face.normal)
+    outer, *holes = ([tuple(corner) for corner in body.vertices[list(loop)] @ basis] for loop in face.loops)
+    return float(np.hypot(point @ face.normal - face.offset, Polygon(outer, holes).distance(Point(point @ basis))))
+
+
+def _corners(shape: MultiPolygon) -> Array:
+    from shapely import get_coordinates
+
+    return np.asarray(get_coordinates(shape))
+
+
+def _sides(shape: MultiPolygon) -> Array:
+    rings = [np.array(ring.coords) for polygon in shape.geoms for ring in (polygon.exterior, *polygon.interiors)]
+    return np.vstack([np.stack([ring[:-1], ring[1:]], axis=1) for ring in rings])
+
+
+def _penetration(body: Polyhedron, other: Polyhedron) -> float:
+    """Length of the shortest shift that takes two convex polyhedra apart, negative when they are apart, m."""
+    faces = np.vstack([body.normals, -other.normals])
+    shallow = _overlaps(body, other, faces)
+    if shallow <= _TOUCH:
+        return shallow
+    crossed = np.cross(_directions(body)[:, None], _directions(other)[None]).reshape(-1, 3)
+    length = np.linalg.norm(crossed, axis=1)
+    axes = crossed[length > 1e-9] / length[length > 1e-9, None]
+    return min(shallow, _overlaps(body, other, np.vstack([axes, -axes])))
+
+
+def _overlaps(body: Polyhedron, other: Polyhedron, axes: Array) -> float:
+    """Smallest over the axes n (k, 3) of max n·body − min n·other."""
+    return float(np.min(np.max(axes @ body.vertices.T, axis=1) - np.min(axes @ other.vertices.T, axis=1)))
+
+
+def _directions(body: Polyhedron) -> Array:
+    """Unit directions (k, 3) of the edges, parallel ones once."""
+    start, end = body.vertices[np.array([edge.vertices for edge in body.edges]).T]
+    along = (end - start) / np.linalg.norm(end - start, axis=1)[:, None]
+    leading = np.argmax(np.abs(along) > 1e-9, axis=1)
+    along *= np.sign(along[np.arange(len(along)), leading])[:, None]
+    return np.asarray(along[np.unique(np.round(along, 9), axis=0, return_index=True)[1]])

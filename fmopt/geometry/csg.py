@@ -1,0 +1,311 @@
+"""Constructive solid geometry as frozen data: convex primitives, placements, regularised unions and differences.
+
+Lengths in m. Primitives stand on the plane z = 0 and are centred in x and y, as the instances of [LeeHuang1985]
+section 3; every primitive is convex, and is the convex hull of its corners.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from itertools import product
+from typing import TypeAlias, assert_never
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fmopt.errors import GeometryError
+from fmopt.geometry.polyhedron import Polyhedron, convex_hull_polyhedron
+from fmopt.se3 import Pose
+from fmopt.values import Array, Value
+
+_PROBE = 1e-9  # m, how far a point on a boundary looks for interior
+_MAX_SIDES = 4096
+
+
+@dataclass(frozen=True)
+class Box:
+    """A cuboid of `size` (x, y, z) in m, centred in x and y, from z = 0 up."""
+
+    size: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "size", _floats("Box.size", self.size, 3))
+        _require_positive(self, *self.size)
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """A cylinder about z, in the polyhedral stages the prism over the inscribed regular `sides`-gon.
+
+    Corners lie on the true circle, one flat looks along +x; the true surface is never further than `sagitta` outside.
+    """
+
+    radius: float
+    height: float
+    sides: int = 64
+
+    def __post_init__(self) -> None:
+        _require_positive(self, self.radius, self.height)
+        _require_sides(self, self.sides)
+
+
+@dataclass(frozen=True)
+class Cone:
+    """A truncated cone about z with radii `radius_bottom` at z = 0 and `radius_top` at z = height, one may be 0."""
+
+    radius_bottom: float
+    radius_top: float
+    height: float
+    sides: int = 64
+
+    def __post_init__(self) -> None:
+        radii = (self.radius_bottom, self.radius_top)
+        _require_positive(self, max(radii), self.height, *(radius for radius in radii if radius != 0.0))
+        _require_sides(self, self.sides)
+
+
+@dataclass(frozen=True)
+class Prism:
+    """An upright prism over a convex polygon ((x, y), …), counter-clockwise seen from above."""
+
+    polygon: tuple[tuple[float, float], ...]
+    height: float
+
+    def __post_init__(self) -> None:
+        polygon = tuple((float(x), float(y)) for x, y in self.polygon)
+        object.__setattr__(self, "polygon", polygon)
+        _require_positive(self, self.height)
+        _require_convex(self, polygon)
+
+
+@dataclass(frozen=True)
+class Wedge:
+    """A box of `size` whose top is only `top_x` long: the face at x = −size_x/2 is upright, the opposite one leans."""
+
+    size: tuple[float, float, float]
+    top_x: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "size", _floats("Wedge.size", self.size, 3))
+        _require_positive(self, *self.size)
+        if not 0.0 <= self.top_x <= self.size[0]:
+            raise GeometryError(f"{self} has a top longer than its base or below 0", "set top_x between 0 and size x")
+
+
+@dataclass(frozen=True)
+class Hull:
+    """The convex hull of at least four points ((x, y, z), …)."""
+
+    points: tuple[tuple[float, float, float], ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "points", tuple(_floats("Hull.points", point, 3) for point in self.points))
+        if len(self.points) < 4:
+            raise GeometryError(f"Hull has {len(self.points)} points", "give four or more that are not flat")
+
+
+@dataclass(frozen=True, eq=False)
+class Placed(Value):
+    """A solid moved by a pose: points p of `solid` appear at pose.apply(p)."""
+
+    solid: Solid
+    pose: Pose
+
+
+@dataclass(frozen=True)
+class Union:
+    """The regularised union of `parts`."""
+
+    parts: tuple[Solid, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parts", tuple(self.parts))
+        if not self.parts:
+            raise GeometryError("a union of no parts is empty", "name at least one part")
+
+
+@dataclass(frozen=True)
+class Difference:
+    """The regularised difference of `base` and all `tools`."""
+
+    base: Solid
+    tools: tuple[Solid, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "tools", tuple(self.tools))
+
+
+Primitive: TypeAlias = Box | Cylinder | Cone | Prism | Wedge | Hull
+Solid: TypeAlias = Box | Cylinder | Cone | Prism | Wedge | Hull | Placed | Union | Difference
+
+
+def chamfered_box(size: tuple[float, float, float], chamfer: float) -> Prism:
+    """A box of `size` (m) whose four upright edges are cut at 45°, `chamfer` (m) along each side."""
+    x, y, c = 0.5 * size[0], 0.5 * size[1], chamfer
+    if not 0.0 < c < min(x, y):
+        raise GeometryError(f"a chamfer of {c:g} m does not fit a section of {size[0]:g} x {size[1]:g} m", "shorten it")
+    quarter = ((x, y - c), (x - c, y))
+    mirrored = tuple((-a, b) for a, b in reversed(quarter))
+    upper = quarter + mirrored
+    return Prism(upper + tuple((-a, -b) for a, b in upper), size[2])
+
+
+def frustum(bottom: tuple[float, float], top: tuple[float, float], height: float) -> Hull:
+    """A rectangular frustum, `bottom` (x, y) in m at z = 0 and `top` (x, y) at z = height: the tool of a chamfer."""
+    rims = ((bottom, 0.0), (top, height))
+    return Hull(tuple((0.5 * i * x, 0.5 * j * y, z) for (x, y), z in rims for i, j in product((-1.0, 1.0), repeat=2)))
+
+
+def corners(primitive: Primitive) -> Array:
+    """The points (n, 3) in m whose convex hull the primitive is."""
+    match primitive:
+        case Box(size):
+            return _loft(_rectangle(size[0], size[1]), _rectangle(size[0], size[1]), size[2])
+        case Cylinder(radius, height, sides):
+            return _loft(ring(radius, sides), ring(radius, sides), height)
+        case Cone(bottom, top, height, sides):
+            return _loft(ring(bottom, sides), ring(top, sides), height)
+        case Prism(polygon, height):
+            return _loft(np.array(polygon), np.array(polygon), height)
+        case Wedge(size, top_x):
+            lower = _rectangle(size[0], size[1])
+            upper = lower.copy()
+            upper[upper[:, 0] > 0.0, 0] = top_x - 0.5 * size[0]
+            return _loft(lower, upper, size[2])
+        case Hull(points):
+            return np.array(points)
+        case _:
+            assert_never(primitive)
+
+
+def convex_polyhedron(primitive: Primitive, pose: Pose) -> Polyhedron:
+    """The primitive, placed, as a convex polyhedron with its corners as vertices, exact to the bit when not turned."""
+    points = exact_pose(pose).apply(corners(primitive))
+    return convex_hull_polyhedron(points + 0.0)
+
+
+def exact_pose(pose: Pose) -> Pose:
+    """The pose with entries of R within 1e-15 of −1, 0, 1 made so, so that quarter turns keep coordinates exact."""
+    whole = np.round(pose.R)
+    return Pose(pose.p, np.where(np.abs(pose.R - whole) < 1e-15, whole, pose.R) + 0.0)
+
+
+def ring(radius: float, sides: int) -> Array:
+    """Corners (n, 2) of the regular polygon inscribed in a circle, mirror-symmetric to the last bit, a flat at +x."""
+    return radius * np.array([(_cosine(j, sides), _sine(j, sides)) for j in range(1, 2 * sides, 2)])
+
+
+def sagitta(solid: Solid) -> float:
+    """Largest distance in m between a curved surface of the solid and the polyhedron that stands for it."""
+    match solid:
+        case Box() | Prism() | Wedge() | Hull():
+            return 0.0
+        case Cylinder(radius, _, sides):
+            return 2.0 * radius * math.sin(0.5 * math.pi / sides) ** 2
+        case Cone(bottom, top, _, sides):
+            return 2.0 * max(bottom, top) * math.sin(0.5 * math.pi / sides) ** 2
+        case Placed(inner, _):
+            return sagitta(inner)
+        case Union(parts):
+            return max(sagitta(part) for part in parts)
+        case Difference(base, tools):
+            return max(sagitta(part) for part in (base, *tools))
+        case _:
+            assert_never(solid)
+
+
+def depth(solid: Solid, points: ArrayLike) -> Array:
+    """Positive inside, negative outside, zero on boundaries (also on inner ones of a union); shape (n,), m.
+
+    For a primitive the distance to the nearest face plane, then max for unions, min with the opposite for differences.
+    """
+    points = np.asarray(points, dtype=np.float64)
+    match solid:
+        case Box() | Cylinder() | Cone() | Prism() | Wedge() | Hull():
+            hull = convex_polyhedron(solid, Pose.identity())
+            return np.asarray(np.min(hull.offsets - points @ hull.normals.T, axis=1))
+        case Placed(inner, pose):
+            return depth(inner, exact_pose(pose).inverse().apply(points))
+        case Union(parts):
+            return np.asarray(np.max([depth(part, points) for part in parts], axis=0))
+        case Difference(base, tools):
+            return np.asarray(np.min([depth(base, points), *(-depth(tool, points) for tool in tools)], axis=0))
+        case _:
+            assert_never(solid)
+
+
+def contains(solid: Solid, points: ArrayLike) -> NDArray[np.bool_]:
+    """Regularised membership of points (n, 3), shape (n,): inside, or on the boundary with interior next to it.
+
+    Points within 1e-12 m of a boundary look 1e-9 m around in 26 directions for interior, so that neither the seam of a
+    union is missed nor a wall of no thickness kept.
+    """
+    points = np.asarray(points, dtype=np.float64)
+    value = depth(solid, points)
+    inside = value > 1e-12
+    doubtful = np.flatnonzero(np.abs(value) <= 1e-12)
+    if doubtful.size:
+        around = _PROBE * np.array([step for step in product((-1.0, 0.0, 1.0), repeat=3) if any(step)])
+        probes = (points[doubtful, None, :] + around).reshape(-1, 3)
+        inside[doubtful] = np.any(depth(solid, probes).reshape(doubtful.size, -1) > 1e-12, axis=1)
+    return inside
+
+
+def _loft(lower: Array, upper: Array, height: float) -> Array:
+    levels = ((lower, 0.0), (upper, height))
+    points = np.vstack([np.column_stack([outline, np.full(len(outline), z)]) for outline, z in levels])
+    kept = np.sort(np.unique(points + 0.0, axis=0, return_index=True)[1])
+    return np.asarray(points[kept] + 0.0)
+
+
+def _rectangle(x: float, y: float) -> Array:
+    return 0.5 * np.array([(-x, -y), (x, -y), (x, y), (-x, y)])
+
+
+def _cosine(j: int, n: int) -> float:
+    """cos(π j / n) for 0 ≤ j ≤ 2n, equal up to sign for mirrored j."""
+    j = min(j, 2 * n - j)
+    if 2 * j == n:
+        return 0.0
+    return math.cos(math.pi * j / n) if 2 * j <= n else -math.cos(math.pi * (n - j) / n)
+
+
+def _sine(j: int, n: int) -> float:
+    """sin(π j / n) for 0 ≤ j ≤ 2n, equal up to sign for mirrored j."""
+    if j > n:
+        return -_sine(2 * n - j, n)
+    return math.sin(math.pi * min(j, n - j) / n)
+
+
+def _floats(name: str, values: tuple[float, ...], count: int) -> tuple[float, ...]:
+    if len(values) != count or not all(math.isfinite(value) for value in values):
+        raise GeometryError(f"{name} is {values}, expected {count} finite numbers", "give lengths in metres")
+    return tuple(float(value) for value in values)
+
+
+def _require_positive(solid: Primitive, *lengths: float) -> None:
+    if not all(math.isfinite(length) and length > 0.0 for length in lengths):
+        shown = ", ".join(f"{field.name}={getattr(solid, field.name)}" for field in fields(solid))
+        raise GeometryError(f"{type(solid).__name__}({shown}) has no volume", "make every length positive")
+
+
+def _require_sides(solid: Cylinder | Cone, sides: int) -> None:
+    if not 3 <= sides <= _MAX_SIDES:
+        raise GeometryError(f"{type(solid).__name__} has {sides} sides", f"use 3 to {_MAX_SIDES}")
+
+
+def _require_convex(solid: Prism, polygon: tuple[tuple[float, float], ...]) -> None:
+    points = np.array(polygon)
+    if len(polygon) < 3 or not np.isfinite(points).all():
+        raise GeometryError(f"Prism has {len(polygon)} usable corners", "give at least three finite ones")
+    forward = np.roll(points, -1, axis=0) - points
+    back = points - np.roll(points, 1, axis=0)
+    turn = back[:, 0] * forward[:, 1] - back[:, 1] * forward[:, 0]
+    sweep = np.sum(np.arctan2(turn, np.sum(back * forward, axis=1)))
+    if not np.all(turn > 0.0) or abs(sweep - 2.0 * math.pi) > 1e-6:
+        worst = int(np.argmin(turn))
+        raise GeometryError(
+            f"Prism is not convex and counter-clockwise at corner {worst}, {polygon[worst]}",
+            "list the corners of a convex polygon counter-clockwise; build others as Union or Difference",
+        )

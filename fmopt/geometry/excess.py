@@ -1,0 +1,166 @@
+"""From a polyhedron back to a CSG tree: its convex hull minus convex bodies that make up what the hull has too much.
+
+The excess is cut through its reflex edges, one plane at a time, the plane that settles most of them first. Tools may
+be many and small, the pieces that they leave are as large as those of a model written by hand. It gives imported
+meshes the exact half-space pieces of a CSG solid.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations, product
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmopt.errors import GeometryError
+from fmopt.geometry.csg import Difference, Hull, Solid
+from fmopt.geometry.facets import merged_vertices
+from fmopt.geometry.pieces import ROUNDING, clip, convex_manifold
+from fmopt.geometry.polyhedron import Face, Polyhedron, convex_hull_polyhedron, from_triangles, triangulated
+from fmopt.values import Array
+
+if TYPE_CHECKING:
+    from manifold3d import Manifold
+
+Plane = tuple[Array, float]
+
+_CUTS = 64  # one after the other; a mesh that needs more is no machined part
+_PAIRS = 128  # reflex edges up to which planes through any two are tried; above, through neighbours only
+
+
+def solid_of(body: Polyhedron, tol: float) -> Solid:
+    """A CSG solid equal to the polyhedron but for noise of size `tol` (m).
+
+    Face planes within `tol` of each other or of an axis direction become one, vertices move onto their planes, and
+    excess thinner than `tol` is dropped.
+
+    Raises:
+        GeometryError: the excess does not come apart into convex bodies.
+    """
+    from manifold3d import Manifold, Mesh64
+
+    ideal = _idealised(body, tol)
+    shape = Manifold(Mesh64(vert_properties=ideal, tri_verts=triangulated(body).astype(np.uint64)))
+    excess = [part for part in (shape.hull() - shape).decompose() if _thickness(part) > tol]
+    tools = tuple(tool for part in excess for tool in _convex_parts(part, ideal, tol, _CUTS))
+    outer = _hull(ideal)
+    return Difference(outer, tools) if tools else outer
+
+
+def _convex_parts(shape: Manifold, known: Array, tol: float, patience: int) -> list[Hull]:
+    mesh = shape.to_mesh64()
+    points, triangles = merged_vertices(
+        _onto(np.asarray(mesh.vert_properties)[:, :3], known, tol), np.asarray(mesh.tri_verts, dtype=np.int64), tol
+    )
+    body = from_triangles(points, triangles, tol)
+    plane = _best_cut(body, tol)
+    if plane is None:
+        return [_hull(points)]
+    if patience == 0:
+        raise GeometryError(
+            f"the mesh does not come apart into convex bodies in {_CUTS} cuts",
+            "model it as a CSG solid (Union, Difference): its half-space pieces are exact",
+        )
+    parts = [part for half in _halves(shape, body, plane) for part in half.decompose() if _thickness(part) > tol]
+    return [tool for part in parts for tool in _convex_parts(part, known, tol, patience - 1)]
+
+
+def _halves(shape: Manifold, body: Polyhedron, plane: Plane) -> list[Manifold]:
+    """The shape on both sides of a plane, by subtraction: that leaves no skin where a face lies in the plane."""
+    corners = np.array(list(product((-2.0, 2.0), repeat=3)))
+    room = convex_hull_polyhedron(body.vertices.mean(axis=0) + body.diameter * corners)
+    sides = (clip(room, *plane), clip(room, -plane[0], -plane[1]))
+    return [shape - convex_manifold(side) for side in sides if side is not None]
+
+
+def _best_cut(body: Polyhedron, tol: float) -> Plane | None:
+    """The plane that holds most reflex edges, which it leaves convex on both sides; None when there are none.
+
+    Candidates are the planes of the faces at reflex edges and the planes through two of the edges.
+    """
+    reflex = []
+    for edge in body.edges:
+        one, other = (body.faces[number] for number in edge.faces)
+        beyond = body.vertices[list(other.vertices)] @ one.normal - one.offset
+        if not edge.convex and beyond.max() > tol:
+            reflex.append((edge.vertices, one.normal, other.normal))
+    spans = [body.vertices[list(ends)] for ends, *_ in reflex]
+    planes = [
+        (normal, float(normal @ span[0]))
+        for span, (_, *normals) in zip(spans, reflex, strict=True)
+        for normal in normals
+    ]
+    for i, j in combinations(range(len(reflex)), 2):
+        near = len(reflex) <= _PAIRS or set(reflex[i][0]) & set(reflex[j][0])
+        if near and (plane := _through(spans[i], spans[j], tol)):
+            planes.append(plane)
+    if not planes:
+        return None
+    normals, offsets = np.array([normal for normal, _ in planes]), np.array([offset for _, offset in planes])
+    held = np.all(np.abs(np.array(spans) @ normals.T - offsets) <= tol, axis=1)
+    return planes[int(np.argmax(held.sum(axis=0)))]
+
+
+def _through(a: Array, b: Array, tol: float) -> Plane | None:
+    """The plane through two segments (2, 3), if there is one."""
+    corners = np.vstack([a, b])
+    centre = corners.mean(axis=0)
+    normal = np.linalg.svd(corners - centre)[2][2]
+    normal = np.where(np.abs(normal) < 1e-12, 0.0, normal)
+    flat = np.all(np.abs((corners - centre) @ normal) <= tol)
+    return (normal, float(normal @ centre)) if flat else None
+
+
+def _hull(points: Array) -> Hull:
+    return Hull(tuple((float(x), float(y), float(z)) for x, y, z in convex_hull_polyhedron(points).vertices))
+
+
+def _thickness(body: Manifold) -> float:
+    return 2.0 * float(body.volume()) / float(body.surface_area())
+
+
+def _onto(points: Array, known: Array, tol: float) -> Array:
+    """Points that lie within `tol` of a known one become that one."""
+    from scipy.spatial import cKDTree
+
+    distance, index = cKDTree(known).query(points)
+    return np.where(np.asarray(distance)[:, None] <= tol, known[index], points)
+
+
+def _idealised(body: Polyhedron, tol: float) -> Array:
+    """The vertices (n, 3) moved onto the cleaned planes of their faces, by the smallest shift that does it."""
+    planes: list[tuple[Array, float]] = []
+    slack = 4.0 * tol / body.diameter
+    chosen = [_cleaned(face, body.vertices[list(face.vertices)], planes, tol, slack) for face in body.faces]
+    points = np.array(body.vertices)
+    for vertex, faces in enumerate(body.vertex_faces):
+        own = sorted({chosen[number] for number in faces})
+        normals = np.array([planes[i][0] for i in own])
+        offsets = np.array([planes[i][1] for i in own])
+        shift = np.linalg.pinv(normals, rcond=1e-3) @ (offsets - normals @ points[vertex])
+        if np.linalg.norm(shift) <= 100.0 * tol:
+            points[vertex] += shift
+        for normal, offset in zip(normals, offsets, strict=True):
+            for axis in np.flatnonzero(np.abs(normal) == 1.0):
+                points[vertex, axis] = normal[axis] * offset
+    return np.column_stack([_levelled(column) for column in points.T])
+
+
+def _levelled(values: Array) -> Array:
+    """Values that differ by rounding only, made equal."""
+    order = np.argsort(values, kind="stable")
+    first = np.concatenate([[True], np.diff(values[order]) > ROUNDING])
+    levelled = np.empty_like(values)
+    levelled[order] = values[order][np.maximum.accumulate(np.where(first, np.arange(len(values)), 0))]
+    return levelled
+
+
+def _cleaned(face: Face, corners: Array, planes: list[tuple[Array, float]], tol: float, slack: float) -> int:
+    """Index of the face's cleaned plane in `planes`, appended when it is new; opposite planes are one."""
+    for index, (normal, offset) in enumerate(planes):
+        if abs(normal @ face.normal) > 1.0 - 1e-6 and np.all(np.abs(corners @ normal - offset) <= tol):
+            return index
+    normal = np.where(np.abs(face.normal) <= slack, 0.0, face.normal)
+    normal = normal / np.linalg.norm(normal)
+    planes.append((normal, float(np.median(corners @ normal))))
+    return len(planes) - 1

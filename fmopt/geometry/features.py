@@ -1,0 +1,47 @@
+"""Named mating features of a part: solid ones (pegs) and hollow ones (holes), each with a frame on its centre line."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from fmopt.errors import GeometryError
+from fmopt.se3 import Pose
+from fmopt.values import Value
+
+FeatureKind = Literal["solid", "hollow"]
+
+
+@dataclass(frozen=True, eq=False)
+class Feature(Value):
+    """A mating feature, a leaf of the tree object, feature class, feature, instances of [LeeHuang1985] section 3.
+
+    Args:
+        name: key name, unique in its part.
+        kind: "solid" or "hollow".
+        frame: pose in the part's model frame. Hollow: origin at the centre of the mouth, z out of the mouth.
+            Solid: origin at the centre of the leading end face, z from there back into the part.
+        length: depth or length along z, m.
+        through: whether a hollow feature is open at both ends.
+
+    Raises:
+        GeometryError: a length that is not positive, or a solid feature that is through.
+    """
+
+    name: str
+    kind: FeatureKind
+    frame: Pose
+    length: float
+    through: bool = False
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.length) and self.length > 0.0):
+            raise GeometryError(f"feature {self.name!r} has length {self.length} m", "make it positive")
+        if self.kind == "solid" and self.through:
+            raise GeometryError(f"feature {self.name!r} is solid and cannot be through", "drop `through`")
+
+
+def in_frame(feature: Feature, pose: Pose) -> Feature:
+    """The feature with its frame expressed in the frame `pose`, itself given in the feature's model frame."""
+    return replace(feature, frame=pose.inverse().compose(feature.frame))

@@ -1,0 +1,63 @@
+"""Plane sections of solids given as convex pieces: the union of the pieces' sections, never a slice of a mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from fmopt.geometry.csg import exact_pose
+from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.se3 import Pose
+from fmopt.values import Array
+
+if TYPE_CHECKING:
+    from shapely import MultiPolygon
+    from shapely.geometry.base import BaseGeometry
+
+_ON_PLANE = 1e-12  # m
+
+
+def section(bodies: Sequence[Polyhedron], frame: Pose) -> MultiPolygon:
+    """The regularised section of a union of convex bodies by the plane z = 0 of `frame`, in the frame's x and y (m).
+
+    Where the plane runs in a face the answer is what both sides share: the seam of two stacked bodies is full, the top
+    of a body empty.
+
+    Args:
+        bodies: convex polyhedra whose union is the solid.
+        frame: pose of the section plane.
+    """
+    return _polygons(section_limit(bodies, frame, 1).intersection(section_limit(bodies, frame, -1)))
+
+
+def section_limit(bodies: Sequence[Polyhedron], frame: Pose, side: Literal[-1, 1]) -> MultiPolygon:
+    """The limit of the sections of a union of convex bodies when the plane comes from above (1) or below (−1)."""
+    from shapely import MultiPoint, unary_union
+
+    to_frame = exact_pose(frame).inverse()
+    parts = []
+    for body in bodies:
+        points = to_frame.apply(body.vertices)
+        if np.any(side * points[:, 2] > _ON_PLANE):
+            outline = MultiPoint(_crossings(body, points)).convex_hull
+            if outline.geom_type == "Polygon":
+                parts.append(outline)
+    return _polygons(unary_union(parts).simplify(0.0))
+
+
+def _crossings(body: Polyhedron, points: Array) -> Array:
+    """Where the body's edges meet z = 0, shape (k, 2); vertices on the plane as they are."""
+    height = np.where(np.abs(points[:, 2]) <= _ON_PLANE, 0.0, points[:, 2])
+    a, b = np.array([edge.vertices for edge in body.edges]).T
+    cut = height[a] * height[b] < 0.0
+    a, b = a[cut], b[cut]
+    share = height[a] / (height[a] - height[b])
+    return np.vstack([points[height == 0.0, :2], points[a, :2] + share[:, None] * (points[b, :2] - points[a, :2])])
+
+
+def _polygons(geometry: BaseGeometry) -> MultiPolygon:
+    from shapely import MultiPolygon, Polygon, get_parts
+
+    return MultiPolygon([part for part in get_parts(geometry) if isinstance(part, Polygon) and part.area > 0.0])

@@ -1,0 +1,254 @@
+"""Parts: frames, sections, measured clearance, interference, and meshes from files."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fmopt.errors import GeometryError, InterferenceError, ResourceError
+from fmopt.geometry.clearance import checked_clearance, interference, mating_clearance, mating_half_diagonal
+from fmopt.geometry.csg import Box, Cylinder, Difference, Placed, Prism, Solid, Union, Wedge, chamfered_box, frustum
+from fmopt.geometry.excess import solid_of
+from fmopt.geometry.features import Feature
+from fmopt.geometry.mesh import load_mesh
+from fmopt.geometry.part import Part, mesh_part, part_of, rebased
+from fmopt.geometry.pieces import pieces, polyhedron
+from fmopt.geometry.polyhedron import triangulated
+from fmopt.geometry.section import section, section_limit
+from fmopt.se3 import Pose
+
+
+def at(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Pose:
+    return Pose(np.array([x, y, z]), np.eye(3))
+
+
+HOLE = Feature("hole", "hollow", at(z=0.04), 0.03)
+TOOL = Placed(Box((0.0202, 0.0202, 0.03)), at(z=0.01))
+BLOCK = Difference(Box((0.06, 0.06, 0.04)), (TOOL,))
+CHAMFERED = Difference(BLOCK, (Placed(frustum((0.0202, 0.0202), (0.0242, 0.0242), 0.002), at(z=0.038)),))
+SEATED = at(z=-0.03)
+
+
+def block(solid: Solid = BLOCK) -> Part:
+    return rebased(part_of("block", solid, (HOLE,)), HOLE.frame)
+
+
+def peg(solid: Solid | None = None) -> Part:
+    return part_of("peg", solid or Box((0.02, 0.02, 0.05)), (Feature("tip", "solid", at(), 0.05),))
+
+
+def test_rebasing_makes_the_feature_the_origin() -> None:
+    part = block()
+    assert np.array_equal(part.feature("hole").frame.vector(), np.zeros(6))
+    assert part.polyhedron.vertices[:, 2].max() == 0.0
+    assert set(part.polyhedron.vertices[:, 2].tolist()) == {0.0, -0.03, -0.04}
+    assert {piece.vertices[:, 2].max() for piece in part.pieces} == {0.0, -0.03}
+    turned = rebased(part, Pose.from_vector([0.0, 0.0, 0.0, np.pi, 0.0, 0.0]))
+    assert turned.polyhedron.vertices[:, 2].min() == 0.0
+    assert turned.polyhedron.volume == pytest.approx(part.polyhedron.volume, rel=1e-12)
+    assert pickle.loads(pickle.dumps(part)).feature("hole").length == 0.03
+    with pytest.raises(GeometryError, match="its features: hole"):
+        part.feature("slot")
+
+
+def test_features_are_checked() -> None:
+    with pytest.raises(GeometryError, match="length 0"):
+        Feature("tip", "solid", at(), 0.0)
+    with pytest.raises(GeometryError, match="cannot be through"):
+        Feature("tip", "solid", at(), 0.1, through=True)
+
+
+def test_sections_have_exact_corners() -> None:
+    (shape,) = section(pieces(BLOCK), at(z=0.02)).geoms
+    assert shape.area == pytest.approx(0.06**2 - 0.0202**2, rel=1e-12)
+    assert {abs(x) for ring in (shape.exterior, *shape.interiors) for x, _ in ring.coords} == {0.03, 0.0101}
+    upright = Pose.from_vector([0.0, 0.0, 0.0, np.pi / 2, 0.0, 0.0])
+    assert section(pieces(BLOCK), upright).area == pytest.approx(0.06 * 0.04 - 0.0202 * 0.03, rel=1e-12)
+
+
+def test_sections_in_the_plane_of_a_face_are_regularised() -> None:
+    made = pieces(BLOCK)
+    assert section(made, at(z=0.04)).is_empty
+    assert section(made, at(z=0.01)).area == pytest.approx(0.06**2 - 0.0202**2, rel=1e-12)
+    assert section_limit(made, at(z=0.01), -1).area == pytest.approx(0.06**2, rel=1e-12)
+    stacked = pieces(Union((Box((0.1, 0.1, 0.1)), Placed(Box((0.1, 0.1, 0.1)), at(z=0.1)))))
+    assert section(stacked, at(z=0.1)).area == pytest.approx(0.01, rel=1e-12)
+
+
+def test_section_area_integrates_to_the_volume() -> None:
+    made = pieces(CHAMFERED)
+    heights = (np.arange(400) + 0.5) * 0.04 / 400
+    areas = [section(made, at(z=float(z))).area for z in heights]
+    assert np.mean(areas) * 0.04 == pytest.approx(polyhedron(CHAMFERED).volume, rel=1e-6)
+
+
+@pytest.mark.parametrize("solid", [BLOCK, CHAMFERED])
+@pytest.mark.parametrize("dx", [0.0, 0.00004])
+def test_measured_clearance_of_a_square_peg(solid: Solid, dx: float) -> None:
+    tip = frustum((0.018, 0.018), (0.02, 0.02), 0.005)
+    moved = Placed(Union((Placed(Box((0.02, 0.02, 0.045)), at(z=0.005)), tip)), at(x=dx))
+    moving, fixed = peg(moved), block(solid)
+    measured = checked_clearance(moving, fixed, SEATED, 0.03)
+    assert measured.per_side == pytest.approx(0.0001 - dx, abs=1e-12)
+    assert measured.play == pytest.approx((0.0002, 0.0002), abs=1e-12)
+    assert measured.half_diagonal == pytest.approx(0.01 * np.sqrt(2.0), abs=1e-12)
+    assert mating_half_diagonal(moving, fixed, 0.03) == measured.half_diagonal
+    outward = moving.polyhedron.normals[measured.moving_face]
+    assert np.array_equal(outward, -fixed.polyhedron.normals[measured.fixed_face])
+    assert np.max(np.abs(measured.where[:2])) == pytest.approx(0.01005 + 0.5 * dx, abs=1e-9)
+    assert interference(moving, fixed, SEATED).depth == 0.0
+
+
+def test_clearance_differs_by_direction_and_can_be_open() -> None:
+    slot = Difference(Box((0.06, 0.06, 0.04)), (Placed(Box((0.021, 0.08, 0.03)), at(z=0.01)),))
+    measured = mating_clearance(peg(), block(slot), 0.03)
+    assert measured.per_side == pytest.approx(0.0005, abs=1e-12)
+    assert measured.play == pytest.approx((0.001, np.inf))
+    oblong = mating_clearance(peg(chamfered_box((0.02, 0.0196, 0.05), 0.001)), block(), 0.03)
+    assert oblong.play == pytest.approx((0.0002, 0.0006), abs=1e-12)
+
+
+def test_clearance_looks_at_the_whole_way_in() -> None:
+    neck = Difference(
+        Box((0.06, 0.06, 0.04)),
+        (Placed(Box((0.022, 0.022, 0.02)), at(z=0.01)), Placed(Box((0.0202, 0.0202, 0.01)), at(z=0.03))),
+    )
+    bulb = Union((Box((0.0201, 0.0201, 0.005)), Box((0.018, 0.018, 0.05))))
+    measured = mating_clearance(peg(bulb), block(neck), 0.03)
+    assert measured.per_side == pytest.approx(0.00005, abs=1e-12)
+    assert interference(peg(bulb), block(neck), SEATED).depth == 0.0
+
+
+def test_round_clearance_is_that_of_the_radii_but_for_the_flats() -> None:
+    bore = Difference(Box((0.06, 0.06, 0.04)), (Placed(Cylinder(0.0101, 0.03, 32), at(z=0.01)),))
+    measured = mating_clearance(peg(Cylinder(0.01, 0.05, 32)), block(bore), 0.03)
+    assert measured.per_side == pytest.approx(0.0001 * np.cos(np.pi / 32), abs=1e-12)
+
+
+@pytest.mark.parametrize(("size", "depth"), [((0.0204, 0.02), 1e-4), ((0.0204, 0.0204), 1e-4), ((0.03, 0.01), 4.9e-3)])
+def test_interference_fits_are_negative_and_refused(size: tuple[float, float], depth: float) -> None:
+    moving, fixed = peg(Box((*size, 0.05))), block()
+    measured = mating_clearance(moving, fixed, 0.03)
+    assert measured.per_side == pytest.approx(-depth, abs=1e-9)
+    assert measured.play == (0.0, 0.0)
+    overlap = interference(moving, fixed, SEATED)
+    assert overlap.depth == pytest.approx(depth, abs=1e-9)
+    excess = np.prod(size) - np.prod(np.minimum(size, 0.0202))
+    assert overlap.volume == pytest.approx(0.03 * excess, rel=1e-6)
+    with pytest.raises(InterferenceError, match="'peg' does not go into 'block'") as caught:
+        checked_clearance(moving, fixed, SEATED, 0.03)
+    assert caught.value.interference == pytest.approx(depth, abs=1e-9)
+    assert "B-frame" in caught.value.place
+
+
+def test_no_clearance_and_hitting_the_floor_are_refused() -> None:
+    with pytest.raises(InterferenceError, match="clearance is 0 µm"):
+        checked_clearance(peg(Box((0.0202, 0.0202, 0.05))), block(), SEATED, 0.03)
+    with pytest.raises(InterferenceError, match="when seated") as caught:
+        checked_clearance(peg(), block(), at(z=-0.0301), 0.03)
+    assert caught.value.interference == pytest.approx(1e-4, abs=1e-9)
+    with pytest.raises(GeometryError, match="no material between"):
+        mating_clearance(rebased(peg(), at(z=0.06)), block(), 0.01)
+
+
+def test_interference_of_tilted_bodies_needs_edge_directions() -> None:
+    tilt = Pose.from_vector([0.0, 0.0, 0.0, 0.0, np.pi / 4, 0.0])
+    one = part_of("one", Placed(Box((1.0, 1.0, 1.0)), tilt))
+    two = rebased(one, Pose.from_vector([0.0, 0.0, 0.0, 0.0, 0.0, np.pi / 2]))
+    top = one.polyhedron.vertices[:, 2].max() - two.polyhedron.vertices[:, 2].min()
+    assert interference(one, two, at(z=-top + 0.001)).depth == pytest.approx(0.001, abs=1e-9)
+    assert interference(one, two, at(z=-top - 0.001)).depth == 0.0
+
+
+def stl(points: np.ndarray, triangles: Iterable[Iterable[int]]) -> str:
+    lines = ["solid part"]
+    for triangle in triangles:
+        lines += ["facet normal 0 0 0", "outer loop"]
+        lines += ["vertex {:.6g} {:.6g} {:.6g}".format(*points[i]) for i in triangle]
+        lines += ["endloop", "endfacet"]
+    return "\n".join([*lines, "endsolid part"])
+
+
+def obj(points: np.ndarray, triangles: Iterable[Iterable[int]]) -> str:
+    lines = ["v {:.9g} {:.9g} {:.9g}".format(*point) for point in points]
+    return "\n".join([*lines, *("f " + " ".join(str(i + 1) for i in triangle) for triangle in triangles), ""])
+
+
+HEXAGON = tuple((0.02 * np.cos(a), 0.02 * np.sin(a)) for a in np.arange(6) * np.pi / 3 + np.pi / 6)
+HEX_BOX = Difference(Box((0.06, 0.06, 0.05)), (Placed(Prism(HEXAGON, 0.04), at(z=0.01)),))
+
+
+@pytest.mark.parametrize(("suffix", "write"), [("stl", stl), ("obj", obj)])
+def test_mesh_comes_back_as_the_solid_it_was(tmp_path: Path, suffix: str, write: Callable[..., str]) -> None:
+    body = polyhedron(HEX_BOX)
+    path = tmp_path / f"box.{suffix}"
+    path.write_text(write(1e3 * body.vertices, triangulated(body)))
+    loaded = load_mesh(path, "mm")
+    assert (len(loaded.vertices), len(loaded.faces), len(loaded.edges)) == (20, 13, 30)
+    assert set(loaded.vertices[:, 2].tolist()) == {0.0, 0.01, 0.05}
+    assert loaded.volume == pytest.approx(body.volume, rel=1e-5)
+    assert [edge.convex for edge in loaded.edges].count(False) == 12
+    part = mesh_part("box", loaded, chord_error=1e-6)
+    assert len(part.pieces) == 7
+    assert part.chord_error == 1e-6
+    assert part.polyhedron.volume == pytest.approx(loaded.volume, rel=1e-6)
+    assert len(part.polyhedron.faces) == 13
+
+
+ISLAND = Union((HEX_BOX, Placed(Wedge((0.01, 0.01, 0.01), 0.004), at(z=0.005))))
+FLANGED = Union((Box((0.02, 0.02, 0.05)), Placed(Box((0.04, 0.03, 0.01)), at(z=0.03))))
+CROSSED = Difference(ISLAND, (Placed(Box((0.02, 0.08, 0.02)), at(z=0.04)),))
+
+
+@pytest.mark.parametrize(("solid", "tools"), [(CHAMFERED, 2), (ISLAND, None), (FLANGED, None), (CROSSED, None)])
+def test_hull_minus_cut_excess_is_the_solid(solid: Solid, tools: int | None) -> None:
+    body = polyhedron(solid)
+    made = solid_of(body, 1e-7)
+    again = polyhedron(made)
+    assert again.volume == pytest.approx(body.volume, rel=1e-9)
+    assert (len(again.vertices), len(again.faces)) == (len(body.vertices), len(body.faces))
+    assert isinstance(made, Difference)
+    assert tools in (None, len(made.tools))
+
+
+def test_a_loose_island_is_refused() -> None:
+    floating = Union((Difference(HEX_BOX, ()), Placed(Box((0.01, 0.01, 0.01)), at(z=0.02))))
+    closed = Union((floating, Placed(Box((0.06, 0.06, 0.005)), at(z=0.048))))
+    with pytest.raises(GeometryError, match=r"mesh 'closed' has .* its convex pieces"):
+        mesh_part("closed", polyhedron(closed))
+
+
+def test_rims_subdivided_on_one_side_are_sewn(tmp_path: Path) -> None:
+    points = 10.0 * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0.0, 0.0], [0.25, 0.0, 0.0]])
+    triangles = [(0, 2, 1), (0, 5, 3), (5, 4, 3), (4, 1, 3), (0, 3, 2), (1, 2, 3)]
+    path = tmp_path / "corner.obj"
+    path.write_text(obj(points, triangles))
+    body = load_mesh(path, "cm")
+    assert (len(body.vertices), len(body.faces)) == (4, 4)
+    assert body.volume == pytest.approx(1e-3 / 6.0, rel=1e-9)
+
+
+def test_bad_meshes_are_refused_by_name(tmp_path: Path) -> None:
+    body = polyhedron(HEX_BOX)
+    points, triangles = 1e3 * body.vertices, triangulated(body)
+    path = tmp_path / "part.stl"
+
+    def refused(text: str, message: str) -> None:
+        path.write_text(text)
+        with pytest.raises(GeometryError, match=message) as caught:
+            load_mesh(path, "mm")
+        assert caught.value.advice
+
+    refused(stl(points, triangles[1:]), r"part\.stl: the surface is open: edge \d+-\d+ from \(.*\) mm .* triangle \d+")
+    refused(stl(points, triangles[:, ::-1]), "inside out: triangle 0 at")
+    twice = np.vstack([points, points + 5.0])
+    refused(stl(twice, [*triangles, *(triangles + len(points))]), "2 shells overlap by")
+    refused("solid empty\nendsolid empty\n", "no triangles")
+    with pytest.raises(GeometryError, match="no mesh format"):
+        load_mesh(tmp_path / "part.xyz", "mm")
+    with pytest.raises(ResourceError, match="cannot read"):
+        load_mesh(tmp_path / "absent.stl", "mm")
