@@ -1,0 +1,107 @@
+"""A problem back in words, as `fmopt check` prints it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from fmopt.geometry.features import Feature
+from fmopt.geometry.part import Part
+from fmopt.task.problem import Problem
+from fmopt.task.sources import Sources
+
+
+def explain(problem: Problem) -> str:
+    """What a problem asks for, one statement a line, lengths in mm and angles in degrees."""
+    sections = {
+        "parts": [_part("moving", problem.moving, problem.peg), _part("fixed", problem.fixed, problem.hole)],
+        "goal": [_goal(problem)],
+        "clearance": [_clearance(problem)],
+        "start": list(_start(problem)),
+        "motion": list(_motion(problem)),
+        "settings": list(_settings(problem)),
+    }
+    lines = [problem.title, f"{problem.path}  sha256 {problem.sha256}"]
+    for name, statements in sections.items():
+        lines += [f"{name if i == 0 else '':<10} {statement}" for i, statement in enumerate(statements)]
+    return "\n".join(lines)
+
+
+def _mm(length: float) -> str:
+    return f"{1e3 * length:.6g}"
+
+
+def _deg(angle: float) -> str:
+    return f"{math.degrees(angle):.6g}"
+
+
+def _part(side: str, part: Part, feature: Feature) -> str:
+    shape = part.polyhedron
+    extent = " x ".join(_mm(float(width)) for width in np.ptp(shape.vertices, axis=0))
+    pieces = "1 convex piece" if len(part.pieces) == 1 else f"{len(part.pieces)} convex pieces"
+    kind = "length" if feature.kind == "solid" else "open at both ends, depth" if feature.through else "blind, depth"
+    words = f"{side}: {part.name}, {extent} mm, {len(shape.faces)} faces, {pieces}"
+    words += f"; mates by {feature.name} ({feature.kind}, {kind} {_mm(feature.length)} mm)"
+    return words + (f"; curves are off by up to {_mm(part.chord_error)} mm" if part.chord_error else "")
+
+
+def _goal(problem: Problem) -> str:
+    depth = -float(problem.goal[2])
+    full = min(problem.peg.length, problem.hole.length)
+    share = "full depth" if depth == full else f"{depth / full:.0%} of full depth"
+    return f"leading face {_mm(depth)} mm below the mouth ({share}), on the mating axis, not turned"
+
+
+def _clearance(problem: Problem) -> str:
+    x, y = problem.declared_clearance
+    words = f"declared on each side: {_mm(x)} mm along x, {_mm(y)} mm along y"
+    error = max(float(problem.start_box[0]), float(problem.start_box[1]))
+    if error > min(x, y):
+        words += "; the start error is larger, so contacts have to shrink it"
+    return words
+
+
+def _start(problem: Problem) -> Iterator[str]:
+    yield f"leading face {_mm(problem.approach)} mm above the mouth, on the mating axis, not turned"
+    x, y, z, rx, ry, rz = (float(width) for width in problem.start_box)
+    origin = "as stated" if problem.sources is None else "from its sources"
+    yield (
+        f"error {origin}: +-{_mm(x)}, {_mm(y)}, {_mm(z)} mm along x, y, z; "
+        f"+-{_deg(rx)}, {_deg(ry)}, {_deg(rz)} deg about them"
+    )
+    if problem.sources is not None:
+        yield from _sources(problem.sources)
+
+
+def _sources(sources: Sources) -> Iterator[str]:
+    yield f"shape of either part: {_mm(sources.shape)} mm"
+    if sources.measurement is not None:
+        yield f"fixed part as measured: {_mm(sources.measurement)} mm"
+    named = {"feeder": sources.feeder, "robot": sources.robot, "slide in the gripper": sources.slide}
+    if sources.measurement is None:
+        named = {"fixed part as put down": sources.configuration, **named}
+    for name, deviation in named.items():
+        yield f"{name}: {_mm(deviation.position)} mm, {_deg(deviation.angle)} deg"
+    yield f"grasped {_mm(sources.grasp_height)} mm above the leading face"
+
+
+def _motion(problem: Problem) -> Iterator[str]:
+    wanted, error = problem.specification, problem.velocity_error
+    yield (
+        f"at most {_mm(wanted.speed)} mm/s; velocity off by up to "
+        f"{100.0 * error.translation:.4g} % in translation, {100.0 * error.rotation:.4g} % in rotation"
+    )
+    yield (
+        f"contacts held with {wanted.contact_force:.6g} N, torque at most {wanted.torque_limit:.6g} N*m, "
+        f"friction {wanted.friction:.4g}; a guarded move ends at {wanted.termination_force:.6g} N"
+    )
+
+
+def _settings(problem: Problem) -> Iterator[str]:
+    settings = problem.settings
+    rho = settings.characteristic_length
+    length = "half the diagonal of the mating section" if rho is None else f"{_mm(rho)} mm"
+    yield f"uncertainty: {settings.method}; placement: {settings.placement}; characteristic length: {length}"
+    yield f"tilt at most {_deg(settings.max_tilt)} deg; at most {settings.time_limit:.6g} s; seed {settings.seed}"

@@ -1,0 +1,187 @@
+"""From problem and model files to the problem: read, checked as a whole, parts built in their mating frames."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from os.path import normpath
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fmopt.errors import Fault, InputError
+from fmopt.geometry.part import Part, rebased
+from fmopt.se3 import Pose
+from fmopt.task import problem_file as files
+from fmopt.task.faults import checked
+from fmopt.task.model import Model, Override, load_model
+from fmopt.task.problem import Problem, Settings, Specification, VelocityError
+from fmopt.task.sources import Deviation, Sources, start_box
+from fmopt.task.tables import Reading, factors, in_words
+from fmopt.task.toml_source import Source, read, read_bytes
+from fmopt.task.tree import MAX_MESH_BYTES, build_part
+from fmopt.task.units import LENGTH, QuantityError, did_you_mean
+from fmopt.values import Array
+
+
+def load_problem(path: Path) -> Problem:
+    """The problem of a file.
+
+    Raises:
+        InputError: with every fault of the file and of its models.
+    """
+    source = read(path)
+    reading = Reading(factors(source.data.get("units")))
+    file, faults = checked(files.ProblemFile, source, reading)
+    models: dict[str, Model] = {}
+    for side in ("moving", "fixed"):
+        model, more = _operand(source, reading, side)
+        faults += more
+        if model is not None:
+            models[side] = model
+    if file is not None:
+        faults += _cross_checks(source, file, models)
+    if faults or file is None:
+        raise InputError(*dict.fromkeys(faults))
+    return _problem(source, file, models)
+
+
+def _operand(source: Source, reading: Reading, side: str) -> tuple[Model | None, list[Fault]]:
+    """The model of one part, as far as the problem file says which; faults of the problem file are found elsewhere."""
+    table = source.data.get(side)
+    name = table.get("model") if isinstance(table, Mapping) else None
+    if not isinstance(table, Mapping) or not isinstance(name, str) or not 0 < len(name) <= 1000:
+        return None, []
+    overrides, faults = _overrides(source, reading, side, table.get("parameters"))
+    try:
+        model, more = load_model(Path(normpath(source.path.parent / name)), source.place((side, "model")), overrides)
+    except InputError as error:
+        return None, [*faults, *error.faults]
+    return (None if faults else model), [*faults, *more]
+
+
+def _overrides(source: Source, reading: Reading, side: str, table: object) -> tuple[dict[str, Override], list[Fault]]:
+    overrides: dict[str, Override] = {}
+    faults: list[Fault] = []
+    for name, raw in (table if isinstance(table, Mapping) else {}).items():
+        place = source.place((side, "parameters", name))
+        try:
+            overrides[name] = Override(reading.quantity(raw, None), place)
+        except QuantityError as error:
+            faults.append(place.fault(error.code, error.message, error.advice))
+    return overrides, faults
+
+
+def _cross_checks(source: Source, file: files.ProblemFile, models: Mapping[str, Model]) -> Iterator[Fault]:
+    """What one key cannot see: features, the depth against the hole, and exactly one description of the start error."""
+    for side, wanted in (("moving", "solid"), ("fixed", "hollow")):
+        if side not in models:
+            continue
+        features = models[side].file.features
+        name = _table(file, side).feature
+        place = source.place((side, "feature"))
+        if name not in features:
+            message = f"the model {models[side].file.name!r} has no feature {name!r}"
+            advice = did_you_mean(name, features) or f"features: {', '.join(features)}"
+            yield place.fault("unknown-feature", message, advice)
+        elif features[name].kind != wanted:
+            message = f"the feature {name!r} is {features[name].kind}; the {side} part mates with a {wanted} one"
+            yield place.fault("feature-kind", message, "name another feature, or exchange the two parts")
+    start, sources = file.uncertainty.start, file.uncertainty.sources
+    if (start is None) == (sources is None):
+        message = "the start error is described twice" if start else "the start error is not described"
+        place = source.place(("uncertainty",), of_key=True)
+        yield place.fault("conflict", message, "give either [uncertainty.start] or [uncertainty.sources]")
+    deepest = _deepest(file, models)
+    if deepest is not None and file.goal.depth is not None and file.goal.depth > deepest:
+        message = f"{in_words(file.goal.depth, LENGTH)} is deeper than hole and peg allow, {in_words(deepest, LENGTH)}"
+        yield source.place(("goal", "depth")).fault("out-of-range", message, 'lower it, or write "full"')
+
+
+def _table(file: files.ProblemFile, side: str) -> files.Operand:
+    return file.moving if side == "moving" else file.fixed
+
+
+def _deepest(file: files.ProblemFile, models: Mapping[str, Model]) -> float | None:
+    """The full depth in m: to the floor of a blind hole or the far side of a through hole, or the peg's length."""
+    lengths = []
+    for side, model in models.items():
+        feature = model.file.features.get(_table(file, side).feature)
+        if feature is not None:
+            lengths.append(feature.length)
+    return min(lengths) if len(lengths) == 2 else None
+
+
+def _problem(source: Source, file: files.ProblemFile, models: Mapping[str, Model]) -> Problem:
+    parts = _parts(file, models)
+    depth = file.goal.depth or _deepest(file, models) or 0.0
+    sources = _sources(file.uncertainty.sources) if file.uncertainty.sources else None
+    return Problem(
+        title=file.title,
+        path=source.path,
+        sha256=_sha256(source, models),
+        moving=parts["moving"],
+        fixed=parts["fixed"],
+        moving_feature=file.moving.feature,
+        fixed_feature=file.fixed.feature,
+        goal=Pose(np.array([0.0, 0.0, -depth]), np.eye(3)).vector(),
+        declared_clearance=(file.clearance.x, file.clearance.y),
+        approach=file.start.height,
+        start_box=_start_box(file, sources),
+        sources=sources,
+        velocity_error=VelocityError(**file.uncertainty.velocity.model_dump()),
+        specification=Specification(**file.specification.model_dump()),
+        settings=Settings(**file.settings.model_dump()),
+    )
+
+
+def _parts(file: files.ProblemFile, models: Mapping[str, Model]) -> dict[str, Part]:
+    """The two parts, each in the frame of its mating feature; faults of both are found."""
+    parts, faults = {}, list[Fault]()
+    for side, model in models.items():
+        try:
+            part = build_part(model.source, model.file)
+            parts[side] = rebased(part, part.feature(_table(file, side).feature).frame)
+        except InputError as error:
+            faults += error.faults
+    if faults:
+        raise InputError(*dict.fromkeys(faults))
+    return parts
+
+
+def _start_box(file: files.ProblemFile, sources: Sources | None) -> Array:
+    """Half-widths (6,) of the start error, m and rad: by its sources, or as the file gives them."""
+    if sources is not None:
+        return start_box(sources, file.start.height)
+    given = file.uncertainty.start
+    return np.zeros(6) if given is None else np.array([given.x, given.y, given.z, given.rx, given.ry, given.rz])
+
+
+def _sources(table: files.Sources) -> Sources:
+    def deviation(given: Any) -> Deviation:
+        return Deviation() if given is None else Deviation(given.position, given.angle)
+
+    return Sources(
+        shape=table.shape,
+        measurement=table.measurement,
+        configuration=deviation(table.configuration),
+        feeder=deviation(table.feeder),
+        robot=deviation(table.robot),
+        slide=deviation(table.grasp),
+        grasp_height=table.grasp.height,
+    )
+
+
+def _sha256(source: Source, models: Mapping[str, Model]) -> str:
+    """Hash of what the files say: their data in one canonical form, meshes byte by byte."""
+    content: dict[str, Any] = {"problem": source.data, "models": {}, "meshes": {}}
+    for side, model in models.items():
+        content["models"][side] = model.source.data
+        if model.file.mesh is not None:
+            path = model.source.path.parent / model.file.mesh.file
+            mesh = read_bytes(path, model.source.place(("mesh", "file")), MAX_MESH_BYTES)
+            content["meshes"][side] = hashlib.sha256(mesh).hexdigest()
+    canonical = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+    return hashlib.sha256(canonical.encode()).hexdigest()

@@ -1,0 +1,101 @@
+"""Models: a model file with its parameters bound, checked as a whole, and the part it describes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from fmopt.errors import Fault
+from fmopt.task.faults import checked
+from fmopt.task.model_file import ModelFile
+from fmopt.task.tables import Reading, factors
+from fmopt.task.toml_source import Place, Source, read
+from fmopt.task.tree import tree_faults
+from fmopt.task.units import Quantity, QuantityError, did_you_mean
+
+
+@dataclass(frozen=True)
+class Model:
+    """A valid model file with its parameters bound."""
+
+    source: Source
+    file: ModelFile
+
+
+@dataclass(frozen=True)
+class Override:
+    """A parameter's value as a problem gives it, and where."""
+
+    value: Quantity
+    place: Place
+
+
+def load_model(path: Path, cited: Place, overrides: Mapping[str, Override]) -> tuple[Model | None, list[Fault]]:
+    """A model file with parameters overridden, or all its faults.
+
+    Args:
+        path: the file.
+        cited: where the problem names it.
+        overrides: parameter values that replace the file's.
+
+    Raises:
+        InputError: the file cannot be read or is not TOML.
+    """
+    source = read(path, cited)
+    scale = factors(source.data.get("units"))
+    reading, faults = _parameters(source, Reading(scale, {}), overrides)
+    file, more = checked(ModelFile, source, reading)
+    faults += more
+    if file is not None:
+        faults += _cross_checks(source, file)
+    return (Model(source, file) if file is not None and not faults else None), faults
+
+
+def _parameters(source: Source, reading: Reading, overrides: Mapping[str, Override]) -> tuple[Reading, list[Fault]]:
+    """The reading with the parameters of the file, in its order, each seeing those above it."""
+    table = source.data.get("parameters", {})
+    names: dict[str, Quantity] = {}
+    broken: set[str] = set()
+    faults: list[Fault] = []
+    for name, raw in (table if isinstance(table, Mapping) else {}).items():
+        above = replace(reading, names=names, broken=frozenset(broken))
+        if above.excuses(raw):
+            broken.add(name)
+            continue
+        try:
+            names[name] = above.quantity(raw, None)
+        except QuantityError as error:
+            faults.append(source.place(("parameters", name)).fault(error.code, error.message, error.advice))
+            broken.add(name)
+            continue
+        if name in overrides:
+            given = overrides[name]
+            if given.value.dimension != names[name].dimension:
+                message = f"{given.value.dimension} replaces {names[name].dimension} of the model"
+                faults.append(given.place.fault("wrong-unit", message, "give it the unit of the model's parameter"))
+                broken.add(name)
+            names[name] = given.value
+    for name in sorted(overrides.keys() - names.keys() - broken):
+        advice = did_you_mean(name, names) or f"its parameters: {', '.join(names) or 'none'}"
+        message = f"the model {source.path.name} has no parameter {name!r}"
+        faults.append(overrides[name].place.fault("unknown-parameter", message, advice))
+    return replace(reading, names=names, broken=frozenset(broken)), faults
+
+
+def _cross_checks(source: Source, file: ModelFile) -> list[Fault]:
+    """What one key cannot see: which of part and mesh, references between solids, features that contradict."""
+    faults: list[Fault] = []
+    if (file.mesh is None) == (not file.solids):
+        message = "there are both solids and a mesh" if file.mesh else "there are neither solids nor a mesh"
+        key = ("mesh",) if file.mesh else ()
+        faults.append(source.place(key, of_key=True).fault("conflict", message, "give [solids] and part, or [mesh]"))
+    elif file.mesh is not None and file.part is not None:
+        faults.append(source.place(("part",), of_key=True).fault("conflict", "a mesh has no solids", "remove 'part'"))
+    elif file.mesh is None:
+        faults += tree_faults(source, file)
+    for name, feature in file.features.items():
+        if feature.kind == "solid" and feature.through:
+            place = source.place(("features", name, "through"))
+            faults.append(place.fault("conflict", "a solid feature cannot be through", "remove 'through'"))
+    return faults

@@ -1,0 +1,154 @@
+"""The tables of a model file: a solid as a tree of named solids, or a mesh, with parameters and mating features.
+
+part = "part"                       the named solid that the model is
+[parameters]  width = 20            plain numbers are lengths; angles are written "5 deg"
+[solids.part] shape = "box"         size, at, turn: numbers, or arithmetic on parameters
+[features.peg] kind = "solid"       a frame on the centre line and a length, after [LeeHuang1985] section 3
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import Field
+
+from fmopt.task.tables import (
+    Coordinate,
+    Distance,
+    File,
+    Length,
+    Name,
+    Parameter,
+    ParameterName,
+    Rotation,
+    Table,
+    Title,
+    Vector,
+)
+
+
+class ModelUnits(Table):
+    """The units of the plain numbers of this file."""
+
+    length: Literal["m", "cm", "mm", "um", "in"]
+    angle: Literal["rad", "mrad", "deg"]
+
+
+class _Placed(Table):
+    at: Vector = (0.0, 0.0, 0.0)
+    """Where the solid's origin is put."""
+    turn: Rotation = (0.0, 0.0, 0.0)
+    """How it is turned about its origin first: a rotation vector (axis times angle)."""
+
+
+class Box(_Placed):
+    """A cuboid centred in x and y, standing on z = 0."""
+
+    shape: Literal["box"]
+    size: tuple[Length, Length, Length]
+    """Extents along x, y, z."""
+    chamfer: Distance = 0.0
+    """Leg of the 45° cut on the four upright edges."""
+
+
+class Cylinder(_Placed):
+    """A cylinder about z, standing on z = 0; the planner sees the inscribed prism with `sides` corners."""
+
+    shape: Literal["cylinder"]
+    radius: Length
+    height: Length
+    sides: Annotated[int, Field(ge=3, le=4096)] = 64
+
+
+class Cone(_Placed):
+    """A truncated cone about z, standing on z = 0; one radius may be zero."""
+
+    shape: Literal["cone"]
+    radius_bottom: Distance
+    radius_top: Distance
+    height: Length
+    sides: Annotated[int, Field(ge=3, le=4096)] = 64
+
+
+class Prism(_Placed):
+    """An upright prism over a convex polygon, counter-clockwise seen from above, standing on z = 0."""
+
+    shape: Literal["prism"]
+    polygon: Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(min_length=3, max_length=4096)]
+    height: Length
+
+
+class Wedge(_Placed):
+    """A box whose top is only `top_x` long: the face at negative x is upright, the opposite one leans."""
+
+    shape: Literal["wedge"]
+    size: tuple[Length, Length, Length]
+    top_x: Distance
+
+
+class Hull(_Placed):
+    """The convex hull of points."""
+
+    shape: Literal["hull"]
+    points: Annotated[tuple[Vector, ...], Field(min_length=4, max_length=4096)]
+
+
+class Union(_Placed):
+    """The union of named solids."""
+
+    shape: Literal["union"]
+    of: Annotated[tuple[Name, ...], Field(min_length=1, max_length=256)]
+
+
+class Difference(_Placed):
+    """A named solid without others."""
+
+    shape: Literal["difference"]
+    of: Name
+    minus: Annotated[tuple[Name, ...], Field(min_length=1, max_length=256)]
+
+
+Shape: TypeAlias = Box | Cylinder | Cone | Prism | Wedge | Hull | Union | Difference
+
+
+class Mesh(Table):
+    """A closed triangle mesh in place of solids."""
+
+    file: File
+    """STL or OBJ file, relative to this model file."""
+    unit: Literal["m", "cm", "mm", "um", "in"]
+    """Unit of the numbers in the mesh file, which does not say it itself."""
+
+
+class MatingFeature(Table):
+    """A peg (solid) or hole (hollow) that can mate, with its frame on the centre line."""
+
+    kind: Literal["solid", "hollow"]
+    at: Vector
+    """Solid: centre of the leading end face. Hollow: centre of the mouth."""
+    turn: Rotation = (0.0, 0.0, 0.0)
+    """Rotation vector; z then points out of the mouth (hollow), or from the leading end back into the part (solid)."""
+    length: Length
+    """Depth of the hole, or length of the peg."""
+    through: bool = False
+    """Whether a hole is open at both ends."""
+
+
+class ModelFile(Table):
+    """A part for fmopt: a tree of solids (or a mesh), parameters, and mating features."""
+
+    name: Name
+    description: Title = "a part"
+    units: ModelUnits
+    parameters: Annotated[dict[ParameterName, Parameter], Field(max_length=256)] = Field(default_factory=dict)
+    """Named quantities for use in expressions; plain numbers are lengths. Later ones may use earlier ones."""
+    part: Name | None = None
+    """The solid that the part is."""
+    solids: Annotated[dict[Name, Annotated[Shape, Field(discriminator="shape")]], Field(max_length=100)] = Field(
+        default_factory=dict
+    )
+    """Named solids; an instance may be used several times."""
+    mesh: Mesh | None = None
+    """A mesh file in place of solids."""
+    features: Annotated[dict[Name, MatingFeature], Field(min_length=1, max_length=64)]
+    """Mating features by name."""

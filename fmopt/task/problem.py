@@ -1,0 +1,118 @@
+"""The problem: two parts, a goal, errors and settings as one frozen value, read from a file and checked as a whole.
+
+Importing this module loads no solver, mesh library or unit library; `load` imports what the file needs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from fmopt.task.sources import Sources
+from fmopt.values import Array, Value, frozen
+
+if TYPE_CHECKING:
+    from fmopt.geometry.features import Feature
+    from fmopt.geometry.part import Part
+
+
+@dataclass(frozen=True)
+class Specification:
+    """Greatest speed (m/s), contact force (N), torque limit (N·m), friction, and the force that ends a move (N)."""
+
+    speed: float
+    contact_force: float
+    torque_limit: float
+    friction: float
+    termination_force: float
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How the plan is computed: methods, greatest tilt (rad), characteristic length (m or None), seed, time (s)."""
+
+    method: Literal["sound", "dakin1993"]
+    placement: Literal["socp+nlp", "descent"]
+    max_tilt: float
+    characteristic_length: float | None
+    seed: int
+    time_limit: float
+
+
+@dataclass(frozen=True)
+class VelocityError:
+    """Velocity error as fractions of the commanded translation and rotation."""
+
+    translation: float
+    rotation: float
+
+
+@dataclass(frozen=True, eq=False)
+class Problem(Value):
+    """An insertion, in SI units and mating frames.
+
+    Args:
+        title: for people.
+        path: the problem file.
+        sha256: of the contents of the problem file and its models; comments and layout do not count.
+        moving: the moving part; its origin is the centre of the peg's leading face, z back into the part.
+        fixed: the fixed part in the B-frame; its origin is the centre of the mouth, z out of the hole.
+        moving_feature: name of the peg.
+        fixed_feature: name of the hole.
+        goal: pose (6,) of the moving part when seated, m and rad.
+        declared_clearance: on each side along x and y of the B-frame, m.
+        approach: height of the leading face above the mouth at the start, m.
+        start_box: half-widths (6,) of the start error in local coordinates (d, δ), m and rad.
+        sources: where the start box comes from; None when the file gives it outright.
+        velocity_error: fractions of the speed.
+        specification: speed, forces, friction.
+        settings: how the plan is computed.
+    """
+
+    title: str
+    path: Path
+    sha256: str
+    moving: Part
+    fixed: Part
+    moving_feature: str
+    fixed_feature: str
+    goal: Array
+    declared_clearance: tuple[float, float]
+    approach: float
+    start_box: Array
+    sources: Sources | None
+    velocity_error: VelocityError
+    specification: Specification
+    settings: Settings
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "goal", frozen(self.goal, 6, name="goal"))
+        object.__setattr__(self, "start_box", frozen(self.start_box, 6, name="start box"))
+
+    @property
+    def start(self) -> Array:
+        """Nominal pose (6,) at the start: on the axis, not turned; m and rad."""
+        return frozen([0.0, 0.0, self.approach, 0.0, 0.0, 0.0])
+
+    @property
+    def peg(self) -> Feature:
+        """The mating feature of the moving part."""
+        return self.moving.feature(self.moving_feature)
+
+    @property
+    def hole(self) -> Feature:
+        """The mating feature of the fixed part."""
+        return self.fixed.feature(self.fixed_feature)
+
+
+def load(path: str | PathLike[str]) -> Problem:
+    """The problem of a file.
+
+    Raises:
+        InputError: with every fault of the file and of its models.
+    """
+    from fmopt.task.loading import load_problem
+
+    return load_problem(Path(path))

@@ -1,0 +1,182 @@
+"""The tables of a problem file: the task attributes of [LeeHuang1985] section 3, uncertainty, and settings."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import Field
+
+from fmopt.task.tables import (
+    Distance,
+    Duration,
+    File,
+    Force,
+    Friction,
+    Length,
+    Measured,
+    Name,
+    Parameter,
+    ParameterName,
+    Ratio,
+    Speed,
+    Table,
+    Tilt,
+    Title,
+    Torque,
+)
+from fmopt.task.units import LENGTH
+
+
+class Units(Table):
+    """The units of the plain numbers of this file."""
+
+    length: Literal["m", "cm", "mm", "um", "in"]
+    angle: Literal["rad", "mrad", "deg"]
+    speed: Literal["m/s", "mm/s"] = "m/s"
+    force: Literal["N", "mN", "kN"] = "N"
+    torque: Literal["N*m", "N*mm"] = "N*m"
+    time: Literal["s", "ms", "min"] = "s"
+
+
+class Operand(Table):
+    """One of the two parts, and its feature that mates."""
+
+    model: File
+    """Model file, relative to this file."""
+    feature: Name
+    """The mating feature: solid for the moving part, hollow for the fixed one."""
+    parameters: Annotated[dict[ParameterName, Parameter], Field(max_length=256)] = Field(default_factory=dict)
+    """Values that replace the model's; plain numbers are lengths."""
+
+
+Depth: TypeAlias = Annotated[float | None, Measured(LENGTH, 1e-9, 1e3, word="full")]
+
+
+class Goal(Table):
+    """Where the moving part ends: on the mating axis, not turned, its leading face this far below the mouth."""
+
+    depth: Depth
+    """"full", as deep as hole and peg allow, or a depth."""
+
+
+class Clearance(Table):
+    """Clearance on each side as the drawing declares it; the measured one is printed beside it."""
+
+    x: Distance
+    """On each side along the x axis of the hole's frame."""
+    y: Distance
+    """On each side along its y axis."""
+
+
+class Start(Table):
+    """Where the motion starts: on the mating axis, not turned."""
+
+    height: Length
+    """Height of the moving part's leading face above the mouth."""
+
+
+class Box(Table):
+    """Half-widths of the start error: translation of the leading face's centre, and rotation about it."""
+
+    x: Distance
+    y: Distance
+    z: Distance
+    rx: Tilt
+    ry: Tilt
+    rz: Tilt
+
+
+class Deviation(Table):
+    """Greatest deviation in position (a distance) and in orientation (an angle about any axis)."""
+
+    position: Distance
+    angle: Tilt = 0.0
+
+
+class Grasp(Table):
+    """How far the moving part may slide in the gripper, and where the gripper holds it."""
+
+    position: Distance = 0.0
+    """Greatest slide, ε_td."""
+    angle: Tilt = 0.0
+    """Greatest rotation about the grasping point, ε_φd."""
+    height: Distance
+    """Distance of the grasping point from the leading face: rotation there moves the leading face."""
+
+
+class Sources(Table):
+    """Where the start error comes from, combined as [BasanezSuarez] combine the sources."""
+
+    shape: Distance = 0.0
+    """Deviation of any point of either part from its model, ε_v."""
+    measurement: Distance | None = None
+    """Deviation of the fixed part as a sensor sees it, ε_m; in place of its shape and configuration."""
+    configuration: Deviation | None = None
+    """Deviation of the fixed part as it was put down, ε_pp and ε_φp."""
+    feeder: Deviation | None = None
+    """Deviation of the moving part before it was grasped, ε_pp."""
+    robot: Deviation
+    """Deviation of the robot's end effector, ε_pr and ε_φr."""
+    grasp: Grasp
+
+
+class Velocity(Table):
+    """Velocity error as a fraction of the speed."""
+
+    translation: Ratio
+    rotation: Ratio
+
+
+class Uncertainty(Table):
+    """Errors: at the start, either as a box or by their sources, and of the velocity."""
+
+    start: Box | None = None
+    sources: Sources | None = None
+    velocity: Velocity
+
+
+class Specification(Table):
+    """Speed, forces and friction of the motion."""
+
+    speed: Speed
+    """Greatest speed of the leading face's centre."""
+    contact_force: Force
+    """Force with which a wanted contact is held."""
+    torque_limit: Torque
+    """Greatest torque about the leading face's centre."""
+    friction: Friction
+    """Coefficient of friction between the parts."""
+    termination_force: Force
+    """Change of contact force that ends a guarded move."""
+
+
+class Settings(Table):
+    """How the plan is computed."""
+
+    method: Literal["sound", "dakin1993"] = "sound"
+    """How uncertainty propagates; "dakin1993" is the paper's recipe, which under-covers, for comparison."""
+    placement: Literal["socp+nlp", "descent"] = "socp+nlp"
+    """How goal poses are placed; "descent" is the paper's steepest descent, for comparison."""
+    max_tilt: Tilt = Field(default_factory=lambda: math.radians(12.0))
+    """Greatest tilt of the moving part on the way; 12 deg if not given."""
+    characteristic_length: Length | None = None
+    """Length that makes rotation comparable with translation; half the diagonal of the mating section if not given."""
+    seed: Annotated[int, Field(ge=0, le=2**32 - 1)] = 0
+    time_limit: Duration = Field(default_factory=lambda: 600.0)
+    """Time after which the search stops with the best it has; 600 s if not given."""
+
+
+class ProblemFile(Table):
+    """An insertion for fmopt: two parts, a goal, clearance, errors, and settings."""
+
+    title: Title
+    units: Units
+    moving: Operand
+    fixed: Operand
+    goal: Goal
+    clearance: Clearance
+    start: Start
+    uncertainty: Uncertainty
+    specification: Specification
+    settings: Settings = Field(default_factory=Settings)

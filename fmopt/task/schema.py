@@ -1,0 +1,26 @@
+"""The published JSON Schemas of problem and model files, for editors and other readers."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from fmopt.task.model_file import ModelFile
+from fmopt.task.problem_file import ProblemFile
+
+_DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+
+def problem_schema() -> dict[str, Any]:
+    """JSON Schema of a problem file."""
+    return {"$schema": _DIALECT, **ProblemFile.model_json_schema()}
+
+
+def model_schema() -> dict[str, Any]:
+    """JSON Schema of a model file."""
+    return {"$schema": _DIALECT, **ModelFile.model_json_schema()}
+
+
+def text(schema: dict[str, Any]) -> str:
+    """A schema as its file holds it."""
+    return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"

@@ -1,0 +1,213 @@
+"""What every table of a problem or model file has in common: strict keys, and numbers that are read in SI units."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any, TypeAlias
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    StringConstraints,
+    ValidationInfo,
+    WithJsonSchema,
+)
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+
+from fmopt.task.units import (
+    ANGLE,
+    EXAMPLES,
+    FORCE,
+    LENGTH,
+    MAX_TEXT,
+    RATIO,
+    SPEED,
+    TIME,
+    TORQUE,
+    UNITS,
+    Dimension,
+    Quantity,
+    QuantityError,
+    evaluate,
+    scaled,
+)
+
+NAME = r"^[A-Za-z][A-Za-z0-9_-]{0,63}$"
+TITLE = r"^[^\x00-\x1f\x7f-\x9f]{1,200}$"
+_TEXT = {"type": "string", "minLength": 1, "maxLength": MAX_TEXT}
+PARAMETER = r"^[A-Za-z][A-Za-z0-9_]{0,63}$"
+
+
+class Table(BaseModel):
+    """A table of a file: no unknown keys, no conversions of type, frozen."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, use_attribute_docstrings=True)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What the numbers of a file mean: the factor to SI of plain ones, and the parameters expressions may name.
+
+    `broken` are parameters at fault: what names them is not judged.
+    """
+
+    factors: Mapping[Dimension, float] = field(default_factory=dict)
+    names: Mapping[str, Quantity] | None = None
+    broken: frozenset[str] = frozenset()
+
+    def excuses(self, value: object) -> bool:
+        """Whether the value is text that names a parameter which is at fault itself."""
+        return isinstance(value, str) and not self.broken.isdisjoint(re.findall(r"\w+", value[:MAX_TEXT]))
+
+    def quantity(self, value: object, dimension: Dimension | None) -> Quantity:
+        """A number, or text with a unit, in SI.
+
+        Args:
+            value: as the file has it.
+            dimension: what is asked for; None for a parameter: plain numbers are lengths.
+
+        Raises:
+            QuantityError: no number, not finite, or a quantity of another dimension.
+        """
+        wanted = LENGTH if dimension is None else dimension
+        if isinstance(value, str):
+            result = evaluate(value, self.names)
+        elif isinstance(value, int | float) and not isinstance(value, bool):
+            result = Quantity(scaled(_float(value), self.factors.get(wanted, 1.0)), wanted)
+        else:
+            message = f"{kind_of(value)} stands where {wanted} is asked for"
+            raise QuantityError("wrong-type", message, f"write a number, or text such as {EXAMPLES[wanted]}")
+        if not math.isfinite(result.value):
+            raise QuantityError("not-finite", f"{shown(value)} is not a finite number", "write a finite number")
+        allowed = (LENGTH, ANGLE, RATIO) if dimension is None else (dimension,)
+        if result.dimension not in allowed:
+            message = f"{shown(value)} is {result.dimension}, not {' or '.join(str(kind) for kind in allowed)}"
+            raise QuantityError("wrong-unit", message, f"write a number, or text such as {EXAMPLES[wanted]}")
+        return result
+
+
+def _float(value: int | float) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
+
+
+def kind_of(value: object) -> str:
+    """The TOML type of a value, in words."""
+    names = {bool: "a boolean", str: "text", int: "a number", float: "a number", dict: "a table", list: "an array"}
+    names[tuple] = "an array"
+    return names.get(type(value), "a date or time")
+
+
+def shown(value: object) -> str:
+    """A value as a message quotes it, short and in one line."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int | float | str):
+        text = f"{value!r}" if not isinstance(value, int) or abs(value) < 10**20 else f"{_float(value):g}"
+        return text if len(text) <= 60 else text[:57] + "..."
+    return kind_of(value)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Annotation of a float field: its dimension, the closed range [low, high] in SI, and a word that means None."""
+
+    dimension: Dimension
+    low: float = -math.inf
+    high: float = math.inf
+    word: str = ""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.with_info_plain_validator_function(self._validate)
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        plain: dict[str, Any] = {"type": "number"}
+        if self.low == 0.0:
+            plain["minimum"] = 0
+        elif self.low > 0.0:
+            plain["exclusiveMinimum"] = 0
+        word = [{"const": self.word}] if self.word else []
+        return {"anyOf": [plain, *word, _TEXT], "examples": [EXAMPLES[self.dimension].strip('"')]}
+
+    def _validate(self, value: Any, info: ValidationInfo) -> float | None:
+        reading = info.context if isinstance(info.context, Reading) else Reading()
+        if (self.word and value == self.word) or reading.excuses(value):
+            return None
+        try:
+            number = reading.quantity(value, self.dimension).value
+        except QuantityError as error:
+            raise fault(error.code, error.message, error.advice) from None
+        if self.low <= number <= self.high:
+            return number
+        raise self._out_of_range(value, number)
+
+    def _out_of_range(self, value: object, number: float) -> PydanticCustomError:
+        text = shown(value)
+        if isinstance(value, str):
+            text += f" = {in_words(number, self.dimension)}"
+        if number < 0.0 <= self.low:
+            advice = "make it positive" if self.low > 0.0 else "make it zero or positive"
+            return fault("negative", f"{text} is negative", advice)
+        if number == 0.0 < self.low:
+            return fault("zero", f"{text} is zero", "make it positive")
+        side, bound = ("small", self.low) if number < self.low else ("large", self.high)
+        limit = f"at {'least' if side == 'small' else 'most'} {in_words(bound, self.dimension)}"
+        advice = f"keep it {limit}, and check the unit"
+        return fault("out-of-range", f"{text} is too {side}", advice)
+
+
+def fault(code: str, message: str, advice: str) -> PydanticCustomError:
+    """An error that carries its own code and advice through pydantic."""
+    return PydanticCustomError("fault", "{message}", {"code": code, "message": message, "advice": advice})
+
+
+def in_words(number: float, dimension: Dimension) -> str:
+    """A number in SI, in the unit that people read: lengths in mm, angles in degrees."""
+    scale, name = {
+        LENGTH: (1e-3, "mm"),
+        ANGLE: (math.pi / 180.0, "deg"),
+        SPEED: (1e-3, "mm/s"),
+        FORCE: (1.0, "N"),
+        TORQUE: (1.0, "N*m"),
+        TIME: (1.0, "s"),
+    }.get(dimension, (1.0, ""))
+    return f"{number / scale:.9g} {name}".rstrip()
+
+
+_NANOMETRE, _KILOMETRE, _TURN = 1e-9, 1e3, 2.0 * math.pi
+
+Parameter: TypeAlias = Annotated[Any, WithJsonSchema({"anyOf": [{"type": "number"}, _TEXT]})]
+ParameterName: TypeAlias = Annotated[str, StringConstraints(pattern=PARAMETER)]
+Name: TypeAlias = Annotated[str, StringConstraints(pattern=NAME)]
+Title: TypeAlias = Annotated[str, StringConstraints(pattern=TITLE)]
+File: TypeAlias = Annotated[str, StringConstraints(min_length=1, max_length=1000)]
+Coordinate: TypeAlias = Annotated[float, Measured(LENGTH, -_KILOMETRE, _KILOMETRE)]
+Length: TypeAlias = Annotated[float, Measured(LENGTH, _NANOMETRE, _KILOMETRE)]
+Distance: TypeAlias = Annotated[float, Measured(LENGTH, 0.0, _KILOMETRE)]
+Turn: TypeAlias = Annotated[float, Measured(ANGLE, -_TURN, _TURN)]
+Tilt: TypeAlias = Annotated[float, Measured(ANGLE, 0.0, math.pi / 4.0)]
+Ratio: TypeAlias = Annotated[float, Measured(RATIO, 0.0, 1.0)]
+Friction: TypeAlias = Annotated[float, Measured(RATIO, 0.0, 5.0)]
+Speed: TypeAlias = Annotated[float, Measured(SPEED, 1e-9, 100.0)]
+Force: TypeAlias = Annotated[float, Measured(FORCE, 1e-9, 1e6)]
+Torque: TypeAlias = Annotated[float, Measured(TORQUE, 1e-9, 1e6)]
+Duration: TypeAlias = Annotated[float, Measured(TIME, 1e-3, 1e7)]
+Vector: TypeAlias = tuple[Coordinate, Coordinate, Coordinate]
+Rotation: TypeAlias = tuple[Turn, Turn, Turn]
+
+
+def factors(units: object) -> dict[Dimension, float]:
+    """Factors to SI of the plain numbers of a file, from its `[units]` table as it stands, right or wrong."""
+    table = units if isinstance(units, Mapping) else {}
+    result = {}
+    for name, (dimension, known) in UNITS.items():
+        chosen = table.get(name)
+        result[dimension] = known.get(chosen, 1.0) if isinstance(chosen, str) else 1.0
+    return result

@@ -1,0 +1,162 @@
+"""The tree of named solids of a model file: its references checked, and the part it describes built."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, assert_never
+
+from fmopt.errors import Fault, GeometryError, InputError
+from fmopt.se3 import Pose
+from fmopt.task import model_file as files
+from fmopt.task.toml_source import Key, Place, Source, read_bytes
+from fmopt.task.units import did_you_mean
+
+if TYPE_CHECKING:
+    from fmopt.geometry import csg
+    from fmopt.geometry.features import Feature
+    from fmopt.geometry.part import Part
+
+MAX_INSTANCES = 1000
+MAX_MESH_BYTES = 100_000_000
+
+
+def tree_faults(source: Source, file: files.ModelFile) -> list[Fault]:
+    """Faults of the references: unknown solids, cycles, solids that nothing uses, trees that grow too large."""
+    if file.part is None:
+        place = Place(str(source.path), key="part")
+        return [place.fault("missing-key", "this key is missing", "name the solid that the part is")]
+    faults = []
+    references = {name: list(_references(name, solid)) for name, solid in file.solids.items()}
+    for key, target in [(("part",), file.part), *(pair for pairs in references.values() for pair in pairs)]:
+        if target not in file.solids:
+            advice = did_you_mean(target, dict(file.solids)) or f"solids: {', '.join(file.solids)}"
+            faults.append(source.place(key).fault("unknown-solid", f"there is no solid {target!r}", advice))
+    if faults:
+        return faults
+    order: dict[str, int] = {}
+    for name in file.solids:
+        cycle = _count(name, references, order, ())
+        if cycle is not None:
+            message = f"the solid {cycle!r} is made of itself"
+            return [source.place(("solids", cycle), of_key=True).fault("cycle", message, "break the circle of names")]
+    if order[file.part] > MAX_INSTANCES:
+        message = f"the tree has {order[file.part]} instances"
+        return [source.place(("part",)).fault("too-large", message, f"use at most {MAX_INSTANCES}")]
+    used = _reachable(file.part, references)
+    return [
+        source.place(("solids", name), of_key=True).fault(
+            "unused-solid", f"nothing uses the solid {name!r}", "name it in a union or difference, or remove it"
+        )
+        for name in file.solids
+        if name not in used
+    ]
+
+
+def _references(name: str, solid: files.Shape) -> Iterator[tuple[Key, str]]:
+    match solid:
+        case files.Union(of=of):
+            yield from ((("solids", name, "of", i), target) for i, target in enumerate(of))
+        case files.Difference(of=base, minus=minus):
+            yield ("solids", name, "of"), base
+            yield from ((("solids", name, "minus", i), target) for i, target in enumerate(minus))
+
+
+def _count(
+    name: str, references: dict[str, list[tuple[Key, str]]], counts: dict[str, int], above: tuple[str, ...]
+) -> str | None:
+    """Fills in how many instances each solid expands to; returns a solid that contains itself, if any."""
+    if name in above:
+        return name
+    if name not in counts:
+        total = 1
+        for _, target in references[name]:
+            cycle = _count(target, references, counts, (*above, name))
+            if cycle is not None:
+                return cycle
+            total += counts[target]
+        counts[name] = min(total, 10**9)
+    return None
+
+
+def _reachable(root: str, references: dict[str, list[tuple[Key, str]]]) -> set[str]:
+    found: set[str] = set()
+    waiting = [root]
+    while waiting:
+        name = waiting.pop()
+        if name not in found:
+            found.add(name)
+            waiting.extend(target for _, target in references[name])
+    return found
+
+
+def build_part(source: Source, file: files.ModelFile) -> Part:
+    """The part of a checked model file, in its model frame.
+
+    Raises:
+        InputError: no solid comes out; at the place of the solid or mesh in the file.
+    """
+    from fmopt.geometry.part import mesh_part, part_of
+
+    features = [_feature(name, feature) for name, feature in file.features.items()]
+    if file.mesh is not None:
+        place = source.place(("mesh", "file"))
+        path = source.path.parent / Path(file.mesh.file)
+        read_bytes(path, place, MAX_MESH_BYTES)
+        try:
+            from fmopt.geometry.mesh import load_mesh
+
+            return mesh_part(file.name, load_mesh(path, file.mesh.unit), features)
+        except GeometryError as error:
+            raise InputError(place.fault("geometry", error.message, error.advice)) from error
+    root = file.part or ""
+    solid = _solid(source, file, root)
+    try:
+        return part_of(file.name, solid, features)
+    except GeometryError as error:
+        place = source.place(("solids", root), of_key=True)
+        raise InputError(place.fault("geometry", error.message, error.advice)) from error
+
+
+def _solid(source: Source, file: files.ModelFile, name: str) -> csg.Solid:
+    from fmopt.geometry import csg
+
+    table = file.solids[name]
+    try:
+        solid = _shape(source, file, table)
+    except GeometryError as error:
+        place = source.place(("solids", name), of_key=True)
+        raise InputError(place.fault("geometry", error.message, error.advice)) from error
+    if any(table.at) or any(table.turn):
+        return csg.Placed(solid, Pose.from_vector([*table.at, *table.turn]))
+    return solid
+
+
+def _shape(source: Source, file: files.ModelFile, table: files.Shape) -> csg.Solid:
+    from fmopt.geometry import csg
+
+    match table:
+        case files.Box(size=size, chamfer=chamfer):
+            return csg.chamfered_box(size, chamfer) if chamfer > 0.0 else csg.Box(size)
+        case files.Cylinder(radius=radius, height=height, sides=sides):
+            return csg.Cylinder(radius, height, sides)
+        case files.Cone(radius_bottom=bottom, radius_top=top, height=height, sides=sides):
+            return csg.Cone(bottom, top, height, sides)
+        case files.Prism(polygon=polygon, height=height):
+            return csg.Prism(polygon, height)
+        case files.Wedge(size=size, top_x=top_x):
+            return csg.Wedge(size, top_x)
+        case files.Hull(points=points):
+            return csg.Hull(points)
+        case files.Union(of=of):
+            return csg.Union(tuple(_solid(source, file, target) for target in of))
+        case files.Difference(of=base, minus=minus):
+            return csg.Difference(_solid(source, file, base), tuple(_solid(source, file, target) for target in minus))
+        case _:
+            assert_never(table)
+
+
+def _feature(name: str, table: files.MatingFeature) -> Feature:
+    from fmopt.geometry.features import Feature
+
+    return Feature(name, table.kind, Pose.from_vector([*table.at, *table.turn]), table.length, table.through)

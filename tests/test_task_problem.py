@@ -1,0 +1,247 @@
+"""Problems: the shipped ones, their meaning in SI and mating frames, their hash, their schemas, and start boxes."""
+
+from __future__ import annotations
+
+import json
+import math
+import pickle
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fmopt.se3 import exp, log
+from fmopt.task.explain import explain
+from fmopt.task.problem import Problem, load
+from fmopt.task.schema import model_schema, problem_schema, text
+from fmopt.task.sources import Deviation, Sources, start_box
+from fmopt.task.toml_source import read
+
+ROOT = Path(__file__).parent.parent
+PROBLEMS = sorted((ROOT / "problems").glob("*.toml"))
+MODELS = sorted((ROOT / "models").glob("*.toml"))
+
+
+def copied(tmp_path: Path) -> Path:
+    for path in (*PROBLEMS, *MODELS):
+        target = tmp_path / path.relative_to(ROOT)
+        target.parent.mkdir(exist_ok=True)
+        target.write_bytes(path.read_bytes())
+    return tmp_path / "problems" / "square_peg.toml"
+
+
+@pytest.fixture(scope="module")
+def square() -> Problem:
+    return load(ROOT / "problems" / "square_peg.toml")
+
+
+@pytest.fixture(scope="module")
+def rectangular() -> Problem:
+    return load(ROOT / "problems" / "factory_rect_8mm_tight.toml")
+
+
+def test_square_peg_in_numbers(square: Problem) -> None:
+    np.testing.assert_array_equal(square.goal, [0, 0, -0.03, 0, 0, 0])
+    np.testing.assert_array_equal(square.start, [0, 0, 0.005, 0, 0, 0])
+    np.testing.assert_allclose(square.start_box, [3e-4, 3e-4, 0, *[math.radians(0.3)] * 3], rtol=1e-15)
+    assert square.declared_clearance == (1e-4, 1e-4)
+    assert (square.velocity_error.translation, square.velocity_error.rotation) == (0.01, 0.01)
+    assert square.specification.speed == 0.02
+    assert square.settings.max_tilt == pytest.approx(math.radians(12))
+
+
+def test_parts_stand_in_their_mating_frames(square: Problem, rectangular: Problem) -> None:
+    for problem, depth in ((square, 0.03), (rectangular, 0.0089916)):
+        assert problem.moving.polyhedron.vertices[:, 2].min() == 0.0
+        assert problem.fixed.polyhedron.vertices[:, 2].max() == 0.0
+        assert problem.hole.length == depth
+        for feature in (problem.peg, problem.hole):
+            np.testing.assert_array_equal(feature.frame.vector(), np.zeros(6))
+    volume = 0.06 * 0.06 * 0.04 - 0.0202**2 * 0.03
+    assert square.fixed.polyhedron.volume == pytest.approx(volume, rel=1e-12)
+    section = 0.008 * 0.007 - 2 * 0.00025**2
+    assert rectangular.moving.polyhedron.volume == pytest.approx(section * 0.05, rel=1e-12)
+
+
+def test_problems_are_frozen_also_after_pickling(square: Problem) -> None:
+    for problem in (square, pickle.loads(pickle.dumps(square))):
+        with pytest.raises(ValueError, match="read-only"):
+            problem.goal[0] = 1.0
+        assert problem.sha256 == square.sha256
+
+
+def test_hash_is_of_what_the_files_say(tmp_path: Path, square: Problem) -> None:
+    path = copied(tmp_path)
+    assert load(path).sha256 == square.sha256 == load(str(path)).sha256
+    path.write_text("# a comment\n" + path.read_text(encoding="utf-8"), encoding="utf-8")
+    assert load(path).sha256 == square.sha256
+    model = tmp_path / "models" / "square_peg.toml"
+    model.write_text(model.read_text(encoding="utf-8").replace("width = 20", "width = 20.01"), encoding="utf-8")
+    assert load(path).sha256 != square.sha256
+
+
+def test_parameters_can_be_overridden(tmp_path: Path) -> None:
+    path = copied(tmp_path)
+    problem = path.read_text(encoding="utf-8").replace("[fixed]", '[moving.parameters]\nwidth = "2 cm + 0"\n\n[fixed]')
+    for width in ("19", '"1.9 cm"', '"0.019 m"'):
+        path.write_text(problem.replace('"2 cm + 0"', width), encoding="utf-8")
+        assert np.ptp(load(path).moving.polyhedron.vertices, axis=0) == pytest.approx([0.019, 0.019, 0.04], rel=1e-15)
+
+
+def test_units_of_the_file_do_not_matter(tmp_path: Path, square: Problem) -> None:
+    path = copied(tmp_path)
+    written = path.read_text(encoding="utf-8").replace('length = "mm"', 'length = "um"')
+    for number in ("0.1", "5", "0.3"):
+        written = re.sub(
+            rf"^(x|y|height) = {re.escape(number)}$", rf"\1 = {float(number) * 1000:g}", written, flags=re.M
+        )
+    path.write_text(written, encoding="utf-8")
+    problem = load(path)
+    np.testing.assert_array_equal(problem.start_box, square.start_box)
+    assert problem.approach == square.approach
+    assert problem.declared_clearance == square.declared_clearance
+
+
+def test_a_given_depth_and_settings_left_out(tmp_path: Path) -> None:
+    path = copied(tmp_path)
+    written = path.read_text(encoding="utf-8").replace('depth = "full"', 'depth = "1.2 cm"')
+    path.write_text(written[: written.index("[settings]")], encoding="utf-8")
+    problem = load(path)
+    assert problem.goal[2] == -0.012
+    assert problem.settings.max_tilt == math.radians(12)
+    assert problem.settings.time_limit == 600.0
+    assert "12 mm below the mouth (40% of full depth)" in explain(problem)
+
+
+def test_a_mesh_model_agrees_with_its_solid(tmp_path: Path, square: Problem) -> None:
+    import trimesh
+
+    path = copied(tmp_path)
+    model = tmp_path / "models" / "square_peg.toml"
+    box = trimesh.creation.box(bounds=[[-10, -10, 0], [10, 10, 40]])
+    (tmp_path / "models" / "peg.stl").write_bytes(trimesh.exchange.stl.export_stl(box))
+    written = model.read_text(encoding="utf-8").replace('part = "peg"\n', "")
+    start, end = written.index("[solids.peg]"), written.index("[features.peg]")
+    model.write_text(written[:start] + '[mesh]\nfile = "peg.stl"\nunit = "mm"\n' + written[end:], encoding="utf-8")
+    problem = load(path)
+    assert problem.sha256 != square.sha256
+    assert problem.moving.polyhedron.volume == pytest.approx(square.moving.polyhedron.volume, rel=1e-9)
+    assert len(problem.moving.polyhedron.faces) == 6
+
+
+@pytest.mark.parametrize("path", [*PROBLEMS, *MODELS], ids=lambda path: str(path.relative_to(ROOT)))
+def test_each_file_names_its_schema_and_obeys_it(path: Path) -> None:
+    import jsonschema
+
+    first = path.read_text(encoding="utf-8").splitlines()[0]
+    schema_path = path.parent / first.removeprefix("#:schema ")
+    schema = json.loads(schema_path.read_text(encoding="utf-8"))
+    jsonschema.Draft202012Validator.check_schema(schema)
+    jsonschema.validate(read(path).data, schema, jsonschema.Draft202012Validator)
+
+
+@pytest.mark.parametrize(
+    ("schema", "name"),
+    [(problem_schema(), "problems/problem.schema.json"), (model_schema(), "models/model.schema.json")],
+)
+def test_published_schemas_are_current(schema: dict[str, object], name: str) -> None:
+    assert (ROOT / name).read_text(encoding="utf-8") == text(schema)
+
+
+def test_importing_loads_nothing_heavy_and_loading_no_unit_library() -> None:
+    heavy = "{'casadi', 'cvxpy', 'manifold3d', 'matplotlib', 'pint', 'pydantic', 'scipy', 'sympy', 'trimesh'}"
+    program = f"import sys, fmopt.task.problem as p; print(sorted({heavy} & set(sys.modules)))"
+    program += f"\np.load({str(PROBLEMS[-1])!r}); print('pint' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout.split("\n")[:2] == ["[]", "False"]
+
+
+def test_a_problem_in_words(square: Problem, rectangular: Problem) -> None:
+    words = explain(square)
+    for expected in (
+        "moving: square_peg, 20 x 20 x 40 mm, 6 faces, 1 convex piece; mates by peg (solid, length 40 mm)",
+        "mates by hole (hollow, blind, depth 30 mm)",
+        "leading face 30 mm below the mouth (full depth)",
+        "declared on each side: 0.1 mm along x, 0.1 mm along y; the start error is larger",
+        "error as stated: +-0.3, 0.3, 0 mm along x, y, z; +-0.3, 0.3, 0.3 deg about them",
+        "velocity off by up to 1 % in translation, 1 % in rotation",
+        "tilt at most 12 deg",
+        square.sha256,
+    ):
+        assert expected in words
+    assert "open at both ends, depth 8.9916 mm" in explain(rectangular)
+
+
+SOURCES = Sources(
+    shape=1e-5,
+    measurement=None,
+    configuration=Deviation(1e-4, 0.02),
+    feeder=Deviation(5e-5, 0.01),
+    robot=Deviation(1e-4, 0.015),
+    slide=Deviation(2e-4, 0.03),
+    grasp_height=0.04,
+)
+
+
+def sampled_error(sources: Sources, height: float, directions: np.ndarray) -> np.ndarray:
+    """The start error (6,) when every source deviates fully, each in its own unit direction (n, 3)."""
+    turns = iter(directions)
+    fixed_turn = exp(sources.configuration.angle * next(turns))
+    grasp_turn = np.eye(3)
+    for angle in (sources.robot.angle, sources.robot.angle, sources.feeder.angle, sources.slide.angle):
+        grasp_turn = exp(angle * next(turns)) @ grasp_turn
+    moved = sum(
+        size * next(turns)
+        for size in (sources.shape, sources.configuration.position, sources.robot.position, sources.robot.position,
+                     sources.feeder.position, sources.slide.position, sources.shape)
+    )  # fmt: skip
+    axis = np.array([0.0, 0.0, 1.0])
+    tip = (height + sources.grasp_height) * axis + moved - sources.grasp_height * (grasp_turn @ axis)
+    return np.concatenate([fixed_turn.T @ tip - height * axis, log(fixed_turn.T @ grasp_turn)])
+
+
+def test_start_box_holds_every_combination_of_sources() -> None:
+    rng = np.random.default_rng(0)
+    box = start_box(SOURCES, 0.005)
+    worst = np.zeros(6)
+    for n in range(4000):
+        directions = rng.normal(size=(12, 3))
+        if n % 2:  # all together along one axis, where the box is attained
+            directions = np.tile(np.eye(3)[n // 2 % 3], (12, 1))
+            directions[0] *= rng.choice([-1.0, 1.0])
+            directions[5:] = np.eye(3)[n // 6 % 3] * rng.choice([-1.0, 1.0])
+        directions /= np.linalg.norm(directions, axis=1)[:, None]
+        worst = np.maximum(worst, np.abs(sampled_error(SOURCES, 0.005, directions)))
+    assert np.all(worst <= box)
+    assert np.all(worst >= [0.95 * box[0], 0.95 * box[1], 0.3 * box[2], *(0.999 * box[3:])])
+
+
+def test_a_measured_part_counts_by_its_measurement() -> None:
+    measured = start_box(replace(SOURCES, measurement=3e-5), 0.005)
+    angle = 2 * 0.015 + 0.03 + 0.01
+    position = 3e-5 + 2e-4 + 5e-5 + 2e-4 + 1e-5
+    assert measured[0] == pytest.approx(position + 0.04 * math.sin(angle), rel=1e-12)
+    assert measured[3] == pytest.approx(angle, rel=1e-12)
+
+
+def test_sources_in_a_file(tmp_path: Path) -> None:
+    path = copied(tmp_path)
+    written = path.read_text(encoding="utf-8")
+    start, end = written.index("[uncertainty.start]"), written.index("[uncertainty.velocity]")
+    sources = """[uncertainty.sources]
+shape = 0.01
+configuration = { position = 0.1, angle = "20 mrad" }
+feeder = { position = 0.05, angle = "10 mrad" }
+robot = { position = 0.1, angle = "15 mrad" }
+grasp = { position = 0.2, angle = "30 mrad", height = 40 }
+
+"""
+    path.write_text(written[:start] + sources + written[end:], encoding="utf-8")
+    problem = load(path)
+    assert problem.sources == SOURCES
+    np.testing.assert_array_equal(problem.start_box, start_box(SOURCES, 0.005))
+    assert "robot: 0.1 mm, 0.859437 deg" in explain(problem)
