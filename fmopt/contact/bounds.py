@@ -1,0 +1,195 @@
+"""Bounds of primitive contacts: the neighbouring contacts at which a facet ends. [DakinPopplestone1993] eq. 1."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias, assert_never
+
+import numpy as np
+
+from fmopt.contact.primitive import Kind, PrimitiveContact, convex_vertices, face_vertex, vertex_face
+from fmopt.contact.surface import Surfaces
+from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.se3 import Pose
+from fmopt.values import Array, Value
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A bounding function g = sign × f of a neighbouring contact; g < 0 inside the facet."""
+
+    contact: PrimitiveContact
+    sign: int
+
+
+Clause: TypeAlias = tuple[tuple[Bound, ...], ...]
+"""Alternatives, each a set of bounds that hold together; one of them must."""
+
+
+def bounds(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> tuple[Clause, ...]:
+    """The bounding functions of a contact: a pose of its surface is on the facet when every clause holds.
+
+    For a face, the same vertex on the neighbour across each convex edge; a convex face gives one alternative a clause,
+    a hole or a notch gives several. For edges, their end points against the other edge's faces. What ends at a wall
+    (a reflex edge) is not bounded: the wall's own contacts stop it.
+
+    Args:
+        contact: the contact.
+        moving: the moving part in its body frame.
+        fixed: the fixed part.
+        pose: a pose near the contact; it tells the sides of the edges' ends apart.
+    """
+    match contact.kind:
+        case Kind.VERTEX_FACE:
+            vertex = contact.moving_feature
+            return tuple(
+                tuple(tuple(Bound(vertex_face(fixed, vertex, g), 1) for g in group) for group in clause)
+                for clause in _face_clauses(fixed, contact.fixed_feature)
+            )
+        case Kind.FACE_VERTEX:
+            vertex = contact.fixed_feature
+            return tuple(
+                tuple(tuple(Bound(face_vertex(moving, g, vertex), 1) for g in group) for group in clause)
+                for clause in _face_clauses(moving, contact.moving_feature)
+            )
+        case Kind.EDGE_EDGE:
+            return tuple(((bound,),) for bound in _end_bounds(contact, moving, fixed, pose))
+        case _:
+            assert_never(contact.kind)
+
+
+@dataclass(frozen=True, eq=False)
+class BoundTable(Value):
+    """The bounds of k contacts, tabulated for evaluation."""
+
+    clauses: tuple[tuple[Clause, ...], ...]
+    surfaces: Surfaces
+    index: dict[str, int]
+
+    @staticmethod
+    def of(contacts: Sequence[PrimitiveContact], moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> BoundTable:
+        """The table of the contacts' bounds, told apart at a pose."""
+        clauses = tuple(bounds(contact, moving, fixed, pose) for contact in contacts)
+        needed = {
+            bound.contact.id: bound.contact
+            for of_contact in clauses
+            for clause in of_contact
+            for group in clause
+            for bound in group
+        }
+        index = {name: i for i, name in enumerate(needed)}
+        return BoundTable(clauses, Surfaces.of(tuple(needed.values()), moving, fixed), index)
+
+    def insides(self, pose: Pose) -> Array:
+        """How far (m) the pose is inside each contact's bounds (k,): −g of the binding one, inf when unbounded."""
+        g = self.surfaces.values(pose)
+
+        def inside(clause: Clause) -> float:
+            return max(min(-b.sign * float(g[self.index[b.contact.id]]) for b in group) for group in clause)
+
+        return np.array([min(map(inside, clauses), default=np.inf) for clauses in self.clauses])
+
+
+def cell(
+    contacts: Sequence[PrimitiveContact], moving: Polyhedron, fixed: Polyhedron, pose: Pose, within: float
+) -> tuple[tuple[PrimitiveContact, ...], tuple[Bound, ...]]:
+    """The contacts that are within their bounds at a pose, and the bounds that have to stay as they are there.
+
+    Where parts are open, as at the mouth of a hole, free space is no intersection of half-spaces. In the cell around a
+    pose in which no listed bound changes sign it is: the kept contacts' f ≥ 0 and nothing else.
+
+    Args:
+        contacts: primitive contacts near the pose.
+        moving: the moving part in its body frame.
+        fixed: the fixed part.
+        pose: a free pose inside the cell.
+        within: bounds further away than this (m) are left out; they are not reached.
+
+    Returns:
+        the kept contacts, and the limits g < 0 of the cell.
+    """
+    table = BoundTable.of(contacts, moving, fixed, pose)
+    g = dict(zip(table.index, table.surfaces.values(pose), strict=True))
+
+    def depth(bound: Bound) -> float:
+        return -bound.sign * float(g[bound.contact.id])
+
+    kept, limits = [], dict[Bound, None]()
+    for contact, clauses in zip(contacts, table.clauses, strict=True):
+        groups = [max(clause, key=lambda group: min(map(depth, group))) for clause in clauses]
+        insides = [min(map(depth, group)) for group in groups]
+        if min(insides, default=1.0) > 0.0:
+            kept.append(contact)
+            limits.update(dict.fromkeys(bound for group in groups for bound in group))
+        else:
+            outside = clauses[int(np.argmin(insides))]
+            worst = (min(group, key=depth) for group in outside)
+            limits.update(dict.fromkeys(Bound(bound.contact, -bound.sign) for bound in worst))
+    held = {Bound(contact, -1) for contact in kept}
+    return tuple(kept), tuple(bound for bound in limits if depth(bound) <= within and bound not in held)
+
+
+def _face_clauses(polyhedron: Polyhedron, face: int) -> list[list[tuple[int, ...]]]:
+    """The region of a face as clauses of alternatives, each naming the faces across edges that bound together.
+
+    Edges that meet in a reflex corner are alternatives, others hold together: along the outer loop each run of edges
+    joined by reflex corners is a clause; round a hole the runs joined by convex corners are one clause's alternatives.
+    """
+    across = {
+        (f, *(edge.vertices if side == 0 else edge.vertices[::-1])): (edge.faces[1 - side] if edge.convex else None)
+        for edge in polyhedron.edges
+        for side, f in enumerate(edge.faces)
+    }
+    outer, *holes = polyhedron.faces[face].loops
+    clauses: list[list[tuple[int | None, ...]]] = [
+        [(across[face, a, b],) for a, b in run] for run in _runs(polyhedron, face, outer, reflex=True)
+    ]
+    clauses += [
+        [tuple(across[face, a, b] for a, b in run) for run in _runs(polyhedron, face, hole, reflex=False)]
+        for hole in holes
+    ]
+    bounded = [[tuple(g for g in group if g is not None) for group in clause] for clause in clauses]
+    return [list(dict.fromkeys(clause)) for clause in dict.fromkeys(map(tuple, bounded)) if all(clause)]
+
+
+def _runs(polyhedron: Polyhedron, face: int, loop: tuple[int, ...], reflex: bool) -> list[list[tuple[int, int]]]:
+    """Maximal runs of the loop's edges joined at reflex (or else at convex) corners."""
+    points = polyhedron.vertices[list(loop)]
+    ahead = np.roll(points, -1, axis=0) - points
+    bend = np.cross(np.roll(ahead, 1, axis=0), ahead) @ polyhedron.faces[face].normal
+    joins = (bend < 0.0) if reflex else (bend > 0.0)
+    edges = list(zip(loop, loop[1:] + loop[:1], strict=True))
+    start = int(np.argmin(joins))
+    runs: list[list[tuple[int, int]]] = []
+    for i in range(len(loop)):
+        k = (start + i) % len(loop)
+        if i > 0 and joins[k]:
+            runs[-1].append(edges[k])
+        else:
+            runs.append([edges[k]])
+    return runs
+
+
+def _end_bounds(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> list[Bound]:
+    """For each free end of the two edges, the end against that face of the other edge which it passes most steeply."""
+    one, other = moving.edges[contact.moving_feature], fixed.edges[contact.fixed_feature]
+    ends = moving.vertices[list(contact.moving)] @ pose.R.T
+    e = ends[1] - ends[0]
+    a, b = fixed.vertices[list(contact.fixed)]
+    found: list[Bound] = []
+    slopes = [float(fixed.faces[f].normal @ e) for f in other.faces]
+    steep = int(np.argmax(np.abs(slopes)))
+    free = set(convex_vertices(moving).tolist())
+    for vertex, away in zip(contact.moving, (-1.0, 1.0), strict=True):
+        if vertex in free:
+            face = vertex_face(fixed, vertex, other.faces[steep])
+            found.append(Bound(face, 1 if away * slopes[steep] < 0.0 else -1))
+    slopes = [float(moving.faces[f].normal @ pose.R.T @ (b - a)) for f in one.faces]
+    steep = int(np.argmax(np.abs(slopes)))
+    free = set(convex_vertices(fixed).tolist())
+    for vertex, away in zip(contact.fixed, (-1.0, 1.0), strict=True):
+        if vertex in free:
+            face = face_vertex(moving, one.faces[steep], vertex)
+            found.append(Bound(face, 1 if away * slopes[steep] < 0.0 else -1))
+    return found

@@ -1,0 +1,101 @@
+"""The contact-state graph of a local contact space. [DakinPopplestone1993] sections 2 and 3."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fmopt.contact.polytope import Faces
+from fmopt.contact.space import LocalSpace
+from fmopt.values import Array, Value, frozen
+
+
+@dataclass(frozen=True, eq=False)
+class ContactState(Value):
+    """The contacts that are active together on one facet, merged.
+
+    Attributes:
+        id: name within the graph, "free" for free space.
+        contacts: ids of the active contacts.
+        dimension: of the facet, 6 − rank.
+        point: (6,), local coordinates X in m and rad of a point in its relative interior.
+    """
+
+    id: str
+    contacts: tuple[str, ...]
+    dimension: int
+    point: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "point", frozen(self.point, 6, name="point"))
+
+
+@dataclass(frozen=True, eq=False)
+class ContactGraph(Value):
+    """Contact states, largest dimension first, and for each the adjacent ones of lower and of higher dimension.
+
+    Attributes:
+        space: the local contact space.
+        states: the states.
+        sons: for each state the indices of the states on the boundary of its facet, one dimension lower.
+        fathers: for each state the indices of the states whose facets it bounds, one dimension higher.
+    """
+
+    space: LocalSpace
+    states: tuple[ContactState, ...]
+    sons: tuple[tuple[int, ...], ...]
+    fathers: tuple[tuple[int, ...], ...]
+
+    def index(self, contacts: frozenset[str]) -> int | None:
+        """The state with exactly these active contacts, if there is one."""
+        return next((i for i, state in enumerate(self.states) if frozenset(state.contacts) == contacts), None)
+
+    def obstacles(self, state: int, goal: int, start: int | None = None) -> tuple[str, ...]:
+        """Contacts a segment in `state` that comes from `start` and ends in `goal` has to stay clear of.
+
+        The contacts of the state's sons, minus those of the state, its goal and its start.
+        """
+        own = {c for i in (state, goal, start) if i is not None for c in self.states[i].contacts}
+        near = {c for son in self.sons[state] for c in self.states[son].contacts}
+        return tuple(contact.id for contact in self.space.contacts if contact.id in near - own)
+
+    def count(self) -> dict[int, int]:
+        """Number of states by dimension."""
+        dimensions = [state.dimension for state in self.states]
+        return {d: dimensions.count(d) for d in sorted(set(dimensions))}
+
+    def network(self) -> Any:
+        """The graph as a networkx digraph from fathers to sons, nodes by state id."""
+        import networkx
+
+        graph = networkx.DiGraph()
+        for state in self.states:
+            graph.add_node(state.id, contacts=state.contacts, dimension=state.dimension)
+        for i, sons in enumerate(self.sons):
+            graph.add_edges_from((self.states[i].id, self.states[j].id) for j in sons)
+        return graph
+
+
+def contact_graph(space: LocalSpace, faces: Faces) -> ContactGraph:
+    """The contact-state graph of a local space and its faces."""
+    names = [contact.id for contact in space.contacts]
+    states = []
+    for i, (active, d, x) in enumerate(zip(faces.active, faces.dimensions, faces.points, strict=True)):
+        contacts = tuple(names[k] for k in np.flatnonzero(active))
+        states.append(ContactState(f"s{i}" if contacts else "free", contacts, int(d), space.scale * x))
+    sons = _sons(faces)
+    fathers: list[list[int]] = [[] for _ in states]
+    for i, below in enumerate(sons):
+        for j in below:
+            fathers[j].append(i)
+    return ContactGraph(space, tuple(states), sons, tuple(map(tuple, fathers)))
+
+
+def _sons(faces: Faces) -> tuple[tuple[int, ...], ...]:
+    """Faces one dimension lower whose active sets contain a face's: the covers in the face lattice."""
+    active = faces.active.astype(np.float64)
+    common = active @ active.T
+    covers = (common == active.sum(axis=1)[:, None]) & (faces.dimensions[None] == faces.dimensions[:, None] - 1)
+    return tuple(tuple(int(j) for j in np.flatnonzero(row)) for row in covers)

@@ -1,0 +1,259 @@
+"""All faces of a polyhedron of half-spaces, with exact incidences: also flat, unbounded, degenerate, or with lines.
+
+Degenerate vertices are kept as they are; nothing is perturbed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fmopt.errors import InfeasibleError
+from fmopt.values import Array, Value
+
+INCIDENCE = 1e-8  # scaled units; a point this close to a unit half-space's plane lies on it
+_SQUARED = 1e-12  # singular values of unit rows below 1e-6 are zero
+
+Bits = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Faces(Value):
+    """All faces of {x: normals·x ≥ offsets}, largest dimension first.
+
+    Attributes:
+        active: (n, k), the half-spaces whose planes hold the face.
+        dimensions: (n,).
+        points: (n, 6), a point in the relative interior of each face.
+        lineality: dimension of the lines in the polyhedron, part of every face.
+    """
+
+    active: Bits
+    dimensions: NDArray[np.intp]
+    points: Array
+    lineality: int
+
+    def __post_init__(self) -> None:
+        for array in (self.active, self.dimensions, self.points):
+            array.setflags(write=False)
+
+    def count(self) -> dict[int, int]:
+        """Number of faces by dimension."""
+        values, counts = np.unique(self.dimensions, return_counts=True)
+        return {int(d): int(n) for d, n in zip(values, counts, strict=True)}
+
+
+def enumerate_faces(normals: ArrayLike, offsets: ArrayLike) -> Faces:
+    """All faces of {x: normals·x ≥ offsets}, also when it is unbounded, flat, degenerate or holds lines.
+
+    The rows are reduced to a pointed, full-dimensional polyhedron, whose vertices and rays come from the convex hull
+    of the dual (Qhull); faces are the closed sets of incidences.
+
+    Args:
+        normals: rows (k, n); none may be zero.
+        offsets: (k,).
+
+    Raises:
+        InfeasibleError: the half-spaces have no common point.
+    """
+    rows = np.asarray(normals, dtype=np.float64)
+    size = np.linalg.norm(rows, axis=1)
+    rows, levels = rows / size[:, None], np.asarray(offsets, dtype=np.float64) / size
+    interior, equal = _interior(rows, levels)
+    flat = _null_space(rows[equal])
+    reduced, slack = rows @ flat, levels - rows @ interior
+    length = np.linalg.norm(reduced, axis=1)
+    real = (length > 1e-7) & ~equal
+    basis = _row_space(reduced[real])
+    lineality = flat.shape[1] - basis.shape[1]
+    inner = reduced[real] @ basis / length[real, None]
+    active, dimensions, points = _pointed_faces(inner, slack[real] / length[real])
+    everywhere = equal | (~real & (np.abs(slack) <= INCIDENCE))
+    whole = np.broadcast_to(everywhere, (len(active), len(rows))).copy()
+    whole[:, real] = active
+    dimensions = dimensions + lineality
+    order = _order(whole, dimensions)
+    positions = interior + points @ (flat @ basis).T
+    return Faces(whole[order], dimensions[order], positions[order], lineality)
+
+
+def _order(active: Bits, dimensions: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Largest dimension first, then by the active rows."""
+    packed = np.packbits(~active, axis=1)
+    padded = np.pad(packed, ((0, 0), (0, -packed.shape[1] % 8)))
+    return np.lexsort((*padded.view(">u8").T[::-1], -dimensions))
+
+
+def _interior(rows: Array, levels: Array) -> tuple[Array, Bits]:
+    """A point in the relative interior, and which rows hold with equality everywhere."""
+    equal = np.zeros(len(rows), dtype=bool)
+    origin = np.zeros(rows.shape[1])
+    while not equal.all() and np.max(levels[~equal] - rows[~equal] @ origin) > -1e-3:
+        origin, depth, multipliers = _deepest(rows, levels, equal)
+        if depth < -INCIDENCE:
+            raise InfeasibleError(
+                f"the half-spaces have no common point: {-depth:.3g} scaled units are short",
+                -depth,
+                "linearise at a pose free of overlap",
+            )
+        if depth > INCIDENCE:
+            break
+        equal[~equal] |= multipliers > 1e-9
+    return origin, equal
+
+
+def _deepest(rows: Array, levels: Array, equal: Bits) -> tuple[Array, float, Array]:
+    """max t with rows·x − t ≥ levels, t ≤ 1, |x| bounded, and equality where given: x, t and the multipliers."""
+    from scipy.optimize import linprog
+
+    n = rows.shape[1]
+    cost = np.zeros(n + 1)
+    cost[n] = -1.0
+    free = ~equal
+    A = np.hstack([-rows[free], np.ones((int(free.sum()), 1))])
+    fixed = np.hstack([rows[equal], np.zeros((int(equal.sum()), 1))])
+    result = linprog(
+        cost,
+        A_ub=A,
+        b_ub=-levels[free],
+        A_eq=fixed if equal.any() else None,
+        b_eq=levels[equal] if equal.any() else None,
+        bounds=[(None, None)] * n + [(None, 1.0)],
+        method="highs",
+    )
+    if result.status != 0:
+        raise InfeasibleError("the half-spaces have no common point", advice="linearise at a pose free of overlap")
+    x = np.asarray(result.x, dtype=np.float64)
+    return x[:n], float(x[n]), -result.ineqlin.marginals
+
+
+def _pointed_faces(rows: Array, levels: Array) -> tuple[Bits, NDArray[np.intp], Array]:
+    """Faces of a pointed {q: rows·q ≥ levels} with 0 strictly inside (levels < 0) and unit rows (k, r).
+
+    Returns:
+        active rows (n, k), dimensions (n,), points (n, r).
+    """
+    k, r = rows.shape
+    if r == 0:
+        return np.zeros((1, k), dtype=bool), np.zeros(1, dtype=np.intp), np.zeros((1, 0))
+    corners, incidence = _corners(rows, levels)
+    first = first_equal(np.column_stack([rows, levels]))
+    kinds, group = np.unique(first, return_inverse=True)
+    distinct = incidence[:, [*kinds, k]]
+    codes_fit = (distinct.shape[1] + 1) ** r < 2**63
+    if codes_fit and bool(np.all(distinct.sum(axis=1) == r)):
+        active, points = _simple_faces(corners, distinct)
+        return active[:, group], r - active.sum(axis=1), points
+    active, points = _closed_faces(corners, incidence)
+    outer = np.einsum("ki,kj->kij", rows, rows).reshape(k, r * r)
+    gram = (active.astype(np.float64) @ outer).reshape(-1, r, r)
+    rank = np.sum(np.linalg.eigvalsh(gram) > _SQUARED, axis=1)
+    return active, r - rank, points
+
+
+def _corners(rows: Array, levels: Array) -> tuple[Array, Bits]:
+    """Vertices and unit rays (m, r), and which rows hold each (m, k + 1); the last column is the row at infinity.
+
+    With s ≥ 0 homogenising, the polyhedron is the cone {(q, s): rows·q − levels s ≥ 0}; its rays are the facets of
+    the convex hull of the rows, cut where (0, 1)·row = 1.
+    """
+    r = rows.shape[1]
+    dual = np.vstack([rows / -levels[:, None], np.zeros(r)])
+    if r == 1:
+        equations = np.array([[1.0, -dual.max()], [-1.0, dual.min()]])
+    else:
+        from scipy.spatial import ConvexHull
+
+        equations = ConvexHull(dual[np.unique(first_equal(dual))]).equations
+    # A hull facet n·u + b ≤ 0 is the cone's ray (q, s) = (−n, −b).
+    s = -equations[:, r]
+    finite = s > 1e-9
+    corners = -equations[:, :r] / np.where(finite, s, 1.0)[:, None]
+    residual = corners @ rows.T - np.where(finite[:, None], levels, 0.0)
+    tolerance = INCIDENCE * np.maximum(1.0, np.linalg.norm(corners, axis=1))
+    incidence = np.column_stack([residual <= tolerance[:, None], ~finite])
+    _, one = np.unique(np.packbits(incidence, axis=1), axis=0, return_index=True)
+    return corners[one], incidence[one]
+
+
+def first_equal(rows: Array) -> NDArray[np.intp]:
+    """For each row the index of the first row equal to it within the incidence tolerance."""
+    apart = np.max(np.abs(rows[:, None] - rows[None]), axis=2)
+    return np.asarray(np.argmax(apart <= INCIDENCE * np.max(np.abs(rows), axis=1), axis=1))
+
+
+def _simple_faces(corners: Array, incidence: Bits) -> tuple[Bits, Array]:
+    """Faces when each corner lies on exactly r rows: every subset of them is one.
+
+    A subset's code lists its rows, numbered from 1, as digits; the row at infinity has the largest number.
+    """
+    m, r = corners.shape
+    columns = incidence.shape[1]
+    base = np.int64(columns + 1)
+    digits = np.nonzero(incidence)[1].reshape(m, r) + 1
+    codes = np.zeros((m, 1), dtype=np.int64)
+    for digit in digits.T:
+        codes = np.concatenate([codes, codes * base + digit[:, None]], axis=1)
+    found, which = np.unique(codes, return_inverse=True)
+    kept = (found % base) < columns
+    points = _means(corners, incidence[:, -1], which.reshape(m, -1), len(found))[kept]
+    active = np.zeros((int(kept.sum()), columns), dtype=bool)
+    rest, face = found[kept], np.arange(len(active))
+    for _ in range(r):
+        chosen = rest > 0
+        active[face[chosen], rest[chosen] % base - 1] = True
+        rest = rest // base
+    return active[:, :-1], points
+
+
+def _means(corners: Array, rays: Bits, which: NDArray[np.intp], n: int) -> Array:
+    """For each of n faces the mean of its vertices plus the mean of its rays (n, r); which (m, …) numbers them."""
+    total = np.zeros((n, corners.shape[1]))
+    for part in (~rays, rays):
+        index = which[part]
+        count = np.bincount(index.ravel(), minlength=n)
+        for axis in range(corners.shape[1]):
+            weight = np.broadcast_to(corners[part, axis, None], index.shape)
+            total[:, axis] += np.bincount(index.ravel(), weight.ravel(), minlength=n) / np.maximum(count, 1)
+    return total
+
+
+def _closed_faces(corners: Array, incidence: Bits) -> tuple[Bits, Array]:
+    """Faces as all intersections of the rows' corner sets, by bit sets."""
+    m = len(corners)
+    facets = {int.from_bytes(np.packbits(row, bitorder="little").tobytes(), "little") for row in incidence.T}
+    known = {(1 << m) - 1}
+    fresh = known
+    while fresh:
+        fresh = {face & facet for face in fresh for facet in facets} - known - {0}
+        known = known | fresh
+    width = (m + 7) // 8
+    packed = np.frombuffer(b"".join(face.to_bytes(width, "little") for face in known), dtype=np.uint8)
+    members = np.unpackbits(packed.reshape(-1, width), axis=1, count=m, bitorder="little").astype(np.float64)
+    rays = incidence[:, -1]
+    members = members[(members[:, ~rays] > 0.0).any(axis=1)]
+    active = members @ (~incidence[:, :-1]).astype(np.float64) == 0.0
+    points = np.zeros((len(members), corners.shape[1]))
+    for part in (~rays, rays):
+        weight = members[:, part]
+        points += weight @ corners[part] / np.maximum(weight.sum(axis=1, keepdims=True), 1.0)
+    return active, points
+
+
+def _null_space(rows: Array) -> Array:
+    """Orthonormal columns spanning the vectors normal to all rows."""
+    n = rows.shape[1]
+    if len(rows) == 0:
+        return np.eye(n)
+    _, s, Vt = np.linalg.svd(rows)
+    return np.asarray(Vt[int(np.sum(s > 1e-7)) :].T)
+
+
+def _row_space(rows: Array) -> Array:
+    """Orthonormal columns spanning the rows."""
+    if len(rows) == 0:
+        return np.zeros((rows.shape[1], 0))
+    _, s, Vt = np.linalg.svd(rows, full_matrices=False)
+    return np.asarray(Vt[: int(np.sum(s > 1e-7))].T)

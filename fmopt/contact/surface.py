@@ -1,0 +1,264 @@
+"""C-surface functions f(X) of primitive contacts: signed distances, f < 0 inside the forbidden zone.
+
+vertex–face n·(v(X) − a), face–vertex (R n)·(w − p(X)), edge–edge m·(c(X) − q), with m the unit cross product of the
+edges, out of the fixed part. [DakinPopplestone1993] section 2 and Appendix I. Numbers go through NumPy with one
+rotation for all contacts; the symbolic forms, for optimisers and for reading, are in SymPy and CasADi.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import chain
+from typing import Any, assert_never
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmopt.contact.primitive import Kind, PrimitiveContact
+from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.se3 import Pose
+from fmopt.values import Array, Value, frozen
+
+
+@dataclass(frozen=True, eq=False)
+class Surfaces(Value):
+    """The C-surface functions of k contacts, tabulated: rows of (vertex v, normal n, offset) and of edge lines.
+
+    `order` sends the stacked kinds (vertex–face, face–vertex, edge–edge) back to the contacts' own order.
+    """
+
+    contacts: tuple[PrimitiveContact, ...]
+    order: NDArray[np.intp]
+    vertex_face: Array
+    face_vertex: Array
+    edge_edge: Array
+
+    @staticmethod
+    def of(contacts: Sequence[PrimitiveContact], moving: Polyhedron, fixed: Polyhedron) -> Surfaces:
+        """The table of the contacts between these parts."""
+        kinds = (Kind.VERTEX_FACE, Kind.FACE_VERTEX, Kind.EDGE_EDGE)
+        stacked = [[i for i, contact in enumerate(contacts) if contact.kind is kind] for kind in kinds]
+        rows = [[parameters(contacts[i], moving, fixed) for i in group] for group in stacked]
+        order = np.argsort(list(chain(*stacked)), kind="stable").astype(np.intp)
+        order.setflags(write=False)
+        tables = [frozen(np.reshape(row, (len(row), 12))) for row in rows]
+        return Surfaces(tuple(contacts), order, *tables)
+
+    def values(self, pose: Pose) -> Array:
+        """Signed distances f (k,) in m."""
+        v, n, offset = _point_normal(self.vertex_face)
+        g, w, level = _point_normal(self.face_vertex)
+        f = [
+            _dot(n, v @ pose.R.T + pose.p) - offset,
+            _dot(g @ pose.R.T, w - pose.p) - level,
+        ]
+        a, u, e, q = _lines(self.edge_edge, pose)
+        m = _cross(a, e)
+        f.append(_dot(m, pose.p + u - q) / np.linalg.norm(m, axis=1))
+        return np.asarray(np.concatenate(f)[self.order])
+
+    def values_and_rows(self, pose: Pose) -> tuple[Array, Array]:
+        """Signed distances f (k,) in m and gradients N (k, 6) in local coordinates X = (d, δ) at the pose.
+
+        vertex–face (n, Rv × n); face–vertex (−Rn, Rn × (w − p)); edge–edge (m, Rc × m) with c the point of the moving
+        edge's line closest to the fixed line.
+        """
+        v, n, offset = _point_normal(self.vertex_face)
+        arm = v @ pose.R.T
+        g, w, level = _point_normal(self.face_vertex)
+        h, reach = g @ pose.R.T, w - pose.p
+        a, u, e, q = _lines(self.edge_edge, pose)
+        gap = pose.p + u - q
+        cosine = _dot(a, e)
+        m = _cross(a, e)
+        m /= np.linalg.norm(m, axis=1, keepdims=True)
+        along = (cosine * _dot(gap, e) - _dot(gap, a)) / (1.0 - cosine**2)
+        c = u + along[:, None] * a
+        f = [_dot(n, arm + pose.p) - offset, _dot(h, reach) - level, _dot(m, gap)]
+        N = [
+            np.hstack([n, _cross(arm, n)]),
+            np.hstack([-h, _cross(h, reach)]),
+            np.hstack([m, _cross(c, m)]),
+        ]
+        return np.concatenate(f)[self.order], np.concatenate(N)[self.order]
+
+    def bounded_rows(self, pose: Pose) -> tuple[Array, Array, Array, Array]:
+        """A linear model with a closed-form bound on what it leaves out, for certificates.
+
+        The function is f itself for vertices and faces, and the triple product (e_moving × e_fixed)·(gap), divided by
+        the sine between the edges at the pose, for edges: it has the sign of f. For local coordinates X = (d, δ)
+        |function(X) − f − N·X| ≤ ½ curvature |δ|² + coupling |δ||d|.
+
+        Returns:
+            f (k,) in m, N (k, 6), curvature (k,) in m, coupling (k,).
+        """
+        v, n, offset = _point_normal(self.vertex_face)
+        arm = v @ pose.R.T
+        g, w, level = _point_normal(self.face_vertex)
+        h, reach = g @ pose.R.T, w - pose.p
+        a, u, e, q = _lines(self.edge_edge, pose)
+        m = _cross(a, e)
+        sine = np.linalg.norm(m, axis=1)
+        one, other = _cross(u, a), _cross(e, pose.p - q)
+        turn = (_cross(one, e) + _cross(a, other)) / sine[:, None]
+        m /= sine[:, None]
+        f = [
+            _dot(n, arm + pose.p) - offset,
+            _dot(h, reach) - level,
+            _dot(m, pose.p + u - q),
+        ]
+        N = [np.hstack([n, _cross(arm, n)]), np.hstack([-h, _cross(h, reach)]), np.hstack([m, turn])]
+        curvature = [
+            np.linalg.norm(arm, axis=1),
+            np.linalg.norm(reach, axis=1),
+            (np.linalg.norm(one, axis=1) + np.linalg.norm(other, axis=1)) / sine,
+        ]
+        coupling = [np.zeros(len(n)), np.ones(len(h)), 1.0 / sine]
+        f_all, N_all, curved, coupled = (np.concatenate(x)[self.order] for x in (f, N, curvature, coupling))
+        return f_all, N_all, curved, coupled
+
+
+def values_and_rows(
+    contacts: Sequence[PrimitiveContact], moving: Polyhedron, fixed: Polyhedron, pose: Pose
+) -> tuple[Array, Array]:
+    """Signed distances f (k,) in m and gradients N (k, 6) of the contacts at a pose; see `Surfaces`."""
+    return Surfaces.of(contacts, moving, fixed).values_and_rows(pose)
+
+
+def parameters(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron) -> Array:
+    """The twelve numbers of a contact's C-surface function.
+
+    vertex–face: body point v, normal n, offset n·a, zeros; face–vertex: body normal n, point w, body offset, zeros;
+    edge–edge: moving unit direction and point (body frame), fixed unit direction and point.
+    """
+    match contact.kind:
+        case Kind.VERTEX_FACE:
+            face = fixed.faces[contact.fixed_feature]
+            return np.array([*moving.vertices[contact.moving[0]], *face.normal, face.offset, *np.zeros(5)])
+        case Kind.FACE_VERTEX:
+            face = moving.faces[contact.moving_feature]
+            return np.array([*face.normal, *fixed.vertices[contact.fixed[0]], face.offset, *np.zeros(5)])
+        case Kind.EDGE_EDGE:
+            a, b = moving.vertices[list(contact.moving)]
+            q, r = fixed.vertices[list(contact.fixed)]
+            return np.concatenate([(b - a) / np.linalg.norm(b - a), a, (r - q) / np.linalg.norm(r - q), q])
+        case _:
+            assert_never(contact.kind)
+
+
+def _point_normal(table: Array) -> tuple[Array, Array, Array]:
+    return table[:, :3], table[:, 3:6], table[:, 6]
+
+
+def _lines(table: Array, pose: Pose) -> tuple[Array, Array, Array, Array]:
+    """Turned moving directions and arms, fixed directions and points, each (k, 3)."""
+    return table[:, :3] @ pose.R.T, table[:, 3:6] @ pose.R.T, table[:, 6:9], table[:, 9:]
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.asarray(np.einsum("ij,ij->i", a, b))
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Row-wise cross products (k, 3); np.cross takes several times as long on few rows."""
+    one, two = [1, 2, 0], [2, 0, 1]
+    return a[:, one] * b[:, two] - a[:, two] * b[:, one]
+
+
+# Symbolic forms.
+
+
+@dataclass(frozen=True)
+class SymbolicSurface:
+    """f(X) of one kind as a SymPy expression.
+
+    Symbols: the pose `p` (3,) and rotation matrix `R` (9, row by row), and the twelve `parameters` of a contact.
+    """
+
+    expression: Any
+    p: tuple[Any, ...]
+    R: tuple[Any, ...]
+    parameters: tuple[Any, ...]
+
+
+@cache
+def symbolic_surface(kind: Kind) -> SymbolicSurface:
+    """The C-surface function of a kind, symbolic in the pose and in the contact's numbers."""
+    import sympy
+
+    p, R, c = sympy.symbols("p:3"), sympy.symbols("R:9"), sympy.symbols("c:12")
+    P, T = sympy.Matrix(p), sympy.Matrix(3, 3, R)
+    one, two, three, four = (sympy.Matrix(c[i : i + 3]) for i in (0, 3, 6, 9))
+    match kind:
+        case Kind.VERTEX_FACE:
+            expression = two.dot(T * one + P) - c[6]
+        case Kind.FACE_VERTEX:
+            expression = (T * one).dot(two - P) - c[6]
+        case Kind.EDGE_EDGE:
+            m = (T * one).cross(three)
+            expression = m.dot(P + T * two - four) / sympy.sqrt(m.dot(m))
+        case _:
+            assert_never(kind)
+    return SymbolicSurface(expression, p, R, c)
+
+
+def surface_expression(
+    contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, reference: Pose, X: Sequence[Any]
+) -> Any:
+    """f as a SymPy expression of six symbols X = (d, δ), local coordinates around the reference pose."""
+    import sympy
+
+    from fmopt.symbolic import rotation
+
+    surface = symbolic_surface(contact.kind)
+    T = rotation(sympy.Matrix(X[3:])) * sympy.Matrix(reference.R.tolist())
+    P = sympy.Matrix(reference.p.tolist()) + sympy.Matrix(X[:3])
+    numbers = parameters(contact, moving, fixed).tolist()
+    return surface.expression.subs(
+        dict(zip((*surface.p, *surface.R, *surface.parameters), (*P, *T, *numbers), strict=True)), simultaneous=True
+    )
+
+
+@cache
+def pose_function() -> Any:
+    """CasADi function (X (6,), reference p and R row by row (12,)) ↦ p and R row by row (12,), once per process."""
+    import sympy
+
+    from fmopt.symbolic import casadi_function, rotation
+
+    X, reference = sympy.symbols("X:6"), sympy.symbols("T:12")
+    T = rotation(sympy.Matrix(X[3:])) * sympy.Matrix(3, 3, reference[3:])
+    P = [a + b for a, b in zip(reference[:3], X[:3], strict=True)]
+    return casadi_function("pose", {"X": X, "reference": reference}, [*P, *T])
+
+
+@cache
+def kind_function(kind: Kind) -> Any:
+    """CasADi function (p and R row by row (12,), parameters (12,)) ↦ f, once per process."""
+    from fmopt.symbolic import casadi_function
+
+    surface = symbolic_surface(kind)
+    name = kind.value.replace("-", "_")
+    inputs = {"pose": (*surface.p, *surface.R), "parameters": surface.parameters}
+    return casadi_function(name, inputs, [surface.expression])
+
+
+def surfaces_function(kinds: Sequence[Kind]) -> Any:
+    """CasADi function (X (6,), reference (12,), parameters (12, k)) ↦ f (k,), all contacts sharing one rotation.
+
+    Numbers enter as parameters, so a solver built on it serves every formation with these kinds.
+    """
+    import casadi
+
+    X, reference, numbers = casadi.SX.sym("X", 6), casadi.SX.sym("reference", 12), casadi.SX.sym("c", 12, len(kinds))
+    pose = pose_function()(X, reference)
+    f = [kind_function(kind)(pose, numbers[:, i]) for i, kind in enumerate(kinds)]
+    names = ["X", "reference", "parameters"], ["f"]
+    return casadi.Function("surfaces", [X, reference, numbers], [casadi.vertcat(*f)], *names)
+
+
+def reference_vector(pose: Pose) -> Array:
+    """The twelve numbers (p, R row by row) of a reference pose for the CasADi functions."""
+    return np.concatenate([pose.p, pose.R.ravel()])

@@ -1,0 +1,107 @@
+"""Cells: around any free pose, the kept contacts alone tell collision from freedom; an independent test agrees."""
+
+import numpy as np
+import pytest
+from test_contact_parts import MID_DEPTH, block, peg
+
+from fmopt.contact.bounds import cell
+from fmopt.contact.confirm import Verdict, confirm
+from fmopt.contact.graph import contact_graph
+from fmopt.contact.primitive import near_contacts
+from fmopt.contact.space import faces, local_space
+from fmopt.contact.surface import Surfaces
+from fmopt.se3 import Pose, exp
+
+PEG, BLOCK = peg(), block()
+HALF = 0.0101
+BOXES = [
+    ((HALF, -0.03, -0.04), (0.03, 0.03, 0.0)),
+    ((-0.03, -0.03, -0.04), (-HALF, 0.03, 0.0)),
+    ((-HALF, HALF, -0.04), (HALF, 0.03, 0.0)),
+    ((-HALF, -0.03, -0.04), (HALF, -HALF, 0.0)),
+    ((-HALF, -HALF, -0.04), (HALF, HALF, -0.03)),
+]
+
+
+def lowered(turn: tuple[float, float, float], depth: float) -> Pose:
+    """The peg turned, its lowest corner 0.2 mm off the walls at +x and +y and `depth` below the mouth."""
+    R = exp(np.radians(turn))
+    tip = PEG.vertices[:4] @ R.T
+    low = tip[int(np.argmin(tip[:, 2]))]
+    return Pose(np.array([0.0099 - abs(low[0]), 0.0099 - abs(low[1]), -depth - low[2]]), R)
+
+
+POSES = {
+    "mid-depth": (MID_DEPTH, 1.5e-4, 0.01, 16),
+    "corner in the mouth": (lowered((-5.0, 5.0, 0.0), 0.0005), 3e-4, 0.01, 4),
+    "edge in the mouth": (Pose(np.array([-6e-5, 0.0, -1.28e-4]), exp([0.0, np.radians(5.0), 0.0])), 3e-4, 0.01, 8),
+    "on the rim": (Pose(np.array([3e-4, 1e-4, 1e-4]), np.eye(3)), 3e-4, 0.01, 4),
+    "just below the mouth": (Pose(np.array([0.0, 0.0, -5e-5]), exp([0.0, 0.0, 0.002])), 2e-4, 0.005, 16),
+}
+
+
+def gap(pose: Pose) -> float:
+    """Signed gap between the peg and the nearest box of the block by separating axes, m; negative when they overlap."""
+    axes = [*np.eye(3), *pose.R.T, *(np.cross(a, b) for a in np.eye(3) for b in pose.R.T)]
+    A = np.array([a / np.linalg.norm(a) for a in axes if np.linalg.norm(a) > 1e-9])
+    v = pose.apply(PEG.vertices) @ A.T
+    gaps = []
+    for low, high in BOXES:
+        corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, 8).T @ A.T
+        gaps.append(np.max(np.maximum(v.min(axis=0) - corners.max(axis=0), corners.min(axis=0) - v.max(axis=0))))
+    return float(min(gaps))
+
+
+@pytest.mark.parametrize("name", POSES)
+def test_the_kept_contacts_decide_collision(name: str) -> None:
+    pose, reach, angle, count = POSES[name]
+    assert gap(pose) > 0.0
+    contacts, limits = cell(near_contacts(PEG, BLOCK, pose, reach, angle), PEG, BLOCK, pose, within=1e-3)
+    assert len(contacts) == count
+    surfaces = Surfaces.of(contacts, PEG, BLOCK)
+    bounds, signs = Surfaces.of([b.contact for b in limits], PEG, BLOCK), np.array([b.sign for b in limits])
+    rng = np.random.default_rng(2)
+    seen = {True: 0, False: 0}
+    for _ in range(500):
+        d, turn = rng.normal(size=(2, 3))
+        shift, rotation = rng.uniform(size=2) * [reach, angle]
+        moved = pose.moved([*(shift * d / np.linalg.norm(d)), *(rotation * turn / np.linalg.norm(turn))])
+        if np.any(signs * bounds.values(moved) >= 0.0):
+            continue
+        free = bool(np.min(surfaces.values(moved)) > 0.0)
+        assert free == (gap(moved) > 0.0)
+        seen[free] += 1
+    assert min(seen.values()) >= 4
+
+
+def test_a_forgotten_contact_is_noticed() -> None:
+    pose, reach, angle, _ = POSES["mid-depth"]
+    contacts = near_contacts(PEG, BLOCK, pose, reach, angle)
+    graph = contact_graph(space := local_space(contacts, PEG, BLOCK, pose, 1e-4, 0.014), faces(space))
+    for forgotten in contacts:
+        surfaces = Surfaces.of([c for c in contacts if c is not forgotten], PEG, BLOCK)
+        facet = graph.states[graph.index(frozenset({forgotten.id})) or 0]
+        moved = pose.moved(1.2 * facet.point)
+        assert gap(moved) < 0.0 < np.min(surfaces.values(moved))
+
+
+def test_the_corner_in_the_mouth_has_confirmed_states() -> None:
+    pose, reach, angle, _ = POSES["corner in the mouth"]
+    contacts, limits = cell(near_contacts(PEG, BLOCK, pose, reach, angle), PEG, BLOCK, pose, within=1e-3)
+    space = local_space(contacts, PEG, BLOCK, pose, 1e-4, 0.014, limits, reach, angle)
+    graph = contact_graph(space, faces(space))
+    assert graph.states[0].id == "free"
+    verdicts = [found.verdict for found in confirm(graph, PEG, BLOCK)]
+    assert verdicts.count(Verdict.CONFIRMED) >= 0.75 * len(verdicts)
+    # The two upright-edge contacts of the low corner hold the peg in the hole's corner.
+    sliding = [
+        state for state in graph.states if len(state.contacts) == 2 and {c[:2] for c in state.contacts} == {"e6"}
+    ]
+    assert [state.dimension for state in sliding] == [4]
+
+
+def test_a_limit_in_a_contacts_plane_does_not_hide_it() -> None:
+    pose, reach, angle, _ = POSES["just below the mouth"]
+    contacts, limits = cell(near_contacts(PEG, BLOCK, pose, reach, angle), PEG, BLOCK, pose, within=1e-3)
+    space = local_space(contacts, PEG, BLOCK, pose, 1e-4, 0.014, limits)
+    assert faces(space).active.any(axis=0).all()

@@ -1,0 +1,184 @@
+"""C-surfaces: symbolic, CasADi and NumPy agree; gradients, wrenches, remainders and bounds."""
+
+import casadi
+import numpy as np
+import pytest
+import sympy
+from test_contact_parts import MID_DEPTH, block, peg, spike, tilted
+
+from fmopt.contact.bounds import BoundTable, bounds
+from fmopt.contact.primitive import Kind, PrimitiveContact, edge_edge, face_vertex, near_contacts, vertex_face
+from fmopt.contact.surface import (
+    Surfaces,
+    parameters,
+    reference_vector,
+    surface_expression,
+    surfaces_function,
+    values_and_rows,
+)
+from fmopt.contact.wrench import contact_wrench
+from fmopt.geometry.polyhedron import Polyhedron, from_faces
+from fmopt.se3 import Pose, exp
+from fmopt.symbolic import Stumpff, casadi_function, rotation
+
+PEG, BLOCK, SPIKE = peg(), block(), from_faces(*spike())
+LEANING = tilted((0.03, -0.05, 0.02))
+
+
+def cases() -> list[tuple[Polyhedron, tuple[PrimitiveContact, ...], Pose]]:
+    mouth = near_contacts(PEG, BLOCK, LEANING, reach=3e-3, angle=0.05)
+    above = Pose.from_vector((0.001, -0.002, 0.0003, 0.1, 0.2, -0.3))
+    on_spike = tuple(face_vertex(PEG, face, 4) for face in (0, 2, 3))
+    return [(BLOCK, mouth, LEANING), (SPIKE, on_spike, above)]
+
+
+CASES = cases()
+
+
+def test_all_kinds_are_under_test() -> None:
+    assert {contact.kind for _, contacts, _ in CASES for contact in contacts} == set(Kind)
+
+
+@pytest.mark.parametrize(("fixed", "contacts", "pose"), CASES)
+def test_gradients_against_finite_differences(
+    fixed: Polyhedron, contacts: tuple[PrimitiveContact, ...], pose: Pose
+) -> None:
+    surfaces = Surfaces.of(contacts, PEG, fixed)
+    f, N = surfaces.values_and_rows(pose)
+    np.testing.assert_allclose(f, surfaces.values(pose), rtol=0.0, atol=1e-17)
+    h = 1e-6
+    steps = h * np.eye(6)
+    measured = [(surfaces.values(pose.moved(s)) - surfaces.values(pose.moved(-s))) / (2 * h) for s in steps]
+    np.testing.assert_allclose(N, np.transpose(measured), rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(("fixed", "contacts", "pose"), CASES)
+def test_the_gradient_is_the_contact_wrench(
+    fixed: Polyhedron, contacts: tuple[PrimitiveContact, ...], pose: Pose
+) -> None:
+    for contact in contacts:
+        # Virtual work: the unit contact force does the work df in every small displacement.
+        wrench = contact_wrench(contact, PEG, fixed, pose)
+        surfaces = Surfaces.of([contact], PEG, fixed)
+        for X in 1e-6 * np.eye(6):
+            work = (surfaces.values(pose.moved(X)) - surfaces.values(pose.moved(-X)))[0]
+            assert work == pytest.approx(2 * float(wrench @ X), abs=1e-15)
+
+
+@pytest.mark.parametrize(("fixed", "contacts", "pose"), CASES)
+def test_sympy_casadi_and_numpy_agree(fixed: Polyhedron, contacts: tuple[PrimitiveContact, ...], pose: Pose) -> None:
+    X = np.array([1e-4, -2e-4, 3e-4, 0.02, -0.03, 0.01])
+    f, _ = values_and_rows(contacts, PEG, fixed, pose.moved(X))
+    function = surfaces_function([contact.kind for contact in contacts])
+    numbers = np.column_stack([parameters(contact, PEG, fixed) for contact in contacts])
+    np.testing.assert_allclose(function(X, reference_vector(pose), numbers).full().ravel(), f, rtol=0.0, atol=1e-16)
+    symbols = sympy.symbols("X:6")
+    for contact, value in zip(contacts, f, strict=True):
+        expression = surface_expression(contact, PEG, fixed, pose, symbols)
+        exact = expression.subs(dict(zip(symbols, X.tolist(), strict=True))).evalf(20)
+        assert float(exact) == pytest.approx(value, abs=1e-16)
+
+
+def test_casadi_jacobian_at_the_reference_is_the_row() -> None:
+    fixed, contacts, pose = CASES[0]
+    X = casadi.SX.sym("X", 6)
+    numbers = np.column_stack([parameters(contact, PEG, fixed) for contact in contacts])
+    f = surfaces_function([contact.kind for contact in contacts])(X, reference_vector(pose), numbers)
+    jacobian = casadi.Function("jacobian", [X], [casadi.jacobian(f, X)])
+    _, N = values_and_rows(contacts, PEG, fixed, pose)
+    np.testing.assert_allclose(jacobian(np.zeros(6)).full(), N, rtol=0.0, atol=1e-14)
+
+
+def test_sympy_gradient_is_the_row() -> None:
+    fixed, contacts, pose = CASES[0]
+    symbols = sympy.symbols("X:6")
+    kinds = {contact.kind: i for i, contact in enumerate(contacts)}
+    _, N = values_and_rows(contacts, PEG, fixed, pose)
+    for i in kinds.values():
+        expression = surface_expression(contacts[i], PEG, fixed, pose, symbols)
+        gradient = [expression.diff(x).subs(dict.fromkeys(symbols, 0)).evalf() for x in symbols]
+        np.testing.assert_allclose(np.array(gradient, dtype=float), N[i], rtol=0.0, atol=1e-14)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-3, 1.0, 3.0])
+def test_symbolic_rotation_is_the_exponential(angle: float) -> None:
+    symbols = sympy.symbols("r:3")
+    r = angle * np.array([2.0, -1.0, 2.0]) / 3.0
+    function = casadi_function("rotation", {"r": symbols}, list(rotation(sympy.Matrix(symbols))))
+    np.testing.assert_allclose(function(r).full().reshape(3, 3), exp(r), rtol=0.0, atol=3e-15)
+
+
+def test_stumpff_derivative() -> None:
+    s = sympy.Symbol("s")
+    slope = Stumpff(2, s).diff(s).subs(s, sympy.Rational(1, 2)).evalf(30)
+    closed = sympy.diff((1 - sympy.cos(sympy.sqrt(s))) / s, s).subs(s, sympy.Rational(1, 2)).evalf(30)
+    assert abs(slope - closed) < 1e-25
+
+
+def test_nodes_outside_the_table_are_refused() -> None:
+    x, y = sympy.symbols("x y")
+    with pytest.raises(TypeError, match="tan"):
+        casadi_function("f", {"x": [x]}, [sympy.tan(x)])
+    with pytest.raises(TypeError, match="Symbol y"):
+        casadi_function("f", {"x": [x]}, [x + y])
+
+
+@pytest.mark.parametrize(("fixed", "contacts", "pose"), CASES)
+def test_linear_models_keep_within_their_remainders(
+    fixed: Polyhedron, contacts: tuple[PrimitiveContact, ...], pose: Pose
+) -> None:
+    rng = np.random.default_rng(4)
+    surfaces = Surfaces.of(contacts, PEG, fixed)
+    edges = np.array([contact.kind is Kind.EDGE_EDGE for contact in contacts])
+    f, N, curvature, coupling = surfaces.bounded_rows(pose)
+    np.testing.assert_allclose(f, surfaces.values(pose), rtol=0.0, atol=1e-17)
+    tightest = np.full(len(contacts), np.inf)
+    for _ in range(400):
+        X = rng.normal(size=6) * np.repeat([1e-3, 0.1], 3) * rng.uniform()
+        theta, shift = np.linalg.norm(X[3:]), np.linalg.norm(X[:3])
+        moved = pose.moved(X)
+        # The edges' function is the distance times the sine between them, over that sine at the pose.
+        value = surfaces.values(moved) * np.where(edges, sines(surfaces, moved) / sines(surfaces, pose), 1.0)
+        bound = 0.5 * curvature * theta**2 + coupling * theta * shift
+        assert np.all(np.abs(value - f - N @ X) <= bound + 1e-15)
+        tightest = np.minimum(tightest, bound / np.maximum(np.abs(value - f - N @ X), 1e-18))
+    assert np.median(tightest) < 4.0
+
+
+def sines(surfaces: Surfaces, pose: Pose) -> np.ndarray:
+    sine = np.ones(len(surfaces.contacts))
+    for i, contact in enumerate(surfaces.contacts):
+        if contact.kind is Kind.EDGE_EDGE:
+            a, b = pose.apply(PEG.vertices[list(contact.moving)])
+            q, r = BLOCK.vertices[list(contact.fixed)]
+            sine[i] = np.linalg.norm(np.cross(b - a, r - q)) / np.linalg.norm(b - a) / np.linalg.norm(r - q)
+    return sine
+
+
+def test_bounded_rows_are_the_gradient_where_a_contact_touches() -> None:
+    contact = edge_edge(PEG, BLOCK, LEANING.R, 2, 20)
+    surfaces = Surfaces.of([contact], PEG, BLOCK)
+    f, N = surfaces.values_and_rows(LEANING)
+    touching = LEANING.moved(-f[0] * N[0] * np.repeat([1.0, 0.0], 3))
+    assert abs(surfaces.values(touching)[0]) < 1e-17
+    np.testing.assert_allclose(surfaces.bounded_rows(touching)[1], surfaces.values_and_rows(touching)[1], atol=1e-15)
+
+
+def test_bounds_of_a_wall_are_its_mouth_only() -> None:
+    contacts = near_contacts(PEG, BLOCK, MID_DEPTH, reach=1e-3, angle=0.02)
+    for contact in contacts:
+        clauses = bounds(contact, PEG, BLOCK, MID_DEPTH)
+        named = {(b.contact.fixed_feature, b.sign) for clause in clauses for group in clause for b in group}
+        # Wall: the tip below the top face. Mouth edge: the tip below, the other end of the edge above.
+        assert named == ({(1, 1)} if contact.kind is Kind.VERTEX_FACE else {(1, 1), (1, -1)})
+    inside = BoundTable.of(contacts, PEG, BLOCK, MID_DEPTH).insides(MID_DEPTH)
+    np.testing.assert_allclose(inside, 0.015, atol=1e-15)
+
+
+def test_bounds_of_a_face_with_a_hole_offer_a_choice() -> None:
+    contact = vertex_face(BLOCK, 2, 1)
+    table = BoundTable.of([contact], PEG, BLOCK, MID_DEPTH)
+    assert sorted(len(clause) for clause in table.clauses[0]) == [1, 1, 1, 1, 4]
+    for shift, inside in (((0.0, 0.0), -1e-4), ((3e-4, 0.0), 2e-4), ((2e-4, 3e-4), 2e-4), ((0.03, 0.0), -0.01)):
+        found = table.insides(Pose(np.array([*shift, 0.0]), np.eye(3)))[0]
+        assert found == pytest.approx(inside, abs=1e-12)
