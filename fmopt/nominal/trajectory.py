@@ -1,0 +1,87 @@
+"""The nominal trajectory P(t) of an insertion along the mating axis, [LeeHuang1985] section 4.1.1, step 3."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fmopt.errors import GeometryError
+from fmopt.se3 import Pose
+from fmopt.values import Array, Value, frozen
+
+
+@dataclass(frozen=True, eq=False)
+class NominalTrajectory(Value):
+    """P(t), piecewise linear in the six numbers (x, y, z, r) of the moving part's pose in the B-frame.
+
+    Args:
+        nodes: poses (n, 6), m and rad; neighbouring rotation vectors belong to one branch, |r| may exceed π.
+        times: (n,), s, from 0 up, no two equal.
+    """
+
+    nodes: Array
+    times: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "nodes", frozen(self.nodes, None, 6, name="nodes"))
+        object.__setattr__(self, "times", frozen(self.times, len(self.nodes), name="times"))
+        if len(self.times) < 2 or self.times[0] != 0.0 or np.any(np.diff(self.times) <= 0.0):
+            raise ValueError(f"the times of a trajectory start at 0 and grow, not {self.times}")
+
+    @property
+    def duration(self) -> float:
+        """T, s."""
+        return float(self.times[-1])
+
+    def at(self, t: float) -> Array:
+        """P(t) as six numbers (x, y, z, r) in m and rad; before 0 and after T the part rests."""
+        return np.array([np.interp(t, self.times, self.nodes[:, axis]) for axis in range(6)])
+
+    def pose(self, t: float) -> Pose:
+        """P(t) as a pose."""
+        return Pose.from_vector(self.at(t))
+
+
+def insertion(start: ArrayLike, goal: ArrayLike, speed: float, rho: float) -> NominalTrajectory:
+    """The paper's three nodes: N₁ above the mouth, N₂ on the axis in the mouth's plane, N_T seated.
+
+    The orientation of the goal is reached at N₂. Each leg is as long as ‖ΔP‖ = √(|Δp|² + ρ²|Δr|²) and takes that over
+    the speed, so that no point within ρ of the reference point's axis of turning outruns the specification.
+
+    Args:
+        start: pose (6,) in the B-frame, m and rad, not below the mouth's plane z = 0.
+        goal: pose (6,), below that plane.
+        speed: of the specification, m/s.
+        rho: characteristic length, m.
+
+    Raises:
+        GeometryError: the goal is not inside the hollow feature, or the start not outside.
+    """
+    first, last = np.asarray(start, dtype=np.float64).copy(), np.asarray(goal, dtype=np.float64)
+    if last[2] >= 0.0:
+        raise GeometryError(
+            f"the goal lies {last[2]:.6g} m above the mouth of the hollow feature, where nothing is inserted",
+            "give a goal with z below 0 in the B-frame, whose z points out of the mouth",
+        )
+    if first[2] < 0.0:
+        raise GeometryError(
+            f"the start lies {-first[2]:.6g} m below the mouth of the hollow feature",
+            "give a start with z of 0 or more in the B-frame",
+        )
+    first[3:] = _nearest(first[3:], last[3:])
+    nodes = [first, np.concatenate([np.zeros(3), last[3:]]), last]
+    lengths = [float(np.hypot(np.linalg.norm(d[:3]), rho * np.linalg.norm(d[3:]))) for d in np.diff(nodes, axis=0)]
+    if lengths[0] == 0.0:
+        nodes, lengths = nodes[1:], lengths[1:]
+    return NominalTrajectory(np.array(nodes), np.concatenate([[0.0], np.cumsum(lengths) / speed]))
+
+
+def _nearest(r: Array, target: Array) -> Array:
+    """Of the rotation vectors r + 2πk r/|r| that mean one rotation, the one nearest to `target`."""
+    angle = float(np.linalg.norm(r))
+    if angle == 0.0:
+        return r
+    choices = [r * (1.0 + 2.0 * np.pi * k / angle) for k in (0, -1, 1)]
+    return min(choices, key=lambda choice: float(np.linalg.norm(choice - target)))

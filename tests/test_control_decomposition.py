@@ -1,0 +1,92 @@
+"""C-PF on the axes: Γ, Ω and the subspaces obey the paper's laws; figure 2's task; rows of the plan file."""
+
+import json
+from itertools import product
+
+import numpy as np
+import pytest
+
+from fmopt.control.decomposition import Decomposition, contact_forces, gamma, omega, position_force
+from fmopt.nominal.freedom import FreedomInterval
+from fmopt.nominal.trajectory import insertion
+from fmopt.task.problem import Specification
+
+SPECIFICATION = Specification(0.02, 5.0, 0.5, 0.3, 2.0)
+ALL = list(product((-1, 0, 1, 2), repeat=6))[::37]
+PATH = insertion([0.001, 0, 0.005, 0, 0, 0.1], [0, 0, -0.03, 0, 0, 0], 0.02, 0.014)
+F = contact_forces(SPECIFICATION, 0.014)
+
+
+def test_subspaces_are_complements_and_constraints_count_six():
+    for s in ALL:
+        split = Decomposition(s)
+        assert len(split.natural) + len(split.artificial) == 6
+        assert np.allclose(split.C_np.T @ split.C_np + split.C_ap.T @ split.C_ap, np.eye(6))
+        assert np.array_equal(split.C_af, split.C_np)
+
+
+def test_pa_and_pn_sum_to_p_and_lie_in_their_subspaces():
+    rng = np.random.default_rng(0)
+    for s in ALL:
+        P, split = rng.normal(size=6), Decomposition(s)
+        Pa = gamma(s, P)
+        Pn = P - Pa
+        assert np.allclose(split.C_np @ Pa, 0.0)
+        assert np.allclose(split.C_ap @ Pn, 0.0)
+        assert np.array_equal(Pa + Pn, P)
+
+
+def test_omega_is_the_reaction_against_the_stopped_motion():
+    assert np.array_equal(omega((1, -1, 0, 2, 0, 1), F), [-F[0], F[1], 0, F[3], 0, -F[5]])
+    for s in ALL:
+        split, Fa = Decomposition(s), omega(s, F)
+        assert np.allclose(split.C_ap @ Fa, 0.0)
+        assert all(np.sign(Fa[k]) == -s[k] for k in range(6) if s[k] in (1, -1))
+        assert all(abs(Fa[k]) == F[k] for k in split.natural)
+
+
+def test_torques_come_from_the_force_at_rho_up_to_the_limit():
+    assert np.allclose(F, [5, 5, 5, 0.07, 0.07, 0.07])
+    assert np.allclose(contact_forces(SPECIFICATION, 1.0)[3:], 0.5)
+
+
+def test_figure_two_of_the_paper():
+    t1, T = float(PATH.times[1]), PATH.duration
+    rows = position_force(PATH, [FreedomInterval(0.0, t1, (0,) * 6), FreedomInterval(t1, T, (2, 2, 0, 2, 2, 0))], F)
+    assert [(row.start, row.end) for row in rows] == [(0.0, t1), (t1, T)]
+    assert np.array_equal(rows[0].pa_start, PATH.at(0.0))
+    assert not rows[0].fa.any()
+    assert np.array_equal(Decomposition(rows[1].s).C_ap, np.eye(6)[[2, 5]])
+    assert np.array_equal(rows[1].pa_end, [0, 0, -0.03, 0, 0, 0])
+    assert np.array_equal(rows[1].fa, [F[0], F[1], 0, F[3], F[4], 0])
+    assert np.array_equal(rows[1].applied, -rows[1].fa)
+
+
+def test_rows_split_where_the_trajectory_bends_so_that_each_is_straight():
+    rows = position_force(PATH, [FreedomInterval(0.0, PATH.duration, (0,) * 6)], F)
+    assert [row.end for row in rows] == [float(PATH.times[1]), PATH.duration]
+    for row in rows:
+        for u in (0.25, 0.5):
+            t = (1 - u) * row.start + u * row.end
+            assert np.allclose((1 - u) * row.pa_start + u * row.pa_end, gamma(row.s, PATH.at(t)), atol=1e-16)
+
+
+def test_an_interval_of_no_length_at_the_goal_is_one_row():
+    T = PATH.duration
+    rows = position_force(PATH, [FreedomInterval(T, T, (0, 0, -1, 0, 0, 0))], F)
+    assert len(rows) == 1
+    assert rows[0].fa[2] == F[2]
+
+
+def test_document_is_the_plan_files_row():
+    document = position_force(PATH, [FreedomInterval(1.0, 1.2, (2, 0, -1, 1, 0, 2))], F)[0].document()
+    assert list(document) == ["t0", "t1", "s", "pa_start", "pa_end", "fa", "fa_sign", "either_sign"]
+    assert document["fa_sign"] == "reaction"
+    assert document["either_sign"] == [0, 5]
+    assert np.array_equal(json.loads(json.dumps(document, allow_nan=False))["fa"], [5, 0, 5, -F[3], 0, F[5]])
+
+
+@pytest.mark.parametrize("s", [(0,) * 5, (0, 0, 0, 0, 0, 3)])
+def test_refuses_what_is_no_value_of_s(s):
+    with pytest.raises(ValueError, match="six values"):
+        gamma(s, np.zeros(6))

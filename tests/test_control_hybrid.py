@@ -1,0 +1,216 @@
+"""Hybrid strategies: reciprocal axes, aligned frames, bias wrenches that balance, terminations, refusals."""
+
+import json
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import nnls
+
+from fmopt.control.compliance import axes, compliance_frame, row_space, twist_scale, twists_in, wrenches_in
+from fmopt.control.hybrid import GuardedMove, hybrid_strategy
+from fmopt.errors import InfeasibleError, SolverError
+from fmopt.se3 import Pose
+from fmopt.task.problem import Specification
+
+SPECIFICATION = Specification(0.02, 5.0, 0.5, 0.3, 2.0)
+RHO = 0.014
+SEATED = Pose(np.array([-1e-4, -1e-4, -0.03]), np.eye(3))
+NONE = np.zeros((0, 6))
+
+
+def wrench(point, normal, pose=SEATED):
+    n = np.asarray(normal, dtype=float) / np.linalg.norm(normal)
+    return np.concatenate([n, np.cross(np.asarray(point) - pose.p, n)])
+
+
+def contacts(pairs, pose=SEATED):
+    points = np.array([point for point, _ in pairs]).reshape(-1, 3)
+    return np.array([wrench(point, normal, pose) for point, normal in pairs]).reshape(-1, 6), points
+
+
+X_WALL = [((-0.0101, y, z), (1, 0, 0)) for y in (-0.0101, 0.0099) for z in (-0.03, 0.0)]
+Y_WALL = [((x, -0.0101, z), (0, 1, 0)) for x in (-0.0101, 0.0099) for z in (-0.03, 0.0)]
+FLOOR = [((x, y, -0.03), (0, 0, 1)) for x in (-0.0101, 0.0099) for y in (-0.0101, 0.0099)]
+DOWN = np.array([0, 0, -0.01, 0, 0, 0])
+
+
+def move(held, displacement, made=(), pose=SEATED):
+    W, points = contacts(held, pose)
+    return GuardedMove(pose, np.asarray(displacement, dtype=float), W, points, contacts(made, pose)[0], 1e-3)
+
+
+def random_contacts(rng, count):
+    pose = Pose(rng.normal(size=3) * 0.01, Pose.from_vector([0, 0, 0, *rng.normal(size=3)]).R)
+    return (*contacts([(pose.p + rng.normal(size=3) * 0.02, rng.normal(size=3)) for _ in range(count)], pose), pose)
+
+
+@pytest.mark.parametrize("count", range(8))
+def test_axes_are_reciprocal_orthonormal_and_span_the_contacts(count):
+    rng = np.random.default_rng(count)
+    for _ in range(5):
+        W, points, pose = random_contacts(rng, count)
+        frame = compliance_frame(W, points, pose, RHO)
+        local = wrenches_in(frame, W, pose)
+        split, scale = axes(local, RHO), twist_scale(RHO)
+        assert len(split.position) + len(split.force) == 6
+        assert len(split.force) == min(count, 6)
+        assert np.allclose(split.position @ split.force.T, 0.0, atol=1e-13)
+        assert np.allclose(split.position @ local.T, 0.0, atol=1e-13)
+        assert np.allclose(
+            (split.position * scale) @ (split.position * scale).T, np.eye(len(split.position)), atol=1e-12
+        )
+        assert np.allclose((split.force / scale) @ (split.force / scale).T, np.eye(len(split.force)), atol=1e-12)
+        assert len(row_space(np.vstack([split.force, local]), RHO)) == len(split.force)
+
+
+def test_power_does_not_depend_on_the_frame():
+    rng = np.random.default_rng(3)
+    W, _, pose = random_contacts(rng, 4)
+    V = rng.normal(size=(5, 6))
+    frame = Pose(rng.normal(size=3), Pose.from_vector([0, 0, 0, *rng.normal(size=3)]).R)
+    assert np.allclose(wrenches_in(frame, W, pose) @ twists_in(frame, V, pose).T, W @ V.T, atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("held", "forced"),
+    [
+        ([], []),
+        (X_WALL, [0, 4, 5]),
+        (X_WALL + Y_WALL, [0, 1, 3, 4, 5]),
+        (FLOOR, [2, 3, 4]),
+        (X_WALL + Y_WALL + FLOOR, [0, 1, 2, 3, 4, 5]),
+    ],
+)
+def test_flush_walls_keep_the_frame_of_b_with_all_freedoms_along_axes(held, forced):
+    W, points = contacts(held)
+    frame = compliance_frame(W, points, SEATED, RHO)
+    assert np.array_equal(frame.p, SEATED.p)
+    assert np.array_equal(frame.R, np.eye(3))
+    split = axes(wrenches_in(frame, W, SEATED), RHO)
+    assert split.aligned == 6
+    assert np.array_equal(np.flatnonzero(np.abs(split.force).sum(axis=0)), forced)
+    assert np.array_equal(np.count_nonzero(split.force, axis=1), np.ones(len(forced)))
+
+
+def test_one_oblique_contact_turns_the_frame_to_its_normal_and_moves_it_to_its_point():
+    n = np.array([np.cos(0.2), 0.0, np.sin(0.2)])
+    W, points = contacts([((-0.0101, 0.003, -0.01), n)])
+    frame = compliance_frame(W, points, SEATED, RHO)
+    assert np.allclose(frame.p, points[0])
+    assert np.allclose(frame.R[:, 0], n)
+    assert np.linalg.det(frame.R) == pytest.approx(1.0)
+    assert axes(wrenches_in(frame, W, SEATED), RHO).aligned == 6
+
+
+def test_bias_balances_normal_forces_on_every_listed_contact_also_dependent_ones():
+    strategy = hybrid_strategy(move(X_WALL + Y_WALL, DOWN), RHO, SPECIFICATION)
+    assert np.all(strategy.normal_forces > 0.5)
+    assert strategy.normal_forces.sum() <= SPECIFICATION.contact_force * (1 + 1e-9)
+    W, _ = contacts(X_WALL + Y_WALL)
+    assert np.allclose(strategy.bias_wrench + strategy.normal_forces @ W, 0.0, atol=1e-12)
+    # Applied into the walls at −x and −y, a force towards them.
+    assert np.all(strategy.bias_wrench[:2] < 0.0)
+
+
+def test_bias_pushes_into_the_new_contact_and_holds_all_when_it_is_felt():
+    """Independent of the program: reactions of held and new contacts that balance the bias exist, all positive."""
+    held = X_WALL + Y_WALL
+    strategy = hybrid_strategy(move(held, DOWN, FLOOR), RHO, SPECIFICATION)
+    assert strategy.steady
+    W, _ = contacts(held)
+    new, _ = contacts(FLOOR)
+    every, scale = np.vstack([W, new]), twist_scale(RHO)
+    least = 0.05
+    reaction, residual = nnls((every / scale).T, -(strategy.bias_wrench + least * every.sum(axis=0)) / scale)
+    assert residual < 1e-9
+    assert np.all(reaction + least > 0.0)
+    V = strategy.velocity
+    slip = SPECIFICATION.friction * strategy.normal_forces.sum()
+    assert strategy.bias_wrench @ V >= SPECIFICATION.termination_force + slip
+
+
+def test_bias_without_any_contact_is_none_and_with_a_first_one_is_a_push():
+    assert not hybrid_strategy(move([], DOWN), RHO, SPECIFICATION).bias_wrench.any()
+    first = hybrid_strategy(move([], DOWN, FLOOR[:1]), RHO, SPECIFICATION)
+    assert first.bias_wrench == pytest.approx([0, 0, -1.25 * SPECIFICATION.termination_force, 0, 0, 0], abs=1e-12)
+
+
+def test_a_contact_that_pries_the_others_open_is_reported_not_hidden():
+    # Sliding along the x-wall into one end of the y-wall only: its reaction turns the peg off the x-wall.
+    narrow = [((-0.0101, y, z), (1, 0, 0)) for y in (-0.0101, -0.0065) for z in (-0.03, 0.0)]
+    alone = hybrid_strategy(move(narrow, [0, -0.002, 0, 0, 0, 0], Y_WALL[2:]), RHO, SPECIFICATION)
+    together = hybrid_strategy(move(narrow, [0, -0.002, 0, 0, 0, 0], Y_WALL), RHO, SPECIFICATION)
+    assert not alone.steady
+    assert together.steady
+    assert np.all(alone.normal_forces > 0.0)
+
+
+def test_termination_expects_the_new_contacts_reaction():
+    strategy = hybrid_strategy(move(X_WALL, DOWN, FLOOR[:1]), RHO, SPECIFICATION)
+    end = strategy.termination
+    assert np.allclose(end.wrench, SPECIFICATION.termination_force * contacts(FLOOR[:1])[0][0])
+    assert end.threshold == SPECIFICATION.termination_force
+    assert end.max_travel == pytest.approx(0.011)
+    assert end.timeout == pytest.approx(2 * 0.011 / SPECIFICATION.speed)
+    assert not hybrid_strategy(move(X_WALL, DOWN), RHO, SPECIFICATION).termination.wrench.any()
+
+
+def test_velocity_is_a_unit_twist_in_the_metric_of_rho():
+    strategy = hybrid_strategy(move([], [0.001, 0, 0, 0, 0.2, 0]), RHO, SPECIFICATION)
+    assert np.linalg.norm(strategy.velocity * twist_scale(RHO)) == pytest.approx(1.0)
+    assert strategy.speed == SPECIFICATION.speed
+
+
+@pytest.mark.parametrize("limit", [0.5, 0.02])
+def test_torques_stay_within_the_limit(limit):
+    strategy = hybrid_strategy(move(X_WALL + Y_WALL, DOWN), RHO, replace(SPECIFICATION, torque_limit=limit))
+    assert np.all(np.abs(strategy.bias_wrench[3:]) <= limit + 1e-9)
+
+
+def test_document_has_exactly_the_plan_files_keys():
+    document = hybrid_strategy(move(X_WALL, DOWN, FLOOR), RHO, SPECIFICATION).document()
+    keys = ["frame", "position_axes", "force_axes", "velocity", "speed", "bias_wrench", "termination"]
+    assert list(document) == keys
+    assert list(document["termination"]) == ["wrench", "threshold", "max_travel", "timeout"]
+    assert len(document["position_axes"]) + len(document["force_axes"]) == 6
+    json.dumps(document, allow_nan=False)
+
+
+def test_refuses_a_move_of_no_length():
+    with pytest.raises(ValueError, match="no length"):
+        hybrid_strategy(move(X_WALL, np.zeros(6)), RHO, SPECIFICATION)
+
+
+def test_refuses_a_move_away_from_its_contact():
+    with pytest.raises(InfeasibleError, match=r"does not approach.*free side"):
+        hybrid_strategy(move([], -DOWN, FLOOR), RHO, SPECIFICATION)
+
+
+def test_refuses_a_move_into_a_held_contact():
+    with pytest.raises(InfeasibleError, match=r"runs into a contact that it holds.*release"):
+        hybrid_strategy(move(FLOOR, DOWN, [((0.0, 0.0, -0.03), (0, 0, 1))]), RHO, SPECIFICATION)
+
+
+def test_refuses_forces_that_cannot_make_the_contact_felt():
+    with pytest.raises(InfeasibleError, match=r"no bias wrench within 2 N.*termination_force"):
+        hybrid_strategy(move(X_WALL, DOWN, FLOOR), RHO, replace(SPECIFICATION, contact_force=2.0))
+
+
+def test_a_solver_that_lies_is_caught(monkeypatch):
+    class Answer:
+        status, message = 0, "optimal"
+
+        def __init__(self, size):
+            self.x = np.ones(size)
+
+    monkeypatch.setattr("scipy.optimize.linprog", lambda c, **_: Answer(len(c)))
+    with pytest.raises(SolverError, match="breaks its balance"):
+        hybrid_strategy(move(X_WALL, DOWN, FLOOR), RHO, SPECIFICATION)
+
+
+def test_stays_read_only_through_pickling():
+    strategy = pickle.loads(pickle.dumps(hybrid_strategy(move(X_WALL, DOWN), RHO, SPECIFICATION)))
+    with pytest.raises(ValueError, match="read-only"):
+        strategy.bias_wrench[0] = 1.0
