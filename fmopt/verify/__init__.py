@@ -1,0 +1,22 @@
+"""The independent check of plans: exact arithmetic, the standard library alone, nothing from the rest of the package.
+
+It trusts poses, bases and witnesses of a plan as choices, and derives again what is claimed of them. Contact functions,
+remainders, error sets and knowledge of held contacts are written here a second time, from the same definitions.
+"""
+
+from fmopt.verify.check import verify
+from fmopt.verify.document import PlanError, load
+from fmopt.verify.findings import CERTIFIED, NOT_PROVED, REFUTED, Finding, Verdict, Witness, describe
+
+__all__ = [
+    "CERTIFIED",
+    "NOT_PROVED",
+    "REFUTED",
+    "Finding",
+    "PlanError",
+    "Verdict",
+    "Witness",
+    "describe",
+    "load",
+    "verify",
+]

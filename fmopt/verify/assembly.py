@@ -1,0 +1,165 @@
+"""The two parts of a plan with its contacts resolved to points, lines and planes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from fmopt.verify.covering import uncovered
+from fmopt.verify.document import Contact, Plan
+from fmopt.verify.rational import Vector, add, dot, fixed, length, sub, times
+from fmopt.verify.rows import Distance, Pose, direction_along, edges_apart, face_above, point_above
+from fmopt.verify.solids import Line, Plane, Shape, line, same
+
+
+@dataclass(frozen=True)
+class Touch:
+    """A primitive contact with its geometry.
+
+    Attributes:
+        id: name in the plan.
+        kind: "vertex-face", "face-vertex" or "edge-edge".
+        moving: body points.
+        fixed: world points.
+        plane: of the face (in the world for vertex-face, in the body for face-vertex), None for edge-edge.
+        faces: planes of the fixed faces left and right of a fixed edge, in the world; for vertex-face its own.
+        face: index of the face, −1 for edge-edge.
+        indices: vertex indices of the moving and of the fixed part.
+    """
+
+    id: str
+    kind: str
+    moving: tuple[Vector, ...]
+    fixed: tuple[Vector, ...]
+    plane: Plane | None
+    faces: tuple[Plane, ...]
+    face: int
+    indices: tuple[tuple[int, ...], tuple[int, ...]]
+
+    @property
+    def moving_line(self) -> Line:
+        """The line of the moving edge."""
+        return line(*self.moving)
+
+    @property
+    def fixed_line(self) -> Line:
+        """The line of the fixed edge."""
+        return line(*self.fixed)
+
+
+class Assembly:
+    """The parts, their convex pieces and the contacts of a plan.
+
+    Attributes:
+        moving, fixed: surfaces of the parts.
+        moving_pieces, fixed_pieces: convex pieces.
+        touches: contacts by id.
+        flaws: what is wrong with parts, pieces or contacts.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        self.moving, self.fixed = Shape(plan.moving.body), Shape(plan.fixed.body)
+        self.moving_pieces = tuple(Shape(piece) for piece in plan.moving.pieces)
+        self.fixed_pieces = tuple(Shape(piece) for piece in plan.fixed.pieces)
+        self.touch_tolerance = fixed(plan.touch)
+        self.radius = self.moving.radius + self.fixed.radius
+        self.body_points = _distinct(self.moving, *self.moving_pieces)
+        self.touches: dict[str, Touch] = {}
+        self.flaws = list(self._solids())
+        for contact in plan.contacts:
+            found = self._resolve(contact)
+            if found is None:
+                self.flaws.append(f"contact {contact.id} names no convex edge or whole face of the parts")
+            else:
+                self.touches[contact.id] = found
+
+    def _solids(self) -> Iterator[str]:
+        for name, part, pieces in (
+            ("moving", self.moving, self.moving_pieces),
+            ("fixed", self.fixed, self.fixed_pieces),
+        ):
+            flaws = list(part.flaws())
+            for n, piece in enumerate(pieces):
+                flaws += [f"piece {n}: {flaw}" for flaw in (*piece.flaws(), *piece.bulges())]
+            yield from (f"{name} part: {flaw}" for flaw in flaws or uncovered(part, pieces))
+
+    def agree(self, a: Plane, b: Plane) -> bool:
+        """Whether two planes are one, seen from the same side, to the touch tolerance wherever the parts can be."""
+        turn = length(sub(a.normal, b.normal))
+        return times(turn, self.radius) + abs(a.offset - b.offset) <= self.touch_tolerance
+
+    def _resolve(self, contact: Contact) -> Touch | None:
+        own = tuple(self.moving.vertices[i] for i in contact.moving)
+        other = tuple(self.fixed.vertices[i] for i in contact.fixed)
+        plane: Plane | None = None
+        faces: tuple[Plane, ...] = ()
+        face = -1
+        if contact.kind == "vertex-face":
+            found = self.fixed.face_of(contact.fixed)
+            if found is None:
+                return None
+            face, plane = found, self.fixed.faces[found].plane
+            faces = (plane,)
+        elif contact.kind == "face-vertex":
+            found = self.moving.face_of(contact.moving)
+            if found is None:
+                return None
+            face, plane = found, self.moving.faces[found].plane
+        else:
+            sides = self.fixed.edge(*contact.fixed)
+            if sides is None or not (self.fixed.convex(*contact.fixed) and self.moving.convex(*contact.moving)):
+                return None
+            faces = tuple(self.fixed.faces[k].plane for k in sides)
+        return Touch(contact.id, contact.kind, own, other, plane, faces, face, (contact.moving, contact.fixed))
+
+    def hinge(self, touch: Touch, together: Sequence[Touch]) -> tuple[Plane, Vector, Vector] | None:
+        """The hinge of an edge-edge contact: (wall φ, end a on it, other end b), or None.
+
+        When a vertex-face contact of `together` holds one end exactly on a wall through the fixed edge, the lines of
+        both edges meet exactly when the other end is on that wall too.
+        """
+        if touch.kind != "edge-edge":
+            return None
+        for other in together:
+            if other.kind != "vertex-face" or other.plane is None:
+                continue
+            if any(self.agree(other.plane, face) for face in touch.faces):
+                a, b = touch.moving
+                for one, two in ((a, b), (b, a)):
+                    if same(one, other.moving[0]):
+                        return other.plane, one, two
+        return None
+
+    def function(self, touch: Touch, together: Sequence[Touch], X: Pose) -> Distance:
+        """The row of a contact as an equality: zero exactly while it is held, positive before it is made."""
+        if touch.kind == "vertex-face" and touch.plane is not None:
+            v = touch.moving[0]
+            return point_above(X, v, length(v), touch.plane)
+        if touch.kind == "face-vertex" and touch.plane is not None:
+            return face_above(X, touch.plane, touch.fixed[0])
+        hinge = self.hinge(touch, together)
+        if hinge is not None:
+            k = sub(hinge[2], hinge[1])
+            return direction_along(X, hinge[0].normal, k, length(k))
+        return edges_apart(X, touch.moving_line, touch.fixed_line, touch.moving[0])
+
+
+def _distinct(*shapes: Shape) -> tuple[Vector, ...]:
+    found: list[Vector] = []
+    for shape in shapes:
+        found += [v for v in shape.vertices if not any(same(v, w) for w in found)]
+    return tuple(found)
+
+
+def outward(plane: Plane, a: Vector, b: Vector) -> int:
+    """How far b is above a over a plane."""
+    return dot(plane.normal, sub(b, a))
+
+
+def middle(points: Sequence[Vector]) -> Vector:
+    """The mean of points."""
+    total: Vector = (0, 0, 0)
+    for p in points:
+        total = add(total, p)
+    n = len(points)
+    return (total[0] // n, total[1] // n, total[2] // n)

@@ -1,0 +1,222 @@
+"""The chain of segments: poses, states, bases and error sets handed from one to the next."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from fmopt.verify.assembly import Assembly, Touch
+from fmopt.verify.document import Plan, Segment
+from fmopt.verify.errors import ErrorSet, from_box
+from fmopt.verify.findings import ALLOWANCE, Notes
+from fmopt.verify.knowledge import Facts
+from fmopt.verify.motion import Motion, Task
+from fmopt.verify.rational import ONE, Matrix, Row, add, fixed, over, vector
+from fmopt.verify.rows import pose
+
+Basis = tuple[tuple[Touch, Row], ...]
+_DIRECTION_FLOOR = 1e-11
+
+
+class Broken(ValueError):
+    """The chain cannot be followed beyond a segment."""
+
+
+@dataclass(frozen=True)
+class Link:
+    """What a segment hands on.
+
+    Attributes:
+        errors: error set at its end.
+        thick_along: directions in whose span its thickness generators lie.
+        basis: contacts that the next piece finds held by the basis, with directions.
+        facts: what is known to be held then, None at the start of the plan.
+    """
+
+    errors: ErrorSet
+    thick_along: tuple[Row, ...]
+    basis: Basis
+    facts: Facts | None
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A segment with everything that its claims are derived from."""
+
+    segment: Segment
+    motion: Motion
+    facts: Facts
+    state: tuple[Touch, ...]
+    goal_state: tuple[Touch, ...]
+    made: Touch | None
+
+
+class Chain:
+    """Follows a plan segment by segment.
+
+    Args:
+        plan: the plan.
+        assembly: its parts and contacts.
+    """
+
+    def __init__(self, plan: Plan, assembly: Assembly) -> None:
+        self.plan = plan
+        self.assembly = assembly
+        self.link = Link(from_box(plan.start_box), (), (), None)
+        self.previous: Segment | None = None
+        self._facts: dict[tuple[int, tuple[str, ...]], Facts] = {}
+
+    def follow(self, segment: Segment, notes: Notes) -> Stage:
+        """Derives a segment from the one before it.
+
+        Raises:
+            Broken: the segment does not fit to the one before it.
+            ArithmeticRefusal: see `Motion`.
+        """
+        self._connect(segment)
+        before = self.previous
+        state, goal_state = self._touches(segment.state), self._touches(segment.goal_state)
+        held, made = self._basis(segment, notes)
+        start, goal = pose(segment.start), pose(segment.goal)
+        basis_facts = self._known(segment.move, [t for t, _ in held], start.R)
+        for touch in state:
+            if not basis_facts.implies(touch):
+                raise Broken(f"holds {touch.id}, which its basis does not imply")
+        facts = self._known(segment.move, state, start.R)
+        if before is not None:
+            self._nothing_lost(before.goal_state if before.move != segment.move else before.state, state, start.R)
+        if set(segment.state) - set(segment.goal_state):
+            raise Broken("its goal state must hold all that its state holds")
+        errors = self._without_thickness(held)
+        s0, s1 = (fixed(s) for s in segment.progress)
+        task = Task(
+            start,
+            goal,
+            held,
+            made,
+            state,
+            goal_state,
+            ONE if s1 == ONE else over(s1 - s0, ONE - s0),
+            fixed(segment.tube.theta) + ALLOWANCE,
+            add(vector(segment.tube.box), (ALLOWANCE, ALLOWANCE, ALLOWANCE)),
+            (fixed(self.plan.velocity_error[0]), fixed(self.plan.velocity_error[1])),
+            fixed(self.plan.rho),
+        )
+        motion = Motion(self.assembly, task, errors)
+        if made is not None and motion.made_direction is not None:
+            notes.equal(f"direction of {made.id}", segment.basis[-1][1], motion.made_direction, _DIRECTION_FLOOR)
+        self._hand_on(segment, task, motion, goal_state)
+        return Stage(segment, motion, facts, state, goal_state, made)
+
+    def finish(self, notes: Notes) -> None:
+        """Checks the end of the plan."""
+        last = self.previous
+        if last is None or last.progress[1] != 1.0:
+            notes.add("last segment", "does not end its move")
+        if last is not None and any(abs(a - b) > 1e-12 for a, b in zip(last.goal, self.plan.goal, strict=True)):
+            notes.add("goal", "the last segment does not end at the stated goal")
+
+    def _touches(self, ids: Sequence[str]) -> tuple[Touch, ...]:
+        missing = [i for i in ids if i not in self.assembly.touches]
+        if missing:
+            raise Broken(f"uses contact {missing[0]}, which is not sound")
+        return tuple(self.assembly.touches[i] for i in ids)
+
+    def _connect(self, segment: Segment) -> None:
+        before = self.previous
+        if before is None:
+            if segment.state or segment.move != 0 or segment.progress[0] != 0.0:
+                raise Broken("the plan must start with move 0 at progress 0, without contacts")
+            return
+        if before.goal != segment.start:
+            raise Broken("does not start where the segment before it ends")
+        if segment.move == before.move:
+            if _aim(segment) != _aim(before):
+                raise Broken("what the move is to make changes within it")
+            if segment.progress[0] != before.progress[1]:
+                raise Broken("progress does not continue")
+        elif segment.move != before.move + 1 or before.progress[1] != 1.0 or segment.progress[0] != 0.0:
+            raise Broken("moves must follow each other, each from progress 0 to 1")
+
+    def _basis(self, segment: Segment, notes: Notes) -> tuple[Basis, Touch | None]:
+        made = None
+        entries = list(segment.basis)
+        if any(flag for _, _, flag in entries[:-1]):
+            raise Broken("only the last entry of the basis can be the contact being made")
+        if entries and entries[-1][2]:
+            made = self._touches([entries.pop()[0]])[0]
+            if made.id in segment.state or made.id not in segment.goal_state:
+                raise Broken(f"makes {made.id}, which must be in its goal state and not in its state")
+        elif set(segment.goal_state) - set(segment.state):
+            raise Broken("its goal state has contacts that nothing makes")
+        available = list(self.link.basis)
+        held = []
+        for name, direction, _ in entries:
+            touch = self._touches([name])[0]
+            found = self._matching(touch, direction, available)
+            if found is None:
+                raise Broken(f"its basis holds {name} along a direction that no earlier move left")
+            del available[: found + 1]
+            held.append((touch, self.link.basis[len(self.link.basis) - len(available) - 1][1]))
+        if len({t.id for t, _ in held}) != len(held) or any(t.id not in segment.state for t, _ in held):
+            raise Broken("its basis repeats a contact, or holds one that is not in its state")
+        for (name, direction, _), (_, derived) in zip(entries, held, strict=True):
+            notes.equal(f"direction of {name}", direction, derived, _DIRECTION_FLOOR)
+        return tuple(held), made
+
+    def _matching(self, touch: Touch, direction: Sequence[float], available: Sequence[tuple[Touch, Row]]) -> int | None:
+        """The earlier basis entry with this direction that the contact continues or may replace."""
+        for k, (known, derived) in enumerate(available):
+            close = all(abs(fixed(x) - y) <= fixed(1e-8) for x, y in zip(direction, derived, strict=True))
+            if close and (known.id == touch.id or (self.link.facts is not None and self.link.facts.implies(touch))):
+                return k
+        return None
+
+    def _nothing_lost(self, before: Sequence[str], after: Sequence[Touch], R: Matrix) -> None:
+        """Contacts may only be left out of a state when the others imply them."""
+        lost = set(before) - {t.id for t in after}
+        if lost:
+            facts = Facts(self.assembly, after, R)
+            for name in sorted(lost):
+                if not facts.implies(self.assembly.touches[name]):
+                    raise Broken(f"loses {name}, which the other contacts do not imply")
+
+    def _known(self, move: int, held: Sequence[Touch], R: Matrix) -> Facts:
+        key = move, tuple(t.id for t in held)
+        if key not in self._facts:
+            self._facts[key] = Facts(self.assembly, held, R)
+        return self._facts[key]
+
+    def _without_thickness(self, held: Basis) -> ErrorSet:
+        """The start set; its old thickness is dropped when every direction that it lies along still gives way."""
+        errors = self.link.errors
+        directions = [c for _, c in held]
+        if all(c in directions for c in self.link.thick_along):
+            return errors
+        return ErrorSet(errors.core + errors.thick, (), errors.growth, errors.shape)
+
+    def _hand_on(self, segment: Segment, task: Task, motion: Motion, goal_state: Sequence[Touch]) -> None:
+        along = tuple(motion.directions)
+        basis: Basis = task.held
+        after = task.state
+        if task.last:
+            if task.made is not None and motion.made_direction is not None:
+                along = (*along, motion.made_direction)
+                basis = (*basis, (task.made, motion.made_direction))
+            reached = self._known(segment.move, [t for t, _ in basis], task.goal.R)
+            for touch in goal_state:
+                if not reached.implies(touch):
+                    raise Broken(f"its goal state has {touch.id}, which its basis does not imply")
+            after = tuple(goal_state)
+        facts = self._known(segment.move, _joined([t for t, _ in basis], after), task.goal.R)
+        self.link = Link(motion.goal_errors, along, basis, facts)
+        self.previous = segment
+
+
+def _aim(segment: Segment) -> tuple[list[str], list[str]]:
+    """What a segment's move is to make: the contact of the basis, and all that come with it."""
+    return [b[0] for b in segment.basis if b[2]], [i for i in segment.goal_state if i not in segment.state]
+
+
+def _joined(a: Sequence[Touch], b: Sequence[Touch]) -> list[Touch]:
+    return [*a, *(t for t in b if all(t.id != s.id for s in a))]

@@ -1,0 +1,111 @@
+"""The check of a whole plan: CERTIFIED, REFUTED with a collision, or NOT_PROVED with what is short."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from fmopt.verify.assembly import Assembly
+from fmopt.verify.chain import Broken, Chain, Stage
+from fmopt.verify.claims import check_segment
+from fmopt.verify.document import Plan, PlanError, Segment
+from fmopt.verify.findings import CERTIFIED, NOT_PROVED, REFUTED, Finding, Notes, Verdict, Witness
+from fmopt.verify.overlap import overlap
+from fmopt.verify.parse import parse
+from fmopt.verify.rational import ArithmeticRefusal, Row, add, exponential, number, product, row_dot
+from fmopt.verify.rows import Distance, Pose, pose
+
+Failed = tuple[tuple[int, int, tuple[Distance, Distance] | None], ...]
+
+
+def verify(document: Mapping[str, Any], expected_sha256: str | None = None) -> Verdict:
+    """Checks a plan from its own geometry, poses, bases and witnesses.
+
+    Everything else that the plan states is derived again, in exact arithmetic with stated rounding, and compared.
+
+    Args:
+        document: the plan as JSON gives it.
+        expected_sha256: digest of the problem that the plan should belong to; not compared when None.
+
+    Raises:
+        PlanError: the document is no plan.
+    """
+    plan = parse(document)
+    try:
+        assembly = Assembly(plan)
+    except ArithmeticRefusal as error:
+        raise PlanError("parts", str(error)) from error
+    notes = Notes(None)
+    if not plan.digest_holds:
+        notes.add("sha256", "the document is not the one that was sealed")
+    if expected_sha256 is not None and plan.problem != expected_sha256:
+        notes.add("problem", "the plan belongs to another problem")
+    for flaw in assembly.flaws:
+        notes.add("parts", flaw)
+    findings, margins, witness = _segments(plan, assembly)
+    found = (*notes.found, *findings)
+    verdict = REFUTED if witness is not None else NOT_PROVED if found else CERTIFIED
+    least = min(margins) if len(margins) == len(plan.segments) else None
+    return Verdict(verdict, found, witness, len(plan.segments), least, plan.not_covered)
+
+
+def _segments(plan: Plan, assembly: Assembly) -> tuple[list[Finding], list[float], Witness | None]:
+    chain = Chain(plan, assembly)
+    findings: list[Finding] = []
+    margins: list[float] = []
+    witness: Witness | None = None
+    everything = [(i, j, None) for i in range(len(assembly.moving_pieces)) for j in range(len(assembly.fixed_pieces))]
+    for k, segment in enumerate(plan.segments):
+        notes = Notes(k)
+        start = chain.link.errors
+        failed: Failed = tuple(everything)
+        try:
+            stage = chain.follow(segment, notes)
+            outcome = check_segment(assembly, stage, start, notes)
+            failed = outcome.failed
+            if outcome.margin is not None:
+                margins.append(number(outcome.margin))
+            errors = _corners(stage, failed) if k == 0 else []
+            broken = False
+        except (Broken, ArithmeticRefusal) as error:
+            notes.add("chain", f"{error}; the segments after it were not looked at")
+            errors, broken = [], True
+        if failed and witness is None:
+            witness = _collision(k, segment, assembly, failed, errors, plan.touch)
+        findings += notes.found
+        if broken:
+            return findings, margins, witness
+    notes = Notes(None)
+    chain.finish(notes)
+    return findings + notes.found, margins, witness
+
+
+def _corners(stage: Stage, failed: Failed) -> list[Row]:
+    """Errors at corners of the start box that press hardest against the rows that failed."""
+    corners = []
+    for _, _, tightest in failed:
+        if tightest is not None:
+            total = [0] * 6
+            for g in stage.motion.errors.core:
+                sign = -1 if row_dot(g, tightest[0].N) > 0 else 1
+                total = [t + sign * x for t, x in zip(total, g, strict=True)]
+            corners.append((total[0], total[1], total[2], total[3], total[4], total[5]))
+    return corners
+
+
+def _collision(
+    k: int, segment: Segment, assembly: Assembly, failed: Failed, errors: Iterable[Row], touch: float
+) -> Witness | None:
+    """A pose of the segment, nominal or at a corner of the start box, at which a pair that failed overlaps."""
+    start, goal = pose(segment.start), pose(segment.goal)
+    none: Row = (0, 0, 0, 0, 0, 0)
+    tries = [(start, segment.start, none), (goal, segment.goal, none)]
+    for e in errors:
+        moved = Pose(add(start.p, e[:3]), product(exponential(e[3:]), start.R))
+        tries.append((moved, segment.start, e))
+    for X, stated, error in tries:
+        for i, j, _ in failed:
+            depth = overlap(assembly.moving_pieces[i], assembly.fixed_pieces[j], X, max(touch, 1e-12))
+            if depth > 0.0:
+                return Witness(k, stated, tuple(number(x) for x in error), (i, j), depth)
+    return None

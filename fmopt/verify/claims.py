@@ -1,0 +1,178 @@
+"""The claims of one segment against what follows from its poses, basis and witnesses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fmopt.verify.approach import approach
+from fmopt.verify.assembly import Assembly
+from fmopt.verify.chain import Stage
+from fmopt.verify.errors import ErrorSet
+from fmopt.verify.facets import facet_margin
+from fmopt.verify.findings import ALLOWANCE, MARGIN_FLOOR, RELATIVE, Notes
+from fmopt.verify.rational import ArithmeticRefusal, Row, length, number, over, root, vector
+from fmopt.verify.rows import Distance
+from fmopt.verify.separation import Apart, Known, WitnessError, apart
+
+# What double arithmetic leaves of entries of shape matrices that should be zero, as radii in m and rad, and as a share.
+_SHAPE_FLOOR = (1e-11,) * 3 + (3e-9,) * 3
+_SHAPE_SKEW = (1e-17,) * 3 + (1e-15,) * 3
+_ROUNDING = 1e-13
+_GENERATOR_FLOOR = 1e-16
+_NORMAL_FLOOR = 1e-14
+_VELOCITY_FLOOR = 1e-11
+_RECIPROCAL = 1e-9
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a segment comes to.
+
+    Attributes:
+        margin: the least derived margin, fixed point; None when a claim could not be derived.
+        failed: pairs that are not shown to be apart, with the row that is tightest.
+    """
+
+    margin: int | None
+    failed: tuple[tuple[int, int, tuple[Distance, Distance] | None], ...]
+
+
+def check_segment(assembly: Assembly, stage: Stage, start: ErrorSet, notes: Notes) -> Outcome:
+    """Compares every stated number of a segment with the derived one.
+
+    Args:
+        assembly: parts and contacts.
+        stage: the segment, derived.
+        start: the error set at its start, thickness included.
+        notes: takes what does not agree.
+    """
+    _tube(stage, start, notes)
+    named: list[tuple[int, str]] = []
+    failed = _separations(assembly, stage, named, notes)
+    complete = len(named) == len(assembly.moving_pieces) * len(assembly.fixed_pieces)
+    _contacts(assembly, stage, named, notes)
+    _before(assembly, stage, named, notes)
+    _hybrid(stage, notes)
+    if not complete:
+        return Outcome(None, failed)
+    segment = stage.segment
+    margin = min(value for value, _ in named)
+    notes.at_most("margin", segment.margin, margin)
+    tied = number(margin) * (1.0 + RELATIVE) + MARGIN_FLOOR
+    if not any(name == segment.binding and number(value) <= tied for value, name in named):
+        notes.add("binding_contact", f"{segment.binding!r} is not what is tightest")
+    return Outcome(margin, failed)
+
+
+def _tube(stage: Stage, start: ErrorSet, notes: Notes) -> None:
+    tube, motion = stage.segment.tube, stage.motion
+    for end, errors in (("start", start), ("goal", motion.goal_errors)):
+        _generators(f"generators_{end}", tube.matrices[f"generators_{end}"], errors.generators, notes)
+        for kind, Q in (("shape", errors.shape), ("growth", errors.growth)):
+            stated = tube.matrices[f"{kind}_{end}"]
+            radii = [number(root(Q[a][a])) for a in range(6)]
+            for a in range(6):
+                for b in range(6):
+                    floor = _SHAPE_FLOOR[a] * _SHAPE_FLOOR[b] + _ROUNDING * radii[a] * radii[b]
+                    floor += _SHAPE_SKEW[a] * radii[b] + _SHAPE_SKEW[b] * radii[a]
+                    notes.equal(f"{kind}_{end}[{a}][{b}]", [stated[a][b]], [Q[a][b]], floor)
+    half = motion.half
+    for axis, stated_width in enumerate(tube.box):
+        notes.at_least(f"offset_box[{axis}]", stated_width, half[axis], ALLOWANCE)
+    notes.at_least("offset_max", tube.offset, length(vector(tube.box)))
+    notes.at_least("theta_max", tube.theta, length((half[3], half[4], half[5])), ALLOWANCE)
+
+
+def _generators(what: str, stated: tuple[tuple[float, ...], ...], derived: tuple[Row, ...], notes: Notes) -> None:
+    if len(stated) != len(derived):
+        notes.add(what, f"has {len(stated)} generators where the check derives {len(derived)}")
+        return
+    for k, (g, h) in enumerate(zip(stated, derived, strict=True)):
+        notes.equal(f"{what}[{k}]", g, h, _GENERATOR_FLOOR)
+
+
+def _separations(
+    assembly: Assembly, stage: Stage, named: list[tuple[int, str]], notes: Notes
+) -> tuple[tuple[int, int, tuple[Distance, Distance] | None], ...]:
+    segment = stage.segment
+    pairs = [(i, j) for i in range(len(assembly.moving_pieces)) for j in range(len(assembly.fixed_pieces))]
+    if [(s.moving, s.fixed) for s in segment.separations] != pairs:
+        notes.add("separations", "must list every pair of pieces once, in order")
+        return ()
+    hinge = assembly.hinge(stage.made, stage.state) if stage.made is not None else None
+    known = Known(stage.facts, stage.made, hinge)
+    failed: list[tuple[int, int, tuple[Distance, Distance] | None]] = []
+    clearances: list[int] = []
+    for stated in segment.separations:
+        i, j = stated.moving, stated.fixed
+        name = f"pieces {i}/{j}"
+        try:
+            M, F = assembly.moving_pieces[i], assembly.fixed_pieces[j]
+            found: Apart = apart(assembly, M, F, stated.witness, stage.motion, known)
+        except (WitnessError, ArithmeticRefusal) as error:
+            notes.add(name, f"its witness {error}")
+            failed.append((i, j, None))
+            continue
+        named.append((found.margin, name))
+        clearances.append(found.clearance)
+        notes.at_most(name, stated.margin, found.margin)
+        notes.positive(name, found.margin)
+        if found.margin <= 0:
+            failed.append((i, j, found.tightest))
+    if len(clearances) == len(pairs):
+        notes.about("clearance", segment.clearance, min(clearances))
+    return tuple(failed)
+
+
+def _contacts(assembly: Assembly, stage: Stage, named: list[tuple[int, str]], notes: Notes) -> None:
+    segment, motion = stage.segment, stage.motion
+    last = motion.task.last
+    new = [t for t in stage.goal_state if t.id not in segment.state] if last else []
+    expected = [(t, "held") for t in stage.state] + [(t, "made") for t in new]
+    if [(c.id, c.role) for c in segment.contacts] != [(t.id, role) for t, role in expected]:
+        notes.add("contacts", "must list the contacts of the state, then on a move's last piece the new ones")
+        return
+    forms = stage.goal_state if last else stage.state
+    for stated, (touch, role) in zip(segment.contacts, expected, strict=True):
+        held = role == "held"
+        margin = facet_margin(assembly, touch, stage.state if held else stage.goal_state, motion, held)
+        named.append((margin, touch.id))
+        notes.at_most(f"margin of {touch.id}", stated.margin, margin)
+        notes.positive(touch.id, margin)
+        start, goal = (assembly.function(touch, forms, X) for X in (motion.task.start, motion.task.goal))
+        notes.equal(f"normal of {touch.id}", stated.normal, goal.N, _NORMAL_FLOOR)
+        notes.equal(f"offset of {touch.id}", [stated.offset], [-goal.f], MARGIN_FLOOR)
+        notes.at_least(f"remainder of {touch.id}", stated.remainder, motion.rest(start, goal), ALLOWANCE)
+
+
+def _before(assembly: Assembly, stage: Stage, named: list[tuple[int, str]], notes: Notes) -> None:
+    """That the contact being made is not there when the move starts, and comes nearer all along.
+
+    Its row then has one zero on every execution's way, at which the execution stops.
+    """
+    motion = stage.motion
+    if stage.made is None or motion.made_rows is None:
+        return
+    if stage.segment.progress[0] == 0.0:
+        room = motion.at_start(*motion.made_rows)
+        name = f"{stage.made.id} too early"
+        named.append((room, name))
+        notes.positive(name, room)
+    if approach(motion) <= 0:
+        notes.add(stage.made.id, "some executions may move away from it before they touch")
+
+
+def _hybrid(stage: Stage, notes: Notes) -> None:
+    """That the control strategy goes along V, and servoes what the held contacts leave free and nothing else."""
+    hybrid, motion = stage.segment.hybrid, stage.motion
+    if hybrid is None:
+        return
+    notes.equal("velocity", hybrid.velocity, [over(x, motion.length) for x in motion.twist], _VELOCITY_FLOOR)
+    counts = len(hybrid.position_axes), len(hybrid.force_axes)
+    held = len(motion.contacts)
+    if counts != (6 - held, held):
+        notes.add("hybrid", f"has {counts[0]} position and {counts[1]} force axes for {held} independent contacts")
+    for twist in hybrid.position_axes:
+        for wrench in hybrid.force_axes:
+            if abs(sum(a * b for a, b in zip(twist, wrench, strict=True))) > _RECIPROCAL:
+                notes.add("hybrid", "a force axis does work along a position axis")

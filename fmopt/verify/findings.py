@@ -1,0 +1,163 @@
+"""What the check has to say: findings, the verdict, and both as text."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from fmopt.verify.rational import fixed, number
+
+CERTIFIED = "CERTIFIED"
+REFUTED = "REFUTED"
+NOT_PROVED = "NOT_PROVED"
+RELATIVE = 1e-10  # stated numbers must agree with re-derived ones to this share
+MARGIN_FLOOR = 4e-15  # m: and margins to this absolute difference, on the safe side only
+ALLOWANCE = fixed(4e-15)  # m and rad: added to every stated bound of errors before it is used
+_OTHER_SIDE = 1e-16  # m: rounding allowed to numbers that nothing rests on
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that keeps a plan from being certified.
+
+    Args:
+        segment: index of the segment, None for the plan as a whole.
+        what: the pair, contact or number concerned.
+        shortfall: by how much it is short, m (0 where that has no meaning).
+        message: in words.
+    """
+
+    segment: int | None
+    what: str
+    shortfall: float
+    message: str
+
+    def __str__(self) -> str:
+        where = "plan" if self.segment is None else f"segment {self.segment}"
+        return f"{where}: {self.what}: {self.message}"
+
+
+@dataclass(frozen=True)
+class Witness:
+    """A pose at which two pieces certainly overlap.
+
+    Args:
+        segment: index of the segment.
+        pose: (x, y, z, rotation vector), m and rad.
+        error: error (e, ε) on top of that nominal pose, zero for the nominal pose itself.
+        pair: moving and fixed piece.
+        depth: certain depth of a common point in both pieces, m.
+    """
+
+    segment: int
+    pose: tuple[float, ...]
+    error: tuple[float, ...]
+    pair: tuple[int, int]
+    depth: float
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The outcome of a check.
+
+    Args:
+        verdict: CERTIFIED, REFUTED or NOT_PROVED.
+        findings: everything that stands in the way of CERTIFIED.
+        witness: for REFUTED, where the parts collide.
+        segments: number of segments in the plan.
+        margin: least re-derived margin of all segments that could be re-derived, m; None without any.
+        not_covered: what the plan says that it does not cover.
+    """
+
+    verdict: str
+    findings: tuple[Finding, ...]
+    witness: Witness | None
+    segments: int
+    margin: float | None
+    not_covered: tuple[str, ...]
+
+    def lines(self) -> list[str]:
+        """The verdict as text for people."""
+        return describe(self)
+
+
+class Notes:
+    """Collects findings on one segment, or on the plan.
+
+    Args:
+        segment: index of the segment, None for the plan.
+    """
+
+    def __init__(self, segment: int | None) -> None:
+        self.segment = segment
+        self.found: list[Finding] = []
+
+    def add(self, what: str, message: str, shortfall: float = 0.0) -> None:
+        """Notes a finding."""
+        self.found.append(Finding(self.segment, what, shortfall, message))
+
+    def equal(self, what: str, stated: Sequence[float], derived: Sequence[int], floor: float) -> None:
+        """Stated numbers must be the derived ones."""
+        if len(stated) != len(derived):
+            self.add(what, f"has {len(stated)} numbers where the check derives {len(derived)}")
+            return
+        for k, (x, y) in enumerate(zip(stated, derived, strict=True)):
+            value = number(y)
+            if abs(x - value) > RELATIVE * abs(value) + floor:
+                self.add(what, f"entry {k} is stated as {x!r}, but follows as {value!r}")
+                return
+
+    def at_most(self, what: str, stated: float, derived: int) -> None:
+        """A margin must not exceed the derived one, and be it but for rounding."""
+        value = number(derived)
+        if fixed(stated) > derived:
+            self.add(what, f"{micrometres(stated)} are stated, only {micrometres(value)} follow", stated - value)
+        elif value - stated > RELATIVE * abs(value) + MARGIN_FLOOR:
+            self.add(what, f"{micrometres(stated)} are stated, but {micrometres(value)} follow")
+
+    def at_least(self, what: str, stated: float, derived: int, allowance: int = 0) -> None:
+        """A bound of errors must not be below the derived one, and be it but for rounding or an allowance."""
+        value = number(derived)
+        if fixed(stated) + allowance < derived:
+            self.add(what, f"is stated as {stated!r}, below the {value!r} that follow", value - stated)
+        elif stated - value > RELATIVE * abs(value) + MARGIN_FLOOR:
+            self.add(what, f"is stated as {stated!r}, above the {value!r} that follow")
+
+    def about(self, what: str, stated: float, derived: int) -> None:
+        """A clearance that nothing rests on must not exceed the derived one but for rounding."""
+        value = number(derived)
+        if not -(RELATIVE * abs(value) + MARGIN_FLOOR) <= stated - value <= _OTHER_SIDE:
+            self.add(what, f"{micrometres(stated)} are stated, but {micrometres(value)} follow", stated - value)
+
+    def positive(self, what: str, derived: int) -> None:
+        """A derived margin must be positive."""
+        if derived <= 0:
+            value = number(derived)
+            self.add(what, f"short by {micrometres(-value)}", -value)
+
+
+def micrometres(x: float) -> str:
+    """A length in µm, with the digits that tell margins apart."""
+    return f"{x * 1e6:.9g} µm"
+
+
+def describe(verdict: Verdict) -> list[str]:
+    """The verdict as lines of text, with what it does not cover."""
+    lines = [f"verdict: {verdict.verdict} ({verdict.segments} segments)"]
+    if verdict.margin is not None:
+        lines.append(f"least margin: {micrometres(verdict.margin)}")
+    if verdict.witness is not None:
+        w = verdict.witness
+        lines.append(
+            f"collision: segment {w.segment}, moving piece {w.pair[0]} and fixed piece {w.pair[1]} overlap, a common "
+            f"point lies {micrometres(w.depth)} inside both"
+        )
+        lines.append("at pose (m, rad): " + " ".join(repr(x) for x in w.pose))
+        if any(w.error):
+            lines.append("with error (m, rad): " + " ".join(repr(x) for x in w.error))
+    lines += [str(finding) for finding in verdict.findings]
+    lines.append("checked: that for every error in the stated set the pieces of the parts stay apart up to the touch")
+    lines.append("tolerance, and that every contact is made and held inside its facet, under the stated motion model")
+    lines.append("not covered: friction, compliance, dynamics, and whether the real error lies in the stated set")
+    lines += [f"not covered, says the plan: {text}" for text in verdict.not_covered]
+    return lines

@@ -1,0 +1,85 @@
+"""Taking values out of a JSON document, with the place in it when one is wrong."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+from fmopt.verify.document import Numbers, PlanError
+
+
+class Reader:
+    """A place in the document: takes values out of it and says where when they are wrong."""
+
+    def __init__(self, value: Any, path: str) -> None:
+        self.value = value
+        self.path = path
+
+    def fail(self, message: str) -> PlanError:
+        return PlanError(self.path, message)
+
+    def at(self, key: str) -> Reader:
+        if not isinstance(self.value, dict):
+            raise self.fail("must be an object")
+        if key not in self.value:
+            raise self.fail(f"lacks the key {key!r}")
+        return Reader(self.value[key], f"{self.path}.{key}" if self.path else key)
+
+    def has(self, key: str) -> bool:
+        return isinstance(self.value, dict) and key in self.value
+
+    def only(self, required: Iterable[str], optional: Iterable[str] = ()) -> Reader:
+        for key in required:
+            self.at(key)
+        unknown = sorted(str(key) for key in set(self.value) - set(required) - set(optional))
+        if unknown:
+            raise self.fail(f"unknown key {unknown[0]!r}: what this check does not know it cannot vouch for")
+        return self
+
+    def items(self, least: int = 0, exact: int | None = None) -> list[Reader]:
+        if not isinstance(self.value, list | tuple):
+            raise self.fail("must be a list")
+        if len(self.value) < least or (exact is not None and len(self.value) != exact):
+            raise self.fail(f"must have {f'{exact}' if exact is not None else f'at least {least}'} entries")
+        return [Reader(item, f"{self.path}[{i}]") for i, item in enumerate(self.value)]
+
+    def number(self, low: float = -1e6, high: float = 1e6) -> float:
+        if isinstance(self.value, bool) or not isinstance(self.value, int | float):
+            raise self.fail("must be a number")
+        if not (math.isfinite(self.value) if isinstance(self.value, float) else abs(self.value) < 10**9):
+            raise self.fail("must be a finite number")
+        if not low <= self.value <= high:
+            raise self.fail(f"must lie between {low:g} and {high:g}")
+        return float(self.value)
+
+    def numbers(self, count: int, low: float = -1e6, high: float = 1e6) -> Numbers:
+        return tuple(item.number(low, high) for item in self.items(exact=count))
+
+    def matrix(self, rows: int | None) -> tuple[Numbers, ...]:
+        return tuple(item.numbers(6) for item in self.items(exact=rows))
+
+    def integer(self, end: int = 10**6) -> int:
+        if isinstance(self.value, bool) or not isinstance(self.value, int):
+            raise self.fail("must be a whole number")
+        if not 0 <= self.value < end:
+            raise self.fail(f"must lie between 0 and {end - 1}")
+        return self.value
+
+    def indices(self, end: int, least: int = 0, exact: int | None = None) -> tuple[int, ...]:
+        found = tuple(item.integer(end) for item in self.items(least, exact))
+        if len(set(found)) != len(found):
+            raise self.fail("repeats an index")
+        return found
+
+    def text(self, allowed: Iterable[str] | None = None) -> str:
+        if not isinstance(self.value, str):
+            raise self.fail("must be text")
+        if allowed is not None and self.value not in allowed:
+            raise self.fail(f"must be one of {', '.join(allowed)}, not {self.value[:40]!r}")
+        return self.value
+
+    def flag(self) -> bool:
+        if not isinstance(self.value, bool):
+            raise self.fail("must be true or false")
+        return self.value

@@ -1,0 +1,239 @@
+"""That a moving and a fixed piece stay on two sides of a witness plane, whatever the error does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+from fmopt.verify.assembly import Assembly, Touch
+from fmopt.verify.document import Witness
+from fmopt.verify.knowledge import Facts
+from fmopt.verify.motion import Motion
+from fmopt.verify.rational import (
+    ONE,
+    Vector,
+    add,
+    cross,
+    dot,
+    fixed,
+    length,
+    neg,
+    over,
+    scaled,
+    sub,
+    times,
+    turned,
+    unit,
+    vector,
+)
+from fmopt.verify.rows import Distance, Pose, direction_along, edges_apart, face_above, point_above
+from fmopt.verify.solids import NEAR, Line, Plane, Shape, line, on_line
+
+Function = Callable[[Pose], Distance]
+
+
+class WitnessError(ValueError):
+    """A witness that names no face or edge, or holds nothing to be checked."""
+
+
+@dataclass(frozen=True)
+class Known:
+    """What contacts say during the piece: facts of the held ones, and the contact being made.
+
+    Attributes:
+        facts: of all contacts of the state.
+        made: the basis contact that the move makes, or None.
+        hinge: its hinge, when it has one among the held contacts.
+    """
+
+    facts: Facts
+    made: Touch | None
+    hinge: tuple[Plane, Vector, Vector] | None
+
+    def above(self, assembly: Assembly, plane: Plane) -> list[Vector]:
+        """Body points that the contact being made keeps from crossing a plane until it touches."""
+        if self.made is None:
+            return []
+        if self.made.kind == "vertex-face" and assembly.agree(self.made.faces[0], plane):
+            return [self.made.moving[0]]
+        if self.hinge is not None and assembly.agree(self.hinge[0], plane):
+            return [self.hinge[2]]
+        return []
+
+
+@dataclass(frozen=True)
+class Apart:
+    """Outcome for a pair, in fixed point: certified margin and nominal clearance, m; the row that is tightest."""
+
+    margin: int
+    clearance: int
+    tightest: tuple[Distance, Distance] | None
+
+
+def apart(assembly: Assembly, M: Shape, F: Shape, witness: Witness, motion: Motion, known: Known) -> Apart:
+    """Margin and clearance of a witness over a piece of motion.
+
+    Raises:
+        WitnessError: see there.
+    """
+    scale = ONE
+    if witness.kind == "edges":
+        functions, scale = _edge_rows(assembly, M, F, witness, motion, known)
+    elif witness.kind == "moving-face":
+        functions = _moving_face_rows(assembly, M, F, witness, known)
+    else:
+        functions = _fixed_plane_rows(assembly, M, F, witness, known)
+    if not functions:
+        raise WitnessError("every row is excused")
+    task = motion.task
+    rows = [(function(task.start), function(task.goal)) for function in functions]
+    clearance = min(min(s.f, g.f) for s, g in rows)
+    margin, tightest = least(motion, rows)
+    if scale != ONE:
+        margin, clearance = over(margin, scale), over(clearance, scale)
+    return Apart(margin, clearance, tightest)
+
+
+def least(motion: Motion, rows: Sequence[tuple[Distance, Distance]]) -> tuple[int, tuple[Distance, Distance] | None]:
+    """The least certified bound of rows; rows that the errors' box keeps far away are not looked at closely."""
+    quick = sorted(((motion.far(s, g), k) for k, (s, g) in enumerate(rows)))
+    margin: int | None = None
+    tightest = None
+    for far, k in quick:
+        if margin is not None and far >= margin:
+            break
+        found = motion.lowest(*rows[k])
+        if margin is None or found < margin:
+            margin, tightest = found, rows[k]
+    assert margin is not None
+    return margin, tightest
+
+
+def _face(shape: Shape, loop: tuple[int, ...]) -> int:
+    found = shape.face_of(loop) if len(loop) >= 3 else None
+    if found is None:
+        raise WitnessError("names no face of the piece")
+    return found
+
+
+def _point_row(v: Vector, reach: int, plane: Plane) -> Function:
+    return lambda X: point_above(X, v, reach, plane)
+
+
+def _fixed_plane_rows(assembly: Assembly, M: Shape, F: Shape, witness: Witness, known: Known) -> list[Function]:
+    done: set[int] = set()
+    if witness.kind == "plane":
+        normal = vector(witness.normal)
+        size = length(normal)
+        if abs(size - ONE) > ONE >> 1:
+            raise WitnessError("has no unit normal")
+        n = unit(normal)
+        plane = Plane(n, max(over(fixed(witness.offset), size), *(dot(n, w) for w in F.vertices)))
+    else:
+        plane = F.supporting(_face(F, witness.fixed))
+        done = known.facts.not_below(plane, M.vertices, known.above(assembly, plane))
+    kept = [k for k in range(len(M.vertices)) if k not in done]
+    return [_point_row(M.vertices[k], M.lengths[k], plane) for k in kept]
+
+
+def _moving_face_rows(assembly: Assembly, M: Shape, F: Shape, witness: Witness, known: Known) -> list[Function]:
+    plane = M.supporting(_face(M, witness.moving))
+    touching = [t for t in (*known.facts.held, known.made) if t is not None and t.kind == "face-vertex"]
+    on = [t.fixed[0] for t in touching if t.plane is not None and assembly.agree(t.plane, plane)]
+    kept = [w for w in F.vertices if not any(length(sub(w, x)) <= NEAR for x in on)]
+
+    def row(w: Vector) -> Function:
+        return lambda X: face_above(X, plane, w)
+
+    return [row(w) for w in kept]
+
+
+def _edge_rows(
+    assembly: Assembly, M: Shape, F: Shape, witness: Witness, motion: Motion, known: Known
+) -> tuple[list[Function], int]:
+    a, b = (M.vertices[i] for i in witness.moving)
+    c, d = (F.vertices[i] for i in witness.fixed)
+    moving, base = line(a, b), line(c, d)
+    anchors = list(_anchors(known, moving, base))
+    functions: list[Function] = []
+    kept = M.vertices
+    if anchors:
+        kept = tuple(
+            v
+            for v in M.vertices
+            if not moving.holds(v) and not any(known.facts.beside(v, p, base.direction) for p in (a, b))
+        )
+        functions += [_relative(base.direction, cross(sub(v, a), moving.direction)) for v in kept]
+    else:
+        functions += [_over(moving, base, v) for v in kept]
+    below = {k for k, w in enumerate(F.vertices) if base.holds(w)}
+    if any(held for held in anchors):
+        for v, inward, wall in _turned_onto(assembly, known, moving, base):
+            if _outside(motion, moving, base, wall):
+                functions.append(_point_row(v, length(v), inward))
+                below |= {
+                    k for k, w in enumerate(F.vertices) if abs(wall.height(w)) <= NEAR and inward.height(w) >= -NEAR
+                }
+    for k, w in enumerate(F.vertices):
+        if k not in below:
+            functions.append(_relative(neg(cross(base.direction, sub(w, base.point))), moving.direction))
+    return functions, _scale(motion, moving, base)
+
+
+def _over(moving: Line, base: Line, v: Vector) -> Function:
+    return lambda X: edges_apart(X, moving, base, v)
+
+
+def _relative(u: Vector, k: Vector) -> Function:
+    reach = times(length(u), length(k)) + 2
+    return lambda X: direction_along(X, u, k, reach)
+
+
+def _scale(motion: Motion, moving: Line, base: Line) -> int:
+    """An upper bound of |R e_m × e_f|, at most 1."""
+    sines = [
+        length(cross(turned(X.R, moving.direction), base.direction)) for X in (motion.task.start, motion.task.goal)
+    ]
+    return min(ONE, max(sines) + motion.task.theta + motion.extent.turn)
+
+
+def _anchors(known: Known, moving: Line, base: Line) -> Iterator[bool]:
+    """Contacts of just these two edges: True for a held one, False for the one being made."""
+    for touch in (*known.facts.held, known.made):
+        if touch is None or touch.kind != "edge-edge":
+            continue
+        if not (on_line(touch.moving_line, moving) and on_line(touch.fixed_line, base)):
+            continue
+        held = touch is not known.made
+        same_side = dot(touch.moving_line.direction, moving.direction) * dot(touch.fixed_line.direction, base.direction)
+        if held or (known.hinge is None and same_side > 0):
+            yield held
+
+
+def _turned_onto(assembly: Assembly, known: Known, moving: Line, base: Line) -> Iterator[tuple[Vector, Plane, Plane]]:
+    """Points of the moving edge known to be on or above a wall along the fixed edge: (point, rim plane, wall).
+
+    The witness plane holds the fixed edge and this point. With the point on or above the wall and inside its rim, the
+    wall is behind the plane.
+    """
+    for touch in (*known.facts.held, known.made):
+        if touch is None or touch.kind != "vertex-face" or not moving.holds(touch.moving[0]):
+            continue
+        wall = touch.faces[0]
+        if abs(wall.height(base.point)) > NEAR or abs(dot(wall.normal, base.direction)) > NEAR:
+            continue
+        total: Vector = (0, 0, 0)
+        for w in touch.fixed:
+            total = add(total, sub(w, base.point))
+        n = len(touch.fixed)
+        inward = (total[0] // n, total[1] // n, total[2] // n)
+        for axis in (base.direction, wall.normal):
+            inward = sub(inward, scaled(dot(axis, inward), axis))
+        inward = unit(inward)
+        yield touch.moving[0], Plane(inward, dot(inward, base.point)), wall
+
+
+def _outside(motion: Motion, moving: Line, base: Line, wall: Plane) -> bool:
+    """Whether the witness plane's normal R e_m × e_f has a positive part along the wall's, over the whole piece."""
+    row = _relative(cross(base.direction, wall.normal), moving.direction)
+    return motion.lowest(row(motion.task.start), row(motion.task.goal)) > 0

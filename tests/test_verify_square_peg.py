@@ -1,0 +1,29 @@
+"""The check of the square peg's own plan: accepted as it is, rejected with any claim changed for the worse."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from plan_mutations import claims, numbers
+
+from fmopt.verify import CERTIFIED, NOT_PROVED, verify
+
+
+def test_the_untouched_plan_is_certified(square_peg_plan: dict[str, Any]) -> None:
+    verdict = verify(square_peg_plan, square_peg_plan["problem"]["sha256"])
+    assert verdict.findings == ()
+    assert verdict.verdict == CERTIFIED
+
+
+def test_numbers_changed_for_the_worse_are_rejected(square_peg_plan: dict[str, Any]) -> None:
+    for name, mutant in numbers(square_peg_plan, 1):
+        assert verify(mutant).verdict == NOT_PROVED, name
+
+
+def test_changed_claims_are_rejected(square_peg_plan: dict[str, Any]) -> None:
+    for name, mutant in claims(square_peg_plan):
+        assert verify(mutant).verdict != CERTIFIED, name
+
+
+def test_another_problem_is_rejected(square_peg_plan: dict[str, Any]) -> None:
+    assert verify(square_peg_plan, "0" * 63 + "1").verdict == NOT_PROVED
