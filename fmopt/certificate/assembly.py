@@ -1,0 +1,113 @@
+"""The two parts of an assembly, and which of their features, planes, lines and points are the same."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fmopt.certificate.rows import Mask, crossed, length, lengths
+from fmopt.contact.primitive import Kind, PrimitiveContact
+from fmopt.geometry.part import Part
+from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.values import Array
+
+TOUCH = 1e-9  # m: two planes closer than this, wherever the parts can be, are the same
+NEAR = 1e-11  # m: points and lines of one part closer than this are the same
+
+
+@dataclass(frozen=True, eq=False)
+class Assembly:
+    """The two parts: the moving one in its body frame, the fixed one in the B-frame."""
+
+    moving: Part
+    fixed: Part
+
+    @cached_property
+    def body_points(self) -> Array:
+        """All vertices (n, 3) of the moving part, then those that only its pieces have."""
+        found = list(self.moving.polyhedron.vertices)
+        for piece in self.moving.pieces:
+            found += [v for v in piece.vertices if not any(same(v, w) for w in found)]
+        return np.array(found)
+
+    @cached_property
+    def radius(self) -> float:
+        """How far from the origin a plane may matter, m."""
+        parts = (self.moving.polyhedron, self.fixed.polyhedron)
+        return sum(float(lengths(part.vertices).max()) for part in parts)
+
+    @cached_property
+    def fixed_planes(self) -> tuple[tuple[Array, Array], ...]:
+        """Unit normals (m, 3) and offsets (m,) of the faces of each fixed piece."""
+        return tuple((piece.normals, piece.offsets) for piece in self.fixed.pieces)
+
+    @cached_property
+    def _carried(self) -> dict[Polyhedron, frozenset[tuple[str, int]]]:
+        parts = (self.moving, self.fixed)
+        return {piece: _carried(part.polyhedron, piece) for part in parts for piece in part.pieces}
+
+    def carried(self, piece: Polyhedron) -> frozenset[tuple[str, int]]:
+        """Which vertices, edges and faces of its part a piece carries, as (kind, index)."""
+        return self._carried[piece]
+
+    def agree(self, normal: Array, offset: float, other: Array, other_offset: float) -> bool:
+        """Whether two planes are one, seen from the same side."""
+        turn = length(normal - other)
+        return turn * self.radius + abs(offset - other_offset) <= TOUCH
+
+
+def _carried(part: Polyhedron, piece: Polyhedron) -> frozenset[tuple[str, int]]:
+    vertices = [n for n, v in enumerate(part.vertices) if (lengths(piece.vertices - v) <= TOUCH).any()]
+    spans = piece.vertices[[edge.vertices for edge in piece.edges]]
+    edges = []
+    for n, edge in enumerate(part.edges):
+        a, b = part.vertices[list(edge.vertices)]
+        off = lengths(crossed(spans - a, (b - a) / length(b - a)))
+        if (off <= TOUCH).all(axis=1).any():
+            edges.append(n)
+    planes = [(face.normal, face.offset) for face in piece.faces]
+    faces = [
+        n
+        for n, face in enumerate(part.faces)
+        if any(in_plane(part.vertices[list(face.loops[0])], normal, offset) for normal, offset in planes)
+    ]
+    return frozenset([*(("vertex", n) for n in vertices), *(("edge", n) for n in edges), *(("face", n) for n in faces)])
+
+
+def in_plane(points: Array, normal: Array, offset: float) -> bool:
+    """Whether all points (k, 3) lie in the plane, to `TOUCH`."""
+    return bool(np.all(np.abs(points @ normal - offset) <= TOUCH))
+
+
+def same(a: Array, b: Array) -> bool:
+    """Whether two points coincide, to `NEAR`."""
+    return bool(np.abs(a - b).max() <= NEAR)
+
+
+def on_line(points: Array, a: Array, direction: Array) -> Mask:
+    """Which points (k, 3) lie on the line through a along a unit direction, to `NEAR`."""
+    return np.asarray(lengths(crossed(points - a, direction)) <= NEAR)
+
+
+def hinge(
+    assembly: Assembly, contact: PrimitiveContact, together: Sequence[PrimitiveContact]
+) -> tuple[int, int, int] | None:
+    """The hinge of an edge–edge contact: (fixed face φ, body vertex a on it, other end b), None without.
+
+    When a vertex–face contact of `together` holds one end exactly on a wall through the fixed edge, the lines of both
+    edges meet exactly when the other end is on that wall too.
+    """
+    if contact.kind is not Kind.EDGE_EDGE:
+        return None
+    fixed = assembly.fixed.polyhedron
+    sides = [fixed.faces[n] for n in fixed.edges[contact.fixed_feature].faces]
+    for other in together:
+        if other.kind is Kind.VERTEX_FACE and other.moving[0] in contact.moving:
+            face = fixed.faces[other.fixed_feature]
+            if any(assembly.agree(face.normal, face.offset, side.normal, side.offset) for side in sides):
+                a, b = contact.moving
+                return (other.fixed_feature, a, b) if other.moving[0] == a else (other.fixed_feature, b, a)
+    return None

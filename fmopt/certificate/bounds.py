@@ -1,0 +1,328 @@
+"""Whether a contact stays inside its facet: the touching point within the face, or within both edges."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from fmopt.certificate.assembly import NEAR, Assembly
+from fmopt.certificate.knowledge import held_on, other_rim, taken_turns
+from fmopt.certificate.rows import Forms, crossed, directions_along, faces_above, length, points_above, stacked
+from fmopt.contact.primitive import Kind, PrimitiveContact
+from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.values import Array
+
+UNBOUNDED = 1.0  # m; the margin of a contact that nothing bounds
+_BEYOND = 1e-6  # m; how far beyond a blocked rim material must go on
+_MEMORY = 512
+
+Span = tuple[float, float]
+"""An open interval of depths, m."""
+
+Judge = Callable[[Array], float]
+"""The margin of a contact, m, from the lower bounds (k,) of all rows."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bounds:
+    """Rows that bound contacts, and what their lower bounds say of each contact.
+
+    Args:
+        forms: the rows.
+        judges: for each contact, its margin from the lower bounds of the rows.
+    """
+
+    forms: Forms
+    judges: tuple[Judge, ...]
+
+    def margins(self, lower: Array) -> list[float]:
+        """Margins of the contacts, m, from the lower bounds (k,) of the rows."""
+        return [judge(lower) for judge in self.judges]
+
+
+@lru_cache(maxsize=_MEMORY)
+def bounds(
+    assembly: Assembly, contacts: tuple[PrimitiveContact, ...], together: tuple[PrimitiveContact, ...]
+) -> Bounds:
+    """How far contacts stay from the boundaries of their facets.
+
+    A vertex on a face keeps away from the face's rims. A rim with another wall behind it is waived as far as material
+    goes on there: that wall, as a piece, keeps the vertex out. So is a rim that an edge through the vertex crosses,
+    when the edge's other end is held on the same face farther inside, or the edge properly crosses another rim: edge
+    and vertex take turns, the edge's line lies in the wall either way. Two edges cross where each has its ends on both
+    sides of the other.
+
+    Args:
+        assembly: the two parts.
+        contacts: held, or just made.
+        together: all contacts held with them.
+    """
+    rows = _Questions([])
+    judges = tuple(_judge(assembly, contact, together, rows) for contact in contacts)
+    return Bounds(stacked(*rows.asked), judges)
+
+
+@dataclass(frozen=True, eq=False)
+class _Questions:
+    """Rows asked for, one form each, while a table of bounds is built."""
+
+    asked: list[Forms]
+
+    def _ask(self, form: Forms) -> int:
+        self.asked.append(form)
+        return len(self.asked) - 1
+
+    def above(self, v: Array, normal: Array, offset: float) -> int:
+        return self._ask(points_above(v[None], normal, offset))
+
+    def along(self, u: Array, k: Array) -> int:
+        return self._ask(directions_along(u[None], k))
+
+    def beneath(self, normal: Array, offset: float, w: Array) -> int:
+        return self._ask(faces_above(normal, offset, w[None]))
+
+
+def _judge(
+    assembly: Assembly, contact: PrimitiveContact, together: Sequence[PrimitiveContact], rows: _Questions
+) -> Judge:
+    if contact.kind is Kind.VERTEX_FACE:
+        return _in_face(assembly, contact, together, rows)
+    if contact.kind is Kind.EDGE_EDGE:
+        return _in_edges(assembly, contact, together, rows)
+    return _on_moving_face(assembly, contact, rows)
+
+
+@dataclass(frozen=True, eq=False)
+class _Rim:
+    """An edge of a convex face: its vertices, its inward plane, and the depths to which a wall goes on behind it."""
+
+    span: tuple[int, int]
+    inward: Array
+    offset: float
+    swallowed: tuple[Span, ...]
+
+
+@lru_cache(maxsize=_MEMORY)
+def _rims(assembly: Assembly, part: Polyhedron, face: int) -> tuple[_Rim, ...] | None:
+    """The edges of a convex face without holes; None for other faces."""
+    loops, normal = part.faces[face].loops, part.faces[face].normal
+    if len(loops) != 1:
+        return None
+    points = part.vertices[list(loops[0])]
+    convex = {frozenset(edge.vertices): edge.convex for edge in part.edges}
+    found = []
+    for i, j in zip(loops[0], (*loops[0][1:], loops[0][0]), strict=True):
+        p, q = part.vertices[i], part.vertices[j]
+        inward = crossed(normal, (q - p) / length(q - p))
+        if (points @ inward - float(inward @ p) < -NEAR).any():
+            return None
+        behind = () if convex[frozenset((i, j))] else _swallowed(assembly, np.array([p, q]), inward)
+        found.append(_Rim((i, j), inward, float(inward @ p), behind))
+    return tuple(found)
+
+
+def _in_face(
+    assembly: Assembly, contact: PrimitiveContact, together: Sequence[PrimitiveContact], rows: _Questions
+) -> Judge:
+    fixed, body = assembly.fixed.polyhedron, assembly.moving.polyhedron.vertices
+    rims = _rims(assembly, fixed, contact.fixed_feature)
+    if rims is None:
+        return lambda lower: -UNBOUNDED
+    asked = [
+        (
+            rows.above(body[contact.moving[0]], rim.inward, rim.offset),
+            rim.swallowed,
+            _slips(assembly, contact, together, rim, rows),
+        )
+        for rim in rims
+    ]
+
+    def judge(lower: Array) -> float:
+        found = UNBOUNDED
+        for room, swallowed, slips in asked:
+            value = float(lower[room])
+            if value < found and not (_within(swallowed, value) or slips(lower, value)):
+                found = value
+        return found
+
+    return judge
+
+
+def _slips(
+    assembly: Assembly,
+    contact: PrimitiveContact,
+    together: Sequence[PrimitiveContact],
+    rim: _Rim,
+    rows: _Questions,
+) -> Callable[[Array, float], bool]:
+    """Whether an edge held across a rim takes over when the vertex, this far from it, slips over it.
+
+    That edge has its other end on the same wall, farther inside the rim, or properly crosses another rim of the wall;
+    its line is then in the wall either way, so that edge contact and vertex contact have the same zeros.
+    """
+    body, wall, vertex = assembly.moving.polyhedron.vertices, contact.fixed_feature, contact.moving[0]
+    inside = held_on(assembly, wall, together)
+    far: list[int] = []
+    crossings: list[tuple[Judge, Judge]] = []
+    for other in together:
+        if other.kind is Kind.EDGE_EDGE and set(other.fixed) == set(rim.span) and vertex in other.moving:
+            end = other.moving[1] if other.moving[0] == vertex else other.moving[0]
+            if end in inside:
+                far.append(rows.above(body[end], rim.inward, rim.offset))
+            for kept in together:
+                if other_rim(assembly, other, kept, wall):
+                    crossings.append((_sides(assembly, kept, wall, rows), _sides(assembly, other, wall, rows)))
+
+    def slips(lower: Array, room: float) -> bool:
+        return any(lower[k] > max(room, 0.0) for k in far) or any(
+            kept(lower) > max(waived(lower), 0.0) for kept, waived in crossings
+        )
+
+    return slips
+
+
+def _sides(assembly: Assembly, contact: PrimitiveContact, along: int, rows: _Questions) -> Judge:
+    """How far the ends of a moving edge stay on different sides of the face across its fixed edge from a wall."""
+    body, fixed = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron
+    wall = fixed.faces[along]
+    asked = []
+    for n in fixed.edges[contact.fixed_feature].faces:
+        face = fixed.faces[n]
+        if not assembly.agree(face.normal, face.offset, wall.normal, wall.offset):
+            for a, b in (contact.moving, contact.moving[::-1]):
+                below = rows.above(body[a], -face.normal, -face.offset)
+                asked.append((below, rows.above(body[b], face.normal, face.offset)))
+    return lambda lower: max(float(min(lower[below], lower[above])) for below, above in asked)
+
+
+def _within(spans: Sequence[Span], room: float) -> bool:
+    depth = max(0.0, -room) + _BEYOND
+    return any(low < depth < high for low, high in spans)
+
+
+def _swallowed(assembly: Assembly, ends: Array, inward: Array) -> tuple[Span, ...]:
+    """Depths to which the strip of a wall beyond a re-entrant edge is inside a fixed piece, its middle strictly.
+
+    A contact cannot leave its face there without the parts overlapping, which the separations rule out.
+    """
+    spans = []
+    for normals, offsets in assembly.fixed_planes:
+        heights, rise = ends @ normals.T - offsets, -(normals @ inward)
+        if (heights > NEAR).any():
+            continue
+        middle = heights.mean(axis=0)
+        limits = [(NEAR - heights.max(axis=0), rise), (-NEAR - middle, 0.5 * rise)]
+        spans.append(_span([pair for room, slope in limits for pair in zip(room, slope, strict=True)]))
+    return tuple(span for span in spans if span[0] < span[1])
+
+
+def _span(limits: Sequence[tuple[float, float]]) -> Span:
+    """Where slope·t < room holds for all (room, slope), t > 0."""
+    low, high = 0.0, np.inf
+    for room, slope in limits:
+        if slope > 0.0:
+            high = min(high, room / slope)
+        elif slope < 0.0:
+            low = max(low, room / slope)
+        elif room <= 0.0:
+            return 0.0, 0.0
+    return float(low), float(high)
+
+
+def _in_edges(
+    assembly: Assembly, contact: PrimitiveContact, together: Sequence[PrimitiveContact], rows: _Questions
+) -> Judge:
+    fixed = assembly.fixed.polyhedron
+    lies_in = _lying_in(assembly, contact, together, rows)
+    crossings = []
+    for number in fixed.edges[contact.fixed_feature].faces:
+        for ends in (contact.moving, contact.moving[::-1]):
+            crossings.append((number, _across(assembly, contact, number, ends, rows)))
+
+    def judge(lower: Array) -> float:
+        shared = lies_in(lower)
+        return max(across(lower, shared is not None) for number, across in crossings if number != shared)
+
+    return judge
+
+
+def _lying_in(
+    assembly: Assembly, contact: PrimitiveContact, together: Sequence[PrimitiveContact], rows: _Questions
+) -> Callable[[Array], int | None]:
+    """The wall in which a moving edge lies whether or not it crosses here, when another contact warrants that."""
+    shared = taken_turns(assembly, contact, together)
+    if shared is None:
+        return lambda lower: None
+    if set(contact.moving) <= held_on(assembly, shared, together):
+        return lambda lower: shared
+    own = _sides(assembly, contact, shared, rows)
+    others = [_sides(assembly, c, shared, rows) for c in together if other_rim(assembly, contact, c, shared)]
+    return lambda lower: shared if any(kept(lower) > max(own(lower), 0.0) for kept in others) else None
+
+
+def _across(
+    assembly: Assembly, contact: PrimitiveContact, number: int, ends: tuple[int, ...], rows: _Questions
+) -> Callable[[Array, bool], float]:
+    """How far an edge that runs from below a wall to above it crosses within both edges.
+
+    The result takes the lower bounds, and whether the edge lies in the other wall and need not cross at all.
+    """
+    a, b = assembly.moving.polyhedron.vertices[list(ends)]
+    wall = assembly.fixed.polyhedron.faces[number]
+    below, above = rows.above(a, -wall.normal, -wall.offset), rows.above(b, wall.normal, wall.offset)
+    rise, depth = rows.along(wall.normal, b - a), rows.above(a, wall.normal, wall.offset)
+    rooms = [
+        (rows.above(a, way, float(way @ end)), rows.along(way, b - a), blocked)
+        for end, way, blocked in _blocked(assembly, contact.fixed_feature, number)
+    ]
+
+    def margin(lower: Array, lies: bool) -> float:
+        found, share = UNBOUNDED, 1.0
+        if not lies:
+            found = min(float(lower[below]), float(lower[above]))
+            if lower[rise] > 0.0:
+                share = min(1.0, -float(lower[depth]) / float(lower[rise]))
+        for room, turned, blocked in rooms:
+            value = float(lower[room]) + min(0.0, share * float(lower[turned]))
+            if value < found and not _within(blocked, value):
+                found = value
+        return found
+
+    return margin
+
+
+@lru_cache(maxsize=_MEMORY)
+def _blocked(assembly: Assembly, edge: int, wall: int) -> tuple[tuple[Array, Array, tuple[Span, ...]], ...]:
+    """Both ends of a fixed edge: end, direction inward, and the depths to which the edge's line goes on beyond it
+    within a piece's face in a wall's plane.
+
+    An edge that crosses the wall there would enter that piece, which the separations rule out.
+    """
+    fixed = assembly.fixed.polyhedron
+    face = fixed.faces[wall]
+    c, d = fixed.vertices[list(fixed.edges[edge].vertices)]
+    u = (d - c) / length(d - c)
+    found = []
+    for end, inward in ((c, u), (d, -u)):
+        spans = []
+        for normals, offsets in assembly.fixed_planes:
+            for n in range(len(normals)):
+                if assembly.agree(normals[n], offsets[n], face.normal, face.offset):
+                    others = np.arange(len(normals)) != n
+                    heights, rise = normals[others] @ end - offsets[others], -(normals[others] @ inward)
+                    if (heights <= NEAR).all():
+                        spans.append(_span(list(zip(-NEAR - heights, rise, strict=True))))
+        found.append((end, inward, tuple(span for span in spans if span[0] < span[1])))
+    return tuple(found)
+
+
+def _on_moving_face(assembly: Assembly, contact: PrimitiveContact, rows: _Questions) -> Judge:
+    rims = _rims(assembly, assembly.moving.polyhedron, contact.moving_feature)
+    if rims is None:
+        return lambda lower: -UNBOUNDED
+    w = assembly.fixed.polyhedron.vertices[contact.fixed[0]]
+    asked = [rows.beneath(rim.inward, rim.offset, w) for rim in rims]
+    return lambda lower: float(min(lower[asked]))

@@ -1,0 +1,130 @@
+"""The claim of one piece of motion: every pair of convex pieces apart, every contact inside its facet, with margins."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from fmopt.certificate.assembly import Assembly
+from fmopt.certificate.bounds import bounds
+from fmopt.certificate.functions import contact_forms
+from fmopt.certificate.rows import Rows, remainders
+from fmopt.certificate.segment import Advance, Piece, Tolerance, advance
+from fmopt.certificate.separation import Ends, Pair, Separation, lower_bounds, pairs
+from fmopt.contact.primitive import PrimitiveContact
+from fmopt.errors import InfeasibleError
+from fmopt.uncertainty.error_set import ErrorSet
+from fmopt.values import Array
+
+Chooser = Callable[[Assembly, Pair, Ends], Separation | None]
+"""Finds a separating plane for a pair over a piece of motion, None when there is none."""
+
+
+@dataclass(frozen=True, eq=False)
+class ContactClaim:
+    """A contact of the piece: row N·e − offset at the goal, remainder, and how far it stays inside its facet (m)."""
+
+    contact: PrimitiveContact
+    role: str
+    normal: Array
+    offset: float
+    remainder: float
+    margin: float
+
+
+@dataclass(frozen=True, eq=False)
+class Claim:
+    """A piece of motion with everything that is claimed of it.
+
+    `margin` is the least of all margins, `clearance` the least nominal clearance, `binding` names what is tightest;
+    `early` is how far from touching the contact to be made still is when the move starts, None elsewhere.
+    """
+
+    piece: Piece
+    advance: Advance
+    separations: tuple[tuple[int, int, Separation], ...]
+    contacts: tuple[ContactClaim, ...]
+    margin: float
+    clearance: float
+    binding: str
+    early: float | None = None
+
+
+def claim(
+    assembly: Assembly,
+    piece: Piece,
+    errors: ErrorSet,
+    tolerance: Tolerance,
+    choose: Chooser,
+    thorough: bool = True,
+) -> Claim:
+    """Carries the errors through a piece and certifies what it can.
+
+    Args:
+        assembly: the two parts.
+        piece: the piece of motion.
+        errors: error set at its start.
+        tolerance: velocity error and metric.
+        choose: finds a separating plane for each pair of pieces.
+        thorough: whether to compute how far contacts stay inside their facets, too.
+
+    Raises:
+        InfeasibleError: a pair of pieces overlaps nominally, or the step itself is impossible.
+    """
+    step = advance(assembly, piece, errors, tolerance)
+    if step.approach <= 0.0 and piece.made is not None:
+        raise InfeasibleError(
+            f"some executions could move away from contact {piece.made.id} before they touch: errors may change how "
+            f"much nearer it comes by {-step.approach * 1e6:.1f} um more than it does"
+        )
+    separations = []
+    for i, j, pair in pairs(assembly, piece.held, piece.making, piece.made):
+        found = choose(assembly, pair, step.ends)
+        if found is None:
+            raise InfeasibleError(f"moving piece {i} and fixed piece {j} are not apart on the nominal path")
+        separations.append((i, j, found))
+    contacts = _contacts(assembly, piece, step) if thorough else ()
+    named = [(s.margin, f"pieces {i}/{j}") for i, j, s in separations]
+    named += [(c.margin, c.contact.id) for c in contacts]
+    early = None
+    if piece.made is not None and piece.progress[0] == 0.0:
+        early = _before(assembly, piece, step)
+        named.append((early, f"{piece.made.id} too early"))
+    margin, binding = min(named)
+    clearance = min(s.clearance for _, _, s in separations)
+    return Claim(piece, step, tuple(separations), contacts, margin, clearance, binding, early)
+
+
+def _contacts(assembly: Assembly, piece: Piece, step: Advance) -> tuple[ContactClaim, ...]:
+    ends = step.ends
+    made = piece.making if piece.last else ()
+    contacts = (*piece.held, *made)
+    if not contacts:
+        return ()
+    margins: list[float] = []
+    if piece.held:
+        table = bounds(assembly, piece.held, piece.held)
+        margins += table.margins(lower_bounds(*table.forms.over(ends.start, ends.goal), ends))
+    if made:
+        table = bounds(assembly, made, piece.goal_contacts)
+        margins += table.margins(_at_goal(table.forms.at(ends.goal), ends))
+    together = piece.goal_contacts if piece.last else piece.held
+    start, goal = contact_forms(assembly, contacts, together).over(ends.start, ends.goal)
+    rest = remainders(start, goal, ends.extent)
+    return tuple(
+        ContactClaim(c, "held" if c in piece.held else "made", N, -float(f), float(r), margin)
+        for c, N, f, r, margin in zip(contacts, goal.N, goal.f, rest, margins, strict=True)
+    )
+
+
+def _at_goal(rows: Rows, ends: Ends) -> Array:
+    """Certified lower bound (k,) of rows when the piece has ended."""
+    return rows.f - ends.supports[1](rows.N) - remainders(rows, rows, ends.extent.standing())
+
+
+def _before(assembly: Assembly, piece: Piece, step: Advance) -> float:
+    """How far from touching the contact to be made still is when the move starts."""
+    assert piece.made is not None
+    ends = step.ends
+    start, goal = contact_forms(assembly, (piece.made,), piece.held).over(ends.start, ends.goal)
+    return float((start.f - ends.supports[0](start.N) - remainders(start, goal, ends.extent))[0])

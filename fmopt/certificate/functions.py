@@ -1,0 +1,65 @@
+"""The function of a contact as an equality: zero exactly while the contact is held, positive before it is made."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from fmopt.certificate.assembly import Assembly, hinge
+from fmopt.certificate.rows import (
+    Forms,
+    Rows,
+    directions_along,
+    edges_apart,
+    faces_above,
+    length,
+    points_above,
+    stacked,
+)
+from fmopt.contact.primitive import Kind, PrimitiveContact
+from fmopt.se3 import Pose
+
+_MEMORY = 4096
+
+
+def contact_rows(
+    assembly: Assembly, contacts: Sequence[PrimitiveContact], together: Sequence[PrimitiveContact], pose: Pose
+) -> Rows:
+    """Rows (k) of contacts at a pose.
+
+    Args:
+        assembly: the two parts.
+        contacts: whose rows.
+        together: all contacts under consideration; an edge hinged by one of them in the wall gets its hinge form.
+        pose: nominal pose.
+    """
+    return contact_forms(assembly, tuple(contacts), tuple(together)).at(pose)
+
+
+@lru_cache(maxsize=_MEMORY)
+def contact_forms(
+    assembly: Assembly, contacts: tuple[PrimitiveContact, ...], together: tuple[PrimitiveContact, ...]
+) -> Forms:
+    """The functions of contacts, see `contact_rows`."""
+    if not contacts:
+        return points_above(np.zeros((0, 3)), np.zeros(3), 0.0)
+    return stacked(*(_form(assembly, contact, together) for contact in contacts))
+
+
+def _form(assembly: Assembly, contact: PrimitiveContact, together: Sequence[PrimitiveContact]) -> Forms:
+    body, fixed = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron
+    if contact.kind is Kind.VERTEX_FACE:
+        face = fixed.faces[contact.fixed_feature]
+        return points_above(body[[contact.moving[0]]], face.normal, face.offset)
+    if contact.kind is Kind.FACE_VERTEX:
+        own = assembly.moving.polyhedron.faces[contact.moving_feature]
+        return faces_above(own.normal, own.offset, fixed.vertices[[contact.fixed[0]]])
+    found = hinge(assembly, contact, together)
+    if found is not None:
+        wall, a, b = found
+        return directions_along(fixed.faces[wall].normal, body[[b]] - body[[a]])
+    a, b = body[list(contact.moving)]
+    c, d = fixed.vertices[list(contact.fixed)]
+    return edges_apart((b - a) / length(b - a), (d - c) / length(d - c), c, a[None])

@@ -1,0 +1,286 @@
+"""What contacts say exactly about body points on fixed planes.
+
+Along a segment the held contacts are zero, and the contact being made is not yet negative. The height of a body point
+over a plane is affine in the point, so that a few known points settle whole edges and faces: a flush face lies in the
+wall altogether, a face hinged in the wall stays on the side on which one of its points is. A flush face also turns a
+body direction onto a known one of the world.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from fmopt.certificate.assembly import NEAR, Assembly, in_plane, on_line, same
+from fmopt.certificate.rows import Mask, crossed, length, lengths
+from fmopt.contact.primitive import Kind, PrimitiveContact
+from fmopt.values import Array
+
+__all__ = ["Assembly", "Facts", "Wall", "aligned", "facts", "flushes", "in_plane", "taken_turns"]
+
+_SHORT = 1e-6  # m: what is nearer to a line than this spans no plane with it
+_STEEP = 1.0 / 64.0
+_MEMORY = 512
+
+
+@dataclass(frozen=True, eq=False)
+class Wall:
+    """A fixed plane and the body points (indices) and body planes (unit normal, offset) known to lie in it."""
+
+    normal: Array
+    offset: float
+    points: frozenset[int]
+    between: tuple[tuple[int, int], ...]
+    flush: tuple[tuple[Array, float], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Facts:
+    """What held contacts say exactly.
+
+    Args:
+        assembly: the two parts.
+        walls: fixed planes with what is known to lie in them.
+        turns: body normals with the world directions that flush faces turn them onto.
+    """
+
+    assembly: Assembly
+    walls: tuple[Wall, ...]
+    turns: tuple[tuple[Array, Array], ...]
+
+    def on(self, normal: Array, offset: float) -> Wall:
+        """What is known of a plane."""
+        for wall in self.walls:
+            if self.assembly.agree(wall.normal, wall.offset, normal, offset):
+                return wall
+        return Wall(normal, offset, frozenset(), (), ())
+
+    def not_below(self, normal: Array, offset: float, vertices: Array, above: Array) -> Mask:
+        """Which body points (k, 3) are on or above a plane, given some points (m, 3) known not to be below it.
+
+        On a line in the wall every point is zero; on a body plane hinged there all points on the side of one that is
+        not below are not below; nor are points beyond such a one, seen from a point in the wall.
+        """
+        wall, P = self.on(normal, offset), self.assembly.body_points
+        if not (wall.points or wall.between or len(above)):
+            return np.zeros(len(vertices), dtype=np.bool_)
+        raised = list(above)
+        raised += [v for p in above for v in vertices[level(self.turns, normal, vertices - p)]]
+        known = [*P[sorted(wall.points)], *raised]
+        done = np.array([any(same(v, p) for p in known) for v in vertices], dtype=np.bool_)
+        for a, direction in _lines(P, wall.points, wall.between):
+            done |= on_line(vertices, a, direction)
+            for p in raised:
+                done |= _same_side(vertices, a, direction, p)
+        for n, c in wall.flush:
+            done |= np.abs(vertices @ n - c) <= NEAR
+        for i in wall.points:
+            for p in raised:
+                done |= _beyond(vertices, P[i], p)
+        return done
+
+    def beside(self, vectors: Array, direction: Array) -> Mask:
+        """Which body vectors (k, 3) are known to point along a unit direction of the world."""
+        found, fixed = images(self.turns, vectors)
+        return np.asarray(fixed & (lengths(crossed(found, direction)) <= NEAR))
+
+
+@lru_cache(maxsize=_MEMORY)
+def facts(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> Facts:
+    """Everything that follows from contacts being held."""
+    walls: list[Wall] = []
+    fixed = assembly.fixed.polyhedron
+    for contact in held:
+        if contact.kind is Kind.VERTEX_FACE:
+            _note(assembly, walls, contact.fixed_feature, points=(contact.moving[0],))
+        elif contact.kind is Kind.EDGE_EDGE:
+            shared = taken_turns(assembly, contact, held)
+            if shared is not None:
+                _note(assembly, walls, shared, points=contact.moving)
+                continue
+            for n in fixed.edges[contact.fixed_feature].faces:
+                _note(assembly, walls, n, between=(contact.moving,))
+    turns: list[tuple[Array, Array]] = []
+    while True:
+        grown = [_grown(assembly, wall, turns) for wall in walls]
+        if all(new is old for new, old in zip(grown, walls, strict=True)):
+            return Facts(assembly, tuple(walls), tuple(turns))
+        walls = grown
+
+
+def taken_turns(assembly: Assembly, contact: PrimitiveContact, together: Sequence[PrimitiveContact]) -> int | None:
+    """The fixed face along an edge contact's fixed edge that its moving edge lies in, crossing there or not.
+
+    Held on the wall is one end of the moving edge, and either its other end or a crossing of the same edge with
+    another rim of the wall. When the end slips over the rim, the crossing there takes over from it, and both have the
+    same zeros: the edge's line in the wall. None when there is no such wall.
+    """
+    for number in assembly.fixed.polyhedron.edges[contact.fixed_feature].faces:
+        on = set(contact.moving) & held_on(assembly, number, together)
+        if len(on) == 2 or (on and any(other_rim(assembly, contact, other, number) for other in together)):
+            return number
+    return None
+
+
+def held_on(assembly: Assembly, face: int, together: Sequence[PrimitiveContact]) -> set[int]:
+    """The moving vertices that contacts hold on a fixed face or one in its plane."""
+    faces = assembly.fixed.polyhedron.faces
+    wall = faces[face]
+    return {
+        other.moving[0]
+        for other in together
+        if other.kind is Kind.VERTEX_FACE
+        and assembly.agree(
+            wall.normal, wall.offset, faces[other.fixed_feature].normal, faces[other.fixed_feature].offset
+        )
+    }
+
+
+def other_rim(assembly: Assembly, contact: PrimitiveContact, other: PrimitiveContact, face: int) -> bool:
+    """Whether another contact has the same moving edge against another rim of a fixed face."""
+    if other.kind is not Kind.EDGE_EDGE or set(other.moving) != set(contact.moving):
+        return False
+    fixed = assembly.fixed.polyhedron
+    wall = fixed.faces[face]
+    sides = [fixed.faces[n] for n in fixed.edges[other.fixed_feature].faces]
+    return set(other.fixed) != set(contact.fixed) and any(
+        assembly.agree(wall.normal, wall.offset, side.normal, side.offset) for side in sides
+    )
+
+
+def _note(
+    assembly: Assembly,
+    walls: list[Wall],
+    face: int,
+    points: Sequence[int] = (),
+    between: tuple[tuple[int, ...], ...] = (),
+) -> None:
+    plane = assembly.fixed.polyhedron.faces[face]
+    pairs = tuple((one, two) for one, two in between)
+    for n, wall in enumerate(walls):
+        if assembly.agree(wall.normal, wall.offset, plane.normal, plane.offset):
+            walls[n] = Wall(wall.normal, wall.offset, wall.points | set(points), wall.between + pairs, ())
+            return
+    walls.append(Wall(plane.normal, plane.offset, frozenset(points), pairs, ()))
+
+
+def _lines(P: Array, points: frozenset[int], between: Sequence[tuple[int, int]]) -> list[tuple[Array, Array]]:
+    """Body lines (point, unit direction) in a wall: two points, or an end of an edge and a point within the edge."""
+    ends = sorted(points)
+    pairs = [(i, j) for n, i in enumerate(ends) for j in ends[:n]]
+    pairs += [(a, b) for a, b in between if a in points or b in points]
+    distinct: list[tuple[Array, Array]] = []
+    for i, j in pairs:
+        if not any(on_line(P[[i, j]], a, direction).all() for a, direction in distinct):
+            distinct.append((P[i], (P[j] - P[i]) / length(P[j] - P[i])))
+    return distinct
+
+
+def _grown(assembly: Assembly, wall: Wall, turns: list[tuple[Array, Array]]) -> Wall:
+    """One round of conclusions about a wall, the same when there are none; new flush faces are added to `turns`."""
+    P = assembly.body_points
+    lines = _lines(P, wall.points, wall.between)
+    flush = list(wall.flush)
+    on = np.zeros(len(P), dtype=np.bool_)
+    for a, direction in lines:
+        on |= on_line(P, a, direction)
+        for n, c in _planes(assembly, wall, a, direction):
+            if not any(length(crossed(n, known)) <= NEAR for known, _ in flush):
+                flush.append((n, c))
+                turns.append((n, -wall.normal))
+    for n, c in flush:
+        on |= np.abs(P @ n - c) <= NEAR
+    for i in sorted(wall.points):
+        on |= level(turns, wall.normal, P - P[i])
+    points = wall.points | {int(i) for i in np.flatnonzero(on)}
+    if points == wall.points and len(flush) == len(wall.flush):
+        return wall
+    return Wall(wall.normal, wall.offset, points, wall.between, tuple(flush))
+
+
+def _planes(assembly: Assembly, wall: Wall, a: Array, direction: Array) -> list[tuple[Array, float]]:
+    """Body planes that a line in the wall spans with something off it; faces of the moving part only."""
+    P = assembly.body_points
+    candidates = sorted(wall.points)
+    for i, j in wall.between:
+        # An unknown point between two others is off the line, and in one plane with it, when just one of them is on it.
+        first, second = on_line(P[[i, j]], a, direction)
+        if first != second:
+            candidates.append(j if first else i)
+    found = []
+    for i in candidates:
+        off = P[i] - a
+        off = off - direction * float(direction @ off)
+        size = length(off)
+        if size <= _SHORT:
+            continue
+        n = crossed(direction, off / size)
+        n = n / length(n)
+        for face in assembly.moving.polyhedron.faces:
+            if length(crossed(n, face.normal)) <= NEAR and abs(float(face.normal @ P[i]) - face.offset) <= NEAR:
+                found.append((face.normal, float(face.normal @ P[i])))
+                break
+    return found
+
+
+def images(known: Sequence[tuple[Array, Array]], vectors: Array) -> tuple[Array, Mask]:
+    """R·vectors for body vectors (k, 3), and for which of them (k,) flush faces fix the image exactly."""
+    found = np.zeros_like(vectors)
+    fixed = np.zeros(len(vectors), dtype=np.bool_)
+    for body, world in known:
+        along = vectors @ body
+        now = ~fixed & (lengths(vectors - np.outer(along, body)) <= NEAR)
+        found[now] = np.outer(along[now], world)
+        fixed |= now
+    for n, (b1, w1) in enumerate(known):
+        for b2, w2 in known[:n]:
+            axis = crossed(b1, b2)
+            if float(axis @ axis) >= _STEEP and not fixed.all():
+                B = np.column_stack([b1, b2, axis])
+                W = np.column_stack([w1, w2, crossed(w1, w2)])
+                found[~fixed] = vectors[~fixed] @ np.linalg.solve(B.T, W.T)
+                fixed[:] = True
+    return found, fixed
+
+
+def aligned(known: Sequence[tuple[Array, Array]], vector: Array) -> Array | None:
+    """R·vector for a body vector (3,) whose image the flush faces fix exactly, else None."""
+    found, fixed = images(known, vector[None])
+    return found[0] if fixed[0] else None
+
+
+def level(known: Sequence[tuple[Array, Array]], normal: Array, vectors: Array) -> Mask:
+    """Which body vectors (k, 3) flush faces keep level with a plane of this normal."""
+    found, fixed = images(known, vectors)
+    return np.asarray(fixed & (np.abs(found @ normal) <= NEAR))
+
+
+def flushes(assembly: Assembly, held: Sequence[PrimitiveContact]) -> list[tuple[Array, Array]]:
+    """Faces of the moving part that the held contacts press flat: (body normal, world normal it is turned to)."""
+    return list(facts(assembly, tuple(held)).turns)
+
+
+def _same_side(vertices: Array, a: Array, direction: Array, p: Array) -> Mask:
+    """Which points lie in the half-plane that a line bounds and p spans."""
+    off = (p - a) - direction * float(direction @ (p - a))
+    size = length(off)
+    if size <= _SHORT:
+        return np.zeros(len(vertices), dtype=np.bool_)
+    u = off / size
+    d = vertices - a
+    d = d - np.outer(d @ direction, direction)
+    t = d @ u
+    return np.asarray((t > 0.0) & (lengths(d - np.outer(t, u)) <= NEAR))
+
+
+def _beyond(vertices: Array, z: Array, p: Array) -> Mask:
+    """Which points lie on the ray from z through p."""
+    if same(z, p):
+        return np.zeros(len(vertices), dtype=np.bool_)
+    u = (p - z) / length(p - z)
+    d = vertices - z
+    t = d @ u
+    return np.asarray((t > 0.0) & (lengths(d - np.outer(t, u)) <= NEAR))

@@ -1,0 +1,100 @@
+"""Pairs of convex pieces, the contacts between them, and the planes that may keep them apart."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+from fmopt.certificate.assembly import Assembly
+from fmopt.contact.primitive import Kind, PrimitiveContact
+from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.values import Array
+
+_BEHIND = 1e-15  # m; how far in front of the fixed piece a free plane is put, against rounding
+_FEATURES = {
+    Kind.VERTEX_FACE: ("vertex", "face"),
+    Kind.FACE_VERTEX: ("face", "vertex"),
+    Kind.EDGE_EDGE: ("edge", "edge"),
+}
+
+Features = frozenset[tuple[str, int]]
+
+
+@dataclass(frozen=True)
+class Witness:
+    """A plane between two pieces: along a face or edges, as vertex indices of the pieces, or any plane of the B-frame.
+
+    Args:
+        kind: what the plane runs along.
+        moving: vertices of the moving piece's face or edge.
+        fixed: vertices of the fixed piece's face or edge.
+        plane: for kind "plane" the unit normal (3) and the offset; the fixed piece lies behind it.
+    """
+
+    kind: Literal["fixed-face", "moving-face", "edges", "plane"]
+    moving: tuple[int, ...]
+    fixed: tuple[int, ...]
+    plane: tuple[float, float, float, float] | None = None
+
+
+class Pair(NamedTuple):
+    """A moving piece against a fixed one, with the contacts that bear on the two.
+
+    Args:
+        moving: the moving piece.
+        fixed: the fixed piece.
+        held: contacts held between the two.
+        made: contacts being made between the two.
+        state: all contacts held, for a pair that is touched by one; else none.
+        basis_made: the contact being made that counts, wherever it is, for a pair that is touched; else none.
+    """
+
+    moving: Polyhedron
+    fixed: Polyhedron
+    held: tuple[PrimitiveContact, ...]
+    made: tuple[PrimitiveContact, ...]
+    state: tuple[PrimitiveContact, ...]
+    basis_made: PrimitiveContact | None
+
+
+def pairs(
+    assembly: Assembly,
+    held: Sequence[PrimitiveContact],
+    making: Sequence[PrimitiveContact],
+    made: PrimitiveContact | None,
+) -> list[tuple[int, int, Pair]]:
+    """All pairs of a moving piece and a fixed one, in order, with the contacts that are held and made.
+
+    Args:
+        assembly: the two parts.
+        held: all contacts held.
+        making: all contacts being made.
+        made: the one of them that counts.
+    """
+    found = []
+    for i, M in enumerate(assembly.moving.pieces):
+        for j, F in enumerate(assembly.fixed.pieces):
+            own, new = (touching(assembly, M, F, contacts) for contacts in (held, making))
+            touched = bool(own or new)
+            found.append((i, j, Pair(M, F, own, new, tuple(held) if touched else (), made if touched else None)))
+    return found
+
+
+def touching(
+    assembly: Assembly, moving: Polyhedron, fixed: Polyhedron, contacts: Iterable[PrimitiveContact]
+) -> tuple[PrimitiveContact, ...]:
+    """The contacts that two pieces can have with each other: on a face plane or along an edge of each."""
+    own, other = assembly.carried(moving), assembly.carried(fixed)
+    return tuple(c for c in contacts if _between(c, own, other))
+
+
+def _between(contact: PrimitiveContact, moving: Features, fixed: Features) -> bool:
+    one, other = _FEATURES[contact.kind]
+    return (one, contact.moving_feature) in moving and (other, contact.fixed_feature) in fixed
+
+
+def free_plane(pair: Pair, normal: Array) -> Witness:
+    """The plane of a unit normal (3,) in front of the fixed piece."""
+    offset = float((pair.fixed.vertices @ normal).max()) + _BEHIND
+    return Witness("plane", (), (), (float(normal[0]), float(normal[1]), float(normal[2]), offset))

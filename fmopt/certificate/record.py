@@ -1,0 +1,113 @@
+"""Claims as the segments of a plan file."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fmopt.certificate.claim import Claim, ContactClaim
+from fmopt.certificate.separation import Ends, Separation
+from fmopt.contact.primitive import PrimitiveContact
+from fmopt.geometry.part import Part
+from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.plan import clean, rounded_down
+
+
+def part_record(part: Part, declared: tuple[float, float], measured: float) -> dict[str, Any]:
+    """A part as the plan file holds it, with the clearance a side that was declared and measured (m)."""
+    shapes = {**_shape(part.polyhedron), "pieces": [_shape(piece) for piece in part.pieces]}
+    record: dict[str, Any] = clean(
+        {"name": part.name, **shapes, "declared_clearance": declared, "measured_clearance": measured}
+    )
+    return record
+
+
+def _shape(body: Polyhedron) -> dict[str, Any]:
+    return {"vertices": body.vertices, "faces": [face.loops for face in body.faces]}
+
+
+def contact_record(contact: PrimitiveContact) -> dict[str, Any]:
+    """A contact as the plan file holds it."""
+    record: dict[str, Any] = clean(
+        {
+            "id": contact.id,
+            "kind": str(contact.kind),
+            "moving": {"vertices": contact.moving},
+            "fixed": {"vertices": contact.fixed},
+        }
+    )
+    return record
+
+
+def segment_record(claim: Claim, critical_point: int, move: int, start: Any, goal: Any) -> dict[str, Any]:
+    """A claim as a segment of the plan file, without its control strategy.
+
+    Args:
+        claim: what is claimed of the piece.
+        critical_point: index of the critical pose in whose contact space the piece runs.
+        move: number of the move that the piece belongs to.
+        start: pose (6,) at the beginning, exactly as the neighbouring segment has it.
+        goal: pose (6,) at the end.
+    """
+    piece, ends = claim.piece, claim.advance.ends
+    state = [c.id for c in piece.held]
+    made = piece.made
+    found = {
+        "critical_point": critical_point,
+        "move": move,
+        "state": state,
+        "goal_state": [c.id for c in piece.goal_contacts],
+        "progress": piece.progress,
+        "start": start,
+        "goal": goal,
+        "clearance": rounded_down(claim.clearance),
+        "margin": rounded_down(claim.margin),
+        "binding_contact": claim.binding,
+        "basis": [
+            {"contact": c.contact.id, "direction": c.direction, "made": made is not None and c.contact.id == made.id}
+            for c in claim.advance.basis
+        ],
+        "tube": _tube(ends),
+        "separations": [_separation(*item) for item in claim.separations],
+        "contacts": [_contact(c) for c in claim.contacts],
+    }
+    record: dict[str, Any] = clean(found)
+    return record
+
+
+def _tube(ends: Ends) -> dict[str, Any]:
+    start, goal = ends.start_set, ends.goal_set
+    return {
+        "shape_start": start.shape,
+        "shape_goal": goal.shape,
+        "generators_start": start.generators,
+        "generators_goal": goal.generators,
+        "growth_start": start.growth,
+        "growth_goal": goal.growth,
+        "theta_max": ends.extent.theta,
+        "offset_max": float(np.linalg.norm(ends.extent.offset)) * (1.0 + 1e-12),
+        "offset_box": ends.extent.offset,
+    }
+
+
+def _separation(moving: int, fixed: int, found: Separation) -> dict[str, Any]:
+    witness: dict[str, Any] = {
+        "kind": found.witness.kind,
+        "moving": found.witness.moving,
+        "fixed": found.witness.fixed,
+    }
+    if found.witness.plane is not None:
+        witness |= {"normal": found.witness.plane[:3], "offset": found.witness.plane[3]}
+    return {"moving_piece": moving, "fixed_piece": fixed, "witness": witness, "margin": rounded_down(found.margin)}
+
+
+def _contact(c: ContactClaim) -> dict[str, Any]:
+    return {
+        "id": c.contact.id,
+        "role": c.role,
+        "normal": c.normal,
+        "offset": c.offset,
+        "remainder": c.remainder * (1.0 + 1e-12),
+        "margin": rounded_down(c.margin),
+    }

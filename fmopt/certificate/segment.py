@@ -1,0 +1,207 @@
+"""One piece of motion with its errors: how the error set moves on, and what is certified along the way.
+
+The moving part goes from pose S to pose G. A real execution starts at an error e₀ of the start set, moves along the
+commanded direction with a velocity error inside its cone, keeps the held contacts (the compliant directions give way)
+and, when a contact m is being made, goes on until it touches. Measured on its own way, at every fraction s,
+
+    e(s) = (1 − s)(ẽ₀ + Σ T^S_i tᵢ) + s (ẽ₁ + Σ T^G_i tᵢ),   |tᵢ| ≤ thicknessᵢ,
+
+with ẽ₀ in the start set without its old thickness, ẽ₁ = Π(ẽ₀ + drift), and T^S, T^G dual to the contacts' rows at
+either end. A row that is affine in the error needs its bound at both ends only. [DakinPopplestone1993] section 4, with
+exact images in place of the paper's sections.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fmopt import ellipsoid
+from fmopt.certificate.assembly import Assembly
+from fmopt.certificate.layers import Layers, layers_of
+from fmopt.certificate.piece import Compliance, Piece, Tolerance
+from fmopt.certificate.rows import Extent, length, lengths
+from fmopt.certificate.separation import Ends
+from fmopt.certificate.spread import Spread, Support, summed
+from fmopt.certificate.way import Way, approach, cone, way_of
+from fmopt.errors import InfeasibleError
+from fmopt.uncertainty.error_set import ErrorSet
+from fmopt.values import Array
+
+__all__ = ["Advance", "Compliance", "Piece", "Tolerance", "advance"]
+
+_ROUNDS = 80
+_FAR = 0.5  # m or rad; errors as wide as this certify nothing
+_SETTLED = 2e-13  # relative rounding of the computed bounds of errors
+_ABOVE = 1e-11  # stated bounds of errors exceed the computed ones by about this share
+
+
+@dataclass(frozen=True, eq=False)
+class Advance:
+    """The outcome of a step.
+
+    Args:
+        ends: both ends with their sets.
+        basis: the held basis, with the contact being made and its direction added.
+        motion: displacement (6,) of the piece inside the held contacts.
+        length: length of the piece in the metric of ρ, m.
+        approach: how much the contact being made comes nearer at least, whatever the error, m; infinite without one.
+    """
+
+    ends: Ends
+    basis: tuple[Compliance, ...]
+    motion: Array
+    length: float
+    approach: float = np.inf
+
+
+def advance(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Tolerance) -> Advance:
+    """Carries an error set through a piece of motion.
+
+    Args:
+        assembly: the two parts.
+        piece: the piece of motion.
+        errors: error set at its start.
+        tolerance: velocity error and metric.
+
+    Raises:
+        InfeasibleError: the contact to be made cannot be reached along the motion, contacts do not determine their
+            compliant directions, or errors outgrow the bounds in which the certificate holds.
+    """
+    start = Spread.of(errors)
+    way = way_of(assembly, piece, tolerance)
+    core = start.core(way.directions)
+    layers = layers_of(assembly, piece, way, Support.of(core, start))
+    basis = piece.basis
+    if piece.made is not None:
+        size = length(way.motion * ellipsoid.metric(tolerance.rho))
+        basis = (*basis, Compliance(piece.made, way.motion / size))
+    step = _Step(piece, way, layers, tolerance, start, core)
+    extent, goal_set, slack = step.outcome(basis)
+    ends = Ends(piece.start, piece.goal, start, goal_set, extent, slack, core)
+    return Advance(ends, basis, way.motion, way.length, approach(assembly, piece, tolerance, way, extent))
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """Carries the errors on.
+
+    Everything is evaluated with one bound θ of the angle and one box around the translation of all errors of the
+    piece; these are the fixed point of `_widths`.
+    """
+
+    piece: Piece
+    way: Way
+    layers: Layers
+    tolerance: Tolerance
+    start: Spread
+    core: Array
+
+    @cached_property
+    def _carried(self) -> tuple[Array, Array, Array]:
+        """Core and roots of growth and shape under the projection."""
+        P = self.way.projector
+        return self.core @ P.T, P @ self.start.growth_root, P @ self.start.shape_root
+
+    @cached_property
+    def _rates(self) -> tuple[float, float]:
+        """Velocity errors per unit of length, in translation and in angle (1/m)."""
+        t, r = self.tolerance.velocity_error
+        return t, r / self.tolerance.rho
+
+    @cached_property
+    def _late(self) -> tuple[float, float]:
+        """How much farther than planned the start errors, and the drift, let the part go, as shares of the piece."""
+        way = self.way
+        reach = float(np.abs(self.core @ way.seen).sum()) + length(way.seen @ self.start.growth_root)
+        return reach / way.rate, cone(self.tolerance, way, way.seen) / way.rate
+
+    def _wide(self, half: Array) -> Array:
+        """Bounds (2,) of translation and angle with their drift, before contacts take it up."""
+        t, r = self._rates
+        return np.array([length(half[:3]) + 2.0 * t * self.way.length, length(half[3:]) + 2.0 * r * self.way.length])
+
+    def _radii(self, half: Array, thickness: Array) -> tuple[float, float, float]:
+        """Radii of the drift: of the translation, of the angle, and of the turn's second order (m, rad, rad)."""
+        way, theta, beyond = self.way, length(half[3:]), 0.0
+        if self.piece.made is not None:
+            late, eta = self._late
+            zeta = 0.75 * float(self._wide(half)[1]) * way.turn * length(way.seen[3:]) / way.rate
+            rest = 1.0 - self.piece.share * (eta + zeta)
+            if rest < 0.5:
+                raise InfeasibleError("the velocity error could carry the part past the contact that it is to make")
+            delay = float(self.layers.delay @ thickness)
+            beyond = (self.piece.share * (late + eta) + delay) / rest
+        far = way.length * (1.0 + beyond)
+        a, b = self._rates[0] * far, self._rates[1] * far
+        swung = beyond * way.turn
+        if beyond > 1.0 or theta + b + swung > _FAR:
+            raise InfeasibleError("errors are too large for this piece of motion", advice="make it shorter or steadier")
+        return a, b, 0.5 * (theta + b) * swung * (1.0 + theta + b + swung)
+
+    def _settled(self) -> Array:
+        """Half-widths (6,) of a box around the errors all along, such that those computed with them are no wider."""
+        half = np.maximum(self.start.half_widths(self.core), self.start.half_widths(self._carried[0]))
+        for _ in range(_ROUNDS):
+            wider = self._widths(half)
+            short = wider > half * (1.0 - _SETTLED)
+            if not short.any():
+                return half
+            # Close to the fixed point a little is added, that rounding does not matter.
+            close = bool(np.all(wider <= half * (1.0 + 10.0 * _ABOVE)))
+            half = np.where(short, np.maximum(half, wider) * (1.0 + _ABOVE if close else 1.0), half)
+            if half.max() > _FAR:
+                break
+        raise InfeasibleError("the contact surfaces are too thick for this piece of motion")
+
+    def _widths(self, half: Array) -> Array:
+        """Half-widths (6,) of the box around the errors at both ends, computed with stated ones."""
+        own, final = self.layers.thicknesses(length(half[3:]), half[:3], self._wide(half))
+        core, goal = self._boxes
+        radii = self._radii(half, final)
+        after = goal + np.abs(self.layers.goal_dual) @ final + np.sqrt(self._squares(radii))
+        return np.maximum(core + np.abs(self.way.start_dual) @ own, after)
+
+    @cached_property
+    def _boxes(self) -> tuple[Array, Array]:
+        """Half-widths (6,) of the start set without thickness, and of the carried core alone."""
+        return self.start.half_widths(self.core), np.abs(self._carried[0]).sum(axis=0)
+
+    @cached_property
+    def _diagonals(self) -> Array:
+        """Diagonals (3, 6) of the carried growth, and of unit drifts in translation and angle, and their traces."""
+        P = self.way.projector
+        D = np.array([lengths(self._carried[1]), lengths(P[:, :3]), lengths(P[:, 3:])]) ** 2
+        return np.column_stack([D, D @ ellipsoid.metric(self.tolerance.rho) ** 2])
+
+    def _squares(self, radii: tuple[float, float, float]) -> Array:
+        """Diagonal (6,) of the growth at the goal, for radii of the drift."""
+        D, (a, b, c) = self._diagonals, radii
+        total = D[0]
+        for more in (a * a * D[1] + b * b * D[2], c * c * D[2]):
+            s1, s2 = float(total[6]) ** 0.5, float(more[6]) ** 0.5
+            if s1 == 0.0 or s2 == 0.0:
+                total = more if s1 == 0.0 else total
+            else:
+                # The trace of the sum is (s1 + s2)².
+                total = (1.0 + s2 / s1) * total + (1.0 + s1 / s2) * more
+        return np.asarray(total[:6])
+
+    def outcome(self, basis: tuple[Compliance, ...]) -> tuple[Extent, Spread, Array]:
+        """Extent, error set at the goal and slack columns (6, h) at the start."""
+        half = self._settled()
+        own, final = self.layers.thicknesses(length(half[3:]), half[:3], self._wide(half))
+        a, b, c = self._radii(half, final)
+        core, growth, shape = self._carried
+        P, weights = self.way.projector, ellipsoid.metric(self.tolerance.rho)
+        for drift in (P * np.array([a, a, a, b, b, b]), P[:, 3:] * c):
+            if drift.any():
+                growth, shape = summed(growth, drift, weights), summed(shape, drift, weights)
+        thick = self.layers.goal_dual * final
+        if thick.size:
+            shape = summed(shape, np.sqrt(thick.shape[1]) * thick, weights)
+        directions = np.array([c.direction for c in basis[: thick.shape[1]]]).reshape(-1, 6)
+        goal = Spread.made(np.vstack([core, thick.T]), shape, growth, thick.shape[1], directions)
+        return Extent(self.way.turn, self.way.travel, length(half[3:]), half[:3]), goal, self.way.start_dual * own

@@ -1,0 +1,130 @@
+"""The linear picture of a piece of motion: the twist inside the held contacts, and how it projects the errors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmopt import ellipsoid
+from fmopt.certificate.assembly import Assembly, hinge
+from fmopt.certificate.functions import contact_forms
+from fmopt.certificate.piece import Piece, Tolerance
+from fmopt.certificate.rows import Curvature, Extent, Rows, directions_along, length
+from fmopt.errors import InfeasibleError
+from fmopt.values import Array
+
+LARGEST_TURN = 0.5  # rad; the bounds of the certificate hold for pieces that turn no farther
+_STANDSTILL = 1e-12  # m
+_RECEDING = 1e-9  # m
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """The linear picture of a piece; letters are those of `segment`.
+
+    Args:
+        twist: V (6,) from S to G.
+        turn: τ, rad.
+        length: L in the metric of ρ, m.
+        directions: compliant twists C_h of the held basis (h, 6).
+        held: rows N_h of the held basis, by the contacts held, at both ends.
+        made: row of the contact being made, by the contacts held, at both ends; None without.
+        start_dual: T^S (6, h), dual to the held rows at the start.
+        goal_dual: T^h (6, h), dual to the held rows at the goal.
+        hold: Π_h = I − T^h N_h (6, 6).
+        motion: v = Π_h V (6,), the motion inside the held contacts.
+        rate: −N_m·v, how much nearer the contact being made comes, m.
+        seen: N′ = Π_hᵀ N_m (6,).
+        projector: Π = Π_h + φ v N′ᵀ/rate (6, 6).
+    """
+
+    twist: Array
+    turn: float
+    length: float
+    directions: Array
+    held: tuple[Rows, Rows]
+    made: tuple[Rows, Rows] | None
+    start_dual: Array
+    goal_dual: Array
+    hold: Array
+    motion: Array
+    rate: float
+    seen: Array
+    projector: Array
+
+    @property
+    def travel(self) -> Array:
+        """Translation (3,) from S to G, m."""
+        return self.twist[:3]
+
+
+def way_of(assembly: Assembly, piece: Piece, tolerance: Tolerance) -> Way:
+    """The linear picture of a piece.
+
+    Raises:
+        InfeasibleError: the piece turns too far or goes nowhere, contacts do not determine their compliant
+            directions, or the motion does not lead to the contact that it is to make.
+    """
+    V = piece.start.local(piece.goal)
+    turn, far = length(V[3:]), length(V * ellipsoid.metric(tolerance.rho))
+    if turn > LARGEST_TURN or far <= _STANDSTILL:
+        raise InfeasibleError(f"a piece of motion turns by {turn:.3g} rad, goes {far:.3g} m", advice="split the move")
+    C = np.array([c.direction for c in piece.basis]).reshape(-1, 6)
+    held = contact_forms(assembly, tuple(c.contact for c in piece.basis), piece.held).over(piece.start, piece.goal)
+    duals = [C.T @ ellipsoid.coupling_inverse(rows.N, C.T) if len(C) else C.T for rows in held]
+    hold = np.eye(6) - duals[1] @ held[1].N
+    v = hold @ V
+    if piece.made is None:
+        return Way(V, turn, far, C, held, None, duals[0], duals[1], hold, v, 0.0, np.zeros(6), hold)
+    made = contact_forms(assembly, (piece.made,), piece.held).over(piece.start, piece.goal)
+    N = made[1].N[0]
+    rate, seen = -float(N @ v), N @ hold
+    if rate <= _RECEDING:
+        raise InfeasibleError(f"the move does not lead to contact {piece.made.id}")
+    projector = hold + np.outer(piece.share / rate * v, seen)
+    return Way(V, turn, far, C, held, made, duals[0], duals[1], hold, v, rate, seen, projector)
+
+
+def cone(tolerance: Tolerance, way: Way, N: Array) -> float:
+    """How far the velocity error can move a row (6,) along the piece, m."""
+    t, r = tolerance.velocity_error[0], tolerance.velocity_error[1] / tolerance.rho
+    return length(np.array([t, t, t, r, r, r]) * N) * way.length
+
+
+def approach(assembly: Assembly, piece: Piece, tolerance: Tolerance, way: Way, extent: Extent) -> float:
+    """Lower bound of how much nearer the contact being made comes along a piece, at every error in the bounds, m.
+
+    An execution stops when it first touches: that needs the distance to fall all along. Where the made vertex will
+    turn a held edge contact into a hinge, its height over the wall is −λ times the hinge row as long as that edge is
+    held, λ > 0 the way from the vertex to the crossing: the hinge row may show the approach instead. Infinite when
+    nothing is made.
+    """
+    if way.made is None or piece.made is None:
+        return float(np.inf)
+    falls = [_fall(tolerance, way, way.made, extent)]
+    body, fixed = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron
+    for held in piece.basis:
+        found = hinge(assembly, held.contact, [piece.made])
+        if found is not None and hinge(assembly, held.contact, piece.held) is None:
+            wall, a, b = found
+            row = directions_along(fixed.faces[wall].normal, body[[a]] - body[[b]])
+            falls.append(_fall(tolerance, way, row.over(piece.start, piece.goal), extent))
+    return max(falls)
+
+
+def _fall(tolerance: Tolerance, way: Way, row: Sequence[Rows], extent: Extent) -> float:
+    """Lower bound of how much a row falls, m.
+
+    It turns along the piece; the velocity error adds to the motion; and the held rows turn as well, so that the
+    motion inside them changes (their share counted twice, which covers the second order).
+    """
+    first, second = row
+    N, v = second.N[0], way.motion
+    turned, held = (
+        Curvature.of(start, goal, way.turn, way.travel).variation(extent.theta, extent.offset, v)
+        for start, goal in ((first, second), way.held)
+    )
+    change = float(turned[0]) + cone(tolerance, way, N @ way.hold) + 2.0 * float(np.abs(N @ way.goal_dual) @ held)
+    return min(-float(N @ v), -float(first.N[0] @ v)) - change
