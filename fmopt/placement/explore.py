@@ -1,0 +1,216 @@
+"""Guarded moves: from a pose, along one freedom of the compliance frame, until the first new contact is made."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmopt import se3
+from fmopt.certificate.functions import contact_rows
+from fmopt.certificate.knowledge import Assembly, aligned, flushes
+from fmopt.certificate.segment import Compliance
+from fmopt.contact.bounds import BoundTable
+from fmopt.contact.primitive import Kind, PrimitiveContact, near_contacts
+from fmopt.contact.surface import Surfaces
+from fmopt.errors import InfeasibleError
+from fmopt.placement.motion import Move, onto
+from fmopt.se3 import Pose
+from fmopt.values import Array
+
+_TOUCH = 1e-9
+_SAMPLES = 24
+_REACH = 3e-3
+_STILL = 0.02  # rad, the turn that compliance may add to a slide
+
+
+@dataclass(frozen=True, eq=False)
+class Freedom:
+    """An elementary motion in the B-frame through a body point: name, twist (6,) about that point, how far to try."""
+
+    name: str
+    twist: Array
+    limit: float
+
+
+def freedoms(max_turn: float, depth: float) -> tuple[Freedom, ...]:
+    """Both ways along and about the axes of the B-frame; down as far as the goal.
+
+    Args:
+        max_turn: greatest turn of one move, rad.
+        depth: greatest way down, m.
+    """
+    found = []
+    for axis, letter in enumerate("xyz"):
+        for sign in (-1.0, 1.0):
+            slide, turn = np.zeros(6), np.zeros(6)
+            slide[axis] = turn[3 + axis] = sign
+            limit = depth if (axis, sign) == (2, -1.0) else _REACH
+            found.append(Freedom(f"{'-' if sign < 0 else '+'}{letter}", slide, limit))
+            found.append(Freedom(f"{'-' if sign < 0 else '+'}r{letter}", turn, max_turn))
+    return tuple(found)
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A nominal pose in a contact state: the pose, all held contacts, their basis, and the pivot (3,) in the body."""
+
+    pose: Pose
+    held: tuple[PrimitiveContact, ...]
+    basis: tuple[Compliance, ...]
+    pivot: Array
+
+
+def moved(assembly: Assembly, place: Place, freedom: Freedom, amount: float) -> Pose:
+    """The pose after a motion along a freedom, held contacts kept by their compliance.
+
+    Raises:
+        InfeasibleError: the contacts cannot be kept.
+    """
+    pose = place.pose
+    R = se3.exp(freedom.twist[3:] * amount) @ pose.R
+    at = pose.apply(place.pivot) + freedom.twist[:3] * amount
+    there = Pose(at - R @ place.pivot, R)
+    if not place.basis:
+        return there
+    contacts = [c.contact for c in place.basis]
+    return onto(assembly, there, contacts, np.array([c.direction for c in place.basis]).T, place.held)
+
+
+def neighbourhood(assembly: Assembly, place: Place, freedom: Freedom) -> tuple[PrimitiveContact, ...]:
+    """The primitive contacts that a move along a freedom may meet."""
+    turning = bool(freedom.twist[3:].any())
+    reach, angle = (_REACH, 1.2 * freedom.limit) if turning else (1.2 * freedom.limit, _STILL)
+    return near_contacts(assembly.moving.polyhedron, assembly.fixed.polyhedron, place.pose, reach, angle)
+
+
+def guarded(assembly: Assembly, place: Place, freedom: Freedom) -> Move | None:
+    """The move along a freedom until the first new contact.
+
+    None when it meets none, or two independent ones at once, or cannot keep the held contacts.
+
+    Args:
+        assembly: the two parts.
+        place: where the move starts.
+        freedom: the direction.
+    """
+    try:
+        return _first_contact(assembly, place, freedom)
+    except InfeasibleError:
+        return None
+
+
+def _first_contact(assembly: Assembly, place: Place, freedom: Freedom) -> Move | None:
+    body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
+    near = neighbourhood(assembly, place, freedom)
+    table = Surfaces.of(near, body, fixed)
+    amounts = np.linspace(0.0, freedom.limit, _SAMPLES + 1)
+    poses = [moved(assembly, place, freedom, float(a)) for a in amounts]
+    values = np.array([table.values(pose) for pose in poses])
+    open_now = values[0] > 10.0 * _TOUCH
+    closing = np.flatnonzero(open_now & (values[1:] <= 0.0).any(axis=0))
+    crossings = [(int(np.argmax(values[1:, i] <= 0.0)), int(i)) for i in closing]
+    best: tuple[float, PrimitiveContact] | None = None
+    for k, i in sorted(crossings):
+        if best is not None and amounts[k] > best[0]:
+            break
+        amount = _root(assembly, place, freedom, near[i], float(amounts[k]), float(amounts[k + 1]))
+        if amount is None or (best is not None and amount >= best[0]):
+            continue
+        pose = moved(assembly, place, freedom, amount)
+        if BoundTable.of([near[i]], body, fixed, pose).insides(pose)[0] > 10.0 * _TOUCH:
+            best = (amount, near[i])
+    if best is None or best[0] <= 0.0:
+        return None
+    goal = moved(assembly, place, freedom, best[0])
+    return _arrival(assembly, place, goal, best[1], near)
+
+
+def _root(
+    assembly: Assembly, place: Place, freedom: Freedom, contact: PrimitiveContact, low: float, high: float
+) -> float | None:
+    """Where along a freedom a contact's distance vanishes."""
+    table = Surfaces.of([contact], assembly.moving.polyhedron, assembly.fixed.polyhedron)
+
+    def f(a: float) -> float:
+        return float(table.values(moved(assembly, place, freedom, a))[0])
+
+    from scipy.optimize import brentq
+
+    if f(low) <= 0.0 or f(high) > 0.0:
+        return None
+    return float(brentq(f, low, high, xtol=1e-16, rtol=1e-14))
+
+
+def _arrival(
+    assembly: Assembly, place: Place, goal: Pose, first: PrimitiveContact, near: Sequence[PrimitiveContact]
+) -> Move | None:
+    body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
+    value = Surfaces.of(near, body, fixed).values(goal)
+    grazing = [c for c, f in zip(near, value, strict=True) if abs(f) <= 10.0 * _TOUCH and c not in place.held]
+    inside = BoundTable.of(grazing, body, fixed, goal).insides(goal)
+    made = [first] + [c for c, depth in zip(grazing, inside, strict=True) if c != first and depth > 10.0 * _TOUCH]
+    together = tuple(c for c in made if c == first or implied(assembly, place.held, first, c))
+    if len(together) < len(made) and _independent(assembly, place, first, made, goal):
+        return None
+    return Move(place.pose, goal, place.held, together, place.pivot)
+
+
+def _independent(
+    assembly: Assembly, place: Place, first: PrimitiveContact, made: Sequence[PrimitiveContact], goal: Pose
+) -> bool:
+    """Whether contacts met at once add more than one rank to what is held."""
+    return pinned(assembly, goal, (*place.held, *made)) > pinned(assembly, goal, place.held) + 1
+
+
+def implied(
+    assembly: Assembly, held: Sequence[PrimitiveContact], first: PrimitiveContact, other: PrimitiveContact
+) -> bool:
+    """Whether a contact is made exactly when `first` is, because flush faces fix the turn between the two."""
+    if first.kind is not other.kind or first.kind is Kind.FACE_VERTEX:
+        return False
+    known = flushes(assembly, held)
+    body, fixed = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron
+    if first.kind is Kind.VERTEX_FACE:
+        if first.fixed != other.fixed:
+            return False
+        image = aligned(known, body[first.moving[0]] - body[other.moving[0]])
+        normal = fixed.faces[first.fixed_feature].normal
+        return image is not None and bool(abs(float(normal @ image)) <= _TOUCH)
+    if first.fixed != other.fixed:
+        return False
+    (a, b), (c, d) = body[list(first.moving)], body[list(other.moving)]
+    e = fixed.vertices[list(first.fixed)]
+    image = aligned(known, a - c)
+    parallel = bool(np.linalg.norm(np.cross(b - a, d - c)) <= _TOUCH * float(np.linalg.norm(b - a)))
+    return parallel and image is not None and bool(np.linalg.norm(np.cross(image, e[1] - e[0])) <= _TOUCH * 0.1)
+
+
+def entries(
+    corner: Array, room: tuple[float, float], tilts: Sequence[tuple[float, float]], turns: Sequence[float], depth: float
+) -> Iterator[Pose]:
+    """Poses that enter a corner of the leading face into the mouth: tilted so that the corner is lowest.
+
+    Args:
+        corner: body point (3,) of the corner, m.
+        room: where the corner goes, x and y in the B-frame, m.
+        tilts: tilts about y and about x that lower the corner, rad.
+        turns: turns about the part's own axis, rad.
+        depth: depth of the corner below the mouth, m.
+    """
+    sx, sy = math.copysign(1.0, corner[0]), math.copysign(1.0, corner[1])
+    for about_y, about_x in tilts:
+        for turn in turns:
+            # Turning about +x by α moves y-negative points down by α; about +y by β moves x-positive points down.
+            R = se3.exp([-sy * about_x, 0.0, 0.0]) @ se3.exp([0.0, sx * about_y, 0.0]) @ se3.exp([0.0, 0.0, turn])
+            yield Pose(np.array([*room, -depth]) - R @ corner, R)
+
+
+def pinned(assembly: Assembly, pose: Pose, held: Sequence[PrimitiveContact]) -> int:
+    """How many freedoms the held contacts take away at a pose."""
+    if not held:
+        return 0
+    N = contact_rows(assembly, held, held, pose).N
+    return int(np.linalg.matrix_rank(N * np.array([1.0, 1.0, 1.0, 50.0, 50.0, 50.0]), 1e-6))

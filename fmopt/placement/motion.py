@@ -1,0 +1,273 @@
+"""Moves: from pose to pose along held contacts, unrolled into pieces that the certificate can follow."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fmopt import se3
+from fmopt.certificate.claim import Claim, claim
+from fmopt.certificate.functions import contact_rows
+from fmopt.certificate.knowledge import Assembly, facts, in_plane
+from fmopt.certificate.segment import Compliance, Piece, Tolerance
+from fmopt.contact.primitive import Kind, PrimitiveContact, edge_edge, vertex_face
+from fmopt.errors import InfeasibleError
+from fmopt.placement.witness import choose_separation
+from fmopt.se3 import Pose
+from fmopt.uncertainty.error_set import ErrorSet
+from fmopt.values import Array
+
+_NEWTON = 12
+_RANK = 1e-6
+_CONDITION = 1e8
+_WEIGHTS = np.array([1.0, 1.0, 1.0, 50.0, 50.0, 50.0])
+_LEVEL = 1e-3  # sine of the angle at which an edge runs level with a rim
+_DOUBT = 3e-5  # m; a vertex nearer to a rim than its error and this is listed with its edge
+
+
+@dataclass(frozen=True, eq=False)
+class Move:
+    """A move from pose to pose inside held contacts, ending as new ones are made.
+
+    Args:
+        start: nominal pose at the beginning.
+        goal: nominal pose at the end.
+        held: contacts held at the beginning.
+        making: contacts made at the end, all at once; the first is the one that counts.
+        pivot: body point (3,) whose way is straight while the part turns.
+        parts: least number of pieces.
+    """
+
+    start: Pose
+    goal: Pose
+    held: tuple[PrimitiveContact, ...]
+    making: tuple[PrimitiveContact, ...]
+    pivot: Array
+    parts: int = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Reached:
+    """Where a sequence of moves has come to: errors, basis, and the claims so far."""
+
+    errors: ErrorSet
+    basis: tuple[Compliance, ...]
+    claims: tuple[Claim, ...]
+
+    @property
+    def margin(self) -> float:
+        """The least margin so far, m; infinite before the first move."""
+        return min((c.margin for c in self.claims), default=math.inf)
+
+
+def onto(
+    assembly: Assembly,
+    pose: Pose,
+    contacts: Sequence[PrimitiveContact],
+    directions: Array,
+    context: Iterable[PrimitiveContact],
+) -> Pose:
+    """The pose shifted along compliant directions (6, r) until all r contacts are zero, by Newton's method.
+
+    Raises:
+        InfeasibleError: the contacts cannot be met nearby.
+    """
+    together = tuple(context)
+    for _ in range(_NEWTON):
+        rows = contact_rows(assembly, contacts, together, pose)
+        if np.abs(rows.f).max(initial=0.0) < 1e-16:
+            return pose
+        try:
+            step = directions @ np.linalg.solve(rows.N @ directions, rows.f)
+        except np.linalg.LinAlgError as error:
+            raise InfeasibleError("contacts do not determine their compliant directions") from error
+        if not np.abs(step).max() < 0.1:
+            break
+        pose = pose.moved(-step)
+    if np.abs(contact_rows(assembly, contacts, together, pose).f).max(initial=0.0) < 1e-12:
+        return pose
+    raise InfeasibleError("contacts cannot be held along the move", advice="shorten the move")
+
+
+def along(assembly: Assembly, move: Move, basis: Sequence[Compliance], share: float) -> Pose:
+    """Nominal pose at a share of a move: the turn at constant rate, the pivot straight, held contacts kept."""
+    if share >= 1.0:
+        return move.goal
+    w = se3.log(move.goal.R @ move.start.R.T)
+    R = se3.exp(share * w) @ move.start.R
+    at = (1.0 - share) * move.start.apply(move.pivot) + share * move.goal.apply(move.pivot)
+    pose = Pose(at - R @ move.pivot, R)
+    if not basis:
+        return pose
+    directions = np.array([c.direction for c in basis]).T
+    return onto(assembly, pose, [c.contact for c in basis], directions, move.held)
+
+
+def unroll(
+    assembly: Assembly, move: Move, reached: Reached, tolerance: Tolerance, step: float, thorough: bool = True
+) -> Reached:
+    """Certifies a move piece by piece.
+
+    Args:
+        assembly: the two parts.
+        move: the move.
+        reached: where it starts.
+        tolerance: velocity error and metric.
+        step: greatest turn of one piece, rad.
+        thorough: whether to compute how far contacts stay inside their facets, too.
+
+    Raises:
+        InfeasibleError: parts overlap nominally on the way, or a step is impossible.
+    """
+    turn = float(np.linalg.norm(se3.log(move.goal.R @ move.start.R.T)))
+    count = max(move.parts, math.ceil(turn / step - 1e-9), 1)
+    for shorter in (1, 2):
+        try:
+            return _unroll(assembly, move, reached, tolerance, shorter * count, thorough)
+        except InfeasibleError:
+            # Shorter pieces leave smaller remainders, where the part turns.
+            if turn == 0.0:
+                raise
+    return _unroll(assembly, move, reached, tolerance, 4 * count, thorough)
+
+
+def _unroll(
+    assembly: Assembly, move: Move, reached: Reached, tolerance: Tolerance, count: int, thorough: bool
+) -> Reached:
+    errors, basis, claims = reached.errors, reached.basis, list(reached.claims)
+    at = move.start
+    for k in range(count):
+        share = (k / count, (k + 1) / count)
+        to = along(assembly, replace(move, held=tuple(c.contact for c in basis) or move.held), basis, share[1])
+        held = described(assembly, move.held, at, to, errors)
+        current = _carried_over(assembly, basis, held, to)
+        made = move.making[0] if move.making else None
+        piece = Piece(at, to, held, (*held, *move.making), current, made, share)
+        found = claim(assembly, piece, errors, tolerance, choose_separation, thorough)
+        claims.append(found)
+        errors, at = found.advance.ends.goal_set, to
+        basis = found.advance.basis if piece.last else current
+    return Reached(errors, basis, tuple(claims))
+
+
+def described(
+    assembly: Assembly, held: tuple[PrimitiveContact, ...], start: Pose, goal: Pose, errors: ErrorSet
+) -> tuple[PrimitiveContact, ...]:
+    """The contacts that make up what is held, along a piece: flush faces keep their plane while their corners change.
+
+    A vertex of a flush face touches where it is within the wall's face; an edge touches the wall's rim where one of
+    its ends does. A vertex that may or may not have passed the rim is listed together with its edge.
+    """
+    kept = list(held)
+    for number, face in enumerate(assembly.fixed.polyhedron.faces):
+        flush = facts(assembly, tuple(held)).on(face.normal, face.offset).flush
+        if not flush:
+            continue
+        normal, offset = flush[0]
+        point = offset * normal
+        kept = [c for c in kept if not _on_wall(assembly, c, number)]
+        kept += _flush(assembly, number, point, normal, (start, goal), errors)
+    return tuple(dict.fromkeys(kept))
+
+
+def _on_wall(assembly: Assembly, contact: PrimitiveContact, number: int) -> bool:
+    fixed = assembly.fixed.polyhedron
+    face = fixed.faces[number]
+    if contact.kind is Kind.VERTEX_FACE:
+        return contact.fixed_feature == number
+    return contact.kind is Kind.EDGE_EDGE and in_plane(fixed.vertices[list(contact.fixed)], face.normal, face.offset)
+
+
+def _flush(
+    assembly: Assembly, number: int, point: Array, normal: Array, poses: tuple[Pose, Pose], errors: ErrorSet
+) -> list[PrimitiveContact]:
+    """Contacts between the flush body plane (point, normal) and a wall, as the piece of motion has them."""
+    body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
+    own = [i for i, v in enumerate(body.vertices) if abs(float(normal @ (v - point))) <= 1e-9]
+    rims = [i for i, e in enumerate(fixed.edges) if number in e.faces and e.convex]
+    side = {(v, r): _side(assembly, v, number, r, poses, errors) for v in own for r in rims}
+    found = [vertex_face(fixed, v, number) for v in own if all(side[v, r] >= 0 for r in rims)]
+    for i, edge in enumerate(body.edges):
+        if not set(edge.vertices) <= set(own) or not edge.convex:
+            continue
+        for r in rims:
+            one, two = sorted((side[v, r] for v in edge.vertices), reverse=True)
+            if one == 1 and two < 1 and _meets(assembly, edge.vertices, number, r, rims, poses[0]):
+                found.append(edge_edge(body, fixed, poses[0].R, i, r))
+    return found
+
+
+def _side(assembly: Assembly, vertex: int, wall: int, rim: int, poses: tuple[Pose, Pose], errors: ErrorSet) -> int:
+    """Whether a vertex of the wall's plane is inside a rim of it for sure (1), outside (−1), or perhaps (0)."""
+    v = assembly.moving.polyhedron.vertices[vertex]
+    c, inward = _inward(assembly, wall, rim)
+    depth = [float(inward @ (pose.apply(v) - c)) for pose in poses]
+    rows = np.array([np.concatenate([inward, np.cross(pose.R @ v, inward)]) for pose in poses])
+    doubt = 1.2 * float(errors.support(rows).max()) + _DOUBT
+    return 1 if min(depth) > doubt else -1 if max(depth) < -doubt else 0
+
+
+def _inward(assembly: Assembly, wall: int, rim: int) -> tuple[Array, Array]:
+    """A point of a rim, and the unit direction into the wall's face across it."""
+    fixed = assembly.fixed.polyhedron
+    c, d = fixed.vertices[list(fixed.edges[rim].vertices)]
+    inward = np.cross(fixed.faces[wall].normal, d - c)
+    centre = fixed.vertices[list(fixed.faces[wall].loops[0])].mean(axis=0)
+    inward *= np.sign(float(inward @ (centre - c))) / np.linalg.norm(inward)
+    return c, np.asarray(inward)
+
+
+def _meets(assembly: Assembly, ends: tuple[int, int], wall: int, rim: int, rims: list[int], pose: Pose) -> bool:
+    """Whether an edge in the wall's plane crosses a rim, rather than passing the face beside it."""
+    c, inward = _inward(assembly, wall, rim)
+    a, b = pose.apply(assembly.moving.polyhedron.vertices[list(ends)])
+    rise = float((b - a) @ inward)
+    if abs(rise) <= _LEVEL * float(np.linalg.norm(b - a)):
+        return False
+    x = a + np.clip(float((c - a) @ inward) / rise, 0.0, 1.0) * (b - a)
+    others = [_inward(assembly, wall, r) for r in rims if r != rim]
+    return all(float(inner @ (x - p)) > -_DOUBT for p, inner in others)
+
+
+def _carried_over(
+    assembly: Assembly, basis: Sequence[Compliance], held: Sequence[PrimitiveContact], pose: Pose
+) -> tuple[Compliance, ...]:
+    """The basis in terms of the contacts now held: one that has gone is replaced by another of the same flush."""
+    kept = list(basis)
+    for n, entry in enumerate(basis):
+        if entry.contact not in held:
+            kept[n] = Compliance(_replacement(assembly, kept, n, held, pose), entry.direction)
+    return tuple(kept)
+
+
+def _replacement(
+    assembly: Assembly, kept: Sequence[Compliance], n: int, held: Sequence[PrimitiveContact], pose: Pose
+) -> PrimitiveContact:
+    """A held contact on the same wall that says, with the rest of the basis, the same as contact n did."""
+    gone = kept[n].contact
+    rest = [k for i, k in enumerate(kept) if i != n and k.contact in held]
+    C = np.array([k.direction for k in (*rest, kept[n])]).T
+    before = _rows(assembly, [*(k.contact for k in rest), gone], (*held, gone), pose)
+    for contact in held:
+        if any(contact == k.contact for k in rest) or not _same_wall(assembly, gone, contact):
+            continue
+        now = _rows(assembly, [*(k.contact for k in rest), contact], held, pose)
+        rank = np.linalg.matrix_rank(np.vstack([before, now]), _RANK)
+        regular = np.linalg.cond((now / _WEIGHTS) @ C) < _CONDITION
+        if rank == len(now) == np.linalg.matrix_rank(now, _RANK) and regular:
+            return contact
+    raise InfeasibleError(f"contact {gone.id} ends along the move and nothing takes its place")
+
+
+def _rows(
+    assembly: Assembly, contacts: Sequence[PrimitiveContact], together: Sequence[PrimitiveContact], pose: Pose
+) -> Array:
+    """Contact rows (k, 6), angles weighed against lengths."""
+    return np.asarray(contact_rows(assembly, contacts, together, pose).N * _WEIGHTS)
+
+
+def _same_wall(assembly: Assembly, gone: PrimitiveContact, other: PrimitiveContact) -> bool:
+    return other.kind is Kind.VERTEX_FACE and _on_wall(assembly, gone, other.fixed_feature)

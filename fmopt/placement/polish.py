@@ -1,0 +1,212 @@
+"""Placement of one goal pose at a time: a nonlinear program on the true surfaces, or the paper's steepest descent.
+
+Both keep all other poses. What an obstacle row loses to errors, remainders and contact thickness is taken from the last
+certificate as an allowance; a new pose is kept only when the certificate, computed anew, has a larger margin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from fmopt.certificate.functions import contact_rows
+from fmopt.certificate.knowledge import Assembly
+from fmopt.certificate.segment import Tolerance
+from fmopt.certificate.separation import Separation, row_bounds
+from fmopt.contact.surface import parameters
+from fmopt.errors import InfeasibleError, SolverError
+from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.placement.clearance import Flat, Metric, placement
+from fmopt.placement.descent import descend
+from fmopt.placement.motion import Move, Reached
+from fmopt.placement.nlp import place_on_surfaces, surface_placement
+from fmopt.placement.rows import Row, RowKind, evaluate, face_vertex, vertex_face
+from fmopt.placement.sequence import Placed, certified, independent_rows, onto_surfaces, pairs_of
+from fmopt.values import Array
+
+_GAIN = 1e-7
+_NEAR = 3e-4
+_SHORTER = 0.3
+_IDLE = 1e-5  # m; a pose with that much more margin than the sequence has no say in it
+
+Method = Literal["nlp", "descent"]
+
+
+@dataclass(frozen=True)
+class Turns:
+    """How often each pose gets its turn, and how far it may go in one, m in the metric of ρ."""
+
+    rounds: int = 3
+    radius: float = 2e-4
+
+
+@dataclass(frozen=True, eq=False)
+class _Obstacles:
+    """Rows at one pose: as functions, as gradients N (k, 6) with values f (k,), their allowances and divisors (k,)."""
+
+    rows: tuple[Row, ...]
+    f: Array
+    N: Array
+    allowance: Array
+    scale: Array
+
+
+def polish(
+    assembly: Assembly,
+    placed: Placed,
+    start: Reached,
+    tolerance: Tolerance,
+    step: float,
+    clearance: float,
+    method: Method,
+    turns: Turns,
+    progress: Callable[[float], None] = lambda _: None,
+) -> Placed:
+    """Moves one goal pose after the other while the certified margin rises.
+
+    Args:
+        assembly: the two parts.
+        placed: the sequence to improve.
+        start: errors at its start.
+        tolerance: velocity error and metric.
+        step: greatest turn of one piece, rad.
+        clearance: clearance a side, m, the unit of length of the programs.
+        method: nonlinear program on the true surfaces, or reciprocal cost and steepest descent on the linear ones.
+        turns: how often each pose gets its turn, and how far it may go.
+        progress: told the margin (m) after each gain.
+    """
+    best = placed
+    for _ in range(turns.rounds):
+        before = best.margin
+        for k in range(len(best.moves) - 1):
+            for reach in (turns.radius, _SHORTER * turns.radius):
+                metric = Metric(tolerance.rho, clearance)
+                candidate = _one(assembly, best, start, tolerance, step, metric, method, k, reach)
+                if candidate is not None and candidate.margin > best.margin + _GAIN:
+                    best = candidate
+                    progress(best.margin)
+                    break
+        if best.margin <= before + _GAIN:
+            break
+    return best
+
+
+def _one(
+    assembly: Assembly,
+    placed: Placed,
+    start: Reached,
+    tolerance: Tolerance,
+    step: float,
+    metric: Metric,
+    method: Method,
+    k: int,
+    radius: float,
+) -> Placed | None:
+    move = placed.moves[k]
+    obstacles = _obstacles(assembly, placed, k)
+    if obstacles is None:
+        return None
+    try:
+        X = _placed_pose(assembly, move, obstacles, metric, method, radius)
+        goal = onto_surfaces(assembly, move.goal.moved(X), move)
+        moves = list(placed.moves)
+        moves[k] = replace(move, goal=goal)
+        moves[k + 1] = replace(moves[k + 1], start=goal)
+        return certified(assembly, moves, start, tolerance, step)
+    except (InfeasibleError, SolverError):
+        return None
+
+
+def _placed_pose(
+    assembly: Assembly, move: Move, obstacles: _Obstacles, metric: Metric, method: Method, radius: float
+) -> Array:
+    """The displacement (6,) of a goal pose that one method proposes."""
+    contacts = (*move.held, *move.making)
+    box = radius / metric.sigma
+    if method == "nlp":
+        body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
+        surfaces = [Row(RowKind(c.kind.value), parameters(c, body, fixed)) for c in contacts]
+        problem = surface_placement(
+            move.goal,
+            surfaces,
+            obstacles.rows,
+            metric=metric,
+            lower=-box,
+            upper=box,
+            weights=obstacles.scale,
+            allowance=obstacles.allowance,
+        )
+        return place_on_surfaces(problem, np.zeros(6)).x[:6]
+    E = independent_rows(contact_rows(assembly, contacts, contacts, move.goal).N) if contacts else np.zeros((0, 6))
+    linear = placement(
+        obstacles.N,
+        obstacles.allowance - obstacles.f,
+        metric=metric,
+        lower=-box,
+        upper=box,
+        goal=Flat(E, np.zeros(len(E))),
+        weights=obstacles.scale,
+    )
+    return descend(linear, np.zeros((1, 6))).x[:6]
+
+
+def _obstacles(assembly: Assembly, placed: Placed, k: int) -> _Obstacles | None:
+    """The rows near binding at the goal of move k, from the pieces that end and begin there."""
+    number = -1
+    rows: list[Row] = []
+    f: list[float] = []
+    N: list[Array] = []
+    allowance: list[float] = []
+    scale: list[float] = []
+    for claim in placed.reached.claims:
+        number += claim.piece.progress[0] == 0.0
+        ending = number == k and claim.piece.last
+        if not ending and not (number == k + 1 and claim.piece.progress[0] == 0.0):
+            continue
+        for pair, separation in pairs_of(assembly, claim):
+            if separation.witness.kind == "edges" or separation.margin > placed.margin + _NEAR:
+                continue
+            bounds = row_bounds(assembly, pair, separation.witness, claim.advance.ends)
+            at = bounds.goal if ending else bounds.start
+            functions = _functions(pair.moving, pair.fixed, separation, bounds.scale)
+            if len(functions) != len(at.f):
+                continue  # a pair in touch: its contacts keep it apart, not this pose
+            loss = np.minimum(bounds.start.f, bounds.goal.f) - bounds.lower
+            for i in np.flatnonzero(at.f - loss < (placed.margin + _NEAR) * bounds.scale):
+                rows.append(functions[int(i)])
+                f.append(float(at.f[i]) / bounds.scale)
+                N.append(at.N[i] / bounds.scale)
+                allowance.append(float(loss[i]) / bounds.scale)
+                scale.append(1.0)
+        if claim.early is not None and not ending:
+            made = claim.piece.made
+            assert made is not None
+            surface = Row(
+                RowKind(made.kind.value), parameters(made, assembly.moving.polyhedron, assembly.fixed.polyhedron)
+            )
+            value, slope = evaluate([surface], claim.piece.start, np.zeros(6))
+            rows.append(surface)
+            f.append(float(value[0]))
+            N.append(slope[0])
+            allowance.append(float(value[0]) - claim.early)
+            scale.append(1.0)
+    if not rows or min(v - a for v, a in zip(f, allowance, strict=True)) > placed.margin + _IDLE:
+        return None
+    return _Obstacles(tuple(rows), np.array(f), np.array(N), np.array(allowance), np.array(scale))
+
+
+def _functions(moving: Polyhedron, fixed: Polyhedron, separation: Separation, scale: float) -> Sequence[Row]:
+    """The rows of a witness as functions of the pose, in the order in which the certificate counts them."""
+    witness = separation.witness
+    if witness.kind == "plane" and witness.plane is not None:
+        n = np.array(witness.plane[:3]) / scale
+        at = n * witness.plane[3] / scale / float(n @ n)
+        return [vertex_face(v, n, at) for v in moving.vertices]
+    if witness.kind == "moving-face":
+        face = next(face for face in moving.faces if face.loops[0] == witness.moving)
+        return [face_vertex(face.normal, face.offset, w) for w in fixed.vertices]
+    face = next(face for face in fixed.faces if face.loops[0] == witness.fixed)
+    return [vertex_face(v, face.normal, face.normal * face.offset) for v in moving.vertices]

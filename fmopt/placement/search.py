@@ -1,0 +1,275 @@
+"""Best-first search for a sequence of contact states from free space to the seated part.
+
+Nodes are contact states with their error sets; arcs are guarded moves along one freedom of the compliance frame. The
+cost of a sequence has the three terms of [DakinPopplestone1993] section 3: the number of transitions, how hard the
+force signature of a wanted contact is to tell from that of the likeliest wrong one, and the danger of meeting an
+obstacle on the way, as a reciprocal of the certified margin. Each freedom that is still to be taken away costs one
+transition at least. That bound is admissible; the order of expansion weighs it more, so that an answer comes soon,
+and the least bound among the states left open or dropped for a cheaper way to the same contacts says how much better
+another sequence could be: the gap.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fmopt.certificate.functions import contact_rows
+from fmopt.certificate.knowledge import Assembly
+from fmopt.certificate.segment import Tolerance
+from fmopt.contact.primitive import near_contacts
+from fmopt.contact.surface import Surfaces
+from fmopt.errors import InfeasibleError
+from fmopt.placement.explore import Place, freedoms, guarded, implied, pinned
+from fmopt.placement.motion import Move, Reached, described, unroll
+from fmopt.se3 import Pose
+from fmopt.uncertainty.error_set import ErrorSet
+from fmopt.values import Array
+
+
+@dataclass(frozen=True)
+class Costs:
+    """Weights of the search, and when a transition is given up.
+
+    Args:
+        transition: cost of each transition.
+        signature: cost of a contact whose wrench cannot be told from that of the likeliest wrong one.
+        danger: cost of a transition with no margin at all.
+        asymptote: margin (m, negative) at which danger becomes infinite, the paper's C.
+        scale: margin (m) that counts as roomy.
+        coarse: greatest turn of one piece while searching, rad.
+        states: most states that are expanded.
+        greed: weight of the transitions still to come in the order of expansion, at least 1.
+    """
+
+    transition: float = 1.0
+    signature: float = 0.25
+    danger: float = 1.0
+    asymptote: float = -1.5e-4
+    scale: float = 1e-4
+    coarse: float = math.radians(1.5)
+    states: int = 400
+    greed: float = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class MoveSequence:
+    """A sequence of moves with what it cost.
+
+    Args:
+        moves: from the start to the seated part.
+        names: the freedom of each move.
+        reached: the claims, as coarse as the search makes them.
+        cost: of the sequence.
+        lower_bound: no sequence from the same entries costs less.
+        expanded: states looked at.
+    """
+
+    moves: tuple[Move, ...]
+    names: tuple[str, ...]
+    reached: Reached
+    cost: float
+    lower_bound: float
+    expanded: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Node:
+    place: Place
+    reached: Reached
+    moves: tuple[Move, ...]
+    names: tuple[str, ...]
+    cost: float
+    rank: int
+
+
+@dataclass(order=True)
+class _Open:
+    order: float
+    number: int
+    bound: float = field(compare=False)
+    node: _Node = field(compare=False)
+
+
+def danger(margin: float, costs: Costs) -> float:
+    """The reciprocal cost of a margin (m), [DakinPopplestone1993] eq. 2 with its sign right; inf past the asymptote."""
+    room = margin - costs.asymptote
+    return costs.danger * (costs.scale - costs.asymptote) / room if room > 0.0 else math.inf
+
+
+def signature(assembly: Assembly, move: Move, tolerance: Tolerance, errors: ErrorSet) -> float:
+    """How alike the new contact's wrench is to that of the likeliest wrong contact: 1 the same, 0 orthogonal.
+
+    The likely wrong ones are the contacts that the errors at the goal could reach. Wrenches are compared modulo those
+    of the contacts already held, in the metric of ρ.
+    """
+    if not move.making:
+        return 0.0
+    scale = np.array([1.0, 1.0, 1.0, *[1.0 / tolerance.rho] * 3])
+    near = near_contacts(assembly.moving.polyhedron, assembly.fixed.polyhedron, move.goal, 5e-4, 0.01)
+    others = [
+        c
+        for c in near
+        if c not in move.held and c not in move.making and not implied(assembly, move.held, move.making[0], c)
+    ]
+    if not others:
+        return 0.0
+    f, N = Surfaces.of(others, assembly.moving.polyhedron, assembly.fixed.polyhedron).values_and_rows(move.goal)
+    reachable = (f > 1e-9) & (f < errors.support(N)) & np.isfinite(f)
+    if not reachable.any():
+        return 0.0
+    wanted = contact_rows(assembly, [move.making[0]], move.making, move.goal).N[0] * scale
+    held = contact_rows(assembly, move.held, move.held, move.goal).N * scale if move.held else np.zeros((0, 6))
+    wanted, *wrong = _modulo(held, np.vstack([wanted, N[reachable] * scale]))
+    alike = [float(wanted @ w) / max(float(np.linalg.norm(wanted) * np.linalg.norm(w)), 1e-30) for w in wrong]
+    return float(np.clip(max(alike), 0.0, 1.0))
+
+
+def _modulo(held: Array, rows: Array) -> Array:
+    if not len(held):
+        return rows
+    _, s, Vt = np.linalg.svd(held, full_matrices=False)
+    basis = Vt[s > 1e-9 * s[0]]
+    return np.asarray(rows - rows @ basis.T @ basis)
+
+
+def search(
+    assembly: Assembly,
+    entries: Sequence[tuple[Pose, Pose, Array]],
+    goal: Pose,
+    start: ErrorSet,
+    tolerance: Tolerance,
+    costs: Costs,
+    max_turn: float,
+    deadline: float = math.inf,
+    progress: Callable[[str], None] = lambda _: None,
+) -> MoveSequence:
+    """The cheapest sequence of guarded moves from any of the entries to the goal.
+
+    Args:
+        assembly: the two parts.
+        entries: start pose, pose inside the mouth, and the pivot (3,) in the body, for each way to begin.
+        goal: the seated pose.
+        start: error set at the start.
+        tolerance: velocity error and metric.
+        costs: weights and limits.
+        max_turn: greatest turn of a move, rad.
+        deadline: `time.monotonic()` at which to stop with what there is.
+        progress: told what is being looked at.
+
+    Raises:
+        InfeasibleError: no sequence was found.
+    """
+    final = _final_rank(assembly, goal)
+    queue: list[_Open] = []
+    count, expanded = 0, 0
+    closest: tuple[float, _Node] | None = None
+    best: dict[frozenset[str], float] = {}
+    dropped = math.inf
+    for begin, inside, pivot in entries:
+        node = _approach(assembly, begin, inside, pivot, start, tolerance, costs)
+        if node is not None:
+            count += 1
+            heapq.heappush(queue, _opened(node, final, count, costs))
+    while queue:
+        entry = heapq.heappop(queue)
+        node = entry.node
+        if _seated(node.place.pose, goal):
+            bound = min([node.cost, dropped, *(other.bound for other in queue)])
+            return MoveSequence(node.moves, node.names, node.reached, node.cost, bound, expanded)
+        state = frozenset(c.id for c in node.place.held)
+        if state and best.get(state, math.inf) <= node.cost:
+            dropped = min(dropped, entry.bound)
+            continue
+        best[state] = node.cost
+        if expanded >= costs.states or time.monotonic() > deadline:
+            break
+        expanded += 1
+        progress(" ".join(node.names))
+        for child in _sons(assembly, node, goal, tolerance, costs, max_turn):
+            count += 1
+            heapq.heappush(queue, _opened(child, 0 if _seated(child.place.pose, goal) else final, count, costs))
+            if closest is None or (-child.rank, child.cost) < (closest[0], closest[1].cost):
+                closest = (-child.rank, child)
+    reached = f", the closest came after {' '.join(closest[1].names)}" if closest else ""
+    raise InfeasibleError(
+        f"no sequence of contacts leads to the seated part among {expanded} states{reached}",
+        advice="allow a larger tilt, lower the start errors, or widen the clearance",
+    )
+
+
+def _opened(node: _Node, final: int, number: int, costs: Costs) -> _Open:
+    left = max(final - node.rank, 0) * costs.transition
+    return _Open(node.cost + costs.greed * left, number, node.cost + left, node)
+
+
+def _final_rank(assembly: Assembly, goal: Pose) -> int:
+    near = near_contacts(assembly.moving.polyhedron, assembly.fixed.polyhedron, goal, 1e-6, 1e-3)
+    stops = [c for c in near if abs(contact_rows(assembly, [c], (), goal).f[0]) < 1e-9]
+    return 5 + (1 if stops else 0)
+
+
+def _seated(pose: Pose, goal: Pose) -> bool:
+    x = goal.local(pose)
+    return bool(abs(x[2]) < 1e-9)
+
+
+def _approach(
+    assembly: Assembly, begin: Pose, inside: Pose, pivot: Array, start: ErrorSet, tolerance: Tolerance, costs: Costs
+) -> _Node | None:
+    move = Move(begin, inside, (), (), pivot)
+    try:
+        reached = unroll(assembly, move, Reached(start, (), ()), tolerance, costs.coarse, thorough=False)
+    except InfeasibleError:
+        return None
+    cost = danger(reached.margin, costs)
+    if not math.isfinite(cost):
+        return None
+    return _Node(Place(inside, (), (), pivot), reached, (move,), ("approach",), cost, 0)
+
+
+def _sons(
+    assembly: Assembly, node: _Node, goal: Pose, tolerance: Tolerance, costs: Costs, max_turn: float
+) -> list[_Node]:
+    found = []
+    depth = float(node.place.pose.p[2] - goal.p[2])
+    for freedom in freedoms(max_turn, depth):
+        move = guarded(assembly, node.place, freedom)
+        if move is None and freedom.name == "-z":
+            move = _straight_down(assembly, node.place, goal, freedom.twist)
+        if move is None:
+            continue
+        son = _son(assembly, node, move, freedom.name, tolerance, costs)
+        if son is not None:
+            found.append(son)
+    return found
+
+
+def _straight_down(assembly: Assembly, place: Place, goal: Pose, twist: Array) -> Move | None:
+    """The last move where nothing stops it: as far as the goal's depth, when the part stands upright."""
+    there = place.pose.moved(twist * float(place.pose.p[2] - goal.p[2]))
+    if float(np.linalg.norm(goal.local(there)[3:])) > 1e-9 or pinned(assembly, place.pose, place.held) < 5:
+        return None
+    return Move(place.pose, there, place.held, (), place.pivot)
+
+
+def _son(assembly: Assembly, node: _Node, move: Move, name: str, tolerance: Tolerance, costs: Costs) -> _Node | None:
+    try:
+        before = len(node.reached.claims)
+        reached = unroll(assembly, move, node.reached, tolerance, costs.coarse, thorough=False)
+    except InfeasibleError:
+        return None
+    margin = min(c.margin for c in reached.claims[before:])
+    cost = node.cost + costs.transition + danger(margin, costs)
+    if not math.isfinite(cost):
+        return None
+    cost += costs.signature * signature(assembly, move, tolerance, reached.errors)
+    held = described(assembly, (*move.held, *move.making), move.goal, move.goal, reached.errors)
+    place = Place(move.goal, held, reached.basis, move.pivot)
+    rank = pinned(assembly, move.goal, held)
+    return _Node(place, reached, (*node.moves, move), (*node.names, name), cost, rank)

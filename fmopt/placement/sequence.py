@@ -1,0 +1,292 @@
+"""Placement of all goal poses of a sequence together, so that its least certified margin is as large as possible.
+
+One cone program for the whole sequence: the unknowns are small displacements of every goal pose inside its contact
+state; each row of each separating plane of each piece is linear in them, its error allowance fixed, and the drift grows
+with the length of the move, a second-order cone. The program is solved in a trust region, the poses are put back on
+the true contact surfaces, everything is certified anew, and the step is taken only if the certified margin rose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fmopt.certificate.claim import Claim
+from fmopt.certificate.functions import contact_rows
+from fmopt.certificate.knowledge import Assembly
+from fmopt.certificate.segment import Tolerance
+from fmopt.certificate.separation import Pair, Separation, pairs, row_bounds
+from fmopt.errors import InfeasibleError, SolverError
+from fmopt.placement.motion import Move, Reached, unroll
+from fmopt.placement.program import ConeProgram, Norm, Solver
+from fmopt.se3 import Pose, hat
+from fmopt.values import Array
+
+_NEAR = 4e-4
+_RANK = 1e-7
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """How far placement goes: rounds, first trust radius (m, in the metric of ρ), and when a gain counts (m)."""
+
+    rounds: int = 12
+    radius: float = 4e-4
+    least_radius: float = 5e-6
+    least_gain: float = 2e-7
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """A sequence of moves with its claims."""
+
+    moves: tuple[Move, ...]
+    reached: Reached
+
+    @property
+    def margin(self) -> float:
+        """Least certified margin, m."""
+        return self.reached.margin
+
+
+@dataclass(frozen=True, eq=False)
+class _LinearRow:
+    """A row that must stay positive: value with its allowance, and its slope in the displacements of two poses."""
+
+    value: float
+    slopes: tuple[tuple[int, Array], ...]
+    drift: float
+    move: int
+
+
+def certified(
+    assembly: Assembly, moves: Sequence[Move], start: Reached, tolerance: Tolerance, step: float, thorough: bool = False
+) -> Placed:
+    """Certifies a sequence of moves from the start.
+
+    Raises:
+        InfeasibleError: a move is impossible.
+    """
+    reached = start
+    for move in moves:
+        reached = unroll(assembly, move, reached, tolerance, step, thorough)
+    return Placed(tuple(moves), reached)
+
+
+def refine(
+    assembly: Assembly,
+    placed: Placed,
+    start: Reached,
+    tolerance: Tolerance,
+    step: float,
+    solver: Solver,
+    settings: Refinement,
+    progress: Callable[[float], None] = lambda _: None,
+) -> Placed:
+    """Moves all goal poses until the certified margin rises no more; the margin never falls.
+
+    Args:
+        assembly: the two parts.
+        placed: the sequence to improve.
+        start: errors at its start.
+        tolerance: velocity error and metric.
+        step: greatest turn of one piece, rad.
+        solver: for cone programs.
+        settings: rounds and trust region.
+        progress: told the margin (m) after each gain.
+    """
+    best, radius = placed, settings.radius
+    for _ in range(settings.rounds):
+        if radius < settings.least_radius:
+            break
+        candidate = _step(assembly, best, start, tolerance, step, solver, radius)
+        if candidate is not None and candidate.margin > best.margin + settings.least_gain:
+            best, radius = candidate, min(2.0 * radius, 4.0 * settings.radius)
+            progress(best.margin)
+        else:
+            radius *= 0.35
+    return best
+
+
+def _step(
+    assembly: Assembly,
+    placed: Placed,
+    start: Reached,
+    tolerance: Tolerance,
+    step: float,
+    solver: Solver,
+    radius: float,
+) -> Placed | None:
+    rows = _rows(assembly, placed)
+    if not rows:
+        return None
+    try:
+        solution = solver.solve(_program(assembly, placed, rows, tolerance, radius))
+    except (InfeasibleError, SolverError):
+        return None
+    shift = solution.x[:-1].reshape(-1, 6)
+    try:
+        return certified(assembly, _shifted(assembly, placed.moves, shift), start, tolerance, step)
+    except InfeasibleError:
+        return None
+
+
+def _rows(assembly: Assembly, placed: Placed) -> list[_LinearRow]:
+    """Every row that is not far from binding, linear in the displacements of the moves' poses."""
+    found: list[_LinearRow] = []
+    number = -1
+    for claim in placed.reached.claims:
+        number += claim.piece.progress[0] == 0.0
+        found += _claim_rows(assembly, placed.moves, number, claim, placed.margin)
+    return found
+
+
+def _claim_rows(
+    assembly: Assembly, moves: Sequence[Move], number: int, claim: Claim, margin: float
+) -> list[_LinearRow]:
+    piece, ends = claim.piece, claim.advance.ends
+    found = []
+    for pair, separation in pairs_of(assembly, claim):
+        if separation.margin > margin + _NEAR:
+            continue
+        rows = row_bounds(assembly, pair, separation.witness, ends)
+        loss = np.minimum(rows.start.f, rows.goal.f) - rows.lower
+        for at, share in ((rows.start, piece.progress[0]), (rows.goal, piece.progress[1])):
+            for k in np.flatnonzero(at.f - loss < (margin + _NEAR) * rows.scale):
+                slopes = _slopes(moves, number, share, at.N[k])
+                value = float(at.f[k] - loss[k]) / rows.scale
+                drift = float(np.linalg.norm(at.N[k])) / rows.scale
+                found.append(_LinearRow(value, tuple((n, s / rows.scale) for n, s in slopes), drift, number))
+    if claim.early is not None and piece.made is not None:
+        row = contact_rows(assembly, [piece.made], (*piece.held, piece.made), piece.start)
+        found.append(_LinearRow(claim.early, tuple(_slopes(moves, number, 0.0, row.N[0])), 0.0, number))
+    return found
+
+
+def pairs_of(assembly: Assembly, claim: Claim) -> list[tuple[Pair, Separation]]:
+    """The pairs of pieces of a claim, with the planes that keep them apart."""
+    piece = claim.piece
+    found = pairs(assembly, piece.held, piece.making, piece.made)
+    return [(pair, kept) for (_, _, kept), (_, _, pair) in zip(claim.separations, found, strict=True)]
+
+
+def _slopes(moves: Sequence[Move], number: int, share: float, N: Array) -> list[tuple[int, Array]]:
+    """∂f/∂(displacements of pose `number` and `number + 1`), the pivot going straight and the turn at constant rate."""
+    move = moves[number]
+    middle = _between(move, share)
+    c = middle.R @ move.pivot
+    # d at the origin from (d, δ) of the pivot: d = d_c − δ × Rc.
+    back = np.eye(6)
+    back[:3, 3:] = hat(c)
+    found = []
+    for n, weight, pose in ((number, 1.0 - share, move.start), (number + 1, share, move.goal)):
+        if weight > 0.0:
+            out = np.eye(6)
+            out[:3, 3:] = -hat(pose.R @ move.pivot)
+            found.append((n, weight * (N @ back @ out)))
+    return found
+
+
+def _between(move: Move, share: float) -> Pose:
+    if share <= 0.0:
+        return move.start
+    if share >= 1.0:
+        return move.goal
+    x = move.start.local(move.goal)
+    return move.start.moved(share * x)
+
+
+def _program(
+    assembly: Assembly, placed: Placed, rows: Sequence[_LinearRow], tolerance: Tolerance, radius: float
+) -> ConeProgram:
+    """Variables: displacements (6) of all poses from the start to the goal, then the margin t, which is maximised."""
+    moves = placed.moves
+    poses = len(moves) + 1
+    n = 6 * poses + 1
+    scale = np.array([1.0, 1.0, 1.0, *[tolerance.rho] * 3])
+    G, h, W = np.zeros((len(rows), n)), np.zeros(len(rows)), np.zeros((len(rows), len(moves)))
+    norms = []
+    rate = max(tolerance.velocity_error)
+    for m, move in enumerate(moves):
+        F = np.zeros((6, n))
+        F[:, 6 * m : 6 * m + 6], F[:, 6 * m + 6 : 6 * m + 12] = -np.diag(scale), np.diag(scale)
+        norms.append(Norm(F, scale * move.start.local(move.goal)))
+    for r, row in enumerate(rows):
+        for pose, slope in row.slopes:
+            G[r, 6 * pose : 6 * pose + 6] += slope
+        G[r, -1] = -1.0
+        here = float(np.linalg.norm(norms[row.move].g))
+        W[r, row.move] = rate * min(row.drift, 1.0)
+        h[r] = row.value + W[r, row.move] * here
+    A = _equalities(assembly, moves, n)
+    lower = np.append(np.tile(-radius / scale, poses), -np.inf)
+    upper = np.append(np.tile(radius / scale, poses), np.inf)
+    units = np.append(np.tile(1e-4 / scale, poses), 1e-4)
+    return ConeProgram.of(
+        np.append(np.zeros(n - 1), 1.0),
+        A=A,
+        b=np.zeros(len(A)),
+        G=G,
+        h=h,
+        W=W,
+        norms=tuple(norms),
+        lower=lower,
+        upper=upper,
+        units=units,
+    )
+
+
+def _equalities(assembly: Assembly, moves: Sequence[Move], n: int) -> Array:
+    """Each pose stays in its contact state; the seated pose stays where it is."""
+    blocks = []
+    for k, move in enumerate(moves):
+        contacts = (*move.held, *move.making)
+        if k == len(moves) - 1:
+            rows = np.eye(6)
+        elif contacts:
+            rows = independent_rows(contact_rows(assembly, contacts, contacts, move.goal).N)
+        else:
+            continue
+        block = np.zeros((len(rows), n))
+        block[:, 6 * (k + 1) : 6 * (k + 2)] = rows
+        blocks.append(block)
+    return np.vstack(blocks)
+
+
+def independent_rows(N: Array) -> Array:
+    """An orthonormal basis of the row space (r, 6)."""
+    scale = np.array([1.0, 1.0, 1.0, 50.0, 50.0, 50.0])
+    _, s, Vt = np.linalg.svd(N * scale, full_matrices=False)
+    return np.asarray(Vt[s > _RANK * s[0]] / scale)
+
+
+def _shifted(assembly: Assembly, moves: Sequence[Move], shift: Array) -> tuple[Move, ...]:
+    """The moves with their poses displaced and put back onto the true contact surfaces."""
+    at = moves[0].start.moved(shift[0])
+    found = []
+    for k, move in enumerate(moves):
+        there = move.goal if k == len(moves) - 1 else move.goal.moved(shift[k + 1])
+        if k < len(moves) - 1:
+            there = onto_surfaces(assembly, there, move)
+        found.append(replace(move, start=at, goal=there))
+        at = there
+    return tuple(found)
+
+
+def onto_surfaces(assembly: Assembly, pose: Pose, move: Move) -> Pose:
+    """The nearest pose at which all contacts are exactly zero, by Gauss–Newton with the least turn."""
+    contacts = (*move.held, *move.making)
+    if not contacts:
+        return pose
+    scale = np.array([1.0, 1.0, 1.0, 50.0, 50.0, 50.0])
+    for _ in range(20):
+        rows = contact_rows(assembly, contacts, contacts, pose)
+        if np.abs(rows.f).max() < 1e-16:
+            return pose
+        step = np.linalg.pinv(rows.N * scale, rcond=1e-6) @ rows.f * scale
+        pose = pose.moved(-step)
+    if np.abs(contact_rows(assembly, contacts, contacts, pose).f).max() > 1e-13:
+        raise InfeasibleError("a goal pose left the true surfaces of its contact state")
+    return pose

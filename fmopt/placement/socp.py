@@ -1,0 +1,175 @@
+"""Clarabel behind the `Solver` protocol: one persistent solver per sparsity pattern.
+
+Clarabel's own equilibration is off, since it depends on the first data a solver saw: with the scaling of
+`ConeProgram` alone, an updated solver returns the bits of a fresh one, whatever it solved before.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmopt.errors import InfeasibleError, SolverError
+from fmopt.placement.program import FEASIBLE, ConeProgram, Duals, Solution, certify
+from fmopt.values import Array
+
+_REMEMBERED = 64
+_local = threading.local()
+
+Indices = NDArray[np.intp]
+
+_ADVICE = {
+    "DualInfeasible": "the objective is unbounded: add bounds",
+    "AlmostSolved": "check the units of the program",
+    "AlmostPrimalInfeasible": "check the units of the program",
+    "AlmostDualInfeasible": "check the units of the program",
+    "MaxIterations": "raise max_iterations, or check the units of the program",
+    "MaxTime": "no time limit was set",
+    "NumericalError": "check the units of the program",
+    "InsufficientProgress": "check the units of the program",
+    "CallbackTerminated": "no callback was set",
+    "Unsolved": "the solver did not run",
+}
+
+
+@dataclass(frozen=True)
+class ClarabelSolver:
+    """Clarabel, interior point; `tolerance` is relative, in scaled units."""
+
+    tolerance: float = 1e-9
+    max_iterations: int = 100
+
+    def solve(self, program: ConeProgram) -> Solution:
+        """A certified optimum; see `Solver.solve`."""
+        scaled = program.scaled()
+        kept = _independent(program, scaled)
+        x, z, status = self._run(scaled, kept)
+        if status == "PrimalInfeasible":
+            raise self._infeasible(program)
+        if status != "Solved":
+            raise SolverError(f"Clarabel stopped with {status}", _ADVICE[status])
+        x = _onto(scaled, x)
+        if scaled.slacks(x).min(initial=0.0) < -FEASIBLE or _box_slack(scaled, x) < -FEASIBLE:
+            raise self._infeasible(program)
+        return certify(program, x * program.units, _duals(program, kept, z))
+
+    def _run(self, scaled: ConeProgram, kept: Indices) -> tuple[Array, Array, str]:
+        M, rhs, cones = _standard_form(scaled, kept)
+        q = np.append(-scaled.c, np.zeros(len(scaled.norms)))
+        answer = _solver(self, M, cones, rhs, q).solve()
+        return np.array(answer.x)[: len(scaled.c)], np.array(answer.z), str(answer.status)
+
+    def _infeasible(self, program: ConeProgram) -> InfeasibleError | SolverError:
+        relaxed = program.relaxed()
+        none = np.zeros(0, dtype=np.intp)
+        x, z, status = self._run(relaxed.scaled(), none)
+        if status != "Solved":
+            return SolverError(f"infeasible as it seems, but the shortfall is unknown: Clarabel stopped with {status}")
+        proven = -certify(relaxed, x, _duals(relaxed, none, z)).bound
+        if proven <= FEASIBLE:
+            return SolverError(f"infeasible as it seems, but only a shortfall of {proven:.3g} scaled units is proven")
+        shortfall = proven * program.size.objective
+        return InfeasibleError(f"no feasible point: the rows contradict by {shortfall:.6g}", shortfall)
+
+
+def _independent(program: ConeProgram, scaled: ConeProgram) -> Indices:
+    """Indices of equalities that span them all; the others must follow from these.
+
+    Raises:
+        InfeasibleError: the equalities contradict each other.
+    """
+    from scipy.linalg import qr
+
+    if not len(scaled.b):
+        return np.zeros(0, dtype=np.intp)
+    x = np.linalg.lstsq(scaled.A, scaled.b, rcond=1e-10)[0]
+    residual = float(np.abs(scaled.A @ x - scaled.b).max())
+    if residual > FEASIBLE * (1.0 + float(np.abs(scaled.b).max())):
+        shortfall = residual * program.size.objective
+        raise InfeasibleError(f"no feasible point: the equalities contradict by {shortfall:.6g}", shortfall)
+    R, pivots = qr(scaled.A.T, mode="r", pivoting=True)
+    diagonal = np.abs(np.diag(R))
+    return np.sort(pivots[: int((diagonal > 1e-10 * diagonal[0]).sum())])
+
+
+def _onto(scaled: ConeProgram, x: Array) -> Array:
+    """The nearest point to x on the equalities."""
+    if not len(scaled.b):
+        return x
+    return np.asarray(x - np.linalg.lstsq(scaled.A, scaled.A @ x - scaled.b, rcond=1e-10)[0])
+
+
+def _box_slack(scaled: ConeProgram, x: Array) -> float:
+    return float(np.minimum(x - scaled.lower, scaled.upper - x).min())
+
+
+def _standard_form(scaled: ConeProgram, kept: Indices) -> tuple[Array, Array, tuple[int, ...]]:
+    """Clarabel's M v + s = rhs over v = (x, r), r_k ≥ |F_k x + g_k|: zero cone, non-negative cone, one cone a norm."""
+    n, K = len(scaled.c), len(scaled.norms)
+    low, high = np.isfinite(scaled.lower), np.isfinite(scaled.upper)
+    eye = np.eye(n)
+    flat = np.vstack([scaled.A[kept], -scaled.G, -eye[low], eye[high]])
+    M = np.hstack([flat, np.zeros((len(flat), K))])
+    M[len(kept) : len(kept) + len(scaled.h), n:] = scaled.W
+    blocks, rhs = [M], [scaled.b[kept], scaled.h, -scaled.lower[low], scaled.upper[high]]
+    for k, norm in enumerate(scaled.norms):
+        block = np.zeros((1 + len(norm.g), n + K))
+        block[0, n + k] = -1.0
+        block[1:, :n] = -norm.F
+        blocks.append(block)
+        rhs.append(np.concatenate([[0.0], norm.g]))
+    widths = (len(kept), len(flat) - len(kept), *(1 + len(norm.g) for norm in scaled.norms))
+    return np.vstack(blocks), np.concatenate(rhs), widths
+
+
+def _duals(program: ConeProgram, kept: Indices, z: Array) -> Duals:
+    """Clarabel's multipliers of the scaled program, in the program's own units."""
+    size = program.size
+    p, m, width = len(kept), len(program.h), sum(1 + len(norm.g) for norm in program.norms)
+    y = np.zeros(len(program.b))
+    y[kept] = z[:p]
+    norms, at = [np.zeros(0)], len(z) - width
+    for norm, length in zip(program.norms, size.norms, strict=True):
+        norms.append(-z[at + 1 : at + 1 + len(norm.g)] / length)
+        at += 1 + len(norm.g)
+    rows = z[p : p + m] / size.rows
+    return Duals(y / size.equalities * size.objective, rows * size.objective, np.concatenate(norms) * size.objective)
+
+
+def _solver(settings: ClarabelSolver, M: Array, widths: tuple[int, ...], rhs: Array, q: Array) -> Any:
+    """This thread's solver for the pattern of M, with the new numbers in it."""
+    kept: OrderedDict[Any, Any] = _local.__dict__.setdefault("solvers", OrderedDict())
+    mask = np.ascontiguousarray((M != 0.0).T)
+    key = (settings, M.shape, widths, mask.tobytes())
+    if key in kept:
+        kept.move_to_end(key)
+        kept[key].update(A=np.ascontiguousarray(M.T[mask]), b=rhs, q=q)
+    else:
+        kept[key] = _build(settings, M, widths, rhs, q)
+        if len(kept) > _REMEMBERED:
+            kept.popitem(last=False)
+    return kept[key]
+
+
+def _build(settings: ClarabelSolver, M: Array, widths: tuple[int, ...], rhs: Array, q: Array) -> Any:
+    import clarabel
+    from scipy.sparse import csc_matrix
+
+    options = clarabel.DefaultSettings()
+    options.verbose = False
+    options.presolve_enable = False
+    options.equilibrate_enable = False
+    options.max_threads = 1
+    options.direct_solve_method = "qdldl"
+    options.max_iter = settings.max_iterations
+    options.tol_feas = options.tol_gap_abs = options.tol_gap_rel = settings.tolerance
+    zero, positive, *second = widths
+    cones = [clarabel.ZeroConeT(zero), clarabel.NonnegativeConeT(positive)]
+    cones += [clarabel.SecondOrderConeT(width) for width in second]
+    empty = csc_matrix((len(q), len(q)))
+    return clarabel.DefaultSolver(empty, q, csc_matrix(M), rhs, cones, options)
