@@ -1,0 +1,71 @@
+"""What the controller is told, as tables: freedoms and forces over time, and the hybrid strategy of every piece."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from fmopt.report.moves import characteristic_length, moves
+from fmopt.report.naming import AXES, combination, direction, quantity, signed
+from fmopt.report.tables import table
+from fmopt.report.trajectory_view import STOPS
+from fmopt.values import Array
+
+Plan = Mapping[str, Any]
+
+
+def force_table(plan: Plan) -> str:
+    """S(t) and Fa(t) by interval."""
+    rows = []
+    for item in plan.get("position_force", ()):
+        bound = [f"{axis} {STOPS.get(int(s), s)}" for axis, s in zip(AXES, item["s"], strict=True) if s]
+        either = [AXES[a] if isinstance(a, int) else str(a) for a in item.get("either_sign", ())]
+        force = combination(item["fa"], "N", "N·m") + (f"; {', '.join(either)} of either sign" if either else "")
+        rows.append((f"{item['t0']:.3g} to {item['t1']:.3g} s", ", ".join(bound) or "all free", force))
+    return table("Freedoms and reaction forces by time", ("time", "S(t)", "Fa(t)"), rows)
+
+
+def hybrid_table(plan: Plan) -> str:
+    """The control strategy of every piece; pieces of a move that share theirs share a row."""
+    rows, rho = [], characteristic_length(plan)
+    for move in moves(plan):
+        cells = [_hybrid_cells(piece["hybrid"], rho) if piece.get("hybrid") else () for piece in move.segments]
+        for alike, run in groupby(enumerate(cells, start=1), key=lambda item: item[1]):
+            numbers = [number for number, _ in run]
+            several = f", pieces {numbers[0]}–{numbers[-1]}" if len(numbers) > 1 else f", piece {numbers[0]}"
+            name = str(move.number) + ("" if len(numbers) == len(cells) else several)
+            rows += [(name, *alike)] if alike else []
+    head = ("move", "position-controlled", "force-controlled", "velocity", "bias wrench", "ends when")
+    words = (
+        "<p>Position axes are twists, force axes wrenches, both in the compliance frame; velocity and wrenches in axes "
+        "of B about the moving part's reference point. Turns and torques are counted with ρ. The bias is applied to "
+        "the moving part; what ends a move is a reaction on it.</p>\n"
+    )
+    return words + table("Hybrid position/force strategy of every piece", head, rows) if rows else ""
+
+
+def _hybrid_cells(hybrid: Plan, rho: float) -> tuple[str, ...]:
+    twists, wrenches = np.array([1.0, 1.0, 1.0, rho, rho, rho]), np.array([1.0, 1.0, 1.0, 1 / rho, 1 / rho, 1 / rho])
+    velocity = direction(hybrid.get("velocity", ()), twists)
+    if hybrid.get("speed") is not None:
+        velocity += f" at {1e3 * hybrid['speed']:.3g} mm/s"
+    return (
+        "; ".join(direction(axis, twists) for axis in hybrid.get("position_axes", ())) or "none",
+        "; ".join(direction(axis, wrenches) for axis in hybrid.get("force_axes", ())) or "none",
+        velocity,
+        combination(hybrid.get("bias_wrench", ()), "N", "N·m"),
+        _end_words(hybrid.get("termination", {}), wrenches),
+    )
+
+
+def _end_words(stop: Plan, wrenches: Array) -> str:
+    travel = "" if stop.get("max_travel") is None else quantity(stop["max_travel"])
+    time = "" if stop.get("timeout") is None else f"{stop['timeout']:.3g} s"
+    if not np.any(stop.get("wrench", ())):
+        return " or ".join(filter(None, [travel and f"{travel} are travelled", time and f"after {time}"])) or "–"
+    ends = f"reaction along {direction(stop['wrench'], wrenches)} reaches {signed(stop['threshold'], '.3g')} N"
+    fault = " or ".join(filter(None, [travel, time]))
+    return ends + (f"; a fault after {fault}" if fault else "")

@@ -1,0 +1,69 @@
+"""All figures of a plan: vector graphics from the plan alone, the same bytes for the same plan."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from fmopt.report import cut_view, graph_view, margin_view, trajectory_view, tube_view
+from fmopt.report.drawing import drawn
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Sheet
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure of a plan.
+
+    Args:
+        name: what to call its file: cut, states, states-2…, margin, tube, trajectory.
+        title: what is seen.
+        alt: the same for who cannot see it, with the main numbers.
+        size: width and height in inches.
+        paint: fills a sheet.
+    """
+
+    name: str
+    title: str
+    alt: str
+    size: tuple[float, float]
+    paint: Callable[[Sheet], None]
+
+    def svg(self) -> str:
+        """The figure as a text of SVG, letters as outlines."""
+        return drawn(self.paint, self.size).decode()
+
+    def png(self, dpi: float = 150.0) -> bytes:
+        """The figure as the bytes of a PNG."""
+        return drawn(self.paint, self.size, "png", dpi)
+
+    def _repr_svg_(self) -> str:
+        return self.svg()
+
+
+def figures(plan: Mapping[str, Any]) -> dict[str, str]:
+    """The figures of a plan as texts of SVG, by name, in the order of a report."""
+    return {name: figure.svg() for name, figure in catalogue(plan).items()}
+
+
+def catalogue(plan: Mapping[str, Any]) -> dict[str, Figure]:
+    """The figures that the plan has the data for, not yet drawn, by name, in the order of a report."""
+    chosen = []
+    if plan.get("segments") or trajectory_view.has(plan):
+        chosen.append(_of("cut", cut_view, plan))
+    if plan.get("segments"):
+        for number, graph in enumerate(graph_view.graphs(plan), start=1):
+            chosen.append(_of("states" if number == 1 else f"states-{number}", graph_view, graph))
+        chosen.append(_of("margin", margin_view, plan))
+    if tube_view.error_sets(plan):
+        chosen.append(_of("tube", tube_view, plan))
+    if trajectory_view.has(plan):
+        chosen.append(_of("trajectory", trajectory_view, plan))
+    return {figure.name: figure for figure in chosen}
+
+
+def _of(name: str, view: Any, subject: Any) -> Figure:
+    return Figure(name, view.TITLE, view.alt(subject), view.size(subject), partial(view.paint, subject))

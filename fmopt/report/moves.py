@@ -1,0 +1,226 @@
+"""A plan read as moves: the pieces of a motion that belong together, their numbers, and what they do in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from fmopt.plan import digest
+from fmopt.report.naming import binding_words, contact_words, quantity, spoken_axis
+from fmopt.se3 import Pose
+from fmopt.values import Array
+
+Plan = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What may be said of a plan: whether it is proved, the one word for it, and a sentence.
+
+    A plan whose digest does not fit its content, or with a margin that is missing or not positive, is not proved,
+    whatever it says of itself.
+    """
+
+    proved: bool
+    word: str
+    sentence: str
+
+
+@dataclass(frozen=True)
+class Move:
+    """A move of a plan.
+
+    Args:
+        number: counts from 1 through the plan.
+        segments: its pieces, as the plan holds them.
+        state: ids of the contacts held during the move.
+        goal_state: ids held after it.
+        made: id of the contact that ends it, None for a move that makes none.
+        travel: way of the moving part's reference point, m.
+        turn: angle turned, rad.
+        clearance: smallest over the pieces, m.
+        margin: smallest that a piece states, m; None where none does.
+        binding: what the smallest margin is of, as the plan names it.
+    """
+
+    number: int
+    segments: tuple[Plan, ...]
+    state: tuple[str, ...]
+    goal_state: tuple[str, ...]
+    made: str | None
+    travel: float
+    turn: float
+    clearance: float | None
+    margin: float | None
+    binding: str
+
+    @property
+    def new(self) -> tuple[str, ...]:
+        """Contacts held after the move and not before, the one that ends it first."""
+        new = [contact for contact in self.goal_state if contact not in self.state]
+        return tuple(sorted(new, key=lambda contact: contact != self.made))
+
+
+def moves(plan: Plan) -> tuple[Move, ...]:
+    """The moves of a plan, in order."""
+    pieces = plan.get("segments", ())
+    runs = [tuple(run) for _, run in groupby(pieces, key=lambda s: (s.get("critical_point"), s.get("move")))]
+    return tuple(_move(number, run) for number, run in enumerate(runs, start=1))
+
+
+def _move(number: int, run: tuple[Plan, ...]) -> Move:
+    turned = [turn_of(piece) for piece in run]
+    stated = [float(piece["margin"]) for piece in run if piece.get("margin") is not None]
+    worst = min(run, key=lambda piece: math.inf if piece.get("margin") is None else piece["margin"])
+    clearances = [piece["clearance"] for piece in run if piece.get("clearance") is not None]
+    made = [entry["contact"] for entry in run[-1].get("basis", ()) if entry.get("made")]
+    state, goal = tuple(run[0].get("state", ())), tuple(run[-1].get("goal_state", ()))
+    new = [contact for contact in goal if contact not in state]
+    return Move(
+        number=number,
+        segments=run,
+        state=state,
+        goal_state=goal,
+        made=(made or new or [None])[0],
+        travel=sum(float(np.linalg.norm(way_of(piece))) for piece in run),
+        turn=sum(float(np.linalg.norm(angle)) for angle in turned),
+        clearance=min(clearances, default=None),
+        margin=min(stated, default=None),
+        binding=str(worst.get("binding_contact") or ""),
+    )
+
+
+def way_of(piece: Plan) -> Array:
+    """Way (3,) of the reference point along a piece, m."""
+    return np.asarray(piece["goal"][:3], dtype=np.float64) - np.asarray(piece["start"][:3], dtype=np.float64)
+
+
+def turn_of(piece: Plan) -> Array:
+    """Rotation vector (3,) in rad, axes of B, that turns a piece's start into its goal."""
+    return Pose.from_vector(piece["start"]).local(Pose.from_vector(piece["goal"]))[3:]
+
+
+def characteristic_length(plan: Plan) -> float:
+    """ρ of the plan in m, which makes angles comparable with lengths; 10 mm where it states none."""
+    return float(plan.get("uncertainty", {}).get("rho") or 0.01)
+
+
+def smallest_margin(plan: Plan) -> float | None:
+    """The smallest margin that a piece of the plan states, m; None where none does."""
+    return min(_stated_margins(plan), default=None)
+
+
+def _stated_margins(plan: Plan) -> list[float]:
+    return [float(piece["margin"]) for piece in plan.get("segments", ()) if piece.get("margin") is not None]
+
+
+def verdict(plan: Plan) -> Verdict:
+    """The verdict in words; proved only where the plan says CERTIFIED, is intact and its margins are positive."""
+    margin = smallest_margin(plan)
+    intact = "sha256" not in plan or digest(plan) == plan["sha256"]
+    said = plan.get("verdict")
+    if not intact:
+        return Verdict(False, "Not proved", "The plan was changed after it was sealed: its digest does not fit.")
+    if said == "REFUTED":
+        words = "The independent check found a pose within the stated errors at which the plan fails."
+        return Verdict(False, "Refuted", words + _shortfall(margin))
+    complete = len(_stated_margins(plan)) == len(plan.get("segments", ()))
+    if said == "CERTIFIED" and complete and margin is not None and margin > 0.0:
+        words = (
+            "Every motion whose errors lie in the stated set makes the planned contacts in the planned order and ends "
+            f"in the goal pose. Smallest certified margin: {quantity(margin)}."
+        )
+        return Verdict(True, "Certified", words)
+    words = "The proof could not be closed: the motion may work, but nothing below is a guarantee."
+    return Verdict(False, "Not proved", words + _shortfall(margin))
+
+
+def _shortfall(margin: float | None) -> str:
+    if margin is None:
+        return ""
+    if margin <= 0.0:
+        return f" Largest shortfall: {quantity(-margin)}."
+    return f" Smallest computed margin, not proved: {quantity(margin)}."
+
+
+def margin_name(plan: Plan) -> str:
+    """What the margins of a plan may be called."""
+    return "certified margin" if verdict(plan).proved else "computed margin, not proved"
+
+
+def margin_words(margin: float | None) -> str:
+    """A margin with its unit; a negative one is called a shortfall."""
+    if margin is None:
+        return "none stated"
+    return quantity(margin) if margin > 0.0 else f"shortfall {quantity(-margin)}"
+
+
+def margin_claim(plan: Plan, margin: float | None) -> str:
+    """A margin and what it may be called, in one phrase."""
+    if margin is None or margin <= 0.0:
+        return margin_words(margin) if margin is not None else "no margin stated"
+    between = " " if verdict(plan).proved else ": "
+    return f"{margin_name(plan)}{between}{quantity(margin)}"
+
+
+def move_words(plan: Plan, move: Move) -> str:
+    """What a move does: "slide 1.15 mm in −x until …, keeping …"."""
+    words = _motion_words(plan, move)
+    if move.made is not None:
+        words += f" until {contact_words(plan, move.made)}"
+    others = [contact for contact in move.new if contact != move.made]
+    if others:
+        words += f" (with it {', '.join(others)})"
+    return words
+
+
+def _motion_words(plan: Plan, move: Move) -> str:
+    start, goal = (Pose.from_vector(move.segments[i][end]) for i, end in ((0, "start"), (-1, "goal")))
+    step = start.local(goal)
+    way, angle = float(np.linalg.norm(step[:3])), float(np.linalg.norm(step[3:]))
+    verb = "slide" if move.state else "move freely"
+    turned = f"{math.degrees(angle):.2f}° about {spoken_axis(step[3:])}" if math.degrees(angle) >= 0.01 else ""
+    gone = f"{1e3 * way:.2f} mm in {spoken_axis(step[:3], always_signed=True)}" if way >= 1e-5 else ""
+    if characteristic_length(plan) * angle > way and turned:
+        return f"turn {turned}" + (f", going {gone}" if gone else "")
+    if not gone:
+        return "stay"
+    return f"{verb} {gone}" + (f", turning {turned}" if turned else "")
+
+
+def summary_rows(plan: Plan) -> list[tuple[str, ...]]:
+    """Rows for the terminal, the first with the heads: number, what it does, held, travel, turn, margin, what binds."""
+    head = ("move", "what it does", "held", "travel", "turn", margin_name(plan), "what binds")
+    rows: list[tuple[str, ...]] = [
+        (
+            str(move.number),
+            move_words(plan, move),
+            ", ".join(move.state) or "none",
+            f"{1e3 * move.travel:.2f} mm",
+            f"{math.degrees(move.turn):.2f}°",
+            margin_words(move.margin),
+            binding_words(plan, move.binding),
+        )
+        for move in moves(plan)
+    ]
+    return [head, *rows]
+
+
+def states(plan: Plan) -> list[tuple[tuple[str, ...], int]]:
+    """The contact states along the motion, first to last, each with its dimension 6 − rank."""
+    chain: list[tuple[tuple[str, ...], int]] = []
+    for move in moves(plan):
+        if not chain:
+            chain.append((move.state, 6 - _rank(move.segments[0].get("basis", ()), held_only=True)))
+        if move.goal_state != move.state:
+            chain.append((move.goal_state, 6 - _rank(move.segments[-1].get("basis", ()), held_only=False)))
+    return chain
+
+
+def _rank(basis: Sequence[Plan], held_only: bool) -> int:
+    return sum(not (held_only and entry.get("made")) for entry in basis)

@@ -1,0 +1,171 @@
+"""Words for the things a plan names by ids: contacts, pieces, directions, quantities."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from fmopt.values import Array
+
+AXES = ("x", "y", "z", "rx", "ry", "rz")
+_SAME = 1e-9  # m
+_SLIGHT = 0.005  # of the greatest component of a direction
+_ALONG = 0.94  # cosine within which a direction is called by one axis
+
+
+def quantity(length: float | None) -> str:
+    """A length with the unit that suits it: µm below a millimetre."""
+    if length is None:
+        return "–"
+    size = abs(length)
+    if 0.0 < size < 1e-9:
+        return "below 0.001 µm"
+    if size >= 1e-3:
+        return f"{signed(1e3 * length, '.3g')} mm"
+    return f"{signed(1e6 * length, '.3g' if size < 1e-4 else '.0f')} µm"
+
+
+def signed(value: float, form: str) -> str:
+    """A number with a true minus sign, and no minus before a zero."""
+    text = format(value, form)
+    if float(text) == 0.0:
+        text = text.lstrip("-")
+    return text.replace("-", "−")
+
+
+def millimetres(length: float) -> str:
+    """A length in mm, to 0.1 µm, without the unit."""
+    return signed(round(1e3 * length, 4) + 0.0, ".7g")
+
+
+def degrees(angle: float) -> str:
+    """An angle in degrees, to 1e-4, without the unit."""
+    return signed(round(math.degrees(angle), 4) + 0.0, ".6g")
+
+
+def spoken_axis(vector: Array, always_signed: bool = False) -> str:
+    """A direction by the axes it runs along, the longest component first: "−x", "−z and +y"."""
+    size = float(np.linalg.norm(vector))
+    if size == 0.0:
+        return "none"
+    unit = vector / size
+    order = sorted(range(3), key=lambda axis: -abs(unit[axis]))
+    chosen = order[:1] if abs(unit[order[0]]) >= _ALONG else [axis for axis in order if abs(unit[axis]) > 0.3]
+    show = always_signed or len(chosen) > 1
+    words = [(("+" if unit[axis] > 0 else "−") if show else "") + AXES[axis] for axis in chosen]
+    return ", ".join(words[:-1]) + " and " + words[-1] if len(words) > 1 else words[0]
+
+
+def contact_words(plan: Mapping[str, Any], contact: str) -> str:
+    """A contact in words, the moving part's feature first: "side edge e0 touches rim edge e8 (x = −10.1 mm)"."""
+    record = next((c for c in plan.get("contacts", ()) if c.get("id") == contact), None)
+    if record is None:
+        return f"contact {contact} is made"
+    moving, fixed = (plan["parts"][side] for side in ("moving", "fixed"))
+    own, other = (*contact.split("-", 1), "")[:2] if "-" in contact else (contact, contact)
+    tip = _points(moving, record["moving"]["vertices"])
+    wall = _points(fixed, record["fixed"]["vertices"])
+    return f"{_moving_words(moving, tip)} {own} touches {_fixed_words(wall)} {other}{_place(wall)}"
+
+
+def _points(part: Mapping[str, Any], vertices: Sequence[int]) -> Array:
+    return np.array([part["vertices"][i] for i in vertices], dtype=np.float64)
+
+
+def _moving_words(part: Mapping[str, Any], points: Array) -> str:
+    lowest = min(vertex[2] for vertex in part["vertices"])
+    leading = bool(np.all(points[:, 2] <= lowest + _SAME))
+    kind = {1: "corner", 2: "edge"}.get(len(points), "face")
+    if kind == "edge" and np.all(np.abs(points[0, :2] - points[1, :2]) <= _SAME):
+        return "side edge"
+    return f"leading {kind}" if leading else kind
+
+
+def _fixed_words(points: Array) -> str:
+    if len(points) == 1:
+        return "corner"
+    if len(points) == 2:
+        return "rim edge" if np.all(np.abs(points[:, 2]) <= _SAME) else "edge"
+    normal = _loop_normal(points)
+    if abs(normal[2]) <= 1e-6:
+        return "wall"
+    if normal[2] >= 1.0 - 1e-6:
+        return "floor" if points[0, 2] < -_SAME else "top face"
+    return "sloped face" if abs(normal[2]) < 1.0 - 1e-6 else "face"
+
+
+def _loop_normal(points: Array) -> Array:
+    """Unit normal of a loop, by Newell's sum."""
+    total = np.sum(np.cross(points, np.roll(points, -1, axis=0)), axis=0)
+    return np.asarray(total / np.linalg.norm(total))
+
+
+def _place(points: Array) -> str:
+    """The coordinates that all points share, in mm; for an edge of the mouth z = 0 goes without saying."""
+    shared = [axis for axis in range(3) if np.ptp(points[:, axis]) <= _SAME]
+    if len(points) == 2 and 2 in shared and abs(points[0, 2]) <= _SAME:
+        shared.remove(2)
+    values = ", ".join(f"{AXES[axis]} = {millimetres(points[0, axis])} mm" for axis in shared)
+    return f" ({values})" if values else ""
+
+
+def binding_words(plan: Mapping[str, Any], binding: str) -> str:
+    """What a margin is of, in words; the names are those of the plan's `binding_contact`."""
+    pair = re.fullmatch(r"(?:pieces )?(\d+)[/-](\d+)", binding)
+    if pair:
+        sides = zip(("moving", "fixed"), pair.groups(), strict=True)
+        return " against ".join(_piece_words(plan["parts"][side], int(number)) for side, number in sides)
+    early = re.fullmatch(r"(\S+) too early", binding)
+    if early:
+        return f"contact {early[1]} must not be made too early"
+    if any(contact.get("id") == binding for contact in plan.get("contacts", ())):
+        return f"bounds of contact {binding}"
+    return binding or "–"
+
+
+def _piece_words(part: Mapping[str, Any], number: int) -> str:
+    """A convex piece by the part's name and, where there are several, the axis on which it is a slice of the part."""
+    pieces = part.get("pieces", ())
+    if len(pieces) < 2 or number >= len(pieces):
+        return str(part["name"])
+    whole, piece = (np.array(body["vertices"], dtype=np.float64) for body in (part, pieces[number]))
+    low, high = piece.min(axis=0), piece.max(axis=0)
+    axis = int(np.argmin((high - low) / np.ptp(whole, axis=0)))
+    span = f"{AXES[axis]} {millimetres(low[axis])} to {millimetres(high[axis])} mm"
+    return f"{part['name']} piece {number} ({span})"
+
+
+def pose_words(pose: Sequence[float]) -> str:
+    """A pose: position in mm, rotation vector in degrees."""
+    way, angle = (", ".join(form(v) for v in half) for form, half in ((millimetres, pose[:3]), (degrees, pose[3:])))
+    return f"({way}) mm, turned by ({angle})°"
+
+
+def combination(vector: Sequence[float], force: str = "", torque: str = "") -> str:
+    """Six numbers as a combination of the axes: "x", "0.98 y − 0.17 rz", "−5 N z"; small ones are left out."""
+    values = np.asarray(vector, dtype=np.float64)
+    if values.size != 6 or not np.any(values):
+        return "none"
+    words = ""
+    for axis, value in enumerate(values):
+        if abs(value) <= 1e-4 * float(np.max(np.abs(values))):
+            continue
+        unit = force if axis < 3 else torque
+        size = "" if abs(abs(value) - 1.0) < 1e-9 and not unit else f"{abs(value):.3g}{' ' + unit if unit else ''} "
+        sign = ("−" if value < 0 else "") if not words else (" − " if value < 0 else " + ")
+        words += f"{sign}{size}{AXES[axis]}"
+    return words
+
+
+def direction(vector: Sequence[float], scale: Array) -> str:
+    """The direction of a twist or wrench by axes, the greatest scaled component made 1, those below 0.5 % left out."""
+    values = np.asarray(vector, dtype=np.float64)
+    if values.size != 6 or not np.any(values):
+        return "none"
+    values = values * scale
+    values = values / np.max(np.abs(values))
+    return combination(np.where(np.abs(values) < _SLIGHT, 0.0, values).tolist())

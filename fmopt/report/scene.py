@@ -1,0 +1,222 @@
+"""The motion in three dimensions: a page or a fragment that shows it, turns and plays, without anything from outside.
+
+The fixed part is cut open by a quarter on the side that looks at the viewer, so that the hole is seen. Everything is
+data; the program that draws it is `scene.js`.
+"""
+
+from __future__ import annotations
+
+import html
+import json
+import math
+from collections.abc import Mapping, Sequence
+from hashlib import sha256
+from importlib.resources import files
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from fmopt.geometry.pieces import clip
+from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.geometry.section import section
+from fmopt.report.bodies import body_of, pieces_of
+from fmopt.report.moves import Move, margin_claim, move_words, moves, turn_of
+from fmopt.se3 import Pose
+from fmopt.values import Array
+
+_ROUND = 4  # decimals of a coordinate in mm: 0.1 µm
+_SAME = 1e-9
+_CREASE = math.cos(math.radians(30.0))  # edges flatter than this belong to a curved face and are not drawn
+
+
+def resource(name: str) -> str:
+    """The text of a file that lies beside this module."""
+    return files("fmopt.report").joinpath(name).read_text(encoding="utf-8")
+
+
+def embedded(value: Any) -> str:
+    """JSON that may stand in a script element: nothing in it can end the element or start another."""
+    text = json.dumps(value, separators=(",", ":"), ensure_ascii=True)
+    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
+
+
+def scene(plan: Mapping[str, Any]) -> str:
+    """The viewer as a fragment of HTML; empty where the plan has no motion."""
+    data = scene_data(plan)
+    if not data["path"]:
+        return ""
+    text = embedded(data)
+    name = f"scene-{sha256(text.encode()).hexdigest()[:12]}"
+    frame = resource("scene.html").replace("{{name}}", name).replace("{{label}}", html.escape(_label(plan)))
+    program = f"(function(){{{resource('scene.js')}\nshowScene(document.getElementById('{name}'));}})();"
+    return (
+        f'{frame}<script type="application/json" id="{name}-data">{text}</script>\n'
+        f"<style>{resource('scene.css')}</style>\n<script>{program}</script>\n"
+    )
+
+
+def scene_page(plan: Mapping[str, Any]) -> str:
+    """The viewer as a page of its own."""
+    title = html.escape(_title(plan))
+    return f"""<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<link rel="icon" href="data:,">
+<title>{title}</title>
+</head>
+<body style="font-family: sans-serif">
+<h1 style="font-size: 1.2rem">{title}</h1>
+{scene(plan)}</body>
+</html>
+"""
+
+
+def _title(plan: Mapping[str, Any]) -> str:
+    return f"{plan.get('problem', {}).get('title', 'insertion')}: the motion"
+
+
+def _label(plan: Mapping[str, Any]) -> str:
+    parts = plan["parts"]
+    return f"Picture in three dimensions of {parts['moving']['name']} going into {parts['fixed']['name']}"
+
+
+def scene_data(plan: Mapping[str, Any]) -> dict[str, Any]:
+    """What the viewer shows, lengths in mm: polygons and lines of both parts, the path, the moves in words."""
+    run = moves(plan)
+    pieces = [(piece, k) for k, move in enumerate(run) for piece in move.segments] or _nominal_legs(plan)
+    moving, fixed = body_of(plan["parts"]["moving"]), body_of(plan["parts"]["fixed"])
+    stock = pieces_of(plan["parts"]["fixed"])
+    quarter = _open_quarter(pieces)
+    return {
+        "moving": {"polygons": _skin(moving, pieces_of(plan["parts"]["moving"])), "lines": _rounded(_creases(moving))},
+        "fixed": {"polygons": _skin(fixed, stock), "lines": _rounded(_creases(fixed))},
+        "open": _opened(fixed, stock, quarter),
+        "quarter": list(quarter),
+        "path": [_leg(piece, number) for piece, number in pieces],
+        "moves": [_caption(plan, move) for move in run],
+        "contacts": {
+            c["id"]: [_places(plan, "moving", c), _places(plan, "fixed", c)] for c in plan.get("contacts", ())
+        },
+    }
+
+
+def _nominal_legs(plan: Mapping[str, Any]) -> list[tuple[Mapping[str, Any], int]]:
+    nodes = plan.get("nominal", {}).get("nodes", ())
+    return [({"start": a, "goal": b}, k) for k, (a, b) in enumerate(pairwise(nodes))]
+
+
+def _leg(piece: Mapping[str, Any], move: int) -> dict[str, Any]:
+    start = Pose.from_vector(piece["start"])
+    new = [c for c in piece.get("goal_state", ()) if c not in piece.get("state", ())]
+    share = piece.get("progress", (0.0, 1.0))
+    return {
+        "move": move,
+        "span": [float(value) for value in share],
+        "p": _rounded([piece["start"][:3], piece["goal"][:3]]),
+        "R": np.round(start.R, 9).tolist(),
+        "w": np.round(turn_of(piece), 9).tolist(),
+        "held": list(piece.get("state", ())),
+        "made": new,
+    }
+
+
+def _caption(plan: Mapping[str, Any], move: Move) -> dict[str, str]:
+    held = ", ".join(move.state) or "nothing"
+    return {"words": move_words(plan, move), "held": held, "margin": margin_claim(plan, move.margin)}
+
+
+def _places(plan: Mapping[str, Any], side: str, contact: Mapping[str, Any]) -> list[list[float]]:
+    vertices = plan["parts"][side]["vertices"]
+    points: list[list[float]] = _rounded([vertices[i] for i in contact[side]["vertices"]])
+    return points
+
+
+def _rounded(points: Any) -> Any:
+    """Points in m as lists in mm."""
+    return (np.round(1e3 * np.asarray(points, dtype=np.float64), _ROUND) + 0.0).tolist()
+
+
+def _open_quarter(pieces: Sequence[tuple[Mapping[str, Any], int]]) -> tuple[int, int]:
+    """Signs (x, y) of the quarter to take away: the one that the goal leans away from, so that its walls are seen."""
+    goal = pieces[-1][0]["goal"] if pieces else (0.0, 0.0)
+    return (1 if goal[0] <= 0.0 else -1, 1 if goal[1] < 0.0 else -1)
+
+
+def _skin(body: Polyhedron, pieces: Sequence[Polyhedron]) -> list[list[list[float]]]:
+    """Convex polygons that cover the surface: faces of the pieces in planes of the part's faces."""
+    return [_rounded(loop) for loop in _covering(body, pieces)]
+
+
+def _covering(body: Polyhedron, pieces: Sequence[Polyhedron]) -> list[Array]:
+    normals, offsets = body.normals, body.offsets
+    found = []
+    for piece in pieces:
+        for face in piece.faces:
+            near = (normals @ face.normal > 1.0 - _SAME) & (np.abs(offsets - face.offset) < _SAME)
+            if np.any(near):
+                found.append(piece.vertices[list(face.loops[0])])
+    return found
+
+
+def _creases(body: Polyhedron) -> list[Array]:
+    """The edges worth a line, each (2, 3), m."""
+    kept = [e for e in body.edges if body.faces[e.faces[0]].normal @ body.faces[e.faces[1]].normal < _CREASE]
+    return [body.vertices[list(edge.vertices)] for edge in kept]
+
+
+def _opened(body: Polyhedron, pieces: Sequence[Polyhedron], quarter: tuple[int, int]) -> dict[str, Any]:
+    """The part without a quarter about the mating axis: its skin, the faces of the cut, and the lines of both."""
+    x, y = quarter[0] * np.array([1.0, 0.0, 0.0]), quarter[1] * np.array([0.0, 1.0, 0.0])
+    skin = [part for loop in _covering(body, pieces) for part in _outside(loop, x, y)]
+    caps = []
+    for normal, other in ((x, y), (y, x)):
+        for piece in pieces:
+            half = clip(piece, normal, 0.0)
+            if half is not None and half is not piece:
+                rest = _clipped(half.vertices[list(half.faces[-1].loops[0])], -other)
+                caps += [rest] if len(rest) else []
+    lines = [part for line in _creases(body) for part in _outside(line, x, y)] + _cut_lines(pieces, x, y)
+    return {
+        "polygons": [_rounded(loop) for loop in skin],
+        "caps": [_rounded(loop) for loop in caps],
+        "lines": [_rounded(line) for line in lines],
+    }
+
+
+def _outside(points: Array, x: Array, y: Array) -> list[Array]:
+    """The parts of a polygon or line outside the quarter x·p > 0, y·p > 0."""
+    rest = _clipped(points, -x)
+    found = [_clipped(points, x), _clipped(rest, y) if len(rest) else rest]
+    return [part for part in found if len(part)]
+
+
+def _clipped(points: Array, normal: Array) -> Array:
+    """The part of a convex polygon (n, 3), or of a line (2, 3), with normal·p ≤ 0; (0, 3) when nothing is left."""
+    height = points @ normal
+    height[np.abs(height) < _SAME] = 0.0
+    if len(points) > 2 and np.min(height) >= 0.0 and np.max(height) > 0.0:
+        return np.zeros((0, 3))
+    kept = []
+    for k, (a, b) in enumerate(zip(height, np.roll(height, -1), strict=True)):
+        if a <= 0.0:
+            kept.append(points[k])
+        if a * b < 0.0 and (len(points) > 2 or k == 0):
+            kept.append(points[k] + a / (a - b) * (points[(k + 1) % len(points)] - points[k]))
+    return np.array(kept) if len(kept) >= min(len(points), 3) else np.zeros((0, 3))
+
+
+def _cut_lines(pieces: Sequence[Polyhedron], x: Array, y: Array) -> list[Array]:
+    """The outlines of the two faces of the cut, in the half-planes that bound the quarter."""
+    lines = []
+    for other in (y, x):
+        frame = Pose(np.zeros(3), np.column_stack([other, [0.0, 0.0, 1.0], np.cross(other, [0.0, 0.0, 1.0])]))
+        for polygon in section(pieces, frame).geoms:
+            for loop in (polygon.exterior, *polygon.interiors):
+                corners = np.asarray(loop.coords)
+                for line in pairwise(np.column_stack([corners, np.zeros(len(corners))]) @ frame.R.T):
+                    part = _clipped(np.array(line), -other)
+                    lines += [part] if len(part) else []
+    return lines

@@ -1,0 +1,249 @@
+"""The chapters of a report as fragments of HTML: what was asked, found and proved, everything escaped."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from fmopt.plan import digest
+from fmopt.report.moves import (
+    margin_claim,
+    margin_name,
+    margin_words,
+    move_words,
+    moves,
+    states,
+    verdict,
+)
+from fmopt.report.naming import (
+    AXES,
+    binding_words,
+    contact_words,
+    degrees,
+    millimetres,
+    pose_words,
+    quantity,
+    signed,
+)
+from fmopt.report.tables import table
+from fmopt.report.tube_view import error_sets
+
+Plan = Mapping[str, Any]
+
+
+def asked(plan: Plan) -> str:
+    """Parts, clearances, start errors, goal."""
+    parts = [_part_row(side, plan["parts"][side]) for side in ("moving", "fixed")]
+    text = table("Parts", ("part", "name", "extent, mm", "faces", "convex pieces"), parts, "...nn")
+    text += table("The task", ("", ""), _task_rows(plan))
+    return text
+
+
+def _part_row(side: str, part: Plan) -> tuple[str, ...]:
+    extent = " × ".join(millimetres(width) for width in np.ptp(np.array(part["vertices"], dtype=np.float64), axis=0))
+    return side, str(part["name"]), extent, str(len(part["faces"])), str(len(part.get("pieces", ())) or 1)
+
+
+def _task_rows(plan: Plan) -> list[tuple[str, str]]:
+    part, run = plan["parts"]["fixed"], moves(plan)
+    uncertainty = plan.get("uncertainty", {})
+    rows = []
+    if plan.get("goal"):
+        rows.append(("goal pose", pose_words(plan["goal"])))
+    if run:
+        rows.append(("nominal start pose", pose_words(run[0].segments[0]["start"])))
+    for kind in ("declared", "measured"):
+        value = part.get(f"{kind}_clearance")
+        if value is not None:
+            rows.append((f"{kind} clearance on each side", _sides(value)))
+    if uncertainty.get("start_box"):
+        box = uncertainty["start_box"]
+        rows.append(("start error, half-widths", _box_words(box)))
+        clearance = part.get("measured_clearance") or part.get("declared_clearance")
+        if clearance is not None and max(map(abs, box[:2])) > float(np.min(clearance)):
+            rows.append(("what follows", "the start error is larger than the clearance: contacts have to shrink it"))
+    if uncertainty.get("velocity_error"):
+        across, turning = (f"{100.0 * share:.3g} %" for share in uncertainty["velocity_error"])
+        rows.append(("velocity error", f"{across} in translation, {turning} in rotation"))
+    if uncertainty.get("rho"):
+        rows.append(("characteristic length ρ", f"{millimetres(uncertainty['rho'])} mm"))
+    return rows
+
+
+def _sides(value: Any) -> str:
+    if isinstance(value, int | float):
+        return f"{millimetres(value)} mm"
+    return ", ".join(f"{millimetres(v)} mm along {axis}" for v, axis in zip(value, AXES, strict=False))
+
+
+def _box_words(box: Sequence[float]) -> str:
+    way = ", ".join(f"{axis} ±{millimetres(v)} mm" for v, axis in zip(box[:3], AXES, strict=False))
+    return way + ", " + ", ".join(f"{axis} ±{degrees(v)}°" for v, axis in zip(box[3:], AXES[3:], strict=True))
+
+
+def worst_move(plan: Plan) -> str:
+    """Where the smallest margin lies, in a sentence."""
+    run = [move for move in moves(plan) if move.margin is not None]
+    worst = min(run, key=lambda move: float(move.margin or 0.0))
+    where = f"It lies in move {worst.number}" if verdict(plan).proved else f"Move {worst.number} is the tightest"
+    return f"{where}: {move_words(plan, worst)}. What binds: {binding_words(plan, worst.binding)}."
+
+
+def move_table(plan: Plan) -> str:
+    """One row per move."""
+    run = moves(plan)
+    head = ("move", "what it does", "held", "travel, turn", "clearance", margin_name(plan), "what binds")
+    rows = [
+        (
+            str(move.number),
+            move_words(plan, move),
+            ", ".join(move.state) or "none",
+            f"{1e3 * move.travel:.2f} mm, {math.degrees(move.turn):.2f}°",
+            quantity(move.clearance),
+            margin_words(move.margin),
+            binding_words(plan, move.binding),
+        )
+        for move in run
+    ]
+    stated = [k for k, move in enumerate(run) if move.margin is not None]
+    worst = min(stated, key=lambda k: float(run[k].margin or 0.0), default=-1)
+    pieces = sum(len(move.segments) for move in run)
+    words = f"{len(run)} moves in {pieces} pieces; a move that turns far is checked piece by piece."
+    return (f"<p>{words}</p>\n" if run else "<p>The plan has no moves.</p>\n") + table(
+        "Moves, in order", head, rows, "n...nn", worst
+    )
+
+
+def why(plan: Plan) -> str:
+    """What the search says of the sequence."""
+    search, chain = plan.get("search", {}), states(plan)
+    text = ""
+    if chain:
+        ends = f"from {chain[0][1]} freedoms to {chain[-1][1]}"
+        text = f"<p>The motion goes through {len(chain)} contact states, {ends}.</p>\n"
+    if not search.get("states_expanded"):
+        return text + "<p>The plan states no search: nothing is said of how this sequence compares with others.</p>\n"
+    gap, bound = search.get("gap"), search.get("lower_bound")
+    rows = [
+        ("objective", _plain(search.get("objective"))),
+        ("cost of this sequence", _plain(search.get("cost"))),
+        ("lower bound over all sequences", _plain(bound)),
+        ("gap", _plain(gap)),
+        ("states expanded", _plain(search.get("states_expanded"))),
+    ]
+    if search.get("moves"):
+        rows.append(("moves, by name", ", ".join(str(name) for name in search["moves"])))
+    if gap is not None:
+        none = gap <= 1e-9 * abs(search.get("cost") or 0.0)
+        best = "no sequence is cheaper" if none else f"no sequence is cheaper by more than {_plain(gap)}"
+        text += f"<p>By the objective of the search, {escape(best)}.</p>\n"
+    return text + table("The search", ("", ""), rows)
+
+
+def _plain(value: Any) -> str:
+    return signed(value, ".6g") if isinstance(value, float) else "–" if value is None else str(value)
+
+
+def contact_table(plan: Plan) -> str:
+    """What the ids of the contacts mean."""
+    rows = [(str(c["id"]), str(c["kind"]), contact_words(plan, c["id"])) for c in plan.get("contacts", ())]
+    caption = "Contacts by id (v vertex, e edge, f face), the moving part's feature first"
+    return table(
+        caption,
+        ("id", "kind", "what"),
+        rows,
+    )
+
+
+def critical_table(plan: Plan) -> str:
+    """The critical points and what was found there."""
+    rows = []
+    for number, point in enumerate(plan.get("critical_points", ())):
+        pose, pcs = point.get("pose"), point.get("pcs", ())
+        counts = point.get("states_by_dimension", {})
+        listed = counts.items() if isinstance(counts, Mapping) else enumerate(counts)
+        by_dimension = ", ".join(
+            f"{n} of dimension {d}" for d, n in sorted(listed, key=lambda item: -int(item[0])) if n
+        )
+        contacts = str(pcs) if isinstance(pcs, int) else str(len(pcs))
+        name = str(point.get("name") or number)
+        sure = _plain(point.get("states_confirmed"))
+        rows.append((name, pose_words(pose) if pose else "–", contacts, by_dimension or "–", sure))
+    head = ("critical point", "pose", "primitive contacts", "contact states", "confirmed on the true surfaces")
+    return table("Critical points of the nominal trajectory", head, rows, "..n.n")
+
+
+def margin_words_of(plan: Plan) -> str:
+    """What the figure of the margins shows, with the smallest one."""
+    run = [move for move in moves(plan) if move.margin is not None]
+    if not run:
+        return ""
+    worst = min(run, key=lambda move: float(move.margin or 0.0))
+    words = (
+        "The clearance is that of the nominal motion; the margin is what is left of it when every error in the set, "
+        "the curvature of the contact surfaces and the drift of the velocity have taken their part. Smallest: "
+    )
+    return f"<p>{words}{escape(margin_claim(plan, worst.margin))}, in move {worst.number}.</p>\n"
+
+
+def error_table(plan: Plan) -> str:
+    """How contacts shrink the error: half-widths at the start and at every move's end."""
+    rows = []
+    for errors in error_sets(plan):
+        way, angle = errors.half_widths()[:3], errors.half_widths()[3:]
+        rows.append((errors.name, *(_fine(1e3 * v) for v in way), *(_fine(float(np.degrees(v))) for v in angle)))
+    head = ("at the end of", *(f"{axis}, mm" for axis in AXES[:3]), *(f"{axis}, °" for axis in AXES[3:]))
+    return table("Half-widths of the set of errors", head, rows, ".nnnnnn")
+
+
+def _fine(value: float) -> str:
+    return "< 0.0001" if 0.0 < value < 1e-4 else f"{value:.4f}"
+
+
+def budget(plan: Plan) -> str:
+    """What each source contributes, where the plan says so; and what the errors take of each move's clearance."""
+    sources = [
+        (str(item.get("source")), _contribution(item.get("contribution")))
+        for item in plan.get("diagnostics", {}).get("budget", ())
+    ]
+    head = ("source", "contribution")
+    rows = [
+        (str(move.number), quantity(move.clearance), quantity(move.clearance - move.margin), margin_words(move.margin))
+        for move in moves(plan)
+        if move.clearance is not None and move.margin is not None
+    ]
+    taken = ("move", "smallest clearance", "difference", margin_name(plan))
+    return table("Sources of error", head, sources) + table(
+        "What errors and curvature take of the clearance", taken, rows, "nnnn"
+    )
+
+
+def _contribution(value: Any) -> str:
+    if isinstance(value, Sequence) and not isinstance(value, str) and len(value) == 6:
+        return _box_words(value)
+    return quantity(value) if isinstance(value, int | float) else str(value)
+
+
+def not_covered(plan: Plan) -> str:
+    """What the plan says was not checked."""
+    items = "\n".join(f"<li>{escape(str(words))}</li>" for words in plan.get("not_covered", ()))
+    return f"<ul>\n{items}\n</ul>\n" if items else "<p>The plan does not say what was not checked.</p>\n"
+
+
+def provenance(plan: Plan) -> str:
+    """Versions, digests, units and frames, and how to check again."""
+    problem, stated = plan.get("problem", {}), plan.get("sha256")
+    fits = "" if stated is None else " (fits this plan)" if digest(plan) == stated else " (does not fit this plan)"
+    rows = [
+        ("made by", f"fmopt {plan.get('fmopt_version', '–')}, plan format {plan.get('format', '–')}"),
+        ("problem", f"{problem.get('title', '–')}, SHA-256 {problem.get('sha256', '–')}"),
+        ("plan", f"SHA-256 {stated or 'none: the plan is not sealed'}{fits}"),
+        ("units", ", ".join(f"{name} in {unit}" for name, unit in sorted(plan.get("units", {}).items())) or "–"),
+        *((f"frame: {name}", str(words)) for name, words in sorted(plan.get("frames", {}).items())),
+    ]
+    text = "<p>Anyone can check the plan again without the planner: <code>fmopt verify plan.json</code>.</p>\n"
+    return text + table("Provenance", ("", ""), rows)

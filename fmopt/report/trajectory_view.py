@@ -1,0 +1,133 @@
+"""The trajectory over time: P(t) and the bands of S(t), and where the plan has them Pa(t) and Fa(t)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fmopt.report.drawing import BLUE, GREY, INK, RUST, WIDTH
+from fmopt.report.naming import AXES
+from fmopt.values import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+TITLE = "Position and force over time"
+STOPS = {0: "free", 1: "stopped in +", -1: "stopped in −", 2: "stopped in both"}
+_BANDS: dict[int, dict[str, Any]] = {
+    1: {"facecolor": "#f3e3d3", "edgecolor": "#b08050", "hatch": "///"},
+    -1: {"facecolor": "#dfe8f2", "edgecolor": "#5080b0", "hatch": "\\\\\\"},
+    2: {"facecolor": "#e4e4e4", "edgecolor": "#888888", "hatch": "xxx"},
+}
+_SCALE = (1e3, 1e3, 1e3, math.degrees(1.0), math.degrees(1.0), math.degrees(1.0))
+
+
+def has(plan: Mapping[str, Any]) -> bool:
+    """Whether the plan holds a nominal trajectory."""
+    return len(plan.get("nominal", {}).get("nodes", ())) > 1
+
+
+def size(plan: Mapping[str, Any]) -> tuple[float, float]:
+    """Width and height in inches."""
+    return WIDTH, 6.6
+
+
+def alt(plan: Mapping[str, Any]) -> str:
+    """What is to be seen, for who cannot see it."""
+    said = []
+    for start, end, s in _intervals(plan):
+        bound = [f"{axis} {STOPS[code]}" for axis, code in zip(AXES, s, strict=True) if code]
+        said.append(f"{start:.3g} to {end:.3g} s: {', '.join(bound) or 'all free'}")
+    forces = ", and position and reaction force Pa and Fa" if plan.get("position_force") else ""
+    return f"Nominal trajectory P(t) per axis with the bands of S(t){forces}. S by time: {'; '.join(said)}."
+
+
+def paint(plan: Mapping[str, Any], figure: Figure) -> None:
+    """A row per axis: position on the left with S(t) as bands, reaction force on the right where there is one."""
+    forces = plan.get("position_force", ())
+    columns = 2 if forces else 1
+    figure.set_layout_engine("none")  # by hand: a fifth of the time
+    room = {"left": 0.09, "right": 0.985, "top": 0.955, "bottom": 0.125, "hspace": 0.3, "wspace": 0.24}
+    grid = figure.subplots(6, columns, squeeze=False, sharex=True, gridspec_kw=room)
+    for axis, row in enumerate(grid):
+        _bands(row[0], plan, axis)
+        _position(row[0], plan, axis)
+        if forces:
+            _bands(row[1], plan, axis)
+            _force(row[1], forces, axis)
+    grid[0, 0].set_title("position" if forces else "nominal position P(t) and freedoms S(t)")
+    if forces:
+        grid[0, 1].set_title("reaction force and torque Fa(t)")
+    for axes in grid[-1]:
+        axes.set_xlabel("time, s")
+    figure.align_ylabels()
+    _legend(figure, bool(forces))
+
+
+def _intervals(plan: Mapping[str, Any]) -> list[tuple[float, float, Sequence[int]]]:
+    return [(item["t0"], item["t1"], item["s"]) for item in plan.get("nominal", {}).get("intervals", ())]
+
+
+def _bands(axes: Axes, plan: Mapping[str, Any], axis: int) -> None:
+    """Bands over the whole height; an interval without length is drawn as a line."""
+    for start, end, s in _intervals(plan):
+        style = _BANDS.get(int(s[axis]))
+        if style and end > start:
+            axes.axvspan(start, end, linewidth=0, zorder=0, **style)
+        elif style:
+            axes.axvline(start, color=style["edgecolor"], linewidth=2.5, zorder=0)
+
+
+def _position(axes: Axes, plan: Mapping[str, Any], axis: int) -> None:
+    nominal = plan["nominal"]
+    values = _SCALE[axis] * np.array(nominal["nodes"], dtype=np.float64)[:, axis]
+    axes.plot(nominal["times"], values, color=INK, linewidth=1.2)
+    everything = [values]
+    for item in plan.get("position_force", ()):
+        ends = _SCALE[axis] * np.array([item["pa_start"][axis], item["pa_end"][axis]], dtype=np.float64)
+        axes.plot([item["t0"], item["t1"]], ends, color=BLUE, linewidth=1.6, linestyle="--")
+        everything.append(ends)
+    _limits(axes, np.concatenate(everything), 1e-3)
+    axes.set_ylabel(f"{AXES[axis]}, {'mm' if axis < 3 else '°'}")
+
+
+def _force(axes: Axes, forces: Sequence[Mapping[str, Any]], axis: int) -> None:
+    """Steps of Fa; where the sign depends on which side touches, both signs."""
+    everything = []
+    for item in forces:
+        value = float(item["fa"][axis])
+        either = {AXES.index(a) if isinstance(a, str) else int(a) for a in item.get("either_sign", ())}
+        signs = (1.0, -1.0) if axis in either and value else (1.0,)
+        for sign in signs:
+            style = ":" if len(signs) > 1 else "-"
+            axes.plot([item["t0"], item["t1"]], [sign * value] * 2, color=RUST, linewidth=1.6, linestyle=style)
+            everything.append(sign * value)
+    axes.axhline(0.0, color=GREY, linewidth=0.5, zorder=1)
+    _limits(axes, np.array(everything), 1e-3)
+    axes.set_ylabel(f"F{AXES[axis]}, N" if axis < 3 else f"M{AXES[axis][1]}, N·m")
+
+
+def _limits(axes: Axes, values: Array, least: float) -> None:
+    low, high = float(np.min(values)), float(np.max(values))
+    room = max(0.15 * (high - low), least)
+    axes.set_ylim(low - room, high + room)
+    if high - low < least:
+        axes.set_ylim(low - 1.0, high + 1.0)
+    axes.locator_params(axis="y", nbins=4)
+
+
+def _legend(figure: Figure, forces: bool) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles: list[Any] = [Line2D([], [], color=INK, label="P(t)")]
+    if forces:
+        handles.append(Line2D([], [], color=BLUE, linestyle="--", linewidth=1.6, label="Pa(t)"))
+        handles.append(Line2D([], [], color=RUST, linewidth=1.6, label="Fa(t)"))
+        handles.append(Line2D([], [], color=RUST, linewidth=1.6, linestyle=":", label="either sign"))
+    handles += [Patch(linewidth=0, label=f"S: {STOPS[code]}", **style) for code, style in _BANDS.items()]
+    figure.legend(handles=handles, loc="lower center", ncols=4)

@@ -1,0 +1,127 @@
+"""A plan small enough to read: a cube comes down beside a wall and slides against it."""
+
+from typing import Any
+
+from fmopt.plan import FORMAT, sealed
+
+SHAPE = [[4e-8 if i == j and i < 2 else 1e-6 if i == j else 0.0 for j in range(6)] for i in range(6)]
+TUBE = {
+    "shape_start": SHAPE,
+    "shape_goal": SHAPE,
+    "generators_start": [[1e-4, 0, 0, 0, 0, 0], [0, 1e-4, 0, 0, 0, 1e-4]],
+    "generators_goal": [[0, 1e-4, 0, 0, 0, 1e-4]],
+    "growth_start": [[0.0] * 6] * 6,
+    "growth_goal": [[1e-10 if i == j else 0.0 for j in range(6)] for i in range(6)],
+    "theta_max": 1e-3,
+    "offset_max": 2e-4,
+}
+
+
+def box(low: tuple[float, float, float], high: tuple[float, float, float]) -> dict[str, Any]:
+    """A cuboid as a plan holds it, mm in, m out."""
+    vertices = [[0.001 * (low, high)[(i >> k) & 1][k] for k in range(3)] for i in range(8)]
+    faces = [[[0, 4, 6, 2]], [[1, 3, 7, 5]], [[0, 1, 5, 4]], [[2, 6, 7, 3]], [[0, 2, 3, 1]], [[4, 5, 7, 6]]]
+    return {"vertices": vertices, "faces": faces}
+
+
+def bracket() -> dict[str, Any]:
+    """A floor z = 0 with a wall x = −5.1 mm, 40 mm along y."""
+    profile = [(-15, -10), (15, -10), (15, 0), (-5.1, 0), (-5.1, 20), (-15, 20)]
+    vertices = [[0.001 * x, 0.001 * y, 0.001 * z] for y in (-20, 20) for x, z in profile]
+    sides = [[[(k + 1) % 6, k, k + 6, (k + 1) % 6 + 6]] for k in range(6)]
+    pieces = [box((-15, -20, -10), (15, 20, 0)), box((-15, -20, 0), (-5.1, 20, 20))]
+    return {"vertices": vertices, "faces": [[[0, 1, 2, 3, 4, 5]], [[11, 10, 9, 8, 7, 6]], *sides], "pieces": pieces}
+
+
+def segment(move: int, start: list[float], goal: list[float], **more: Any) -> dict[str, Any]:
+    return {
+        "critical_point": 0,
+        "move": move,
+        "state": [],
+        "goal_state": [],
+        "progress": [0.0, 1.0],
+        "start": start,
+        "goal": goal,
+        "clearance": 3e-4,
+        "margin": 1e-4,
+        "binding_contact": "pieces 0/1",
+        "basis": [],
+        "tube": TUBE,
+        "separations": [],
+        "contacts": [],
+        **more,
+    }
+
+
+def hybrid() -> dict[str, Any]:
+    return {
+        "frame": [0.0] * 6,
+        "position_axes": [[0, 1, 0, 0, 0, 0]],
+        "force_axes": [[1, 0, 0, 0, 0, 0]],
+        "velocity": [-1, 0, 0, 0, 0, 0],
+        "speed": 0.02,
+        "bias_wrench": [-5, 0, 0, 0, 0.1, 0],
+        "termination": {"wrench": [1, 0, 0, 0, 0, 0], "threshold": 2.0, "max_travel": 0.0013, "timeout": 3.0},
+    }
+
+
+def cube_plan(verdict: str = "CERTIFIED", margin: float | None = 4.2e-5, **more: Any) -> dict[str, Any]:
+    """The plan, sealed; `margin` is that of the last piece."""
+    down = segment(0, [0.001, 0, 0.003, 0, 0, 0], [0.001, 0, 0.001, 0, 0, 0])
+    made = {"goal_state": ["v0-f5"], "basis": [{"contact": "v0-f5", "direction": [-1, 0, 0, 0, 0, 0], "made": True}]}
+    near = segment(1, down["goal"], [0.0005, 0, 0.001, 0, 0.002, 0], progress=[0.0, 0.5], hybrid=hybrid(), **made)
+    last = [-0.0001, 0, 0.001, 0, 0.004, 0]
+    touch = segment(1, near["goal"], last, progress=[0.5, 1.0], margin=margin, hybrid=hybrid(), **made)
+    cube = box((-5, -5, 0), (5, 5, 10))
+    plan = {
+        "format": FORMAT,
+        "fmopt_version": "0.0",
+        "problem": {"title": "cube to a wall", "sha256": "0" * 64},
+        "units": {"length": "m"},
+        "frames": {"B": "on the floor"},
+        "verdict": verdict,
+        "parts": {
+            "moving": {"name": "cube", **cube, "pieces": [cube]},
+            "fixed": {"name": "bracket", **bracket(), "declared_clearance": [1e-4, 1e-4], "measured_clearance": 1e-4},
+        },
+        "contacts": [
+            {"id": "v0-f5", "kind": "vertex-face", "moving": {"vertices": [0]}, "fixed": {"vertices": [4, 3, 9, 10]}}
+        ],
+        "nominal": {
+            "nodes": [[0, 0, 0.003, 0, 0, 0], [0, 0, 0, 0, 0, 0]],
+            "times": [0, 1],
+            "intervals": [{"t0": 0, "t1": 1, "s": [-1, 0, 1, 2, 0, 0]}, {"t0": 1, "t1": 1, "s": [2, 0, -1, 2, 2, 2]}],
+        },
+        "critical_points": [{"pose": [0.0] * 6, "pcs": ["v0-f5"], "states_by_dimension": {"6": 1, "5": 2}}],
+        "segments": [down, near, touch],
+        "position_force": [
+            {"t0": 0, "t1": 1, "s": [-1, 0, 1, 2, 0, 0], "pa_start": [0, 0, 0.003, 0, 0, 0], "pa_end": [0.0] * 6}
+            | {"fa": [5, 0, 0, 0.1, 0, 0], "fa_sign": "reaction", "either_sign": ["rx"]}
+        ],
+        "search": {"objective": "transitions", "cost": 1.0, "lower_bound": 1.0, "gap": 0.0, "states_expanded": 2},
+        "uncertainty": {"start_box": [3e-4, 3e-4, 0, 0, 0, 0.005], "velocity_error": [0.01, 0.02], "rho": 0.01},
+        "goal": last,
+        "not_covered": ["friction"],
+        **more,
+    }
+    return sealed(plan)
+
+
+def bare_plan() -> dict[str, Any]:
+    """A plan of which only the parts are filled in."""
+    full = cube_plan("NOT_PROVED")
+    empty = ("contacts", "critical_points", "segments", "position_force", "not_covered")
+    plan = {key: [] if key in empty else full[key] for key in full if key not in ("sha256", "uncertainty", "goal")}
+    return sealed({**plan, "nominal": {}, "search": {}})
+
+
+def with_graph() -> dict[str, Any]:
+    """The plan with a contact graph of four states."""
+    states = [
+        {"id": "free", "contacts": [], "dimension": 6},
+        {"id": "s1", "contacts": ["v0-f5"], "dimension": 5},
+        {"id": "s2", "contacts": ["v0-f4"], "dimension": 5},
+        {"id": "s3", "contacts": ["v0-f5", "v0-f4"], "dimension": 4},
+    ]
+    graph = {"critical_point": "mouth", "states": states, "sons": [[1, 2], [3], [3], []], "chosen": [0, 1]}
+    return cube_plan(diagnostics={"graphs": [graph], "budget": [{"source": "robot", "contribution": [1e-4] * 6}]})

@@ -1,0 +1,74 @@
+"""The motion in three dimensions: its data are the parts and the path, and nothing in it can leave its element."""
+
+import json
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from report_plans import bare_plan, box, cube_plan
+
+from fmopt.report.scene import embedded, resource, scene, scene_data, scene_page
+from fmopt.se3 import Pose, exp
+
+MM = 1e-3
+
+
+def volume(polygons: list[list[list[float]]]) -> float:
+    """Volume in mm³ inside outward polygons, by the divergence theorem."""
+    total = 0.0
+    for polygon in polygons:
+        a, *rest = np.array(polygon)
+        total += sum(a @ np.cross(b, c) for b, c in pairwise(rest)) / 6.0
+    return float(total)
+
+
+def test_the_page_is_self_contained_and_the_same_every_time() -> None:
+    page = scene_page(cube_plan())
+    assert page == scene_page(cube_plan())
+    assert "http" not in page
+    assert len(page) < 200_000
+
+
+def test_the_path_ends_where_the_plan_ends() -> None:
+    plan = cube_plan()
+    path = scene_data(plan)["path"]
+    assert [leg["move"] for leg in path] == [0, 1, 1]
+    for leg, piece in zip(path, plan["segments"], strict=True):
+        goal = Pose.from_vector(piece["goal"])
+        np.testing.assert_allclose(MM * np.array(leg["p"][1]), goal.p, atol=1e-7)
+        np.testing.assert_allclose(exp(leg["w"]) @ np.array(leg["R"]), goal.R, atol=1e-8)
+
+
+@pytest.mark.parametrize("goal", [[-1e-4, -1e-4], [1e-4, 1e-4], [-1e-4, 1e-4], [1e-4, -1e-4]])
+def test_cutting_open_takes_a_quarter_away(goal: list[float]) -> None:
+    plan = cube_plan()
+    slab = box((-20, -20, -10), (20, 20, 0))
+    plan["parts"]["fixed"] = {"name": "slab", **slab, "pieces": [slab]}
+    plan["contacts"] = []
+    plan["segments"][-1]["goal"][:2] = goal
+    data = scene_data(plan)
+    assert data["quarter"] == [1 if goal[0] <= 0 else -1, 1 if goal[1] < 0 else -1]
+    assert volume(data["fixed"]["polygons"]) == pytest.approx(16000.0)
+    assert volume(data["open"]["polygons"] + data["open"]["caps"]) == pytest.approx(12000.0)
+    inside = [np.mean(line, axis=0) * [*data["quarter"], 1] for line in data["open"]["lines"]]
+    assert not any(point[0] > 1e-6 and point[1] > 1e-6 for point in inside)
+
+
+def test_nothing_in_the_data_can_end_the_script() -> None:
+    text = embedded({"words": "</script><!--&\u2028"})
+    assert not set(text) & set("<>&\u2028")
+    assert json.loads(text) == {"words": "</script><!--&\u2028"}
+
+
+def test_a_plan_without_motion_has_no_scene_and_one_with_only_a_nominal_path_has() -> None:
+    assert scene(bare_plan()) == ""
+    nominal = {**bare_plan(), "nominal": cube_plan()["nominal"]}
+    assert [leg["move"] for leg in scene_data(nominal)["path"]] == [0]
+    assert scene(nominal)
+
+
+def test_every_control_has_a_handler() -> None:
+    program, frame = resource("scene.js"), resource("scene.html")
+    for name in ("play", "back", "on", "way", "zoom", "fixed", "moving", "look", "reset"):
+        assert f'data-do="{name}"' in frame
+        assert f'"{name}"' in program
