@@ -1,0 +1,5 @@
+"""`python -m fmopt`."""
+
+from fmopt.cli import main
+
+main()

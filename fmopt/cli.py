@@ -1,0 +1,187 @@
+"""The command line: `fmopt solve`, `verify`, `check` and `schema`. Heavy imports wait until a command needs them."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from fmopt import __version__
+from fmopt.errors import FmoptError, InputError, InterferenceError, PlanFormatError, ResourceError
+
+EXIT = {"CERTIFIED": 0, "REFUTED": 1, "NOT_PROVED": 3}
+
+app = typer.Typer(
+    add_completion=True,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="Insertion motions that work although the clearance is smaller than the error, with proof.",
+    epilog="Exit codes: 0 certified, 1 refuted or infeasible, 2 bad input, 3 not proved, 4 resource, 70 internal.",
+)
+
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(__version__)
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and stop.")
+    ] = False,
+) -> None:
+    """Insertion motions that work although the clearance is smaller than the error, with proof."""
+
+
+@app.command(epilog="Example: fmopt solve problems/square_peg.toml --report")
+def solve(
+    file: Annotated[Path, typer.Argument(help="Problem file (TOML).")],
+    out: Annotated[Path | None, typer.Option("--out", help="Folder for the results; default: out/<problem>.")] = None,
+    report: Annotated[bool, typer.Option("--report", help="Write report.html and its figures, too.")] = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Plan an insertion, check the certificate, write plan.json."""
+    from fmopt import plan
+    from fmopt.console import Stages, print_solved
+    from fmopt.synthesis import synthesise
+    from fmopt.task.problem import load
+
+    folder = out if out is not None else Path("out") / file.stem
+    problem = load(file)
+    with Stages(quiet or as_json) as stages:
+        result = synthesise(problem, stages)
+    plan.write(result.document, folder / "plan.json")
+    timings = json.dumps(result.seconds, indent=1) + "\n"
+    plan.save(timings.encode(), folder / "timings.json")
+    if report:
+        _write_report(result.document, folder)
+    if as_json:
+        typer.echo(json.dumps(_summary(result.document, result.verdict, folder)))
+    elif not quiet:
+        print_solved(result.document, result.verdict, folder, report)
+    raise typer.Exit(EXIT[result.document["verdict"]])
+
+
+@app.command(epilog="Example: fmopt verify out/square_peg/plan.json --problem problems/square_peg.toml")
+def verify(
+    file: Annotated[Path, typer.Argument(help="Plan file (JSON).")],
+    problem: Annotated[Path | None, typer.Option(help="Problem file that the plan must belong to.")] = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Check a plan's certificate from its own geometry, in exact arithmetic, without the planner."""
+    from fmopt import verify as independent
+
+    expected = None
+    if problem is not None:
+        from fmopt.task.problem import load
+
+        expected = load(problem).sha256
+    try:
+        verdict = independent.verify(independent.load(file), expected)
+    except independent.PlanError as error:
+        raise PlanFormatError(f"{file}: {error}", "give a plan.json that fmopt solve wrote") from error
+    except OSError as error:
+        raise ResourceError(f"{file}: {error.strerror or error}", "give the plan.json of a solved problem") from error
+    if as_json:
+        typer.echo(json.dumps(_findings(verdict)))
+    elif not quiet:
+        for line in independent.describe(verdict):
+            typer.echo(line)
+    raise typer.Exit(EXIT[str(verdict.verdict)])
+
+
+@app.command(epilog="Example: fmopt check problems/square_peg.toml")
+def check(
+    file: Annotated[Path, typer.Argument(help="Problem file (TOML).")],
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Validate a problem file with its models and say it back in words."""
+    from fmopt.task.explain import explain
+    from fmopt.task.problem import load
+
+    problem = load(file)
+    if as_json:
+        typer.echo(json.dumps({"title": problem.title, "sha256": problem.sha256, "valid": True}))
+    elif not quiet:
+        typer.echo(explain(problem))
+
+
+@app.command(epilog="Example: fmopt schema problem > problem.schema.json")
+def schema(
+    kind: Annotated[str, typer.Argument(help="problem or model.")] = "problem",
+) -> None:
+    """Print the JSON Schema of problem or model files, for editors that complete and check as you type."""
+    from fmopt.task import schema as schemas
+
+    found = {"problem": schemas.problem_schema, "model": schemas.model_schema}.get(kind)
+    if found is None:
+        raise typer.BadParameter(f"{kind!r} is neither problem nor model", param_hint="kind")
+    typer.echo(schemas.text(found()), nl=False)
+
+
+def _write_report(document: dict[str, Any], folder: Path) -> None:
+    from fmopt import plan
+    from fmopt.report.figures import figures
+    from fmopt.report.page import report_page
+
+    drawn = figures(document)
+    for name, svg in drawn.items():
+        plan.save(svg.encode(), folder / "figures" / f"{name}.svg")
+    plan.save(report_page(document, drawn).encode(), folder / "report.html")
+
+
+def _summary(document: dict[str, Any], verdict: Any, folder: Path) -> dict[str, Any]:
+    least = min(segment["margin"] for segment in document["segments"])
+    return {
+        **_findings(verdict),
+        "verdict": document["verdict"],
+        "margin" if document["verdict"] == "CERTIFIED" else "computed_margin": least,
+        "segments": len(document["segments"]),
+        "moves": document["search"]["moves"],
+        "plan": str(folder / "plan.json"),
+    }
+
+
+def _findings(verdict: Any) -> dict[str, Any]:
+    return {"verdict": str(verdict.verdict), "findings": [str(finding) for finding in verdict.findings]}
+
+
+def main() -> None:
+    """Runs the command line; every error becomes one message and an exit code, never a traceback."""
+    try:
+        app()
+    except FmoptError as error:
+        for line in _message(error):
+            typer.echo(line, err=True)
+        sys.exit(error.exit_code)
+    except MemoryError:
+        typer.echo("out of memory; solve a smaller problem or free some", err=True)
+        sys.exit(ResourceError.exit_code)
+    except OSError as error:
+        typer.echo(f"{error.filename or 'I/O'}: {error.strerror or error}", err=True)
+        sys.exit(ResourceError.exit_code)
+    except Exception as error:  # noqa: BLE001 (the last door: nobody outside sees a traceback)
+        typer.echo(f"internal fault: {type(error).__name__}: {error}; please report it with the input", err=True)
+        sys.exit(FmoptError.exit_code)
+
+
+def _message(error: FmoptError) -> list[str]:
+    if isinstance(error, InputError):
+        return [str(fault) for fault in error.faults]
+    if isinstance(error, InterferenceError):
+        return [
+            f"infeasible: {error.message}",
+            f"interference {1e3 * error.interference:.6g} mm at {error.place}; {error.advice}",
+        ]
+    return [f"{error.message}" + (f"\nadvice: {error.advice}" if error.advice else "")]

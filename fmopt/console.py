@@ -1,0 +1,68 @@
+"""What people see in a terminal: progress on standard error, a table of the moves, the verdict in words."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+
+class Stages:
+    """Progress of a long command: one changing line, on a terminal only.
+
+    Args:
+        silent: show nothing.
+    """
+
+    def __init__(self, silent: bool) -> None:
+        self._console = Console(stderr=True)
+        self._status = None if silent or not self._console.is_terminal else self._console.status("")
+
+    def __enter__(self) -> Stages:
+        if self._status is not None:
+            self._status.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._status is not None:
+            self._status.stop()
+
+    def __call__(self, doing: str) -> None:
+        """Says what is being done."""
+        if self._status is not None:
+            self._status.update(doing)
+
+
+def print_solved(document: dict[str, Any], verdict: Any, folder: Path, report: bool) -> None:
+    """Prints the outcome of `fmopt solve`."""
+    from fmopt.report.moves import summary_rows
+
+    console = Console(highlight=False)
+    certified = document["verdict"] == "CERTIFIED"
+    table = Table(title=document["problem"]["title"], title_justify="left")
+    head, *rows = summary_rows(document)
+    for name in head:
+        table.add_column(name, justify="right" if "µm" in name or "mm" in name else "left")
+    for row in rows:
+        table.add_row(*row)
+    console.print(table)
+    moving = document["parts"]["moving"]
+    declared = ", ".join(f"{1e3 * c:.4g}" for c in moving["declared_clearance"])
+    console.print(
+        f"clearance a side: measured {1e3 * moving['measured_clearance']:.4g} mm, declared {declared} mm (x, y)"
+    )
+    least = min(document["segments"], key=lambda segment: float(segment["margin"]))
+    margin = f"{1e6 * float(least['margin']):.2f} µm at {least['binding_contact']}"
+    if certified:
+        console.print(f"CERTIFIED: least margin {margin}, checked independently")
+    else:
+        console.print(f"{document['verdict']}: least computed margin {margin}, not proved")
+        for finding in verdict.findings[:5]:
+            console.print(f"  {finding}", markup=False)
+    console.print("not covered: " + "; ".join(document["not_covered"]), markup=False)
+    console.print(f"wrote {folder / 'plan.json'}" + (f", {folder / 'report.html'}" if report else ""), markup=False)

@@ -1,0 +1,283 @@
+"""From a problem to a plan: the way through the house as one function."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fmopt import __version__, plan
+from fmopt.certificate.claim import Claim
+from fmopt.certificate.knowledge import Assembly
+from fmopt.certificate.record import contact_record, part_record, segment_record
+from fmopt.certificate.segment import Tolerance
+from fmopt.contact.bounds import BoundTable
+from fmopt.contact.primitive import Kind, PrimitiveContact
+from fmopt.contact.wrench import contact_point, contact_wrench
+from fmopt.control.decomposition import contact_forces, position_force
+from fmopt.control.hybrid import GuardedMove, HybridStrategy, hybrid_strategy
+from fmopt.errors import InfeasibleError
+from fmopt.geometry.clearance import Clearance, checked_clearance
+from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.nominal.critical import CriticalPose, critical_poses
+from fmopt.nominal.freedom import FreedomInterval, freedom
+from fmopt.nominal.trajectory import NominalTrajectory, insertion
+from fmopt.placement.entry import Entry, tilted_entries
+from fmopt.placement.motion import Reached
+from fmopt.placement.polish import Turns, polish
+from fmopt.placement.search import Costs, MoveSequence, search
+from fmopt.placement.sequence import Placed, Refinement, certified, refine
+from fmopt.placement.socp import ClarabelSolver
+from fmopt.placement.states import Spaces, contact_spaces
+from fmopt.se3 import Pose
+from fmopt.task.problem import Problem
+from fmopt.uncertainty.error_set import ErrorSet
+from fmopt.verify import Verdict, verify
+
+Progress = Callable[[str], None]
+FINE = math.radians(1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Nominal:
+    """P(t), S(t) and the critical poses along it."""
+
+    path: NominalTrajectory
+    critical: tuple[CriticalPose, ...]
+    freedoms: tuple[FreedomInterval, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Synthesis:
+    """A finished synthesis: the plan document, the verdict of the independent check on it, and how long stages took."""
+
+    document: dict[str, Any]
+    verdict: Verdict
+    seconds: dict[str, float]
+
+
+def synthesise(problem: Problem, progress: Progress = lambda _: None) -> Synthesis:
+    """Solves a problem: every stage in turn, each a pure function of what came before.
+
+    Args:
+        problem: the task.
+        progress: told what is being done.
+
+    Raises:
+        InterferenceError: the parts overlap when assembled, or their clearance is not positive.
+        InfeasibleError: no motion was found.
+    """
+    clock = _Clock()
+    progress("measuring the parts")
+    goal = Pose.from_vector(problem.goal)
+    clearance = checked_clearance(problem.moving, problem.fixed, goal, -float(problem.goal[2]))
+    rho = problem.settings.characteristic_length or clearance.half_diagonal
+    assembly = Assembly(problem.moving, problem.fixed)
+    tolerance = Tolerance((problem.velocity_error.translation, problem.velocity_error.rotation), rho)
+    errors = ErrorSet.from_box(problem.start_box)
+    clock.lap("geometry")
+
+    progress("nominal trajectory")
+    nominal = nominal_motion(problem, errors, rho)
+    clock.lap("nominal")
+
+    progress("contact space")
+    spaces = contact_spaces(assembly, nominal.critical, clearance.per_side, rho)
+    clock.lap("contact")
+
+    ways = tilted_entries(
+        problem.moving, clearance.play, problem.start_box, problem.approach, problem.settings.max_tilt
+    )
+    found = state_sequence(problem, assembly, ways, goal, errors, tolerance, progress)
+    clock.lap("search")
+
+    placed = placement(problem, assembly, found, errors, tolerance, clearance.per_side, progress)
+    clock.lap("placement")
+
+    progress("control strategies")
+    document = plan_document(problem, clearance, nominal, spaces, found, placed, tolerance)
+    clock.lap("control")
+
+    progress("checking the certificate")
+    verdict = verify(document)
+    document = plan.sealed({**document, "verdict": str(verdict.verdict)})
+    clock.lap("verify")
+    return Synthesis(document, verdict, clock.laps)
+
+
+class _Clock:
+    def __init__(self) -> None:
+        self.laps: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    def lap(self, name: str) -> None:
+        now = time.perf_counter()
+        self.laps[name] = now - self._last
+        self._last = now
+
+
+def nominal_motion(problem: Problem, errors: ErrorSet, rho: float) -> Nominal:
+    """T-C mapping: the nominal trajectory, its critical poses, and S(t) for the start errors."""
+    path = insertion(problem.start, problem.goal, problem.specification.speed, rho)
+    box = errors.support(np.eye(6))
+    reach = float(np.linalg.norm(box[:3]) + 2.0 * rho * np.linalg.norm(box[3:]))
+    critical = critical_poses(problem.moving, problem.fixed, path, max(reach, 1e-3))
+    return Nominal(path, critical, freedom(problem.moving, problem.fixed, path, box))
+
+
+def state_sequence(
+    problem: Problem,
+    assembly: Assembly,
+    ways: tuple[Entry, ...],
+    goal: Pose,
+    errors: ErrorSet,
+    tolerance: Tolerance,
+    progress: Progress,
+) -> MoveSequence:
+    """The contact states to go through, by best-first search from the entries."""
+    deadline = time.monotonic() + problem.settings.time_limit
+    starts = [(way.start, way.inside, way.corner) for way in ways]
+
+    def told(names: str) -> None:
+        progress(f"search: {names}")
+
+    return search(assembly, starts, goal, errors, tolerance, Costs(), 1.3 * problem.settings.max_tilt, deadline, told)
+
+
+def placement(
+    problem: Problem,
+    assembly: Assembly,
+    found: MoveSequence,
+    errors: ErrorSet,
+    tolerance: Tolerance,
+    clearance: float,
+    progress: Progress,
+) -> Placed:
+    """All goal poses placed for the largest certified margin, by the method that the problem asks for."""
+    start = Reached(errors, (), ())
+    placed = certified(assembly, found.moves, start, tolerance, FINE)
+
+    def told(margin: float) -> None:
+        progress(f"placement: margin {1e6 * margin:.1f} um")
+
+    if problem.settings.placement == "socp+nlp":
+        placed = refine(assembly, placed, start, tolerance, FINE, ClarabelSolver(), Refinement(), told)
+        placed = polish(assembly, placed, start, tolerance, FINE, clearance, "nlp", Turns(), told)
+    else:
+        placed = polish(assembly, placed, start, tolerance, FINE, clearance, "descent", Turns(), told)
+    return certified(assembly, placed.moves, start, tolerance, FINE, thorough=True)
+
+
+def plan_document(
+    problem: Problem,
+    clearance: Clearance,
+    nominal: Nominal,
+    spaces: Spaces,
+    found: MoveSequence,
+    placed: Placed,
+    tolerance: Tolerance,
+) -> dict[str, Any]:
+    """The plan file of a finished placement, its verdict still open."""
+    claims = placed.reached.claims
+    segments = _segments(problem, claims, tolerance)
+    contacts = {c.id: c for claim in claims for c in (*claim.piece.held, *claim.piece.goal_contacts)}
+    rows = position_force(nominal.path, nominal.freedoms, contact_forces(problem.specification, tolerance.rho))
+    declared, measured = problem.declared_clearance, clearance.per_side
+    document = {
+        "format": plan.FORMAT,
+        "fmopt_version": __version__,
+        "problem": {"title": problem.title, "sha256": problem.sha256},
+        "units": plan.UNITS,
+        "frames": plan.FRAMES,
+        "verdict": "NOT_PROVED",
+        "uncertainty": {
+            "start_box": problem.start_box,
+            "velocity_error": tolerance.velocity_error,
+            "rho": tolerance.rho,
+        },
+        "goal": segments[-1]["goal"],
+        "touch_tolerance": 1e-9,
+        "not_covered": plan.NOT_COVERED,
+        "parts": {
+            "moving": part_record(problem.moving, declared, measured),
+            "fixed": part_record(problem.fixed, declared, measured),
+        },
+        "contacts": [contact_record(contacts[name]) for name in sorted(contacts)],
+        "nominal": {
+            "nodes": nominal.path.nodes,
+            "times": nominal.path.times,
+            "intervals": [{"t0": i.start, "t1": i.end, "s": i.s} for i in nominal.freedoms],
+        },
+        "critical_points": spaces.records(),
+        "segments": segments,
+        "position_force": [row.document() for row in rows],
+        "search": {
+            "objective": "transitions + signature + danger",
+            "cost": found.cost,
+            "lower_bound": found.lower_bound,
+            "gap": found.cost - found.lower_bound,
+            "states_expanded": found.expanded,
+            "moves": found.names,
+        },
+        "diagnostics": {"graphs": spaces.graphs(claims)},
+    }
+    return plan.sealed(plan.clean(document))
+
+
+def _segments(problem: Problem, claims: tuple[Claim, ...], tolerance: Tolerance) -> list[dict[str, Any]]:
+    poses = [claims[0].piece.start.vector(), *(claim.piece.goal.vector() for claim in claims)]
+    found: list[dict[str, Any]] = []
+    move = -1
+    for k, claim in enumerate(claims):
+        move += claim.piece.progress[0] == 0.0
+        record = segment_record(claim, _critical(claim, problem), move, poses[k], poses[k + 1])
+        found.append({**record, "hybrid": plan.clean(_hybrid(problem, claim, tolerance).document())})
+    return found
+
+
+def _critical(claim: Claim, problem: Problem) -> int:
+    """0 for the mouth, the last critical point for the way down."""
+    return 0 if claim.piece.goal.p[2] > 0.5 * float(problem.goal[2]) else 1
+
+
+def _hybrid(problem: Problem, claim: Claim, tolerance: Tolerance) -> HybridStrategy:
+    """The control strategy of a piece, from the contacts that touch at its goal."""
+    piece, extent = claim.piece, claim.advance.ends.extent
+    held = _touching(problem, piece.held, piece.goal)
+    made = _touching(problem, piece.making, piece.goal)
+    body, fixed = problem.moving.polyhedron, problem.fixed.polyhedron
+    move = GuardedMove(
+        piece.goal,
+        piece.start.local(piece.goal),
+        np.array([contact_wrench(c, body, fixed, piece.goal) for c in held]).reshape(-1, 6),
+        np.array([contact_point(c, body, fixed, piece.goal) for c in held]).reshape(-1, 3),
+        np.array([contact_wrench(c, body, fixed, piece.goal) for c in made]).reshape(-1, 6),
+        float(np.linalg.norm(extent.offset)) + tolerance.rho * extent.theta,
+    )
+    try:
+        return hybrid_strategy(move, tolerance.rho, problem.specification)
+    except InfeasibleError as error:
+        raise InfeasibleError(f"segment to {piece.goal.vector()}: {error.message}", advice=error.advice) from error
+
+
+def _touching(problem: Problem, contacts: tuple[PrimitiveContact, ...], pose: Pose) -> list[PrimitiveContact]:
+    """The contacts whose point lies on both features; of those listed because either may touch, the one that does."""
+    if not contacts:
+        return []
+    body, fixed = problem.moving.polyhedron, problem.fixed.polyhedron
+    clear = [c for c in contacts if not _level(c, body, fixed, pose)]
+    inside = BoundTable.of(clear, body, fixed, pose).insides(pose)
+    return [c for c, depth in zip(clear, inside, strict=True) if depth > -1e-9]
+
+
+def _level(contact: PrimitiveContact, body: Polyhedron, fixed: Polyhedron, pose: Pose) -> bool:
+    """Whether an edge runs level with the edge it is listed with, so that they cross in no one point."""
+    if contact.kind is not Kind.EDGE_EDGE:
+        return False
+    a, b = pose.apply(body.vertices[list(contact.moving)])
+    c, d = fixed.vertices[list(contact.fixed)]
+    return bool(np.linalg.norm(np.cross(b - a, d - c)) < 1e-3 * np.linalg.norm(b - a) * np.linalg.norm(d - c))

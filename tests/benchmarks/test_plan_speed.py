@@ -1,0 +1,36 @@
+"""A whole plan: solved in a warm process, and checked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pytest_benchmark.fixture import BenchmarkFixture
+
+from fmopt import synthesis
+from fmopt.task.problem import load
+from fmopt.verify import verify
+
+PROBLEM = Path(__file__).parent.parent.parent / "problems" / "square_peg.toml"
+
+
+@pytest.mark.benchmark(group="whole plan")
+def test_verify(benchmark: BenchmarkFixture, square_peg_plan: dict[str, Any]) -> None:
+    benchmark.extra_info["segments"] = len(square_peg_plan["segments"])
+    assert benchmark.pedantic(verify, (square_peg_plan,), rounds=3).segments == len(square_peg_plan["segments"])
+
+
+@pytest.mark.benchmark(group="whole plan")
+def test_load(benchmark: BenchmarkFixture) -> None:
+    assert benchmark.pedantic(load, (PROBLEM,), rounds=3).title
+
+
+@pytest.mark.benchmark(group="whole plan")
+def test_solve(benchmark: BenchmarkFixture, square_peg_plan: dict[str, Any]) -> None:
+    """Solves only when timing is on: without it, the session's plan stands for the answer."""
+
+    def solve() -> dict[str, Any]:
+        return synthesis.synthesise(load(PROBLEM)).document if benchmark.enabled else square_peg_plan
+
+    assert benchmark.pedantic(solve, rounds=1)["sha256"] == square_peg_plan["sha256"]

@@ -1,0 +1,36 @@
+"""What tests share: the plan of the square peg, solved once a session, however many workers there are."""
+
+from __future__ import annotations
+
+import fcntl
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fmopt import plan
+
+ROOT = Path(__file__).parent.parent
+
+
+@pytest.fixture(scope="session")
+def square_peg_plan_file(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
+    """The plan file of problems/square_peg.toml; the first worker that asks solves it, the others wait."""
+    base = tmp_path_factory.getbasetemp()
+    shared = base if worker_id == "master" else base.parent
+    path = shared / "square_peg" / "plan.json"
+    path.parent.mkdir(exist_ok=True)
+    with (shared / "square_peg.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not path.exists():
+            from fmopt.synthesis import synthesise
+            from fmopt.task.problem import load
+
+            plan.write(synthesise(load(ROOT / "problems" / "square_peg.toml")).document, path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def square_peg_plan(square_peg_plan_file: Path) -> dict[str, Any]:
+    """The plan of problems/square_peg.toml. It is shared: copy it before changing anything in it."""
+    return plan.read(square_peg_plan_file)

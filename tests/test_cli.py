@@ -1,0 +1,369 @@
+"""The command line as people and machines meet it: exit codes, messages with place and advice, no traceback ever."""
+
+from __future__ import annotations
+
+import copy
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fmopt import __version__, plan
+from fmopt.cli import EXIT, main
+
+ROOT = Path(__file__).parent.parent
+PROBLEM, PEG, BLOCK = "problems/square_peg.toml", "models/square_peg.toml", "models/square_hole_block.toml"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Exit code and both outputs of one command."""
+
+    code: int
+    out: str
+    err: str
+
+
+Command = Callable[..., Outcome]
+
+
+@pytest.fixture
+def fmopt(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Command:
+    """Runs a command in this process, in a wide terminal without colours."""
+
+    def run(*words: str | Path) -> Outcome:
+        monkeypatch.setattr(sys, "argv", ["fmopt", *map(str, words)])
+        monkeypatch.setenv("COLUMNS", "200")
+        monkeypatch.setenv("NO_COLOR", "1")
+        capfd.readouterr()
+        with pytest.raises(SystemExit) as stop:
+            main()
+        out, err = capfd.readouterr()
+        assert "Traceback" not in out + err
+        return Outcome(stop.value.code if isinstance(stop.value.code, int) else 0, out, err)
+
+    return run
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Path:
+    """A folder with the square peg's problem and models."""
+    for name in (PROBLEM, PEG, BLOCK):
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes((ROOT / name).read_bytes())
+    return tmp_path
+
+
+def edit(path: Path, old: str, new: str) -> tuple[int, int]:
+    """Replaces the one place where `old` stands; line and column of it."""
+    text = path.read_text(encoding="utf-8")
+    assert text.count(old) == 1, f"{old!r} stands {text.count(old)} times in {path}"
+    before = text[: text.index(old)]
+    path.write_text(text.replace(old, new), encoding="utf-8")
+    return before.count("\n") + 1, len(before) - before.rfind("\n")
+
+
+def widths(files: Path, peg: float, hole: float) -> Path:
+    edit(files / PEG, "width = 20\n", f"width = {peg}\n")
+    edit(files / BLOCK, "width = 20.2\n", f"width = {hole}\n")
+    edit(files / BLOCK, "block_x = 60\nblock_y = 60\n", "block_x = 100\nblock_y = 100\n")
+    return files / PROBLEM
+
+
+# Bad input: exit 2, file:line:column: CODE: message; advice
+
+
+def test_a_missing_file(fmopt: Command, tmp_path: Path) -> None:
+    for command in ("solve", "check"):
+        done = fmopt(command, tmp_path / "nowhere.toml")
+        assert (done.code, done.out) == (2, "")
+        assert done.err.startswith(f"{tmp_path / 'nowhere.toml'}:1:1: file-missing: ")
+        assert "correct the path" in done.err
+
+
+BAD = [
+    ("height = 1 ", "height = = 1 ", len("height = "), "toml-syntax", "toml.io"),
+    ("height = 1 ", "heigth = 1 ", 0, "unknown-key", "did you mean 'height'?"),
+    ("height = 1 ", "height = nan ", len("height = "), "not-finite", "write a finite number"),
+    ("height = 1 ", "height = -1 ", len("height = "), "negative", "make it positive"),
+    ("height = 1 ", 'height = "1 deg" ', len("height = "), "wrong-unit", "'1 deg' is an angle, not a length"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "shift", "code", "advice"), BAD, ids=[row[3] for row in BAD])
+def test_bad_values(fmopt: Command, files: Path, old: str, new: str, shift: int, code: str, advice: str) -> None:
+    line, column = edit(files / PROBLEM, old, new)
+    done = fmopt("solve", files / PROBLEM)
+    assert (done.code, done.out) == (2, "")
+    assert f"{files / PROBLEM}:{line}:{column + shift}: {code}: " in done.err
+    assert advice in done.err
+
+
+def test_a_missing_key(fmopt: Command, files: Path) -> None:
+    edit(files / PROBLEM, "friction = 0.3\n", "")
+    done = fmopt("check", files / PROBLEM)
+    assert done.code == 2
+    assert "missing-key: specification.friction: this key is missing; add 'friction' to [specification]" in done.err
+
+
+def test_a_negative_length_of_a_model(fmopt: Command, files: Path) -> None:
+    edit(files / PEG, "length = 40\n", "length = -40\n")
+    line, column = edit(files / PEG, '"length"]', '"length"]')
+    done = fmopt("check", files / PROBLEM)
+    assert done.code == 2
+    assert f"{files / PEG}:{line}:{column}: negative: solids.peg.size[2]: " in done.err
+    assert "make it positive" in done.err
+
+
+def test_an_empty_solid(fmopt: Command, files: Path) -> None:
+    edit(files / BLOCK, 'minus = ["hole"]', 'minus = ["hole", "block"]')
+    done = fmopt("solve", files / PROBLEM)
+    assert done.code == 2
+    assert f"{files / BLOCK}:" in done.err
+    assert "geometry: " in done.err
+    assert "empty" in done.err
+
+
+def test_an_open_mesh(fmopt: Command, files: Path) -> None:
+    import trimesh
+
+    box = trimesh.creation.box(bounds=[[-10, -10, 0], [10, 10, 40]])
+    box.update_faces([True] * 11 + [False])
+    (files / "models" / "peg.stl").write_bytes(trimesh.exchange.stl.export_stl(box))
+    text = (files / PEG).read_text(encoding="utf-8").replace('part = "peg"\n', "")
+    start, end = text.index("[parameters]"), text.index("[features.peg]")
+    mesh = '[mesh]\nfile = "peg.stl"\nunit = "mm"\n\n'
+    features = text[end:].replace('length = "length"', "length = 40")
+    (files / PEG).write_text(text[:start] + mesh + features, encoding="utf-8")
+    done = fmopt("solve", files / PROBLEM)
+    assert done.code == 2
+    assert f"{files / PEG}:{text[:start].count(chr(10)) + 2}:" in done.err
+    assert "open" in done.err
+
+
+def test_all_faults_at_once(fmopt: Command, files: Path) -> None:
+    edit(files / PROBLEM, "height = 1 ", "heigth = 1 ")
+    edit(files / PROBLEM, "speed = 20\n", "speed = nan\n")
+    edit(files / PEG, "length = 40\n", "length = 0\n")
+    done = fmopt("check", files / PROBLEM)
+    codes = {line.split(": ")[1] for line in done.err.splitlines()}
+    assert done.code == 2
+    assert {"unknown-key", "missing-key", "not-finite", "zero"} <= codes
+
+
+# Infeasible: exit 1 with the interference in millimetres and where
+
+
+def test_a_peg_wider_than_its_hole(fmopt: Command, files: Path) -> None:
+    done = fmopt("solve", widths(files, 63, 61))
+    assert (done.code, done.out) == (1, "")
+    assert "interference 1 mm at (-31, 0, -30) mm" in done.err
+    assert "make the peg thinner or the hole wider" in done.err
+
+
+def test_no_clearance_at_all(fmopt: Command, files: Path) -> None:
+    done = fmopt("solve", widths(files, 20, 20))
+    assert (done.code, done.out) == (1, "")
+    assert "0 mm at (" in done.err
+    assert "make the peg thinner or the hole wider" in done.err
+
+
+# check, schema, version
+
+
+def test_check_says_the_problem_back(fmopt: Command) -> None:
+    done = fmopt("check", ROOT / PROBLEM)
+    assert (done.code, done.err) == (0, "")
+    for words in ("20 x 20 x 40 mm", "blind, depth 30 mm", "0.1 mm along x", "+-0.3, 0.3, 0 mm", "1 % in translation"):
+        assert words in done.out
+
+
+def test_check_as_json_and_in_silence(fmopt: Command) -> None:
+    found = json.loads(fmopt("check", ROOT / PROBLEM, "--json").out)
+    assert found["valid"] is True
+    assert len(found["sha256"]) == 64
+    assert fmopt("check", ROOT / PROBLEM, "--quiet") == Outcome(0, "", "")
+
+
+@pytest.mark.parametrize("kind", ["problem", "model"])
+def test_the_published_schemas_are_the_printed_ones(fmopt: Command, kind: str) -> None:
+    done = fmopt("schema", kind)
+    assert done.code == 0
+    assert done.out == (ROOT / f"{kind}s" / f"{kind}.schema.json").read_text(encoding="utf-8")
+
+
+def test_every_shipped_file_names_its_schema() -> None:
+    for folder, kind in (("problems", "problem"), ("models", "model")):
+        for path in (ROOT / folder).glob("*.toml"):
+            assert path.read_text(encoding="utf-8").startswith(f"#:schema ./{kind}.schema.json\n"), path
+
+
+def test_wrong_words_on_the_command_line(fmopt: Command) -> None:
+    for words in (["schema", "plan"], ["no-such-command"], ["solve"], ["check", "--no-such-option", "x"]):
+        assert fmopt(*words).code == 2
+
+
+def test_version_and_help(fmopt: Command) -> None:
+    assert fmopt("--version").out.strip() == __version__
+    shown = fmopt("--help").out
+    for words in ("solve", "verify", "check", "schema", "Exit codes: 0 certified"):
+        assert words in shown
+    for command in ("solve", "verify", "check", "schema"):
+        assert f"Example: fmopt {command} " in fmopt(command, "--help").out
+
+
+def test_an_internal_fault_is_one_line(fmopt: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(path: Path) -> None:
+        raise ZeroDivisionError("broken on purpose")
+
+    monkeypatch.setattr("fmopt.task.problem.load", broken)
+    done = fmopt("check", ROOT / PROBLEM)
+    assert done.code == 70
+    assert done.err.count("\n") == 1
+    assert "internal fault: ZeroDivisionError: broken on purpose" in done.err
+
+
+# verify
+
+
+def test_verify_agrees_with_the_plans_verdict(
+    fmopt: Command, square_peg_plan_file: Path, square_peg_plan: dict[str, Any]
+) -> None:
+    done = fmopt("verify", square_peg_plan_file, "--problem", ROOT / PROBLEM)
+    assert done.code == EXIT[square_peg_plan["verdict"]]
+    assert done.out.startswith(f"verdict: {square_peg_plan['verdict']}")
+    assert "not covered: friction" in done.out
+    as_json = fmopt("verify", square_peg_plan_file, "--json")
+    assert json.loads(as_json.out)["verdict"] == square_peg_plan["verdict"]
+    assert as_json.out.count("\n") == 1
+    assert fmopt("verify", square_peg_plan_file, "--quiet") == Outcome(done.code, "", "")
+
+
+def test_verify_with_another_problem_is_not_proved(fmopt: Command, square_peg_plan_file: Path) -> None:
+    done = fmopt("verify", square_peg_plan_file, "--problem", ROOT / "problems" / "factory_rect_8mm_tight.toml")
+    assert done.code == 3
+    assert "the plan belongs to another problem" in done.out
+
+
+def test_verify_refutes_a_plan_that_ends_in_the_wall(
+    fmopt: Command, square_peg_plan: dict[str, Any], tmp_path: Path
+) -> None:
+    changed = copy.deepcopy(square_peg_plan)
+    changed["segments"][-1]["goal"][0] += 1e-3
+    plan.write(plan.sealed(changed), tmp_path / "plan.json")
+    done = fmopt("verify", tmp_path / "plan.json")
+    assert done.code == 1
+    assert done.out.startswith("verdict: REFUTED")
+    assert "overlap" in done.out
+
+
+def test_verify_notes_an_altered_number(fmopt: Command, square_peg_plan: dict[str, Any], tmp_path: Path) -> None:
+    changed = copy.deepcopy(square_peg_plan)
+    changed["segments"][0]["margin"] *= 1.0 + 1e-6
+    plan.write(changed, tmp_path / "plan.json")
+    done = fmopt("verify", tmp_path / "plan.json")
+    assert done.code == 3
+    assert "sha256" in done.out
+
+
+GARBAGE = [
+    b"",
+    b"garbage",
+    b"\xff\xfe\x00",
+    b"[]",
+    b"{}",
+    b'{"format": "fmopt.plan/2"}',
+    b'{"format": NaN}',
+    b"[" * 99999,
+]
+
+
+@pytest.mark.parametrize("content", GARBAGE, ids=[repr(g[:16]) for g in GARBAGE])
+def test_verify_refuses_garbage(fmopt: Command, tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "plan.json").write_bytes(content)
+    done = fmopt("verify", tmp_path / "plan.json")
+    assert (done.code, done.out) == (2, "")
+    assert str(tmp_path / "plan.json") in done.err
+    assert "give a plan.json that fmopt solve wrote" in done.err
+
+
+def test_verify_of_a_missing_plan(fmopt: Command, tmp_path: Path) -> None:
+    done = fmopt("verify", tmp_path / "nowhere.json")
+    assert (done.code, done.out) == (2, "")
+    assert str(tmp_path / "nowhere.json") in done.err
+
+
+# solve
+
+
+@pytest.fixture
+def solved(monkeypatch: pytest.MonkeyPatch, square_peg_plan: dict[str, Any]) -> None:
+    """Lets `solve` answer with the session's plan at once."""
+    from fmopt import synthesis, verify
+
+    answer = synthesis.Synthesis(square_peg_plan, verify.verify(square_peg_plan), {"search": 1.0})
+    monkeypatch.setattr(synthesis, "synthesise", lambda problem, progress: answer)
+
+
+@pytest.mark.usefixtures("solved")
+def test_solve_tells_people(fmopt: Command, square_peg_plan: dict[str, Any], tmp_path: Path) -> None:
+    done = fmopt("solve", ROOT / PROBLEM, "--out", tmp_path / "out")
+    assert (done.code, done.err) == (EXIT[square_peg_plan["verdict"]], "")
+    for words in (square_peg_plan["verdict"], "clearance a side: measured 0.1 mm", "not covered: ", "plan.json"):
+        assert words in done.out
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["plan.json", "timings.json"]
+    assert json.loads((tmp_path / "out" / "timings.json").read_text()) == {"search": 1.0}
+
+
+@pytest.mark.usefixtures("solved")
+def test_solve_tells_machines(fmopt: Command, square_peg_plan: dict[str, Any], tmp_path: Path) -> None:
+    done = fmopt("solve", ROOT / PROBLEM, "--out", tmp_path, "--json")
+    assert (done.code, done.err) == (EXIT[square_peg_plan["verdict"]], "")
+    assert done.out.count("\n") == 1
+    found = json.loads(done.out)
+    assert found["verdict"] == square_peg_plan["verdict"]
+    assert found["segments"] == len(square_peg_plan["segments"])
+    assert found["plan"] == str(tmp_path / "plan.json")
+    assert fmopt("solve", ROOT / PROBLEM, "--out", tmp_path, "--quiet") == Outcome(done.code, "", "")
+
+
+@pytest.mark.usefixtures("solved")
+def test_an_out_folder_that_cannot_be_written(fmopt: Command, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("no folder")
+    done = fmopt("solve", ROOT / PROBLEM, "--out", tmp_path / "file" / "out")
+    assert (done.code, done.out) == (4, "")
+    assert str(tmp_path / "file" / "out") in done.err
+    assert "choose another folder with --out" in done.err
+
+
+def test_a_fresh_process_writes_the_same_bytes(square_peg_plan_file: Path, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "fmopt", "solve", PROBLEM, "--out", str(tmp_path / "out"), "--report", "--json"]
+    environment = {**os.environ, "PYTHONHASHSEED": "4711"}
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=540)
+    document = plan.read(tmp_path / "out" / "plan.json")
+    assert (done.returncode, done.stderr) == (EXIT[document["verdict"]], "")
+    assert json.loads(done.stdout)["verdict"] == document["verdict"]
+    assert (tmp_path / "out" / "plan.json").read_bytes() == square_peg_plan_file.read_bytes()
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert page.lower().startswith("<!doctype html>")
+    assert document["sha256"] in page
+
+
+def test_a_traceback_never_leaves_a_process(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_bytes(b"\xff\x00\x1b[31m = [[[")
+    for words in (["solve", "a.toml"], ["verify", "a.toml"], ["check", "."], ["solve", "missing.toml", "--json"]):
+        done = subprocess.run(
+            [sys.executable, "-m", "fmopt", *words], cwd=tmp_path, capture_output=True, text=True, timeout=60
+        )
+        assert done.returncode == 2
+        assert done.stdout == ""
+        assert done.stderr
+        assert "Traceback" not in done.stderr
+        assert "\x1b" not in done.stderr

@@ -1,0 +1,228 @@
+"""The house: a module imports only from lower floors, libraries only where they belong, and start-up stays light."""
+
+from __future__ import annotations
+
+import ast
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import fmopt
+
+PACKAGE = Path(fmopt.__file__).parent
+
+# From the ground up. A room sees every lower floor, never its own: rooms of one floor do not know each other.
+FLOORS: tuple[frozenset[str], ...] = (
+    frozenset({"errors", "values", "symbolic"}),
+    frozenset({"se3", "ellipsoid"}),
+    frozenset({"geometry", "plan"}),
+    frozenset({"contact", "task", "report"}),
+    frozenset({"nominal", "uncertainty"}),
+    frozenset({"certificate"}),
+    frozenset({"placement"}),
+    frozenset({"control"}),
+    frozenset({"synthesis"}),
+    frozenset({"console"}),
+    frozenset({"cli"}),
+    frozenset({"__main__"}),
+)
+APART = "verify"
+# Rooms that see less than the floors below them.
+ONLY: dict[str, frozenset[str]] = {
+    "errors": frozenset(),
+    "values": frozenset(),
+    "symbolic": frozenset(),
+    "plan": frozenset({"errors"}),
+    "report": frozenset({"plan", "geometry", "se3", "values", "errors"}),
+    "nominal": frozenset({"geometry", "se3", "values", "errors"}),
+    "uncertainty": frozenset({"ellipsoid", "se3", "values", "errors"}),
+    "certificate": frozenset({"contact", "uncertainty", "geometry", "plan", "ellipsoid", "se3", "values", "errors"}),
+    "console": frozenset({"report", "plan", "errors"}),
+    APART: frozenset(),
+}
+# Rooms that only these may import.
+CALLERS: dict[str, frozenset[str]] = {
+    APART: frozenset({"synthesis", "cli"}),
+    "report": frozenset({"console", "cli"}),
+    "task": frozenset({"control", "synthesis", "cli"}),
+}
+# Every library that the package may import, and the files or rooms that may.
+LIBRARIES: dict[str, frozenset[str]] = {
+    "numpy": frozenset(
+        {"values", "se3", "ellipsoid", "geometry", "contact", "task", "nominal", "uncertainty", "certificate"}
+        | {"placement", "control", "synthesis", "report"}
+    ),
+    "scipy": frozenset({"geometry", "contact", "nominal", "uncertainty", "placement", "control"}),
+    "sympy": frozenset({"symbolic.py", "contact/surface.py"}),
+    "casadi": frozenset({"symbolic.py", "contact/surface.py", "placement/nlp.py"}),
+    "clarabel": frozenset({"placement/socp.py"}),
+    "daqp": frozenset({"placement/lp.py"}),
+    "cvxpy": frozenset({"placement/program.py"}),
+    "networkx": frozenset({"contact/graph.py"}),
+    "manifold3d": frozenset({"geometry", "nominal/touch.py"}),
+    "trimesh": frozenset({"geometry/mesh.py"}),
+    "shapely": frozenset({"geometry", "report"}),
+    "matplotlib": frozenset({"report"}),
+    "pydantic": frozenset({"task"}),
+    "pydantic_core": frozenset({"task"}),
+    "pint": frozenset({"task/units.py"}),
+    "tree_sitter": frozenset({"task/toml_source.py"}),
+    "tree_sitter_toml": frozenset({"task/toml_source.py"}),
+    "typer": frozenset({"cli.py"}),
+    "rich": frozenset({"console.py"}),
+}
+SOLVERS = {"numpy", "scipy", "casadi", "sympy", "matplotlib", "clarabel", "daqp", "cvxpy", "pydantic"}
+EVALUATORS = {"eval", "exec", "compile", "__import__"}
+PARSERS = {"lambdify", "sympify", "parse_expr"}
+
+FILES = sorted(path.relative_to(PACKAGE).as_posix() for path in PACKAGE.rglob("*.py"))
+
+
+def room(file: str) -> str:
+    return file.split("/")[0].removesuffix(".py")
+
+
+def imports(text: str) -> set[str]:
+    """Every module that a source text imports, wherever in it; a name from the package itself counts as a module."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"relative import in line {node.lineno}"
+            whole = node.module == "fmopt"
+            found |= {f"fmopt.{alias.name}" for alias in node.names} if whole else {str(node.module)}
+    return found
+
+
+def rooms_imported(file: str, text: str) -> set[str]:
+    found = {name.split(".")[1] for name in imports(text) if name.startswith("fmopt.")}
+    return found - {room(file), "__version__"}
+
+
+def strangers(file: str, text: str) -> list[str]:
+    """Rooms that this file imports and must not know."""
+    here = room(file)
+    if here in ONLY:
+        allowed = ONLY[here]
+    else:
+        height = next(i for i, floor in enumerate(FLOORS) if here in floor)
+        allowed = frozenset().union(*FLOORS[:height], {APART})
+    return sorted(
+        other
+        for other in rooms_imported(file, text)
+        if other not in allowed or here not in CALLERS.get(other, frozenset({here}))
+    )
+
+
+def foreign(file: str, text: str) -> list[str]:
+    """Libraries that this file imports and must not."""
+    tops = {name.split(".")[0] for name in imports(text)} - set(sys.stdlib_module_names) - {"fmopt"}
+    if room(file) == APART:
+        return sorted(tops)
+    return sorted(top for top in tops if not {file, room(file)} & LIBRARIES.get(top, frozenset()))
+
+
+def evaluations(text: str) -> list[str]:
+    """Calls that would run or parse text as code."""
+    found = []
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in EVALUATORS:
+            found.append(f"{node.func.id} in line {node.lineno}")
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in {"eval", "exec"}:
+            found.append(f".{node.func.attr} in line {node.lineno}")
+        elif isinstance(node, ast.Attribute) and node.attr in PARSERS:
+            found.append(f"{node.attr} in line {node.lineno}")
+        elif isinstance(node, ast.alias) and node.name.split(".")[-1] in PARSERS:
+            found.append(f"{node.name} imported")
+    return sorted(found)
+
+
+def source(file: str) -> str:
+    return (PACKAGE / file).read_text(encoding="utf-8")
+
+
+def test_every_room_stands_on_one_floor() -> None:
+    placed = [name for floor in FLOORS for name in floor]
+    assert len(placed) == len(set(placed))
+    assert {room(file) for file in FILES} - {"__init__"} == {*placed, APART}
+
+
+def test_exceptions_still_point_down() -> None:
+    height = {name: i for i, floor in enumerate(FLOORS) for name in floor}
+    for name, allowed in ONLY.items():
+        assert all(height[other] < height[name] for other in allowed if name != APART)
+
+
+def test_imports_point_down() -> None:
+    assert rooms_imported("__init__.py", source("__init__.py")) == set()
+    inside = [file for file in FILES if file != "__init__.py"]
+    assert {file: found for file in inside if (found := strangers(file, source(file)))} == {}
+
+
+def test_libraries_stay_in_their_rooms() -> None:
+    assert {file: found for file in FILES if (found := foreign(file, source(file)))} == {}
+
+
+def test_the_table_of_libraries_has_no_dead_row() -> None:
+    used = {(name.split(".")[0], file) for file in FILES for name in imports(source(file))}
+    for library, places in LIBRARIES.items():
+        for place in places:
+            assert any(top == library and place in (file, room(file)) for top, file in used), (library, place)
+
+
+def test_no_text_is_run_as_code() -> None:
+    assert {file: found for file in FILES if (found := evaluations(source(file)))} == {}
+
+
+def test_the_readers_see_what_they_should() -> None:
+    assert strangers("nominal/touch.py", "def f():\n    from fmopt.contact.graph import ContactGraph") == ["contact"]
+    assert strangers("contact/graph.py", "import fmopt.nominal.touch") == ["nominal"]
+    assert strangers("geometry/csg.py", "from fmopt import cli, errors") == ["cli"]
+    assert strangers("placement/search.py", "from fmopt.verify import verify") == ["verify"]
+    assert strangers("control/hybrid.py", "from fmopt.report.page import report_page") == ["report"]
+    assert strangers("verify/check.py", "from fmopt.values import frozen") == ["values"]
+    assert foreign("verify/check.py", "import math, numpy") == ["numpy"]
+    assert foreign("contact/graph.py", "if True:\n    import matplotlib.pyplot, numpy, torch") == [
+        "matplotlib",
+        "torch",
+    ]
+    assert evaluations("eval('1')\nsympy.lambdify(x, y)\nfrom sympy import sympify\nnp.frompyfunc(a)") == [
+        "eval in line 1",
+        "lambdify in line 2",
+        "sympify imported",
+    ]
+
+
+def loaded(code: str) -> set[str]:
+    """Top-level modules that a fresh interpreter holds after `code`, its own output thrown away."""
+    ending = "\nimport json, sys\nsys.stderr.write(json.dumps(sorted({name.split('.')[0] for name in sys.modules})))"
+    done = subprocess.run([sys.executable, "-c", code + ending], capture_output=True, text=True, timeout=60, check=True)
+    return set(json.loads(done.stderr))
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "import fmopt.cli",
+        "import sys\nfrom fmopt.cli import main\nsys.argv = ['fmopt', '--help']\n"
+        "try:\n    main()\nexcept SystemExit as stop:\n    assert not stop.code",
+    ],
+    ids=["import", "--help"],
+)
+def test_the_command_line_starts_without_solvers(code: str) -> None:
+    assert loaded(code) & SOLVERS == set()
+
+
+def test_the_check_of_a_problem_loads_no_solver() -> None:
+    assert (
+        loaded("import fmopt.task.problem") & {"casadi", "sympy", "matplotlib", "clarabel", "cvxpy", "trimesh"} == set()
+    )
+
+
+def test_the_independent_check_loads_the_standard_library_alone() -> None:
+    before = loaded("")
+    assert loaded("import fmopt.verify") - before - set(sys.stdlib_module_names) == {"fmopt"}
