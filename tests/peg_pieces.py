@@ -92,8 +92,13 @@ def _tilted(about_x: float, about_y: float, turn: float) -> Array:
     return exp([about_x, 0.0, 0.0]) @ exp([0.0, -about_y, 0.0]) @ exp([0.0, 0.0, turn])
 
 
-def settled(pose: Pose, contacts: Sequence[PrimitiveContact], directions: Array, together: Sequence[PrimitiveContact],
-            about: Pose | None = None) -> Pose:
+def settled(
+    pose: Pose,
+    contacts: Sequence[PrimitiveContact],
+    directions: Array,
+    together: Sequence[PrimitiveContact],
+    about: Pose | None = None,
+) -> Pose:
     """The pose moved along directions (r, 6) until r contacts are zero, by Newton's method.
 
     Args:

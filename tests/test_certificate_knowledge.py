@@ -202,9 +202,7 @@ def test_the_floor_is_reached_by_all_corners_at_once() -> None:
     known = facts(peg().assembly, way.held)
     body = peg().assembly.moving.polyhedron.vertices
     done = known.not_below(np.array([0.0, 0.0, 1.0]), -DEPTH, body, peg().corner[None])
-    assert {tuple(np.round(v / HALF, 6)) for v in body[done]} == {
-        (x, y, 0.0) for x in (-1.0, 1.0) for y in (-1.0, 1.0)
-    }
+    assert {tuple(np.round(v / HALF, 6)) for v in body[done]} == {(x, y, 0.0) for x in (-1.0, 1.0) for y in (-1.0, 1.0)}
 
 
 def test_facts_are_worked_out_once_for_each_state() -> None:

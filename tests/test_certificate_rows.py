@@ -90,7 +90,9 @@ def test_no_sample_leaves_the_remainder(kind: str, turn: float, theta: float) ->
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_half_the_remainder_would_not_do(kind: str) -> None:
-    worst = max(excesses(kind, turn, theta, seed).max() for turn, theta in ((0.0, 0.03), (0.05, 0.0)) for seed in range(3))
+    worst = max(
+        excesses(kind, turn, theta, seed).max() for turn, theta in ((0.0, 0.03), (0.05, 0.0)) for seed in range(3)
+    )
     assert worst > 0.5
 
 

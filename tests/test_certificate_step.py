@@ -51,13 +51,13 @@ def run(rng: np.random.Generator, extreme: bool) -> Execution:
     return Execution(tuple(ends), tuple(poses))
 
 
-def move_through(
-    number: int, way: Way, error: Array, rng: np.random.Generator, poses: list[tuple[int, Pose]]
-) -> Array:
+def move_through(number: int, way: Way, error: Array, rng: np.random.Generator, poses: list[tuple[int, Pose]]) -> Array:
     """The error about the move's goal, for an error about its start."""
     basis = basis_of(number)
     u = rng.normal(size=6)
-    cone = u / length(u) * np.array([TOLERANCE.velocity_error[0]] * 3 + [TOLERANCE.velocity_error[1] / TOLERANCE.rho] * 3)
+    cone = (
+        u / length(u) * np.array([TOLERANCE.velocity_error[0]] * 3 + [TOLERANCE.velocity_error[1] / TOLERANCE.rho] * 3)
+    )
     drifted = np.zeros(6)
     pieces = pieces_of(way, basis)
     made = way.made
@@ -78,7 +78,7 @@ def move_through(
         poses += [(number, real(s)) for s in (0.0, 0.5)]
         stop = 1.0
         if made is not None:
-            found = touch(made, way, real, 2.0 if last else 1.0)
+            found = touch(made, way, real, 4.0 if last else 1.0)
             assert found is not None or not last
             if found is not None:
                 stop, last = found, True
@@ -172,9 +172,7 @@ def test_a_set_without_growth_is_caught() -> None:
     slim = ErrorSet(goal.shape, goal.generators, np.zeros((6, 6)))
     way, poses = moves()[0], []
     N = np.eye(6)[:3]
-    errors = [
-        move_through(0, way, np.array(START_BOX) * rng.choice([-1.0, 1.0], 6), rng, poses) for _ in range(10)
-    ]
+    errors = [move_through(0, way, np.array(START_BOX) * rng.choice([-1.0, 1.0], 6), rng, poses) for _ in range(10)]
     assert max(np.max(np.abs(N @ e) - slim.support(N)) for e in errors) > 1e-7
 
 

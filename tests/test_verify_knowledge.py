@@ -53,7 +53,7 @@ def vertex_on(k: int, wall: Plane) -> Touch:
 
 def edge_on(i: int, j: int, rim: tuple[tuple[int, int, int], ...], wall: Plane) -> Touch:
     moving = (PEG.vertices[i], PEG.vertices[j])
-    return Touch(f"e{i}-{j} on {rim}", "edge-edge", moving, rim, None, (wall, TOP), -1, ((i, j), ()))
+    return Touch(f"e{i}-{j} on {rim}", "edge-edge", moving, rim, None, (wall, TOP), -1, ((i, j), (sum(map(sum, rim)),)))
 
 
 def facts(assembly: Assembly, *held: Touch) -> Facts:

@@ -80,13 +80,13 @@ def moved(assembly: Assembly, place: Place, freedom: Freedom, amount: float) -> 
 
 
 def neighbourhood(assembly: Assembly, place: Place, freedom: Freedom) -> tuple[PrimitiveContact, ...]:
-    """The primitive contacts that a move along a freedom may meet."""
+    """The primitive contacts that a move along a freedom, or another of its kind and limit, may meet."""
     turning = bool(freedom.twist[3:].any())
     reach, angle = (_REACH, 1.2 * freedom.limit) if turning else (1.2 * freedom.limit, _STILL)
     return near_contacts(assembly.moving.polyhedron, assembly.fixed.polyhedron, place.pose, reach, angle)
 
 
-def guarded(assembly: Assembly, place: Place, freedom: Freedom) -> Move | None:
+def guarded(assembly: Assembly, place: Place, freedom: Freedom, near: Sequence[PrimitiveContact]) -> Move | None:
     """The move along a freedom until the first new contact.
 
     None when it meets none, or two independent ones at once, or cannot keep the held contacts.
@@ -95,16 +95,16 @@ def guarded(assembly: Assembly, place: Place, freedom: Freedom) -> Move | None:
         assembly: the two parts.
         place: where the move starts.
         freedom: the direction.
+        near: the contacts that it may meet, as `neighbourhood` finds them.
     """
     try:
-        return _first_contact(assembly, place, freedom)
+        return _first_contact(assembly, place, freedom, near)
     except InfeasibleError:
         return None
 
 
-def _first_contact(assembly: Assembly, place: Place, freedom: Freedom) -> Move | None:
+def _first_contact(assembly: Assembly, place: Place, freedom: Freedom, near: Sequence[PrimitiveContact]) -> Move | None:
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
-    near = neighbourhood(assembly, place, freedom)
     table = Surfaces.of(near, body, fixed)
     amounts = np.linspace(0.0, freedom.limit, _SAMPLES + 1)
     poses = [moved(assembly, place, freedom, float(a)) for a in amounts]

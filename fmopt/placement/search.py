@@ -4,9 +4,9 @@ Nodes are contact states with their error sets; arcs are guarded moves along one
 cost of a sequence has the three terms of [DakinPopplestone1993] section 3: the number of transitions, how hard the
 force signature of a wanted contact is to tell from that of the likeliest wrong one, and the danger of meeting an
 obstacle on the way, as a reciprocal of the certified margin. Each freedom that is still to be taken away costs one
-transition at least. That bound is admissible; the order of expansion weighs it more, so that an answer comes soon,
-and the least bound among the states left open or dropped for a cheaper way to the same contacts says how much better
-another sequence could be: the gap.
+transition and one roomy move at least. That bound is admissible; the order of expansion weighs it more, so that an
+answer comes soon, and the least bound among the states left open or dropped for a cheaper way to the same contacts says
+how much better another sequence could be: the gap.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ import numpy as np
 from fmopt.certificate.functions import contact_rows
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Tolerance
-from fmopt.contact.primitive import near_contacts
+from fmopt.contact.primitive import PrimitiveContact, near_contacts
 from fmopt.contact.surface import Surfaces
 from fmopt.errors import InfeasibleError
-from fmopt.placement.explore import Place, freedoms, guarded, implied, pinned
+from fmopt.placement.explore import Place, freedoms, guarded, implied, neighbourhood, pinned
 from fmopt.placement.motion import Move, Reached, described, unroll
 from fmopt.se3 import Pose
 from fmopt.uncertainty.error_set import ErrorSet
@@ -41,7 +41,7 @@ class Costs:
         signature: cost of a contact whose wrench cannot be told from that of the likeliest wrong one.
         danger: cost of a transition with no margin at all.
         asymptote: margin (m, negative) at which danger becomes infinite, the paper's C.
-        scale: margin (m) that counts as roomy.
+        scale: margin (m) that is roomy; more of it is not less dangerous.
         coarse: greatest turn of one piece while searching, rad.
         states: most states that are expanded.
         greed: weight of the transitions still to come in the order of expansion, at least 1.
@@ -54,7 +54,7 @@ class Costs:
     scale: float = 1e-4
     coarse: float = math.radians(1.5)
     states: int = 400
-    greed: float = 2.0
+    greed: float = 1.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +98,7 @@ class _Open:
 
 def danger(margin: float, costs: Costs) -> float:
     """The reciprocal cost of a margin (m), [DakinPopplestone1993] eq. 2 with its sign right; inf past the asymptote."""
-    room = margin - costs.asymptote
+    room = min(margin, costs.scale) - costs.asymptote
     return costs.danger * (costs.scale - costs.asymptote) / room if room > 0.0 else math.inf
 
 
@@ -204,7 +204,7 @@ def search(
 
 
 def _opened(node: _Node, final: int, number: int, costs: Costs) -> _Open:
-    left = max(final - node.rank, 0) * costs.transition
+    left = max(final - node.rank, 0) * (costs.transition + costs.danger)
     return _Open(node.cost + costs.greed * left, number, node.cost + left, node)
 
 
@@ -238,8 +238,12 @@ def _sons(
 ) -> list[_Node]:
     found = []
     depth = float(node.place.pose.p[2] - goal.p[2])
+    near: dict[tuple[bool, float], tuple[PrimitiveContact, ...]] = {}
     for freedom in freedoms(max_turn, depth):
-        move = guarded(assembly, node.place, freedom)
+        kind = bool(freedom.twist[3:].any()), freedom.limit
+        if kind not in near:
+            near[kind] = neighbourhood(assembly, node.place, freedom)
+        move = guarded(assembly, node.place, freedom, near[kind])
         if move is None and freedom.name == "-z":
             move = _straight_down(assembly, node.place, goal, freedom.twist)
         if move is None:

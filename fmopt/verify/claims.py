@@ -10,7 +10,7 @@ from fmopt.verify.chain import Stage
 from fmopt.verify.errors import ErrorSet
 from fmopt.verify.facets import facet_margin
 from fmopt.verify.findings import ALLOWANCE, MARGIN_FLOOR, RELATIVE, Notes
-from fmopt.verify.rational import ArithmeticRefusal, Row, length, number, over, root, vector
+from fmopt.verify.rational import ArithmeticRefusal, Row, inverse, length, number, over, root, row, vector
 from fmopt.verify.rows import Distance
 from fmopt.verify.separation import Apart, Known, WitnessError, apart
 
@@ -172,6 +172,11 @@ def _hybrid(stage: Stage, notes: Notes) -> None:
     held = len(motion.contacts)
     if counts != (6 - held, held):
         notes.add("hybrid", f"has {counts[0]} position and {counts[1]} force axes for {held} independent contacts")
+        return
+    try:
+        inverse([row(axis) for axis in (*hybrid.position_axes, *hybrid.force_axes)])
+    except ArithmeticRefusal:
+        notes.add("hybrid", "its axes are not independent")
     for twist in hybrid.position_axes:
         for wrench in hybrid.force_axes:
             if abs(sum(a * b for a, b in zip(twist, wrench, strict=True))) > _RECIPROCAL:

@@ -1,0 +1,169 @@
+"""Claims: the independent check derives the same numbers; bounds of contacts and margins by hand; refusals."""
+
+import copy
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from peg_pieces import CLEAR, HALF, START_BOX, TOLERANCE, claims, moves, peg, settled
+
+from fmopt import plan
+from fmopt.certificate.bounds import UNBOUNDED, bounds
+from fmopt.certificate.claim import claim
+from fmopt.certificate.functions import contact_rows
+from fmopt.certificate.pair import pairs
+from fmopt.certificate.record import contact_record, part_record, segment_record
+from fmopt.certificate.separation import row_bounds, separation
+from fmopt.errors import InfeasibleError
+from fmopt.placement.witness import choose_separation
+from fmopt.se3 import Pose
+from fmopt.uncertainty.error_set import ErrorSet
+from fmopt.verify import CERTIFIED, verify
+
+
+@pytest.fixture(scope="module")
+def document() -> dict[str, Any]:
+    """A plan of the hand-made motion, with what the check asks for and nothing else."""
+    found, segments, move = claims(), [], -1
+    for c in found:
+        move += c.piece.progress[0] == 0.0
+        segments.append(segment_record(c, 0, move, c.piece.start.vector(), c.piece.goal.vector()))
+    used = {k.id: k for c in found for k in c.piece.goal_contacts}
+    body = {
+        "format": plan.FORMAT,
+        "problem": {"title": "a square peg by hand", "sha256": "0" * 64},
+        "verdict": CERTIFIED,
+        "uncertainty": {"start_box": START_BOX, "velocity_error": TOLERANCE.velocity_error, "rho": TOLERANCE.rho},
+        "goal": found[-1].piece.goal.vector(),
+        "touch_tolerance": 1e-9,
+        "not_covered": list(plan.NOT_COVERED),
+        "parts": {
+            "moving": part_record(peg().assembly.moving, (1e-4, 1e-4), 1e-4),
+            "fixed": part_record(peg().assembly.fixed, (1e-4, 1e-4), 1e-4),
+        },
+        "contacts": [contact_record(k) for k in used.values()],
+        "segments": segments,
+    }
+    return plan.sealed(plan.clean(body))
+
+
+def test_the_check_derives_every_number_of_an_untouched_plan(document: dict[str, Any]) -> None:
+    verdict = verify(document)
+    assert [str(f) for f in verdict.findings] == []
+    assert verdict.verdict == CERTIFIED
+    assert verdict.margin == pytest.approx(min(c.margin for c in claims()), rel=1e-10)
+
+
+def _smaller(segment: dict[str, Any], *path: Any) -> None:
+    *inner, last = path
+    for key in inner:
+        segment = segment[key]
+    segment[last] *= 1.0 - 1e-6
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        ("tube", "theta_max"),
+        ("tube", "offset_box", 1),
+        ("tube", "generators_goal", -1, 4),
+        ("tube", "growth_goal", 3, 3),
+        ("tube", "shape_goal", 1, 1),
+        ("contacts", 0, "remainder"),
+        ("separations", 3, "margin"),
+        ("basis", -1, "direction", 4),
+    ],
+)
+def test_the_check_rejects_a_number_that_is_off_by_a_millionth(document: dict[str, Any], path: tuple[Any, ...]) -> None:
+    changed = copy.deepcopy(document)
+    last = next(s for s in changed["segments"] if s["move"] == 2 and s["progress"][1] == 1.0)
+    _smaller(last, *path)
+    assert verify(plan.sealed(changed)).verdict != CERTIFIED
+
+
+def test_the_margin_is_the_least_of_all() -> None:
+    for c in claims():
+        every = [s.margin for _, _, s in c.separations] + [k.margin for k in c.contacts]
+        every += [] if c.early is None else [c.early]
+        assert c.margin == min(every) > 0.0
+        assert (c.early is not None) == (c.piece.made is not None and c.piece.progress[0] == 0.0)
+
+
+def test_row_bounds_are_what_the_separation_is_made_of() -> None:
+    c = next(c for c in claims() if c.piece.made is not None and c.piece.last)
+    listed = pairs(peg().assembly, c.piece.held, c.piece.making, c.piece.made)
+    for (_, _, found), (_, _, pair) in zip(c.separations, listed, strict=True):
+        rows = row_bounds(peg().assembly, pair, found.witness, c.advance.ends)
+        assert rows.lower.min() / rows.scale == pytest.approx(found.margin, rel=1e-12)
+        again = separation(peg().assembly, pair, found.witness, c.advance.ends)
+        assert again.clearance == pytest.approx(found.clearance, rel=1e-12)
+        assert found.margin <= found.clearance
+
+
+def test_the_chosen_plane_is_as_good_as_any_face() -> None:
+    for c in claims()[::5]:
+        listed = pairs(peg().assembly, c.piece.held, c.piece.making, c.piece.made)
+        for (_, _, found), (_, _, pair) in zip(c.separations, listed, strict=True):
+            again = choose_separation(peg().assembly, pair, c.advance.ends)
+            assert again is not None
+            assert again.margin == found.margin
+
+
+def test_contact_bounds_are_nominal_distances_without_errors() -> None:
+    """With exact rows, the vertex keeps its distances to the convex rims, the edge those to its ends and sides."""
+    way = moves()[3]
+    names = ("left edge", "left corner")
+    held = tuple(peg().contacts[name] for name in names)
+    table = bounds(peg().assembly, held, held)
+    f = table.forms.at(way.start).f
+    edge, corner = table.margins(f)
+    own = way.start.apply(peg().corner)
+    depth = -float(own[2])
+    assert corner == pytest.approx(depth, rel=1e-9)
+    assert 0.0 < edge <= depth + 1e-12
+
+
+def test_a_rim_with_a_wall_behind_it_does_not_bound() -> None:
+    seated = moves()[-1]
+    corners = tuple(peg().contacts[f"floor {n}"] for n in range(4))
+    table = bounds(peg().assembly, corners, seated.after)
+    # All rims of the floor are re-entrant: the walls keep the corners in, however near they are.
+    assert table.margins(table.forms.at(seated.goal).f) == [UNBOUNDED] * 4
+    assert table.margins(table.forms.at(seated.goal).f - 1e-3) == [UNBOUNDED] * 4
+
+
+def test_a_vertex_and_an_edge_take_turns_at_a_rim() -> None:
+    c = peg().contacts
+    pair = (c["left corner"], c["other left corner"], c["leading edge"])
+    table = bounds(peg().assembly, pair, pair)
+    lower = np.ones(len(table.forms))
+    # The other corner is above the rim, the leading one well below it.
+    level = Pose(np.array([HALF - CLEAR, 0.0, 0.0]), np.eye(3))
+    tilted = settled(level.moved([0, 0, -1e-3, 0.15, 0, 0]), [], np.zeros((0, 6)), [])
+    f = table.forms.at(tilted).f
+    first, second, edge = table.margins(f)
+    heights = [float(tilted.apply(peg().assembly.moving.polyhedron.vertices[k.moving[0]])[2]) for k in pair[:2]]
+    assert heights[0] < 0.0 < heights[1]
+    assert first > 0.0
+    assert second == UNBOUNDED
+    assert edge > 0.0
+    alone = bounds(peg().assembly, pair[1:2], pair[1:2])
+    assert alone.margins(alone.forms.at(tilted).f)[0] == pytest.approx(-heights[1], rel=1e-9)
+    assert lower.all()
+
+
+def test_pieces_that_overlap_nominally_are_refused() -> None:
+    piece = claims()[0].piece
+    sunk = replace(
+        piece, start=piece.start.moved([0, 0, -0.02, 0, 0, 0]), goal=piece.goal.moved([0, 0, -0.02, 0, 0, 0])
+    )
+    with pytest.raises(InfeasibleError, match="not apart on the nominal path"):
+        claim(peg().assembly, sunk, ErrorSet.from_box(START_BOX), TOLERANCE, choose_separation)
+
+
+def test_held_contacts_stay_zero_along_the_motion() -> None:
+    for c in claims():
+        if c.piece.held:
+            rows = contact_rows(peg().assembly, c.piece.held, c.piece.held, c.piece.goal)
+            assert np.abs(rows.f).max() < 1e-12
