@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -77,7 +77,8 @@ def synthesise(problem: Problem, progress: Progress = lambda _: None) -> Synthes
     clearance = checked_clearance(problem.moving, problem.fixed, goal, -float(problem.goal[2]))
     rho = problem.settings.characteristic_length or clearance.half_diagonal
     assembly = Assembly(problem.moving, problem.fixed)
-    tolerance = Tolerance((problem.velocity_error.translation, problem.velocity_error.rotation), rho)
+    velocity = (problem.velocity_error.translation, problem.velocity_error.rotation)
+    tolerance = Tolerance(velocity, rho)
     errors = ErrorSet.from_box(problem.start_box)
     clock.lap("geometry")
 
@@ -169,7 +170,9 @@ def placement(
         placed = polish(assembly, placed, start, tolerance, FINE, clearance, "nlp", Turns(), told)
     else:
         placed = polish(assembly, placed, start, tolerance, FINE, clearance, "descent", Turns(), told)
-    return certified(assembly, placed.moves, start, tolerance, FINE, thorough=True)
+    # The paper's recipe only judges: what it would call safe is compared, not planned with.
+    judged = replace(tolerance, method=problem.settings.method)
+    return certified(assembly, placed.moves, start, judged, FINE, thorough=True)
 
 
 def plan_document(

@@ -1,6 +1,7 @@
 """Claims: the independent check derives the same numbers; bounds of contacts and margins by hand; refusals."""
 
 import copy
+import pickle
 from dataclasses import replace
 from typing import Any
 
@@ -15,6 +16,7 @@ from fmopt.certificate.functions import contact_rows
 from fmopt.certificate.pair import pairs
 from fmopt.certificate.record import contact_record, part_record, segment_record
 from fmopt.certificate.separation import row_bounds, separation
+from fmopt.contact.primitive import face_vertex
 from fmopt.errors import InfeasibleError
 from fmopt.placement.witness import choose_separation
 from fmopt.se3 import Pose
@@ -67,7 +69,7 @@ def _smaller(segment: dict[str, Any], *path: Any) -> None:
     [
         ("tube", "theta_max"),
         ("tube", "offset_box", 1),
-        ("tube", "generators_goal", -1, 4),
+        ("tube", "generators_goal", 1, 1),
         ("tube", "growth_goal", 3, 3),
         ("tube", "shape_goal", 1, 1),
         ("contacts", 0, "remainder"),
@@ -151,6 +153,24 @@ def test_a_vertex_and_an_edge_take_turns_at_a_rim() -> None:
     alone = bounds(peg().assembly, pair[1:2], pair[1:2])
     assert alone.margins(alone.forms.at(tilted).f)[0] == pytest.approx(-heights[1], rel=1e-9)
     assert lower.all()
+
+
+def test_a_fixed_vertex_keeps_its_distance_to_the_edges_of_the_moving_face() -> None:
+    own, fixed = peg().assembly.moving.polyhedron, peg().assembly.fixed.polyhedron
+    bottom = next(n for n, f in enumerate(own.faces) if f.normal[2] < -0.999)
+    corner = int(np.argmin(np.linalg.norm(fixed.vertices - [0.03, 0.03, 0.0], axis=1)))
+    contact = face_vertex(own, bottom, corner)
+    table = bounds(peg().assembly, (contact,), (contact,))
+    over = Pose(fixed.vertices[corner] - [0.004, -0.007, 0.0], np.eye(3))
+    (margin,) = table.margins(table.forms.at(over).f)
+    assert margin == pytest.approx(HALF - 0.007, abs=1e-12)
+    assert contact_rows(peg().assembly, [contact], [contact], over).f[0] == pytest.approx(0.0, abs=1e-15)
+
+
+def test_claims_survive_a_trip_to_another_process() -> None:
+    there = pickle.loads(pickle.dumps((peg().assembly, claims()[4])))
+    again = claim(there[0], there[1].piece, there[1].advance.ends.start_set, TOLERANCE, choose_separation)
+    assert again.margin == claims()[4].margin
 
 
 def test_pieces_that_overlap_nominally_are_refused() -> None:

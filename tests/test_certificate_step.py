@@ -1,4 +1,4 @@
-"""The error step against executions on the true surfaces: every one ends in the goal set, and thinner sets are caught."""
+"""The error step against executions on the true surfaces: all end in the goal set, and thinner sets are caught."""
 
 from dataclasses import dataclass
 

@@ -52,21 +52,21 @@ VALUES = [
         "wrong-unit",
         "'0.3 mm' is a length, not an angle; write a number, or text such as",
     ),
-    ("height = 5", "height = «-5»", "negative", "-5 is negative; make it positive"),
-    ("height = 5", "height = «0»", "zero", "0 is zero; make it positive"),
-    ("height = 5", "height = «1e-12»", "out-of-range", "too small; keep it at least 1e-06 mm, and check the unit"),
-    ("height = 5", 'height = «"-5 mm"»', "negative", "'-5 mm' = -5 mm is negative"),
-    ("height = 5", 'height = «"5 kg"»', "wrong-unit", "'5 kg' is a mass, not a length"),
-    ("height = 5", 'height = «"5 foo"»', "unknown-unit", "'foo' is no unit"),
-    ("height = 5", 'height = «"five"»', "expression", "'five' is not a number"),
-    ("height = 5", 'height = «"5"»', "wrong-unit", "'5' is a plain number, not a length"),
-    ("height = 5", "height = «true»", "wrong-type", "a boolean stands where a length is asked for"),
-    ("height = 5", "height = «[5]»", "wrong-type", "an array stands where a length is asked for"),
-    ("height = 5", "height = «{ mm = 5 }»", "wrong-type", "a table stands where a length is asked for"),
-    ("height = 5", "height = «2020-01-01»", "wrong-type", "a date or time stands where a length is asked for"),
+    ("height = 1", "height = «-5»", "negative", "-5 is negative; make it positive"),
+    ("height = 1", "height = «0»", "zero", "0 is zero; make it positive"),
+    ("height = 1", "height = «1e-12»", "out-of-range", "too small; keep it at least 1e-06 mm, and check the unit"),
+    ("height = 1", 'height = «"-5 mm"»', "negative", "'-5 mm' = -5 mm is negative"),
+    ("height = 1", 'height = «"5 kg"»', "wrong-unit", "'5 kg' is a mass, not a length"),
+    ("height = 1", 'height = «"5 foo"»', "unknown-unit", "'foo' is no unit"),
+    ("height = 1", 'height = «"five"»', "expression", "'five' is not a number"),
+    ("height = 1", 'height = «"5"»', "wrong-unit", "'5' is a plain number, not a length"),
+    ("height = 1", "height = «true»", "wrong-type", "a boolean stands where a length is asked for"),
+    ("height = 1", "height = «[5]»", "wrong-type", "an array stands where a length is asked for"),
+    ("height = 1", "height = «{ mm = 5 }»", "wrong-type", "a table stands where a length is asked for"),
+    ("height = 1", "height = «2020-01-01»", "wrong-type", "a date or time stands where a length is asked for"),
     ("speed = 20", "speed = «1e9»", "out-of-range", "keep it at most 100000 mm/s"),
     ("friction = 0.3", "friction = «-0.3»", "negative", "-0.3 is negative"),
-    ("torque_limit = 0.5", 'torque_limit = «"5 N"»', "wrong-unit", "is a force, not a torque"),
+    ("torque_limit = 1", 'torque_limit = «"5 N"»', "wrong-unit", "is a force, not a torque"),
     ("translation = 0.01", "translation = «1.5»", "out-of-range", "1.5 is too large; keep it at most 1"),
     ("seed = 0", "seed = «-1»", "bad-value", "-1 is not accepted; it should be greater than or equal to 0"),
     ("seed = 0", "seed = «0.5»", "wrong-type", "a number stands here; write a valid integer"),
@@ -101,7 +101,7 @@ def test_faults_of_values(tmp_path: Path, texts: Texts, old: str, new: str, code
 
 
 KEYS = [
-    ("height = 5", "«heigth» = 5", "unknown-key", "start.heigth", "did you mean 'height'?"),
+    ("height = 1", "«heigth» = 5", "unknown-key", "start.heigth", "did you mean 'height'?"),
     ("seed = 0", "«zzz» = 0", "unknown-key", "settings.zzz", "known keys here: method, placement, max_tilt"),
     ("[goal]", "[«wishes»]\n[goal]", "unknown-key", "wishes", "known keys here: title, units"),
     ("\n[goal]", "\n[moving.«parameter»]\n[goal]", "unknown-key", "moving.parameter", "did you mean 'parameters'?"),
@@ -119,7 +119,7 @@ def test_unknown_keys(tmp_path: Path, texts: Texts, old: str, new: str, code: st
 @pytest.mark.parametrize(
     ("old", "key", "line", "column", "advice"),
     [
-        ("height = 5\n", "start.height", 24, 2, "add 'height' to [start]"),
+        ("height = 1\n", "start.height", 24, 2, "add 'height' to [start]"),
         (
             'title = "Square peg in a blind square hole, 0.1 mm clearance a side"\n',
             "title",
@@ -202,7 +202,7 @@ def test_faults_of_models(tmp_path: Path, texts: Texts, old: str, new: str, code
 
 
 def test_all_faults_at_once_in_order_of_place(tmp_path: Path, texts: Texts) -> None:
-    texts[PROBLEM] = texts[PROBLEM].replace("height = 5", "height = -5").replace("rx = 0.3", "rx = nan")
+    texts[PROBLEM] = texts[PROBLEM].replace("height = 1", "height = -5").replace("rx = 0.3", "rx = nan")
     texts[PROBLEM] = texts[PROBLEM].replace("seed = 0", "sed = 0").replace("friction = 0.3\n", "")
     texts[PEG] = texts[PEG].replace("length = 40", "length = inf")
     texts[BLOCK] = texts[BLOCK].replace('kind = "hollow"', 'kind = "hole"').replace("width = 20.2", "width = 0")
@@ -221,7 +221,7 @@ def test_all_faults_at_once_in_order_of_place(tmp_path: Path, texts: Texts) -> N
 
 
 def test_a_fault_reads_as_compilers_write_them(tmp_path: Path, texts: Texts) -> None:
-    texts[PROBLEM] = texts[PROBLEM].replace("height = 5", "height = -5")
+    texts[PROBLEM] = texts[PROBLEM].replace("height = 1", "height = -5")
     (fault,) = faults(tmp_path, texts)
     words = "negative: start.height: -5 is negative; make it positive"
     assert str(fault) == f"{tmp_path / PROBLEM}:25:10: {words}"

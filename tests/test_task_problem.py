@@ -46,7 +46,7 @@ def rectangular() -> Problem:
 
 def test_square_peg_in_numbers(square: Problem) -> None:
     np.testing.assert_array_equal(square.goal, [0, 0, -0.03, 0, 0, 0])
-    np.testing.assert_array_equal(square.start, [0, 0, 0.005, 0, 0, 0])
+    np.testing.assert_array_equal(square.start, [0, 0, 0.001, 0, 0, 0])
     np.testing.assert_allclose(square.start_box, [3e-4, 3e-4, 0, *[math.radians(0.3)] * 3], rtol=1e-15)
     assert square.declared_clearance == (1e-4, 1e-4)
     assert (square.velocity_error.translation, square.velocity_error.rotation) == (0.01, 0.01)
@@ -95,7 +95,7 @@ def test_parameters_can_be_overridden(tmp_path: Path) -> None:
 def test_units_of_the_file_do_not_matter(tmp_path: Path, square: Problem) -> None:
     path = copied(tmp_path)
     written = path.read_text(encoding="utf-8").replace('length = "mm"', 'length = "um"')
-    for number in ("0.1", "5", "0.3"):
+    for number in ("0.1", "1", "0.3"):
         written = re.sub(
             rf"^(x|y|height) = {re.escape(number)}$", rf"\1 = {float(number) * 1000:g}", written, flags=re.M
         )
@@ -243,5 +243,5 @@ grasp = { position = 0.2, angle = "30 mrad", height = 40 }
     path.write_text(written[:start] + sources + written[end:], encoding="utf-8")
     problem = load(path)
     assert problem.sources == SOURCES
-    np.testing.assert_array_equal(problem.start_box, start_box(SOURCES, 0.005))
+    np.testing.assert_array_equal(problem.start_box, start_box(SOURCES, 0.001))
     assert "robot: 0.1 mm, 0.859437 deg" in explain(problem)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.se3 import Pose
@@ -61,3 +62,4 @@ class Tolerance:
 
     velocity_error: tuple[float, float]
     rho: float
+    method: Literal["sound", "dakin1993"] = "sound"

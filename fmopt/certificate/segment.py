@@ -9,6 +9,9 @@ and, when a contact m is being made, goes on until it touches. Measured on its o
 with ẽ₀ in the start set without its old thickness, ẽ₁ = Π(ẽ₀ + drift), and T^S, T^G dual to the contacts' rows at
 either end. A row that is affine in the error needs its bound at both ends only. [DakinPopplestone1993] section 4, with
 exact images in place of the paper's sections.
+
+The pieces of a move share one twist per unit of progress, but for what the compliance takes up: an execution that
+touches late has then gone farther in each of them alike, whichever piece it was commanded in.
 """
 
 from __future__ import annotations

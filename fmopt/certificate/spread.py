@@ -17,7 +17,7 @@ from fmopt.certificate.rows import length, lengths
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array, frozen
 
-_WIDTH = 12  # columns that a root may have before it is made square
+_WIDTH = 18  # columns that a root may have while sums are taken
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,9 +47,8 @@ class Spread(ErrorSet):
     @staticmethod
     def made(generators: Array, shape_root: Array, growth_root: Array, thick: int, compliant: Array) -> Spread:
         """The set of these parts."""
-        shape, growth = shape_root @ shape_root.T, growth_root @ growth_root.T
-        roots = frozen(shape_root), frozen(growth_root)
-        return Spread(shape, generators, growth, *roots, thick, frozen(compliant))
+        shape, growth = frozen(_narrow(shape_root, 6)), frozen(_narrow(growth_root, 6))
+        return Spread(shape @ shape.T, generators, growth @ growth.T, shape, growth, thick, frozen(compliant))
 
     def core(self, directions: Array) -> Array:
         """The generators (k, 6) that a motion with these held compliant twists (r, 6) carries on.
@@ -127,7 +126,9 @@ def summed(F1: Array, F2: Array, weights: Array) -> Array:
     s1, s2 = (length((weights[:, None] * F).ravel()) for F in (F1, F2))
     if s1 == 0.0 or s2 == 0.0:
         return F2 if s1 == 0.0 else F1
-    total = np.hstack([np.sqrt(1.0 + s2 / s1) * F1, np.sqrt(1.0 + s1 / s2) * F2])
-    if total.shape[1] <= _WIDTH:
-        return total
-    return np.asarray(np.linalg.qr(total.T).R.T)
+    return _narrow(np.hstack([np.sqrt(1.0 + s2 / s1) * F1, np.sqrt(1.0 + s1 / s2) * F2]), _WIDTH)
+
+
+def _narrow(F: Array, most: int) -> Array:
+    """A root of the same ellipsoid with no more columns than that, six at the least."""
+    return F if F.shape[1] <= most else np.asarray(np.linalg.qr(F.T).R.T)

@@ -155,7 +155,7 @@ def _arrival(
     together = tuple(c for c in made if c == first or implied(assembly, place.held, first, c))
     if len(together) < len(made) and _independent(assembly, place, first, made, goal):
         return None
-    return Move(place.pose, goal, place.held, together, place.pivot)
+    return Move(place.pose, goal, place.held, together)
 
 
 def _independent(

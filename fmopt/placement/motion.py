@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -21,6 +22,8 @@ from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array
 
 _NEWTON = 12
+_SHOTS = 16
+_AIMED = 2e-15
 _RANK = 1e-6
 _CONDITION = 1e8
 _WEIGHTS = np.array([1.0, 1.0, 1.0, 50.0, 50.0, 50.0])
@@ -37,7 +40,6 @@ class Move:
         goal: nominal pose at the end.
         held: contacts held at the beginning.
         making: contacts made at the end, all at once; the first is the one that counts.
-        pivot: body point (3,) whose way is straight while the part turns.
         parts: least number of pieces.
     """
 
@@ -45,7 +47,6 @@ class Move:
     goal: Pose
     held: tuple[PrimitiveContact, ...]
     making: tuple[PrimitiveContact, ...]
-    pivot: Array
     parts: int = 1
 
 
@@ -92,18 +93,56 @@ def onto(
     raise InfeasibleError("contacts cannot be held along the move", advice="shorten the move")
 
 
-def along(assembly: Assembly, move: Move, basis: Sequence[Compliance], share: float) -> Pose:
-    """Nominal pose at a share of a move: the turn at constant rate, the pivot straight, held contacts kept."""
-    if share >= 1.0:
-        return move.goal
-    w = se3.log(move.goal.R @ move.start.R.T)
-    R = se3.exp(share * w) @ move.start.R
-    at = (1.0 - share) * move.start.apply(move.pivot) + share * move.goal.apply(move.pivot)
-    pose = Pose(at - R @ move.pivot, R)
-    if not basis:
-        return pose
-    directions = np.array([c.direction for c in basis]).T
-    return onto(assembly, pose, [c.contact for c in basis], directions, move.held)
+def way(assembly: Assembly, move: Move, basis: Sequence[Compliance], count: int, shots: int) -> list[Pose]:
+    """Nominal poses (count + 1) of a move in equal pieces that share one twist, held contacts kept by compliance.
+
+    One twist is what lets a move be certified in pieces: an execution that touches late only goes on in the direction
+    that all pieces share. Each piece is the twist and as much compliance as its contacts ask for; the twist is aimed
+    anew until the last piece ends at the goal.
+
+    Args:
+        assembly: the two parts.
+        move: the move.
+        basis: independent held contacts with their compliant directions.
+        count: how many pieces.
+        shots: how often the twist is aimed; the last piece takes up what is left.
+    """
+    contacts = [c.contact for c in basis]
+    directions = np.array([c.direction for c in basis]).reshape(-1, 6).T
+    twist = move.start.local(move.goal)
+    poses = [move.start]
+    for _ in range(shots):
+        poses = [move.start]
+        for _ in range(count):
+            poses.append(_kept(assembly, poses[-1], twist / count, contacts, directions))
+        miss = np.concatenate([move.goal.p - poses[-1].p, se3.log(move.goal.R @ poses[-1].R.T)])
+        if np.abs(miss).max() < _AIMED:
+            break
+        twist = twist + miss
+    return [*poses[:-1], move.goal]
+
+
+def _kept(
+    assembly: Assembly, pose: Pose, twist: Array, contacts: Sequence[PrimitiveContact], directions: Array
+) -> Pose:
+    """The pose after one twist (6,) and as much compliance as keeps the contacts, added to the twist."""
+    give = np.zeros(len(contacts))
+    for _ in range(_NEWTON):
+        there = pose.moved(twist + directions @ give)
+        if not contacts:
+            return there
+        rows = contact_rows(assembly, contacts, contacts, there)
+        if np.abs(rows.f).max() < 1e-16:
+            return there
+        try:
+            give = give - np.linalg.solve(rows.N @ directions, rows.f)
+        except np.linalg.LinAlgError as error:
+            raise InfeasibleError("contacts do not determine their compliant directions") from error
+        if not np.abs(give).max() < 1.0:
+            break
+    if np.abs(rows.f).max() < 1e-12:
+        return there
+    raise InfeasibleError("contacts cannot be held along the move", advice="shorten the move")
 
 
 def unroll(
@@ -138,17 +177,16 @@ def _unroll(
     assembly: Assembly, move: Move, reached: Reached, tolerance: Tolerance, count: int, thorough: bool
 ) -> Reached:
     errors, basis, claims = reached.errors, reached.basis, list(reached.claims)
-    at = move.start
-    for k in range(count):
+    poses = way(assembly, move, basis, count, _SHOTS if thorough else 1)
+    for k, (at, to) in enumerate(pairwise(poses)):
         share = (k / count, (k + 1) / count)
-        to = along(assembly, replace(move, held=tuple(c.contact for c in basis) or move.held), basis, share[1])
         held = described(assembly, move.held, at, to, errors)
         current = _carried_over(assembly, basis, held, to)
         made = move.making[0] if move.making else None
         piece = Piece(at, to, held, (*held, *move.making), current, made, share)
         found = claim(assembly, piece, errors, tolerance, choose_separation, thorough)
         claims.append(found)
-        errors, at = found.advance.ends.goal_set, to
+        errors = found.advance.ends.goal_set
         basis = found.advance.basis if piece.last else current
     return Reached(errors, basis, tuple(claims))
 

@@ -222,7 +222,7 @@ def _seated(pose: Pose, goal: Pose) -> bool:
 def _approach(
     assembly: Assembly, begin: Pose, inside: Pose, pivot: Array, start: ErrorSet, tolerance: Tolerance, costs: Costs
 ) -> _Node | None:
-    move = Move(begin, inside, (), (), pivot)
+    move = Move(begin, inside, (), ())
     try:
         reached = unroll(assembly, move, Reached(start, (), ()), tolerance, costs.coarse, thorough=False)
     except InfeasibleError:
@@ -259,7 +259,7 @@ def _straight_down(assembly: Assembly, place: Place, goal: Pose, twist: Array) -
     there = place.pose.moved(twist * float(place.pose.p[2] - goal.p[2]))
     if float(np.linalg.norm(goal.local(there)[3:])) > 1e-9 or pinned(assembly, place.pose, place.held) < 5:
         return None
-    return Move(place.pose, there, place.held, (), place.pivot)
+    return Move(place.pose, there, place.held, ())
 
 
 def _son(assembly: Assembly, node: _Node, move: Move, name: str, tolerance: Tolerance, costs: Costs) -> _Node | None:
@@ -274,6 +274,6 @@ def _son(assembly: Assembly, node: _Node, move: Move, name: str, tolerance: Tole
         return None
     cost += costs.signature * signature(assembly, move, tolerance, reached.errors)
     held = described(assembly, (*move.held, *move.making), move.goal, move.goal, reached.errors)
-    place = Place(move.goal, held, reached.basis, move.pivot)
+    place = Place(move.goal, held, reached.basis, node.place.pivot)
     rank = pinned(assembly, move.goal, held)
     return _Node(place, reached, (*node.moves, move), (*node.names, name), cost, rank)

@@ -21,7 +21,7 @@ from fmopt.certificate.separation import Pair, Separation, pairs, row_bounds
 from fmopt.errors import InfeasibleError, SolverError
 from fmopt.placement.motion import Move, Reached, unroll
 from fmopt.placement.program import ConeProgram, Norm, Solver
-from fmopt.se3 import Pose, hat
+from fmopt.se3 import Pose
 from fmopt.values import Array
 
 _NEAR = 4e-4
@@ -139,13 +139,11 @@ def _rows(assembly: Assembly, placed: Placed) -> list[_LinearRow]:
     number = -1
     for claim in placed.reached.claims:
         number += claim.piece.progress[0] == 0.0
-        found += _claim_rows(assembly, placed.moves, number, claim, placed.margin)
+        found += _claim_rows(assembly, number, claim, placed.margin)
     return found
 
 
-def _claim_rows(
-    assembly: Assembly, moves: Sequence[Move], number: int, claim: Claim, margin: float
-) -> list[_LinearRow]:
+def _claim_rows(assembly: Assembly, number: int, claim: Claim, margin: float) -> list[_LinearRow]:
     piece, ends = claim.piece, claim.advance.ends
     found = []
     for pair, separation in pairs_of(assembly, claim):
@@ -155,13 +153,13 @@ def _claim_rows(
         loss = np.minimum(rows.start.f, rows.goal.f) - rows.lower
         for at, share in ((rows.start, piece.progress[0]), (rows.goal, piece.progress[1])):
             for k in np.flatnonzero(at.f - loss < (margin + _NEAR) * rows.scale):
-                slopes = _slopes(moves, number, share, at.N[k])
+                slopes = _slopes(number, share, at.N[k])
                 value = float(at.f[k] - loss[k]) / rows.scale
                 drift = float(np.linalg.norm(at.N[k])) / rows.scale
                 found.append(_LinearRow(value, tuple((n, s / rows.scale) for n, s in slopes), drift, number))
     if claim.early is not None and piece.made is not None:
         row = contact_rows(assembly, [piece.made], (*piece.held, piece.made), piece.start)
-        found.append(_LinearRow(claim.early, tuple(_slopes(moves, number, 0.0, row.N[0])), 0.0, number))
+        found.append(_LinearRow(claim.early, tuple(_slopes(number, 0.0, row.N[0])), 0.0, number))
     return found
 
 
@@ -172,30 +170,9 @@ def pairs_of(assembly: Assembly, claim: Claim) -> list[tuple[Pair, Separation]]:
     return [(pair, kept) for (_, _, kept), (_, _, pair) in zip(claim.separations, found, strict=True)]
 
 
-def _slopes(moves: Sequence[Move], number: int, share: float, N: Array) -> list[tuple[int, Array]]:
-    """∂f/∂(displacements of pose `number` and `number + 1`), the pivot going straight and the turn at constant rate."""
-    move = moves[number]
-    middle = _between(move, share)
-    c = middle.R @ move.pivot
-    # d at the origin from (d, δ) of the pivot: d = d_c − δ × Rc.
-    back = np.eye(6)
-    back[:3, 3:] = hat(c)
-    found = []
-    for n, weight, pose in ((number, 1.0 - share, move.start), (number + 1, share, move.goal)):
-        if weight > 0.0:
-            out = np.eye(6)
-            out[:3, 3:] = -hat(pose.R @ move.pivot)
-            found.append((n, weight * (N @ back @ out)))
-    return found
-
-
-def _between(move: Move, share: float) -> Pose:
-    if share <= 0.0:
-        return move.start
-    if share >= 1.0:
-        return move.goal
-    x = move.start.local(move.goal)
-    return move.start.moved(share * x)
+def _slopes(number: int, share: float, N: Array) -> list[tuple[int, Array]]:
+    """∂f/∂(displacements of pose `number` and `number + 1`) of a row at a share of the move between them."""
+    return [(n, weight * N) for n, weight in ((number, 1.0 - share), (number + 1, share)) if weight > 0.0]
 
 
 def _program(

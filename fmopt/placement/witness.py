@@ -10,6 +10,7 @@ from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.pair import Pair, Witness, free_plane
 from fmopt.certificate.rows import crossed, length, lengths
 from fmopt.certificate.separation import Ends, Separation, best_separation, separation
+from fmopt.certificate.spread import Support
 from fmopt.contact.primitive import Kind
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.values import Array
@@ -18,6 +19,7 @@ _GRAZING = 2e-6
 _SHARES = (9, 9, 9)  # planes tried through an edge, pass by pass
 _REFINED = 3
 _MEMORY = 2048
+_RECENT = 16
 
 
 def choose_separation(assembly: Assembly, pair: Pair, ends: Ends) -> Separation | None:
@@ -98,22 +100,12 @@ def _sides(piece: Polyhedron) -> tuple[Array, Array]:
 
 
 class _Margins:
-    """Certified margins of many planes in front of the fixed piece, against all vertices of the moving one.
-
-    A plane's row N = (n, Rv × n) has N·c = n·(c_t + c_r × Rv): the errors' columns are turned into displacements of
-    the vertices once, and each plane costs a product.
-    """
+    """Certified margins of many planes in front of the fixed piece, against all vertices of the moving one."""
 
     def __init__(self, pair: Pair, ends: Ends) -> None:
-        V = pair.moving.vertices
-        self.left = lengths(V) * ends.extent.kappa
+        self.left = lengths(pair.moving.vertices) * ends.extent.kappa
         self.fixed = pair.fixed.vertices
-        self.sides = []
-        for pose, support in zip((ends.start, ends.goal), ends.supports, strict=True):
-            arm = V @ pose.R.T
-            # (vertices, columns, 3), then the displaced coordinates first.
-            moved = support.columns[:3].T + crossed(support.columns[3:].T, arm[:, None])
-            self.sides.append((support, arm + pose.p, moved.reshape(-1, 3).T))
+        self.sides = _displaced(pair.moving, ends)
 
     def __call__(self, normals: Array) -> Array:
         """Margins (k,) of planes with unit normals (k, 3), m."""
@@ -124,3 +116,18 @@ class _Margins:
             lower.append(normals @ world.T - reach)
         least = np.minimum(*lower) - self.left
         return np.asarray(least.min(axis=1) - offsets)
+
+
+@lru_cache(maxsize=_RECENT)
+def _displaced(piece: Polyhedron, ends: Ends) -> tuple[tuple[Support, Array, Array], ...]:
+    """At both ends: the errors' support, the vertices (n, 3), and how the errors' columns displace them (3, n·k).
+
+    A plane's row N = (n, Rv × n) has N·c = n·(c_t + c_r × Rv): the columns are turned into displacements of the
+    vertices once, and each plane costs a product.
+    """
+    found = []
+    for pose, support in zip((ends.start, ends.goal), ends.supports, strict=True):
+        arm = piece.vertices @ pose.R.T
+        moved = support.columns[:3].T + crossed(support.columns[3:].T, arm[:, None])
+        found.append((support, arm + pose.p, np.ascontiguousarray(moved.reshape(-1, 3).T)))
+    return tuple(found)

@@ -13,6 +13,7 @@ from fmopt.verify.knowledge import Facts
 from fmopt.verify.motion import Motion, Task
 from fmopt.verify.rational import ONE, Matrix, Row, add, fixed, over, vector
 from fmopt.verify.rows import pose
+from fmopt.verify.stretch import Leg, check_fit
 
 Basis = tuple[tuple[Touch, Row], ...]
 _DIRECTION_FLOOR = 1e-11
@@ -64,6 +65,7 @@ class Chain:
         self.assembly = assembly
         self.link = Link(from_box(plan.start_box), (), (), None)
         self.previous: Segment | None = None
+        self._legs: list[Leg] = []
         self._facts: dict[tuple[int, tuple[str, ...]], Facts] = {}
 
     def follow(self, segment: Segment, notes: Notes) -> Stage:
@@ -105,6 +107,7 @@ class Chain:
         motion = Motion(self.assembly, task, errors)
         if made is not None and motion.made_direction is not None:
             notes.equal(f"direction of {made.id}", segment.basis[-1][1], motion.made_direction, _DIRECTION_FLOOR)
+        self._fit(motion, s1 - s0, notes)
         self._hand_on(segment, task, motion, goal_state)
         return Stage(segment, motion, facts, state, goal_state, made)
 
@@ -194,6 +197,15 @@ class Chain:
         if all(c in directions for c in self.link.thick_along):
             return errors
         return ErrorSet(errors.core + errors.thick, (), errors.growth, errors.shape)
+
+    def _fit(self, motion: Motion, progress: int, notes: Notes) -> None:
+        """Collects the pieces of a move that makes a contact; at its end they must fit together."""
+        if motion.task.made is None:
+            return
+        self._legs.append(Leg(motion.twist, progress, motion.overtravel, tuple(motion.directions), motion.hold))
+        if motion.task.last:
+            check_fit(self._legs, notes)
+            self._legs = []
 
     def _hand_on(self, segment: Segment, task: Task, motion: Motion, goal_state: Sequence[Touch]) -> None:
         along = tuple(motion.directions)

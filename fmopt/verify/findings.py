@@ -13,6 +13,7 @@ NOT_PROVED = "NOT_PROVED"
 RELATIVE = 1e-10  # stated numbers must agree with re-derived ones to this share
 MARGIN_FLOOR = 4e-15  # m: and margins to this absolute difference, on the safe side only
 ALLOWANCE = fixed(4e-15)  # m and rad: added to every stated bound of errors before it is used
+LEFT_ASIDE = (1e-10, 1e-9)  # m and rad a move: by how much its pieces may fail to share one twist, see `stretch`
 _OTHER_SIDE = 1e-16  # m: rounding allowed to numbers that nothing rests on
 
 
@@ -158,6 +159,10 @@ def describe(verdict: Verdict) -> list[str]:
     lines += [str(finding) for finding in verdict.findings]
     lines.append("checked: that for every error in the stated set the pieces of the parts stay apart up to the touch")
     lines.append("tolerance, and that every contact is made and held inside its facet, under the stated motion model")
+    lines.append(
+        "not covered: that the pieces of a move share one twist exactly: executions that touch late or "
+        f"early may leave the error set by up to {micrometres(LEFT_ASIDE[0])} and {LEFT_ASIDE[1] * 1e6:.9g} µrad a move"
+    )
     lines.append("not covered: friction, compliance, dynamics, and whether the real error lies in the stated set")
     lines += [f"not covered, says the plan: {text}" for text in verdict.not_covered]
     return lines

@@ -108,6 +108,7 @@ class Motion:
         twist: V = (Δ, ω).
         motion: the part of V inside the held contacts.
         start_slack: thickness at the start, as generators.
+        overtravel: bound of how much longer or shorter than V an execution's piece can be, as a share of V.
         goal_errors: error set at the end.
         half: half-widths (6,) around all errors of the piece.
 
@@ -131,6 +132,7 @@ class Motion:
         self._hold()
         self._make()
         self._thicken()
+        self.overtravel = self._overtravel()
         self._carry()
 
     def rest(self, start: Distance, goal: Distance) -> int:
@@ -307,7 +309,7 @@ class Motion:
 
         For |a| + |b| ≤ 1/2 the two differ by at most |a||b|(1 + |a| + |b|)/2.
         """
-        overtravel = self._overtravel()
+        overtravel = self.overtravel
         far = times(self.length, ONE + overtravel)
         a, b = times(self.task.rates[0], far), times(self._angular_rate, far)
         swung, wide = times(overtravel, self.extent.turn), self.task.theta + b
