@@ -17,6 +17,7 @@ EXIT = {"CERTIFIED": 0, "REFUTED": 1, "NOT_PROVED": 3}
 app = typer.Typer(
     add_completion=True,
     no_args_is_help=True,
+    rich_markup_mode=None,
     pretty_exceptions_enable=False,
     help="Insertion motions that work although the clearance is smaller than the error, with proof.",
     epilog="Exit codes: 0 certified, 1 refuted or infeasible, 2 bad input, 3 not proved, 4 resource, 70 internal.",
@@ -57,6 +58,7 @@ def solve(
 
     folder = out if out is not None else Path("out") / file.stem
     problem = load(file)
+    plan.prepare(folder)
     with Stages(quiet or as_json) as stages:
         result = synthesise(problem, stages)
     plan.write(result.document, folder / "plan.json")
@@ -86,6 +88,8 @@ def verify(
         from fmopt.task.problem import load
 
         expected = load(problem).sha256
+    if not file.is_file():
+        raise ResourceError(f"{file}: no such file", "give the plan.json of a solved problem")
     try:
         verdict = independent.verify(independent.load(file), expected)
     except independent.PlanError as error:
@@ -182,6 +186,6 @@ def _message(error: FmoptError) -> list[str]:
     if isinstance(error, InterferenceError):
         return [
             f"infeasible: {error.message}",
-            f"interference {1e3 * error.interference:.6g} mm at {error.place}; {error.advice}",
+            f"interference {1e3 * max(error.interference, 0.0):.6f} mm at {error.place}; {error.advice}",
         ]
     return [f"{error.message}" + (f"\nadvice: {error.advice}" if error.advice else "")]

@@ -9,6 +9,8 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+_WIDE = 120  # columns that the whole table of moves needs
+
 
 class Stages:
     """Progress of a long command: one changing line, on a terminal only.
@@ -44,10 +46,12 @@ def print_solved(document: dict[str, Any], verdict: Any, folder: Path, report: b
 
     console = Console(highlight=False)
     certified = document["verdict"] == "CERTIFIED"
-    table = Table(title=document["problem"]["title"], title_justify="left")
     head, *rows = summary_rows(document)
+    if console.width < _WIDE:
+        head, rows = (head[0], head[1], head[5]), [(row[0], row[1], row[5]) for row in rows]
+    table = Table(title=document["problem"]["title"], title_justify="left")
     for name in head:
-        table.add_column(name, justify="right" if "µm" in name or "mm" in name else "left")
+        table.add_column(name, justify="right" if "margin" in name or "clearance" in name else "left")
     for row in rows:
         table.add_row(*row)
     console.print(table)

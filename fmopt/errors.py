@@ -96,6 +96,12 @@ class InfeasibleError(FmoptError):
         self.shortfall = shortfall
 
 
+class SearchError(FmoptError):
+    """No motion was found; that none exists is not proven."""
+
+    exit_code = 3
+
+
 class SolverError(FmoptError):
     """A solver stopped without a point that passes its own re-check."""
 

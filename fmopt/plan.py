@@ -69,6 +69,21 @@ def clean(value: Any) -> Any:
     return value
 
 
+def prepare(folder: Path) -> None:
+    """Makes a folder for results, before the work is done that would go there.
+
+    Raises:
+        ResourceError: it cannot be made or written to.
+    """
+    probe = folder / ".fmopt"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise ResourceError(f"{folder}: {error.strerror or error}", "choose another folder with --out") from error
+
+
 def write(document: Mapping[str, Any], path: Path) -> None:
     """Writes a plan, whole or not at all: to a file beside it first, then over it.
 

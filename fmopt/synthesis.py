@@ -13,6 +13,7 @@ import numpy as np
 from fmopt import __version__, plan
 from fmopt.certificate.claim import Claim
 from fmopt.certificate.knowledge import Assembly
+from fmopt.certificate.paper import as_in_the_paper
 from fmopt.certificate.record import contact_record, part_record, segment_record
 from fmopt.certificate.segment import Tolerance
 from fmopt.contact.bounds import BoundTable
@@ -69,7 +70,8 @@ def synthesise(problem: Problem, progress: Progress = lambda _: None) -> Synthes
 
     Raises:
         InterferenceError: the parts overlap when assembled, or their clearance is not positive.
-        InfeasibleError: no motion was found.
+        SearchError: no motion was found.
+        InfeasibleError: no bias force holds the contacts.
     """
     clock = _Clock()
     progress("measuring the parts")
@@ -166,13 +168,19 @@ def placement(
         progress(f"placement: margin {1e6 * margin:.1f} um")
 
     if problem.settings.placement == "socp+nlp":
-        placed = refine(assembly, placed, start, tolerance, FINE, ClarabelSolver(), Refinement(), told)
+        # The program is local: it starts where the search ended, and once more from poses in the middle of their room.
+        centred = polish(assembly, placed, start, tolerance, FINE, clearance, "descent", Turns(rounds=1), told)
+        solver, settings = ClarabelSolver(), Refinement()
+        refined = [refine(assembly, p, start, tolerance, FINE, solver, settings, told) for p in (placed, centred)]
+        placed = max(refined, key=lambda p: p.margin)
         placed = polish(assembly, placed, start, tolerance, FINE, clearance, "nlp", Turns(), told)
     else:
         placed = polish(assembly, placed, start, tolerance, FINE, clearance, "descent", Turns(), told)
-    # The paper's recipe only judges: what it would call safe is compared, not planned with.
-    judged = replace(tolerance, method=problem.settings.method)
-    return certified(assembly, placed.moves, start, judged, FINE, thorough=True)
+    placed = certified(assembly, placed.moves, start, tolerance, FINE, thorough=True)
+    if problem.settings.method == "dakin1993":
+        claims = as_in_the_paper(assembly, placed.reached.claims, errors, tolerance)
+        placed = Placed(placed.moves, replace(placed.reached, claims=claims))
+    return placed
 
 
 def plan_document(
@@ -186,7 +194,7 @@ def plan_document(
 ) -> dict[str, Any]:
     """The plan file of a finished placement, its verdict still open."""
     claims = placed.reached.claims
-    segments = _segments(problem, claims, tolerance)
+    segments = _segments(problem, claims, nominal.critical, tolerance)
     contacts = {c.id: c for claim in claims for c in (*claim.piece.held, *claim.piece.goal_contacts)}
     rows = position_force(nominal.path, nominal.freedoms, contact_forces(problem.specification, tolerance.rho))
     declared, measured = problem.declared_clearance, clearance.per_side
@@ -231,20 +239,22 @@ def plan_document(
     return plan.sealed(plan.clean(document))
 
 
-def _segments(problem: Problem, claims: tuple[Claim, ...], tolerance: Tolerance) -> list[dict[str, Any]]:
+def _segments(
+    problem: Problem, claims: tuple[Claim, ...], critical: tuple[CriticalPose, ...], tolerance: Tolerance
+) -> list[dict[str, Any]]:
     poses = [claims[0].piece.start.vector(), *(claim.piece.goal.vector() for claim in claims)]
     found: list[dict[str, Any]] = []
     move = -1
     for k, claim in enumerate(claims):
         move += claim.piece.progress[0] == 0.0
-        record = segment_record(claim, _critical(claim, problem), move, poses[k], poses[k + 1])
+        record = segment_record(claim, _critical(claim, critical), move, poses[k], poses[k + 1])
         found.append({**record, "hybrid": plan.clean(_hybrid(problem, claim, tolerance).document())})
     return found
 
 
-def _critical(claim: Claim, problem: Problem) -> int:
-    """0 for the mouth, the last critical point for the way down."""
-    return 0 if claim.piece.goal.p[2] > 0.5 * float(problem.goal[2]) else 1
+def _critical(claim: Claim, critical: tuple[CriticalPose, ...]) -> int:
+    """The critical point whose depth is nearest to where the piece ends."""
+    return min(range(len(critical)), key=lambda i: abs(float(critical[i].pose[2] - claim.piece.goal.p[2])))
 
 
 def _hybrid(problem: Problem, claim: Claim, tolerance: Tolerance) -> HybridStrategy:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -195,6 +196,20 @@ def test_the_readers_see_what_they_should() -> None:
         "lambdify in line 2",
         "sympify imported",
     ]
+
+
+def test_every_cited_paper_is_in_the_readme() -> None:
+    cited = {key for file in FILES for key in re.findall(r"\[([A-Z]\w+(?:19|20)\d\d|BasanezSuarez)\]", source(file))}
+    readme = (PACKAGE.parent / "README.md").read_text(encoding="utf-8")
+    assert cited == set(re.findall(r"^- \*\*\[(\w+)\]\*\*", readme, re.MULTILINE))
+
+
+def test_the_gate_ends_with_the_readmes_test_command() -> None:
+    readme = (PACKAGE.parent / "README.md").read_text(encoding="utf-8")
+    solve, test = re.findall(r"```sh\n(.+)\n```", readme)[:2]
+    gate = (PACKAGE.parent / ".ci" / "run").read_text(encoding="utf-8").splitlines()
+    assert solve.split(" && ")[0] in gate
+    assert gate[-1] == test
 
 
 def loaded(code: str) -> set[str]:

@@ -169,7 +169,7 @@ def test_a_problem_in_words(square: Problem, rectangular: Problem) -> None:
         "declared on each side: 0.1 mm along x, 0.1 mm along y; the start error is larger",
         "error as stated: +-0.3, 0.3, 0 mm along x, y, z; +-0.3, 0.3, 0.3 deg about them",
         "velocity off by up to 1 % in translation, 1 % in rotation",
-        "tilt at most 12 deg",
+        "tilt about 12 deg",
         square.sha256,
     ):
         assert expected in words

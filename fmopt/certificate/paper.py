@@ -1,42 +1,77 @@
-"""The error sets of [DakinPopplestone1993] in place of sound ones, so that the two can be compared.
+"""A motion judged by the error sets of [DakinPopplestone1993], for comparison with the sound ones.
 
-The paper takes the section of the ellipsoid across the motion where the shadow is needed, and bounds no curvature. Its
-margins look larger than they are, and the independent check refuses them.
+The paper takes the section of the ellipsoid across the motion where the shadow is needed, and bounds no curvature. What
+it calls clear is not, and the independent check refuses it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from fmopt import ellipsoid
+from fmopt.certificate.assembly import Assembly
+from fmopt.certificate.claim import Claim
 from fmopt.certificate.functions import contact_rows
-from fmopt.certificate.knowledge import Assembly
-from fmopt.certificate.piece import Piece, Tolerance
+from fmopt.certificate.piece import Tolerance
 from fmopt.certificate.rows import Extent
-from fmopt.certificate.segment import Advance
+from fmopt.certificate.separation import pairs, separation
 from fmopt.certificate.spread import Spread
 from fmopt.uncertainty import dakin
 from fmopt.uncertainty.error_set import ErrorSet
 
 
-def as_in_the_paper(assembly: Assembly, piece: Piece, step: Advance, errors: ErrorSet, tolerance: Tolerance) -> Advance:
-    """A step whose goal set comes from the paper's recipe, with no allowance for curvature.
+def as_in_the_paper(
+    assembly: Assembly, claims: Sequence[Claim], start: ErrorSet, tolerance: Tolerance
+) -> tuple[Claim, ...]:
+    """The same pieces and planes with the paper's error sets, and the margins that it would see.
 
     Args:
         assembly: the two parts.
-        piece: the piece of motion.
-        step: the sound step, for poses, basis and motion.
-        errors: error set at its start, the paper's own from the piece before.
+        claims: the motion, soundly judged.
+        start: error set at its start; the paper knows its ellipsoid alone.
         tolerance: velocity error and metric.
     """
+    errors = ErrorSet.from_ellipsoid(start.shape)
+    found = []
+    for claim in claims:
+        judged = _judged(assembly, claim, errors, tolerance)
+        errors = judged.advance.ends.goal_set
+        found.append(judged)
+    return tuple(found)
+
+
+def _judged(assembly: Assembly, claim: Claim, errors: ErrorSet, tolerance: Tolerance) -> Claim:
+    piece, step = claim.piece, claim.advance
     basis = step.basis if piece.last else piece.basis
     together = piece.goal_contacts if piece.last else piece.held
     rows = contact_rows(assembly, [c.contact for c in basis], together, piece.goal).N if basis else np.zeros((0, 6))
     directions = np.array([c.direction for c in basis]).reshape(-1, 6).T
+    if piece.basis:
+        # The paper works inside the facet: what the held contacts' normals have turned since is projected away.
+        held = contact_rows(assembly, [c.contact for c in piece.basis], piece.held, piece.goal).N
+        hold, _ = ellipsoid.oblique_projector(held, np.array([c.direction for c in piece.basis]).T)
+        errors = ErrorSet.from_ellipsoid(ellipsoid.image(errors.shape, hold))
     goal = dakin.step(
         errors, step.motion, rows, directions, np.zeros(len(basis)), tolerance.velocity_error, tolerance.rho
     )
     flat = Extent(0.0, np.zeros(3), 0.0, np.zeros(3))
-    ends = replace(step.ends, goal_set=Spread.of(goal), extent=flat, slack=np.zeros((6, 0)))
-    return replace(step, ends=ends)
+    ends = replace(
+        step.ends,
+        start_set=Spread.of(errors),
+        goal_set=Spread.of(goal),
+        extent=flat,
+        slack=np.zeros((6, 0)),
+        core=None,
+    )
+    listed = pairs(assembly, piece.held, piece.making, piece.made)
+    separations = tuple(
+        (i, j, separation(assembly, pair, kept.witness, ends))
+        for (i, j, kept), (_, _, pair) in zip(claim.separations, listed, strict=True)
+    )
+    margin, binding = min((s.margin, f"pieces {i}/{j}") for i, j, s in separations)
+    return replace(
+        claim, advance=replace(step, ends=ends), separations=separations, margin=margin, binding=binding, early=None
+    )

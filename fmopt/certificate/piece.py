@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.se3 import Pose
@@ -62,4 +61,3 @@ class Tolerance:
 
     velocity_error: tuple[float, float]
     rho: float
-    method: Literal["sound", "dakin1993"] = "sound"

@@ -132,7 +132,7 @@ def checked_clearance(moving: Part, fixed: Part, seated: Pose, depth: float) -> 
     if measured.per_side <= 0.0:
         raise InterferenceError(
             f"{moving.name!r} does not go into {fixed.name!r}: at {place(measured.where)} of the hole the clearance is "
-            f"{1e6 * measured.per_side:.3g} µm a side, face {measured.moving_face} on face {measured.fixed_face}",
+            f"{1e3 * measured.per_side + 0.0:.6f} mm a side, face {measured.moving_face} on face {measured.fixed_face}",
             -measured.per_side,
             f"{place(measured.where)} in the B-frame",
             "make the peg thinner or the hole wider, and check the units of both",

@@ -24,7 +24,7 @@ from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Tolerance
 from fmopt.contact.primitive import PrimitiveContact, near_contacts
 from fmopt.contact.surface import Surfaces
-from fmopt.errors import InfeasibleError
+from fmopt.errors import InfeasibleError, SearchError
 from fmopt.placement.explore import Place, freedoms, guarded, implied, neighbourhood, pinned
 from fmopt.placement.motion import Move, Reached, described, unroll
 from fmopt.se3 import Pose
@@ -163,7 +163,7 @@ def search(
         progress: told what is being looked at.
 
     Raises:
-        InfeasibleError: no sequence was found.
+        SearchError: no sequence was found.
     """
     final = _final_rank(assembly, goal)
     queue: list[_Open] = []
@@ -197,9 +197,12 @@ def search(
             if closest is None or (-child.rank, child.cost) < (closest[0], closest[1].cost):
                 closest = (-child.rank, child)
     reached = f", the closest came after {' '.join(closest[1].names)}" if closest else ""
-    raise InfeasibleError(
-        f"no sequence of contacts leads to the seated part among {expanded} states{reached}",
-        advice="allow a larger tilt, lower the start errors, or widen the clearance",
+    late = time.monotonic() > deadline
+    raise SearchError(
+        f"no sequence of contacts to the seated part was found among {expanded} states"
+        + (", the time limit is used up" if late else "")
+        + reached,
+        advice="raise settings.time_limit" if late else "allow a larger tilt, lower the start errors",
     )
 
 

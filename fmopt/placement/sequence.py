@@ -216,8 +216,10 @@ def _program(
 
 
 def _equalities(assembly: Assembly, moves: Sequence[Move], n: int) -> Array:
-    """Each pose stays in its contact state; the seated pose stays where it is."""
-    blocks = []
+    """Each pose stays in its contact state; the start and the seated pose stay where they are."""
+    first = np.zeros((6, n))
+    first[:, :6] = np.eye(6)
+    blocks = [first]
     for k, move in enumerate(moves):
         contacts = (*move.held, *move.making)
         if k == len(moves) - 1:

@@ -41,7 +41,7 @@ class Spaces:
         ]
 
     def graphs(self, claims: Sequence[Claim]) -> list[dict[str, Any]]:
-        """The graphs with the states that the claims pass through."""
+        """The graphs, each with the states that the claims hold near its critical pose."""
         return [
             {
                 "critical_point": at.name,
@@ -49,10 +49,14 @@ class Spaces:
                     {"id": s.id, "contacts": sorted(s.contacts), "dimension": s.dimension} for s in graph.states
                 ],
                 "sons": graph.sons,
-                "chosen": _chosen(graph, claims),
+                "chosen": _chosen(graph, [c for c in claims if self._nearest(c) is at]),
             }
             for at, graph in zip(self.critical, self.found, strict=True)
         ]
+
+    def _nearest(self, claim: Claim) -> CriticalPose:
+        depth = float(claim.piece.goal.p[2])
+        return min(self.critical, key=lambda at: abs(float(at.pose[2]) - depth))
 
 
 def contact_spaces(assembly: Assembly, critical: tuple[CriticalPose, ...], clearance: float, rho: float) -> Spaces:
@@ -81,12 +85,12 @@ def contact_spaces(assembly: Assembly, critical: tuple[CriticalPose, ...], clear
 
 
 def _chosen(graph: ContactGraph, claims: Sequence[Claim]) -> list[int]:
-    """States of the graph that the claims pass through, in order: the smallest that holds the contacts they share."""
-    known = {c.id for c in graph.space.contacts}
+    """States of the graph that the claims hold, exactly, in order."""
+    states = {frozenset(state.contacts): i for i, state in enumerate(graph.states)}
     chosen: list[int] = []
     for claim in claims:
-        held = {c.id for c in claim.piece.held} & known
-        above = [(len(s.contacts), i) for i, s in enumerate(graph.states) if held <= set(s.contacts)]
-        if above and (not chosen or chosen[-1] != min(above)[1]):
-            chosen.append(min(above)[1])
+        for contacts in (claim.piece.held, claim.piece.goal_contacts if claim.piece.last else claim.piece.held):
+            found = states.get(frozenset(c.id for c in contacts))
+            if found is not None and found not in chosen:
+                chosen.append(found)
     return chosen

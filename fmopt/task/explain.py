@@ -51,7 +51,7 @@ def _goal(problem: Problem) -> str:
     depth = -float(problem.goal[2])
     full = min(problem.peg.length, problem.hole.length)
     share = "full depth" if depth == full else f"{depth / full:.0%} of full depth"
-    return f"leading face {_mm(depth)} mm below the mouth ({share}), on the mating axis, not turned"
+    return f"leading face {_mm(depth)} mm below the mouth ({share}), not turned, anywhere within the play"
 
 
 def _clearance(problem: Problem) -> str:
@@ -64,7 +64,7 @@ def _clearance(problem: Problem) -> str:
 
 
 def _start(problem: Problem) -> Iterator[str]:
-    yield f"leading face {_mm(problem.approach)} mm above the mouth, on the mating axis, not turned"
+    yield f"lowest point {_mm(problem.approach)} mm above the mouth, tilted and beside the axis as the plan says"
     x, y, z, rx, ry, rz = (float(width) for width in problem.start_box)
     origin = "as stated" if problem.sources is None else "from its sources"
     yield (
@@ -104,4 +104,4 @@ def _settings(problem: Problem) -> Iterator[str]:
     rho = settings.characteristic_length
     length = "half the diagonal of the mating section" if rho is None else f"{_mm(rho)} mm"
     yield f"uncertainty: {settings.method}; placement: {settings.placement}; characteristic length: {length}"
-    yield f"tilt at most {_deg(settings.max_tilt)} deg; at most {settings.time_limit:.6g} s; seed {settings.seed}"
+    yield f"tilt about {_deg(settings.max_tilt)} deg about x and y; search for at most {settings.time_limit:.6g} s"

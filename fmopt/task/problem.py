@@ -31,13 +31,12 @@ class Specification:
 
 @dataclass(frozen=True)
 class Settings:
-    """How the plan is computed: methods, greatest tilt (rad), characteristic length (m or None), seed, time (s)."""
+    """How the plan is computed: methods, greatest tilt (rad), characteristic length (m or None), time (s)."""
 
     method: Literal["sound", "dakin1993"]
     placement: Literal["socp+nlp", "descent"]
     max_tilt: float
     characteristic_length: float | None
-    seed: int
     time_limit: float
 
 

@@ -162,7 +162,6 @@ class Settings(Table):
     """Greatest tilt of the moving part on the way; 12 deg if not given."""
     characteristic_length: Length | None = None
     """Length that makes rotation comparable with translation; half the diagonal of the mating section if not given."""
-    seed: Annotated[int, Field(ge=0, le=2**32 - 1)] = 0
     time_limit: Duration = Field(default_factory=lambda: 600.0)
     """Time after which the search stops with the best it has; 600 s if not given."""
 

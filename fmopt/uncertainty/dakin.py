@@ -13,6 +13,8 @@ from fmopt import ellipsoid
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array
 
+_ACROSS = 0.03  # sine of the angle below which an axis counts as along the motion: eq. 13 is singular there
+
 
 def section(Q: Array, V: Array) -> Array:
     """Shape matrix Q − (QV)(QV)ᵀ/(VᵀQV) of the section of the ellipsoid by the hyperplane V⊥ through its centre.
@@ -67,6 +69,6 @@ def step(
     for i, axis in enumerate(B.T):
         along = float(axis @ V)
         U = axis - along * V
-        if np.linalg.norm(U) > 0.0 and abs(along) < 1.0:
+        if np.linalg.norm(U) > _ACROSS:
             radii[i] += lateral_rate(U, velocity_error) * length / (1.0 - abs(along))
     return ErrorSet.from_ellipsoid((B * radii**2) @ B.T / np.outer(M, M))

@@ -145,7 +145,7 @@ def micrometres(x: float) -> str:
 def describe(verdict: Verdict) -> list[str]:
     """The verdict as lines of text, with what it does not cover."""
     lines = [f"verdict: {verdict.verdict} ({verdict.segments} segments)"]
-    if verdict.margin is not None:
+    if verdict.margin is not None and verdict.verdict == CERTIFIED:
         lines.append(f"least margin: {micrometres(verdict.margin)}")
     if verdict.witness is not None:
         w = verdict.witness
@@ -157,12 +157,17 @@ def describe(verdict: Verdict) -> list[str]:
         if any(w.error):
             lines.append("with error (m, rad): " + " ".join(repr(x) for x in w.error))
     lines += [str(finding) for finding in verdict.findings]
-    lines.append("checked: that for every error in the stated set the pieces of the parts stay apart up to the touch")
+    begun = "checked" if verdict.verdict == CERTIFIED else "asked, and not shown"
+    lines.append(f"{begun}: that for every error in the stated set the pieces of the parts stay apart up to the touch")
     lines.append("tolerance, and that every contact is made and held inside its facet, under the stated motion model")
     lines.append(
         "not covered: that the pieces of a move share one twist exactly: executions that touch late or "
         f"early may leave the error set by up to {micrometres(LEFT_ASIDE[0])} and {LEFT_ASIDE[1] * 1e6:.9g} µrad a move"
     )
     lines.append("not covered: friction, compliance, dynamics, and whether the real error lies in the stated set")
+    lines.append(
+        "not checked beyond their form: forces, speeds and limits of the hybrid strategies, the nominal trajectory, "
+        "critical points, position_force and search"
+    )
     lines += [f"not covered, says the plan: {text}" for text in verdict.not_covered]
     return lines
