@@ -21,13 +21,13 @@ from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.contact.wrench import contact_point, contact_wrench
 from fmopt.control.decomposition import contact_forces, position_force
 from fmopt.control.hybrid import GuardedMove, HybridStrategy, hybrid_strategy
-from fmopt.errors import InfeasibleError
+from fmopt.errors import FmoptError, InfeasibleError, SearchError
 from fmopt.geometry.clearance import Clearance, checked_clearance
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.nominal.critical import CriticalPose, critical_poses
 from fmopt.nominal.freedom import FreedomInterval, freedom
 from fmopt.nominal.trajectory import NominalTrajectory, insertion
-from fmopt.placement.entry import Entry, tilted_entries
+from fmopt.placement.entry import start_spread, tilted_entries
 from fmopt.placement.motion import Reached
 from fmopt.placement.polish import Turns, polish
 from fmopt.placement.search import Costs, MoveSequence, search
@@ -92,14 +92,7 @@ def synthesise(problem: Problem, progress: Progress = lambda _: None) -> Synthes
     spaces = contact_spaces(assembly, nominal.critical, clearance.per_side, rho)
     clock.lap("contact")
 
-    ways = tilted_entries(
-        problem.moving, clearance.play, problem.start_box, problem.approach, problem.settings.max_tilt
-    )
-    found = state_sequence(problem, assembly, ways, goal, errors, tolerance, progress)
-    clock.lap("search")
-
-    placed = placement(problem, assembly, found, errors, tolerance, clearance.per_side, progress)
-    clock.lap("placement")
+    found, placed = motion(problem, assembly, clearance, errors, tolerance, clock.lap, progress)
 
     progress("control strategies")
     document = plan_document(problem, clearance, nominal, spaces, found, placed, tolerance)
@@ -119,7 +112,7 @@ class _Clock:
 
     def lap(self, name: str) -> None:
         now = time.perf_counter()
-        self.laps[name] = now - self._last
+        self.laps[name] = self.laps.get(name, 0.0) + now - self._last
         self._last = now
 
 
@@ -132,23 +125,50 @@ def nominal_motion(problem: Problem, errors: ErrorSet, rho: float) -> Nominal:
     return Nominal(path, critical, freedom(problem.moving, problem.fixed, path, box))
 
 
-def state_sequence(
+def motion(
     problem: Problem,
     assembly: Assembly,
-    ways: tuple[Entry, ...],
-    goal: Pose,
+    clearance: Clearance,
     errors: ErrorSet,
     tolerance: Tolerance,
+    lap: Callable[[str], None],
     progress: Progress,
-) -> MoveSequence:
-    """The contact states to go through, by best-first search from the entries."""
-    deadline = time.monotonic() + problem.settings.time_limit
-    starts = [(way.start, way.inside, way.corner) for way in ways]
+) -> tuple[MoveSequence, Placed]:
+    """A sequence of contact states with its goal poses placed: the first whose margin is positive, else the best.
+
+    Raises:
+        SearchError: no sequence was found.
+        InfeasibleError: some were found, none of which fine pieces can follow.
+    """
+    moving, box, settings = problem.moving, problem.start_box, problem.settings
+    goal = Pose.from_vector(problem.goal)
+    deadline = time.monotonic() + settings.time_limit
+    rounds = tilted_entries(moving, clearance.play, box, problem.approach, settings.max_tilt)
+    costs = Costs.of(start_spread(moving, box), clearance.per_side)
+    best: tuple[MoveSequence, Placed] | None = None
+    failure: FmoptError | None = None
 
     def told(names: str) -> None:
         progress(f"search: {names}")
 
-    return search(assembly, starts, goal, errors, tolerance, Costs(), 1.3 * problem.settings.max_tilt, deadline, told)
+    while best is None or (best[1].margin <= 0.0 and time.monotonic() < deadline):
+        try:
+            found = search(assembly, rounds, goal, errors, tolerance, costs, 1.3 * settings.max_tilt, deadline, told)
+            lap("search")
+            placed = placement(problem, assembly, found, errors, tolerance, clearance.per_side, progress)
+            lap("placement")
+        except SearchError as error:
+            failure = failure or error
+            break
+        except InfeasibleError as error:
+            failure = error  # what the search's coarse pieces allow, the fine ones may not
+            continue
+        if best is None or placed.margin > best[1].margin:
+            best = found, placed
+    if best is None:
+        assert failure is not None
+        raise failure
+    return best
 
 
 def placement(
@@ -162,6 +182,8 @@ def placement(
 ) -> Placed:
     """All goal poses placed for the largest certified margin, by the method that the problem asks for."""
     start = Reached(errors, (), ())
+    spread = start_spread(problem.moving, problem.start_box)
+    reach = 0.5 * (spread + clearance)
     placed = certified(assembly, found.moves, start, tolerance, FINE)
 
     def told(margin: float) -> None:
@@ -169,13 +191,13 @@ def placement(
 
     if problem.settings.placement == "socp+nlp":
         # The program is local: it starts where the search ended, and once more from poses in the middle of their room.
-        centred = polish(assembly, placed, start, tolerance, FINE, clearance, "descent", Turns(rounds=1), told)
-        solver, settings = ClarabelSolver(), Refinement()
+        centred = polish(assembly, placed, start, tolerance, FINE, clearance, "descent", Turns(1, reach), told)
+        solver, settings = ClarabelSolver(), Refinement.of(spread, clearance)
         refined = [refine(assembly, p, start, tolerance, FINE, solver, settings, told) for p in (placed, centred)]
         placed = max(refined, key=lambda p: p.margin)
-        placed = polish(assembly, placed, start, tolerance, FINE, clearance, "nlp", Turns(), told)
+        placed = polish(assembly, placed, start, tolerance, FINE, clearance, "nlp", Turns(3, reach), told)
     else:
-        placed = polish(assembly, placed, start, tolerance, FINE, clearance, "descent", Turns(), told)
+        placed = polish(assembly, placed, start, tolerance, FINE, clearance, "descent", Turns(3, reach), told)
     placed = certified(assembly, placed.moves, start, tolerance, FINE, thorough=True)
     if problem.settings.method == "dakin1993":
         claims = as_in_the_paper(assembly, placed.reached.claims, errors, tolerance)

@@ -40,6 +40,11 @@ class Assembly:
         return sum(float(lengths(part.vertices).max()) for part in parts)
 
     @cached_property
+    def units(self) -> Array:
+        """Units of a displacement (6,): metres, and turns that move a point half a diameter of the part away by one."""
+        return np.array([1.0, 1.0, 1.0, *[2.0 / self.moving.polyhedron.diameter] * 3])
+
+    @cached_property
     def fixed_planes(self) -> tuple[tuple[Array, Array], ...]:
         """Unit normals (m, 3) and offsets (m,) of the faces of each fixed piece."""
         return tuple((piece.normals, piece.offsets) for piece in self.fixed.pieces)

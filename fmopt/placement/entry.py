@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,8 @@ from fmopt.values import Array
 
 _TILTS = ((0.8, 1.0), (1.0, 0.8))
 _TURNS = (0.0, 0.25, -0.25)
+# What the errors are multiplied with: how deep the corner goes in, how far from the walls it goes in.
+_ROUNDS = ((5.5, 3.0), (4.0, 3.0), (5.5, 4.0), (4.0, 4.0), (7.5, 4.0), (3.0, 2.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,11 +30,12 @@ class Entry:
 
 def tilted_entries(
     moving: Part, play: tuple[float, float], start_box: Array, approach: float, max_tilt: float
-) -> tuple[Entry, ...]:
-    """Entries that leave room for the start error: a tilted part shows the mouth no more than a corner.
+) -> Iterator[tuple[Entry, ...]]:
+    """Entries that leave room for the start error, in rounds: a tilted part shows the mouth no more than a corner.
 
     The corner goes in by several times what its height is uncertain by, at several times its lateral error from the
-    two walls next to it. Tilts about the two axes differ, so that no two edges come down level.
+    two walls next to it; unequally far from the two, so that it cannot meet both at once. Tilts about the two axes
+    differ, so that no two edges come down level.
 
     Args:
         moving: the moving part, tip centre at the origin.
@@ -40,22 +44,37 @@ def tilted_entries(
         approach: height of the lowest point above the mouth at the start, m.
         max_tilt: greatest tilt about each axis, rad.
     """
-    tip = moving.polyhedron.vertices[np.abs(moving.polyhedron.vertices[:, 2]) <= 1e-9]
-    radius = float(np.linalg.norm(tip[:, :2], axis=1).max())
-    angle = float(np.linalg.norm(start_box[3:]))
-    swing = radius * angle
-    depth = 5.5 * (float(start_box[2]) + swing) + 5e-5
-    walls = -(np.abs(tip[:, :2]).max(axis=0) + 0.5 * np.asarray(play))
-    room = walls + 3.0 * start_box[:2] + 2.0 * swing + (0.0, 0.0003)
-    found = []
-    for about_y, about_x in _TILTS:
-        tilts = (about_y * max_tilt, about_x * max_tilt)
-        corner = _lowest(tip, *tilts)
-        turns = [share * math.sqrt(tilts[0] * tilts[1]) * 0.5 for share in _TURNS]
-        for inside in entries(corner, (float(room[0]), float(room[1])), [tilts], turns, depth):
-            lift = approach - float(inside.apply(tip)[:, 2].min())
-            found.append(Entry(inside.moved([0.0, 0.0, lift, 0.0, 0.0, 0.0]), inside, corner))
-    return tuple(found)
+    tip = _tip(moving)
+    swing = _swing(tip, start_box)
+    slack = 0.5 * np.asarray(play)
+    walls = -(np.abs(tip[:, :2]).max(axis=0) + slack)
+    for deep, wide in _ROUNDS:
+        depth = deep * (float(start_box[2]) + swing) + 0.5 * float(slack.min())
+        room = walls + (wide, wide + 1.0) * start_box[:2] + 2.0 * swing
+        found = []
+        for about_y, about_x in _TILTS:
+            tilts = (about_y * max_tilt, about_x * max_tilt)
+            corner = _lowest(tip, *tilts)
+            turns = [share * math.sqrt(tilts[0] * tilts[1]) * 0.5 for share in _TURNS]
+            for inside in entries(corner, (float(room[0]), float(room[1])), [tilts], turns, depth):
+                lift = approach - float(inside.apply(tip)[:, 2].min())
+                found.append(Entry(inside.moved([0.0, 0.0, lift, 0.0, 0.0, 0.0]), inside, corner))
+        yield tuple(found)
+
+
+def start_spread(moving: Part, start_box: Array) -> float:
+    """How far the start errors displace the tip's corners sideways at most, about: half-widths and swing, m."""
+    return float(start_box[:2].max()) + _swing(_tip(moving), start_box)
+
+
+def _tip(moving: Part) -> Array:
+    vertices = moving.polyhedron.vertices
+    return np.asarray(vertices[np.abs(vertices[:, 2]) <= 1e-9])
+
+
+def _swing(tip: Array, start_box: Array) -> float:
+    """How far rotation errors move the tip's outermost corner, m."""
+    return float(np.linalg.norm(tip[:, :2], axis=1).max()) * float(np.linalg.norm(start_box[3:]))
 
 
 def _lowest(tip: Array, about_y: float, about_x: float) -> Array:

@@ -22,7 +22,6 @@ from fmopt.values import Array
 
 _TOUCH = 1e-9
 _SAMPLES = 24
-_REACH = 3e-3
 _STILL = 0.02  # rad, the turn that compliance may add to a slide
 
 
@@ -35,19 +34,20 @@ class Freedom:
     limit: float
 
 
-def freedoms(max_turn: float, depth: float) -> tuple[Freedom, ...]:
+def freedoms(max_turn: float, depth: float, reach: float) -> tuple[Freedom, ...]:
     """Both ways along and about the axes of the B-frame; down as far as the goal.
 
     Args:
         max_turn: greatest turn of one move, rad.
         depth: greatest way down, m.
+        reach: greatest way in any other direction, m.
     """
     found = []
     for axis, letter in enumerate("xyz"):
         for sign in (-1.0, 1.0):
             slide, turn = np.zeros(6), np.zeros(6)
             slide[axis] = turn[3 + axis] = sign
-            limit = depth if (axis, sign) == (2, -1.0) else _REACH
+            limit = depth if (axis, sign) == (2, -1.0) else reach
             found.append(Freedom(f"{'-' if sign < 0 else '+'}{letter}", slide, limit))
             found.append(Freedom(f"{'-' if sign < 0 else '+'}r{letter}", turn, max_turn))
     return tuple(found)
@@ -79,11 +79,14 @@ def moved(assembly: Assembly, place: Place, freedom: Freedom, amount: float) -> 
     return onto(assembly, there, contacts, np.array([c.direction for c in place.basis]).T, place.held)
 
 
-def neighbourhood(assembly: Assembly, place: Place, freedom: Freedom) -> tuple[PrimitiveContact, ...]:
-    """The primitive contacts that a move along a freedom, or another of its kind and limit, may meet."""
+def neighbourhood(assembly: Assembly, place: Place, freedom: Freedom, reach: float) -> tuple[PrimitiveContact, ...]:
+    """The primitive contacts that a move along a freedom, or another of its kind and limit, may meet.
+
+    A turn is not taken to bring parts nearer than `reach` (m) do.
+    """
     turning = bool(freedom.twist[3:].any())
-    reach, angle = (_REACH, 1.2 * freedom.limit) if turning else (1.2 * freedom.limit, _STILL)
-    return near_contacts(assembly.moving.polyhedron, assembly.fixed.polyhedron, place.pose, reach, angle)
+    near, angle = (reach, 1.2 * freedom.limit) if turning else (1.2 * freedom.limit, _STILL)
+    return near_contacts(assembly.moving.polyhedron, assembly.fixed.polyhedron, place.pose, near, angle)
 
 
 def guarded(assembly: Assembly, place: Place, freedom: Freedom, near: Sequence[PrimitiveContact]) -> Move | None:
@@ -212,5 +215,4 @@ def pinned(assembly: Assembly, pose: Pose, held: Sequence[PrimitiveContact]) -> 
     """How many freedoms the held contacts take away at a pose."""
     if not held:
         return 0
-    N = contact_rows(assembly, held, held, pose).N
-    return int(np.linalg.matrix_rank(N * np.array([1.0, 1.0, 1.0, 50.0, 50.0, 50.0]), 1e-6))
+    return int(np.linalg.matrix_rank(contact_rows(assembly, held, held, pose).N * assembly.units, 1e-6))

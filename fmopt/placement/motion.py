@@ -26,7 +26,6 @@ _SHOTS = 16
 _AIMED = 2e-15
 _RANK = 1e-6
 _CONDITION = 1e8
-_WEIGHTS = np.array([1.0, 1.0, 1.0, 50.0, 50.0, 50.0])
 _LEVEL = 1e-3  # sine of the angle at which an edge runs level with a rim
 _DOUBT = 3e-5  # m; a vertex nearer to a rim than its error and this is listed with its edge
 
@@ -294,7 +293,7 @@ def _replacement(
             continue
         now = _rows(assembly, [*(k.contact for k in rest), contact], held, pose)
         rank = np.linalg.matrix_rank(np.vstack([before, now]), _RANK)
-        regular = np.linalg.cond((now / _WEIGHTS) @ C) < _CONDITION
+        regular = np.linalg.cond((now / assembly.units) @ C) < _CONDITION
         if rank == len(now) == np.linalg.matrix_rank(now, _RANK) and regular:
             return contact
     raise InfeasibleError(f"contact {gone.id} ends along the move and nothing takes its place")
@@ -304,7 +303,7 @@ def _rows(
     assembly: Assembly, contacts: Sequence[PrimitiveContact], together: Sequence[PrimitiveContact], pose: Pose
 ) -> Array:
     """Contact rows (k, 6), angles weighed against lengths."""
-    return np.asarray(contact_rows(assembly, contacts, together, pose).N * _WEIGHTS)
+    return np.asarray(contact_rows(assembly, contacts, together, pose).N * assembly.units)
 
 
 def _same_wall(assembly: Assembly, gone: PrimitiveContact, other: PrimitiveContact) -> bool:

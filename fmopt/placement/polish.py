@@ -27,10 +27,10 @@ from fmopt.placement.rows import Row, RowKind, evaluate, face_vertex, vertex_fac
 from fmopt.placement.sequence import Placed, certified, independent_rows, onto_surfaces, pairs_of
 from fmopt.values import Array
 
-_GAIN = 1e-7
-_NEAR = 3e-4
+_GAIN = 1e-3  # of the clearance, the least gain that counts
+_NEAR = 1.5  # of the radius, how far from binding rows count
 _SHORTER = 0.3
-_IDLE = 1e-5  # m; a pose with that much more margin than the sequence has no say in it
+_IDLE = 0.1  # of the clearance; a pose with that much more margin than the sequence has no say in it
 
 Method = Literal["nlp", "descent"]
 
@@ -39,8 +39,8 @@ Method = Literal["nlp", "descent"]
 class Turns:
     """How often each pose gets its turn, and how far it may go in one, m in the metric of ρ."""
 
-    rounds: int = 3
-    radius: float = 2e-4
+    rounds: int
+    radius: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,11 +85,11 @@ def polish(
             for reach in (turns.radius, _SHORTER * turns.radius):
                 metric = Metric(tolerance.rho, clearance)
                 candidate = _one(assembly, best, start, tolerance, step, metric, method, k, reach)
-                if candidate is not None and candidate.margin > best.margin + _GAIN:
+                if candidate is not None and candidate.margin > best.margin + _GAIN * clearance:
                     best = candidate
                     progress(best.margin)
                     break
-        if best.margin <= before + _GAIN:
+        if best.margin <= before + _GAIN * clearance:
             break
     return best
 
@@ -106,7 +106,7 @@ def _one(
     radius: float,
 ) -> Placed | None:
     move = placed.moves[k]
-    obstacles = _obstacles(assembly, placed, k)
+    obstacles = _obstacles(assembly, placed, k, _NEAR * radius, _IDLE * metric.clearance)
     if obstacles is None:
         return None
     try:
@@ -140,7 +140,11 @@ def _placed_pose(
             allowance=obstacles.allowance,
         )
         return place_on_surfaces(problem, np.zeros(6)).x[:6]
-    E = independent_rows(contact_rows(assembly, contacts, contacts, move.goal).N) if contacts else np.zeros((0, 6))
+    E = (
+        independent_rows(contact_rows(assembly, contacts, contacts, move.goal).N, assembly.units)
+        if contacts
+        else np.zeros((0, 6))
+    )
     linear = placement(
         obstacles.N,
         obstacles.allowance - obstacles.f,
@@ -153,7 +157,7 @@ def _placed_pose(
     return descend(linear, np.zeros((1, 6))).x[:6]
 
 
-def _obstacles(assembly: Assembly, placed: Placed, k: int) -> _Obstacles | None:
+def _obstacles(assembly: Assembly, placed: Placed, k: int, near: float, idle: float) -> _Obstacles | None:
     """The rows near binding at the goal of move k, from the pieces that end and begin there."""
     number = -1
     rows: list[Row] = []
@@ -167,7 +171,7 @@ def _obstacles(assembly: Assembly, placed: Placed, k: int) -> _Obstacles | None:
         if not ending and not (number == k + 1 and claim.piece.progress[0] == 0.0):
             continue
         for pair, separation in pairs_of(assembly, claim):
-            if separation.witness.kind == "edges" or separation.margin > placed.margin + _NEAR:
+            if separation.witness.kind == "edges" or separation.margin > placed.margin + near:
                 continue
             bounds = row_bounds(assembly, pair, separation.witness, claim.advance.ends)
             at = bounds.goal if ending else bounds.start
@@ -175,7 +179,7 @@ def _obstacles(assembly: Assembly, placed: Placed, k: int) -> _Obstacles | None:
             if len(functions) != len(at.f):
                 continue  # a pair in touch: its contacts keep it apart, not this pose
             loss = np.minimum(bounds.start.f, bounds.goal.f) - bounds.lower
-            for i in np.flatnonzero(at.f - loss < (placed.margin + _NEAR) * bounds.scale):
+            for i in np.flatnonzero(at.f - loss < (placed.margin + near) * bounds.scale):
                 rows.append(functions[int(i)])
                 f.append(float(at.f[i]) / bounds.scale)
                 N.append(at.N[i] / bounds.scale)
@@ -193,7 +197,7 @@ def _obstacles(assembly: Assembly, placed: Placed, k: int) -> _Obstacles | None:
             N.append(slope[0])
             allowance.append(float(value[0]) - claim.early)
             scale.append(1.0)
-    if not rows or min(v - a for v, a in zip(f, allowance, strict=True)) > placed.margin + _IDLE:
+    if not rows or min(v - a for v, a in zip(f, allowance, strict=True)) > placed.margin + idle:
         return None
     return _Obstacles(tuple(rows), np.array(f), np.array(N), np.array(allowance), np.array(scale))
 

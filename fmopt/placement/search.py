@@ -14,7 +14,7 @@ from __future__ import annotations
 import heapq
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -25,6 +25,7 @@ from fmopt.certificate.segment import Tolerance
 from fmopt.contact.primitive import PrimitiveContact, near_contacts
 from fmopt.contact.surface import Surfaces
 from fmopt.errors import InfeasibleError, SearchError
+from fmopt.placement.entry import Entry
 from fmopt.placement.explore import Place, freedoms, guarded, implied, neighbourhood, pinned
 from fmopt.placement.motion import Move, Reached, described, unroll
 from fmopt.se3 import Pose
@@ -40,6 +41,7 @@ class Costs:
         transition: cost of each transition.
         signature: cost of a contact whose wrench cannot be told from that of the likeliest wrong one.
         danger: cost of a transition with no margin at all.
+        reach: how far a move may go to its contact, turns and the way down apart, m.
         asymptote: margin (m, negative) at which danger becomes infinite, the paper's C.
         scale: margin (m) that is roomy; more of it is not less dangerous.
         coarse: greatest turn of one piece while searching, rad.
@@ -47,14 +49,20 @@ class Costs:
         greed: weight of the transitions still to come in the order of expansion, at least 1.
     """
 
+    reach: float
+    asymptote: float
+    scale: float
     transition: float = 1.0
     signature: float = 0.25
     danger: float = 1.0
-    asymptote: float = -1.5e-4
-    scale: float = 1e-4
     coarse: float = math.radians(1.5)
     states: int = 400
     greed: float = 1.2
+
+    @classmethod
+    def of(cls, spread: float, clearance: float) -> Costs:
+        """The costs for a start error that displaces the tip by up to `spread` and a clearance a side, both in m."""
+        return cls(reach=7.0 * spread + 10.0 * clearance, asymptote=-0.35 * spread - 0.1 * clearance, scale=clearance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +119,7 @@ def signature(assembly: Assembly, move: Move, tolerance: Tolerance, errors: Erro
     if not move.making:
         return 0.0
     scale = np.array([1.0, 1.0, 1.0, *[1.0 / tolerance.rho] * 3])
-    near = near_contacts(assembly.moving.polyhedron, assembly.fixed.polyhedron, move.goal, 5e-4, 0.01)
+    near = near_contacts(assembly.moving.polyhedron, assembly.fixed.polyhedron, move.goal, *_likely(errors))
     others = [
         c
         for c in near
@@ -130,6 +138,12 @@ def signature(assembly: Assembly, move: Move, tolerance: Tolerance, errors: Erro
     return float(np.clip(max(alike), 0.0, 1.0))
 
 
+def _likely(errors: ErrorSet) -> tuple[float, float]:
+    """How far (m) and by what angle (rad) the errors displace the body origin at most."""
+    spread = errors.support(np.eye(6))
+    return float(np.linalg.norm(spread[:3])), float(np.linalg.norm(spread[3:]))
+
+
 def _modulo(held: Array, rows: Array) -> Array:
     if not len(held):
         return rows
@@ -140,7 +154,7 @@ def _modulo(held: Array, rows: Array) -> Array:
 
 def search(
     assembly: Assembly,
-    entries: Sequence[tuple[Pose, Pose, Array]],
+    rounds: Iterator[Sequence[Entry]],
     goal: Pose,
     start: ErrorSet,
     tolerance: Tolerance,
@@ -149,11 +163,11 @@ def search(
     deadline: float = math.inf,
     progress: Callable[[str], None] = lambda _: None,
 ) -> MoveSequence:
-    """The cheapest sequence of guarded moves from any of the entries to the goal.
+    """The cheapest sequence of guarded moves to the goal, from the first round of entries that has one.
 
     Args:
         assembly: the two parts.
-        entries: start pose, pose inside the mouth, and the pivot (3,) in the body, for each way to begin.
+        rounds: ways to begin; a round is tried when those before it led nowhere, the rest stay for another call.
         goal: the seated pose.
         start: error set at the start.
         tolerance: velocity error and metric.
@@ -166,49 +180,64 @@ def search(
         SearchError: no sequence was found.
     """
     final = _final_rank(assembly, goal)
-    queue: list[_Open] = []
-    count, expanded = 0, 0
-    closest: tuple[float, _Node] | None = None
-    best: dict[frozenset[str], float] = {}
-    dropped = math.inf
-    for begin, inside, pivot in entries:
-        node = _approach(assembly, begin, inside, pivot, start, tolerance, costs)
-        if node is not None:
-            count += 1
-            heapq.heappush(queue, _opened(node, final, count, costs))
-    while queue:
-        entry = heapq.heappop(queue)
-        node = entry.node
-        if _seated(node.place.pose, goal):
-            bound = min([node.cost, dropped, *(other.bound for other in queue)])
-            return MoveSequence(node.moves, node.names, node.reached, node.cost, bound, expanded)
-        state = frozenset(c.id for c in node.place.held)
-        if state and best.get(state, math.inf) <= node.cost:
-            dropped = min(dropped, entry.bound)
-            continue
-        best[state] = node.cost
-        if expanded >= costs.states or time.monotonic() > deadline:
-            break
-        expanded += 1
-        progress(" ".join(node.names))
-        for child in _sons(assembly, node, goal, tolerance, costs, max_turn):
-            count += 1
-            heapq.heappush(queue, _opened(child, 0 if _seated(child.place.pose, goal) else final, count, costs))
-            if closest is None or (-child.rank, child.cost) < (closest[0], closest[1].cost):
-                closest = (-child.rank, child)
-    reached = f", the closest came after {' '.join(closest[1].names)}" if closest else ""
+    expanded = 0
+    closest: _Node | None = None
+    for entries in rounds:
+        nodes = [_approach(assembly, entry, start, tolerance, costs) for entry in entries]
+        front = _Frontier(final, costs, [node for node in nodes if node is not None])
+        while expanded < costs.states and time.monotonic() <= deadline:
+            node = front.pop()
+            if node is None:
+                break
+            if _seated(node.place.pose, goal):
+                return MoveSequence(node.moves, node.names, node.reached, node.cost, front.bound(node), expanded)
+            expanded += 1
+            progress(" ".join(node.names))
+            for son in _sons(assembly, node, goal, tolerance, costs, max_turn):
+                front.push(son, 0 if _seated(son.place.pose, goal) else final)
+                closest = son if closest is None else min(son, closest, key=lambda n: (-n.rank, n.cost))
     late = time.monotonic() > deadline
     raise SearchError(
         f"no sequence of contacts to the seated part was found among {expanded} states"
         + (", the time limit is used up" if late else "")
-        + reached,
+        + (f", the closest came after {' '.join(closest.names)}" if closest else ""),
         advice="raise settings.time_limit" if late else "allow a larger tilt, lower the start errors",
     )
 
 
-def _opened(node: _Node, final: int, number: int, costs: Costs) -> _Open:
-    left = max(final - node.rank, 0) * (costs.transition + costs.danger)
-    return _Open(node.cost + costs.greed * left, number, node.cost + left, node)
+class _Frontier:
+    """States still to expand, in the order of what they promise to cost, the cheapest way to each state only."""
+
+    def __init__(self, final: int, costs: Costs, nodes: Sequence[_Node]) -> None:
+        self._costs = costs
+        self._queue: list[_Open] = []
+        self._best: dict[frozenset[str], float] = {}
+        self._dropped = math.inf
+        self._count = 0
+        for node in nodes:
+            self.push(node, final)
+
+    def push(self, node: _Node, final: int) -> None:
+        """Adds a state from which `final` freedoms are to be taken away in all."""
+        left = max(final - node.rank, 0) * (self._costs.transition + self._costs.danger)
+        self._count += 1
+        heapq.heappush(self._queue, _Open(node.cost + self._costs.greed * left, self._count, node.cost + left, node))
+
+    def pop(self) -> _Node | None:
+        """The next state, None when there is none."""
+        while self._queue:
+            entry = heapq.heappop(self._queue)
+            state = frozenset(c.id for c in entry.node.place.held)
+            if state and self._best.get(state, math.inf) <= entry.node.cost:
+                self._dropped = min(self._dropped, entry.bound)
+                continue
+            self._best[state] = entry.node.cost
+            return entry.node
+        return None
+
+    def bound(self, found: _Node) -> float:
+        """What any sequence from the same entries costs at least, when this one is found."""
+        return min([found.cost, self._dropped, *(entry.bound for entry in self._queue)])
 
 
 def _final_rank(assembly: Assembly, goal: Pose) -> int:
@@ -222,10 +251,8 @@ def _seated(pose: Pose, goal: Pose) -> bool:
     return bool(abs(x[2]) < 1e-9)
 
 
-def _approach(
-    assembly: Assembly, begin: Pose, inside: Pose, pivot: Array, start: ErrorSet, tolerance: Tolerance, costs: Costs
-) -> _Node | None:
-    move = Move(begin, inside, (), ())
+def _approach(assembly: Assembly, entry: Entry, start: ErrorSet, tolerance: Tolerance, costs: Costs) -> _Node | None:
+    move = Move(entry.start, entry.inside, (), ())
     try:
         reached = unroll(assembly, move, Reached(start, (), ()), tolerance, costs.coarse, thorough=False)
     except InfeasibleError:
@@ -233,7 +260,7 @@ def _approach(
     cost = danger(reached.margin, costs)
     if not math.isfinite(cost):
         return None
-    return _Node(Place(inside, (), (), pivot), reached, (move,), ("approach",), cost, 0)
+    return _Node(Place(entry.inside, (), (), entry.corner), reached, (move,), ("approach",), cost, 0)
 
 
 def _sons(
@@ -242,10 +269,10 @@ def _sons(
     found = []
     depth = float(node.place.pose.p[2] - goal.p[2])
     near: dict[tuple[bool, float], tuple[PrimitiveContact, ...]] = {}
-    for freedom in freedoms(max_turn, depth):
+    for freedom in freedoms(max_turn, depth, costs.reach):
         kind = bool(freedom.twist[3:].any()), freedom.limit
         if kind not in near:
-            near[kind] = neighbourhood(assembly, node.place, freedom)
+            near[kind] = neighbourhood(assembly, node.place, freedom, costs.reach)
         move = guarded(assembly, node.place, freedom, near[kind])
         if move is None and freedom.name == "-z":
             move = _straight_down(assembly, node.place, goal, freedom.twist)

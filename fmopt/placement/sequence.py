@@ -24,18 +24,22 @@ from fmopt.placement.program import ConeProgram, Norm, Solver
 from fmopt.se3 import Pose
 from fmopt.values import Array
 
-_NEAR = 4e-4
 _RANK = 1e-7
 
 
 @dataclass(frozen=True)
 class Refinement:
-    """How far placement goes: rounds, first trust radius (m, in the metric of ρ), and when a gain counts (m)."""
+    """How far placement goes: rounds, first and least trust radius (m, in the metric of ρ), when a gain counts (m)."""
 
-    rounds: int = 12
-    radius: float = 4e-4
-    least_radius: float = 5e-6
-    least_gain: float = 2e-7
+    rounds: int
+    radius: float
+    least_radius: float
+    least_gain: float
+
+    @classmethod
+    def of(cls, spread: float, clearance: float) -> Refinement:
+        """For a start error that displaces the tip by up to `spread` and a clearance a side, both in m."""
+        return cls(12, spread + clearance, 0.05 * clearance, 0.002 * clearance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +105,7 @@ def refine(
     for _ in range(settings.rounds):
         if radius < settings.least_radius:
             break
-        candidate = _step(assembly, best, start, tolerance, step, solver, radius)
+        candidate = _step(assembly, best, start, tolerance, step, solver, radius, settings.radius)
         if candidate is not None and candidate.margin > best.margin + settings.least_gain:
             best, radius = candidate, min(2.0 * radius, 4.0 * settings.radius)
             progress(best.margin)
@@ -118,8 +122,9 @@ def _step(
     step: float,
     solver: Solver,
     radius: float,
+    near: float,
 ) -> Placed | None:
-    rows = _rows(assembly, placed)
+    rows = _rows(assembly, placed, near)
     if not rows:
         return None
     try:
@@ -133,26 +138,26 @@ def _step(
         return None
 
 
-def _rows(assembly: Assembly, placed: Placed) -> list[_LinearRow]:
-    """Every row that is not far from binding, linear in the displacements of the moves' poses."""
+def _rows(assembly: Assembly, placed: Placed, near: float) -> list[_LinearRow]:
+    """Every row that is within `near` (m) of binding, linear in the displacements of the moves' poses."""
     found: list[_LinearRow] = []
     number = -1
     for claim in placed.reached.claims:
         number += claim.piece.progress[0] == 0.0
-        found += _claim_rows(assembly, number, claim, placed.margin)
+        found += _claim_rows(assembly, number, claim, placed.margin + near)
     return found
 
 
-def _claim_rows(assembly: Assembly, number: int, claim: Claim, margin: float) -> list[_LinearRow]:
+def _claim_rows(assembly: Assembly, number: int, claim: Claim, most: float) -> list[_LinearRow]:
     piece, ends = claim.piece, claim.advance.ends
     found = []
     for pair, separation in pairs_of(assembly, claim):
-        if separation.margin > margin + _NEAR:
+        if separation.margin > most:
             continue
         rows = row_bounds(assembly, pair, separation.witness, ends)
         loss = np.minimum(rows.start.f, rows.goal.f) - rows.lower
         for at, share in ((rows.start, piece.progress[0]), (rows.goal, piece.progress[1])):
-            for k in np.flatnonzero(at.f - loss < (margin + _NEAR) * rows.scale):
+            for k in np.flatnonzero(at.f - loss < most * rows.scale):
                 slopes = _slopes(number, share, at.N[k])
                 value = float(at.f[k] - loss[k]) / rows.scale
                 drift = float(np.linalg.norm(at.N[k])) / rows.scale
@@ -200,7 +205,7 @@ def _program(
     A = _equalities(assembly, moves, n)
     lower = np.append(np.tile(-radius / scale, poses), -np.inf)
     upper = np.append(np.tile(radius / scale, poses), np.inf)
-    units = np.append(np.tile(1e-4 / scale, poses), 1e-4)
+    units = np.append(np.tile(0.25 * radius / scale, poses), 0.25 * radius)
     return ConeProgram.of(
         np.append(np.zeros(n - 1), 1.0),
         A=A,
@@ -225,7 +230,7 @@ def _equalities(assembly: Assembly, moves: Sequence[Move], n: int) -> Array:
         if k == len(moves) - 1:
             rows = np.eye(6)
         elif contacts:
-            rows = independent_rows(contact_rows(assembly, contacts, contacts, move.goal).N)
+            rows = independent_rows(contact_rows(assembly, contacts, contacts, move.goal).N, assembly.units)
         else:
             continue
         block = np.zeros((len(rows), n))
@@ -234,11 +239,10 @@ def _equalities(assembly: Assembly, moves: Sequence[Move], n: int) -> Array:
     return np.vstack(blocks)
 
 
-def independent_rows(N: Array) -> Array:
-    """An orthonormal basis of the row space (r, 6)."""
-    scale = np.array([1.0, 1.0, 1.0, 50.0, 50.0, 50.0])
-    _, s, Vt = np.linalg.svd(N * scale, full_matrices=False)
-    return np.asarray(Vt[s > _RANK * s[0]] / scale)
+def independent_rows(N: Array, units: Array) -> Array:
+    """A basis of the row space (r, 6), orthonormal in the units (6,) of displacements."""
+    _, s, Vt = np.linalg.svd(N * units, full_matrices=False)
+    return np.asarray(Vt[s > _RANK * s[0]] / units)
 
 
 def _shifted(assembly: Assembly, moves: Sequence[Move], shift: Array) -> tuple[Move, ...]:
@@ -259,12 +263,11 @@ def onto_surfaces(assembly: Assembly, pose: Pose, move: Move) -> Pose:
     contacts = (*move.held, *move.making)
     if not contacts:
         return pose
-    scale = np.array([1.0, 1.0, 1.0, 50.0, 50.0, 50.0])
     for _ in range(20):
         rows = contact_rows(assembly, contacts, contacts, pose)
         if np.abs(rows.f).max() < 1e-16:
             return pose
-        step = np.linalg.pinv(rows.N * scale, rcond=1e-6) @ rows.f * scale
+        step = np.linalg.pinv(rows.N * assembly.units, rcond=1e-6) @ rows.f * assembly.units
         pose = pose.moved(-step)
     if np.abs(contact_rows(assembly, contacts, contacts, pose).f).max() > 1e-13:
         raise InfeasibleError("a goal pose left the true surfaces of its contact state")
