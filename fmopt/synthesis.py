@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from fmopt.contact.bounds import BoundTable
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.contact.wrench import contact_point, contact_wrench
 from fmopt.control.decomposition import contact_forces, position_force
-from fmopt.control.hybrid import GuardedMove, HybridStrategy, hybrid_strategy
+from fmopt.control.hybrid import GuardedMove, hybrid_strategy
 from fmopt.errors import FmoptError, InfeasibleError, SearchError
 from fmopt.geometry.clearance import Clearance, checked_clearance
 from fmopt.geometry.polyhedron import Polyhedron
@@ -232,6 +232,7 @@ def plan_document(
             "velocity_error": tolerance.velocity_error,
             "rho": tolerance.rho,
         },
+        "specification": asdict(problem.specification),
         "goal": segments[-1]["goal"],
         "touch_tolerance": 1e-9,
         "not_covered": plan.NOT_COVERED,
@@ -270,7 +271,7 @@ def _segments(
     for k, claim in enumerate(claims):
         move += claim.piece.progress[0] == 0.0
         record = segment_record(claim, _critical(claim, critical), move, poses[k], poses[k + 1])
-        found.append({**record, "hybrid": plan.clean(_hybrid(problem, claim, tolerance).document())})
+        found.append({**record, "hybrid": plan.clean(_hybrid(problem, claim, tolerance))})
     return found
 
 
@@ -279,8 +280,8 @@ def _critical(claim: Claim, critical: tuple[CriticalPose, ...]) -> int:
     return min(range(len(critical)), key=lambda i: abs(float(critical[i].pose[2] - claim.piece.goal.p[2])))
 
 
-def _hybrid(problem: Problem, claim: Claim, tolerance: Tolerance) -> HybridStrategy:
-    """The control strategy of a piece, from the contacts that touch at its goal."""
+def _hybrid(problem: Problem, claim: Claim, tolerance: Tolerance) -> dict[str, Any]:
+    """The control strategy of a piece as the plan file holds it, from the contacts that touch at its goal."""
     piece, extent = claim.piece, claim.advance.ends.extent
     held = _touching(problem, piece.held, piece.goal)
     made = _touching(problem, piece.making, piece.goal)
@@ -294,9 +295,10 @@ def _hybrid(problem: Problem, claim: Claim, tolerance: Tolerance) -> HybridStrat
         float(np.linalg.norm(extent.offset)) + tolerance.rho * extent.theta,
     )
     try:
-        return hybrid_strategy(move, tolerance.rho, problem.specification)
+        strategy = hybrid_strategy(move, tolerance.rho, problem.specification)
     except InfeasibleError as error:
         raise InfeasibleError(f"segment to {piece.goal.vector()}: {error.message}", advice=error.advice) from error
+    return strategy.document([c.id for c in held], [c.id for c in made])
 
 
 def _touching(problem: Problem, contacts: tuple[PrimitiveContact, ...], pose: Pose) -> list[PrimitiveContact]:

@@ -73,13 +73,40 @@ def numbers(plan: Plan, count: int, seed: int = 1) -> Iterator[tuple[str, Plan]]
             for path, x in _leaves(item["direction"], (*base, "basis", j, "direction")):
                 if abs(x) > 0.05:
                     kinds.setdefault("direction", []).append((path, x, 1.0))
-        for path, x in _leaves(segment.get("hybrid", {}).get("velocity", []), (*base, "hybrid", "velocity")):
-            if abs(x) > 0.05:
-                kinds.setdefault("velocity", []).append((path, x, 1.0))
+        if "hybrid" in segment:
+            for kind, path, x in _control(segment["hybrid"], (*base, "hybrid"), plan["uncertainty"]["rho"]):
+                kinds.setdefault(kind, []).append((path, x, 1.0))
     pick = random.Random(seed)
     for kind, places in sorted(kinds.items()):
         for path, x, sign in pick.sample(places, min(count, len(places))):
             yield f"{kind} {path}", _put(plan, path, x + sign * STEP * abs(x))
+
+
+def _control(hybrid: Any, base: tuple[Any, ...], rho: float) -> Iterator[tuple[str, tuple[Any, ...], float]]:
+    """Numbers of a control strategy, as (kind, path, value), that stand out from zero in the metric of ρ."""
+    twist, wrench = [1.0] * 3 + [rho] * 3, [1.0] * 3 + [1.0 / rho] * 3
+    for key, scale, least in (
+        ("position_axes", twist, 0.05),
+        ("force_axes", wrench, 0.05),
+        ("bias_wrench", wrench, 1.0),
+    ):
+        for path, x in _leaves(hybrid[key], (*base, key)):
+            if abs(x * scale[path[-1]]) > least:
+                yield key, path, x
+    for path, x in _leaves(hybrid["velocity"], (*base, "velocity")):
+        if abs(x * twist[path[-1]]) > 0.05:
+            yield "velocity", path, x
+    for path, x in _leaves(hybrid["termination"]["wrench"], (*base, "termination", "wrench")):
+        if x:
+            yield "termination wrench", path, x
+    for key in ("threshold", "max_travel", "timeout"):
+        yield key, (*base, "termination", key), hybrid["termination"][key]
+    yield "speed", (*base, "speed"), hybrid["speed"]
+    if hybrid["push"] > 1.0:
+        yield "push", (*base, "push"), hybrid["push"]
+    for j, item in enumerate(hybrid["normal_forces"]):
+        if item["force"] > 1.0:
+            yield "normal force", (*base, "normal_forces", j, "force"), item["force"]
 
 
 def junk(plan: Plan, count: int, seed: int) -> Iterator[Plan]:
@@ -144,7 +171,9 @@ def claims(plan: Plan) -> Iterator[tuple[str, Plan]]:
     yield "goal pose moved", at(lambda s: s["goal"].__setitem__(2, s["goal"][2] - 1e-6))
     yield "start box widened", changed(plan, lambda p: p["uncertainty"]["start_box"].__setitem__(0, 4e-4))
     yield "velocity error raised", changed(plan, lambda p: p["uncertainty"].update(velocity_error=[0.011, 0.01]))
+    yield "not covered shortened", changed(plan, lambda p: p["not_covered"].pop())
     if "hybrid" in segment:
+        yield from _strategies(plan, at)
         yield "force axis left out", at(lambda s: s["hybrid"]["force_axes"].pop())
         yield "force axis turned", at(lambda s: s["hybrid"]["force_axes"][0].reverse())
         yield "velocity reversed", at(lambda s: s["hybrid"].update(velocity=[-x for x in s["hybrid"]["velocity"]]))
@@ -162,3 +191,36 @@ def claims(plan: Plan) -> Iterator[tuple[str, Plan]]:
                 s["separations"][j]["witness"]["fixed"] = loop
 
             yield f"witness {j} swapped", at(swap)
+
+
+def _strategies(plan: Plan, at: Callable[..., Plan]) -> Iterator[tuple[str, Plan]]:
+    """Control strategies that would lose a contact, not make one, or stop at the wrong moment."""
+    pressing = next(k for k, s in enumerate(plan["segments"]) if s["hybrid"]["normal_forces"])
+    making = next(k for k, s in enumerate(plan["segments"]) if s["hybrid"]["termination"]["contacts"])
+
+    def on(change: Callable[[Any], Any], number: int) -> Plan:
+        return at(lambda s: change(s["hybrid"]), number)
+
+    def end(number: int, **values: Any) -> Plan:
+        return on(lambda h: h["termination"].update(values), number)
+
+    hybrid = plan["segments"][making]["hybrid"]
+    stop = hybrid["termination"]
+    yield "bias reversed", on(lambda h: h.update(bias_wrench=[-x for x in h["bias_wrench"]]), pressing)
+    yield "bias zero", on(lambda h: h.update(bias_wrench=[0.0] * 6), pressing)
+    yield "bias of another segment", on(lambda h: h.update(bias_wrench=hybrid["bias_wrench"]), pressing)
+    yield "contact not pressed", on(lambda h: h["normal_forces"].pop(), pressing)
+    yield "contact pulled", on(lambda h: h["normal_forces"][0].update(force=-1.0), pressing)
+    yield "push backwards", on(lambda h: h.update(push=-h["push"]), making)
+    yield "strategy left out", at(lambda s: s.pop("hybrid"), making)
+    yield "termination reversed", end(making, wrench=[-x for x in stop["wrench"]])
+    yield "termination at nothing", end(making, contacts=[])
+    yield "travel cut", end(making, max_travel=0.5 * stop["max_travel"])
+    yield "time cut", end(making, timeout=0.5 * stop["timeout"])
+    yield "threshold zero", end(making, threshold=0.0)
+    yield "speed zero", on(lambda h: h.update(speed=0.0), making)
+    yield "speed doubled", on(lambda h: h.update(speed=2.0 * h["speed"]), making)
+    yield "frame moved", on(lambda h: h["frame"].__setitem__(0, h["frame"][0] + 1e-6), pressing)
+    yield "frame turned", on(lambda h: h["frame"].__setitem__(3, h["frame"][3] + 1e-6), pressing)
+    exchanged = {"position_axes": hybrid["force_axes"], "force_axes": hybrid["position_axes"]}
+    yield "axes exchanged", on(lambda h: h.update(exchanged), making)

@@ -14,12 +14,15 @@ from typing import Any
 
 import mpmath as mp
 
+from fmopt.plan import NOT_COVERED
+
 mp.mp.dps = 50
 RHO = 0.014
 RATES = (0.01, 0.01)
 START_BOX = (3e-4, 3e-4, 2e-4, 5e-3, 5e-3, 5e-3)
 TILT = (0.2, -0.15, 0.02)
 TOP = 8  # vertices of the table
+CONTROL = {"speed": 0.01, "contact_force": 20.0, "torque_limit": 1.0, "friction": 0.3, "termination_force": 2.0}
 
 
 def box_body(low: Sequence[float], high: Sequence[float]) -> dict[str, Any]:
@@ -250,21 +253,41 @@ class Builder:
                     for j in (0, 1)
                 ],
                 "contacts": contacts,
-                "hybrid": {
-                    "frame": [0.0] * 6, "speed": 0.01,
-                    "position_axes": [[float(a == b) for b in range(6)] for a in range(6) if not (held and a == 2)],
-                    "force_axes": [[0.0, 0.0, 1.0, 0.0, 0.0, 0.0]] if held else [],
-                    "velocity": self._unit(start, goal), "bias_wrench": [0.0] * 6,
-                    "termination": {"wrench": [0.0] * 6, "threshold": 1.0, "max_travel": 0.1, "timeout": 1.0},
-                },
+                "hybrid": self._control(name, goal, held, made, V=joined(*self._ways(start, goal)),
+                                        bound=mp.sqrt(mp.fsum(x**2 for x in box)) + mp.mpf(RHO) * theta),
             }
         )  # fmt: skip
 
     @staticmethod
-    def _unit(start: Any, goal: Any) -> list[float]:
+    def _ways(start: Any, goal: Any) -> tuple[mp.matrix, mp.matrix]:
         turn = log(exp(vector(goal[3:])) * exp(vector(start[3:])).T)
-        V = joined(vector(goal[:3]) - vector(start[:3]), turn)
-        return [float(x / measure(V)) for x in V]
+        return vector(goal[:3]) - vector(start[:3]), turn
+
+    def _control(self, name: str, goal: Any, held: bool, made: bool, V: mp.matrix, bound: Any) -> dict[str, Any]:
+        """Presses the held vertex with 5 N straight down, or pushes along the motion towards it with 12 N."""
+        unit = V / measure(V)
+        scale = vector([1, 1, 1, RHO, RHO, RHO])
+        _, N, _ = self.touch_row(goal)
+        point = vector(goal[:3]) + exp(vector(goal[3:])) * self.body[self.lowest]
+        f, b = (5, 0) if held else (0, 12 if made else 0)
+        bias = [-f * n + b * u * s**2 for n, u, s in zip(N, unit, scale, strict=True)]
+        travel = measure(V) + bound
+        return {
+            "frame": [*(float(x) for x in point), 0.0, 0.0, 0.0] if held else [*goal[:3], 0.0, 0.0, 0.0],
+            "speed": CONTROL["speed"],
+            "position_axes": [
+                [float(a == b) / float(scale[b]) for b in range(6)] for a in range(6) if not (held and a == 2)
+            ],
+            "force_axes": [[0.0, 0.0, 1.0, 0.0, 0.0, 0.0]] if held else [],
+            "velocity": [float(x) for x in unit], "bias_wrench": [float(x) for x in bias], "push": float(b),
+            "normal_forces": [{"contact": name, "force": float(f)}] if held else [],
+            "termination": {
+                "contacts": [name] if made else [],
+                "wrench": [float(CONTROL["termination_force"] * n) if made else 0.0 for n in N],
+                "threshold": CONTROL["termination_force"], "max_travel": float(travel),
+                "timeout": float(2 * travel / CONTROL["speed"]),
+            },
+        }  # fmt: skip
 
 
 def touching_pose(builder: Builder, x: float, y: float, r: Sequence[float]) -> list[float]:
@@ -313,6 +336,7 @@ def table_plan() -> dict[str, Any]:
             "uncertainty": {"start_box": list(START_BOX), "velocity_error": list(RATES), "rho": RHO},
             "goal": slid,
             "touch_tolerance": 1e-9,
-            "not_covered": ["friction"],
+            "not_covered": list(NOT_COVERED),
+            "specification": CONTROL,
         }
     )  # fmt: skip

@@ -170,10 +170,13 @@ def test_torques_stay_within_the_limit(limit):
 
 
 def test_document_has_exactly_the_plan_files_keys():
-    document = hybrid_strategy(move(X_WALL, DOWN, FLOOR), RHO, SPECIFICATION).document()
-    keys = ["frame", "position_axes", "force_axes", "velocity", "speed", "bias_wrench", "termination"]
-    assert list(document) == keys
-    assert list(document["termination"]) == ["wrench", "threshold", "max_travel", "timeout"]
+    strategy = hybrid_strategy(move(X_WALL, DOWN, FLOOR), RHO, SPECIFICATION)
+    names = [f"v{k}-f1" for k in range(len(X_WALL))]
+    document = strategy.document(names, ["v0-f2"])
+    keys = ["frame", "position_axes", "force_axes", "velocity", "speed", "bias_wrench", "push", "normal_forces"]
+    assert list(document) == [*keys, "termination"]
+    assert list(document["termination"]) == ["contacts", "wrench", "threshold", "max_travel", "timeout"]
+    assert [item["contact"] for item in document["normal_forces"]] == names
     assert len(document["position_axes"]) + len(document["force_axes"]) == 6
     json.dumps(document, allow_nan=False)
 

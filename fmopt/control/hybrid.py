@@ -7,6 +7,7 @@ wrench the extra *reaction* on it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -82,8 +83,9 @@ class HybridStrategy(Value):
         velocity: twist (6,), V / ‖V‖_ρ.
         speed: m/s.
         bias_wrench: applied wrench (6,), N and N·m.
+        push: size of the part of the bias that pushes along the motion, N in the metric of ρ.
         termination: when the move ends.
-        normal_forces: (m,), a normal force of each held contact that balances the bias, N.
+        normal_forces: (m,), a normal force of each held contact that balances the rest of the bias, N.
         steady: whether the held contacts stay closed also under the reaction that ends the move.
     """
 
@@ -93,6 +95,7 @@ class HybridStrategy(Value):
     velocity: Array
     speed: float
     bias_wrench: Array
+    push: float
     termination: Termination
     normal_forces: Array
     steady: bool
@@ -104,8 +107,8 @@ class HybridStrategy(Value):
             object.__setattr__(self, name, frozen(getattr(self, name), None, 6, name=name))
         object.__setattr__(self, "normal_forces", frozen(self.normal_forces, None, name="normal forces"))
 
-    def document(self) -> dict[str, Any]:
-        """As in the plan file."""
+    def document(self, held: Sequence[str], made: Sequence[str]) -> dict[str, Any]:
+        """As in the plan file, with the names of the held and of the made contacts in the order of the guarded move."""
         end = self.termination
         return {
             "frame": self.frame.tolist(),
@@ -114,7 +117,12 @@ class HybridStrategy(Value):
             "velocity": self.velocity.tolist(),
             "speed": self.speed,
             "bias_wrench": self.bias_wrench.tolist(),
+            "push": self.push,
+            "normal_forces": [
+                {"contact": name, "force": force} for name, force in zip(held, self.normal_forces.tolist(), strict=True)
+            ],
             "termination": {
+                "contacts": list(made),
                 "wrench": end.wrench.tolist(),
                 "threshold": end.threshold,
                 "max_travel": end.max_travel,
@@ -151,6 +159,7 @@ def hybrid_strategy(move: GuardedMove, rho: float, specification: Specification)
         V,
         specification.speed,
         bias.wrench,
+        bias.push,
         Termination(threshold * move.reaction, threshold, travel, 2.0 * travel / specification.speed),
         bias.normal_forces,
         bias.steady,
@@ -159,9 +168,13 @@ def hybrid_strategy(move: GuardedMove, rho: float, specification: Specification)
 
 @dataclass(frozen=True, eq=False)
 class Bias(Value):
-    """Applied wrench (6,), normal forces (m,) that balance it, and whether it holds the contacts at the stop, too."""
+    """Applied wrench (6,), its push along the motion, normal forces (m,) that balance the rest of it, N.
+
+    `steady` says whether it holds the contacts at the stop, too.
+    """
 
     wrench: Array
+    push: float
     normal_forces: Array
     steady: bool
 
@@ -194,14 +207,14 @@ def bias_wrench(move: GuardedMove, V: Array, rho: float, specification: Specific
     """
     m = len(move.held)
     if m == 0 and len(move.made) == 0:
-        return Bias(np.zeros(6), np.zeros(0), True)
+        return Bias(np.zeros(6), 0.0, np.zeros(0), True)
     push, along = np.zeros(6), 1.0
     if len(move.made):
         push, along = _push(move.reaction, V, row_space(move.held, rho), twist_scale(rho))
     for steady in (True, False):
         x = _best(_program(move, V, rho, specification, push, along, steady))
         if x is not None and x[-1] > _CHECK:
-            return Bias(0.0 - move.held.T @ x[:m] + x[-2] * push, x[:m], steady)
+            return Bias(0.0 - move.held.T @ x[:m] + x[-2] * push, float(x[-2]), x[:m], steady)
     raise InfeasibleError(
         f"no bias wrench within {specification.contact_force:g} N and {specification.torque_limit:g} N m keeps all {m} "
         f"contacts and makes the next one felt at {specification.termination_force:g} N",

@@ -10,10 +10,12 @@ from fmopt.verify.chain import Broken, Chain, Stage
 from fmopt.verify.claims import check_segment
 from fmopt.verify.document import Plan, PlanError, Segment
 from fmopt.verify.findings import CERTIFIED, NOT_PROVED, REFUTED, Finding, Notes, Verdict, Witness
+from fmopt.verify.outline import check_outline
 from fmopt.verify.overlap import overlap
 from fmopt.verify.parse import parse
 from fmopt.verify.rational import ArithmeticRefusal, Row, add, exponential, number, product, row_dot
 from fmopt.verify.rows import Distance, Pose, pose
+from fmopt.verify.strategy import check_strategy
 
 Failed = tuple[tuple[int, int, tuple[Distance, Distance] | None], ...]
 
@@ -48,6 +50,7 @@ def verify(document: Mapping[str, Any], expected_sha256: str | None = None) -> V
         notes.add("problem", "the plan belongs to another problem")
     for flaw in assembly.flaws:
         notes.add("parts", flaw)
+    check_outline(document, plan, notes)
     findings, margins, witness = _segments(plan, assembly)
     found = (*notes.found, *findings)
     verdict = REFUTED if witness is not None else NOT_PROVED if found else CERTIFIED
@@ -68,6 +71,7 @@ def _segments(plan: Plan, assembly: Assembly) -> tuple[list[Finding], list[float
         try:
             stage = chain.follow(segment, notes)
             outcome = check_segment(assembly, stage, start, notes)
+            check_strategy(assembly, stage, plan.rho, plan.specification, notes)
             failed = outcome.failed
             if outcome.margin is not None:
                 margins.append(number(outcome.margin))

@@ -10,6 +10,13 @@ from pathlib import Path
 from typing import Any
 
 FORMAT = "fmopt.plan/1"
+NOT_COVERED = (
+    "friction, jamming and wedging beyond the choice of bias wrenches",
+    "compliance and dynamics of the robot: that held contacts stay held under the bias wrench",
+    "shape and size deviations of the parts other than those in the stated errors",
+    "whether the real errors lie in the stated set; they are taken as constant in the B-frame along a move, apart from "
+    "the velocity error",
+)
 
 
 class PlanError(ValueError):
@@ -98,18 +105,51 @@ class Tube:
 
 @dataclass(frozen=True)
 class Hybrid:
-    """What is claimed of a segment's control: twists servoed in position, wrenches servoed in force, velocity."""
+    """What is claimed of a segment's control.
 
+    Attributes:
+        frame: compliance frame, a pose in the B-frame.
+        position_axes, force_axes: twists servoed in position and wrenches servoed in force, in its coordinates.
+        velocity: unit twist of the reference point in axes of the B-frame.
+        speed: m/s.
+        bias: wrench applied to the moving part.
+        push: size of its part along the motion.
+        pressed: held contacts with the normal forces that balance the rest of it.
+        felt: contacts that end the move.
+        wrench, threshold, max_travel, timeout: when the move ends.
+    """
+
+    frame: Numbers
     position_axes: tuple[Numbers, ...]
     force_axes: tuple[Numbers, ...]
     velocity: Numbers
+    speed: float
+    bias: Numbers
+    push: float
+    pressed: tuple[tuple[str, float], ...]
+    felt: tuple[str, ...]
+    wrench: Numbers
+    threshold: float
     max_travel: float
+    timeout: float
+
+
+@dataclass(frozen=True)
+class Specification:
+    """What forces and speeds were asked for: m/s, N, N·m, friction, N."""
+
+    speed: float
+    contact_force: float
+    torque_limit: float
+    friction: float
+    termination_force: float
 
 
 @dataclass(frozen=True)
 class Segment:
     """A piece of motion with its claims."""
 
+    critical_point: int
     move: int
     state: tuple[str, ...]
     goal_state: tuple[str, ...]
@@ -139,6 +179,7 @@ class Plan:
     start_box: Numbers
     velocity_error: Numbers
     rho: float
+    specification: Specification
     goal: Numbers
     touch: float
     not_covered: tuple[str, ...]

@@ -166,8 +166,7 @@ def describe(verdict: Verdict) -> list[str]:
     )
     lines.append("not covered: friction, compliance, dynamics, and whether the real error lies in the stated set")
     lines.append(
-        "not checked beyond their form: forces, speeds and limits of the hybrid strategies, the nominal trajectory, "
-        "critical points, position_force and search"
+        "not derived again: S(t) of the nominal trajectory, contact states, the measured clearance, search costs"
     )
     lines += [f"not covered, says the plan: {text}" for text in verdict.not_covered]
     return lines

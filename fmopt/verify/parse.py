@@ -16,6 +16,7 @@ from fmopt.verify.document import (
     Plan,
     Segment,
     Separation,
+    Specification,
     Tube,
     Witness,
     digest,
@@ -26,7 +27,7 @@ LARGEST_TOLERANCE = 1e-9  # m
 LARGEST_NUMBER_OF_PIECES = 400
 _TOP = {
     "format", "problem", "verdict", "parts", "contacts", "segments", "uncertainty", "goal", "touch_tolerance",
-    "not_covered", "sha256",
+    "not_covered", "sha256", "specification",
 }  # fmt: skip
 _BESIDE = {
     "fmopt_version", "units", "frames", "nominal", "critical_points", "position_force", "search", "diagnostics",
@@ -39,7 +40,9 @@ _TUBE = {
     "shape_start", "shape_goal", "generators_start", "generators_goal", "growth_start", "growth_goal", "theta_max",
     "offset_max", "offset_box",
 }  # fmt: skip
-_HYBRID = {"frame", "position_axes", "force_axes", "velocity", "speed", "bias_wrench", "termination"}
+_HYBRID = {
+    "frame", "position_axes", "force_axes", "velocity", "speed", "bias_wrench", "push", "normal_forces", "termination",
+}  # fmt: skip
 _KINDS = ("vertex-face", "face-vertex", "edge-edge")
 _WITNESSES = ("fixed-face", "moving-face", "edges", "plane")
 
@@ -73,6 +76,7 @@ def parse(document: Any) -> Plan:
         uncertainty.at("start_box").numbers(6, 0.0, 0.5),
         uncertainty.at("velocity_error").numbers(2, 0.0, 1.0),
         uncertainty.at("rho").number(2.0**-10, 16.0),
+        _specification(top.at("specification")),
         _pose(top.at("goal")),
         top.at("touch_tolerance").number(0.0, LARGEST_TOLERANCE),
         tuple(item.text() for item in top.at("not_covered").items()),
@@ -138,8 +142,8 @@ def _segment(place: Reader, known: list[str], moving: Part, fixed: Part, sizes: 
         direction = item.at("direction").numbers(6, -4096.0, 4096.0)
         basis.append((item.at("contact").text(known), direction, item.at("made").flag()))
     claims = place.at("contacts").items()
-    place.at("critical_point").integer()
     return Segment(
+        place.at("critical_point").integer(),
         place.at("move").integer(),
         _ids(place.at("state"), known),
         _ids(place.at("goal_state"), known),
@@ -153,7 +157,7 @@ def _segment(place: Reader, known: list[str], moving: Part, fixed: Part, sizes: 
         _tube(place.at("tube")),
         tuple(_separation(item, moving, fixed, sizes) for item in place.at("separations").items()),
         tuple(_claim(item, known) for item in claims),
-        _hybrid(place.at("hybrid")) if place.has("hybrid") else None,
+        _hybrid(place.at("hybrid"), known) if place.has("hybrid") else None,
     )
 
 
@@ -198,18 +202,28 @@ def _claim(place: Reader, known: list[str]) -> ContactClaim:
     )
 
 
-def _hybrid(place: Reader) -> Hybrid:
+def _hybrid(place: Reader, known: list[str]) -> Hybrid:
     place.only(_HYBRID)
-    place.at("frame").numbers(6)
-    place.at("bias_wrench").numbers(6)
-    place.at("speed").number(0.0)
-    end = place.at("termination").only(("wrench", "threshold", "max_travel", "timeout"))
-    end.at("wrench").numbers(6)
-    for key in ("threshold", "timeout"):
-        end.at(key).number(0.0)
+    end = place.at("termination").only(("contacts", "wrench", "threshold", "max_travel", "timeout"))
+    forces = [item.only(("contact", "force")) for item in place.at("normal_forces").items()]
     return Hybrid(
+        place.at("frame").numbers(6),
         place.at("position_axes").matrix(None),
         place.at("force_axes").matrix(None),
         place.at("velocity").numbers(6),
+        place.at("speed").number(0.0),
+        place.at("bias_wrench").numbers(6),
+        place.at("push").number(),
+        tuple((item.at("contact").text(known), item.at("force").number()) for item in forces),
+        _ids(end.at("contacts"), known),
+        end.at("wrench").numbers(6),
+        end.at("threshold").number(0.0),
         end.at("max_travel").number(0.0),
+        end.at("timeout").number(0.0),
     )
+
+
+def _specification(place: Reader) -> Specification:
+    names = ("speed", "contact_force", "torque_limit", "friction", "termination_force")
+    place.only(names)
+    return Specification(*(place.at(name).number(0.0) for name in names))

@@ -1,0 +1,122 @@
+"""Where a contact touches at a pose, how far inside its features, and the wrench that it can exert, in doubles."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from fmopt.verify.assembly import Assembly, Touch
+from fmopt.verify.document import Numbers
+from fmopt.verify.rational import number
+from fmopt.verify.rows import Pose
+from fmopt.verify.solids import Shape
+
+_LEVEL = 1e-3  # sine of the angle below which two edges cross in no one point
+
+
+class Contact(NamedTuple):
+    """A contact at a pose.
+
+    Attributes:
+        point: where it touches, in the world, m.
+        arm: the same from the part's reference point.
+        wrench: of a unit normal force, about the reference point.
+    """
+
+    point: Numbers
+    arm: Numbers
+    wrench: Numbers
+
+    def sliding(self, V: Numbers) -> float:
+        """The speed at which the contact point slides along the contact for the twist V."""
+        turned = _cross(V[3:], self.arm)
+        velocity = [v + w for v, w in zip(V[:3], turned, strict=True)]
+        normal = self.wrench[:3]
+        along = sum(v * n for v, n in zip(velocity, normal, strict=True))
+        return math.hypot(*(v - along * n for v, n in zip(velocity, normal, strict=True)))
+
+
+def unit_wrench(touch: Touch, X: Pose) -> Contact:
+    """The contact with its wrench at a pose."""
+    p = _doubles(X.p)
+    if touch.kind == "edge-edge":
+        (a, b), (q, r) = (_placed(v, X) for v in touch.moving), (_doubles(w) for w in touch.fixed)
+        own, other = _sub(b, a), _sub(r, q)
+        m = _cross(own, other)
+        size = math.hypot(*m)
+        normal = tuple(x / size for x in m)
+        across = _cross(other, m)
+        s = _dot(across, _sub(q, a)) / _dot(across, own)
+        point = tuple(x + s * y for x, y in zip(a, own, strict=True))
+    elif touch.kind == "vertex-face" and touch.plane is not None:
+        normal, point = _doubles(touch.plane.normal), _placed(touch.moving[0], X)
+    else:
+        assert touch.plane is not None
+        normal = tuple(-x for x in _turned(touch.plane.normal, X))
+        point = _doubles(touch.fixed[0])
+    arm = _sub(point, p)
+    return Contact(point, arm, (*normal, *_cross(arm, normal)))
+
+
+def touching(assembly: Assembly, touch: Touch, X: Pose) -> float:
+    """How far the touching point lies inside both features (m), negative outside; for level edges minus 1 m."""
+    if touch.kind == "vertex-face":
+        return _inside(assembly.fixed, touch.face, _placed(touch.moving[0], X))
+    if touch.kind == "face-vertex":
+        away = _sub(_doubles(touch.fixed[0]), _doubles(X.p))
+        columns = [[number(X.R[i][k]) for i in range(3)] for k in range(3)]
+        return _inside(assembly.moving, touch.face, tuple(_dot(column, away) for column in columns))
+    (a, b), (q, r) = (_placed(v, X) for v in touch.moving), (_doubles(w) for w in touch.fixed)
+    own, other = _sub(b, a), _sub(r, q)
+    m = _cross(own, other)
+    if math.hypot(*m) < _LEVEL * math.hypot(*own) * math.hypot(*other):
+        return -1.0
+    square = _dot(m, m)
+    s = _dot(_cross(_sub(q, a), other), m) / square
+    t = _dot(_cross(_sub(q, a), own), m) / square
+    return min(min(s, 1.0 - s) * math.hypot(*own), min(t, 1.0 - t) * math.hypot(*other))
+
+
+def _inside(shape: Shape, face: int, point: Numbers) -> float:
+    """How far a point in the plane of a face lies inside it, m; negative outside."""
+    plane = shape.faces[face].plane
+    normal = _doubles(plane.normal)
+    axis = max(range(3), key=lambda k: abs(normal[k]))
+    u, v = (axis + 1) % 3, (axis + 2) % 3
+    within, nearest = False, math.inf
+    for loop in shape.faces[face].loops:
+        corners = [_doubles(shape.vertices[i]) for i in loop]
+        for a, b in zip(corners, (*corners[1:], corners[0]), strict=True):
+            edge, off = _sub(b, a), _sub(point, a)
+            share = min(max(_dot(edge, off) / _dot(edge, edge), 0.0), 1.0)
+            nearest = min(nearest, math.hypot(*(x - share * y for x, y in zip(off, edge, strict=True))))
+            if (a[v] > point[v]) != (b[v] > point[v]):
+                at = a[u] + (point[v] - a[v]) / (b[v] - a[v]) * (b[u] - a[u])
+                within ^= point[u] < at
+    return nearest if within else -nearest
+
+
+def _doubles(v: Sequence[int]) -> Numbers:
+    return tuple(number(x) for x in v)
+
+
+def _turned(v: Sequence[int], X: Pose) -> Numbers:
+    w = _doubles(v)
+    return tuple(math.fsum(number(line[k]) * w[k] for k in range(3)) for line in X.R)
+
+
+def _placed(v: Sequence[int], X: Pose) -> Numbers:
+    return tuple(x + y for x, y in zip(_turned(v, X), _doubles(X.p), strict=True))
+
+
+def _sub(a: Numbers, b: Numbers) -> Numbers:
+    return tuple(x - y for x, y in zip(a, b, strict=True))
+
+
+def _dot(a: Sequence[float], b: Sequence[float]) -> float:
+    return math.fsum(x * y for x, y in zip(a, b, strict=True))
+
+
+def _cross(a: Sequence[float], b: Sequence[float]) -> Numbers:
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])

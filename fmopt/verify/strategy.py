@@ -1,0 +1,210 @@
+"""Whether the hybrid strategy of a segment does what the segment's contacts ask for.
+
+Forces rest on no inequality that could be short by a rounding, so they are judged in double arithmetic, to tolerances
+far below what a controller can tell. With wrenches wᵢ of the held contacts for unit normal forces, w of what ends the
+move, and the unit twist V, all about the part's reference point at the segment's goal:
+
+- every held contact that touches there is pressed, fᵢ > 0, and the bias is −Σ fᵢ wᵢ + b u, where u is the unit wrench
+  along the motion without power on what the held contacts stop;
+- b u·V ≥ 1.25 h |w·V| + μ Σ fᵢ sᵢ, the push alone makes the contact felt against friction, sᵢ the sliding speeds;
+- nothing exceeds the specified forces;
+- position axes are the motions that the held contacts leave free, force axes the wrenches that they can take;
+- the move ends by the reaction of the contacts that it makes, or by its travel, which covers all its errors.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from fmopt.verify.assembly import Assembly, Touch
+from fmopt.verify.chain import Stage
+from fmopt.verify.document import Hybrid, Numbers, Specification
+from fmopt.verify.findings import RELATIVE, Notes
+from fmopt.verify.rational import number
+from fmopt.verify.reach import Contact, touching, unit_wrench
+from fmopt.verify.rows import pose
+
+_SURE = 1.25  # times the threshold that the push alone must bring about
+_EXACT = 1e-11  # relative: what double arithmetic may leave of an equality between forces or axes
+_RANK = 1e-6
+_AT = 1e-8  # m: a contact nearer to its rim than this may be counted as touching or not
+_OVER = 1e-9  # relative: by how much a limit of force may be exceeded
+
+
+def check_strategy(assembly: Assembly, stage: Stage, rho: float, asked: Specification, notes: Notes) -> None:
+    """Judges the strategy of a segment.
+
+    Args:
+        assembly: parts and contacts.
+        stage: the segment, derived.
+        rho: characteristic length, m.
+        asked: forces and speeds of the specification.
+        notes: takes what is wrong.
+    """
+    hybrid = stage.segment.hybrid
+    if hybrid is None:
+        notes.add("hybrid", "the segment has no control strategy")
+        return
+    held = _listed(assembly, stage, "normal_forces", [name for name, _ in hybrid.pressed], stage.state, notes)
+    new = [t for t in stage.goal_state if t.id not in stage.segment.state]
+    made = _listed(assembly, stage, "termination.contacts", list(hybrid.felt), new, notes)
+    if held is None or made is None:
+        return
+    scale = (1.0, 1.0, 1.0, rho, rho, rho)
+    rank = len(stage.motion.contacts)
+    basis = _span([_divided(c.wrench, scale) for c in held], rank)
+    if len(basis) != rank:
+        notes.add("normal_forces", f"the contacts pressed stop {len(basis)} freedoms, those held {rank}")
+        return
+    V = tuple(number(x) / number(stage.motion.length) for x in stage.motion.twist)
+    _axes(hybrid, held, stage, scale, notes)
+    _bias(hybrid, held, made, V, basis, scale, asked, notes)
+    _end(hybrid, made, V, stage, rho, asked, notes)
+
+
+def _listed(
+    assembly: Assembly, stage: Stage, field: str, names: Sequence[str], due: Sequence[Touch], notes: Notes
+) -> list[Contact] | None:
+    """The contacts that a strategy lists, when they are those of the due ones that touch at the goal."""
+    goal = pose(stage.segment.goal)
+    known = {touch.id: touch for touch in due}
+    if len(set(names)) != len(names) or not set(names) <= set(known):
+        notes.add(field, "lists a contact twice, or one that the segment does not have")
+        return None
+    for touch in due:
+        depth = touching(assembly, touch, goal)
+        if touch.id in names and depth < -_AT:
+            notes.add(field, f"{touch.id} does not touch at the goal")
+            return None
+        if touch.id not in names and depth > _AT:
+            notes.add(field, f"{touch.id} touches at the goal and is left out")
+            return None
+    return [unit_wrench(known[name], goal) for name in names]
+
+
+def _axes(hybrid: Hybrid, held: Sequence[Contact], stage: Stage, scale: Numbers, notes: Notes) -> None:
+    """That the position axes do no work on the held contacts, and that both kinds are orthonormal in the metric of ρ.
+
+    How many there are, that they are independent, and that each kind is reciprocal to the other is checked before:
+    then the position axes span all that is left free, and the force axes all that the held contacts can take.
+    """
+    frame, goal = pose(hybrid.frame), pose(stage.segment.goal)
+    R = [[number(x) for x in line] for line in frame.R]
+    arm = [number(a - b) for a, b in zip(frame.p, goal.p, strict=True)]
+    origins = [(0.0, 0.0, 0.0), *(tuple(x - number(y) for x, y in zip(c.point, goal.p, strict=True)) for c in held)]
+    if min(math.dist(arm, origin) for origin in origins) > _EXACT:
+        notes.add("frame", "its origin is neither the part's reference point nor a contact point")
+    for contact in held:
+        force, torque = contact.wrench[:3], contact.wrench[3:]
+        moved = [t - x for t, x in zip(torque, cross(arm, force), strict=True)]
+        seen = [sum(R[i][k] * x[i] for i in range(3)) for x in (force, moved) for k in range(3)]
+        for axis in hybrid.position_axes:
+            if abs(dot(axis, seen)) > _EXACT:
+                notes.add("position_axes", "a position axis does work on a held contact")
+    for what, rows, sizes in (
+        ("position_axes", hybrid.position_axes, scale),
+        ("force_axes", hybrid.force_axes, tuple(1.0 / x for x in scale)),
+    ):
+        scaled = [tuple(x * s for x, s in zip(axis, sizes, strict=True)) for axis in rows]
+        for i, one in enumerate(scaled):
+            for j, other in enumerate(scaled[: i + 1]):
+                if abs(dot(one, other) - (i == j)) > _EXACT:
+                    notes.add(what, "are not orthonormal in the metric of rho")
+                    return
+
+
+def _bias(
+    hybrid: Hybrid,
+    held: Sequence[Contact],
+    made: Sequence[Contact],
+    V: Numbers,
+    basis: Sequence[Numbers],
+    scale: Numbers,
+    asked: Specification,
+    notes: Notes,
+) -> None:
+    """That the bias presses every held contact, and pushes the part towards the one to be made."""
+    forces = [force for _, force in hybrid.pressed]
+    if any(not force > 0.0 for force in forces):
+        notes.add("normal_forces", "a held contact is not pressed")
+    if hybrid.push < 0.0 or (hybrid.push > 0.0 and not made):
+        notes.add("push", "pushes although no contact is to be made, or backwards")
+    free = tuple(v * s for v, s in zip(V, scale, strict=True))
+    for row in basis:
+        part = dot(row, free)
+        free = tuple(x - part * y for x, y in zip(free, row, strict=True))
+    size = math.hypot(*free)
+    u = tuple(x / size * s for x, s in zip(free, scale, strict=True)) if size > _RANK else (0.0,) * 6
+    for k, stated in enumerate(hybrid.bias):
+        value = hybrid.push * u[k] - sum(f * c.wrench[k] for f, c in zip(forces, held, strict=True))
+        if not abs(stated - value) <= _EXACT * max(abs(value), 1e-2 * asked.contact_force * scale[k]):
+            notes.add("bias_wrench", f"entry {k} is stated as {stated!r}, but follows as {value!r}")
+    if sum(forces) + hybrid.push > asked.contact_force * (1.0 + _OVER):
+        notes.add("bias_wrench", "exceeds the specified contact force")
+    if max(abs(x) for x in hybrid.bias[3:]) > asked.torque_limit * (1.0 + _OVER):
+        notes.add("bias_wrench", "exceeds the specified torque limit")
+    if made:
+        drag = asked.friction * sum(f * c.sliding(V) for f, c in zip(forces, held, strict=True))
+        needed = _SURE * asked.termination_force * abs(dot(_mean(made), V)) + drag
+        if hybrid.push * dot(u, V) < needed * (1.0 - _OVER) - _OVER:
+            notes.add("push", f"does the power {hybrid.push * dot(u, V):.6g} N, the contact takes {needed:.6g} N")
+
+
+def _end(
+    hybrid: Hybrid, made: Sequence[Contact], V: Numbers, stage: Stage, rho: float, asked: Specification, notes: Notes
+) -> None:
+    """When the move ends: wrench, threshold, travel and time."""
+    reaction = _mean(made)
+    if made and not dot(reaction, V) < 0.0:
+        notes.add("termination.wrench", "the motion does not run against the contact that ends it")
+    tube = stage.segment.tube
+    travel = number(stage.motion.length) + math.hypot(*tube.box) + rho * tube.theta
+    for what, stated, value in (
+        *((f"termination.wrench[{k}]", hybrid.wrench[k], asked.termination_force * reaction[k]) for k in range(6)),
+        ("termination.threshold", hybrid.threshold, asked.termination_force),
+        ("termination.max_travel", hybrid.max_travel, travel),
+        ("termination.timeout", hybrid.timeout, 2.0 * hybrid.max_travel / max(asked.speed, 1e-9)),
+        ("speed", hybrid.speed, asked.speed),
+    ):
+        if not abs(stated - value) <= RELATIVE * abs(value) + 1e-15:
+            notes.add(what, f"is stated as {stated!r}, but follows as {value!r}")
+
+
+def _mean(contacts: Sequence[Contact]) -> Numbers:
+    return tuple(sum(c.wrench[k] for c in contacts) / max(len(contacts), 1) for k in range(6))
+
+
+def _divided(wrench: Numbers, scale: Numbers) -> Numbers:
+    return tuple(x / s for x, s in zip(wrench, scale, strict=True))
+
+
+def _span(rows: Sequence[Numbers], most: int) -> list[Numbers]:
+    """Orthonormal rows that span the given ones, at most so many, the largest remainder first."""
+    left = [tuple(x / math.hypot(*row) for x in row) for row in rows]
+    found: list[Numbers] = []
+    while left and len(found) <= most:
+        best = max(left, key=lambda row: math.hypot(*row))
+        size = math.hypot(*best)
+        if size <= _RANK:
+            break
+        axis = tuple(x / size for x in best)
+        # Once more against what was found: the remainder of a nearly dependent row is not orthogonal to it.
+        for other in found:
+            part = dot(other, axis)
+            axis = tuple(x - part * y for x, y in zip(axis, other, strict=True))
+        size = math.hypot(*axis)
+        axis = tuple(x / size for x in axis)
+        found.append(axis)
+        left = [tuple(x - dot(row, axis) * y for x, y in zip(row, axis, strict=True)) for row in left]
+    return found
+
+
+def dot(a: Sequence[float], b: Sequence[float]) -> float:
+    """The inner product."""
+    return math.fsum(x * y for x, y in zip(a, b, strict=True))
+
+
+def cross(a: Sequence[float], b: Sequence[float]) -> Numbers:
+    """The vector product."""
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])

@@ -1,0 +1,51 @@
+"""What stands beside the segments of a plan has to agree with itself and with them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from plan_mutations import changed
+
+from fmopt.plan import NOT_COVERED
+from fmopt.verify import NOT_PROVED, verify
+from fmopt.verify.document import NOT_COVERED as KNOWN
+
+Plan = dict[str, Any]
+
+
+def test_what_is_not_covered_is_said_in_the_same_words() -> None:
+    assert KNOWN == NOT_COVERED
+
+
+def _last(values: list[Any], value: Any) -> None:
+    values[-1] = value
+
+
+CHANGES: dict[str, Callable[[Plan], Any]] = {
+    "nominal ends elsewhere": lambda p: _last(p["nominal"]["nodes"], [0.0, 0.0, -0.029, 0.0, 0.0, 0.0]),
+    "nominal times": lambda p: p["nominal"]["times"].reverse(),
+    "interval missing": lambda p: p["nominal"]["intervals"].pop(0),
+    "freedom of an interval": lambda p: p["nominal"]["intervals"][0].update(s=[1, 0, 0, 0, 0, 0]),
+    "position row missing": lambda p: p["position_force"].pop(),
+    "position row reversed": lambda p: p["position_force"][0].update(pa_start=p["position_force"][0]["pa_end"]),
+    "reaction reversed": lambda p: p["position_force"][-1].update(fa=[-x for x in p["position_force"][-1]["fa"]]),
+    "reaction on a free axis": lambda p: p["position_force"][0]["fa"].__setitem__(2, 5.0),
+    "reaction too large": lambda p: p["position_force"][-1]["fa"].__setitem__(0, 1e3),
+    "either sign": lambda p: p["position_force"][-1].update(either_sign=[]),
+    "critical point that is none": lambda p: p["segments"][0].update(critical_point=99),
+    "lower bound above the cost": lambda p: p["search"].update(lower_bound=p["search"]["cost"] + 1.0),
+    "gap": lambda p: p["search"].update(gap=0.0),
+    "clearance of one part": lambda p: p["parts"]["moving"].update(measured_clearance=1.0),
+    "specified force": lambda p: p["specification"].update(contact_force=1.0),
+    "specified torque": lambda p: p["specification"].update(torque_limit=1e-3),
+    "friction": lambda p: p["specification"].update(friction=0.9),
+}
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_changes_beside_the_segments_are_noticed(name: str, square_peg_plan: Plan) -> None:
+    verdict = verify(changed(square_peg_plan, CHANGES[name]))
+    assert verdict.verdict == NOT_PROVED
+    assert all("sha256" not in finding.what for finding in verdict.findings)
