@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 
@@ -83,21 +84,23 @@ def verify(
     """Check a plan's certificate from its own geometry, in exact arithmetic, without the planner."""
     from fmopt import verify as independent
 
-    expected = None
-    if problem is not None:
-        from fmopt.task.problem import load
-
-        expected = load(problem).sha256
     if not file.is_file():
-        raise ResourceError(f"{file}: no such file", "give the plan.json of a solved problem")
+        what = "is no file" if file.exists() else "no such file"
+        raise ResourceError(f"{file}: {what}", "give the plan.json of a solved problem")
     try:
-        verdict = independent.verify(independent.load(file), expected)
+        document = independent.load(file)
+        verdict = independent.verify(document)
+        if problem is not None:
+            from fmopt.task.agreement import disagreements
+            from fmopt.task.problem import load
+
+            verdict = verdict.unless(disagreements(load(problem), document))
     except independent.PlanError as error:
         raise PlanFormatError(f"{file}: {error}", "give a plan.json that fmopt solve wrote") from error
     except OSError as error:
         raise ResourceError(f"{file}: {error.strerror or error}", "give the plan.json of a solved problem") from error
     if as_json:
-        typer.echo(json.dumps(_findings(verdict)))
+        typer.echo(json.dumps({**_findings(verdict), **_margins(document)}))
     elif not quiet:
         for line in independent.describe(verdict):
             typer.echo(line)
@@ -111,14 +114,15 @@ def check(
     quiet: Quiet = False,
 ) -> None:
     """Validate a problem file with its models and say it back in words."""
-    from fmopt.task.explain import explain
+    from fmopt.task.explain import explain, facts, measured
     from fmopt.task.problem import load
 
     problem = load(file)
+    clearance = measured(problem)
     if as_json:
-        typer.echo(json.dumps({"title": problem.title, "sha256": problem.sha256, "valid": True}))
+        typer.echo(json.dumps(facts(problem, clearance)))
     elif not quiet:
-        typer.echo(explain(problem))
+        typer.echo(explain(problem, clearance))
 
 
 @app.command(epilog="Example: fmopt schema problem > problem.schema.json")
@@ -149,6 +153,7 @@ def _summary(document: dict[str, Any], verdict: Any, folder: Path) -> dict[str, 
     least = min(segment["margin"] for segment in document["segments"])
     return {
         **_findings(verdict),
+        **_margins(document),
         "verdict": document["verdict"],
         "margin" if document["verdict"] == "CERTIFIED" else "computed_margin": least,
         "segments": len(document["segments"]),
@@ -158,7 +163,20 @@ def _summary(document: dict[str, Any], verdict: Any, folder: Path) -> dict[str, 
 
 
 def _findings(verdict: Any) -> dict[str, Any]:
-    return {"verdict": str(verdict.verdict), "findings": [str(finding) for finding in verdict.findings]}
+    """A verdict as JSON: every finding in words and as data, the collision when there is one."""
+    return {
+        "verdict": str(verdict.verdict),
+        "findings": [str(finding) for finding in verdict.findings],
+        "details": [asdict(finding) for finding in verdict.findings],
+        "collision": None if verdict.witness is None else asdict(verdict.witness),
+        "not_covered": list(verdict.not_covered),
+    }
+
+
+def _margins(document: dict[str, Any]) -> dict[str, Any]:
+    """What each segment states, in m; stated, not proved, unless the verdict is CERTIFIED."""
+    keys = ("move", "margin", "clearance", "binding_contact")
+    return {"segment_margins": [{key: segment[key] for key in keys} for segment in document["segments"]]}
 
 
 def main() -> None:
@@ -166,18 +184,24 @@ def main() -> None:
     try:
         app()
     except FmoptError as error:
-        for line in _message(error):
-            typer.echo(line, err=True)
-        sys.exit(error.exit_code)
+        _fail(error)
     except MemoryError:
-        typer.echo("out of memory; solve a smaller problem or free some", err=True)
-        sys.exit(ResourceError.exit_code)
+        _fail(ResourceError("out of memory", "solve a smaller problem or free some"))
     except OSError as error:
-        typer.echo(f"{error.filename or 'I/O'}: {error.strerror or error}", err=True)
-        sys.exit(ResourceError.exit_code)
+        _fail(ResourceError(f"{error.filename or 'I/O'}: {error.strerror or error}", "check the path and the disk"))
     except Exception as error:  # noqa: BLE001 (the last door: nobody outside sees a traceback)
-        typer.echo(f"internal fault: {type(error).__name__}: {error}; please report it with the input", err=True)
-        sys.exit(FmoptError.exit_code)
+        _fail(FmoptError(f"internal fault: {type(error).__name__}: {error}; please report it with the input"))
+
+
+def _fail(error: FmoptError) -> NoReturn:
+    """One message on standard error, and with --json an object on standard output."""
+    for line in _message(error):
+        typer.echo(line, err=True)
+    if "--json" in sys.argv[1:]:
+        faults = [asdict(fault) for fault in error.faults] if isinstance(error, InputError) else []
+        told = {"message": error.message, "advice": error.advice, "faults": faults}
+        typer.echo(json.dumps({"error": told, "exit_code": error.exit_code}))
+    sys.exit(error.exit_code)
 
 
 def _message(error: FmoptError) -> list[str]:

@@ -43,6 +43,7 @@ class Stages:
 def print_solved(document: dict[str, Any], verdict: Any, folder: Path, report: bool) -> None:
     """Prints the outcome of `fmopt solve`."""
     from fmopt.report.moves import summary_rows
+    from fmopt.report.naming import binding_words
 
     console = Console(highlight=False)
     certified = document["verdict"] == "CERTIFIED"
@@ -61,7 +62,7 @@ def print_solved(document: dict[str, Any], verdict: Any, folder: Path, report: b
         f"clearance a side: measured {1e3 * moving['measured_clearance']:.4g} mm, declared {declared} mm (x, y)"
     )
     least = min(document["segments"], key=lambda segment: float(segment["margin"]))
-    margin = f"{1e6 * float(least['margin']):.2f} µm at {least['binding_contact']}"
+    margin = f"{1e6 * float(least['margin']):.2f} µm ({binding_words(document, least['binding_contact'])})"
     if certified:
         console.print(f"CERTIFIED: least margin {margin}, checked independently")
     else:

@@ -16,6 +16,8 @@ import pytest
 
 from fmopt import __version__, plan
 from fmopt.cli import EXIT, main
+from fmopt.task.agreement import disagreements
+from fmopt.task.problem import load
 
 ROOT = Path(__file__).parent.parent
 PROBLEM, PEG, BLOCK = "problems/square_peg.toml", "models/square_peg.toml", "models/square_hole_block.toml"
@@ -160,6 +162,57 @@ def test_all_faults_at_once(fmopt: Command, files: Path) -> None:
     assert {"unknown-key", "missing-key", "not-finite", "zero"} <= codes
 
 
+OTHERS = [
+    ("check", "model", "this is a model file, not a problem; name a problem file"),
+    ("check", "mesh", "is a mesh or CAD file, not TOML; name a model file (TOML) that says [mesh] file"),
+    ("check", "plan", "is JSON, not TOML"),
+    ("check", "empty", "is empty; copy a shipped problem"),
+    ("check", "folder", "is a directory"),
+    ("solve", "plan", "a plan goes to fmopt verify"),
+    ("verify", "problem", "give a plan.json that fmopt solve wrote"),
+]
+
+
+@pytest.mark.parametrize(("command", "kind", "words"), OTHERS, ids=[f"{row[0]} {row[1]}" for row in OTHERS])
+def test_a_file_of_another_kind(fmopt: Command, files: Path, command: str, kind: str, words: str) -> None:
+    made = {"model": files / PEG, "problem": files / PROBLEM, "folder": files}
+    made |= {"mesh": files / "part.stl", "plan": files / "plan.json", "empty": files / "empty.toml"}
+    made["mesh"].write_bytes(b"solid part\nendsolid part\n")
+    made["plan"].write_bytes(b'{"format": "fmopt.plan/1"}')
+    made["empty"].write_bytes(b"\n")
+    done = fmopt(command, made[kind])
+    assert (done.code, done.out) == (2, "")
+    assert words in done.err
+    assert done.err.count("\n") <= 2
+
+
+def test_a_problem_in_place_of_a_model(fmopt: Command, files: Path) -> None:
+    edit(files / PROBLEM, 'model = "../models/square_peg.toml"', 'model = "square_peg.toml"')
+    done = fmopt("check", files / PROBLEM)
+    assert done.code == 2
+    assert "this is a problem file, not a model; name a model file" in done.err
+
+
+@pytest.mark.parametrize(
+    ("new", "words"),
+    [('"0,3 mm"', "write a decimal point, 0.2"), ("0,3", "numbers take a decimal point"), ('"a lot"', '"0.3 deg"')],
+)
+def test_numbers_that_are_none(fmopt: Command, files: Path, new: str, words: str) -> None:
+    edit(files / PROBLEM, "\nrx = 0.3", f"\nrx = {new}")
+    done = fmopt("check", files / PROBLEM)
+    assert done.code == 2
+    assert words in done.err
+
+
+def test_errors_as_json(fmopt: Command, files: Path) -> None:
+    line, _ = edit(files / PROBLEM, "[goal]", "[gaol]")
+    done = fmopt("check", files / PROBLEM, "--json")
+    told = json.loads(done.out)
+    assert told["exit_code"] == done.code == 2
+    assert any(f["line"] == line and f["code"] == "unknown-key" and f["advice"] for f in told["error"]["faults"])
+    assert "unknown-key" in done.err
+
+
 # Infeasible: exit 1 with the interference in millimetres and where
 
 
@@ -175,6 +228,13 @@ def test_no_clearance_at_all(fmopt: Command, files: Path) -> None:
     assert (done.code, done.out) == (1, "")
     assert "0 mm at (" in done.err
     assert "make the peg thinner or the hole wider" in done.err
+
+
+@pytest.mark.parametrize(("peg", "words"), [(20.5, "interference 0.150000 mm"), (20.2, "interference 0.000000 mm")])
+def test_check_refuses_what_cannot_be_assembled(fmopt: Command, files: Path, peg: float, words: str) -> None:
+    done = fmopt("check", widths(files, peg, 20.2))
+    assert (done.code, done.out) == (1, "")
+    assert words in done.err
 
 
 # check, schema, version
@@ -245,6 +305,10 @@ def test_verify_agrees_with_the_plans_verdict(
     as_json = fmopt("verify", square_peg_plan_file, "--json")
     assert json.loads(as_json.out)["verdict"] == square_peg_plan["verdict"]
     assert as_json.out.count("\n") == 1
+    told = json.loads(as_json.out)
+    assert [s["margin"] for s in told["segment_margins"]] == [s["margin"] for s in square_peg_plan["segments"]]
+    assert told["collision"] is None
+    assert told["details"] == []
     assert fmopt("verify", square_peg_plan_file, "--quiet") == Outcome(done.code, "", "")
 
 
@@ -252,6 +316,29 @@ def test_verify_with_another_problem_is_not_proved(fmopt: Command, square_peg_pl
     done = fmopt("verify", square_peg_plan_file, "--problem", ROOT / "problems" / "factory_rect_8mm_tight.toml")
     assert done.code == 3
     assert "the plan belongs to another problem" in done.out
+    assert "the plan is for another moving part" in done.out
+
+
+CHANGES: list[tuple[Callable[[dict[str, Any]], Any], str]] = [
+    (lambda p: p["uncertainty"]["start_box"].__setitem__(0, 1e-4), "other start errors"),
+    (lambda p: p["uncertainty"].update(velocity_error=[0.001, 0.001]), "another velocity error"),
+    (lambda p: p["goal"].__setitem__(2, -0.02), "another depth"),
+    (lambda p: p["specification"].update(friction=0.0), "another specification"),
+    (lambda p: p["parts"]["moving"]["vertices"][0].__setitem__(0, 0.0), "another moving part"),
+    (lambda p: p["parts"]["fixed"].update(declared_clearance=[1.0, 1.0]), "declared clearance of the fixed part"),
+]
+
+
+@pytest.mark.parametrize(("change", "words"), CHANGES, ids=[row[1] for row in CHANGES])
+def test_a_plan_is_held_against_its_problem_number_by_number(
+    square_peg_plan: dict[str, Any], change: Callable[[dict[str, Any]], Any], words: str
+) -> None:
+    problem = load(ROOT / PROBLEM)
+    assert disagreements(problem, square_peg_plan) == []
+    changed = copy.deepcopy(square_peg_plan)
+    change(changed)
+    (told,) = disagreements(problem, changed)
+    assert words in told
 
 
 def test_verify_refutes_a_plan_that_ends_in_the_wall(
@@ -365,7 +452,7 @@ def test_a_traceback_never_leaves_a_process(tmp_path: Path) -> None:
             [sys.executable, "-m", "fmopt", *words], cwd=tmp_path, capture_output=True, text=True, timeout=60
         )
         assert done.returncode == 2
-        assert done.stdout == ""
+        assert (done.stdout == "") is ("--json" not in words)
         assert done.stderr
         assert "Traceback" not in done.stderr
         assert "\x1b" not in done.stderr

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from report_plans import bare_plan, box, cube_plan
 
-from fmopt.report.scene import embedded, resource, scene, scene_data, scene_page
+from fmopt.report.scene import embedded, resource, scene, scene_data
 from fmopt.se3 import Pose, exp
 
 MM = 1e-3
@@ -22,9 +22,9 @@ def volume(polygons: list[list[list[float]]]) -> float:
     return float(total)
 
 
-def test_the_page_is_self_contained_and_the_same_every_time() -> None:
-    page = scene_page(cube_plan())
-    assert page == scene_page(cube_plan())
+def test_the_viewer_is_self_contained_and_the_same_every_time() -> None:
+    page = scene(cube_plan())
+    assert page == scene(cube_plan())
     assert "http" not in page
     assert len(page) < 200_000
 

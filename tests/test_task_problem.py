@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from fmopt.se3 import exp, log
-from fmopt.task.explain import explain
+from fmopt.task.explain import explain, facts, measured
 from fmopt.task.problem import Problem, load
 from fmopt.task.schema import model_schema, problem_schema, text
 from fmopt.task.sources import Deviation, Sources, start_box
@@ -114,7 +114,7 @@ def test_a_given_depth_and_settings_left_out(tmp_path: Path) -> None:
     assert problem.goal[2] == -0.012
     assert problem.settings.max_tilt == math.radians(12)
     assert problem.settings.time_limit == 600.0
-    assert "12 mm below the mouth (40% of full depth)" in explain(problem)
+    assert "12 mm below the mouth (40% of full depth)" in explain(problem, measured(problem))
 
 
 def test_a_mesh_model_agrees_with_its_solid(tmp_path: Path, square: Problem) -> None:
@@ -161,19 +161,37 @@ def test_importing_loads_nothing_heavy_and_loading_no_unit_library() -> None:
 
 
 def test_a_problem_in_words(square: Problem, rectangular: Problem) -> None:
-    words = explain(square)
+    words = explain(square, measured(square))
     for expected in (
         "moving: square_peg, 20 x 20 x 40 mm, 6 faces, 1 convex piece; mates by peg (solid, length 40 mm)",
         "mates by hole (hollow, blind, depth 30 mm)",
         "leading face 30 mm below the mouth (full depth)",
-        "declared on each side: 0.1 mm along x, 0.1 mm along y; the start error is larger",
+        "declared on each side: 0.1 mm along x, 0.1 mm along y",
+        "measured on the parts: 0.1 mm where it is least; the start error is 3 times that",
+        "lowest point 1 mm above the mouth",
         "error as stated: +-0.3, 0.3, 0 mm along x, y, z; +-0.3, 0.3, 0.3 deg about them",
         "velocity off by up to 1 % in translation, 1 % in rotation",
-        "tilt about 12 deg",
+        "about 12 deg about each of x and y",
         square.sha256,
     ):
         assert expected in words
-    assert "open at both ends, depth 8.9916 mm" in explain(rectangular)
+    assert "open at both ends, depth 8.9916 mm" in explain(rectangular, measured(rectangular))
+
+
+def test_a_problem_as_data(square: Problem) -> None:
+    told = facts(square, measured(square))
+    assert told["measured_clearance"] == pytest.approx(1e-4, abs=1e-12)
+    assert told["play"] == pytest.approx([2e-4, 2e-4], abs=1e-12)
+    assert told["warnings"] == []
+    json.dumps(told, allow_nan=False)
+
+
+def test_a_drawing_that_disagrees_with_the_parts_is_told(tmp_path: Path) -> None:
+    path = copied(tmp_path)
+    path.write_text(path.read_text(encoding="utf-8").replace("y = 0.1", "y = 0.2"))
+    problem = load(path)
+    (warning,) = facts(problem, measured(problem))["warnings"]
+    assert "along y, 0.2 mm a side are declared, 0.1 mm measured" in warning
 
 
 SOURCES = Sources(
@@ -244,4 +262,4 @@ grasp = { position = 0.2, angle = "30 mrad", height = 40 }
     problem = load(path)
     assert problem.sources == SOURCES
     np.testing.assert_array_equal(problem.start_box, start_box(SOURCES, 0.001))
-    assert "robot: 0.1 mm, 0.859437 deg" in explain(problem)
+    assert "robot: 0.1 mm, 0.859437 deg" in explain(problem, measured(problem))

@@ -102,11 +102,6 @@ def mating_clearance(moving: Part, fixed: Part, depth: float) -> Clearance:
     )
 
 
-def mating_half_diagonal(moving: Part, fixed: Part, depth: float) -> float:
-    """Half the diagonal (m) of the peg's section where the clearance is smallest: the characteristic length ρ."""
-    return mating_clearance(moving, fixed, depth).half_diagonal
-
-
 def interference(moving: Part, fixed: Part, pose: Pose) -> Interference:
     """Overlap of the moving part at `pose` with the fixed part.
 
@@ -130,10 +125,11 @@ def checked_clearance(moving: Part, fixed: Part, seated: Pose, depth: float) -> 
     """
     measured = mating_clearance(moving, fixed, depth)
     if measured.per_side <= 0.0:
+        short = abs(min(measured.per_side, 0.0))
         raise InterferenceError(
             f"{moving.name!r} does not go into {fixed.name!r}: at {place(measured.where)} of the hole the clearance is "
-            f"{1e3 * measured.per_side + 0.0:.6f} mm a side, face {measured.moving_face} on face {measured.fixed_face}",
-            -measured.per_side,
+            f"{-1e3 * short + 0.0:.6f} mm a side, face {measured.moving_face} on face {measured.fixed_face}",
+            short,
             f"{place(measured.where)} in the B-frame",
             "make the peg thinner or the hole wider, and check the units of both",
         )

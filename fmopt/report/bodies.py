@@ -42,12 +42,6 @@ def cut(bodies: tuple[Polyhedron, ...], pose: Pose, plane: str) -> MultiPolygon:
     return MultiPolygon([part for part in get_parts(closed) if part.geom_type == "Polygon"])
 
 
-def pose_along(piece: Mapping[str, Any], share: float) -> Pose:
-    """The nominal pose at a share 0…1 of a piece: straight in position, about one axis in orientation."""
-    start, goal = Pose.from_vector(piece["start"]), Pose.from_vector(piece["goal"])
-    return start.moved(share * start.local(goal))
-
-
 def extent(shape: MultiPolygon, height: float) -> Array:
     """Where the line at a height crosses a section: intervals (n, 2) from left to right, m."""
     from shapely import LineString, get_parts

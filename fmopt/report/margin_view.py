@@ -10,6 +10,7 @@ import numpy as np
 
 from fmopt.report.drawing import BLUE, GREY, INK, RUST, WIDTH
 from fmopt.report.moves import Move, characteristic_length, margin_name, margin_words, moves, turn_of, way_of
+from fmopt.report.naming import binding_label
 from fmopt.values import Array
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ def size(plan: Mapping[str, Any]) -> tuple[float, float]:
 
 def alt(plan: Mapping[str, Any]) -> str:
     """What is to be seen, for who cannot see it."""
-    said = [f"move {m.number} {margin_words(m.margin)}, bound by {m.binding or 'nothing'}" for m in moves(plan)]
+    said = [f"move {m.number} {margin_words(m.margin)}, bound by {binding_label(plan, m.binding)}" for m in moves(plan)]
     return f"Clearance and {margin_name(plan)} of every piece of the motion. Smallest by move: {'; '.join(said)}."
 
 
@@ -45,7 +46,7 @@ def paint(plan: Mapping[str, Any], figure: Figure) -> None:
     axes.set_ylim(min(4.0 * float(np.nanmin(values)), -0.3 * _LINEAR), 20.0 * float(np.nanmax(values)))
     for k, move in enumerate(run):
         axes.axvline(k, color=GREY, linewidth=0.5, linestyle=":")
-        words = f"move {move.number}\n" + fill(move.binding, 12, break_on_hyphens=False)
+        words = f"move {move.number}\n" + fill(binding_label(plan, move.binding), 12, break_on_hyphens=False)
         axes.text(k + 0.5, 0.985, words, ha="center", va="top", fontsize=8, transform=axes.get_xaxis_transform())
     _point_at_smallest(axes, run, edges)
     axes.set_xlim(0, max(len(run), 1))

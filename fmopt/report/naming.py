@@ -127,6 +127,29 @@ def binding_words(plan: Mapping[str, Any], binding: str) -> str:
     return binding or "–"
 
 
+def binding_label(plan: Mapping[str, Any], binding: str) -> str:
+    """The same in two or three words, for figures."""
+    pair = re.fullmatch(r"(?:pieces )?(\d+)[/-](\d+)", binding)
+    if pair:
+        return f"against {_side_words(plan['parts']['fixed'], int(pair[2]))}"
+    early = re.fullmatch(r"(\S+) too early", binding)
+    if early:
+        return f"{early[1]} made too early"
+    return f"bounds of {binding}" if binding else "nothing"
+
+
+def _side_words(part: Mapping[str, Any], number: int) -> str:
+    """Where a convex piece of the fixed part lies, seen from the hole: "the −x side", "the floor"."""
+    pieces = part.get("pieces", ())
+    if len(pieces) < 2 or number >= len(pieces):
+        return str(part["name"])
+    points = np.array(pieces[number]["vertices"], dtype=np.float64)
+    low, high = points.min(axis=0), points.max(axis=0)
+    gaps = {"−x": -high[0], "+x": low[0], "−y": -high[1], "+y": low[1]}
+    side = max(gaps, key=lambda name: float(gaps[name]))
+    return f"the {side} side" if gaps[side] > 0.0 else "the floor" if high[2] < -_SAME else f"piece {number}"
+
+
 def _piece_words(part: Mapping[str, Any], number: int) -> str:
     """A convex piece by the part's name and, where there are several, the axis on which it is a slice of the part."""
     pieces = part.get("pieces", ())

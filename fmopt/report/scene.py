@@ -56,28 +56,6 @@ def scene(plan: Mapping[str, Any]) -> str:
     )
 
 
-def scene_page(plan: Mapping[str, Any]) -> str:
-    """The viewer as a page of its own."""
-    title = html.escape(_title(plan))
-    return f"""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<link rel="icon" href="data:,">
-<title>{title}</title>
-</head>
-<body style="font-family: sans-serif">
-<h1 style="font-size: 1.2rem">{title}</h1>
-{scene(plan)}</body>
-</html>
-"""
-
-
-def _title(plan: Mapping[str, Any]) -> str:
-    return f"{plan.get('problem', {}).get('title', 'insertion')}: the motion"
-
-
 def _label(plan: Mapping[str, Any]) -> str:
     parts = plan["parts"]
     return f"Picture in three dimensions of {parts['moving']['name']} going into {parts['fixed']['name']}"

@@ -4,21 +4,57 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 
+from fmopt.geometry.clearance import Clearance, checked_clearance
 from fmopt.geometry.features import Feature
 from fmopt.geometry.part import Part
+from fmopt.se3 import Pose
 from fmopt.task.problem import Problem
 from fmopt.task.sources import Sources
 
 
-def explain(problem: Problem) -> str:
+def measured(problem: Problem) -> Clearance:
+    """The clearance as measured on the parts.
+
+    Raises:
+        InterferenceError: the parts overlap when assembled, or their clearance is not positive.
+    """
+    seated = Pose.from_vector(problem.goal)
+    return checked_clearance(problem.moving, problem.fixed, seated, -float(problem.goal[2]))
+
+
+def facts(problem: Problem, clearance: Clearance) -> dict[str, Any]:
+    """The same as data: SI units, half-widths of errors in the order x, y, z, rx, ry, rz."""
+    play = [width if math.isfinite(width) else None for width in clearance.play]
+    return {
+        "valid": True,
+        "title": problem.title,
+        "sha256": problem.sha256,
+        "parts": {"moving": problem.moving.name, "fixed": problem.fixed.name},
+        "features": {"moving": problem.peg.name, "fixed": problem.hole.name},
+        "goal": problem.goal.tolist(),
+        "start_height": problem.approach,
+        "start_box": problem.start_box.tolist(),
+        "velocity_error": asdict(problem.velocity_error),
+        "declared_clearance": list(problem.declared_clearance),
+        "measured_clearance": clearance.per_side,
+        "play": play,
+        "specification": asdict(problem.specification),
+        "settings": asdict(problem.settings),
+        "warnings": list(_mismatch(problem, clearance)),
+    }
+
+
+def explain(problem: Problem, clearance: Clearance) -> str:
     """What a problem asks for, one statement a line, lengths in mm and angles in degrees."""
     sections = {
         "parts": [_part("moving", problem.moving, problem.peg), _part("fixed", problem.fixed, problem.hole)],
         "goal": [_goal(problem)],
-        "clearance": [_clearance(problem)],
+        "clearance": list(_clearance(problem, clearance)),
         "start": list(_start(problem)),
         "motion": list(_motion(problem)),
         "settings": list(_settings(problem)),
@@ -54,13 +90,26 @@ def _goal(problem: Problem) -> str:
     return f"leading face {_mm(depth)} mm below the mouth ({share}), not turned, anywhere within the play"
 
 
-def _clearance(problem: Problem) -> str:
+def _clearance(problem: Problem, clearance: Clearance) -> Iterator[str]:
     x, y = problem.declared_clearance
-    words = f"declared on each side: {_mm(x)} mm along x, {_mm(y)} mm along y"
+    yield f"declared on each side: {_mm(x)} mm along x, {_mm(y)} mm along y"
+    found = f"measured on the parts: {_mm(round(clearance.per_side, 12))} mm where it is least"
     error = max(float(problem.start_box[0]), float(problem.start_box[1]))
-    if error > min(x, y):
-        words += "; the start error is larger, so contacts have to shrink it"
-    return words
+    if error > clearance.per_side:
+        found += f"; the start error is {error / clearance.per_side:.3g} times that, so contacts have to shrink it"
+    yield found
+    yield from _mismatch(problem, clearance)
+
+
+def _mismatch(problem: Problem, clearance: Clearance) -> Iterator[str]:
+    """Where the drawing and the parts disagree by more than 1 % and 1 µm; the plan rests on the parts."""
+    for axis, declared, play in zip("xy", problem.declared_clearance, clearance.play, strict=True):
+        side = 0.5 * play
+        if math.isfinite(side) and abs(side - declared) > max(1e-6, 0.01 * declared):
+            yield (
+                f"warning: along {axis}, {_mm(declared)} mm a side are declared, {_mm(round(side, 12))} mm measured; "
+                "the plan rests on the measured one"
+            )
 
 
 def _start(problem: Problem) -> Iterator[str]:
@@ -104,4 +153,7 @@ def _settings(problem: Problem) -> Iterator[str]:
     rho = settings.characteristic_length
     length = "half the diagonal of the mating section" if rho is None else f"{_mm(rho)} mm"
     yield f"uncertainty: {settings.method}; placement: {settings.placement}; characteristic length: {length}"
-    yield f"tilt about {_deg(settings.max_tilt)} deg about x and y; search for at most {settings.time_limit:.6g} s"
+    yield (
+        f"tilted by up to about {_deg(settings.max_tilt)} deg about each of x and y at the start; "
+        f"search for at most {settings.time_limit:.6g} s"
+    )

@@ -33,6 +33,9 @@ def load_problem(path: Path) -> Problem:
         InputError: with every fault of the file and of its models.
     """
     source = read(path)
+    if not {"moving", "fixed"} & set(source.data) and {"features", "solids", "mesh"} & set(source.data):
+        advice = "name a problem file, which names two models under [moving] and [fixed]"
+        raise InputError(source.place(()).fault("file-kind", "this is a model file, not a problem", advice))
     reading = Reading(factors(source.data.get("units")))
     file, faults = checked(files.ProblemFile, source, reading)
     models: dict[str, Model] = {}

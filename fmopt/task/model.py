@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from fmopt.errors import Fault
+from fmopt.errors import Fault, InputError
 from fmopt.task.faults import checked
 from fmopt.task.model_file import ModelFile
 from fmopt.task.tables import Reading, factors
@@ -43,6 +43,9 @@ def load_model(path: Path, cited: Place, overrides: Mapping[str, Override]) -> t
         InputError: the file cannot be read or is not TOML.
     """
     source = read(path, cited)
+    if {"moving", "fixed"} <= set(source.data):
+        advice = "name a model file, which describes one part by [solids] or [mesh] and its [features]"
+        raise InputError(source.place(()).fault("file-kind", "this is a problem file, not a model", advice))
     scale = factors(source.data.get("units"))
     reading, faults = _parameters(source, Reading(scale, {}), overrides)
     file, more = checked(ModelFile, source, reading)

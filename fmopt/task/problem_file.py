@@ -70,14 +70,14 @@ class Clearance(Table):
 
 
 class Start(Table):
-    """Where the motion starts: on the mating axis, not turned."""
+    """Where the motion starts: above the mouth, beside the axis and tilted as the plan chooses."""
 
     height: Length
-    """Height of the moving part's leading face above the mouth."""
+    """Height of the tilted part's lowest point above the mouth; the start error holds in that pose."""
 
 
 class Box(Table):
-    """Half-widths of the start error: translation of the leading face's centre, and rotation about it."""
+    """Half-widths of the error in the tilted start pose: shift of the leading face's centre, rotation about it."""
 
     x: Distance
     y: Distance
@@ -159,11 +159,11 @@ class Settings(Table):
     placement: Literal["socp+nlp", "descent"] = "socp+nlp"
     """How goal poses are placed; "descent" is the paper's steepest descent, for comparison."""
     max_tilt: Tilt = Field(default_factory=lambda: math.radians(12.0))
-    """Greatest tilt of the moving part on the way; 12 deg if not given."""
+    """Greatest tilt about each of x and y in which the part starts, 12 deg if not given; moves may turn it further."""
     characteristic_length: Length | None = None
     """Length that makes rotation comparable with translation; half the diagonal of the mating section if not given."""
     time_limit: Duration = Field(default_factory=lambda: 600.0)
-    """Time after which the search stops with the best it has; 600 s if not given."""
+    """Time after which no further sequence is searched for, 600 s if not given; placing and checking come on top."""
 
 
 class ProblemFile(Table):

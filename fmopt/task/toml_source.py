@@ -15,6 +15,8 @@ from fmopt.errors import Fault, InputError
 Key = tuple[str | int, ...]
 
 MAX_BYTES = 1_000_000
+_SYNTAX = "see https://toml.io for the syntax; numbers take a decimal point, words quotation marks"
+_MESHES = {".stl", ".obj", ".ply", ".step", ".stp", ".glb", ".sdf", ".urdf"}
 MAX_DEPTH = 24
 
 
@@ -132,6 +134,7 @@ def read(path: Path, cited: Place | None = None) -> Source:
         InputError: the file cannot be read, is not UTF-8, or is not TOML.
     """
     content = read_bytes(path, cited or Place(str(path)), MAX_BYTES)
+    _refuse_others(path, content)
     text = _text(path, content)
     data = _parsed(path, text)
     keys, values = _places(text)
@@ -141,6 +144,22 @@ def read(path: Path, cited: Place | None = None) -> Source:
             place = source.place(key)
             raise InputError(_nesting(str(path), place.line, place.column))
     return source
+
+
+def _refuse_others(path: Path, content: bytes) -> None:
+    """Meshes, JSON and empty files get an error that says what they are."""
+    begin = content.lstrip()[:1]
+    if path.suffix.lower() in _MESHES:
+        message = f"{_name(path)} is a mesh or CAD file, not TOML"
+        advice = f'name a model file (TOML) that says [mesh] file = "{path.name}", its unit, and a feature'
+    elif path.suffix.lower() == ".json" or begin == b"{":
+        message = f"{_name(path)} is JSON, not TOML"
+        advice = "name a problem or model file; a plan goes to fmopt verify"
+    elif not begin:
+        message, advice = f"{_name(path)} is empty", "copy a shipped problem or model and change it"
+    else:
+        return
+    raise InputError(Place(str(path)).fault("file-kind", message, advice))
 
 
 def _nesting(file: str, line: int, column: int) -> Fault:
@@ -184,7 +203,7 @@ def _parsed(path: Path, text: str) -> dict[str, Any]:
         line, column = len(lines), len(lines[-1]) + 1
         if found and found[2]:
             line, column = int(found[2]), int(found[3])
-        fault = Place(str(path), line, column).fault("toml-syntax", message[:200], "see https://toml.io for the syntax")
+        fault = Place(str(path), line, column).fault("toml-syntax", message[:200], _SYNTAX)
     except RecursionError:
         depths = [line.count("[") + line.count("{") for line in lines]
         worst = max(range(len(lines)), key=depths.__getitem__)

@@ -155,7 +155,8 @@ def evaluate(text: str, names: Mapping[str, Quantity] | None = None) -> Quantity
         found = _TOKEN.match(text, position)
         if found is None:
             rest = text[position:].strip()
-            raise QuantityError("expression", f"{rest[:1]!r} is not understood", _GRAMMAR)
+            advice = "write a decimal point, 0.2" if rest[:1] == "," else _GRAMMAR
+            raise QuantityError("expression", f"{rest[:1]!r} is not understood", advice)
         kind = ("number", "name", "sign")[(found.lastindex or 1) - 1]
         tokens.append((kind, found[found.lastindex or 1]))
         position = found.end()
@@ -247,7 +248,11 @@ class _Parser:
         while self.kind == "sign" and self.text in "+-":
             sign = sign if self._take() == "+" else -sign
         if self.kind != "number":
-            raise QuantityError("expression", f"{self.text!r} is not a number", 'write a number and its unit, "0.2 mm"')
+            raise QuantityError(
+                "expression",
+                f"{self.text!r} is not a number",
+                'write a number, or one with its unit: "0.2 mm", "0.3 deg"',
+            )
         value = self._number(compound=True)
         return Quantity(sign * value.value, value.dimension)
 

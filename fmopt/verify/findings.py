@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from fmopt.verify.rational import fixed, number
 
@@ -76,6 +76,13 @@ class Verdict:
     segments: int
     margin: float | None
     not_covered: tuple[str, ...]
+
+    def unless(self, differences: Sequence[str]) -> Verdict:
+        """The same, but not CERTIFIED where the plan differs from the problem that it is held against."""
+        if not differences:
+            return self
+        found = (*self.findings, *(Finding(None, "problem", 0.0, text) for text in differences))
+        return replace(self, verdict=self.verdict if self.verdict == REFUTED else NOT_PROVED, findings=found)
 
     def lines(self) -> list[str]:
         """The verdict as text for people."""

@@ -168,12 +168,6 @@ def _around(loop: tuple[int, ...]) -> Iterator[tuple[int, int]]:
     return zip(loop, (*loop[1:], loop[0]), strict=True)
 
 
-def centroid(points: Sequence[Vector]) -> Vector:
-    """The mean of points."""
-    n = len(points)
-    return (sum(p[0] for p in points) // n, sum(p[1] for p in points) // n, sum(p[2] for p in points) // n)
-
-
 def on_line(a: Line, b: Line) -> bool:
     """Whether two lines are the same, over half a metre to `NEAR`."""
     return a.holds(b.point) and parallel(a.direction, b.direction)
