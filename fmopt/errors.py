@@ -96,6 +96,23 @@ class InfeasibleError(FmoptError):
         self.shortfall = shortfall
 
 
+class TaskError(FmoptError):
+    """A task command, or an object of the knowledge base, that breaks a rule.
+
+    Args:
+        message: what was wrong, and by how much.
+        feature: the feature or object at fault.
+        rule: the rule, in words.
+    """
+
+    exit_code = 2
+
+    def __init__(self, message: str, feature: str, rule: str, advice: str = "") -> None:
+        super().__init__(f"{message} (rule: {rule})", advice)
+        self.feature = feature
+        self.rule = rule
+
+
 class SearchError(FmoptError):
     """No motion was found; that none exists is not proven."""
 

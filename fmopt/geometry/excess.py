@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 Plane = tuple[Array, float]
 
+MESH_NOISE = 1e-6  # of the diameter: what is cleaned away from imported meshes
 _CUTS = 64  # one after the other; a mesh that needs more is no machined part
 _PAIRS = 128  # reflex edges up to which planes through any two are tried; above, through neighbours only
 

@@ -10,7 +10,7 @@ from fmopt.errors import Fault, InputError
 from fmopt.task.faults import checked
 from fmopt.task.model_file import ModelFile
 from fmopt.task.tables import Reading, factors
-from fmopt.task.toml_source import Place, Source, read
+from fmopt.task.toml_source import Key, Place, Source, read
 from fmopt.task.tree import tree_faults
 from fmopt.task.units import Quantity, QuantityError, did_you_mean
 
@@ -53,6 +53,22 @@ def load_model(path: Path, cited: Place, overrides: Mapping[str, Override]) -> t
     if file is not None:
         faults += _cross_checks(source, file)
     return (Model(source, file) if file is not None and not faults else None), faults
+
+
+def overrides_of(source: Source, reading: Reading, key: Key) -> tuple[dict[str, Override], list[Fault]]:
+    """The parameter values that a file gives for a model in the table at `key`, and those that are at fault."""
+    table: object = source.data
+    for part in key:
+        table = table.get(part) if isinstance(table, Mapping) else None
+    overrides: dict[str, Override] = {}
+    faults: list[Fault] = []
+    for name, raw in (table if isinstance(table, Mapping) else {}).items():
+        place = source.place((*key, name))
+        try:
+            overrides[name] = Override(reading.quantity(raw, None), place)
+        except QuantityError as error:
+            faults.append(place.fault(error.code, error.message, error.advice))
+    return overrides, faults
 
 
 def _parameters(source: Source, reading: Reading, overrides: Mapping[str, Override]) -> tuple[Reading, list[Fault]]:
@@ -101,4 +117,9 @@ def _cross_checks(source: Source, file: ModelFile) -> list[Fault]:
         if feature.kind == "solid" and feature.through:
             place = source.place(("features", name, "through"))
             faults.append(place.fault("conflict", "a solid feature cannot be through", "remove 'through'"))
+        for i, solid in enumerate(feature.solids or ()):
+            if solid not in file.solids:
+                advice = did_you_mean(solid, dict(file.solids)) or f"solids: {', '.join(file.solids) or 'none'}"
+                place = source.place(("features", name, "solids", i))
+                faults.append(place.fault("unknown-solid", f"there is no solid {solid!r}", advice))
     return faults

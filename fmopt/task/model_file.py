@@ -132,6 +132,10 @@ class MatingFeature(Table):
     """Depth of the hole, or length of the peg."""
     through: bool = False
     """Whether a hole is open at both ends."""
+    classification: Name | None = None
+    """Class of features to list it in, such as holes or slots; holes or pegs, by its kind, if not given."""
+    solids: Annotated[tuple[Name, ...], Field(min_length=1, max_length=256)] | None = None
+    """Named solids that it is made of: what a hole takes away, or a peg adds; found on its axis if not given."""
 
 
 class ModelFile(Table):

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, assert_never
 
-from fmopt.errors import Fault, GeometryError, InputError
+from fmopt.errors import Fault, GeometryError, InputError, TaskError
 from fmopt.se3 import Pose
 from fmopt.task import model_file as files
 from fmopt.task.toml_source import Key, Place, Source, read_bytes
@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from fmopt.geometry import csg
     from fmopt.geometry.features import Feature
     from fmopt.geometry.part import Part
+    from fmopt.geometry.polyhedron import Polyhedron
+    from fmopt.knowledge.chain import Chain
+    from fmopt.knowledge.tree import ObjectTree
 
 MAX_INSTANCES = 1000
 MAX_MESH_BYTES = 100_000_000
@@ -100,14 +103,11 @@ def build_part(source: Source, file: files.ModelFile) -> Part:
 
     features = [_feature(name, feature) for name, feature in file.features.items()]
     if file.mesh is not None:
-        place = source.place(("mesh", "file"))
-        path = source.path.parent / Path(file.mesh.file)
-        read_bytes(path, place, MAX_MESH_BYTES)
+        body = _mesh(source, file.mesh)
         try:
-            from fmopt.geometry.mesh import load_mesh
-
-            return mesh_part(file.name, load_mesh(path, file.mesh.unit), features)
+            return mesh_part(file.name, body, features)
         except GeometryError as error:
+            place = source.place(("mesh", "file"))
             raise InputError(place.fault("geometry", error.message, error.advice)) from error
     root = file.part or ""
     solid = _solid(source, file, root)
@@ -116,6 +116,70 @@ def build_part(source: Source, file: files.ModelFile) -> Part:
     except GeometryError as error:
         place = source.place(("solids", root), of_key=True)
         raise InputError(place.fault("geometry", error.message, error.advice)) from error
+
+
+def build_tree(source: Source, file: files.ModelFile) -> ObjectTree:
+    """The object tree of a checked model file, its frames checked, after [LeeHuang1985] section 3.
+
+    A mesh, and a part with a feature that none of its solids make (a hole that others leave between them), becomes its
+    convex hull less convex bodies.
+
+    Raises:
+        InputError: no solid comes out, or a feature breaks a rule; at its place in the file.
+    """
+    from fmopt.geometry.excess import MESH_NOISE, solid_of
+    from fmopt.geometry.pieces import polyhedron
+    from fmopt.knowledge.chain import chain_of, chain_solid
+    from fmopt.knowledge.classify import Claim, is_made, object_tree
+    from fmopt.knowledge.frames import checked
+
+    features = [_feature(name, feature) for name, feature in file.features.items()]
+    claims = {
+        name: Claim(feature.classification or "", feature.solids or ()) for name, feature in file.features.items()
+    }
+    try:
+        chain = _chain(source, file, file.part or "") if file.mesh is None else ()
+        if not all(claims[feature.name].terms or is_made(chain, feature) for feature in features):
+            body = _mesh(source, file.mesh) if file.mesh is not None else polyhedron(chain_solid(chain))
+            chain = chain_of(solid_of(body, MESH_NOISE * body.diameter), file.name)
+        return checked(object_tree(file.name, chain, features, claims))
+    except TaskError as error:
+        key = ("features", error.feature) if error.feature in file.features else ("features",)
+        raise InputError(source.place(key, of_key=True).fault("frame-rule", error.message, error.advice)) from error
+    except GeometryError as error:
+        place = source.place(("solids", file.part) if file.part else ("mesh", "file"), of_key=True)
+        raise InputError(place.fault("geometry", error.message, error.advice)) from error
+
+
+def _mesh(source: Source, mesh: files.Mesh) -> Polyhedron:
+    place = source.place(("mesh", "file"))
+    path = source.path.parent / Path(mesh.file)
+    read_bytes(path, place, MAX_MESH_BYTES)
+    try:
+        from fmopt.geometry.mesh import load_mesh
+
+        return load_mesh(path, mesh.unit)
+    except GeometryError as error:
+        raise InputError(place.fault("geometry", error.message, error.advice)) from error
+
+
+def _chain(source: Source, file: files.ModelFile, name: str) -> Chain:
+    """The chain of a named solid, its terms called by the names of the file."""
+    from fmopt.knowledge.chain import Term, joined, moved_chain, without
+
+    table = file.solids[name]
+    match table:
+        case files.Union(of=of):
+            first, *others = (_chain(source, file, target) for target in of)
+            for other in others:
+                first = joined(first, other)
+        case files.Difference(of=base, minus=minus):
+            first = _chain(source, file, base)
+            for target in minus:
+                first = without(first, _chain(source, file, target))
+        case _:
+            return (Term("+", name, _solid(source, file, name)),)
+    return moved_chain(first, Pose.from_vector([*table.at, *table.turn]))
 
 
 def _solid(source: Source, file: files.ModelFile, name: str) -> csg.Solid:

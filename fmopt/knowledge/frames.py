@@ -1,0 +1,220 @@
+"""The frame rules of [LeeHuang1985] section 3, checked on the solids.
+
+A line is a central line of a feature when it passes all sections across it at their centre: the centroid, or the
+centre of the smallest circle around, or that of a largest circle inside (a shaft with a flat or a key has its central
+line in its axis, which is not its centroid). One of the three has to hold for all sections. Between the levels of
+vertices the area of a section is quadratic and its first moment cubic in the height, so that four sections a stretch
+decide about centroids exactly; the circles are asked at the same heights. Along z that is asked of every feature; a
+slot, which is open sideways, may have x or y along its central line instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmopt.errors import TaskError
+from fmopt.geometry.csg import Solid
+from fmopt.geometry.pieces import polyhedron
+from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.knowledge.axis import Intervals, across, clipped, length, on_axis
+from fmopt.knowledge.chain import moved
+from fmopt.knowledge.tree import Feature, ObjectTree
+from fmopt.se3 import Pose
+from fmopt.values import Array
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
+CENTRAL = "the frame is on the central line of its feature, z (of a slot any axis) along it"
+INSIDE = "the z axis runs inside the feature over its whole length"
+MOUTH = "the z axis of a hollow feature passes through its mouth"
+
+_NOISE = 1e-5  # of the size of a section: how far from its centre counts as at the centre
+_SHORT = 1e-6  # of the feature's length: shorter stretches of an axis are noise
+_HEIGHTS = (0.125, 0.375, 0.625, 0.875)
+_AXES = (
+    Pose(np.zeros(3), np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])),
+    Pose(np.zeros(3), np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])),
+)
+
+
+def checked(tree: ObjectTree) -> ObjectTree:
+    """The tree itself, when the frames of all its features with a length obey the rules.
+
+    Raises:
+        TaskError: with the feature and the rule.
+    """
+    for feature in tree.features:
+        if feature.length is not None:
+            check_frame(tree, feature)
+    return tree
+
+
+def check_frame(tree: ObjectTree, feature: Feature) -> None:
+    """Checks the frame of one feature with a length.
+
+    Raises:
+        TaskError: with the feature and the rule.
+    """
+    span = feature.length
+    if span is None:
+        message = f"the feature {feature.name!r} of {tree.name!r} has no length and no mating frame"
+        raise TaskError(message, feature.name, INSIDE, "give it a length, and a frame on its central line")
+    body = moved(feature.body, feature.frame.inverse())
+    whole = moved(tree.solid, feature.frame.inverse())
+    low, high = (-span, 0.0) if feature.hollow else (0.0, span)
+    along, material = on_axis(body), on_axis(whole)
+    for missing in (_gaps(along, low, high), clipped(material, low, high) if feature.hollow else ()):
+        if length(missing) > _SHORT * span:
+            longest = max(missing, key=lambda stretch: stretch[1] - stretch[0])
+            raise TaskError(_left(tree, feature, longest), feature.name, INSIDE, _turned(feature))
+    if feature.hollow:
+        _check_mouth(tree, feature, along, material)
+    _check_central(tree, feature, body, whole, (low, high))
+
+
+def _gaps(intervals: Intervals, low: float, high: float) -> Intervals:
+    """What between two heights lies in none of the intervals."""
+    levels = [low, *(level for interval in clipped(intervals, low, high) for level in interval), high]
+    return tuple((a, b) for a, b in zip(levels[::2], levels[1::2], strict=True) if a < b)
+
+
+def _left(tree: ObjectTree, feature: Feature, stretch: tuple[float, float]) -> str:
+    words = f"from z = {_mm(stretch[0])} to {_mm(stretch[1])} mm"
+    return f"the z axis of feature {feature.name!r} of {tree.name!r} is not inside it {words}"
+
+
+def _mm(length: float) -> str:
+    return f"{round(1e3 * length, 6) + 0.0:.4g}"
+
+
+def _turned(feature: Feature) -> str:
+    if feature.hollow:
+        return "put the frame's origin into the mouth, z pointing out of it, and check the depth"
+    return "put the frame's origin into the leading end, z pointing back into the part, and check the length"
+
+
+def _check_mouth(tree: ObjectTree, feature: Feature, along: Intervals, material: Intervals) -> None:
+    """From the origin up the axis leaves the hollow feature into the open, not into material."""
+    noise = _SHORT * (feature.length or 0.0)
+    end = max((b for a, b in along if a <= noise), default=0.0)
+    for a, b in material:
+        if a <= max(end, 0.0) + noise and b > noise:
+            message = f"feature {feature.name!r} of {tree.name!r} has no mouth along its z axis, which meets material "
+            message += f"{_mm(max(a, 0.0))} mm above the origin"
+            raise TaskError(message, feature.name, MOUTH, "turn z out of the mouth, or open the feature")
+
+
+def _check_central(tree: ObjectTree, feature: Feature, body: Solid, whole: Solid, window: tuple[float, float]) -> None:
+    outlines, enclosed = _outlines(feature, body, whole, window)
+    if _is_central(outlines):
+        return
+    if not enclosed and any(_is_open_along(axis, body, whole) for axis in _AXES):
+        return
+    centres = (_centroid(outline) for outline in outlines)
+    x, y = max(centres, key=lambda centre: float(np.linalg.norm(centre)), default=np.zeros(2))
+    message = f"the frame of feature {feature.name!r} of {tree.name!r} is not on a central line: along z a section has "
+    message += f"its centroid at ({_mm(x)}, {_mm(y)}) mm"
+    raise TaskError(message, feature.name, CENTRAL, "move the frame's origin there, or turn an axis along the line")
+
+
+def _outlines(feature: Feature, body: Solid, whole: Solid, window: tuple[float, float]) -> tuple[list[Array], bool]:
+    """Outlines (n, 2) around the z axis: of a solid feature's material, or of the opening of a hollow one.
+
+    Also whether they are closed all the way. A slot is not, and its body stands for it.
+    """
+    cut, own = across(whole), across(body)
+    found, enclosed = [], True
+    for height in _heights(polyhedron(whole), *window):
+        polygons = _rings(cut(height))
+        if feature.hollow:
+            rings = [ring for _, inner in polygons for ring in inner]
+            if not any(map(_around, rings)):
+                rings, enclosed = [outer for outer, _ in _rings(own(height))], False
+        else:
+            rings = [outer for outer, _ in polygons]
+        found += sorted((ring for ring in rings if _around(ring)), key=_size)[:1]
+    return found, enclosed
+
+
+def _is_open_along(axis: Pose, body: Solid, whole: Solid) -> bool:
+    """Whether the z axis of the frame `axis` is a central line of a slot, and leaves it into the open at an end."""
+    slot, rest = moved(body, axis.inverse()), moved(whole, axis.inverse())
+    material = on_axis(rest)
+    ends = np.array([end for stretch in material for end in stretch])
+    for a, b in on_axis(slot):
+        if a < 0.0 < b and not all(np.any(np.abs(ends - end) <= _SHORT * (b - a)) for end in (a, b)):
+            return _is_central(_body_outlines(slot))
+    return False
+
+
+def _body_outlines(body: Solid) -> list[Array]:
+    cut = across(body)
+    outers = [[outer for outer, _ in _rings(cut(height))] for height in _heights(polyhedron(body), -np.inf, np.inf)]
+    return [rings[0] for rings in outers] if all(len(rings) == 1 for rings in outers) else []
+
+
+def _heights(shell: Polyhedron, low: float, high: float) -> list[float]:
+    levels = np.unique(np.round(np.clip(shell.vertices[:, 2], low, high), 12))
+    wide = _SHORT * float(levels[-1] - levels[0])
+    return [a + share * (b - a) for a, b in pairwise(levels) if b - a > wide for share in _HEIGHTS]
+
+
+def _rings(section: BaseGeometry) -> list[tuple[Array, list[Array]]]:
+    """The polygons of a section: outer ring (n, 2), and the rings of its holes; no point twice."""
+    shapes = [shape for shape in getattr(section, "geoms", [section]) if shape.geom_type == "Polygon" and shape.area]
+    return [
+        (np.array(shape.exterior.coords)[:-1], [np.array(ring.coords)[:-1] for ring in shape.interiors])
+        for shape in shapes
+    ]
+
+
+def _around(ring: Array) -> bool:
+    """Whether the ring goes around the origin."""
+    angle = np.arctan2(ring[:, 1], ring[:, 0])
+    turn = (np.roll(angle, -1) - angle + np.pi) % (2.0 * np.pi) - np.pi
+    return bool(abs(np.sum(turn)) > np.pi)
+
+
+def _is_central(outlines: Sequence[Array]) -> bool:
+    notions: tuple[Callable[[Array], bool], ...] = (_at_centroid, _at_outer_circle, _at_inner_circle)
+    return bool(outlines) and any(all(notion(ring) for ring in outlines) for notion in notions)
+
+
+def _size(ring: Array) -> float:
+    return float(np.max(np.ptp(ring, axis=0)))
+
+
+def _centroid(ring: Array) -> Array:
+    ahead = np.roll(ring, -1, axis=0)
+    area = ring[:, 0] * ahead[:, 1] - ring[:, 1] * ahead[:, 0]
+    return np.asarray((area @ (ring + ahead)) / (3.0 * np.sum(area)))
+
+
+def _at_centroid(ring: Array) -> bool:
+    return float(np.linalg.norm(_centroid(ring))) <= _NOISE * _size(ring)
+
+
+def _at_outer_circle(ring: Array) -> bool:
+    """Whether the smallest circle around the ring is about the origin: its farthest points leave no half-plane free."""
+    distance = np.linalg.norm(ring, axis=1)
+    return _gap(ring[distance >= distance.max() - _NOISE * _size(ring)]) <= np.pi + _NOISE
+
+
+def _at_inner_circle(ring: Array) -> bool:
+    """Whether a largest circle inside the ring is about the origin: its nearest points leave less than a half-plane."""
+    side = np.roll(ring, -1, axis=0) - ring
+    share = np.clip(-np.sum(ring * side, axis=1) / np.sum(side * side, axis=1), 0.0, 1.0)
+    nearest = ring + share[:, None] * side
+    distance = np.linalg.norm(nearest, axis=1)
+    return _gap(nearest[distance <= distance.min() + _NOISE * _size(ring)]) < np.pi - 1e-3
+
+
+def _gap(points: Array) -> float:
+    """The widest angle in rad at the origin between neighbouring points."""
+    angles = np.sort(np.arctan2(points[:, 1], points[:, 0]))
+    return float(np.max(np.diff(np.append(angles, angles[0] + 2.0 * np.pi))))

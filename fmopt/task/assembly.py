@@ -1,0 +1,125 @@
+"""Assemblies: a workcell and its tasks, read from a file, every model with its knowledge base."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from os import PathLike
+from os.path import normpath
+from pathlib import Path
+
+from fmopt.errors import Fault, InputError, TaskError
+from fmopt.knowledge.command import Answer, Specification, Task, answer, completed
+from fmopt.knowledge.goal import FREE, Entry
+from fmopt.knowledge.tree import ObjectTree
+from fmopt.knowledge.workcell import Link, Ref, Workcell
+from fmopt.se3 import Pose
+from fmopt.task import assembly_file as files
+from fmopt.task.faults import checked
+from fmopt.task.model import load_model, overrides_of
+from fmopt.task.tables import Reading, factors
+from fmopt.task.toml_source import Source, read
+from fmopt.task.tree import build_tree
+from fmopt.values import Value
+
+
+@dataclass(frozen=True, eq=False)
+class Assembly(Value):
+    """A workcell as it is at the beginning, and its tasks by name, in their order."""
+
+    title: str
+    source: Source
+    workcell: Workcell
+    tasks: Mapping[str, Task]
+
+
+@dataclass(frozen=True, eq=False)
+class Step(Value):
+    """A task of an assembly: its name, the knowledge base's answer, and the workcell after it."""
+
+    name: str
+    answer: Answer
+    after: Workcell
+
+
+def load_assembly(path: str | PathLike[str]) -> Assembly:
+    """The assembly of a file.
+
+    Raises:
+        InputError: with every fault of the file and of its models.
+    """
+    source = read(Path(path))
+    reading = Reading(factors(source.data.get("units")))
+    file, faults = checked(files.AssemblyFile, source, reading)
+    if file is None:
+        raise InputError(*faults)
+    trees = _trees(source, reading, file)
+    try:
+        links = tuple(Link(link.kind, _ref(link.one), _ref(link.other)) for link in file.links.values())
+        workcell = Workcell(trees, links)
+    except TaskError as error:
+        raise _fault(source, ("links",), error) from error
+    return Assembly(file.title, source, workcell, {name: _task(table) for name, table in file.tasks.items()})
+
+
+def carried_out(assembly: Assembly) -> Iterable[Step]:
+    """Every task of the assembly in turn, each answered in the workcell that the one before it left.
+
+    Raises:
+        InputError: a task breaks a rule; at its place in the file.
+        InterferenceError: the parts overlap at a goal.
+    """
+    workcell = assembly.workcell
+    for name, task in assembly.tasks.items():
+        try:
+            found = answer(workcell, task)
+            workcell = completed(workcell, found)
+        except TaskError as error:
+            raise _fault(assembly.source, ("tasks", name), error) from error
+        yield Step(name, found, workcell)
+
+
+def _trees(source: Source, reading: Reading, file: files.AssemblyFile) -> tuple[ObjectTree, ...]:
+    """The object trees; faults of all models are found."""
+    trees, faults = [], list[Fault]()
+    for name, table in file.objects.items():
+        key = ("objects", name)
+        overrides, found = overrides_of(source, reading, (*key, "parameters"))
+        try:
+            path = Path(normpath(source.path.parent / table.model))
+            model, more = load_model(path, source.place((*key, "model")), overrides)
+            found += more
+            if model is not None and not found:
+                frame = Pose.from_vector([*table.at, *table.turn])
+                trees.append(replace(build_tree(model.source, model.file), name=name, frame=frame))
+        except InputError as error:
+            found += error.faults
+        faults += found
+    if faults:
+        raise InputError(*dict.fromkeys(faults))
+    return tuple(trees)
+
+
+def _task(table: files.TaskTable) -> Task:
+    wanted = table.specification
+    x, y, z, rx, ry, rz = (_entry(value) for value in table.goal)
+    return Task(
+        _ref(table.moving),
+        _ref(table.fixed),
+        (x, y, z, rx, ry, rz),
+        table.attachment,
+        Specification(wanted.speed, wanted.contact_force, wanted.torque_limit),
+        Pose.from_vector([*table.grasp.at, *table.grasp.turn]),
+    )
+
+
+def _entry(value: float | None) -> Entry:
+    return FREE if value is None else value
+
+
+def _ref(text: str) -> Ref:
+    return Ref(*text.split(".", 1))
+
+
+def _fault(source: Source, key: tuple[str, ...], error: TaskError) -> InputError:
+    return InputError(source.place(key, of_key=True).fault("task-rule", error.message, error.advice))
