@@ -13,6 +13,7 @@ import typer
 from fmopt import __version__
 from fmopt.errors import FmoptError, InputError, InterferenceError, PlanFormatError, ResourceError
 
+_DATA = ("interference", "place", "shortfall", "feature", "rule")  # what errors carry beside their words
 EXIT = {"CERTIFIED": 0, "REFUTED": 1, "NOT_PROVED": 3}
 
 app = typer.Typer(
@@ -199,7 +200,8 @@ def _fail(error: FmoptError) -> NoReturn:
         typer.echo(line, err=True)
     if "--json" in sys.argv[1:]:
         faults = [asdict(fault) for fault in error.faults] if isinstance(error, InputError) else []
-        told = {"message": error.message, "advice": error.advice, "faults": faults}
+        data = {name: getattr(error, name) for name in _DATA if hasattr(error, name)}
+        told = {"message": error.message, "advice": error.advice, **data, "faults": faults}
         typer.echo(json.dumps({"error": told, "exit_code": error.exit_code}))
     sys.exit(error.exit_code)
 

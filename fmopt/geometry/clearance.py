@@ -15,6 +15,7 @@ import numpy as np
 
 from fmopt.errors import GeometryError, InterferenceError
 from fmopt.geometry.facets import place
+from fmopt.geometry.overlap import penetration
 from fmopt.geometry.part import Part
 from fmopt.geometry.pieces import union_manifold
 from fmopt.geometry.polyhedron import Polyhedron, diameter, placed, plane_basis
@@ -109,7 +110,7 @@ def interference(moving: Part, fixed: Part, pose: Pose) -> Interference:
     shortest shift that takes the pair apart, so that parts which only touch have depth 0.
     """
     bodies = [placed(piece, pose) for piece in moving.pieces]
-    deepest = max(_penetration(body, other) for body in bodies for other in fixed.pieces)
+    deepest = max(penetration(body, other) for body in bodies for other in fixed.pieces)
     if deepest <= _TOUCH:
         return Interference(0.0, max(deepest, 0.0), "nowhere")
     common = union_manifold(bodies) ^ union_manifold(fixed.pieces)
@@ -248,29 +249,3 @@ def _corners(shape: MultiPolygon) -> Array:
 def _sides(shape: MultiPolygon) -> Array:
     rings = [np.array(ring.coords) for polygon in shape.geoms for ring in (polygon.exterior, *polygon.interiors)]
     return np.vstack([np.stack([ring[:-1], ring[1:]], axis=1) for ring in rings])
-
-
-def _penetration(body: Polyhedron, other: Polyhedron) -> float:
-    """Length of the shortest shift that takes two convex polyhedra apart, negative when they are apart, m."""
-    faces = np.vstack([body.normals, -other.normals])
-    shallow = _overlaps(body, other, faces)
-    if shallow <= _TOUCH:
-        return shallow
-    crossed = np.cross(_directions(body)[:, None], _directions(other)[None]).reshape(-1, 3)
-    length = np.linalg.norm(crossed, axis=1)
-    axes = crossed[length > 1e-9] / length[length > 1e-9, None]
-    return min(shallow, _overlaps(body, other, np.vstack([axes, -axes])))
-
-
-def _overlaps(body: Polyhedron, other: Polyhedron, axes: Array) -> float:
-    """Smallest over the axes n (k, 3) of max n·body − min n·other."""
-    return float(np.min(np.max(axes @ body.vertices.T, axis=1) - np.min(axes @ other.vertices.T, axis=1)))
-
-
-def _directions(body: Polyhedron) -> Array:
-    """Unit directions (k, 3) of the edges, parallel ones once."""
-    start, end = body.vertices[np.array([edge.vertices for edge in body.edges]).T]
-    along = (end - start) / np.linalg.norm(end - start, axis=1)[:, None]
-    leading = np.argmax(np.abs(along) > 1e-9, axis=1)
-    along *= np.sign(along[np.arange(len(along)), leading])[:, None]
-    return np.asarray(along[np.unique(np.round(along, 9), axis=0, return_index=True)[1]])

@@ -7,14 +7,13 @@ from dataclasses import dataclass, replace
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.csg import Solid, exact_pose, sagitta
-from fmopt.geometry.excess import solid_of
+from fmopt.geometry.excess import MESH_NOISE, solid_of
 from fmopt.geometry.features import Feature, in_frame
 from fmopt.geometry.pieces import pieces, polyhedron
 from fmopt.geometry.polyhedron import Polyhedron, placed
 from fmopt.se3 import Pose
 from fmopt.values import Value
 
-_MESH_NOISE = 1e-6  # of the diameter
 _MESH_VOLUME = 1e-4  # of the volume
 
 
@@ -62,7 +61,7 @@ def mesh_part(name: str, body: Polyhedron, features: Sequence[Feature] = (), cho
     Raises:
         GeometryError: the mesh does not come apart into convex bodies.
     """
-    solid = solid_of(body, _MESH_NOISE * body.diameter)
+    solid = solid_of(body, MESH_NOISE * body.diameter)
     part = part_of(name, solid, features)
     if abs(part.polyhedron.volume - body.volume) > _MESH_VOLUME * body.volume:
         raise GeometryError(

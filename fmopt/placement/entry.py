@@ -1,4 +1,4 @@
-"""Where a motion begins: tilted entries of one corner of the leading face into the mouth, above it and inside it."""
+"""Where a motion begins: straight above the mouth, or tilted so that one corner of the leading face enters it."""
 
 from __future__ import annotations
 
@@ -60,6 +60,23 @@ def tilted_entries(
                 lift = approach - float(inside.apply(tip)[:, 2].min())
                 found.append(Entry(inside.moved([0.0, 0.0, lift, 0.0, 0.0, 0.0]), inside, corner))
         yield tuple(found)
+
+
+def straight_entry(moving: Part, play: tuple[float, float], start_box: Array, approach: float) -> tuple[Entry, ...]:
+    """The entry of an upright part on the axis, where the start errors leave room for it in the mouth; none otherwise.
+
+    Args:
+        moving: the moving part, tip centre at the origin.
+        play: free travel (x, y) of the upright part between the walls, m.
+        start_box: half-widths (6,) of the start error, m and rad.
+        approach: height of the leading face above the mouth at the start, m.
+    """
+    slack = 0.5 * min(play)
+    if start_spread(moving, start_box) >= slack:
+        return ()
+    heights = (np.array([0.0, 0.0, approach]), np.array([0.0, 0.0, -slack]))
+    start, inside = (Pose(at, np.eye(3)) for at in heights)
+    return (Entry(start, inside, _tip(moving)[0]),)
 
 
 def start_spread(moving: Part, start_box: Array) -> float:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq
 
 from fmopt import se3
 from fmopt.certificate.functions import contact_rows
@@ -139,8 +140,6 @@ def _root(
 
     def f(a: float) -> float:
         return float(table.values(moved(assembly, place, freedom, a))[0])
-
-    from scipy.optimize import brentq
 
     if f(low) <= 0.0 or f(high) > 0.0:
         return None

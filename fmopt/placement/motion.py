@@ -39,14 +39,12 @@ class Move:
         goal: nominal pose at the end.
         held: contacts held at the beginning.
         making: contacts made at the end, all at once; the first is the one that counts.
-        parts: least number of pieces.
     """
 
     start: Pose
     goal: Pose
     held: tuple[PrimitiveContact, ...]
     making: tuple[PrimitiveContact, ...]
-    parts: int = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +159,7 @@ def unroll(
         InfeasibleError: parts overlap nominally on the way, or a step is impossible.
     """
     turn = float(np.linalg.norm(se3.log(move.goal.R @ move.start.R.T)))
-    count = max(move.parts, math.ceil(turn / step - 1e-9), 1)
+    count = max(math.ceil(turn / step - 1e-9), 1)
     for shorter in (1, 2):
         try:
             return _unroll(assembly, move, reached, tolerance, shorter * count, thorough)

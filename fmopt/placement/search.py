@@ -179,12 +179,15 @@ def search(
     Raises:
         SearchError: no sequence was found.
     """
-    final = _final_rank(assembly, goal)
+    most = _final_rank(assembly, goal)
     expanded = 0
     closest: _Node | None = None
     for entries in rounds:
-        nodes = [_approach(assembly, entry, start, tolerance, costs) for entry in entries]
-        front = _Frontier(final, costs, [node for node in nodes if node is not None])
+        tries = (_approach(assembly, entry, start, tolerance, costs) for entry in entries)
+        nodes = [node for node in tries if node is not None]
+        # A part that stands upright in the mouth with room for its errors may go straight down, all freedoms left.
+        final = 0 if any(_turned(node.place.pose, goal) == 0.0 for node in nodes) else most
+        front = _Frontier(final, costs, nodes)
         while expanded < costs.states and time.monotonic() <= deadline:
             node = front.pop()
             if node is None:
@@ -246,6 +249,10 @@ def _final_rank(assembly: Assembly, goal: Pose) -> int:
     return 5 + (1 if stops else 0)
 
 
+def _turned(pose: Pose, goal: Pose) -> float:
+    return float(np.linalg.norm(goal.local(pose)[3:]))
+
+
 def _seated(pose: Pose, goal: Pose) -> bool:
     x = goal.local(pose)
     return bool(abs(x[2]) < 1e-9)
@@ -285,9 +292,12 @@ def _sons(
 
 
 def _straight_down(assembly: Assembly, place: Place, goal: Pose, twist: Array) -> Move | None:
-    """The last move where nothing stops it: as far as the goal's depth, when the part stands upright."""
+    """The last move where nothing stops it: as far as the goal's depth, when the part stands upright.
+
+    It needs contacts on all other freedoms, or none at all: then the errors have to fit into the clearance.
+    """
     there = place.pose.moved(twist * float(place.pose.p[2] - goal.p[2]))
-    if float(np.linalg.norm(goal.local(there)[3:])) > 1e-9 or pinned(assembly, place.pose, place.held) < 5:
+    if _turned(there, goal) > 1e-9 or 0 < pinned(assembly, place.pose, place.held) < 5:
         return None
     return Move(place.pose, there, place.held, ())
 

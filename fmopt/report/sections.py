@@ -159,6 +159,14 @@ def contact_table(plan: Plan) -> str:
     )
 
 
+_VERDICTS = {
+    "split": "parted by curvature",
+    "blocked": "blocked by another contact",
+    "out_of_bounds": "beyond a rim",
+    "undecided": "undecided",
+}
+
+
 def critical_table(plan: Plan) -> str:
     """The critical points and what was found there."""
     rows = []
@@ -172,9 +180,16 @@ def critical_table(plan: Plan) -> str:
         contacts = str(pcs) if isinstance(pcs, int) else str(len(pcs))
         name = str(point.get("name") or number)
         sure = _plain(point.get("states_confirmed"))
+        other = point.get("states_by_verdict", {})
+        sure += "".join(f"; {n} {_VERDICTS[name]}" for name, n in other.items() if n and name in _VERDICTS)
         rows.append((name, pose_words(pose) if pose else "–", contacts, by_dimension or "–", sure))
     head = ("critical point", "pose", "primitive contacts", "contact states", "confirmed on the true surfaces")
-    return table("Critical points of the nominal trajectory", head, rows, "..n.n")
+    return table(
+        "Contact spaces, at the critical points of the nominal trajectory and where contacts are made",
+        head,
+        rows,
+        "..n.n",
+    )
 
 
 def margin_words_of(plan: Plan) -> str:

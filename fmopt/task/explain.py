@@ -155,5 +155,5 @@ def _settings(problem: Problem) -> Iterator[str]:
     yield f"uncertainty: {settings.method}; placement: {settings.placement}; characteristic length: {length}"
     yield (
         f"tilted by up to about {_deg(settings.max_tilt)} deg about each of x and y at the start; "
-        f"search for at most {settings.time_limit:.6g} s"
+        f"search for at most {settings.time_limit:.6g} s, placing and checking come on top"
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Iterator, Mapping
 from os.path import normpath
 from pathlib import Path
@@ -16,13 +17,13 @@ from fmopt.geometry.part import Part, rebased
 from fmopt.se3 import Pose
 from fmopt.task import problem_file as files
 from fmopt.task.faults import checked
-from fmopt.task.model import Model, Override, load_model
+from fmopt.task.model import Model, load_model, overrides_of
 from fmopt.task.problem import Problem, Settings, Specification, VelocityError
 from fmopt.task.sources import Deviation, Sources, start_box
 from fmopt.task.tables import Reading, factors, in_words
 from fmopt.task.toml_source import Source, read, read_bytes
 from fmopt.task.tree import MAX_MESH_BYTES, build_part
-from fmopt.task.units import LENGTH, QuantityError, did_you_mean
+from fmopt.task.units import LENGTH, did_you_mean
 from fmopt.values import Array
 
 
@@ -57,24 +58,12 @@ def _operand(source: Source, reading: Reading, side: str) -> tuple[Model | None,
     name = table.get("model") if isinstance(table, Mapping) else None
     if not isinstance(table, Mapping) or not isinstance(name, str) or not 0 < len(name) <= 1000:
         return None, []
-    overrides, faults = _overrides(source, reading, side, table.get("parameters"))
+    overrides, faults = overrides_of(source, reading, (side, "parameters"))
     try:
         model, more = load_model(Path(normpath(source.path.parent / name)), source.place((side, "model")), overrides)
     except InputError as error:
         return None, [*faults, *error.faults]
     return (None if faults else model), [*faults, *more]
-
-
-def _overrides(source: Source, reading: Reading, side: str, table: object) -> tuple[dict[str, Override], list[Fault]]:
-    overrides: dict[str, Override] = {}
-    faults: list[Fault] = []
-    for name, raw in (table if isinstance(table, Mapping) else {}).items():
-        place = source.place((side, "parameters", name))
-        try:
-            overrides[name] = Override(reading.quantity(raw, None), place)
-        except QuantityError as error:
-            faults.append(place.fault(error.code, error.message, error.advice))
-    return overrides, faults
 
 
 def _cross_checks(source: Source, file: files.ProblemFile, models: Mapping[str, Model]) -> Iterator[Fault]:
@@ -132,7 +121,7 @@ def _problem(source: Source, file: files.ProblemFile, models: Mapping[str, Model
         goal=Pose(np.array([0.0, 0.0, -depth]), np.eye(3)).vector(),
         declared_clearance=(file.clearance.x, file.clearance.y),
         approach=file.start.height,
-        start_box=_start_box(file, sources),
+        start_box=_start_box(file, sources, parts["moving"]),
         sources=sources,
         velocity_error=VelocityError(**file.uncertainty.velocity.model_dump()),
         specification=Specification(**file.specification.model_dump()),
@@ -154,10 +143,21 @@ def _parts(file: files.ProblemFile, models: Mapping[str, Model]) -> dict[str, Pa
     return parts
 
 
-def _start_box(file: files.ProblemFile, sources: Sources | None) -> Array:
-    """Half-widths (6,) of the start error, m and rad: by its sources, or as the file gives them."""
+def _start_box(file: files.ProblemFile, sources: Sources | None, moving: Part) -> Array:
+    """Half-widths (6,) of the start error, m and rad: by its sources, or as the file gives them.
+
+    Where the part starts is for the planner to choose. The sources' box holds for all that it may choose: leaning by
+    1.3 times the tilts, beside the axis by a few times the errors and what the lean shortens.
+    """
     if sources is not None:
-        return start_box(sources, file.start.height)
+        lean = min(1.3 * math.sqrt(2.0) * file.settings.max_tilt, 0.5 * math.pi)
+        tip = moving.polyhedron.vertices[np.abs(moving.polyhedron.vertices[:, 2]) <= 1e-9]
+        radius = float(np.linalg.norm(tip[:, :2], axis=1).max())
+        height = file.start.height + radius * math.sin(lean)
+        upright = start_box(sources, height, 0.0, lean)
+        swing = radius * float(np.linalg.norm(upright[3:]))
+        aside = 7.0 * float(upright[0]) + 3.0 * swing + radius * (1.0 - math.cos(lean))
+        return start_box(sources, height, aside, lean)
     given = file.uncertainty.start
     return np.zeros(6) if given is None else np.array([given.x, given.y, given.z, given.rx, given.ry, given.rz])
 

@@ -62,7 +62,7 @@ class Problem(Value):
         fixed_feature: name of the hole.
         goal: pose (6,) of the moving part when seated, m and rad.
         declared_clearance: on each side along x and y of the B-frame, m.
-        approach: height of the leading face above the mouth at the start, m.
+        approach: height of the tilted part's lowest point above the mouth at the start, m.
         start_box: half-widths (6,) of the start error in local coordinates (d, δ), m and rad.
         sources: where the start box comes from; None when the file gives it outright.
         velocity_error: fractions of the speed.

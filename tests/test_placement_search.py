@@ -1,0 +1,74 @@
+"""The search on pegs that nothing was tuned for: straight where errors fit, contacts where not, at any scale."""
+
+from __future__ import annotations
+
+import math
+from itertools import chain
+
+import numpy as np
+import pytest
+
+from fmopt.certificate.assembly import Assembly
+from fmopt.certificate.segment import Tolerance
+from fmopt.errors import SearchError
+from fmopt.geometry.clearance import mating_clearance
+from fmopt.geometry.csg import Box, Difference, Placed
+from fmopt.geometry.part import part_of
+from fmopt.placement.entry import start_spread, straight_entry, tilted_entries
+from fmopt.placement.search import Costs, MoveSequence, search
+from fmopt.se3 import Pose
+from fmopt.uncertainty.error_set import ErrorSet
+
+DEGREE = math.pi / 180.0
+
+
+def rectangular(clearance: tuple[float, float], scale: float = 1.0) -> Assembly:
+    """A peg of 30 × 24 × 40 mm over a pocket 30 mm deep, clearances a side in mm, all times a scale."""
+    mm = 1e-3 * scale
+    cx, cy = clearance
+    pocket = Placed(Box(((30 + 2 * cx) * mm, (24 + 2 * cy) * mm, 31 * mm)), Pose(np.array([0, 0, 10 * mm]), np.eye(3)))
+    block = Difference(Box((60 * mm, 60 * mm, 40 * mm)), (pocket,))
+    down = Pose(np.array([0.0, 0.0, -40 * mm]), np.eye(3))
+    peg = Box((30 * mm, 24 * mm, 40 * mm))
+    return Assembly(part_of("peg", peg), part_of("block", Placed(block, down)))
+
+
+def found(
+    assembly: Assembly, box: list[float], velocity: float, depth: float, states: int, scale: float = 1.0
+) -> MoveSequence:
+    """The sequence for a start box in mm and degrees."""
+    half = np.array([*(1e-3 * scale * x for x in box[:3]), *(DEGREE * x for x in box[3:])])
+    clearance = mating_clearance(assembly.moving, assembly.fixed, depth)
+    play, moving, height = clearance.play, assembly.moving, 1e-3 * scale
+    straight = straight_entry(moving, play, half, height)
+    rounds = chain([straight] if straight else [], tilted_entries(moving, play, half, height, 12 * DEGREE))
+    given = Costs.of(start_spread(moving, half), clearance.per_side)
+    costs = Costs(given.reach, given.asymptote, given.scale, states=states)
+    goal = Pose(np.array([0.0, 0.0, -depth]), np.eye(3))
+    tolerance = Tolerance((velocity, velocity), clearance.half_diagonal)
+    return search(assembly, rounds, goal, ErrorSet.from_box(half), tolerance, costs, 15.6 * DEGREE)
+
+
+def test_errors_that_fit_into_the_clearance_need_no_contact() -> None:
+    sequence = found(rectangular((0.3, 0.3)), [0.02, 0.02, 0, 0.02, 0.02, 0.02], 5e-4, 0.029, 20)
+    assert sequence.names == ("approach", "-z")
+    assert sequence.reached.margin > 0.0
+    assert all(not claim.piece.held and not claim.piece.making for claim in sequence.reached.claims)
+    assert sequence.lower_bound <= sequence.cost
+
+
+def test_a_peg_of_other_proportions_is_found_at_any_scale() -> None:
+    """Lengths are measured in the errors and the clearance, so that metres do as well as millimetres."""
+    box = [0.3, 0.3, 0.0, 0.3, 0.3, 0.3]
+    one, ten = (found(rectangular((0.4, 0.35), k), box, 0.01, 0.030 * k, 60, k) for k in (1.0, 10.0))
+    assert one.names == ten.names
+    assert one.names[0] == "approach"
+    assert len(one.names) == 7
+    margins = [[claim.margin for claim in sequence.reached.claims] for sequence in (one, ten)]
+    np.testing.assert_allclose(10.0 * np.array(margins[0]), margins[1], rtol=1e-6, atol=1e-9)
+    assert one.cost == pytest.approx(ten.cost, rel=1e-6)
+
+
+def test_a_search_cut_short_says_how_far_it_came() -> None:
+    with pytest.raises(SearchError, match="among 2 states, the closest came after approach"):
+        found(rectangular((0.15, 0.12)), [0.3, 0.3, 0.0, 0.3, 0.3, 0.3], 0.01, 0.030, 2)
