@@ -1,6 +1,8 @@
-"""Ellipsoids by shape matrix: Q (n, n) positive semidefinite stands for {c + Q^½ u, |u| ≤ 1}.
+"""Ellipsoids by a root F (n, a) of their shape matrix Q = F Fᵀ (n, n): {c + F u, |u| ≤ 1}.
 
-Q may be singular, which makes the ellipsoid flat: after a contact it usually is. The centre is kept by the caller.
+Q may be singular, which makes the ellipsoid flat: after a contact it usually is. From a shape matrix in floating point
+the reach √(NᵀQN) along a flat direction comes out as 1e-12 m of noise; from a root, |FᵀN|, as 1e-19 m. The centre is
+kept by the caller.
 """
 
 from __future__ import annotations
@@ -12,74 +14,28 @@ from fmopt.errors import InfeasibleError
 from fmopt.values import Array
 
 _SINGULAR = 1e-12
-
-
-def support(Q: Array, directions: ArrayLike) -> Array:
-    """How far the ellipsoid reaches along each direction, h(N) = √(NᵀQN).
-
-    Args:
-        Q: shape matrix (n, n).
-        directions: rows N (k, n), or one direction (n,).
-
-    Returns:
-        (k,), or a scalar array for one direction, in the unit of N·x.
-    """
-    N = np.asarray(directions, dtype=np.float64)
-    return np.asarray(np.sqrt(np.maximum(np.sum((N @ Q) * N, axis=-1), 0.0)))
+_WIDTH = 18  # columns that a root may have while sums are taken
 
 
 def root(Q: Array) -> Array:
-    """The symmetric root Q^½ (n, n); eigenvalues within rounding of zero count as zero."""
+    """A root F (n, a) of a shape matrix Q (n, n); eigenvalues within rounding of zero count as zero."""
+    diagonal = np.diag(Q)
+    if np.array_equal(Q, np.diag(diagonal)):
+        return np.asarray(np.diag(np.sqrt(diagonal))[:, diagonal > 0.0])
     w, B = np.linalg.eigh(Q)
     noise = len(Q) * float(np.finfo(np.float64).eps) * max(w[-1], 0.0)
     return np.asarray((B * np.sqrt(np.where(w > noise, w, 0.0))) @ B.T)
 
 
-def contains(Q: Array, points: ArrayLike, tolerance: float = 1e-9) -> Array:
-    """Whether each point lies in the ellipsoid around the origin.
-
-    Args:
-        Q: shape matrix (n, n).
-        points: (k, n), relative to the centre.
-        tolerance: how far outside still passes, as a fraction of the largest radius.
-
-    Returns:
-        Booleans (k,).
-    """
-    w, B = np.linalg.eigh(Q)
-    radii = np.sqrt(np.maximum(w, 0.0)) + tolerance * np.sqrt(max(w[-1], 0.0))
-    if radii[-1] == 0.0:
-        return np.asarray(~np.any(np.asarray(points), axis=-1))
-    y = np.asarray(points, dtype=np.float64) @ (B / radii)
-    return np.asarray(np.einsum("ij,ij->i", y, y) <= 1.0)
+def narrow(F: Array, most: int) -> Array:
+    """A root of the same ellipsoid with no more columns than that, or than rows."""
+    return F if F.shape[1] <= most else np.asarray(np.linalg.qr(F.T).R.T)
 
 
 def image(Q: Array, A: Array) -> Array:
     """Shape matrix A Q Aᵀ (m, m) of the image under the linear map A (m, n), exact."""
     shape = A @ Q @ A.T
     return np.asarray(0.5 * (shape + shape.T))
-
-
-def complement(V: ArrayLike) -> Array:
-    """An orthonormal basis U (n, n−1) of V⊥ as columns, by Householder reflection of V onto an axis."""
-    v = np.asarray(V, dtype=np.float64)
-    k = int(np.argmax(np.abs(v)))
-    length = float(np.linalg.norm(v))
-    if length == 0.0:
-        raise ValueError("a zero direction has no complement")
-    w = v / length
-    w[k] += np.copysign(1.0, w[k])
-    reflection = np.eye(len(v)) - 2.0 * np.outer(w, w) / (w @ w)
-    return np.asarray(np.delete(reflection, k, axis=1))
-
-
-def shadow(Q: Array, V: ArrayLike) -> Array:
-    """Shape matrix UᵀQU (n−1, n−1) of the shadow along V, in the basis U of `complement(V)`.
-
-    This is the sound cross-section of the forward projection; the one of [DakinPopplestone1993] eq. 9 is a
-    section, which lies inside.
-    """
-    return image(Q, complement(V).T)
 
 
 def coupling_inverse(N: ArrayLike, C: ArrayLike) -> Array:
@@ -127,42 +83,32 @@ def oblique_projector(N: ArrayLike, C: ArrayLike) -> tuple[Array, Array]:
     return np.asarray(np.eye(len(C_tilde)) - C_tilde @ np.asarray(N, dtype=np.float64)), np.asarray(C_tilde)
 
 
-def facet_image(Q: Array, N: ArrayLike, V: ArrayLike) -> Array:
-    """Shape matrix ΠQΠᵀ of the image on the facet with normal N along V, Π = I − V Nᵀ/(NᵀV), exact."""
-    projector, _ = oblique_projector(np.reshape(N, (1, -1)), np.reshape(V, (-1, 1)))
-    return image(Q, projector)
-
-
 def metric(rho: float) -> Array:
     """The weights (1, 1, 1, ρ, ρ, ρ) that make angles (rad) lengths (m), ρ in m."""
     return np.array([1.0, 1.0, 1.0, rho, rho, rho])
 
 
-def outer_sum(Q1: Array, Q2: Array, weights: Array) -> Array:
-    """The ellipsoid of least trace (1 + 1/p) Q1 + (1 + p) Q2 around the Minkowski sum of two.
+def outer_sum(F1: Array, F2: Array, weights: Array) -> Array:
+    """Root of the ellipsoid of least trace around the Minkowski sum of two ellipsoids with roots F₁, F₂ (n, a).
 
-    With traces tᵢ = tr(W Qᵢ W), W = diag(weights), the least is at p = √(t₁/t₂). A summand that is a point
-    leaves the other unchanged. The operation is associative.
+    (1 + 1/p) Q₁ + (1 + p) Q₂ with p = √(tr Q₁/tr Q₂), traces in the metric of the weights. A summand that is a point
+    leaves the other unchanged. The operation is associative, but for rounding.
 
     Args:
-        Q1: shape matrix (n, n).
-        Q2: shape matrix (n, n).
+        F1: root of the one.
+        F2: root of the other.
         weights: metric (n,) in which the trace is taken, positive.
     """
-    s1, s2 = _trace_root(Q1, weights), _trace_root(Q2, weights)
+    s1, s2 = (float(np.sqrt(((weights[:, None] * F) ** 2).sum())) for F in (F1, F2))
     if s1 == 0.0 or s2 == 0.0:
-        return np.asarray(Q2 if s1 == 0.0 else Q1)
-    return np.asarray((1.0 + s2 / s1) * Q1 + (1.0 + s1 / s2) * Q2)
+        return F2 if s1 == 0.0 else F1
+    return narrow(np.hstack([np.sqrt(1.0 + s2 / s1) * F1, np.sqrt(1.0 + s1 / s2) * F2]), _WIDTH)
 
 
-def _trace_root(Q: Array, weights: Array) -> float:
-    return float(np.sqrt(np.diag(Q) @ weights**2))
+def box_root(half_widths: ArrayLike) -> Array:
+    """Root of the smallest ellipsoid k·diag(a²) around the box |xᵢ| ≤ aᵢ, a column for each aᵢ that is not zero.
 
-
-def box_shape(half_widths: ArrayLike) -> Array:
-    """Shape matrix k·diag(a²) of the smallest ellipsoid around the box |xᵢ| ≤ aᵢ.
-
-    k is the number of half-widths that are not zero, so that a flat box gets a flat ellipsoid through its corners.
+    k is the number of those, so that a flat box gets a flat ellipsoid through its corners.
 
     Args:
         half_widths: a (n,), not negative.
@@ -170,17 +116,4 @@ def box_shape(half_widths: ArrayLike) -> Array:
     a = np.asarray(half_widths, dtype=np.float64)
     if (a < 0.0).any():
         raise ValueError("half-widths must not be negative")
-    return np.asarray(np.count_nonzero(a) * np.diag(a**2))
-
-
-def zonotope_shape(generators: Array, weights: Array) -> Array:
-    """The ellipsoid of least trace around {Σ uᵢ gᵢ, |uᵢ| ≤ 1}: the outer sum of the segments ±gᵢ.
-
-    Args:
-        generators: rows gᵢ (k, n).
-        weights: metric (n,) in which the trace is taken, positive.
-    """
-    lengths = np.linalg.norm(generators * weights, axis=1)
-    G = generators[lengths > 0.0]
-    lengths = lengths[lengths > 0.0]
-    return np.asarray(lengths.sum() * (G.T / lengths) @ G)
+    return np.asarray(np.diag(np.sqrt(np.count_nonzero(a) * a**2))[:, a > 0.0])

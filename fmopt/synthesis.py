@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -25,15 +26,17 @@ from fmopt.errors import FmoptError, InfeasibleError, SearchError
 from fmopt.geometry.clearance import Clearance, checked_clearance
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.nominal.critical import CriticalPose, critical_poses
-from fmopt.nominal.freedom import FreedomInterval, freedom
+from fmopt.nominal.freedom import freedom
+from fmopt.nominal.intervals import FreedomInterval
 from fmopt.nominal.trajectory import NominalTrajectory, insertion
-from fmopt.placement.entry import start_spread, tilted_entries
+from fmopt.placement.entry import start_spread, straight_entry, tilted_entries
 from fmopt.placement.motion import Reached
 from fmopt.placement.polish import Turns, polish
 from fmopt.placement.search import Costs, MoveSequence, search
 from fmopt.placement.sequence import Placed, Refinement, certified, refine
 from fmopt.placement.socp import ClarabelSolver
-from fmopt.placement.states import Spaces, contact_spaces
+from fmopt.placement.states import Scale, contact_spaces
+from fmopt.placement.visited import Visited, visited
 from fmopt.se3 import Pose
 from fmopt.task.problem import Problem
 from fmopt.uncertainty.error_set import ErrorSet
@@ -89,13 +92,18 @@ def synthesise(problem: Problem, progress: Progress = lambda _: None) -> Synthes
     clock.lap("nominal")
 
     progress("contact space")
-    spaces = contact_spaces(assembly, nominal.critical, clearance.per_side, rho)
+    scale = Scale(clearance.per_side, rho)
+    spaces = contact_spaces(assembly, nominal.critical, scale)
     clock.lap("contact")
 
     found, placed = motion(problem, assembly, clearance, errors, tolerance, clock.lap, progress)
 
+    progress("contact states on the way")
+    states = visited(assembly, placed.reached.claims, spaces, scale)
+    clock.lap("contact")
+
     progress("control strategies")
-    document = plan_document(problem, clearance, nominal, spaces, found, placed, tolerance)
+    document = plan_document(problem, clearance, nominal, states, found, placed, tolerance)
     clock.lap("control")
 
     progress("checking the certificate")
@@ -143,7 +151,9 @@ def motion(
     moving, box, settings = problem.moving, problem.start_box, problem.settings
     goal = Pose.from_vector(problem.goal)
     deadline = time.monotonic() + settings.time_limit
-    rounds = tilted_entries(moving, clearance.play, box, problem.approach, settings.max_tilt)
+    straight = straight_entry(moving, clearance.play, box, problem.approach)
+    tilted = tilted_entries(moving, clearance.play, box, problem.approach, settings.max_tilt)
+    rounds = chain([straight] if straight else [], tilted)
     costs = Costs.of(start_spread(moving, box), clearance.per_side)
     best: tuple[MoveSequence, Placed] | None = None
     failure: FmoptError | None = None
@@ -209,14 +219,14 @@ def plan_document(
     problem: Problem,
     clearance: Clearance,
     nominal: Nominal,
-    spaces: Spaces,
+    states: Visited,
     found: MoveSequence,
     placed: Placed,
     tolerance: Tolerance,
 ) -> dict[str, Any]:
     """The plan file of a finished placement, its verdict still open."""
     claims = placed.reached.claims
-    segments = _segments(problem, claims, nominal.critical, tolerance)
+    segments = _segments(problem, claims, states, tolerance)
     contacts = {c.id: c for claim in claims for c in (*claim.piece.held, *claim.piece.goal_contacts)}
     rows = position_force(nominal.path, nominal.freedoms, contact_forces(problem.specification, tolerance.rho))
     declared, measured = problem.declared_clearance, clearance.per_side
@@ -246,7 +256,7 @@ def plan_document(
             "times": nominal.path.times,
             "intervals": [{"t0": i.start, "t1": i.end, "s": i.s} for i in nominal.freedoms],
         },
-        "critical_points": spaces.records(),
+        "critical_points": states.records(),
         "segments": segments,
         "position_force": [row.document() for row in rows],
         "search": {
@@ -257,27 +267,22 @@ def plan_document(
             "states_expanded": found.expanded,
             "moves": found.names,
         },
-        "diagnostics": {"graphs": spaces.graphs(claims)},
+        "diagnostics": {"graphs": states.graphs(), "sequence": states.sequence()},
     }
     return plan.sealed(plan.clean(document))
 
 
 def _segments(
-    problem: Problem, claims: tuple[Claim, ...], critical: tuple[CriticalPose, ...], tolerance: Tolerance
+    problem: Problem, claims: tuple[Claim, ...], states: Visited, tolerance: Tolerance
 ) -> list[dict[str, Any]]:
     poses = [claims[0].piece.start.vector(), *(claim.piece.goal.vector() for claim in claims)]
     found: list[dict[str, Any]] = []
     move = -1
     for k, claim in enumerate(claims):
         move += claim.piece.progress[0] == 0.0
-        record = segment_record(claim, _critical(claim, critical), move, poses[k], poses[k + 1])
+        record = segment_record(claim, states.space_of(k), move, poses[k], poses[k + 1])
         found.append({**record, "hybrid": plan.clean(_hybrid(problem, claim, tolerance))})
     return found
-
-
-def _critical(claim: Claim, critical: tuple[CriticalPose, ...]) -> int:
-    """The critical point whose depth is nearest to where the piece ends."""
-    return min(range(len(critical)), key=lambda i: abs(float(critical[i].pose[2] - claim.piece.goal.p[2])))
 
 
 def _hybrid(problem: Problem, claim: Claim, tolerance: Tolerance) -> dict[str, Any]:

@@ -3,20 +3,16 @@
 import numpy as np
 import pytest
 
-from fmopt import ellipsoid
 from fmopt.certificate.rows import (
     Extent,
     Forms,
     directions_along,
     edges_apart,
     faces_above,
-    length,
     points_above,
     remainders,
 )
-from fmopt.certificate.spread import Spread, Support, summed
 from fmopt.se3 import Pose, exp
-from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array
 
 KINDS = ("points", "directions", "faces", "edges")
@@ -94,30 +90,3 @@ def test_half_the_remainder_would_not_do(kind: str) -> None:
         excesses(kind, turn, theta, seed).max() for turn, theta in ((0.0, 0.03), (0.05, 0.0)) for seed in range(3)
     )
     assert worst > 0.5
-
-
-def test_supports_bound_the_sum_of_zonotope_ellipsoid_and_slack() -> None:
-    rng = np.random.default_rng(5)
-    F, slack = rng.normal(size=(6, 6)) * 1e-4, rng.normal(size=(6, 2)) * 1e-5
-    errors = ErrorSet.from_zonotope(rng.normal(size=(5, 6)) * 1e-4, 0.014).plus(F @ F.T, 0.014)
-    spread = Spread.of(errors)
-    N = rng.normal(size=(40, 6))
-    np.testing.assert_allclose(spread.bound(N), errors.support(N), rtol=1e-9)
-    with_slack = Support.of(spread.generators, spread, slack)
-    np.testing.assert_allclose(with_slack(N), errors.support(N) + np.abs(N @ slack).sum(axis=1), rtol=1e-9)
-
-
-def test_roots_keep_flat_directions_flat() -> None:
-    rng = np.random.default_rng(6)
-    N = rng.normal(size=6)
-    P = np.eye(6) - np.outer(N, N) / (N @ N)
-    F = P @ (rng.normal(size=(6, 6)) * 1e-3)
-    G = P @ (rng.normal(size=(6, 8)) * 1e-4)
-    weights = ellipsoid.metric(0.014)
-    total = summed(F, G, weights)
-    assert total.shape[1] <= 18
-    expected = ellipsoid.outer_sum(F @ F.T, G @ G.T, weights)
-    np.testing.assert_allclose(total @ total.T, expected, atol=1e-15)
-    assert length(N @ total) < 1e-17
-    # The control: the same direction through the shape matrix is noise.
-    assert abs(float(N @ expected @ N)) > length(N @ total) ** 2

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from test_contact_parts import MID_DEPTH, block, peg
 
-from fmopt.contact.bounds import cell
+from fmopt.contact.bounds import Bound, cell
 from fmopt.contact.confirm import Verdict, confirm
 from fmopt.contact.graph import contact_graph
 from fmopt.contact.primitive import near_contacts
 from fmopt.contact.space import faces, local_space
 from fmopt.contact.surface import Surfaces
+from fmopt.errors import InfeasibleError
 from fmopt.se3 import Pose, exp
 
 PEG, BLOCK = peg(), block()
@@ -105,3 +106,29 @@ def test_a_limit_in_a_contacts_plane_does_not_hide_it() -> None:
     contacts, limits = cell(near_contacts(PEG, BLOCK, pose, reach, angle), PEG, BLOCK, pose, within=1e-3)
     space = local_space(contacts, PEG, BLOCK, pose, 1e-4, 0.014, limits)
     assert faces(space).active.any(axis=0).all()
+
+
+def test_a_contact_that_a_touching_one_ends_is_not_kept_by_rounding() -> None:
+    """A tip edge counts on the rim only where its corner is beyond the wall: never, while the corner touches that."""
+    R = exp(np.radians([0.0, 5.0, 0.0])) @ exp(np.radians([0.0, 0.0, 1.0]))
+    tip, kept = R @ PEG.vertices[2], []
+    for noise in (-1e-17, 0.0, 1e-17):
+        pose = Pose(np.array([-1e-3, HALF - tip[1] + noise, -5e-4 - tip[2]]), R)
+        near = near_contacts(PEG, BLOCK, pose, 6e-4, 0.01)
+        f = dict(zip((c.id for c in near), Surfaces.of(near, PEG, BLOCK).values(pose), strict=True))
+        assert f["e3-e23"] < -4e-4
+        contacts, limits = cell(near, PEG, BLOCK, pose, within=1e-3)
+        assert np.min(Surfaces.of(contacts, PEG, BLOCK).values(pose)) > -1e-15
+        space = local_space(contacts, PEG, BLOCK, pose, 1e-4, 0.014, limits, 3e-4, 0.01)
+        assert ("v2-f9",) in {s.contacts for s in contact_graph(space, faces(space)).states}
+        kept.append([c.id for c in contacts])
+    assert kept[0] == kept[1] == kept[2]
+
+
+def test_a_space_between_limits_without_extent_is_refused() -> None:
+    pose = Pose(np.zeros(3), np.eye(3))
+    near = near_contacts(PEG, BLOCK, pose, 3e-4, 0.01)
+    limits = [Bound(near[0], sign) for sign in (1, -1)]
+    space = local_space([], PEG, BLOCK, pose, 1e-4, 0.014, limits, 3e-4, 0.01)
+    with pytest.raises(InfeasibleError, match=r"no extent between its limits.*not on the end of a face"):
+        faces(space)

@@ -7,7 +7,7 @@ import sympy
 from test_contact_parts import MID_DEPTH, block, peg, spike, tilted
 
 from fmopt.contact.bounds import BoundTable, bounds
-from fmopt.contact.primitive import Kind, PrimitiveContact, edge_edge, face_vertex, near_contacts, vertex_face
+from fmopt.contact.primitive import Kind, PrimitiveContact, face_vertex, near_contacts, vertex_face
 from fmopt.contact.surface import (
     Surfaces,
     parameters,
@@ -124,44 +124,24 @@ def test_nodes_outside_the_table_are_refused() -> None:
 
 
 @pytest.mark.parametrize(("fixed", "contacts", "pose"), CASES)
-def test_linear_models_keep_within_their_remainders(
+def test_many_poses_at_once_are_the_same_as_one_by_one(
     fixed: Polyhedron, contacts: tuple[PrimitiveContact, ...], pose: Pose
 ) -> None:
     rng = np.random.default_rng(4)
-    surfaces = Surfaces.of(contacts, PEG, fixed)
-    edges = np.array([contact.kind is Kind.EDGE_EDGE for contact in contacts])
-    f, N, curvature, coupling = surfaces.bounded_rows(pose)
-    np.testing.assert_allclose(f, surfaces.values(pose), rtol=0.0, atol=1e-17)
-    tightest = np.full(len(contacts), np.inf)
-    for _ in range(400):
-        X = rng.normal(size=6) * np.repeat([1e-3, 0.1], 3) * rng.uniform()
-        theta, shift = np.linalg.norm(X[3:]), np.linalg.norm(X[:3])
-        moved = pose.moved(X)
-        # The edges' function is the distance times the sine between them, over that sine at the pose.
-        value = surfaces.values(moved) * np.where(edges, sines(surfaces, moved) / sines(surfaces, pose), 1.0)
-        bound = 0.5 * curvature * theta**2 + coupling * theta * shift
-        assert np.all(np.abs(value - f - N @ X) <= bound + 1e-15)
-        tightest = np.minimum(tightest, bound / np.maximum(np.abs(value - f - N @ X), 1e-18))
-    assert np.median(tightest) < 4.0
-
-
-def sines(surfaces: Surfaces, pose: Pose) -> np.ndarray:
-    sine = np.ones(len(surfaces.contacts))
-    for i, contact in enumerate(surfaces.contacts):
-        if contact.kind is Kind.EDGE_EDGE:
-            a, b = pose.apply(PEG.vertices[list(contact.moving)])
-            q, r = BLOCK.vertices[list(contact.fixed)]
-            sine[i] = np.linalg.norm(np.cross(b - a, r - q)) / np.linalg.norm(b - a) / np.linalg.norm(r - q)
-    return sine
-
-
-def test_bounded_rows_are_the_gradient_where_a_contact_touches() -> None:
-    contact = edge_edge(PEG, BLOCK, LEANING.R, 2, 20)
-    surfaces = Surfaces.of([contact], PEG, BLOCK)
-    f, N = surfaces.values_and_rows(LEANING)
-    touching = LEANING.moved(-f[0] * N[0] * np.repeat([1.0, 0.0], 3))
-    assert abs(surfaces.values(touching)[0]) < 1e-17
-    np.testing.assert_allclose(surfaces.bounded_rows(touching)[1], surfaces.values_and_rows(touching)[1], atol=1e-15)
+    surfaces, table = Surfaces.of(contacts, PEG, fixed), BoundTable.of(contacts, PEG, fixed, pose)
+    poses = [pose.moved(rng.normal(size=6) * np.repeat([1e-3, 0.1], 3)) for _ in range(30)]
+    f, N = surfaces.over(np.array([at.p for at in poses]), np.array([at.R for at in poses]))
+    g, _ = table.surfaces.over(np.array([at.p for at in poses]), np.array([at.R for at in poses]))
+    depth, which = table.depths(g)
+    for i, at in enumerate(poses):
+        np.testing.assert_allclose(f[i], surfaces.values(at), atol=1e-16)
+        np.testing.assert_allclose(N[i], surfaces.values_and_rows(at)[1], atol=1e-15)
+        np.testing.assert_allclose(depth[i].min(axis=1, initial=np.inf), table.insides(at), atol=1e-16)
+        for k, clauses in enumerate(table.clauses):
+            for c in range(len(clauses)):
+                bound = table.listed[which[i, k, c]]
+                value = Surfaces.of([bound.contact], PEG, fixed).values(at)[0]
+                assert depth[i, k, c] == pytest.approx(-bound.sign * value, abs=1e-15)
 
 
 def test_bounds_of_a_wall_are_its_mouth_only() -> None:

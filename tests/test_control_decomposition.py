@@ -6,8 +6,15 @@ from itertools import product
 import numpy as np
 import pytest
 
-from fmopt.control.decomposition import Decomposition, contact_forces, gamma, omega, position_force
-from fmopt.nominal.freedom import FreedomInterval
+from fmopt.control.decomposition import (
+    Decomposition,
+    contact_forces,
+    gamma,
+    natural_constraints,
+    omega,
+    position_force,
+)
+from fmopt.nominal.intervals import FreedomInterval
 from fmopt.nominal.trajectory import insertion
 from fmopt.task.problem import Specification
 
@@ -29,8 +36,7 @@ def test_pa_and_pn_sum_to_p_and_lie_in_their_subspaces():
     rng = np.random.default_rng(0)
     for s in ALL:
         P, split = rng.normal(size=6), Decomposition(s)
-        Pa = gamma(s, P)
-        Pn = P - Pa
+        Pa, Pn = gamma(s, P), natural_constraints(s, P)
         assert np.allclose(split.C_np @ Pa, 0.0)
         assert np.allclose(split.C_ap @ Pn, 0.0)
         assert np.array_equal(Pa + Pn, P)
@@ -57,6 +63,12 @@ def test_figure_two_of_the_paper():
     assert np.array_equal(rows[0].pa_start, PATH.at(0.0))
     assert not rows[0].fa.any()
     assert np.array_equal(Decomposition(rows[1].s).C_ap, np.eye(6)[[2, 5]])
+    assert Decomposition(rows[1].s).written == {
+        "C_np": "(p_x, p_y, 0, q_x, q_y, 0)",
+        "C_ap": "(0, 0, p_z, 0, 0, q_z)",
+        "C_af": "(f_x, f_y, 0, tau_x, tau_y, 0)",
+    }
+    assert Decomposition(rows[0].s).written["C_ap"] == "(p_x, p_y, p_z, q_x, q_y, q_z)"
     assert np.array_equal(rows[1].pa_end, [0, 0, -0.03, 0, 0, 0])
     assert np.array_equal(rows[1].fa, [F[0], F[1], 0, F[3], F[4], 0])
     assert np.array_equal(rows[1].applied, -rows[1].fa)
@@ -80,9 +92,13 @@ def test_an_interval_of_no_length_at_the_goal_is_one_row():
 
 def test_document_is_the_plan_files_row():
     document = position_force(PATH, [FreedomInterval(1.0, 1.2, (2, 0, -1, 1, 0, 2))], F)[0].document()
-    assert list(document) == ["t0", "t1", "s", "pa_start", "pa_end", "fa", "fa_sign", "either_sign"]
+    assert list(document) == [
+        *("t0", "t1", "s", "pa_start", "pa_end", "pn_start", "pn_end", "fa", "fa_sign", "applied", "either_sign")
+    ]
     assert document["fa_sign"] == "reaction"
     assert document["either_sign"] == [0, 5]
+    assert np.array_equal(document["applied"], -np.array(document["fa"]))
+    assert np.array_equal(np.add(document["pa_start"], document["pn_start"]), PATH.at(1.0))
     assert np.array_equal(json.loads(json.dumps(document, allow_nan=False))["fa"], [5, 0, 5, -F[3], 0, F[5]])
 
 

@@ -18,7 +18,7 @@ PACKAGE = Path(fmopt.__file__).parent
 # From the ground up. A room sees every lower floor, never its own: rooms of one floor do not know each other.
 FLOORS: tuple[frozenset[str], ...] = (
     frozenset({"errors", "values", "symbolic"}),
-    frozenset({"se3", "ellipsoid"}),
+    frozenset({"se3", "ellipsoid", "plane"}),
     frozenset({"geometry", "plan"}),
     frozenset({"knowledge"}),
     frozenset({"contact", "task", "report"}),
@@ -38,10 +38,11 @@ ONLY: dict[str, frozenset[str]] = {
     "values": frozenset(),
     "symbolic": frozenset(),
     "plan": frozenset({"errors"}),
+    "plane": frozenset({"values", "errors"}),
     "knowledge": frozenset({"geometry", "se3", "values", "errors"}),
     "report": frozenset({"plan", "geometry", "se3", "values", "errors"}),
-    "nominal": frozenset({"geometry", "se3", "values", "errors"}),
-    "uncertainty": frozenset({"ellipsoid", "se3", "values", "errors"}),
+    "nominal": frozenset({"knowledge", "geometry", "plane", "se3", "values", "errors"}),
+    "uncertainty": frozenset({"ellipsoid", "plane", "se3", "symbolic", "values", "errors"}),
     "certificate": frozenset({"contact", "uncertainty", "geometry", "plan", "ellipsoid", "se3", "values", "errors"}),
     "console": frozenset({"report", "plan", "errors"}),
     APART: frozenset(),
@@ -55,11 +56,11 @@ CALLERS: dict[str, frozenset[str]] = {
 # Every library that the package may import, and the files or rooms that may.
 LIBRARIES: dict[str, frozenset[str]] = {
     "numpy": frozenset(
-        {"values", "se3", "ellipsoid", "geometry", "knowledge", "contact", "task", "nominal", "uncertainty"}
+        {"values", "se3", "ellipsoid", "plane", "geometry", "knowledge", "contact", "task", "nominal", "uncertainty"}
         | {"certificate", "placement", "control", "synthesis", "report"}
     ),
     "scipy": frozenset({"geometry", "contact", "nominal", "uncertainty", "placement", "control"}),
-    "sympy": frozenset({"symbolic.py", "contact/surface.py"}),
+    "sympy": frozenset({"symbolic.py", "contact/surface.py", "uncertainty/planar/surface.py"}),
     "casadi": frozenset({"symbolic.py", "contact/surface.py", "placement/nlp.py"}),
     "clarabel": frozenset({"placement/socp.py"}),
     "daqp": frozenset({"placement/lp.py"}),
@@ -67,7 +68,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "networkx": frozenset({"contact/graph.py"}),
     "manifold3d": frozenset({"geometry", "nominal/touch.py"}),
     "trimesh": frozenset({"geometry/mesh.py"}),
-    "shapely": frozenset({"geometry", "knowledge", "report"}),
+    "shapely": frozenset({"geometry", "knowledge", "uncertainty/planar", "report"}),
     "matplotlib": frozenset({"report"}),
     "pydantic": frozenset({"task"}),
     "pydantic_core": frozenset({"task"}),

@@ -11,10 +11,10 @@ from fmopt.certificate.assembly import Assembly, hinge
 from fmopt.certificate.functions import contact_forms
 from fmopt.certificate.piece import Piece
 from fmopt.certificate.rows import Curvature, lengths
-from fmopt.certificate.spread import Support
 from fmopt.certificate.way import Way
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import InfeasibleError
+from fmopt.uncertainty.error_set import Support
 from fmopt.values import Array
 
 _FEEBLE = 1e-3  # m; an edge contact must feel the contact that makes it a hinge on an arm this long

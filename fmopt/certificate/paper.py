@@ -15,10 +15,10 @@ from fmopt import ellipsoid
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.claim import Claim
 from fmopt.certificate.functions import contact_rows
-from fmopt.certificate.piece import Tolerance
+from fmopt.certificate.piece import Piece, Tolerance
 from fmopt.certificate.rows import Extent
+from fmopt.certificate.segment import Advance
 from fmopt.certificate.separation import pairs, separation
-from fmopt.certificate.spread import Spread
 from fmopt.uncertainty import dakin
 from fmopt.uncertainty.error_set import ErrorSet
 
@@ -43,29 +43,36 @@ def as_in_the_paper(
     return tuple(found)
 
 
-def _judged(assembly: Assembly, claim: Claim, errors: ErrorSet, tolerance: Tolerance) -> Claim:
-    piece, step = claim.piece, claim.advance
+def goal_in_the_paper(
+    assembly: Assembly, piece: Piece, step: Advance, errors: ErrorSet, tolerance: Tolerance
+) -> tuple[ErrorSet, ErrorSet]:
+    """The paper's error sets at both ends of a piece of motion.
+
+    The paper works inside the facet: what the held contacts' normals have turned since is projected away first.
+
+    Args:
+        assembly: the two parts.
+        piece: the piece.
+        step: its outcome, soundly judged.
+        errors: error set at its start.
+        tolerance: velocity error and metric.
+    """
+    if piece.basis:
+        held = contact_rows(assembly, [c.contact for c in piece.basis], piece.held, piece.goal).N
+        hold, _ = ellipsoid.oblique_projector(held, np.array([c.direction for c in piece.basis]).T)
+        errors = ErrorSet.from_ellipsoid(ellipsoid.image(errors.shape, hold))
     basis = step.basis if piece.last else piece.basis
     together = piece.goal_contacts if piece.last else piece.held
     rows = contact_rows(assembly, [c.contact for c in basis], together, piece.goal).N if basis else np.zeros((0, 6))
     directions = np.array([c.direction for c in basis]).reshape(-1, 6).T
-    if piece.basis:
-        # The paper works inside the facet: what the held contacts' normals have turned since is projected away.
-        held = contact_rows(assembly, [c.contact for c in piece.basis], piece.held, piece.goal).N
-        hold, _ = ellipsoid.oblique_projector(held, np.array([c.direction for c in piece.basis]).T)
-        errors = ErrorSet.from_ellipsoid(ellipsoid.image(errors.shape, hold))
-    goal = dakin.step(
-        errors, step.motion, rows, directions, np.zeros(len(basis)), tolerance.velocity_error, tolerance.rho
-    )
+    return errors, dakin.step(errors, step.motion, rows, directions, tolerance.velocity_error, tolerance.rho)
+
+
+def _judged(assembly: Assembly, claim: Claim, errors: ErrorSet, tolerance: Tolerance) -> Claim:
+    piece, step = claim.piece, claim.advance
+    start, goal = goal_in_the_paper(assembly, piece, step, errors, tolerance)
     flat = Extent(0.0, np.zeros(3), 0.0, np.zeros(3))
-    ends = replace(
-        step.ends,
-        start_set=Spread.of(errors),
-        goal_set=Spread.of(goal),
-        extent=flat,
-        slack=np.zeros((6, 0)),
-        core=None,
-    )
+    ends = replace(step.ends, start_set=start, goal_set=goal, extent=flat, slack=np.zeros((6, 0)), core=None)
     listed = pairs(assembly, piece.held, piece.making, piece.made)
     separations = tuple(
         (i, j, separation(assembly, pair, kept.witness, ends))

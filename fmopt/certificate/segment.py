@@ -27,10 +27,9 @@ from fmopt.certificate.layers import Layers, layers_of
 from fmopt.certificate.piece import Compliance, Piece, Tolerance
 from fmopt.certificate.rows import Extent, length, lengths
 from fmopt.certificate.separation import Ends
-from fmopt.certificate.spread import Spread, Support, summed
 from fmopt.certificate.way import Way, approach, cone, way_of
 from fmopt.errors import InfeasibleError
-from fmopt.uncertainty.error_set import ErrorSet
+from fmopt.uncertainty.error_set import ErrorSet, Support
 from fmopt.values import Array
 
 __all__ = ["Advance", "Compliance", "Piece", "Tolerance", "advance"]
@@ -73,17 +72,16 @@ def advance(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Toler
         InfeasibleError: the contact to be made cannot be reached along the motion, contacts do not determine their
             compliant directions, or errors outgrow the bounds in which the certificate holds.
     """
-    start = Spread.of(errors)
     way = way_of(assembly, piece, tolerance)
-    core = start.core(way.directions)
-    layers = layers_of(assembly, piece, way, Support.of(core, start))
+    core = errors.core(way.directions)
+    layers = layers_of(assembly, piece, way, Support.of(core, errors))
     basis = piece.basis
     if piece.made is not None:
         size = length(way.motion * ellipsoid.metric(tolerance.rho))
         basis = (*basis, Compliance(piece.made, way.motion / size))
-    step = _Step(piece, way, layers, tolerance, start, core)
+    step = _Step(piece, way, layers, tolerance, errors, core)
     extent, goal_set, slack = step.outcome(basis)
-    ends = Ends(piece.start, piece.goal, start, goal_set, extent, slack, core)
+    ends = Ends(piece.start, piece.goal, errors, goal_set, extent, slack, core)
     return Advance(ends, basis, way.motion, way.length, approach(assembly, piece, tolerance, way, extent))
 
 
@@ -99,7 +97,7 @@ class _Step:
     way: Way
     layers: Layers
     tolerance: Tolerance
-    start: Spread
+    start: ErrorSet
     core: Array
 
     @cached_property
@@ -192,7 +190,7 @@ class _Step:
                 total = (1.0 + s2 / s1) * total + (1.0 + s1 / s2) * more
         return np.asarray(total[:6])
 
-    def outcome(self, basis: tuple[Compliance, ...]) -> tuple[Extent, Spread, Array]:
+    def outcome(self, basis: tuple[Compliance, ...]) -> tuple[Extent, ErrorSet, Array]:
         """Extent, error set at the goal and slack columns (6, h) at the start."""
         half = self._settled()
         own, final = self.layers.thicknesses(length(half[3:]), half[:3], self._wide(half))
@@ -201,10 +199,10 @@ class _Step:
         P, weights = self.way.projector, ellipsoid.metric(self.tolerance.rho)
         for drift in (P * np.array([a, a, a, b, b, b]), P[:, 3:] * c):
             if drift.any():
-                growth, shape = summed(growth, drift, weights), summed(shape, drift, weights)
+                growth, shape = (ellipsoid.outer_sum(F, drift, weights) for F in (growth, shape))
         thick = self.layers.goal_dual * final
         if thick.size:
-            shape = summed(shape, np.sqrt(thick.shape[1]) * thick, weights)
+            shape = ellipsoid.outer_sum(shape, np.sqrt(thick.shape[1]) * thick, weights)
         directions = np.array([c.direction for c in basis[: thick.shape[1]]]).reshape(-1, 6)
-        goal = Spread.made(np.vstack([core, thick.T]), shape, growth, thick.shape[1], directions)
+        goal = ErrorSet(shape, np.vstack([core, thick.T]), growth, thick.shape[1], directions)
         return Extent(self.way.turn, self.way.travel, length(half[3:]), half[:3]), goal, self.way.start_dual * own

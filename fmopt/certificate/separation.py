@@ -15,9 +15,8 @@ from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.counted import Counted, counted_rows
 from fmopt.certificate.pair import Pair, Witness, pairs, touching
 from fmopt.certificate.rows import Extent, Forms, Rows, remainders, stacked
-from fmopt.certificate.spread import Spread, Support
 from fmopt.se3 import Pose
-from fmopt.uncertainty.error_set import ErrorSet
+from fmopt.uncertainty.error_set import ErrorSet, Support
 from fmopt.values import Array
 
 __all__ = [
@@ -56,7 +55,7 @@ class Ends:
     @cached_property
     def supports(self) -> tuple[Support, Support]:
         """How far errors reach along rows at both ends."""
-        start, goal = Spread.of(self.start_set), Spread.of(self.goal_set)
+        start, goal = self.start_set, self.goal_set
         return Support.of(start.generators if self.core is None else self.core, start, self.slack), goal.bound
 
 

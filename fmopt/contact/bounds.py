@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TypeAlias, assert_never
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fmopt.contact.primitive import Kind, PrimitiveContact, convex_vertices, face_vertex, vertex_face
 from fmopt.contact.surface import Surfaces
@@ -22,6 +23,8 @@ class Bound:
     contact: PrimitiveContact
     sign: int
 
+
+INSIDE = 1e-9  # m; a pose no further than this inside a bound is on it
 
 Clause: TypeAlias = tuple[tuple[Bound, ...], ...]
 """Alternatives, each a set of bounds that hold together; one of them must."""
@@ -61,34 +64,82 @@ def bounds(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, pos
 
 @dataclass(frozen=True, eq=False)
 class BoundTable(Value):
-    """The bounds of k contacts, tabulated for evaluation."""
+    """The bounds of k contacts, tabulated for evaluation.
+
+    Attributes:
+        clauses: of each contact.
+        listed: every bound, once.
+        surfaces: C-surface functions of the bounds' contacts.
+        places: (k, clauses, alternatives, bounds together), index into `listed`; the number of bounds where a set is
+            full, one more where a clause has no further alternative.
+    """
 
     clauses: tuple[tuple[Clause, ...], ...]
+    listed: tuple[Bound, ...]
     surfaces: Surfaces
-    index: dict[str, int]
+    places: NDArray[np.intp]
 
     @staticmethod
     def of(contacts: Sequence[PrimitiveContact], moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> BoundTable:
         """The table of the contacts' bounds, told apart at a pose."""
         clauses = tuple(bounds(contact, moving, fixed, pose) for contact in contacts)
-        needed = {
-            bound.contact.id: bound.contact
-            for of_contact in clauses
-            for clause in of_contact
-            for group in clause
-            for bound in group
-        }
-        index = {name: i for i, name in enumerate(needed)}
-        return BoundTable(clauses, Surfaces.of(tuple(needed.values()), moving, fixed), index)
+        groups = [[group for clause in of_contact for group in clause] for of_contact in clauses]
+        listed = tuple(dict.fromkeys(bound for of_contact in groups for group in of_contact for bound in group))
+        number = {bound: i for i, bound in enumerate(listed)}
+        sizes = (
+            max((len(of_contact) for of_contact in clauses), default=0),
+            max((len(clause) for of_contact in clauses for clause in of_contact), default=0),
+            max((len(group) for of_contact in groups for group in of_contact), default=0),
+        )
+        places = np.full((len(clauses), *sizes), len(listed), dtype=np.intp)
+        for i, of_contact in enumerate(clauses):
+            for j, clause in enumerate(of_contact):
+                places[i, j, len(clause) :] = len(listed) + 1
+                for n, group in enumerate(clause):
+                    places[i, j, n, : len(group)] = [number[bound] for bound in group]
+        places.setflags(write=False)
+        return BoundTable(clauses, listed, Surfaces.of([bound.contact for bound in listed], moving, fixed), places)
+
+    def depths(self, g: Array) -> tuple[Array, NDArray[np.intp]]:
+        """How far (m) poses are inside each clause of each contact, and by which bound.
+
+        Args:
+            g: values (…, m) of `surfaces` at the poses.
+
+        Returns:
+            (…, k, clauses) depths, inf for a clause that a contact does not have, and the indices into `listed`.
+        """
+        signs = np.array([bound.sign for bound in self.listed])
+        ends = np.broadcast_to([np.inf, -np.inf], (*g.shape[:-1], 2))
+        depth = np.concatenate([-signs * g, ends], axis=-1)[..., self.places]
+        if 0 in depth.shape[-3:]:
+            none = np.full((*g.shape[:-1], *self.places.shape[:2]), np.inf)
+            return none, np.full(none.shape, len(self.listed), dtype=np.intp)
+        together = np.argmin(depth, axis=-1)[..., None]
+        least = np.take_along_axis(depth, together, axis=-1)[..., 0]
+        best = np.argmax(least, axis=-1)[..., None]
+        places = np.broadcast_to(self.places, depth.shape)
+        which = np.take_along_axis(np.take_along_axis(places, together, axis=-1)[..., 0], best, axis=-1)[..., 0]
+        return np.take_along_axis(least, best, axis=-1)[..., 0], which
 
     def insides(self, pose: Pose) -> Array:
         """How far (m) the pose is inside each contact's bounds (k,): −g of the binding one, inf when unbounded."""
-        g = self.surfaces.values(pose)
+        depth, _ = self.depths(self.surfaces.values(pose))
+        return np.asarray(np.min(depth, axis=-1, initial=np.inf))
 
-        def inside(clause: Clause) -> float:
-            return max(min(-b.sign * float(g[self.index[b.contact.id]]) for b in group) for group in clause)
 
-        return np.array([min(map(inside, clauses), default=np.inf) for clauses in self.clauses])
+def touching(
+    contacts: Sequence[PrimitiveContact],
+    moving: Polyhedron,
+    fixed: Polyhedron,
+    pose: Pose,
+    within: float = INSIDE,
+) -> tuple[PrimitiveContact, ...]:
+    """Those of the contacts that touch at a pose: f = 0 to 1e-9 m, and more than `within` (m) inside their bounds."""
+    level = np.abs(Surfaces.of(contacts, moving, fixed).values(pose)) <= INSIDE
+    found = [contact for contact, on in zip(contacts, level, strict=True) if on]
+    inside = BoundTable.of(found, moving, fixed, pose).insides(pose)
+    return tuple(contact for contact, depth in zip(found, inside, strict=True) if depth > within)
 
 
 def cell(
@@ -110,7 +161,7 @@ def cell(
         the kept contacts, and the limits g < 0 of the cell.
     """
     table = BoundTable.of(contacts, moving, fixed, pose)
-    g = dict(zip(table.index, table.surfaces.values(pose), strict=True))
+    g = dict(zip((bound.contact.id for bound in table.listed), table.surfaces.values(pose), strict=True))
 
     def depth(bound: Bound) -> float:
         return -bound.sign * float(g[bound.contact.id])
@@ -119,7 +170,7 @@ def cell(
     for contact, clauses in zip(contacts, table.clauses, strict=True):
         groups = [max(clause, key=lambda group: min(map(depth, group))) for clause in clauses]
         insides = [min(map(depth, group)) for group in groups]
-        if min(insides, default=1.0) > 0.0:
+        if min(insides, default=1.0) > INSIDE:
             kept.append(contact)
             limits.update(dict.fromkeys(bound for group in groups for bound in group))
         else:

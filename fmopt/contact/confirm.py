@@ -1,4 +1,9 @@
-"""Contact states of the linear picture confirmed on the true C-surfaces, by Gauss–Newton from a point of the facet."""
+"""Contact states of the linear picture confirmed on the true C-surfaces, or refuted with what stands against them.
+
+The linear picture bends: a state may lie elsewhere than its linear facet, or nowhere. Each state is searched for from
+many starts, its own facet first, then half way to its neighbours and from poses where those were found. A state is
+confirmed by a pose. Refuted means that none of the starts led to one, and says what was in the way at the best of them.
+"""
 
 from __future__ import annotations
 
@@ -8,26 +13,30 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.contact.bounds import BoundTable
-from fmopt.contact.graph import ContactGraph, ContactState
-from fmopt.contact.space import LocalSpace
-from fmopt.contact.surface import Surfaces
+from fmopt.contact.graph import ContactGraph
+from fmopt.contact.meet import Bits, Measures, Met, Neighbourhood, Poses, meet, project
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.se3 import Pose
 from fmopt.values import Array, Value
 
-RESIDUAL = 1e-9  # clearances; a contact this close to touching touches
-APART = 1e-6  # clearances; a contact further than this is apart
-STEPS = 12
+RESIDUAL = 1e-10  # clearances; a contact this close to touching touches
+APART = 1e-3  # clearances; a contact further than this is apart
+_ROOMS = (0.1, 0.01)  # clearances of room that are asked for, first and then
+_NEIGHBOURS = 2  # how many neighbours of either dimension a state is searched from
+_ROUNDS = 3
+_OUTSIDE = -1e-6  # scaled units
 
 
 class Verdict(StrEnum):
     """What the true surfaces say of a state; the value is the advice."""
 
     CONFIRMED = "the state exists: its contacts touch, the others are apart, all within bounds"
-    SPLIT = "its contacts meet in no pose: the curvature of the surfaces parts them by the residual; drop one of them"
-    BLOCKED = "another contact is violated where its contacts meet; linearise at a nearer pose"
-    OUT_OF_BOUNDS = "its contacts meet beyond the end of a face or an edge; linearise at a nearer pose"
+    SPLIT = (
+        "the curvature of its surfaces parts them: they meet nowhere near here, or only where another one touches too"
+    )
+    BLOCKED = "where its contacts meet, another one is violated"
+    OUT_OF_BOUNDS = "its contacts meet beyond the end of a face or an edge only"
+    UNDECIDED = "no pose was found near here, and nothing that stands against one; linearise at a nearer pose"
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,10 +46,11 @@ class Confirmation(Value):
     Attributes:
         state: id of the state.
         verdict: whether it exists.
-        pose: the pose found.
-        residual: largest |f| of its contacts there, m.
+        pose: the pose found, or the best one.
+        residual: largest |f| of its contacts there, m; of a split one, in the middle of its linear facet.
         clearance: least f of the other contacts within their bounds, m; inf when there are none.
         inside: how far the pose is inside the bounds of its contacts, m; inf when there are none.
+        against: id of the contact, or of the neighbour across a bound, that stands against the state; "" without.
     """
 
     state: str
@@ -49,84 +59,123 @@ class Confirmation(Value):
     residual: float
     clearance: float
     inside: float
+    against: str
 
 
 def confirm(graph: ContactGraph, moving: Polyhedron, fixed: Polyhedron) -> tuple[Confirmation, ...]:
     """Every state of the graph taken to its true C-surfaces.
-
-    A state is tried from its own interior point, then from half way to each of its sons: where two surfaces that
-    coincide in the linear picture part, only a slice of the facet is real, and its middle may lead past it.
 
     Args:
         graph: contact states with a point on each linear facet.
         moving: the moving part in its body frame.
         fixed: the fixed part.
     """
-    space = graph.space
-    surfaces = Surfaces.of(space.contacts, moving, fixed)
-    table = BoundTable.of(space.contacts, moving, fixed, space.pose)
+    near = Neighbourhood.of(graph.space, moving, fixed)
+    names = [contact.id for contact in graph.space.contacts]
+    on = np.array([np.isin(names, state.contacts) for state in graph.states])
+    points = np.array([state.point for state in graph.states])
+    facets = Poses.around(graph.space.pose, points)
+    best = _Best.of(near, on, meet(near, on, facets, _ROOMS[0]))
+    for _ in range(_ROUNDS):
+        left = np.flatnonzero(~best.found)
+        which, starts = _starts(graph, best, points, left)
+        before = int(best.found.sum())
+        if len(which):
+            best = best.improved(near, on, which, meet(near, on[which], starts, _ROOMS[1]))
+        if int(best.found.sum()) == before:
+            break
+    return _verdicts(graph, near, on, best, facets)
+
+
+@dataclass(frozen=True, eq=False)
+class _Best:
+    """The best search so far for each of n states: whether it found the state, where, how much is short, if final."""
+
+    found: Bits
+    poses: Poses
+    short: Array
+    settled: Bits
+
+    @staticmethod
+    def of(near: Neighbourhood, on: Bits, met: Met) -> _Best:
+        at = near.measured(on, met.poses)
+        inside = at.limits.min(axis=1, initial=np.inf) > _OUTSIDE
+        found = (at.residual <= RESIDUAL) & (at.slack > APART) & inside
+        return _Best(found, met.poses, np.where(found, -1.0, met.short), met.settled)
+
+    def improved(self, near: Neighbourhood, on: Bits, which: NDArray[np.intp], met: Met) -> _Best:
+        """With further searches for states `which` (m,), several for each."""
+        new = _Best.of(near, on[which], met)
+        order = np.lexsort((new.short, which))
+        first = order[np.unique(which[order], return_index=True)[1]]
+        first = first[new.short[first] < self.short[which[first]]]
+        found, short, settled = self.found.copy(), self.short.copy(), self.settled.copy()
+        p, R = self.poses.p.copy(), self.poses.R.copy()
+        states = which[first]
+        found[states], short[states], settled[states] = new.found[first], new.short[first], new.settled[first]
+        p[states], R[states] = new.poses.p[first], new.poses.R[first]
+        return _Best(found, Poses(p, R), short, settled)
+
+
+def _starts(graph: ContactGraph, best: _Best, points: Array, left: NDArray[np.intp]) -> tuple[NDArray[np.intp], Poses]:
+    """Further starts for states: their own point, half way to neighbours, and where neighbours were found."""
+    which: list[int] = []
+    starts: list[Array] = []
+    there = best.poses.local(graph.space.pose)
+    for i in left:
+        found = [points[i]]
+        for around in (graph.sons[i], graph.fathers[i]):
+            found += [0.5 * (points[i] + points[j]) for j in around[:_NEIGHBOURS]]
+            found += [there[j] for j in around if best.found[j]][:_NEIGHBOURS]
+        which += [int(i)] * len(found)
+        starts += found
+    return np.array(which, dtype=np.intp), Poses.around(graph.space.pose, np.reshape(starts, (-1, 6)))
+
+
+def _verdicts(
+    graph: ContactGraph, near: Neighbourhood, on: Bits, best: _Best, facets: Poses
+) -> tuple[Confirmation, ...]:
+    unit = float(near.space.scale[0])
+    at = near.measured(on, best.poses)
+    against = _refuted(graph, near, on, best, facets)
     found = []
-    for state, sons in zip(graph.states, graph.sons, strict=True):
-        first = tried = confirm_state(state, state.point, space, surfaces, table)
-        for son in sons:
-            if tried.verdict is Verdict.CONFIRMED:
-                break
-            tried = confirm_state(state, 0.5 * (state.point + graph.states[son].point), space, surfaces, table)
-        found.append(tried if tried.verdict is Verdict.CONFIRMED else first)
+    for i, state in enumerate(graph.states):
+        verdict, by, pose, residual = against.get(i, (Verdict.CONFIRMED, "", best.poses.pose(i), float(at.residual[i])))
+        clearance, inside = float(at.others[i].min(initial=np.inf)), float(at.depths[i].min(initial=np.inf))
+        found.append(Confirmation(state.id, verdict, pose, unit * residual, unit * clearance, unit * inside, by))
     return tuple(found)
 
 
-def confirm_state(
-    state: ContactState, start: Array, space: LocalSpace, surfaces: Surfaces, table: BoundTable
-) -> Confirmation:
-    """One state taken to its true C-surfaces.
+def _refuted(
+    graph: ContactGraph, near: Neighbourhood, on: Bits, best: _Best, facets: Poses
+) -> dict[int, tuple[Verdict, str, Pose, float]]:
+    """For each state that was not found: the verdict, what stands against it, the pose to look at, and |f| there.
 
-    Args:
-        state: the state.
-        start: where to start, local coordinates (6,) in the local space.
-        space: the local space.
-        surfaces: C-surface functions of the space's contacts.
-        table: their bounds.
+    A state is split when its contacts do not meet in the middle of its linear facet, short of leaving it: what joins
+    them, when they are drawn together with no room asked for anything else, stands against it.
     """
-    on = np.isin([contact.id for contact in space.contacts], state.contacts)
-    tolerance, apart = RESIDUAL * float(space.scale[0]), APART * float(space.scale[0])
-    near = project(space.pose.moved(start), on, surfaces, space.scale, 6 - state.dimension)
-    pose = project(near, on, surfaces, space.scale, 6)
-    gap = float(np.max(np.abs(surfaces.values(near)[on]), initial=0.0))
-    f, inside = surfaces.values(pose), table.insides(pose)
-    residual = float(np.max(np.abs(f[on]), initial=0.0))
-    clearance = float(np.min(f[~on & (inside > 0.0)], initial=np.inf))
-    within = float(np.min(inside[on], initial=np.inf))
-    if residual <= tolerance and clearance > apart and within > 0.0:
-        return Confirmation(state.id, Verdict.CONFIRMED, pose, residual, clearance, within)
-    if gap > tolerance:
-        f, inside = surfaces.values(near), table.insides(near)
-        clearance = float(np.min(f[~on & (inside > 0.0)], initial=np.inf))
-        within = float(np.min(inside[on], initial=np.inf))
-        return Confirmation(state.id, Verdict.SPLIT, near, gap, clearance, within)
-    verdict = Verdict.BLOCKED if clearance <= apart else Verdict.OUT_OF_BOUNDS
-    return Confirmation(state.id, verdict, pose, residual, clearance, within)
+    left = np.flatnonzero(~best.found)
+    own, start = on[left], facets.kept(left)
+    middle = project(near, own, start, 6 - np.array([graph.states[i].dimension for i in left], dtype=np.intp))
+    joined = meet(near, own, start, 0.0)
+    half, meeting, at = (near.measured(own, poses) for poses in (middle, joined.poses, best.poses.kept(left)))
+    found = {}
+    for n, i in enumerate(left):
+        if half.residual[n] > RESIDUAL:
+            by = _least(near, meeting, n)[1] if meeting.residual[n] <= RESIDUAL else ""
+            found[int(i)] = Verdict.SPLIT, by, middle.pose(n), float(half.residual[n])
+        else:
+            verdict, by = _least(near, at, n) if best.settled[i] else (Verdict.UNDECIDED, "")
+            found[int(i)] = verdict, by, best.poses.pose(int(i)), float(at.residual[n])
+    return found
 
 
-def project(pose: Pose, on: NDArray[np.bool_], surfaces: Surfaces, scale: Array, rank: int) -> Pose:
-    """The pose where |f| of the contacts `on` (k,) is least, by Gauss–Newton with shortest scaled steps.
-
-    Args:
-        pose: where to start.
-        on: which contacts.
-        surfaces: C-surface functions of all contacts.
-        scale: scaled units (6,) in which steps are shortest.
-        rank: how many singular directions a step may use. The rank of a state's linear picture stays near its facet;
-            6 also uses those that only curvature provides.
-    """
-    for _ in range(STEPS):
-        f, N = surfaces.values_and_rows(pose)
-        if np.max(np.abs(f[on]), initial=0.0) <= 1e-2 * RESIDUAL * scale[0]:
-            break
-        U, s, Vt = np.linalg.svd(N[on] * scale, full_matrices=False)
-        used = int(np.sum(s[:rank] > 1e-5 * s[0]))
-        step = -Vt[:used].T @ ((U[:, :used].T @ f[on]) / s[:used])
-        if np.linalg.norm(step) < 1e-13:
-            break
-        pose = pose.moved(scale * step)
-    return pose
+def _least(near: Neighbourhood, at: Measures, i: int) -> tuple[Verdict, str]:
+    """What has least room at a pose: another contact, the bound of an own one, or the limits of the local space."""
+    apart, deep = at.others[i].min(initial=np.inf), at.depths[i].min(initial=np.inf)
+    if at.limits[i].min(initial=np.inf) < min(apart, deep):
+        return Verdict.UNDECIDED, ""
+    if apart <= deep:
+        return Verdict.BLOCKED, near.space.contacts[int(np.argmin(at.others[i]))].id
+    where = np.unravel_index(int(np.argmin(at.depths[i])), at.depths[i].shape)
+    return Verdict.OUT_OF_BOUNDS, near.table.listed[int(at.binding[i][where])].contact.id

@@ -180,6 +180,8 @@ def _corners(rows: Array, levels: Array) -> tuple[Array, Bits]:
 
 def first_equal(rows: Array) -> NDArray[np.intp]:
     """For each row the index of the first row equal to it within the incidence tolerance."""
+    if not len(rows):
+        return np.zeros(0, dtype=np.intp)
     apart = np.max(np.abs(rows[:, None] - rows[None]), axis=2)
     return np.asarray(np.argmax(apart <= INCIDENCE * np.max(np.abs(rows), axis=1), axis=1))
 

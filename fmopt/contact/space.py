@@ -16,6 +16,7 @@ from fmopt.contact.bounds import Bound
 from fmopt.contact.polytope import Faces, enumerate_faces, first_equal
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.contact.surface import values_and_rows
+from fmopt.errors import InfeasibleError
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.se3 import Pose
 from fmopt.values import Array, Value, frozen
@@ -100,9 +101,18 @@ def local_space(
 
 
 def faces(space: LocalSpace) -> Faces:
-    """All faces of the local contact space in scaled units: free space included, faces on a limit left out."""
+    """All faces of the local contact space in scaled units: free space included, faces on a limit left out.
+
+    Raises:
+        InfeasibleError: the contacts violate each other, or every face lies on a limit.
+    """
     k = len(space.contacts)
     rows, levels = np.vstack([space.normals, space.limits[:, :6]]), np.append(space.offsets, space.limits[:, 6])
     found = enumerate_faces(rows, levels)
     open_ = ~found.active[:, k:].any(axis=1)
+    if not open_.any():
+        raise InfeasibleError(
+            f"the local contact space at {space.pose.vector()} has no extent between its limits",
+            advice="linearise at a pose that is not on the end of a face or an edge",
+        )
     return Faces(found.active[open_, :k], found.dimensions[open_], found.points[open_], found.lineality)

@@ -54,70 +54,40 @@ class Surfaces(Value):
             _dot(n, v @ pose.R.T + pose.p) - offset,
             _dot(g @ pose.R.T, w - pose.p) - level,
         ]
-        a, u, e, q = _lines(self.edge_edge, pose)
+        a, u, e, q = _lines(self.edge_edge, pose.R)
         m = _cross(a, e)
         f.append(_dot(m, pose.p + u - q) / np.linalg.norm(m, axis=1))
         return np.asarray(np.concatenate(f)[self.order])
 
     def values_and_rows(self, pose: Pose) -> tuple[Array, Array]:
-        """Signed distances f (k,) in m and gradients N (k, 6) in local coordinates X = (d, δ) at the pose.
+        """Signed distances f (k,) in m and gradients N (k, 6) in local coordinates X = (d, δ) at the pose."""
+        return self.over(pose.p, pose.R)
+
+    def over(self, p: Array, R: Array) -> tuple[Array, Array]:
+        """Signed distances f (…, k) in m and gradients N (…, k, 6) at poses with positions p (…, 3), R (…, 3, 3).
 
         vertex–face (n, Rv × n); face–vertex (−Rn, Rn × (w − p)); edge–edge (m, Rc × m) with c the point of the moving
         edge's line closest to the fixed line.
         """
+        p = p[..., None, :]
         v, n, offset = _point_normal(self.vertex_face)
-        arm = v @ pose.R.T
+        arm = v @ np.swapaxes(R, -1, -2)
         g, w, level = _point_normal(self.face_vertex)
-        h, reach = g @ pose.R.T, w - pose.p
-        a, u, e, q = _lines(self.edge_edge, pose)
-        gap = pose.p + u - q
+        h, reach = g @ np.swapaxes(R, -1, -2), w - p
+        a, u, e, q = _lines(self.edge_edge, R)
+        gap = p + u - q
         cosine = _dot(a, e)
         m = _cross(a, e)
-        m /= np.linalg.norm(m, axis=1, keepdims=True)
+        m /= np.linalg.norm(m, axis=-1, keepdims=True)
         along = (cosine * _dot(gap, e) - _dot(gap, a)) / (1.0 - cosine**2)
-        c = u + along[:, None] * a
-        f = [_dot(n, arm + pose.p) - offset, _dot(h, reach) - level, _dot(m, gap)]
+        c = u + along[..., None] * a
+        f = [_dot(n, arm + p) - offset, _dot(h, reach) - level, _dot(m, gap)]
         N = [
-            np.hstack([n, _cross(arm, n)]),
-            np.hstack([-h, _cross(h, reach)]),
-            np.hstack([m, _cross(c, m)]),
+            _beside(np.broadcast_to(n, arm.shape), _cross(arm, n)),
+            _beside(-h, _cross(h, reach)),
+            _beside(m, _cross(c, m)),
         ]
-        return np.concatenate(f)[self.order], np.concatenate(N)[self.order]
-
-    def bounded_rows(self, pose: Pose) -> tuple[Array, Array, Array, Array]:
-        """A linear model with a closed-form bound on what it leaves out, for certificates.
-
-        The function is f itself for vertices and faces, and the triple product (e_moving × e_fixed)·(gap), divided by
-        the sine between the edges at the pose, for edges: it has the sign of f. For local coordinates X = (d, δ)
-        |function(X) − f − N·X| ≤ ½ curvature |δ|² + coupling |δ||d|.
-
-        Returns:
-            f (k,) in m, N (k, 6), curvature (k,) in m, coupling (k,).
-        """
-        v, n, offset = _point_normal(self.vertex_face)
-        arm = v @ pose.R.T
-        g, w, level = _point_normal(self.face_vertex)
-        h, reach = g @ pose.R.T, w - pose.p
-        a, u, e, q = _lines(self.edge_edge, pose)
-        m = _cross(a, e)
-        sine = np.linalg.norm(m, axis=1)
-        one, other = _cross(u, a), _cross(e, pose.p - q)
-        turn = (_cross(one, e) + _cross(a, other)) / sine[:, None]
-        m /= sine[:, None]
-        f = [
-            _dot(n, arm + pose.p) - offset,
-            _dot(h, reach) - level,
-            _dot(m, pose.p + u - q),
-        ]
-        N = [np.hstack([n, _cross(arm, n)]), np.hstack([-h, _cross(h, reach)]), np.hstack([m, turn])]
-        curvature = [
-            np.linalg.norm(arm, axis=1),
-            np.linalg.norm(reach, axis=1),
-            (np.linalg.norm(one, axis=1) + np.linalg.norm(other, axis=1)) / sine,
-        ]
-        coupling = [np.zeros(len(n)), np.ones(len(h)), 1.0 / sine]
-        f_all, N_all, curved, coupled = (np.concatenate(x)[self.order] for x in (f, N, curvature, coupling))
-        return f_all, N_all, curved, coupled
+        return np.concatenate(f, axis=-1)[..., self.order], np.concatenate(N, axis=-2)[..., self.order, :]
 
 
 def values_and_rows(
@@ -152,19 +122,24 @@ def _point_normal(table: Array) -> tuple[Array, Array, Array]:
     return table[:, :3], table[:, 3:6], table[:, 6]
 
 
-def _lines(table: Array, pose: Pose) -> tuple[Array, Array, Array, Array]:
-    """Turned moving directions and arms, fixed directions and points, each (k, 3)."""
-    return table[:, :3] @ pose.R.T, table[:, 3:6] @ pose.R.T, table[:, 6:9], table[:, 9:]
+def _lines(table: Array, R: Array) -> tuple[Array, Array, Array, Array]:
+    """Turned moving directions and arms (…, k, 3), fixed directions and points (k, 3)."""
+    Rt = np.swapaxes(R, -1, -2)
+    return table[:, :3] @ Rt, table[:, 3:6] @ Rt, table[:, 6:9], table[:, 9:]
 
 
 def _dot(a: Array, b: Array) -> Array:
-    return np.asarray(np.einsum("ij,ij->i", a, b))
+    return np.asarray(np.einsum("...ij,...ij->...i", a, b))
+
+
+def _beside(a: Array, b: Array) -> Array:
+    return np.concatenate([a, b], axis=-1)
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """Row-wise cross products (k, 3); np.cross takes several times as long on few rows."""
+    """Cross products (…, 3); np.cross takes several times as long on few rows."""
     one, two = [1, 2, 0], [2, 0, 1]
-    return a[:, one] * b[:, two] - a[:, two] * b[:, one]
+    return a[..., one] * b[..., two] - a[..., two] * b[..., one]
 
 
 # Symbolic forms.

@@ -16,12 +16,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fmopt.nominal.freedom import FreedomInterval
+from fmopt.nominal.intervals import FreedomInterval
 from fmopt.nominal.trajectory import NominalTrajectory
 from fmopt.task.problem import Specification
 from fmopt.values import Array, Value, frozen
 
 _REACTION = {0: 0.0, 1: -1.0, -1: 1.0, 2: 1.0}
+_POSITION = ("p_x", "p_y", "p_z", "q_x", "q_y", "q_z")
+_FORCE = ("f_x", "f_y", "f_z", "tau_x", "tau_y", "tau_z")
 
 
 @dataclass(frozen=True)
@@ -64,11 +66,25 @@ class Decomposition:
         """Basis (N_c, 6) of the subspace of artificial reaction-force constraints, in force space."""
         return self.C_np
 
+    @property
+    def written(self) -> dict[str, str]:
+        """The subspaces as the paper writes their elements, such as C_ap: (0, 0, p_z, 0, 0, q_z)."""
+        rows = (("C_np", _POSITION, self.natural), ("C_ap", _POSITION, self.artificial), ("C_af", _FORCE, self.natural))
+        return {
+            name: f"({', '.join(letters[k] if k in kept else '0' for k in range(6))})" for name, letters, kept in rows
+        }
+
 
 def gamma(s: Sequence[int], P: ArrayLike) -> Array:
     """Γ(S, P): the artificial position constraints Pₐ (6,), P where s = 0 and 0 elsewhere; P − Pₐ is Pₙ."""
     free = Decomposition(tuple(s)).artificial
     return np.where(np.isin(np.arange(6), free), np.asarray(P, dtype=np.float64), 0.0)
+
+
+def natural_constraints(s: Sequence[int], P: ArrayLike) -> Array:
+    """Pₙ (6,), the part of P in C_np, with P = Pₐ + Pₙ: what contact holds and position servoing leaves alone."""
+    held = Decomposition(tuple(s)).natural
+    return np.where(np.isin(np.arange(6), held), np.asarray(P, dtype=np.float64), 0.0)
 
 
 def omega(s: Sequence[int], f: ArrayLike) -> Array:
@@ -98,6 +114,7 @@ class PositionForce(Value):
         start, end: s.
         s: S.
         pa_start, pa_end: Pₐ (6,) at both ends, straight between, m and rad.
+        pn_start, pn_end: Pₙ (6,) likewise; P = Pₐ + Pₙ.
         fa: Fₐ (6,), the reaction on the moving part, N and N·m.
     """
 
@@ -106,10 +123,12 @@ class PositionForce(Value):
     s: tuple[int, ...]
     pa_start: Array
     pa_end: Array
+    pn_start: Array
+    pn_end: Array
     fa: Array
 
     def __post_init__(self) -> None:
-        for name in ("pa_start", "pa_end", "fa"):
+        for name in ("pa_start", "pa_end", "pn_start", "pn_end", "fa"):
             object.__setattr__(self, name, frozen(getattr(self, name), 6, name=name))
 
     @property
@@ -125,8 +144,11 @@ class PositionForce(Value):
             "s": list(self.s),
             "pa_start": self.pa_start.tolist(),
             "pa_end": self.pa_end.tolist(),
+            "pn_start": self.pn_start.tolist(),
+            "pn_end": self.pn_end.tolist(),
             "fa": self.fa.tolist(),
             "fa_sign": "reaction",
+            "applied": self.applied.tolist(),
             "either_sign": list(Decomposition(self.s).either_sign),
         }
 
@@ -145,6 +167,6 @@ def position_force(
     for interval in freedom:
         inner = [float(t) for t in path.times if interval.start < t < interval.end]
         for a, b in pairwise([interval.start, *inner, interval.end]):
-            ends = [gamma(interval.s, path.at(t)) for t in (a, b)]
-            rows.append(PositionForce(a, b, interval.s, ends[0], ends[1], omega(interval.s, forces)))
+            pa, pn = ([split(interval.s, path.at(t)) for t in (a, b)] for split in (gamma, natural_constraints))
+            rows.append(PositionForce(a, b, interval.s, pa[0], pa[1], pn[0], pn[1], omega(interval.s, forces)))
     return tuple(rows)

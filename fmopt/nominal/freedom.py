@@ -17,9 +17,10 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fmopt.geometry.part import Part
+from fmopt.nominal.intervals import Bits, FreedomInterval, Stop, intervals
 from fmopt.nominal.slack import slack
 from fmopt.nominal.touch import Body, Candidate, Indices, Linear, candidates, linear
 from fmopt.nominal.trajectory import NominalTrajectory
@@ -29,17 +30,6 @@ _PER_LEG = 8  # samples of a leg besides the passings of vertex levels
 _TOUCHING = -1e-9  # slack in scaled units that still counts as touching
 _LEVER = 1e-9  # N (–) or N·m per N below which a contact does not stop a degree
 _TIME = 1e-12  # of T
-
-Bits = NDArray[np.bool_]
-
-
-@dataclass(frozen=True)
-class FreedomInterval:
-    """S on [start, end], s: six values −1, 0, 1, 2; an interval of no length at T holds what only the goal touches."""
-
-    start: float
-    end: float
-    s: tuple[int, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,13 +70,6 @@ class _Run(NamedTuple):
     end: float
 
 
-@dataclass(frozen=True, eq=False)
-class _Stop(Value):
-    start: float
-    end: float
-    bits: Bits  # (6, 2): + stopped, − stopped
-
-
 def half_widths(ball: float, cone: float) -> Array:
     """Box (6,) of the paper's uncertainty trapezoid: ball radius r in m (max norm), cone angle s in rad."""
     return frozen([ball] * 3 + [cone] * 3)
@@ -115,7 +98,7 @@ def freedom(moving: Part, fixed: Part, path: NominalTrajectory, box: ArrayLike) 
     runs, remainder = _runs(scene, grid)
     legs = np.linalg.norm(np.diff(path.nodes[:, :3], axis=0), axis=1) / np.diff(path.times)
     blur = max(_TIME * path.duration, 2.0 * remainder / (float(legs.max()) or np.inf))
-    return _intervals(_stops(scene, grid, runs), path.duration, blur)
+    return intervals(_stops(scene, grid, runs), path.duration, blur)
 
 
 def _grid(scene: _Scene) -> Array:
@@ -188,7 +171,7 @@ def _switches(scene: _Scene, items: Sequence[Candidate], off: Array, on: Array, 
     return on
 
 
-def _stops(scene: _Scene, grid: Array, runs: Sequence[_Run]) -> list[_Stop]:
+def _stops(scene: _Scene, grid: Array, runs: Sequence[_Run]) -> list[Stop]:
     """What touching candidates stop, each cut where a component of its row changes sign."""
     cells = []
     for run in runs:
@@ -202,7 +185,7 @@ def _stops(scene: _Scene, grid: Array, runs: Sequence[_Run]) -> list[_Stop]:
         split += [(item, start, end) for start, end in pairwise(cuts)]
     middle = np.array([0.5 * (a + b) for _, a, b in split])
     rows = scene.stops(scene.linear([item for item, _, _ in split], middle))
-    return [_Stop(a, b, np.column_stack([row < 0.0, row > 0.0])) for (_, a, b), row in zip(split, rows, strict=True)]
+    return [Stop(a, b, np.column_stack([row < 0.0, row > 0.0])) for (_, a, b), row in zip(split, rows, strict=True)]
 
 
 def _turn(scene: _Scene, item: Candidate, degree: int, a: float, b: float) -> float:
@@ -210,31 +193,6 @@ def _turn(scene: _Scene, item: Candidate, degree: int, a: float, b: float) -> fl
     from scipy.optimize import brentq
 
     return float(brentq(lambda t: scene.linear([item], t).wrenches[0, degree], a, b, xtol=1e-14))
-
-
-def _intervals(stops: Sequence[_Stop], duration: float, blur: float) -> tuple[FreedomInterval, ...]:
-    """S on the cells between all ends, equal neighbours joined; at T also what touches there only.
-
-    Ends nearer than `blur` cannot be told apart: starts among them move to the first, ends to the last.
-    """
-    ends = np.unique([0.0, duration, *(end for stop in stops for end in (stop.start, stop.end))])
-    group = np.concatenate([[0], np.cumsum(np.diff(ends) > blur)])
-    first = {t: float(ends[group == g].min()) for t, g in zip(ends.tolist(), group, strict=True)}
-    last = {t: float(ends[group == g].max()) for t, g in zip(ends.tolist(), group, strict=True)}
-    at_goal = duration * (1.0 - 10.0 * _TIME)
-    starts = [first[stop.start] if stop.start < at_goal else duration for stop in stops]
-    spans = [(start, last[stop.end], stop.bits) for start, stop in zip(starts, stops, strict=True)]
-    cuts = np.unique([0.0, duration, *(end for start, stop, _ in spans for end in (start, stop))])
-    joined: list[FreedomInterval] = []
-    for a, b in [*pairwise(cuts.tolist()), (duration, duration)]:
-        t = 0.5 * (a + b)
-        bits = np.any([bits for start, stop, bits in spans if start <= t <= stop] or [np.zeros((6, 2), bool)], axis=0)
-        s = tuple(2 if plus and minus else int(plus) - int(minus) for plus, minus in bits)
-        if joined and joined[-1].s == s:
-            joined[-1] = FreedomInterval(joined[-1].start, b, s)
-        else:
-            joined.append(FreedomInterval(a, b, s))
-    return tuple(joined)
 
 
 def _distinct(times: Array, tolerance: float) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,17 +45,20 @@ class NominalTrajectory(Value):
         return Pose.from_vector(self.at(t))
 
 
-def insertion(start: ArrayLike, goal: ArrayLike, speed: float, rho: float) -> NominalTrajectory:
+def insertion(start: ArrayLike, goal: ArrayLike, speed: float, rho: float, turned: float = 1.0) -> NominalTrajectory:
     """The paper's three nodes: N₁ above the mouth, N₂ on the axis in the mouth's plane, N_T seated.
 
-    The orientation of the goal is reached at N₂. Each leg is as long as ‖ΔP‖ = √(|Δp|² + ρ²|Δr|²) and takes that over
-    the speed, so that no point within ρ of the reference point's axis of turning outruns the specification.
+    The orientation of the goal is reached at N₂, or before it. Each leg is as long as ‖ΔP‖ = √(|Δp|² + ρ²|Δr|²) and
+    takes that over the speed, so that no point within ρ of the reference point's axis of turning outruns the
+    specification.
 
     Args:
         start: pose (6,) in the B-frame, m and rad, not below the mouth's plane z = 0.
         goal: pose (6,), below that plane.
         speed: of the specification, m/s.
         rho: characteristic length, m.
+        turned: share of the way from N₁ to N₂ after which the goal's orientation is reached, above 0, at most 1; below
+            1 it is one more node, where the part turns.
 
     Raises:
         GeometryError: the goal is not inside the hollow feature, or the start not outside.
@@ -70,12 +74,47 @@ def insertion(start: ArrayLike, goal: ArrayLike, speed: float, rho: float) -> No
             f"the start lies {-first[2]:.6g} m below the mouth of the hollow feature",
             "give a start with z of 0 or more in the B-frame",
         )
-    first[3:] = _nearest(first[3:], last[3:])
-    nodes = [first, np.concatenate([np.zeros(3), last[3:]]), last]
-    lengths = [float(np.hypot(np.linalg.norm(d[:3]), rho * np.linalg.norm(d[3:]))) for d in np.diff(nodes, axis=0)]
-    if lengths[0] == 0.0:
-        nodes, lengths = nodes[1:], lengths[1:]
-    return NominalTrajectory(np.array(nodes), np.concatenate([[0.0], np.cumsum(lengths) / speed]))
+    return through([first[:3], np.zeros(3), last[:3]], first[3:], last[3:], speed, rho, (0, turned))
+
+
+def through(
+    positions: Sequence[ArrayLike],
+    start_turn: ArrayLike,
+    goal_turn: ArrayLike,
+    speed: float,
+    rho: float,
+    turned: tuple[int, float] = (0, 1.0),
+) -> NominalTrajectory:
+    """P(t) through position nodes N₁ … N_T, its orientation nodes M, and its times.
+
+    The part turns on one leg, evenly, from its start up to a share of it; before it has the start's orientation, after
+    it the goal's.
+
+    Args:
+        positions: nodes (3,) in m.
+        start_turn: M₁, rotation vector (3,), rad.
+        goal_turn: M_T.
+        speed: of the specification, m/s.
+        rho: characteristic length, m.
+        turned: the leg on which the part turns, from 0, and the share of it, above 0, at most 1.
+
+    Raises:
+        ValueError: there is no such leg, or no such share.
+    """
+    points = [np.asarray(position, dtype=np.float64) for position in positions]
+    leg, share = turned
+    if not (0 <= leg < len(points) - 1 and 0.0 < share <= 1.0):
+        raise ValueError(f"a part cannot turn on the share {share} of leg {leg} of {len(points) - 1}")
+    last = np.asarray(goal_turn, dtype=np.float64)
+    first = _nearest(np.asarray(start_turn, dtype=np.float64), last)
+    nodes = [np.concatenate([point, first if k <= leg else last]) for k, point in enumerate(points)]
+    if share < 1.0 and np.any(first != last):
+        nodes.insert(leg + 1, np.concatenate([points[leg] + share * (points[leg + 1] - points[leg]), last]))
+    steps = np.diff(nodes, axis=0)
+    lengths = [float(np.hypot(np.linalg.norm(d[:3]), rho * np.linalg.norm(d[3:]))) for d in steps]
+    kept = [nodes[0], *(node for node, length in zip(nodes[1:], lengths, strict=True) if length > 0.0)]
+    times = np.cumsum([length for length in lengths if length > 0.0]) / speed
+    return NominalTrajectory(np.array(kept), np.concatenate([[0.0], times]))
 
 
 def _nearest(r: Array, target: Array) -> Array:

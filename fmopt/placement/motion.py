@@ -160,14 +160,17 @@ def unroll(
     """
     turn = float(np.linalg.norm(se3.log(move.goal.R @ move.start.R.T)))
     count = max(math.ceil(turn / step - 1e-9), 1)
-    for shorter in (1, 2):
+    failure: InfeasibleError | None = None
+    # Shorter pieces leave smaller remainders; but the last one must be longer than what errors make the touch differ.
+    for pieces in dict.fromkeys((count, 2 * count, -(-2 * count // 3), 4 * count)):
         try:
-            return _unroll(assembly, move, reached, tolerance, shorter * count, thorough)
-        except InfeasibleError:
-            # Shorter pieces leave smaller remainders, where the part turns.
+            return _unroll(assembly, move, reached, tolerance, pieces, thorough)
+        except InfeasibleError as error:
+            failure = failure or error
             if turn == 0.0:
-                raise
-    return _unroll(assembly, move, reached, tolerance, 4 * count, thorough)
+                break
+    assert failure is not None
+    raise failure
 
 
 def _unroll(

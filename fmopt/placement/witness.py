@@ -10,9 +10,9 @@ from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.pair import Pair, Witness, free_plane
 from fmopt.certificate.rows import crossed, length, lengths
 from fmopt.certificate.separation import Ends, Separation, best_separation, separation
-from fmopt.certificate.spread import Support
 from fmopt.contact.primitive import Kind
 from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.uncertainty.error_set import Support
 from fmopt.values import Array
 
 _GRAZING = 2e-6

@@ -23,6 +23,8 @@ _BANDS: dict[int, dict[str, Any]] = {
     -1: {"facecolor": "#dfe8f2", "edgecolor": "#5080b0", "hatch": "\\\\\\"},
     2: {"facecolor": "#e4e4e4", "edgecolor": "#888888", "hatch": "xxx"},
 }
+_SHORT = 0.008  # of the duration, bands shorter than this are lines
+_NEAR = 0.12  # of the duration, labels nearer than this are one
 _SCALE = (1e3, 1e3, 1e3, math.degrees(1.0), math.degrees(1.0), math.degrees(1.0))
 
 
@@ -51,7 +53,7 @@ def paint(plan: Mapping[str, Any], figure: Figure) -> None:
     forces = plan.get("position_force", ())
     columns = 2 if forces else 1
     figure.set_layout_engine("none")  # by hand: a fifth of the time
-    room = {"left": 0.09, "right": 0.985, "top": 0.955, "bottom": 0.125, "hspace": 0.3, "wspace": 0.24}
+    room = {"left": 0.09, "right": 0.985, "top": 0.945, "bottom": 0.145, "hspace": 0.3, "wspace": 0.24}
     grid = figure.subplots(6, columns, squeeze=False, sharex=True, gridspec_kw=room)
     for axis, row in enumerate(grid):
         _bands(row[0], plan, axis)
@@ -59,11 +61,14 @@ def paint(plan: Mapping[str, Any], figure: Figure) -> None:
         if forces:
             _bands(row[1], plan, axis)
             _force(row[1], forces, axis)
-    grid[0, 0].set_title("position" if forces else "nominal position P(t) and freedoms S(t)")
+    grid[0, 0].set_title(
+        "position P(t), Pa(t), and S(t)" if forces else "nominal position P(t) and freedoms S(t)", pad=14.0
+    )
     if forces:
-        grid[0, 1].set_title("reaction force and torque Fa(t)")
+        grid[0, 1].set_title("reaction Fa(t); the hand applies −Fa(t)", pad=14.0)
     for axes in grid[-1]:
         axes.set_xlabel("time, s")
+    _switches(grid, plan)
     figure.align_ylabels()
     _legend(figure, bool(forces))
 
@@ -73,13 +78,28 @@ def _intervals(plan: Mapping[str, Any]) -> list[tuple[float, float, Sequence[int
 
 
 def _bands(axes: Axes, plan: Mapping[str, Any], axis: int) -> None:
-    """Bands over the whole height; an interval without length is drawn as a line."""
+    """Bands over the whole height; an interval too short to be seen is drawn as a line."""
+    duration = float(plan["nominal"]["times"][-1])
     for start, end, s in _intervals(plan):
         style = _BANDS.get(int(s[axis]))
-        if style and end > start:
+        if style and end - start > _SHORT * duration:
             axes.axvspan(start, end, linewidth=0, zorder=0, **style)
         elif style:
-            axes.axvline(start, color=style["edgecolor"], linewidth=2.5, zorder=0)
+            axes.axvline(0.5 * (start + end), color=style["edgecolor"], linewidth=2.5, zorder=0)
+
+
+def _switches(grid: Any, plan: Mapping[str, Any]) -> None:
+    """A thin line where S changes, its time above the first row, unless it is too near another."""
+    duration = float(plan["nominal"]["times"][-1])
+    last = -math.inf
+    for start, _, _ in _intervals(plan)[1:]:
+        for axes in (axes for row in grid for axes in row):
+            axes.axvline(start, color=GREY, linewidth=0.5, zorder=1)
+        if start - last > _NEAR * duration:
+            place = (start, 1.0)
+            style: Any = {"xycoords": grid[0, 0].get_xaxis_transform(), "textcoords": "offset points", "ha": "center"}
+            grid[0, 0].annotate(f"{start:.3g} s", place, (0, 1), fontsize=8.0, color=GREY, **style)
+            last = start
 
 
 def _position(axes: Axes, plan: Mapping[str, Any], axis: int) -> None:
@@ -88,6 +108,8 @@ def _position(axes: Axes, plan: Mapping[str, Any], axis: int) -> None:
     axes.plot(nominal["times"], values, color=INK, linewidth=1.2)
     everything = [values]
     for item in plan.get("position_force", ()):
+        if int(item["s"][axis]) != 0:
+            continue  # Γ is 0 there, and not a position: the axis is servoed in force
         ends = _SCALE[axis] * np.array([item["pa_start"][axis], item["pa_end"][axis]], dtype=np.float64)
         axes.plot([item["t0"], item["t1"]], ends, color=BLUE, linewidth=1.6, linestyle="--")
         everything.append(ends)
@@ -126,8 +148,10 @@ def _legend(figure: Figure, forces: bool) -> None:
 
     handles: list[Any] = [Line2D([], [], color=INK, label="P(t)")]
     if forces:
-        handles.append(Line2D([], [], color=BLUE, linestyle="--", linewidth=1.6, label="Pa(t)"))
-        handles.append(Line2D([], [], color=RUST, linewidth=1.6, label="Fa(t)"))
+        handles.append(
+            Line2D([], [], color=BLUE, linestyle="--", linewidth=1.6, label="Pa(t), where position is servoed")
+        )
+        handles.append(Line2D([], [], color=RUST, linewidth=1.6, label="Fa(t), where force is servoed"))
         handles.append(Line2D([], [], color=RUST, linewidth=1.6, linestyle=":", label="either sign"))
     handles += [Patch(linewidth=0, label=f"S: {STOPS[code]}", **style) for code, style in _BANDS.items()]
-    figure.legend(handles=handles, loc="lower center", ncols=4)
+    figure.legend(handles=handles, loc="lower center", ncols=3)

@@ -45,14 +45,21 @@ def step(
     move: Array,
     rows: Array,
     directions: Array,
-    thickness: Array,
     velocity_error: tuple[float, float],
     rho: float,
 ) -> ErrorSet:
     """Errors at the goal after one segment, by [DakinPopplestone1993] section 4.4.
 
     The section by V⊥ is carried onto the goal state, and its radii grow by v/(1 − |B·V|) (eq. 13). The paper
-    bounds no curvature, so `thickness` is left aside; arguments otherwise as for `fmopt.uncertainty.tube.step`.
+    bounds no curvature.
+
+    Args:
+        errors: errors at the start; the paper knows their ellipsoid alone.
+        move: V (6,) as (d, δ) in m and rad.
+        rows: a basis N (r, 6) of the contacts that hold at the goal.
+        directions: C (6, r), for each row the direction in which its contact corrects the pose.
+        velocity_error: (λ_t, λ_r), m of drift and ρ·rad of drift per m of travel.
+        rho: characteristic length in m.
     """
     M = ellipsoid.metric(rho)
     scaled_move = move * M

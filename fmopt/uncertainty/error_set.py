@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from itertools import product
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,119 +11,122 @@ from numpy.typing import ArrayLike
 from fmopt import ellipsoid
 from fmopt.values import Array, Value, frozen
 
-_SIGNED = 10
+_NONE = np.zeros((0, 6))
 
 
 @dataclass(frozen=True, eq=False)
 class ErrorSet(Value):
     """A set of error coordinates e = (d, δ) in m and rad, symmetric about zero, known from outside in two ways.
 
-    Every error lies in the ellipsoid `shape` and also in the Minkowski sum of the zonotope
-    {Σ uᵢ gᵢ, |uᵢ| ≤ 1} and the ellipsoid `growth`. Both stay true under linear maps and sums, so that of two
-    bounds the smaller counts. The ellipsoid is what cone constraints are written in; the zonotope spares the
-    factor √6 that a box of six independent errors costs.
+    Every error lies in the ellipsoid with root `shape_root` and also in the Minkowski sum of the zonotope
+    {Σ uᵢ gᵢ, |uᵢ| ≤ 1} and the ellipsoid with root `growth_root`. Both stay true under linear maps and sums, so that
+    of two bounds the smaller counts. The ellipsoid is what cone constraints are written in; the zonotope spares the
+    factor √6 that a box of six independent errors costs. The generators are a core, images of the start box, and the
+    thickness of contact surfaces.
 
     Args:
-        shape: shape matrix (6, 6) of the outer ellipsoid of everything.
+        shape_root: root (6, a) of the outer ellipsoid of everything.
         generators: rows gᵢ (k, 6).
-        growth: shape matrix (6, 6).
+        growth_root: root (6, b).
+        thick: how many generators, the last ones, are thickness.
+        compliant: twists (r, 6) along which the contacts of that thickness give way.
     """
 
-    shape: Array
+    shape_root: Array
     generators: Array
-    growth: Array
+    growth_root: Array
+    thick: int = 0
+    compliant: Array = field(default_factory=lambda: _NONE)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "shape", frozen(self.shape, 6, 6, name="shape"))
+        object.__setattr__(self, "shape_root", frozen(ellipsoid.narrow(self.shape_root, 6), 6, None, name="shape"))
         object.__setattr__(self, "generators", frozen(self.generators, None, 6, name="generators"))
-        object.__setattr__(self, "growth", frozen(self.growth, 6, 6, name="growth"))
-
-    @staticmethod
-    def zero() -> ErrorSet:
-        """The set of no error."""
-        return ErrorSet(np.zeros((6, 6)), np.zeros((0, 6)), np.zeros((6, 6)))
+        object.__setattr__(self, "growth_root", frozen(ellipsoid.narrow(self.growth_root, 6), 6, None, name="growth"))
+        object.__setattr__(self, "compliant", frozen(self.compliant, None, 6, name="compliant twists"))
 
     @staticmethod
     def from_box(half_widths: ArrayLike) -> ErrorSet:
         """The box |eᵢ| ≤ aᵢ, half-widths a (6,) in m and rad; exact in its zonotope."""
-        a = np.asarray(half_widths, dtype=np.float64)
-        return ErrorSet(ellipsoid.box_shape(a), np.diag(a)[a > 0.0], np.zeros((6, 6)))
+        a = frozen(half_widths, 6, name="half-widths")
+        return ErrorSet(ellipsoid.box_root(a), np.diag(a)[a > 0.0], np.zeros((6, 0)))
 
     @staticmethod
     def from_ellipsoid(shape: Array) -> ErrorSet:
         """The ellipsoid with this shape matrix (6, 6), exact."""
-        return ErrorSet(shape, np.zeros((0, 6)), shape)
+        root = ellipsoid.root(frozen(shape, 6, 6, name="shape"))
+        return ErrorSet(root, _NONE, root)
 
-    @staticmethod
-    def from_zonotope(generators: Array, rho: float) -> ErrorSet:
-        """The zonotope of these rows (k, 6), exact; ρ (m) weighs angles when its outer ellipsoid is chosen."""
-        shape = ellipsoid.zonotope_shape(generators, ellipsoid.metric(rho))
-        return ErrorSet(shape, generators, np.zeros((6, 6)))
+    @cached_property
+    def shape(self) -> Array:
+        """Shape matrix (6, 6) of the outer ellipsoid."""
+        return frozen(self.shape_root @ self.shape_root.T)
 
-    def image(self, A: Array) -> ErrorSet:
-        """The image under the linear map A (6, 6), exact for both descriptions."""
-        return ErrorSet(ellipsoid.image(self.shape, A), self.generators @ A.T, ellipsoid.image(self.growth, A))
+    @cached_property
+    def growth(self) -> Array:
+        """Shape matrix (6, 6) of the ellipsoid beside the zonotope."""
+        return frozen(self.growth_root @ self.growth_root.T)
 
-    def plus(self, shape: Array, rho: float) -> ErrorSet:
-        """The Minkowski sum with an ellipsoid, by outer ellipsoids of least trace.
+    def core(self, directions: Array) -> Array:
+        """The generators (k, 6) that a motion with these held compliant twists (r, 6) carries on.
 
-        Args:
-            shape: shape matrix (6, 6) of the summand.
-            rho: length in m that weighs angles against translations in the trace.
+        The projection along the twists removes a thickness that lies in their span; else all of it is kept.
         """
-        weights = ellipsoid.metric(rho)
-        return ErrorSet(
-            ellipsoid.outer_sum(self.shape, shape, weights),
-            self.generators,
-            ellipsoid.outer_sum(self.growth, shape, weights),
-        )
+        held = {direction.tobytes() for direction in directions}
+        if all(old.tobytes() in held for old in self.compliant):
+            return self.generators[: len(self.generators) - self.thick]
+        return self.generators
 
-    def plus_zonotope(self, generators: Array, rho: float) -> ErrorSet:
-        """The Minkowski sum with the zonotope of these rows (k, 6), exact in the second description.
-
-        Args:
-            generators: rows (k, 6); rows of zeros are left out.
-            rho: length in m that weighs angles against translations in the trace.
-        """
-        weights = ellipsoid.metric(rho)
-        G = generators[np.any(generators != 0.0, axis=1)]
-        shape = ellipsoid.outer_sum(self.shape, ellipsoid.zonotope_shape(G, weights), weights)
-        return ErrorSet(shape, np.vstack([self.generators, G]), self.growth)
+    @cached_property
+    def bound(self) -> Support:
+        """The support function of the whole set."""
+        return Support.of(self.generators, self)
 
     def support(self, rows: ArrayLike) -> Array:
-        """Bound of N·e over the set, min(√(NᵀQN), Σ|gᵢ·N| + √(NᵀGN)).
+        """Bound of N·e over the set along rows N (k, 6), or one row (6,); see `Support`."""
+        return self.bound(np.asarray(rows, dtype=np.float64))
 
-        Args:
-            rows: N (k, 6), or one row (6,).
-
-        Returns:
-            (k,), or a scalar array for one row.
-        """
-        N = np.asarray(rows, dtype=np.float64)
-        zonotope = np.abs(N @ self.generators.T).sum(axis=-1) + ellipsoid.support(self.growth, N)
-        return np.asarray(np.minimum(ellipsoid.support(self.shape, N), zonotope))
-
-    def translation_bound(self) -> float:
-        """Upper bound of |d| over the set, in m."""
-        return self._length_bound(slice(0, 3))
-
-    def angle_bound(self) -> float:
-        """Upper bound of |δ| over the set, in rad."""
-        return self._length_bound(slice(3, 6))
-
-    def _length_bound(self, part: slice) -> float:
-        outer = _largest_radius(self.shape[part, part])
-        return min(outer, _zonotope_radius(self.generators[:, part]) + _largest_radius(self.growth[part, part]))
+    def half_widths(self, generators: Array) -> Array:
+        """Half-widths (6,) of the box around generators (k, 6) and the growth, in m and rad."""
+        return np.asarray(np.abs(generators).sum(axis=0) + _lengths(self.growth_root))
 
 
-def _largest_radius(Q: Array) -> float:
-    return float(np.sqrt(max(np.linalg.eigvalsh(Q)[-1], 0.0)))
+@dataclass(frozen=True, eq=False)
+class Support:
+    """How far errors reach along rows: min(|FᵀN|, Σ|g·N| + |GᵀN|) + Σ|s·N|, all from one matrix product.
+
+    Args:
+        columns: (6, k), generators, root G of the growth, root F of the shape, and slack s, side by side.
+        cuts: where each of these ends.
+    """
+
+    columns: Array
+    cuts: tuple[int, int, int]
+
+    @staticmethod
+    def of(generators: Array, errors: ErrorSet, slack: Array | None = None) -> Support:
+        """The support of generators (k, 6) with the ellipsoids of a set, and of slack columns (6, s) on top."""
+        parts = [generators.T, errors.growth_root, errors.shape_root]
+        first = len(generators)
+        second = first + errors.growth_root.shape[1]
+        third = second + errors.shape_root.shape[1]
+        return Support(np.hstack(parts if slack is None else [*parts, slack]), (first, second, third))
+
+    def seen(self, X: Array) -> Array:
+        """The bound (…) from the products N·columns (…, k)."""
+        first, second, third = self.cuts
+        reach = np.add.reduce(np.abs(X[..., :first]), axis=-1)
+        if second > first:
+            reach += _lengths(X[..., first:second])
+        reach = np.minimum(_lengths(X[..., second:third]), reach)
+        if X.shape[-1] > third:
+            reach += np.add.reduce(np.abs(X[..., third:]), axis=-1)
+        return np.asarray(reach)
+
+    def __call__(self, N: Array) -> Array:
+        """The bound (k,) along rows N (k, 6)."""
+        return self.seen(N @ self.columns)
 
 
-def _zonotope_radius(generators: Array) -> float:
-    """Bound of |Σ ±gᵢ| over rows gᵢ (k, 3): all signs of the longest ten, and the lengths of the others."""
-    lengths = np.linalg.norm(generators, axis=1)
-    order = np.argsort(-lengths)
-    G, rest = generators[order[:_SIGNED]], float(lengths[order[_SIGNED:]].sum())
-    signs = np.array(list(product((-1.0, 1.0), repeat=len(G))))
-    return float(np.linalg.norm(signs @ G, axis=1).max()) + rest
+def _lengths(vectors: Array) -> Array:
+    """Euclidean lengths along the last axis."""
+    return np.asarray(np.sqrt(np.einsum("...i,...i->...", vectors, vectors)))

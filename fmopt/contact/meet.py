@@ -1,0 +1,258 @@
+"""Poses in which given contacts touch, inside their bounds, and all others are apart: on the true C-surfaces.
+
+Many states and many starting poses go through one Levenberg–Marquardt iteration together. What is wanted with
+equality, f = 0 of the state's own contacts, and what is wanted with room to spare, the bounds of those, the other
+contacts' distances and the limits of the local space, is one vector of shortages r. Where its length cannot fall any
+further above zero, Jᵀr = 0: the shortages themselves are the multipliers that say which demands contradict each other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmopt.contact.bounds import BoundTable
+from fmopt.contact.space import LocalSpace
+from fmopt.contact.surface import Surfaces
+from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.se3 import Pose, cross
+from fmopt.values import Array, Value
+
+Bits = NDArray[np.bool_]
+
+_ROUNDS = 90
+_NOTHING = 1e-11  # scaled units; a shortage of no more is none
+_LEVEL = 1e-7  # slope of the shortage below which it cannot fall any further
+_PAUSE = 10  # rounds after which it is compared with what it was
+_STALLED = 0.99
+_DAMPING = 1e-3
+_FARTHEST = 8.0  # scaled units that one step may go
+_POLISH = 5
+_FLAT = 1e-5  # relative size of a singular value that counts as none
+
+
+@dataclass(frozen=True, eq=False)
+class Poses(Value):
+    """Poses: positions p (n, 3) in m and rotations R (n, 3, 3)."""
+
+    p: Array
+    R: Array
+
+    @staticmethod
+    def around(pose: Pose, X: Array) -> Poses:
+        """The poses at local coordinates X (n, 6) around one."""
+        return Poses(pose.p + X[:, :3], _turns(X[:, 3:]) @ pose.R)
+
+    def moved(self, X: Array) -> Poses:
+        """Each pose at its own local coordinates X (n, 6)."""
+        return Poses(self.p + X[:, :3], _turns(X[:, 3:]) @ self.R)
+
+    def local(self, pose: Pose) -> Array:
+        """Local coordinates X (n, 6) of these poses around one, for turns below a right angle."""
+        T = self.R @ pose.R.T
+        s = 0.5 * np.stack([T[:, 2, 1] - T[:, 1, 2], T[:, 0, 2] - T[:, 2, 0], T[:, 1, 0] - T[:, 0, 1]], axis=-1)
+        sine = np.minimum(np.linalg.norm(s, axis=-1), 1.0)
+        ratio = np.where(sine > 1e-6, np.arcsin(sine) / np.maximum(sine, 1e-6), 1.0)
+        return np.concatenate([self.p - pose.p, ratio[:, None] * s], axis=-1)
+
+    def kept(self, which: Bits | NDArray[np.intp]) -> Poses:
+        """Some of the poses."""
+        return Poses(self.p[which], self.R[which])
+
+    def pose(self, i: int) -> Pose:
+        """One of them."""
+        return Pose(self.p[i], self.R[i])
+
+
+@dataclass(frozen=True, eq=False)
+class Measures(Value):
+    """What n states have at n poses, in clearances.
+
+    Attributes:
+        own: (n, k), f of the contacts that are to touch, 0 for the others.
+        others: (n, k), of the other contacts the distance, or how far outside their bounds they are; inf for own.
+        depths: (n, k, clauses), how far inside each clause of its bounds an own contact is; inf for others.
+        binding: (n, k, clauses), which bound of the table that is.
+        limits: (n, l), how far inside the limits of the local space.
+    """
+
+    own: Array
+    others: Array
+    depths: Array
+    binding: NDArray[np.intp]
+    limits: Array
+
+    @property
+    def residual(self) -> Array:
+        """Largest |f| of the contacts that are to touch (n,)."""
+        return np.asarray(np.max(np.abs(self.own), axis=1, initial=0.0))
+
+    @property
+    def slack(self) -> Array:
+        """Least distance of others and depth of own (n,)."""
+        apart, deep = self.others.min(axis=1, initial=np.inf), self.depths.min(axis=(1, 2), initial=np.inf)
+        return np.asarray(np.minimum(apart, deep))
+
+
+@dataclass(frozen=True, eq=False)
+class Neighbourhood(Value):
+    """A local space with the true functions of its contacts and of their bounds."""
+
+    space: LocalSpace
+    surfaces: Surfaces
+    table: BoundTable
+
+    @staticmethod
+    def of(space: LocalSpace, moving: Polyhedron, fixed: Polyhedron) -> Neighbourhood:
+        """The functions of a local space's contacts between these parts."""
+        table = BoundTable.of(space.contacts, moving, fixed, space.pose)
+        return Neighbourhood(space, Surfaces.of(space.contacts, moving, fixed), table)
+
+    def measured(self, on: Bits, poses: Poses) -> Measures:
+        """What states with contacts `on` (n, k) have at poses, one each."""
+        unit = self.space.scale[0]
+        f, _ = self.surfaces.over(poses.p, poses.R)
+        g, _ = self.table.surfaces.over(poses.p, poses.R)
+        depth, which = self.table.depths(g)
+        apart = np.where(on | self._ended(on, which), np.inf, np.maximum(f, -depth.min(axis=2, initial=np.inf)))
+        deep = np.where(on[..., None], depth, np.inf) / unit
+        return Measures(np.where(on, f, 0.0) / unit, apart / unit, deep, which, self.inside(poses))
+
+    def inside(self, poses: Poses) -> Array:
+        """How far (n, l) poses are inside the limits of the local space, in scaled units."""
+        x = poses.local(self.space.pose) / self.space.scale
+        return np.asarray(x @ self.space.limits[:, :6].T - self.space.limits[:, 6])
+
+    def shortages(self, on: Bits, poses: Poses, room: float) -> tuple[Array, Array]:
+        """Shortages r (n, q) and their gradients (n, q, 6) in scaled units; zero where nothing is short.
+
+        A contact that is not to touch is out of the way at a distance of `room` (clearances), or that far outside its
+        bounds, whichever is nearer.
+        """
+        scale, unit = self.space.scale, self.space.scale[0]
+        f, N = self.surfaces.over(poses.p, poses.R)
+        g, G = self.table.surfaces.over(poses.p, poses.R)
+        depth, which = self.table.depths(g)
+        inside, D = self._innermost(depth, which, G)
+        out = -inside > f
+        apart = np.where(self._ended(on, which), np.inf, np.where(out, -inside, f) / unit - room)
+        away = np.where(out[..., None], -D, N)
+        first = np.where(on, f / unit, np.minimum(apart, 0.0))
+        rows = np.where(on[..., None], N, np.where((apart < 0.0)[..., None], away, 0.0))
+        deep = np.where(on, np.minimum(inside / unit - room, 0.0), 0.0)
+        edges = np.where(deep[..., None] < 0.0, D, 0.0)
+        beyond = np.minimum(self.inside(poses), 0.0)
+        walls = np.where(beyond[..., None] < 0.0, self.space.limits[:, :6], 0.0)
+        J = np.concatenate([rows * (scale / unit), edges * (scale / unit), walls], axis=1)
+        return np.concatenate([first, deep, beyond], axis=1), J
+
+    def _ended(self, on: Bits, which: NDArray[np.intp]) -> Bits:
+        """Which contacts (n, k) end where one of `on` begins: no pose violates the one without violating the other."""
+        names = {contact.id: i for i, contact in enumerate(self.space.contacts)}
+        ending = [names.get(b.contact.id, -1) if b.sign > 0 else -1 for b in self.table.listed]
+        # One column more for a bound that is no contact of the space, and for none at all.
+        held = np.concatenate([on, np.zeros((len(on), 1), dtype=bool)], axis=1)[:, [*ending, -1, -1]]
+        found = held[np.arange(len(on))[:, None, None], which]
+        return np.asarray(found.any(axis=2))
+
+    def _innermost(self, depth: Array, which: NDArray[np.intp], G: Array) -> tuple[Array, Array]:
+        """How far (n, k) poses are inside all bounds of each contact, m, and the gradient (n, k, 6) of that.
+
+        Args:
+            depth: of each clause (n, k, clauses), m.
+            which: the bound that this depth belongs to.
+            G: gradients (n, m, 6) of the bounds' contacts.
+        """
+        if not depth.shape[2]:
+            return np.full(depth.shape[:2], np.inf), np.zeros((*depth.shape[:2], 6))
+        tight = np.argmin(depth, axis=2)[..., None]
+        signs = np.array([bound.sign for bound in self.table.listed])
+        padded = np.concatenate([-signs[:, None] * G, np.zeros((len(G), 2, 6))], axis=1)
+        bound = np.take_along_axis(which, tight, axis=2)
+        return np.take_along_axis(depth, tight, axis=2)[..., 0], np.take_along_axis(padded, bound, axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Met(Value):
+    """Where n searches ended: the poses, how much is short there in all (scaled units), and whether that is final."""
+
+    poses: Poses
+    short: Array
+    settled: Bits
+
+
+def meet(near: Neighbourhood, on: Bits, start: Poses, room: float) -> Met:
+    """Searches from each start for a pose where its contacts touch and everything else is at least `room` away.
+
+    Args:
+        near: the local space and its true functions.
+        on: (n, k), the contacts that are to touch.
+        start: n poses.
+        room: clearances.
+    """
+    poses, short, settled = _levenberg_marquardt(near, on, start, room)
+    return Met(project(near, on, poses, 6), short, settled)
+
+
+def _levenberg_marquardt(near: Neighbourhood, on: Bits, start: Poses, room: float) -> tuple[Poses, Array, Bits]:
+    """The poses where the shortages end, their sizes, and whether they cannot fall any further there."""
+    p, R, scale = start.p.copy(), start.R.copy(), near.space.scale
+    short, settled = np.full(len(p), np.inf), np.zeros(len(p), dtype=bool)
+    damping, then = np.full(len(p), _DAMPING), np.full(len(p), np.inf)
+    open_ = np.arange(len(p))
+    r, J = near.shortages(on, start, room)
+    for count in range(_ROUNDS):
+        slope, size = (np.swapaxes(J, 1, 2) @ r[..., None])[..., 0], np.linalg.norm(r, axis=1)
+        short[open_] = size
+        done = (size <= _NOTHING) | (np.linalg.norm(slope, axis=1) <= _LEVEL * size)
+        if count % _PAUSE == _PAUSE - 1:
+            done |= size > _STALLED * then[open_]
+            then[open_] = size
+        settled[open_[done]] = True
+        open_, r, J, slope, size = open_[~done], r[~done], J[~done], slope[~done], size[~done]
+        if not len(open_):
+            break
+        A = np.swapaxes(J, 1, 2) @ J + damping[open_, None, None] * np.eye(6)
+        step = -np.linalg.solve(A, slope[..., None])[..., 0]
+        step *= np.minimum(1.0, _FARTHEST / np.maximum(np.linalg.norm(step, axis=1), _FARTHEST))[:, None]
+        trial = Poses(p[open_], R[open_]).moved(scale * step)
+        new, gradients = near.shortages(on[open_], trial, room)
+        better = np.linalg.norm(new, axis=1) < size
+        damping[open_] = np.clip(np.where(better, 0.1, 10.0) * damping[open_], 1e-14, 1e8)
+        p[open_[better]], R[open_[better]] = trial.p[better], trial.R[better]
+        r[better], J[better] = new[better], gradients[better]
+    return Poses(p, R), short, settled
+
+
+def project(near: Neighbourhood, on: Bits, poses: Poses, rank: int | NDArray[np.intp]) -> Poses:
+    """The nearest poses where the contacts `on` (n, k) touch, by Gauss–Newton with shortest scaled steps.
+
+    Args:
+        near: the local space and its true functions.
+        on: the contacts.
+        poses: where to start.
+        rank: how many singular directions a step may use, of all or of each. The rank of a state's linear picture
+            stays near its facet; 6 also uses those that only curvature provides.
+    """
+    scale = near.space.scale
+    allowed = np.arange(6) < np.reshape(rank, (-1, 1))
+    for _ in range(_POLISH):
+        f, N = near.surfaces.over(poses.p, poses.R)
+        U, s, Vt = np.linalg.svd(np.where(on[..., None], N * scale, 0.0), full_matrices=False)
+        used = allowed[:, : s.shape[1]] & (s > _FLAT * s[:, :1])
+        along = np.einsum("nki,nk->ni", U, np.where(on, f, 0.0))
+        step = np.where(used, along / np.where(used, s, 1.0), 0.0)
+        poses = poses.moved(-scale * np.einsum("nij,ni->nj", Vt, step))
+    return poses
+
+
+def _turns(w: Array) -> Array:
+    """Rotation matrices (n, 3, 3) of rotation vectors (n, 3), rad."""
+    angle = np.linalg.norm(w, axis=-1)
+    small = np.maximum(angle, 1e-9)
+    a = (np.sin(small) / small)[:, None, None]
+    b = (0.5 * (np.sin(0.5 * small) / (0.5 * small)) ** 2)[:, None, None]
+    K = np.swapaxes(cross(w[:, None], np.eye(3)), -1, -2)
+    return np.asarray(np.eye(3) + a * K + b * (K @ K))

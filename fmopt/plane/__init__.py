@@ -1,0 +1,1 @@
+"""Plane geometry with exact curves: segments, circular and conic arcs, regions, booleans and Minkowski sums."""

@@ -1,0 +1,1 @@
+"""Planar contacts under uncertainty: the sets of possible contact configurations of [BasanezSuarez]."""

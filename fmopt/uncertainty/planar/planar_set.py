@@ -1,0 +1,102 @@
+"""What every planar uncertainty set can be asked: membership, distance, support, boundary, area, polygons."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fmopt.errors import GeometryError
+from fmopt.uncertainty.planar.boundary import Loop, Piece, moved, outline
+from fmopt.uncertainty.planar.polygon import Side, polygon
+from fmopt.values import Array, Value
+
+if TYPE_CHECKING:
+    from shapely import MultiPolygon
+
+ROUNDING = 1e-9  # of the size
+
+
+class PlanarSet(Value, ABC):
+    """A core curve or region widened by a disc of radius `radius`: {x : distance of x from the core ≤ radius}."""
+
+    radius: float
+
+    @property
+    @abstractmethod
+    def size(self) -> float:
+        """A length that bounds the set's extent from its own centre, m; tolerances are relative to it."""
+
+    @property
+    @abstractmethod
+    def origin(self) -> Array:
+        """A point (2,) near the set, m, that `displaced` carries along."""
+
+    @abstractmethod
+    def displaced(self, by: Array) -> Self:
+        """The set displaced by a vector (2,) in m."""
+
+    @abstractmethod
+    def widened(self, radius: float) -> Self:
+        """The Minkowski sum with a further disc of this radius in m."""
+
+    @abstractmethod
+    def core_distance(self, points: ArrayLike) -> Array:
+        """Distance (…) in m of points (…, 2) from the core."""
+
+    @abstractmethod
+    def support(self, directions: ArrayLike) -> Array:
+        """max n·x over the set, (…) in m, for directions n (…, 2) that need not be unit vectors."""
+
+    @abstractmethod
+    def candidates(self) -> list[Piece]:
+        """Directed curves that contain the boundary, the set on their left."""
+
+    def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Whether points (…, 2) in m lie in the closed set, to 1e-9 of its size."""
+        return np.asarray(self.core_distance(points) <= self.radius + ROUNDING * self.size)
+
+    def distance(self, points: ArrayLike) -> Array:
+        """Distance (…) in m of points (…, 2) from the set, 0 inside."""
+        return np.asarray(np.maximum(self.core_distance(points) - self.radius, 0.0))
+
+    def boundary(self) -> tuple[Loop, ...]:
+        """The boundary as closed loops of exact arcs and segments, the set on their left.
+
+        Holes run clockwise. A set without interior is run along both its sides; a single point has no loop.
+
+        Raises:
+            GeometryError: two features differ by less than the tolerance without being one.
+        """
+        here = self.displaced(-self.origin)
+        return moved(outline(here.candidates(), here.core_distance, here.radius, here.size), self.origin)
+
+    def area(self) -> float:
+        """Area in m², by Green's theorem along the boundary."""
+        return max(float(sum(piece.curve.moment() for loop in self.boundary() for piece in loop)), 0.0)
+
+    def polygon(self, tolerance: float, side: Side) -> MultiPolygon:
+        """A polygon that contains the set, or lies in it, each arc replaced within `tolerance`.
+
+        No point of the outer one is farther from the set than that. Where the set, or a gap in it, is thinner, the
+        polygon is cut off or closed. A set without interior is first widened by half the tolerance when it is to be
+        contained.
+
+        Args:
+            tolerance: m.
+            side: "outside" contains the set, "inside" lies in it.
+
+        Raises:
+            GeometryError: the tolerance is not positive.
+        """
+        if not tolerance > 0.0:
+            raise GeometryError(f"polygon of an uncertainty set to a tolerance of {tolerance} m", "give a positive one")
+        loops = self.boundary()
+        if (
+            side == "inside"
+            or sum(float(p.curve.moment()) for loop in loops for p in loop) > (ROUNDING * self.size) ** 2
+        ):
+            return polygon(loops, tolerance, side)
+        return polygon(self.widened(0.5 * tolerance).boundary(), 0.5 * tolerance, side)
