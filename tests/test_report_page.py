@@ -15,7 +15,7 @@ from report_plans import bare_plan, cube_plan, with_graph
 from fmopt.plan import sealed
 from fmopt.report.figures import catalogue, figures
 from fmopt.report.moves import move_words, moves, states, summary_rows, verdict
-from fmopt.report.naming import binding_words, combination, contact_words, quantity, spoken_axis
+from fmopt.report.naming import binding_label, binding_words, combination, contact_words, quantity, spoken_axis
 from fmopt.report.page import report_page
 from fmopt.report.scene import scene
 
@@ -164,6 +164,22 @@ def test_moves_are_read_from_their_pieces() -> None:
     assert move_words(plan, slide) == (
         "move freely 1.10 mm in −x, turning 0.23° about y until leading corner v0 touches wall f5 (x = −5.1 mm)"
     )
+
+
+def test_a_move_may_pass_from_one_contact_space_to_another() -> None:
+    plan = cube_plan()
+    number = len(moves(plan))
+    for k, piece in enumerate(plan["segments"]):
+        piece["critical_point"] = k
+    assert len(moves(plan)) == number < len(plan["segments"])
+
+
+def test_labels_of_figures_say_which_side() -> None:
+    plan = cube_plan()
+    for binding in ("pieces 0/0", "v0-f1 too early", "v0-f1", ""):
+        label = binding_label(plan, binding)
+        assert label
+        assert "pieces" not in label
 
 
 def test_summary_rows_have_a_cell_for_each_head() -> None:

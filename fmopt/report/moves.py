@@ -69,7 +69,7 @@ class Move:
 def moves(plan: Plan) -> tuple[Move, ...]:
     """The moves of a plan, in order."""
     pieces = plan.get("segments", ())
-    runs = [tuple(run) for _, run in groupby(pieces, key=lambda s: (s.get("critical_point"), s.get("move")))]
+    runs = [tuple(run) for _, run in groupby(pieces, key=lambda s: s.get("move", s.get("critical_point")))]
     return tuple(_move(number, run) for number, run in enumerate(runs, start=1))
 
 
