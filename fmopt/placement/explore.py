@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
 from fmopt import se3
 from fmopt.certificate.functions import contact_rows
@@ -143,6 +142,8 @@ def _root(
 
     if f(low) <= 0.0 or f(high) > 0.0:
         return None
+    from scipy.optimize import brentq
+
     return float(brentq(f, low, high, xtol=1e-16, rtol=1e-14))
 
 
