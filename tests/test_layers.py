@@ -59,7 +59,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
         {"values", "se3", "ellipsoid", "plane", "geometry", "knowledge", "contact", "task", "nominal", "uncertainty"}
         | {"certificate", "placement", "control", "synthesis", "report"}
     ),
-    "scipy": frozenset({"geometry", "contact", "nominal", "uncertainty", "placement", "control"}),
+    "scipy": frozenset({"plane", "geometry", "contact", "nominal", "uncertainty", "placement", "control"}),
     "sympy": frozenset({"symbolic.py", "contact/surface.py", "uncertainty/planar/surface.py"}),
     "casadi": frozenset({"symbolic.py", "contact/surface.py", "placement/nlp.py"}),
     "clarabel": frozenset({"placement/socp.py"}),
@@ -68,7 +68,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "networkx": frozenset({"contact/graph.py"}),
     "manifold3d": frozenset({"geometry", "nominal/touch.py"}),
     "trimesh": frozenset({"geometry/mesh.py"}),
-    "shapely": frozenset({"geometry", "knowledge", "uncertainty/planar", "report"}),
+    "shapely": frozenset({"plane", "geometry", "knowledge", "uncertainty/planar", "report"}),
     "matplotlib": frozenset({"report"}),
     "pydantic": frozenset({"task"}),
     "pydantic_core": frozenset({"task"}),

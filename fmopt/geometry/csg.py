@@ -66,6 +66,18 @@ class Cone:
 
 
 @dataclass(frozen=True)
+class Sphere:
+    """A ball about the origin, in the polyhedral stages inscribed: `sides` meridians, half as many bands."""
+
+    radius: float
+    sides: int = 16
+
+    def __post_init__(self) -> None:
+        _require_positive(self, self.radius)
+        _require_sides(self, self.sides)
+
+
+@dataclass(frozen=True)
 class Prism:
     """An upright prism over a convex polygon ((x, y), …), counter-clockwise seen from above."""
 
@@ -136,8 +148,8 @@ class Difference:
         object.__setattr__(self, "tools", tuple(self.tools))
 
 
-Primitive: TypeAlias = Box | Cylinder | Cone | Prism | Wedge | Hull
-Solid: TypeAlias = Box | Cylinder | Cone | Prism | Wedge | Hull | Placed | Union | Difference
+Primitive: TypeAlias = Box | Cylinder | Cone | Sphere | Prism | Wedge | Hull
+Solid: TypeAlias = Box | Cylinder | Cone | Sphere | Prism | Wedge | Hull | Placed | Union | Difference
 
 
 def chamfered_box(size: tuple[float, float, float], chamfer: float) -> Prism:
@@ -166,6 +178,8 @@ def corners(primitive: Primitive) -> Array:
             return _loft(ring(radius, sides), ring(radius, sides), height)
         case Cone(bottom, top, height, sides):
             return _loft(ring(bottom, sides), ring(top, sides), height)
+        case Sphere(radius, sides):
+            return _globe(radius, sides)
         case Prism(polygon, height):
             return _loft(np.array(polygon), np.array(polygon), height)
         case Wedge(size, top_x):
@@ -205,6 +219,8 @@ def sagitta(solid: Solid) -> float:
             return 2.0 * radius * math.sin(0.5 * math.pi / sides) ** 2
         case Cone(bottom, top, _, sides):
             return 2.0 * max(bottom, top) * math.sin(0.5 * math.pi / sides) ** 2
+        case Sphere(radius, sides):
+            return radius * (1.0 - math.cos(math.pi / sides) * math.cos(0.5 * math.pi / max(sides // 2, 2)))
         case Placed(inner, _):
             return sagitta(inner)
         case Union(parts):
@@ -222,7 +238,7 @@ def depth(solid: Solid, points: ArrayLike) -> Array:
     """
     points = np.asarray(points, dtype=np.float64)
     match solid:
-        case Box() | Cylinder() | Cone() | Prism() | Wedge() | Hull():
+        case Box() | Cylinder() | Cone() | Sphere() | Prism() | Wedge() | Hull():
             hull = convex_polyhedron(solid, Pose.identity())
             return np.asarray(np.min(hull.offsets - points @ hull.normals.T, axis=1))
         case Placed(inner, pose):
@@ -259,6 +275,16 @@ def _loft(lower: Array, upper: Array, height: float) -> Array:
     return np.asarray(points[kept] + 0.0)
 
 
+def _globe(radius: float, sides: int) -> Array:
+    bands = max(sides // 2, 2)
+    poles = np.array([(0.0, 0.0, -radius), (0.0, 0.0, radius)])
+    rings = []
+    for k in range(1, bands):
+        outline = ring(radius * _sine(k, bands), sides)
+        rings.append(np.column_stack([outline, np.full(sides, -radius * _cosine(k, bands))]))
+    return np.asarray(np.vstack([*rings, poles]) + 0.0)
+
+
 def _rectangle(x: float, y: float) -> Array:
     return 0.5 * np.array([(-x, -y), (x, -y), (x, y), (-x, y)])
 
@@ -290,7 +316,7 @@ def _require_positive(solid: Primitive, *lengths: float) -> None:
         raise GeometryError(f"{type(solid).__name__}({shown}) has no volume", "make every length positive")
 
 
-def _require_sides(solid: Cylinder | Cone, sides: int) -> None:
+def _require_sides(solid: Cylinder | Cone | Sphere, sides: int) -> None:
     if not 3 <= sides <= _MAX_SIDES:
         raise GeometryError(f"{type(solid).__name__} has {sides} sides", f"use 3 to {_MAX_SIDES}")
 

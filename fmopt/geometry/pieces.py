@@ -22,6 +22,7 @@ from fmopt.geometry.csg import (
     Placed,
     Prism,
     Solid,
+    Sphere,
     Union,
     Wedge,
     convex_polyhedron,
@@ -140,7 +141,7 @@ def union_manifold(bodies: Sequence[Polyhedron]) -> Manifold:
 
 def _pieces(solid: Solid, pose: Pose) -> tuple[Polyhedron, ...]:
     match solid:
-        case Box() | Cylinder() | Cone() | Prism() | Wedge() | Hull():
+        case Box() | Cylinder() | Cone() | Sphere() | Prism() | Wedge() | Hull():
             return (convex_polyhedron(solid, pose),)
         case Placed(inner, move):
             return _pieces(inner, exact_pose(pose).compose(exact_pose(move)))
@@ -159,7 +160,7 @@ def _pieces(solid: Solid, pose: Pose) -> tuple[Polyhedron, ...]:
 def _minus(stock: tuple[Polyhedron, ...], tool: Solid, pose: Pose) -> tuple[Polyhedron, ...]:
     """Pieces of (union of stock) ∖ tool; a tool that is itself a difference gives back what its own tools spare."""
     match tool:
-        case Box() | Cylinder() | Cone() | Prism() | Wedge() | Hull():
+        case Box() | Cylinder() | Cone() | Sphere() | Prism() | Wedge() | Hull():
             body = convex_polyhedron(tool, pose)
             whole = (union_manifold(stock) - convex_manifold(body)).volume()
             return _irredundant([slab for piece in stock for slab in _slabs(piece, body)], whole)
@@ -268,7 +269,7 @@ def _manifold(solid: Solid, pose: Pose, stock: list[Array]) -> Manifold:
     from manifold3d import Manifold, OpType
 
     match solid:
-        case Box() | Cylinder() | Cone() | Prism() | Wedge() | Hull():
+        case Box() | Cylinder() | Cone() | Sphere() | Prism() | Wedge() | Hull():
             body = convex_polyhedron(solid, pose)
             stock.append(body.vertices)
             return convex_manifold(body)

@@ -1,0 +1,53 @@
+"""Polyhedral stand-ins that contain a solid, so that what is free of them is free of its true round surfaces."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import assert_never
+
+import numpy as np
+
+from fmopt.geometry.csg import (
+    Box,
+    Cone,
+    Cylinder,
+    Difference,
+    Hull,
+    Placed,
+    Prism,
+    Solid,
+    Sphere,
+    Union,
+    Wedge,
+    convex_polyhedron,
+)
+from fmopt.se3 import Pose
+
+
+def enclosing(solid: Solid, outward: bool = True) -> Solid:
+    """The solid with polygons that contain its round instances; those that are taken away lie inside theirs.
+
+    Args:
+        solid: CSG tree.
+        outward: False for the opposite, polygons inside the solid.
+    """
+    match solid:
+        case Cylinder(radius, _, sides):
+            return replace(solid, radius=radius / math.cos(math.pi / sides)) if outward else solid
+        case Cone(bottom, top, _, sides):
+            grown = 1.0 / math.cos(math.pi / sides)
+            return replace(solid, radius_bottom=bottom * grown, radius_top=top * grown) if outward else solid
+        case Sphere(radius, _):
+            inner = float(np.min(convex_polyhedron(solid, Pose.identity()).offsets))
+            return replace(solid, radius=radius * radius / inner) if outward else solid
+        case Box() | Prism() | Wedge() | Hull():
+            return solid
+        case Placed(inner, pose):
+            return Placed(enclosing(inner, outward), pose)
+        case Union(parts):
+            return Union(tuple(enclosing(part, outward) for part in parts))
+        case Difference(base, tools):
+            return Difference(enclosing(base, outward), tuple(enclosing(tool, not outward) for tool in tools))
+        case _:
+            assert_never(solid)

@@ -1,0 +1,127 @@
+"""Cut-diagrams against the solids: polyhedral trees by sections of their pieces, curved ones by membership."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from fmopt.geometry.csg import Box, Cone, Cylinder, Difference, Placed, Prism, Solid, Sphere, Union, Wedge
+from fmopt.geometry.part import part_of
+from fmopt.geometry.section import section
+from fmopt.nominal.cut_diagram import cut_diagram, frame_planes
+from fmopt.plane.boolean import difference, intersection, union
+from fmopt.plane.region import polygon_region
+from fmopt.se3 import Pose, exp
+from fmopt.values import Array
+
+HEXAGON = tuple((math.cos(k * math.pi / 3.0), math.sin(k * math.pi / 3.0)) for k in range(6))
+
+
+def random_pose(rng: np.random.Generator, reach: float) -> Pose:
+    return Pose(rng.uniform(-reach, reach, 3), exp(rng.normal(size=3)))
+
+
+def random_tree(rng: np.random.Generator, primitives: list[Solid], depth: int) -> Solid:
+    """A tree of unions and differences; the first operand stays in the middle so that something is left."""
+    if depth == 0:
+        return Placed(primitives[int(rng.integers(len(primitives)))], random_pose(rng, 0.5))
+    one, two = (random_tree(rng, primitives, depth - 1) for _ in range(2))
+    return Union((one, two)) if rng.random() < 0.6 else Difference(one, (two,))
+
+
+def held(solid: Solid, points: Array) -> Array:
+    """Which points (n, 3) lie in a solid, from its definition; curved surfaces as they are."""
+    x, y, z = points.T
+    match solid:
+        case Cylinder(radius, height, _):
+            return np.asarray((x**2 + y**2 <= radius**2) & (z >= 0.0) & (z <= height))
+        case Cone(bottom, top, height, _):
+            radius = bottom + (top - bottom) * z / height
+            return np.asarray((x**2 + y**2 <= radius**2) & (z >= 0.0) & (z <= height))
+        case Sphere(radius, _):
+            return np.asarray(x**2 + y**2 + z**2 <= radius**2)
+        case Placed(inner, pose):
+            return held(inner, (points - pose.p) @ pose.R)
+        case Union(parts):
+            return np.asarray(np.any([held(part, points) for part in parts], axis=0))
+        case Difference(base, tools):
+            return np.asarray(held(base, points) & ~np.any([held(tool, points) for tool in tools], axis=0))
+    raise AssertionError(solid)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_polyhedral_trees_have_the_sections_of_their_pieces(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    solids: list[Solid] = [Box((1.0, 0.8, 0.6)), Prism(HEXAGON, 0.7), Wedge((1.0, 0.9, 0.8), 0.4)]
+    solid = Union((Box((1.2, 1.2, 0.4)), random_tree(rng, solids, 2)))
+    pieces = part_of("tree", solid).pieces
+    for _ in range(3):
+        plane = random_pose(rng, 0.2)
+        region, wanted = cut_diagram(solid, plane), section(pieces, plane)
+        assert region.area == pytest.approx(wanted.area, rel=1e-9, abs=1e-12)
+        if not region.empty:
+            assert region.polygon(1e-9).hausdorff_distance(wanted) <= 1e-8
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_curved_trees_hold_exactly_what_the_solid_holds(seed: int) -> None:
+    rng = np.random.default_rng(100 + seed)
+    solids: list[Solid] = [Cylinder(0.4, 0.9), Cone(0.5, 0.2, 0.8), Sphere(0.5)]
+    solid = Union((Sphere(0.45), random_tree(rng, solids, 2)))
+    plane = random_pose(rng, 0.2)
+    region = cut_diagram(solid, plane)
+    uv = rng.uniform(-1.2, 1.2, (4000, 2))
+    clear = region.boundary_distance(uv) > 1e-9 if not region.empty else np.ones(len(uv), dtype=bool)
+    points = uv @ plane.R[:, :2].T + plane.p
+    np.testing.assert_array_equal(region.contains(uv)[clear], held(solid, points)[clear])
+
+
+def test_sections_of_round_primitives_are_exact() -> None:
+    tilted = Pose(np.array([0.0, 0.0, 0.5]), exp([0.3, 0.0, 0.0]))
+    assert cut_diagram(Cylinder(0.1, 1.0), tilted).area == pytest.approx(math.pi * 0.01 / math.cos(0.3), rel=1e-12)
+    above = Pose(np.array([0.0, 0.0, 0.3]), np.eye(3))
+    assert cut_diagram(Sphere(0.5), above).area == pytest.approx(math.pi * (0.25 - 0.09), rel=1e-12)
+    assert cut_diagram(Cone(0.4, 0.2, 1.0), above).area == pytest.approx(math.pi * 0.34**2, rel=1e-12)
+
+
+def test_the_interior_is_on_the_left_and_holes_turn_the_other_way() -> None:
+    drilled = Difference(Box((0.06, 0.06, 0.04)), (Cylinder(0.01, 0.04),))
+    region = cut_diagram(drilled, Pose(np.array([0.0, 0.0, 0.02]), np.eye(3)))
+    assert len(region.loops) == 2
+    assert region.area == pytest.approx(0.0036 - math.pi * 1e-4, rel=1e-12)
+    for curve in region.curves:
+        t = np.array([0.5])
+        left = curve.tangent(t)[..., ::-1] * (-1.0, 1.0)
+        inside = curve.point(t) + 1e-6 * left / np.linalg.norm(left)
+        assert region.contains(inside).all()
+
+
+def test_the_three_planes_of_a_frame() -> None:
+    block = Box((0.06, 0.05, 0.04))
+    planes = frame_planes(Pose(np.array([0.0, 0.0, 0.02]), np.eye(3)))
+    areas = {name: cut_diagram(block, plane).area for name, plane in planes.items()}
+    assert areas == pytest.approx({"xy": 0.003, "yz": 0.002, "zx": 0.0024}, rel=1e-12)
+
+
+def test_a_plane_in_a_face_gives_what_both_sides_share() -> None:
+    box = Box((0.1, 0.1, 0.1))
+    stacked = Union((box, Placed(box, Pose(np.array([0.0, 0.0, 0.1]), np.eye(3)))))
+    seam = Pose(np.array([0.0, 0.0, 0.1]), np.eye(3))
+    assert cut_diagram(stacked, seam).area == pytest.approx(0.01, rel=1e-12)
+    assert cut_diagram(box, seam).empty
+
+
+def test_regularised_operators_add_up() -> None:
+    """|A ∪ B| = |A| + |B| − |A ∩ B| and |A − B| = |A| − |A ∩ B|, edges in common or not."""
+    rng = np.random.default_rng(5)
+    for k in range(40):
+        shift = rng.integers(-2, 3, 2) * 0.5 if k % 2 else rng.uniform(-1.0, 1.0, 2)
+        square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
+        one, two = polygon_region(square), polygon_region(square + shift)
+        common = intersection(one, two).area
+        assert union([one, two]).area == pytest.approx(2.0 - common, abs=1e-12)
+        assert difference(one, two).area == pytest.approx(1.0 - common, abs=1e-12)
+        expected = max(0.0, 1.0 - abs(shift[0])) * max(0.0, 1.0 - abs(shift[1]))
+        assert common == pytest.approx(expected, abs=1e-12)

@@ -1,0 +1,290 @@
+"""S(t) from the cut-diagrams: known by hand, against sampled poses on each plane, and against S(t) in space."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from shapely import Polygon, affinity
+
+from fmopt.errors import GeometryError
+from fmopt.geometry.csg import Box, Cylinder, Difference, Placed
+from fmopt.geometry.part import part_of
+from fmopt.nominal.diagram import circle, polygon, together
+from fmopt.nominal.diagram_contact import spans
+from fmopt.nominal.freedom import freedom, half_widths
+from fmopt.nominal.leg import Leg
+from fmopt.nominal.plane_freedom import Slice, View, freedom_on_planes
+from fmopt.nominal.trajectory import insertion
+from fmopt.nominal.uncertainty_zone import PLANES, zones
+from fmopt.se3 import Pose
+
+FREE = (0,) * 6
+PEG, HOLE, LONG = 0.01, 0.0101, 0.04
+DOWN = insertion([0, 0, 0.005, 0, 0, 0], [0, 0, -0.03, 0, 0, 0], 0.02, 0.014)
+
+
+def square(a):
+    return [(-a, -a), (a, -a), (a, a), (-a, a)]
+
+
+def upright(a, h):
+    return [(-a, 0.0), (a, 0.0), (a, h), (-a, h)]
+
+
+BLIND = [(-0.03, -0.04), (0.03, -0.04), (0.03, 0), (HOLE, 0), (HOLE, -0.03), (-HOLE, -0.03), (-HOLE, 0), (-0.03, 0)]
+SIDES = [[(s * 0.03, -0.04), (s * HOLE, -0.04), (s * HOLE, 0.0), (s * 0.03, 0.0)] for s in (-1, 1)]
+THROUGH = [SIDES[0], SIDES[1][::-1]]
+
+
+def views(box, walls=(BLIND,), around=None, round_peg=False):
+    if around is None:
+        around = together(polygon(square(0.03)), circle((0, 0), HOLE, True)) if round_peg else MOUTH
+    own = circle((0, 0), PEG) if round_peg else polygon(square(PEG))
+    zx, zy, zz = zones(box)
+    side = polygon(*walls), (Slice(polygon(upright(PEG, LONG))),)
+    return View(zx, *side), View(zy, *side), View(zz, around, (Slice(own, (0.0, LONG)),))
+
+
+MOUTH = polygon(square(0.03), square(HOLE)[::-1])
+
+
+def steps(intervals, path=DOWN):
+    return [(one.s, path.at(one.start)[2], path.at(one.end)[2]) for one in intervals]
+
+
+def agree(found, expected):
+    assert [s for s, _, _ in found] == [s for s, _, _ in expected]
+    heights = np.array([one[1:] for one in found]) - np.array([one[1:] for one in expected])
+    assert np.abs(heights).max() < 1e-9 * 0.035
+
+
+def test_figure_two_a_round_peg_in_a_through_hole():
+    """The rim stops the tilted flank where r + (d + r) tan s + a / cos s reaches the hole's radius."""
+    r, s = 5e-5, 0.005
+    depth = (HOLE - r - PEG / np.cos(s)) / np.tan(s) - r
+    found = steps(freedom_on_planes(views(half_widths(r, s), THROUGH, round_peg=True), DOWN))
+    agree(found, [(FREE, 5e-3, -depth), ((2, 2, 0, 2, 2, 0), -depth, -0.03)])
+
+
+def test_a_blind_hole_adds_the_stop_on_z_at_the_end():
+    r, s = 5e-5, 0.005
+    depth = (HOLE - r - PEG / np.cos(s)) / np.tan(s) - r
+    floor = -0.03 + r + PEG * np.sin(s)
+    found = steps(freedom_on_planes(views(half_widths(r, s), round_peg=True), DOWN))
+    engaged = (2, 2, 0, 2, 2, 0)
+    agree(found, [(FREE, 5e-3, -depth), (engaged, -depth, floor), ((2, 2, -1, 2, 2, 0), floor, -0.03)])
+
+
+def test_a_square_peg_adds_two_on_q_z():
+    r, s = 5e-5, 0.006  # turned by s, a corner comes 0.01 (cos s + sin s) off the middle
+    assert PEG * (np.cos(s) + np.sin(s)) + r > HOLE
+    found = freedom_on_planes(views(half_widths(r, s), THROUGH), DOWN)
+    assert found[-1].s == (2, 2, 0, 2, 2, 2)
+    assert freedom_on_planes(views(half_widths(r, s), THROUGH, round_peg=True), DOWN)[-1].s == (2, 2, 0, 2, 2, 0)
+    small = 0.004  # control: less of a turn does not reach
+    assert PEG * (np.cos(small) + np.sin(small)) + r < HOLE
+    assert freedom_on_planes(views(half_widths(r, small), THROUGH), DOWN)[-1].s[5] == 0
+
+
+def test_without_error_only_the_goal_touches():
+    last = freedom_on_planes(views(np.zeros(6)), DOWN)[-1]
+    assert last.s == (0, 0, -1, 2, 2, 0)
+    assert last.start == last.end == DOWN.duration
+
+
+def test_intervals_cover_the_trajectory_and_differ():
+    found = freedom_on_planes(views(half_widths(3e-4, 0.005)), DOWN)
+    assert (found[0].start, found[-1].end) == (0.0, DOWN.duration)
+    for one, other in pairwise(found):
+        assert one.end == other.start
+        assert one.s != other.s
+
+
+@pytest.mark.parametrize(("side", "s"), [(1, (1, 0, 0, 0, 1, 0)), (-1, (-1, 0, 0, 0, -1, 0))])
+def test_signs_name_the_motion_that_is_stopped(side, s):
+    wall = [(side * 0.0101, -0.04), (side * 0.03, -0.04), (side * 0.03, 0.0), (side * 0.0101, 0.0)]
+    wall = wall if side > 0 else wall[::-1]
+    (xz, *_) = views(half_widths(2e-4, 0.0), (wall,))
+    assert freedom_on_planes([xz], DOWN)[-1].s == s
+    yz = View(zones(half_widths(2e-4, 0.0))[1], xz.fixed, xz.moving)
+    assert freedom_on_planes([yz], DOWN)[-1].s == (0, s[0], 0, -s[4], 0, 0)
+
+
+def test_a_round_peg_touches_a_round_hole_where_the_corner_of_the_ball_does():
+    """The ball is a square: on the plane of the mouth it reaches r √2, so that r = 0.8 c is enough."""
+    clear = HOLE - PEG
+    for share, stopped in ((0.69, 0), (0.72, 2)):
+        (*_, xy) = views(half_widths(share * clear, 0.0), THROUGH, round_peg=True)
+        found = freedom_on_planes([xy], DOWN)
+        assert found[-1].s == (stopped, stopped, 0, 0, 0, 0)
+
+
+def test_a_part_that_still_turns_near_the_mouth_is_refused_and_one_that_is_clear_is_not():
+    turning = insertion([0, 0, 0.02, 0.1, 0, 0], [0, 0, -0.03, 0, 0, 0], 0.02, 0.014, turned=0.5)
+    box = half_widths(2e-4, 0.0)
+    with pytest.raises(GeometryError, match=r"turns until .* clear of operand 2 until 0 s"):
+        freedom_on_planes(views(box), turning)
+    found = freedom_on_planes(views(box), turning, free_until=float(turning.times[1]))
+    assert steps(found, turning)[1][1] == pytest.approx(2e-4, abs=1e-12)
+
+
+# Against samples: random sections, random diagrams, random legs.
+
+
+def random_case(seed):
+    rng = np.random.default_rng(seed)
+    own = Polygon(rng.normal(0.0, 1.0, (6, 2))).convex_hull
+    angles = np.sort(rng.uniform(0.0, 2.0 * np.pi, 7))
+    star = np.column_stack([np.cos(angles), np.sin(angles)]) * rng.uniform(0.8, 2.5, (7, 1))
+    other = affinity.translate(Polygon(star).buffer(0.0), 4.0, 0.5)
+    if other.geom_type != "Polygon" or other.contains(affinity.translate(own, 4, 0.5)):
+        return None
+    radius, cone = rng.uniform(0.0, 0.4), rng.uniform(0.0, 0.3)
+    start = rng.uniform([-2.0, -4.0], [1.0, 4.0])
+    return own, other, Leg(start, rng.uniform([0.0, -3.0], [6.0, 3.0]), radius, cone, 3.0)
+
+
+def loop(shape):
+    return np.array(shape.exterior.coords)[:-1] if shape.exterior.is_ccw else np.array(shape.exterior.coords)[:0:-1]
+
+
+def touches(own, other, leg, share, rng, count):
+    """Whether a sampled pose overlaps: corners of ball and cone first, then random ones."""
+    centre = leg.start + share * leg.travel
+    errors = np.array(np.meshgrid([-1, 1], [-1, 1], np.linspace(-1, 1, 9))).reshape(3, -1).T
+    errors = np.vstack([errors, rng.uniform(-1.0, 1.0, (count, 3))])
+    for u, v, w in errors:
+        turned = affinity.rotate(own, w * leg.half_angle, origin=(0, 0), use_radians=True)
+        moved = affinity.translate(turned, centre[0] + u * leg.radius, centre[1] + v * leg.radius)
+        if moved.intersection(other).area > 1e-12:
+            return True
+    return False
+
+
+@pytest.mark.parametrize("group", range(2))
+def test_on_random_diagrams_the_switch_to_contact_is_where_samples_have_it(group):
+    """Before the first switch no sampled pose touches; just after it nearly always some does, in its middle always."""
+    seen, soon = 0, 0
+    for seed in range(30 * group, 30 * group + 30):
+        case = random_case(seed)
+        rng = np.random.default_rng(seed)
+        if case is None or touches(case[0], case[1], case[2], 0.0, rng, 30):
+            continue
+        own, other, leg = case
+        found = list(spans(polygon(loop(own)), polygon(loop(other)), leg))
+        first = min((span.start for span in found), default=None)
+        for share in np.linspace(0.0, 1.0, 9) if first is None else first * np.linspace(0.0, 1.0 - 1e-9, 5):
+            assert not touches(own, other, leg, share, rng, 40)
+        long = max(found, key=lambda span: span.end - span.start, default=None)
+        if long is not None and long.end - long.start > 0.05:
+            assert touches(own, other, leg, 0.5 * (long.start + long.end), rng, 600)
+            seen += 1
+            soon += touches(own, other, leg, first + 0.02, rng, 400)
+    assert seen >= 3
+    assert soon >= 0.75 * seen
+
+
+def test_a_smaller_cone_is_refuted_by_the_same_samples():
+    """Control: the samples above can tell a wrong answer."""
+    refuted = 0
+    for seed in range(40):
+        case = random_case(seed)
+        rng = np.random.default_rng(seed)
+        if case is None or case[2].half_angle < 0.1 or touches(case[0], case[1], case[2], 0.0, rng, 30):
+            continue
+        own, other, leg = case
+        small = Leg(leg.start, leg.travel, leg.radius, 0.3 * leg.half_angle, leg.size)
+        starts = [span.start for span in spans(polygon(loop(own)), polygon(loop(other)), small)]
+        if starts and min(starts) > 0.0:
+            refuted += touches(own, other, leg, min(starts), rng, 200)
+    assert refuted >= 2
+
+
+def test_the_stopped_motions_are_those_that_run_into_the_wall():
+    """From a free pose, a step along a degree inside ball and cone overlaps, in the directions of s and no others."""
+    box = half_widths(2e-4, 0.004)
+    interval = next(one for one in freedom_on_planes(views(box), DOWN) if one.s == (2, 2, 0, 2, 2, 2))
+    height = DOWN.at(0.5 * (interval.start + interval.end))[2]
+    peg, block = Polygon(upright(PEG, LONG)), Polygon(BLIND)
+    hit, rng = np.zeros((3, 2), dtype=bool), np.random.default_rng(0)
+
+    def free(u, v, w):
+        turned = affinity.rotate(peg, w, origin=(0, 0), use_radians=True)
+        return affinity.translate(turned, u, height + v).intersection(block).area < 1e-13
+
+    for _ in range(300):
+        e = rng.uniform(-1.0, 1.0, 3) * [2e-4, 2e-4, 0.004]
+        e[2] *= rng.integers(0, 2)
+        if free(*e):
+            for degree in range(3):
+                for side, sign in enumerate((1.0, -1.0)):
+                    if degree == 2 or e[2] == 0.0:
+                        moved = e.copy()
+                        moved[degree] = sign * (0.004 if degree == 2 else 2e-4)
+                        hit[degree, side] |= not free(*moved)
+    assert np.array_equal(hit, [[True, True], [False, False], [True, True]])
+
+
+# Against S(t) in space.
+
+
+def at(solid, x, y, z):
+    return Placed(solid, Pose(np.array([x, y, z]), np.eye(3)))
+
+
+PEG_3D = part_of("peg", Box((2 * PEG, 2 * PEG, LONG)))
+BLOCK_3D = part_of(
+    "block", at(Difference(Box((0.06, 0.06, 0.04)), (at(Box((0.0202, 0.0202, 0.05)), 0, 0, 0.01),)), 0, 0, -0.04)
+)
+
+
+@pytest.mark.parametrize("r", [2e-4, 5e-5, 0.0])
+def test_agrees_with_space_when_only_the_position_is_uncertain(r):
+    flat = freedom_on_planes(views(half_widths(r, 0.0)), DOWN)
+    space = freedom(PEG_3D, BLOCK_3D, DOWN, half_widths(r, 0.0))
+    agree(steps(flat), steps(space))
+
+
+def test_with_tilts_space_sees_contact_no_later_than_the_planes_do():
+    """In space the peg tilts about two axes at once and lifts its corners by both; a plane shows one tilt at a time."""
+    box = half_widths(2e-4, 0.004)
+    flat, space = freedom_on_planes(views(box), DOWN)[0], freedom(PEG_3D, BLOCK_3D, DOWN, box)[0]
+    assert flat.s == space.s == FREE
+    assert space.end < flat.end
+
+
+def test_a_post_off_the_planes_is_seen_in_space_only():
+    """Why the plan has S(t) from space: on the planes this post does not exist."""
+    post = part_of("post", at(Box((0.001, 0.001, 0.01)), 0.0104, 0.0104, -0.01))
+    box = half_widths(5e-4, 0.0)
+    assert any(one.s != FREE for one in freedom(PEG_3D, post, DOWN, box))
+    empty = polygon()
+    zx, zy, zz = zones(box)
+    corner = polygon([(0.0099, 0.0099), (0.0109, 0.0099), (0.0109, 0.0109), (0.0099, 0.0109)])
+    own = Slice(polygon(upright(PEG, LONG)))
+    flat = freedom_on_planes([View(zx, empty, (own,)), View(zy, empty, (own,))], DOWN)
+    assert [one.s for one in flat] == [FREE]
+    below = [View(zz, corner, (Slice(polygon(square(PEG)), (0.0, LONG)),))]
+    assert freedom_on_planes(below, DOWN)[-1].s[0] == 1  # the plane of the mouth would, were the post as high as it
+
+
+def test_planes_are_right_handed_as_their_senses_say():
+    for plane in PLANES:
+        turned = np.cross(np.eye(3)[plane.u], np.eye(3)[plane.v])
+        assert turned[plane.turn - 3] == plane.sense
+
+
+def test_the_hole_may_be_round_in_space_too():
+    hole = Difference(Box((0.06, 0.06, 0.04)), (at(Cylinder(HOLE, 0.06, 32), 0, 0, -0.01),))
+    space = freedom(
+        part_of("peg", Cylinder(PEG, LONG, 32)), part_of("hole", at(hole, 0, 0, -0.04)), DOWN, half_widths(5e-5, 0.005)
+    )
+    assert space[-1].s == (2, 2, 0, 2, 2, 0)
+
+
+def test_a_box_that_is_no_cube_touches_sooner_on_the_planes_than_in_space():
+    """The paper's ball has one radius a plane: an error of x alone is taken for one of z as well."""
+    box = np.array([3e-4, 3e-4, 0.0, 0.0, 0.0, 0.0])
+    flat, space = freedom_on_planes(views(box), DOWN)[0], freedom(PEG_3D, BLOCK_3D, DOWN, box)[0]
+    assert DOWN.at(flat.end)[2] == pytest.approx(3e-4, abs=1e-11)
+    assert DOWN.at(space.end)[2] == pytest.approx(0.0, abs=1e-11)
