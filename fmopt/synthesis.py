@@ -29,13 +29,15 @@ from fmopt.nominal.critical import CriticalPose, critical_poses
 from fmopt.nominal.freedom import freedom
 from fmopt.nominal.intervals import FreedomInterval
 from fmopt.nominal.trajectory import NominalTrajectory, insertion
-from fmopt.placement.entry import start_spread, straight_entry, tilted_entries
+from fmopt.placement.entry import Entry, Shape, start_spread, straight_entry, tilted_entry, tilted_shapes
 from fmopt.placement.motion import Reached
 from fmopt.placement.polish import Turns, polish
-from fmopt.placement.search import Costs, MoveSequence, search
+from fmopt.placement.search import MoveSequence, best_sequence
 from fmopt.placement.sequence import Placed, Refinement, certified, refine
 from fmopt.placement.socp import ClarabelSolver
 from fmopt.placement.states import Scale, contact_spaces
+from fmopt.placement.step import Costs, Task
+from fmopt.placement.tune import Limits, tuned
 from fmopt.placement.visited import Visited, visited
 from fmopt.se3 import Pose
 from fmopt.task.problem import Problem
@@ -44,6 +46,7 @@ from fmopt.verify import Verdict, verify
 
 Progress = Callable[[str], None]
 FINE = math.radians(1.0)
+TRIES = 40  # of entries, when one is varied
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,22 +152,32 @@ def motion(
         InfeasibleError: some were found, none of which fine pieces can follow.
     """
     moving, box, settings = problem.moving, problem.start_box, problem.settings
-    goal = Pose.from_vector(problem.goal)
     deadline = time.monotonic() + settings.time_limit
-    straight = straight_entry(moving, clearance.play, box, problem.approach)
-    tilted = tilted_entries(moving, clearance.play, box, problem.approach, settings.max_tilt)
-    rounds = chain([straight] if straight else [], tilted)
     costs = Costs.of(start_spread(moving, box), clearance.per_side)
+    goal = Pose.from_vector(problem.goal)
+    task = Task(assembly, goal, errors, tolerance, costs, 1.3 * settings.max_tilt)
+
+    def entry_of(shape: Shape) -> Entry:
+        return tilted_entry(moving, clearance.play, problem.approach, shape)
+
+    straight = straight_entry(moving, clearance.play, box, problem.approach)
+    shapes = tilted_shapes(moving, clearance.play, box, settings.max_tilt)
+    rounds = chain([straight] if straight else [], ((entry_of(shape),) for shape in shapes))
     best: tuple[MoveSequence, Placed] | None = None
     failure: FmoptError | None = None
 
     def told(names: str) -> None:
         progress(f"search: {names}")
 
+    def tuning(margin: float) -> None:
+        progress(f"entry: margin {1e6 * margin:.1f} um")
+
     while best is None or (best[1].margin <= 0.0 and time.monotonic() < deadline):
         try:
-            found = search(assembly, rounds, goal, errors, tolerance, costs, 1.3 * settings.max_tilt, deadline, told)
+            found = best_sequence(task, rounds, deadline, told)
             lap("search")
+            found = tuned(task, found, entry_of, clearance.per_side, Limits(deadline, TRIES), tuning)
+            lap("entry")
             placed = placement(problem, assembly, found, errors, tolerance, clearance.per_side, progress)
             lap("placement")
         except SearchError as error:

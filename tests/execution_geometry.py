@@ -132,7 +132,7 @@ class Touch:
         self.kind, self.moving, self.fixed, self.counted = kind, moving, fixed, counted
         if kind == "edge-edge":
             self.side, self.along = unit(moving[1] - moving[0]), unit(fixed[1] - fixed[0])
-        else:
+        elif kind != "direction":
             self.normal = normal_of(moving if kind == "face-vertex" else fixed)
 
     def value(self, p: Array, R: Array) -> Array:
@@ -141,6 +141,8 @@ class Touch:
             return np.asarray((p + R @ self.moving[0] - self.fixed[0]) @ self.normal)
         if self.kind == "hinge":
             return np.asarray((R @ (self.moving[1] - self.moving[0])) @ self.normal)
+        if self.kind == "direction":
+            return np.asarray((R @ self.moving[0]) @ self.fixed[0])
         if self.kind == "face-vertex":
             return np.asarray(dots(R @ self.normal, self.fixed[0] - p - R @ self.moving[0]))
         m, r, _ = self._crossing(p, R)
@@ -154,6 +156,9 @@ class Touch:
         if self.kind == "hinge":
             n = np.broadcast_to(self.normal, p.shape)
             return np.hstack([0.0 * n, cross(R @ (self.moving[1] - self.moving[0]), n)])
+        if self.kind == "direction":
+            u = np.broadcast_to(self.fixed[0], p.shape)
+            return np.hstack([0.0 * u, cross(R @ self.moving[0], u)])
         if self.kind == "face-vertex":
             n = R @ self.normal
             return np.hstack([-n, cross(n, self.fixed[0] - p)])
@@ -187,6 +192,11 @@ class Touch:
         return np.where(parallel[:, None] | ~np.array([True, True, *self.counted]), np.inf, depth)
 
 
+def _sides(loop: list[int]) -> list[set[int]]:
+    """The ends of the sides of a loop."""
+    return [{a, b} for a, b in zip(loop, loop[1:] + loop[:1], strict=True)]
+
+
 class Scene:
     """Parts and contacts of a plan file."""
 
@@ -196,6 +206,8 @@ class Scene:
         self.moving, self.fixed = ([Convex.read(q) for q in plan["parts"][x]["pieces"]] for x in ("moving", "fixed"))
         points = {x: np.array(plan["parts"][x]["vertices"]) for x in ("moving", "fixed")}
         self.points, faces = points["fixed"], plan["parts"]["fixed"]["faces"]
+        self.body = points["moving"]
+        self.body_loops = [loop for face in plan["parts"]["moving"]["faces"] for loop in face[:1]]
         self.beyond = {
             (a, b): face[0] for face in faces for loop in face for a, b in zip(loop, loop[1:] + loop[:1], strict=True)
         }
@@ -220,6 +232,42 @@ class Scene:
                     if hinge is not None:
                         return hinge
         return self.touches[name]
+
+    def measure(self, name: str, held: Sequence[str]) -> Touch:
+        """What tells how far a contact is from being made where others are held: a direction where that is enough.
+
+        A vertex of an edge held on a rim of its wall touches as the edge lies in the wall, an edge of a body face
+        another edge of which is held on the same rim as that face is level with the rim.
+        """
+        for other in held:
+            if self.touches[other].kind != "edge-edge" or self.touch(other, held).kind == "hinge":
+                continue
+            if self.touches[name].kind == "vertex-face" and self.corners[name][0][0] in self.corners[other][0]:
+                hinge = self._hinge(other, name)
+                if hinge is not None:
+                    return Touch("hinge", hinge.moving[::-1], hinge.fixed, hinge.counted)
+        for other in held:
+            level = self._level(name, other)
+            if level is not None and self.touch(name, held).kind == "edge-edge":
+                return level
+        return self.touch(name, held)
+
+    def _level(self, name: str, other: str) -> Touch | None:
+        one, two = self.touches[name], self.touches[other]
+        if one.kind != "edge-edge" or two.kind != "edge-edge" or name == other:
+            return None
+        if set(self.corners[name][1]) != set(self.corners[other][1]):
+            return None
+        ends = self.corners[name][0], self.corners[other][0]
+        faces = [loop for loop in self.body_loops if all(set(edge) in _sides(loop) for edge in ends)]
+        if len(faces) != 1:
+            return None
+        normal = normal_of(self.body[faces[0]])
+        # The face's height under the rim, towards the edge that is to come: positive where the two are apart.
+        across = cross(unit(two.moving[1] - two.moving[0]), normal)
+        reach = dots(one.moving - two.moving[0], across)
+        far = reach[np.argmax(np.abs(reach))] * normal
+        return Touch("direction", np.array([far]), np.array([two.along]), two.counted)
 
     def _hinge(self, name: str, other: str) -> Touch | None:
         if (name, other) not in self.hinges:

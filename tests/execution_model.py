@@ -43,6 +43,7 @@ class Piece:
         self.directions = np.array([b["direction"] for b in held]).reshape(-1, 6).T
         self.held = [scene.touch(b["contact"], self.said["state"]) for b in held]
         self.made = scene.touch(made[0], self.said["state"]) if made else None
+        self.measure = scene.measure(made[0], self.said["state"]) if made else None
         self._waived: dict[str, list[tuple[str, int, str, int]]] = {}
 
     @cached_property
@@ -99,8 +100,8 @@ class Piece:
     @cached_property
     def way_row(self) -> Array:
         """Row (6,) that sees how far the contact being made is, through the compliance of the held ones."""
-        assert self.made is not None
-        row = self.made.row(*self.goal)[0]
+        assert self.measure is not None
+        row = self.measure.row(*self.goal)[0]
         if not self.held:
             return row
         rows = np.concatenate([t.row(*self.goal) for t in self.held])
@@ -110,6 +111,14 @@ class Piece:
         """The function (n,) of the contact being made."""
         assert self.made is not None
         return self.made.value(*poses)
+
+    def distance(self, poses: Poses) -> Array:
+        """What measures how far the contact being made is (n,), m; an angle on an arm of ρ."""
+        assert self.measure is not None
+        arms = {"hinge": np.diff(self.measure.moving, axis=0), "direction": self.measure.moving}
+        arm = arms.get(self.measure.kind)
+        scale = 1.0 if arm is None else self.scene.rho / float(np.linalg.norm(arm[0]))
+        return scale * self.measure.value(*poses)
 
 
 def first_zero(f: Callable[[Array], Array], count: int, farthest: float) -> Array:
@@ -202,7 +211,7 @@ def _through(piece: Piece, ledger: Ledger, e: Array, drift: Array, steps: int) -
     end = np.ones(len(e))
     if piece.made is not None:
         if piece.first:
-            early = piece.touched(at(0.0 * end)) - piece.said["margin"]
+            early = piece.distance(at(0.0 * end)) - piece.said["margin"]
             ledger.require("not made before its move", piece.number, early + ROUNDING)
         end = first_zero(_left(piece, at, e, drift), len(e), FARTHEST)
         ledger.require("gets there", piece.number, FARTHEST - end)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from dataclasses import replace
 from itertools import chain
 
 import numpy as np
@@ -14,8 +16,9 @@ from fmopt.errors import SearchError
 from fmopt.geometry.clearance import mating_clearance
 from fmopt.geometry.csg import Box, Difference, Placed
 from fmopt.geometry.part import part_of
-from fmopt.placement.entry import start_spread, straight_entry, tilted_entries
-from fmopt.placement.search import Costs, MoveSequence, search
+from fmopt.placement.entry import Entry, start_spread, straight_entry, tilted_entry, tilted_shapes
+from fmopt.placement.search import best_sequence, search
+from fmopt.placement.step import Costs, Task
 from fmopt.se3 import Pose
 from fmopt.uncertainty.error_set import ErrorSet
 
@@ -33,24 +36,24 @@ def rectangular(clearance: tuple[float, float], scale: float = 1.0) -> Assembly:
     return Assembly(part_of("peg", peg), part_of("block", Placed(block, down)))
 
 
-def found(
+def asked(
     assembly: Assembly, box: list[float], velocity: float, depth: float, states: int, scale: float = 1.0
-) -> MoveSequence:
-    """The sequence for a start box in mm and degrees."""
+) -> tuple[Task, Iterator[tuple[Entry, ...]]]:
+    """What to search for, and the ways to begin, for a start box in mm and degrees."""
     half = np.array([*(1e-3 * scale * x for x in box[:3]), *(DEGREE * x for x in box[3:])])
     clearance = mating_clearance(assembly.moving, assembly.fixed, depth)
     play, moving, height = clearance.play, assembly.moving, 1e-3 * scale
     straight = straight_entry(moving, play, half, height)
-    rounds = chain([straight] if straight else [], tilted_entries(moving, play, half, height, 12 * DEGREE))
-    given = Costs.of(start_spread(moving, half), clearance.per_side)
-    costs = Costs(given.reach, given.asymptote, given.scale, states=states)
+    tilted = (tilted_entry(moving, play, height, shape) for shape in tilted_shapes(moving, play, half, 12 * DEGREE))
+    rounds = chain([straight] if straight else [], ((entry,) for entry in tilted))
+    costs = replace(Costs.of(start_spread(moving, half), clearance.per_side), states=states)
     goal = Pose(np.array([0.0, 0.0, -depth]), np.eye(3))
     tolerance = Tolerance((velocity, velocity), clearance.half_diagonal)
-    return search(assembly, rounds, goal, ErrorSet.from_box(half), tolerance, costs, 15.6 * DEGREE)
+    return Task(assembly, goal, ErrorSet.from_box(half), tolerance, costs, 15.6 * DEGREE), rounds
 
 
 def test_errors_that_fit_into_the_clearance_need_no_contact() -> None:
-    sequence = found(rectangular((0.3, 0.3)), [0.02, 0.02, 0, 0.02, 0.02, 0.02], 5e-4, 0.029, 20)
+    sequence = best_sequence(*asked(rectangular((0.3, 0.3)), [0.02, 0.02, 0, 0.02, 0.02, 0.02], 5e-4, 0.029, 20))
     assert sequence.names == ("approach", "-z")
     assert sequence.reached.margin > 0.0
     assert all(not claim.piece.held and not claim.piece.making for claim in sequence.reached.claims)
@@ -60,7 +63,7 @@ def test_errors_that_fit_into_the_clearance_need_no_contact() -> None:
 def test_a_peg_of_other_proportions_is_found_at_any_scale() -> None:
     """Lengths are measured in the errors and the clearance, so that metres do as well as millimetres."""
     box = [0.3, 0.3, 0.0, 0.3, 0.3, 0.3]
-    one, ten = (found(rectangular((0.4, 0.35), k), box, 0.01, 0.030 * k, 60, k) for k in (1.0, 10.0))
+    one, ten = (best_sequence(*asked(rectangular((0.4, 0.35), k), box, 0.01, 0.030 * k, 60, k)) for k in (1.0, 10.0))
     assert one.names == ten.names
     assert one.names[0] == "approach"
     assert len(one.names) == 7
@@ -70,5 +73,6 @@ def test_a_peg_of_other_proportions_is_found_at_any_scale() -> None:
 
 
 def test_a_search_cut_short_says_how_far_it_came() -> None:
+    task, rounds = asked(rectangular((0.15, 0.12)), [0.3, 0.3, 0.0, 0.3, 0.3, 0.3], 0.01, 0.030, 2)
     with pytest.raises(SearchError, match="among 2 states, the closest came after approach"):
-        found(rectangular((0.15, 0.12)), [0.3, 0.3, 0.0, 0.3, 0.3, 0.3], 0.01, 0.030, 2)
+        search(task, next(rounds))

@@ -116,3 +116,35 @@ def hinge(
                 a, b = contact.moving
                 return (other.fixed_feature, a, b) if other.moving[0] == a else (other.fixed_feature, b, a)
     return None
+
+
+def level(
+    assembly: Assembly, contact: PrimitiveContact, together: Sequence[PrimitiveContact]
+) -> tuple[Array, Array] | None:
+    """What tells that an edge meets a rim on which another edge of the same body face is held before it, or None.
+
+    The face's plane has one point of the rim already; its other lines meet the rim exactly when the face is level with
+    it. Of `together`, the contacts listed before this one count.
+
+    Returns:
+        (u, k): direction (3,) along the rim towards the edge, and the face's normal (3,) times the greatest distance
+        between the two edges, m: u·(R k) vanishes as the edge meets the rim and is positive before.
+    """
+    if contact.kind is not Kind.EDGE_EDGE:
+        return None
+    body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
+    for other in together:
+        if other == contact:
+            return None
+        if other.kind is not Kind.EDGE_EDGE or other.fixed_feature != contact.fixed_feature:
+            continue
+        shared = set(body.edges[other.moving_feature].faces) & set(body.edges[contact.moving_feature].faces)
+        if len(shared) == 1 and other.moving_feature != contact.moving_feature:
+            normal = body.faces[shared.pop()].normal
+            a, b = body.vertices[list(other.moving)]
+            c, d = fixed.vertices[list(other.fixed)]
+            away = crossed((b - a) / length(b - a), normal)
+            reach = (body.vertices[list(contact.moving)] - a) @ away
+            far = float(reach[int(np.argmax(np.abs(reach)))])
+            return (d - c) / length(d - c), far * normal
+    return None

@@ -17,6 +17,7 @@ from fmopt.values import Array
 
 UNBOUNDED = 1.0  # m; the margin of a contact that nothing bounds
 _BEYOND = 1e-6  # m; how far beyond a blocked rim material must go on
+_SURELY = 1e-9  # m; what takes over is farther inside by this at least, that rounding does not decide
 _MEMORY = 512
 
 Span = tuple[float, float]
@@ -177,8 +178,8 @@ def _slips(
                     crossings.append((_sides(assembly, kept, wall, rows), _sides(assembly, other, wall, rows)))
 
     def slips(lower: Array, room: float) -> bool:
-        return any(lower[k] > max(room, 0.0) for k in far) or any(
-            kept(lower) > max(waived(lower), 0.0) for kept, waived in crossings
+        return any(lower[k] > max(room, 0.0) + _SURELY for k in far) or any(
+            kept(lower) > max(waived(lower), 0.0) + _SURELY for kept, waived in crossings
         )
 
     return slips
@@ -260,7 +261,7 @@ def _lying_in(
         return lambda lower: shared
     own = _sides(assembly, contact, shared, rows)
     others = [_sides(assembly, c, shared, rows) for c in together if other_rim(assembly, contact, c, shared)]
-    return lambda lower: shared if any(kept(lower) > max(own(lower), 0.0) for kept in others) else None
+    return lambda lower: shared if any(kept(lower) > max(own(lower), 0.0) + _SURELY for kept in others) else None
 
 
 def _across(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.bounds import bounds
-from fmopt.certificate.functions import contact_forms
+from fmopt.certificate.functions import contact_forms, made_form, made_scale
 from fmopt.certificate.rows import Rows, remainders
 from fmopt.certificate.segment import Advance, Piece, Tolerance, advance
 from fmopt.certificate.separation import Ends, Pair, Separation, lower_bounds, pairs
@@ -88,7 +88,7 @@ def claim(
     named += [(c.margin, c.contact.id) for c in contacts]
     early = None
     if piece.made is not None and piece.progress[0] == 0.0:
-        early = _before(assembly, piece, step)
+        early = _before(assembly, piece, step, tolerance.rho)
         named.append((early, f"{piece.made.id} too early"))
     margin, binding = min(named)
     clearance = min(s.clearance for _, _, s in separations)
@@ -122,9 +122,13 @@ def _at_goal(rows: Rows, ends: Ends) -> Array:
     return rows.f - ends.supports[1](rows.N) - remainders(rows, rows, ends.extent.standing())
 
 
-def _before(assembly: Assembly, piece: Piece, step: Advance) -> float:
-    """How far from touching the contact to be made still is when the move starts."""
+def _before(assembly: Assembly, piece: Piece, step: Advance, rho: float) -> float:
+    """How far from touching the contact to be made still is when the move starts.
+
+    Where its row measures an angle (see `made_form`), this is the way on an arm of ρ.
+    """
     assert piece.made is not None
     ends = step.ends
-    start, goal = contact_forms(assembly, (piece.made,), piece.held).over(ends.start, ends.goal)
-    return float((start.f - ends.supports[0](start.N) - remainders(start, goal, ends.extent))[0])
+    start, goal = made_form(assembly, piece.made, piece.held).over(ends.start, ends.goal)
+    room = float((start.f - ends.supports[0](start.N) - remainders(start, goal, ends.extent))[0])
+    return room * made_scale(assembly, piece.made, piece.held, rho)

@@ -10,7 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from fmopt.certificate.assembly import NEAR, Assembly, hinge, on_line
+from fmopt.certificate.assembly import NEAR, Assembly, hinge, level, on_line
 from fmopt.certificate.knowledge import Facts, facts
 from fmopt.certificate.pair import Pair, Witness
 from fmopt.certificate.rows import (
@@ -160,6 +160,7 @@ def _edge_rows(assembly: Assembly, pair: Pair, witness: Witness, known: Facts) -
     if held or made:
         # Heights are relative to the moving edge, which is on the plane or not below it.
         settled = on_line(M, a, e_m) | known.beside(M - a, e_f) | known.beside(M - b, e_f)
+        settled |= _levelled(assembly, pair, (a, e_m), (c, e_f))
         upper = directions_along(e_f, crossed(M[~settled] - a, e_m))
     else:
         upper = edges_apart(e_m, e_f, c, M)
@@ -198,6 +199,32 @@ def _anchored(assembly: Assembly, pair: Pair, moving: Line, fixed: Line) -> tupl
         elif hinge(assembly, contact, pair.state) is None:
             made |= float((own[1] - own[0]) @ moving[1]) * float((other[1] - other[0]) @ fixed[1]) > 0.0
     return held, made
+
+
+def _levelled(assembly: Assembly, pair: Pair, moving: Line, fixed: Line) -> Mask:
+    """Vertices (n,) of the moving piece on a face that a second edge holds level with the fixed edge, or will.
+
+    In the plane of both edges the face's heights are those of the fixed edge over the face, seen from the moving edge.
+    """
+    body, world = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron.vertices
+    M = pair.moving.vertices
+    done = np.zeros(len(M), dtype=np.bool_)
+    for held in pair.state:
+        if held.kind is not Kind.EDGE_EDGE:
+            continue
+        own, other = body[list(held.moving)], world[list(held.fixed)]
+        if not (on_line(own, *moving).all() and on_line(other, *fixed).all()):
+            continue
+        for contact in _contacts(pair):
+            found = level(assembly, contact, (held,))
+            if found is not None:
+                far = length(found[1])
+                normal, away = found[1] / far, crossed(moving[1], found[1] / far)
+                off = M - own[0]
+                reach = (body[list(contact.moving)] - own[0]) @ away
+                side = float(reach[int(np.argmax(np.abs(reach)))])
+                done |= (np.abs(off @ normal) <= NEAR) & (np.sign(side) * (off @ away) >= -NEAR)
+    return done
 
 
 def _turned_onto(assembly: Assembly, pair: Pair, moving: Line, fixed: Line) -> list[tuple[Array, Array, Array, float]]:

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from fmopt.certificate.assembly import Assembly, hinge
+from fmopt.certificate.assembly import Assembly, hinge, level
 from fmopt.certificate.rows import (
     Forms,
     Rows,
@@ -48,6 +48,34 @@ def contact_forms(
     return stacked(*(_form(assembly, contact, together) for contact in contacts))
 
 
+@lru_cache(maxsize=_MEMORY)
+def made_form(assembly: Assembly, made: PrimitiveContact, held: tuple[PrimitiveContact, ...]) -> Forms:
+    """The function (1) that tells how far a contact is from being made, positive before.
+
+    A vertex that reaches a wall while its edge is held on a rim of that wall is (0, 1) times the edge's rise over the
+    wall high: the edge's direction alone tells when it touches, whatever the part's position is.
+
+    Args:
+        assembly: the two parts.
+        made: the contact.
+        held: all contacts held on the way.
+    """
+    if made.kind is Kind.VERTEX_FACE:
+        body, fixed = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron
+        for contact in held:
+            found = hinge(assembly, contact, (made,))
+            if found is not None and hinge(assembly, contact, held) is None:
+                wall, a, b = found
+                return directions_along(fixed.faces[wall].normal, body[[a]] - body[[b]])
+    return contact_forms(assembly, (made,), held)
+
+
+def made_scale(assembly: Assembly, made: PrimitiveContact, held: tuple[PrimitiveContact, ...], rho: float) -> float:
+    """What makes a margin of `made_form`, m: 1 for a distance; a direction's angle counts on an arm of ρ."""
+    found = made_form(assembly, made, held).at(Pose(np.zeros(3), np.eye(3)))
+    return rho / float(found.reach[0]) if found.bilinear is None and not found.N[0, :3].any() else 1.0
+
+
 def _form(assembly: Assembly, contact: PrimitiveContact, together: Sequence[PrimitiveContact]) -> Forms:
     body, fixed = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron
     if contact.kind is Kind.VERTEX_FACE:
@@ -60,6 +88,9 @@ def _form(assembly: Assembly, contact: PrimitiveContact, together: Sequence[Prim
     if found is not None:
         wall, a, b = found
         return directions_along(fixed.faces[wall].normal, body[[b]] - body[[a]])
+    flush = level(assembly, contact, together)
+    if flush is not None:
+        return directions_along(*flush)
     a, b = body[list(contact.moving)]
     c, d = fixed.vertices[list(contact.fixed)]
     return edges_apart((b - a) / length(b - a), (d - c) / length(d - c), c, a[None])

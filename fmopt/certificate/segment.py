@@ -74,7 +74,7 @@ def advance(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Toler
     """
     way = way_of(assembly, piece, tolerance)
     core = errors.core(way.directions)
-    layers = layers_of(assembly, piece, way, Support.of(core, errors))
+    layers = layers_of(piece, way, Support.of(core, errors))
     basis = piece.basis
     if piece.made is not None:
         size = length(way.motion * ellipsoid.metric(tolerance.rho))
@@ -82,7 +82,7 @@ def advance(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Toler
     step = _Step(piece, way, layers, tolerance, errors, core)
     extent, goal_set, slack = step.outcome(basis)
     ends = Ends(piece.start, piece.goal, errors, goal_set, extent, slack, core)
-    return Advance(ends, basis, way.motion, way.length, approach(assembly, piece, tolerance, way, extent))
+    return Advance(ends, basis, way.motion, way.length, approach(tolerance, way, extent))
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from fmopt import ellipsoid
-from fmopt.certificate.assembly import Assembly, hinge
-from fmopt.certificate.functions import contact_forms
+from fmopt.certificate.assembly import Assembly
+from fmopt.certificate.functions import contact_forms, made_form
 from fmopt.certificate.piece import Piece, Tolerance
-from fmopt.certificate.rows import Curvature, Extent, Rows, directions_along, length
+from fmopt.certificate.rows import Curvature, Extent, Rows, length
 from fmopt.errors import InfeasibleError
 from fmopt.values import Array
 
@@ -78,7 +77,7 @@ def way_of(assembly: Assembly, piece: Piece, tolerance: Tolerance) -> Way:
     v = hold @ V
     if piece.made is None:
         return Way(V, turn, far, C, held, None, duals[0], duals[1], hold, v, 0.0, np.zeros(6), hold)
-    made = contact_forms(assembly, (piece.made,), piece.held).over(piece.start, piece.goal)
+    made = made_form(assembly, piece.made, piece.held).over(piece.start, piece.goal)
     N = made[1].N[0]
     rate, seen = -float(N @ v), N @ hold
     if rate <= _RECEDING:
@@ -93,34 +92,16 @@ def cone(tolerance: Tolerance, way: Way, N: Array) -> float:
     return length(np.array([t, t, t, r, r, r]) * N) * way.length
 
 
-def approach(assembly: Assembly, piece: Piece, tolerance: Tolerance, way: Way, extent: Extent) -> float:
+def approach(tolerance: Tolerance, way: Way, extent: Extent) -> float:
     """Lower bound of how much nearer the contact being made comes along a piece, at every error in the bounds, m.
 
-    An execution stops when it first touches: that needs the distance to fall all along. Where the made vertex will
-    turn a held edge contact into a hinge, its height over the wall is −λ times the hinge row as long as that edge is
-    held, λ > 0 the way from the vertex to the crossing: the hinge row may show the approach instead. Infinite when
-    nothing is made.
+    An execution stops when it first touches: that needs the distance to fall all along. The row turns along the piece;
+    the velocity error adds to the motion; and the held rows turn as well, so that the motion inside them changes (their
+    share counted twice, which covers the second order). Infinite when nothing is made.
     """
-    if way.made is None or piece.made is None:
+    if way.made is None:
         return float(np.inf)
-    falls = [_fall(tolerance, way, way.made, extent)]
-    body, fixed = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron
-    for held in piece.basis:
-        found = hinge(assembly, held.contact, [piece.made])
-        if found is not None and hinge(assembly, held.contact, piece.held) is None:
-            wall, a, b = found
-            row = directions_along(fixed.faces[wall].normal, body[[a]] - body[[b]])
-            falls.append(_fall(tolerance, way, row.over(piece.start, piece.goal), extent))
-    return max(falls)
-
-
-def _fall(tolerance: Tolerance, way: Way, row: Sequence[Rows], extent: Extent) -> float:
-    """Lower bound of how much a row falls, m.
-
-    It turns along the piece; the velocity error adds to the motion; and the held rows turn as well, so that the
-    motion inside them changes (their share counted twice, which covers the second order).
-    """
-    first, second = row
+    first, second = way.made
     N, v = second.N[0], way.motion
     turned, held = (
         Curvature.of(start, goal, way.turn, way.travel).variation(extent.theta, extent.offset, v)

@@ -8,15 +8,35 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fmopt import se3
 from fmopt.geometry.part import Part
-from fmopt.placement.explore import entries
 from fmopt.se3 import Pose
 from fmopt.values import Array
 
 _TILTS = ((0.8, 1.0), (1.0, 0.8))
-_TURNS = (0.0, 0.25, -0.25)
+# Shares of the turn, from the one that levels the leading corner's face towards −y with the mouth to that of the other.
+_TURNS = ((0.4, 0.6), (-0.3, 1.3))
 # What the errors are multiplied with: how deep the corner goes in, how far from the walls it goes in.
-_ROUNDS = ((5.5, 3.0), (4.0, 3.0), (5.5, 4.0), (4.0, 4.0), (7.5, 4.0), (3.0, 2.0))
+_ROUNDS = ((4.0, 3.0), (3.0, 3.0), (5.5, 3.0), (2.2, 3.0), (7.5, 4.0), (4.0, 4.0))
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A tilted way to begin, by numbers that may be varied.
+
+    Args:
+        about_y: tilt about y that lowers the leading corner, rad.
+        about_x: tilt about x that does, rad.
+        turn: turn about the part's own axis, rad.
+        depth: how far below the mouth the corner goes, m.
+        room: how far from the walls next to it the corner goes in, along x and y, m.
+    """
+
+    about_y: float
+    about_x: float
+    turn: float
+    depth: float
+    room: tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,40 +46,54 @@ class Entry:
     start: Pose
     inside: Pose
     corner: Array
+    shape: Shape | None = None
 
 
-def tilted_entries(
-    moving: Part, play: tuple[float, float], start_box: Array, approach: float, max_tilt: float
-) -> Iterator[tuple[Entry, ...]]:
-    """Entries that leave room for the start error, in rounds: a tilted part shows the mouth no more than a corner.
+def tilted_entry(moving: Part, play: tuple[float, float], approach: float, shape: Shape) -> Entry:
+    """The entry of a shape.
+
+    Args:
+        moving: the moving part, tip centre at the origin.
+        play: free travel (x, y) of the upright part between the walls, m.
+        approach: height of the lowest point above the mouth at the start, m.
+        shape: tilts, turn, depth and room.
+    """
+    tip = _tip(moving)
+    corner = _lowest(tip, shape.about_y, shape.about_x)
+    at = np.append(shape.room - np.abs(tip[:, :2]).max(axis=0) - 0.5 * np.asarray(play), -shape.depth)
+    sx, sy = (math.copysign(1.0, x) for x in corner[:2])
+    # Turning about +x by α moves y-negative points down by α; about +y by β moves x-positive points down.
+    tilt = se3.exp([-sy * shape.about_x, 0.0, 0.0]) @ se3.exp([0.0, sx * shape.about_y, 0.0])
+    R = tilt @ se3.exp([0.0, 0.0, shape.turn])
+    inside = Pose(at - R @ corner, R)
+    lift = approach - float(inside.apply(tip)[:, 2].min())
+    return Entry(inside.moved([0.0, 0.0, lift, 0.0, 0.0, 0.0]), inside, corner, shape)
+
+
+def tilted_shapes(moving: Part, play: tuple[float, float], start_box: Array, max_tilt: float) -> Iterator[Shape]:
+    """Shapes that leave room for the start error, the likeliest first: a tilted part shows the mouth only a corner.
 
     The corner goes in by several times what its height is uncertain by, at several times its lateral error from the
     two walls next to it; unequally far from the two, so that it cannot meet both at once. Tilts about the two axes
-    differ, so that no two edges come down level.
+    differ, so that no two edges come down level; turned between the two ways that level a face next to the corner with
+    the mouth, the corner is nearest to both walls, turned beyond them another edge is.
 
     Args:
         moving: the moving part, tip centre at the origin.
         play: free travel (x, y) of the upright part between the walls, m.
         start_box: half-widths (6,) of the start error, m and rad.
-        approach: height of the lowest point above the mouth at the start, m.
         max_tilt: greatest tilt about each axis, rad.
     """
-    tip = _tip(moving)
-    swing = _swing(tip, start_box)
-    slack = 0.5 * np.asarray(play)
-    walls = -(np.abs(tip[:, :2]).max(axis=0) + slack)
-    for deep, wide in _ROUNDS:
-        depth = deep * (float(start_box[2]) + swing) + 0.5 * float(slack.min())
-        room = walls + (wide, wide + 1.0) * start_box[:2] + 2.0 * swing
-        found = []
-        for about_y, about_x in _TILTS:
-            tilts = (about_y * max_tilt, about_x * max_tilt)
-            corner = _lowest(tip, *tilts)
-            turns = [share * math.sqrt(tilts[0] * tilts[1]) * 0.5 for share in _TURNS]
-            for inside in entries(corner, (float(room[0]), float(room[1])), [tilts], turns, depth):
-                lift = approach - float(inside.apply(tip)[:, 2].min())
-                found.append(Entry(inside.moved([0.0, 0.0, lift, 0.0, 0.0, 0.0]), inside, corner))
-        yield tuple(found)
+    swing = _swing(_tip(moving), start_box)
+    slack = 0.5 * min(play)
+    for shares in _TURNS:
+        for deep, wide in _ROUNDS:
+            depth = deep * (float(start_box[2]) + swing) + 0.5 * slack
+            x, y = np.array([wide, wide + 1.0]) * start_box[:2] + 2.0 * swing
+            for share in shares:
+                for b, a in _TILTS:
+                    turn = share * a * b * max_tilt**2
+                    yield Shape(b * max_tilt, a * max_tilt, turn, depth, (float(x), float(y)))
 
 
 def straight_entry(moving: Part, play: tuple[float, float], start_box: Array, approach: float) -> tuple[Entry, ...]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -154,7 +153,10 @@ def _arrival(
     value = Surfaces.of(near, body, fixed).values(goal)
     grazing = [c for c, f in zip(near, value, strict=True) if abs(f) <= 10.0 * _TOUCH and c not in place.held]
     inside = BoundTable.of(grazing, body, fixed, goal).insides(goal)
-    made = [first] + [c for c, depth in zip(grazing, inside, strict=True) if c != first and depth > 10.0 * _TOUCH]
+    made = [c for c, depth in zip(grazing, inside, strict=True) if c == first or depth > 10.0 * _TOUCH]
+    # Which of several that come together was met first is a matter of rounding: their order in the list decides.
+    first = next((c for c in made if implied(assembly, place.held, c, first)), first)
+    made = [first, *(c for c in made if c != first)]
     together = tuple(c for c in made if c == first or implied(assembly, place.held, first, c))
     if len(together) < len(made) and _independent(assembly, place, first, made, goal):
         return None
@@ -189,26 +191,6 @@ def implied(
     image = aligned(known, a - c)
     parallel = bool(np.linalg.norm(np.cross(b - a, d - c)) <= _TOUCH * float(np.linalg.norm(b - a)))
     return parallel and image is not None and bool(np.linalg.norm(np.cross(image, e[1] - e[0])) <= _TOUCH * 0.1)
-
-
-def entries(
-    corner: Array, room: tuple[float, float], tilts: Sequence[tuple[float, float]], turns: Sequence[float], depth: float
-) -> Iterator[Pose]:
-    """Poses that enter a corner of the leading face into the mouth: tilted so that the corner is lowest.
-
-    Args:
-        corner: body point (3,) of the corner, m.
-        room: where the corner goes, x and y in the B-frame, m.
-        tilts: tilts about y and about x that lower the corner, rad.
-        turns: turns about the part's own axis, rad.
-        depth: depth of the corner below the mouth, m.
-    """
-    sx, sy = math.copysign(1.0, corner[0]), math.copysign(1.0, corner[1])
-    for about_y, about_x in tilts:
-        for turn in turns:
-            # Turning about +x by α moves y-negative points down by α; about +y by β moves x-positive points down.
-            R = se3.exp([-sy * about_x, 0.0, 0.0]) @ se3.exp([0.0, sx * about_y, 0.0]) @ se3.exp([0.0, 0.0, turn])
-            yield Pose(np.array([*room, -depth]) - R @ corner, R)
 
 
 def pinned(assembly: Assembly, pose: Pose, held: Sequence[PrimitiveContact]) -> int:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fmopt.certificate.claim import Claim
-from fmopt.certificate.functions import contact_rows
+from fmopt.certificate.functions import contact_rows, made_form, made_scale
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Tolerance
 from fmopt.certificate.separation import Pair, Separation, pairs, row_bounds
@@ -124,7 +124,7 @@ def _step(
     radius: float,
     near: float,
 ) -> Placed | None:
-    rows = _rows(assembly, placed, near)
+    rows = _rows(assembly, placed, tolerance.rho, near)
     if not rows:
         return None
     try:
@@ -138,17 +138,17 @@ def _step(
         return None
 
 
-def _rows(assembly: Assembly, placed: Placed, near: float) -> list[_LinearRow]:
+def _rows(assembly: Assembly, placed: Placed, rho: float, near: float) -> list[_LinearRow]:
     """Every row that is within `near` (m) of binding, linear in the displacements of the moves' poses."""
     found: list[_LinearRow] = []
     number = -1
     for claim in placed.reached.claims:
         number += claim.piece.progress[0] == 0.0
-        found += _claim_rows(assembly, number, claim, placed.margin + near)
+        found += _claim_rows(assembly, number, claim, rho, placed.margin + near)
     return found
 
 
-def _claim_rows(assembly: Assembly, number: int, claim: Claim, most: float) -> list[_LinearRow]:
+def _claim_rows(assembly: Assembly, number: int, claim: Claim, rho: float, most: float) -> list[_LinearRow]:
     piece, ends = claim.piece, claim.advance.ends
     found = []
     for pair, separation in pairs_of(assembly, claim):
@@ -163,8 +163,9 @@ def _claim_rows(assembly: Assembly, number: int, claim: Claim, most: float) -> l
                 drift = float(np.linalg.norm(at.N[k])) / rows.scale
                 found.append(_LinearRow(value, tuple((n, s / rows.scale) for n, s in slopes), drift, number))
     if claim.early is not None and piece.made is not None:
-        row = contact_rows(assembly, [piece.made], (*piece.held, piece.made), piece.start)
-        found.append(_LinearRow(claim.early, tuple(_slopes(number, 0.0, row.N[0])), 0.0, number))
+        row = made_form(assembly, piece.made, piece.held).at(piece.start)
+        scale = made_scale(assembly, piece.made, piece.held, rho)
+        found.append(_LinearRow(claim.early, tuple(_slopes(number, 0.0, scale * row.N[0])), 0.0, number))
     return found
 
 

@@ -8,36 +8,19 @@ from __future__ import annotations
 
 from fmopt.verify.linear import seen
 from fmopt.verify.motion import Motion
-from fmopt.verify.rational import SLACK, length, row_dot, sub, times
-from fmopt.verify.rows import Distance, direction_along
+from fmopt.verify.rational import SLACK, length, row_dot, times
+from fmopt.verify.rows import Distance
 
 
 def approach(motion: Motion) -> int:
     """A lower bound, in fixed point, of how fast the made contact comes nearer; positive: on every execution it does.
 
-    When the made contact will turn a held edge contact into a hinge, its vertex's height over the wall is −λ times
-    the hinge row as long as that edge is held, λ > 0 the way from the vertex to the crossing: the hinge row may show
-    the approach instead.
-    """
-    task = motion.task
-    if motion.made_rows is None or task.made is None:
-        return 0
-    rates = [_falls(motion, *motion.made_rows)]
-    for touch in motion.contacts:
-        hinge = motion.assembly.hinge(touch, [task.made])
-        if hinge is not None and motion.assembly.hinge(touch, task.state) is None:
-            k = sub(hinge[1], hinge[2])
-            start, goal = (direction_along(X, hinge[0].normal, k, length(k)) for X in (task.start, task.goal))
-            rates.append(_falls(motion, start, goal))
-    return max(rates)
-
-
-def _falls(motion: Motion, start: Distance, goal: Distance) -> int:
-    """A lower bound of how fast a row falls along the motion.
-
     The row turns along the piece; the velocity error adds to the motion; and the held rows turn as well, so that the
     motion inside them changes (their share counted twice, which covers the second order).
     """
+    if motion.made_rows is None:
+        return 0
+    start, goal = motion.made_rows
     change = _turned(motion, start, goal) + times(motion.cone(seen(goal.N, motion.hold)), motion.length)
     for s, g, column in zip(motion.held_start, motion.held_goal, motion.held_dual, strict=True):
         change += 2 * times(abs(row_dot(goal.N, column)), _turned(motion, s, g))

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from fmopt.verify.covering import uncovered
 from fmopt.verify.document import Contact, Plan
-from fmopt.verify.rational import Vector, add, dot, fixed, length, sub, times
+from fmopt.verify.rational import Vector, add, cross, dot, fixed, length, scaled, sub, times
 from fmopt.verify.rows import Distance, Pose, direction_along, edges_apart, face_above, point_above
-from fmopt.verify.solids import Line, Plane, Shape, line, same
+from fmopt.verify.solids import NEAR, Line, Plane, Shape, line, same
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,32 @@ class Touch:
     def fixed_line(self) -> Line:
         """The line of the fixed edge."""
         return line(*self.fixed)
+
+
+class Level(NamedTuple):
+    """A face of the moving part, one edge of which is held on a rim, and how another edge meets it.
+
+    Attributes:
+        held: the contact of the edge held.
+        normal: of the face, in the body.
+        away: unit direction in the face across the edge held, in the body.
+        far: how far along `away` the other edge reaches, m.
+    """
+
+    held: Touch
+    normal: Vector
+    away: Vector
+    far: int
+
+    def settles(self, v: Vector) -> bool:
+        """Whether a body point is on the face, on the side of the other edge.
+
+        Over the plane of the edge held and the rim its height is a part, not negative, of what `Assembly.function`
+        measures.
+        """
+        off = sub(v, self.held.moving[0])
+        side = dot(self.away, off)
+        return abs(dot(self.normal, off)) <= NEAR and (side if self.far > 0 else -side) >= -NEAR
 
 
 class Assembly:
@@ -130,6 +157,46 @@ class Assembly:
                         return other.plane, one, two
         return None
 
+    def level(self, touch: Touch, together: Sequence[Touch]) -> Level | None:
+        """What tells that an edge meets a rim on which an edge of the same body face, listed before it, is held.
+
+        The plane of that face has a point of the rim already, from the edge held: its other lines meet the rim exactly
+        when the whole rim lies in it. Where the two edges share an end, that end is not on the rim: else the edge held
+        would have no place inside its bounds, or a wall would make `touch` a hinge.
+        """
+        if touch.kind != "edge-edge":
+            return None
+        sides = self.moving.edge(*touch.indices[0])
+        for other in together:
+            if other.id == touch.id:
+                return None
+            if other.kind != "edge-edge" or set(other.indices[1]) != set(touch.indices[1]):
+                continue
+            own = self.moving.edge(*other.indices[0])
+            if own is None or sides is None or set(other.indices[0]) == set(touch.indices[0]):
+                continue
+            shared = set(own) & set(sides)
+            if len(shared) == 1:
+                normal = self.moving.faces[shared.pop()].plane.normal
+                away = cross(other.moving_line.direction, normal)
+                far = max((dot(away, sub(v, other.moving[0])) for v in touch.moving), key=abs)
+                return Level(other, normal, away, far)
+        return None
+
+    def made(self, touch: Touch, held: Sequence[Touch], X: Pose) -> Distance:
+        """The row that tells how far a contact is from being made, positive before.
+
+        A vertex that reaches a wall while its edge is held on a rim of that wall is as high over it as the edge rises
+        from the crossing to the vertex: a part, in (0, 1), of the rise of the whole edge, which its direction tells.
+        """
+        if touch.kind == "vertex-face":
+            for other in held:
+                found = self.hinge(other, (touch,))
+                if found is not None and self.hinge(other, held) is None:
+                    k = sub(found[1], found[2])
+                    return direction_along(X, found[0].normal, k, length(k))
+        return self.function(touch, held, X)
+
     def function(self, touch: Touch, together: Sequence[Touch], X: Pose) -> Distance:
         """The row of a contact as an equality: zero exactly while it is held, positive before it is made."""
         if touch.kind == "vertex-face" and touch.plane is not None:
@@ -141,6 +208,11 @@ class Assembly:
         if hinge is not None:
             k = sub(hinge[2], hinge[1])
             return direction_along(X, hinge[0].normal, k, length(k))
+        level = self.level(touch, together)
+        if level is not None:
+            return direction_along(
+                X, level.held.fixed_line.direction, scaled(level.far, level.normal), abs(level.far) + 2
+            )
         return edges_apart(X, touch.moving_line, touch.fixed_line, touch.moving[0])
 
 

@@ -10,7 +10,7 @@ from fmopt.verify.chain import Stage
 from fmopt.verify.errors import ErrorSet
 from fmopt.verify.facets import facet_margin
 from fmopt.verify.findings import ALLOWANCE, MARGIN_FLOOR, RELATIVE, Notes
-from fmopt.verify.rational import ArithmeticRefusal, Row, inverse, length, number, over, root, row, vector
+from fmopt.verify.rational import ArithmeticRefusal, Row, inverse, length, number, over, root, row, times, vector
 from fmopt.verify.rows import Distance
 from fmopt.verify.separation import Apart, Known, WitnessError, apart
 
@@ -18,9 +18,9 @@ from fmopt.verify.separation import Apart, Known, WitnessError, apart
 _SHAPE_FLOOR = (1e-11,) * 3 + (3e-9,) * 3
 _SHAPE_SKEW = (1e-17,) * 3 + (1e-15,) * 3
 _ROUNDING = 2e-12
-_GENERATOR_FLOOR = 1e-16
+_GENERATOR_FLOOR = 1e-15
 _NORMAL_FLOOR = 1e-14
-_VELOCITY_FLOOR = 1e-13
+_TWIST_FLOOR = 1e-15  # m or rad: rounding of a twist between two poses
 _RECIPROCAL = 1e-9
 
 
@@ -154,7 +154,11 @@ def _before(assembly: Assembly, stage: Stage, named: list[tuple[int, str]], note
     if stage.made is None or motion.made_rows is None:
         return
     if stage.segment.progress[0] == 0.0:
+        first = motion.made_rows[0]
         room = motion.at_start(*motion.made_rows)
+        if not any(first.N[:3]) and not first.bilinear:
+            # A row that measures an angle: the way on an arm of ρ.
+            room = over(times(room, motion.task.rho), first.reach)
         name = f"{stage.made.id} too early"
         named.append((room, name))
         notes.positive(name, room)
@@ -167,7 +171,8 @@ def _hybrid(stage: Stage, notes: Notes) -> None:
     hybrid, motion = stage.segment.hybrid, stage.motion
     if hybrid is None:
         return
-    notes.equal("velocity", hybrid.velocity, [over(x, motion.length) for x in motion.twist], _VELOCITY_FLOOR)
+    floor = _TWIST_FLOOR / number(motion.length)
+    notes.equal("velocity", hybrid.velocity, [over(x, motion.length) for x in motion.twist], floor)
     counts = len(hybrid.position_axes), len(hybrid.force_axes)
     held = len(motion.contacts)
     if counts != (6 - held, held):

@@ -26,6 +26,7 @@ from fmopt.verify.solids import NEAR, Plane, Shape, same
 
 UNBOUNDED = ONE  # the margin, 1 m, of a contact that nothing bounds
 _BEYOND = fixed(1e-6)
+_SURELY = fixed(1e-9)  # m: by how much what takes over is farther inside
 Least = Callable[[Callable[[Pose], Distance]], int]
 
 
@@ -133,7 +134,7 @@ def _slips(
                 and same(partner.moving[0], far)
                 and assembly.agree(partner.faces[0], wall)
             ):
-                if least(_above(far, rim)) > max(room, 0):
+                if least(_above(far, rim)) > max(room, 0) + _SURELY:
                     return True
             elif other_rim(assembly, other, partner, wall) and _more_proper(assembly, partner, other, wall, least):
                 return True
@@ -142,7 +143,7 @@ def _slips(
 
 def _more_proper(assembly: Assembly, kept: Touch, waived: Touch, wall: Plane, least: Least) -> bool:
     """Whether one of two crossings of an edge with rims of a wall is certain, and more so than the other."""
-    return _sides(assembly, kept, wall, least) > max(_sides(assembly, waived, wall, least), 0)
+    return _sides(assembly, kept, wall, least) > max(_sides(assembly, waived, wall, least), 0) + _SURELY
 
 
 def _sides(assembly: Assembly, touch: Touch, along: Plane, least: Least) -> int:

@@ -16,7 +16,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import starmap
 
 from fmopt.verify.assembly import Assembly, Touch
 from fmopt.verify.errors import ErrorSet
@@ -193,7 +192,7 @@ class Motion:
         self.made_direction: Row | None = None
         if task.made is None:
             return
-        start, goal = (self.assembly.function(task.made, task.state, X) for X in (task.start, task.goal))
+        start, goal = (self.assembly.made(task.made, task.state, X) for X in (task.start, task.goal))
         self.made_rows = start, goal
         self.rate = -row_dot(goal.N, self.motion)
         if self.rate <= ONE >> 32:
@@ -211,43 +210,12 @@ class Motion:
             for s, g in zip(self.held_start, self.held_goal, strict=True)
         ]
         self.thickness, self.goal_dual, self.delay = list(self.start_thickness), self.held_dual, 0
-        if task.made is None or not task.last:
+        if self.made_rows is None or not task.last:
             return
-        touching = [*self.contacts, task.made]
-        start, goal = (self._rows(touching, task.goal_state, X) for X in (task.start, task.goal))
-        self.goal_dual, solved = dual([*self.directions, self.motion], [d.N for d in goal])
-        rests = starmap(self.rest, zip(start, goal, strict=True))
-        reached = [r + abs(g.f) + self._left(g.N) + SLACK for r, g in zip(rests, goal, strict=True)]
-        upgraded = [i for i, touch in enumerate(self.contacts) if not self._same_form(touch)]
-        self.thickness = [
-            self.thickness[i] if i < len(self.contacts) and i not in upgraded else t for i, t in enumerate(reached)
-        ]
-        for i in upgraded:
-            self._upgrade(i)
+        start, goal = self.made_rows
+        self.goal_dual, solved = dual([*self.directions, self.motion], [*(d.N for d in self.held_goal), goal.N])
+        self.thickness.append(self.rest(start, goal) + abs(goal.f) + self._left(goal.N) + SLACK)
         self.delay = sum(times(abs(c), t) for c, t in zip(solved[-1], self.thickness, strict=True)) + SLACK
-
-    def _same_form(self, touch: Touch) -> bool:
-        before, after = (self.assembly.hinge(touch, s) for s in (self.task.state, self.task.goal_state))
-        return (before is None) == (after is None)
-
-    def _upgrade(self, i: int) -> None:
-        """An edge contact that becomes a hinge as the made contact touches: until then its own row must be kept.
-
-        The made contact's share of the correction may be chosen freely before the end, so it takes up the row.
-        """
-        s, g = self.held_start[i], self.held_goal[i]
-        felt = sum(
-            times(t, abs(row_dot(g.N, c)))
-            for k, (t, c) in enumerate(zip(self.thickness[:-1], self.goal_dual[:-1], strict=True))
-            if k != i
-        )
-        ends = max(abs(s.f) + self.errors.core_support(s.N), abs(g.f) + felt + self._left(g.N))
-        need = self.rest(s, g) + ends + SLACK
-        self.start_thickness[i] = max(self.start_thickness[i], need)
-        turn = abs(row_dot(g.N, self.goal_dual[-1]))
-        if turn < ONE >> 10:
-            raise ArithmeticRefusal(f"{self.contacts[i].id} hardly feels the contact that makes it a hinge")
-        self.thickness[-1] = max(self.thickness[-1], over(need, turn) + 1)
 
     @property
     def _angular_rate(self) -> int:

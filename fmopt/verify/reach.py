@@ -79,9 +79,11 @@ def touching(assembly: Assembly, touch: Touch, X: Pose) -> float:
 
 
 def _inside(shape: Shape, face: int, point: Numbers) -> float:
-    """How far a point in the plane of a face lies inside it, m; negative outside."""
+    """How far the foot of a point on the plane of a face lies inside the face, m; negative outside."""
     plane = shape.faces[face].plane
     normal = _doubles(plane.normal)
+    height = _dot(normal, point) - number(plane.offset)
+    point = tuple(x - height * n for x, n in zip(point, normal, strict=True))
     axis = max(range(3), key=lambda k: abs(normal[k]))
     u, v = (axis + 1) % 3, (axis + 2) % 3
     within, nearest = False, math.inf

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from fmopt.verify.assembly import Assembly, Touch
+from fmopt.verify.assembly import Assembly, Level, Touch
 from fmopt.verify.document import Witness
 from fmopt.verify.knowledge import Facts
 from fmopt.verify.motion import Motion
@@ -158,10 +158,13 @@ def _edge_rows(
     functions: list[Function] = []
     kept = M.vertices
     if anchors:
+        levels = list(_levels(assembly, known, moving, base))
         kept = tuple(
             v
             for v in M.vertices
-            if not moving.holds(v) and not any(known.facts.beside(v, p, base.direction) for p in (a, b))
+            if not moving.holds(v)
+            and not any(known.facts.beside(v, p, base.direction) for p in (a, b))
+            and not any(level.settles(v) for level in levels)
         )
         functions += [_relative(base.direction, cross(sub(v, a), moving.direction)) for v in kept]
     else:
@@ -208,6 +211,17 @@ def _anchors(known: Known, moving: Line, base: Line) -> Iterator[bool]:
         same_side = dot(touch.moving_line.direction, moving.direction) * dot(touch.fixed_line.direction, base.direction)
         if held or (known.hinge is None and same_side > 0):
             yield held
+
+
+def _levels(assembly: Assembly, known: Known, moving: Line, base: Line) -> Iterator[Level]:
+    """Faces along the moving edge, held on the fixed one, that another edge holds level with it, or will."""
+    for held in known.facts.held:
+        if held.kind != "edge-edge" or not (on_line(held.moving_line, moving) and on_line(held.fixed_line, base)):
+            continue
+        for touch in (*known.facts.held, known.made):
+            level = None if touch is None else assembly.level(touch, (held,))
+            if level is not None:
+                yield level
 
 
 def _turned_onto(assembly: Assembly, known: Known, moving: Line, base: Line) -> Iterator[tuple[Vector, Plane, Plane]]:

@@ -1,0 +1,226 @@
+"""One step of the search: the guarded moves from a contact state, what they cost, and the states that they lead to."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmopt.certificate.functions import contact_rows
+from fmopt.certificate.knowledge import Assembly
+from fmopt.certificate.segment import Tolerance
+from fmopt.contact.primitive import PrimitiveContact, near_contacts
+from fmopt.contact.surface import Surfaces
+from fmopt.errors import InfeasibleError
+from fmopt.placement.entry import Entry
+from fmopt.placement.explore import Freedom, Place, freedoms, guarded, implied, neighbourhood, pinned
+from fmopt.placement.motion import Move, Reached, described, unroll
+from fmopt.se3 import Pose
+from fmopt.uncertainty.error_set import ErrorSet
+from fmopt.values import Array
+
+
+@dataclass(frozen=True)
+class Costs:
+    """Weights of the search, and when a transition is given up.
+
+    Args:
+        transition: cost of each transition.
+        signature: cost of a contact whose wrench cannot be told from that of the likeliest wrong one.
+        danger: cost of a transition with no margin at all.
+        reach: how far a move may go to its contact, turns and the way down apart, m.
+        asymptote: margin (m, negative) at which danger becomes infinite, the paper's C.
+        scale: margin (m) that is roomy; more of it is not less dangerous.
+        coarse: greatest turn of one piece while searching, rad.
+        states: most states that are expanded from one round of entries.
+        greed: weight of the transitions still to come in the order of expansion, at least 1.
+    """
+
+    reach: float
+    asymptote: float
+    scale: float
+    transition: float = 1.0
+    signature: float = 0.25
+    danger: float = 1.0
+    coarse: float = 0.03
+    states: int = 60
+    greed: float = 1.8
+
+    @classmethod
+    def of(cls, spread: float, clearance: float) -> Costs:
+        """The costs for a start error that displaces the tip by up to `spread` and a clearance a side, both in m."""
+        return cls(reach=7.0 * spread + 10.0 * clearance, asymptote=-0.15 * spread - 0.5 * clearance, scale=clearance)
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What a search is about.
+
+    Args:
+        assembly: the two parts.
+        goal: the seated pose.
+        start: error set at the start.
+        tolerance: velocity error and metric.
+        costs: weights and limits.
+        max_turn: greatest turn of a move, rad.
+    """
+
+    assembly: Assembly
+    goal: Pose
+    start: ErrorSet
+    tolerance: Tolerance
+    costs: Costs
+    max_turn: float
+
+    @property
+    def final_rank(self) -> int:
+        """How many freedoms the contacts of the seated part take away, at most."""
+        near = near_contacts(self.assembly.moving.polyhedron, self.assembly.fixed.polyhedron, self.goal, 1e-6, 1e-3)
+        stops = [c for c in near if abs(contact_rows(self.assembly, [c], (), self.goal).f[0]) < 1e-9]
+        return 5 + (1 if stops else 0)
+
+    def seated(self, pose: Pose) -> bool:
+        """Whether a pose is as deep as the goal."""
+        return bool(abs(self.goal.local(pose)[2]) < 1e-9)
+
+    def upright(self, pose: Pose) -> bool:
+        """Whether a pose is turned like the goal."""
+        return bool(np.linalg.norm(self.goal.local(pose)[3:]) <= 1e-9)
+
+
+@dataclass(frozen=True, eq=False)
+class Node:
+    """A contact state with its errors, and how it was reached: entry, moves with the names of their freedoms, cost."""
+
+    entry: Entry
+    place: Place
+    reached: Reached
+    moves: tuple[Move, ...]
+    names: tuple[str, ...]
+    cost: float
+    rank: int
+
+
+def danger(margin: float, costs: Costs) -> float:
+    """The reciprocal cost of a margin (m), [DakinPopplestone1993] eq. 2 with its sign right; inf past the asymptote."""
+    room = min(margin, costs.scale) - costs.asymptote
+    return costs.danger * (costs.scale - costs.asymptote) / room if room > 0.0 else math.inf
+
+
+def signature(assembly: Assembly, move: Move, tolerance: Tolerance, errors: ErrorSet) -> float:
+    """How alike the new contact's wrench is to that of the likeliest wrong contact: 1 the same, 0 orthogonal.
+
+    The likely wrong ones are the contacts that the errors at the goal could reach. Wrenches are compared modulo those
+    of the contacts already held, in the metric of ρ.
+    """
+    if not move.making:
+        return 0.0
+    scale = np.array([1.0, 1.0, 1.0, *[1.0 / tolerance.rho] * 3])
+    near = near_contacts(assembly.moving.polyhedron, assembly.fixed.polyhedron, move.goal, *_likely(errors))
+    others = [
+        c
+        for c in near
+        if c not in move.held and c not in move.making and not implied(assembly, move.held, move.making[0], c)
+    ]
+    if not others:
+        return 0.0
+    f, N = Surfaces.of(others, assembly.moving.polyhedron, assembly.fixed.polyhedron).values_and_rows(move.goal)
+    reachable = (f > 1e-9) & (f < errors.support(N)) & np.isfinite(f)
+    if not reachable.any():
+        return 0.0
+    wanted = contact_rows(assembly, [move.making[0]], move.making, move.goal).N[0] * scale
+    held = contact_rows(assembly, move.held, move.held, move.goal).N * scale if move.held else np.zeros((0, 6))
+    wanted, *wrong = _modulo(held, np.vstack([wanted, N[reachable] * scale]))
+    alike = [float(wanted @ w) / max(float(np.linalg.norm(wanted) * np.linalg.norm(w)), 1e-30) for w in wrong]
+    return float(np.clip(max(alike), 0.0, 1.0))
+
+
+def _likely(errors: ErrorSet) -> tuple[float, float]:
+    """How far (m) and by what angle (rad) the errors displace the body origin at most."""
+    spread = errors.support(np.eye(6))
+    return float(np.linalg.norm(spread[:3])), float(np.linalg.norm(spread[3:]))
+
+
+def _modulo(held: Array, rows: Array) -> Array:
+    if not len(held):
+        return rows
+    _, s, Vt = np.linalg.svd(held, full_matrices=False)
+    basis = Vt[s > 1e-9 * s[0]]
+    return np.asarray(rows - rows @ basis.T @ basis)
+
+
+def begin(task: Task, entry: Entry) -> Node | None:
+    """The state after the approach of an entry, None when the approach cannot be certified."""
+    move = Move(entry.start, entry.inside, (), ())
+    try:
+        reached = unroll(
+            task.assembly, move, Reached(task.start, (), ()), task.tolerance, task.costs.coarse, thorough=False
+        )
+    except InfeasibleError:
+        return None
+    cost = danger(reached.margin, task.costs)
+    if not math.isfinite(cost):
+        return None
+    return Node(entry, Place(entry.inside, (), (), entry.corner), reached, (move,), ("approach",), cost, 0)
+
+
+def sons(task: Task, node: Node) -> Iterator[Node]:
+    """The states that guarded moves from a state lead to."""
+    near: dict[tuple[bool, float], tuple[PrimitiveContact, ...]] = {}
+    for freedom in _freedoms(task, node):
+        kind = bool(freedom.twist[3:].any()), freedom.limit
+        if kind not in near:
+            near[kind] = neighbourhood(task.assembly, node.place, freedom, task.costs.reach)
+        son = _along(task, node, freedom, near[kind])
+        if son is not None:
+            yield son
+
+
+def follow(task: Task, node: Node, name: str) -> Node | None:
+    """The state that the guarded move along one freedom leads to, None when it cannot be certified."""
+    for freedom in _freedoms(task, node):
+        if freedom.name == name:
+            return _along(task, node, freedom, neighbourhood(task.assembly, node.place, freedom, task.costs.reach))
+    return None
+
+
+def _freedoms(task: Task, node: Node) -> tuple[Freedom, ...]:
+    return freedoms(task.max_turn, float(node.place.pose.p[2] - task.goal.p[2]), task.costs.reach)
+
+
+def _along(task: Task, node: Node, freedom: Freedom, near: tuple[PrimitiveContact, ...]) -> Node | None:
+    move = guarded(task.assembly, node.place, freedom, near)
+    if move is None and freedom.name == "-z":
+        move = _straight_down(task, node.place, freedom.twist)
+    return None if move is None else _son(task, node, move, freedom.name)
+
+
+def _straight_down(task: Task, place: Place, twist: Array) -> Move | None:
+    """The last move where nothing stops it: as far as the goal's depth, when the part stands upright.
+
+    It needs contacts on all other freedoms, or none at all: then the errors have to fit into the clearance.
+    """
+    there = place.pose.moved(twist * float(place.pose.p[2] - task.goal.p[2]))
+    if not task.upright(there) or 0 < pinned(task.assembly, place.pose, place.held) < 5:
+        return None
+    return Move(place.pose, there, place.held, ())
+
+
+def _son(task: Task, node: Node, move: Move, name: str) -> Node | None:
+    costs = task.costs
+    try:
+        before = len(node.reached.claims)
+        reached = unroll(task.assembly, move, node.reached, task.tolerance, costs.coarse, thorough=False)
+    except InfeasibleError:
+        return None
+    margin = min(c.margin for c in reached.claims[before:])
+    cost = node.cost + costs.transition + danger(margin, costs)
+    if not math.isfinite(cost):
+        return None
+    cost += costs.signature * signature(task.assembly, move, task.tolerance, reached.errors)
+    held = described(task.assembly, (*move.held, *move.making), move.goal, move.goal, reached.errors)
+    place = Place(move.goal, held, reached.basis, node.place.pivot)
+    rank = pinned(task.assembly, move.goal, held)
+    return Node(node.entry, place, reached, (*node.moves, move), (*node.names, name), cost, rank)
