@@ -20,7 +20,7 @@ from fmopt.task.tables import Reading, factors
 from fmopt.task.toml_source import Source, read
 from fmopt.task.tree import build_tree
 
-_ROUND = {"cylinder", "cone"}
+_TURNED = {"cylinder", "cone"}
 
 
 def task_command(problem: Problem) -> tuple[Workcell, Task]:
@@ -52,8 +52,8 @@ def is_round(feature: Feature) -> bool:
     into = feature.frame.inverse()
     for leaf in feature.instances:
         own = into.compose(leaf.pose)
-        off = np.hypot(*own.p[:2]) > 1e-9 or np.hypot(*own.R[:2, 2]) > 1e-9
-        if leaf.key not in _ROUND or off:
+        beside, leaning = np.hypot(*own.p[:2]) > 1e-9, np.hypot(*own.R[:2, 2]) > 1e-9
+        if beside or not (leaf.key == "sphere" or (leaf.key in _TURNED and not leaning)):
             return False
     return True
 

@@ -70,6 +70,15 @@ class Cone(_Placed):
     sides: Annotated[int, Field(ge=3, le=4096)] = 64
 
 
+class Sphere(_Placed):
+    """A ball about its origin; the planner sees the inscribed polyhedron with `sides` meridians."""
+
+    shape: Literal["sphere"]
+    radius: Length
+    sides: Annotated[int, Field(ge=3, le=256)] = 16
+    """Meridians, and half as many bands; the polyhedron has up to about half the square of this many faces."""
+
+
 class Prism(_Placed):
     """An upright prism over a convex polygon, counter-clockwise seen from above, standing on z = 0."""
 
@@ -108,7 +117,7 @@ class Difference(_Placed):
     minus: Annotated[tuple[Name, ...], Field(min_length=1, max_length=256)]
 
 
-Shape: TypeAlias = Box | Cylinder | Cone | Prism | Wedge | Hull | Union | Difference
+Shape: TypeAlias = Box | Cylinder | Cone | Sphere | Prism | Wedge | Hull | Union | Difference
 
 
 class Mesh(Table):

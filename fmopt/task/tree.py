@@ -206,6 +206,8 @@ def _shape(source: Source, file: files.ModelFile, table: files.Shape) -> csg.Sol
             return csg.Cylinder(radius, height, sides)
         case files.Cone(radius_bottom=bottom, radius_top=top, height=height, sides=sides):
             return csg.Cone(bottom, top, height, sides)
+        case files.Sphere(radius=radius, sides=sides):
+            return csg.Sphere(radius, sides)
         case files.Prism(polygon=polygon, height=height):
             return csg.Prism(polygon, height)
         case files.Wedge(size=size, top_x=top_x):
