@@ -45,6 +45,17 @@ def difference(first: Region, second: Region) -> Region:
     return _combined([first, second], lambda winding: (winding[:, 0] >= 1) & (winding[:, 1] < 1))
 
 
+def positive(curves: Sequence[Curve]) -> Region:
+    """The regularised set of the points that closed loops wind round at least once.
+
+    Args:
+        curves: the loops' curves, in any order.
+    """
+    boxes = boxes_of(curves)
+    met = arrange(curves, [0] * len(curves), tolerance_of(boxes.reshape(-1, 2)))
+    return Region(_loops(met, lambda winding: winding[:, 0] >= 1))
+
+
 def _groups(boxes: Array) -> list[Integers]:
     """Rows whose boxes touch, directly or through others, in groups."""
     from scipy.sparse import coo_matrix
@@ -81,9 +92,7 @@ def _united(regions: list[Region]) -> Region:
     busy = tuple(loop for (_, loop), alone in zip(loops, apart, strict=True) if not alone)
     if not busy:
         return Region(kept)
-    active = [curve for loop in busy for curve in loop]
-    met = arrange(active, [0] * len(active), tolerance_of(boxes.reshape(-1, 2)))
-    return Region(kept + _loops(met, lambda winding: winding[:, 0] >= 1))
+    return Region(kept + positive([curve for loop in busy for curve in loop]).loops)
 
 
 def _loop_box(loop: Sequence[Curve]) -> Array:
@@ -145,13 +154,13 @@ def _following(curves: list[Curve], ends: Integers, vertices: Array, leaving: di
             after.append(out[0])
             continue
         origin = vertices[vertex]
-        back = _bearing(curve.reversed(), origin, radii[vertex])
-        turns = [math.fmod(back - _bearing(curves[m], origin, radii[vertex]) + 2 * math.tau, math.tau) for m in out]
+        back = bearing(curve.reversed(), origin, radii[vertex])
+        turns = [math.fmod(back - bearing(curves[m], origin, radii[vertex]) + 2 * math.tau, math.tau) for m in out]
         after.append(out[int(np.argmin(turns))])
     return after
 
 
-def _bearing(curve: Curve, origin: Array, radius: float) -> float:
+def bearing(curve: Curve, origin: Array, radius: float) -> float:
     """Polar angle of the point where a simple curve from `origin` leaves the circle of `radius` round it."""
     low, high = 0.0, 1.0
     if isinstance(curve, Segment):

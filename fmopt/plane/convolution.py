@@ -1,0 +1,271 @@
+"""Minkowski sums: the convolution of two boundaries, and the points that it winds round.
+
+A boundary is a run of features over the direction θ of travel: lines with one θ, and turns over a range of θ: arcs,
+conic arcs, and corners, which are arcs of radius 0. Left turns count 1, right turns −1. The convolution holds a line
+translated by the point of the other boundary where that has the same θ, and the sum of two turns where their ranges
+overlap, each as often as the product of their signs says. Its winding number round p is the Euler characteristic of
+A ∩ (p − B), so that for A and B without holes it is at least 1 in the sum and 0 outside.
+
+A point p stays free of the sum inside a hole H of A when p − B fits into H. The convolution of the hole with B alone
+then winds −1 times round p, and not less than 0 times elsewhere, if B has the smaller area; else nothing is free and
+the hole takes no part. Holes of B likewise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TypeAlias
+
+import numpy as np
+
+from fmopt.plane.arrangement import Integers
+from fmopt.plane.boolean import bearing, positive, union
+from fmopt.plane.component import components
+from fmopt.plane.conic import ConicArc
+from fmopt.plane.curve import Arc, Curve, Segment
+from fmopt.plane.region import Region
+from fmopt.values import Array
+
+_CUSP = 1e-6  # rad: nearer to a half turn the side is read off the curves, not the tangents
+_FLAT = 1e-14
+_EQUAL = 1e-12
+
+
+def minkowski_sum(first: Region, second: Region, tolerance: float) -> Region:
+    """The regularised Minkowski sum A ⊕ B = {a + b}; empty when an operand is.
+
+    Exact for boundaries of segments and circular arcs, and for conic arcs beside a polygon. Where a conic arc meets
+    curves of the other operand the conic arcs are replaced by polylines outside of them, so that the answer contains
+    the sum and stays within `tolerance` (of each operand with conic arcs) of it.
+
+    Args:
+        first: A.
+        second: B.
+        tolerance: in m.
+    """
+    if first.empty or second.empty:
+        return Region(())
+    if _bent(second):
+        first = straightened(first, tolerance)
+    if _bent(first):
+        second = straightened(second, tolerance)
+    return union([_sum(a, b) for a in components(first) for b in components(second)])
+
+
+def straightened(region: Region, tolerance: float) -> Region:
+    """The region with conic arcs replaced by polylines on its outside, within `tolerance` (m) of them."""
+    if not any(isinstance(curve, ConicArc) for curve in region.curves):
+        return region
+    loops = []
+    for loop in region.loops:
+        run: list[Curve] = []
+        for curve in loop:
+            if isinstance(curve, ConicArc):
+                points = curve.polyline(tolerance, "right")
+                run += [Segment(a, b) for a, b in pairwise(points)]
+            else:
+                run.append(curve)
+        loops.append(tuple(run))
+    return Region(tuple(loops))
+
+
+def _bent(region: Region) -> bool:
+    return not all(isinstance(curve, Segment) for curve in region.curves)
+
+
+def _sum(first: Region, second: Region) -> Region:
+    """The sum of two connected regions."""
+    areas = [[sum(curve.moment() for curve in loop) for loop in region.loops] for region in (first, second)]
+    whole = [max(area) for area in areas]
+    curves: list[Curve] = []
+    for loop, area in zip(first.loops, areas[0], strict=True):
+        for other, beside in zip(second.loops, areas[1], strict=True):
+            fits = -area > whole[1] * (1.0 + _EQUAL) if area < 0.0 else -beside > whole[0] * (1.0 + _EQUAL)
+            if (area > 0.0 and beside > 0.0) or (area * beside < 0.0 and fits):
+                curves += convolution(loop, other)
+    return positive(curves)
+
+
+_Row: TypeAlias = tuple[Array, float, float, float, float, ConicArc | None]
+
+
+@dataclass(frozen=True, eq=False)
+class _Lines:
+    """Straight features: ends (n, 2) in m and directions (n,) in [0, 2π)."""
+
+    start: Array
+    end: Array
+    angle: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Turns:
+    """Turning features c + ρ n(θ), n to the right of θ, for low ≤ θ ≤ high within [0, 2π].
+
+    Args:
+        centre: c (n, 2) in m.
+        radius: ρ (n,) in m: 0 corners, negative right turns; nan where a conic arc takes the place of the formula.
+        low: (n,) in rad.
+        high: (n,) in rad.
+        sign: (n,), 1 for left turns, −1 for right turns.
+        conics: the conic arc of a row, None elsewhere.
+    """
+
+    centre: Array
+    radius: Array
+    low: Array
+    high: Array
+    sign: Array
+    conics: tuple[ConicArc | None, ...]
+
+
+def convolution(first: Sequence[Curve], second: Sequence[Curve]) -> list[Curve]:
+    """The convolution of two closed loops, as curves in no order; at most one of the loops may hold conic arcs.
+
+    Equal directions are told apart as if the first loop were turned right by an infinitesimal angle.
+    """
+    lines, turns = _features(first)
+    other_lines, other_turns = _features(second)
+    late = np.where(lines.angle == 0.0, math.tau, lines.angle)[:, None]
+    i, j = np.nonzero((other_turns.low < late) & (late <= other_turns.high))
+    found = _translated(lines, i, other_turns, j)
+    early = other_lines.angle[:, None]
+    j, i = np.nonzero((turns.low <= early) & (early < turns.high))
+    return found + _translated(other_lines, j, turns, i) + _turned(turns, other_turns)
+
+
+def _translated(lines: _Lines, rows: Integers, turns: _Turns, places: Integers) -> list[Curve]:
+    """Each line moved by the point of a turn that has its direction, run through backward for right turns."""
+    offsets = _points(turns, places, lines.angle[rows])
+    starts, ends = lines.start[rows] + offsets, lines.end[rows] + offsets
+    ahead = turns.sign[places] > 0.0
+    return [Segment(a, b) if on else Segment(b, a) for a, b, on in zip(starts, ends, ahead, strict=True)]
+
+
+def _points(turns: _Turns, rows: Integers, angles: Array) -> Array:
+    """Points (n, 2) of the turns in `rows` at directions (n,) in rad."""
+    normals = np.stack([np.sin(angles), -np.cos(angles)], axis=-1)
+    points = turns.centre[rows] + turns.radius[rows, None] * normals
+    for k in np.flatnonzero(np.isnan(turns.radius[rows])).tolist():
+        conic = turns.conics[rows[k]]
+        assert conic is not None
+        points[k] = conic.point(_share(conic, float(angles[k])))
+    return np.asarray(points)
+
+
+def _turned(turns: _Turns, others: _Turns) -> list[Curve]:
+    """Sums of turns over the directions that they have in common."""
+    low, high = np.maximum(turns.low[:, None], others.low), np.minimum(turns.high[:, None], others.high)
+    radius = turns.radius[:, None] + others.radius
+    found: list[Curve] = []
+    for i, j in zip(*(rows.tolist() for rows in np.nonzero((low < high) & (radius != 0.0))), strict=True):
+        conic, partner = turns.conics[i], others.conics[j]
+        a, b = float(low[i, j]), float(high[i, j])
+        if conic is not None:
+            found.append(_conic(conic, a, b, others.centre[j], others.sign[j] < 0.0))
+        elif partner is not None:
+            found.append(_conic(partner, a, b, turns.centre[i], turns.sign[i] < 0.0))
+        else:
+            size = float(radius[i, j])
+            ahead = turns.sign[i] * others.sign[j] > 0.0
+            start, sweep = (a, b - a) if ahead else (b, a - b)
+            start -= math.copysign(0.5 * math.pi, size)
+            found.append(Arc(turns.centre[i] + others.centre[j], abs(size), start, sweep))
+    return found
+
+
+def _conic(conic: ConicArc, low: float, high: float, offset: Array, backward: bool) -> Curve:
+    """The piece of a conic arc between two directions, translated."""
+    a, b = sorted((_share(conic, low), _share(conic, high)))
+    piece = conic.part(a, b).moved(np.eye(2), offset)
+    return piece.reversed() if backward else piece
+
+
+def _share(conic: ConicArc, angle: float) -> float:
+    """The parameter at which a conic arc runs in a direction (rad)."""
+    normal = np.array([math.sin(angle), -math.cos(angle)])
+    along = np.array([math.cos(angle), math.sin(angle)])
+    found = [t for t in (0.0, *conic.extremum(normal), 1.0) if float(conic.tangent(t) @ along) > 0.0]
+    return min(found, key=lambda t: abs(float(conic.tangent(t) @ normal)))
+
+
+def _features(loop: Sequence[Curve]) -> tuple[_Lines, _Turns]:
+    """The lines and turns of a closed loop."""
+    curves = [_plain(curve) for curve in loop if curve.length > 0.0]
+    stops = [_directions(curve) for curve in curves]
+    lines = [(curve.first, curve.last, at[0]) for curve, at in zip(curves, stops, strict=True) if len(at) == 1]
+    rows: list[_Row] = []
+    for k, (curve, at) in enumerate(zip(curves, stops, strict=True)):
+        after = (k + 1) % len(curves)
+        for a, b in pairwise(at):
+            if isinstance(curve, Arc):
+                sign = math.copysign(1.0, curve.sweep)
+                rows += _ranges(curve.centre, sign * curve.radius, a, b, sign, None)
+            elif isinstance(curve, ConicArc):
+                rows += _ranges(np.zeros(2), math.nan, a, b, math.copysign(1.0, curve.turn), curve)
+        sign = _corner_sign(curve, curves[after], at[-1], stops[after][0])
+        rows += _ranges(curve.last, 0.0, at[-1], stops[after][0], sign, None)
+    start, end, angle = zip(*lines, strict=True) if lines else ((), (), ())
+    return _Lines(_points_of(start), _points_of(end), np.array(angle, dtype=np.float64)), _as_turns(rows)
+
+
+def _as_turns(rows: list[_Row]) -> _Turns:
+    numbers = np.array([row[1:5] for row in rows], dtype=np.float64).reshape(-1, 4)
+    radius, low, high, sign = numbers.T
+    return _Turns(_points_of([row[0] for row in rows]), radius, low, high, sign, tuple(row[5] for row in rows))
+
+
+def _points_of(points: Sequence[Array]) -> Array:
+    return np.array(points, dtype=np.float64).reshape(-1, 2)
+
+
+def _plain(curve: Curve) -> Curve:
+    """The curve, or its chord for a conic arc that hardly turns."""
+    if isinstance(curve, ConicArc):
+        legs = float(np.hypot(*(curve.shoulder - curve.first)) * np.hypot(*(curve.last - curve.shoulder)))
+        if abs(curve.turn) <= _FLAT * legs:
+            return Segment(curve.first, curve.last)
+    return curve
+
+
+def _directions(curve: Curve) -> list[float]:
+    """Directions of travel in [0, 2π): first and last one, and for arcs some between, at most 90° apart."""
+    if isinstance(curve, Segment):
+        return [_direction(curve.end - curve.start)]
+    if isinstance(curve, ConicArc):
+        return [_direction(curve.shoulder - curve.first), _direction(curve.last - curve.shoulder)]
+    count = max(math.ceil(abs(curve.sweep) / (0.5 * math.pi) - 1e-9), 1)
+    begin = curve.start + math.copysign(0.5 * math.pi, curve.sweep)
+    return [_reduced(begin + curve.sweep * k / count) for k in range(count + 1)]
+
+
+def _direction(along: Array) -> float:
+    return _reduced(math.atan2(along[1], along[0]))
+
+
+def _reduced(angle: float) -> float:
+    """The same angle in [0, 2π)."""
+    turned = angle % math.tau
+    return turned if turned < math.tau else 0.0
+
+
+def _corner_sign(curve: Curve, following: Curve, before: float, after: float) -> float:
+    """1 where the boundary turns left from one curve to the next, −1 where it turns right."""
+    turn = math.remainder(after - before, math.tau)
+    if abs(turn) < math.pi - _CUSP:
+        return math.copysign(1.0, turn)
+    radius = 0.5 * min(float(np.hypot(*(one.last - one.first))) or one.length / 4.0 for one in (curve, following))
+    inner = bearing(following, following.first, radius) - bearing(curve.reversed(), following.first, radius)
+    return 1.0 if math.remainder(inner, math.tau) <= 0.0 else -1.0
+
+
+def _ranges(centre: Array, radius: float, begin: float, end: float, sign: float, conic: ConicArc | None) -> list[_Row]:
+    """The rows of a turn from one direction to another: two where it passes direction 0, none where it has no range."""
+    low, high = (begin, end) if sign > 0.0 else (end, begin)
+    if low == high:
+        return []
+    spans = [(low, high)] if low < high else [(low, math.tau), (0.0, high)]
+    return [(centre, radius, a, b, sign, conic) for a, b in spans if a < b]
