@@ -1,0 +1,216 @@
+"""The T-C mapping of an insertion: from operands and goal to the three diagrams, P(t), and S(t) on the planes.
+
+[LeeHuang1985] section 4.1: cut-diagrams G of operand 2 on the planes of the B-frame, expanded to GE while operand 1
+shrinks to a line L, the nominal trajectory in what is left, and the uncertain line held against GE.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fmopt.errors import InterferenceError
+from fmopt.geometry.csg import Placed, Solid, sagitta
+from fmopt.geometry.pieces import pieces
+from fmopt.nominal.cut_diagram import cut_diagram, section_limit
+from fmopt.nominal.diagram import disc, of_region
+from fmopt.nominal.intervals import FreedomInterval
+from fmopt.nominal.plane_freedom import Slice, View, freedom_on_planes
+from fmopt.nominal.shrink_expand import expanded
+from fmopt.nominal.swept import Body, checked, free_until
+from fmopt.nominal.trajectory import NominalTrajectory, through
+from fmopt.nominal.uncertainty_zone import Plane, Zone, zones
+from fmopt.nominal.visibility import Sight, position_nodes
+from fmopt.plane.region import Region
+from fmopt.se3 import Pose, exp
+from fmopt.values import Value, frozen
+
+_LEVEL = 1e-9  # m, heights of operand 1 closer than this are one
+_INSIDE = 1e-6  # of a stretch: how far from its ends its sections are taken
+_CHORD = 1e-6  # of the size: arcs that a corner or an edge meets become polylines within this
+_ROOM = 1.01  # of how far the uncertain part strays: the height of N_2 above the mouth
+_TURN_EARLY = 0.5  # share of the leg on which a part turns when it must be clear before the leg ends
+
+
+@dataclass(frozen=True, eq=False)
+class PlaneDiagrams(Value):
+    """One plane of the mapping.
+
+    Args:
+        zone: the plane, and the radii of ball and cone on it.
+        fixed: G, the cut-diagram of operand 2, in the plane's axes u, v, m.
+        sections: sections of operand 1 about its nominal centre at the goal's orientation, each with the stretch of
+            heights (m) that it stands for on the plane x-y; a stretch that tapers has two.
+        expanded: GE for the goal's orientation; on x-y for the section that is in the plane at the goal.
+    """
+
+    zone: Zone
+    fixed: Region
+    sections: tuple[tuple[Region, tuple[float, float] | None], ...]
+    expanded: Region
+
+    @cached_property
+    def views(self) -> tuple[View, ...]:
+        """What S(t) asks of the plane: exact where operand 1 is a disc about its nominal centre, or nothing is round.
+
+        Round edges that meet others become polylines within 1e-6 of the region's size, on the side of contact.
+        """
+        round_, other = [], []
+        for region, heights in self.sections:
+            own = disc(region)
+            if own is None:
+                other.append(Slice(of_region(region, _CHORD * region.size), heights))
+            else:
+                round_.append(Slice(own, heights))
+        both = ((round_, 0.0), (other, _CHORD * self.fixed.size))
+        return tuple(View(self.zone, of_region(self.fixed, chord), tuple(group)) for group, chord in both if group)
+
+
+@dataclass(frozen=True, eq=False)
+class Mapping(Value):
+    """A finished T-C mapping: the diagrams on the planes x-z, y-z and x-y, P(t), and S(t) as the planes show it."""
+
+    planes: tuple[PlaneDiagrams, ...]
+    path: NominalTrajectory
+    freedoms: tuple[FreedomInterval, ...]
+
+
+def task_mapping(
+    moving: Solid,
+    fixed: Solid,
+    start: ArrayLike,
+    goal: ArrayLike,
+    box: ArrayLike,
+    speed: float,
+    rho: float,
+    movers: Sequence[Body] = (),
+    standing: Sequence[Body] = (),
+) -> Mapping:
+    """The T-C mapping of a task.
+
+    Args:
+        moving: operand 1 in its own frame, whose origin is the nominal centre.
+        fixed: operand 2 in the B-frame.
+        start: P(0) (6,), m and rad.
+        goal: P(T).
+        box: half-widths (6,) of the pose error, m and rad.
+        speed: of the specification, m/s.
+        rho: characteristic length, m.
+        movers: everything that moves, names and solids in operand 1's frame; operand 1 alone when empty.
+        standing: everything that stands, in the B-frame; operand 2 alone when empty.
+
+    Raises:
+        GeometryError: N₁ or N_T lies in GE, no path is visible, or operand 1 turns too near the mouth.
+        InterferenceError: the motion meets something, on the planes or off them.
+    """
+    bodies = list(movers) or [("operand 1", moving)], list(standing) or [("operand 2", fixed)]
+    planes = plane_diagrams(moving, fixed, goal, box)
+    margin = _strayed(moving, box)
+    path = nominal_path(start, goal, planes, speed, rho, bodies, margin)
+    clear = free_until(*bodies, path, margin) if np.any(path.nodes[0, 3:] != path.nodes[-1, 3:]) else 0.0
+    return Mapping(planes, path, freedom_on_planes([view for plane in planes for view in plane.views], path, clear))
+
+
+def plane_diagrams(moving: Solid, fixed: Solid, goal: ArrayLike, box: ArrayLike) -> tuple[PlaneDiagrams, ...]:
+    """G, the sections of operand 1 and GE on the three planes; arguments as for `task_mapping`."""
+    P = np.asarray(goal, dtype=np.float64)
+    turned = Placed(moving, Pose(np.zeros(3), exp(P[3:])))
+    found = []
+    for zone in zones(box):
+        upright = zone.plane.v == 2
+        # The plane of the mouth runs in a face of operand 2: the hole counts as it is just below.
+        G = cut_diagram(fixed, frame(zone.plane)) if upright else section_limit(fixed, frame(zone.plane), -1)
+        sections = ((cut_diagram(turned, frame(zone.plane)), None),) if upright else tuple(_levels(turned))
+        seated = sections[0][0] if upright else _seated(sections, -float(P[2]))
+        found.append(PlaneDiagrams(zone, G, sections, expanded(G, [seated])))
+    return tuple(found)
+
+
+def nominal_path(
+    start: ArrayLike,
+    goal: ArrayLike,
+    planes: Sequence[PlaneDiagrams],
+    speed: float,
+    rho: float,
+    bodies: tuple[Sequence[Body], Sequence[Body]],
+    margin: float,
+) -> NominalTrajectory:
+    """P(t): nodes visible in GE, the orientation reached before the mouth, the whole motion free in space.
+
+    N₂ stands as high above the mouth as the uncertain part strays, if the start does, so that the way there is free.
+
+    The part turns on the first leg, as in the paper, and where the uncertain part would still be near the mouth at the
+    end of it, on its first half; where turning there meets something, on the next leg above the mouth.
+
+    Args:
+        start, goal, planes, speed, rho: as for `task_mapping`.
+        bodies: everything that moves, and everything that stands.
+        margin: how far a point of the uncertain operand 1 strays, m.
+
+    Raises:
+        GeometryError: no visible path.
+        InterferenceError: every such motion meets something; what the first of them meets.
+    """
+    first, last = np.asarray(start, dtype=np.float64), np.asarray(goal, dtype=np.float64)
+    room = _ROOM * margin + 2.0 * sum(sagitta(solid) for side in bodies for _, solid in side)
+    nodes = position_nodes(
+        first[:3], last[:3], Sight({plane.zone.plane.name: plane.expanded for plane in planes}), room
+    )
+    above = [k for k, (a, b) in enumerate(pairwise(nodes)) if min(a[2], b[2]) >= 0.0] or [0]
+    failure: InterferenceError | None = None
+    for leg in above:
+        path = through(nodes, first[3:], last[3:], speed, rho, (leg, 1.0))
+        if np.any(path.nodes[0, 3:] != path.nodes[-1, 3:]) and free_until(*bodies, path, margin) < path.times[leg + 1]:
+            path = through(nodes, first[3:], last[3:], speed, rho, (leg, _TURN_EARLY))
+        try:
+            checked(*bodies, path)
+        except InterferenceError as error:
+            failure = failure or error
+            continue
+        return path
+    assert failure is not None
+    raise failure
+
+
+def frame(plane: Plane) -> Pose:
+    """The frame of a plane in the B-frame: its x along u, its y along v."""
+    u, v = np.eye(3)[plane.u], np.eye(3)[plane.v]
+    return Pose(np.zeros(3), np.column_stack([u, v, np.cross(u, v)]))
+
+
+def _levels(turned: Solid) -> list[tuple[Region, tuple[float, float]]]:
+    """Sections of operand 1 across its axis: between neighbouring heights of its corners, near both ends of each."""
+    heights = np.unique(np.concatenate([np.asarray(piece.vertices[:, 2]) for piece in pieces(turned)]))
+    kept = heights[np.concatenate([[True], np.diff(heights) > _LEVEL])]
+    found: list[tuple[Region, tuple[float, float]]] = []
+    for low, high in pairwise(kept.tolist()):
+        inset = _INSIDE * (high - low)
+        ends = [_across(turned, z) for z in (low + inset, high - inset)]
+        same = abs(ends[0].area - ends[1].area) <= 1e-9 * max(ends[0].area, ends[1].area)
+        found += [(end, (low, high)) for end in (ends[:1] if same else ends)]
+    return found
+
+
+def _across(turned: Solid, height: float) -> Region:
+    return cut_diagram(turned, Pose(np.array([0.0, 0.0, height]), np.eye(3)))
+
+
+def _seated(sections: Sequence[tuple[Region, tuple[float, float] | None]], height: float) -> Region:
+    """The section of operand 1 at a height, of two stretches that meet there the lower."""
+    for region, heights in sections:
+        assert heights is not None
+        if heights[0] - _LEVEL <= height <= heights[1] + _LEVEL:
+            return region
+    return Region(())
+
+
+def _strayed(moving: Solid, box: ArrayLike) -> float:
+    """How far a point of the uncertain operand 1 strays from its nominal place, m."""
+    a = frozen(box, 6, name="half-widths")
+    radius = max(float(np.linalg.norm(piece.vertices, axis=1).max()) for piece in pieces(moving))
+    return max(float(np.linalg.norm(a[:3]) + radius * np.linalg.norm(a[3:])), 1e-9)

@@ -1,0 +1,183 @@
+"""The three diagrams of the T-C mapping: operand 2 cut, expanded by operand 1, and the uncertain line L on its way."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fmopt.report.drawing import BLUE, GREY, INK, PALE, RUST, WIDTH
+from fmopt.values import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+TITLE = "The three cut-diagrams: operand 2 as it is and expanded by operand 1, which shrinks to the line L"
+_ROW = 2.75  # inches
+_LEGEND = 1.0  # inches
+_GROUND = "#f4e6d8"
+
+
+def diagrams(plan: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
+    """The diagrams that the plan holds, at most one a plane."""
+    found: Sequence[Mapping[str, Any]] = plan.get("diagnostics", {}).get("diagrams", ())
+    return found
+
+
+def size(plan: Mapping[str, Any]) -> tuple[float, float]:
+    """Width and height in inches."""
+    return WIDTH, _ROW * len(diagrams(plan)) + _LEGEND
+
+
+def alt(plan: Mapping[str, Any]) -> str:
+    """What is to be seen, for who cannot see it."""
+    words = (
+        "Operand 2 cut by the planes of the mouth's frame (G), and expanded by operand 1 (GE), which becomes a line L. "
+    )
+    said = []
+    for item in diagrams(plan):
+        zone = item["zone"]
+        ball, cone = 1e6 * zone["radius"], math.degrees(zone["half_angle"])
+        said.append(f"{item['plane'][0]}–{item['plane'][1]}: ball {ball:.4g} µm, cone {cone:.3g}°")
+    return words + "Uncertainty: " + "; ".join(said) + "."
+
+
+def paint(plan: Mapping[str, Any], figure: Figure) -> None:
+    """A row per plane: the whole diagram on the left, the room for the nominal centre magnified on the right."""
+    items = diagrams(plan)
+    height = size(plan)[1]
+    figure.set_layout_engine("none")
+    bottom, top = _LEGEND / height, 1.0 - 0.3 / height
+    room = {"left": 0.09, "right": 0.985, "top": top, "bottom": bottom + 0.35 / height, "hspace": 0.42, "wspace": 0.22}
+    grid = figure.add_gridspec(len(items), 2, width_ratios=(1.0, 1.25), **room)
+    for row, item in enumerate(items):
+        whole, close = figure.add_subplot(grid[row, 0]), figure.add_subplot(grid[row, 1])
+        _whole(whole, item)
+        _close(close, item)
+    figure.align_ylabels()
+    _legend(figure)
+
+
+def _whole(axes: Axes, item: Mapping[str, Any]) -> None:
+    _regions(axes, item, 1e3)
+    _path(axes, item, 1e3)
+    _lines(axes, item, 1e3)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.margins(0.05)
+    axes.set_title(f"plane {_name(item)}, whole")
+    axes.set_xlabel(f"{item['plane'][0]}, mm", labelpad=1)
+    axes.set_ylabel(f"{item['plane'][1]}, mm")
+
+
+def _close(axes: Axes, item: Mapping[str, Any]) -> None:
+    """Magnified across the axis; on the plane of the mouth in both directions."""
+    low, high = _window(item)
+    upright = item["plane"][1] == "z"
+    scale_v = 1e3 if upright else 1e6
+    _regions(axes, item, 1e6, scale_v)
+    _path(axes, item, 1e6, scale_v)
+    _zones(axes, item, scale_v)
+    _lines(axes, item, 1e6, scale_v)
+    axes.set_xlim(1e6 * low[0], 1e6 * high[0])
+    axes.set_ylim(scale_v * low[1], scale_v * high[1])
+    if not upright:
+        axes.set_aspect("equal", adjustable="box")
+    axes.set_title(f"plane {_name(item)}, magnified {'across' if upright else 'both ways'}")
+    axes.set_xlabel(f"{item['plane'][0]}, µm", labelpad=1)
+    axes.set_ylabel(f"{item['plane'][1]}, {'mm' if upright else 'µm'}")
+
+
+def _window(item: Mapping[str, Any]) -> tuple[Array, Array]:
+    """Corners (2,) of the magnified part: the room of the seated nominal centre, the ball and the trapezoids."""
+    goal = item["poses"][-1]
+    centre = np.array(goal["centre"])
+    spread = max([float(item["zone"]["radius"]), float(item["room"])])
+    for pose in item["poses"]:
+        inside = np.array(pose["trapezoid"])
+        if abs(float(pose["centre"][0]) - centre[0]) <= spread:
+            spread = max(spread, float(np.abs(inside[:, 0] - centre[0]).max()))
+    half = 1.35 * max(spread, 1e-6)
+    if item["plane"][1] != "z":
+        return centre - half, centre + half
+    heights = [float(v) for pose in item["poses"] for _, v in (*pose["trapezoid"], pose["centre"])]
+    reach = max(heights) - min(heights)
+    low = np.array([centre[0] - half, min(heights) - 0.06 * reach])
+    return low, np.array([centre[0] + half, max(heights) + 0.06 * reach])
+
+
+def _regions(axes: Axes, item: Mapping[str, Any], scale: float, other: float | None = None) -> None:
+    """GE as ground, G hatched on it."""
+    factor = np.array([scale, scale if other is None else other])
+    _fill(axes, item["expanded"], factor, facecolor=_GROUND, edgecolor=RUST, linewidth=1.0)
+    _fill(axes, item["fixed"], factor, facecolor=PALE, edgecolor="#999999", hatch="////", linewidth=0.0)
+    for loop in item["fixed"]:
+        closed = np.array([*loop, loop[0]]) * factor
+        axes.plot(*closed.T, color=INK, linewidth=0.8)
+
+
+def _fill(axes: Axes, loops: Sequence[Any], factor: Array, **style: Any) -> None:
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
+
+    if loops:
+        closed = [Path(np.array([*loop, loop[0]]) * factor, closed=True) for loop in loops]
+        axes.add_patch(PathPatch(Path.make_compound_path(*closed), **style))
+
+
+def _path(axes: Axes, item: Mapping[str, Any], scale: float, other: float | None = None) -> None:
+    factor = np.array([scale, scale if other is None else other])
+    points = np.array(item["path"]) * factor
+    axes.plot(*points.T, color=INK, linewidth=0.9, linestyle=":", marker="o", markersize=2.6)
+
+
+def _lines(axes: Axes, item: Mapping[str, Any], scale: float, other: float | None = None) -> None:
+    """L at its poses, a dot for the nominal centre; names that would stand on one another are joined."""
+    factor = np.array([scale, scale if other is None else other])
+    for pose in item["poses"]:
+        line = np.array(pose["line"]) * factor
+        axes.plot(*line.T, color=BLUE, linewidth=1.4)
+        axes.plot(*line[0], color=BLUE, marker="o", markersize=3.4)
+    spots: dict[tuple[float, float], list[str]] = {}
+    for pose in item["poses"]:
+        u, v = np.round(np.array(pose["centre"]), 6).tolist()
+        spots.setdefault((u, v), []).append(pose["name"])
+    for spot, names in spots.items():
+        style: Any = {"textcoords": "offset points", "color": BLUE, "fontsize": 8.0, "annotation_clip": True}
+        axes.annotate(", ".join(names), np.array(spot) * factor, (5, -9), **style)
+
+
+def _zones(axes: Axes, item: Mapping[str, Any], scale_v: float) -> None:
+    """Ball, cone and trapezoid at every pose."""
+    factor = np.array([1e6, scale_v])
+    for pose in item["poses"]:
+        trapezoid, ball = np.array(pose["trapezoid"]) * factor, np.array(pose["ball"]) * factor
+        axes.fill(*trapezoid.T, facecolor=BLUE, alpha=0.12, linewidth=0)
+        for edge in pose["edges"]:
+            axes.plot(*(np.array(edge) * factor).T, color=BLUE, linewidth=0.9, linestyle="--")
+        for ray in pose["cone"]:
+            axes.plot(*(np.array(ray) * factor).T, color=GREY, linewidth=0.8, linestyle="-.")
+        axes.plot(*np.vstack([ball, ball[:1]]).T, color=BLUE, linewidth=0.9)
+
+
+def _name(item: Mapping[str, Any]) -> str:
+    return f"{item['plane'][0]}–{item['plane'][1]}"
+
+
+def _legend(figure: Figure) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles: list[Any] = [
+        Patch(facecolor=PALE, edgecolor="#999999", hatch="////", linewidth=0, label="G: material of operand 2"),
+        Patch(facecolor=_GROUND, edgecolor=RUST, label="GE: where the nominal centre cannot be"),
+        Line2D([], [], color=INK, linestyle=":", marker="o", markersize=2.6, label="P(t), nominal centre"),
+        Line2D([], [], color=BLUE, linewidth=1.4, marker="o", markersize=3.4, label="L: operand 1, shrunk"),
+        Line2D([], [], color=BLUE, linewidth=0.9, label="ball of the centre"),
+        Line2D([], [], color=GREY, linewidth=0.8, linestyle="-.", label="cone of the direction"),
+        Patch(facecolor=BLUE, alpha=0.12, linewidth=0, label="trapezoid: all lines L"),
+        Line2D([], [], color=BLUE, linewidth=0.9, linestyle="--", label="its edges"),
+    ]
+    figure.legend(handles=handles, loc="lower center", ncols=3)
