@@ -25,10 +25,13 @@ from fmopt.control.hybrid import GuardedMove, hybrid_strategy
 from fmopt.errors import FmoptError, InfeasibleError, SearchError
 from fmopt.geometry.clearance import Clearance, checked_clearance
 from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.knowledge.command import answer
 from fmopt.nominal.critical import CriticalPose, critical_poses
+from fmopt.nominal.diagram_record import diagnostics
 from fmopt.nominal.freedom import freedom
 from fmopt.nominal.intervals import FreedomInterval
-from fmopt.nominal.trajectory import NominalTrajectory, insertion
+from fmopt.nominal.mapping import Mapping, answered
+from fmopt.nominal.trajectory import NominalTrajectory
 from fmopt.placement.entry import Entry, Shape, start_spread, straight_entry, tilted_entry, tilted_shapes
 from fmopt.placement.motion import Reached
 from fmopt.placement.polish import Turns, polish
@@ -40,6 +43,7 @@ from fmopt.placement.step import Costs, Task
 from fmopt.placement.tune import Limits, tuned
 from fmopt.placement.visited import Visited, visited
 from fmopt.se3 import Pose
+from fmopt.task.command import task_command
 from fmopt.task.problem import Problem
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.verify import Verdict, verify
@@ -51,11 +55,12 @@ TRIES = 40  # of entries, when one is varied
 
 @dataclass(frozen=True, eq=False)
 class Nominal:
-    """P(t), S(t) and the critical poses along it."""
+    """P(t), S(t) and the critical poses along it, and the T-C mapping on the planes that P(t) comes from."""
 
     path: NominalTrajectory
     critical: tuple[CriticalPose, ...]
     freedoms: tuple[FreedomInterval, ...]
+    planes: Mapping
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,12 +133,16 @@ class _Clock:
 
 
 def nominal_motion(problem: Problem, errors: ErrorSet, rho: float) -> Nominal:
-    """T-C mapping: the nominal trajectory, its critical poses, and S(t) for the start errors."""
-    path = insertion(problem.start, problem.goal, problem.specification.speed, rho)
+    """T-C mapping: the nominal trajectory, its critical poses, and S(t) for the start errors.
+
+    P(t) comes from the cut-diagrams. S(t) is that of the parts in space, which holds where three planes see too little.
+    """
     box = errors.support(np.eye(6))
+    made = answered(answer(*task_command(problem)), box, rho)
     reach = float(np.linalg.norm(box[:3]) + 2.0 * rho * np.linalg.norm(box[3:]))
-    critical = critical_poses(problem.moving, problem.fixed, path, max(reach, 1e-3))
-    return Nominal(path, critical, freedom(problem.moving, problem.fixed, path, box))
+    critical = critical_poses(problem.moving, problem.fixed, made.path, max(reach, 1e-3))
+    freedoms = freedom(problem.moving, problem.fixed, made.path, box)
+    return Nominal(made.path, critical, freedoms, made)
 
 
 def motion(
@@ -280,7 +289,11 @@ def plan_document(
             "states_expanded": found.expanded,
             "moves": found.names,
         },
-        "diagnostics": {"graphs": states.graphs(), "sequence": states.sequence()},
+        "diagnostics": {
+            "graphs": states.graphs(),
+            "sequence": states.sequence(),
+            **diagnostics(nominal.planes, problem.peg.length),
+        },
     }
     return plan.sealed(plan.clean(document))
 

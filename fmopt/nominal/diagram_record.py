@@ -16,6 +16,17 @@ from fmopt.se3 import exp
 from fmopt.values import Array
 
 
+def diagnostics(mapping: Mapping, length: float) -> dict[str, Any]:
+    """What a plan tells of the T-C mapping on the planes: the diagrams, and S(t) as the planes show it.
+
+    Args:
+        mapping: the finished mapping.
+        length: of the line L, m.
+    """
+    seen = [{"t0": one.start, "t1": one.end, "s": list(one.s)} for one in mapping.freedoms]
+    return {"diagrams": records(mapping, length), "freedom_on_planes": seen}
+
+
 def records(mapping: Mapping, length: float) -> list[dict[str, Any]]:
     """The diagrams as plain data for figures, curves as polylines within 1e-4 of their size.
 

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from fmopt.errors import InterferenceError
 from fmopt.geometry.csg import Placed, Solid, sagitta
 from fmopt.geometry.pieces import pieces
+from fmopt.knowledge.command import Answer
 from fmopt.nominal.cut_diagram import cut_diagram, section_limit
 from fmopt.nominal.diagram import disc, of_region
 from fmopt.nominal.intervals import FreedomInterval
@@ -78,6 +79,26 @@ class Mapping(Value):
     planes: tuple[PlaneDiagrams, ...]
     path: NominalTrajectory
     freedoms: tuple[FreedomInterval, ...]
+
+
+def answered(found: Answer, box: ArrayLike, rho: float) -> Mapping:
+    """The T-C mapping of a task as the knowledge base answers it, everything else of the workcell in place.
+
+    What is linked to an operand moves or stands with it; obstacles stand, or where the operands were exchanged move.
+
+    Args:
+        found: the answer.
+        box: half-widths (6,) of the pose error of operand 1 in the B-frame, m and rad.
+        rho: characteristic length, m.
+
+    Raises:
+        GeometryError, InterferenceError: as `task_mapping`.
+    """
+    movers: list[Body] = [(found.moving.ref.object, found.moving.whole)]
+    standing: list[Body] = [(found.fixed.ref.object, found.fixed.whole)]
+    (movers if found.exchanged else standing).extend((other.name, other.solid) for other in found.obstacles)
+    operands, speed = (found.moving.solid, found.fixed.solid), found.task.specification.speed
+    return task_mapping(*operands, found.P0, found.PT, box, speed, rho, movers, standing)
 
 
 def task_mapping(

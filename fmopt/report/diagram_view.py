@@ -19,6 +19,7 @@ TITLE = "The three cut-diagrams: operand 2 as it is and expanded by operand 1, w
 _ROW = 2.75  # inches
 _LEGEND = 1.0  # inches
 _GROUND = "#f4e6d8"
+_JOINED = np.array([0.25, 0.08])  # of the extent, names nearer than this are written together
 
 
 def diagrams(plan: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
@@ -65,6 +66,7 @@ def _whole(axes: Axes, item: Mapping[str, Any]) -> None:
     _regions(axes, item, 1e3)
     _path(axes, item, 1e3)
     _lines(axes, item, 1e3)
+    _names(axes, item, np.array([1e3, 1e3]), _extent(item))
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.05)
     axes.set_title(f"plane {_name(item)}, whole")
@@ -81,6 +83,7 @@ def _close(axes: Axes, item: Mapping[str, Any]) -> None:
     _path(axes, item, 1e6, scale_v)
     _zones(axes, item, scale_v)
     _lines(axes, item, 1e6, scale_v)
+    _names(axes, item, np.array([1e6, scale_v]), high - low)
     axes.set_xlim(1e6 * low[0], 1e6 * high[0])
     axes.set_ylim(scale_v * low[1], scale_v * high[1])
     if not upright:
@@ -134,19 +137,45 @@ def _path(axes: Axes, item: Mapping[str, Any], scale: float, other: float | None
 
 
 def _lines(axes: Axes, item: Mapping[str, Any], scale: float, other: float | None = None) -> None:
-    """L at its poses, a dot for the nominal centre; names that would stand on one another are joined."""
+    """L at its poses, a dot for the nominal centre."""
     factor = np.array([scale, scale if other is None else other])
     for pose in item["poses"]:
         line = np.array(pose["line"]) * factor
         axes.plot(*line.T, color=BLUE, linewidth=1.4)
         axes.plot(*line[0], color=BLUE, marker="o", markersize=3.4)
-    spots: dict[tuple[float, float], list[str]] = {}
+
+
+def _names(axes: Axes, item: Mapping[str, Any], factor: Array, extent: Array) -> None:
+    """What the poses are called, one under the other where their names would stand on one another.
+
+    Args:
+        axes: where to write.
+        item: the diagram.
+        factor: what a metre along u and along v is on the axes.
+        extent: width and height (2,) of what is shown, m.
+    """
+    from matplotlib.patheffects import withStroke
+
+    spots: list[tuple[Array, list[str]]] = []
     for pose in item["poses"]:
-        u, v = np.round(np.array(pose["centre"]), 6).tolist()
-        spots.setdefault((u, v), []).append(pose["name"])
-    for spot, names in spots.items():
-        style: Any = {"textcoords": "offset points", "color": BLUE, "fontsize": 8.0, "annotation_clip": True}
-        axes.annotate(", ".join(names), np.array(spot) * factor, (5, -9), **style)
+        centre = np.array(pose["centre"])
+        near = [names for spot, names in spots if np.all(np.abs(spot - centre) <= _JOINED * extent)]
+        if near:
+            near[0].append(pose["name"])
+        else:
+            spots.append((centre, [pose["name"]]))
+    style: Any = {"textcoords": "offset points", "color": BLUE, "fontsize": 8.0, "annotation_clip": True, "va": "top"}
+    style["path_effects"] = [withStroke(linewidth=2.0, foreground="white")]
+    for spot, names in spots:
+        place = (float(spot[0] * factor[0]), float(spot[1] * factor[1]))
+        axes.annotate("\n".join(names), place, (5, -2), **style)
+
+
+def _extent(item: Mapping[str, Any]) -> Array:
+    """Width and height (2,) of GE, of the path and of the lines, m."""
+    points = [point for loop in item["expanded"] for point in loop] + list(item["path"])
+    points += [point for pose in item["poses"] for point in pose["line"]]
+    return np.asarray(np.ptp(np.array(points), axis=0))
 
 
 def _zones(axes: Axes, item: Mapping[str, Any], scale_v: float) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from fmopt.report import cut_view, graph_view, margin_view, trajectory_view, tube_view
+from fmopt.report import cut_view, diagram_view, graph_view, margin_view, trajectory_view, tube_view
 from fmopt.report.drawing import drawn
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ class Figure:
     """A figure of a plan.
 
     Args:
-        name: what to call its file: cut, states, states-2…, margin, tube, trajectory.
+        name: what to call its file: cut, states, states-2…, margin, tube, diagrams, trajectory.
         title: what is seen.
         alt: the same for who cannot see it, with the main numbers.
         size: width and height in inches.
@@ -60,6 +60,8 @@ def catalogue(plan: Mapping[str, Any]) -> dict[str, Figure]:
         chosen.append(_of("margin", margin_view, plan))
     if tube_view.error_sets(plan):
         chosen.append(_of("tube", tube_view, plan))
+    if diagram_view.diagrams(plan):
+        chosen.append(_of("diagrams", diagram_view, plan))
     if trajectory_view.has(plan):
         chosen.append(_of("trajectory", trajectory_view, plan))
     return {figure.name: figure for figure in chosen}

@@ -39,7 +39,7 @@ def report_page(plan: Mapping[str, Any], figures: Mapping[str, str]) -> str:
         ("margins", "Margins and what binds them", sections.margin_words_of(plan) + shown.get("margin", "")),
         ("errors", "The errors on the way", sections.error_table(plan) + shown.get("tube", "")),
         ("budget", "Uncertainty budget", sections.budget(plan)),
-        ("trajectory", "Position and force over time", shown.get("trajectory", "") + control_tables.force_table(plan)),
+        ("trajectory", "Position and force over time", _nominal(plan, shown)),
         ("hybrid", "Hybrid strategies", control_tables.hybrid_table(plan)),
         ("limits", "What was not checked", sections.not_covered(plan)),
         ("provenance", "Where this comes from", sections.provenance(plan)),
@@ -96,6 +96,10 @@ def _verdict_box(plan: Mapping[str, Any], found: Verdict) -> str:
 def _states(plan: Mapping[str, Any], shown: Mapping[str, str]) -> str:
     drawings = "".join(shown[name] for name in shown if name == "states" or name.startswith("states-"))
     return sections.why(plan) + drawings + sections.contact_table(plan) + sections.critical_table(plan)
+
+
+def _nominal(plan: Mapping[str, Any], shown: Mapping[str, str]) -> str:
+    return shown.get("diagrams", "") + shown.get("trajectory", "") + control_tables.force_table(plan)
 
 
 def _shown(plan: Mapping[str, Any], figures: Mapping[str, str]) -> dict[str, str]:

@@ -65,7 +65,7 @@ def paint(plan: Mapping[str, Any], figure: Figure) -> None:
         "position P(t), Pa(t), and S(t)" if forces else "nominal position P(t) and freedoms S(t)", pad=14.0
     )
     if forces:
-        grid[0, 1].set_title("reaction Fa(t); the hand applies −Fa(t)", pad=14.0)
+        grid[0, 1].set_title("reaction Fa(t); applied: −Fa(t)", pad=14.0)
     for axes in grid[-1]:
         axes.set_xlabel("time, s")
     _switches(grid, plan)
