@@ -110,14 +110,18 @@ def verify(
 
 @app.command(epilog="Example: fmopt check problems/square_peg.toml")
 def check(
-    file: Annotated[Path, typer.Argument(help="Problem file (TOML).")],
+    file: Annotated[Path, typer.Argument(help="Problem or assembly file (TOML).")],
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Validate a problem file with its models and say it back in words."""
+    """Validate a problem file, or an assembly and each of its tasks, with all models and say it back in words."""
+    from fmopt.task.assembly import is_assembly
     from fmopt.task.explain import explain, facts, measured
     from fmopt.task.problem import load
 
+    if is_assembly(file):
+        _check_assembly(file, as_json, quiet)
+        return
     problem = load(file)
     clearance = measured(problem)
     if as_json:
@@ -126,16 +130,29 @@ def check(
         typer.echo(explain(problem, clearance))
 
 
+def _check_assembly(file: Path, as_json: bool, quiet: bool) -> None:
+    from fmopt.task.assembly import carried_out, load_assembly
+    from fmopt.task.explain_assembly import assembly_facts, explain_assembly
+
+    assembly = load_assembly(file)
+    steps = list(carried_out(assembly))
+    if as_json:
+        typer.echo(json.dumps(assembly_facts(assembly, steps)))
+    elif not quiet:
+        typer.echo(explain_assembly(assembly, steps))
+
+
 @app.command(epilog="Example: fmopt schema problem > problem.schema.json")
 def schema(
-    kind: Annotated[str, typer.Argument(help="problem or model.")] = "problem",
+    kind: Annotated[str, typer.Argument(help="problem, model or assembly.")] = "problem",
 ) -> None:
-    """Print the JSON Schema of problem or model files, for editors that complete and check as you type."""
+    """Print the JSON Schema of problem, model or assembly files, for editors that complete and check as you type."""
     from fmopt.task import schema as schemas
 
-    found = {"problem": schemas.problem_schema, "model": schemas.model_schema}.get(kind)
+    kinds = {"problem": schemas.problem_schema, "model": schemas.model_schema, "assembly": schemas.assembly_schema}
+    found = kinds.get(kind)
     if found is None:
-        raise typer.BadParameter(f"{kind!r} is neither problem nor model", param_hint="kind")
+        raise typer.BadParameter(f"{kind!r} is none of {', '.join(kinds)}", param_hint="kind")
     typer.echo(schemas.text(found()), nl=False)
 
 

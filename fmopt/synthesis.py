@@ -21,14 +21,15 @@ from fmopt.contact.bounds import BoundTable
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.contact.wrench import contact_point, contact_wrench
 from fmopt.control.decomposition import contact_forces, position_force
+from fmopt.control.hand import hand_record
 from fmopt.control.hybrid import GuardedMove, hybrid_strategy
 from fmopt.errors import FmoptError, InfeasibleError, SearchError
 from fmopt.geometry.clearance import Clearance, checked_clearance
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.knowledge.command import answer
+from fmopt.knowledge.command import Answer, answer
 from fmopt.nominal.critical import CriticalPose, critical_poses
 from fmopt.nominal.diagram_record import diagnostics
-from fmopt.nominal.freedom import freedom
+from fmopt.nominal.freedom import freedom, half_widths
 from fmopt.nominal.intervals import FreedomInterval
 from fmopt.nominal.mapping import Mapping, answered
 from fmopt.nominal.trajectory import NominalTrajectory
@@ -55,11 +56,12 @@ TRIES = 40  # of entries, when one is varied
 
 @dataclass(frozen=True, eq=False)
 class Nominal:
-    """P(t), S(t) and the critical poses along it, and the T-C mapping on the planes that P(t) comes from."""
+    """P(t), S(t) and the critical poses along it; the task, and the T-C mapping on the planes that P(t) comes from."""
 
     path: NominalTrajectory
     critical: tuple[CriticalPose, ...]
     freedoms: tuple[FreedomInterval, ...]
+    task: Answer
     planes: Mapping
 
 
@@ -133,16 +135,17 @@ class _Clock:
 
 
 def nominal_motion(problem: Problem, errors: ErrorSet, rho: float) -> Nominal:
-    """T-C mapping: the nominal trajectory, its critical poses, and S(t) for the start errors.
+    """T-C mapping: the nominal trajectory, its critical poses, and S(t) for the start errors or the given trapezoid.
 
     P(t) comes from the cut-diagrams. S(t) is that of the parts in space, which holds where three planes see too little.
     """
-    box = errors.support(np.eye(6))
-    made = answered(answer(*task_command(problem)), box, rho)
+    box = errors.support(np.eye(6)) if problem.trapezoid is None else half_widths(*problem.trapezoid)
+    found = answer(*task_command(problem))
+    made = answered(found, box, rho)
     reach = float(np.linalg.norm(box[:3]) + 2.0 * rho * np.linalg.norm(box[3:]))
     critical = critical_poses(problem.moving, problem.fixed, made.path, max(reach, 1e-3))
     freedoms = freedom(problem.moving, problem.fixed, made.path, box)
-    return Nominal(made.path, critical, freedoms, made)
+    return Nominal(made.path, critical, freedoms, found, made)
 
 
 def motion(
@@ -293,6 +296,7 @@ def plan_document(
             "graphs": states.graphs(),
             "sequence": states.sequence(),
             **diagnostics(nominal.planes, problem.peg.length),
+            **hand_record(nominal.task, segments),
         },
     }
     return plan.sealed(plan.clean(document))

@@ -254,15 +254,41 @@ def test_check_as_json_and_in_silence(fmopt: Command) -> None:
     assert fmopt("check", ROOT / PROBLEM, "--quiet") == Outcome(0, "", "")
 
 
-@pytest.mark.parametrize("kind", ["problem", "model"])
-def test_the_published_schemas_are_the_printed_ones(fmopt: Command, kind: str) -> None:
+ASSEMBLY = "problems/assemblies/lee_huang_bush.toml"
+
+
+def test_check_says_an_assembly_back(fmopt: Command) -> None:
+    done = fmopt("check", ROOT / ASSEMBLY)
+    assert (done.code, done.err) == (0, "")
+    for words in ("seat_bush  bush.shank", "operand 2: bush.bore, bush.shank, block.hole", "p_z is free: -30 mm"):
+        assert words in done.out
+    found = json.loads(fmopt("check", ROOT / ASSEMBLY, "--json").out)
+    assert [step["name"] for step in found["tasks"]] == ["seat_bush", "insert_peg"]
+    assert found["tasks"][1]["links"][-1] == {"kind": "cylindrical", "one": "peg.peg", "other": "bush.bore"}
+
+
+def test_check_finds_the_task_that_breaks_a_rule_and_solve_refuses_assemblies(fmopt: Command, tmp_path: Path) -> None:
+    text = (ROOT / ASSEMBLY).read_text(encoding="utf-8").replace("../../models", str(ROOT / "models"))
+    path = tmp_path / "assembly.toml"
+    path.write_text(text.replace("goal = [0, 0, -25,", "goal = [0, 0.5, -25,"), encoding="utf-8")
+    done = fmopt("check", path)
+    assert (done.code, done.out) == (2, "")
+    assert "assembly.toml:32:8: task-rule: tasks.insert_peg: the goal of 'peg.peg' has p_y = 0.5 mm" in done.err
+    assert fmopt("solve", ROOT / ASSEMBLY).code == 2
+
+
+FOLDERS = {"problem": "problems", "model": "models", "assembly": "problems/assemblies"}
+
+
+@pytest.mark.parametrize(("kind", "folder"), FOLDERS.items())
+def test_the_published_schemas_are_the_printed_ones(fmopt: Command, kind: str, folder: str) -> None:
     done = fmopt("schema", kind)
     assert done.code == 0
-    assert done.out == (ROOT / f"{kind}s" / f"{kind}.schema.json").read_text(encoding="utf-8")
+    assert done.out == (ROOT / folder / f"{kind}.schema.json").read_text(encoding="utf-8")
 
 
 def test_every_shipped_file_names_its_schema() -> None:
-    for folder, kind in (("problems", "problem"), ("models", "model")):
+    for kind, folder in FOLDERS.items():
         for path in (ROOT / folder).glob("*.toml"):
             assert path.read_text(encoding="utf-8").startswith(f"#:schema ./{kind}.schema.json\n"), path
 

@@ -109,14 +109,14 @@ def refused(tmp_path: Path, old: str, new: str) -> str:
 @pytest.mark.parametrize(
     ("old", "new", "place", "words"),
     [
-        ('"bush.shank"', '"bush.shan"', "23:8: task-rule: tasks.seat_bush", "no feature 'shan'"),
-        ('"bush.shank"', '"bush"', "24:10: ", "tasks.seat_bush.moving"),
-        ('goal = [0, 0, "free", 0, 0, "free"]', 'goal = [1, 0, "free", 0, 0, 0]', "23:8: task-rule", "p_x = 1 mm"),
-        ('goal = [0, 0, "free", 0, 0, "free"]', 'goal = [0, 0, "fre", 0, 0, 0]', "27:15: ", "tasks.seat_bush.goal[2]"),
-        ("at = [100, 0, 0]", "at = [20, 0, 10]", "23:8: task-rule", "inside the solid of 'block'"),
-        ("{ radius = 15.2 }", "{ radus = 15.2 }", "12:24: unknown-parameter", "'radus'"),
-        ("lee_huang_bush.toml", "no_such.toml", "15:9: ", "no_such.toml"),
-        ("[tasks.seat_bush]", LINK, "23:2: task-rule: links", "'pin'"),
+        ('"bush.shank"', '"bush.shan"', "24:8: task-rule: tasks.seat_bush", "no feature 'shan'"),
+        ('"bush.shank"', '"bush"', "25:10: ", "tasks.seat_bush.moving"),
+        ('goal = [0, 0, "free", 0, 0, "free"]', 'goal = [1, 0, "free", 0, 0, 0]', "24:8: task-rule", "p_x = 1 mm"),
+        ('goal = [0, 0, "free", 0, 0, "free"]', 'goal = [0, 0, "fre", 0, 0, 0]', "28:15: ", "tasks.seat_bush.goal[2]"),
+        ("at = [100, 0, 0]", "at = [20, 0, 10]", "24:8: task-rule", "inside the solid of 'block'"),
+        ("{ radius = 15.2 }", "{ radus = 15.2 }", "13:24: unknown-parameter", "'radus'"),
+        ("lee_huang_bush.toml", "no_such.toml", "16:9: ", "no_such.toml"),
+        ("[tasks.seat_bush]", LINK, "24:2: task-rule: links", "'pin'"),
     ],
 )
 def test_faults_have_their_place(tmp_path: Path, old: str, new: str, place: str, words: str) -> None:

@@ -12,8 +12,8 @@ from fmopt.errors import GeometryError, InterferenceError
 from fmopt.geometry.csg import Box, Cone, Cylinder, Difference, Placed, Prism, Union, ring
 from fmopt.knowledge.command import answer
 from fmopt.nominal.diagram_record import records
-from fmopt.nominal.freedom import freedom
-from fmopt.nominal.mapping import plane_diagrams, task_mapping
+from fmopt.nominal.freedom import freedom, half_widths
+from fmopt.nominal.mapping import answered, plane_diagrams, task_mapping
 from fmopt.report import diagram_view, trajectory_view
 from fmopt.report.drawing import drawn
 from fmopt.se3 import Pose, exp
@@ -25,7 +25,7 @@ SPEED, RHO = 0.02, 0.014
 FREE, ROUND = (0,) * 6, (2, 2, 0, 2, 2, 0)
 START, GOAL = np.array([0.015, 0.004, 0.012, 0, 0, 0]), np.array([0, 0, -0.03, 0, 0, 0])
 BOX = np.array([1e-4, 1e-4, 1e-4, 0.005, 0.005, 0.005])
-WIDER = np.array([1e-4, 1e-4, 1e-4, 0.008, 0.008, 0.008])
+BALL, CONE = 1e-4, np.radians(0.5)
 
 
 def at(solid, x=0.0, y=0.0, z=0.0, r=(0.0, 0.0, 0.0)):
@@ -50,11 +50,7 @@ def rim_depth(clearance, half_width, r, s):
 def figure_two():
     problem = load(PROBLEMS / "lee_huang_peg.toml")
     found = answer(*task_command(problem))
-    start = np.concatenate([START[:3], found.P0[3:]])
-    bodies = [(found.moving.ref.object, found.moving.whole)], [(found.fixed.ref.object, found.fixed.whole)]
-    speed = problem.specification.speed
-    made = task_mapping(found.moving.solid, found.fixed.solid, start, found.PT, WIDER, speed, RHO, *bodies)
-    return problem, found, made
+    return problem, found, answered(found, half_widths(*problem.trapezoid), RHO)
 
 
 def radius(solid):
@@ -82,7 +78,7 @@ def test_figure_two_is_free_until_t1_and_then_servoed_in_z_and_q_z_alone():
     t1, T = made.freedoms[1].start, made.path.duration
     assert made.freedoms[1].end == T
     own, bore = radii()
-    depth = rim_depth(bore - own, own, 1e-4, 0.008)
+    depth = rim_depth(bore - own, own, BALL, CONE)
     assert made.path.at(t1)[2] == pytest.approx(-depth, abs=1e-9 * T * problem.specification.speed)
     split = Decomposition(ROUND)
     assert split.written["C_ap"] == "(0, 0, p_z, 0, 0, q_z)"
@@ -117,7 +113,7 @@ def test_figure_two_has_the_papers_three_nodes_and_the_speed_of_the_specificatio
 
 def test_space_agrees_on_what_is_stopped_in_the_end():
     problem, _, made = figure_two()
-    assert freedom(problem.moving, problem.fixed, made.path, WIDER)[-1].s == made.freedoms[-1].s
+    assert freedom(problem.moving, problem.fixed, made.path, half_widths(BALL, CONE))[-1].s == made.freedoms[-1].s
 
 
 def test_the_diagrams_of_figure_two():
@@ -263,7 +259,7 @@ def test_the_figures_show_all_parts_of_the_mapping():
         assert "<image" not in text  # vectors only
     words = diagram_view.alt(plan)
     assert words.count("ball 100 µm") == 3
-    assert "cone 0.458°" in words
+    assert "cone 0.5°" in words
     (xz, _, xy) = plan["diagnostics"]["diagrams"]
     assert [pose["name"] for pose in xz["poses"]] == ["start", "first contact", "goal"]
     touching = xz["poses"][1]

@@ -56,8 +56,8 @@ def test_a_wall_between_start_and_mouth_is_passed_by_a_shortest_path():
     for a, b in pairwise(found):
         assert place.between(a, b) is None
         assert not LineString([a[[0, 2]], b[[0, 2]]]).intersects(wall.polygon(1e-9).buffer(-1e-7))
-    # By hand: over both upper corners of the wall, down to the rim of the slot, and in.
-    best = np.hypot(0.01, 0.005) + 0.005 + np.hypot(0.005 - C, 0.015) + np.hypot(C, 0.03)
+    # By hand: over both upper corners of the wall, down to the middle of the mouth, and in along the axis.
+    best = np.hypot(0.01, 0.005) + 0.005 + np.hypot(0.005, 0.015) + 0.03
     assert length(found) == pytest.approx(best, abs=2e-6)
 
 

@@ -251,16 +251,17 @@ def test_the_start_error_is_described_once(tmp_path: Path, texts: Texts, both: b
     assert fault.message == ("the start error is described twice" if both else "the start error is not described")
 
 
-def test_exchanged_parts(tmp_path: Path, texts: Texts) -> None:
-    text = texts[PROBLEM].replace("square_peg.toml", "X").replace("square_hole_block", "square_peg")
-    text = text.replace("X", "square_hole_block.toml").replace('"peg"', '"X"').replace('"hole"', '"peg"')
-    texts[PROBLEM] = text.replace('"X"', '"hole"')
-    found = faults(tmp_path, texts)
-    assert [(fault.line, fault.column, fault.code) for fault in found] == [
-        (11, 11, "feature-kind"),
-        (15, 11, "feature-kind"),
-    ]
-    assert "'hole' is hollow; the moving part mates with a solid one" in str(found[0])
+@pytest.mark.parametrize(
+    ("side", "model", "other", "kind"), [("fixed", PEG, "peg", "solid"), ("moving", BLOCK, "hole", "hollow")]
+)
+def test_two_features_of_one_kind(tmp_path: Path, texts: Texts, side: str, model: str, other: str, kind: str) -> None:
+    start = texts[PROBLEM].index(f"[{side}]")
+    table = f'[{side}]\nmodel = "../{model}"\nfeature = "{other}"\n\n'
+    end = texts[PROBLEM].index("[", start + 1)
+    texts[PROBLEM] = texts[PROBLEM][:start] + table + texts[PROBLEM][end:]
+    (fault,) = faults(tmp_path, texts)
+    assert (fault.line, fault.column, fault.code) == (11, 11, "feature-kind")
+    assert fault.message == f"{other!r} and {other!r} are both {kind}"
 
 
 def test_a_tree_that_explodes_is_refused(tmp_path: Path, texts: Texts) -> None:

@@ -77,9 +77,9 @@ def _below(a: Array, b: Array) -> tuple[Array, Array] | None:
 def position_nodes(start: ArrayLike, goal: ArrayLike, sight: Sight, room: float = 0.0) -> tuple[Array, ...]:
     """N₁, N₂ on the axis at the mouth, N_T; or, where these do not see one another, the shortest visible path.
 
-    The shortest path runs over positions beside the corners of GE on x-z and y-z, each with the other coordinate of the
-    start, of the axis, or of a corner on the other plane, and over the axis at their heights. It is the shortest of
-    these, not of all paths.
+    The shortest path leads to N₂, with `room` above the mouth, and from there straight to N_T where it can. It runs
+    over positions beside the corners of GE on x-z and y-z, each with the other coordinate of the start, of the axis, or
+    of a corner on the other plane, and over the axis at their heights. It is the shortest of these, not of all paths.
 
     Args:
         start: N₁ (3,) in the B-frame, m.
@@ -104,7 +104,7 @@ def position_nodes(start: ArrayLike, goal: ArrayLike, sight: Sight, room: float 
     blocked = sight.between(first, mouth) or sight.between(mouth, last)
     if blocked is None:
         return (first, last) if np.array_equal(first, mouth) else (first, mouth, last)
-    path = _shortest([first, *_candidates(first, last, sight, room), last], sight)
+    path = _round_about(first, last, sight, room)
     if path is None:
         message = (
             f"no path over nodes beside the corners of GE leads from the start to the goal; plane {blocked} blocks"
@@ -113,12 +113,24 @@ def position_nodes(start: ArrayLike, goal: ArrayLike, sight: Sight, room: float 
     return path
 
 
+def _round_about(first: Array, last: Array, sight: Sight, room: float) -> tuple[Array, ...] | None:
+    """The shortest path to N₂, with `room` above the mouth, and along the axis from there where that is free."""
+    between = _candidates(first, last, sight, room)
+    mouth = np.array([0.0, 0.0, room])
+    if sight.between(mouth, last) is None:
+        outside = _shortest([first, *between, mouth], sight)
+        if outside is not None:
+            return (*outside, last)
+    return _shortest([first, *between, last], sight)
+
+
 def _candidates(first: Array, last: Array, sight: Sight, room: float) -> list[Array]:
     """Positions that a path may bend at, those in place, each once."""
     xz, yz = (
         bends(sight.expanded[name], room) if name in sight.expanded else np.zeros((0, 2)) for name in ("xz", "yz")
     )
-    axis = [(0.0, 0.0, z) for z in (0.0, room, first[2], *xz[:, 1], *yz[:, 1])]
+    heights = (room, first[2], *xz[:, 1], *yz[:, 1])
+    axis = [(0.0, 0.0, z) for z in heights if not 0.0 <= z < room]
     beside = [(x, y, z) for x, z in xz for y in (first[1], 0.0, last[1])]
     beside += [(x, y, z) for y, z in yz for x in (first[0], 0.0, last[0])]
     beside += [(x, y, max(a, b)) for (x, a), (y, b) in itertools.product(xz, yz)]

@@ -42,6 +42,15 @@ class Step(Value):
     after: Workcell
 
 
+def is_assembly(path: str | PathLike[str]) -> bool:
+    """Whether a file describes a workcell with its tasks, to go by its tables.
+
+    Raises:
+        InputError: the file cannot be read or is not TOML.
+    """
+    return bool({"objects", "tasks"} & set(read(Path(path)).data))
+
+
 def load_assembly(path: str | PathLike[str]) -> Assembly:
     """The assembly of a file.
 

@@ -11,7 +11,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, StringConstraints
 
-from fmopt.task.problem_file import Units
+from fmopt.task.problem_file import Angle, GraspTable, Pair, Units
 from fmopt.task.tables import (
     File,
     Force,
@@ -26,14 +26,12 @@ from fmopt.task.tables import (
     Torque,
     Vector,
 )
-from fmopt.task.units import ANGLE, LENGTH
+from fmopt.task.units import LENGTH
 
 _PART = r"[A-Za-z][A-Za-z0-9_-]{0,63}"
 FeatureRef: TypeAlias = Annotated[str, StringConstraints(pattern=rf"^{_PART}\.{_PART}$")]
 NodeRef: TypeAlias = Annotated[str, StringConstraints(pattern=rf"^{_PART}(\.{_PART})?$")]
-Shift: TypeAlias = Annotated[float | None, Measured(LENGTH, -1e3, 1e3, word="free")]
-Angle: TypeAlias = Annotated[float | None, Measured(ANGLE, -6.3, 6.3, word="free")]
-Pair: TypeAlias = Literal["cylindrical", "prismatic", "planar", "screw", "spherical", "revolute"]
+Shift: TypeAlias = Annotated[float | None, Measured(LENGTH, -1e3, 1e3, words=("free",))]
 
 
 class Object(Table):
@@ -56,13 +54,6 @@ class LinkTable(Table):
     """The lower pair, or "attached" for a rigid joint."""
     one: NodeRef
     other: NodeRef
-
-
-class GraspTable(Table):
-    """The frame of the moving feature in the frame of the hand."""
-
-    at: Vector = (0.0, 0.0, 0.0)
-    turn: Rotation = (0.0, 0.0, 0.0)
 
 
 class SpecificationTable(Table):

@@ -3,48 +3,71 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from os.path import normpath
-from pathlib import Path
 
 import numpy as np
 
-from fmopt.errors import InputError
 from fmopt.knowledge.command import Specification, Task
-from fmopt.knowledge.goal import FREE, Goal
+from fmopt.knowledge.goal import FREE, Entry, settle
 from fmopt.knowledge.tree import Feature, ObjectTree
 from fmopt.knowledge.workcell import LowerPair, Ref, Workcell
-from fmopt.se3 import Pose
-from fmopt.task.model import load_model, overrides_of
-from fmopt.task.problem import Problem
-from fmopt.task.tables import Reading, factors
-from fmopt.task.toml_source import Source, read
-from fmopt.task.tree import build_tree
+from fmopt.se3 import Pose, exp
+from fmopt.task.problem import Attributes, Problem
+from fmopt.task.problem_file import Goal
 
 _TURNED = {"cylinder", "cone"}
+_FREE_TURN: frozenset[LowerPair] = frozenset({"cylindrical", "revolute"})
+PLANNED: frozenset[LowerPair] = frozenset({"cylindrical", "prismatic", "revolute"})
 
 
 def task_command(problem: Problem) -> tuple[Workcell, Task]:
-    """The workcell of a problem at the start, its global reference frame in the mouth of the hole, and its task.
+    """The workcell of a problem at the start, its global reference frame in the feature that stays, and its task.
 
-    A round peg makes a cylindrical pair and leaves its turn about the axis free; any other makes a prismatic one. The
-    problem's files are read again for the trees of their solids.
-
-    Raises:
-        InputError: a file that has changed since and is no longer valid, or a feature that breaks a frame rule.
+    The peg's feature has its mating frame, turned so that the goal's orientation is that of the hole.
     """
-    source = read(problem.path)
-    moving, fixed = (_tree(source, side) for side in ("moving", "fixed"))
+    moving, fixed = problem.trees
     if moving.name == fixed.name:
         moving, fixed = replace(moving, name=f"{moving.name}-moving"), replace(fixed, name=f"{fixed.name}-fixed")
+    moving = _turned(moving, problem.moving_feature, problem.task.turn)
     peg, hole = moving.feature(problem.moving_feature), fixed.feature(problem.fixed_feature)
-    start = Pose.from_vector(problem.start)
-    cell = Workcell((moving.at(start.compose(peg.frame.inverse())), fixed.at(hole.frame.inverse())))
-    x, y, z, rx, ry, rz = (float(value) for value in problem.goal)
-    pair: LowerPair = "cylindrical" if is_round(peg) else "prismatic"
-    goal: Goal = (x, y, z, rx, ry, FREE if pair == "cylindrical" else rz)
+    start, exchanged = Pose.from_vector(problem.start), problem.task.exchanged
+    base = start.inverse() if exchanged else Pose.identity()
+    at_peg, at_hole = base.compose(start).compose(peg.frame.inverse()), base.compose(hole.frame.inverse())
+    refs = Ref(moving.name, peg.name), Ref(fixed.name, hole.name)
+    depth = -float(problem.goal[2]) if exchanged else float(problem.goal[2])
+    z: Entry = FREE if problem.task.free_depth else depth
+    turn: Entry = FREE if problem.task.free_turn else 0.0
     wanted = problem.specification
     specification = Specification(wanted.speed, wanted.contact_force, wanted.torque_limit)
-    return cell, Task(Ref(moving.name, peg.name), Ref(fixed.name, hole.name), goal, pair, specification)
+    one, other = reversed(refs) if exchanged else refs
+    task = Task(one, other, (0.0, 0.0, z, 0.0, 0.0, turn), problem.task.attachment, specification, problem.task.grasp)
+    return Workcell((moving.at(at_peg), fixed.at(at_hole))), task
+
+
+def attributes(goal: Goal, round_peg: bool, start: Pose, exchanged: bool, grasp: Pose) -> Attributes:
+    """The attributes of a task, its pair chosen and its angle about the axis settled where the file leaves them open.
+
+    A round peg makes a cylindrical pair and any other a prismatic one, unless the file says what it makes. A pair that
+    turns about its axis leaves the angle of a round peg free, which is then as the start has it.
+
+    Args:
+        goal: the table of the file.
+        round_peg: whether the peg is a solid of revolution.
+        start: of the peg's feature in the frame of the hole.
+        exchanged: whether the hole is in the hand, so that the file's angle is that of the hole against the peg.
+        grasp: frame of the grasped feature in the frame of the hand.
+
+    Raises:
+        TaskError: a free angle that the start does not settle.
+    """
+    pair: LowerPair = goal.attachment or ("cylindrical" if round_peg else "prismatic")
+    told = "turn" in goal.model_fields_set
+    free = goal.turn is None if told else round_peg and pair in _FREE_TURN
+    angle = goal.turn or 0.0
+    turn = -angle if exchanged else angle
+    if free:
+        values, _ = settle((0.0, 0.0, 0.0, 0.0, 0.0, FREE), start, pair, 0.0, "the goal")
+        turn = float(values[5])
+    return Attributes(pair, exchanged, grasp, turn, goal.depth is None, free)
 
 
 def is_round(feature: Feature) -> bool:
@@ -58,11 +81,21 @@ def is_round(feature: Feature) -> bool:
     return True
 
 
-def _tree(source: Source, side: str) -> ObjectTree:
-    reading = Reading(factors(source.data.get("units")))
-    overrides, faults = overrides_of(source, reading, (side, "parameters"))
-    path = Path(normpath(source.path.parent / source.data[side]["model"]))
-    model, more = load_model(path, source.place((side, "model")), overrides)
-    if model is None or faults:
-        raise InputError(*faults, *more)
-    return build_tree(model.source, model.file)
+def _turned(tree: ObjectTree, name: str, turn: float) -> ObjectTree:
+    """The tree with the frame of a feature turned about its z axis by −`turn`, rad."""
+    if turn == 0.0:
+        return tree
+    own = Pose(np.zeros(3), exp([0.0, 0.0, -turn]))
+    return replace(
+        tree,
+        classes=tuple(
+            replace(
+                group,
+                features=tuple(
+                    replace(feature, frame=feature.frame.compose(own)) if feature.name == name else feature
+                    for feature in group.features
+                ),
+            )
+            for group in tree.classes
+        ),
+    )

@@ -12,9 +12,14 @@ import numpy as np
 from fmopt.geometry.clearance import Clearance, checked_clearance
 from fmopt.geometry.features import Feature
 from fmopt.geometry.part import Part
+from fmopt.knowledge.command import answer
 from fmopt.se3 import Pose
+from fmopt.task.command import task_command
 from fmopt.task.problem import Problem
 from fmopt.task.sources import Sources
+from fmopt.values import Array
+
+_FREE = {"p_z": "free_depth", "q_z": "free_turn"}
 
 
 def measured(problem: Problem) -> Clearance:
@@ -37,6 +42,15 @@ def facts(problem: Problem, clearance: Clearance) -> dict[str, Any]:
         "parts": {"moving": problem.moving.name, "fixed": problem.fixed.name},
         "features": {"moving": problem.peg.name, "fixed": problem.hole.name},
         "goal": problem.goal.tolist(),
+        "task": {
+            "attachment": problem.task.attachment,
+            "exchanged": problem.task.exchanged,
+            "grasp": problem.task.grasp.vector().tolist(),
+            "turn": problem.task.turn,
+            "free": [name for name, free in _FREE.items() if getattr(problem.task, free)],
+            "start": problem.start.tolist(),
+            "trapezoid": None if problem.trapezoid is None else list(problem.trapezoid),
+        },
         "start_height": problem.approach,
         "start_box": problem.start_box.tolist(),
         "velocity_error": asdict(problem.velocity_error),
@@ -53,6 +67,7 @@ def explain(problem: Problem, clearance: Clearance) -> str:
     """What a problem asks for, one statement a line, lengths in mm and angles in degrees."""
     sections = {
         "parts": [_part("moving", problem.moving, problem.peg), _part("fixed", problem.fixed, problem.hole)],
+        "task": list(_task(problem)),
         "goal": [_goal(problem)],
         "clearance": list(_clearance(problem, clearance)),
         "start": list(_start(problem)),
@@ -83,11 +98,33 @@ def _part(side: str, part: Part, feature: Feature) -> str:
     return words + (f"; curves are off by up to {_mm(part.chord_error)} mm" if part.chord_error else "")
 
 
+def _task(problem: Problem) -> Iterator[str]:
+    """The pair, what the goal leaves free and how that is settled, and who is in the hand.
+
+    Raises:
+        TaskError: the task breaks a rule of the knowledge base.
+    """
+    wanted = problem.task
+    found = answer(*task_command(problem))
+    yield f"{found.task.moving} into a {wanted.attachment} pair with {found.task.fixed}"
+    if wanted.exchanged:
+        yield "the hollow part is in the hand: planned as if the peg moved, in the frame of the hole"
+    yield from map(str, found.settled)
+    if wanted.turn:
+        yield f"at the goal the peg is turned by {_deg(wanted.turn)} deg about the axis of the hole"
+    if wanted.grasp.vector().any():
+        x, y, z, *r = wanted.grasp.vector().tolist()
+        yield (
+            f"the grasped feature is at ({_mm(x)}, {_mm(y)}, {_mm(z)}) mm in the hand, "
+            f"turned by ({', '.join(map(_deg, r))}) deg"
+        )
+
+
 def _goal(problem: Problem) -> str:
     depth = -float(problem.goal[2])
     full = min(problem.peg.length, problem.hole.length)
     share = "full depth" if depth == full else f"{depth / full:.0%} of full depth"
-    return f"leading face {_mm(depth)} mm below the mouth ({share}), not turned, anywhere within the play"
+    return f"leading face {_mm(depth)} mm below the mouth ({share}), anywhere within the play"
 
 
 def _clearance(problem: Problem, clearance: Clearance) -> Iterator[str]:
@@ -114,6 +151,7 @@ def _mismatch(problem: Problem, clearance: Clearance) -> Iterator[str]:
 
 def _start(problem: Problem) -> Iterator[str]:
     yield f"lowest point {_mm(problem.approach)} mm above the mouth, tilted and beside the axis as the plan says"
+    yield f"nominal trajectory from {_pose(problem.start)} of the hole's frame"
     x, y, z, rx, ry, rz = (float(width) for width in problem.start_box)
     origin = "as stated" if problem.sources is None else "from its sources"
     yield (
@@ -122,6 +160,14 @@ def _start(problem: Problem) -> Iterator[str]:
     )
     if problem.sources is not None:
         yield from _sources(problem.sources)
+    if problem.trapezoid is not None:
+        ball, cone = problem.trapezoid
+        yield f"S(t) for a ball of {_mm(ball)} mm and a cone of {_deg(cone)} deg, for which nothing is proved"
+
+
+def _pose(P: Array) -> str:
+    place = f"({', '.join(_mm(float(value)) for value in P[:3])}) mm"
+    return place + (f", turned by ({', '.join(_deg(float(value)) for value in P[3:])}) deg," if P[3:].any() else "")
 
 
 def _sources(sources: Sources) -> Iterator[str]:

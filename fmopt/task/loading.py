@@ -5,26 +5,30 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from os.path import normpath
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from fmopt.errors import Fault, InputError
+from fmopt.errors import Fault, InputError, TaskError
 from fmopt.geometry.part import Part, rebased
-from fmopt.se3 import Pose
+from fmopt.knowledge.tree import ObjectTree
+from fmopt.se3 import Pose, exp
 from fmopt.task import problem_file as files
+from fmopt.task.command import PLANNED, attributes, is_round
 from fmopt.task.faults import checked
 from fmopt.task.model import Model, load_model, overrides_of
-from fmopt.task.problem import Problem, Settings, Specification, VelocityError
+from fmopt.task.problem import Attributes, Problem, Settings, Specification, VelocityError
 from fmopt.task.sources import Deviation, Sources, start_box
 from fmopt.task.tables import Reading, factors, in_words
 from fmopt.task.toml_source import Source, read, read_bytes
-from fmopt.task.tree import MAX_MESH_BYTES, build_part
+from fmopt.task.tree import MAX_MESH_BYTES, build_part, build_tree
 from fmopt.task.units import LENGTH, did_you_mean
 from fmopt.values import Array
+
+T = TypeVar("T")
 
 
 def load_problem(path: Path) -> Problem:
@@ -37,6 +41,9 @@ def load_problem(path: Path) -> Problem:
     if not {"moving", "fixed"} & set(source.data) and {"features", "solids", "mesh"} & set(source.data):
         advice = "name a problem file, which names two models under [moving] and [fixed]"
         raise InputError(source.place(()).fault("file-kind", "this is a model file, not a problem", advice))
+    if {"objects", "tasks"} & set(source.data):
+        advice = "check it with fmopt check; a plan is of one task, which a problem file describes"
+        raise InputError(source.place(()).fault("file-kind", "this is an assembly, not a problem", advice))
     reading = Reading(factors(source.data.get("units")))
     file, faults = checked(files.ProblemFile, source, reading)
     models: dict[str, Model] = {}
@@ -67,29 +74,48 @@ def _operand(source: Source, reading: Reading, side: str) -> tuple[Model | None,
 
 
 def _cross_checks(source: Source, file: files.ProblemFile, models: Mapping[str, Model]) -> Iterator[Fault]:
-    """What one key cannot see: features, the depth against the hole, and exactly one description of the start error."""
-    for side, wanted in (("moving", "solid"), ("fixed", "hollow")):
-        if side not in models:
-            continue
-        features = models[side].file.features
-        name = _table(file, side).feature
-        place = source.place((side, "feature"))
-        if name not in features:
-            message = f"the model {models[side].file.name!r} has no feature {name!r}"
-            advice = did_you_mean(name, features) or f"features: {', '.join(features)}"
-            yield place.fault("unknown-feature", message, advice)
-        elif features[name].kind != wanted:
-            message = f"the feature {name!r} is {features[name].kind}; the {side} part mates with a {wanted} one"
-            yield place.fault("feature-kind", message, "name another feature, or exchange the two parts")
+    """What one key cannot see: features, the pair, the depth against the hole, and one description of the errors."""
+    yield from _feature_faults(source, file, models)
+    if file.goal.attachment is not None and file.goal.attachment not in PLANNED:
+        message = f"a {file.goal.attachment} pair is not made by an insertion along the axis"
+        advice = "the knowledge base answers such tasks; describe it in an assembly file"
+        yield source.place(("goal", "attachment")).fault("no-insertion", message, advice)
     start, sources = file.uncertainty.start, file.uncertainty.sources
     if (start is None) == (sources is None):
         message = "the start error is described twice" if start else "the start error is not described"
         place = source.place(("uncertainty",), of_key=True)
         yield place.fault("conflict", message, "give either [uncertainty.start] or [uncertainty.sources]")
+    if sources is not None and _is_exchanged(file, models):
+        message = "with the hollow part in the hand the sources do not say how far the peg's leading face is off"
+        advice = "give [uncertainty.start]: errors of the peg's leading face against the hole"
+        yield source.place(("uncertainty", "sources"), of_key=True).fault("conflict", message, advice)
     deepest = _deepest(file, models)
     if deepest is not None and file.goal.depth is not None and file.goal.depth > deepest:
         message = f"{in_words(file.goal.depth, LENGTH)} is deeper than hole and peg allow, {in_words(deepest, LENGTH)}"
         yield source.place(("goal", "depth")).fault("out-of-range", message, 'lower it, or write "full"')
+
+
+def _feature_faults(source: Source, file: files.ProblemFile, models: Mapping[str, Model]) -> Iterator[Fault]:
+    """Features that are not there, and two of one kind."""
+    kinds = {}
+    for side, model in models.items():
+        features, name = model.file.features, _table(file, side).feature
+        if name not in features:
+            message = f"the model {model.file.name!r} has no feature {name!r}"
+            advice = did_you_mean(name, features) or f"features: {', '.join(features)}"
+            yield source.place((side, "feature")).fault("unknown-feature", message, advice)
+        else:
+            kinds[side] = features[name].kind
+    if len(kinds) == 2 and kinds["moving"] == kinds["fixed"]:
+        message = f"{file.moving.feature!r} and {file.fixed.feature!r} are both {kinds['moving']}"
+        place = source.place(("moving", "feature"))
+        yield place.fault("feature-kind", message, "name the peg of one part and the hole of the other")
+
+
+def _is_exchanged(file: files.ProblemFile, models: Mapping[str, Model]) -> bool:
+    """Whether the moving feature is a hollow one."""
+    feature = models["moving"].file.features.get(file.moving.feature) if "moving" in models else None
+    return feature is not None and feature.kind == "hollow"
 
 
 def _table(file: files.ProblemFile, side: str) -> files.Operand:
@@ -107,21 +133,33 @@ def _deepest(file: files.ProblemFile, models: Mapping[str, Model]) -> float | No
 
 
 def _problem(source: Source, file: files.ProblemFile, models: Mapping[str, Model]) -> Problem:
+    exchanged = _is_exchanged(file, models)
+    peg, hole = ("fixed", "moving") if exchanged else ("moving", "fixed")
     parts = _parts(file, models)
     depth = file.goal.depth or _deepest(file, models) or 0.0
+    trees = _trees(models)
+    begin, grasp = _start(file, exchanged), Pose.from_vector([*file.grasp.at, *file.grasp.turn])
+    round_peg = is_round(trees[peg].feature(_table(file, peg).feature))
+    task = _attributes(source, file, round_peg, begin, exchanged, grasp)
+    turned = Pose(np.zeros(3), exp([0.0, 0.0, -task.turn]))
+    moving, trapezoid = rebased(parts[peg], turned), file.uncertainty.trapezoid
     sources = _sources(file.uncertainty.sources) if file.uncertainty.sources else None
     return Problem(
         title=file.title,
         path=source.path,
         sha256=_sha256(source, models),
-        moving=parts["moving"],
-        fixed=parts["fixed"],
-        moving_feature=file.moving.feature,
-        fixed_feature=file.fixed.feature,
+        moving=moving,
+        fixed=parts[hole],
+        trees=(trees[peg], trees[hole]),
+        moving_feature=_table(file, peg).feature,
+        fixed_feature=_table(file, hole).feature,
         goal=Pose(np.array([0.0, 0.0, -depth]), np.eye(3)).vector(),
+        start=begin.compose(turned).vector(),
+        task=task,
         declared_clearance=(file.clearance.x, file.clearance.y),
         approach=file.start.height,
-        start_box=_start_box(file, sources, parts["moving"]),
+        start_box=_start_box(file, sources, moving),
+        trapezoid=None if trapezoid is None else (trapezoid.ball, trapezoid.cone),
         sources=sources,
         velocity_error=VelocityError(**file.uncertainty.velocity.model_dump()),
         specification=Specification(**file.specification.model_dump()),
@@ -129,18 +167,50 @@ def _problem(source: Source, file: files.ProblemFile, models: Mapping[str, Model
     )
 
 
+def _start(file: files.ProblemFile, exchanged: bool) -> Pose:
+    """P(0): pose of the peg's feature in the frame of the hole where the nominal trajectory begins."""
+    if file.start.at is None:
+        turn = exp(file.start.turn)
+        return Pose(np.array([0.0, 0.0, file.start.height]), turn.T if exchanged else turn)
+    given = Pose.from_vector([*file.start.at, *file.start.turn])
+    return given.inverse() if exchanged else given
+
+
+def _attributes(
+    source: Source, file: files.ProblemFile, round_peg: bool, begin: Pose, exchanged: bool, grasp: Pose
+) -> Attributes:
+    try:
+        return attributes(file.goal, round_peg, begin, exchanged, grasp)
+    except TaskError as error:
+        place = source.place(("goal", "turn") if file.goal.model_fields_set & {"turn"} else ("goal",), of_key=True)
+        raise InputError(place.fault("task-rule", error.message, error.advice)) from error
+
+
 def _parts(file: files.ProblemFile, models: Mapping[str, Model]) -> dict[str, Part]:
     """The two parts, each in the frame of its mating feature; faults of both are found."""
-    parts, faults = {}, list[Fault]()
+
+    def built(side: str, model: Model) -> Part:
+        part = build_part(model.source, model.file)
+        return rebased(part, part.feature(_table(file, side).feature).frame)
+
+    return _both(built, models)
+
+
+def _trees(models: Mapping[str, Model]) -> dict[str, ObjectTree]:
+    """The object trees of the two parts, the frames of their features checked; faults of both are found."""
+    return _both(lambda _, model: build_tree(model.source, model.file), models)
+
+
+def _both(build: Callable[[str, Model], T], models: Mapping[str, Model]) -> dict[str, T]:
+    built, faults = {}, list[Fault]()
     for side, model in models.items():
         try:
-            part = build_part(model.source, model.file)
-            parts[side] = rebased(part, part.feature(_table(file, side).feature).frame)
+            built[side] = build(side, model)
         except InputError as error:
             faults += error.faults
     if faults:
         raise InputError(*dict.fromkeys(faults))
-    return parts
+    return built
 
 
 def _start_box(file: files.ProblemFile, sources: Sources | None, moving: Part) -> Array:

@@ -16,6 +16,9 @@ from fmopt.values import Array, Value, frozen
 if TYPE_CHECKING:
     from fmopt.geometry.features import Feature
     from fmopt.geometry.part import Part
+    from fmopt.knowledge.tree import ObjectTree
+    from fmopt.knowledge.workcell import LowerPair
+    from fmopt.se3 import Pose
 
 
 @dataclass(frozen=True)
@@ -49,8 +52,33 @@ class VelocityError:
 
 
 @dataclass(frozen=True, eq=False)
+class Attributes(Value):
+    """What [LeeHuang1985] section 3 has among the five attributes of a task and the mating frames do not show.
+
+    Args:
+        attachment: the lower pair to be made.
+        exchanged: whether the hollow part is in the hand and the solid one stands.
+        grasp: frame of the grasped feature in the frame of the hand.
+        turn: angle of the peg about the axis of the hole at the goal, rad. The peg's mating frame is turned by it, so
+            that its goal reads 0.
+        free_depth: whether the goal leaves the depth free.
+        free_turn: whether it leaves the angle free.
+    """
+
+    attachment: LowerPair
+    exchanged: bool
+    grasp: Pose
+    turn: float
+    free_depth: bool
+    free_turn: bool
+
+
+@dataclass(frozen=True, eq=False)
 class Problem(Value):
     """An insertion, in SI units and mating frames.
+
+    The moving part is the one with the peg. Where the task has the hole in the hand the operands are exchanged: the
+    errors, speeds and forces are those of the peg's leading face against the hole all the same.
 
     Args:
         title: for people.
@@ -58,12 +86,16 @@ class Problem(Value):
         sha256: of the contents of the problem file and its models; comments and layout do not count.
         moving: the moving part; its origin is the centre of the peg's leading face, z back into the part.
         fixed: the fixed part in the B-frame; its origin is the centre of the mouth, z out of the hole.
+        trees: the object trees of the moving and the fixed part, in their models' frames.
         moving_feature: name of the peg.
         fixed_feature: name of the hole.
         goal: pose (6,) of the moving part when seated, m and rad.
+        start: P(0) (6,), where the nominal trajectory begins, m and rad.
+        task: attachment, grasp and what the goal leaves free.
         declared_clearance: on each side along x and y of the B-frame, m.
         approach: height of the tilted part's lowest point above the mouth at the start, m.
         start_box: half-widths (6,) of the start error in local coordinates (d, δ), m and rad.
+        trapezoid: radius of the ball (m) and half-angle of the cone (rad) of S(t); None for those of the start error.
         sources: where the start box comes from; None when the file gives it outright.
         velocity_error: fractions of the speed.
         specification: speed, forces, friction.
@@ -75,12 +107,16 @@ class Problem(Value):
     sha256: str
     moving: Part
     fixed: Part
+    trees: tuple[ObjectTree, ObjectTree]
     moving_feature: str
     fixed_feature: str
     goal: Array
+    start: Array
+    task: Attributes
     declared_clearance: tuple[float, float]
     approach: float
     start_box: Array
+    trapezoid: tuple[float, float] | None
     sources: Sources | None
     velocity_error: VelocityError
     specification: Specification
@@ -88,12 +124,8 @@ class Problem(Value):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "goal", frozen(self.goal, 6, name="goal"))
+        object.__setattr__(self, "start", frozen(self.start, 6, name="start"))
         object.__setattr__(self, "start_box", frozen(self.start_box, 6, name="start box"))
-
-    @property
-    def start(self) -> Array:
-        """Nominal pose (6,) at the start: on the axis, not turned; m and rad."""
-        return frozen([0.0, 0.0, self.approach, 0.0, 0.0, 0.0])
 
     @property
     def peg(self) -> Feature:

@@ -19,13 +19,15 @@ from fmopt.task.tables import (
     Parameter,
     ParameterName,
     Ratio,
+    Rotation,
     Speed,
     Table,
     Tilt,
     Title,
     Torque,
+    Vector,
 )
-from fmopt.task.units import LENGTH
+from fmopt.task.units import ANGLE, LENGTH
 
 
 class Units(Table):
@@ -45,19 +47,33 @@ class Operand(Table):
     model: File
     """Model file, relative to this file."""
     feature: Name
-    """The mating feature: solid for the moving part, hollow for the fixed one."""
+    """The mating feature: one solid and one hollow; where the hollow part moves, the operands are exchanged."""
     parameters: Annotated[dict[ParameterName, Parameter], Field(max_length=256)] = Field(default_factory=dict)
     """Values that replace the model's; plain numbers are lengths."""
 
 
-Depth: TypeAlias = Annotated[float | None, Measured(LENGTH, 1e-9, 1e3, word="full")]
+Depth: TypeAlias = Annotated[float | None, Measured(LENGTH, 1e-9, 1e3, words=("full", "free"))]
+Angle: TypeAlias = Annotated[float | None, Measured(ANGLE, -6.3, 6.3, words=("free",))]
+Pair: TypeAlias = Literal["cylindrical", "prismatic", "planar", "screw", "spherical", "revolute"]
 
 
 class Goal(Table):
-    """Where the moving part ends: on the mating axis, not turned, its leading face this far below the mouth."""
+    """Where the moving part ends, on the mating axis, and the pair that it then makes with the fixed one."""
 
     depth: Depth
-    """"full", as deep as hole and peg allow, or a depth."""
+    """How far the peg's leading face goes below the mouth; "full" or "free" is as deep as hole and peg allow."""
+    turn: Angle = None
+    """Angle about the axis, of the moving feature against the fixed one; "free" is as the start has it, nearest to it.
+    Not given: free where the pair leaves it free and the peg is round, else 0."""
+    attachment: Pair | None = None
+    """The lower pair that the task makes; not given: cylindrical for a round peg, prismatic for any other."""
+
+
+class GraspTable(Table):
+    """The frame of the moving feature in the frame of the hand."""
+
+    at: Vector = (0.0, 0.0, 0.0)
+    turn: Rotation = (0.0, 0.0, 0.0)
 
 
 class Clearance(Table):
@@ -74,6 +90,11 @@ class Start(Table):
 
     height: Length
     """Height of the tilted part's lowest point above the mouth; the start error holds in that pose."""
+    at: Vector | None = None
+    """Where the nominal trajectory P(t) begins: the moving feature's origin in the fixed feature's frame; not given:
+    on the axis, the peg's leading face at `height`."""
+    turn: Rotation = (0.0, 0.0, 0.0)
+    """How the moving feature is turned there: a rotation vector."""
 
 
 class Box(Table):
@@ -128,11 +149,22 @@ class Velocity(Table):
     rotation: Ratio
 
 
+class Trapezoid(Table):
+    """Ball and cone of the nominal trajectory's S(t), [LeeHuang1985] section 4.1.2, on all three planes."""
+
+    ball: Distance
+    """Radius r of the ball (max norm) of the peg's leading face's centre."""
+    cone: Tilt
+    """Half-angle s of the cone of its direction."""
+
+
 class Uncertainty(Table):
     """Errors: at the start, either as a box or by their sources, and of the velocity."""
 
     start: Box | None = None
     sources: Sources | None = None
+    trapezoid: Trapezoid | None = None
+    """For what errors S(t) says what stops the part; those of the start when not given. Nothing is proved for them."""
     velocity: Velocity
 
 
@@ -176,6 +208,7 @@ class ProblemFile(Table):
     goal: Goal
     clearance: Clearance
     start: Start
+    grasp: GraspTable = Field(default_factory=GraspTable)
     uncertainty: Uncertainty
     specification: Specification
     settings: Settings = Field(default_factory=Settings)

@@ -1,10 +1,11 @@
-"""The published JSON Schemas of problem and model files, for editors and other readers."""
+"""The published JSON Schemas of problem, model and assembly files, for editors and other readers."""
 
 from __future__ import annotations
 
 import json
 from typing import Any
 
+from fmopt.task.assembly_file import AssemblyFile
 from fmopt.task.model_file import ModelFile
 from fmopt.task.problem_file import ProblemFile
 
@@ -19,6 +20,11 @@ def problem_schema() -> dict[str, Any]:
 def model_schema() -> dict[str, Any]:
     """JSON Schema of a model file."""
     return {"$schema": _DIALECT, **ModelFile.model_json_schema()}
+
+
+def assembly_schema() -> dict[str, Any]:
+    """JSON Schema of an assembly file."""
+    return {"$schema": _DIALECT, **AssemblyFile.model_json_schema()}
 
 
 def text(schema: dict[str, Any]) -> str:

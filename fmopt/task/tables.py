@@ -117,12 +117,12 @@ def shown(value: object) -> str:
 
 @dataclass(frozen=True)
 class Measured:
-    """Annotation of a float field: its dimension, the closed range [low, high] in SI, and a word that means None."""
+    """Annotation of a float field: its dimension, the closed range [low, high] in SI, and words that mean None."""
 
     dimension: Dimension
     low: float = -math.inf
     high: float = math.inf
-    word: str = ""
+    words: tuple[str, ...] = ()
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.with_info_plain_validator_function(self._validate)
@@ -133,12 +133,12 @@ class Measured:
             plain["minimum"] = 0
         elif self.low > 0.0:
             plain["exclusiveMinimum"] = 0
-        word = [{"const": self.word}] if self.word else []
-        return {"anyOf": [plain, *word, _TEXT], "examples": [EXAMPLES[self.dimension].strip('"')]}
+        words = [{"const": word} for word in self.words]
+        return {"anyOf": [plain, *words, _TEXT], "examples": [EXAMPLES[self.dimension].strip('"')]}
 
     def _validate(self, value: Any, info: ValidationInfo) -> float | None:
         reading = info.context if isinstance(info.context, Reading) else Reading()
-        if (self.word and value == self.word) or reading.excuses(value):
+        if (isinstance(value, str) and value in self.words) or reading.excuses(value):
             return None
         try:
             number = reading.quantity(value, self.dimension).value
