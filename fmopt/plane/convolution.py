@@ -14,7 +14,7 @@ the hole takes no part. Holes of B likewise.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TypeAlias
@@ -26,57 +26,32 @@ from fmopt.plane.boolean import bearing, positive, union
 from fmopt.plane.component import components
 from fmopt.plane.conic import ConicArc
 from fmopt.plane.curve import Arc, Curve, Segment
+from fmopt.plane.fitting import fitted
 from fmopt.plane.region import Region
 from fmopt.values import Array
 
 _CUSP = 1e-6  # rad: nearer to a half turn the side is read off the curves, not the tangents
 _FLAT = 1e-14
 _EQUAL = 1e-12
+_PROBES = 33
 
 
 def minkowski_sum(first: Region, second: Region, tolerance: float) -> Region:
     """The regularised Minkowski sum A ⊕ B = {a + b}; empty when an operand is.
 
-    Exact for boundaries of segments and circular arcs, and for conic arcs beside a polygon. Where a conic arc meets
-    curves of the other operand the conic arcs are replaced by polylines outside of them, so that the answer contains
-    the sum and stays within `tolerance` (of each operand with conic arcs) of it.
+    Exact for boundaries of segments and circular arcs, and where a conic arc meets edges and corners. Where it meets
+    curves of the other operand the sum of the two is no conic: conic arcs outside of it and within `tolerance` are
+    fitted, so that the answer contains the sum.
 
     Args:
         first: A.
         second: B.
         tolerance: in m.
     """
-    if first.empty or second.empty:
-        return Region(())
-    if _bent(second):
-        first = straightened(first, tolerance)
-    if _bent(first):
-        second = straightened(second, tolerance)
-    return union([_sum(a, b) for a in components(first) for b in components(second)])
+    return union([_sum(a, b, tolerance) for a in components(first) for b in components(second)])
 
 
-def straightened(region: Region, tolerance: float) -> Region:
-    """The region with conic arcs replaced by polylines on its outside, within `tolerance` (m) of them."""
-    if not any(isinstance(curve, ConicArc) for curve in region.curves):
-        return region
-    loops = []
-    for loop in region.loops:
-        run: list[Curve] = []
-        for curve in loop:
-            if isinstance(curve, ConicArc):
-                points = curve.polyline(tolerance, "right")
-                run += [Segment(a, b) for a, b in pairwise(points)]
-            else:
-                run.append(curve)
-        loops.append(tuple(run))
-    return Region(tuple(loops))
-
-
-def _bent(region: Region) -> bool:
-    return not all(isinstance(curve, Segment) for curve in region.curves)
-
-
-def _sum(first: Region, second: Region) -> Region:
+def _sum(first: Region, second: Region, tolerance: float) -> Region:
     """The sum of two connected regions."""
     areas = [[sum(curve.moment() for curve in loop) for loop in region.loops] for region in (first, second)]
     whole = [max(area) for area in areas]
@@ -85,7 +60,7 @@ def _sum(first: Region, second: Region) -> Region:
         for other, beside in zip(second.loops, areas[1], strict=True):
             fits = -area > whole[1] * (1.0 + _EQUAL) if area < 0.0 else -beside > whole[0] * (1.0 + _EQUAL)
             if (area > 0.0 and beside > 0.0) or (area * beside < 0.0 and fits):
-                curves += convolution(loop, other)
+                curves += convolution(loop, other, tolerance)
     return positive(curves)
 
 
@@ -122,8 +97,8 @@ class _Turns:
     conics: tuple[ConicArc | None, ...]
 
 
-def convolution(first: Sequence[Curve], second: Sequence[Curve]) -> list[Curve]:
-    """The convolution of two closed loops, as curves in no order; at most one of the loops may hold conic arcs.
+def convolution(first: Sequence[Curve], second: Sequence[Curve], tolerance: float) -> list[Curve]:
+    """The convolution of two closed loops, as curves in no order; sums that are no conics as in `minkowski_sum`.
 
     Equal directions are told apart as if the first loop were turned right by an infinitesimal angle.
     """
@@ -134,7 +109,7 @@ def convolution(first: Sequence[Curve], second: Sequence[Curve]) -> list[Curve]:
     found = _translated(lines, i, other_turns, j)
     early = other_lines.angle[:, None]
     j, i = np.nonzero((turns.low <= early) & (early < turns.high))
-    return found + _translated(other_lines, j, turns, i) + _turned(turns, other_turns)
+    return found + _translated(other_lines, j, turns, i) + _turned(turns, other_turns, tolerance)
 
 
 def _translated(lines: _Lines, rows: Integers, turns: _Turns, places: Integers) -> list[Curve]:
@@ -149,47 +124,99 @@ def _points(turns: _Turns, rows: Integers, angles: Array) -> Array:
     """Points (n, 2) of the turns in `rows` at directions (n,) in rad."""
     normals = np.stack([np.sin(angles), -np.cos(angles)], axis=-1)
     points = turns.centre[rows] + turns.radius[rows, None] * normals
-    for k in np.flatnonzero(np.isnan(turns.radius[rows])).tolist():
-        conic = turns.conics[rows[k]]
+    for row in np.unique(rows[np.isnan(turns.radius[rows])]).tolist():
+        conic, here = turns.conics[row], rows == row
         assert conic is not None
-        points[k] = conic.point(_share(conic, float(angles[k])))
+        points[here] = conic.point(_shares(conic, angles[here]))
     return np.asarray(points)
 
 
-def _turned(turns: _Turns, others: _Turns) -> list[Curve]:
+def _turned(turns: _Turns, others: _Turns, tolerance: float) -> list[Curve]:
     """Sums of turns over the directions that they have in common."""
     low, high = np.maximum(turns.low[:, None], others.low), np.minimum(turns.high[:, None], others.high)
     radius = turns.radius[:, None] + others.radius
     found: list[Curve] = []
     for i, j in zip(*(rows.tolist() for rows in np.nonzero((low < high) & (radius != 0.0))), strict=True):
-        conic, partner = turns.conics[i], others.conics[j]
         a, b = float(low[i, j]), float(high[i, j])
-        if conic is not None:
-            found.append(_conic(conic, a, b, others.centre[j], others.sign[j] < 0.0))
-        elif partner is not None:
-            found.append(_conic(partner, a, b, turns.centre[i], turns.sign[i] < 0.0))
-        else:
-            size = float(radius[i, j])
+        one, two = (turns, i), (others, j)
+        size = float(radius[i, j])
+        if not math.isnan(size):
             ahead = turns.sign[i] * others.sign[j] > 0.0
             start, sweep = (a, b - a) if ahead else (b, a - b)
             start -= math.copysign(0.5 * math.pi, size)
             found.append(Arc(turns.centre[i] + others.centre[j], abs(size), start, sweep))
+        elif others.radius[j] == 0.0:
+            found.append(_piece(one, two, a, b))
+        elif turns.radius[i] == 0.0:
+            found.append(_piece(two, one, a, b))
+        else:
+            found += _blended(one, two, a, b, tolerance)
     return found
 
 
-def _conic(conic: ConicArc, low: float, high: float, offset: Array, backward: bool) -> Curve:
-    """The piece of a conic arc between two directions, translated."""
-    a, b = sorted((_share(conic, low), _share(conic, high)))
-    piece = conic.part(a, b).moved(np.eye(2), offset)
-    return piece.reversed() if backward else piece
+_Turn: TypeAlias = tuple[_Turns, int]
 
 
-def _share(conic: ConicArc, angle: float) -> float:
-    """The parameter at which a conic arc runs in a direction (rad)."""
-    normal = np.array([math.sin(angle), -math.cos(angle)])
-    along = np.array([math.cos(angle), math.sin(angle)])
-    found = [t for t in (0.0, *conic.extremum(normal), 1.0) if float(conic.tangent(t) @ along) > 0.0]
-    return min(found, key=lambda t: abs(float(conic.tangent(t) @ normal)))
+def _piece(turn: _Turn, corner: _Turn, low: float, high: float) -> Curve:
+    """The piece of a conic arc between two directions, moved to a corner, and run through backward for a reflex one."""
+    conic = turn[0].conics[turn[1]]
+    assert conic is not None
+    a, b = np.sort(_shares(conic, np.array([low, high]))).tolist()
+    piece = conic.part(a, b).moved(np.eye(2), corner[0].centre[corner[1]])
+    return piece if corner[0].sign[corner[1]] > 0.0 else piece.reversed()
+
+
+def _blended(one: _Turn, two: _Turn, low: float, high: float, tolerance: float) -> list[Curve]:
+    """The sum of two curved turns, in pieces along which the sum of their radii of curvature keeps its sign."""
+
+    def points(angles: Array) -> Array:
+        return sum_of(_points, angles)
+
+    def sum_of(value: Callable[[_Turns, Integers, Array], Array], angles: Array) -> Array:
+        a, b = (value(turns, np.full(len(angles), row), angles) for turns, row in (one, two))
+        return np.asarray(a + b)
+
+    probes = np.linspace(low, high, _PROBES)
+    positive_ = sum_of(_radii, probes) > 0.0
+    stops = [low]
+    for k in np.flatnonzero(positive_[1:] != positive_[:-1]).tolist():
+        a, b = float(probes[k]), float(probes[k + 1])
+        for _ in range(60):
+            middle = 0.5 * (a + b)
+            if (sum_of(_radii, np.array([middle]))[0] > 0.0) == positive_[k]:
+                a = middle
+            else:
+                b = middle
+        stops.append(b)
+    ahead = bool(one[0].sign[one[1]] * two[0].sign[two[1]] > 0.0)
+    spans = [(a, b) for a, b in pairwise([*stops, high]) if a < b]
+    return [curve for a, b in spans for curve in fitted(points, a, b, ahead, tolerance)]
+
+
+def _radii(turns: _Turns, rows: Integers, angles: Array) -> Array:
+    """Signed radii of curvature (n,) in m at directions (n,) in rad."""
+    radii = turns.radius[rows]
+    for row in np.unique(rows[np.isnan(radii)]).tolist():
+        conic, here = turns.conics[row], rows == row
+        assert conic is not None
+        radii[here] = 1.0 / conic.curvature(_shares(conic, angles[here]))
+    return radii
+
+
+def _shares(conic: ConicArc, angles: Array) -> Array:
+    """The parameters (n,) at which a conic arc runs in the directions (n,) in rad.
+
+    With n to the right of the direction the tangent is along it where a (1−t)² + c t (1−t) + e t² = 0,
+    a = w (p₁−p₀)·n, c = (p₂−p₀)·n, e = w (p₂−p₁)·n: of its roots in t / (1−t) one is positive, as a and e differ in
+    sign.
+    """
+    normals = math.copysign(1.0, conic.turn) * np.stack([np.sin(angles), -np.cos(angles)])
+    a = np.maximum(conic.weight * (conic.shoulder - conic.first) @ normals, 0.0)
+    c = (conic.last - conic.first) @ normals
+    e = np.maximum(-conic.weight * (conic.last - conic.shoulder) @ normals, 0.0)
+    root = np.sqrt(c**2 + 4.0 * a * e)
+    top = np.where(c > 0.0, c + root, 2.0 * a)
+    return np.asarray(top / (top + np.where(c > 0.0, 2.0 * e, root - c)))
 
 
 def _features(loop: Sequence[Curve]) -> tuple[_Lines, _Turns]:
