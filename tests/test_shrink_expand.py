@@ -10,10 +10,12 @@ import pytest
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from fmopt.nominal.shrink_expand import expanded
+from fmopt.nominal.shrink_expand import expanded, expanded_turning
 from fmopt.plane.boolean import difference, intersection, union
+from fmopt.plane.conic import ellipse_arcs
 from fmopt.plane.curve import Arc
 from fmopt.plane.region import Region, polygon_region
+from fmopt.plane.turning import turn_swept, turned
 from fmopt.values import Array
 
 
@@ -23,6 +25,28 @@ def disc(x: float, y: float, radius: float) -> Region:
 
 def box(x: float, y: float, width: float, height: float) -> Region:
     return polygon_region([(x, y), (x + width, y), (x + width, y + height), (x, y + height)])
+
+
+def ellipse(x: float, y: float, a: float, b: float) -> Region:
+    return Region((tuple(ellipse_arcs((x, y), (a, 0.0), (0.0, b), 0.0, math.tau)),))
+
+
+def round_tree(rng: np.random.Generator) -> Region:
+    """A disc or an ellipse, with a bite and a hole, and a bar."""
+    body = disc(0.0, 0.0, 0.6) if rng.random() < 0.5 else ellipse(0.0, 0.0, 0.7, 0.5)
+    bite = disc(*rng.uniform(0.3, 0.7, 2), float(rng.uniform(0.2, 0.5)))
+    hole = disc(*rng.uniform(-0.25, 0.05, 2), float(rng.uniform(0.15, 0.25)))
+    return union([difference(difference(body, bite), hole), box(-1.0, -0.6, float(rng.uniform(0.3, 1.5)), 0.15)])
+
+
+def overlaps(G: Region, section: Region, centres: Array) -> Array:
+    """How deep (n,), at least, the section placed at each centre (n, 2) reaches into G, in m: 0 or sampled."""
+    low, high = section.box
+    grid = np.stack(np.meshgrid(*np.linspace(low, high, 9).T), axis=-1).reshape(-1, 2)
+    edges = np.vstack([curve.point(np.linspace(0.0, 1.0, 7)) for curve in section.curves])
+    probes = np.vstack([grid[section.contains(grid)], edges])
+    depths = G.depth((centres[:, None] + probes).reshape(-1, 2)).reshape(len(centres), -1)
+    return np.asarray(np.maximum(depths.max(axis=1), 0.0))
 
 
 def random_convex(rng: np.random.Generator, size: float) -> Region:
@@ -97,3 +121,122 @@ def test_empty_operands() -> None:
     assert expanded(Region(()), [G]).empty
     grown = expanded(G, [G])
     assert expanded(G, [Region(()), G]).hausdorff(grown) == 0.0
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_assertion_1(seed: int) -> None:
+    """The expansion by a union of instances is the union of the expansions, and so over a union of what is fixed."""
+    rng = np.random.default_rng(200 + seed)
+    fixed = [random_tree(rng, 1) for _ in range(2)]
+    moving = [random_convex(rng, 0.4) for _ in range(2)] + [disc(0.2, 0.1, 0.3)]
+    G = union(fixed)
+    whole = expanded(G, moving)
+    for other in (
+        expanded(G, [union(moving)]),
+        union([expanded(G, [section]) for section in moving]),
+        union([expanded(part, moving) for part in fixed if not part.empty]),
+    ):
+        assert other.area == pytest.approx(whole.area, rel=1e-9)
+        for one, two in ((other, whole), (whole, other)):
+            points = np.vstack([curve.point(np.linspace(0.0, 1.0, 5)) for curve in one.curves])
+            assert two.boundary_distance(points).max() <= 1e-9
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_membership_of_round_expansions(seed: int) -> None:
+    """Inside GE, and only there, the section overlaps G: centres by sampling, both ways."""
+    rng = np.random.default_rng(300 + seed)
+    G, section = round_tree(rng), round_tree(rng).moved(np.eye(2), rng.uniform(-0.2, 0.2, 2))
+    GE = expanded(G, [section], 1e-5)
+    low, high = GE.box
+    centres = rng.uniform(low, high, (60, 2))
+    depth = overlaps(G, section, centres)
+    inside = GE.contains(centres)
+    assert not np.any(~inside & (depth > 1e-9))
+    clear = GE.depth(centres) > 0.2
+    assert np.all(depth[clear] > 0.0)
+    assert clear.any()
+    assert not inside.all()
+
+
+@pytest.mark.parametrize("radius", [0.1, 0.5, 1.3])
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
+def test_conic_offsets_lie_outside_and_within_the_tolerance(radius: float, tolerance: float) -> None:
+    """Around an ellipse, and around an elliptic hole, where the offset may have cusps."""
+    solid = ellipse(0.1, 0.2, 2.0, 1.0)
+    plate = difference(box(-3.0, -3.0, 6.0, 6.0), solid)
+    for G in (solid, plate):
+        GE = expanded(G, [disc(0.0, 0.0, radius)], tolerance)
+        for curve in GE.curves:
+            away = G.distance(curve.point(np.linspace(0.0, 1.0, 9))) - radius
+            assert away.min() >= -1e-12
+            assert away.max() <= tolerance
+        assert len(GE.curves) < 120
+
+
+def test_conics_beside_polygons_are_exact() -> None:
+    grown = expanded(ellipse(0.3, 0.0, 2.0, 1.0), [box(-0.5, -0.5, 1.0, 1.0)])
+    assert grown.area == pytest.approx(2.0 * math.pi + 4.0 + 2.0 + 1.0, rel=1e-12)
+    assert len(grown.curves) == 8
+
+
+def test_touching_cusped_and_pinched_boundaries() -> None:
+    crescent = difference(disc(0.0, 0.0, 1.0), disc(0.5, 0.0, 0.5))
+    grown = expanded(crescent, [disc(0.0, 0.0, 0.2)])
+    assert grown.area == pytest.approx(math.pi * (1.2**2 - 0.3**2), rel=1e-9)
+    pinched = union([box(0.0, 0.0, 1.0, 1.0), box(1.0, 1.0, 1.0, 1.0)])
+    section = box(-0.1, -0.1, 0.2, 0.2)
+    assert expanded(pinched, [section]).area == pytest.approx(2.0 * 1.44 - 0.04, rel=1e-12)
+    holed = difference(box(-1.0, -1.0, 2.0, 2.0), disc(0.0, 0.0, 1.0))
+    rest = difference(box(-1.1, -1.1, 2.2, 2.2), intersection(*(disc(x, 0.0, 1.0) for x in (-0.1, 0.1))))
+    assert expanded(holed, [box(-0.1, -0.1, 0.2, 0.2)]).area > rest.area
+
+
+def test_a_peg_as_wide_as_its_hole_leaves_nothing_free() -> None:
+    plate = difference(box(-2.0, -2.0, 4.0, 4.0), box(-0.5, -0.5, 1.0, 1.5))
+    assert expanded(plate, [box(-0.5, -0.2, 1.0, 0.4)]).area == pytest.approx(5.0 * 4.4, rel=1e-12)
+    free = difference(box(-3.0, -3.0, 6.0, 6.0), expanded(plate, [box(-0.4, -0.2, 0.8, 0.4)]))
+    assert free.contains([(0.0, 0.0), (0.11, 0.0)]).tolist() == [True, False]
+
+
+@pytest.mark.parametrize(("first", "last"), [(0.0, 0.4), (-1.0, 1.5), (0.5, 7.0)])
+@pytest.mark.parametrize("seed", range(3))
+def test_sections_swept_in_orientation(seed: int, first: float, last: float) -> None:
+    rng = np.random.default_rng(400 + seed)
+    for section in (random_tree(rng, 1), round_tree(rng), box(0.2, -0.1, 0.5, 0.2)):
+        if section.empty:
+            continue
+        swept = turn_swept(section, first, last)
+        low, high = swept.box
+        points = rng.uniform(low - 0.1, high + 0.1, (150, 2))
+        angles = np.linspace(first, last, 100)
+        held = np.any([turned(section, angle).contains(points) for angle in angles], axis=0)
+        depth = swept.depth(points)
+        assert not np.any(held & (depth < -1e-9))
+        assert np.all(held[depth > 0.03 * (last - first)])
+
+
+def test_an_edge_turning_sweeps_a_sector() -> None:
+    wiper = box(0.0, -0.1, 1.0, 0.1)
+    swept = turn_swept(wiper, 0.0, 1.0)
+    assert swept.area == pytest.approx(0.1 + 0.5 * (1.0 + 0.1**2), rel=1e-12)
+    assert turn_swept(wiper, 0.0, 7.0).area == pytest.approx(math.pi * 1.01, rel=1e-12)
+    assert turn_swept(wiper, 0.5, 0.5).area == pytest.approx(0.1, rel=1e-12)
+
+
+def test_expansion_over_an_orientation_interval() -> None:
+    rng = np.random.default_rng(7)
+    G, section, interval = (
+        difference(box(-1.0, -1.0, 2.0, 1.0), box(-0.3, -0.6, 0.6, 0.6)),
+        box(-0.2, 0.0, 0.4, 0.7),
+        (-0.2, 0.3),
+    )
+    whole = expanded_turning(G, [section], interval)
+    low, high = whole.box
+    centres = rng.uniform(low, high, (1000, 2))
+    steps = [expanded(G, [turned(section, angle)]) for angle in np.linspace(*interval, 60)]
+    held = np.any([step.contains(centres) for step in steps], axis=0)
+    depth = whole.depth(centres)
+    assert not np.any(held & (depth < -1e-9))
+    assert np.all(held[depth > 0.005])
+    assert whole.area > max(step.area for step in steps) + 0.05

@@ -14,6 +14,7 @@ import numpy as np
 from fmopt.plane.boolean import union
 from fmopt.plane.convolution import minkowski_sum
 from fmopt.plane.region import Region
+from fmopt.plane.turning import turn_swept
 
 _RELATIVE = 1e-6
 
@@ -35,3 +36,20 @@ def expanded(G: Region, sections: Sequence[Region], tolerance: float | None = No
         return G
     room = _RELATIVE * max(G.size, *(section.size for section in solid)) if tolerance is None else tolerance
     return union([minkowski_sum(G, section.moved(-np.eye(2), (0.0, 0.0)), room) for section in solid])
+
+
+def expanded_turning(
+    G: Region, sections: Sequence[Region], interval: tuple[float, float], tolerance: float | None = None
+) -> Region:
+    """GE while the moving operand turns in the plane: ∪ G ⊕ (−R(φ) section) over the orientations φ of an interval.
+
+    As turning and expanding commute with unions, this is the expansion by what the sections sweep about the nominal
+    centre: arcs about it and the sections at both ends, exact as in `expanded`.
+
+    Args:
+        G: cut-diagram of the fixed operand.
+        sections: of the moving operand's instances at φ = 0, about the nominal centre.
+        interval: first and last φ in rad; from a full turn on every orientation is taken.
+        tolerance: as in `expanded`.
+    """
+    return expanded(G, [turn_swept(section, *interval) for section in sections], tolerance)

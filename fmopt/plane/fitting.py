@@ -33,7 +33,7 @@ def fitted(points: Support, low: float, high: float, ahead: bool, tolerance: flo
         points: of the curve (n, 2) in m, whose tangents run in the directions (n,) in rad or against them all.
         low: first direction in rad.
         high: last direction, at most 90° further.
-        ahead: whether to travel from low to high.
+        ahead: whether to travel from low to high, which turns left; the other way turns right.
         tolerance: in m.
     """
     p0, p2 = points(np.array([low, high]))
@@ -41,17 +41,16 @@ def fitted(points: Support, low: float, high: float, ahead: bool, tolerance: flo
     chord = p2 - p0
     reach = float(chord[0] * t2[1] - chord[1] * t2[0]) / math.sin(high - low)
     p1 = p0 + reach * np.array(t0)
-    left = (reach > 0.0) == ahead  # the turn in the direction of travel
     bulge = p1 - 0.5 * (p0 + p2)
     height = float(np.hypot(*bulge))
     if height <= tolerance or high - low <= _LEAST_TURN:
-        run = [p0, p1, p2] if left else [p0, p2]
+        run = [p0, p1, p2] if ahead else [p0, p2]
         return [Segment(a, b) for a, b in pairwise(run if ahead else run[::-1])]
     weights = _weights(points(low + (high - low) * _INNER), p0, p1, p2)
     least, most = float(weights.min()), float(weights.max())
     if least > 0.0 and height * (most / (1.0 + most) - least / (1.0 + least)) * (1.0 + 2.0 * _MARGIN) <= tolerance:
         spread = _MARGIN * (most - least)
-        weight = most + spread if left else max(least - spread, 0.5 * least)
+        weight = most + spread if ahead else max(least - spread, 0.5 * least)
         return [ConicArc(p0, p1, p2, weight) if ahead else ConicArc(p2, p1, p0, weight)]
     middle = 0.5 * (low + high)
     halves = [fitted(points, low, middle, ahead, tolerance), fitted(points, middle, high, ahead, tolerance)]

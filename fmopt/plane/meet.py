@@ -43,13 +43,20 @@ def meet(a: Curve, b: Curve, tolerance: float) -> list[tuple[float, float]]:
 
 
 def _ends_on(a: Curve, b: Curve, tolerance: float) -> list[tuple[float, float]]:
-    ends = np.stack([a.first, a.last])
     lower, upper = b.box
-    if not np.any(np.all((ends >= lower - tolerance) & (ends <= upper + tolerance), axis=1)):
-        return []
-    nearest = b.nearest(ends)
-    close = np.linalg.norm(b.point(nearest) - ends, axis=1) <= tolerance
-    return [(float(k), float(nearest[k])) for k in range(2) if close[k]]
+    (left, down), (right, up) = lower - tolerance, upper + tolerance
+    found = []
+    for s, end in ((0.0, a.first), (1.0, a.last)):
+        x, y = end
+        if not (left <= x <= right and down <= y <= up):
+            continue
+        t = next((t for t, own in ((0.0, b.first), (1.0, b.last)) if math.dist(end, own) <= tolerance), None)
+        if t is None:
+            nearest = float(b.nearest(end[None])[0])
+            t = nearest if math.dist(b.point(nearest), end) <= tolerance else None
+        if t is not None:
+            found.append((s, t))
+    return found
 
 
 def _lines(a: Segment, b: Segment, tolerance: float) -> list[tuple[float, float]]:
