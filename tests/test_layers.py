@@ -27,6 +27,7 @@ FLOORS: tuple[frozenset[str], ...] = (
     frozenset({"placement"}),
     frozenset({"control"}),
     frozenset({"synthesis"}),
+    frozenset({"study"}),
     frozenset({"console"}),
     frozenset({"cli"}),
     frozenset({"__main__"}),
@@ -50,8 +51,8 @@ ONLY: dict[str, frozenset[str]] = {
 # Rooms that only these may import.
 CALLERS: dict[str, frozenset[str]] = {
     APART: frozenset({"synthesis", "cli"}),
-    "report": frozenset({"console", "cli"}),
-    "task": frozenset({"control", "synthesis", "cli"}),
+    "report": frozenset({"study", "console", "cli"}),
+    "task": frozenset({"control", "synthesis", "study", "cli"}),
 }
 # Every library that the package may import, and the files or rooms that may.
 LIBRARIES: dict[str, frozenset[str]] = {
