@@ -1,0 +1,96 @@
+"""The inside of a worker process: it evaluates runs one after the other and answers each at once.
+
+It lives and dies with its owner: the kernel kills it when the owner's thread ends (Linux), a thread of its own when the
+pipe that the owner holds is closed (anywhere), and a worker without work for a minute ends by itself.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import os
+import pickle
+import resource
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterable
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+from fmopt.study.batch import Evaluate, Run
+from fmopt.study.store import Effort, Row
+
+READY = b"ready"
+BEGUN = b"begun"
+LEAVING = b"leaving"
+_IDLE = 60.0  # s
+_PR_SET_PDEATHSIG = 1
+
+
+def main(arguments: list[str]) -> None:
+    """Serves an owner until it goes.
+
+    Args:
+        arguments: descriptors of the connection and of the pipe that says whether the owner lives, the owner's process,
+            the limit of the address space in bytes or 0.
+    """
+    line, life, owner, memory = (int(argument) for argument in arguments)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the owner to answer
+    _die_with(owner, life)
+    if memory:
+        resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
+    connection = Connection(line)
+    connection.send_bytes(READY)
+    while connection.poll(_IDLE):
+        try:
+            message = connection.recv_bytes()
+        except EOFError:
+            return
+        evaluate, folder, runs = pickle.loads(message)
+        connection.send_bytes(BEGUN)
+        if not _served(connection, evaluate, folder, runs):
+            connection.send_bytes(LEAVING)
+            return
+
+
+def _served(connection: Connection, evaluate: Evaluate, folder: Path, runs: Iterable[Run]) -> bool:
+    """Answers every run, until one runs out of memory: what is left of a process then is not to be trusted."""
+    for run in runs:
+        began = time.perf_counter()
+        row = answered(evaluate, run, folder)
+        peak = 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        connection.send_bytes(pickle.dumps((row, Effort(time.perf_counter() - began, peak))))
+        if row.outcome == "memory":
+            return False
+    return True
+
+
+def answered(evaluate: Evaluate, run: Run, folder: Path) -> Row:
+    """The row of a run, whatever happens to it that a program can see."""
+    try:
+        row = evaluate(run, folder)
+    except MemoryError:
+        return Row(run.key, "memory", "out of memory", {})
+    except Exception as error:  # noqa: BLE001 (the last door of a worker: what one run breaks is that run's row)
+        words = " ".join(str(error).replace(str(folder) + "/", "").split())
+        return Row(run.key, "error", f"{type(error).__name__}: {words}"[:500], {})
+    strange = [name for name, x in row.answers.items() if isinstance(x, float) and not math.isfinite(x)]
+    if strange:
+        return Row(run.key, "error", f"not a finite number: {', '.join(strange)}", {})
+    return row
+
+
+def _die_with(owner: int, life: int) -> None:
+    """Makes this process end with its owner."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL))
+    if os.getppid() != owner:
+        os._exit(0)
+
+    def watch() -> None:
+        os.read(life, 1)
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    threading.Thread(target=watch, daemon=True).start()

@@ -1,0 +1,74 @@
+"""Cheap evaluations for tests of the running of studies; workers import them by name."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import signal
+import time
+from pathlib import Path
+
+from fmopt.study.batch import Limits, Question, Run
+from fmopt.study.running import Work
+from fmopt.study.store import Row
+
+QUESTION = Question("problem.toml", ("test",))
+
+
+def number_of(run: Run) -> int:
+    value = run.assigned[0][1]
+    assert isinstance(value, int)
+    return value
+
+
+def quick(run: Run, folder: Path) -> Row:
+    """A few numbers that depend on nothing but the run."""
+    n = number_of(run)
+    return Row(run.key, "done", "", {"square": n * n, "root": n**0.5, "word": f"run {n}", "even": n % 2 == 0})
+
+
+def slow(run: Run, folder: Path) -> Row:
+    """The same after a hundredth of a second."""
+    time.sleep(0.01)
+    return quick(run, folder)
+
+
+def mixed(run: Run, folder: Path) -> Row:
+    """Every tenth run crashes, hangs, eats memory or raises, in turn."""
+    n = number_of(run)
+    if n % 10 == 3:
+        match n // 10 % 5:
+            case 0:
+                os.kill(os.getpid(), signal.SIGSEGV)
+            case 1:
+                time.sleep(3600)
+            case 2:
+                _ = bytearray(1 << 40)
+            case 3:
+                os._exit(7)
+            case 4:
+                raise ValueError(f"{folder}/x.toml: nothing\nfits")
+    return quick(run, folder)
+
+
+def suicidal(run: Run, folder: Path) -> Row:
+    """Killed from outside, as by a kernel that is out of memory; the first run only."""
+    if number_of(run) == 0:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return quick(run, folder)
+
+
+def infinite(run: Run, folder: Path) -> Row:
+    return Row(run.key, "done", "", {"x": float("inf")})
+
+
+def waiting(run: Run, folder: Path) -> Row:
+    time.sleep(3600)
+    return quick(run, folder)
+
+
+def work(count: int, limits: Limits | None = None) -> Work:
+    """Runs that differ in one number."""
+    runs = [Run(hashlib.sha256(f"run {n}".encode()).hexdigest(), ((("n",), n),), QUESTION) for n in range(count)]
+    points = [{"n": n} for n in range(count)]
+    return Work(runs, points, {"title": "test"}, {"problem.toml": b"title = 'none'\n"}, limits or Limits())
