@@ -87,40 +87,73 @@ def synthesise(problem: Problem, progress: Progress = lambda _: None) -> Synthes
         InfeasibleError: no bias force holds the contacts.
     """
     clock = _Clock()
+    done = moved(problem, clock.lap, progress)
+    document, verdict = planned(problem, done, clock.lap, progress)
+    return Synthesis(document, verdict, clock.laps)
+
+
+@dataclass(frozen=True, eq=False)
+class Moved:
+    """The motion found for a problem, and what it rests on; the problem's specification plays no part in it."""
+
+    assembly: Assembly
+    clearance: Clearance
+    errors: ErrorSet
+    tolerance: Tolerance
+    found: MoveSequence
+    placed: Placed
+
+
+def moved(problem: Problem, lap: Callable[[str], None], progress: Progress = lambda _: None) -> Moved:
+    """Measures the parts and finds the motion; errors as of `synthesise`.
+
+    Args:
+        problem: the task.
+        lap: told which stage has ended.
+        progress: told what is being done.
+    """
     progress("measuring the parts")
     goal = Pose.from_vector(problem.goal)
     clearance = checked_clearance(problem.moving, problem.fixed, goal, -float(problem.goal[2]))
     rho = problem.settings.characteristic_length or clearance.half_diagonal
     assembly = Assembly(problem.moving, problem.fixed)
-    velocity = (problem.velocity_error.translation, problem.velocity_error.rotation)
-    tolerance = Tolerance(velocity, rho)
+    tolerance = Tolerance((problem.velocity_error.translation, problem.velocity_error.rotation), rho)
     errors = ErrorSet.from_box(problem.start_box)
-    clock.lap("geometry")
+    lap("geometry")
+    found, placed = motion(problem, assembly, clearance, errors, tolerance, lap, progress)
+    return Moved(assembly, clearance, errors, tolerance, found, placed)
 
+
+def planned(
+    problem: Problem, done: Moved, lap: Callable[[str], None], progress: Progress = lambda _: None
+) -> tuple[dict[str, Any], Verdict]:
+    """The sealed plan of a motion, and the verdict of the independent check on it; errors as of `synthesise`.
+
+    Args:
+        problem: the task.
+        done: its motion.
+        lap: told which stage has ended.
+        progress: told what is being done.
+    """
+    rho = done.tolerance.rho
     progress("nominal trajectory")
-    nominal = nominal_motion(problem, errors, rho)
-    clock.lap("nominal")
-
-    progress("contact space")
-    scale = Scale(clearance.per_side, rho)
-    spaces = contact_spaces(assembly, nominal.critical, scale)
-    clock.lap("contact")
-
-    found, placed = motion(problem, assembly, clearance, errors, tolerance, clock.lap, progress)
+    nominal = nominal_motion(problem, done.errors, rho)
+    lap("nominal")
 
     progress("contact states on the way")
-    states = visited(assembly, placed.reached.claims, spaces, scale)
-    clock.lap("contact")
+    scale = Scale(done.clearance.per_side, rho)
+    spaces = contact_spaces(done.assembly, nominal.critical, scale)
+    states = visited(done.assembly, done.placed.reached.claims, spaces, scale)
+    lap("contact")
 
     progress("control strategies")
-    document = plan_document(problem, clearance, nominal, states, found, placed, tolerance)
-    clock.lap("control")
+    document = plan_document(problem, done.clearance, nominal, states, done.found, done.placed, done.tolerance)
+    lap("control")
 
     progress("checking the certificate")
     verdict = verify(document)
-    document = plan.sealed({**document, "verdict": str(verdict.verdict)})
-    clock.lap("verify")
-    return Synthesis(document, verdict, clock.laps)
+    lap("verify")
+    return plan.sealed({**document, "verdict": str(verdict.verdict)}), verdict
 
 
 class _Clock:
@@ -311,12 +344,16 @@ def _segments(
     for k, claim in enumerate(claims):
         move += claim.piece.progress[0] == 0.0
         record = segment_record(claim, states.space_of(k), move, poses[k], poses[k + 1])
-        found.append({**record, "hybrid": plan.clean(_hybrid(problem, claim, tolerance))})
+        found.append({**record, "hybrid": plan.clean(strategy(problem, claim, tolerance))})
     return found
 
 
-def _hybrid(problem: Problem, claim: Claim, tolerance: Tolerance) -> dict[str, Any]:
-    """The control strategy of a piece as the plan file holds it, from the contacts that touch at its goal."""
+def strategy(problem: Problem, claim: Claim, tolerance: Tolerance) -> dict[str, Any]:
+    """The control strategy of a piece as the plan file holds it, from the contacts that touch at its goal.
+
+    Raises:
+        InfeasibleError: no bias force holds the contacts.
+    """
     piece, extent = claim.piece, claim.advance.ends.extent
     held = _touching(problem, piece.held, piece.goal)
     made = _touching(problem, piece.making, piece.goal)
@@ -330,10 +367,10 @@ def _hybrid(problem: Problem, claim: Claim, tolerance: Tolerance) -> dict[str, A
         float(np.linalg.norm(extent.offset)) + tolerance.rho * extent.theta,
     )
     try:
-        strategy = hybrid_strategy(move, tolerance.rho, problem.specification)
+        hybrid = hybrid_strategy(move, tolerance.rho, problem.specification)
     except InfeasibleError as error:
         raise InfeasibleError(f"segment to {piece.goal.vector()}: {error.message}", advice=error.advice) from error
-    return strategy.document([c.id for c in held], [c.id for c in made])
+    return hybrid.document([c.id for c in held], [c.id for c in made])
 
 
 def _touching(problem: Problem, contacts: tuple[PrimitiveContact, ...], pose: Pose) -> list[PrimitiveContact]:

@@ -37,7 +37,15 @@ def load_problem(path: Path) -> Problem:
     Raises:
         InputError: with every fault of the file and of its models.
     """
-    source = read(path)
+    return problem_of(read(path))
+
+
+def problem_of(source: Source) -> Problem:
+    """The problem of a document, which may differ from its file.
+
+    Raises:
+        InputError: with every fault of the document and of its models.
+    """
     if not {"moving", "fixed"} & set(source.data) and {"features", "solids", "mesh"} & set(source.data):
         advice = "name a problem file, which names two models under [moving] and [fixed]"
         raise InputError(source.place(()).fault("file-kind", "this is a model file, not a problem", advice))

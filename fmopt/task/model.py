@@ -71,6 +71,12 @@ def overrides_of(source: Source, reading: Reading, key: Key) -> tuple[dict[str, 
     return overrides, faults
 
 
+def parameter_values(source: Source) -> Mapping[str, Quantity]:
+    """The parameters of a model file by name, as the file gives them; those at fault are left out."""
+    reading, _ = _parameters(source, Reading(factors(source.data.get("units")), {}), {})
+    return reading.names or {}
+
+
 def _parameters(source: Source, reading: Reading, overrides: Mapping[str, Override]) -> tuple[Reading, list[Fault]]:
     """The reading with the parameters of the file, in its order, each seeing those above it."""
     table = source.data.get("parameters", {})

@@ -1,0 +1,308 @@
+"""The axes of a study: names, values and what they set, read from its file and resolved against the base problem."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fmopt.errors import Fault, InputError
+from fmopt.study import study_file as files
+from fmopt.study.batch import Assigned
+from fmopt.study.sampling import CUBES, Normal, Uniform, cube, grid, rounded, stepped
+from fmopt.study.targets import Target, in_file, target
+from fmopt.task.tables import Reading, in_words, shown
+from fmopt.task.toml_source import Key, Place, Source
+from fmopt.task.units import RATIO, Dimension, Quantity, QuantityError, did_you_mean, evaluate
+
+Number = float | str
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A parameter that varies.
+
+    Args:
+        name: of its column.
+        dimension: of its values; None when they are words.
+        values: those that it takes in turn; empty when it has a distribution.
+        distribution: over its range; None when it has values.
+        sets: key path and dimension of each parameter that it sets, and the arithmetic that gives its value, or nothing
+            for the axis's own.
+        linked: number of the axis that it moves along with.
+        place: of its table in the file.
+    """
+
+    name: str
+    dimension: Dimension | None
+    values: tuple[Number, ...]
+    distribution: Uniform | Normal | None
+    sets: tuple[tuple[Target, str], ...]
+    linked: int | None
+    place: Key
+
+    def at(self, quantile: float) -> Number:
+        """The value of a quantile in [0, 1)."""
+        if self.distribution is None:
+            return self.values[min(int(quantile * len(self.values)), len(self.values) - 1)]
+        return rounded(self.distribution.at(quantile))
+
+
+def axes_of(
+    source: Source, file: files.StudyFile, reading: Reading, targets: Mapping[str, Target]
+) -> tuple[list[Axis], list[Fault]]:
+    """The axes of a study file, and everything that is wrong with them."""
+    axes, faults = [], list[Fault]()
+    names = [axis.name for axis in file.axes]
+    for i, axis in enumerate(file.axes):
+        reader = _Reader(source, file, reading, targets, ("axes", i), names)
+        found = reader.axis(axis, i)
+        faults += reader.faults
+        if found is not None:
+            axes.append(found)
+    if not faults:
+        faults += _faults_between(source, axes)
+    return axes, faults
+
+
+@dataclass
+class _Reader:
+    """Reads one axis and collects its faults."""
+
+    source: Source
+    file: files.StudyFile
+    reading: Reading
+    targets: Mapping[str, Target]
+    key: Key
+    names: list[str]
+
+    def __post_init__(self) -> None:
+        self.faults: list[Fault] = []
+
+    def _fault(self, key: Key, code: str, message: str, advice: str) -> None:
+        self.faults.append(self.source.place((*self.key, *key)).fault(code, message, advice))
+
+    def axis(self, axis: files.Axis, number: int) -> Axis | None:
+        if axis.name in self.names[:number]:
+            self._fault(("name",), "conflict", f"there are two axes {axis.name!r}", "rename one of them")
+        sets = self._sets(axis)
+        if self.faults:
+            return None
+        dimension = self._dimension(axis, sets)
+        values = self._values(axis, dimension)
+        distribution = self._distribution(axis, dimension) if values is None else None
+        linked = self._linked(axis, number)
+        if self.faults:
+            return None
+        steps = axis.steps
+        if values is None and self.file.sampling.method not in CUBES:
+            assert isinstance(distribution, Uniform)
+            assert steps is not None
+            values, distribution = tuple(stepped(distribution, steps)), None
+        return Axis(axis.name, dimension, values or (), distribution, sets, linked, self.key)
+
+    def _sets(self, axis: files.Axis) -> tuple[tuple[Target, str], ...]:
+        pairs = axis.sets.items() if isinstance(axis.sets, Mapping) else ((path, "") for path in axis.sets)
+        found = []
+        for n, (path, expression) in enumerate(pairs):
+            key: Key = ("sets", path if isinstance(axis.sets, Mapping) else n)
+            goal = target(self.targets, path)
+            if isinstance(goal, str):
+                self._fault(key, "unknown-path", f"there is no parameter {path!r} to vary", goal)
+            else:
+                found.append((goal, expression))
+        kinds = {goal.dimension for goal, expression in found if not expression}
+        if len(kinds) > 1:
+            words = " and ".join(sorted(str(kind) if kind else "a choice of words" for kind in kinds))
+            self._fault(("sets",), "wrong-unit", f"one value is to be {words}", "make two linked axes of it")
+        return tuple(found)
+
+    def _dimension(self, axis: files.Axis, sets: Sequence[tuple[Target, str]]) -> Dimension | None:
+        """What the axis measures: what it sets as it is, else what the unit of its first number says."""
+        own = [goal for goal, expression in sets if expression in ("", axis.name)]
+        if own:
+            return own[0].dimension
+        for raw in (*(axis.values or ()), axis.low, axis.mean):
+            if isinstance(raw, str):
+                try:
+                    return evaluate(raw).dimension
+                except QuantityError:
+                    continue  # told with its place when the value is read
+        return RATIO
+
+    def _quantity(self, raw: object, dimension: Dimension, *key: str | int) -> float | None:
+        try:
+            return self.reading.quantity(raw, dimension).value
+        except QuantityError as error:
+            self._fault(key, error.code, error.message, error.advice)
+            return None
+
+    def _values(self, axis: files.Axis, dimension: Dimension | None) -> tuple[Number, ...] | None:
+        others = [name for name in ("low", "high", "steps", "mean", "deviation") if getattr(axis, name) is not None]
+        if axis.values is None:
+            if not others:
+                self._fault((), "missing-key", "the axis has neither values nor a range", "add values, or low and high")
+            return None
+        if others:
+            self._fault(
+                (others[0],), "conflict", "the axis has values already", f"remove {', '.join(others)}, or values"
+            )
+        if not axis.values:
+            self._fault(("values",), "empty-axis", "the axis has no values", "give it at least one")
+        if dimension is None:
+            for n, raw in enumerate(axis.values):
+                if not isinstance(raw, str):
+                    self._fault(("values", n), "wrong-type", f"{shown(raw)} is no word", "write one of the choices")
+            return tuple(str(raw) for raw in axis.values)
+        read = [self._quantity(raw, dimension, "values", n) for n, raw in enumerate(axis.values)]
+        return tuple(value for value in read if value is not None)
+
+    def _distribution(self, axis: files.Axis, dimension: Dimension | None) -> Uniform | Normal | None:
+        if self.faults:
+            return None
+        if dimension is None:
+            self._fault((), "conflict", "words have no range", "give the axis values")
+            return None
+        numbers = {
+            name: self._quantity(getattr(axis, name), dimension, name)
+            for name in ("low", "high", "mean", "deviation")
+            if getattr(axis, name) is not None
+        }
+        if self.faults:
+            return None
+        low, high, mean, deviation = (numbers.get(name) for name in ("low", "high", "mean", "deviation"))
+        sampled = self.file.sampling.method in CUBES
+        if (mean is None) != (deviation is None):
+            self._fault((), "missing-key", "a normal distribution has mean and deviation", "give both")
+        elif mean is None and (low is None or high is None):
+            self._fault((), "missing-key", "a range has low and high", "give both, or values, or mean and deviation")
+        elif low is not None and high is not None and not low < high:
+            words = f"low {in_words(low, dimension)} is not below high {in_words(high, dimension)}"
+            self._fault(("low",), "empty-axis", words, "exchange them, or give one value in values")
+        elif deviation is not None and not deviation > 0.0:
+            self._fault(("deviation",), "out-of-range", "the deviation is not positive", "make it positive")
+        elif axis.spacing == "log" and not (low is not None and low > 0.0):
+            self._fault(("low",), "out-of-range", "a logarithm needs a positive range", "raise low, or space linearly")
+        elif not sampled and (mean is not None or axis.steps is None):
+            words = "a grid or list takes values, or low, high and steps"
+            self._fault((), "conflict", words, 'give those, or sample: [sampling] method = "sobol"')
+        elif sampled and axis.steps is not None:
+            self._fault(("steps",), "conflict", "a sampled axis has no steps", "remove steps, or use a grid")
+        if self.faults:
+            return None
+        if mean is not None and deviation is not None:
+            return Normal(mean, deviation, *(b if b is not None else s * np.inf for b, s in ((low, -1), (high, 1))))
+        assert low is not None
+        assert high is not None
+        return Uniform(low, high, axis.spacing == "log")
+
+    def _linked(self, axis: files.Axis, number: int) -> int | None:
+        if axis.linked is None:
+            return None
+        if axis.linked in self.names[:number]:
+            return self.names.index(axis.linked)
+        advice = did_you_mean(axis.linked, self.names[:number]) or "link it to an axis above it"
+        self._fault(("linked",), "unknown-axis", f"there is no axis {axis.linked!r} above this one", advice)
+        return None
+
+
+def _faults_between(source: Source, axes: Sequence[Axis]) -> list[Fault]:
+    """What one axis cannot see: parameters set twice, chains of links, expressions that do not fit."""
+    faults, seen = [], dict[tuple[str, ...], str]()
+    names = {a.name: Quantity(1.0, a.dimension) for a in axes if a.dimension is not None}
+    for axis in axes:
+        if axis.linked is not None and axes[axis.linked].linked is not None:
+            place = source.place((*axis.place, "linked"))
+            faults.append(
+                place.fault("conflict", "the axis it is linked to is linked itself", "link both to the first")
+            )
+        for goal, expression in axis.sets:
+            key = (*axis.place, "sets")
+            place = source.place((*key, *[p for p in (_path(source, key, expression),) if p]))
+            if goal.key in seen:
+                words = f"{'.'.join(goal.key)} is set by axis {seen[goal.key]!r} already"
+                faults.append(place.fault("conflict", words, "let one axis set it, by arithmetic on both names"))
+            seen[goal.key] = axis.name
+            if expression:
+                faults += _expression_faults(place, expression, goal, names)
+    return faults
+
+
+def _path(source: Source, key: Key, expression: str) -> str:
+    table = source.get(key)
+    return next((path for path, text in table.items() if text == expression), "") if isinstance(table, Mapping) else ""
+
+
+def _expression_faults(place: Place, expression: str, goal: Target, names: Mapping[str, Quantity]) -> list[Fault]:
+    """Whether arithmetic is understood and gives what its parameter asks for, all names being one."""
+    try:
+        value = evaluate(expression, names)
+    except QuantityError as error:
+        if "division by zero" in error.message:
+            return []  # with the names at one; the real values are judged run by run
+        return [place.fault(error.code, error.message, error.advice)]
+    if goal.dimension is None:
+        return [place.fault("wrong-type", "a choice of words has no arithmetic", "list the path instead")]
+    if value.dimension != goal.dimension:
+        words = f"{expression!r} is {value.dimension}, not {goal.dimension}"
+        return [place.fault("wrong-unit", words, "give every number its unit, and axes the right one")]
+    return []
+
+
+def points_of(axes: Sequence[Axis], sampling: files.Sampling) -> list[tuple[Number, ...]]:
+    """The points of a study, each a value for every axis; the axes' place in the design is that of the file."""
+    free = [i for i, axis in enumerate(axes) if axis.linked is None]
+    row = {number: column for column, number in enumerate(free)}
+    column = [row[i if axis.linked is None else axis.linked] for i, axis in enumerate(axes)]
+    if sampling.method in CUBES:
+        places = cube(sampling.method, len(free), sampling.runs or 0, sampling.seed or 0)
+        return [tuple(a.at(float(p[c])) for a, c in zip(axes, column, strict=True)) for p in places]
+    lengths = [len(axes[i].values) for i in free]
+    indices = grid(lengths) if sampling.method == "grid" else np.repeat(np.arange(lengths[0])[:, None], len(free), 1)
+    return [tuple(a.values[int(p[c])] for a, c in zip(axes, column, strict=True)) for p in indices]
+
+
+def count_of(axes: Sequence[Axis], sampling: files.Sampling) -> int:
+    """How many points there will be, without making them."""
+    free = [axis for axis in axes if axis.linked is None]
+    if sampling.method == "grid":
+        return int(np.prod([len(axis.values) for axis in free], dtype=object))
+    if sampling.method == "list":
+        return len(free[0].values)
+    return (sampling.runs or 0) * (len(free) + 2 if sampling.method == "saltelli" else 1)
+
+
+def assignments(axes: Sequence[Axis], point: Sequence[Number]) -> tuple[tuple[tuple[str, ...], Assigned], ...]:
+    """What a point puts into the base problem.
+
+    Raises:
+        QuantityError: arithmetic on the values fails.
+    """
+    names = {
+        axis.name: Quantity(value, axis.dimension)
+        for axis, value in zip(axes, point, strict=True)
+        if axis.dimension is not None and isinstance(value, float)
+    }
+    found = []
+    for axis, value in zip(axes, point, strict=True):
+        for goal, expression in axis.sets:
+            if expression:
+                result = evaluate(expression, names)
+                found.append((goal.key, in_file(replace(result, value=rounded(result.value)))))
+            elif isinstance(value, str) or axis.dimension is None:
+                found.append((goal.key, value))
+            else:
+                found.append((goal.key, in_file(Quantity(value, axis.dimension))))
+    return tuple(found)
+
+
+def unusable(faults: Iterable[Fault]) -> None:
+    """Refuses what has faults.
+
+    Raises:
+        InputError: there are some.
+    """
+    found = dict.fromkeys(faults)
+    if found:
+        raise InputError(*found)

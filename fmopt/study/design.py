@@ -1,0 +1,223 @@
+"""A study: read from its file, checked as a whole before anything starts, and laid out as runs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from os.path import normpath
+from pathlib import Path
+
+from fmopt.errors import Fault, InputError
+from fmopt.study import study_file as files
+from fmopt.study.axes import Axis, Number, assignments, axes_of, count_of, points_of, unusable
+from fmopt.study.batch import Limits, Question, Run
+from fmopt.study.evaluation import QUANTITIES, missing
+from fmopt.study.program import program
+from fmopt.study.running import Work
+from fmopt.study.sampling import CUBES
+from fmopt.study.targets import UNIT_NAMES, Base, assigned, blamed, canonical_digest
+from fmopt.task.faults import checked
+from fmopt.task.loading import problem_of
+from fmopt.task.problem import load
+from fmopt.task.tables import Reading, factors
+from fmopt.task.toml_source import Source, dotted, read
+from fmopt.task.units import QuantityError, did_you_mean
+
+_COMMON = ("number", "outcome", "reason")  # columns that every table has
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """A study whose file is in order.
+
+    Args:
+        source: its document.
+        file: its contents.
+        base: the problem that it varies.
+        axes: what varies.
+        points: a value for every axis, run by run.
+    """
+
+    source: Source
+    file: files.StudyFile
+    base: Base
+    axes: tuple[Axis, ...]
+    points: Sequence[tuple[Number, ...]]
+
+    @property
+    def question(self) -> Question:
+        """What is computed of each run."""
+        return Question(self.base.name, self.file.compute, self.file.keep)
+
+    @property
+    def limits(self) -> Limits:
+        """What a run may take."""
+        given = self.file.limits
+        return Limits(given.time, None if given.memory_mb is None else 1_000_000 * given.memory_mb)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The columns of the table of results, axes first."""
+        answers = dict.fromkeys(column for name in self.file.compute for column in QUANTITIES[name].columns)
+        return (_COMMON[0], *(axis.name for axis in self.axes), *_COMMON[1:], *answers)
+
+    def runs(self) -> Iterator[Run]:
+        """The runs, point by point."""
+        question, code = self.question, program()
+        common = canonical_digest(
+            [code, self.base.content, question.quantities, question.keep, {"problem": self.base.problem.data}]
+        )
+        for point in self.points:
+            given = assignments(self.axes, point)
+            key = canonical_digest([common, sorted((list(path), value) for path, value in given)])
+            yield Run(key, given, question)
+
+    def work(self) -> Work:
+        """All there is to do."""
+        names = [axis.name for axis in self.axes]
+        points = [dict(zip(names, point, strict=True)) for point in self.points]
+        return Work(list(self.runs()), points, self.facts(), self.base.inputs, self.limits)
+
+    def facts(self) -> Mapping[str, str]:
+        """What the store says of the study, for its report."""
+        sampling = self.file.sampling
+        axes = [
+            {
+                "name": axis.name,
+                "unit": "word" if axis.dimension is None else UNIT_NAMES.get(axis.dimension, ""),
+                "linked": axis.linked,
+                "sets": [".".join(goal.key) for goal, _ in axis.sets],
+                "log": self.file.axes[number].spacing == "log",
+            }
+            for number, axis in enumerate(self.axes)
+        ]
+        return {
+            "title": self.file.title,
+            "problem": self.file.problem,
+            "columns": json.dumps(self.columns),
+            "axes": json.dumps(axes),
+            "quantities": json.dumps(self.file.compute),
+            "sampling": json.dumps({"method": sampling.method, "runs": sampling.runs, "seed": sampling.seed}),
+            "program": program(),
+        }
+
+
+def load_study(path: Path) -> Study:
+    """The study of a file, with all its runs, after every check that can be made without solving.
+
+    Raises:
+        InputError: with every fault of the file, or of the base problem.
+    """
+    source = read(path)
+    if "axes" not in source.data and {"moving", "fixed"} <= set(source.data):
+        advice = "solve it with fmopt solve, or name it as 'problem' in a study file"
+        raise InputError(source.place(()).fault("file-kind", "this is a problem file, not a study", advice))
+    reading = Reading(factors(source.data.get("units")))
+    file, faults = checked(files.StudyFile, source, reading)
+    if file is None:
+        raise InputError(*faults)
+    problem = Path(normpath(path.parent / file.problem))
+    if not problem.is_file():
+        place = source.place(("problem",))
+        advice = "correct the path; it is relative to the study file"
+        raise InputError(*faults, place.fault("file-missing", f"{problem} does not exist", advice))
+    load(problem)
+    base = Base.read(problem)
+    axes, more = axes_of(source, file, reading, base.targets())
+    faults += [*more, *_quantity_faults(source, file), *_sampling_faults(source, file)]
+    unusable(faults)
+    unusable(_size_faults(source, file, axes))
+    study = Study(source, file, base, tuple(axes), points_of(axes, file.sampling))
+    unusable(_value_faults(study))
+    return study
+
+
+def _quantity_faults(source: Source, file: files.StudyFile) -> Iterator[Fault]:
+    for n, name in enumerate(file.compute):
+        place = source.place(("compute", n))
+        if name not in QUANTITIES:
+            advice = did_you_mean(name, QUANTITIES) or f"quantities: {', '.join(QUANTITIES)}"
+            yield place.fault("unknown-quantity", f"there is no quantity {name!r}", advice)
+        elif missing(name):
+            yield place.fault("missing-extra", f"{name!r} cannot be computed: {missing(name)}", "leave it out")
+        elif name in file.compute[:n]:
+            yield place.fault("conflict", f"{name!r} is asked for twice", "remove one")
+    for n, axis in enumerate(file.axes):
+        taken = {*_COMMON, *(column for quantity in QUANTITIES.values() for column in quantity.columns)}
+        if axis.name in taken:
+            advice = "choose another name, such as " + repr(axis.name + "_set")
+            yield source.place(("axes", n, "name")).fault(
+                "bad-name", f"a column is called {axis.name!r} already", advice
+            )
+    if file.keep and not {"plan", "margins"} & set(file.compute):
+        place = source.place(("keep",))
+        yield place.fault("conflict", "plans are to be kept but none is computed", 'add "plan" to compute')
+
+
+def _sampling_faults(source: Source, file: files.StudyFile) -> Iterator[Fault]:
+    sampling = file.sampling
+    place = source.place(("sampling",), of_key=True)
+    sampled = sampling.method in CUBES
+    for name in ("runs", "seed"):
+        if sampled and getattr(sampling, name) is None:
+            advice = f"add {name} = {64 if name == 'runs' else 1} to [sampling]"
+            yield place.fault("missing-key", f"{sampling.method} sampling needs {name!r}", advice)
+        elif not sampled and getattr(sampling, name) is not None:
+            where = source.place(("sampling", name))
+            yield where.fault(
+                "conflict", f"a {sampling.method} has no {name!r}", f"remove {name}, or choose another method"
+            )
+    runs = sampling.runs
+    if sampling.method in ("sobol", "saltelli") and runs is not None and runs & (runs - 1):
+        near = 1 << (runs.bit_length() - 1)
+        advice = f"use {near} or {2 * near}"
+        yield source.place(("sampling", "runs")).fault("out-of-range", f"{runs} is no power of two", advice)
+
+
+def _size_faults(source: Source, file: files.StudyFile, axes: Sequence[Axis]) -> Iterator[Fault]:
+    method = file.sampling.method
+    for axis in axes:
+        other = None
+        if method == "list":
+            other = axes[0]
+        elif method == "grid" and axis.linked is not None:
+            other = axes[axis.linked]
+        if other is not None and len(other.values) != len(axis.values):
+            message = f"{len(axis.values)} values go along with {len(other.values)} of axis {other.name!r}"
+            yield source.place(axis.place, of_key=True).fault("wrong-length", message, "give both the same number")
+    count = count_of(axes, file.sampling)
+    if count > file.limits.runs:
+        key = ("sampling",) if method in CUBES else ("axes",)
+        message = f"these axes make {count:,} runs, more than {file.limits.runs:,}".replace(",", " ")
+        advice = f"use fewer values; if you mean it, say [limits] runs = {count}"
+        yield source.place(key, of_key=True).fault("many-runs", message, advice)
+
+
+def _value_faults(study: Study) -> list[Fault]:
+    """What the base problem says to the values: the first run, and for each axis the runs with its extremes."""
+    chosen = {0}
+    for column, axis in enumerate(study.axes):
+        values = [point[column] for point in study.points]
+        if axis.dimension is None:
+            chosen |= {values.index(word) for word in axis.values if word in values}
+        else:
+            chosen |= {values.index(min(values)), values.index(max(values))}
+    faults: list[Fault] = []
+    mine = {
+        dotted(goal.key): study.source.place((*axis.place, "values" if axis.values else "low"))
+        for axis in study.axes
+        for goal, _ in axis.sets
+    }
+    for number in sorted(chosen):
+        try:
+            given = assignments(study.axes, study.points[number])
+        except QuantityError as error:
+            place = study.source.place(("axes",), of_key=True)
+            faults.append(place.fault(error.code, f"run {number}: {error.message}", error.advice))
+            continue
+        try:
+            problem_of(assigned(study.base.problem, given))
+        except InputError as error:
+            faults += blamed(error.faults, {key: place.fault("", "") for key, place in mine.items()})
+    return list(dict.fromkeys(faults))

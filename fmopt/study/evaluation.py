@@ -1,0 +1,234 @@
+"""What a run of a study computes: named quantities of one problem, as plain numbers and words."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fmopt import plan
+from fmopt.errors import FmoptError, InfeasibleError, InputError, InterferenceError, ResourceError, SearchError
+from fmopt.study.batch import Run
+from fmopt.study.store import Row, Scalar
+from fmopt.study.targets import assigned, canonical_digest
+from fmopt.task.loading import problem_of
+from fmopt.task.problem import Problem
+from fmopt.task.toml_source import Source, read
+
+if TYPE_CHECKING:
+    from fmopt.geometry.clearance import Clearance
+    from fmopt.synthesis import Moved
+
+_LARGEST, _FINE = 64.0, 1e-3  # factor of the start error that is tried at most, and how finely it is found
+_MOTIONS: dict[str, Moved] = {}  # the last motion of this process, by everything that it depends on
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Something that can be computed of a problem.
+
+    Args:
+        columns: names of its answers, in the order of the table.
+        answer: computes them.
+        says: what it is, for people.
+    """
+
+    columns: tuple[str, ...]
+    answer: Callable[[Solved], Mapping[str, Scalar]]
+    says: str
+
+
+class Solved:
+    """One problem, and what is known of it so far: each stage is done when it is first asked for.
+
+    Args:
+        source: the document of the problem.
+        problem: the problem.
+        inputs: what tells the files of its models from others.
+    """
+
+    def __init__(self, source: Source, problem: Problem, inputs: str) -> None:
+        self._source, self.problem, self._inputs = source, problem, inputs
+
+    @cached_property
+    def clearance(self) -> Clearance:
+        """The clearance as measured on the parts."""
+        from fmopt.geometry.clearance import checked_clearance
+        from fmopt.se3 import Pose
+
+        problem = self.problem
+        seated = Pose.from_vector(problem.goal)
+        return checked_clearance(problem.moving, problem.fixed, seated, -float(problem.goal[2]))
+
+    @cached_property
+    def moved(self) -> Moved:
+        """The motion; runs that differ in the specification alone have the same one."""
+        from fmopt.synthesis import moved
+
+        data = {key: value for key, value in self._source.data.items() if key not in ("title", "specification")}
+        key = f"{self._inputs} {canonical_digest(data)}"
+        if key not in _MOTIONS:
+            done = moved(self.problem, lambda _: None)
+            _MOTIONS.clear()
+            _MOTIONS[key] = done
+        return _MOTIONS[key]
+
+    @cached_property
+    def document(self) -> dict[str, Any]:
+        """The plan."""
+        from fmopt.synthesis import planned
+
+        return planned(self.problem, self.moved, lambda _: None)[0]
+
+
+def evaluate(run: Run, folder: Path) -> Row:
+    """The row of a run: depends on the run, the files in the folder, and the program alone.
+
+    Args:
+        run: what to put into the base problem, and what to compute of it.
+        folder: of the input files.
+    """
+    source = assigned(read(folder / run.question.problem), run.assigned)
+    try:
+        solved = Solved(source, problem_of(source), folder.name)
+    except InputError as error:
+        words = "; ".join(f"{fault.key}: {fault.message}" for fault in error.faults)
+        return Row(run.key, "input", words.replace(f"{folder}/", "")[:500], {})
+    answers: dict[str, Scalar] = {}
+    for name in run.question.quantities:
+        quantity = QUANTITIES[name]
+        answers = {**dict.fromkeys(quantity.columns), **answers}
+        try:
+            answers |= quantity.answer(solved)
+        except (InterferenceError, InfeasibleError, SearchError) as error:
+            answers |= {"verdict": _word(error), "shortfall": _shortfall(error)}
+    kept = b""
+    if "plan" in run.question.keep and answers.get("verdict") in ("CERTIFIED", "NOT_PROVED", "REFUTED"):
+        kept = zlib.compress(plan.canonical(solved.document).encode(), 6)
+    return Row(run.key, "done", "", answers, kept)
+
+
+def missing(name: str) -> str:
+    """Why a quantity cannot be computed here; nothing when it can."""
+    if name == "execution":
+        return "this version has no executor"
+    return ""
+
+
+def _word(error: FmoptError) -> str:
+    return "NOT_FOUND" if isinstance(error, SearchError) else "INFEASIBLE"
+
+
+def _shortfall(error: FmoptError) -> float | None:
+    """How much was missing, m, where the error says."""
+    if isinstance(error, InterferenceError):
+        return float(error.interference)
+    return float(error.shortfall) if isinstance(error, InfeasibleError) and error.shortfall else None
+
+
+def _clearance(solved: Solved) -> dict[str, Scalar]:
+    x, y = (0.5 * float(width) for width in solved.clearance.play)
+    finite = [side if side < float("inf") else None for side in (x, y)]
+    return {"clearance": solved.clearance.per_side, "clearance_x": finite[0], "clearance_y": finite[1]}
+
+
+def _plan(solved: Solved) -> dict[str, Scalar]:
+    document = solved.document
+    return {
+        "verdict": document["verdict"],
+        "moves": len(document["search"]["moves"]),
+        "segments": len(document["segments"]),
+        "cost": document["search"]["cost"],
+        "lower_bound": document["search"]["lower_bound"],
+    }
+
+
+def _margins(solved: Solved) -> dict[str, Scalar]:
+    least = min(solved.document["segments"], key=lambda segment: float(segment["margin"]))
+    return {
+        "verdict": solved.document["verdict"],
+        "margin": least["margin"],
+        "nominal_clearance": least["clearance"],
+        "binding_contact": least["binding_contact"],
+        "binding_move": least["move"] + 1,
+    }
+
+
+def _tolerated(solved: Solved) -> dict[str, Scalar]:
+    """The largest factor of the whole start box at which this motion, moved alike, is still certified."""
+    moved = solved.moved
+    if not _certified(moved, 1.0):
+        low, high = 0.0, 1.0
+    else:
+        low, high = 1.0, 2.0
+        while high <= _LARGEST and _certified(moved, high):
+            low, high = high, 2.0 * high
+    while high - low > _FINE and low < _LARGEST:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if _certified(moved, middle) else (low, middle)
+    return {"tolerated_factor": low}
+
+
+def _certified(moved: Moved, factor: float) -> bool:
+    from fmopt.placement.motion import Reached
+    from fmopt.placement.sequence import certified
+    from fmopt.synthesis import FINE
+    from fmopt.uncertainty.error_set import ErrorSet
+
+    box = factor * abs(moved.errors.generators).sum(axis=0)
+    start = Reached(ErrorSet.from_box(box), (), ())
+    try:
+        return certified(moved.assembly, moved.placed.moves, start, moved.tolerance, FINE, thorough=True).margin > 0.0
+    except InfeasibleError:
+        return False
+
+
+def _bias(solved: Solved) -> dict[str, Scalar]:
+    """Whether every held contact can be held while the next is felt: the least normal force over all segments."""
+    from fmopt.synthesis import strategy
+
+    moved = solved.moved
+    least, push = float("inf"), 0.0
+    for claim in moved.placed.reached.claims:
+        try:
+            hybrid = strategy(solved.problem, claim, moved.tolerance)
+        except InfeasibleError:
+            return {"holds": False, "least_normal_force": 0.0}
+        least = min([least, *(entry["force"] for entry in hybrid["normal_forces"])])
+        push = max(push, hybrid["push"])
+    return {"holds": True, "least_normal_force": None if least == float("inf") else least, "greatest_push": push}
+
+
+def _execution(solved: Solved) -> dict[str, Scalar]:
+    raise ResourceError(missing("execution"), "leave 'execution' out of compute")
+
+
+QUANTITIES: Mapping[str, Quantity] = {
+    "clearance": Quantity(
+        ("clearance", "clearance_x", "clearance_y", "verdict", "shortfall"),
+        _clearance,
+        "measured clearance on each side, m",
+    ),
+    "plan": Quantity(
+        ("verdict", "shortfall", "moves", "segments", "cost", "lower_bound"), _plan, "the plan's verdict, size and cost"
+    ),
+    "margins": Quantity(
+        ("verdict", "shortfall", "margin", "nominal_clearance", "binding_contact", "binding_move"),
+        _margins,
+        "least margin of the plan, m, and what binds it",
+    ),
+    "tolerated_error": Quantity(
+        ("verdict", "shortfall", "tolerated_factor"), _tolerated, "factor of the start error that the motion stands"
+    ),
+    "bias": Quantity(
+        ("verdict", "shortfall", "holds", "least_normal_force", "greatest_push"),
+        _bias,
+        "least normal force, N, with which a bias can hold every contact against friction",
+    ),
+    "execution": Quantity(
+        ("verdict", "shortfall", "trials", "successes"), _execution, "success of the plan when executed"
+    ),
+}

@@ -1,0 +1,83 @@
+"""The tables of a study file: a base problem, axes over its parameters, how they are sampled, what is computed."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, TypeAlias
+
+from pydantic import Field, WithJsonSchema
+
+from fmopt.task.problem_file import Units
+from fmopt.task.tables import Duration, File, Name, Table, Title
+
+Value: TypeAlias = Annotated[
+    Any, WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string", "minLength": 1, "maxLength": 200}]})
+]
+Path: TypeAlias = Annotated[str, Field(min_length=1, max_length=200)]
+Expression: TypeAlias = Annotated[str, Field(min_length=1, max_length=200)]
+Positive: TypeAlias = Annotated[int, Field(ge=1, le=1_000_000_000)]
+
+
+class Axis(Table):
+    """A parameter that varies: by values, by a range, or by a distribution."""
+
+    name: Name
+    """What the tables call it, and expressions."""
+    sets: (
+        Annotated[tuple[Path, ...], Field(min_length=1, max_length=64)]
+        | Annotated[dict[Path, Expression], Field(min_length=1, max_length=64)]
+    )
+    """Paths of the parameters that take its value; or a table of paths with arithmetic on the names of axes."""
+    values: Annotated[tuple[Value, ...], Field(max_length=100_000)] | None = None
+    """The values it takes, numbers or words."""
+    low: Value | None = None
+    """Least value of a range; of a normal distribution, where it is cut off."""
+    high: Value | None = None
+    """Greatest value."""
+    steps: Annotated[int, Field(ge=1, le=100_000)] | None = None
+    """Number of values in a range, for grids and lists."""
+    spacing: Literal["linear", "log"] = "linear"
+    """Whether steps, or a uniform distribution, are even in the value or in its logarithm."""
+    mean: Value | None = None
+    """Mean of a normal distribution."""
+    deviation: Value | None = None
+    """Its standard deviation."""
+    linked: Name | None = None
+    """An axis that this one moves along with: value by value, or at the same quantile."""
+
+
+class Sampling(Table):
+    """How the axes are sampled."""
+
+    method: Literal["grid", "list", "random", "latin-hypercube", "sobol", "saltelli"] = "grid"
+    """Every combination; value by value; or points in the cube. "saltelli" is made for Sobol indices."""
+    runs: Positive | None = None
+    """Number of points in the cube; a power of two for "sobol" and "saltelli", which makes k + 2 times as many."""
+    seed: Annotated[int, Field(ge=0, lt=2**63)] | None = None
+    """Seed of the points in the cube."""
+
+
+class RunLimits(Table):
+    """What one run may take, and how many runs are meant."""
+
+    time: Duration | None = None
+    """Time after which a run is given up."""
+    memory_mb: Annotated[int, Field(ge=64, le=1_000_000)] | None = None
+    """Address space of a worker in MB (10^6 bytes)."""
+    runs: Positive = 100_000
+    """Greatest number of runs that is no accident, 100 000 if not given."""
+
+
+class StudyFile(Table):
+    """A batch study for fmopt."""
+
+    title: Title
+    problem: File
+    """The base problem, relative to this file."""
+    units: Units
+    compute: Annotated[tuple[Name, ...], Field(min_length=1, max_length=32)]
+    """What to compute of each run."""
+    keep: tuple[Literal["plan"], ...] = ()
+    """What to keep of each run beside its row of the table."""
+    axes: Annotated[tuple[Axis, ...], Field(min_length=1, max_length=32)]
+    sampling: Sampling = Field(default_factory=Sampling)
+    limits: RunLimits = Field(default_factory=RunLimits)

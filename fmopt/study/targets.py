@@ -1,0 +1,161 @@
+"""What a study may vary: every number and choice of a problem, and every parameter of its two models, by path."""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from os.path import normpath
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Literal, get_args, get_origin
+
+from fmopt.errors import Fault
+from fmopt.study.batch import Assigned
+from fmopt.task.model import parameter_values
+from fmopt.task.problem_file import ProblemFile
+from fmopt.task.tables import Measured, Table
+from fmopt.task.toml_source import Source, read, read_bytes
+from fmopt.task.tree import MAX_MESH_BYTES
+from fmopt.task.units import ANGLE, FORCE, LENGTH, RATIO, SPEED, TIME, TORQUE, Dimension, Quantity, did_you_mean
+
+SIDES = ("moving", "fixed")
+UNIT_NAMES = {LENGTH: "m", ANGLE: "rad", SPEED: "m/s", FORCE: "N", TORQUE: "N*m", TIME: "s"}
+_FIXED = {"title", "units", *SIDES}
+
+
+@dataclass(frozen=True)
+class Target:
+    """A parameter that may vary: its key path in the problem's data, and its dimension; None for a choice of words."""
+
+    key: tuple[str, ...]
+    dimension: Dimension | None
+
+
+@dataclass(frozen=True)
+class Base:
+    """The base problem: its document, those of its models, and all the files that a run needs, by relative path."""
+
+    problem: Source
+    models: Mapping[str, Source]
+    inputs: Mapping[str, bytes]
+    name: str
+    content: str
+
+    @staticmethod
+    def read(path: Path) -> Base:
+        """The base problem of a file, which loads without fault.
+
+        Raises:
+            InputError: a file cannot be read.
+        """
+        source = read(path)
+        files = {Path(normpath(path.absolute())): path}
+        models, said = {}, dict[str, Any]()
+        for side in SIDES:
+            model = Path(normpath(path.parent / source.data[side]["model"]))
+            files[Path(normpath(model.absolute()))] = model
+            models[side] = read(model, source.place((side, "model")))
+            said[side] = models[side].data
+            if "mesh" in models[side].data:
+                mesh = model.parent / models[side].data["mesh"]["file"]
+                files[Path(normpath(mesh.absolute()))] = mesh
+                content = read_bytes(mesh, models[side].place(("mesh", "file")), MAX_MESH_BYTES)
+                said[f"{side} mesh"] = hashlib.sha256(content).hexdigest()
+        root = os.path.commonpath([file.parent for file in files])
+        inputs = {
+            os.path.relpath(file, root): read_bytes(given, source.place(()), MAX_MESH_BYTES)
+            for file, given in files.items()
+        }
+        name = os.path.relpath(normpath(path.absolute()), root)
+        return Base(source, MappingProxyType(models), MappingProxyType(inputs), name, canonical_digest(said))
+
+    def targets(self) -> dict[str, Target]:
+        """What may vary, by path."""
+        found = dict(_measured(ProblemFile, ()))
+        for side, model in self.models.items():
+            for name, value in parameter_values(model).items():
+                found[f"model.{side}.{name}"] = Target((side, "parameters", name), value.dimension)
+        return found
+
+
+def canonical_digest(value: object) -> str:
+    """SHA-256 (hex) of plain data in one canonical form."""
+    import json
+
+    text = json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def target(targets: Mapping[str, Target], path: str) -> Target | str:
+    """The target of a path, or advice when there is none; `problem.` in front may be left out."""
+    short = path.removeprefix("problem.")
+    if short in targets:
+        return targets[short]
+    near = did_you_mean(short, targets)
+    inside = [name for name in targets if name.startswith(short.split(".")[0] + ".")]
+    return near or f"paths here: {', '.join(inside or sorted({name.split('.')[0] + '.…' for name in targets}))}"
+
+
+def assigned(source: Source, values: Iterable[tuple[tuple[str, ...], Assigned]]) -> Source:
+    """A document with values put in, its file left as it is.
+
+    Args:
+        source: of a problem.
+        values: by key path.
+    """
+    data = copy.deepcopy(dict(source.data))
+    for key, value in values:
+        table: dict[str, Any] = data
+        for part in key[:-1]:
+            table = table.setdefault(part, {})
+        table[key[-1]] = value
+    return replace(source, data=data)
+
+
+def in_file(value: Quantity) -> Assigned:
+    """A quantity as a file of any units has it: a number with its unit in SI, exactly."""
+    return value.value if value.dimension == RATIO else f"{value.value!r} {UNIT_NAMES[value.dimension]}"
+
+
+def blamed(faults: Iterable[Fault], mine: Mapping[str, Fault]) -> list[Fault]:
+    """Faults of a changed problem, those of changed keys told of the study file instead.
+
+    Args:
+        faults: of the problem.
+        mine: by dotted key of the problem's data, a fault of the study file without words.
+    """
+    found = []
+    for fault in faults:
+        place = mine.get(fault.key)
+        if place is not None:
+            fault = replace(place, code=fault.code, message=fault.message, advice=fault.advice)
+        found.append(fault)
+    return list(dict.fromkeys(found))
+
+
+def _measured(table: type[Table], above: tuple[str, ...]) -> Iterator[tuple[str, Target]]:
+    for name, field in table.model_fields.items():
+        if not above and name in _FIXED:
+            continue
+        key = (*above, name)
+        kinds = list(_parts(field.annotation))
+        inner = next((kind for kind in kinds if isinstance(kind, type) and issubclass(kind, Table)), None)
+        if inner is not None:
+            yield from _measured(inner, key)
+            continue
+        measured = next((kind for kind in (*field.metadata, *kinds) if isinstance(kind, Measured)), None)
+        if measured is not None:
+            yield ".".join(key), Target(key, measured.dimension)
+        elif any(get_origin(kind) is Literal for kind in kinds):
+            yield ".".join(key), Target(key, None)
+
+
+def _parts(annotation: Any) -> Iterator[Any]:
+    """An annotation and all that it is made of."""
+    yield annotation
+    if get_origin(annotation) is not Literal:
+        for part in get_args(annotation):
+            yield from _parts(part)
