@@ -1,4 +1,4 @@
-"""The command line: `fmopt solve`, `verify`, `check` and `schema`. Heavy imports wait until a command needs them."""
+"""The command line: `fmopt solve`, `verify`, `check`, `study`, `schema`. Heavy imports wait for a command's need."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
 import typer
+import typer.core
 
 from fmopt import __version__
 from fmopt.errors import FmoptError, InputError, InterferenceError, PlanFormatError, ResourceError
@@ -154,6 +155,95 @@ def schema(
     if found is None:
         raise typer.BadParameter(f"{kind!r} is none of {', '.join(kinds)}", param_hint="kind")
     typer.echo(schemas.text(found()), nl=False)
+
+
+class _Study(typer.core.TyperGroup):
+    """`fmopt study FILE…` is `fmopt study run FILE…`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        if args and args[0] not in (*self.commands, "--help"):
+            args = ["run", *args]
+        return super().parse_args(ctx, args)
+
+
+studies = typer.Typer(cls=_Study, no_args_is_help=True, rich_markup_mode=None)
+app.add_typer(studies, name="study", help="Run a study over many problems, resumable; or report on its results.")
+
+
+@studies.command("run", epilog="Example: fmopt study problems/studies/square_peg.toml --jobs 2")
+def study_run(
+    files: Annotated[list[Path], typer.Argument(help="Study files (TOML), one after the other.")],
+    out: Annotated[Path | None, typer.Option("--out", help="Folder for the results; default: out/<study>.")] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: one for each processor.")] = None,
+    limit: Annotated[int | None, typer.Option(min=0, help="Runs to do at most now.")] = None,
+    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Do failed runs again.")] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Show the runs and an estimate of time, and stop.")
+    ] = False,
+    cluster: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, tcp://…, to work there.")] = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Run a study, or go on with one that was interrupted: what is done is not done again."""
+    from fmopt.console import Runs
+    from fmopt.study import command
+
+    if out is not None and len(files) > 1:
+        raise typer.BadParameter("several studies cannot share one folder", param_hint="--out")
+    for file in files:
+        folder = out if out is not None else Path("out") / file.stem
+        if dry_run:
+            found = command.forecast(file, folder, jobs)
+            typer.echo(json.dumps(asdict(found)) if as_json else _foretold(file, found))
+            continue
+        with Runs(file.stem, quiet or as_json) as progress:
+            tally = command.carry_out(file, folder, command.Asked(jobs, limit, retry_failed, cluster), progress)
+        if as_json:
+            typer.echo(json.dumps({**asdict(tally), "folder": str(folder)}))
+        elif not quiet:
+            typer.echo(_told(tally, folder))
+        if tally.interrupted:
+            raise typer.Exit(128 + tally.interrupted)
+
+
+@studies.command("report", epilog="Example: fmopt study report out/square_peg")
+def study_report(
+    folders: Annotated[list[Path], typer.Argument(help="Folders of studies, finished or not.")],
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Write report.html, table.csv and, where polars is installed, table.parquet beside the results."""
+    from fmopt.study import command
+
+    for folder in folders:
+        written = [str(path) for path in command.report(folder)]
+        if as_json:
+            typer.echo(json.dumps({"folder": str(folder), "written": written}))
+        elif not quiet:
+            typer.echo("wrote " + ", ".join(written))
+
+
+def _foretold(file: Path, found: Any) -> str:
+    from fmopt.console import duration
+
+    lines = [f"{file}: {found.total} runs, {found.done} of them done", *found.listing]
+    if found.seconds is None:
+        return "\n".join([*lines, f"no estimate of time: {found.source}"])
+    return "\n".join(
+        [*lines, f"{duration(found.seconds)} a run, by {found.source}; {duration(found.rest)} for the rest"]
+    )
+
+
+def _told(tally: Any, folder: Path) -> str:
+    from fmopt.console import duration
+
+    left = tally.total - tally.done
+    words = f"{tally.done} of {tally.total} runs done"
+    words += f", {tally.failed} of them failed (--retry-failed does them again)" if tally.failed else ""
+    words += f"; {tally.fresh} now, in {duration(tally.seconds)}" if tally.fresh else ""
+    words = f"interrupted: {words}; the same command goes on" if tally.interrupted else words
+    words += f"; {left} left" if left and not tally.interrupted else ""
+    return f"{words}\nwrote {folder / 'table.csv'}"
 
 
 def _write_report(document: dict[str, Any], folder: Path) -> None:

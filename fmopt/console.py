@@ -40,6 +40,50 @@ class Stages:
             self._status.update(doing)
 
 
+class Runs:
+    """Progress of a study: one bar with rate and time left, on a terminal only.
+
+    Args:
+        title: of the study.
+        silent: show nothing.
+    """
+
+    def __init__(self, title: str, silent: bool) -> None:
+        from rich.progress import BarColumn, Progress, TextColumn
+
+        console = Console(stderr=True)
+        columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[words]}"))
+        self._bar = None if silent or not console.is_terminal else Progress(*columns, console=console)
+        self._task = None if self._bar is None else self._bar.add_task(title, total=None, words="")
+
+    def __enter__(self) -> Runs:
+        if self._bar is not None:
+            self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def __call__(self, tally: Any) -> None:
+        """Shows how far a study is."""
+        if self._bar is not None and self._task is not None:
+            failed = f", {tally.failed} failed" if tally.failed else ""
+            pace = f", {tally.rate:.3g} a second, {duration(tally.left)} left" if tally.fresh else ""
+            words = f"{tally.done} of {tally.total}{failed}{pace}"
+            self._bar.update(self._task, total=tally.total, completed=tally.done, words=words)
+
+
+def duration(seconds: float) -> str:
+    """A time as people say it."""
+    for size, name in ((86400.0, "days"), (3600.0, "h"), (60.0, "min")):
+        if seconds >= 2.0 * size:
+            return f"{seconds / size:.3g} {name}"
+    return f"{seconds:.3g} s"
+
+
 def print_solved(document: dict[str, Any], verdict: Any, folder: Path, report: bool) -> None:
     """Prints the outcome of `fmopt solve`."""
     from fmopt.report.moves import summary_rows

@@ -58,9 +58,11 @@ CALLERS: dict[str, frozenset[str]] = {
 LIBRARIES: dict[str, frozenset[str]] = {
     "numpy": frozenset(
         {"values", "se3", "ellipsoid", "plane", "geometry", "knowledge", "contact", "task", "nominal", "uncertainty"}
-        | {"certificate", "placement", "control", "synthesis", "report"}
+        | {"certificate", "placement", "control", "synthesis", "report", "study"}
     ),
-    "scipy": frozenset({"plane", "geometry", "contact", "nominal", "uncertainty", "placement", "control"}),
+    "scipy": frozenset({"plane", "geometry", "contact", "nominal", "uncertainty", "placement", "control", "study"}),
+    "distributed": frozenset({"study/cluster.py"}),
+    "polars": frozenset({"study/__init__.py", "study/table.py"}),
     "sympy": frozenset({"symbolic.py", "contact/surface.py", "uncertainty/planar/surface.py"}),
     "casadi": frozenset({"symbolic.py", "contact/surface.py", "placement/nlp.py"}),
     "clarabel": frozenset({"placement/socp.py"}),
@@ -71,7 +73,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "trimesh": frozenset({"geometry/mesh.py"}),
     "shapely": frozenset({"plane", "geometry", "knowledge", "uncertainty/planar", "report"}),
     "matplotlib": frozenset({"report"}),
-    "pydantic": frozenset({"task"}),
+    "pydantic": frozenset({"task", "study/study_file.py"}),
     "pydantic_core": frozenset({"task"}),
     "pint": frozenset({"task/units.py"}),
     "tree_sitter": frozenset({"task/toml_source.py"}),
@@ -79,7 +81,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "typer": frozenset({"cli.py"}),
     "rich": frozenset({"console.py"}),
 }
-SOLVERS = {"numpy", "scipy", "casadi", "sympy", "matplotlib", "clarabel", "daqp", "cvxpy", "pydantic"}
+SOLVERS = {"numpy", "scipy", "casadi", "sympy", "matplotlib", "clarabel", "daqp", "cvxpy", "pydantic", "distributed"}
 EVALUATORS = {"eval", "exec", "compile", "__import__"}
 PARSERS = {"lambdify", "sympify", "parse_expr"}
 

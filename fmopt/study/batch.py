@@ -65,7 +65,8 @@ class Batch:
         evaluate: what is done with each.
         limits: of each.
         inputs: contents of the input files, by relative path.
-        folder: where these files are; None where only their contents are known.
+        folder: where these files are; None where only their contents are known: on another machine.
+        program: what the host must run, too; anything if empty.
     """
 
     runs: tuple[Run, ...]
@@ -73,6 +74,7 @@ class Batch:
     limits: Limits
     inputs: Mapping[str, bytes]
     folder: Path | None
+    program: str = ""
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from types import FrameType
 from fmopt.errors import ResourceError
 from fmopt.study.batch import Batch, Evaluate, Limits, Returned, Run, laid_out
 from fmopt.study.lock import owned
+from fmopt.study.program import program
 from fmopt.study.store import Effort, Numbered, Row, Store
 from fmopt.study.workers import ATTEMPTS, Local, run_batch
 
@@ -177,7 +178,9 @@ class _Desk:
         acknowledged: Callable[[Sequence[Row]], None],
     ) -> None:
         self._store, self._options, self._progress, self._acknowledged = store, options, progress, acknowledged
-        self._form = Batch((), evaluate, work.limits, {} if home else work.inputs, home)
+        self._form = Batch((), evaluate, work.limits, {}, home)
+        if home is None:
+            self._form = replace(self._form, inputs=work.inputs, program=program())
         runs = {run.key: run for run in work.runs}
         outcomes = store.outcomes()
         self._failed = {key for key in runs if outcomes.get(key, "done") != "done"}
@@ -203,7 +206,10 @@ class _Desk:
                 self._take(under_way.pop(future), future)
             self._progress(self._tally())
         if stop.signal:
-            executor.shutdown(wait=True, cancel_futures=True)
+            for future in under_way:
+                future.cancel()
+            if isinstance(executor, Local):
+                executor.shutdown()
             for future, batch in under_way.items():
                 if future.done() and not future.cancelled():
                     self._take(batch, future)

@@ -20,6 +20,7 @@ from typing import Any
 
 from fmopt.errors import ResourceError
 from fmopt.study.batch import Batch, Evaluate, Limits, Returned, Run, laid_out
+from fmopt.study.program import program
 from fmopt.study.store import Effort, Outcome, Row
 from fmopt.study.worker import BEGUN, LEAVING, READY
 
@@ -194,6 +195,9 @@ def run_batch(batch: Batch) -> Returned:
     Raises:
         ResourceError: workers do not start, or the inputs cannot be laid out.
     """
+    if batch.program not in ("", program()):
+        message = f"a worker runs fmopt {program()}, the study {batch.program}"
+        raise ResourceError(message, "install the same version, and the same libraries, everywhere")
     folder = batch.folder if batch.folder is not None else laid_out(batch.inputs, None)
     rows: list[tuple[Row, Effort]] = []
     deaths = false_starts = 0

@@ -1,0 +1,155 @@
+"""What `fmopt study` does: start or continue, foretell, report."""
+
+from __future__ import annotations
+
+import os
+import statistics
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+
+from fmopt.study.batch import Batch, laid_out
+from fmopt.study.design import Study, load_study
+from fmopt.study.evaluation import evaluate
+from fmopt.study.running import Options, Tally, Work, run
+from fmopt.study.store import NAME, efforts, recorded
+from fmopt.study.table import csv_text, parquet, results
+from fmopt.study.workers import Local, run_batch
+from fmopt.task.tables import in_words
+
+_SHOWN = 10  # runs that a dry run lists
+
+
+def processors() -> int:
+    """How many processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What the command line says of a study.
+
+    Args:
+        jobs: processes, or batches under way on a cluster; None for as many as there are processors.
+        limit: runs to do at most now.
+        retry_failed: whether to do failed runs again.
+        cluster: address of a Dask scheduler, None for this machine.
+    """
+
+    jobs: int | None = None
+    limit: int | None = None
+    retry_failed: bool = False
+    cluster: str | None = None
+
+
+def carry_out(file: Path, folder: Path, asked: Asked, progress: Callable[[Tally], None]) -> Tally:
+    """Starts or continues the study of a file in a folder, and writes its table.
+
+    Raises:
+        InputError: the file cannot be used.
+        ResourceError: the folder, the workers or the cluster cannot be had.
+    """
+    from fmopt import plan
+
+    work = load_study(file).work()
+    if asked.cluster is not None:
+        from fmopt.study.cluster import cluster
+
+        with cluster(asked.cluster) as (executor, threads):
+            options = Options(asked.jobs or threads, asked.limit, asked.retry_failed)
+            tally = run(work, folder, evaluate, options, executor, progress)
+    else:
+        options = Options(asked.jobs or processors(), asked.limit, asked.retry_failed)
+        tally = run(work, folder, evaluate, options, None, progress)
+    plan.save(csv_text(results(folder)).encode(), folder / "table.csv")
+    return tally
+
+
+def report(folder: Path) -> list[Path]:
+    """Writes what a folder's results say, and names the files.
+
+    Raises:
+        InputError: there is no study in this folder.
+        ResourceError: a file cannot be read or written.
+    """
+    from fmopt import plan
+
+    found = results(folder)
+    contents = {"table.csv": csv_text(found).encode()}
+    if find_spec("polars") is not None:
+        contents["table.parquet"] = parquet(found)
+    for name, content in contents.items():
+        plan.save(content, folder / name)
+    return [folder / name for name in contents]
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What a study will be: its number of runs, how many are done, seconds for the rest, and how that is known.
+
+    Args:
+        total: different runs.
+        done: those that have a row already.
+        seconds: that one run takes; None when its trial failed.
+        rest: seconds for all that is left.
+        source: where that comes from, in words.
+        listing: the first and last runs in words.
+    """
+
+    total: int
+    done: int
+    seconds: float | None
+    rest: float | None
+    source: str
+    listing: tuple[str, ...]
+
+
+def forecast(file: Path, folder: Path, jobs: int | None) -> Forecast:
+    """Says what a study would do; writes nothing.
+
+    The time of a run is the median of the runs in the folder, or that of a trial of the middle run.
+
+    Raises:
+        InputError: the file cannot be used.
+        ResourceError: no worker starts.
+    """
+    study = load_study(file)
+    work = study.work()
+    keys = list(dict.fromkeys(run.key for run in work.runs))
+    done, known = set[str](), list[float]()
+    if (folder / NAME).is_file():
+        done = {r.run.key for r in recorded(folder)[1] if r.row is not None} & set(keys)
+        known = [effort.seconds for key, effort in efforts(folder).items() if key in done]
+    seconds: float | None
+    if known:
+        seconds, source = statistics.median(known), f"the median of {len(known)} runs that are done"
+    else:
+        seconds, source = _trial(work)
+    count = jobs or processors()
+    rest = None if seconds is None else seconds * (len(keys) - len(done)) / min(count, max(len(keys), 1))
+    return Forecast(len(keys), len(done), seconds, rest, source, tuple(_listing(study)))
+
+
+def _trial(work: Work) -> tuple[float | None, str]:
+    middle = work.runs[len(work.runs) // 2]
+    with Local(1) as local:
+        batch = Batch((middle,), evaluate, work.limits, work.inputs, laid_out(work.inputs, None))
+        row, effort = local.submit(run_batch, batch).result().rows[0]
+    if row.outcome == "done":
+        return effort.seconds, "a trial of the middle run"
+    return None, f"a trial of the middle run failed ({row.outcome}: {row.reason})"
+
+
+def _listing(study: Study) -> Iterator[str]:
+    """The runs in words, those in the middle left out."""
+    count = len(study.points)
+    shown = [*range(min(count, _SHOWN)), *range(max(count - 2, _SHOWN), count)]
+    for before, number in zip([-1, *shown], shown, strict=False):
+        if number != before + 1:
+            yield "…"
+        words = [
+            f"{axis.name} = " + (str(value) if axis.dimension is None else in_words(float(value), axis.dimension))
+            for axis, value in zip(study.axes, study.points[number], strict=True)
+        ]
+        yield f"{number}: " + ", ".join(words)
