@@ -14,7 +14,7 @@ from fmopt.study.sampling import CUBES, Normal, Uniform, cube, grid, rounded, st
 from fmopt.study.targets import Target, in_file, target
 from fmopt.task.tables import Reading, in_words, shown
 from fmopt.task.toml_source import Key, Place, Source
-from fmopt.task.units import RATIO, Dimension, Quantity, QuantityError, did_you_mean, evaluate
+from fmopt.task.units import LENGTH, Dimension, Quantity, QuantityError, did_you_mean, evaluate
 
 Number = float | str
 
@@ -119,7 +119,7 @@ class _Reader:
         return tuple(found)
 
     def _dimension(self, axis: files.Axis, sets: Sequence[tuple[Target, str]]) -> Dimension | None:
-        """What the axis measures: what it sets as it is, else what the unit of its first number says."""
+        """What the axis measures: what it sets as it is, else what the unit of its first number says, else a length."""
         own = [goal for goal, expression in sets if expression in ("", axis.name)]
         if own:
             return own[0].dimension
@@ -129,7 +129,7 @@ class _Reader:
                     return evaluate(raw).dimension
                 except QuantityError:
                     continue  # told with its place when the value is read
-        return RATIO
+        return LENGTH
 
     def _quantity(self, raw: object, dimension: Dimension, *key: str | int) -> float | None:
         try:

@@ -134,6 +134,8 @@ def load_study(path: Path) -> Study:
 
 
 def _quantity_faults(source: Source, file: files.StudyFile) -> Iterator[Fault]:
+    if not file.axes:
+        yield source.place(("axes",), of_key=True).fault("empty-axis", "there are no axes", "add [[axes]], or solve it")
     for n, name in enumerate(file.compute):
         place = source.place(("compute", n))
         if name not in QUANTITIES:
@@ -189,7 +191,8 @@ def _size_faults(source: Source, file: files.StudyFile, axes: Sequence[Axis]) ->
     count = count_of(axes, file.sampling)
     if count > file.limits.runs:
         key = ("sampling",) if method in CUBES else ("axes",)
-        message = f"these axes make {count:,} runs, more than {file.limits.runs:,}".replace(",", " ")
+        made, meant = (f"{number:,}".replace(",", " ") for number in (count, file.limits.runs))
+        message = f"these axes make {made} runs, more than {meant}"
         advice = f"use fewer values; if you mean it, say [limits] runs = {count}"
         yield source.place(key, of_key=True).fault("many-runs", message, advice)
 

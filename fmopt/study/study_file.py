@@ -78,6 +78,6 @@ class StudyFile(Table):
     """What to compute of each run."""
     keep: tuple[Literal["plan"], ...] = ()
     """What to keep of each run beside its row of the table."""
-    axes: Annotated[tuple[Axis, ...], Field(min_length=1, max_length=32)]
+    axes: tuple[Axis, ...]
     sampling: Sampling = Field(default_factory=Sampling)
     limits: RunLimits = Field(default_factory=RunLimits)

@@ -114,6 +114,9 @@ def _known_keys(schema: Mapping[str, Any], key: Key, source: Source) -> list[str
         node = _resolved(schema, node, value)
         if part is None:
             break
+        if isinstance(part, int):
+            node, value = node.get("items", {}), value[part]
+            continue
         named = [*node.get("patternProperties", {}).values(), node.get("additionalProperties") or {}]
         node = node.get("properties", {}).get(part, named[0])
         value = value[part]
