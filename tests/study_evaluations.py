@@ -12,6 +12,7 @@ from fmopt.study.batch import Limits, Question, Run
 from fmopt.study.running import Work
 from fmopt.study.store import Row
 
+BEGUN = "STUDY_TEST_BEGUN"
 QUESTION = Question("problem.toml", ("test",))
 
 
@@ -30,6 +31,15 @@ def quick(run: Run, folder: Path) -> Row:
 def slow(run: Run, folder: Path) -> Row:
     """The same after a hundredth of a second."""
     time.sleep(0.01)
+    return quick(run, folder)
+
+
+def noted(run: Run, folder: Path) -> Row:
+    """The same after it was written down that the run has begun."""
+    begun = os.open(os.environ[BEGUN], os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+    os.write(begun, f"{run.key}\n".encode())
+    os.close(begun)
+    time.sleep(0.004)
     return quick(run, folder)
 
 
