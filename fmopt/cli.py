@@ -1,4 +1,4 @@
-"""The command line: `fmopt solve`, `verify`, `check`, `study`, `schema`. Heavy imports wait for a command's need."""
+"""The command line: `fmopt solve`, `verify`, `check`, `export`, `study`, `schema`; heavy imports wait for a need."""
 
 from __future__ import annotations
 
@@ -141,6 +141,33 @@ def _check_assembly(file: Path, as_json: bool, quiet: bool) -> None:
         typer.echo(json.dumps(assembly_facts(assembly, steps)))
     elif not quiet:
         typer.echo(explain_assembly(assembly, steps))
+
+
+@app.command(epilog="Example: fmopt export plan.json --to urscript --base 0.4 -0.1 0.2 0 3.14159 0")
+def export(
+    file: Annotated[Path, typer.Argument(help="Plan file (JSON).")],
+    to: Annotated[str, typer.Option("--to", help="urscript, ros2, csv or json.")],
+    out: Annotated[Path | None, typer.Option("--out", help="File; for ros2 a folder.")] = None,
+    base: Annotated[
+        tuple[float, float, float, float, float, float] | None,
+        typer.Option("--base", help="Pose of the hole's frame in the robot's base, m and rotation vector in rad."),
+    ] = None,
+    rate: Annotated[float, typer.Option("--rate", help="Samples a second of ros2, csv and json.")] = 100.0,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Write a plan in a format that robots or tables take."""
+    from fmopt.export.write import export as write
+
+    try:
+        written = write(file, to, out, base, rate)
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from error
+    if as_json:
+        typer.echo(json.dumps({"written": [str(path) for path in written]}))
+    elif not quiet:
+        for path in written:
+            typer.echo(str(path))
 
 
 @app.command(epilog="Example: fmopt schema problem > problem.schema.json")

@@ -20,8 +20,8 @@ FLOORS: tuple[frozenset[str], ...] = (
     frozenset({"errors", "values", "symbolic"}),
     frozenset({"se3", "ellipsoid", "plane"}),
     frozenset({"geometry", "plan"}),
-    frozenset({"knowledge"}),
-    frozenset({"contact", "task", "report"}),
+    frozenset({"knowledge", "guarded"}),
+    frozenset({"export", "contact", "task", "report"}),
     frozenset({"nominal", "uncertainty"}),
     frozenset({"certificate"}),
     frozenset({"placement"}),
@@ -42,6 +42,8 @@ ONLY: dict[str, frozenset[str]] = {
     "plane": frozenset({"values", "errors"}),
     "knowledge": frozenset({"geometry", "se3", "values", "errors"}),
     "report": frozenset({"plan", "geometry", "se3", "values", "errors"}),
+    "guarded": frozenset({"se3", "values", "errors"}),
+    "export": frozenset({"guarded", "plan", "se3", "values", "errors"}),
     "nominal": frozenset({"knowledge", "geometry", "plane", "se3", "values", "errors"}),
     "uncertainty": frozenset({"ellipsoid", "plane", "se3", "symbolic", "values", "errors"}),
     "certificate": frozenset({"contact", "uncertainty", "geometry", "plan", "ellipsoid", "se3", "values", "errors"}),
@@ -53,12 +55,13 @@ CALLERS: dict[str, frozenset[str]] = {
     APART: frozenset({"synthesis", "cli"}),
     "report": frozenset({"study", "console", "cli"}),
     "task": frozenset({"control", "synthesis", "study", "cli"}),
+    "export": frozenset({"cli"}),
 }
 # Every library that the package may import, and the files or rooms that may.
 LIBRARIES: dict[str, frozenset[str]] = {
     "numpy": frozenset(
         {"values", "se3", "ellipsoid", "plane", "geometry", "knowledge", "contact", "task", "nominal", "uncertainty"}
-        | {"certificate", "placement", "control", "synthesis", "report", "study"}
+        | {"certificate", "placement", "control", "synthesis", "report", "study", "guarded", "export"}
     ),
     "scipy": frozenset({"plane", "geometry", "contact", "nominal", "uncertainty", "placement", "control", "study"}),
     "distributed": frozenset({"study/cluster.py"}),
@@ -78,6 +81,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "pint": frozenset({"task/units.py"}),
     "tree_sitter": frozenset({"task/toml_source.py"}),
     "tree_sitter_toml": frozenset({"task/toml_source.py"}),
+    "rosbags": frozenset({"export/ros2.py"}),
     "typer": frozenset({"cli.py"}),
     "rich": frozenset({"console.py"}),
 }

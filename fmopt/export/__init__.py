@@ -1,0 +1,1 @@
+"""Plans in the formats that robots take: URScript, ROS 2, tables."""

@@ -1,0 +1,110 @@
+"""The position/force trajectory Pₐ(t), Fₐ(t), S(t) of a plan, sampled at a rate, as CSV and JSON."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fmopt.errors import PlanFormatError
+from fmopt.values import Array, Value, frozen
+
+FORMAT = "fmopt.samples/1"
+_AXES = ("x", "y", "z", "rx", "ry", "rz")
+COLUMNS = ("t", *(f"{name}_{axis}" for name in ("s", "pa", "fa") for axis in _AXES))
+_NOTES = (
+    "units: s, m, rad, N, N m; S, Pa and Fa along and about the axes of the B-frame",
+    "S: 0 free, 1 stopped in +, -1 stopped in -, 2 stopped both ways; Pa where S = 0, servoed in position",
+    "Fa where S is not 0, servoed in force: the reaction of the fixed on the moving part, the controller applies -Fa",
+    "the nominal insertion along the axis; the motion that errors do not defeat is the plan's segments",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Samples(Value):
+    """Times (n,), s; S (n, 6); Pₐ (n, 6), m and rad; Fₐ (n, 6), the reaction, N and N·m."""
+
+    t: Array
+    s: Array
+    pa: Array
+    fa: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "t", frozen(self.t, None, name="times"))
+        for name in ("s", "pa", "fa"):
+            object.__setattr__(self, name, frozen(getattr(self, name), len(self.t), 6, name=name))
+
+    @property
+    def table(self) -> Array:
+        """Rows of `COLUMNS`, (n, 19)."""
+        return np.hstack([self.t[:, None], self.s, self.pa, self.fa])
+
+
+def samples(document: Mapping[str, Any], rate: float) -> Samples:
+    """Every 1/rate seconds from the start, and the end; where S jumps, the value that begins there.
+
+    Args:
+        document: plan.
+        rate: Hz.
+
+    Raises:
+        PlanFormatError: the plan holds no such trajectory, or the rate is not positive.
+    """
+    if not 0.0 < rate < np.inf:
+        raise PlanFormatError(f"{rate:g} samples a second make no table", "give a positive --rate, in Hz")
+    try:
+        rows = document["position_force"]
+        first, last = float(rows[0]["t0"]), float(rows[-1]["t1"])
+        starts = np.array([row["t0"] for row in rows])
+    except (KeyError, IndexError, TypeError) as error:
+        raise PlanFormatError("the plan holds no position/force trajectory", "solve the problem again") from error
+    count = int(np.floor((last - first) * rate * (1.0 - 1e-12))) + 1
+    t = np.append(first + np.arange(count) / rate, last)
+    inside = np.clip(np.searchsorted(starts, t, side="right") - 1, 0, len(rows) - 1)
+    share = [
+        (time - rows[i]["t0"]) / (rows[i]["t1"] - rows[i]["t0"]) for time, i in zip(t.tolist(), inside, strict=True)
+    ]
+    ends = np.array([[row["pa_start"], row["pa_end"]] for row in rows])[inside]
+    pa = ends[:, 0] + np.array(share)[:, None] * (ends[:, 1] - ends[:, 0])
+    return Samples(
+        t, np.array([row["s"] for row in rows])[inside], pa, np.array([row["fa"] for row in rows], dtype=float)[inside]
+    )
+
+
+def csv_text(document: Mapping[str, Any], rate: float) -> str:
+    """The samples as CSV: comment lines with `#`, one line of names, numbers that read back exactly."""
+    lines = [f"# {line}" for line in (FORMAT, f"plan {document['sha256']}", *_NOTES)]
+    lines.append(",".join(COLUMNS))
+    lines += [",".join(repr(float(value)) for value in row) for row in samples(document, rate).table]
+    return "\n".join(lines) + "\n"
+
+
+def read_csv(text: str) -> Samples:
+    """Samples from the text of `csv_text`.
+
+    Raises:
+        PlanFormatError: the text is no such table.
+    """
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
+    if not lines or tuple(lines[0].split(",")) != COLUMNS:
+        raise PlanFormatError("no table of samples: the line of names differs", "give a file that fmopt export wrote")
+    try:
+        table = np.loadtxt(io.StringIO("\n".join(lines[1:])), delimiter=",", ndmin=2)
+        return Samples(table[:, 0], table[:, 1:7], table[:, 7:13], table[:, 13:19])
+    except (ValueError, IndexError) as error:
+        raise PlanFormatError(f"no table of samples: {error}", "give a file that fmopt export wrote") from error
+
+
+def json_text(document: Mapping[str, Any], rate: float) -> str:
+    """The samples as one JSON object."""
+    found = samples(document, rate)
+    rows = [
+        {"t": t, "s": [int(value) for value in s], "pa": pa, "fa": fa}
+        for t, s, pa, fa in zip(found.t.tolist(), found.s.tolist(), found.pa.tolist(), found.fa.tolist(), strict=True)
+    ]
+    head = {"format": FORMAT, "plan": document["sha256"], "notes": list(_NOTES), "rate": rate, "fa_sign": "reaction"}
+    return json.dumps({**head, "samples": rows}, indent=1, allow_nan=False) + "\n"

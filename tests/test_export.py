@@ -1,0 +1,358 @@
+"""Exports: the guarded moves behind them, task frames, URScript by its grammar, tables and bags read back."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from lark.exceptions import UnexpectedInput
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from typer.testing import CliRunner
+from urscript_language import Halt, Interpreter, arguments, calls, constant, distance, faults, parsed
+
+from fmopt.cli import app
+from fmopt.errors import PlanFormatError, ResourceError
+from fmopt.export import ros2
+from fmopt.export.frame import task_frame
+from fmopt.export.sampled import COLUMNS, csv_text, json_text, read_csv, samples
+from fmopt.export.urscript import program
+from fmopt.guarded import Move, from_frame, moves, to_frame
+from fmopt.se3 import Pose, exp
+
+RHO = 0.014
+BASE = Pose.from_vector([0.4, -0.1, 0.2, 0.3, 3.0, -0.2])
+SCALE = np.array([1.0, 1.0, 1.0, RHO, RHO, RHO])
+
+
+def pressing(force_axes: Any, hold: Any, frame: Pose) -> Move:
+    """A move that presses along the axes of a frame; what it does else does not matter here."""
+    goal = Pose.from_vector([0.001, 0.002, 0.003, 0.1, 0.0, 0.05])
+    wrench = from_frame(frame, np.asarray(hold, dtype=np.float64), goal.p)
+    return Move(0, 0, True, goal, goal, 1.0, np.zeros(6), frame, np.zeros((0, 6)), force_axes, wrench, None, (), ())
+
+
+def span(rows: Any) -> np.ndarray:
+    """Projector onto the space of wrenches, scaled by ρ."""
+    basis = np.linalg.svd(np.asarray(rows) / SCALE, full_matrices=False)[2][: len(rows)]
+    return basis.T @ basis
+
+
+# Guarded moves
+
+
+def test_the_holding_wrench_has_no_power_on_the_free_motions(square_peg_plan: dict[str, Any]) -> None:
+    for move in moves(square_peg_plan):
+        local = to_frame(move.frame, move.hold, move.goal.p)
+        assert np.abs(move.position_axes @ local).max() < 1e-5
+
+
+def test_gains_read_the_normal_force_of_the_new_contacts_and_nothing_of_the_held(
+    square_peg_plan: dict[str, Any],
+) -> None:
+    for move, row in zip(moves(square_peg_plan), square_peg_plan["segments"], strict=True):
+        end = row["hybrid"]["termination"]
+        if move.stop is None:
+            assert not end["contacts"]
+            continue
+        assert move.stop.gain @ np.array(end["wrench"]) == pytest.approx(end["threshold"], rel=1e-12)
+        held = from_frame(move.frame, move.force_axes, move.goal.p)
+        assert np.abs(held @ move.stop.gain).max(initial=0.0) < 1e-9 * np.linalg.norm(move.stop.gain * SCALE)
+        assert end["threshold"] <= move.stop.force < 60.0
+
+
+def test_a_bias_that_presses_nothing_held_is_refused(square_peg_plan: dict[str, Any]) -> None:
+    plan = json.loads(json.dumps(square_peg_plan))
+    plan["segments"][5]["hybrid"]["bias_wrench"][0] += 0.1
+    with pytest.raises(PlanFormatError, match=r"segment 5: 0\.1 N of its bias press where"):
+        moves(plan)
+    del plan["segments"][3]["hybrid"]["velocity"]
+    with pytest.raises(PlanFormatError, match="cannot be run: KeyError: 'velocity'"):
+        moves(plan)
+
+
+# Task frames
+
+
+@pytest.mark.parametrize(
+    "axes", [(0,), (1, 3), (0, 4, 5), (0, 1, 3, 5), (0, 1, 2), (3, 4, 5), (2, 3, 4), tuple(range(6))]
+)
+def test_turned_and_shifted_axes_are_found_again(axes: tuple[int, ...]) -> None:
+    random = np.random.default_rng(len(axes))
+    for _ in range(20):
+        frame, hidden = (Pose(0.02 * random.normal(size=3), exp(random.normal(size=3))) for _ in range(2))
+        mixed = random.normal(size=(len(axes), len(axes))) @ (np.eye(6)[list(axes)] * SCALE)
+        about_b = from_frame(hidden, mixed, np.zeros(3))
+        move = pressing(to_frame(frame, about_b, np.zeros(3)), np.zeros(6), frame)
+        found = task_frame(move, RHO)
+        assert sum(found.selection) == len(axes)
+        chosen = from_frame(found.pose, np.eye(6)[np.array(found.selection) == 1] * SCALE, np.zeros(3))
+        assert np.abs(span(chosen) - span(about_b)).max() < 1e-4
+
+
+def test_a_frame_that_fits_is_kept() -> None:
+    frame = Pose.from_vector([0.01, 0.0, 0.02, 0.0, 0.2, 0.1])
+    found = task_frame(pressing(np.eye(6)[[1, 3]] * SCALE, [0, -5, 0, 0.01, 0, 0], frame), RHO)
+    assert np.array_equal(found.pose.p, frame.p)
+    assert np.abs(found.pose.R - frame.R).max() < 1e-15
+    assert found.selection == (0, 1, 0, 1, 0, 0)
+    assert np.abs(found.wrench - [0, -5, 0, 0.01, 0, 0]).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        [[1, 0, 0, 0.005, 0, 0]],  # a screw
+        [[1, 0, 0, 0, 0, 0], [0, 0, 0, RHO, RHO, 0]],  # a torque askew to a force
+        [[1, 0, 0, 0, 0, 0], [0, 1, 0, 0.005, 0.004, 0]],  # two lines that do not meet
+    ],
+)
+def test_axes_orthogonal_in_no_frame_are_refused_with_their_segment(rows: list[list[float]]) -> None:
+    move = replace(pressing(np.array(rows), np.zeros(6), Pose.identity()), segment=7)
+    with pytest.raises(PlanFormatError, match=r"segment 7: its \d force axes are not orthogonal in any one frame"):
+        task_frame(move, RHO)
+
+
+def test_a_bias_on_a_stiff_axis_is_refused() -> None:
+    with pytest.raises(PlanFormatError, match="presses on a stiff axis by 2 N"):
+        task_frame(pressing(np.eye(6)[[0]], [-3, 2, 0, 0, 0, 0], Pose.identity()), RHO)
+
+
+# URScript
+
+
+def test_the_program_is_of_the_language_with_arity_and_units(square_peg_plan: dict[str, Any]) -> None:
+    tree = parsed(program(square_peg_plan, BASE))
+    assert faults(tree) == []
+    named = [str(call.children[0]) for call in calls(tree)]
+    assert named.count("force_mode") == len(square_peg_plan["segments"])
+    assert named.index("zero_ftsensor") < named.index("force_mode")
+    assert named.count("force_mode_set_damping") == named.count("force_mode_set_gain_scaling") == 1
+
+
+def test_force_modes_say_in_the_base_what_the_plan_says_in_its_frame(square_peg_plan: dict[str, Any]) -> None:
+    tree = parsed(program(square_peg_plan, BASE))
+    modes = [arguments(call) for call in calls(tree) if call.children[0] == "force_mode"]
+    for move, mode in zip(moves(square_peg_plan), modes, strict=True):
+        pose, selection, wrench, kind, limits = (constant(part) for part in mode)
+        frame = BASE.inverse().compose(Pose.from_vector(pose))
+        assert kind == 2.0
+        assert sum(selection) == len(move.force_axes)
+        assert np.abs(from_frame(frame, np.array(wrench), move.goal.p) - move.hold).max() < 1e-8
+        assert all(limit > 0.0 for limit in limits)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "fault"),
+    [
+        ("zero_ftsensor()", "zero_ftsensor(1)", "zero_ftsensor takes 0 arguments, not 1"),
+        (", 2, [", ", 1, [", "force_mode: the frame would move"),
+        (", 2, [", ", [", "force_mode takes 5 arguments, not 4"),
+        ("end_force_mode()", "end_force()", "end_force is no function"),
+        ("set_damping(0.1)", "set_damping(1.5)", "force_mode_set_damping: 1.5 is outside 0..1"),
+        ("[0, 0, 0, 0, 0, 0]", "[0, 0, 0.5, 0, 0, 0]", "force_mode: selection is not of 0 and 1"),
+        ("[0, 0, 0, 0, 0, 0]", "[0, 0, 0]", "force_mode: no list of six for 0|1 0|1 0|1 0|1 0|1 0|1"),
+    ],
+)
+def test_the_check_of_the_language_sees_faults(square_peg_plan: dict[str, Any], old: str, new: str, fault: str) -> None:
+    text = program(square_peg_plan, BASE)
+    assert old in text
+    assert fault in faults(parsed(text.replace(old, new)))
+
+
+def test_numbers_with_exponents_are_not_of_the_language() -> None:
+    with pytest.raises(UnexpectedInput):
+        parsed("sleep(1e-3)")
+
+
+class Robot:
+    """A robot in free air that feels `wrench` once it has gone on for `after` seconds."""
+
+    def __init__(self, start: list[float], wrench: Any = None, after: float = 0.0) -> None:
+        self.start, self.wrench, self.after = start, wrench, after
+        self.time, self.forced, self.log = 0.0, False, list[str]()
+
+    def built_in(self) -> dict[str, Any]:
+        quiet = ("force_mode_set_damping", "force_mode_set_gain_scaling", "movel", "sleep", "zero_ftsensor", "stopl")
+        return {
+            **{name: lambda *_: None for name in quiet},
+            "force_mode": lambda *_: setattr(self, "forced", True),
+            "end_force_mode": lambda: setattr(self, "forced", False),
+            "get_steptime": lambda: 0.002,
+            "speedl": self.speedl,
+            "get_tcp_force": lambda: self.wrench if self.wrench and self.time >= self.after else [0.0] * 6,
+            "get_actual_tcp_pose": lambda: self.start,
+            "point_dist": distance,
+            "textmsg": lambda *words: self.log.append("".join(words)),
+        }
+
+    def speedl(self, *_: Any) -> None:
+        self.time += 0.002
+
+    def run(self, text: str) -> None:
+        Interpreter(self.built_in()).run(parsed(text))
+
+
+def test_a_contact_that_is_not_felt_ends_the_program_and_the_force_mode(square_peg_plan: dict[str, Any]) -> None:
+    robot = Robot(list(BASE.compose(moves(square_peg_plan)[0].start).vector()))
+    with pytest.raises(Halt):
+        robot.run(program(square_peg_plan, BASE))
+    assert not robot.forced
+    assert robot.log == ["fmopt: segment 2: e0-e9 not felt"]
+    assert robot.time > sum(move.duration for move in moves(square_peg_plan)[:3])
+
+
+def test_a_part_that_is_elsewhere_is_not_moved(square_peg_plan: dict[str, Any]) -> None:
+    robot = Robot([0.0] * 6)
+    with pytest.raises(Halt):
+        robot.run(program(square_peg_plan, BASE))
+    assert "bring the part to within 0.02 m" in robot.log[0]
+    assert robot.time == 0.0
+
+
+def test_contacts_that_are_felt_lead_to_the_end(square_peg_plan: dict[str, Any]) -> None:
+    first = moves(square_peg_plan)[0]
+    robot = Robot(list(BASE.compose(first.start).vector()))
+    functions = robot.built_in()
+    functions["get_tcp_force"] = lambda: feeling
+    feeling = [0.0] * 6
+    text = program(square_peg_plan, BASE)
+    interpreter = Interpreter(functions)
+    called = interpreter.call
+
+    def guarded(node: Any, local: dict[str, Any]) -> Any:
+        if node.children[0] == "fmopt_guarded":
+            gain, force = (interpreter.value(argument, local) for argument in arguments(node)[1:3])
+            feeling[:] = [1.01 * force * g / sum(x * x for x in gain) for g in gain]
+        return called(node, local)
+
+    interpreter.call = guarded  # type: ignore[method-assign]
+    interpreter.run(parsed(text))
+    assert robot.log == ["fmopt: seated"]
+    assert not robot.forced
+
+
+# Tables
+
+
+def test_the_csv_reads_back_exactly(square_peg_plan: dict[str, Any]) -> None:
+    made = samples(square_peg_plan, 250.0)
+    read = read_csv(csv_text(square_peg_plan, 250.0))
+    assert np.abs(read.table - made.table).max() <= 1e-12
+    assert made.t[0] == square_peg_plan["position_force"][0]["t0"]
+    assert made.t[-1] == square_peg_plan["position_force"][-1]["t1"]
+    assert np.all(np.diff(made.t) > 0.0)
+
+
+def test_samples_split_position_and_force_as_s_says(square_peg_plan: dict[str, Any]) -> None:
+    found = samples(square_peg_plan, 100.0)
+    assert np.all(found.pa[found.s != 0.0] == 0.0)
+    assert np.all(found.fa[found.s == 0.0] == 0.0)
+    assert np.all(found.fa[found.s == 1.0] < 0.0)
+    assert np.any(found.s == 2.0)
+
+
+def test_the_json_holds_the_same_samples(square_peg_plan: dict[str, Any]) -> None:
+    text = json.loads(json_text(square_peg_plan, 50.0))
+    found = samples(square_peg_plan, 50.0)
+    assert [row["t"] for row in text["samples"]] == found.t.tolist()
+    assert [row["fa"] for row in text["samples"]] == found.fa.tolist()
+    assert text["fa_sign"] == "reaction"
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0, np.inf, np.nan])
+def test_rates_that_are_none_are_refused(square_peg_plan: dict[str, Any], rate: float, tmp_path: Path) -> None:
+    with pytest.raises(PlanFormatError, match="positive --rate"):
+        samples(square_peg_plan, rate)
+    with pytest.raises(PlanFormatError, match="positive --rate"):
+        ros2.export(square_peg_plan, BASE, rate, tmp_path)
+
+
+def test_other_tables_are_refused() -> None:
+    with pytest.raises(PlanFormatError, match="line of names differs"):
+        read_csv("a,b\n1,2\n")
+    with pytest.raises(PlanFormatError, match="no table of samples"):
+        read_csv(",".join(COLUMNS) + "\n1,2\n")
+
+
+# ROS 2
+
+
+def test_the_bag_reads_back_through_another_library(square_peg_plan: dict[str, Any], tmp_path: Path) -> None:
+    bag, *_ = ros2.export(square_peg_plan, BASE, 50.0, tmp_path / "ros2")
+    (file,) = bag.glob("*.mcap")
+    with file.open("rb") as stream:
+        messages = list(make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages())
+    poses = [m.decoded_message for m in messages if m.channel.topic == ros2.POSES]
+    wrenches = [m.decoded_message for m in messages if m.channel.topic == ros2.WRENCHES]
+    assert {m.schema.name for m in messages if m.schema} == {
+        "geometry_msgs/msg/PoseStamped",
+        "geometry_msgs/msg/WrenchStamped",
+    }
+    assert len(poses) == len(wrenches) > 50
+    rows = moves(square_peg_plan)
+    for message, pose in ((poses[0], rows[0].start), (poses[-1], rows[-1].goal)):
+        wanted = BASE.compose(pose)
+        q = message.pose.orientation
+        turned = exp(2.0 * np.arctan2(np.linalg.norm([q.x, q.y, q.z]), q.w) * unit([q.x, q.y, q.z]))
+        assert np.abs(turned - wanted.R).max() < 1e-12
+        assert np.abs(np.array([getattr(message.pose.position, k) for k in "xyz"]) - wanted.p).max() < 1e-15
+    last = wrenches[-1].wrench
+    assert np.abs(BASE.R.T @ [last.force.x, last.force.y, last.force.z] - rows[-1].hold[:3]).max() < 1e-12
+    assert all(message.header.frame_id == ros2.BASE_LINK for message in poses)
+
+
+def unit(v: list[float]) -> np.ndarray:
+    return np.array(v) / np.linalg.norm(v)
+
+
+def test_the_yaml_has_the_keys_of_controller_and_request(square_peg_plan: dict[str, Any], tmp_path: Path) -> None:
+    _, controllers, segments = ros2.export(square_peg_plan, BASE, 20.0, tmp_path)
+    parameters = yaml.safe_load(controllers.read_text())[ros2.CONTROLLER]["ros__parameters"]
+    assert set(parameters) == {
+        *("end_effector_link", "robot_base_link", "ft_sensor_ref_link", "compliance_ref_link", "joints"),
+        *("command_interfaces", "stiffness", "solver", "pd_gains"),
+    }
+    assert list(parameters["stiffness"]) == ["trans_x", "trans_y", "trans_z", "rot_x", "rot_y", "rot_z"]
+    listed = yaml.safe_load(segments.read_text())["segments"]
+    for entry, move in zip(listed, moves(square_peg_plan), strict=True):
+        request = entry["set_force_mode"]
+        selected = [request.pop(f"selection_vector_{axis}") for axis in ("x", "y", "z", "rx", "ry", "rz")]
+        assert set(request) == {
+            *("task_frame", "wrench", "type", "speed_limits", "deviation_limits", "damping_factor", "gain_scaling"),
+        }
+        assert sum(selected) == len(move.force_axes)
+        assert [value == 0.0 for value in entry["stiffness"].values()] == selected
+        assert all(isinstance(value, float) for value in request["deviation_limits"])
+        assert request["type"] == 2
+
+
+def test_a_bag_is_not_written_over(square_peg_plan: dict[str, Any], tmp_path: Path) -> None:
+    ros2.export(square_peg_plan, BASE, 10.0, tmp_path)
+    with pytest.raises(ResourceError, match="exists already; choose another folder"):
+        ros2.export(square_peg_plan, BASE, 10.0, tmp_path)
+
+
+# The command
+
+
+@pytest.mark.parametrize("to", ["urscript", "ros2", "csv", "json"])
+def test_the_command_writes_each_format(square_peg_plan_file: Path, tmp_path: Path, to: str) -> None:
+    base = ["--base", "0.4", "-0.1", "0.2", "0", "3.1", "0"]
+    done = CliRunner().invoke(
+        app, ["export", str(square_peg_plan_file), "--to", to, "--out", str(tmp_path / to), *base]
+    )
+    assert done.exit_code == 0, done.output
+    assert all(Path(line).exists() for line in done.output.splitlines())
+
+
+@pytest.mark.parametrize(("to", "why"), [("urscript", "base"), ("ros2", "base"), ("krl", "'krl' is no format")])
+def test_the_command_says_what_is_missing(square_peg_plan_file: Path, to: str, why: str) -> None:
+    done = CliRunner().invoke(app, ["export", str(square_peg_plan_file), "--to", to])
+    assert done.exit_code == 2
+    assert why in done.output
