@@ -135,3 +135,9 @@ class ResourceError(FmoptError):
     """A file, folder, lock or memory that could not be had."""
 
     exit_code = 4
+
+
+class SettingsError(FmoptError):
+    """Settings of a simulation with which its result would say nothing."""
+
+    exit_code = 2

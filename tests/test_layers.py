@@ -21,7 +21,7 @@ FLOORS: tuple[frozenset[str], ...] = (
     frozenset({"se3", "ellipsoid", "plane"}),
     frozenset({"geometry", "plan"}),
     frozenset({"knowledge", "guarded"}),
-    frozenset({"export", "contact", "task", "report"}),
+    frozenset({"execution", "export", "contact", "task", "report"}),
     frozenset({"nominal", "uncertainty"}),
     frozenset({"certificate"}),
     frozenset({"placement"}),
@@ -43,6 +43,7 @@ ONLY: dict[str, frozenset[str]] = {
     "knowledge": frozenset({"geometry", "se3", "values", "errors"}),
     "report": frozenset({"plan", "geometry", "se3", "values", "errors"}),
     "guarded": frozenset({"se3", "values", "errors"}),
+    "execution": frozenset({"guarded", "plan", "se3", "values", "errors"}),
     "export": frozenset({"guarded", "plan", "se3", "values", "errors"}),
     "nominal": frozenset({"knowledge", "geometry", "plane", "se3", "values", "errors"}),
     "uncertainty": frozenset({"ellipsoid", "plane", "se3", "symbolic", "values", "errors"}),
@@ -61,7 +62,7 @@ CALLERS: dict[str, frozenset[str]] = {
 LIBRARIES: dict[str, frozenset[str]] = {
     "numpy": frozenset(
         {"values", "se3", "ellipsoid", "plane", "geometry", "knowledge", "contact", "task", "nominal", "uncertainty"}
-        | {"certificate", "placement", "control", "synthesis", "report", "study", "guarded", "export"}
+        | {"certificate", "placement", "control", "synthesis", "report", "study", "guarded", "export", "execution"}
     ),
     "scipy": frozenset({"plane", "geometry", "contact", "nominal", "uncertainty", "placement", "control", "study"}),
     "distributed": frozenset({"study/cluster.py"}),
@@ -81,6 +82,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "pint": frozenset({"task/units.py"}),
     "tree_sitter": frozenset({"task/toml_source.py"}),
     "tree_sitter_toml": frozenset({"task/toml_source.py"}),
+    "mujoco": frozenset({"execution"}),
     "rosbags": frozenset({"export/ros2.py"}),
     "typer": frozenset({"cli.py"}),
     "rich": frozenset({"console.py"}),

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmopt.errors import PlanFormatError
-from fmopt.guarded import Move, to_frame
+from fmopt.guarded.moves import Move, to_frame
 from fmopt.se3 import Pose, exp, hat, log
 from fmopt.values import Array, Value, frozen
 
@@ -35,6 +35,9 @@ class TaskFrame(Value):
 
 def task_frame(move: Move, rho: float) -> TaskFrame:
     """The task frame of a segment: its compliance frame, turned and shifted as little as its force axes ask for.
+
+    It is set where the segment starts, with the wrench that holds the contacts there: at the goal of a long way their
+    arms are others, and what is right for a part that is all the way in tips one that is not.
 
     Args:
         move: the segment.
@@ -59,7 +62,9 @@ def task_frame(move: Move, rho: float) -> TaskFrame:
     stray = np.abs(np.where(np.array(selection) == 1, 0.0, wrench)) / np.array([1.0, 1.0, 1.0, rho, rho, rho])
     if float(stray.max()) > _PRESSES:
         raise PlanFormatError(f"segment {move.segment}: its bias presses on a stiff axis by {float(stray.max()):.3g} N")
-    return TaskFrame(pose, selection, np.where(np.array(selection) == 1, wrench, 0.0))
+    begin = Pose(pose.p + move.start.p - move.goal.p, pose.R)
+    wrench = to_frame(begin, move.hold_start, move.start.p)
+    return TaskFrame(begin, selection, np.where(np.array(selection) == 1, wrench, 0.0))
 
 
 def _split(rows: Array) -> tuple[Array, Array, Array]:

@@ -17,7 +17,7 @@ import numpy as np
 from fmopt import plan
 from fmopt.errors import PlanFormatError, ResourceError
 from fmopt.export.frame import TaskFrame, task_frame
-from fmopt.guarded import Move, moves
+from fmopt.guarded.moves import Move, moves
 from fmopt.se3 import Pose
 from fmopt.values import Array
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from fmopt.export.frame import TaskFrame, task_frame
-from fmopt.guarded import Move, moves
+from fmopt.guarded.moves import Move, moves
 from fmopt.se3 import Pose
 from fmopt.values import Array
 
@@ -39,7 +39,12 @@ def fmopt_leave(reason):
   halt
 end
 
-def fmopt_guarded(twist, gain, force, travel, timeout):
+def fmopt_extra(held):
+  local w = get_tcp_force()
+  return [w[0] + held[0], w[1] + held[1], w[2] + held[2], w[3] + held[3], w[4] + held[4], w[5] + held[5]]
+end
+
+def fmopt_guarded(twist, gain, force, held, travel, timeout):
   local step = get_steptime()
   local elapsed = 0.0
   local felt = 0
@@ -52,7 +57,12 @@ def fmopt_guarded(twist, gain, force, travel, timeout):
     end
     elapsed = elapsed + step
     local w = get_tcp_force()
-    local k = gain[0] * w[0] + gain[1] * w[1] + gain[2] * w[2] + gain[3] * w[3] + gain[4] * w[4] + gain[5] * w[5]
+    local k = held[0] + (held[1] - held[0]) * elapsed / travel
+    if elapsed >= travel:
+      k = held[1]
+    end
+    k = k + gain[0] * (w[0] - tare[0]) + gain[1] * (w[1] - tare[1]) + gain[2] * (w[2] - tare[2])
+    k = k + gain[3] * (w[3] - tare[3]) + gain[4] * (w[4] - tare[4]) + gain[5] * (w[5] - tare[5])
     if k >= force:
       felt = felt + 1
     else:
@@ -87,6 +97,7 @@ class Settings:
         acceleration, acceleration_angular: of the moves, m/s² and rad/s².
         stop, stop_angular: decelerations at a stop, m/s² and rad/s².
         debounce: samples in a row above the force that ends a guarded move.
+        settling: s in which the held contacts settle before a move starts and the sensor's reading is noted.
         reach: greatest distance from the start pose at which the program may begin, m.
         compliant_speed: limit on compliant axes, in speeds of the plan.
     """
@@ -98,6 +109,7 @@ class Settings:
     stop: float = 5.0
     stop_angular: float = 250.0
     debounce: int = 3
+    settling: float = 0.15
     reach: float = 0.02
     compliant_speed: float = 5.0
 
@@ -118,8 +130,9 @@ def program(document: Mapping[str, Any], base: Pose, settings: Settings | None =
     rows = moves(document)
     lines = [_head(document, base), _functions(settings), "def fmopt_insert():"]
     lines += _indented(_beginning(base.compose(rows[0].start), speed, settings))
-    for move in rows:
-        lines += _indented(_segment(move, task_frame(move, rho), base, rho, settings))
+    for move, before in zip(rows, [None, *rows], strict=False):
+        first = before is None or before.last
+        lines += _indented(_segment(move, first, task_frame(move, rho), base, rho, settings))
     lines += _indented(["end_force_mode()", 'textmsg("fmopt: ", "seated")'])
     return "\n".join([*lines, "end", "", "fmopt_insert()", ""])
 
@@ -154,23 +167,25 @@ def _beginning(start: Pose, speed: float, settings: Settings) -> list[str]:
         f"force_mode_set_damping({_number(settings.damping)})",
         f"force_mode_set_gain_scaling({_number(settings.gain)})",
         "global touched = False",
+        "global tare = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]",
     ]
 
 
-def _segment(move: Move, task: TaskFrame, base: Pose, rho: float, settings: Settings) -> list[str]:
+def _segment(move: Move, first: bool, task: TaskFrame, base: Pose, rho: float, settings: Settings) -> list[str]:
     """A move's pieces follow each other without a stop; once the contact that ends it is felt, the rest is left out."""
-    held = ", ".join(move.state) or "nothing"
-    lines = [f"# segment {move.segment}, move {move.number}, held: {held}"]
+    lines = [f"# segment {move.segment}, move {move.number}, held: {', '.join(move.state) or 'nothing'}"]
     call = _force_mode(move, task, base, rho, settings)
-    twist = np.concatenate([base.R @ move.twist[:3], base.R @ move.twist[3:]])
+    twist = _turned(base, move.twist)
     if move.stop is None:
         return [*lines, call, f"fmopt_move({_list(twist)}, {_number(move.duration)})"]
-    gain = np.concatenate([base.R @ move.stop.gain[:3], base.R @ move.stop.gain[3:]])
+    gain, held = _turned(base, move.stop.gain), _turned(base, move.hold_start)
     speed = _speed(move, rho)
+    expected = move.stop.gain @ np.column_stack([move.hold_start, move.hold])
     travel, timeout = (move.stop.max_travel / speed, move.stop.timeout) if move.last else (move.duration,) * 2
     guarded = [
         call,
-        f"touched = fmopt_guarded({_list(twist)}, {_list(gain)}, {_number(move.stop.force)}, "
+        *([f"sleep({_number(settings.settling)})", f"tare = fmopt_extra({_list(held)})"] if first else []),
+        f"touched = fmopt_guarded({_list(twist)}, {_list(gain)}, {_number(move.stop.force)}, {_list(expected)}, "
         f"{_number(travel)}, {_number(timeout)})",
     ]
     lines += ["if not touched:", *("  " + line for line in guarded), "end"]
@@ -178,6 +193,11 @@ def _segment(move: Move, task: TaskFrame, base: Pose, rho: float, settings: Sett
         missed = f"segment {move.segment}: {', '.join(move.stop.contacts)} not felt"
         lines += ["if not touched:", f'  fmopt_leave("{missed}")', "end", "touched = False"]
     return lines
+
+
+def _turned(base: Pose, six: Array) -> Array:
+    """A twist or wrench (6,) in axes of B, in axes of the base."""
+    return np.concatenate([base.R @ six[:3], base.R @ six[3:]])
 
 
 def _speed(move: Move, rho: float) -> float:

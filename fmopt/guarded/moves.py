@@ -1,37 +1,41 @@
 """The guarded moves of a plan file as whoever runs them needs them: what to servo, what to press, when to stop.
 
-Held contacts without friction do no work on the motion that they allow, so the normal force k of the contacts that
-end a move shows in the power of the measured reaction w alone: k = h (w·V′) / (w_T·V′), with w_T the termination
-wrench at threshold h and V′ the part of the unit twist V that the held contacts allow at the goal. Friction on held
-contacts opposes V as well. The plan's push b u was chosen so that b u·V ≥ 1.25 h |r·V| + μ Σ fᵢ sᵢ, r = w_T / h; what
-it exceeds its first term by is the friction that it allows for, and a move is to stop when k reaches h above that.
-[DakinPopplestone1993] section 3.1.
+A move ends when its new contacts press, and the sensor has to tell their normal force k from what the held contacts do
+meanwhile: their normal forces change, their friction opposes the sliding or does not, and their places are known no
+better than the errors allow. With Σ the second moment of all that and of the sensor's noise, and w the wrench of the
+new contacts for a unit force, g = Σ⁻¹w / (wᵀΣ⁻¹w) reads k with the least error: it is as blind as it can be to any
+force through the points of held contacts. With e the sum of the measured reaction and the holding wrench, the move
+stops when g · (e − e at its start) exceeds the threshold by what friction along the move, at the plan's coefficient,
+and three standard deviations of noise can add.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fmopt.errors import PlanFormatError
+from fmopt.guarded.contacts import Contact, contacts
 from fmopt.se3 import Pose, hat
 from fmopt.values import Array, Value, frozen
 
-_SURE = 1.25  # times the threshold that a plan's push alone can bring about
+NOISE = (0.05, 0.001)  # N and N·m, standard deviations of the filtered force signal that stops are made for
 _HELD = 1e-6  # N, by which a bias may leave the space of its force axes
 
 
 @dataclass(frozen=True, eq=False)
 class Stop(Value):
-    """Stop when gain · reaction, the normal force of the contacts to be made, reaches `force`.
+    """Stop when gain · (e − e at the start of the move), the normal force of the new contacts, reaches `force`.
+
+    e is the sum of the measured reaction and the holding wrench.
 
     Args:
         gain: (6,), N per N and N per N·m of the reaction about the moving frame's origin in axes of B.
         force: N.
-        threshold: N, of which the rest of `force` is the allowance for friction.
+        threshold: N, what `force` has above it is the allowance for friction and noise.
         max_travel: m in the metric of ρ.
         timeout: s.
         contacts: those that end the move.
@@ -61,7 +65,8 @@ class Move(Value):
         frame: compliance frame in B.
         position_axes: twists (6 − r, 6) in the frame's coordinates.
         force_axes: wrenches (r, 6) in its coordinates.
-        hold: wrench (6,) to apply that presses the held contacts, about the moving frame's origin in axes of B.
+        hold, hold_start: wrenches (6,) to apply at the goal and at the start that press the held contacts with the
+            plan's normal forces, about the moving frame's origin in axes of B; on a long way their arms change.
         stop: how the move ends before its travel is used up; None where no contact is expected.
         state, goal_state: contacts held on the way, and at the end.
     """
@@ -77,13 +82,15 @@ class Move(Value):
     position_axes: Array
     force_axes: Array
     hold: Array
+    hold_start: Array
     stop: Stop | None
     state: tuple[str, ...]
     goal_state: tuple[str, ...]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "twist", frozen(self.twist, 6, name="twist"))
-        object.__setattr__(self, "hold", frozen(self.hold, 6, name="holding wrench"))
+        for key in ("hold", "hold_start"):
+            object.__setattr__(self, key, frozen(getattr(self, key), 6, name="holding wrench"))
         axes = (("position_axes", "position axes"), ("force_axes", "force axes"))
         for key, name in axes:
             object.__setattr__(self, key, frozen(np.reshape(getattr(self, key), (-1, 6)), None, 6, name=name))
@@ -112,7 +119,8 @@ def moves(document: Mapping[str, Any]) -> tuple[Move, ...]:
         rho = float(document["uncertainty"]["rho"])
         rows = document["segments"]
         numbers = [int(row["move"]) for row in rows] + [-1]
-        return tuple(_move(i, row, numbers[i] != numbers[i + 1], rho) for i, row in enumerate(rows))
+        known, budget = contacts(document), _budget(document)
+        return tuple(_move(i, row, numbers[i] != numbers[i + 1], rho, known, budget) for i, row in enumerate(rows))
     except (KeyError, IndexError, TypeError, ValueError) as error:
         raise PlanFormatError(
             f"the plan's segments cannot be run: {type(error).__name__}: {error}",
@@ -120,7 +128,33 @@ def moves(document: Mapping[str, Any]) -> tuple[Move, ...]:
         ) from error
 
 
-def _move(index: int, row: Mapping[str, Any], last: bool, rho: float) -> Move:
+class Budget(NamedTuple):
+    """Noise of the sensor (N, N·m), what the places of contacts are uncertain by (m), and the friction coefficient."""
+
+    noise: tuple[float, float]
+    place: float
+    friction: float
+
+
+class Held(NamedTuple):
+    """Held contacts: normal force, N, unit normal (3,), and arm (3,) from the moving frame's origin, m."""
+
+    points: tuple[tuple[float, tuple[Array, Array]], ...]
+
+
+def _budget(document: Mapping[str, Any]) -> Budget:
+    place = max(float(value) for value in document["uncertainty"]["start_box"][:3])
+    return Budget(NOISE, place, float(document["specification"]["friction"]))
+
+
+def _point(contact: Contact, pose: Pose) -> tuple[Array, Array]:
+    point, normal, _ = contact.touch(pose)
+    return normal, point - pose.p
+
+
+def _move(
+    index: int, row: Mapping[str, Any], last: bool, rho: float, known: Mapping[str, Contact], budget: Budget
+) -> Move:
     start, goal = Pose.from_vector(row["start"]), Pose.from_vector(row["goal"])
     hybrid = row["hybrid"]
     frame = Pose.from_vector(hybrid["frame"])
@@ -133,8 +167,11 @@ def _move(index: int, row: Mapping[str, Any], last: bool, rho: float) -> Move:
     size = float(np.linalg.norm(free * scale))
     hold = bias - (push / size) * free * scale**2 if push > 0.0 else bias
     _refuse_unheld(index, hold, held, rho)
+    forces = [(known[entry["contact"]], float(entry["force"])) for entry in hybrid["normal_forces"]]
+    change = _pressing(forces, start) - _pressing(forces, goal)
     length = float(np.linalg.norm(start.local(goal) * scale))
-    stop = _stop(hybrid["termination"], V, free, push * size)
+    points = tuple((force, _point(contact, goal)) for contact, force in forces)
+    stop = _stop(hybrid["termination"], Held(points), V, budget)
     return Move(
         index,
         int(row["move"]),
@@ -147,10 +184,16 @@ def _move(index: int, row: Mapping[str, Any], last: bool, rho: float) -> Move:
         np.asarray(hybrid["position_axes"], dtype=np.float64),
         force_axes,
         hold,
+        hold + change,
         stop,
         tuple(row["state"]),
         tuple(row["goal_state"]),
     )
+
+
+def _pressing(forces: Sequence[tuple[Contact, float]], pose: Pose) -> Array:
+    """The wrench (6,) that puts these normal forces on contacts."""
+    return -sum((force * contact.wrench(pose) for contact, force in forces), start=np.zeros(6))
 
 
 def _free(held: Array, V: Array, rho: float) -> Array:
@@ -171,14 +214,35 @@ def _refuse_unheld(index: int, hold: Array, held: Array, rho: float) -> None:
         )
 
 
-def _stop(termination: Mapping[str, Any], V: Array, free: Array, pushed: float) -> Stop | None:
-    """The rule of this module; `pushed` is b u·V."""
-    wrench, h = frozen(termination["wrench"], 6), float(termination["threshold"])
-    power = -float(wrench @ free)
+def _stop(termination: Mapping[str, Any], move: Held, V: Array, budget: Budget) -> Stop | None:
+    """The rule of this module."""
+    wrench, h = frozen(termination["wrench"], 6) / float(termination["threshold"]), float(termination["threshold"])
     if not np.any(wrench):
         return None
-    if not power > 0.0:
-        raise ValueError("a move does not approach the contact that is to end it")
-    friction = max(pushed - _SURE * abs(float(wrench @ V)), 0.0) * h / power
+    noise = np.repeat(np.square(budget.noise), 3)
+    moment = np.diag(noise) + sum((_moment(f, at[1], budget) for f, at in move.points), start=np.zeros((6, 6)))
+    solved = np.linalg.solve(moment, wrench)
+    gain = np.asarray(solved / float(wrench @ solved))
+    rubbed = max(float(gain @ _friction(move, V, budget.friction)), 0.0)
+    force = h + rubbed + 3.0 * float(np.sqrt(gain**2 @ noise))
     travel, timeout = float(termination["max_travel"]), float(termination["timeout"])
-    return Stop(free * (-h / power), h + friction, h, travel, timeout, tuple(termination["contacts"]))
+    return Stop(gain, force, h, travel, timeout, tuple(termination["contacts"]))
+
+
+def _moment(force: float, arm: Array, budget: Budget) -> Array:
+    """Second moment (6, 6) of what a held contact may put on the sensor: any force of its size, anywhere near."""
+    through = np.vstack([np.eye(3), hat(arm)])
+    shifted = np.vstack([np.zeros((3, 3)), np.eye(3)])
+    return force**2 * (through @ through.T + (budget.place**2) * shifted @ shifted.T)
+
+
+def _friction(move: Held, V: Array, coefficient: float) -> Array:
+    """Wrench (6,) that friction on the held contacts puts on the part as it moves along V."""
+    total = np.zeros(6)
+    for force, (normal, arm) in move.points:
+        sliding = V[:3] + np.cross(V[3:], arm)
+        sliding = sliding - (sliding @ normal) * normal
+        size = float(np.linalg.norm(sliding))
+        rub = -coefficient * force * sliding / size if size > 0.0 else np.zeros(3)
+        total += np.concatenate([rub, np.cross(arm, rub)])
+    return total

@@ -1,0 +1,159 @@
+"""What a robot runs: steps, each a hybrid servo with a twist until it stops, and which step comes next."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from fmopt.errors import PlanFormatError
+from fmopt.execution.robot import Robot
+from fmopt.guarded.moves import Move, moves, to_frame
+from fmopt.se3 import Pose
+from fmopt.values import Array, Value, frozen
+
+DONE, FAILED = -1, -2
+
+
+@dataclass(frozen=True, eq=False)
+class Step(Value):
+    """One hybrid motion.
+
+    Args:
+        name: for people.
+        move: number of the move that it belongs to; the reference pose starts anew where the part is at each move.
+        frame: compliance frame, turned as in B, its origin from the moving frame's, axes of B; it goes with the part.
+        position: projector (6, 6) of twists in the frame's coordinates onto the position-controlled ones.
+        twist: (6,) of the moving frame's origin in axes of B, m/s and rad/s.
+        hold: wrenches (2, 6) to apply at the start and at the end of its duration, in the frame's coordinates.
+        duration: s for which the twist is run.
+        timeout: s; at least the duration.
+        gain, force: stop when gain · reaction ≥ force and the part stands still; infinite for no such stop.
+        deep: stop when the part's reference point is below this z in B, m; −infinite for no such stop.
+        push: limit of the servo along the twist, N in the metric of ρ.
+        soft: stiffness of position axes, as a share of the robot's.
+        on_stop, on_end: index of the next step when it stops, and when its time is used up; DONE or FAILED.
+    """
+
+    name: str
+    move: int
+    frame: Pose
+    position: Array
+    twist: Array
+    hold: Array
+    duration: float
+    timeout: float
+    push: float
+    on_stop: int
+    on_end: int
+    gain: Array = field(default_factory=lambda: np.zeros(6))
+    force: float = np.inf
+    deep: float = -np.inf
+    soft: float = 1.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "position", frozen(self.position, 6, 6, name="position axes"))
+        object.__setattr__(self, "hold", frozen(self.hold, 2, 6, name="holding wrenches"))
+        for name in ("twist", "gain"):
+            object.__setattr__(self, name, frozen(getattr(self, name), 6, name=name))
+
+
+@dataclass(frozen=True, eq=False)
+class Program(Value):
+    """Steps, from the first on.
+
+    Args:
+        name: of the method.
+        start: pose in B at which it begins.
+        rho: characteristic length, m.
+        speed: m/s, to which the shares of the velocity error refer.
+        steps: in order.
+        limits: greatest force (N) and torque (N·m) of the servo.
+    """
+
+    name: str
+    start: Pose
+    rho: float
+    speed: float
+    steps: tuple[Step, ...]
+    limits: tuple[float, float]
+
+
+def planned(document: Mapping[str, Any], robot: Robot) -> Program:
+    """The program of a plan: its segments, moves ended by their contacts.
+
+    Where a contact is not felt, the program fails; plans that say how to recover from a wrong contact can name the step
+    that does it in `on_end`.
+
+    Args:
+        document: plan.
+        robot: what it can push with.
+
+    Raises:
+        PlanFormatError: the plan cannot be run.
+    """
+    rows = moves(document)
+    try:
+        specification, rho = document["specification"], float(document["uncertainty"]["rho"])
+        limits = float(specification["contact_force"]), float(specification["torque_limit"])
+        speed = float(specification["speed"])
+        pushes = [float(row["hybrid"]["push"]) for row in document["segments"]]
+    except (KeyError, TypeError, ValueError) as error:
+        raise PlanFormatError(f"the plan cannot be run: {type(error).__name__}: {error}") from error
+    pushes = [robot.surplus * push if move.stop else limits[0] for push, move in zip(pushes, rows, strict=True)]
+    steps = [_step(rows, i, rho, pushes[i], robot) for i in range(len(rows))]
+    return Program("plan", rows[0].start, rho, speed, tuple(steps), limits)
+
+
+def _step(rows: Sequence[Move], index: int, rho: float, push: float, robot: Robot) -> Step:
+    move, following = rows[index], index + 1 if index + 1 < len(rows) else DONE
+    beyond = next((k for k in range(index, len(rows)) if rows[k].number != move.number), DONE)
+    scale = np.array([1.0, 1.0, 1.0, rho, rho, rho])
+    A = move.position_axes
+    pace = min(1.0, robot.turning / max(float(np.linalg.norm(move.twist[3:])), 1e-9))
+    duration = move.duration / pace
+    common = (
+        f"segment {move.segment}",
+        move.number,
+        Pose(move.frame.p - move.goal.p, move.frame.R),
+        A.T @ A * scale**2,
+        pace * move.twist,
+        to_frame(move.frame, np.stack([move.hold_start, move.hold]), move.goal.p),
+    )
+    stop = move.stop
+    if stop is None:
+        return Step(*common, duration, duration, push, following, following)
+    speed = pace * float(np.linalg.norm(move.twist * scale))
+    travel, timeout = (stop.max_travel / speed, stop.timeout / pace) if move.last else (duration, duration)
+    missed = FAILED if move.last else following
+    return Step(*common, travel, timeout, push, beyond, missed, stop.gain, stop.force)
+
+
+@dataclass(frozen=True, eq=False)
+class Table(Value):
+    """The steps of a program as arrays, one row a step, to be gathered for many bodies at once."""
+
+    rotation: Array
+    origin: Array
+    position: Array
+    twist: Array
+    hold: Array
+    gain: Array
+    numbers: Array
+
+    @staticmethod
+    def of(program: Program) -> Table:
+        """Columns of `numbers`: duration, time-out, force, deep, push, soft, on_stop, on_end, move."""
+        steps = program.steps
+        numbers = [[s.duration, s.timeout, s.force, s.deep, s.push, s.soft, s.on_stop, s.on_end, s.move] for s in steps]
+        return Table(
+            np.stack([s.frame.R for s in steps]),
+            np.stack([s.frame.p for s in steps]),
+            np.stack([s.position for s in steps]),
+            np.stack([s.twist for s in steps]),
+            np.stack([s.hold for s in steps]),
+            np.stack([s.gain for s in steps]),
+            np.array(numbers),
+        )

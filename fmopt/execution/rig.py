@@ -1,0 +1,256 @@
+"""The rig: many bodies under one hybrid position/force controller at 1 kHz, each at its own step of a program.
+
+In the compliance frame of its step, each body's reference pose leads it on the position-controlled axes alone: what the
+held contacts do not allow is taken out of the lead in every period. The servo puts a spring and a damper on these axes,
+damping and the holding wrench on the others. Along the motion its push is limited, so that a part that a contact stops
+is pressed with what the plan allows; the lead is cut back with the push.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmopt.execution.program import FAILED, Program, Table
+from fmopt.execution.robot import Robot
+from fmopt.execution.rotation import between, from_quaternions, hats, product, quaternions
+from fmopt.execution.scene import CONTACTS, FIELDS
+from fmopt.values import Array
+
+DURATION, TIMEOUT, FORCE, DEEP, PUSH, SOFT, ON_STOP, ON_END, MOVE = range(9)
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+
+@dataclass
+class State:
+    """Where n bodies are in their programs; the only thing here that changes in place.
+
+    Args:
+        step: index of the step, DONE or FAILED.
+        shown: index of the step, at the end the last one, which goes on without its twist.
+        elapsed, moving: s in the step and in the move.
+        reference: position (n, 3) and quaternion (n, 4) that the servo leads to.
+        filtered: reaction (n, 6) after the filter, about the part's reference point, axes of B.
+        tare: reaction (n, 6) beyond the expected one when the move began.
+        felt: samples in a row that said the contact is felt.
+    """
+
+    step: Ints
+    shown: Ints
+    elapsed: Array
+    moving: Array
+    p: Array
+    q: Array
+    filtered: Array
+    tare: Array
+    felt: Ints
+
+
+@dataclass(frozen=True)
+class Event:
+    """Body `body` left step `step` at `time`, s, because it stopped or because its time was used up."""
+
+    body: int
+    step: int
+    time: float
+    stopped: bool
+
+
+class Rig:
+    """n bodies in a scene, all running one program.
+
+    Args:
+        model: of the scene.
+        program: what they run.
+        robot: how.
+        starts: positions (n, 3) and quaternions (n, 4) of the parts.
+        drift: velocity error (moves, n, 6) on the twist of each move, m/s and rad/s.
+        noise: source of raw noise, (n, 6) standard normal at each call.
+    """
+
+    def __init__(
+        self, model: Any, program: Program, robot: Robot, starts: tuple[Array, Array], drift: Array, noise: Any
+    ) -> None:
+        from mujoco.batch import Batch
+
+        self.program, self.robot, self.drift, self.noise = program, robot, drift, noise
+        self.table = Table.of(program)
+        self.n = len(starts[0])
+        self.batch: Any = Batch(model, self.n, 1)
+        self.qpos, self.qvel, self.applied, self.reaction, self.sensor = (
+            self.batch.bind(name) for name in ("qpos", "qvel", "qfrc_applied", "qfrc_constraint", "sensordata")
+        )
+        self.qpos[:, :3], self.qpos[:, 3:] = starts
+        self.substeps = max(round(robot.period / float(model.opt.timestep)), 1)
+        self.time = 0.0
+        self.held = np.zeros((self.n, 6))  # wrench that presses the held contacts, about the reference points
+        self.depth = np.zeros(self.n)  # greatest penetration, m
+        n, zero = self.n, np.zeros
+        p, q = starts
+        whole, six = zero(n, np.int64), zero((n, 6))
+        self.state = State(whole, whole.copy(), zero(n), zero(n), p.copy(), q.copy(), six, six.copy(), whole.copy())
+
+    @property
+    def contacts(self) -> Array:
+        """What the contact sensor says, (n, CONTACTS, FIELDS): found, force (3), distance, position (3)."""
+        return np.asarray(self.sensor).reshape(self.n, CONTACTS, FIELDS)
+
+    @property
+    def running(self) -> Bools:
+        """Which bodies still have a step to do."""
+        return np.asarray(self.state.step >= 0)
+
+    def tick(self) -> list[Event]:
+        """One period: servo, physics, sensor, decisions."""
+        state = self.state
+        here = state.shown
+        wrench = self._servo(here)
+        R = from_quaternions(self.qpos[:, 3:])
+        self.applied[:, :3] = wrench[:, :3]
+        self.applied[:, 3:] = np.einsum("nji,nj->ni", R, wrench[:, 3:])
+        for _ in range(self.substeps):
+            self.batch.step()
+            distance = np.where(self.contacts[:, :, 0] > 0.0, self.contacts[:, :, 4], 0.0)
+            np.maximum(self.depth, -distance.min(axis=1), out=self.depth)
+        self.time += self.robot.period
+        self._sense()
+        return self._decide(here)
+
+    def _servo(self, here: Ints) -> Array:
+        """Applied wrench (n, 6) about the reference points, axes of B; moves the reference poses on."""
+        state, table, robot = self.state, self.table, self.robot
+        R, origin, P = table.rotation[here], table.origin[here], table.position[here]
+        numbers = table.numbers[here]
+        running = (state.step >= 0) & (state.elapsed < numbers[:, DURATION]) & (state.moving >= 0.0)
+        move = numbers[:, MOVE].astype(np.int64)
+        twist = np.where(running[:, None], table.twist[here] + self.drift[move, np.arange(self.n)], 0.0)
+        A = _adjoint(R, origin)
+        lead = np.hstack([state.p - self.qpos[:, :3], between(state.q, self.qpos[:, 3:])])
+        error, wanted, actual = _through(A, lead), _through(P, _through(A, twist)), _through(A, self._velocity())
+        led, going = _through(P, error), _through(P, actual)
+        share = np.clip(state.elapsed / numbers[:, DURATION], 0.0, 1.0)[:, None]
+        hold = (1.0 - share) * table.hold[here, 0] + share * table.hold[here, 1]
+        giving = self._giving(A, P, hold)
+        K = np.repeat(robot.stiffnesses, 3) * numbers[:, SOFT, None]
+        D = np.repeat(robot.dampings, 3) * np.sqrt(numbers[:, SOFT, None])
+        limit = numbers[:, PUSH] + np.where(
+            state.moving < robot.starting, robot.mass * self.program.speed / robot.haste, 0.0
+        )
+        push = self._limited(K * led + D * (wanted - going), wanted, limit)
+        kept = self._cut(K * (error - led))
+        press = kept + D * (giving - actual + going)
+        lead = (push - D * (wanted - going) + kept) / K
+        self._lead(A, lead + (wanted + giving) * robot.period)
+        self.held = _through(np.swapaxes(A, 1, 2), hold)
+        return _through(np.swapaxes(A, 1, 2), push + press)
+
+    def _giving(self, A: Array, P: Array, hold: Array) -> Array:
+        """Twists (n, 6) with which the force-controlled axes give way to what is missing of their wrench."""
+        felt = np.linalg.solve(np.swapaxes(A, 1, 2), self.state.filtered[..., None])[..., 0]
+        missing = hold + felt
+        missing = missing - _through(np.swapaxes(P, 1, 2), missing)
+        settling = (self.state.moving < 0.0)[:, None]
+        robot = self.robot
+        given = missing / np.where(settling, np.repeat(robot.settled, 3), np.repeat(robot.resistances, 3))
+        return np.asarray(given - _through(P, given))
+
+    def _velocity(self) -> Array:
+        """Twists (n, 6) of the reference points, axes of B; the engine turns in body axes."""
+        R = from_quaternions(self.qpos[:, 3:])
+        return np.hstack([self.qvel[:, :3], np.einsum("nij,nj->ni", R, self.qvel[:, 3:])])
+
+    def _limited(self, push: Array, wanted: Array, limit: Array) -> Array:
+        """The servo's wrench with its part along the motion, and then its force and torque, cut to their limits."""
+        rho = self.program.rho
+        scale = np.array([1.0, 1.0, 1.0, rho, rho, rho])
+        size = np.linalg.norm(wanted * scale, axis=1, keepdims=True)
+        along = wanted * scale / np.maximum(size, 1e-12)
+        scaled = push / scale
+        over = np.maximum(np.sum(scaled * along, axis=1) - limit, 0.0)
+        scaled = scaled - over[:, None] * along
+        return self._cut(scaled * scale)
+
+    def _cut(self, wrench: Array) -> Array:
+        """Wrenches (n, 6) cut to the greatest force and torque."""
+        force, torque = self.program.limits
+        sizes = np.maximum(
+            np.linalg.norm(wrench[:, :3], axis=1) / force, np.linalg.norm(wrench[:, 3:], axis=1) / torque
+        )
+        return np.asarray(wrench / np.maximum(sizes, 1.0)[:, None])
+
+    def _lead(self, A: Array, lead: Array) -> None:
+        """Reference poses: the part's, led by these twists (n, 6) of the frames."""
+        state = self.state
+        back = np.asarray(np.linalg.solve(A, lead[..., None])[..., 0], dtype=np.float64)
+        state.p = self.qpos[:, :3] + back[:, :3]
+        state.q = product(quaternions(back[:, 3:]), self.qpos[:, 3:])
+
+    def _sense(self) -> None:
+        R = from_quaternions(self.qpos[:, 3:])
+        raw = np.hstack([self.reaction[:, :3], np.einsum("nij,nj->ni", R, self.reaction[:, 3:])])
+        raw = raw + self.noise() * np.repeat(self.robot.noise, 3)
+        self.state.filtered += self.robot.smoothing * (raw - self.state.filtered)
+
+    def _decide(self, here: Ints) -> list[Event]:
+        """Felt, deep or late: bodies that leave their step, and where they go."""
+        state, numbers = self.state, self.table.numbers[here]
+        running = self.running
+        state.elapsed += np.where(state.moving >= 0.0, self.robot.period, 0.0)
+        state.moving += self.robot.period
+        begun = (state.moving > -0.5 * self.robot.period) & (state.moving < 0.5 * self.robot.period)
+        extra = state.filtered + self.held
+        state.tare[begun] = extra[begun]
+        pressed = np.sum(self.table.gain[here] * (extra - state.tare), axis=1) >= numbers[:, FORCE]
+        state.felt = np.where(pressed & (state.moving > 0.0), state.felt + 1, 0)
+        stopped = running & ((state.felt >= self.robot.debounce) | (self.qpos[:, 2] < numbers[:, DEEP]))
+        late = running & ~stopped & (state.elapsed >= numbers[:, TIMEOUT] - 1e-9)
+        following = np.where(stopped, numbers[:, ON_STOP], numbers[:, ON_END]).astype(np.int64)
+        left = np.flatnonzero(stopped | late)
+        events = [Event(int(body), int(here[body]), self.time, bool(stopped[body])) for body in left]
+        self._enter(left, following[left], numbers[left, MOVE])
+        return events
+
+    def _enter(self, bodies: NDArray[np.intp], steps: Ints, moves: Array) -> None:
+        """A new move starts where the part is; a piece of the same move goes on from its lead."""
+        state = self.state
+        state.step[bodies], state.felt[bodies] = steps, 0
+        on = steps >= 0
+        state.shown[bodies[on]], state.elapsed[bodies[on]] = steps[on], 0.0
+        anew = bodies[~on | (self.table.numbers[np.maximum(steps, 0), MOVE] != moves)]
+        state.moving[anew] = -self.robot.settling
+        self._rest(anew)
+
+    def _rest(self, bodies: NDArray[np.intp]) -> None:
+        """Reference poses where the parts are, but for the lead that presses what is held."""
+        if not len(bodies):
+            return
+        state, here = self.state, self.state.shown[bodies]
+        numbers = self.table.numbers[here]
+        A = _adjoint(self.table.rotation[here], self.table.origin[here])
+        lead = np.asarray(self.table.hold[here, 0] / (np.repeat(self.robot.stiffnesses, 3) * numbers[:, SOFT, None]))
+        lead = lead - _through(self.table.position[here], lead)
+        back = np.asarray(np.linalg.solve(A, lead[..., None])[..., 0], dtype=np.float64)
+        state.p[bodies] = self.qpos[bodies, :3] + back[:, :3]
+        state.q[bodies] = product(quaternions(back[:, 3:]), self.qpos[bodies, 3:])
+
+    @property
+    def failed(self) -> Bools:
+        """Which bodies' programs ended without success."""
+        return np.asarray(self.state.step == FAILED)
+
+
+def _adjoint(R: Array, r: Array) -> Array:
+    """(n, 6, 6): twists about the reference points in axes of B to those of frames turned by R at offsets r."""
+    turned = np.swapaxes(R, 1, 2)
+    A = np.zeros((len(R), 6, 6))
+    A[:, :3, :3] = A[:, 3:, 3:] = turned
+    A[:, :3, 3:] = -turned @ hats(r)
+    return A
+
+
+def _through(A: Array, x: Array) -> Array:
+    return np.asarray(np.einsum("nij,nj->ni", A, x))

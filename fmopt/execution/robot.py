@@ -1,0 +1,68 @@
+"""The robot that carries plans out: apparent mass, servo, force sensor, and when it has felt a contact."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import exp, pi, sqrt
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A compliant tool held by a hybrid position/force servo.
+
+    Args:
+        mass: apparent mass, kg.
+        gyration: radius of gyration about the part's reference point, m; it makes inertia and turning stiffness of mass
+            and stiffness.
+        stiffness: of position-controlled axes, N/m.
+        damping: ratio, on all axes.
+        resistance: force per speed with which force-controlled axes give way, N·s/m, and torque likewise, N·m·s/rad.
+        period: of the controller, s.
+        cut_off: of the low-pass filter on the force signal, Hz.
+        noise: standard deviations of force (N) and torque (N·m) in each raw sample.
+        debounce: samples in a row that must say that the contact is felt.
+        surplus: push at a stop, in pushes of the plan.
+        haste: s in which the push that comes on top of that, at the start of a move, brings the part to its speed.
+        turning: greatest speed of turning, rad/s; moves that the plan turns faster are run more slowly.
+    """
+
+    mass: float = 0.5
+    gyration: float = 0.02
+    stiffness: float = 20000.0
+    damping: float = 1.0
+    resistances: tuple[float, float] = (3000.0, 20.0)
+    settling: float = 0.15
+    settled: tuple[float, float] = (400.0, 0.06)
+    period: float = 0.001
+    cut_off: float = 60.0
+    noise: tuple[float, float] = (0.1, 0.002)
+    debounce: int = 3
+    surplus: float = 1.2
+    haste: float = 0.005
+    turning: float = 0.25
+
+    @property
+    def starting(self) -> float:
+        """s at the start of a move in which the part may be pushed harder, and in which nothing is felt."""
+        return 3.0 * self.haste
+
+    @property
+    def inertia(self) -> float:
+        """About each axis, kg·m²."""
+        return self.mass * self.gyration**2
+
+    @property
+    def stiffnesses(self) -> tuple[float, float]:
+        """N/m and N·m/rad."""
+        return self.stiffness, self.stiffness * self.gyration**2
+
+    @property
+    def dampings(self) -> tuple[float, float]:
+        """N·s/m and N·m·s/rad."""
+        d = 2.0 * self.damping * sqrt(self.stiffness * self.mass)
+        return d, d * self.gyration**2
+
+    @property
+    def smoothing(self) -> float:
+        """Weight of a new sample in the first-order filter."""
+        return 1.0 - exp(-2.0 * pi * self.cut_off * self.period)

@@ -1,0 +1,105 @@
+"""The scene: a plan's convex pieces as they are, the fixed part in the world, the moving part as the robot's tool.
+
+Pieces become convex meshes, which the engine collides by their exact hulls; round surfaces are the plan's n-gons. The
+moving part is one free body about its reference point, with the apparent mass of the robot; its weight is compensated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from fmopt.errors import PlanFormatError, ResourceError
+from fmopt.execution.physics import Physics
+
+CONTACTS = 16  # contacts that a sensor reports
+FIELDS = 8  # found, force (3), distance, position (3)
+
+_SCENE = """\
+<mujoco model="fmopt">
+  <compiler angle="radian"/>
+  <option timestep="{step!r}" gravity="0 0 0" cone="{cone}" impratio="{impratio!r}" integrator="implicitfast"
+          solver="Newton" tolerance="1e-12" iterations="50" jacobian="dense"><flag multiccd="enable"/></option>
+  <visual><global offwidth="640" offheight="480"/><map znear="0.005"/></visual>
+  <default>
+    <geom type="mesh" mass="0" margin="{margin!r}" solref="{solref}" solimp="{solimp}"
+          friction="{friction!r} 0 0" condim="3"/>
+  </default>
+  <asset>
+{meshes}
+  </asset>
+  <worldbody>
+    <light pos="0.1 -0.2 0.5" dir="-0.2 0.4 -1"/>
+{fixed}
+    <body name="part">
+      <freejoint/>
+      <inertial pos="0 0 0" mass="{mass!r}" diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>
+{moving}
+    </body>
+  </worldbody>
+  <sensor><contact name="contacts" body1="part" num="{contacts}" reduce="mindist" data="found force dist pos"/></sensor>
+</mujoco>
+"""
+
+
+def scene(document: Mapping[str, Any], physics: Physics, mass: float, inertia: float, friction: float) -> str:
+    """The scene as MJCF.
+
+    Args:
+        document: plan; its parts are used.
+        physics: trusted settings.
+        mass: apparent mass of robot and part, kg.
+        inertia: about each axis through the moving frame's origin, kg·m².
+        friction: coefficient.
+
+    Raises:
+        PlanFormatError: the plan's parts cannot be read.
+        SettingsError: the settings cannot be trusted.
+    """
+    physics.trusted()
+    try:
+        pieces = {side: document["parts"][side]["pieces"] for side in ("fixed", "moving")}
+        meshes = [_mesh(f"{side}{i}", piece["vertices"]) for side in pieces for i, piece in enumerate(pieces[side])]
+    except (KeyError, TypeError, ValueError) as error:
+        raise PlanFormatError(f"the plan's parts cannot be read: {type(error).__name__}: {error}") from error
+    return _SCENE.format(
+        step=physics.time_step,
+        cone=physics.cone,
+        impratio=physics.impratio,
+        margin=physics.margin,
+        solref=_numbers(physics.contact),
+        solimp=_numbers(physics.solimp),
+        friction=friction,
+        meshes="\n".join(meshes),
+        fixed=_geoms("fixed", len(pieces["fixed"]), "0.6 0.65 0.7 0.35"),
+        moving=_geoms("moving", len(pieces["moving"]), "0.85 0.45 0.1 1"),
+        mass=mass,
+        inertia=inertia,
+        contacts=CONTACTS,
+    )
+
+
+def compiled(text: str) -> Any:
+    """The engine's model of a scene.
+
+    Raises:
+        ResourceError: the extra is missing.
+    """
+    try:
+        import mujoco
+    except ImportError as error:
+        raise ResourceError("execution needs the extra sim", "install fmopt[sim]") from error
+    return mujoco.MjModel.from_xml_string(text)
+
+
+def _mesh(name: str, vertices: Sequence[Sequence[float]]) -> str:
+    flat = _numbers([float(value) for vertex in vertices for value in vertex])
+    return f'    <mesh name="{name}" inertia="exact" vertex="{flat}"/>'
+
+
+def _geoms(side: str, count: int, colour: str) -> str:
+    return "\n".join(f'      <geom name="{side}{i}" mesh="{side}{i}" rgba="{colour}"/>' for i in range(count))
+
+
+def _numbers(values: Sequence[float]) -> str:
+    return " ".join(repr(value) for value in values)

@@ -1,0 +1,110 @@
+"""The contacts of a plan on its own geometry: where they touch at a pose, which way they press, how far they gape."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fmopt.errors import PlanFormatError
+from fmopt.se3 import Pose
+from fmopt.values import Array, Value, frozen
+
+_PARALLEL = 1e-9  # sine between edges that fix no normal
+
+
+@dataclass(frozen=True, eq=False)
+class Contact(Value):
+    """One primitive contact.
+
+    Args:
+        name: as in the plan.
+        kind: vertex-face, face-vertex or edge-edge, the moving part's feature first.
+        moving, fixed: vertices (n, 3) of the features, in the moving part and in B, m.
+        moving_normal, fixed_normal: outward normals (3,) of a face, or the sum of those beside an edge; 0 for vertices.
+    """
+
+    name: str
+    kind: str
+    moving: Array
+    fixed: Array
+    moving_normal: Array
+    fixed_normal: Array
+
+    def __post_init__(self) -> None:
+        for name in ("moving", "fixed"):
+            object.__setattr__(self, name, frozen(getattr(self, name), None, 3, name=f"{name} vertices"))
+        for name in ("moving_normal", "fixed_normal"):
+            object.__setattr__(self, name, frozen(getattr(self, name), 3, name=name))
+
+    def touch(self, pose: Pose) -> tuple[Array, Array, float]:
+        """Point (3,) in B, unit normal (3,) out of the fixed part, and gap, m, negative when overlapping."""
+        moving = pose.apply(self.moving)
+        if self.kind == "vertex-face":
+            return moving[0], self.fixed_normal, float(self.fixed_normal @ (moving[0] - self.fixed[0]))
+        if self.kind == "face-vertex":
+            normal = -pose.R @ self.moving_normal
+            return self.fixed[0], normal, float(normal @ (moving[0] - self.fixed[0]))
+        return self._crossing(moving)
+
+    def _crossing(self, moving: Array) -> tuple[Array, Array, float]:
+        p, u, q, v = moving[0], moving[1] - moving[0], self.fixed[0], self.fixed[1] - self.fixed[0]
+        m = np.cross(u, v)
+        size = float(np.linalg.norm(m))
+        if size < _PARALLEL * float(np.linalg.norm(u) * np.linalg.norm(v)):
+            raise PlanFormatError(f"the edges of contact {self.name} are parallel: it has no normal")
+        m = m / size if float(m @ self.fixed_normal) > 0.0 else -m / size
+        s, t = np.linalg.lstsq(np.column_stack([u, -v]), q - p, rcond=None)[0]
+        a, b = p + s * u, q + t * v
+        return 0.5 * (a + b), m, float(m @ (p - q))
+
+    def wrench(self, pose: Pose) -> Array:
+        """Reaction (6,) on the moving part for a unit normal force, about the moving frame's origin, axes of B."""
+        point, normal, _ = self.touch(pose)
+        return np.concatenate([normal, np.cross(point - pose.p, normal)])
+
+
+def contacts(document: Mapping[str, Any]) -> dict[str, Contact]:
+    """The contacts of a plan by their names.
+
+    Raises:
+        PlanFormatError: the plan's contacts or parts cannot be read.
+    """
+    try:
+        sides = {side: _Side(document["parts"][side]) for side in ("moving", "fixed")}
+        return {row["id"]: _contact(row, sides) for row in document["contacts"]}
+    except (KeyError, IndexError, TypeError, ValueError) as error:
+        raise PlanFormatError(
+            f"the plan's contacts cannot be read: {type(error).__name__}: {error}",
+            "give a plan.json that fmopt solve wrote",
+        ) from error
+
+
+class _Side:
+    """Vertices of a part, and the faces that share some of them."""
+
+    def __init__(self, part: Mapping[str, Any]) -> None:
+        self.vertices = np.asarray(part["vertices"], dtype=np.float64)
+        self.faces: Sequence[Sequence[Sequence[int]]] = part["faces"]
+
+    def normal(self, indices: Sequence[int]) -> Array:
+        """Sum of the unit normals of the faces that hold all these vertices on one loop; 0 for a single vertex."""
+        wanted, total = set(indices), np.zeros(3)
+        for loops in self.faces if len(indices) > 1 else ():
+            if any(wanted <= set(loop) for loop in loops):
+                total = total + self._face_normal(loops[0])
+        return total
+
+    def _face_normal(self, loop: Sequence[int]) -> Array:
+        points = self.vertices[list(loop)]
+        doubled = np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0)
+        return np.asarray(doubled / np.linalg.norm(doubled))
+
+
+def _contact(row: Mapping[str, Any], sides: Mapping[str, _Side]) -> Contact:
+    indices = {side: [int(k) for k in row[side]["vertices"]] for side in sides}
+    points = {side: sides[side].vertices[indices[side]] for side in sides}
+    normals = {side: sides[side].normal(indices[side]) for side in sides}
+    return Contact(row["id"], row["kind"], points["moving"], points["fixed"], normals["moving"], normals["fixed"])

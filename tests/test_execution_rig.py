@@ -1,0 +1,67 @@
+"""The rig: trusted physics, the scene's pieces, batched rotations, and a plan carried out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fmopt.errors import SettingsError
+from fmopt.execution.physics import DEFAULTS, Physics
+from fmopt.execution.rotation import between, from_quaternions, product, quaternions
+from fmopt.execution.scene import compiled, scene
+from fmopt.se3 import exp, log
+
+
+def test_the_engines_defaults_are_refused_with_every_reason(square_peg_plan: dict[str, Any]) -> None:
+    with pytest.raises(SettingsError) as caught:
+        scene(square_peg_plan, Physics(**DEFAULTS), 1.0, 1e-3, 0.3)  # type: ignore[arg-type]
+    for words in ("give way over 0.02 s", "impedance from 0.9", "impratio 1", "pyramidal friction cones"):
+        assert words in caught.value.message
+    assert caught.value.exit_code == 2
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"margin": 1e-4}, "eats the clearance"),
+        ({"time_step": 0.002}, "time step 0.002"),
+        ({"solref": (0.001, 0.5)}, "bounce"),
+    ],
+)
+def test_each_setting_that_lies_is_refused(change: dict[str, Any], words: str) -> None:
+    with pytest.raises(SettingsError, match=words):
+        replace(Physics(), **change).trusted()
+
+
+def test_the_scene_has_the_plans_pieces_where_they_are(square_peg_plan: dict[str, Any]) -> None:
+    import mujoco
+
+    model = compiled(scene(square_peg_plan, Physics(), 1.0, 1e-3, 0.3))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    for side in ("fixed", "moving"):
+        for i, piece in enumerate(square_peg_plan["parts"][side]["pieces"]):
+            geom = model.geom(f"{side}{i}").id
+            first, count = model.mesh_vertadr[model.geom_dataid[geom]], model.mesh_vertnum[model.geom_dataid[geom]]
+            local = model.mesh_vert[first : first + count].astype(float)
+            world = local @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+            wanted = np.array(piece["vertices"])
+            gaps = np.linalg.norm(world[:, None] - wanted[None], axis=2)
+            assert count == len(wanted)
+            assert gaps.min(axis=0).max() < 5e-9  # the engine keeps vertices in single precision
+
+
+def test_rotations_of_many_agree_with_those_of_one() -> None:
+    random = np.random.default_rng(0)
+    r, s = random.normal(size=(2, 50, 3))
+    R, S = from_quaternions(quaternions(r)), from_quaternions(quaternions(s))
+    both = between(quaternions(r), quaternions(s))
+    for k in range(50):
+        assert np.abs(R[k] - exp(r[k])).max() < 1e-14
+        assert np.abs(both[k] - log(R[k] @ S[k].T)).max() < 1e-12
+        assert np.abs(from_quaternions(product(quaternions(r), quaternions(s)))[k] - R[k] @ S[k]).max() < 1e-14
+    small = between(quaternions(1e-12 * r), quaternions(np.zeros_like(r)))
+    assert np.abs(small - 1e-12 * r).max() < 1e-24
