@@ -33,11 +33,20 @@ from fmopt.nominal.freedom import freedom, half_widths
 from fmopt.nominal.intervals import FreedomInterval
 from fmopt.nominal.mapping import Mapping, answered
 from fmopt.nominal.trajectory import NominalTrajectory
-from fmopt.placement.entry import Entry, Shape, start_spread, straight_entry, tilted_entry, tilted_shapes
+from fmopt.placement.entry import (
+    Entry,
+    Shape,
+    planar_entries,
+    start_spread,
+    straight_entry,
+    tilted_entry,
+    tilted_shapes,
+)
 from fmopt.placement.motion import Reached
 from fmopt.placement.polish import Turns, polish
 from fmopt.placement.search import MoveSequence, best_sequence
 from fmopt.placement.sequence import Placed, Refinement, certified, refine
+from fmopt.placement.share import largest_share
 from fmopt.placement.socp import ClarabelSolver
 from fmopt.placement.states import Scale, contact_spaces
 from fmopt.placement.step import Costs, Task
@@ -47,6 +56,7 @@ from fmopt.se3 import Pose
 from fmopt.task.command import task_command
 from fmopt.task.problem import Problem
 from fmopt.uncertainty.error_set import ErrorSet
+from fmopt.uncertainty.planar import account as planar
 from fmopt.verify import Verdict, verify
 
 Progress = Callable[[str], None]
@@ -73,9 +83,14 @@ class Synthesis:
     verdict: Verdict
     seconds: dict[str, float]
 
+    @property
+    def proved(self) -> bool:
+        """Whether the plan is certified."""
+        return str(self.verdict.verdict) == "CERTIFIED"
+
 
 def synthesise(problem: Problem, progress: Progress = lambda _: None) -> Synthesis:
-    """Solves a problem: every stage in turn, each a pure function of what came before.
+    """Solves a problem, or as much of its start errors as there is a plan for where its settings ask for that.
 
     Args:
         problem: the task.
@@ -86,6 +101,50 @@ def synthesise(problem: Problem, progress: Progress = lambda _: None) -> Synthes
         SearchError: no motion was found.
         InfeasibleError: no bias force holds the contacts.
     """
+    if not problem.settings.reduce_errors:
+        return _synthesise(problem, progress)
+    try:
+        whole = _synthesise(problem, progress)
+        if whole.proved:
+            return whole
+        short = whole.verdict.findings[0].message
+    except (SearchError, InfeasibleError) as error:
+        whole, short = None, error.message
+    found = largest_share(lambda share: _for_share(problem, share, progress))
+    if found is not None:
+        return _reduced(problem, *found, short)
+    if whole is None:
+        raise SearchError(f"no motion was found for any share of the start errors; for all of them: {short}")
+    return whole
+
+
+def _for_share(problem: Problem, share: float, progress: Progress) -> Synthesis | None:
+    """A proved synthesis for a share of the start errors; None when there is none."""
+    part = replace(problem, start_box=share * problem.start_box)
+    try:
+        found = _synthesise(part, lambda words: progress(f"{share:.0%} of the errors: {words}"))
+    except (SearchError, InfeasibleError):
+        return None
+    return found if found.proved else None
+
+
+def _reduced(problem: Problem, share: float, found: Synthesis, short: str) -> Synthesis:
+    """A plan for a share of the start errors, which proves nothing for all of them, and says so."""
+    words = f"it is planned for {share:.0%} of the start errors that the problem states; for all of them: {short}"
+    verdict = found.verdict.unless([words])
+    document = {
+        **found.document,
+        "verdict": str(verdict.verdict),
+        "diagnostics": {
+            **found.document["diagnostics"],
+            "reduced": {"share": share, "stated_start_box": problem.start_box.tolist(), "short": short},
+        },
+    }
+    return Synthesis(plan.sealed(document), verdict, found.seconds)
+
+
+def _synthesise(problem: Problem, progress: Progress) -> Synthesis:
+    """Solves a problem: every stage in turn, each a pure function of what came before."""
     clock = _Clock()
     done = moved(problem, clock.lap, progress)
     document, verdict = planned(problem, done, clock.lap, progress)
@@ -198,7 +257,7 @@ def motion(
     """
     moving, box, settings = problem.moving, problem.start_box, problem.settings
     deadline = time.monotonic() + settings.time_limit
-    costs = Costs.of(start_spread(moving, box), clearance.per_side)
+    costs = Costs.of(start_spread(moving, box), clearance.per_side, problem.plane is not None)
     goal = Pose.from_vector(problem.goal)
     task = Task(assembly, goal, errors, tolerance, costs, 1.3 * settings.max_tilt)
 
@@ -206,8 +265,12 @@ def motion(
         return tilted_entry(moving, clearance.play, problem.approach, shape)
 
     straight = straight_entry(moving, clearance.play, box, problem.approach)
-    shapes = tilted_shapes(moving, clearance.play, box, settings.max_tilt)
-    rounds = chain([straight] if straight else [], ((entry_of(shape),) for shape in shapes))
+    if problem.plane is not None:
+        tilted = planar_entries(moving, problem.fixed, box, problem.approach, settings.max_tilt)
+    else:
+        shapes = tilted_shapes(moving, clearance.play, box, settings.max_tilt)
+        tilted = ((entry_of(shape),) for shape in shapes)
+    rounds = chain([straight] if straight else [], tilted)
     best: tuple[MoveSequence, Placed] | None = None
     failure: FmoptError | None = None
 
@@ -330,9 +393,29 @@ def plan_document(
             "sequence": states.sequence(),
             **diagnostics(nominal.planes, problem.peg.length),
             **hand_record(nominal.task, segments),
+            "budget": [share.record() for share in problem.budget],
+            **_in_the_plane(problem, nominal, claims),
         },
     }
     return plan.sealed(plan.clean(document))
+
+
+def _in_the_plane(problem: Problem, nominal: Nominal, claims: tuple[Claim, ...]) -> dict[str, Any]:
+    """What the planar sets of possible contact say of a planar problem's plan; nothing in space."""
+    if problem.plane is None:
+        return {}
+    path = planar.in_plane(nominal.path.nodes)
+    stops = tuple((i.start, i.end, any(i.s[axis] for axis in (0, 2, 4))) for i in nominal.freedoms)
+    run = []
+    for claim in claims:
+        ends = claim.advance.ends
+        supports = [ends.start_set.support(np.eye(6)), ends.goal_set.support(np.eye(6))]
+        poses = np.array([claim.piece.start.vector(), claim.piece.goal.vector()])
+        run.append(planar.Stretch(planar.in_plane(poses), *planar.reach_of(np.maximum(*supports))))
+    found = planar.account(
+        problem.plane.moving, problem.plane.fixed, planar.Nominal(path, nominal.path.times, stops), run
+    )
+    return {"planar": found}
 
 
 def _segments(

@@ -77,6 +77,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "trimesh": frozenset({"geometry/mesh.py"}),
     "shapely": frozenset({"plane", "geometry", "knowledge", "uncertainty/planar", "report"}),
     "matplotlib": frozenset({"report"}),
+    "mpl_toolkits": frozenset({"report/surface_view.py"}),
     "pydantic": frozenset({"task", "study/study_file.py"}),
     "pydantic_core": frozenset({"task"}),
     "pint": frozenset({"task/units.py"}),

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from report_plans import bare_plan, cube_plan, with_graph
 
+from fmopt.report import budget_view
 from fmopt.report.cut_view import alt as cut_alt
 from fmopt.report.drawing import sheet
 from fmopt.report.figures import Figure, catalogue, figures
 from fmopt.report.graph_view import graphs
 from fmopt.report.tube_view import error_sets, outline
 
-NAMES = ["cut", "states", "margin", "tube", "trajectory"]
+NAMES = ["cut", "states", "margin", "tube", "budget", "trajectory"]
 
 
 @pytest.fixture(scope="module")
@@ -119,3 +120,18 @@ def test_the_cut_view_tells_the_gaps() -> None:
     upright = cube_plan()
     upright["segments"][-1]["goal"][4] = 0.0
     assert cut_alt(upright).endswith("left in x–z touching.")
+
+
+def test_the_budget_adds_up_and_names_its_sources() -> None:
+    boxes = {"robot": [3e-4, 3e-4, 1e-4, 0.01, 0.01, 0.01], "slide": [1e-4, 1e-4, 0.0, 0.0, 0.0, 0.0]}
+    listed = [{"source": name, "symbol": "ε", "contribution": box} for name, box in boxes.items()]
+    plan = cube_plan(diagnostics={"budget": [*listed, {"source": "nothing", "contribution": [0.0] * 6}]})
+    assert [name for name, _ in budget_view.shares(plan)] == ["robot (ε)", "slide (ε)"]
+    text = budget_view.alt(plan)
+    assert "x, y  ±0.4 mm: robot (ε) 75 %, slide (ε) 25 %" in text
+    assert "z  ±0.1 mm: robot (ε) 100 %" in text
+    shown = budget_view.budget_table(plan)
+    assert "0.3 (75 %)" in shown
+    assert '<th scope="row">sum</th><td class="number">0.4</td>' in shown
+    assert not budget_view.has(cube_plan())
+    assert budget_view.budget_table(cube_plan()) == ""

@@ -224,6 +224,14 @@ def test_words_for_quantities(said: str, expected: str) -> None:
     assert said == expected
 
 
+def test_a_plan_for_a_share_of_the_errors_says_so() -> None:
+    reduced = {"share": 0.6, "stated_start_box": [0.03, 0.0, 0.0, 0.0, 0.09, 0.0], "short": "nothing was found"}
+    text = Reader(report_page(cube_plan("NOT_PROVED", diagnostics={"reduced": reduced}), {})).text
+    assert "start error that the problem states" in text
+    assert "the plan is for 60% of it" in text
+    assert "nothing was found" in text
+
+
 def test_hybrid_strategies_of_alike_pieces_share_a_row(whole: str) -> None:
     text = re.sub(r"\s+", " ", Reader(whole).text.replace("\u00a0", " "))
     assert "reaction along x reaches 2 N; a fault after 1.3 mm or 3 s" in text

@@ -264,6 +264,36 @@ def test_two_features_of_one_kind(tmp_path: Path, texts: Texts, side: str, model
     assert fault.message == f"{other!r} and {other!r} are both {kind}"
 
 
+@pytest.mark.parametrize(
+    ("given", "code", "words"),
+    [
+        ("configuration = { known = 0.1, position = 0.2 }", "conflict", "states position and known"),
+        ("feeder = { }", "conflict", "states nothing"),
+        ("feeder = { known = 0.1, angle = 1 }", "conflict", "'angle' stands without 'position'"),
+        (
+            "configuration = { observed = { points = [[0, 0, 0], [1, 1, 1], [2, 2, 2]], deviation = 0.1 } }",
+            "bad-value",
+            "lie on a line",
+        ),
+        ("configuration = { observed = { points = [[0, 0, 0]], deviation = 0.1 } }", "wrong-length", "1 entries"),
+        ("feeder = { placed = [] }", "wrong-length", "0 entries"),
+        ('feeder = { known = "1 deg" }', "wrong-unit", "is an angle, not a length"),
+        ("feeder = { position = 0.1, angel = 1 }", "unknown-key", "did you mean 'angle'"),
+        ("configuration = { known = 50 }", "out-of-range", "most of it by: fixed part, configuration known a priori"),
+    ],
+)
+def test_sources_that_make_no_sense(tmp_path: Path, texts: Texts, given: str, code: str, words: str) -> None:
+    text = texts[PROBLEM]
+    start, end = text.index("[uncertainty.start]"), text.index("[uncertainty.velocity]")
+    sources = f"[uncertainty.sources]\n{given}\nrobot = {{ position = 0.1 }}\ngrasp = {{ height = 30 }}\n"
+    texts[PROBLEM] = text[:start] + sources + text[end:]
+    (fault,) = faults(tmp_path, texts)
+    assert fault.code == code
+    assert words in str(fault)
+    assert fault.line >= text[:start].count("\n") + 1
+    assert fault.advice
+
+
 def test_a_tree_that_explodes_is_refused(tmp_path: Path, texts: Texts) -> None:
     names = ["block", *(f"u{i}" for i in range(60))]
     doubled = "".join(

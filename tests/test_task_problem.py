@@ -10,6 +10,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +19,19 @@ from fmopt.se3 import exp, log
 from fmopt.task.explain import explain, facts, measured
 from fmopt.task.problem import Problem, load
 from fmopt.task.schema import model_schema, problem_schema, text
-from fmopt.task.sources import Deviation, Sources, start_box
+from fmopt.task.sources import (
+    Deviation,
+    Handling,
+    Known,
+    ObservedPoints,
+    Placed,
+    Sources,
+    body_width,
+    configuration_shares,
+    least_altitude,
+    start_box,
+    total,
+)
 from fmopt.task.toml_source import read
 
 ROOT = Path(__file__).parent.parent
@@ -266,4 +279,103 @@ grasp = { position = 0.2, angle = "30 mrad", height = 40 }
     problem = load(path)
     assert problem.sources == SOURCES
     assert np.all(problem.start_box >= start_box(SOURCES, 0.001))
-    assert "robot: 0.1 mm, 0.859437 deg" in explain(problem, measured(problem))
+    np.testing.assert_array_equal(total(problem.budget), problem.start_box)
+    words = explain(problem, measured(problem))
+    for share in problem.budget:
+        assert f"{share.source} ({share.symbol}): {1e3 * share.box[0]:.6g} mm along x" in words
+
+
+def moved_points(rng: np.random.Generator, points: np.ndarray, deviation: float, count: int) -> list[tuple[Any, Any]]:
+    """Rigid motions x ↦ R x + t that move none of the points (k, 3) by more than the deviation, many to the limit."""
+    width, centre, found = least_altitude(points[:3]), points.mean(axis=0), []
+    while len(found) < count:
+        axis = points[rng.integers(3)] - points[rng.integers(3)] if rng.uniform() < 0.7 else rng.normal(size=3)
+        if not axis.any():
+            continue
+        R = exp(2.2 * deviation / width * rng.uniform() * axis / np.linalg.norm(axis))
+        shift = rng.normal(size=3)
+        shift *= deviation * rng.uniform() ** (1.0 / 3.0) / np.linalg.norm(shift)
+        t = centre + shift - R @ centre
+        if rng.uniform() < 0.5:  # the middle of all displacements at zero, which leaves the most room to turn
+            off = points @ R.T - points
+            t = -0.5 * (off.min(axis=0) + off.max(axis=0))
+        if np.linalg.norm(points @ R.T + t - points, axis=1).max() <= deviation:
+            found.append((R, t))
+    return found
+
+
+@pytest.mark.parametrize("at", [(0.0, 0.0, 0.0), (0.03, -0.02, 0.05)])
+def test_configurations_known_by_points_bound_what_points_allow(at: tuple[float, float, float]) -> None:
+    rng, corners = np.random.default_rng(5), np.array([(0.0, 0.0, 0.0), (0.06, 0.0, 0.01), (0.01, 0.04, 0.0)])
+    observed = configuration_shares(ObservedPoints(tuple(map(tuple, corners.tolist())), 1e-3), at)
+    known = configuration_shares(Known(1e-3, body_width(corners)), tuple(corners[1].tolist()))
+    far = turn = 0.0
+    for R, t in moved_points(rng, corners, 1e-3, 2000):
+        far = max(far, float(np.linalg.norm(R @ at + t - at)))
+        turn = max(turn, float(np.linalg.norm(log(R))))
+    assert far <= math.fsum(share.position for share in observed)
+    assert far >= 0.5 * math.fsum(share.position for share in observed)
+    for shares in (observed, known):
+        assert 0.8 * math.fsum(share.angle for share in shares) <= turn <= math.fsum(share.angle for share in shares)
+    assert math.fsum(share.position for share in known) == 1e-3
+
+
+def test_handlings_accumulate() -> None:
+    rng, robot, slide = np.random.default_rng(6), Deviation(3e-4, 0.02), Deviation(1e-4, 0.01)
+    grasps = [np.array(at) for at in ((0.0, 0.0, 0.06), (0.0, 0.0, 0.03))]
+    handlings = tuple(Handling(robot, slide, tuple(at.tolist())) for at in grasps)
+    placed = Placed(Deviation(2e-4, 0.015), handlings)
+    shares = configuration_shares(placed, (0.0, 0.0, 0.0))
+    position, angle = (math.fsum(getattr(s, name) for s in shares) for name in ("position", "angle"))
+    assert angle == pytest.approx(0.015 + 2 * (2 * 0.02 + 0.01), rel=1e-14)
+    far = turn = 0.0
+    for n in range(4000):
+        axes = rng.normal(size=(20, 3)) if n % 2 else np.tile(np.eye(3)[n // 2 % 3], (20, 1)) * rng.choice([-1, 1])
+        d = iter(axes / np.linalg.norm(axes, axis=1)[:, None])
+        # x ↦ R x + t, stated about the first grasping point, then turned about each as the robot has it.
+        R = exp(0.015 * next(d))
+        t = grasps[0] + 2e-4 * next(d) - R @ grasps[0]
+        for at in grasps:
+            now = R @ at + t
+            S = exp(0.02 * next(d)) @ exp(0.02 * next(d)) @ exp(0.01 * next(d))
+            R, t = S @ R, S @ (t - now) + now + 3e-4 * next(d) + 3e-4 * next(d) + 1e-4 * next(d)
+        far, turn = max(far, float(np.linalg.norm(t))), max(turn, float(np.linalg.norm(log(R))))
+    assert far <= position * (1.0 + 1e-12)
+    assert far >= 0.8 * position
+    assert 0.999 * angle <= turn <= angle * (1.0 + 1e-12)
+    # Grasped twice at one point, turns make no position.
+    same = Placed(placed.before, (handlings[0],) * 2)
+    there = math.fsum(share.position for share in configuration_shares(same, (0.0, 0.0, 0.06)))
+    assert there == pytest.approx(2e-4 + 2 * (2 * 3e-4 + 1e-4), rel=1e-14)
+
+
+def test_all_kinds_of_configuration_in_a_file(tmp_path: Path) -> None:
+    path = copied(tmp_path)
+    written = path.read_text(encoding="utf-8")
+    start, end = written.index("[uncertainty.start]"), written.index("[uncertainty.velocity]")
+    rest = "robot = { position = 0.1, angle = 0.1 }\ngrasp = { height = 40 }\n"
+    found = {}
+    for name, given in {
+        "known": "{ known = 0.1 }",
+        "observed": "{ position = 0.1, angle = 0.1, about = [10, 0, 0] }",
+        "points": "{ observed = { points = [[0, 0, 0], [50, 0, 0], [0, 40, 0]], deviation = 0.05 } }",
+        "placed": "{ known = 0.1, placed = [{ robot = { position = 0.1 }, at = [0, 0, -5] }] }",
+        "exactly": "{ placed = [{ robot = { position = 0.1 }, slide = { position = 0.02, angle = 1 } }] }",
+    }.items():
+        sources = f"[uncertainty.sources]\nconfiguration = {given}\n{rest}\n"
+        path.write_text(written[:start] + sources + written[end:], encoding="utf-8")
+        problem = load(path)
+        np.testing.assert_array_equal(total(problem.budget), problem.start_box)
+        assert problem.sources is not None
+        found[name] = problem.sources.configuration
+        assert len(facts(problem, measured(problem))["budget"]) == len(problem.budget)
+    width = least_altitude([(0.03, 0.03, 0.0), (-0.03, -0.03, -0.04), (-0.03, 0.03, -0.04)])
+    assert isinstance(found["known"], Known)
+    assert found["known"].deviation == 1e-4
+    assert found["known"].width >= 0.9 * width
+    assert found["observed"] == Deviation(1e-4, math.radians(0.1), (0.01, 0.0, 0.0))
+    assert found["points"] == ObservedPoints(((0.0, 0.0, 0.0), (0.05, 0.0, 0.0), (0.0, 0.04, 0.0)), 5e-5)
+    assert found["placed"] == Placed(found["known"], (Handling(Deviation(1e-4), Deviation(), (0.0, 0.0, -0.005)),))
+    assert found["exactly"] == Placed(
+        Deviation(), (Handling(Deviation(1e-4), Deviation(2e-5, math.radians(1.0)), (0.0, 0.0, 0.0)),)
+    )

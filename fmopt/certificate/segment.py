@@ -37,6 +37,7 @@ __all__ = ["Advance", "Compliance", "Piece", "Tolerance", "advance"]
 _ROUNDS = 80
 _FAR = 0.5  # m or rad; errors as wide as this certify nothing
 _SETTLED = 2e-13  # relative rounding of the computed bounds of errors
+_TIGHT = 5e-11  # relative: bounds as near to the computed ones as the check asks
 _ABOVE = 1e-11  # stated bounds of errors exceed the computed ones by about this share
 
 
@@ -143,8 +144,19 @@ class _Step:
         return a, b, 0.5 * (theta + b) * swung * (1.0 + theta + b + swung)
 
     def _settled(self) -> Array:
-        """Half-widths (6,) of a box around the errors all along, such that those computed with them are no wider."""
-        half = np.maximum(self.start.half_widths(self.core), self.start.half_widths(self._carried[0]))
+        """Half-widths (6,) of a box around the errors all along, such that those computed with them are no wider.
+
+        What the errors are at the start is a good first guess, and too wide where the motion takes much of their growth
+        away: then from below.
+        """
+        half = self._fixed_point(
+            np.maximum(self.start.half_widths(self.core), self.start.half_widths(self._carried[0]))
+        )
+        tight = bool(np.all(half <= self._widths(half) * (1.0 + _TIGHT)))
+        return half if tight else self._fixed_point(np.maximum(*self._boxes))
+
+    def _fixed_point(self, half: Array) -> Array:
+        """The first half-widths (6,) from these up that are their own."""
         for _ in range(_ROUNDS):
             wider = self._widths(half)
             short = wider > half * (1.0 - _SETTLED)

@@ -47,7 +47,7 @@ class Surfaces(Value):
         return Surfaces(tuple(contacts), order, *tables)
 
     def values(self, pose: Pose) -> Array:
-        """Signed distances f (k,) in m."""
+        """Signed distances f (k,) in m; not a number where edges are parallel and cross in no one point."""
         v, n, offset = _point_normal(self.vertex_face)
         g, w, level = _point_normal(self.face_vertex)
         f = [
@@ -56,7 +56,8 @@ class Surfaces(Value):
         ]
         a, u, e, q = _lines(self.edge_edge, pose.R)
         m = _cross(a, e)
-        f.append(_dot(m, pose.p + u - q) / np.linalg.norm(m, axis=1))
+        size = np.linalg.norm(m, axis=1)
+        f.append(np.divide(_dot(m, pose.p + u - q), size, out=np.full(len(m), np.nan), where=size > 0.0))
         return np.asarray(np.concatenate(f)[self.order])
 
     def values_and_rows(self, pose: Pose) -> tuple[Array, Array]:

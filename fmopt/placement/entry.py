@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -18,6 +19,8 @@ _TILTS = ((0.8, 1.0), (1.0, 0.8))
 _TURNS = ((0.4, 0.6), (-0.3, 1.3))
 # What the errors are multiplied with: how deep the corner goes in, how far from the walls it goes in.
 _ROUNDS = ((4.0, 3.0), (3.0, 3.0), (5.5, 3.0), (2.2, 3.0), (7.5, 4.0), (4.0, 4.0))
+# What the errors are multiplied with in the plane: how deep the corner goes in below a level.
+_LEVELS = (4.5, 5.5, 3.5, 7.0, 2.5)
 
 
 @dataclass(frozen=True)
@@ -94,6 +97,39 @@ def tilted_shapes(moving: Part, play: tuple[float, float], start_box: Array, max
                 for b, a in _TILTS:
                     turn = share * a * b * max_tilt**2
                     yield Shape(b * max_tilt, a * max_tilt, turn, depth, (float(x), float(y)))
+
+
+def planar_entries(
+    moving: Part, fixed: Part, start_box: Array, approach: float, max_tilt: float
+) -> Iterator[tuple[Entry, ...]]:
+    """Entries in the plane of x and z: the part tilted about y, one end of its leading edge in the mouth, in rounds.
+
+    The corner goes in below a level of the fixed part, such as the end of a chamfer, by a few times what its height is
+    uncertain by, the lowest level first: the deeper, the better the side of the part turns about that level, the nearer
+    the other side comes. It goes in near the middle, from where it can reach either wall.
+
+    Args:
+        moving: the moving part, tip centre at the origin.
+        fixed: the fixed part.
+        start_box: half-widths (6,) of the start error, m and rad.
+        approach: height of the lowest point above the mouth at the start, m.
+        max_tilt: greatest tilt, rad.
+    """
+    tip = _tip(moving)
+    end = np.array([float(tip[:, 0].min()), 0.0, 0.0])
+    width = float(np.ptp(tip[:, 0]))
+    levels = sorted({round(float(z), 9) for z in fixed.polyhedron.vertices[:, 2] if -width < z <= 0.0})
+    error, angle = float(start_box[0]), float(start_box[4])
+    for level, deep, share in product(levels, _LEVELS, (0.9, 0.8, 0.7, 1.0)):
+        tilt = share * max_tilt
+        swing = -float(end[0]) * angle * math.cos(tilt) + float(start_box[2])
+        found = []
+        for side in (-0.2, 0.0, 0.1):
+            R = se3.exp([0.0, -tilt, 0.0])
+            inside = Pose(np.array([side * error, 0.0, level - deep * swing]) - R @ end, R)
+            lift = approach - float(inside.apply(moving.polyhedron.vertices)[:, 2].min())
+            found.append(Entry(inside.moved([0.0, 0.0, lift, 0.0, 0.0, 0.0]), inside, end))
+        yield tuple(found)
 
 
 def straight_entry(moving: Part, play: tuple[float, float], start_box: Array, approach: float) -> tuple[Entry, ...]:

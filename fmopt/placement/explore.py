@@ -21,6 +21,7 @@ from fmopt.values import Array
 
 _TOUCH = 1e-9
 _SAMPLES = 24
+IN_PLANE = ("x", "z", "ry")
 _STILL = 0.02  # rad, the turn that compliance may add to a slide
 
 
@@ -33,13 +34,14 @@ class Freedom:
     limit: float
 
 
-def freedoms(max_turn: float, depth: float, reach: float) -> tuple[Freedom, ...]:
-    """Both ways along and about the axes of the B-frame; down as far as the goal.
+def freedoms(max_turn: float, depth: float, reach: float, planar: bool = False) -> tuple[Freedom, ...]:
+    """Both ways along and about the axes of the B-frame; down as far as the goal. In the plane along x, z, about y.
 
     Args:
         max_turn: greatest turn of one move, rad.
         depth: greatest way down, m.
         reach: greatest way in any other direction, m.
+        planar: whether motion stays in the plane of x and z.
     """
     found = []
     for axis, letter in enumerate("xyz"):
@@ -49,7 +51,7 @@ def freedoms(max_turn: float, depth: float, reach: float) -> tuple[Freedom, ...]
             limit = depth if (axis, sign) == (2, -1.0) else reach
             found.append(Freedom(f"{'-' if sign < 0 else '+'}{letter}", slide, limit))
             found.append(Freedom(f"{'-' if sign < 0 else '+'}r{letter}", turn, max_turn))
-    return tuple(found)
+    return tuple(f for f in found if not planar or f.name.lstrip("+-") in IN_PLANE)
 
 
 @dataclass(frozen=True, eq=False)

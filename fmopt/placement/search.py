@@ -53,6 +53,7 @@ class _Open:
     order: float
     number: int
     bound: float = field(compare=False)
+    final: int = field(compare=False)
     node: Node = field(compare=False)
 
 
@@ -143,7 +144,7 @@ class _Frontier:
     def __init__(self, final: int, costs: Costs, nodes: Sequence[Node]) -> None:
         self._costs = costs
         self._queue: list[_Open] = []
-        self._best: dict[frozenset[str], float] = {}
+        self._best: dict[tuple[frozenset[str], int], float] = {}
         self._dropped = math.inf
         self._count = 0
         for node in nodes:
@@ -153,14 +154,17 @@ class _Frontier:
         """Adds a state from which `final` freedoms are to be taken away in all."""
         left = max(final - node.rank, 0) * (self._costs.transition + self._costs.danger)
         self._count += 1
-        heapq.heappush(self._queue, _Open(node.cost + self._costs.greed * left, self._count, node.cost + left, node))
+        order = node.cost + self._costs.greed * left
+        heapq.heappush(self._queue, _Open(order, self._count, node.cost + left, final, node))
 
     def pop(self) -> Node | None:
         """The next state, None when there is none."""
         while self._queue:
             entry = heapq.heappop(self._queue)
-            state = frozenset(c.id for c in entry.node.place.held)
-            if state and self._best.get(state, math.inf) <= entry.node.cost:
+            # A part may slide to its seat without another contact: seated is another state.
+            held = frozenset(c.id for c in entry.node.place.held)
+            state = held, entry.final
+            if held and self._best.get(state, math.inf) <= entry.node.cost:
                 self._dropped = min(self._dropped, entry.bound)
                 continue
             self._best[state] = entry.node.cost

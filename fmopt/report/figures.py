@@ -7,7 +7,17 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from fmopt.report import cut_view, diagram_view, graph_view, margin_view, trajectory_view, tube_view
+from fmopt.report import (
+    budget_view,
+    cut_view,
+    diagram_view,
+    graph_view,
+    margin_view,
+    planar_view,
+    surface_view,
+    trajectory_view,
+    tube_view,
+)
 from fmopt.report.drawing import drawn
 
 if TYPE_CHECKING:
@@ -19,7 +29,8 @@ class Figure:
     """A figure of a plan.
 
     Args:
-        name: what to call its file: cut, states, states-2…, margin, tube, diagrams, trajectory.
+        name: what to call its file: cut, states, states-2…, margin, tube, budget, sets, surfaces, diagrams,
+            trajectory.
         title: what is seen.
         alt: the same for who cannot see it, with the main numbers.
         size: width and height in inches.
@@ -60,6 +71,12 @@ def catalogue(plan: Mapping[str, Any]) -> dict[str, Figure]:
         chosen.append(_of("margin", margin_view, plan))
     if tube_view.error_sets(plan):
         chosen.append(_of("tube", tube_view, plan))
+    if budget_view.has(plan):
+        chosen.append(_of("budget", budget_view, plan))
+    if planar_view.has(plan):
+        chosen.append(_of("sets", planar_view, plan))
+    if surface_view.has(plan):
+        chosen.append(_of("surfaces", surface_view, plan))
     if diagram_view.diagrams(plan):
         chosen.append(_of("diagrams", diagram_view, plan))
     if trajectory_view.has(plan):

@@ -8,8 +8,10 @@ from html import escape
 from typing import Any
 
 from fmopt.report import control_tables, sections
+from fmopt.report.budget_view import budget_table
 from fmopt.report.figures import catalogue
 from fmopt.report.moves import Verdict, smallest_margin, verdict
+from fmopt.report.planar_tables import possible_contacts
 from fmopt.report.scene import resource, scene
 
 _POLICY = (
@@ -38,7 +40,8 @@ def report_page(plan: Mapping[str, Any], figures: Mapping[str, str]) -> str:
         ("states", "Contact states, and why this sequence", _states(plan, shown)),
         ("margins", "Margins and what binds them", sections.margin_words_of(plan) + shown.get("margin", "")),
         ("errors", "The errors on the way", sections.error_table(plan) + shown.get("tube", "")),
-        ("budget", "Uncertainty budget", sections.budget(plan)),
+        ("budget", "Uncertainty budget", budget_table(plan) + shown.get("budget", "") + sections.taken(plan)),
+        ("plane", "Possible contacts in the plane", _plane(plan, shown)),
         ("trajectory", "Position and force over time", _nominal(plan, shown)),
         ("hybrid", "Hybrid strategies", control_tables.hybrid_table(plan)),
         ("limits", "What was not checked", sections.not_covered(plan)),
@@ -91,6 +94,10 @@ def _verdict_box(plan: Mapping[str, Any], found: Verdict) -> str:
     if margin is not None:
         text += f"<p>{escape(sections.worst_move(plan))}</p>\n"
     return text + "</div>"
+
+
+def _plane(plan: Mapping[str, Any], shown: Mapping[str, str]) -> str:
+    return possible_contacts(plan) + shown.get("sets", "") + shown.get("surfaces", "")
 
 
 def _states(plan: Mapping[str, Any], shown: Mapping[str, str]) -> str:

@@ -66,6 +66,11 @@ def _task_rows(plan: Plan) -> list[tuple[str, str]]:
         clearance = part.get("measured_clearance") or part.get("declared_clearance")
         if clearance is not None and max(map(abs, box[:2])) > float(np.min(clearance)):
             rows.append(("what follows", "the start error is larger than the clearance: contacts have to shrink it"))
+    reduced = plan.get("diagnostics", {}).get("reduced")
+    if reduced:
+        box = _box_words(reduced["stated_start_box"])
+        rows.append(("start error that the problem states", f"{box}: the plan is for {reduced['share']:.0%} of it"))
+        rows.append(("for all of it", str(reduced["short"])))
     if uncertainty.get("velocity_error"):
         across, turning = (f"{100.0 * share:.3g} %" for share in uncertainty["velocity_error"])
         rows.append(("velocity error", f"{across} in translation, {turning} in rotation"))
@@ -219,28 +224,15 @@ def _fine(value: float) -> str:
     return "< 0.0001" if 0.0 < value < 1e-4 else f"{value:.4f}"
 
 
-def budget(plan: Plan) -> str:
-    """What each source contributes, where the plan says so; and what the errors take of each move's clearance."""
-    sources = [
-        (str(item.get("source")), _contribution(item.get("contribution")))
-        for item in plan.get("diagnostics", {}).get("budget", ())
-    ]
-    head = ("source", "contribution")
+def taken(plan: Plan) -> str:
+    """What the errors take of each move's clearance."""
     rows = [
         (str(move.number), quantity(move.clearance), quantity(move.clearance - move.margin), margin_words(move.margin))
         for move in moves(plan)
         if move.clearance is not None and move.margin is not None
     ]
-    taken = ("move", "smallest clearance", "difference", margin_name(plan))
-    return table("Sources of error", head, sources) + table(
-        "What errors and curvature take of the clearance", taken, rows, "nnnn"
-    )
-
-
-def _contribution(value: Any) -> str:
-    if isinstance(value, Sequence) and not isinstance(value, str) and len(value) == 6:
-        return _box_words(value)
-    return quantity(value) if isinstance(value, int | float) else str(value)
+    head = ("move", "smallest clearance", "difference", margin_name(plan))
+    return table("What errors and curvature take of the clearance", head, rows, "nnnn")
 
 
 def not_covered(plan: Plan) -> str:

@@ -41,6 +41,7 @@ def facts(problem: Problem, clearance: Clearance) -> dict[str, Any]:
         "sha256": problem.sha256,
         "parts": {"moving": problem.moving.name, "fixed": problem.fixed.name},
         "features": {"moving": problem.peg.name, "fixed": problem.hole.name},
+        "planar": problem.plane is not None,
         "goal": problem.goal.tolist(),
         "task": {
             "attachment": problem.task.attachment,
@@ -53,6 +54,7 @@ def facts(problem: Problem, clearance: Clearance) -> dict[str, Any]:
         },
         "start_height": problem.approach,
         "start_box": problem.start_box.tolist(),
+        "budget": [share.record() for share in problem.budget],
         "velocity_error": asdict(problem.velocity_error),
         "declared_clearance": list(problem.declared_clearance),
         "measured_clearance": clearance.per_side,
@@ -129,7 +131,8 @@ def _goal(problem: Problem) -> str:
 
 def _clearance(problem: Problem, clearance: Clearance) -> Iterator[str]:
     x, y = problem.declared_clearance
-    yield f"declared on each side: {_mm(x)} mm along x, {_mm(y)} mm along y"
+    across = "" if problem.plane is not None else f", {_mm(y)} mm along y"
+    yield f"declared on each side: {_mm(x)} mm along x{across}"
     found = f"measured on the parts: {_mm(round(clearance.per_side, 12))} mm where it is least"
     error = max(float(problem.start_box[0]), float(problem.start_box[1]))
     if error > clearance.per_side:
@@ -154,12 +157,15 @@ def _start(problem: Problem) -> Iterator[str]:
     yield f"nominal trajectory from {_pose(problem.start)} of the hole's frame"
     x, y, z, rx, ry, rz = (float(width) for width in problem.start_box)
     origin = "as stated" if problem.sources is None else "from its sources"
-    yield (
-        f"error {origin}: +-{_mm(x)}, {_mm(y)}, {_mm(z)} mm along x, y, z; "
-        f"+-{_deg(rx)}, {_deg(ry)}, {_deg(rz)} deg about them"
-    )
+    if problem.plane is not None:
+        yield f"error {origin}: +-{_mm(x)}, {_mm(z)} mm along x, z; +-{_deg(ry)} deg about y, none out of the plane"
+    else:
+        yield (
+            f"error {origin}: +-{_mm(x)}, {_mm(y)}, {_mm(z)} mm along x, y, z; "
+            f"+-{_deg(rx)}, {_deg(ry)}, {_deg(rz)} deg about them"
+        )
     if problem.sources is not None:
-        yield from _sources(problem.sources)
+        yield from _sources(problem, problem.sources)
     if problem.trapezoid is not None:
         ball, cone = problem.trapezoid
         yield f"S(t) for a ball of {_mm(ball)} mm and a cone of {_deg(cone)} deg, for which nothing is proved"
@@ -170,15 +176,13 @@ def _pose(P: Array) -> str:
     return place + (f", turned by ({', '.join(_deg(float(value)) for value in P[3:])}) deg," if P[3:].any() else "")
 
 
-def _sources(sources: Sources) -> Iterator[str]:
-    yield f"shape of either part: {_mm(sources.shape)} mm"
-    if sources.measurement is not None:
-        yield f"fixed part as measured: {_mm(sources.measurement)} mm"
-    named = {"feeder": sources.feeder, "robot": sources.robot, "slide in the gripper": sources.slide}
-    if sources.measurement is None:
-        named = {"fixed part as put down": sources.configuration, **named}
-    for name, deviation in named.items():
-        yield f"{name}: {_mm(deviation.position)} mm, {_deg(deviation.angle)} deg"
+def _sources(problem: Problem, sources: Sources) -> Iterator[str]:
+    """The budget: each source with what it adds across the axis and about it, and its part of both."""
+    across, angle = float(problem.start_box[0]), float(problem.start_box[4])
+    for share in problem.budget:
+        x, turn = float(share.box[0]), float(share.box[4])
+        parts = f"{x / across if across else 0.0:.0%} and {turn / angle if angle else 0.0:.0%}"
+        yield f"{share.source} ({share.symbol}): {_mm(x)} mm along x, {_deg(turn)} deg ({parts})"
     yield f"grasped {_mm(sources.grasp_height)} mm above the leading face"
 
 
@@ -199,7 +203,8 @@ def _settings(problem: Problem) -> Iterator[str]:
     rho = settings.characteristic_length
     length = "half the diagonal of the mating section" if rho is None else f"{_mm(rho)} mm"
     yield f"uncertainty: {settings.method}; placement: {settings.placement}; characteristic length: {length}"
+    about = "y" if problem.plane is not None else "each of x and y"
     yield (
-        f"tilted by up to about {_deg(settings.max_tilt)} deg about each of x and y at the start; "
+        f"tilted by up to about {_deg(settings.max_tilt)} deg about {about} at the start; "
         f"search for at most {settings.time_limit:.6g} s, placing and checking come on top"
     )

@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from os.path import normpath
 from pathlib import Path
 from typing import Any, TypeVar
@@ -14,6 +15,7 @@ import numpy as np
 
 from fmopt.errors import Fault, InputError, TaskError
 from fmopt.geometry.part import Part, rebased
+from fmopt.geometry.profile import Profiles, outline
 from fmopt.knowledge.tree import ObjectTree
 from fmopt.se3 import Pose, exp
 from fmopt.task import problem_file as files
@@ -21,11 +23,25 @@ from fmopt.task.command import PLANNED, attributes, is_round
 from fmopt.task.faults import checked
 from fmopt.task.model import Model, load_model, overrides_of
 from fmopt.task.problem import Attributes, Problem, Settings, Specification, VelocityError
-from fmopt.task.sources import Deviation, Sources, start_box
+from fmopt.task.sources import (
+    Configuration,
+    Contribution,
+    Deviation,
+    Handling,
+    Known,
+    ObservedPoints,
+    Placed,
+    Sources,
+    body_width,
+    budget,
+    least_altitude,
+    start_box,
+    total,
+)
 from fmopt.task.tables import Reading, factors, in_words
 from fmopt.task.toml_source import Source, read, read_bytes
 from fmopt.task.tree import MAX_MESH_BYTES, build_part, build_tree
-from fmopt.task.units import LENGTH, did_you_mean
+from fmopt.task.units import ANGLE, LENGTH, did_you_mean
 from fmopt.values import Array
 
 T = TypeVar("T")
@@ -97,6 +113,8 @@ def _cross_checks(source: Source, file: files.ProblemFile, models: Mapping[str, 
         message = "with the hollow part in the hand the sources do not say how far the peg's leading face is off"
         advice = "give [uncertainty.start]: errors of the peg's leading face against the hole"
         yield source.place(("uncertainty", "sources"), of_key=True).fault("conflict", message, advice)
+    yield from _configuration_faults(source, sources)
+    yield from _plane_faults(source, file, models)
     deepest = _deepest(file, models)
     if deepest is not None and file.goal.depth is not None and file.goal.depth > deepest:
         message = f"{in_words(file.goal.depth, LENGTH)} is deeper than hole and peg allow, {in_words(deepest, LENGTH)}"
@@ -126,6 +144,55 @@ def _is_exchanged(file: files.ProblemFile, models: Mapping[str, Model]) -> bool:
     return feature is not None and feature.kind == "hollow"
 
 
+_OUT_OF_PLANE = (("clearance", "y"), *(("uncertainty", "start", name) for name in ("y", "rx", "rz")))
+
+
+def _plane_faults(source: Source, file: files.ProblemFile, models: Mapping[str, Model]) -> Iterator[Fault]:
+    """Two profiles make a planar problem, which states nothing out of its plane; any other states all six freedoms."""
+    profiles = [side for side, model in models.items() if model.file.profile is not None]
+    if len(models) < 2:
+        return
+    if len(profiles) == 1:
+        message = f"the {profiles[0]} part is a profile, the other one is a body"
+        place = source.place(("fixed", "model"))
+        yield place.fault("conflict", message, "give both models a [profile], or none")
+        return
+    for key in _OUT_OF_PLANE:
+        table = file.clearance if key[0] == "clearance" else file.uncertainty.start
+        if table is None:
+            continue
+        value = getattr(table, key[-1])
+        if profiles and value:
+            message = f"{key[-1]!r} leaves the plane of a planar problem"
+            yield source.place(key).fault("out-of-plane", message, "leave it out")
+        elif not profiles and value is None and key[-1] not in table.model_fields_set:
+            place = source.place(key[:-1], of_key=True)
+            advice = f"add {key[-1]!r} to [{'.'.join(key[:-1])}]"
+            yield replace(place, key=".".join(key)).fault("missing-key", "this key is missing", advice)
+
+
+def _configuration_faults(source: Source, sources: files.Sources | None) -> Iterator[Fault]:
+    """Configurations that are stated twice, or not at all, or by points on a line."""
+    for name in ("configuration", "feeder"):
+        table: files.Configuration | None = getattr(sources, name, None)
+        if table is None:
+            continue
+        key = ("uncertainty", "sources", name)
+        stated = [k for k in ("position", "known", "observed") if getattr(table, k) is not None]
+        if len(stated) > 1 or not (stated or table.placed):
+            message = f"states {' and '.join(stated)}" if stated else "states nothing"
+            advice = "give one of position (with angle), known, observed; or placed alone, from an exact place"
+            yield source.place(key).fault("conflict", message, advice)
+        alone = [k for k in ("angle", "about") if k in table.model_fields_set and table.position is None]
+        for k in alone:
+            message = f"{k!r} stands without 'position'"
+            yield source.place((*key, k)).fault("conflict", message, "add 'position', or drop it")
+        if table.observed is not None and least_altitude(table.observed.points) < 1e-6:
+            message = "the three points lie on a line, a turn about it was not observed"
+            place = source.place((*key, "observed", "points"))
+            yield place.fault("bad-value", message, "give three points at the corners of a wide triangle")
+
+
 def _table(file: files.ProblemFile, side: str) -> files.Operand:
     return file.moving if side == "moving" else file.fixed
 
@@ -151,7 +218,12 @@ def _problem(source: Source, file: files.ProblemFile, models: Mapping[str, Model
     task = _attributes(source, file, round_peg, begin, exchanged, grasp)
     turned = Pose(np.zeros(3), exp([0.0, 0.0, -task.turn]))
     moving, trapezoid = rebased(parts[peg], turned), file.uncertainty.trapezoid
-    sources = _sources(file.uncertainty.sources) if file.uncertainty.sources else None
+    sources = _sources(file.uncertainty.sources, parts) if file.uncertainty.sources else None
+    shares = _budget(file, sources, moving) if sources else ()
+    plane = _plane(file, models)
+    if plane is not None:
+        shares = tuple(share.in_plane() for share in shares)
+    _refuse_wild(source, shares)
     return Problem(
         title=file.title,
         path=source.path,
@@ -164,11 +236,13 @@ def _problem(source: Source, file: files.ProblemFile, models: Mapping[str, Model
         goal=Pose(np.array([0.0, 0.0, -depth]), np.eye(3)).vector(),
         start=begin.compose(turned).vector(),
         task=task,
-        declared_clearance=(file.clearance.x, file.clearance.y),
+        declared_clearance=(file.clearance.x, file.clearance.y or 0.0),
         approach=file.start.height,
-        start_box=_start_box(file, sources, moving),
+        start_box=total(shares) if shares else _stated_box(file.uncertainty.start),
         trapezoid=None if trapezoid is None else (trapezoid.ball, trapezoid.cone),
         sources=sources,
+        budget=shares,
+        plane=plane,
         velocity_error=VelocityError(**file.uncertainty.velocity.model_dump()),
         specification=Specification(**file.specification.model_dump()),
         settings=Settings(**file.settings.model_dump()),
@@ -221,38 +295,77 @@ def _both(build: Callable[[str, Model], T], models: Mapping[str, Model]) -> dict
     return built
 
 
-def _start_box(file: files.ProblemFile, sources: Sources | None, moving: Part) -> Array:
-    """Half-widths (6,) of the start error, m and rad: by its sources, or as the file gives them.
+def _budget(file: files.ProblemFile, sources: Sources, moving: Part) -> tuple[Contribution, ...]:
+    """What each source contributes to the start error.
 
     Where the part starts is for the planner to choose. The sources' box holds for all that it may choose: leaning by
     1.3 times the tilts, beside the axis by a few times the errors and what the lean shortens.
     """
-    if sources is not None:
-        lean = min(1.3 * math.sqrt(2.0) * file.settings.max_tilt, 0.5 * math.pi)
-        tip = moving.polyhedron.vertices[np.abs(moving.polyhedron.vertices[:, 2]) <= 1e-9]
-        radius = float(np.linalg.norm(tip[:, :2], axis=1).max())
-        height = file.start.height + radius * math.sin(lean)
-        upright = start_box(sources, height, 0.0, lean)
-        swing = radius * float(np.linalg.norm(upright[3:]))
-        aside = 7.0 * float(upright[0]) + 3.0 * swing + radius * (1.0 - math.cos(lean))
-        return start_box(sources, height, aside, lean)
-    given = file.uncertainty.start
-    return np.zeros(6) if given is None else np.array([given.x, given.y, given.z, given.rx, given.ry, given.rz])
+    lean = min(1.3 * math.sqrt(2.0) * file.settings.max_tilt, 0.5 * math.pi)
+    tip = moving.polyhedron.vertices[np.abs(moving.polyhedron.vertices[:, 2]) <= 1e-9]
+    radius = float(np.linalg.norm(tip[:, :2], axis=1).max())
+    height = file.start.height + radius * math.sin(lean)
+    upright = start_box(sources, height, 0.0, lean)
+    swing = radius * float(np.linalg.norm(upright[3:]))
+    aside = 7.0 * float(upright[0]) + 3.0 * swing + radius * (1.0 - math.cos(lean))
+    return budget(sources, height, aside, lean)
 
 
-def _sources(table: files.Sources) -> Sources:
-    def deviation(given: Any) -> Deviation:
-        return Deviation() if given is None else Deviation(given.position, given.angle)
+def _refuse_wild(source: Source, shares: Sequence[Contribution]) -> None:
+    """Errors of orientation that a stated box could not have either."""
+    angle = float(total(shares)[3])
+    if angle > 0.25 * math.pi:
+        largest = max(shares, key=lambda share: float(share.box[3]))
+        message = f"the sources may turn the parts by {in_words(angle, ANGLE)}, most of it by: {largest.source}"
+        place = source.place(("uncertainty", "sources"), of_key=True)
+        raise InputError(place.fault("out-of-range", message, "keep all together at most 45 deg"))
 
+
+def _stated_box(box: files.Box | None) -> Array:
+    if box is None:
+        return np.zeros(6)
+    return np.array([box.x, box.y or 0.0, box.z, box.rx or 0.0, box.ry, box.rz or 0.0])
+
+
+def _plane(file: files.ProblemFile, models: Mapping[str, Model]) -> Profiles | None:
+    """The profiles of a planar problem in their mating frames."""
+    found = {}
+    for side, model in models.items():
+        if model.file.profile is None:
+            return None
+        at = model.file.features[_table(file, side).feature].at
+        found[side] = [np.subtract(polygon, (at[0], at[2])) for polygon in model.file.profile.polygons]
+    return Profiles(found["moving"][0], outline(found["fixed"]))
+
+
+def _sources(table: files.Sources, parts: Mapping[str, Part]) -> Sources:
     return Sources(
         shape=table.shape,
         measurement=table.measurement,
-        configuration=deviation(table.configuration),
-        feeder=deviation(table.feeder),
-        robot=deviation(table.robot),
-        slide=deviation(table.grasp),
+        configuration=_configuration(table.configuration, parts["fixed"]),
+        feeder=_configuration(table.feeder, parts["moving"]),
+        robot=_deviation(table.robot),
+        slide=_deviation(table.grasp),
         grasp_height=table.grasp.height,
     )
+
+
+def _deviation(table: files.Deviation | files.Grasp | None) -> Deviation:
+    return Deviation() if table is None else Deviation(table.position, table.angle)
+
+
+def _configuration(table: files.Configuration | None, part: Part) -> Configuration:
+    if table is None:
+        return Deviation()
+    before: Configuration = Deviation(table.position or 0.0, table.angle, table.about)
+    if table.known is not None:
+        before = Known(table.known, body_width(part.polyhedron.vertices))
+    elif table.observed is not None:
+        first, second, third = table.observed.points
+        before = ObservedPoints((first, second, third), table.observed.deviation)
+    if table.placed is None:
+        return before
+    return Placed(before, tuple(Handling(_deviation(h.robot), _deviation(h.slide), h.at) for h in table.placed))
 
 
 def _sha256(source: Source, models: Mapping[str, Model]) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from fmopt.errors import Fault, InputError
 from fmopt.task.faults import checked
-from fmopt.task.model_file import ModelFile
+from fmopt.task.model_file import ModelFile, Profile
 from fmopt.task.tables import Reading, factors
 from fmopt.task.toml_source import Key, Place, Source, read
 from fmopt.task.tree import tree_faults
@@ -44,7 +44,7 @@ def load_model(path: Path, cited: Place, overrides: Mapping[str, Override]) -> t
     """
     source = read(path, cited)
     if {"moving", "fixed"} <= set(source.data):
-        advice = "name a model file, which describes one part by [solids] or [mesh] and its [features]"
+        advice = "name a model file, which describes one part by [solids], [mesh] or [profile] and its [features]"
         raise InputError(source.place(()).fault("file-kind", "this is a problem file, not a model", advice))
     scale = factors(source.data.get("units"))
     reading, faults = _parameters(source, Reading(scale, {}), overrides)
@@ -111,14 +111,20 @@ def _parameters(source: Source, reading: Reading, overrides: Mapping[str, Overri
 def _cross_checks(source: Source, file: ModelFile) -> list[Fault]:
     """What one key cannot see: which of part and mesh, references between solids, features that contradict."""
     faults: list[Fault] = []
-    if (file.mesh is None) == (not file.solids):
-        message = "there are both solids and a mesh" if file.mesh else "there are neither solids nor a mesh"
-        key = ("mesh",) if file.mesh else ()
-        faults.append(source.place(key, of_key=True).fault("conflict", message, "give [solids] and part, or [mesh]"))
-    elif file.mesh is not None and file.part is not None:
-        faults.append(source.place(("part",), of_key=True).fault("conflict", "a mesh has no solids", "remove 'part'"))
-    elif file.mesh is None:
+    words = {"solids": "solids", "mesh": "a mesh", "profile": "a profile"}
+    given = [name for name in words if getattr(file, name)]
+    if len(given) != 1:
+        message = f"there are both {' and '.join(words[name] for name in given)}" if given else "there is no shape"
+        key = (given[-1],) if given else ()
+        advice = "give [solids] and part, or [mesh], or [profile]"
+        faults.append(source.place(key, of_key=True).fault("conflict", message, advice))
+    elif file.solids:
         faults += tree_faults(source, file)
+    elif file.part is not None:
+        message = f"{words[given[0]]} has no solids"
+        faults.append(source.place(("part",), of_key=True).fault("conflict", message, "remove 'part'"))
+    if file.profile is not None:
+        faults += _profile_faults(source, file, file.profile)
     for name, feature in file.features.items():
         if feature.kind == "solid" and feature.through:
             place = source.place(("features", name, "through"))
@@ -128,4 +134,23 @@ def _cross_checks(source: Source, file: ModelFile) -> list[Fault]:
                 advice = did_you_mean(solid, dict(file.solids)) or f"solids: {', '.join(file.solids) or 'none'}"
                 place = source.place(("features", name, "solids", i))
                 faults.append(place.fault("unknown-solid", f"there is no solid {solid!r}", advice))
+    return faults
+
+
+def _profile_faults(source: Source, file: ModelFile, profile: Profile) -> list[Fault]:
+    """A profile mates by features of one kind in its plane; what moves is one convex polygon."""
+    faults = []
+    kinds = sorted({feature.kind for feature in file.features.values()})
+    if len(kinds) > 1:
+        place = source.place(("features",), of_key=True)
+        faults.append(place.fault("conflict", "a profile has both solid and hollow features", "keep one kind"))
+    if kinds == ["solid"] and len(profile.polygons) > 1:
+        message = f"a moving profile of {len(profile.polygons)} polygons"
+        place = source.place(("profile", "polygons"))
+        faults.append(place.fault("not-supported", message, "what moves in a plane is to be one convex polygon"))
+    for name, feature in file.features.items():
+        if feature.at[1] != 0.0 or any(feature.turn):
+            place = source.place(("features", name), of_key=True)
+            message = "a feature of a profile is turned, or beside the plane"
+            faults.append(place.fault("bad-value", message, "write at = [x, 0, z] without turn, z out of the mouth"))
     return faults

@@ -1,8 +1,9 @@
-"""The tables of a model file: a solid as a tree of named solids, or a mesh, with parameters and mating features.
+"""The tables of a model file: a tree of named solids, a mesh or a profile, with parameters and features.
 
 part = "part"                       the named solid that the model is
 [parameters]  width = 20            plain numbers are lengths; angles are written "5 deg"
 [solids.part] shape = "box"         size, at, turn: numbers, or arithmetic on parameters
+[profile] polygons = [[[0, 0], …]]  a part in the plane of x and z
 [features.peg] kind = "solid"       a frame on the centre line and a length, after [LeeHuang1985] section 3
 """
 
@@ -129,6 +130,16 @@ class Mesh(Table):
     """Unit of the numbers in the mesh file, which does not say it itself."""
 
 
+class Profile(Table):
+    """A part that moves in a plane only, in place of solids: convex polygons in x and z whose union it is."""
+
+    polygons: Annotated[
+        tuple[Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(min_length=3, max_length=1000)], ...],
+        Field(min_length=1, max_length=256),
+    ]
+    """Each counter-clockwise, x to the right and z up; one for a moving part."""
+
+
 class MatingFeature(Table):
     """A peg (solid) or hole (hollow) that can mate, with its frame on the centre line."""
 
@@ -148,7 +159,7 @@ class MatingFeature(Table):
 
 
 class ModelFile(Table):
-    """A part for fmopt: a tree of solids (or a mesh), parameters, and mating features."""
+    """A part for fmopt: a tree of solids (or a mesh, or a profile), parameters, and mating features."""
 
     name: Name
     description: Title = "a part"
@@ -163,5 +174,7 @@ class ModelFile(Table):
     """Named solids; an instance may be used several times."""
     mesh: Mesh | None = None
     """A mesh file in place of solids."""
+    profile: Profile | None = None
+    """The profile of a part in the plane, in place of solids."""
     features: Annotated[dict[Name, MatingFeature], Field(min_length=1, max_length=64)]
     """Mating features by name."""

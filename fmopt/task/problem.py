@@ -10,12 +10,13 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from fmopt.task.sources import Sources
+from fmopt.task.sources import Contribution, Sources
 from fmopt.values import Array, Value, frozen
 
 if TYPE_CHECKING:
     from fmopt.geometry.features import Feature
     from fmopt.geometry.part import Part
+    from fmopt.geometry.profile import Profiles
     from fmopt.knowledge.tree import ObjectTree
     from fmopt.knowledge.workcell import LowerPair
     from fmopt.se3 import Pose
@@ -34,12 +35,16 @@ class Specification:
 
 @dataclass(frozen=True)
 class Settings:
-    """How the plan is computed: methods, greatest tilt (rad), characteristic length (m or None), time (s)."""
+    """How the plan is computed: methods, greatest tilt (rad), characteristic length (m or None), time (s).
+
+    `reduce_errors`: whether a plan for a share of the start errors is wanted where there is none for all of them.
+    """
 
     method: Literal["sound", "dakin1993"]
     placement: Literal["socp+nlp", "descent"]
     max_tilt: float
     characteristic_length: float | None
+    reduce_errors: bool
     time_limit: float
 
 
@@ -97,6 +102,8 @@ class Problem(Value):
         start_box: half-widths (6,) of the start error in local coordinates (d, δ), m and rad.
         trapezoid: radius of the ball (m) and half-angle of the cone (rad) of S(t); None for those of the start error.
         sources: where the start box comes from; None when the file gives it outright.
+        budget: what each source contributes to the start box; none when the file gives it outright.
+        plane: the profiles of a planar problem, whose parts are solids of the same contacts; None in space.
         velocity_error: fractions of the speed.
         specification: speed, forces, friction.
         settings: how the plan is computed.
@@ -118,6 +125,8 @@ class Problem(Value):
     start_box: Array
     trapezoid: tuple[float, float] | None
     sources: Sources | None
+    budget: tuple[Contribution, ...]
+    plane: Profiles | None
     velocity_error: VelocityError
     specification: Specification
     settings: Settings

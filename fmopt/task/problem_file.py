@@ -81,8 +81,8 @@ class Clearance(Table):
 
     x: Distance
     """On each side along the x axis of the hole's frame."""
-    y: Distance
-    """On each side along its y axis."""
+    y: Distance | None = None
+    """On each side along its y axis; left out in a planar problem."""
 
 
 class Start(Table):
@@ -101,11 +101,12 @@ class Box(Table):
     """Half-widths of the error in the tilted start pose: shift of the leading face's centre, rotation about it."""
 
     x: Distance
-    y: Distance
+    y: Distance | None = None
+    """Left out in a planar problem, as rx and rz."""
     z: Distance
-    rx: Tilt
+    rx: Tilt | None = None
     ry: Tilt
-    rz: Tilt
+    rz: Tilt | None = None
 
 
 class Deviation(Table):
@@ -113,6 +114,43 @@ class Deviation(Table):
 
     position: Distance
     angle: Tilt = 0.0
+
+
+class Handling(Table):
+    """A robot that grasped the part and put it down."""
+
+    robot: Deviation
+    """Deviation of its end effector, ε_pr and ε_φr; it counts twice."""
+    slide: Deviation | None = None
+    """Slide in its gripper, ε_td and ε_φd."""
+    at: Vector = (0.0, 0.0, 0.0)
+    """Grasping point, in the frame of the mating feature."""
+
+
+class Observed(Table):
+    """Three points of the part whose places were observed: position and orientation follow from them."""
+
+    points: Annotated[tuple[Vector, ...], Field(min_length=3, max_length=3)]
+    """In the frame of the mating feature, not on a line."""
+    deviation: Distance
+    """Of each point, ε_m."""
+
+
+class Configuration(Table):
+    """Where a part lies: known a priori, or observed by position and angle or by points; put down by robots or not."""
+
+    position: Distance | None = None
+    """Deviation of its position, ε_pp, observed beside its orientation."""
+    angle: Tilt = 0.0
+    """Deviation of its orientation, ε_φp, with `position`."""
+    about: Vector | None = None
+    """The point that has that position, in the frame of the mating feature; if not given, the feature's own point."""
+    known: Distance | None = None
+    """Deviation of every one of its points from its place, ε_pp, in place of `position` and `angle`."""
+    observed: Observed | None = None
+    """Points that were observed, in place of `position` and `angle`."""
+    placed: Annotated[tuple[Handling, ...], Field(min_length=1, max_length=64)] | None = None
+    """Robots that handled the part after that, in turn; the rest then says where it lay before."""
 
 
 class Grasp(Table):
@@ -133,10 +171,10 @@ class Sources(Table):
     """Deviation of any point of either part from its model, ε_v."""
     measurement: Distance | None = None
     """Deviation of the fixed part as a sensor sees it, ε_m; in place of its shape and configuration."""
-    configuration: Deviation | None = None
-    """Deviation of the fixed part as it was put down, ε_pp and ε_φp."""
-    feeder: Deviation | None = None
-    """Deviation of the moving part before it was grasped, ε_pp."""
+    configuration: Configuration | None = None
+    """Of the fixed part as it was put down, ε_pp and ε_φp."""
+    feeder: Configuration | None = None
+    """Of the moving part before it was grasped, ε_pp and ε_φp."""
     robot: Deviation
     """Deviation of the robot's end effector, ε_pr and ε_φr."""
     grasp: Grasp
@@ -194,12 +232,18 @@ class Settings(Table):
     """Greatest tilt about each of x and y in which the part starts, 12 deg if not given; moves may turn it further."""
     characteristic_length: Length | None = None
     """Length that makes rotation comparable with translation; half the diagonal of the mating section if not given."""
+    reduce_errors: bool = False
+    """Whether to plan for the largest share of the start errors for which there is a plan, in steps of 5 %, where there
+    is none for all of them; the verdict is NOT_PROVED then. Each share has the time limit for itself."""
     time_limit: Duration = Field(default_factory=lambda: 600.0)
     """Time after which no further sequence is searched for, 600 s if not given; placing and checking come on top."""
 
 
 class ProblemFile(Table):
-    """An insertion for fmopt: two parts, a goal, clearance, errors, and settings."""
+    """An insertion for fmopt: two parts, a goal, clearance, errors, and settings.
+
+    Two models that are profiles make a planar problem: motion in x and z, turning about y, without error out of it.
+    """
 
     title: Title
     units: Units

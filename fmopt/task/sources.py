@@ -1,31 +1,85 @@
-"""Sources of uncertainty and the start box they make, after [BasanezSuarez] eqs. (1)-(11)."""
+"""Sources of uncertainty, each its own type, and the start box they make, after [BasanezSuarez] eqs. (1)-(11)."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias, assert_never
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from fmopt.values import Array
+from fmopt.values import Array, Value, frozen
+
+Point: TypeAlias = tuple[float, float, float]
+_QUARTER = 0.5 * math.pi
 
 
 @dataclass(frozen=True)
 class Deviation:
-    """Greatest deviation of a position (m) and of an orientation about any axis (rad)."""
+    """Greatest deviation of a position (m) and of an orientation about any axis (rad).
+
+    As a configuration: ε_pp and ε_φp as observed, independent of each other, of the point `about` (m).
+    """
 
     position: float = 0.0
     angle: float = 0.0
+    about: Point | None = None
+
+
+@dataclass(frozen=True)
+class Known:
+    """ε_pp (m): the configuration is known a priori, every point of the part lies within this of its place.
+
+    What a part turns by then follows from its `width`, the least altitude (m) of a triangle of its points: two points
+    that far apart across the axis of a turn by θ part by 2 sin(θ/2) times that, which is at most 2 ε_pp.
+    """
+
+    deviation: float
+    width: float
+
+
+@dataclass(frozen=True)
+class ObservedPoints:
+    """ε_m (m) at three points of the part, from which position and orientation follow: dependent parameters.
+
+    The part lies so that each of the points is within ε_m of where it is taken to be.
+    """
+
+    points: tuple[Point, Point, Point]
+    deviation: float
+
+
+@dataclass(frozen=True)
+class Handling:
+    """A robot that has grasped the part at a point `at` (m) and put it down: its deviations, and the slide."""
+
+    robot: Deviation
+    slide: Deviation = Deviation()
+    at: Point = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Put down by robots, in turn; their deviations, and those of the configuration `before`, accumulate."""
+
+    before: Configuration
+    handlings: tuple[Handling, ...]
+
+
+Configuration: TypeAlias = Deviation | Known | ObservedPoints | Placed
 
 
 @dataclass(frozen=True)
 class Sources:
-    """Greatest deviations of everything that makes the parts' relative pose uncertain, lengths in m.
+    """Everything that makes the parts' relative pose uncertain, lengths in m.
 
     Args:
         shape: ε_v, of any point of either part from its model.
         measurement: ε_m, of the fixed part as a sensor sees it, in place of its shape and configuration; or None.
-        configuration: ε_pp and ε_φp of the fixed part as it was put down.
-        feeder: ε_pp and ε_φp of the moving part before it was grasped.
+        configuration: of the fixed part, points in the B-frame.
+        feeder: configuration of the moving part before it was grasped, points in its frame.
         robot: ε_pr and ε_φr of the end effector; it counts when grasping and again when inserting.
         slide: ε_td and ε_φd of the moving part in the gripper.
         grasp_height: distance of the grasping point from the centre of the leading face.
@@ -33,24 +87,45 @@ class Sources:
 
     shape: float
     measurement: float | None
-    configuration: Deviation
-    feeder: Deviation
+    configuration: Configuration
+    feeder: Configuration
     robot: Deviation
     slide: Deviation
     grasp_height: float
 
 
+@dataclass(frozen=True)
+class Share:
+    """What one source adds to a position (m) and to an orientation (rad)."""
+
+    source: str
+    symbol: str
+    position: float
+    angle: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Contribution(Value):
+    """What one source adds to the half-widths (6,) of the start box, m and rad."""
+
+    source: str
+    symbol: str
+    box: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "box", frozen(self.box, 6, name="contribution"))
+
+    def in_plane(self) -> Contribution:
+        """What it adds in the plane of x and z, and about y."""
+        return replace(self, box=self.box * (1.0, 0.0, 1.0, 0.0, 1.0, 0.0))
+
+    def record(self) -> dict[str, Any]:
+        """As in the plan's diagnostics."""
+        return {"source": self.source, "symbol": self.symbol, "contribution": self.box.tolist()}
+
+
 def start_box(sources: Sources, height: float, aside: float = 0.0, lean: float = 0.0) -> Array:
-    """Half-widths (6,) in m and rad of a box that holds every start error the sources can make together.
-
-    Position, eq. (10): ε_a + ε_pr + ε_pg + ε_v with ε_pg = ε_pr + ε_pp + ε_td, and ε_a = ε_v + ε_pp of the fixed part,
-    or ε_m. Orientation, eq. (11): ε_φ = ε_φr + ε_φg with ε_φg = ε_φr + ε_φd, to which come both ε_φp. Angles of
-    rotations about different axes add at most. Rotation about the grasping point, h above the leading face, moves that
-    face's centre by up to h sin ε_φ across the part's axis and h (1 − cos ε_φ) along it; rotation of the fixed part
-    moves it, seen from there, by its distance from the mouth, and turns the other displacements.
-
-    A deviation of shape is taken as a displacement: the box covers where the parts first meet. Two deviating walls do
-    not share one displacement later on.
+    """Half-widths (6,) in m and rad of a box that holds every start error the sources can make together: see `budget`.
 
     Args:
         sources: the deviations.
@@ -58,17 +133,144 @@ def start_box(sources: Sources, height: float, aside: float = 0.0, lean: float =
         aside: its distance from the axis of the hole then, at most, m.
         lean: angle between the two axes then, at most, rad.
     """
-    robot, slide = sources.robot, sources.slide
-    fixed, fixed_angle = sources.shape + sources.configuration.position, sources.configuration.angle
+    return total(budget(sources, height, aside, lean))
+
+
+def total(contributions: Sequence[Contribution]) -> Array:
+    """The box (6,) that contributions add up to."""
+    return np.array([math.fsum(c.box[axis] for c in contributions) for axis in range(6)])
+
+
+def budget(sources: Sources, height: float, aside: float = 0.0, lean: float = 0.0) -> tuple[Contribution, ...]:
+    """Which source contributes how much to the start box; arguments as in `start_box`.
+
+    Position, eq. (10): ε_a + ε_pr + ε_pg + ε_v with ε_pg = ε_pr + ε_pp + ε_td, and ε_a = ε_v + ε_pp of the fixed part,
+    or ε_m. Orientation, eq. (11): ε_φ = ε_φr + ε_φg with ε_φg = ε_φr + ε_φd, to which come both ε_φp. Angles of
+    rotations about different axes add at most. Rotation about the grasping point, h above the leading face, moves that
+    face's centre by up to h sin ε_φ across the part's axis and h (1 − cos ε_φ) along it; rotation of the fixed part
+    moves it, seen from there, by its distance from the mouth, and turns the other displacements. Each of these levers
+    is shared among the sources by their angles.
+
+    A deviation of shape is taken as a displacement: the box covers where the parts first meet. Two deviating walls do
+    not share one displacement later on.
+    """
+    h = sources.grasp_height
+    fixed, held = _fixed_shares(sources), _held_shares(sources)
+    tilted = min(math.fsum(share.angle for share in held), _QUARTER)
+    turn = min(math.fsum(share.angle for share in fixed), _QUARTER)
+    turned, shortened = math.sin(turn), 1.0 - math.cos(turn)
+    across, along = h * math.sin(tilted), h * (1.0 - math.cos(tilted))
+    sideways, down = across + along * math.sin(lean), along + across * math.sin(lean)
+    by_grasp = (sideways + down * turned, down + sideways * turned, tilted)
+    by_fixed = (
+        (height + aside) * turned + aside * shortened,
+        aside * turned + height * shortened,
+        turn,
+    )
+    return (*_levers(fixed, by_fixed), *_levers(held, by_grasp))
+
+
+def _levers(shares: Sequence[Share], levers: tuple[float, float, float]) -> list[Contribution]:
+    """The contributions of shares: their positions, and their parts of what turns do across, along, and in angle."""
+    angle, found = math.fsum(share.angle for share in shares), []
+    for share in shares:
+        x, z, turn = (lever * share.angle / angle if angle else 0.0 for lever in levers)
+        box = [share.position + x, share.position + x, share.position + z, turn, turn, turn]
+        found.append(Contribution(share.source, share.symbol, np.array(box)))
+    return found
+
+
+def _fixed_shares(sources: Sources) -> list[Share]:
     if sources.measurement is not None:
-        fixed, fixed_angle = sources.measurement, 0.0
-    in_gripper = robot.position + sources.feeder.position + slide.position
-    position = fixed + robot.position + in_gripper + sources.shape
-    grasped = min(2.0 * robot.angle + slide.angle + sources.feeder.angle, 0.5 * np.pi)
-    h, turned, shortened = sources.grasp_height, np.sin(fixed_angle), 1.0 - np.cos(fixed_angle)
-    across, along = h * np.sin(grasped), h * (1.0 - np.cos(grasped))
-    sideways, down = across + along * np.sin(lean), along + across * np.sin(lean)
-    x = position + sideways + down * turned + (height + aside) * turned + aside * shortened
-    z = position + down + sideways * turned + aside * turned + height * shortened
-    angle = grasped + fixed_angle
-    return np.array([x, x, z, angle, angle, angle])
+        return [Share("fixed part, measured", "ε_m", sources.measurement)]
+    placed = configuration_shares(sources.configuration, (0.0, 0.0, 0.0))
+    return [Share("fixed part, shape", "ε_v", sources.shape), *_named("fixed part, ", placed)]
+
+
+def _held_shares(sources: Sources) -> list[Share]:
+    robot, slide = sources.robot, sources.slide
+    before = configuration_shares(sources.feeder, (0.0, 0.0, sources.grasp_height))
+    return [
+        *_named("moving part before the grasp, ", before),
+        Share("robot, grasping", "ε_pr, ε_φr", robot.position, robot.angle),
+        Share("slide in the gripper", "ε_td, ε_φd", slide.position, slide.angle),
+        Share("robot, inserting", "ε_pr, ε_φr", robot.position, robot.angle),
+        Share("moving part, shape", "ε_v", sources.shape),
+    ]
+
+
+def _named(prefix: str, shares: Sequence[Share]) -> list[Share]:
+    return [replace(share, source=prefix + share.source) for share in shares]
+
+
+def configuration_shares(configuration: Configuration, at: Point) -> list[Share]:
+    """How far a configuration's deviations move the point `at` of the part (m), and turn the part."""
+    match configuration:
+        case Deviation(position, angle, about):
+            lever = _chord(at if about is None else about, at, angle)
+            observed = [Share("configuration", "ε_pp, ε_φp", position, angle)]
+            return observed if lever == 0.0 else [*observed, Share("turn about the observed point", "ε_φp", lever)]
+        case Known(deviation, width):
+            return [Share("configuration known a priori", "ε_pp", deviation, _turn(deviation, width))]
+        case ObservedPoints(points, deviation):
+            angle = _turn(deviation, least_altitude(points))
+            return [Share("observed points", "ε_m", _moved(points, deviation, angle, at), angle)]
+        case Placed(before, handlings):
+            return _handled(configuration_shares(before, handlings[0].at), handlings, at)
+    assert_never(configuration)
+
+
+def _moved(points: ArrayLike, deviation: float, angle: float, at: Point) -> float:
+    """How far `at` moves (m) when three points move by up to the deviation: by either of two bounds.
+
+    The centroid moves by no more than the points, turns go about it. In the plane of the points `at` has affine
+    coordinates, whose sizes add up to what multiplies the deviation; only its height over the plane is a lever.
+    """
+    a, b, c = np.asarray(points, dtype=np.float64)
+    two = np.column_stack([b - a, c - a])
+    share, *_ = np.linalg.lstsq(two, np.subtract(at, a), rcond=None)
+    affine = abs(1.0 - float(share.sum())) + float(np.abs(share).sum())
+    direct = affine * deviation + _chord(a + two @ share, at, angle)
+    return min(direct, deviation + _chord((a + b + c) / 3.0, at, angle))
+
+
+def _handled(shares: list[Share], handlings: Sequence[Handling], at: Point) -> list[Share]:
+    """Shares at a point after each handling: the robot twice, the slide, and turns about the point where it grasped."""
+    for number, handling in enumerate(handlings, start=1):
+        robot, slide = handling.robot, handling.slide
+        shares = [
+            *shares,
+            Share(f"handling {number}, robot", "ε_pr, ε_φr", 2.0 * robot.position, 2.0 * robot.angle),
+            Share(f"handling {number}, slide", "ε_td, ε_φd", slide.position, slide.angle),
+        ]
+        then = handlings[number].at if number < len(handlings) else at
+        lever = _chord(handling.at, then, math.fsum(share.angle for share in shares))
+        if lever:
+            shares.append(Share(f"handling {number}, turn about its grasp", "ε_φp", lever))
+    return shares
+
+
+def _chord(about: ArrayLike, at: ArrayLike, angle: float) -> float:
+    """How far a turn by up to `angle` about one point moves another, m."""
+    return 2.0 * float(np.linalg.norm(np.subtract(at, about))) * math.sin(0.5 * min(angle, math.pi))
+
+
+def _turn(deviation: float, width: float) -> float:
+    """The greatest turn (rad) of a body whose points, this width (m) apart, each move by up to the deviation (m)."""
+    return 2.0 * math.asin(deviation / width) if deviation < width else math.pi
+
+
+def least_altitude(points: ArrayLike) -> float:
+    """The least altitude (m) of a triangle (3, 3): across any axis, two of its corners are at least that far apart."""
+    a, b, c = np.asarray(points, dtype=np.float64)
+    longest = max(float(np.linalg.norm(v)) for v in (b - a, c - b, a - c))
+    return float(np.linalg.norm(np.cross(b - a, c - a))) / longest if longest else 0.0
+
+
+def body_width(vertices: ArrayLike) -> float:
+    """The least altitude (m) of a wide triangle of a body's vertices (n, 3), a lower bound of its width."""
+    v = np.asarray(vertices, dtype=np.float64)
+    first = v[int(np.argmax(np.linalg.norm(v - v.mean(axis=0), axis=1)))]
+    second = v[int(np.argmax(np.linalg.norm(v - first, axis=1)))]
+    third = v[int(np.argmax(np.linalg.norm(np.cross(v - first, second - first), axis=1)))]
+    return least_altitude([first, second, third])

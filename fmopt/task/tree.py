@@ -109,6 +109,13 @@ def build_part(source: Source, file: files.ModelFile) -> Part:
         except GeometryError as error:
             place = source.place(("mesh", "file"))
             raise InputError(place.fault("geometry", error.message, error.advice)) from error
+    if file.profile is not None:
+        try:
+            return part_of(file.name, _extruded(file, file.profile), features)
+        except GeometryError as error:
+            raise InputError(
+                source.place(("profile", "polygons")).fault("geometry", error.message, error.advice)
+            ) from error
     root = file.part or ""
     solid = _solid(source, file, root)
     try:
@@ -138,7 +145,7 @@ def build_tree(source: Source, file: files.ModelFile) -> ObjectTree:
         name: Claim(feature.classification or "", feature.solids or ()) for name, feature in file.features.items()
     }
     try:
-        chain = _chain(source, file, file.part or "") if file.mesh is None else ()
+        chain = _whole_chain(source, file)
         if not all(claims[feature.name].terms or is_made(chain, feature) for feature in features):
             body = _mesh(source, file.mesh) if file.mesh is not None else polyhedron(chain_solid(chain))
             chain = chain_of(solid_of(body, MESH_NOISE * body.diameter), file.name)
@@ -161,6 +168,15 @@ def _mesh(source: Source, mesh: files.Mesh) -> Polyhedron:
         return load_mesh(path, mesh.unit)
     except GeometryError as error:
         raise InputError(place.fault("geometry", error.message, error.advice)) from error
+
+
+def _whole_chain(source: Source, file: files.ModelFile) -> Chain:
+    """The chain of the part; none for a mesh, one term for a profile."""
+    from fmopt.knowledge.chain import Term
+
+    if file.profile is not None:
+        return (Term("+", file.name, _extruded(file, file.profile)),)
+    return _chain(source, file, file.part or "") if file.mesh is None else ()
 
 
 def _chain(source: Source, file: files.ModelFile, name: str) -> Chain:
@@ -194,6 +210,14 @@ def _solid(source: Source, file: files.ModelFile, name: str) -> csg.Solid:
     if any(table.at) or any(table.turn):
         return csg.Placed(solid, Pose.from_vector([*table.at, *table.turn]))
     return solid
+
+
+def _extruded(file: files.ModelFile, profile: files.Profile) -> csg.Solid:
+    """The solid that stands for a profile: a ridge where it mates by a solid feature, a slab where by a hollow one."""
+    from fmopt.geometry.profile import ridge, slab
+
+    moving = all(feature.kind == "solid" for feature in file.features.values())
+    return ridge(profile.polygons[0]) if moving else slab(profile.polygons)
 
 
 def _shape(source: Source, file: files.ModelFile, table: files.Shape) -> csg.Solid:

@@ -1,0 +1,185 @@
+"""Planar problem files: what they mean, what they may not say, and plans for a share of the start errors."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fmopt import synthesis
+from fmopt.certificate.knowledge import Assembly
+from fmopt.certificate.segment import Tolerance
+from fmopt.contact.primitive import Kind
+from fmopt.errors import InputError, SearchError
+from fmopt.geometry.clearance import checked_clearance
+from fmopt.placement.entry import planar_entries, start_spread
+from fmopt.placement.explore import IN_PLANE, freedoms
+from fmopt.placement.search import search
+from fmopt.placement.share import largest_share
+from fmopt.placement.step import Costs, Task
+from fmopt.se3 import Pose
+from fmopt.task.explain import explain, facts, measured
+from fmopt.task.problem import Problem, load
+from fmopt.uncertainty.error_set import ErrorSet
+from fmopt.verify.findings import NOT_PROVED, Verdict
+
+ROOT = Path(__file__).parent.parent
+BOX = '[solids.a]\nshape = "box"\nsize = [1, 1, 1]\n'
+NAMES = ("problems/mit_planar_slot.toml", "models/mit_planar_slot.toml", "models/mit_planar_peg.toml")
+
+
+@pytest.fixture(scope="module")
+def slot() -> Problem:
+    return load(ROOT / NAMES[0])
+
+
+def faults(tmp_path: Path, file: str, old: str, new: str) -> list[Any]:
+    for name in (*NAMES, "models/square_peg.toml"):
+        text = (ROOT / name).read_text(encoding="utf-8")
+        if name == file:
+            assert old in text
+            text = text.replace(old, new)
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        load(tmp_path / NAMES[0])
+    return list(caught.value.faults)
+
+
+def test_the_slot_in_numbers(slot: Problem) -> None:
+    np.testing.assert_allclose(slot.start_box, [0.03, 0.0, 0.0, 0.0, 0.09, 0.0], rtol=1e-15)
+    assert slot.plane is not None
+    np.testing.assert_allclose(np.ptp(slot.plane.moving, axis=0), [0.062, 0.2])
+    corners = np.vstack(slot.plane.fixed)
+    inner = np.unique(np.round(np.abs(corners[:, 0]), 9))
+    assert inner == pytest.approx([0.031509, 0.055509, 0.148509])
+    # A chamfer of 24 mm at 45 degrees on each side of the mouth.
+    levels = {round(float(x), 6): float(z) for x, z in np.abs(corners) if z < 0.1}
+    assert levels[0.055509] == 0.0
+    assert levels[0.031509] == pytest.approx(0.024)
+    clearance = checked_clearance(slot.moving, slot.fixed, Pose.from_vector(slot.goal), 0.15)
+    assert clearance.per_side == pytest.approx(0.000509, rel=1e-9)
+    assert clearance.play[0] == pytest.approx(0.001018, rel=1e-9)
+    assert math.isinf(clearance.play[1])
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "code", "words"),
+    [
+        (NAMES[0], "z = 0\n", "z = 0\ny = 0.1\n", "out-of-plane", "'y' leaves the plane"),
+        (NAMES[0], "z = 0\n", "z = 0\nrz = 0.1\n", "out-of-plane", "'rz' leaves the plane"),
+        (NAMES[0], "x = 0.509", "x = 0.509\ny = 1", "out-of-plane", "'y' leaves the plane"),
+        (NAMES[0], "mit_planar_peg.toml", "square_peg.toml", "conflict", "the fixed part is a profile"),
+        (NAMES[1], "through = true", "through = true\nturn = [0, 5, 0]", "bad-value", "is turned, or beside the plane"),
+        (NAMES[2], '[["-width/2", 0], ["width/2", 0]', '[["width/2", 0], ["-width/2", 0]', "geometry", "turn left"),
+        (NAMES[2], "[[[", "[[[0, 0], [1, 0], [0, 1]], [[", "not-supported", "one convex polygon"),
+        (NAMES[2], "[features.peg]", 'part = "x"\n[features.peg]', "unknown-key", "there is no such key"),
+        (NAMES[2], "[profile]", '[solids.a]\nshape = "torus"\n[profile]', "unknown-choice", "no shape 'torus'"),
+        (NAMES[2], "[profile]", f"{BOX}[profile]", "conflict", "both solids and a profile"),
+    ],
+)
+def test_faults_of_planar_problems(tmp_path: Path, file: str, old: str, new: str, code: str, words: str) -> None:
+    found = faults(tmp_path, file, old, new)
+    assert any(fault.code == code and words in str(fault) and fault.file.endswith(file) for fault in found)
+    assert all(fault.line > 0 and fault.advice for fault in found)
+
+
+@pytest.mark.parametrize("key", ["y", "rx", "rz"])
+def test_a_problem_in_space_states_all_six_errors(tmp_path: Path, key: str) -> None:
+    name = "problems/square_peg.toml"
+    for path in (name, "models/square_peg.toml", "models/square_hole_block.toml"):
+        text = (ROOT / path).read_text(encoding="utf-8")
+        if path == name:
+            start = text.index("[uncertainty.start]")
+            text = text[:start] + text[start:].replace(f"\n{key} = 0.3", "", 1)
+        (tmp_path / path).parent.mkdir(exist_ok=True)
+        (tmp_path / path).write_text(text, encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        load(tmp_path / name)
+    (fault,) = caught.value.faults
+    assert (fault.code, fault.key) == ("missing-key", f"uncertainty.start.{key}")
+
+
+def test_sources_stay_in_the_plane(tmp_path: Path) -> None:
+    text = (ROOT / NAMES[0]).read_text(encoding="utf-8")
+    start, end = text.index("[uncertainty.start]"), text.index("[uncertainty.velocity]")
+    sources = "[uncertainty.sources]\nrobot = { position = 1, angle = 0.01 }\ngrasp = { height = 100 }\n\n"
+    for name in NAMES:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text((ROOT / name).read_text(encoding="utf-8"), encoding="utf-8")
+    (tmp_path / NAMES[0]).write_text(text[:start] + sources + text[end:], encoding="utf-8")
+    problem = load(tmp_path / NAMES[0])
+    assert problem.start_box[0] > 2e-3
+    assert problem.start_box[4] == pytest.approx(0.02)
+    assert not problem.start_box[[1, 3, 5]].any()
+    assert sum(share.box for share in problem.budget) == pytest.approx(problem.start_box)
+
+
+def test_the_slot_in_words(slot: Problem) -> None:
+    clearance = measured(slot)
+    words = explain(slot, clearance)
+    assert "error as stated: +-30, 0 mm along x, z; +-5.15662 deg about y, none out of the plane" in words
+    assert "declared on each side: 0.509 mm along x\n" in words
+    assert facts(slot, clearance)["planar"]
+
+
+def test_freedoms_in_the_plane() -> None:
+    assert {f.name.lstrip("+-") for f in freedoms(1.0, 1.0, 1.0, True)} == set(IN_PLANE)
+    assert len(freedoms(1.0, 1.0, 1.0)) == 12
+
+
+def test_half_of_the_errors_are_taken_in_three_moves(slot: Problem) -> None:
+    clearance = checked_clearance(slot.moving, slot.fixed, Pose.from_vector(slot.goal), 0.15)
+    assembly, box = Assembly(slot.moving, slot.fixed), 0.5 * slot.start_box
+    rounds = planar_entries(slot.moving, slot.fixed, box, slot.approach, slot.settings.max_tilt)
+    costs = Costs.of(start_spread(slot.moving, box), clearance.per_side, True)
+    tolerance = Tolerance((slot.velocity_error.translation, slot.velocity_error.rotation), clearance.half_diagonal)
+    first = next(iter(rounds))[:1]
+    goal = Pose.from_vector(slot.goal)
+    found = search(Task(assembly, goal, ErrorSet.from_box(box), tolerance, costs, 1.0), first)
+    assert found.names == ("approach", "-x", "+ry", "-z")
+    assert found.reached.margin > 1e-4
+    assert all(np.abs(move.goal.vector()[[1, 3, 5]]).max() <= 1e-12 for move in found.moves)
+    # The side of the peg on the lower corner of the chamfer, then flush: no error is left across and about.
+    assert [c.kind for c in found.moves[-1].held] == [Kind.EDGE_EDGE, Kind.VERTEX_FACE]
+    left = found.reached.errors.support(np.eye(6))
+    assert left[0] < 1e-4
+    assert left[4] < 1e-3
+
+
+def test_largest_share() -> None:
+    tried: list[float] = []
+
+    def attempt(share: float) -> str | None:
+        tried.append(share)
+        return f"at {share}" if share <= 0.62 else None
+
+    assert largest_share(attempt) == (0.6, "at 0.6")
+    assert len(tried) <= 5
+    assert largest_share(lambda _: None) is None
+    assert largest_share(lambda share: share, 4) == (0.75, 0.75)
+
+
+def test_a_plan_for_a_share_proves_nothing_for_all(slot: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+    def pretended(problem: Problem, progress: synthesis.Progress) -> synthesis.Synthesis:
+        share = float(problem.start_box[0] / slot.start_box[0])
+        if share > 0.6 + 1e-9:
+            raise SearchError(f"nothing for {share:.2f}")
+        document = {"verdict": "CERTIFIED", "diagnostics": {"graphs": []}}
+        return synthesis.Synthesis(document, Verdict("CERTIFIED", (), None, 0, None, ()), {})
+
+    monkeypatch.setattr(synthesis, "_synthesise", pretended)
+    found = synthesis.synthesise(slot)
+    assert found.document["verdict"] == str(found.verdict.verdict) == str(NOT_PROVED)
+    assert found.document["diagnostics"]["reduced"]["share"] == 0.6
+    assert "60% of the start errors that the problem states; for all of them: nothing for 1.00" in str(
+        found.verdict.findings[-1]
+    )
+    with pytest.raises(SearchError, match=r"nothing for 1\.00"):
+        synthesis.synthesise(replace(slot, settings=replace(slot.settings, reduce_errors=False)))
+    half = replace(slot, start_box=0.5 * slot.start_box)
+    assert synthesis.synthesise(half).document["verdict"] == "CERTIFIED"
