@@ -68,6 +68,14 @@ def suicidal(run: Run, folder: Path) -> Row:
     return quick(run, folder)
 
 
+def hostile(run: Run, folder: Path) -> Row:
+    """The first run takes down the process that owns its worker."""
+    if number_of(run) == 0:
+        os.kill(os.getppid(), signal.SIGKILL)
+        time.sleep(3600)
+    return quick(run, folder)
+
+
 def infinite(run: Run, folder: Path) -> Row:
     return Row(run.key, "done", "", {"x": float("inf")})
 

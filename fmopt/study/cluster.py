@@ -31,7 +31,8 @@ def cluster(address: str) -> Iterator[tuple[Executor, int]]:
         advice = "start dask scheduler and dask worker, or correct the address"
         raise ResourceError(f"{address}: no scheduler answers ({error})", advice) from error
     with client:
-        threads = sum(client.nthreads().values())
-        if threads == 0:
-            raise ResourceError(f"{address}: the scheduler has no workers", f"start dask worker {address}")
-        yield client.get_executor(), threads
+        try:
+            client.wait_for_workers(1, timeout=_PATIENCE)
+        except TimeoutError as error:
+            raise ResourceError(f"{address}: the scheduler has no workers", f"start dask worker {address}") from error
+        yield client.get_executor(), sum(client.nthreads().values())
