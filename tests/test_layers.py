@@ -76,7 +76,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "manifold3d": frozenset({"geometry", "nominal/touch.py"}),
     "trimesh": frozenset({"geometry/mesh.py"}),
     "shapely": frozenset({"plane", "geometry", "knowledge", "uncertainty/planar", "report"}),
-    "matplotlib": frozenset({"report"}),
+    "matplotlib": frozenset({"report", "study/figures.py"}),
     "mpl_toolkits": frozenset({"report/surface_view.py"}),
     "pydantic": frozenset({"task", "study/study_file.py"}),
     "pydantic_core": frozenset({"task"}),

@@ -74,9 +74,13 @@ def report(folder: Path) -> list[Path]:
         ResourceError: a file cannot be read or written.
     """
     from fmopt import plan
+    from fmopt.study.figures import figures
+    from fmopt.study.page import page
+    from fmopt.study.view import View
 
     found = results(folder)
-    contents = {"table.csv": csv_text(found).encode()}
+    view = View(found)
+    contents = {"report.html": page(view, figures(view)).encode(), "table.csv": csv_text(found).encode()}
     if find_spec("polars") is not None:
         contents["table.parquet"] = parquet(found)
     for name, content in contents.items():

@@ -1,0 +1,192 @@
+"""The report of a study: one page of HTML that holds everything and opens offline."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Iterator
+from html import escape
+
+import numpy as np
+
+from fmopt.report.scene import resource
+from fmopt.report.tables import table
+from fmopt.study.figures import binding, bins
+from fmopt.study.sampling import CUBES
+from fmopt.study.statistics import Estimate, rank_correlation, share, sobol_indices
+from fmopt.study.table import Varied
+from fmopt.study.view import View, answer_label, axis_label
+
+_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
+_LISTED = 6  # numbers of runs that a group of failures names
+
+
+def page(view: View, figures: dict[str, tuple[str, str]]) -> str:
+    """The report.
+
+    Args:
+        view: the results.
+        figures: what each shows, and its SVG, by name.
+
+    Returns:
+        A page without any reference to something outside it.
+    """
+    chapters = [
+        ("outcome", "What came out", _outcome(view)),
+        ("figures", "Over the axes", "".join(_picture(*figures[name]) for name in figures)),
+        ("share", f"How often {view.goodness}", "".join(_share_table(view, axis) for axis in view.free)),
+        ("sensitivity", "What matters", _correlations(view) + _sobol(view)),
+        ("binding", "What binds", _binding(view)),
+        ("failures", "What failed", _failures(view)),
+        ("provenance", "Where this comes from", _provenance(view)),
+    ]
+    shown = [(name, heading, text) for name, heading, text in chapters if text]
+    body = "\n".join(
+        f'<section id="{n}">\n<h2>{escape(heading)}</h2>\n{text}\n</section>' for n, heading, text in shown
+    )
+    links = "\n".join(f'<li><a href="#{name}">{escape(heading)}</a></li>' for name, heading, _ in shown)
+    title = escape(view.results.facts.get("title", "study"))
+    return f"""<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta http-equiv="Content-Security-Policy" content="{_POLICY}">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<link rel="icon" href="data:,">
+<title>{title}</title>
+<style>
+{resource("page.css")}</style>
+</head>
+<body>
+<header>
+<p class="kind">Study</p>
+<h1>{title}</h1>
+</header>
+<nav aria-label="chapters">
+<ol>
+{links}
+</ol>
+</nav>
+<main>
+{body}
+</main>
+</body>
+</html>
+"""
+
+
+def _picture(words: str, svg: str) -> str:
+    source = f'src="data:image/svg+xml;base64,{b64encode(svg.encode()).decode()}"'
+    return f'<figure>\n<img {source} alt="{escape(words)}">\n<figcaption>{escape(words)}</figcaption>\n</figure>\n'
+
+
+def _outcome(view: View) -> str:
+    total, done, good = len(view.results.lines), int(view.done.sum()), int(view.good.sum())
+    waiting = sum(line["outcome"] is None for line in view.results.lines)
+    words = f"{total} runs: {done} with answers, {total - done - waiting} failed, {waiting} not done yet."
+    if done:
+        words += f" {good} of {done} are {view.goodness}: {_interval(share(good, done), 100.0)} %."
+    verdicts: dict[str, int] = {}
+    for line in view.results.lines:
+        verdict = line.get("verdict")
+        if verdict is not None:
+            verdicts[str(verdict)] = verdicts.get(str(verdict), 0) + 1
+    rows = [(name, str(count)) for name, count in sorted(verdicts.items())]
+    ranges = []
+    for name in view.answers:
+        values = view.answer(name)[np.isfinite(view.answer(name))]
+        ranges.append((answer_label(name), *(f"{v:.4g}" for v in (values.min(), np.median(values), values.max()))))
+    return (
+        f"<p>{escape(words)}</p>\n"
+        + table("Verdicts", ("verdict", "runs"), rows, "tn")
+        + table("Answers", ("answer", "least", "median", "greatest"), ranges, "tnnn")
+    )
+
+
+def _interval(found: Estimate, scale: float = 1.0) -> str:
+    value, low, high = (scale * number for number in (found.value, found.low, found.high))
+    return f"{value:.3g} ({low:.3g} to {high:.3g})"
+
+
+def _place(view: View, axis: Varied, middle: float) -> str:
+    return view.words(axis)[int(middle)] if axis.unit == "word" else f"{middle:.4g}"
+
+
+def _share_table(view: View, axis: Varied) -> str:
+    if view.good[view.done].all() or not view.done.any():
+        return ""
+    rows = [
+        (_place(view, axis, middle), str(good), str(total), _interval(share(good, total), 100.0))
+        for middle, good, total in bins(view, axis)
+    ]
+    head = (axis_label(axis), view.goodness, "runs", "% (95 % interval)")
+    return table(f"Over {axis_label(axis)}", head, rows, "nnnn")
+
+
+def _correlations(view: View) -> str:
+    """Spearman's rank correlation of each axis with each answer."""
+    rows = []
+    for name in view.answers:
+        y = view.answer(name)
+        for axis in view.free:
+            x, known = view.axis(axis), np.isfinite(y)
+            found = None if axis.unit == "word" else rank_correlation(x[known], y[known])
+            if found is not None:
+                rows.append((answer_label(name), axis_label(axis), _interval(found), str(int(known.sum()))))
+    head = ("answer", "axis", "Spearman's ρ (95 % interval)", "runs")
+    return table("Rank correlation: 1 rises always, −1 falls always, 0 neither", head, rows, "ttnn")
+
+
+def _sobol(view: View) -> str:
+    if view.results.sampling["method"] != "saltelli":
+        return ""
+    rows = []
+    for name in view.answers:
+        found = sobol_indices(view.answer(name), len(view.free)) or []
+        for axis, index in zip(view.free, found, strict=False):
+            rows.append((answer_label(name), axis_label(axis), _interval(index.first), _interval(index.total)))
+    head = ("answer", "axis", "alone (95 % interval)", "with the others (95 % interval)")
+    return table("Sobol indices: share of the variance that an axis explains", head, rows, "ttnn")
+
+
+def _binding(view: View) -> str:
+    """Which contact binds in how many runs, and over which ranges of the axes."""
+    rows = []
+    names = [line.get("binding_contact") for line in view.results.lines]
+    for name, count in binding(view).items():
+        mine = np.array([other == name for other in names])
+        spans = []
+        for axis in view.free:
+            x = view.axis(axis)[mine]
+            low, high = (_place(view, axis, float(value)) for value in (x.min(), x.max()))
+            spans.append(low if low == high else f"{low} to {high}")
+        rows.append((name, str(count), *spans))
+    head = ("contact, or pieces moving/fixed", "runs", *(axis_label(axis) for axis in view.free))
+    return table("The tightest inequality, run by run", head, rows, "tn")
+
+
+def _failures(view: View) -> str:
+    groups: dict[tuple[str, str], list[int]] = {}
+    for number, line in enumerate(view.results.lines):
+        if line["outcome"] not in ("done", None):
+            groups.setdefault((str(line["outcome"]), str(line["reason"])), []).append(number)
+    rows = []
+    for (outcome, reason), numbers in sorted(groups.items(), key=lambda item: (-len(item[1]), item[0])):
+        named = ", ".join(str(number) for number in numbers[:_LISTED]) + (" …" if len(numbers) > _LISTED else "")
+        rows.append((outcome, reason, str(len(numbers)), named))
+    return table("Runs without answers, by reason", ("kind", "reason", "runs", "numbers"), rows, "ttnt")
+
+
+def _provenance(view: View) -> str:
+    facts, sampling = view.results.facts, view.results.sampling
+    how = str(sampling["method"])
+    if how in CUBES:
+        how += f", {sampling['runs']} points, seed {sampling['seed']}"
+
+    def rows() -> Iterator[tuple[str, str]]:
+        yield "problem", facts.get("problem", "")
+        yield "sampling", how
+        yield "program", facts.get("program", "")
+        for axis in view.results.axes:
+            yield axis.name, f"unit {axis.unit or 'none'} in the table"
+
+    return table("", ("", ""), list(rows()))

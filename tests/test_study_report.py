@@ -1,0 +1,189 @@
+"""The report of a study: its numbers against other ways to the same, its page complete, offline and reproducible."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import polars
+import pytest
+from scipy import stats
+
+from fmopt.errors import ResourceError
+from fmopt.study import table
+from fmopt.study.figures import binding, bins, figures
+from fmopt.study.page import page
+from fmopt.study.sampling import cube
+from fmopt.study.statistics import rank_correlation, share, sobol_indices
+from fmopt.study.store import Scalar
+from fmopt.study.table import Results, Varied
+from fmopt.study.view import View
+
+X, Y, W = Varied("gap", "m", None, False), Varied("turn", "rad", None, False), Varied("how", "word", None, False)
+COLUMNS = ("outcome", "reason", "verdict", "margin", "binding_contact", "binding_move")
+
+
+@pytest.mark.parametrize(("good", "total"), [(0, 1), (0, 10), (3, 10), (10, 10), (997, 1000)])
+def test_shares_have_wilsons_interval(good: int, total: int) -> None:
+    found, other = share(good, total), stats.binomtest(good, total).proportion_ci(method="wilson")
+    assert found.value == good / total
+    assert (found.low, found.high) == pytest.approx((other.low, other.high), abs=1e-12)
+
+
+def test_the_interval_of_a_share_covers_it() -> None:
+    for p in (0.02, 0.3, 0.5, 0.9):
+        weights = stats.binom.pmf(np.arange(51), 50, p)
+        covered = sum(w for k, w in enumerate(weights) if share(k, 50).low <= p <= share(k, 50).high)
+        assert covered > 0.91
+
+
+def test_a_share_of_nothing_is_refused() -> None:
+    for good, total in ((0, 0), (3, 2), (-1, 2)):
+        with pytest.raises(ValueError, match="is no share"):
+            share(good, total)
+
+
+def test_rank_correlation_agrees_and_sees_only_order() -> None:
+    rng = np.random.default_rng(3)
+    x = rng.integers(0, 12, 60).astype(float)
+    y = x + rng.normal(0.0, 5.0, 60)
+    found = rank_correlation(x, y)
+    assert found is not None
+    assert found.value == pytest.approx(float(stats.spearmanr(x, y).statistic), abs=1e-12)
+    assert found.low < found.value < found.high
+    assert rank_correlation(np.exp(x), y**3) == found
+    falling = rank_correlation(x[:5] * 0 + np.arange(5.0), -np.arange(5.0))
+    assert falling is not None
+    assert falling.value == -1.0
+    assert rank_correlation(x, np.ones(60)) is None
+    assert rank_correlation(x[:3], y[:3]) is None
+
+
+def test_sobol_indices_of_ishigamis_function() -> None:
+    """f = sin a + 7 sin² b + 0.1 c⁴ sin a over [−π, π]³, whose indices are known."""
+    a, b, c = (math.pi * (2.0 * cube("saltelli", 3, 4096, 1) - 1.0)).T
+    values = np.sin(a) + 7.0 * np.sin(b) ** 2 + 0.1 * c**4 * np.sin(a)
+    found = sobol_indices(values, 3)
+    assert found is not None
+    V1, V2, V13 = 0.5 * (1.0 + math.pi**4 / 50.0) ** 2, 49.0 / 8.0, 8.0 * math.pi**8 / 225.0 * 0.01
+    V = V1 + V2 + V13
+    first, total = (V1 / V, V2 / V, 0.0), ((V1 + V13) / V, V2 / V, V13 / V)
+    assert [index.first.value for index in found] == pytest.approx(first, abs=0.02)
+    assert [index.total.value for index in found] == pytest.approx(total, abs=0.02)
+    for index, s, t in zip(found, first, total, strict=True):
+        assert index.first.low - 0.01 <= s <= index.first.high + 0.01
+        assert index.total.low - 0.01 <= t <= index.total.high + 0.01
+
+
+def test_sobol_indices_do_without_rows_that_are_not_known() -> None:
+    points = cube("saltelli", 2, 256, 1)
+    values = points[:, 0] + 0.5 * points[:, 1]
+    values[5] = np.nan
+    found = sobol_indices(values, 2)
+    assert found is not None
+    assert [index.first.value for index in found] == pytest.approx([0.8, 0.2], abs=0.03)
+    assert sobol_indices(np.ones(64), 2) is None
+    assert sobol_indices(np.full(64, np.nan), 2) is None
+
+
+def results(
+    axes: Sequence[Varied], points: Sequence[tuple[Scalar, ...]], rows: Sequence[Mapping[str, Scalar]]
+) -> Results:
+    columns = ("number", *(axis.name for axis in axes), *COLUMNS)
+    lines = []
+    for number, (point, row) in enumerate(zip(points, rows, strict=True)):
+        values = {"number": number, **dict(zip((axis.name for axis in axes), point, strict=True)), **row}
+        lines.append({column: values.get(column) for column in columns})
+    facts = {
+        "title": "A <study> & more",
+        "problem": "../p.toml",
+        "program": "0",
+        "sampling": json.dumps({"method": "grid", "runs": None, "seed": None}),
+    }
+    return Results(facts, tuple(axes), columns, tuple(lines))
+
+
+def answer(margin: float, contact: str = "v0-f1") -> dict[str, Scalar]:
+    verdict = "CERTIFIED" if margin > 0.0 else "NOT_PROVED"
+    return {"outcome": "done", "verdict": verdict, "margin": margin, "binding_contact": contact, "binding_move": 1}
+
+
+GRID = [(x, y) for x in (1e-4, 2e-4, 3e-4) for y in (0.001, 0.002)]
+ROWS = [
+    *(answer(1e-5 * k, f"v{k % 2}-f1") for k in (-2, -1, 1, 2)),
+    {"outcome": "timeout", "reason": "not done in 1 s"},
+    {},
+]
+
+
+def test_a_grid_becomes_maps_with_what_works_and_what_binds() -> None:
+    view = View(results((X, Y), GRID, ROWS))
+    drawn = figures(view)
+    assert set(drawn) == {"margin", "share", "binding"}
+    assert figures(view) == drawn
+    assert view.good.tolist() == [False, False, True, True, False, False]
+    assert view.axis(X).tolist() == pytest.approx([0.1, 0.1, 0.2, 0.2, 0.3, 0.3])
+    assert binding(view) == {"v0-f1": 2, "v1-f1": 2}
+    assert bins(view, X) == [(pytest.approx(0.1), 0, 2), (pytest.approx(0.2), 2, 2)]
+
+
+def test_the_page_says_all_of_it_and_needs_nothing_from_outside() -> None:
+    view = View(results((X, Y), GRID, ROWS))
+    text = page(view, figures(view))
+    assert text == page(view, figures(view))
+    assert "6 runs: 4 with answers, 1 failed, 1 not done yet. 2 of 4 are certified: 50 (15 to 85) %." in text
+    assert "A &lt;study&gt; &amp; more" in text
+    for words in ("What matters", "Spearman", "not done in 1", "v1-f1", "gap, mm", "turn, deg"):
+        assert words in text
+    assert "Sobol" not in text
+    outside = re.findall(r'(?:src|href)="(?!data:|#)[^"]*"|url\(|@import|https?://', re.sub(r'base64,[^"]*', "", text))
+    assert outside == []
+
+
+def test_one_axis_becomes_a_curve_and_words_an_axis_of_words() -> None:
+    curve = View(results((X,), [(x,) for x in (1e-4, 2e-4, 3e-4, 4e-4)], ROWS[:4]))
+    assert set(figures(curve)) == {"margin", "share"}
+    words = View(results((W, X), [(w, x) for w in ("a", "b") for x in (1e-4, 2e-4)], ROWS[:4]))
+    assert words.axis(W).tolist() == [0.0, 0.0, 1.0, 1.0]
+    assert "certified" in page(words, figures(words))
+
+
+def test_three_sampled_axes_become_clouds_with_their_indices() -> None:
+    points = [tuple(point) for point in cube("saltelli", 3, 16, 4).tolist()]
+    rows = [answer(1e-5 * (p[0] - 0.5 * p[1])) for p in points]
+    found = results((X, Y, Varied("mu", "", None, True)), points, rows)
+    found = replace(found, facts={**found.facts, "sampling": json.dumps({"method": "saltelli", "runs": 16, "seed": 4})})
+    view = View(found)
+    text = page(view, figures(view))
+    assert "Sobol indices" in text
+    assert "saltelli, 16 points, seed 4" in text
+
+
+@pytest.mark.parametrize("rows", [[{}] * 6, [{"outcome": "crash", "reason": "x"}] * 6, [answer(1e-5)] * 6])
+def test_studies_without_anything_to_draw_have_a_page(rows: list[Mapping[str, Scalar]]) -> None:
+    view = View(results((X, Y), GRID, rows))
+    assert "6 runs: " in page(view, figures(view))
+
+
+def test_csv_and_parquet_and_the_frame_hold_the_same(tmp_path: Path) -> None:
+    found = results((X, Y), GRID, ROWS)
+    (tmp_path / "t.parquet").write_bytes(table.parquet(found))
+    frame = polars.read_parquet(tmp_path / "t.parquet")
+    assert frame.equals(table.frame(found))
+    lines = table.csv_text(found).splitlines()
+    assert lines[0].split(",") == frame.columns
+    assert lines[3] == "2,0.0002,0.001,done,,CERTIFIED,1e-05,v1-f1,1"
+    assert lines[6] == "5,0.0003,0.002,,,,,,"
+    assert frame["margin"].to_list() == [-2e-5, -1e-5, 1e-5, 2e-5, None, None]
+
+
+def test_a_frame_without_polars_is_refused_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "polars", None)
+    with pytest.raises(ResourceError, match="install fmopt with its extra 'frame'"):
+        table.frame(results((X, Y), GRID, ROWS))
