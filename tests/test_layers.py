@@ -67,7 +67,9 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "scipy": frozenset({"plane", "geometry", "contact", "nominal", "uncertainty", "placement", "control", "study"}),
     "distributed": frozenset({"study/cluster.py"}),
     "polars": frozenset({"study/__init__.py", "study/table.py"}),
-    "sympy": frozenset({"symbolic.py", "contact/surface.py", "uncertainty/planar/surface.py"}),
+    "sympy": frozenset(
+        {"symbolic.py", "contact/surface.py", "uncertainty/planar/surface.py", "nominal/symbolic_diagram.py"}
+    ),
     "casadi": frozenset({"symbolic.py", "contact/surface.py", "placement/nlp.py"}),
     "clarabel": frozenset({"placement/socp.py"}),
     "daqp": frozenset({"placement/lp.py"}),
