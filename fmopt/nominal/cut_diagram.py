@@ -6,6 +6,7 @@ The cut-diagram of a tree is the same tree of regularised operators over the cut
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import assert_never
 
 import numpy as np
@@ -43,10 +44,10 @@ def cut_diagram(solid: Solid, plane: Pose) -> Region:
         solid: a tree of instances.
         plane: pose of the section plane in the solid's frame.
     """
-    above, below = (section_limit(solid, plane, limit) for limit in (1, -1))
-    if _same(above, below):
-        return above
-    return intersection(above, below)
+    pose = exact_pose(exact_pose(plane).inverse())
+    if all(map(_same, _leaves(solid, pose, 1), _leaves(solid, pose, -1))):
+        return _section(solid, pose, 1)
+    return intersection(_section(solid, pose, 1), _section(solid, pose, -1))
 
 
 def section_limit(solid: Solid, plane: Pose, limit: Limit) -> Region:
@@ -59,6 +60,21 @@ def frame_planes(frame: Pose) -> dict[str, Pose]:
     return {
         "xyz"[k] + "xyz"[(k + 1) % 3]: frame.compose(Pose(np.zeros(3), np.roll(np.eye(3), k, axis=0))) for k in range(3)
     }
+
+
+def _leaves(solid: Solid, pose: Pose, limit: Limit) -> Iterator[Region]:
+    """The sections of all instances."""
+    match solid:
+        case Placed(inner, inner_pose):
+            yield from _leaves(inner, exact_pose(pose.compose(exact_pose(inner_pose))), limit)
+        case Union(parts):
+            for part in parts:
+                yield from _leaves(part, pose, limit)
+        case Difference(base, tools):
+            for part in (base, *tools):
+                yield from _leaves(part, pose, limit)
+        case _:
+            yield instance_section(solid, pose, limit)
 
 
 def _section(solid: Solid, pose: Pose, limit: Limit) -> Region:

@@ -165,9 +165,9 @@ def _equation(b: Curve, own: Array) -> list[float] | None:
     local = ConicArc(b.first - origin, b.shoulder - origin, b.last - origin, b.weight)
     matrix = local.implicit()
     gradient = 2.0 * float(np.hypot(*matrix[:2, 2]))
-    rows = (x - origin[0] * w, y - origin[1] * w, w)
-    value = sum(matrix[i, j] * np.convolve(rows[i], rows[j]) for i in range(3) for j in range(3))
-    return [float(c) for c in np.asarray(value) / gradient]
+    rows = np.stack([x - origin[0] * w, y - origin[1] * w, w])
+    (aa, ab, ac), (ba, bb, bc), (ca, cb, cc) = (rows.T @ (matrix / gradient) @ rows).tolist()
+    return [aa, ab + ba, ac + bb + ca, bc + cb, cc]
 
 
 def _flat(arc: ConicArc, tolerance: float) -> bool:
