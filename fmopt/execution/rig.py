@@ -1,9 +1,10 @@
 """The rig: many bodies under one hybrid position/force controller at 1 kHz, each at its own step of a program.
 
-In the compliance frame of its step, each body's reference pose leads it on the position-controlled axes alone: what the
-held contacts do not allow is taken out of the lead in every period. The servo puts a spring and a damper on these axes,
-damping and the holding wrench on the others. Along the motion its push is limited, so that a part that a contact stops
-is pressed with what the plan allows; the lead is cut back with the push.
+In the compliance frame of its step, each body is led by a reference pose. On the position-controlled axes the reference
+runs along the twist of the step; a spring and a damper pull the part after it, and the push along the motion is limited
+to a little more than the plan's, so that a part that a contact stops is not pried off the contacts that it holds; the
+lead is cut back with the push. On the force-controlled axes the reference gives way to what is missing of the holding
+wrench, slowly on the way and quickly while the part settles before each move.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ class State:
         reference: position (n, 3) and quaternion (n, 4) that the servo leads to.
         filtered: reaction (n, 6) after the filter, about the part's reference point, axes of B.
         tare: reaction (n, 6) beyond the expected one when the move began.
-        felt: samples in a row that said the contact is felt.
+        felt, stalled: samples in a row that said the contact is felt, and that the part stands against the push.
     """
 
     step: Ints
@@ -48,6 +49,7 @@ class State:
     filtered: Array
     tare: Array
     felt: Ints
+    stalled: Ints
 
 
 @dataclass(frozen=True)
@@ -92,7 +94,9 @@ class Rig:
         n, zero = self.n, np.zeros
         p, q = starts
         whole, six = zero(n, np.int64), zero((n, 6))
-        self.state = State(whole, whole.copy(), zero(n), zero(n), p.copy(), q.copy(), six, six.copy(), whole.copy())
+        self.state = State(
+            whole, whole.copy(), zero(n), zero(n), p.copy(), q.copy(), six, six.copy(), whole.copy(), whole.copy()
+        )
 
     @property
     def contacts(self) -> Array:
@@ -201,12 +205,18 @@ class Rig:
         running = self.running
         state.elapsed += np.where(state.moving >= 0.0, self.robot.period, 0.0)
         state.moving += self.robot.period
-        begun = (state.moving > -0.5 * self.robot.period) & (state.moving < 0.5 * self.robot.period)
         extra = state.filtered + self.held
-        state.tare[begun] = extra[begun]
+        follow = np.where(state.moving > self.robot.starting, self.robot.period / self.robot.memory, 1.0)
+        state.tare += follow[:, None] * (extra - state.tare)
         pressed = np.sum(self.table.gain[here] * (extra - state.tare), axis=1) >= numbers[:, FORCE]
-        state.felt = np.where(pressed & (state.moving > 0.0), state.felt + 1, 0)
-        stopped = running & ((state.felt >= self.robot.debounce) | (self.qpos[:, 2] < numbers[:, DEEP]))
+        going = state.moving > self.robot.starting
+        state.felt = np.where(pressed & going, state.felt + 1, 0)
+        state.stalled = np.where(self._stalled(here) & going, state.stalled + 1, 0)
+        stopped = running & (
+            (state.felt >= self.robot.debounce)
+            | (state.stalled >= self.robot.patience)
+            | (self.qpos[:, 2] < numbers[:, DEEP])
+        )
         late = running & ~stopped & (state.elapsed >= numbers[:, TIMEOUT] - 1e-9)
         following = np.where(stopped, numbers[:, ON_STOP], numbers[:, ON_END]).astype(np.int64)
         left = np.flatnonzero(stopped | late)
@@ -214,10 +224,19 @@ class Rig:
         self._enter(left, following[left], numbers[left, MOVE])
         return events
 
+    def _stalled(self, here: Ints) -> Bools:
+        """Whether bodies go along their twist at less than a share of its speed while they are to stop by contact."""
+        rho = self.program.rho
+        scale = np.array([1.0, 1.0, 1.0, rho, rho, rho])
+        wanted = self.table.twist[here] * scale
+        going = np.sum(self._velocity() * scale * wanted, axis=1)
+        guarded = np.isfinite(self.table.numbers[here, FORCE])
+        return np.asarray(guarded & (going <= self.robot.standing * np.sum(wanted**2, axis=1)))
+
     def _enter(self, bodies: NDArray[np.intp], steps: Ints, moves: Array) -> None:
         """A new move starts where the part is; a piece of the same move goes on from its lead."""
         state = self.state
-        state.step[bodies], state.felt[bodies] = steps, 0
+        state.step[bodies], state.felt[bodies], state.stalled[bodies] = steps, 0, 0
         on = steps >= 0
         state.shown[bodies[on]], state.elapsed[bodies[on]] = steps[on], 0.0
         anew = bodies[~on | (self.table.numbers[np.maximum(steps, 0), MOVE] != moves)]

@@ -14,13 +14,18 @@ class Robot:
         mass: apparent mass, kg.
         gyration: radius of gyration about the part's reference point, m; it makes inertia and turning stiffness of mass
             and stiffness.
-        stiffness: of position-controlled axes, N/m.
+        stiffness: of the servo, N/m.
         damping: ratio, on all axes.
-        resistance: force per speed with which force-controlled axes give way, N·s/m, and torque likewise, N·m·s/rad.
+        resistances: force per speed with which force-controlled axes give way on the way, N·s/m and N·m·s/rad.
+        settled: the same while the part settles.
+        settling: s in which the part settles before each move.
+        memory: s over which slow changes of the force signal are taken for the level that a touch rises above.
         period: of the controller, s.
         cut_off: of the low-pass filter on the force signal, Hz.
         noise: standard deviations of force (N) and torque (N·m) in each raw sample.
         debounce: samples in a row that must say that the contact is felt.
+        patience: samples in a row for which a part that stands against the push is given time.
+        standing: share of the commanded speed below which the part counts as standing.
         surplus: push at a stop, in pushes of the plan.
         haste: s in which the push that comes on top of that, at the start of a move, brings the part to its speed.
         turning: greatest speed of turning, rad/s; moves that the plan turns faster are run more slowly.
@@ -30,21 +35,24 @@ class Robot:
     gyration: float = 0.02
     stiffness: float = 20000.0
     damping: float = 1.0
-    resistances: tuple[float, float] = (3000.0, 20.0)
+    resistances: tuple[float, float] = (1000.0, 2.0)
+    memory: float = 0.1
     settling: float = 0.15
     settled: tuple[float, float] = (400.0, 0.06)
     period: float = 0.001
     cut_off: float = 60.0
     noise: tuple[float, float] = (0.1, 0.002)
     debounce: int = 3
-    surplus: float = 1.2
+    patience: int = 40
+    standing: float = 0.3
+    surplus: float = 1.3
     haste: float = 0.005
     turning: float = 0.25
 
     @property
     def starting(self) -> float:
         """s at the start of a move in which the part may be pushed harder, and in which nothing is felt."""
-        return 3.0 * self.haste
+        return 6.0 * self.haste
 
     @property
     def inertia(self) -> float:

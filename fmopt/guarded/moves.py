@@ -220,18 +220,22 @@ def _stop(termination: Mapping[str, Any], move: Held, V: Array, budget: Budget) 
     if not np.any(wrench):
         return None
     noise = np.repeat(np.square(budget.noise), 3)
-    moment = np.diag(noise) + sum((_moment(f, at[1], budget) for f, at in move.points), start=np.zeros((6, 6)))
+    moment = np.diag(noise) + sum((_moment(f, *at, budget) for f, at in move.points), start=np.zeros((6, 6)))
     solved = np.linalg.solve(moment, wrench)
     gain = np.asarray(solved / float(wrench @ solved))
-    rubbed = max(float(gain @ _friction(move, V, budget.friction)), 0.0)
+    rubbed = abs(float(gain @ _friction(move, V, budget.friction)))
     force = h + rubbed + 3.0 * float(np.sqrt(gain**2 @ noise))
     travel, timeout = float(termination["max_travel"]), float(termination["timeout"])
     return Stop(gain, force, h, travel, timeout, tuple(termination["contacts"]))
 
 
-def _moment(force: float, arm: Array, budget: Budget) -> Array:
-    """Second moment (6, 6) of what a held contact may put on the sensor: any force of its size, anywhere near."""
-    through = np.vstack([np.eye(3), hat(arm)])
+def _moment(force: float, normal: Array, arm: Array, budget: Budget) -> Array:
+    """Second moment (6, 6) of what a held contact may put on the sensor: any force of its size anywhere near.
+
+    The servo keeps the sum of the normal forces, so that what a new contact takes is missing at the held ones: along
+    the normal a force counts ten times.
+    """
+    through = np.vstack([np.eye(3), hat(arm)]) @ (np.eye(3) + 9.0 * np.outer(normal, normal))
     shifted = np.vstack([np.zeros((3, 3)), np.eye(3)])
     return force**2 * (through @ through.T + (budget.place**2) * shifted @ shifted.T)
 
