@@ -87,7 +87,7 @@ def test_contacts_touch_where_the_plan_holds_them(square_peg_plan: dict[str, Any
 def test_a_bias_that_presses_nothing_held_is_refused(square_peg_plan: dict[str, Any]) -> None:
     plan = json.loads(json.dumps(square_peg_plan))
     plan["segments"][5]["hybrid"]["bias_wrench"][0] += 0.1
-    with pytest.raises(PlanFormatError, match=r"segment 5: 0\.1 N of its bias press where"):
+    with pytest.raises(PlanFormatError, match=r"segment 5: 0\.\d+ N of its bias press where"):
         moves(plan)
     del plan["segments"][3]["hybrid"]["velocity"]
     with pytest.raises(PlanFormatError, match="cannot be run: KeyError: 'velocity'"):
@@ -221,8 +221,10 @@ def test_a_contact_that_is_not_felt_ends_the_program_and_the_force_mode(square_p
     with pytest.raises(Halt):
         robot.run(program(square_peg_plan, BASE))
     assert not robot.forced
-    assert robot.log == ["fmopt: segment 2: e0-e9 not felt"]
-    assert robot.time > sum(move.duration for move in moves(square_peg_plan)[:3])
+    first = next(i for i, move in enumerate(moves(square_peg_plan)) if move.stop is not None)
+    felt = ", ".join(square_peg_plan["segments"][first]["hybrid"]["termination"]["contacts"])
+    assert robot.log == [f"fmopt: segment {first}: {felt} not felt"]
+    assert robot.time > sum(move.duration for move in moves(square_peg_plan)[: first + 1])
 
 
 def test_a_part_that_is_elsewhere_is_not_moved(square_peg_plan: dict[str, Any]) -> None:
