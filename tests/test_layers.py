@@ -26,6 +26,7 @@ FLOORS: tuple[frozenset[str], ...] = (
     frozenset({"certificate"}),
     frozenset({"placement"}),
     frozenset({"control"}),
+    frozenset({"plan_record"}),
     frozenset({"synthesis"}),
     frozenset({"study"}),
     frozenset({"console"}),
@@ -55,14 +56,25 @@ ONLY: dict[str, frozenset[str]] = {
 CALLERS: dict[str, frozenset[str]] = {
     APART: frozenset({"synthesis", "cli"}),
     "report": frozenset({"study", "console", "cli"}),
-    "task": frozenset({"control", "synthesis", "study", "cli"}),
+    "task": frozenset({"control", "plan_record", "synthesis", "study", "cli"}),
     "export": frozenset({"cli"}),
 }
 # Every library that the package may import, and the files or rooms that may.
 LIBRARIES: dict[str, frozenset[str]] = {
     "numpy": frozenset(
         {"values", "se3", "ellipsoid", "plane", "geometry", "knowledge", "contact", "task", "nominal", "uncertainty"}
-        | {"certificate", "placement", "control", "synthesis", "report", "study", "guarded", "export", "execution"}
+        | {
+            "certificate",
+            "placement",
+            "control",
+            "plan_record",
+            "synthesis",
+            "report",
+            "study",
+            "guarded",
+            "export",
+            "execution",
+        }
     ),
     "scipy": frozenset({"plane", "geometry", "contact", "nominal", "uncertainty", "placement", "control", "study"}),
     "distributed": frozenset({"study/cluster.py"}),

@@ -188,7 +188,7 @@ def _certified(moved: Moved, factor: float) -> bool:
 
 def _bias(solved: Solved) -> dict[str, Scalar]:
     """Whether every held contact can be held while the next is felt: the least normal force over all segments."""
-    from fmopt.synthesis import strategy
+    from fmopt.plan_record import strategy
 
     moved = solved.moved
     least, push = float("inf"), 0.0

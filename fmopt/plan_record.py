@@ -1,0 +1,184 @@
+"""The plan file of a finished synthesis, drawn up from what its stages found."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from fmopt import __version__, plan
+from fmopt.certificate.claim import Claim
+from fmopt.certificate.record import contact_record, part_record, segment_record
+from fmopt.certificate.segment import Tolerance
+from fmopt.contact.bounds import BoundTable
+from fmopt.contact.primitive import Kind, PrimitiveContact
+from fmopt.contact.wrench import contact_point, contact_wrench
+from fmopt.control.decomposition import contact_forces, position_force
+from fmopt.control.hand import hand_record
+from fmopt.control.hybrid import GuardedMove, hybrid_strategy
+from fmopt.errors import InfeasibleError
+from fmopt.geometry.clearance import Clearance
+from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.knowledge.command import Answer
+from fmopt.nominal.critical import CriticalPose
+from fmopt.nominal.diagram_record import diagnostics
+from fmopt.nominal.intervals import FreedomInterval
+from fmopt.nominal.mapping import Mapping
+from fmopt.nominal.trajectory import NominalTrajectory
+from fmopt.placement.search import MoveSequence
+from fmopt.placement.sequence import Placed
+from fmopt.placement.visited import Visited
+from fmopt.se3 import Pose
+from fmopt.task.problem import Problem
+from fmopt.uncertainty.planar import account as planar
+
+
+@dataclass(frozen=True, eq=False)
+class Nominal:
+    """P(t), S(t) and the critical poses along it; the task, and the T-C mapping on the planes that P(t) comes from."""
+
+    path: NominalTrajectory
+    critical: tuple[CriticalPose, ...]
+    freedoms: tuple[FreedomInterval, ...]
+    task: Answer
+    planes: Mapping
+
+
+def plan_document(
+    problem: Problem,
+    clearance: Clearance,
+    nominal: Nominal,
+    states: Visited,
+    found: MoveSequence,
+    placed: Placed,
+    tolerance: Tolerance,
+) -> dict[str, Any]:
+    """The plan file of a finished placement, its verdict still open."""
+    claims = placed.reached.claims
+    segments = _segments(problem, claims, states, tolerance)
+    contacts = {c.id: c for claim in claims for c in (*claim.piece.held, *claim.piece.goal_contacts)}
+    rows = position_force(nominal.path, nominal.freedoms, contact_forces(problem.specification, tolerance.rho))
+    declared, measured = problem.declared_clearance, clearance.per_side
+    document = {
+        "format": plan.FORMAT,
+        "fmopt_version": __version__,
+        "problem": {"title": problem.title, "sha256": problem.sha256},
+        "units": plan.UNITS,
+        "frames": plan.FRAMES,
+        "verdict": "NOT_PROVED",
+        "uncertainty": {
+            "start_box": problem.start_box,
+            "velocity_error": tolerance.velocity_error,
+            "rho": tolerance.rho,
+        },
+        "specification": asdict(problem.specification),
+        "goal": segments[-1]["goal"],
+        "touch_tolerance": 1e-9,
+        "not_covered": plan.NOT_COVERED,
+        "parts": {
+            "moving": part_record(problem.moving, declared, measured),
+            "fixed": part_record(problem.fixed, declared, measured),
+        },
+        "contacts": [contact_record(contacts[name]) for name in sorted(contacts)],
+        "nominal": {
+            "nodes": nominal.path.nodes,
+            "times": nominal.path.times,
+            "intervals": [{"t0": i.start, "t1": i.end, "s": i.s} for i in nominal.freedoms],
+        },
+        "critical_points": states.records(),
+        "segments": segments,
+        "position_force": [row.document() for row in rows],
+        "search": {
+            "objective": "transitions + signature + danger",
+            "cost": found.cost,
+            "lower_bound": found.lower_bound,
+            "gap": found.cost - found.lower_bound,
+            "states_expanded": found.expanded,
+            "moves": found.names,
+        },
+        "diagnostics": {
+            "graphs": states.graphs(),
+            "sequence": states.sequence(),
+            **diagnostics(nominal.planes, problem.peg.length),
+            **hand_record(nominal.task, segments),
+            "budget": [share.record() for share in problem.budget],
+            **_in_the_plane(problem, nominal, claims),
+        },
+    }
+    return plan.sealed(plan.clean(document))
+
+
+def _in_the_plane(problem: Problem, nominal: Nominal, claims: tuple[Claim, ...]) -> dict[str, Any]:
+    """What the planar sets of possible contact say of a planar problem's plan; nothing in space."""
+    if problem.plane is None:
+        return {}
+    path = planar.in_plane(nominal.path.nodes)
+    stops = tuple((i.start, i.end, any(i.s[axis] for axis in (0, 2, 4))) for i in nominal.freedoms)
+    run = []
+    for claim in claims:
+        ends = claim.advance.ends
+        supports = [ends.start_set.support(np.eye(6)), ends.goal_set.support(np.eye(6))]
+        poses = np.array([claim.piece.start.vector(), claim.piece.goal.vector()])
+        run.append(planar.Stretch(planar.in_plane(poses), *planar.reach_of(np.maximum(*supports))))
+    found = planar.account(
+        problem.plane.moving, problem.plane.fixed, planar.Nominal(path, nominal.path.times, stops), run
+    )
+    return {"planar": found}
+
+
+def _segments(
+    problem: Problem, claims: tuple[Claim, ...], states: Visited, tolerance: Tolerance
+) -> list[dict[str, Any]]:
+    poses = [claims[0].piece.start.vector(), *(claim.piece.goal.vector() for claim in claims)]
+    found: list[dict[str, Any]] = []
+    move = -1
+    for k, claim in enumerate(claims):
+        move += claim.piece.progress[0] == 0.0
+        record = segment_record(claim, states.space_of(k), move, poses[k], poses[k + 1])
+        found.append({**record, "hybrid": plan.clean(strategy(problem, claim, tolerance))})
+    return found
+
+
+def strategy(problem: Problem, claim: Claim, tolerance: Tolerance) -> dict[str, Any]:
+    """The control strategy of a piece as the plan file holds it, from the contacts that touch at its goal.
+
+    Raises:
+        InfeasibleError: no bias force holds the contacts.
+    """
+    piece, extent = claim.piece, claim.advance.ends.extent
+    held = _touching(problem, piece.held, piece.goal)
+    made = _touching(problem, piece.making, piece.goal)
+    body, fixed = problem.moving.polyhedron, problem.fixed.polyhedron
+    move = GuardedMove(
+        piece.goal,
+        piece.start.local(piece.goal),
+        np.array([contact_wrench(c, body, fixed, piece.goal) for c in held]).reshape(-1, 6),
+        np.array([contact_point(c, body, fixed, piece.goal) for c in held]).reshape(-1, 3),
+        np.array([contact_wrench(c, body, fixed, piece.goal) for c in made]).reshape(-1, 6),
+        float(np.linalg.norm(extent.offset)) + tolerance.rho * extent.theta,
+    )
+    try:
+        hybrid = hybrid_strategy(move, tolerance.rho, problem.specification)
+    except InfeasibleError as error:
+        raise InfeasibleError(f"segment to {piece.goal.vector()}: {error.message}", advice=error.advice) from error
+    return hybrid.document([c.id for c in held], [c.id for c in made])
+
+
+def _touching(problem: Problem, contacts: tuple[PrimitiveContact, ...], pose: Pose) -> list[PrimitiveContact]:
+    """The contacts whose point lies on both features; of those listed because either may touch, the one that does."""
+    if not contacts:
+        return []
+    body, fixed = problem.moving.polyhedron, problem.fixed.polyhedron
+    clear = [c for c in contacts if not _level(c, body, fixed, pose)]
+    inside = BoundTable.of(clear, body, fixed, pose).insides(pose)
+    return [c for c, depth in zip(clear, inside, strict=True) if depth > -1e-9]
+
+
+def _level(contact: PrimitiveContact, body: Polyhedron, fixed: Polyhedron, pose: Pose) -> bool:
+    """Whether an edge runs level with the edge it is listed with, so that they cross in no one point."""
+    if contact.kind is not Kind.EDGE_EDGE:
+        return False
+    a, b = pose.apply(body.vertices[list(contact.moving)])
+    c, d = fixed.vertices[list(contact.fixed)]
+    return bool(np.linalg.norm(np.cross(b - a, d - c)) < 1e-3 * np.linalg.norm(b - a) * np.linalg.norm(d - c))
