@@ -88,6 +88,7 @@ def print_solved(document: dict[str, Any], verdict: Any, folder: Path, report: b
     """Prints the outcome of `fmopt solve`."""
     from fmopt.report.moves import summary_rows
     from fmopt.report.naming import binding_words
+    from fmopt.report.tolerance_tables import rates, tolerated_words
 
     console = Console(highlight=False)
     certified = document["verdict"] == "CERTIFIED"
@@ -113,5 +114,8 @@ def print_solved(document: dict[str, Any], verdict: Any, folder: Path, report: b
         console.print(f"{document['verdict']}: least computed margin {margin}, not proved")
         for finding in verdict.findings[:5]:
             console.print(f"  {finding}", markup=False)
+    for words in (tolerated_words(document), "; ".join(": ".join((row[0], row[2])) for row in rates(document)[:4])):
+        if words:
+            console.print(words, markup=False)
     console.print("not covered: " + "; ".join(document["not_covered"]), markup=False)
     console.print(f"wrote {folder / 'plan.json'}" + (f", {folder / 'report.html'}" if report else ""), markup=False)

@@ -9,6 +9,7 @@ import numpy as np
 
 from fmopt import __version__, plan
 from fmopt.certificate.claim import Claim
+from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.record import contact_record, part_record, segment_record
 from fmopt.certificate.segment import Tolerance
 from fmopt.contact.bounds import BoundTable
@@ -28,9 +29,11 @@ from fmopt.nominal.mapping import Mapping
 from fmopt.nominal.trajectory import NominalTrajectory
 from fmopt.placement.search import MoveSequence
 from fmopt.placement.sequence import Placed
+from fmopt.placement.tolerated import Tolerated
 from fmopt.placement.visited import Visited
 from fmopt.se3 import Pose
 from fmopt.task.problem import Problem
+from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.uncertainty.planar import account as planar
 
 
@@ -45,21 +48,38 @@ class Nominal:
     planes: Mapping
 
 
+@dataclass(frozen=True, eq=False)
+class Moved:
+    """The motion found for a problem, and what it rests on; the problem's specification plays no part in it."""
+
+    assembly: Assembly
+    clearance: Clearance
+    errors: ErrorSet
+    tolerance: Tolerance
+    found: MoveSequence
+    placed: Placed
+
+
 def plan_document(
-    problem: Problem,
-    clearance: Clearance,
-    nominal: Nominal,
-    states: Visited,
-    found: MoveSequence,
-    placed: Placed,
-    tolerance: Tolerance,
+    problem: Problem, nominal: Nominal, states: Visited, done: Moved, measured: Tolerated | None = None
 ) -> dict[str, Any]:
-    """The plan file of a finished placement, its verdict still open."""
-    claims = placed.reached.claims
+    """The plan file of a finished placement, its verdict still open.
+
+    Args:
+        problem: the task.
+        nominal: trajectory, S(t) and critical poses.
+        states: the contact states on the way.
+        done: the motion.
+        measured: how much error the motion tolerates, where that is to be in the plan.
+
+    Raises:
+        InfeasibleError: no bias force holds the contacts.
+    """
+    tolerance, found, claims = done.tolerance, done.found, done.placed.reached.claims
     segments = _segments(problem, claims, states, tolerance)
     contacts = {c.id: c for claim in claims for c in (*claim.piece.held, *claim.piece.goal_contacts)}
     rows = position_force(nominal.path, nominal.freedoms, contact_forces(problem.specification, tolerance.rho))
-    declared, measured = problem.declared_clearance, clearance.per_side
+    declared, clearance = problem.declared_clearance, done.clearance.per_side
     document = {
         "format": plan.FORMAT,
         "fmopt_version": __version__,
@@ -77,8 +97,8 @@ def plan_document(
         "touch_tolerance": 1e-9,
         "not_covered": plan.NOT_COVERED,
         "parts": {
-            "moving": part_record(problem.moving, declared, measured),
-            "fixed": part_record(problem.fixed, declared, measured),
+            "moving": part_record(problem.moving, declared, clearance),
+            "fixed": part_record(problem.fixed, declared, clearance),
         },
         "contacts": [contact_record(contacts[name]) for name in sorted(contacts)],
         "nominal": {
@@ -103,6 +123,7 @@ def plan_document(
             **diagnostics(nominal.planes, problem.peg.length),
             **hand_record(nominal.task, segments),
             "budget": [share.record() for share in problem.budget],
+            **({} if measured is None else {"tolerated": measured.record()}),
             **_in_the_plane(problem, nominal, claims),
         },
     }

@@ -38,9 +38,10 @@ from fmopt.placement.share import largest_share
 from fmopt.placement.socp import ClarabelSolver
 from fmopt.placement.states import Scale, contact_spaces
 from fmopt.placement.step import Costs, Task
+from fmopt.placement.tolerated import Motion, Tolerated, tolerated
 from fmopt.placement.tune import Limits, tuned
 from fmopt.placement.visited import visited
-from fmopt.plan_record import Nominal, plan_document
+from fmopt.plan_record import Moved, Nominal, plan_document
 from fmopt.se3 import Pose
 from fmopt.task.command import task_command
 from fmopt.task.problem import Problem
@@ -49,6 +50,7 @@ from fmopt.verify import Verdict, verify
 
 Progress = Callable[[str], None]
 FINE = math.radians(1.0)
+_ROOMY = 4.0  # clearances a side that ways to enter tilted leave room for at least, as if the errors were that large
 TRIES = 40  # of entries, when one is varied
 
 
@@ -124,20 +126,13 @@ def _synthesise(problem: Problem, progress: Progress) -> Synthesis:
     """Solves a problem: every stage in turn, each a pure function of what came before."""
     clock = _Clock()
     done = moved(problem, clock.lap, progress)
-    document, verdict = planned(problem, done, clock.lap, progress)
+    progress("how much error the motion tolerates")
+    x, y = (0.5 * play for play in done.clearance.play)
+    motion = Motion(done.assembly, done.placed.moves, problem.start_box, done.tolerance, FINE)
+    measured = tolerated(motion, (x, y))
+    clock.lap("tolerances")
+    document, verdict = planned(problem, done, clock.lap, progress, measured)
     return Synthesis(document, verdict, clock.laps)
-
-
-@dataclass(frozen=True, eq=False)
-class Moved:
-    """The motion found for a problem, and what it rests on; the problem's specification plays no part in it."""
-
-    assembly: Assembly
-    clearance: Clearance
-    errors: ErrorSet
-    tolerance: Tolerance
-    found: MoveSequence
-    placed: Placed
 
 
 def moved(problem: Problem, lap: Callable[[str], None], progress: Progress = lambda _: None) -> Moved:
@@ -161,7 +156,11 @@ def moved(problem: Problem, lap: Callable[[str], None], progress: Progress = lam
 
 
 def planned(
-    problem: Problem, done: Moved, lap: Callable[[str], None], progress: Progress = lambda _: None
+    problem: Problem,
+    done: Moved,
+    lap: Callable[[str], None],
+    progress: Progress = lambda _: None,
+    measured: Tolerated | None = None,
 ) -> tuple[dict[str, Any], Verdict]:
     """The sealed plan of a motion, and the verdict of the independent check on it; errors as of `synthesise`.
 
@@ -170,6 +169,7 @@ def planned(
         done: its motion.
         lap: told which stage has ended.
         progress: told what is being done.
+        measured: how much error the motion tolerates, where that is to be in the plan.
     """
     rho = done.tolerance.rho
     progress("nominal trajectory")
@@ -183,7 +183,7 @@ def planned(
     lap("contact")
 
     progress("control strategies")
-    document = plan_document(problem, done.clearance, nominal, states, done.found, done.placed, done.tolerance)
+    document = plan_document(problem, nominal, states, done, measured)
     lap("control")
 
     progress("checking the certificate")
@@ -245,7 +245,9 @@ def motion(
     if problem.plane is not None:
         tilted = planar_entries(moving, problem.fixed, box, problem.approach, settings.max_tilt)
     else:
-        shapes = tilted_shapes(moving, clearance.play, box, settings.max_tilt)
+        least = _ROOMY * clearance.per_side
+        roomy = box * max(1.0, least / max(start_spread(moving, box), 1e-3 * least))
+        shapes = tilted_shapes(moving, clearance.play, roomy, settings.max_tilt)
         tilted = ((entry_of(shape),) for shape in shapes)
     rounds = chain([straight] if straight else [], tilted)
     best: tuple[MoveSequence, Placed] | None = None

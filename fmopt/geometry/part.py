@@ -10,7 +10,7 @@ from fmopt.geometry.csg import Solid, exact_pose, sagitta
 from fmopt.geometry.excess import MESH_NOISE, solid_of
 from fmopt.geometry.features import Feature, in_frame
 from fmopt.geometry.pieces import pieces, polyhedron
-from fmopt.geometry.polyhedron import Polyhedron, placed
+from fmopt.geometry.polyhedron import Polyhedron, placed, scaled
 from fmopt.se3 import Pose
 from fmopt.values import Value
 
@@ -79,4 +79,14 @@ def rebased(part: Part, pose: Pose) -> Part:
         polyhedron=placed(part.polyhedron, inward),
         pieces=tuple(placed(piece, inward) for piece in part.pieces),
         features=tuple(in_frame(feature, pose) for feature in part.features),
+    )
+
+
+def stretched(part: Part, factors: Sequence[float]) -> Part:
+    """The part stretched along its axes by positive factors (3,); its features stay where they are."""
+    return replace(
+        part,
+        polyhedron=scaled(part.polyhedron, factors),
+        pieces=tuple(scaled(piece, factors) for piece in part.pieces),
+        chord_error=max(factors) * part.chord_error,
     )

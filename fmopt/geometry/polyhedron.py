@@ -195,7 +195,15 @@ def plane_basis(normal: Array) -> Array:
 
 def placed(polyhedron: Polyhedron, pose: Pose) -> Polyhedron:
     """The polyhedron moved by a pose; planes of faces that stay axis-parallel are exact."""
-    points = pose.apply(polyhedron.vertices) + 0.0
+    return _with_vertices(polyhedron, pose.apply(polyhedron.vertices) + 0.0)
+
+
+def scaled(polyhedron: Polyhedron, factors: Sequence[float]) -> Polyhedron:
+    """The polyhedron stretched along the axes by positive factors (3,)."""
+    return _with_vertices(polyhedron, polyhedron.vertices * np.asarray(factors))
+
+
+def _with_vertices(polyhedron: Polyhedron, points: Array) -> Polyhedron:
     planes = [plane_of(points, face.loops) for face in polyhedron.faces]
     faces = tuple(Face(face.loops, *plane) for face, plane in zip(polyhedron.faces, planes, strict=True))
     return Polyhedron(points, faces, polyhedron.edges)

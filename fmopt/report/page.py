@@ -13,6 +13,7 @@ from fmopt.report.figures import catalogue
 from fmopt.report.moves import Verdict, smallest_margin, verdict
 from fmopt.report.planar_tables import possible_contacts
 from fmopt.report.scene import resource, scene
+from fmopt.report.tolerance_tables import tolerance_chapter
 
 _POLICY = (
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'; "
@@ -41,6 +42,7 @@ def report_page(plan: Mapping[str, Any], figures: Mapping[str, str]) -> str:
         ("margins", "Margins and what binds them", sections.margin_words_of(plan) + shown.get("margin", "")),
         ("errors", "The errors on the way", sections.error_table(plan) + shown.get("tube", "")),
         ("budget", "Uncertainty budget", budget_table(plan) + shown.get("budget", "") + sections.taken(plan)),
+        ("tolerance", "Tolerated errors and sensitivities", tolerance_chapter(plan)),
         ("plane", "Possible contacts in the plane", _plane(plan, shown)),
         ("trajectory", "Position and force over time", _nominal(plan, shown)),
         ("hybrid", "Hybrid strategies", control_tables.hybrid_table(plan)),

@@ -20,9 +20,8 @@ from fmopt.task.toml_source import Source, read
 
 if TYPE_CHECKING:
     from fmopt.geometry.clearance import Clearance
-    from fmopt.synthesis import Moved
+    from fmopt.plan_record import Moved
 
-_LARGEST, _FINE = 64.0, 1e-3  # factor of the start error that is tried at most, and how finely it is found
 _MOTIONS: dict[str, Moved] = {}  # the last motion of this process, by everything that it depends on
 
 
@@ -159,31 +158,12 @@ def _margins(solved: Solved) -> dict[str, Scalar]:
 
 def _tolerated(solved: Solved) -> dict[str, Scalar]:
     """The largest factor of the whole start box at which this motion, moved alike, is still certified."""
-    moved = solved.moved
-    if not _certified(moved, 1.0):
-        low, high = 0.0, 1.0
-    else:
-        low, high = 1.0, 2.0
-        while high <= _LARGEST and _certified(moved, high):
-            low, high = high, 2.0 * high
-    while high - low > _FINE and low < _LARGEST:
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if _certified(moved, middle) else (low, middle)
-    return {"tolerated_factor": low}
-
-
-def _certified(moved: Moved, factor: float) -> bool:
-    from fmopt.placement.motion import Reached
-    from fmopt.placement.sequence import certified
+    from fmopt.placement.tolerated import Motion, largest_factor
     from fmopt.synthesis import FINE
-    from fmopt.uncertainty.error_set import ErrorSet
 
-    box = factor * abs(moved.errors.generators).sum(axis=0)
-    start = Reached(ErrorSet.from_box(box), (), ())
-    try:
-        return certified(moved.assembly, moved.placed.moves, start, moved.tolerance, FINE, thorough=True).margin > 0.0
-    except InfeasibleError:
-        return False
+    moved = solved.moved
+    motion = Motion(moved.assembly, moved.placed.moves, solved.problem.start_box, moved.tolerance, FINE)
+    return {"tolerated_factor": largest_factor(motion)}
 
 
 def _bias(solved: Solved) -> dict[str, Scalar]:

@@ -1,0 +1,171 @@
+"""How much error a placed motion tolerates, and what each tolerance costs: the motion certified anew, not re-planned.
+
+Every figure is a margin of the same moves under other errors, or with a slimmer part, each with all of its rows, sets
+and remainders derived again; nothing is linearised.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from fmopt.certificate.knowledge import Assembly
+from fmopt.certificate.segment import Tolerance
+from fmopt.errors import InfeasibleError
+from fmopt.geometry.part import Part, stretched
+from fmopt.placement.motion import Move, Reached
+from fmopt.placement.sequence import Placed, certified, onto_surfaces
+from fmopt.uncertainty.error_set import ErrorSet
+from fmopt.values import Array, Value, frozen
+
+_LARGEST = 64.0
+_STEP = 1.0 / 64.0
+_SHARE = 0.02
+_START = ("x", "y", "z", "rx", "ry", "rz")
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """What widening one tolerance, or the clearance on each side, adds to the margin.
+
+    Args:
+        name: of the component: `start.x`, `velocity.translation`, `clearance`.
+        value: what it is, in m, rad or as a fraction.
+        step: by how much it was widened, in the same unit.
+        change: what the margin gained by that, m; a loss is negative. None when the motion fails altogether.
+    """
+
+    name: str
+    value: float
+    step: float
+    change: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Tolerated(Value):
+    """What a placed motion tolerates.
+
+    Args:
+        factor: by how much all start errors together may grow before the margin is gone; below 1 where it is now.
+        box: half-widths (6,) of the start error at that factor, m and rad.
+        sensitivities: of the margin, one for each error that the problem states, and for the clearance.
+    """
+
+    factor: float
+    box: Array
+    sensitivities: tuple[Sensitivity, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "box", frozen(self.box, 6, name="box"))
+
+    def record(self) -> dict[str, Any]:
+        """As the plan file holds it."""
+        return {"factor": self.factor, "start_box": self.box, "sensitivities": [asdict(s) for s in self.sensitivities]}
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A motion that can be certified under other errors.
+
+    Args:
+        assembly: the two parts.
+        moves: the motion.
+        box: half-widths (6,) of its start error, m and rad.
+        tolerance: velocity error and metric.
+        turn: greatest turn of one piece, rad.
+    """
+
+    assembly: Assembly
+    moves: tuple[Move, ...]
+    box: Array
+    tolerance: Tolerance
+    turn: float
+
+    def placed(self) -> Placed:
+        """The motion, certified for its errors.
+
+        Raises:
+            InfeasibleError: a move is impossible.
+        """
+        start = Reached(ErrorSet.from_box(self.box), (), ())
+        return certified(self.assembly, self.moves, start, self.tolerance, self.turn, thorough=True)
+
+    def margin(self) -> float | None:
+        """Least certified margin, m; None when a move is impossible."""
+        try:
+            return self.placed().margin
+        except InfeasibleError:
+            return None
+
+
+def tolerated(motion: Motion, clearance: tuple[float, float]) -> Tolerated:
+    """How much error a motion tolerates and what each tolerance costs it.
+
+    Args:
+        motion: the motion.
+        clearance: on each side in x and y, m; infinite where the parts never touch.
+    """
+    factor = largest_factor(motion)
+    return Tolerated(factor, factor * motion.box, sensitivities(motion, clearance))
+
+
+def largest_factor(motion: Motion) -> float:
+    """The largest factor of the whole start box at which the motion still has a margin, to 1/64, at most 64."""
+
+    def holds(factor: float) -> bool:
+        margin = replace(motion, box=factor * motion.box).margin()
+        return margin is not None and margin > 0.0
+
+    low, high = (1.0, 2.0) if holds(1.0) else (0.0, 1.0)
+    while 1.0 < high <= _LARGEST and holds(high):
+        low, high = high, 2.0 * high
+    while high - low > _STEP * max(low, _STEP) and low < _LARGEST:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low
+
+
+def sensitivities(motion: Motion, clearance: tuple[float, float]) -> tuple[Sensitivity, ...]:
+    """What the margin loses as each tolerance grows by a fiftieth, and gains as the clearance does; arguments above."""
+    now = motion.margin()
+    if now is None:
+        return ()
+    found = []
+
+    def compared(name: str, value: float, other: Motion) -> None:
+        then = other.margin()
+        found.append(Sensitivity(name, value, _SHARE * value, None if then is None else then - now))
+
+    rate = motion.tolerance.velocity_error
+
+    for k, name in enumerate(_START):
+        if motion.box[k] > 0.0:
+            wider = motion.box * (1.0 + _SHARE * (np.arange(6) == k))
+            compared(f"start.{name}", float(motion.box[k]), replace(motion, box=wider))
+    for k, name in enumerate(("translation", "rotation")):
+        if rate[k] > 0.0:
+            more = (rate[0] * (1.0 + _SHARE * (k == 0)), rate[1] * (1.0 + _SHARE * (k == 1)))
+            tolerance = replace(motion.tolerance, velocity_error=more)
+            compared(f"velocity.{name}", rate[k], replace(motion, tolerance=tolerance))
+    sides = [side for side in clearance if np.isfinite(side)]
+    if sides:
+        compared("clearance", min(sides), _slimmer(motion, _SHARE * min(sides)))
+    return tuple(found)
+
+
+def _slimmer(motion: Motion, gap: float) -> Motion:
+    """The motion with the moving part slimmer by `gap` (m) on each side, its poses put back onto the surfaces."""
+    assembly = replace(motion.assembly, moving=_slimmed(motion.assembly.moving, gap))
+    at, moves = motion.moves[0].start, []
+    for move in motion.moves:
+        there = onto_surfaces(assembly, move.goal, move)
+        moves.append(replace(move, start=at, goal=there))
+        at = there
+    return replace(motion, assembly=assembly, moves=tuple(moves))
+
+
+def _slimmed(part: Part, gap: float) -> Part:
+    x, y, _ = 0.5 * np.ptp(part.polyhedron.vertices, axis=0)
+    return stretched(part, (1.0 - gap / x, 1.0 - gap / y, 1.0))

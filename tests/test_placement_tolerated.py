@@ -1,0 +1,109 @@
+"""How much error a motion tolerates: the factor holds and no more does, and sensitivities are those of the margin."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fmopt.placement.tolerated import Motion, Tolerated, largest_factor, tolerated
+from fmopt.plan_record import Moved
+from fmopt.report.tolerance_tables import rates, tolerance_chapter, tolerated_words
+from fmopt.synthesis import FINE, moved, planned
+from fmopt.task.problem import Problem, load
+
+PROBLEMS = Path(__file__).parent.parent / "problems"
+FINENESS = 1.0 / 64.0
+
+
+@pytest.fixture(scope="module")
+def solved() -> tuple[Problem, Moved]:
+    """The square peg with start errors and a drift that fit into the clearance, so that it goes straight in."""
+    problem = load(PROBLEMS / "square_peg.toml")
+    steady = replace(problem.velocity_error, translation=1e-3, rotation=1e-3)
+    problem = replace(problem, start_box=0.1 * problem.start_box, velocity_error=steady)
+    return problem, moved(problem, lambda _: None)
+
+
+@pytest.fixture(scope="module")
+def motion(solved: tuple[Problem, Moved]) -> Motion:
+    problem, done = solved
+    return Motion(done.assembly, done.placed.moves, problem.start_box, done.tolerance, FINE)
+
+
+@pytest.fixture(scope="module")
+def found(solved: tuple[Problem, Moved], motion: Motion) -> Tolerated:
+    x, y = (0.5 * play for play in solved[1].clearance.play)
+    return tolerated(motion, (x, y))
+
+
+def test_the_independent_check_agrees_with_the_factor(solved: tuple[Problem, Moved], found: Tolerated) -> None:
+    problem, done = solved
+    for share, verdict in ((1.0, "CERTIFIED"), (1.0 + 2.0 * FINENESS, None)):
+        wider = replace(problem, start_box=share * found.box)
+        motion = Motion(done.assembly, done.placed.moves, wider.start_box, done.tolerance, FINE)
+        if verdict is None:
+            assert (motion.margin() or 0.0) <= 0.0
+            continue
+        # The same moves, certified for the wider errors, then checked from their plan alone.
+        placed = motion.placed()
+        document, judged = planned(wider, replace(done, placed=placed), lambda _: None)
+        assert document["uncertainty"]["start_box"] == wider.start_box.tolist()
+        assert str(judged.verdict) == verdict, judged.findings
+
+
+def test_the_factor_is_relative_to_the_errors(motion: Motion, found: Tolerated) -> None:
+    half = largest_factor(replace(motion, box=0.5 * motion.box))
+    assert half == pytest.approx(2.0 * found.factor, rel=2.0 * FINENESS)
+    beyond = largest_factor(replace(motion, box=2.0 * found.box))
+    assert beyond == pytest.approx(0.5, rel=2.0 * FINENESS)
+
+
+def test_sensitivities_are_differences_of_margins(motion: Motion, found: Tolerated) -> None:
+    now = motion.margin()
+    assert now is not None
+    by_name = {s.name: s for s in found.sensitivities}
+    stated = [name for name, size in zip(("x", "y", "z", "rx", "ry", "rz"), motion.box, strict=True) if size > 0.0]
+    assert set(by_name) == {*(f"start.{n}" for n in stated), "velocity.translation", "velocity.rotation", "clearance"}
+    for name, one in by_name.items():
+        assert one.change is not None
+        assert one.step == pytest.approx(0.02 * one.value)
+        if name == "clearance":
+            assert 0.0 < one.change <= 2.5 * one.step
+        else:
+            assert one.change <= 1e-12
+    wider = motion.box + np.eye(6)[3] * by_name["start.rx"].step
+    then = replace(motion, box=wider).margin()
+    assert then is not None
+    assert then - now == pytest.approx(by_name["start.rx"].change, abs=1e-12)
+
+
+def test_a_slimmer_peg_gains_what_the_clearance_does(solved: tuple[Problem, Moved], found: Tolerated) -> None:
+    """Planned anew for a peg that is slimmer by 5 µm a side, the margin is no less than the rate foretells."""
+    from fmopt.geometry.part import stretched
+
+    problem, done = solved
+    gap = 5e-6
+    x, y, _ = 0.5 * np.ptp(problem.moving.polyhedron.vertices, axis=0)
+    slim = stretched(problem.moving, (1.0 - gap / x, 1.0 - gap / y, 1.0))
+    assert slim.polyhedron.volume == pytest.approx(problem.moving.polyhedron.volume * (1 - gap / x) * (1 - gap / y))
+    other = moved(replace(problem, moving=slim), lambda _: None)
+    rate = next(s for s in found.sensitivities if s.name == "clearance")
+    assert rate.change is not None
+    assert other.clearance.per_side - done.clearance.per_side == pytest.approx(gap, rel=1e-6)
+    expected = rate.change / rate.step * gap
+    assert other.placed.margin - done.placed.margin >= expected - 0.1 * gap
+
+
+def test_people_read_it(solved: tuple[Problem, Moved], found: Tolerated) -> None:
+    document, _ = planned(*solved, lambda _: None, measured=found)
+    words = tolerated_words(document)
+    assert f"up to {found.factor:.3g} times the start errors" in words
+    assert "only the stated errors are certified" in words.lower()
+    assert {row[0] for row in rates(document)} >= {"clearance on each side", "error x", "velocity error, rotation"}
+    assert all("more: " in row[2] for row in rates(document))
+    assert "What each tolerance costs" in tolerance_chapter(document)
+    without = {**document, "diagnostics": {}}
+    assert tolerated_words(without) == "" == tolerance_chapter(without)
