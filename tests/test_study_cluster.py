@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,27 +25,59 @@ from fmopt.study.store import recorded
 ROOT = Path(__file__).parent.parent
 
 
-@pytest.fixture(scope="module")
-def scheduler() -> Iterator[str]:
-    """The address of a local cluster, in a process of its own as a user runs it."""
-    code = (
-        "import sys\nfrom distributed import LocalCluster\n"
-        "if __name__ == '__main__':\n"
-        "    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:\n"
-        "        print(cluster.scheduler_address, flush=True)\n        sys.stdin.read()\n"
-    )
-    path = os.pathsep.join([str(ROOT), str(ROOT / "tests")])
+PATH = {"PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "tests")])}
+SCHEDULER = (
+    "import sys\nfrom distributed import LocalCluster\n"
+    "with LocalCluster(n_workers=0, dashboard_address=None) as cluster:\n"
+    "    print(cluster.scheduler_address, flush=True)\n    sys.stdin.read()\n"
+)
+WORKER = ("-m", "distributed.cli.dask_worker", "--no-nanny", "--no-dashboard", "--nthreads", "1")
+
+
+@contextmanager
+def running_scheduler() -> Iterator[str]:
+    """The address of a scheduler without workers, in a process of its own as a user runs it; no loss is forgiven."""
     with subprocess.Popen(
-        [sys.executable, "-c", code],
+        [sys.executable, "-c", SCHEDULER],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,
-        env={**os.environ, "PYTHONPATH": path},
+        env={**os.environ, **PATH, "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "0"},
     ) as running:
         assert running.stdout is not None
         yield running.stdout.readline().strip()
         running.communicate(timeout=60)
+
+
+def kept_alive(address: str, over: threading.Event, lives: int) -> None:
+    """A worker, and another one whenever it is lost, so many in all."""
+    for _ in range(lives):
+        if over.is_set():
+            break
+        with subprocess.Popen(
+            [sys.executable, *WORKER, address],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            env={**os.environ, **PATH},
+        ) as worker:
+            while worker.poll() is None and not over.wait(0.1):
+                pass
+            worker.kill()
+
+
+@pytest.fixture(scope="module")
+def scheduler() -> Iterator[str]:
+    """The address of a scheduler with two workers."""
+    over = threading.Event()
+    with running_scheduler() as address:
+        hosts = [threading.Thread(target=kept_alive, args=(address, over, 1000)) for _ in range(2)]
+        for host in hosts:
+            host.start()
+        yield address
+        over.set()
+        for host in hosts:
+            host.join()
 
 
 def test_a_cluster_gives_the_same_rows(scheduler: str, tmp_path: Path) -> None:
@@ -95,28 +129,32 @@ def test_inputs_are_told_apart_by_name_and_content() -> None:
 
 
 def test_a_scheduler_without_workers_is_told_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fmopt.study.cluster._PATIENCE", "1s")
-    code = (
-        "import sys\nfrom distributed import LocalCluster\n"
-        "with LocalCluster(n_workers=0, dashboard_address=None) as cluster:\n"
-        "    print(cluster.scheduler_address, flush=True)\n    sys.stdin.read()\n"
-    )
-    with subprocess.Popen(
-        [sys.executable, "-c", code],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-    ) as running:
-        assert running.stdout is not None
-        address = running.stdout.readline().strip()
-        with pytest.raises(ResourceError, match="the scheduler has no workers"), cluster(address):
-            pass
-        running.communicate(timeout=60)
+    monkeypatch.setattr("fmopt.study.cluster._PATIENCE", 1.0)
+    with (
+        running_scheduler() as address,
+        pytest.raises(ResourceError, match="the scheduler has no workers"),
+        cluster(address),
+    ):
+        pass
+
+
+def test_a_study_without_hosts_ends_and_goes_on_later(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr("fmopt.study.cluster._RETURN", 2.0)
+    work, over = evaluations.work(6), threading.Event()
+    with running_scheduler() as address:
+        host = threading.Thread(target=kept_alive, args=(address, over, 1))
+        host.start()
+        lost = pytest.raises(ResourceError, match="lost all its workers")
+        with cluster(address) as (executor, threads), lost:
+            run(work, tmp_path, evaluations.hostile, Options(threads), executor)
+        over.set()
+        host.join()
+    assert sum(record.row is not None for record in recorded(tmp_path)[1]) < 6
+    assert run(work, tmp_path, evaluations.quick, Options(1)).done == 6
 
 
 def test_no_scheduler_is_told_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fmopt.study.cluster._PATIENCE", "1s")
+    monkeypatch.setattr("fmopt.study.cluster._PATIENCE", 1.0)
     began = time.monotonic()
     with (
         pytest.raises(ResourceError, match=r"tcp://127\.0\.0\.1:9: no scheduler answers"),

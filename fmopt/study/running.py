@@ -6,6 +6,7 @@ import math
 import signal
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
@@ -122,7 +123,7 @@ def run(
         store_of: opens the store.
 
     Raises:
-        ResourceError: the folder is owned by another, or cannot be written; workers cannot be started.
+        ResourceError: the folder is owned by another, or cannot be written; workers cannot be started, or are all lost.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -164,6 +165,18 @@ def _stoppable() -> Iterator[_Stop]:
             signal.signal(number, handler)
 
 
+class Remote(Executor, ABC):
+    """An executor on other hosts, which may go away for good."""
+
+    @abstractmethod
+    def watch(self) -> None:
+        """Looks after the hosts; asked often.
+
+        Raises:
+            ResourceError: nobody is left to do the work.
+        """
+
+
 class _Desk:
     """Where batches go out and rows come in; the only writer of the store."""
 
@@ -202,6 +215,8 @@ class _Desk:
                 batch = self._next()
                 under_way[executor.submit(run_batch, batch)] = batch
             finished, _ = wait(under_way, _BEAT, FIRST_COMPLETED)
+            if isinstance(executor, Remote):
+                executor.watch()
             for future in finished:
                 self._take(under_way.pop(future), future)
             self._progress(self._tally())

@@ -15,7 +15,7 @@ from fmopt.verify.rows import Distance
 from fmopt.verify.separation import Apart, Known, WitnessError, apart
 
 # What double arithmetic leaves of entries of shape matrices that should be zero, as radii in m and rad, and as a share.
-_SHAPE_FLOOR = (1e-10,) * 3 + (3e-9,) * 3
+_SHAPE_FLOOR = (1e-10,) * 3 + (2e-8,) * 3
 _SHAPE_SKEW = (1e-17,) * 3 + (1e-15,) * 3
 _ROUNDING = 2e-12
 _GENERATOR_FLOOR = 1e-15
