@@ -140,3 +140,14 @@ def test_free_until_is_the_last_node_with_room():
     assert free_until(*bodies, path, 5e-4) == path.times[1]
     assert free_until(*bodies, path, 0.02) == 0.0
     assert free_until([("peg", PEG)], [("far", at(Box((0.01, 0.01, 0.01)), 0.2, 0, 0))], path, 1e-3) == path.duration
+
+
+def test_a_tight_round_peg_passes_although_the_polygons_around_it_and_in_its_hole_meet():
+    peg, block = Cylinder(0.01, 0.04, 32), at(Box((0.06, 0.06, 0.04)), 0, 0, -0.04)
+    bored = Difference(block, (at(Cylinder(0.01003, 0.05, 32), 0, 0, -0.03),))
+    (met,) = meetings([("peg", peg)], [("block", bored)], DOWN)
+    assert 0.0 < met.depth < 1e-4
+    checked([("peg", peg)], [("block", bored)], DOWN)
+    shallow = Difference(block, (at(Cylinder(0.01003, 0.05, 32), 0, 0, -0.02),))
+    with pytest.raises(InterferenceError, match="'peg' meets 'block'"):
+        checked([("peg", peg)], [("block", shallow)], DOWN)

@@ -239,12 +239,13 @@ def _check_ends(workcell: Workcell, found: Answer, sides: tuple[str, ...]) -> No
     grasped = found.fixed if found.exchanged else found.moving
     body = pieces(grasped.whole)
     still = _given(found)
-    others = [(still.ref.object, still.whole), *((other.name, other.solid) for other in found.obstacles)]
+    solids = [(still.ref.object, still.whole), *((other.name, other.solid) for other in found.obstacles)]
+    others = [(name, pieces(solid)) for name, solid in solids]
     for P, at_goal in ((found.P0, False), (found.PT, True)):
         pose = _grasped(found, P)
         bodies = [placed(piece, pose) for piece in body]
-        for name, solid in others:
-            depth = deepest(bodies, pieces(solid))
+        for name, standing in others:
+            depth = deepest(bodies, standing)
             if depth > _TOUCH + max(_narrowed(workcell.object(one)) for one in (*sides, name)):
                 _refuse(found.task, name, depth, at_goal)
 

@@ -23,7 +23,7 @@ from fmopt.geometry.csg import Solid
 from fmopt.geometry.overlap import penetration
 from fmopt.geometry.pieces import pieces
 from fmopt.geometry.polyhedron import Polyhedron, placed
-from fmopt.nominal.enclosing import enclosing
+from fmopt.nominal.enclosing import enclosing, finer, grown
 from fmopt.nominal.trajectory import NominalTrajectory
 from fmopt.se3 import cross
 from fmopt.values import Array, Value, frozen
@@ -33,6 +33,7 @@ Body: TypeAlias = tuple[str, Solid]
 _TOUCH = 1e-9  # m, overlap up to this is touching
 _CLOSE = 1e-7  # m, bodies that pass this close while they turn count as meeting
 _ON_PLANE = 1e-9  # m
+_FINER = (48, 96, 192, 384)  # sides of polygons around round surfaces, when fewer do not decide
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,10 +97,26 @@ def meetings(moving: Sequence[Body], fixed: Sequence[Body], path: NominalTraject
 def checked(moving: Sequence[Body], fixed: Sequence[Body], path: NominalTrajectory) -> None:
     """Refuses a nominal motion that runs into something.
 
+    Polygons around round surfaces may meet where the surfaces themselves pass: such a meeting, not deeper than the
+    polygons are proud, is looked at again with more sides, up to 384.
+
     Raises:
         InterferenceError: it does; names the bodies, the time, the place, and whether a cut-diagram shows it.
     """
     found = meetings(moving, fixed, path)
+    for sides in _FINER:
+        met = {one.moving for one in found}, {one.fixed for one in found}
+        proud = sum(
+            max((grown(solid) for name, solid in side if name in names), default=0.0)
+            for side, names in zip((moving, fixed), met, strict=True)
+        )
+        if not found or found[0].depth > proud or proud <= 0.0:
+            break
+        moving, fixed = (
+            [(name, finer(solid, sides) if name in names else solid) for name, solid in side]
+            for side, names in zip((moving, fixed), met, strict=True)
+        )
+        found = meetings(moving, fixed, path)
     if found:
         message = "; ".join(f"the nominal motion is not free: {meeting}" for meeting in found)
         advice = "move the obstacle, or give nodes that lead round it"
