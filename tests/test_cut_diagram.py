@@ -7,7 +7,19 @@ import math
 import numpy as np
 import pytest
 
-from fmopt.geometry.csg import Box, Cone, Cylinder, Difference, Placed, Prism, Solid, Sphere, Union, Wedge
+from fmopt.geometry.csg import (
+    Box,
+    Cone,
+    Cylinder,
+    Difference,
+    Placed,
+    Prism,
+    Solid,
+    Sphere,
+    Union,
+    Wedge,
+    convex_polyhedron,
+)
 from fmopt.geometry.part import part_of
 from fmopt.geometry.section import section
 from fmopt.nominal.cut_diagram import cut_diagram, frame_planes
@@ -42,6 +54,9 @@ def held(solid: Solid, points: Array) -> Array:
             return np.asarray((x**2 + y**2 <= radius**2) & (z >= 0.0) & (z <= height))
         case Sphere(radius, _):
             return np.asarray(x**2 + y**2 + z**2 <= radius**2)
+        case Box() | Prism() | Wedge():
+            body = convex_polyhedron(solid, Pose.identity())
+            return np.asarray(np.all(points @ body.normals.T <= body.offsets, axis=1))
         case Placed(inner, pose):
             return held(inner, (points - pose.p) @ pose.R)
         case Union(parts):
@@ -62,7 +77,7 @@ def test_polyhedral_trees_have_the_sections_of_their_pieces(seed: int) -> None:
         region, wanted = cut_diagram(solid, plane), section(pieces, plane)
         assert region.area == pytest.approx(wanted.area, rel=1e-9, abs=1e-12)
         if not region.empty:
-            assert region.polygon(1e-9).hausdorff_distance(wanted) <= 1e-8
+            assert region.polygon(1e-9).hausdorff_distance(wanted) <= 1e-9
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -76,6 +91,65 @@ def test_curved_trees_hold_exactly_what_the_solid_holds(seed: int) -> None:
     clear = region.boundary_distance(uv) > 1e-9 if not region.empty else np.ones(len(uv), dtype=bool)
     points = uv @ plane.R[:, :2].T + plane.p
     np.testing.assert_array_equal(region.contains(uv)[clear], held(solid, points)[clear])
+
+
+def crossings(solid: Solid, start: Array, along: Array) -> Array:
+    """Where a line enters or leaves one of the primitives of a tree, as parameters, from their equations."""
+    match solid:
+        case Cylinder(radius, height, _):
+            return _through(height, start, along, (radius, 0.0))
+        case Cone(bottom, top, height, _):
+            return _through(height, start, along, (bottom, (top - bottom) / height))
+        case Sphere(radius, _):
+            return _roots(along @ along, start @ along, start @ start - radius**2)
+        case Box() | Prism() | Wedge():
+            body = convex_polyhedron(solid, Pose.identity())
+            return np.asarray((body.offsets - body.normals @ start) / (body.normals @ along))
+        case Placed(inner, pose):
+            return crossings(inner, (start - pose.p) @ pose.R, along @ pose.R)
+        case Union(parts):
+            return np.concatenate([crossings(part, start, along) for part in parts])
+        case Difference(base, tools):
+            return np.concatenate([crossings(part, start, along) for part in (base, *tools)])
+    raise AssertionError(solid)
+
+
+def _through(height: float, start: Array, along: Array, radius: tuple[float, float]) -> Array:
+    """A line through both ends and the side x² + y² = (a + b z)² of a cylinder or cone."""
+    (a, b), flat = radius, np.array([1.0, 1.0, 0.0])
+    at, rate = a + b * start[2], b * along[2]
+    side = _roots(flat * along @ along - rate**2, flat * start @ along - at * rate, flat * start @ start - at**2)
+    return np.concatenate([side, (np.array([0.0, height]) - start[2]) / along[2]])
+
+
+def _roots(a: float, b: float, c: float) -> Array:
+    """Of a t² + 2 b t + c."""
+    inside = b * b - a * c
+    return np.zeros(0) if inside < 0.0 else (-b + np.array([-1.0, 1.0]) * math.sqrt(inside)) / a
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_lines_cross_a_cut_diagram_where_they_cross_the_solid(seed: int) -> None:
+    """Trees of all primitives: a line of the plane has the same stretches in both, their ends to 1e-9."""
+    rng = np.random.default_rng(500 + seed)
+    solids: list[Solid] = [Cylinder(0.4, 0.9), Cone(0.5, 0.2, 0.8), Sphere(0.5), Box((0.8, 0.7, 0.6))]
+    solids += [Prism(HEXAGON, 0.4), Wedge((0.9, 0.8, 0.7), 0.4)]
+    solid = Union((Sphere(0.45), random_tree(rng, solids, 3)))
+    plane = random_pose(rng, 0.2)
+    region = cut_diagram(solid, plane)
+    for angle, offset in zip(rng.uniform(0.0, math.pi, 30), rng.uniform(-0.6, 0.6, 30), strict=True):
+        along, across = np.array([math.cos(angle), math.sin(angle)]), np.array([-math.sin(angle), math.cos(angle)])
+        line = plane.R[:, :2] @ along
+        found = np.sort(crossings(solid, plane.p + plane.R[:, :2] @ (offset * across), line))
+        cells = np.concatenate([[-3.0], found[np.abs(found) < 3.0], [3.0]])
+        wide = np.diff(cells) > 1e-6
+        middle = (0.5 * (cells[1:] + cells[:-1]))[wide]
+        uv = offset * across + middle[:, None] * along
+        inside = held(solid, uv @ plane.R[:, :2].T + plane.p)
+        np.testing.assert_array_equal(region.contains(uv), inside)
+        ends = cells[:-1][wide][1:][inside[1:] != inside[:-1]]
+        if len(ends):
+            assert region.boundary_distance(offset * across + ends[:, None] * along).max() <= 1e-9
 
 
 def test_sections_of_round_primitives_are_exact() -> None:

@@ -28,7 +28,7 @@ def diagnostics(mapping: Mapping, length: float) -> dict[str, Any]:
 
 
 def records(mapping: Mapping, length: float) -> list[dict[str, Any]]:
-    """The diagrams as plain data for figures, curves as polylines within 1e-4 of their size.
+    """The diagrams as plain data for figures, curves as polylines within 1e-4 of the size of their loops.
 
     Args:
         mapping: the finished mapping.
@@ -80,8 +80,11 @@ def _pose(name: str, t: float, zone: Zone, centre: Array, angle: float, length: 
 
 
 def _loops(region: Region) -> list[list[list[float]]]:
-    tolerance = 1e-4 * region.size
-    return [np.vstack([curve.polyline(tolerance)[:-1] for curve in loop]).tolist() for loop in region.loops]
+    found = []
+    for loop in region.loops:
+        tolerance = 1e-4 * Region((loop,)).size
+        found.append(np.vstack([curve.polyline(tolerance)[:-1] for curve in loop]).tolist())
+    return found
 
 
 def _room(expanded: Region, centre: Array) -> float:

@@ -15,11 +15,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-TITLE = "The three cut-diagrams: operand 2 as it is and expanded by operand 1, which shrinks to the line L"
+TITLE = (
+    "The three cut-diagrams: operand 2 as it is and expanded by operand 1, which shrinks to the line L; "
+    "first contact as the planes show it, in space it may come sooner"
+)
 _ROW = 2.75  # inches
 _LEGEND = 1.0  # inches
 _GROUND = "#f4e6d8"
-_JOINED = np.array([0.25, 0.08])  # of the extent, names nearer than this are written together
+_JOINED = 0.02  # of the extent, poses nearer than this have their names written together
+_CLASH = np.array([0.45, 0.1])  # of the extent, names of poses nearer than this would stand on one another
+_SIDES = ((5, -2, "left", "top"), (-5, -2, "right", "top"), (5, 2, "left", "bottom"), (-5, 2, "right", "bottom"))
 
 
 def diagrams(plan: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
@@ -146,7 +151,7 @@ def _lines(axes: Axes, item: Mapping[str, Any], scale: float, other: float | Non
 
 
 def _names(axes: Axes, item: Mapping[str, Any], factor: Array, extent: Array) -> None:
-    """What the poses are called, one under the other where their names would stand on one another.
+    """What the poses are called, each name on a side of its pose where no other name stands.
 
     Args:
         axes: where to write.
@@ -164,11 +169,16 @@ def _names(axes: Axes, item: Mapping[str, Any], factor: Array, extent: Array) ->
             near[0].append(pose["name"])
         else:
             spots.append((centre, [pose["name"]]))
-    style: Any = {"textcoords": "offset points", "color": BLUE, "fontsize": 8.0, "annotation_clip": True, "va": "top"}
+    style: Any = {"textcoords": "offset points", "color": BLUE, "fontsize": 8.0, "annotation_clip": True}
     style["path_effects"] = [withStroke(linewidth=2.0, foreground="white")]
+    taken: list[tuple[Array, int]] = []
     for spot, names in spots:
+        used = {side for other, side in taken if np.all(np.abs(other - spot) <= _CLASH * extent)}
+        side = next((k for k in range(len(_SIDES)) if k not in used), 0)
+        taken.append((spot, side))
+        right, up, across, along = _SIDES[side]
         place = (float(spot[0] * factor[0]), float(spot[1] * factor[1]))
-        axes.annotate("\n".join(names), place, (5, -2), **style)
+        axes.annotate("\n".join(names), place, (right, up), ha=across, va=along, **style)
 
 
 def _extent(item: Mapping[str, Any]) -> Array:
