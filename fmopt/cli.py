@@ -219,6 +219,11 @@ def study_run(
         raise typer.BadParameter("several studies cannot share one folder", param_hint="--out")
     for file in files:
         folder = out if out is not None else Path("out") / file.stem
+        if command.allocates(file):
+            if cluster is not None or limit is not None or retry_failed:
+                raise typer.BadParameter("an allocation is one piece of work on this machine", param_hint=str(file))
+            _allocate(file, folder, dry_run, as_json, quiet)
+            continue
         if dry_run:
             found = command.forecast(file, folder, jobs)
             typer.echo(json.dumps(asdict(found)) if as_json else _foretold(file, found))
@@ -231,6 +236,22 @@ def study_run(
             typer.echo(_told(tally, folder))
         if tally.interrupted:
             raise typer.Exit(128 + tally.interrupted)
+
+
+def _allocate(file: Path, folder: Path, dry_run: bool, as_json: bool, quiet: bool) -> None:
+    from fmopt.console import Stages
+    from fmopt.study import command
+
+    if dry_run:
+        record, words = command.asked_for(file)
+    else:
+        with Stages(quiet or as_json) as stages:
+            record, words = command.allocated(file, folder, stages)
+        record = {**record, "folder": str(folder)}
+    if as_json or not quiet:
+        typer.echo(json.dumps(record) if as_json else "\n".join(words))
+    if not dry_run and record["same_motion"]["verdict"] != "CERTIFIED":
+        raise typer.Exit(EXIT[record["same_motion"]["verdict"]])
 
 
 @studies.command("report", epilog="Example: fmopt study report out/square_peg")

@@ -316,7 +316,10 @@ def test_every_number_and_choice_of_a_problem_may_vary() -> None:
     assert targets["settings.placement"].dimension is None
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "problems" / "studies").glob("*.toml")), ids=lambda path: path.stem)
+STUDIES = [p for p in sorted((ROOT / "problems" / "studies").glob("*.toml")) if "[[axes]]" in p.read_text()]
+
+
+@pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.stem)
 def test_shipped_studies_are_in_order(path: Path) -> None:
     study = load_study(path)
     assert len({run.key for run in study.runs()}) == len(study.points)

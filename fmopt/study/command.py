@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import json
 import os
 import statistics
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 from fmopt.study.batch import Batch, laid_out
 from fmopt.study.design import Study, load_study
 from fmopt.study.evaluation import evaluate
+from fmopt.study.lock import owned
 from fmopt.study.running import Options, Tally, Work, run
 from fmopt.study.store import NAME, efforts, recorded
 from fmopt.study.table import csv_text, parquet, results
 from fmopt.study.workers import Local, run_batch
 from fmopt.task.tables import in_words
+from fmopt.task.toml_source import read
 
 _SHOWN = 10  # runs that a dry run lists
 
@@ -86,6 +90,49 @@ def report(folder: Path) -> list[Path]:
     for name, content in contents.items():
         plan.save(content, folder / name)
     return [folder / name for name in contents]
+
+
+def allocates(file: Path) -> bool:
+    """Whether a study file asks for tolerances rather than for runs.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    return "tolerances" in read(file).data
+
+
+def asked_for(file: Path) -> tuple[dict[str, Any], list[str]]:
+    """The tolerances of a file with their ranges, as data in SI units and in words; computes and writes nothing.
+
+    Raises:
+        InputError: the file cannot be used.
+    """
+    from fmopt.study.allocation import load_allocation
+
+    question = load_allocation(file)
+    record = {"title": question.file.title, "tolerances": [allowed.record() for allowed in question.tolerances]}
+    return record, [f"{file}: {question.file.title}", *(f"  {allowed.words()}" for allowed in question.tolerances)]
+
+
+def allocated(file: Path, folder: Path, progress: Callable[[str], None]) -> tuple[dict[str, Any], list[str]]:
+    """Allocates the tolerances of a file, writes allocation.json and plan.json; the answer as data and in words.
+
+    Raises:
+        InputError: the file cannot be used.
+        ResourceError: the folder is owned by another, or cannot be written.
+        SearchError, InfeasibleError: there is no motion for the present tolerances, or its margin is too small already.
+    """
+    from fmopt import plan
+    from fmopt.study.allocation import allocate, load_allocation
+
+    question = load_allocation(file)
+    plan.prepare(folder)
+    with owned(folder):
+        answer = allocate(question, progress)
+        record = answer.record()
+        plan.write(answer.document, folder / "plan.json")
+        plan.save((json.dumps(record, indent=1) + "\n").encode(), folder / "allocation.json")
+    return record, answer.words()
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 from pydantic import Field, WithJsonSchema
 
 from fmopt.task.problem_file import Units
-from fmopt.task.tables import Duration, File, Name, Table, Title
+from fmopt.task.tables import Distance, Duration, File, Name, Ratio, Table, Title
 
 Value: TypeAlias = Annotated[
     Any, WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string", "minLength": 1, "maxLength": 200}]})
@@ -81,3 +81,31 @@ class StudyFile(Table):
     axes: tuple[Axis, ...]
     sampling: Sampling = Field(default_factory=Sampling)
     limits: RunLimits = Field(default_factory=RunLimits)
+
+
+class Tolerance(Table):
+    """A tolerance that may be changed."""
+
+    name: Name
+    sets: Annotated[tuple[Path, ...], Field(min_length=1, max_length=16)]
+    """Paths of what it stands for, all below `uncertainty`; they have one value."""
+    weight: Annotated[float, Field(ge=0.0, le=1e9)] = 1.0
+    """What it costs as it is now; half the tolerance costs twice that."""
+    low: Value | None = None
+    """Tightest value allowed; the present one if not given, so that it is only loosened."""
+    high: Value | None = None
+    """Loosest value allowed; ten times the present one if not given."""
+
+
+class AllocationFile(Table):
+    """Which tolerances can be loosened, at given weights, with the insertion still certified."""
+
+    title: Title
+    problem: File
+    """The base problem, relative to this file."""
+    units: Units
+    margin: Distance
+    """Least margin that the motion must keep."""
+    gap: Ratio = 0.005
+    """How near to the least possible cost is near enough, as a fraction."""
+    tolerances: Annotated[tuple[Tolerance, ...], Field(max_length=32)]

@@ -1,0 +1,293 @@
+"""Tolerance allocation: which tolerances can be loosened, at given weights, with the insertion still certified.
+
+The motion is planned once for the present tolerances and then held fixed: its certificate is computed again for any
+others, which is cheap, and the cheapest that keep its margins are found. At the answer, rounded down, the same motion
+is certified and checked independently, and the problem is planned anew.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from os.path import normpath
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fmopt.certificate.segment import Tolerance as Metric
+from fmopt.errors import Fault, FmoptError, InfeasibleError, InputError, SearchError
+from fmopt.placement.motion import Reached
+from fmopt.placement.sequence import Placed, certified
+from fmopt.study.axes import unusable
+from fmopt.study.cheapest import Cheapest, cheapest
+from fmopt.study.study_file import AllocationFile, Tolerance
+from fmopt.study.targets import Base, Target, assigned, in_file, target
+from fmopt.synthesis import FINE, Moved, moved, planned, synthesise
+from fmopt.task.faults import checked
+from fmopt.task.loading import problem_of
+from fmopt.task.problem import Problem, load
+from fmopt.task.tables import Reading, factors, in_words
+from fmopt.task.toml_source import Source, read
+from fmopt.task.units import ANGLE, LENGTH, Dimension, Quantity, QuantityError
+from fmopt.uncertainty.error_set import ErrorSet
+from fmopt.values import Array
+
+_LOOSEST = 10.0  # times the present value, if the file does not say
+_DIGITS = 3  # that an answer is rounded down to
+
+
+@dataclass(frozen=True)
+class Allowed:
+    """A tolerance with its range, in SI.
+
+    Args:
+        name: for people.
+        targets: what it sets.
+        dimension: of its value.
+        weight: its cost as it is now.
+        now: present value.
+        low: tightest value.
+        high: loosest value.
+    """
+
+    name: str
+    targets: tuple[Target, ...]
+    dimension: Dimension
+    weight: float
+    now: float
+    low: float
+    high: float
+
+    def record(self) -> dict[str, Any]:
+        """As JSON, SI units."""
+        return {"name": self.name, "now": self.now, "low": self.low, "high": self.high, "weight": self.weight}
+
+    def words(self) -> str:
+        """For people."""
+        now, low, high = (in_words(x, self.dimension) for x in (self.now, self.low, self.high))
+        return f"{self.name}: {now}, may become {low} to {high}, weight {self.weight:g}"
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """What is asked: the file with the margin that must stay, the base problem, and its tolerances."""
+
+    file: AllocationFile
+    base: Base
+    tolerances: tuple[Allowed, ...]
+
+    def problem(self, values: Sequence[float]) -> Problem:
+        """The problem with these tolerances."""
+        given = [
+            (goal.key, in_file(Quantity(value, allowed.dimension)))
+            for allowed, value in zip(self.tolerances, values, strict=True)
+            for goal in allowed.targets
+        ]
+        return problem_of(assigned(self.base.problem, given))
+
+
+@dataclass(frozen=True, eq=False)
+class Allocation:
+    """The answer.
+
+    Args:
+        question: what was asked.
+        found: the optimum for the fixed motion.
+        values: tolerances in SI, rounded down.
+        cost: of these.
+        before: cost of the present ones.
+        margin: least margin of the fixed motion with them, m.
+        document: the plan of the fixed motion with them, with the verdict of the independent check.
+        replanned: verdict of a plan made anew for them.
+        replanned_margin: its least margin, m; None when there is none.
+    """
+
+    question: Question
+    found: Cheapest
+    values: tuple[float, ...]
+    cost: float
+    before: float
+    margin: float
+    document: Mapping[str, Any]
+    replanned: str
+    replanned_margin: float | None
+
+    def record(self) -> dict[str, Any]:
+        """The answer as JSON, SI units."""
+        rows = zip(self.question.tolerances, self.values, strict=True)
+        return {
+            "title": self.question.file.title,
+            "margin_required": self.question.file.margin,
+            "tolerances": [
+                {"name": a.name, "before": a.now, "after": value, "loosest_allowed": a.high, "weight": a.weight}
+                for a, value in rows
+            ],
+            "cost_before": self.before,
+            "cost_after": self.cost,
+            "cost_bound": self.found.bound,
+            "binding": self.found.binding,
+            "rounds": self.found.rounds,
+            "certificates_computed": self.found.evaluations,
+            "same_motion": {"verdict": self.document["verdict"], "margin": self.margin},
+            "planned_anew": {"verdict": self.replanned, "margin": self.replanned_margin},
+        }
+
+    def words(self) -> list[str]:
+        """The answer for people."""
+        lines = [f"{self.question.file.title}: cost {self.before:.4g} before, {self.cost:.4g} after"]
+        lines[0] += f", at least {self.found.bound:.4g} for this motion"
+        for allowed, value in zip(self.question.tolerances, self.values, strict=True):
+            before, after = (in_words(x, allowed.dimension) for x in (allowed.now, value))
+            end = ", the loosest allowed" if value >= allowed.high * (1.0 - 1e-9) else ""
+            lines.append(f"  {allowed.name}: {before} -> {after} ({value / allowed.now:.3g} times{end})")
+        lines.append(f"the same motion: {self.document['verdict']}, least margin {1e6 * self.margin:.2f} µm")
+        words = "" if self.replanned_margin is None else f", least margin {1e6 * self.replanned_margin:.2f} µm"
+        return [*lines, f"planned anew: {self.replanned}{words}", f"what binds: {self.found.binding}"]
+
+
+def load_allocation(path: Path) -> Question:
+    """The question of a file.
+
+    Raises:
+        InputError: with every fault of the file, or of the base problem.
+    """
+    source = read(path)
+    reading = Reading(factors(source.data.get("units")))
+    file, faults = checked(AllocationFile, source, reading)
+    if file is None:
+        raise InputError(*faults)
+    problem = Path(normpath(path.parent / file.problem))
+    if not problem.is_file():
+        advice = "correct the path; it is relative to this file"
+        raise InputError(source.place(("problem",)).fault("file-missing", f"{problem} does not exist", advice))
+    load(problem)
+    base = Base.read(problem)
+    if not file.tolerances:
+        faults.append(
+            source.place(("tolerances",)).fault("empty-axis", "there are no tolerances", "add [[tolerances]]")
+        )
+    tolerances = []
+    for n, table in enumerate(file.tolerances):
+        found = _allowed(source, reading, base, table, n)
+        if isinstance(found, Fault):
+            faults.append(found)
+        else:
+            tolerances.append(found)
+    unusable(faults)
+    return Question(file, base, tuple(tolerances))
+
+
+def _allowed(source: Source, reading: Reading, base: Base, table: Tolerance, n: int) -> Allowed | Fault:
+    here = Reading(factors(base.problem.data.get("units")))
+    targets, values = [], []
+    for k, path in enumerate(table.sets):
+        place = source.place(("tolerances", n, "sets", k))
+        goal = target(base.targets(), path)
+        if isinstance(goal, str):
+            return place.fault("unknown-path", f"there is no parameter {path!r}", goal)
+        if goal.key[0] != "uncertainty" or goal.dimension is None:
+            message = f"{path!r} is no tolerance: another value makes another motion"
+            return place.fault("bad-value", message, "name paths below uncertainty, and vary others by a study")
+        try:
+            values.append(here.quantity(base.problem.get(goal.key), goal.dimension).value)
+        except KeyError:
+            return place.fault("missing-key", f"the base problem does not state {path!r}", "state it there first")
+        targets.append(goal)
+    now, dimension = values[0], targets[0].dimension
+    place = source.place(("tolerances", n), of_key=True)
+    assert dimension is not None
+    if any(goal.dimension != dimension for goal in targets) or any(value != now for value in values):
+        return place.fault("conflict", "what it sets is not the same now", "make several tolerances of it")
+    if now <= 0.0:
+        return place.fault("out-of-range", "the present value is zero", "leave it out, or state a value")
+    bounds = {"low": now, "high": _LOOSEST * now}
+    for name in bounds:
+        raw = getattr(table, name)
+        if raw is not None:
+            try:
+                bounds[name] = reading.quantity(raw, dimension).value
+            except QuantityError as error:
+                return source.place(("tolerances", n, name)).fault(error.code, error.message, error.advice)
+    if not 0.0 < bounds["low"] < bounds["high"]:
+        return place.fault("empty-axis", "low is not positive, or not below high", "correct low or high")
+    return Allowed(table.name, tuple(targets), dimension, table.weight, now, bounds["low"], bounds["high"])
+
+
+def allocate(question: Question, progress: Callable[[str], None] = lambda _: None) -> Allocation:
+    """Answers a question.
+
+    Raises:
+        SearchError, InfeasibleError: there is no motion for the present tolerances, or its margin is too small already.
+    """
+    tolerances = question.tolerances
+    now = np.array([allowed.now for allowed in tolerances])
+    done = moved(question.problem(now.tolist()), lambda _: None, progress)
+    counted = [0]
+
+    def margins(u: Array) -> Mapping[str, float] | None:
+        counted[0] += 1
+        progress(f"certificate {counted[0]}")
+        placed = _certified(done, question.problem((u * now).tolist()))
+        return None if placed is None else _margins(placed)
+
+    weights = np.array([allowed.weight for allowed in tolerances])
+    low, high = (np.array([getattr(a, name) / a.now for a in tolerances]) for name in ("low", "high"))
+    found = cheapest(margins, weights, low, high, question.file.margin, question.file.gap)
+    values = tuple(_down(float(u) * a.now, a.dimension) for u, a in zip(found.u, tolerances, strict=True))
+    problem = question.problem(values)
+    placed = _certified(done, problem)
+    if placed is None:
+        raise InfeasibleError("rounding the answer down made the motion impossible", advice="report this problem")
+    errors = ErrorSet.from_box(problem.start_box)
+    same = Moved(done.assembly, done.clearance, errors, _metric(done, problem), done.found, placed)
+    progress("checking the same motion")
+    document, _ = planned(problem, same, lambda _: None)
+    verdict, margin = _anew(problem, progress)
+    before, cost = float(weights.sum()), float(np.sum(weights * now / np.array(values)))
+    return Allocation(question, found, values, cost, before, placed.margin, document, verdict, margin)
+
+
+def _metric(done: Moved, problem: Problem) -> Metric:
+    return Metric((problem.velocity_error.translation, problem.velocity_error.rotation), done.tolerance.rho)
+
+
+def _certified(done: Moved, problem: Problem) -> Placed | None:
+    """The motion with the errors of a problem, None where it cannot be followed."""
+    start = Reached(ErrorSet.from_box(problem.start_box), (), ())
+    try:
+        return certified(done.assembly, done.placed.moves, start, _metric(done, problem), FINE, thorough=True)
+    except InfeasibleError:
+        return None
+
+
+def _margins(placed: Placed) -> dict[str, float]:
+    """All margins of a motion by name."""
+    found: dict[str, float] = {}
+    for n, claim in enumerate(placed.reached.claims, start=1):
+        for i, j, kept in claim.separations:
+            found[f"segment {n}: pieces {i}/{j}"] = kept.margin
+        for contact in claim.contacts:
+            found[f"segment {n}: {contact.contact.id} inside"] = contact.margin
+        if claim.early is not None:
+            found[f"segment {n}: next contact too early"] = claim.early
+    return found
+
+
+def _anew(problem: Problem, progress: Callable[[str], None]) -> tuple[str, float | None]:
+    try:
+        document = synthesise(problem, progress).document
+    except SearchError:
+        return "NOT_FOUND", None
+    except FmoptError as error:
+        return f"INFEASIBLE ({error.message})", None
+    return str(document["verdict"]), float(min(segment["margin"] for segment in document["segments"]))
+
+
+def _down(value: float, dimension: Dimension) -> float:
+    """The value rounded down to a few digits in mm, degrees, or the unit of SI."""
+    scale = {LENGTH: 1e-3, ANGLE: math.pi / 180.0}.get(dimension, 1.0)
+    read = value / scale
+    size = 10.0 ** (math.floor(math.log10(read)) - _DIGITS + 1)
+    return min(float(f"{math.floor(read / size * (1.0 + 1e-9)) * size:.{_DIGITS}g}") * scale, value)
