@@ -1,0 +1,89 @@
+"""Plans by the thousand: how much the machinery of studies adds to the work itself, and whether memory stays flat.
+
+python study_plans.py PROBLEM RUNS JOBS, to measure at length; the start errors vary by a tenth.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from fmopt.study.design import load_study
+from fmopt.study.evaluation import evaluate
+from fmopt.study.running import Options, run
+from fmopt.study.store import efforts, recorded
+from fmopt.task.tables import Reading, factors
+from fmopt.task.toml_source import read
+from fmopt.task.units import LENGTH
+
+STUDY = """\
+title = "plans by the thousand"
+problem = "{problem}"
+compute = ["plan", "margins"]
+
+[units]
+length = "m"
+angle = "rad"
+
+[[axes]]
+name = "position_error"
+low = {low}
+high = {high}
+sets = ["uncertainty.start.x", "uncertainty.start.y"]
+
+[sampling]
+method = "latin-hypercube"
+runs = {runs}
+seed = 1
+
+[limits]
+time = "900 s"
+memory_mb = 8000
+"""
+
+
+def measured(problem: Path, runs: int, jobs: int, folder: Path) -> dict[str, float]:
+    """Runs the study and says what it took.
+
+    Args:
+        problem: whose position error varies between nine tenths and all of what it is.
+        runs: number of plans.
+        jobs: number of workers.
+        folder: an empty one.
+    """
+    data = read(problem).data
+    whole = Reading(factors(data.get("units"))).quantity(data["uncertainty"]["start"]["x"], LENGTH).value
+    file = folder / "study.toml"
+    file.write_text(STUDY.format(problem=problem.absolute(), runs=runs, low=0.9 * whole, high=whole))
+    work = load_study(file).work()
+    began, spent = time.perf_counter(), time.process_time()
+    tally = run(work, folder / "out", evaluate, Options(jobs))
+    seconds, spent = time.perf_counter() - began, time.process_time() - spent
+    rows = [entry.row for entry in recorded(folder / "out")[1]]
+    assert tally.done == runs
+    assert all(row is not None and row.outcome == "done" for row in rows)
+    took = efforts(folder / "out")
+    working = sum(effort.seconds for effort in took.values())
+    peaks = [took[row.key].peak for row in rows if row is not None]
+    first = peaks[: max(1, len(peaks) // 4)]
+    return {
+        "plans a second": runs / seconds,
+        "plans a second and worker": runs / seconds / jobs,
+        "overhead, % of the work": 100.0 * (jobs * seconds / working - 1.0),
+        "processor time of the owner, % of the work": 100.0 * spent / working,
+        "memory of a worker after a quarter, MB": max(first) / 1e6,
+        "memory of a worker at the end, MB": max(peaks) / 1e6,
+        "memory of the owner, MB": 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6,
+        "certified, %": 100.0 * sum(row is not None and row.answers["verdict"] == "CERTIFIED" for row in rows) / runs,
+    }
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as scratch:
+        print(f"{sys.argv[2]} plans on {sys.argv[3]} workers, {os.cpu_count()} processors")
+        for name, value in measured(Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]), Path(scratch)).items():
+            print(f"{name}: {value:.4g}")
