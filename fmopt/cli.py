@@ -172,12 +172,19 @@ def export(
 
 @app.command(epilog="Example: fmopt schema problem > problem.schema.json")
 def schema(
-    kind: Annotated[str, typer.Argument(help="problem, model or assembly.")] = "problem",
+    kind: Annotated[str, typer.Argument(help="problem, model, assembly, study or allocation.")] = "problem",
 ) -> None:
-    """Print the JSON Schema of problem, model or assembly files, for editors that complete and check as you type."""
+    """Print the JSON Schema of such files, for editors that complete and check as you type."""
+    from fmopt.study import schema as of_studies
     from fmopt.task import schema as schemas
 
-    kinds = {"problem": schemas.problem_schema, "model": schemas.model_schema, "assembly": schemas.assembly_schema}
+    kinds = {
+        "problem": schemas.problem_schema,
+        "model": schemas.model_schema,
+        "assembly": schemas.assembly_schema,
+        "study": of_studies.study_schema,
+        "allocation": of_studies.allocation_schema,
+    }
     found = kinds.get(kind)
     if found is None:
         raise typer.BadParameter(f"{kind!r} is none of {', '.join(kinds)}", param_hint="kind")

@@ -9,22 +9,22 @@ from fmopt.task.assembly_file import AssemblyFile
 from fmopt.task.model_file import ModelFile
 from fmopt.task.problem_file import ProblemFile
 
-_DIALECT = "https://json-schema.org/draft/2020-12/schema"
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def problem_schema() -> dict[str, Any]:
     """JSON Schema of a problem file."""
-    return {"$schema": _DIALECT, **ProblemFile.model_json_schema()}
+    return {"$schema": DIALECT, **ProblemFile.model_json_schema()}
 
 
 def model_schema() -> dict[str, Any]:
     """JSON Schema of a model file."""
-    return {"$schema": _DIALECT, **ModelFile.model_json_schema()}
+    return {"$schema": DIALECT, **ModelFile.model_json_schema()}
 
 
 def assembly_schema() -> dict[str, Any]:
     """JSON Schema of an assembly file."""
-    return {"$schema": _DIALECT, **AssemblyFile.model_json_schema()}
+    return {"$schema": DIALECT, **AssemblyFile.model_json_schema()}
 
 
 def text(schema: dict[str, Any]) -> str:
