@@ -67,20 +67,22 @@ def test_margins_that_bind_nowhere_give_the_loosest() -> None:
 
 
 def test_points_where_nothing_can_be_computed_are_backed_away_from() -> None:
-    def steep(u: Array) -> Mapping[str, float] | None:
-        return affine(u) if float(u.sum()) < 20.0 else None
+    def steep(u: Array) -> Mapping[str, float] | str:
+        return affine(u) if float(u.sum()) < 20.0 and u[0] < 3.0 else "a contact ends"
 
     found = cheapest(steep, ONE, LOW, HIGH, 10e-6, 1e-3)
-    assert float(found.u.sum()) < 20.0
-    assert found.cost < 3.0
+    assert 18.0 < float(found.u.sum()) < 20.0
+    assert 2.5 < found.u[0] < 3.0
+    assert found.cost < 0.8
+    assert found.binding == "a contact ends"
 
 
 def test_too_large_a_margin_is_refused_with_its_shortfall() -> None:
     with pytest.raises(InfeasibleError, match="the tightest tolerances leave 79 um, not 100 um") as caught:
         cheapest(lambda u: {"b": affine(u)["b"]}, ONE, LOW, HIGH, 100e-6, 1e-3)
     assert caught.value.shortfall == pytest.approx(21e-6)
-    with pytest.raises(InfeasibleError, match="leave -inf um"):
-        cheapest(lambda u: None, ONE, LOW, HIGH, 0.0, 1e-3)
+    with pytest.raises(InfeasibleError, match="tightest tolerances: a contact ends"):
+        cheapest(lambda u: "a contact ends", ONE, LOW, HIGH, 0.0, 1e-3)
 
 
 FILE = f"""\

@@ -1,8 +1,9 @@
 """Tolerance allocation: which tolerances can be loosened, at given weights, with the insertion still certified.
 
-The motion is planned once for the present tolerances and then held fixed: its certificate is computed again for any
+The motion is planned for the present tolerances and then held fixed: its certificate is computed again for any
 others, which is cheap, and the cheapest that keep its margins are found. At the answer, rounded down, the same motion
-is certified and checked independently, and the problem is planned anew.
+is certified and checked independently, and the problem is planned anew. The new motion is then the one held fixed, as
+long as it leaves room for more.
 """
 
 from __future__ import annotations
@@ -17,14 +18,14 @@ from typing import Any
 import numpy as np
 
 from fmopt.certificate.segment import Tolerance as Metric
-from fmopt.errors import Fault, FmoptError, InfeasibleError, InputError, SearchError
+from fmopt.errors import Fault, InfeasibleError, InputError, SearchError
 from fmopt.placement.motion import Reached
 from fmopt.placement.sequence import Placed, certified
 from fmopt.study.axes import unusable
 from fmopt.study.cheapest import Cheapest, cheapest
 from fmopt.study.study_file import AllocationFile, Tolerance
 from fmopt.study.targets import Base, Target, assigned, in_file, target
-from fmopt.synthesis import FINE, Moved, moved, planned, synthesise
+from fmopt.synthesis import FINE, Moved, moved, planned
 from fmopt.task.faults import checked
 from fmopt.task.loading import problem_of
 from fmopt.task.problem import Problem, load
@@ -36,6 +37,7 @@ from fmopt.values import Array
 
 _LOOSEST = 10.0  # times the present value, if the file does not say
 _DIGITS = 3  # that an answer is rounded down to
+_MOTIONS = 6  # that are held fixed at most, each planned for the tolerances that the one before leaves
 
 
 @dataclass(frozen=True)
@@ -102,6 +104,8 @@ class Allocation:
         document: the plan of the fixed motion with them, with the verdict of the independent check.
         replanned: verdict of a plan made anew for them.
         replanned_margin: its least margin, m; None when there is none.
+        motions: how many were held fixed in turn.
+        anew: the motion of the new plan.
     """
 
     question: Question
@@ -113,6 +117,8 @@ class Allocation:
     document: Mapping[str, Any]
     replanned: str
     replanned_margin: float | None
+    motions: int
+    anew: Moved | None
 
     def record(self) -> dict[str, Any]:
         """The answer as JSON, SI units."""
@@ -128,6 +134,7 @@ class Allocation:
             "cost_after": self.cost,
             "cost_bound": self.found.bound,
             "binding": self.found.binding,
+            "motions": self.motions,
             "rounds": self.found.rounds,
             "certificates_computed": self.found.evaluations,
             "same_motion": {"verdict": self.document["verdict"], "margin": self.margin},
@@ -221,16 +228,32 @@ def allocate(question: Question, progress: Callable[[str], None] = lambda _: Non
     Raises:
         SearchError, InfeasibleError: there is no motion for the present tolerances, or its margin is too small already.
     """
+    now = [allowed.now for allowed in question.tolerances]
+    answer = _with_motion(question, moved(question.problem(now), lambda _: None, progress), 1, progress)
+    while answer.replanned == "CERTIFIED" and answer.motions < _MOTIONS:
+        assert answer.anew is not None
+        progress(f"cost {answer.cost:.4g} after {answer.motions} motions")
+        try:
+            other = _with_motion(question, answer.anew, answer.motions + 1, progress)
+        except InfeasibleError:
+            break
+        if other.cost > (1.0 - question.file.gap) * answer.cost or other.document["verdict"] != "CERTIFIED":
+            break
+        answer = other
+    return answer
+
+
+def _with_motion(question: Question, done: Moved, motions: int, progress: Callable[[str], None]) -> Allocation:
+    """The answer for one motion, with a plan made anew at it."""
     tolerances = question.tolerances
     now = np.array([allowed.now for allowed in tolerances])
-    done = moved(question.problem(now.tolist()), lambda _: None, progress)
     counted = [0]
 
-    def margins(u: Array) -> Mapping[str, float] | None:
+    def margins(u: Array) -> Mapping[str, float] | str:
         counted[0] += 1
-        progress(f"certificate {counted[0]}")
+        progress(f"motion {motions}, certificate {counted[0]}")
         placed = _certified(done, question.problem((u * now).tolist()))
-        return None if placed is None else _margins(placed)
+        return placed if isinstance(placed, str) else _margins(placed)
 
     weights = np.array([allowed.weight for allowed in tolerances])
     low, high = (np.array([getattr(a, name) / a.now for a in tolerances]) for name in ("low", "high"))
@@ -238,28 +261,28 @@ def allocate(question: Question, progress: Callable[[str], None] = lambda _: Non
     values = tuple(_down(float(u) * a.now, a.dimension) for u, a in zip(found.u, tolerances, strict=True))
     problem = question.problem(values)
     placed = _certified(done, problem)
-    if placed is None:
-        raise InfeasibleError("rounding the answer down made the motion impossible", advice="report this problem")
+    if isinstance(placed, str):
+        raise InfeasibleError(f"with the answer rounded down, {placed}", advice="lower the digits, or state low")
     errors = ErrorSet.from_box(problem.start_box)
     same = Moved(done.assembly, done.clearance, errors, _metric(done, problem), done.found, placed)
     progress("checking the same motion")
     document, _ = planned(problem, same, lambda _: None)
-    verdict, margin = _anew(problem, progress)
+    anew, verdict, margin = _anew(problem, progress)
     before, cost = float(weights.sum()), float(np.sum(weights * now / np.array(values)))
-    return Allocation(question, found, values, cost, before, placed.margin, document, verdict, margin)
+    return Allocation(question, found, values, cost, before, placed.margin, document, verdict, margin, motions, anew)
 
 
 def _metric(done: Moved, problem: Problem) -> Metric:
     return Metric((problem.velocity_error.translation, problem.velocity_error.rotation), done.tolerance.rho)
 
 
-def _certified(done: Moved, problem: Problem) -> Placed | None:
-    """The motion with the errors of a problem, None where it cannot be followed."""
+def _certified(done: Moved, problem: Problem) -> Placed | str:
+    """The motion with the errors of a problem, or in words why it cannot be followed."""
     start = Reached(ErrorSet.from_box(problem.start_box), (), ())
     try:
         return certified(done.assembly, done.placed.moves, start, _metric(done, problem), FINE, thorough=True)
-    except InfeasibleError:
-        return None
+    except InfeasibleError as error:
+        return error.message
 
 
 def _margins(placed: Placed) -> dict[str, float]:
@@ -275,14 +298,16 @@ def _margins(placed: Placed) -> dict[str, float]:
     return found
 
 
-def _anew(problem: Problem, progress: Callable[[str], None]) -> tuple[str, float | None]:
+def _anew(problem: Problem, progress: Callable[[str], None]) -> tuple[Moved | None, str, float | None]:
+    """A plan made anew: its motion, verdict and least margin."""
     try:
-        document = synthesise(problem, progress).document
+        done = moved(problem, lambda _: None, progress)
+        document, verdict = planned(problem, done, lambda _: None, progress)
     except SearchError:
-        return "NOT_FOUND", None
-    except FmoptError as error:
-        return f"INFEASIBLE ({error.message})", None
-    return str(document["verdict"]), float(min(segment["margin"] for segment in document["segments"]))
+        return None, "NOT_FOUND", None
+    except InfeasibleError as error:
+        return None, f"INFEASIBLE ({error.message})", None
+    return done, str(verdict.verdict), float(min(segment["margin"] for segment in document["segments"]))
 
 
 def _down(value: float, dimension: Dimension) -> float:

@@ -20,12 +20,14 @@ from fmopt.placement.program import ConeProgram, Norm
 from fmopt.placement.socp import ClarabelSolver
 from fmopt.values import Array, Value, frozen
 
-Margins = Callable[[Array], Mapping[str, float] | None]
-"""Named margins (m) at multiples u (p,) of the present tolerances; None where the motion cannot be followed."""
+Margins = Callable[[Array], Mapping[str, float] | str]
+"""Named margins (m) at multiples u (p,) of the present tolerances; words where the motion cannot be followed."""
 
 _ROUNDS = 24
+_STALLED = 4  # rounds without a better point after which no more are tried
 _STEP = 0.02  # relative step of the differences that slopes are taken from
 _BISECTIONS = 5
+_NEAR = 0.1  # share of the margin asked for that the least margin may have left to be what binds
 _MICRO = 1e6
 _NOISE = 1e-4  # µm that margins and their differences are not exact to
 
@@ -39,7 +41,7 @@ class Cheapest(Value):
         cost: Σ w_i/u_i.
         bound: no point that keeps the margins costs less, where margins are concave.
         margin: least margin there, m.
-        binding: its name.
+        binding: its name; or, where all margins are wide, why the motion could not be followed beyond.
         rounds: programs solved.
         evaluations: times that margins were computed.
     """
@@ -93,31 +95,30 @@ def cheapest(margins: Margins, weights: Array, low: Array, high: Array, required
     search = _Search(margins, required)
     best = frozen(low, None)
     reached = search.at(best)
-    if reached is None or min(reached.values()) < required:
-        least = -np.inf if reached is None else min(reached.values())
-        shortfall = required - least if np.isfinite(least) else 0.0
+    if isinstance(reached, str):
+        raise InfeasibleError(f"not even for the tightest tolerances: {reached}", advice="allow tighter tolerances")
+    if min(reached.values()) < required:
+        least = min(reached.values())
         message = f"the tightest tolerances leave {1e6 * least:.4g} um, not {1e6 * required:.4g} um"
-        raise InfeasibleError(message, shortfall, "lower the margin asked for, or allow tighter tolerances")
+        raise InfeasibleError(message, required - least, "lower the margin asked for, or allow tighter tolerances")
     cuts = search.cuts(best, reached)
-    bound, rounds = 0.0, 0
-    while rounds < _ROUNDS:
+    bound, rounds, since = 0.0, 0, 0
+    while rounds < _ROUNDS and since < _STALLED:
         rounds += 1
         proposed, bound = _program(cuts, weights, low, high, required)
         proposed = _evaluable(search, best, proposed)
-        found = search.at(proposed)
-        assert found is not None
-        cuts += [cut for cut in search.cuts(proposed, found) if cut.says_more(cuts)]
+        cuts += [cut for cut in search.cuts(proposed, search.margins(proposed)) if cut.says_more(cuts)]
         better = _allowed(search, best, proposed)
+        since = 0 if _cost(weights, better) < (1.0 - 0.1 * gap) * _cost(weights, best) else since + 1
         if _cost(weights, better) < _cost(weights, best):
             best = better
         if _cost(weights, best) - bound <= gap * _cost(weights, best):
             break
-    final = search.at(best)
-    assert final is not None
-    name = min(final, key=lambda key: (final[key], key))
-    return Cheapest(
-        best, _cost(weights, best), min(bound, _cost(weights, best)), final[name], name, rounds, search.count
-    )
+    else:
+        best = _one_by_one(search, best, weights, high)
+    cost = _cost(weights, best)
+    margin, binding = search.binding(best)
+    return Cheapest(best, cost, min(bound, cost), margin, binding, rounds, search.count)
 
 
 def _cost(weights: Array, u: Array) -> float:
@@ -129,31 +130,45 @@ class _Search:
 
     def __init__(self, margins: Margins, required: float) -> None:
         self._margins, self._required = margins, required
-        self._known: dict[bytes, Mapping[str, float] | None] = {}
+        self._known: dict[bytes, Mapping[str, float] | str] = {}
+        self._words = ""
 
     @property
     def count(self) -> int:
         """Times that margins were computed."""
         return len(self._known)
 
-    def at(self, u: Array) -> Mapping[str, float] | None:
-        """Margins at u."""
+    def at(self, u: Array) -> Mapping[str, float] | str:
+        """Margins at u, or words."""
         key = np.asarray(u).tobytes()
         if key not in self._known:
             self._known[key] = self._margins(u)
-        return self._known[key]
+        found = self._known[key]
+        self._words = found if isinstance(found, str) else self._words
+        return found
+
+    def margins(self, u: Array) -> Mapping[str, float]:
+        """Margins at u; none where the motion cannot be followed."""
+        found = self.at(u)
+        return {} if isinstance(found, str) else found
 
     def suffices(self, u: Array) -> bool:
         """Whether all margins at u are wide enough."""
-        found = self.at(u)
-        return found is not None and min(found.values()) >= self._required
+        return min(self.margins(u).values(), default=-np.inf) >= self._required
+
+    def binding(self, u: Array) -> tuple[float, str]:
+        """The least margin at u, and what keeps u from growing."""
+        found = self.margins(u)
+        name = min(found, key=lambda key: (found[key], key))
+        wide = found[name] > self._required * (1.0 + _NEAR) + 1e-6
+        return found[name], self._words if wide and self._words else name
 
     def cuts(self, u: Array, here: Mapping[str, float]) -> list[_Cut]:
         """Tangents of all margins at u, by differences towards tighter tolerances."""
         slopes = {name: np.zeros(len(u)) for name in here}
         for i in range(len(u)):
             step = _STEP * u[i]
-            there = self.at(u - step * np.eye(len(u))[i]) or {}
+            there = self.margins(u - step * np.eye(len(u))[i])
             for name, slope in slopes.items():
                 slope[i] = (here[name] - there.get(name, here[name])) / step
         return [
@@ -164,7 +179,7 @@ class _Search:
 def _evaluable(search: _Search, good: Array, wanted: Array) -> Array:
     """The first point between `wanted` and `good` where margins can be computed."""
     for _ in range(_ROUNDS):
-        if search.at(wanted) is not None:
+        if search.margins(wanted):
             return wanted
         wanted = 0.5 * (good + wanted)
     return good
@@ -179,6 +194,18 @@ def _allowed(search: _Search, good: Array, wanted: Array) -> Array:
         middle = 0.5 * (inside + outside)
         inside, outside = (middle, outside) if search.suffices(good + middle * (wanted - good)) else (inside, middle)
     return good + inside * (wanted - good)
+
+
+def _one_by_one(search: _Search, good: Array, weights: Array, high: Array) -> Array:
+    """Each in turn as far as it goes, those first that gain most: where no tangent says what is in the way."""
+    u = np.array(good)
+    for i in np.argsort(-weights / u, kind="stable"):
+        wanted = u.copy()
+        wanted[i] = high[i]
+        while wanted[i] > 2.0 * u[i] and not search.suffices(wanted):
+            wanted[i] = np.sqrt(wanted[i] * u[i])
+        u = _allowed(search, u, wanted)
+    return u
 
 
 def _program(cuts: list[_Cut], weights: Array, low: Array, high: Array, required: float) -> tuple[Array, float]:
