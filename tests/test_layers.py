@@ -29,6 +29,7 @@ FLOORS: tuple[frozenset[str], ...] = (
     frozenset({"plan_record"}),
     frozenset({"synthesis"}),
     frozenset({"study"}),
+    frozenset({"desk"}),
     frozenset({"console"}),
     frozenset({"cli"}),
     frozenset({"__main__"}),
@@ -54,31 +55,21 @@ ONLY: dict[str, frozenset[str]] = {
 }
 # Rooms that only these may import.
 CALLERS: dict[str, frozenset[str]] = {
-    APART: frozenset({"synthesis", "cli"}),
-    "report": frozenset({"study", "console", "cli"}),
-    "task": frozenset({"control", "plan_record", "synthesis", "study", "cli"}),
-    "export": frozenset({"cli"}),
+    APART: frozenset({"synthesis", "desk", "cli"}),
+    "report": frozenset({"study", "desk", "console", "cli"}),
+    "task": frozenset({"control", "plan_record", "synthesis", "study", "desk", "cli"}),
+    "export": frozenset({"desk", "cli"}),
 }
 # Every library that the package may import, and the files or rooms that may.
 LIBRARIES: dict[str, frozenset[str]] = {
     "numpy": frozenset(
         {"values", "se3", "ellipsoid", "plane", "geometry", "knowledge", "contact", "task", "nominal", "uncertainty"}
-        | {
-            "certificate",
-            "placement",
-            "control",
-            "plan_record",
-            "synthesis",
-            "report",
-            "study",
-            "guarded",
-            "export",
-            "execution",
-        }
+        | {"certificate", "placement", "control", "synthesis", "report", "study", "guarded", "export", "execution"}
+        | {"desk", "plan_record"}
     ),
     "scipy": frozenset({"plane", "geometry", "contact", "nominal", "uncertainty", "placement", "control", "study"}),
     "distributed": frozenset({"study/cluster.py"}),
-    "polars": frozenset({"study/__init__.py", "study/table.py"}),
+    "polars": frozenset({"study/__init__.py", "study/outcome.py", "study/table.py", "desk/plan.py"}),
     "sympy": frozenset(
         {"symbolic.py", "contact/surface.py", "uncertainty/planar/surface.py", "nominal/symbolic_diagram.py"}
     ),
@@ -90,7 +81,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "manifold3d": frozenset({"geometry", "nominal/touch.py"}),
     "trimesh": frozenset({"geometry/mesh.py"}),
     "shapely": frozenset({"plane", "geometry", "knowledge", "uncertainty/planar", "report"}),
-    "matplotlib": frozenset({"report", "study/figures.py"}),
+    "matplotlib": frozenset({"report", "study/figures.py", "desk"}),
     "mpl_toolkits": frozenset({"report/surface_view.py"}),
     "pydantic": frozenset({"task", "study/study_file.py"}),
     "pydantic_core": frozenset({"task"}),
@@ -99,6 +90,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "tree_sitter_toml": frozenset({"task/toml_source.py"}),
     "mujoco": frozenset({"execution"}),
     "rosbags": frozenset({"export/ros2.py"}),
+    "IPython": frozenset({"desk/notebook.py"}),
     "typer": frozenset({"cli.py"}),
     "rich": frozenset({"console.py"}),
 }
@@ -191,7 +183,7 @@ def test_exceptions_still_point_down() -> None:
 
 
 def test_imports_point_down() -> None:
-    assert rooms_imported("__init__.py", source("__init__.py")) == set()
+    assert rooms_imported("__init__.py", source("__init__.py")) == {"desk", "errors", "study"}
     inside = [file for file in FILES if file != "__init__.py"]
     assert {file: found for file in inside if (found := strangers(file, source(file)))} == {}
 
@@ -262,6 +254,11 @@ def loaded(code: str) -> set[str]:
 )
 def test_the_command_line_starts_without_solvers(code: str) -> None:
     assert loaded(code) & SOLVERS == set()
+
+
+def test_the_package_itself_loads_nothing_but_the_standard_library() -> None:
+    before = loaded("")
+    assert loaded("import fmopt; dir(fmopt)") - before - set(sys.stdlib_module_names) == {"fmopt"}
 
 
 def test_the_check_of_a_problem_loads_no_solver() -> None:

@@ -32,8 +32,15 @@ def export(file: Path, to: str, out: Path | None, base: tuple[float, ...] | None
     """
     if to not in FORMATS:
         raise ValueError(f"{to!r} is no format; choose from {', '.join(FORMATS)}")
-    document = plan.read(file)
-    target = out if out is not None else file.parent / _NAMES[to]
+    return exported(plan.read(file), to, out if out is not None else file.parent / _NAMES[to], base, rate)
+
+
+def exported(
+    document: Mapping[str, Any], to: str, target: Path, base: tuple[float, ...] | None, rate: float
+) -> tuple[Path, ...]:
+    """Writes a plan document in another format to `target`; arguments and errors as of `export`."""
+    if to not in FORMATS:
+        raise ValueError(f"{to!r} is no format; choose from {', '.join(FORMATS)}")
     if to in ("csv", "json"):
         return _table(document, to, target, rate)
     if base is None:

@@ -44,11 +44,30 @@ def embedded(value: Any) -> str:
 def scene(plan: Mapping[str, Any]) -> str:
     """The viewer as a fragment of HTML; empty where the plan has no motion."""
     data = scene_data(plan)
-    if not data["path"]:
-        return ""
+    return _viewer(data, _label(plan), "") if data["path"] else ""
+
+
+def part_scene(part: Mapping[str, Any]) -> str:
+    """A part of a plan alone, as a fragment of HTML: it can be turned and cut open, and nothing moves."""
+    body, stock, quarter = body_of(part), pieces_of(part), (1, -1)
+    nothing: dict[str, Any] = {"polygons": [], "lines": []}
+    data = {
+        "moving": nothing,
+        "fixed": {"polygons": _skin(body, stock), "lines": _rounded(_creases(body))},
+        "open": _opened(body, stock, quarter),
+        "quarter": list(quarter),
+        "path": [_leg({"start": [0.0] * 6, "goal": [0.0] * 6}, 0)],
+        "moves": [],
+        "contacts": {},
+    }
+    return _viewer(data, f"Picture in three dimensions of {part['name']}", " scene-still")
+
+
+def _viewer(data: Mapping[str, Any], label: str, kind: str) -> str:
     text = embedded(data)
     name = f"scene-{sha256(text.encode()).hexdigest()[:12]}"
-    frame = resource("scene.html").replace("{{name}}", name).replace("{{label}}", html.escape(_label(plan)))
+    frame = resource("scene.html").replace("{{name}}", name).replace("{{label}}", html.escape(label))
+    frame = frame.replace("{{kind}}", kind)
     program = f"(function(){{{resource('scene.js')}\nshowScene(document.getElementById('{name}'));}})();"
     return (
         f'{frame}<script type="application/json" id="{name}-data">{text}</script>\n'

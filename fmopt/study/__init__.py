@@ -2,12 +2,29 @@
 
 from __future__ import annotations
 
+import sys
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import polars
+
+    from fmopt.study.outcome import Outcome
+
+
+class _Room(ModuleType):
+    """This package as a module that can be called: `fmopt.study("study.toml")` carries the study out."""
+
+    def __call__(self, file: str | PathLike[str], out: str | PathLike[str] | None = None, **options: Any) -> Outcome:
+        """The results of a study, carried out as far as it was not; see `fmopt.study.outcome.study`."""
+        from fmopt.study.outcome import study
+
+        return study(file, out, **options)
+
+
+sys.modules[__name__].__class__ = _Room
 
 
 def frame(folder: str | PathLike[str]) -> polars.DataFrame:

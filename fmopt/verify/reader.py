@@ -17,9 +17,11 @@ class Reader:
         self.path = path
 
     def fail(self, message: str) -> PlanError:
+        """The error that says what is wrong here."""
         return PlanError(self.path, message)
 
     def at(self, key: str) -> Reader:
+        """The place of a key of this object, which must be there."""
         if not isinstance(self.value, dict):
             raise self.fail("must be an object")
         if key not in self.value:
@@ -27,9 +29,11 @@ class Reader:
         return Reader(self.value[key], f"{self.path}.{key}" if self.path else key)
 
     def has(self, key: str) -> bool:
+        """Whether this is an object with the key."""
         return isinstance(self.value, dict) and key in self.value
 
     def only(self, required: Iterable[str], optional: Iterable[str] = ()) -> Reader:
+        """This object, which must have the required keys and no others than the optional ones."""
         for key in required:
             self.at(key)
         unknown = sorted(str(key) for key in set(self.value) - set(required) - set(optional))
@@ -38,6 +42,7 @@ class Reader:
         return self
 
     def items(self, least: int = 0, exact: int | None = None) -> list[Reader]:
+        """The places of a list's entries, which must be at least so many, or exactly."""
         if not isinstance(self.value, list | tuple):
             raise self.fail("must be a list")
         if len(self.value) < least or (exact is not None and len(self.value) != exact):
@@ -45,6 +50,7 @@ class Reader:
         return [Reader(item, f"{self.path}[{i}]") for i, item in enumerate(self.value)]
 
     def number(self, low: float = -1e6, high: float = 1e6) -> float:
+        """A finite number within limits."""
         if isinstance(self.value, bool) or not isinstance(self.value, int | float):
             raise self.fail("must be a number")
         if not (math.isfinite(self.value) if isinstance(self.value, float) else abs(self.value) < 10**9):
@@ -54,12 +60,15 @@ class Reader:
         return float(self.value)
 
     def numbers(self, count: int, low: float = -1e6, high: float = 1e6) -> Numbers:
+        """A list of exactly so many numbers, each within limits."""
         return tuple(item.number(low, high) for item in self.items(exact=count))
 
     def matrix(self, rows: int | None) -> tuple[Numbers, ...]:
+        """Rows of six numbers; any number of them without `rows`."""
         return tuple(item.numbers(6) for item in self.items(exact=rows))
 
     def integer(self, end: int = 10**6) -> int:
+        """A whole number from 0 to below `end`."""
         if isinstance(self.value, bool) or not isinstance(self.value, int):
             raise self.fail("must be a whole number")
         if not 0 <= self.value < end:
@@ -67,12 +76,14 @@ class Reader:
         return self.value
 
     def indices(self, end: int, least: int = 0, exact: int | None = None) -> tuple[int, ...]:
+        """A list of different whole numbers below `end`."""
         found = tuple(item.integer(end) for item in self.items(least, exact))
         if len(set(found)) != len(found):
             raise self.fail("repeats an index")
         return found
 
     def text(self, allowed: Iterable[str] | None = None) -> str:
+        """A text, one of those allowed if they are given."""
         if not isinstance(self.value, str):
             raise self.fail("must be text")
         if allowed is not None and self.value not in allowed:
@@ -80,6 +91,7 @@ class Reader:
         return self.value
 
     def flag(self) -> bool:
+        """True or false."""
         if not isinstance(self.value, bool):
             raise self.fail("must be true or false")
         return self.value

@@ -1,0 +1,297 @@
+"""Plans from Python: made, read, checked, carried out, exported, tabulated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fmopt import plan as files
+from fmopt.errors import PlanFormatError, ResourceError
+from fmopt.report.moves import Move, moves, smallest_margin
+from fmopt.report.moves import verdict as spoken
+from fmopt.se3 import Pose
+from fmopt.task import problem as task
+from fmopt.verify import PlanError, Verdict, verify
+
+if TYPE_CHECKING:
+    import polars
+
+    from fmopt.desk.drawing import Drawing
+    from fmopt.report.figures import Figure
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """One piece of a plan's motion: the part goes straight, and turns at a constant rate, while it keeps its contacts.
+
+    >>> segment = fmopt.read("out/square_peg/plan.json").segments[0]
+    >>> segment.move, segment.state, segment.margin > 0.0
+    (1, (), True)
+
+    Args:
+        number: counts from 0 through the plan.
+        move: of which move it is a piece, from 1.
+        start: nominal pose of the moving part where it begins, in the frame of the hole.
+        goal: the same where it ends.
+        state: ids of the contacts held on the way.
+        goal_state: ids of those held at its end.
+        margin: what is left of its tightest inequality, m; None where the plan states none.
+        clearance: gap that the nominal motion leaves, m; None where the plan states none.
+        binds: what the margin is of, in words.
+        hybrid: the control strategy, as in the plan file: frame, axes, velocity, bias wrench, termination.
+        record: all of it as the plan file holds it, SI units.
+    """
+
+    number: int
+    move: int
+    start: Pose
+    goal: Pose
+    state: tuple[str, ...]
+    goal_state: tuple[str, ...]
+    margin: float | None
+    clearance: float | None
+    binds: str
+    hybrid: Mapping[str, Any]
+    record: Mapping[str, Any]
+
+    def _repr_html_(self) -> str:
+        from fmopt.desk.sheets import segment_sheet
+
+        return segment_sheet(self)
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A plan: the motion, its certificate and its control strategies, as the plan file holds them.
+
+    >>> plan = fmopt.read("out/square_peg/plan.json")
+    >>> print(plan)
+    Square peg in a blind square hole, 0.1 mm clearance a side: CERTIFIED, ... moves, least margin ... µm
+
+    Args:
+        document: the plan file, `fmopt.plan/1`. It is sealed: once something in it is changed, nothing is proved.
+        seconds: how long the stages took, by name; empty for a plan that was read.
+    """
+
+    document: Mapping[str, Any]
+    seconds: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def verdict(self) -> str:
+        """CERTIFIED, REFUTED or NOT_PROVED, as the plan says; `verify` checks it."""
+        return str(self.document["verdict"])
+
+    @property
+    def proved(self) -> bool:
+        """Whether the plan says CERTIFIED, is as it was sealed, and states positive margins only."""
+        return spoken(self.document).proved
+
+    @property
+    def margin(self) -> float | None:
+        """Least margin of all segments, m; None where none is stated."""
+        return smallest_margin(self.document)
+
+    @cached_property
+    def segments(self) -> tuple[Segment, ...]:
+        """The pieces of the motion, in order."""
+        run = ((move.number, piece) for move in self.moves for piece in move.segments)
+        return tuple(self._segment(k, move, piece) for k, (move, piece) in enumerate(run))
+
+    @cached_property
+    def moves(self) -> tuple[Move, ...]:
+        """The moves, in order; a move that turns far has several segments."""
+        return moves(self.document)
+
+    def verify(self, problem: task.Problem | None = None) -> Verdict:
+        """Checks the certificate from the plan's own geometry, in exact arithmetic, without the planner.
+
+        >>> plan = fmopt.read("out/square_peg/plan.json")
+        >>> print("\\n".join(plan.verify().lines()[:1]))
+        verdict: CERTIFIED (... segments)
+        >>> plan.verify(fmopt.load(fmopt.example("lee_huang_peg"))).verdict
+        'NOT_PROVED'
+
+        Args:
+            problem: that the plan must be of; None to check the plan alone.
+
+        Raises:
+            PlanFormatError: the document is no plan that can be checked.
+        """
+        try:
+            found = verify(dict(self.document))
+        except PlanError as error:
+            raise PlanFormatError(str(error), "solve the problem with this version") from error
+        if problem is None:
+            return found
+        from fmopt.task.agreement import disagreements
+
+        return found.unless(disagreements(problem, self.document))
+
+    def export(
+        self,
+        to: str,
+        path: str | PathLike[str],
+        base: Pose | tuple[float, float, float, float, float, float] | None = None,
+        rate: float = 100.0,
+    ) -> tuple[Path, ...]:
+        """Writes the plan as a robot or a table takes it.
+
+        >>> plan = fmopt.read("out/square_peg/plan.json")
+        >>> [path.name for path in plan.export("urscript", "peg.script", base=(0.4, -0.1, 0.2, 0, 3.14159, 0))]
+        ['peg.script']
+
+        Args:
+            to: "urscript", "ros2", "csv" or "json".
+            path: the file; for "ros2" a folder.
+            base: pose of the hole's frame in the robot's base, m and rotation vector in rad; for robots.
+            rate: samples a second of tables and bags.
+
+        Returns:
+            The files and folders that were written.
+
+        Raises:
+            ValueError: the format is unknown, or it is for robots and `base` is missing.
+            FmoptError: the plan cannot be exported so, or the file not be written.
+        """
+        from fmopt.export.write import exported
+
+        frame = base.vector() if isinstance(base, Pose) else base
+        return exported(self.document, to, Path(path), None if frame is None else tuple(map(float, frame)), rate)
+
+    def to_dataframe(self) -> polars.DataFrame:
+        """The segments as a data frame, a line each: poses, travel, margins and forces in SI units.
+
+        >>> frame = fmopt.read("out/square_peg/plan.json").to_dataframe()
+        >>> frame.columns[:4], len(frame) > 7
+        (['segment', 'move', 'state', 'goal_state'], True)
+
+        Raises:
+            ResourceError: polars, of the extra `frame`, is not installed.
+        """
+        try:
+            import polars
+        except ImportError as error:
+            raise ResourceError("polars is not installed", "install fmopt[frame]") from error
+        return polars.DataFrame([_line(segment) for segment in self.segments], infer_schema_length=None)
+
+    @property
+    def figures(self) -> Mapping[str, Figure]:
+        """The figures of the plan's report by name, each with title, description, `svg()` and `png()`."""
+        from fmopt.report.figures import catalogue
+
+        return catalogue(self.document)
+
+    def scene(self) -> Drawing:
+        """The motion in three dimensions, to be turned and played, offline."""
+        from fmopt.desk.drawing import show
+
+        return show(self, "scene")
+
+    def save(self, path: str | PathLike[str]) -> Path:
+        """Writes the plan file, whole or not at all.
+
+        Raises:
+            ResourceError: the file cannot be written.
+        """
+        files.write(self.document, Path(path))
+        return Path(path)
+
+    def report(self, path: str | PathLike[str]) -> Path:
+        """Writes the report: one page of HTML that opens offline.
+
+        Raises:
+            ResourceError: the file cannot be written.
+        """
+        from fmopt.report.figures import figures
+        from fmopt.report.page import report_page
+
+        files.save(report_page(self.document, figures(self.document)).encode(), Path(path))
+        return Path(path)
+
+    def _segment(self, number: int, move: int, piece: Mapping[str, Any]) -> Segment:
+        from fmopt.report.naming import binding_words
+
+        return Segment(
+            number=number,
+            move=move,
+            start=Pose.from_vector(piece["start"]),
+            goal=Pose.from_vector(piece["goal"]),
+            state=tuple(piece["state"]),
+            goal_state=tuple(piece["goal_state"]),
+            margin=piece.get("margin"),
+            clearance=piece.get("clearance"),
+            binds=binding_words(self.document, str(piece.get("binding_contact") or "")),
+            hybrid=piece.get("hybrid", {}),
+            record=piece,
+        )
+
+    def __str__(self) -> str:
+        margin = "" if self.margin is None else f", least margin {1e6 * self.margin:.1f} µm"
+        margin = margin if self.proved else margin.replace("least", "not proved: least computed")
+        return f"{self.document['problem']['title']}: {self.verdict}, {len(self.moves)} moves{margin}"
+
+    def __repr__(self) -> str:
+        return f"<fmopt.Plan {self}>"
+
+    def _repr_html_(self) -> str:
+        from fmopt.desk.sheets import plan_sheet
+
+        return plan_sheet(self)
+
+
+def solve(problem: task.Problem, progress: Callable[[str], None] = lambda _: None) -> Plan:
+    """Solves a problem: plans the motion, checks its certificate independently, and gives the plan with its verdict.
+
+    It takes from seconds to minutes, within the problem's time limit for the search. `plan.proved` says whether the
+    plan is certified; one that is not is returned all the same, and says so.
+
+    Args:
+        problem: from `fmopt.load`.
+        progress: told what is being done; `print` will do.
+
+    Raises:
+        InterferenceError: the parts overlap when assembled, or their clearance is not positive.
+        SearchError: no motion was found, which proves nothing.
+        InfeasibleError: no bias force holds the contacts.
+    """
+    from fmopt.synthesis import synthesise
+
+    found = synthesise(problem, progress)
+    return Plan(found.document, found.seconds)
+
+
+def read(path: str | PathLike[str]) -> Plan:
+    """The plan of a file; what it states is not checked, `Plan.verify` does that.
+
+    Raises:
+        ResourceError: the file cannot be read.
+        PlanFormatError: it is no plan of this format.
+    """
+    return Plan(files.read(Path(path)))
+
+
+def _line(segment: Segment) -> dict[str, Any]:
+    ending = segment.hybrid.get("termination", {})
+    names = ("x", "y", "z", "rx", "ry", "rz")
+    poses = {
+        f"{end}_{n}": float(v) for end in ("start", "goal") for n, v in zip(names, segment.record[end], strict=True)
+    }
+    return {
+        "segment": segment.number,
+        "move": segment.move,
+        "state": " ".join(segment.state),
+        "goal_state": " ".join(segment.goal_state),
+        "margin": segment.margin,
+        "clearance": segment.clearance,
+        "binds": segment.binds,
+        "speed": segment.hybrid.get("speed"),
+        "push": segment.hybrid.get("push"),
+        "threshold": ending.get("threshold"),
+        "max_travel": ending.get("max_travel"),
+        "timeout": ending.get("timeout"),
+        **poses,
+    }

@@ -1,0 +1,102 @@
+"""Problems, plans and segments as tables of HTML, for notebooks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+from fmopt.report.moves import summary_rows
+from fmopt.report.moves import verdict as spoken
+from fmopt.report.naming import combination
+from fmopt.report.tables import table
+
+if TYPE_CHECKING:
+    from fmopt.desk.plan import Plan, Segment
+    from fmopt.desk.problem import Problem
+
+_AXES = ("x", "y", "z", "rx", "ry", "rz")
+
+
+def problem_sheet(problem: Problem) -> str:
+    """What a problem asks for, line by line, and its parts."""
+    from fmopt.desk.drawing import show
+    from fmopt.errors import InterferenceError
+
+    try:
+        _, _, *lines = problem.explain().splitlines()
+        rows = [(line[:10].strip(), line[11:]) for line in lines]
+    except InterferenceError as error:
+        rows = [("infeasible", str(error))]
+    said = table(problem.title, ("", ""), rows)
+    return f"<div>{said}{show(problem, 'parts')._repr_html_()}</div>"
+
+
+def plan_sheet(plan: Plan) -> str:
+    """A plan: verdict in words, moves, and the motion in three dimensions."""
+    found = spoken(plan.document)
+    head, *rows = summary_rows(plan.document)
+    margins = [move.margin for move in plan.moves]
+    stated = [margin for margin in margins if margin is not None]
+    worst = margins.index(min(stated)) if stated else -1
+    kinds = "".join("n" if name in ("move", "travel", "turn") or "margin" in name else "." for name in head)
+    moving = plan.scene()._repr_html_() if plan.moves else ""
+    return (
+        f"<div><p><strong>{escape(found.word)}</strong>: {escape(plan.document['problem']['title'])}<br>"
+        f"{escape(found.sentence)}</p>{table('Moves', head, rows, kinds, worst)}{moving}</div>"
+    )
+
+
+def segment_sheet(segment: Segment) -> str:
+    """A segment: where it goes, what it keeps, what it leaves, and how it is controlled."""
+    hybrid, ending = segment.hybrid, segment.hybrid.get("termination", {})
+    rows = [
+        ("from", pose_words(segment.start.vector())),
+        ("to", pose_words(segment.goal.vector())),
+        ("keeps", ", ".join(segment.state) or "nothing"),
+        ("ends with", ", ".join(segment.goal_state) or "nothing"),
+        ("margin", "none stated" if segment.margin is None else f"{1e6 * segment.margin:.2f} µm, {segment.binds}"),
+    ]
+    if hybrid:
+        rows += [
+            ("position axes", "; ".join(combination(axis) for axis in hybrid["position_axes"]) or "none"),
+            ("force axes", "; ".join(combination(axis) for axis in hybrid["force_axes"]) or "none"),
+            ("bias wrench", combination(hybrid["bias_wrench"], "N", "N·m")),
+            ("stops when", f"{combination(ending['wrench'])} reaches {ending['threshold']:.3g}"),
+            ("at most", f"{1e3 * ending['max_travel']:.3g} mm, {ending['timeout']:.3g} s"),
+        ]
+    return f"<div>{table(f'Segment {segment.number}, of move {segment.move}', ('', ''), rows)}</div>"
+
+
+def pose_words(pose: Iterable[float]) -> str:
+    """A pose or error (6,) in words: mm and degrees."""
+    values = [float(value) for value in pose]
+    place = ", ".join(f"{1e3 * value:.4g}" for value in values[:3])
+    turn = ", ".join(f"{math.degrees(value):.4g}" for value in values[3:])
+    return f"({place}) mm, turned by ({turn})°".replace("-", "−")
+
+
+def pose_sheet(pose: Any) -> str:
+    """A pose as a table of its six coordinates."""
+    values = [float(value) for value in pose.vector()]
+    cells = [f"{1e3 * v:.6g} mm" for v in values[:3]] + [f"{math.degrees(v):.6g}°" for v in values[3:]]
+    return table("Pose", ("", *_AXES), [("", *cells)], ".nnnnnn")
+
+
+def freedom_sheet(freedoms: Sequence[Any]) -> str:
+    """S(t): a line for each interval, a column for each axis."""
+    rows = [
+        (f"{i.start:.4g} to {i.end:.4g} s", *(f"{s:+d}" if s in (-1, 1) else str(s) for s in i.s)) for i in freedoms
+    ]
+    return table("S(t): 0 free, ±1 stopped on one side, 2 on both", ("t", *_AXES), rows, ".nnnnnn")
+
+
+def verdict_sheet(verdict: Any) -> str:
+    """The outcome of the independent check, with what stands in its way."""
+    lines = "".join(f"<li>{escape(str(finding))}</li>" for finding in verdict.findings[:20])
+    more = len(verdict.findings) - 20
+    rest = f"<li>and {more} more</li>" if more > 0 else ""
+    first = "" if verdict.margin is None else f", least margin {1e6 * verdict.margin:.2f} µm"
+    listed = f"<ul>{lines}{rest}</ul>" if lines else ""
+    return f"<div><strong>{verdict.verdict}</strong>: {verdict.segments} segments{first}{listed}</div>"

@@ -1,0 +1,130 @@
+"""The stages of `fmopt.solve`, to be called one by one; each takes and gives values, and changes nothing.
+
+>>> problem = fmopt.load(fmopt.example("square_peg"))
+>>> nominal = fmopt.stages.nominal(problem)
+>>> [critical.name for critical in nominal.critical]
+['mouth', 'mid-depth', 'bottom']
+>>> graph = fmopt.stages.contact_graph(problem, nominal.critical[1].pose)
+>>> graph.count()
+{1: 18, 2: 64, 3: 88, 4: 56, 5: 16, 6: 1}
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fmopt.desk.plan import Plan
+from fmopt.geometry.clearance import Clearance, checked_clearance
+from fmopt.se3 import Pose
+from fmopt.task.problem import Problem
+
+if TYPE_CHECKING:
+    from fmopt.contact.graph import ContactGraph
+    from fmopt.contact.primitive import PrimitiveContact
+    from fmopt.synthesis import Moved, Nominal
+    from fmopt.uncertainty.error_set import ErrorSet
+
+Progress = Callable[[str], None]
+
+
+def clearance(problem: Problem) -> Clearance:
+    """The clearance as measured on the parts, m.
+
+    Raises:
+        InterferenceError: the parts overlap when assembled, or their clearance is not positive.
+    """
+    return checked_clearance(problem.moving, problem.fixed, Pose.from_vector(problem.goal), -float(problem.goal[2]))
+
+
+def start_errors(problem: Problem) -> ErrorSet:
+    """The set of start errors (d, δ), m and rad, as it is carried along the motion."""
+    from fmopt.uncertainty.error_set import ErrorSet
+
+    return ErrorSet.from_box(problem.start_box)
+
+
+def nominal(problem: Problem) -> Nominal:
+    """The T-C mapping, [LeeHuang1985] section 4.1: diagrams, P(t) (m, rad), S(t), and the critical poses on the way.
+
+    Raises:
+        InterferenceError: the parts overlap when assembled, or their clearance is not positive.
+    """
+    from fmopt.synthesis import nominal_motion
+
+    return nominal_motion(problem, start_errors(problem), _rho(problem))
+
+
+def near_contacts(problem: Problem, pose: ArrayLike, reach: float | None = None) -> tuple[PrimitiveContact, ...]:
+    """The primitive contacts that can close near a pose, [DakinPopplestone1993] section 2.
+
+    Args:
+        problem: gives the parts.
+        pose: of the moving part, (6,), m and rad.
+        reach: how far off contacts are looked for, m; three clearances when not given.
+    """
+    from fmopt.contact.primitive import near_contacts as near
+
+    at, far = Pose.from_vector(np.asarray(pose, dtype=np.float64)), reach or 3.0 * clearance(problem).per_side
+    return tuple(near(problem.moving.polyhedron, problem.fixed.polyhedron, at, far, far / _rho(problem)))
+
+
+def contact_graph(problem: Problem, pose: ArrayLike, reach: float | None = None) -> ContactGraph:
+    """All contact states near a pose, in the linear picture, [DakinPopplestone1993] sections 2 and 3.
+
+    Args:
+        problem: gives the parts.
+        pose: of the moving part, (6,), m and rad.
+        reach: how far off contacts are looked for, m; three clearances when not given.
+
+    Raises:
+        InfeasibleError: the contacts violate each other there.
+    """
+    from fmopt.contact.graph import contact_graph as graph
+    from fmopt.contact.space import faces, local_space
+
+    contacts = near_contacts(problem, pose, reach)
+    at = Pose.from_vector(np.asarray(pose, dtype=np.float64))
+    moving, fixed = problem.moving.polyhedron, problem.fixed.polyhedron
+    space = local_space(contacts, moving, fixed, at, clearance(problem).per_side, _rho(problem))
+    return graph(space, faces(space))
+
+
+def motion(problem: Problem, progress: Progress = lambda _: None) -> Moved:
+    """The search for a sequence of contact states and the placement of its goal poses; takes seconds to minutes.
+
+    Args:
+        problem: the task.
+        progress: told what is being done.
+
+    Raises:
+        InterferenceError: the parts overlap when assembled, or their clearance is not positive.
+        SearchError: no motion was found, which proves nothing.
+    """
+    from fmopt.synthesis import moved
+
+    return moved(problem, lambda _: None, progress)
+
+
+def plan(problem: Problem, found: Moved, progress: Progress = lambda _: None) -> Plan:
+    """The plan of a motion: contact states on the way, control strategies, position/force trajectory, and the check.
+
+    Args:
+        problem: the task.
+        found: its motion.
+        progress: told what is being done.
+
+    Raises:
+        InfeasibleError: no bias force holds the contacts.
+    """
+    from fmopt.synthesis import planned
+
+    document, _ = planned(problem, found, lambda _: None, progress)
+    return Plan(document)
+
+
+def _rho(problem: Problem) -> float:
+    return problem.settings.characteristic_length or clearance(problem).half_diagonal

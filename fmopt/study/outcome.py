@@ -1,0 +1,130 @@
+"""A study from Python: carried out, or as far as it is, with its table, its figures and its report."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from html import escape
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fmopt.study import table
+from fmopt.study.store import Scalar
+
+if TYPE_CHECKING:
+    import polars
+
+    from fmopt.study.view import View
+
+_SHOWN = 12  # lines of the table that a notebook shows
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What a study's folder holds, read when it is first asked for.
+
+    Args:
+        folder: with the store, the table and, once written, the report.
+    """
+
+    folder: Path
+
+    @cached_property
+    def results(self) -> table.Results:
+        """Axes, columns and lines, SI units.
+
+        Raises:
+            InputError: there is no study in this folder.
+        """
+        return table.results(self.folder)
+
+    @property
+    def lines(self) -> Sequence[Mapping[str, Scalar]]:
+        """A mapping from column to value for each run, in the order of the design, SI units."""
+        return self.results.lines
+
+    def frame(self) -> polars.DataFrame:
+        """The table as a data frame, SI units.
+
+        Raises:
+            ResourceError: polars, of the extra `frame`, is not installed.
+        """
+        return table.frame(self.results)
+
+    @cached_property
+    def figures(self) -> Mapping[str, tuple[str, str]]:
+        """The figures by name: what each shows, and its SVG."""
+        from fmopt.study.figures import figures
+
+        return figures(self._view)
+
+    def report(self) -> tuple[Path, ...]:
+        """Writes report, table and, with polars, Parquet beside the results, and names the files.
+
+        Raises:
+            ResourceError: a file cannot be written.
+        """
+        from fmopt.study.command import report
+
+        return tuple(report(self.folder))
+
+    @cached_property
+    def _view(self) -> View:
+        from fmopt.study.view import View
+
+        return View(self.results)
+
+    def __repr__(self) -> str:
+        done = sum(line["outcome"] is not None for line in self.lines)
+        return f"<fmopt study in {self.folder}: {done} of {len(self.lines)} runs done>"
+
+    def _repr_html_(self) -> str:
+        from fmopt.report.tables import table as as_table
+
+        columns = self.results.columns
+        rows = [[_cell(line.get(name)) for name in columns] for line in self.lines[:_SHOWN]]
+        more = len(self.lines) - _SHOWN
+        said = as_table(f"{self.folder}" + (f", {more} runs more" if more > 0 else ""), columns, rows)
+        drawn = "".join(
+            f'<figure><img alt="{escape(words)}" src="data:image/svg+xml;base64,{b64encode(svg.encode()).decode()}">'
+            f"<figcaption>{escape(words)}</figcaption></figure>"
+            for words, svg in self.figures.values()
+        )
+        return f"<div>{said}{drawn}</div>"
+
+
+def study(
+    file: str | PathLike[str],
+    out: str | PathLike[str] | None = None,
+    *,
+    jobs: int | None = None,
+    limit: int | None = None,
+    retry_failed: bool = False,
+    cluster: str | None = None,
+) -> Outcome:
+    """Starts a study or goes on with it, and gives its results; as `fmopt.study(…)`.
+
+    Args:
+        file: study file (TOML).
+        out: folder for the results; out/<study> when not given. What is done there already is not done again.
+        jobs: processes; as many as there are processors when not given.
+        limit: runs to do at most now.
+        retry_failed: whether runs that failed are done again.
+        cluster: address of a Dask scheduler.
+
+    Raises:
+        InputError: the file cannot be used.
+        ResourceError: the folder, the workers or the cluster cannot be had.
+    """
+    from fmopt.study.command import Asked, carry_out
+
+    folder = Path(out) if out is not None else Path("out") / Path(file).stem
+    carry_out(Path(file), folder, Asked(jobs, limit, retry_failed, cluster), lambda _: None)
+    return Outcome(folder)
+
+
+def _cell(value: Scalar) -> str:
+    return "" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value)
