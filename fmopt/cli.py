@@ -15,6 +15,7 @@ from fmopt import __version__
 from fmopt.errors import FmoptError, InputError, InterferenceError, PlanFormatError, ResourceError
 
 _DATA = ("interference", "place", "shortfall", "feature", "rule")  # what errors carry beside their words
+STDIN = Path("-")
 EXIT = {"CERTIFIED": 0, "REFUTED": 1, "NOT_PROVED": 3}
 
 app = typer.Typer(
@@ -47,7 +48,7 @@ def _options(
 
 @app.command(epilog="Example: fmopt solve problems/square_peg.toml --report")
 def solve(
-    file: Annotated[Path, typer.Argument(help="Problem file (TOML).")],
+    file: Annotated[Path, typer.Argument(help="Problem file (TOML); - for standard input.")],
     out: Annotated[Path | None, typer.Option("--out", help="Folder for the results; default: out/<problem>.")] = None,
     report: Annotated[bool, typer.Option("--report", help="Write report.html and its figures, too.")] = False,
     as_json: Json = False,
@@ -59,7 +60,7 @@ def solve(
     from fmopt.synthesis import synthesise
     from fmopt.task.problem import load
 
-    folder = out if out is not None else Path("out") / file.stem
+    folder = out if out is not None else Path("out") / ("stdin" if file == STDIN else file.stem)
     problem = load(file)
     plan.prepare(folder)
     with Stages(quiet or as_json) as stages:
@@ -78,7 +79,7 @@ def solve(
 
 @app.command(epilog="Example: fmopt verify out/square_peg/plan.json --problem problems/square_peg.toml")
 def verify(
-    file: Annotated[Path, typer.Argument(help="Plan file (JSON).")],
+    file: Annotated[Path, typer.Argument(help="Plan file (JSON); - for standard input.")],
     problem: Annotated[Path | None, typer.Option(help="Problem file that the plan must belong to.")] = None,
     as_json: Json = False,
     quiet: Quiet = False,
@@ -86,7 +87,7 @@ def verify(
     """Check a plan's certificate from its own geometry, in exact arithmetic, without the planner."""
     from fmopt import verify as independent
 
-    if not file.is_file():
+    if file != STDIN and not file.is_file():
         what = "is no file" if file.exists() else "no such file"
         raise ResourceError(f"{file}: {what}", "give the plan.json of a solved problem")
     try:
@@ -111,7 +112,7 @@ def verify(
 
 @app.command(epilog="Example: fmopt check problems/square_peg.toml")
 def check(
-    file: Annotated[Path, typer.Argument(help="Problem or assembly file (TOML).")],
+    file: Annotated[Path, typer.Argument(help="Problem or assembly file (TOML); - for standard input.")],
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -145,7 +146,7 @@ def _check_assembly(file: Path, as_json: bool, quiet: bool) -> None:
 
 @app.command(epilog="Example: fmopt export plan.json --to urscript --base 0.4 -0.1 0.2 0 3.14159 0")
 def export(
-    file: Annotated[Path, typer.Argument(help="Plan file (JSON).")],
+    file: Annotated[Path, typer.Argument(help="Plan file (JSON); - for standard input.")],
     to: Annotated[str, typer.Option("--to", help="urscript, ros2, csv or json.")],
     out: Annotated[Path | None, typer.Option("--out", help="File; for ros2 a folder.")] = None,
     base: Annotated[
@@ -168,6 +169,55 @@ def export(
     elif not quiet:
         for path in written:
             typer.echo(str(path))
+
+
+@app.command(epilog="Examples: fmopt show models/square_peg.toml; fmopt show out/square_peg/plan.json --what states")
+def show(
+    file: Annotated[Path, typer.Argument(help="Plan (JSON; or -), problem, model or assembly (TOML).")],
+    what: Annotated[
+        str | None, typer.Option("--what", help="Which drawing; default: the first that --list has.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="File .svg, .png or .html, or - for standard output.")
+    ] = None,
+    listing: Annotated[bool, typer.Option("--list", help="Say which drawings there are, and draw nothing.")] = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Draw models, cut-diagrams, contact states, plans: as SVG or PNG, or as a page that turns and plays offline."""
+    from fmopt.desk.gallery import draw, gallery
+
+    if listing:
+        found = {name: drawing.title for name, drawing in gallery(file).items()}
+        typer.echo(json.dumps(found) if as_json else "\n".join(f"{name:<12} {title}" for name, title in found.items()))
+        return
+    drawn = draw(file, what, out)
+    if isinstance(drawn, bytes):
+        typer.echo(drawn, nl=False)
+    elif as_json:
+        typer.echo(json.dumps({"written": [str(drawn)]}))
+    elif not quiet:
+        typer.echo(f"wrote {drawn}")
+
+
+@app.command(epilog="Example: fmopt examples --out trial, then fmopt check trial/problems/square_peg.toml")
+def examples(
+    out: Annotated[Path | None, typer.Option("--out", help="Folder that gets problems/ and models/.")] = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Copy the shipped problems and models into a folder; without --out, say which there are."""
+    from fmopt.desk import shipped
+
+    if out is None:
+        names = shipped.examples()
+        typer.echo(json.dumps({"examples": names}) if as_json else "\n".join(names))
+        return
+    written = shipped.copy_examples(out)
+    if as_json:
+        typer.echo(json.dumps({"written": [str(path) for path in written]}))
+    elif not quiet:
+        typer.echo(f"wrote {len(written)} files to {out}")
 
 
 @app.command(epilog="Example: fmopt schema problem > problem.schema.json")

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -110,14 +111,14 @@ def save(content: bytes, path: Path) -> None:
 
 
 def read(path: Path) -> dict[str, Any]:
-    """Reads a plan file.
+    """Reads a plan file, "-" for standard input.
 
     Raises:
         ResourceError: the file cannot be read.
         PlanFormatError: it is no plan of this format.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = sys.stdin.read() if path == Path("-") else path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         raise PlanFormatError(f"{path}: not UTF-8 text", "a plan is a JSON file that fmopt wrote") from error
     except OSError as error:

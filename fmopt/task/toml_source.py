@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import re
 import stat
+import sys
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from fmopt.errors import Fault, InputError
 
@@ -89,12 +91,23 @@ def _shown(text: str) -> str:
     return text.encode("unicode_escape").decode("ascii").replace('"', '\\"')[:60]
 
 
+@lru_cache(maxsize=1)
+def _whole(stream: TextIO) -> bytes:
+    """What comes in, up to what is too much; it comes once, and may be asked for again."""
+    return stream.buffer.read(MAX_BYTES + 1)
+
+
 def read_bytes(path: Path, cited: Place, limit: int) -> bytes:
-    """The bytes of a regular file of at most `limit` bytes; `cited` is where its name is written.
+    """The bytes of a regular file, or "-" standard input, of at most `limit` bytes; `cited` is where its name stands.
 
     Raises:
         InputError: no such file, no regular file, no permission, too large, or a name no file can have.
     """
+    if path == Path("-"):
+        content = _whole(sys.stdin)
+        if len(content) > limit:
+            raise InputError(cited.fault("file-size", f"more than {limit} bytes come in", "name a smaller file"))
+        return content
     try:
         status = path.stat()
         if not stat.S_ISREG(status.st_mode):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -186,13 +187,13 @@ class Plan:
 
 
 def load(path: str | Path) -> dict[str, Any]:
-    """Reads a plan file; special numbers and repeated keys are refused.
+    """Reads a plan file, "-" for standard input; special numbers and repeated keys are refused.
 
     Raises:
         PlanError: the file cannot be read, or is no JSON object.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        text = sys.stdin.read() if str(path) == "-" else Path(path).read_text(encoding="utf-8")
         document = json.loads(text, parse_constant=_no_constant, object_pairs_hook=_no_repetition)
     except PlanError:
         raise

@@ -1,0 +1,103 @@
+"""What `fmopt show` draws of a file: of a plan, a problem, a model, or the tasks of an assembly."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fmopt.desk.drawing import SUFFIXES, Drawing, drawings
+from fmopt.errors import InputError, ResourceError
+from fmopt.task.toml_source import Source, read
+
+if TYPE_CHECKING:
+    from fmopt.geometry.part import Part
+    from fmopt.knowledge.command import Answer
+
+STDIO = Path("-")  # standard input or output
+_RHO = 0.01  # m: an assembly states no errors, so that the characteristic length plays no part
+
+
+def gallery(file: Path) -> Mapping[str, Drawing]:
+    """The drawings that there are of a file, by name; none is made before it is asked for.
+
+    Args:
+        file: a plan (JSON; "-" for standard input), or a problem, model or assembly (TOML).
+
+    Raises:
+        FmoptError: the file cannot be read, or is none of these.
+    """
+    if file == STDIO or file.suffix.lower() == ".json":
+        from fmopt.desk.plan import read as read_plan
+
+        return drawings(read_plan(file))
+    source = read(file)
+    if {"objects", "tasks"} & set(source.data):
+        return _tasks(file)
+    if {"features", "solids", "mesh", "profile"} & set(source.data) and "moving" not in source.data:
+        return drawings(_part(source))
+    from fmopt.desk.problem import load
+
+    return drawings(load(file))
+
+
+def draw(file: Path, what: str | None, out: Path | None) -> bytes | Path:
+    """Draws a file.
+
+    Args:
+        file: see `gallery`.
+        what: name of the drawing; the first when not given.
+        out: file whose ending says the format; "-" for SVG, or HTML of what moves, as bytes; None for a file named
+            after both in the current folder.
+
+    Returns:
+        The file that was written, or the bytes.
+
+    Raises:
+        FmoptError: the file cannot be read or drawn, or the drawing not be written.
+    """
+    found = gallery(file)
+    name = what or next(iter(found))
+    if name not in found:
+        raise ResourceError(f"{file}: no drawing {name!r} of it", f"choose from {', '.join(found)}")
+    drawing = found[name]
+    if out == STDIO:
+        return (drawing.html() if drawing.paint is None else drawing.svg()).encode()
+    stem = "plan" if file == STDIO else file.stem
+    suffix = SUFFIXES[2] if drawing.paint is None else SUFFIXES[0]
+    return drawing.save(out if out is not None else Path(f"{stem}-{name}{suffix}"))
+
+
+def _part(source: Source) -> Part:
+    from fmopt.task.model import load_model
+    from fmopt.task.tree import build_part
+
+    model, faults = load_model(source.path, source.place(()), {})
+    if model is None:
+        raise InputError(*faults)
+    return build_part(model.source, model.file)
+
+
+def _tasks(file: Path) -> dict[str, Drawing]:
+    """The cut-diagrams of each task, without the errors, which an assembly does not state."""
+    from fmopt.report import diagram_view
+    from fmopt.task.assembly import carried_out, load_assembly
+
+    size = diagram_view.size({"diagnostics": {"diagrams": ("x–z", "y–z", "x–y")}})
+    found = {}
+    for step in carried_out(load_assembly(file)):
+        task = step.answer.task
+        title = f"{step.name}: {task.moving} into {task.fixed}, cut-diagrams without errors"
+        found[step.name] = Drawing(step.name, title, title, size, paint=partial(_paint_task, step.answer))
+    return found
+
+
+def _paint_task(found: Answer, sheet: Any) -> None:
+    from fmopt.nominal.diagram_record import records
+    from fmopt.nominal.mapping import answered
+    from fmopt.report import diagram_view
+
+    mapping = answered(found, [0.0] * 6, _RHO)
+    drawn = records(mapping, float(-mapping.path.nodes[-1, 2]) or _RHO)
+    diagram_view.paint({"diagnostics": {"diagrams": drawn}}, sheet)
