@@ -1,4 +1,4 @@
-"""The command line: `fmopt solve`, `verify`, `check`, `export`, `study`, `schema`; heavy imports wait for a need."""
+"""The command line: `fmopt solve`, `verify`, `check`, `execute`, `export`, `study`, `schema`; heavy imports wait."""
 
 from __future__ import annotations
 
@@ -218,6 +218,36 @@ def examples(
         typer.echo(json.dumps({"written": [str(path) for path in written]}))
     elif not quiet:
         typer.echo(f"wrote {len(written)} files to {out}")
+
+
+@app.command(epilog="Example: fmopt execute out/square_peg/plan.json --trials 1000 --seed 0")
+def execute(
+    file: Annotated[Path, typer.Argument(help="Plan file (JSON).")],
+    trials: Annotated[int, typer.Option("--trials", min=0, help="With errors inside the certified set.")] = 100,
+    beyond: Annotated[int, typer.Option("--beyond", min=0, help="With errors of one to two times the set.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of all that is drawn.")] = 0,
+    friction: Annotated[float | None, typer.Option("--friction", min=0, help="Default: the plan's bound.")] = None,
+    time_step: Annotated[float, typer.Option("--time-step", help="Of the physics, s.")] = 0.0005,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder; default: trials beside the plan.")] = None,
+    workers: Annotated[int | None, typer.Option("--workers", min=1, help="Processes; default: one a core.")] = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Carry a plan out in a physics engine, under sampled errors (extra sim)."""
+    from fmopt.console import Trials as Progress
+    from fmopt.execution.execute import execute as run
+    from fmopt.execution.summary import lines
+    from fmopt.execution.trials import Trials
+
+    wanted = Trials(trials, beyond, seed=seed, time_step=time_step, friction=friction)
+    folder = out if out is not None else file.parent / "trials"
+    with Progress(trials + beyond, quiet or as_json) as progress:
+        found = run(file, wanted, folder, workers, progress.advance)
+    if as_json:
+        typer.echo(json.dumps(found))
+    elif not quiet:
+        for line in lines(found):
+            typer.echo(line)
 
 
 @app.command(epilog="Example: fmopt schema problem > problem.schema.json")

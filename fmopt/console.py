@@ -84,6 +84,35 @@ def duration(seconds: float) -> str:
     return f"{seconds:.3g} s"
 
 
+class Trials:
+    """Progress of trials: a bar on a terminal.
+
+    Args:
+        total: trials in all.
+        silent: show nothing.
+    """
+
+    def __init__(self, total: int, silent: bool) -> None:
+        from rich.progress import Progress
+
+        console = Console(stderr=True)
+        self._bar = Progress(console=console, disable=silent or not console.is_terminal)
+        self._task = self._bar.add_task("trials", total=total)
+
+    def __enter__(self) -> Trials:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bar.stop()
+
+    def advance(self, done: int) -> None:
+        """So many more trials are done."""
+        self._bar.advance(self._task, done)
+
+
 def print_solved(document: dict[str, Any], verdict: Any, folder: Path, report: bool) -> None:
     """Prints the outcome of `fmopt solve`."""
     from fmopt.report.moves import summary_rows

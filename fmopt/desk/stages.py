@@ -25,7 +25,7 @@ from fmopt.task.problem import Problem
 if TYPE_CHECKING:
     from fmopt.contact.graph import ContactGraph
     from fmopt.contact.primitive import PrimitiveContact
-    from fmopt.synthesis import Moved, Nominal
+    from fmopt.plan_record import Moved, Nominal
     from fmopt.uncertainty.error_set import ErrorSet
 
 Progress = Callable[[str], None]

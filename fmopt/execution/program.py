@@ -15,6 +15,7 @@ from fmopt.se3 import Pose
 from fmopt.values import Array, Value, frozen
 
 DONE, FAILED = -1, -2
+_LATE = 2.0  # durations that a piece of a move may take, as the plan gives its last
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,14 +28,17 @@ class Step(Value):
         frame: compliance frame, turned as in B, its origin from the moving frame's, axes of B; it goes with the part.
         position: projector (6, 6) of twists in the frame's coordinates onto the position-controlled ones.
         twist: (6,) of the moving frame's origin in axes of B, m/s and rad/s.
-        hold: wrenches (2, 6) to apply at the start and at the end of its duration, in the frame's coordinates.
-        duration: s for which the twist is run.
-        timeout: s; at least the duration.
-        gain, force: stop when gain · reaction ≥ force and the part stands still; infinite for no such stop.
+        hold: wrenches (2, 6) to apply at the start and at the end of its travel, in the frame's coordinates.
+        rubbing: wrench (6,) of friction of coefficient 1 on the held contacts, in the frame's coordinates; 0 for none.
+        travel: way along the twist, m in the metric of ρ, for which it is run.
+        timeout: s since the move began after which the step ends, wherever it is.
+        due: way from which on the contact may be felt, as `travel`.
+        gain, force: stop when gain · reaction ≥ force, N; infinite for no such stop.
         deep: stop when the part's reference point is below this z in B, m; −infinite for no such stop.
         push: limit of the servo along the twist, N in the metric of ρ.
         soft: stiffness of position axes, as a share of the robot's.
-        on_stop, on_end: index of the next step when it stops, and when its time is used up; DONE or FAILED.
+        on_stop, on_end, on_late: index of the next step when it stops, when its travel and when its time is used up;
+            DONE or FAILED.
     """
 
     name: str
@@ -43,11 +47,14 @@ class Step(Value):
     position: Array
     twist: Array
     hold: Array
-    duration: float
+    travel: float
     timeout: float
     push: float
     on_stop: int
     on_end: int
+    on_late: int = FAILED
+    due: float = 0.0
+    rubbing: Array = field(default_factory=lambda: np.zeros(6))
     gain: Array = field(default_factory=lambda: np.zeros(6))
     force: float = np.inf
     deep: float = -np.inf
@@ -56,7 +63,7 @@ class Step(Value):
     def __post_init__(self) -> None:
         object.__setattr__(self, "position", frozen(self.position, 6, 6, name="position axes"))
         object.__setattr__(self, "hold", frozen(self.hold, 2, 6, name="holding wrenches"))
-        for name in ("twist", "gain"):
+        for name in ("twist", "gain", "rubbing"):
             object.__setattr__(self, name, frozen(getattr(self, name), 6, name=name))
 
 
@@ -70,6 +77,7 @@ class Program(Value):
         rho: characteristic length, m.
         speed: m/s, to which the shares of the velocity error refer.
         steps: in order.
+        friction: greatest coefficient that the servo makes up for.
         limits: greatest force (N) and torque (N·m) of the servo.
     """
 
@@ -78,6 +86,7 @@ class Program(Value):
     rho: float
     speed: float
     steps: tuple[Step, ...]
+    friction: float
     limits: tuple[float, float]
 
 
@@ -98,22 +107,25 @@ def planned(document: Mapping[str, Any], robot: Robot) -> Program:
     try:
         specification, rho = document["specification"], float(document["uncertainty"]["rho"])
         limits = float(specification["contact_force"]), float(specification["torque_limit"])
-        speed = float(specification["speed"])
+        speed, friction = float(specification["speed"]), float(specification["friction"])
         pushes = [float(row["hybrid"]["push"]) for row in document["segments"]]
     except (KeyError, TypeError, ValueError) as error:
         raise PlanFormatError(f"the plan cannot be run: {type(error).__name__}: {error}") from error
     pushes = [robot.surplus * push if move.stop else limits[0] for push, move in zip(pushes, rows, strict=True)]
-    steps = [_step(rows, i, rho, pushes[i], robot) for i in range(len(rows))]
-    return Program("plan", rows[0].start, rho, speed, tuple(steps), limits)
+    steps: list[Step] = []
+    for i, row in enumerate(rows):
+        spent = steps[-1].timeout if i and rows[i - 1].number == row.number else 0.0
+        steps.append(_step(rows, i, rho, pushes[i], spent, robot))
+    return Program("plan", rows[0].start, rho, speed, tuple(steps), friction, limits)
 
 
-def _step(rows: Sequence[Move], index: int, rho: float, push: float, robot: Robot) -> Step:
+def _step(rows: Sequence[Move], index: int, rho: float, push: float, spent: float, robot: Robot) -> Step:
+    """A segment's step; `spent` is the time that the pieces of its move before it have, s."""
     move, following = rows[index], index + 1 if index + 1 < len(rows) else DONE
     beyond = next((k for k in range(index, len(rows)) if rows[k].number != move.number), DONE)
     scale = np.array([1.0, 1.0, 1.0, rho, rho, rho])
     A = move.position_axes
     pace = min(1.0, robot.turning / max(float(np.linalg.norm(move.twist[3:])), 1e-9))
-    duration = move.duration / pace
     common = (
         f"segment {move.segment}",
         move.number,
@@ -122,13 +134,18 @@ def _step(rows: Sequence[Move], index: int, rho: float, push: float, robot: Robo
         pace * move.twist,
         to_frame(move.frame, np.stack([move.hold_start, move.hold]), move.goal.p),
     )
-    stop = move.stop
+    stop, timeout = move.stop, spent + _LATE * move.duration / pace
+    rubbing = to_frame(move.frame, move.rubbing, move.goal.p)
     if stop is None:
-        return Step(*common, duration, duration, push, following, following)
-    speed = pace * float(np.linalg.norm(move.twist * scale))
-    travel, timeout = (stop.max_travel / speed, stop.timeout / pace) if move.last else (duration, duration)
-    missed = FAILED if move.last else following
-    return Step(*common, travel, timeout, push, beyond, missed, stop.gain, stop.force)
+        return Step(*common, move.length, timeout, push, following, following, rubbing=rubbing)
+    ahead = [row.length for row in rows[index:] if row.number == move.number]
+    last = rows[index + len(ahead) - 1]
+    assert last.stop is not None
+    due = sum(ahead) - (last.stop.max_travel - last.length)
+    felt = (due, rubbing, stop.gain, stop.threshold + robot.alert * (stop.force - stop.threshold))
+    if not move.last:
+        return Step(*common, move.length, timeout, push, beyond, following, FAILED, *felt)
+    return Step(*common, stop.max_travel, spent + stop.timeout / pace, push, beyond, FAILED, FAILED, *felt)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,21 +156,32 @@ class Table(Value):
     origin: Array
     position: Array
     twist: Array
+    speed: Array
     hold: Array
+    rubbing: Array
     gain: Array
     numbers: Array
 
     @staticmethod
     def of(program: Program) -> Table:
-        """Columns of `numbers`: duration, time-out, force, deep, push, soft, on_stop, on_end, move."""
-        steps = program.steps
-        numbers = [[s.duration, s.timeout, s.force, s.deep, s.push, s.soft, s.on_stop, s.on_end, s.move] for s in steps]
+        """Speeds are in the metric of ρ.
+
+        Columns of `numbers`: travel, time-out, due, force, deep, push, soft, on_stop, on_end, on_late, move.
+        """
+        steps, rho = program.steps, program.rho
+        scale = np.array([1.0, 1.0, 1.0, rho, rho, rho])
+        numbers = [
+            (s.travel, s.timeout, s.due, s.force, s.deep, s.push, s.soft, s.on_stop, s.on_end, s.on_late, s.move)
+            for s in steps
+        ]
         return Table(
             np.stack([s.frame.R for s in steps]),
             np.stack([s.frame.p for s in steps]),
             np.stack([s.position for s in steps]),
             np.stack([s.twist for s in steps]),
+            np.array([float(np.linalg.norm(s.twist * scale)) for s in steps]),
             np.stack([s.hold for s in steps]),
+            np.stack([s.rubbing for s in steps]),
             np.stack([s.gain for s in steps]),
             np.array(numbers),
         )

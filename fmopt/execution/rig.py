@@ -3,8 +3,10 @@
 In the compliance frame of its step, each body is led by a reference pose. On the position-controlled axes the reference
 runs along the twist of the step; a spring and a damper pull the part after it, and the push along the motion is limited
 to a little more than the plan's, so that a part that a contact stops is not pried off the contacts that it holds; the
-lead is cut back with the push. On the force-controlled axes the reference gives way to what is missing of the holding
-wrench, slowly on the way and quickly while the part settles before each move.
+lead is cut back with the push. Where the part hardly moves and feels no contact, friction holds it, as normal forces
+lie elsewhere than planned: then the push grows until the part moves or feels the contact. On the force-controlled axes
+the reference gives way to what is missing of the holding wrench, slowly on the way and quickly while the part settles
+before each move; the friction there, which would turn the part off what it holds, is made up for.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ from fmopt.execution.rotation import between, from_quaternions, hats, product, q
 from fmopt.execution.scene import CONTACTS, FIELDS
 from fmopt.values import Array
 
-DURATION, TIMEOUT, FORCE, DEEP, PUSH, SOFT, ON_STOP, ON_END, MOVE = range(9)
+TRAVEL, TIMEOUT, DUE, FORCE, DEEP, PUSH, SOFT, ON_STOP, ON_END, ON_LATE, MOVE = range(11)
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
@@ -33,28 +35,35 @@ class State:
     Args:
         step: index of the step, DONE or FAILED.
         shown: index of the step, at the end the last one, which goes on without its twist.
-        elapsed, moving: s in the step and in the move.
+        gone: way along the twist of the step, m in the metric of ρ.
+        moving: s in the move.
         reference: position (n, 3) and quaternion (n, 4) that the servo leads to.
         filtered: reaction (n, 6) after the filter, about the part's reference point, axes of B.
         tare: reaction (n, 6) beyond the expected one when the move began.
-        felt, stalled: samples in a row that said the contact is felt, and that the part stands against the push.
+        sensed: mean of the last force of the new contacts, N.
+        felt, stalled: samples in a row that said the contact is felt, and that the part stands at the greatest push.
+        friction: coefficient (n,) that the reaction against the motion tells of.
+        effort: push in pushes of the step; it grows while the part stands and no contact is felt.
     """
 
     step: Ints
     shown: Ints
-    elapsed: Array
+    gone: Array
     moving: Array
     p: Array
     q: Array
     filtered: Array
     tare: Array
+    sensed: Array
     felt: Ints
     stalled: Ints
+    effort: Array
+    friction: Array
 
 
 @dataclass(frozen=True)
 class Event:
-    """Body `body` left step `step` at `time`, s, because it stopped or because its time was used up."""
+    """Body `body` left step `step` at `time`, s, because it stopped or because its travel or time was used up."""
 
     body: int
     step: int
@@ -95,7 +104,8 @@ class Rig:
         p, q = starts
         whole, six = zero(n, np.int64), zero((n, 6))
         self.state = State(
-            whole, whole.copy(), zero(n), zero(n), p.copy(), q.copy(), six, six.copy(), whole.copy(), whole.copy()
+            *(whole, whole.copy(), zero(n), zero(n), p.copy(), q.copy(), six, six.copy(), zero(n)),
+            *(whole.copy(), whole.copy(), np.ones(n), zero(n)),
         )
 
     @property
@@ -110,8 +120,7 @@ class Rig:
 
     def tick(self) -> list[Event]:
         """One period: servo, physics, sensor, decisions."""
-        state = self.state
-        here = state.shown
+        here, before = self.state.shown, self.qpos.copy()
         wrench = self._servo(here)
         R = from_quaternions(self.qpos[:, 3:])
         self.applied[:, :3] = wrench[:, :3]
@@ -122,31 +131,32 @@ class Rig:
             np.maximum(self.depth, -distance.min(axis=1), out=self.depth)
         self.time += self.robot.period
         self._sense()
-        return self._decide(here)
+        return self._decide(here, self._gone(here, before))
 
     def _servo(self, here: Ints) -> Array:
         """Applied wrench (n, 6) about the reference points, axes of B; moves the reference poses on."""
         state, table, robot = self.state, self.table, self.robot
         R, origin, P = table.rotation[here], table.origin[here], table.position[here]
         numbers = table.numbers[here]
-        running = (state.step >= 0) & (state.elapsed < numbers[:, DURATION]) & (state.moving >= 0.0)
+        running = (state.step >= 0) & (state.gone < numbers[:, TRAVEL]) & (state.moving >= 0.0)
         move = numbers[:, MOVE].astype(np.int64)
         twist = np.where(running[:, None], table.twist[here] + self.drift[move, np.arange(self.n)], 0.0)
         A = _adjoint(R, origin)
         lead = np.hstack([state.p - self.qpos[:, :3], between(state.q, self.qpos[:, 3:])])
         error, wanted, actual = _through(A, lead), _through(P, _through(A, twist)), _through(A, self._velocity())
         led, going = _through(P, error), _through(P, actual)
-        share = np.clip(state.elapsed / numbers[:, DURATION], 0.0, 1.0)[:, None]
+        share = np.clip(state.gone / numbers[:, TRAVEL], 0.0, 1.0)[:, None]
         hold = (1.0 - share) * table.hold[here, 0] + share * table.hold[here, 1]
-        giving = self._giving(A, P, hold)
+        rubbed = self._rubbed(A, P, wanted)
+        giving = self._giving(A, P, hold - rubbed)
         K = np.repeat(robot.stiffnesses, 3) * numbers[:, SOFT, None]
         D = np.repeat(robot.dampings, 3) * np.sqrt(numbers[:, SOFT, None])
-        limit = numbers[:, PUSH] + np.where(
+        limit = np.minimum(numbers[:, PUSH] * state.effort, self.program.limits[0]) + np.where(
             state.moving < robot.starting, robot.mass * self.program.speed / robot.haste, 0.0
         )
         push = self._limited(K * led + D * (wanted - going), wanted, limit)
         kept = self._cut(K * (error - led))
-        press = kept + D * (giving - actual + going)
+        press = kept + D * (giving - actual + going) - rubbed
         lead = (push - D * (wanted - going) + kept) / K
         self._lead(A, lead + (wanted + giving) * robot.period)
         self.held = _through(np.swapaxes(A, 1, 2), hold)
@@ -161,6 +171,22 @@ class Rig:
         robot = self.robot
         given = missing / np.where(settling, np.repeat(robot.settled, 3), np.repeat(robot.resistances, 3))
         return np.asarray(given - _through(P, given))
+
+    def _rubbed(self, A: Array, P: Array, wanted: Array) -> Array:
+        """Wrenches (n, 6) of friction on force-controlled axes, by the coefficient that the way there tells of.
+
+        Along the motion nothing but friction resists before the new contact, so that the power of the reaction along
+        the twist, as a share of that of friction of coefficient 1, is the coefficient.
+        """
+        state, robot = self.state, self.robot
+        rubbing = self.table.rubbing[state.shown]
+        power = np.sum(rubbing * wanted, axis=1)
+        felt = np.linalg.solve(np.swapaxes(A, 1, 2), state.filtered[..., None])[..., 0]
+        told = np.sum(felt * wanted, axis=1) / np.minimum(power, -1e-9)
+        told = np.where(power < -1e-9, np.clip(told, 0.0, self.program.friction), 0.0)
+        state.friction += robot.period / robot.learning * (told - state.friction)
+        rubbed = state.friction[:, None] * rubbing
+        return np.asarray(rubbed - _through(np.swapaxes(P, 1, 2), rubbed))
 
     def _velocity(self) -> Array:
         """Twists (n, 6) of the reference points, axes of B; the engine turns in body axes."""
@@ -199,48 +225,54 @@ class Rig:
         raw = raw + self.noise() * np.repeat(self.robot.noise, 3)
         self.state.filtered += self.robot.smoothing * (raw - self.state.filtered)
 
-    def _decide(self, here: Ints) -> list[Event]:
+    def _decide(self, here: Ints, way: Array) -> list[Event]:
         """Felt, deep or late: bodies that leave their step, and where they go."""
         state, numbers = self.state, self.table.numbers[here]
         running = self.running
-        state.elapsed += np.where(state.moving >= 0.0, self.robot.period, 0.0)
-        state.moving += self.robot.period
-        extra = state.filtered + self.held
-        follow = np.where(state.moving > self.robot.starting, self.robot.period / self.robot.memory, 1.0)
+        extra, robot = state.filtered + self.held, self.robot
+        state.gone += np.where(state.moving >= 0.0, way, 0.0)
+        share = way / np.maximum(self.table.speed[here] * robot.period, 1e-12)
+        state.moving += robot.period
+        going = state.moving > robot.starting
+        guarded = going & np.isfinite(numbers[:, FORCE])
+        slow, due = guarded & (share <= robot.slow), guarded & (state.gone >= numbers[:, DUE])
+        follow = np.where(going, np.where(slow, 0.0, robot.period / robot.memory), 1.0)
         state.tare += follow[:, None] * (extra - state.tare)
-        pressed = np.sum(self.table.gain[here] * (extra - state.tare), axis=1) >= numbers[:, FORCE]
-        going = state.moving > self.robot.starting
-        state.felt = np.where(pressed & going, state.felt + 1, 0)
-        state.stalled = np.where(self._stalled(here) & going, state.stalled + 1, 0)
+        force = np.sum(self.table.gain[here] * (extra - state.tare), axis=1)
+        state.sensed = np.where(going, state.sensed + robot.period / robot.averaging * (force - state.sensed), 0.0)
+        state.felt = np.where(due & (state.sensed >= numbers[:, FORCE]), state.felt + 1, 0)
+        state.effort = np.where(slow, state.effort * 2.0 ** (robot.period / robot.doubling), state.effort)
+        most = state.effort * numbers[:, PUSH] >= self.program.limits[0]
+        state.stalled = np.where(due & most & (share <= robot.standing), state.stalled + 1, 0)
         stopped = running & (
             (state.felt >= self.robot.debounce)
             | (state.stalled >= self.robot.patience)
             | (self.qpos[:, 2] < numbers[:, DEEP])
         )
-        late = running & ~stopped & (state.elapsed >= numbers[:, TIMEOUT] - 1e-9)
-        following = np.where(stopped, numbers[:, ON_STOP], numbers[:, ON_END]).astype(np.int64)
-        left = np.flatnonzero(stopped | late)
+        ended = running & ~stopped & (state.gone >= numbers[:, TRAVEL])
+        late = running & ~stopped & ~ended & (state.moving >= numbers[:, TIMEOUT])
+        ways = [numbers[:, ON_STOP], numbers[:, ON_END]]
+        following = np.select([stopped, ended], ways, numbers[:, ON_LATE]).astype(np.int64)
+        left = np.flatnonzero(stopped | ended | late)
         events = [Event(int(body), int(here[body]), self.time, bool(stopped[body])) for body in left]
         self._enter(left, following[left], numbers[left, MOVE])
         return events
 
-    def _stalled(self, here: Ints) -> Bools:
-        """Whether bodies go along their twist at less than a share of its speed while they are to stop by contact."""
+    def _gone(self, here: Ints, before: Array) -> Array:
+        """Ways (n,) along the twists of the steps since the poses `before`, m in the metric of ρ."""
+        moved = np.hstack([self.qpos[:, :3] - before[:, :3], between(self.qpos[:, 3:], before[:, 3:])])
         rho = self.program.rho
-        scale = np.array([1.0, 1.0, 1.0, rho, rho, rho])
-        wanted = self.table.twist[here] * scale
-        going = np.sum(self._velocity() * scale * wanted, axis=1)
-        guarded = np.isfinite(self.table.numbers[here, FORCE])
-        return np.asarray(guarded & (going <= self.robot.standing * np.sum(wanted**2, axis=1)))
+        scaled = np.array([1.0, 1.0, 1.0, rho, rho, rho]) ** 2 * self.table.twist[here]
+        return np.asarray(np.sum(moved * scaled, axis=1) / np.maximum(self.table.speed[here], 1e-12))
 
     def _enter(self, bodies: NDArray[np.intp], steps: Ints, moves: Array) -> None:
         """A new move starts where the part is; a piece of the same move goes on from its lead."""
         state = self.state
         state.step[bodies], state.felt[bodies], state.stalled[bodies] = steps, 0, 0
         on = steps >= 0
-        state.shown[bodies[on]], state.elapsed[bodies[on]] = steps[on], 0.0
+        state.shown[bodies[on]], state.gone[bodies[on]] = steps[on], 0.0
         anew = bodies[~on | (self.table.numbers[np.maximum(steps, 0), MOVE] != moves)]
-        state.moving[anew] = -self.robot.settling
+        state.moving[anew], state.effort[anew] = -self.robot.settling, 1.0
         self._rest(anew)
 
     def _rest(self, bodies: NDArray[np.intp]) -> None:

@@ -20,12 +20,16 @@ class Robot:
         settled: the same while the part settles.
         settling: s in which the part settles before each move.
         memory: s over which slow changes of the force signal are taken for the level that a touch rises above.
+        learning: s over which the servo learns the coefficient of friction that it makes up for.
         period: of the controller, s.
         cut_off: of the low-pass filter on the force signal, Hz.
         noise: standard deviations of force (N) and torque (N·m) in each raw sample.
+        averaging: s over which the force of the new contacts is averaged.
+        alert: share of what a plan's stop allows for friction and noise that is left after the averaging.
         debounce: samples in a row that must say that the contact is felt.
-        patience: samples in a row for which a part that stands against the push is given time.
-        standing: share of the commanded speed below which the part counts as standing.
+        patience: samples in a row for which a part that stands against the greatest push is given time.
+        doubling: s in which the push doubles while the part stands and no contact is felt.
+        slow, standing: shares of the commanded speed below which the push grows, and the part counts as standing.
         surplus: push at a stop, in pushes of the plan.
         haste: s in which the push that comes on top of that, at the start of a move, brings the part to its speed.
         turning: greatest speed of turning, rad/s; moves that the plan turns faster are run more slowly.
@@ -39,12 +43,17 @@ class Robot:
     memory: float = 0.1
     settling: float = 0.15
     settled: tuple[float, float] = (400.0, 0.06)
+    learning: float = 0.02
     period: float = 0.001
     cut_off: float = 60.0
     noise: tuple[float, float] = (0.1, 0.002)
+    averaging: float = 0.01
+    alert: float = 0.25
     debounce: int = 3
     patience: int = 40
-    standing: float = 0.3
+    doubling: float = 0.05
+    slow: float = 0.6
+    standing: float = 0.2
     surplus: float = 1.3
     haste: float = 0.005
     turning: float = 0.25

@@ -79,8 +79,8 @@ def scene(document: Mapping[str, Any], physics: Physics, mass: float, inertia: f
     )
 
 
-def compiled(text: str) -> Any:
-    """The engine's model of a scene.
+def engine() -> Any:
+    """The engine's library.
 
     Raises:
         ResourceError: the extra is missing.
@@ -89,7 +89,16 @@ def compiled(text: str) -> Any:
         import mujoco
     except ImportError as error:
         raise ResourceError("execution needs the extra sim", "install fmopt[sim]") from error
-    return mujoco.MjModel.from_xml_string(text)
+    return mujoco
+
+
+def compiled(text: str) -> Any:
+    """The engine's model of a scene.
+
+    Raises:
+        ResourceError: the extra is missing.
+    """
+    return engine().MjModel.from_xml_string(text)
 
 
 def _mesh(name: str, vertices: Sequence[Sequence[float]]) -> str:

@@ -60,13 +60,16 @@ class Move(Value):
         segment, number: index of the segment, and of the move that it is a piece of.
         last: whether it is the last piece of its move.
         start, goal: poses of the moving part in B.
-        duration: s, at the plan's speed from start to goal.
+        length: m in the metric of ρ, from start to goal.
+        duration: s, at the plan's speed.
         twist: (6,) of the moving frame's origin, axes of B, m/s and rad/s.
         frame: compliance frame in B.
         position_axes: twists (6 − r, 6) in the frame's coordinates.
         force_axes: wrenches (r, 6) in its coordinates.
         hold, hold_start: wrenches (6,) to apply at the goal and at the start that press the held contacts with the
             plan's normal forces, about the moving frame's origin in axes of B; on a long way their arms change.
+        rubbing: wrench (6,) that friction of coefficient 1 on the held contacts puts on the sliding part, about the
+            moving frame's origin in axes of B; points that may as well slide the other way count less.
         stop: how the move ends before its travel is used up; None where no contact is expected.
         state, goal_state: contacts held on the way, and at the end.
     """
@@ -76,6 +79,7 @@ class Move(Value):
     last: bool
     start: Pose
     goal: Pose
+    length: float
     duration: float
     twist: Array
     frame: Pose
@@ -83,13 +87,14 @@ class Move(Value):
     force_axes: Array
     hold: Array
     hold_start: Array
+    rubbing: Array
     stop: Stop | None
     state: tuple[str, ...]
     goal_state: tuple[str, ...]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "twist", frozen(self.twist, 6, name="twist"))
-        for key in ("hold", "hold_start"):
+        for key in ("hold", "hold_start", "rubbing"):
             object.__setattr__(self, key, frozen(getattr(self, key), 6, name="holding wrench"))
         axes = (("position_axes", "position axes"), ("force_axes", "force axes"))
         for key, name in axes:
@@ -178,6 +183,7 @@ def _move(
         last,
         start,
         goal,
+        length,
         length / speed,
         V * speed,
         frame,
@@ -185,6 +191,7 @@ def _move(
         force_axes,
         hold,
         hold + change,
+        _friction(Held(points), V, budget.place),
         stop,
         tuple(row["state"]),
         tuple(row["goal_state"]),
@@ -223,7 +230,7 @@ def _stop(termination: Mapping[str, Any], move: Held, V: Array, budget: Budget) 
     moment = np.diag(noise) + sum((_moment(f, *at, budget) for f, at in move.points), start=np.zeros((6, 6)))
     solved = np.linalg.solve(moment, wrench)
     gain = np.asarray(solved / float(wrench @ solved))
-    rubbed = abs(float(gain @ _friction(move, V, budget.friction)))
+    rubbed = budget.friction * abs(float(gain @ _friction(move, V)))
     force = h + rubbed + 3.0 * float(np.sqrt(gain**2 @ noise))
     travel, timeout = float(termination["max_travel"]), float(termination["timeout"])
     return Stop(gain, force, h, travel, timeout, tuple(termination["contacts"]))
@@ -240,13 +247,16 @@ def _moment(force: float, normal: Array, arm: Array, budget: Budget) -> Array:
     return force**2 * (through @ through.T + (budget.place**2) * shifted @ shifted.T)
 
 
-def _friction(move: Held, V: Array, coefficient: float) -> Array:
-    """Wrench (6,) that friction on the held contacts puts on the part as it moves along V."""
+def _friction(move: Held, V: Array, place: float = 0.0) -> Array:
+    """Wrench (6,) that friction of coefficient 1 on the held contacts puts on the part as it moves along V.
+
+    A point counts by the share of its sliding in what it may slide where the axis of the turn is known to `place`, m.
+    """
     total = np.zeros(6)
     for force, (normal, arm) in move.points:
         sliding = V[:3] + np.cross(V[3:], arm)
         sliding = sliding - (sliding @ normal) * normal
-        size = float(np.linalg.norm(sliding))
-        rub = -coefficient * force * sliding / size if size > 0.0 else np.zeros(3)
+        size = float(np.hypot(np.linalg.norm(sliding), place * np.linalg.norm(V[3:])))
+        rub = -force * sliding / size if size > 0.0 else np.zeros(3)
         total += np.concatenate([rub, np.cross(arm, rub)])
     return total

@@ -21,11 +21,12 @@ from fmopt.certificate.segment import Tolerance as Metric
 from fmopt.errors import Fault, InfeasibleError, InputError, SearchError
 from fmopt.placement.motion import Reached
 from fmopt.placement.sequence import Placed, certified
+from fmopt.plan_record import Moved
 from fmopt.study.axes import unusable
 from fmopt.study.cheapest import Cheapest, cheapest
 from fmopt.study.study_file import AllocationFile, Tolerance
 from fmopt.study.targets import Base, Target, assigned, in_file, target
-from fmopt.synthesis import FINE, Moved, moved, planned
+from fmopt.synthesis import FINE, moved, planned
 from fmopt.task.faults import checked
 from fmopt.task.loading import problem_of
 from fmopt.task.problem import Problem, load

@@ -1,0 +1,215 @@
+"""Trials: errors drawn for each by its own number, run in chunks on all cores, kept as they come.
+
+A trial is its seed: what is drawn for it depends on the seed and its number alone, not on chunks, cores or the other
+trials, so that runs can be interrupted, resumed and compared bit by bit.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fmopt import plan
+from fmopt.errors import ResourceError
+from fmopt.execution.outcome import Fit, Log, note, rest, watch
+from fmopt.execution.physics import TIME_STEP, Physics
+from fmopt.execution.program import Program, planned
+from fmopt.execution.rig import Rig
+from fmopt.execution.robot import Robot
+from fmopt.execution.rotation import product, quaternions
+from fmopt.execution.scene import compiled, scene
+from fmopt.guarded.contacts import contacts
+from fmopt.guarded.moves import moves
+from fmopt.values import Array
+
+CHUNK = 50
+_QUIET = 0.15  # s after the end of a program, before the pose at rest is judged
+_LONGEST = 30.0  # s
+_BLOCK = 256  # periods of noise drawn at once
+
+
+@dataclass(frozen=True)
+class Trials:
+    """What is to be run.
+
+    Args:
+        inside: trials with errors uniform in the certified box.
+        beyond: trials with errors of one to `reach` times the box.
+        reach: largest error of these, in boxes.
+        seed: of all that is drawn.
+        time_step: of the physics, s.
+        friction: coefficient; None for the plan's, which is the most that it allows for.
+    """
+
+    inside: int
+    beyond: int = 0
+    reach: float = 2.0
+    seed: int = 0
+    time_step: float = TIME_STEP
+    friction: float | None = None
+
+
+@dataclass(frozen=True)
+class Draw:
+    """Errors of one trial: of the start pose (6,), its size in boxes, and of the velocity of each move (m, 6)."""
+
+    start: Array
+    size: float
+    drift: Array
+
+
+def draw(document: Mapping[str, Any], program: Program, trials: Trials, number: int) -> Draw:
+    """The errors of trial `number`, and the generator's stream of it."""
+    random = np.random.default_rng([trials.seed, number])
+    box = np.asarray(document["uncertainty"]["start_box"], dtype=np.float64)
+    share = random.uniform(-1.0, 1.0, 6)
+    if number >= trials.inside:
+        share *= random.uniform(1.0, trials.reach) / float(np.abs(share[box > 0.0]).max())
+    size = float(np.abs(share[box > 0.0]).max(initial=0.0))
+    t, r = (float(value) for value in document["uncertainty"]["velocity_error"])
+    count = max(step.move for step in program.steps) + 1
+    drift = np.hstack(
+        [t * program.speed * _ball(random, count), r * program.speed / program.rho * _ball(random, count)]
+    )
+    return Draw(share * box, size, drift)
+
+
+def _ball(random: np.random.Generator, count: int) -> Array:
+    """Uniform points (count, 3) in the unit ball."""
+    v = random.normal(size=(count, 3))
+    return np.asarray(v / np.linalg.norm(v, axis=1, keepdims=True) * random.uniform(size=(count, 1)) ** (1.0 / 3.0))
+
+
+class Noise:
+    """Standard normal samples (n, 6) a call, each body from its own stream."""
+
+    def __init__(self, seed: int, numbers: Sequence[int]) -> None:
+        self.streams = [np.random.default_rng([seed, number, 1]) for number in numbers]
+        self.block, self.used = np.zeros((len(numbers), 0, 6)), 0
+
+    def __call__(self) -> Array:
+        if self.used == self.block.shape[1]:
+            self.block = np.stack([stream.standard_normal((_BLOCK, 6)) for stream in self.streams])
+            self.used = 0
+        self.used += 1
+        return np.asarray(self.block[:, self.used - 1])
+
+
+def run(document: Mapping[str, Any], trials: Trials, numbers: Sequence[int], robot: Robot | None = None) -> list[Any]:
+    """Runs some trials together.
+
+    Args:
+        document: plan.
+        trials: what is to be run.
+        numbers: which of them.
+        robot: what runs them.
+
+    Returns:
+        One record a trial, as in the file of trials.
+
+    Raises:
+        PlanFormatError: the plan cannot be run.
+        ResourceError: the extra is missing.
+    """
+    robot = robot or Robot()
+    program = planned(document, robot)
+    rows, known, fit = moves(document), contacts(document), Fit.of(document)
+    friction = float(document["specification"]["friction"]) if trials.friction is None else trials.friction
+    model = compiled(scene(document, Physics(trials.time_step), robot.mass, robot.inertia, friction))
+    draws = [draw(document, program, trials, number) for number in numbers]
+    rig = Rig(model, program, robot, _starts(program, draws), _drifts(draws), Noise(trials.seed, numbers))
+    logs = [Log() for _ in numbers]
+    while any(log.outcome is None for log in logs):
+        for event in rig.tick():
+            note(logs[event.body], event, rig, rows, known, fit)
+        watch(logs, rig)
+        for body, log in enumerate(logs):
+            if log.outcome is None and (rig.time >= log.ended + _QUIET or rig.time > _LONGEST):
+                log.outcome = rest(log, rig, body, fit)
+    return [
+        {"trial": number, "size": one.size, "error": one.start.tolist(), **(log.outcome or {})}
+        for number, one, log in zip(numbers, draws, logs, strict=True)
+    ]
+
+
+def _starts(program: Program, draws: Sequence[Draw]) -> tuple[Array, Array]:
+    """Positions (n, 3) and quaternions (n, 4): the error moves and turns the nominal start pose about its origin."""
+    start, errors = program.start.vector(), np.stack([one.start for one in draws])
+    nominal = np.tile(quaternions(start[3:]), (len(draws), 1))
+    return start[:3] + errors[:, :3], product(quaternions(errors[:, 3:]), nominal)
+
+
+def _drifts(draws: Sequence[Draw]) -> Array:
+    return np.stack([one.drift for one in draws], axis=1)
+
+
+def run_all(
+    document: Mapping[str, Any], trials: Trials, file: Path, workers: int, advance: Callable[[int], None]
+) -> list[Any]:
+    """Runs what the file does not hold yet, and keeps each chunk as it is done.
+
+    Args:
+        document: plan.
+        trials: what is to be run.
+        file: of records, one JSON object a line, the first naming plan and trials.
+        workers: processes.
+        advance: told how many trials are done, each time some are.
+
+    Raises:
+        ResourceError: the file is of other trials or cannot be written, the extra is missing, or the run was
+            interrupted.
+    """
+    head = {"plan": document["sha256"], **asdict(trials)}
+    done = _kept(file, head)
+    advance(len(done))
+    missing = [n for n in range(trials.inside + trials.beyond) if n not in done]
+    chunks = [missing[k : k + CHUNK] for k in range(0, len(missing), CHUNK)]
+    try:
+        for records in _carried_out(document, trials, chunks, workers):
+            done.update({record["trial"]: record for record in records})
+            _keep(file, head, done)
+            advance(len(records))
+    except KeyboardInterrupt as error:
+        total = trials.inside + trials.beyond
+        raise ResourceError(f"interrupted after {len(done)} of {total} trials", "run it again to go on") from error
+    return [done[number] for number in sorted(done)]
+
+
+def _carried_out(
+    document: Mapping[str, Any], trials: Trials, chunks: Sequence[Sequence[int]], workers: int
+) -> Iterator[list[Any]]:
+    if workers == 1 or len(chunks) < 2:
+        yield from (run(document, trials, chunk) for chunk in chunks)
+        return
+    import multiprocessing
+    from concurrent.futures import ProcessPoolExecutor, as_completed
+
+    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+        running = [pool.submit(run, document, trials, chunk) for chunk in chunks]
+        try:
+            for future in as_completed(running):
+                yield future.result()
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _kept(file: Path, head: Mapping[str, Any]) -> dict[int, Any]:
+    if not file.exists():
+        return {}
+    try:
+        first, *rows = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
+    except (OSError, ValueError) as error:
+        raise ResourceError(f"{file}: no file of trials: {error}", "choose another folder with --out") from error
+    if first != dict(head):
+        raise ResourceError(f"{file}: holds trials of another plan, seed or kind", "choose another folder with --out")
+    return {row["trial"]: row for row in rows}
+
+
+def _keep(file: Path, head: Mapping[str, Any], done: Mapping[int, Any]) -> None:
+    lines = [json.dumps(head, sort_keys=True), *(json.dumps(done[n], sort_keys=True) for n in sorted(done))]
+    plan.save(("\n".join(lines) + "\n").encode(), file)

@@ -1,0 +1,157 @@
+"""Trials: what is drawn, runs taken up again, intervals, and the command."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import binomtest
+from typer.testing import CliRunner
+
+from fmopt.cli import app
+from fmopt.errors import ResourceError
+from fmopt.execution import trials as running
+from fmopt.execution.program import planned
+from fmopt.execution.robot import Robot
+from fmopt.execution.summary import failures, lines, summary, wilson
+from fmopt.execution.trials import Noise, Trials, draw, run_all
+
+FOUR = Trials(4, seed=1)
+
+
+def record(number: int, size: float, success: bool = True, departures: tuple[str, ...] = ()) -> dict[str, Any]:
+    numbers = {"seconds": 4.0, "peak_force": 10.0, "impact_force": 20.0, "penetration": 1e-5}
+    reasons = [] if success else ["tilted"]
+    return {"trial": number, "size": size, "success": success, "reasons": reasons, "departures": list(departures)} | (
+        numbers
+    )
+
+
+@pytest.mark.parametrize(("k", "n"), [(0, 1), (1, 1), (3, 7), (99, 100), (1000, 1000), (0, 40)])
+def test_intervals_are_wilsons(k: int, n: int) -> None:
+    expected = binomtest(k, n).proportion_ci(0.95, method="wilson")
+    assert wilson(k, n) == pytest.approx((expected.low, expected.high), abs=1e-12)
+
+
+def test_nothing_is_known_without_trials() -> None:
+    assert wilson(0, 0) == (0.0, 1.0)
+
+
+def test_draws_are_of_their_numbers_alone_and_of_their_size(square_peg_plan: dict[str, Any]) -> None:
+    program = planned(square_peg_plan, Robot())
+    wanted = Trials(40, 40, reach=2.0, seed=3)
+    box = np.array(square_peg_plan["uncertainty"]["start_box"])
+    draws = [draw(square_peg_plan, program, wanted, n) for n in range(80)]
+    again = draw(square_peg_plan, program, wanted, 57)
+    assert np.array_equal(again.start, draws[57].start)
+    assert np.array_equal(again.drift, draws[57].drift)
+    assert not np.array_equal(draw(square_peg_plan, program, Trials(40, 40, seed=4), 57).start, again.start)
+    for n, one in enumerate(draws):
+        share = np.abs(one.start[box > 0.0] / box[box > 0.0]).max()
+        assert one.size == pytest.approx(share, rel=1e-12)
+        assert (share <= 1.0) if n < 40 else (1.0 <= share <= 2.0)
+        assert not one.start[box == 0.0].any()
+    t, r = square_peg_plan["uncertainty"]["velocity_error"]
+    drift = np.concatenate([one.drift for one in draws]) / program.speed
+    assert 0.9 * t < np.linalg.norm(drift[:, :3], axis=1).max() <= t
+    assert 0.9 * r < program.rho * np.linalg.norm(drift[:, 3:], axis=1).max() <= r
+
+
+def test_noise_of_a_trial_does_not_depend_on_its_company() -> None:
+    alone, together = Noise(5, [7]), Noise(5, [1, 7, 9])
+    for _ in range(300):
+        assert np.array_equal(alone()[0], together()[1])
+
+
+@pytest.fixture(scope="module")
+def written(square_peg_plan: dict[str, Any], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The file of four trials of the plan."""
+    file = tmp_path_factory.mktemp("trials") / "trials.jsonl"
+    run_all(square_peg_plan, FOUR, file, 1, lambda _: None)
+    return file
+
+
+def test_the_plan_seats_the_peg_as_planned(written: Path) -> None:
+    head, *records = [json.loads(line) for line in written.read_text().splitlines()]
+    assert head["seed"] == FOUR.seed
+    assert [one["success"] for one in records] == [True] * 4
+    assert [one["departures"] for one in records] == [[]] * 4
+
+
+def test_a_run_goes_on_to_the_same_bytes(square_peg_plan: dict[str, Any], written: Path, tmp_path: Path) -> None:
+    (tmp_path / "part.jsonl").write_text("".join(written.read_text().splitlines(keepends=True)[:4]))
+    told: list[int] = []
+    run_all(square_peg_plan, FOUR, tmp_path / "part.jsonl", 1, told.append)
+    assert (tmp_path / "part.jsonl").read_text() == written.read_text()
+    assert told == [3, 1]
+
+
+def test_a_file_of_other_trials_is_not_gone_on_with(square_peg_plan: dict[str, Any], tmp_path: Path) -> None:
+    run_all(square_peg_plan, Trials(0, seed=1), tmp_path / "t.jsonl", 1, lambda _: None)
+    running._keep(tmp_path / "t.jsonl", {"seed": 2}, {})
+    with pytest.raises(ResourceError, match="another plan, seed or kind"):
+        run_all(square_peg_plan, Trials(0, seed=1), tmp_path / "t.jsonl", 1, lambda _: None)
+    (tmp_path / "t.jsonl").write_text("what?\n")
+    with pytest.raises(ResourceError, match="no file of trials"):
+        run_all(square_peg_plan, Trials(0, seed=1), tmp_path / "t.jsonl", 1, lambda _: None)
+
+
+def test_an_interrupt_tells_how_to_go_on(
+    square_peg_plan: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: Any) -> Any:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(running, "run", interrupted)
+    with pytest.raises(ResourceError, match="interrupted after 0 of 3") as caught:
+        run_all(square_peg_plan, Trials(3), tmp_path / "t.jsonl", 1, lambda _: None)
+    assert "again" in caught.value.advice
+
+
+def test_summaries_tell_inside_from_beyond_and_group_failures_by_what_went_wrong_first() -> None:
+    records = [record(0, 0.9), record(1, 0.2, True, ("move 1: a open",)), record(2, 1.0, False, ("move 2: b open",))]
+    records += [record(3, 1.1), record(4, 1.6, False), record(5, 1.7, False, ("move 2: b open", "move 3: c open"))]
+    found = summary(records)
+    assert (found["inside"]["successes"], found["beyond"]["successes"]) == (2, 1)
+    assert found["inside"]["as_planned"] == pytest.approx(1.0 / 3.0)
+    assert found["departures"] == {"move 1: a open": 1, "move 2: b open": 1}
+    assert [(row["size"], row["trials"], row["share"]) for row in found["by_size"]] == [
+        ([0.0, 0.25], 1, 1.0),
+        ([0.75, 1.0], 2, 0.5),
+        ([1.0, 1.25], 1, 1.0),
+        ([1.5, 1.75], 2, 0.0),
+    ]
+    assert failures(records) == [
+        {"departure": "move 2: b open", "count": 2, "trials": [2, 5]},
+        {"departure": "tilted", "count": 1, "trials": [4]},
+    ]
+    text = "\n".join(lines(found))
+    assert "inside the certified set: 2 of 3 seated, 66.7 %" in text
+    assert "2 failed, first: move 2: b open; such as trial 2" in text
+
+
+def test_the_command_tells_and_keeps_the_summary(square_peg_plan_file: Path, written: Path, tmp_path: Path) -> None:
+    (tmp_path / "trials.jsonl").write_text(written.read_text())
+    arguments = ["execute", str(square_peg_plan_file), "--trials", "4", "--seed", "1", "--out", str(tmp_path)]
+    ran = CliRunner().invoke(app, [*arguments, "--json", "--workers", "1"])
+    assert ran.exit_code == 0, ran.output
+    found = json.loads(ran.stdout)
+    assert found["inside"]["successes"] == 4
+    assert json.loads((tmp_path / "summary.json").read_text()) == found
+    told = CliRunner().invoke(app, arguments).stdout
+    assert "inside the certified set: 4 of 4 seated, 100.0 % (95 % interval 51.0 to 100.0 %)" in told
+
+
+def test_the_command_names_the_missing_extra_in_one_line(
+    square_peg_plan_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(ResourceError) as caught:
+        CliRunner().invoke(app, ["execute", str(square_peg_plan_file), "--out", str(tmp_path)], catch_exceptions=False)
+    assert caught.value.exit_code == 4
+    assert str(caught.value).count("\n") == 0
+    assert "install fmopt[sim]" in str(caught.value)
