@@ -24,6 +24,7 @@ from fmopt.nominal.mapping import answered
 from fmopt.placement.entry import (
     Entry,
     Shape,
+    funnel_depth,
     planar_entries,
     start_spread,
     straight_entry,
@@ -247,7 +248,7 @@ def motion(
     else:
         least = _ROOMY * clearance.per_side
         roomy = box * max(1.0, least / max(start_spread(moving, box), 1e-3 * least))
-        shapes = tilted_shapes(moving, clearance.play, roomy, settings.max_tilt)
+        shapes = tilted_shapes(moving, clearance.play, roomy, settings.max_tilt, funnel_depth(problem.fixed))
         tilted = ((entry_of(shape),) for shape in shapes)
     rounds = chain([straight] if straight else [], tilted)
     best: tuple[MoveSequence, Placed] | None = None

@@ -135,7 +135,7 @@ def test_the_shipped_allocation_is_in_order() -> None:
 
 def small(tmp_path: Path) -> Path:
     """The rectangular fit with errors so small that the peg goes straight in, which is planned in a second."""
-    text = (ROOT / "problems" / "factory_rect_8mm_tight.toml").read_text()
+    text = (ROOT / "problems" / "factory_rect_8mm_tight_300um.toml").read_text()
     changes = {r"\.\./models": f"{ROOT}/models", r"^([xy]) = 0\.3$": r"\1 = 0.01", r"^(r[xyz]) = .*$": r"\1 = 0.03"}
     for old, new in {**changes, r"^(translation|rotation) = .*$": r"\1 = 0.0005"}.items():
         text, count = re.subn(old, new, text, flags=re.MULTILINE)

@@ -19,6 +19,10 @@ _TILTS = ((0.8, 1.0), (1.0, 0.8))
 _TURNS = ((0.4, 0.6), (-0.3, 1.3))
 # What the errors are multiplied with: how deep the corner goes in, how far from the walls it goes in.
 _ROUNDS = ((4.0, 3.0), (3.0, 3.0), (5.5, 3.0), (2.2, 3.0), (7.5, 4.0), (4.0, 4.0))
+_SLOPED = 1e-3  # upward part of the normal of a face that is neither a wall nor level
+_SHORT = 0.25  # of the longest side of the leading face, below which a side is no wall
+_ALIKE = 0.55  # cosine above which two sides are no corner
+_SHARED = (0.4, 0.6)  # of the room between opposite walls that the corner stays within
 # What the errors are multiplied with in the plane: how deep the corner goes in below a level.
 _LEVELS = (4.5, 5.5, 3.5, 7.0, 2.5)
 
@@ -63,7 +67,7 @@ def tilted_entry(moving: Part, play: tuple[float, float], approach: float, shape
     """
     tip = _tip(moving)
     corner = _lowest(tip, shape.about_y, shape.about_x)
-    at = np.append(shape.room - np.abs(tip[:, :2]).max(axis=0) - 0.5 * np.asarray(play), -shape.depth)
+    at = np.append(_between_walls(moving, corner, play, shape.room), -shape.depth)
     sx, sy = (math.copysign(1.0, x) for x in corner[:2])
     # Turning about +x by α moves y-negative points down by α; about +y by β moves x-positive points down.
     tilt = se3.exp([-sy * shape.about_x, 0.0, 0.0]) @ se3.exp([0.0, sx * shape.about_y, 0.0])
@@ -73,7 +77,19 @@ def tilted_entry(moving: Part, play: tuple[float, float], approach: float, shape
     return Entry(inside.moved([0.0, 0.0, lift, 0.0, 0.0, 0.0]), inside, corner, shape)
 
 
-def tilted_shapes(moving: Part, play: tuple[float, float], start_box: Array, max_tilt: float) -> Iterator[Shape]:
+def funnel_depth(fixed: Part) -> float:
+    """How deep the sloped faces go down that begin at the mouth, m; 0 where there are none."""
+    body, depth = fixed.polyhedron, 0.0
+    for face in body.faces:
+        heights = body.vertices[list(face.vertices), 2]
+        if _SLOPED < face.normal[2] < 1.0 - _SLOPED and abs(float(heights.max())) <= 1e-9:
+            depth = max(depth, -float(heights.min()))
+    return depth
+
+
+def tilted_shapes(
+    moving: Part, play: tuple[float, float], start_box: Array, max_tilt: float, funnel: float = 0.0
+) -> Iterator[Shape]:
     """Shapes that leave room for the start error, the likeliest first: a tilted part shows the mouth only a corner.
 
     The corner goes in by several times what its height is uncertain by, at several times its lateral error from the
@@ -86,17 +102,29 @@ def tilted_shapes(moving: Part, play: tuple[float, float], start_box: Array, max
         play: free travel (x, y) of the upright part between the walls, m.
         start_box: half-widths (6,) of the start error, m and rad.
         max_tilt: greatest tilt about each axis, rad.
+        funnel: how deep below the mouth the walls begin, m; the corner goes in below that.
     """
-    swing = _swing(_tip(moving), start_box)
+    tip = _tip(moving)
     slack = 0.5 * min(play)
+    mouth = np.ptp(tip[:, :2], axis=0) + np.asarray(play)
+    for (deep, wide), share, tilts in _ways():
+        about = np.array(tilts) * max_tilt
+        swing = _swing(_lowest(tip, *about)[None], start_box)
+        depth = deep * (float(start_box[2]) + swing) + 0.5 * slack
+        wanted = np.array([wide, wide + 1.0]) * start_box[:2] + 2.0 * swing
+        # No further than leaves the far walls as much room: beside the corner, the part is wider up there.
+        least = start_box[:2] + swing
+        most = mouth - least - depth / np.tan(about)
+        room = np.minimum(wanted, least + np.array(_SHARED) * np.maximum(most - least, 0.0))
+        turn = share * float(np.prod(about))
+        yield Shape(float(about[0]), float(about[1]), turn, funnel + depth, (float(room[0]), float(room[1])))
+
+
+def _ways() -> Iterator[tuple[tuple[float, float], float, tuple[float, float]]]:
+    """Depth and room in errors, share of the turn, shares of the tilt about y and x."""
     for shares in _TURNS:
-        for deep, wide in _ROUNDS:
-            depth = deep * (float(start_box[2]) + swing) + 0.5 * slack
-            x, y = np.array([wide, wide + 1.0]) * start_box[:2] + 2.0 * swing
-            for share in shares:
-                for b, a in _TILTS:
-                    turn = share * a * b * max_tilt**2
-                    yield Shape(b * max_tilt, a * max_tilt, turn, depth, (float(x), float(y)))
+        for (deep_and_wide, share), tilts in product(product(_ROUNDS, shares), _TILTS):
+            yield deep_and_wide, share, tilts
 
 
 def planar_entries(
@@ -162,6 +190,35 @@ def _tip(moving: Part) -> Array:
 def _swing(tip: Array, start_box: Array) -> float:
     """How far rotation errors move the tip's outermost corner, m."""
     return float(np.linalg.norm(tip[:, :2], axis=1).max()) * float(np.linalg.norm(start_box[3:]))
+
+
+def _between_walls(moving: Part, corner: Array, play: tuple[float, float], room: tuple[float, float]) -> Array:
+    """Where (x, y) the corner is as far from the two walls next to it as `room` says, the part's sides facing them."""
+    (one, on_one), (two, on_two) = sorted(_sides(moving, corner), key=lambda side: -abs(float(side[0][0])))
+    N = np.array([one, two])
+    walls = np.array([one @ on_one, two @ on_two]) - 0.5 * np.abs(N) @ np.asarray(play)
+    return np.asarray(np.linalg.solve(N, walls + np.asarray(room)))
+
+
+def _sides(moving: Part, corner: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """The sides of the leading face on both ways from a corner: inward normal (2,) and a point (2,) on each.
+
+    Short sides, such as chamfers, are passed over, and so are sides on until the two stand at an angle.
+    """
+    vertices = moving.polyhedron.vertices
+    at = int(np.argmin(np.linalg.norm(vertices - corner, axis=1)))
+    loop = next(f.loops[0] for f in moving.polyhedron.faces if f.normal[2] < -1.0 + 1e-9 and at in f.loops[0])
+    start = loop.index(at)
+    points = vertices[[*loop[start:], *loop[:start]]][:, :2]  # clockwise seen from above
+    along = np.roll(points, -1, axis=0) - points
+    lengths = np.linalg.norm(along, axis=1)
+    inward = np.column_stack([along[:, 1], -along[:, 0]]) / lengths[:, None]
+    long = np.flatnonzero(lengths > _SHORT * lengths.max())
+    first, last = 0, len(long) - 1
+    while inward[long[first]] @ inward[long[last]] > _ALIKE and first + 1 < last:
+        first, last = first + 1, last - 1
+    one, two = long[first], long[last]
+    return (inward[one], points[one]), (inward[two], points[two])
 
 
 def _lowest(tip: Array, about_y: float, about_x: float) -> Array:
