@@ -216,8 +216,8 @@ def test_an_obstacle_off_the_planes_is_reported():
     with pytest.raises(InterferenceError, match=r"'peg' meets 'post' .* off the planes xz, yz and xy") as told:
         task_mapping(PEG, block(BORE, 0.04), START, GOAL, BOX, SPEED, RHO, [("peg", PEG)], standing)
     assert told.value.place == "post"
-    with_post = plane_diagrams(PEG, Union((block(BORE, 0.04), post)), GOAL, BOX)
-    without = plane_diagrams(PEG, block(BORE, 0.04), GOAL, BOX)
+    with_post = plane_diagrams(PEG, Union((block(BORE, 0.04), post)), START, GOAL, BOX)
+    without = plane_diagrams(PEG, block(BORE, 0.04), START, GOAL, BOX)
     assert [p.fixed.area for p in with_post[:2]] == pytest.approx([p.fixed.area for p in without[:2]], rel=1e-12)
 
 
@@ -236,7 +236,7 @@ def test_refuses_a_start_in_the_solid_and_a_goal_off_the_axis(start, goal, words
 
 def test_the_radii_come_from_the_problems_errors():
     problem, found, _ = figure_two()
-    planes = plane_diagrams(found.moving.solid, found.fixed.solid, found.PT, problem.start_box)
+    planes = plane_diagrams(found.moving.solid, found.fixed.solid, found.P0, found.PT, problem.start_box)
     assert [plane.zone.radius for plane in planes] == pytest.approx([3e-5] * 3)
     angles = np.degrees([plane.zone.half_angle for plane in planes])
     assert angles == pytest.approx([0.05, 0.05, 0.3])

@@ -53,11 +53,13 @@ def _record(
         reach = length * float(np.linalg.norm(along)) if upright else 0.0
         angle = float(np.arctan2(along[1], along[0])) if upright else 0.5 * np.pi
         poses.append(_pose(name, t, zone, P[[plane.u, plane.v]], angle, reach))
+    turning = {} if diagrams.turning is None else {"turning": _loops(diagrams.turning)}
     return {
         "plane": plane.name,
         "zone": {"radius": zone.radius, "half_angle": zone.half_angle},
         "fixed": _loops(diagrams.fixed),
         "expanded": _loops(diagrams.expanded),
+        **turning,
         "room": _room(diagrams.expanded, path.nodes[-1, [plane.u, plane.v]]),
         "path": path.nodes[:, [plane.u, plane.v]].tolist(),
         "poses": poses,

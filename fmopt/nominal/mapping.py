@@ -6,7 +6,7 @@ shrinks to a line L, the nominal trajectory in what is left, and the uncertain l
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -14,27 +14,29 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fmopt.errors import InterferenceError
+from fmopt.errors import GeometryError, InterferenceError
 from fmopt.geometry.csg import Placed, Solid, sagitta
 from fmopt.geometry.pieces import pieces
 from fmopt.knowledge.command import Answer
 from fmopt.nominal.cut_diagram import cut_diagram, section_limit
 from fmopt.nominal.diagram import disc, of_region
 from fmopt.nominal.intervals import FreedomInterval
+from fmopt.nominal.orientation import expanded_over, frame, section_at
 from fmopt.nominal.plane_freedom import Slice, View, freedom_on_planes
 from fmopt.nominal.shrink_expand import expanded
 from fmopt.nominal.swept import Body, checked, free_until
-from fmopt.nominal.trajectory import NominalTrajectory, through
-from fmopt.nominal.uncertainty_zone import Plane, Zone, zones
-from fmopt.nominal.visibility import Sight, position_nodes
+from fmopt.nominal.trajectory import NominalTrajectory, nearest_branch, through
+from fmopt.nominal.uncertainty_zone import Zone, zones
+from fmopt.nominal.visibility import Sight, TurningSight, position_nodes, turning_nodes
 from fmopt.plane.region import Region
 from fmopt.se3 import Pose, exp
-from fmopt.values import Value, frozen
+from fmopt.values import Array, Value, frozen
 
 _LEVEL = 1e-9  # m, heights of operand 1 closer than this are one
 _INSIDE = 1e-6  # of a stretch: how far from its ends its sections are taken
 _CHORD = 1e-6  # of the size: arcs that a corner or an edge meets become polylines within this
 _ROOM = 1.01  # of how far the uncertain part strays: the height of N_2 above the mouth
+_TURNING_ROOM = 1.25  # of that: what is kept free around a part that turns in one place, to prove that it is
 _TURN_EARLY = 0.5  # share of the leg on which a part turns when it must be clear before the leg ends
 
 
@@ -48,12 +50,16 @@ class PlaneDiagrams(Value):
         sections: sections of operand 1 about its nominal centre at the goal's orientation, each with the stretch of
             heights (m) that it stands for on the plane x-y; a stretch that tapers has two.
         expanded: GE for the goal's orientation; on x-y for the section that is in the plane at the goal.
+        turning: GE over all orientations on the way to the goal's; None where operand 1 does not turn, and on x-y.
+        starting: GE for the orientation at the start; None likewise.
     """
 
     zone: Zone
     fixed: Region
     sections: tuple[tuple[Region, tuple[float, float] | None], ...]
     expanded: Region
+    turning: Region | None = None
+    starting: Region | None = None
 
     @cached_property
     def views(self) -> tuple[View, ...]:
@@ -130,25 +136,32 @@ def task_mapping(
         InterferenceError: the motion meets something, on the planes or off them.
     """
     bodies = list(movers) or [("operand 1", moving)], list(standing) or [("operand 2", fixed)]
-    planes = plane_diagrams(moving, fixed, goal, box)
+    planes = plane_diagrams(moving, fixed, start, goal, box)
     margin = _strayed(moving, box)
     path = nominal_path(start, goal, planes, speed, rho, bodies, margin)
     clear = free_until(*bodies, path, margin) if np.any(path.nodes[0, 3:] != path.nodes[-1, 3:]) else 0.0
     return Mapping(planes, path, freedom_on_planes([view for plane in planes for view in plane.views], path, clear))
 
 
-def plane_diagrams(moving: Solid, fixed: Solid, goal: ArrayLike, box: ArrayLike) -> tuple[PlaneDiagrams, ...]:
+def plane_diagrams(
+    moving: Solid, fixed: Solid, start: ArrayLike, goal: ArrayLike, box: ArrayLike
+) -> tuple[PlaneDiagrams, ...]:
     """G, the sections of operand 1 and GE on the three planes; arguments as for `task_mapping`."""
     P = np.asarray(goal, dtype=np.float64)
+    first = nearest_branch(np.asarray(start, dtype=np.float64)[3:], P[3:])
     turned = Placed(moving, Pose(np.zeros(3), exp(P[3:])))
     found = []
     for zone in zones(box):
         upright = zone.plane.v == 2
         # The plane of the mouth runs in a face of operand 2: the hole counts as it is just below.
         G = cut_diagram(fixed, frame(zone.plane)) if upright else section_limit(fixed, frame(zone.plane), -1)
-        sections = ((cut_diagram(turned, frame(zone.plane)), None),) if upright else tuple(_levels(turned))
+        sections = ((section_at(moving, zone.plane, P[3:]), None),) if upright else tuple(_levels(turned))
         seated = sections[0][0] if upright else _seated(sections, -float(P[2]))
-        found.append(PlaneDiagrams(zone, G, sections, expanded(G, [seated])))
+        turning = starting = None
+        if upright and np.any(first != P[3:]):
+            turning = expanded_over(G, moving, zone.plane, first, P[3:])
+            starting = expanded(G, [section_at(moving, zone.plane, first)])
+        found.append(PlaneDiagrams(zone, G, sections, expanded(G, [seated]), turning, starting))
     return tuple(found)
 
 
@@ -166,7 +179,8 @@ def nominal_path(
     N₂ stands as high above the mouth as the uncertain part strays, if the start does, so that the way there is free.
 
     The part turns on the first leg, as in the paper, and where the uncertain part would still be near the mouth at the
-    end of it, on its first half; where turning there meets something, on the next leg above the mouth.
+    end of it, on its first half; where turning there meets something, on the next leg above the mouth. Where all
+    that does, it turns in one place, which the diagrams for all its orientations leave free.
 
     Args:
         start, goal, planes, speed, rho: as for `task_mapping`.
@@ -179,29 +193,49 @@ def nominal_path(
     """
     first, last = np.asarray(start, dtype=np.float64), np.asarray(goal, dtype=np.float64)
     room = _ROOM * margin + 2.0 * sum(sagitta(solid) for side in bodies for _, solid in side)
-    nodes = position_nodes(
-        first[:3], last[:3], Sight({plane.zone.plane.name: plane.expanded for plane in planes}), room
-    )
-    above = [k for k, (a, b) in enumerate(pairwise(nodes)) if min(a[2], b[2]) >= 0.0] or [0]
-    failure: InterferenceError | None = None
-    for leg in above:
+
+    def free(nodes: Sequence[Array], leg: int) -> NominalTrajectory:
         path = through(nodes, first[3:], last[3:], speed, rho, (leg, 1.0))
         if np.any(path.nodes[0, 3:] != path.nodes[-1, 3:]) and free_until(*bodies, path, margin) < path.times[leg + 1]:
             path = through(nodes, first[3:], last[3:], speed, rho, (leg, _TURN_EARLY))
+        checked(*bodies, path)
+        return path
+
+    sights = _sights(planes)
+    try:
+        return _on_a_leg(position_nodes(first[:3], last[:3], sights.goal, room), free)
+    except (GeometryError, InterferenceError) as failure:
+        if not np.any(first[3:] != last[3:]):
+            raise
         try:
-            checked(*bodies, path)
+            return free(*turning_nodes(first[:3], last[:3], sights, _TURNING_ROOM * room))
+        except (GeometryError, InterferenceError) as error:
+            raise (failure if isinstance(failure, InterferenceError) else error) from error
+
+
+def _on_a_leg(nodes: Sequence[Array], free: Callable[[Sequence[Array], int], NominalTrajectory]) -> NominalTrajectory:
+    """P(t) that turns on the first leg above the mouth that is free; else what the first of them meets is raised."""
+    failure: InterferenceError | None = None
+    for leg in [k for k, (a, b) in enumerate(pairwise(nodes)) if min(a[2], b[2]) >= 0.0] or [0]:
+        try:
+            return free(nodes, leg)
         except InterferenceError as error:
             failure = failure or error
-            continue
-        return path
     assert failure is not None
     raise failure
 
 
-def frame(plane: Plane) -> Pose:
-    """The frame of a plane in the B-frame: its x along u, its y along v."""
-    u, v = np.eye(3)[plane.u], np.eye(3)[plane.v]
-    return Pose(np.zeros(3), np.column_stack([u, v, np.cross(u, v)]))
+def _sights(planes: Sequence[PlaneDiagrams]) -> TurningSight:
+    """What the diagrams leave visible; for every orientation the same where operand 1 does not turn."""
+    starting, turning, goal = (
+        Sight({plane.zone.plane.name: region or plane.expanded for plane, region in zip(planes, regions, strict=True)})
+        for regions in (
+            [plane.starting for plane in planes],
+            [plane.turning for plane in planes],
+            [plane.expanded for plane in planes],
+        )
+    )
+    return TurningSight(starting, turning, goal)
 
 
 def _levels(turned: Solid) -> list[tuple[Region, tuple[float, float]]]:

@@ -106,7 +106,7 @@ def through(
     if not (0 <= leg < len(points) - 1 and 0.0 < share <= 1.0):
         raise ValueError(f"a part cannot turn on the share {share} of leg {leg} of {len(points) - 1}")
     last = np.asarray(goal_turn, dtype=np.float64)
-    first = _nearest(np.asarray(start_turn, dtype=np.float64), last)
+    first = nearest_branch(np.asarray(start_turn, dtype=np.float64), last)
     nodes = [np.concatenate([point, first if k <= leg else last]) for k, point in enumerate(points)]
     if share < 1.0 and np.any(first != last):
         nodes.insert(leg + 1, np.concatenate([points[leg] + share * (points[leg + 1] - points[leg]), last]))
@@ -117,7 +117,7 @@ def through(
     return NominalTrajectory(np.array(kept), np.concatenate([[0.0], times]))
 
 
-def _nearest(r: Array, target: Array) -> Array:
+def nearest_branch(r: Array, target: Array) -> Array:
     """Of the rotation vectors r + 2πk r/|r| that mean one rotation, the one nearest to `target`."""
     angle = float(np.linalg.norm(r))
     if angle == 0.0:

@@ -5,7 +5,8 @@ through GE on none of the planes. On x-z and y-z that is asked of the projection
 asked of what lies below the mouth: asked of everything, as the paper writes it, no start beside the hole would be in
 place, since its projection lies in the block's.
 
-GE belongs to an orientation, the goal's, and to three planes. What they do not show is found by `swept`.
+GE belongs to an orientation, and to three planes. Where operand 1 has not the goal's orientation yet another GE holds,
+and what the planes do not show is found by `swept`.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,6 +52,15 @@ class Sight:
                     return plane.name
         return None
 
+    def clear(self, point: ArrayLike, room: float) -> bool:
+        """Whether a position is in place, on x-z and y-z with so much room (m) around it."""
+        p = np.asarray(point, dtype=np.float64)
+        upright = [
+            (plane, self.expanded[plane.name]) for plane in PLANES if plane.v == 2 and plane.name in self.expanded
+        ]
+        near = [region.distance(p[[plane.u, plane.v]])[0] for plane, region in upright if not region.empty]
+        return self.blocked_at(p) is None and min(near, default=math.inf) >= room
+
     def _crosses(self, plane: Plane, a: Array, b: Array) -> bool:
         """Whether the projection has a point inside GE: a middle between neighbouring meetings with its boundary."""
         region = self.expanded[plane.name]
@@ -62,6 +72,15 @@ class Sight:
         wide = np.diff(cuts) * length > _APART
         middle = (0.5 * (cuts[1:] + cuts[:-1]))[wide]
         return bool(np.any(region.depth(start + middle[:, None] * (end - start)) > _APART))
+
+
+@dataclass(frozen=True)
+class TurningSight:
+    """GE on the planes for the orientation at the start, for all those on the way to the goal's, and for the goal's."""
+
+    starting: Sight
+    turning: Sight
+    goal: Sight
 
 
 def _below(a: Array, b: Array) -> tuple[Array, Array] | None:
@@ -84,7 +103,7 @@ def position_nodes(start: ArrayLike, goal: ArrayLike, sight: Sight, room: float 
     Args:
         start: N₁ (3,) in the B-frame, m.
         goal: N_T (3,).
-        sight: GE on the planes.
+        sight: GE on the planes, for the goal's orientation.
         room: m, how much the uncertain part needs: the height of N₂ above the mouth, but no more than that of N₁, and
             how far nodes keep from the corners that they lead round.
 
@@ -92,7 +111,60 @@ def position_nodes(start: ArrayLike, goal: ArrayLike, sight: Sight, room: float 
         GeometryError: N₁ or N_T lies in GE, or no path is visible; names the plane.
     """
     first, last = np.asarray(start, dtype=np.float64), np.asarray(goal, dtype=np.float64)
-    for name, node in (("N_1, the start,", first), ("N_T, the goal,", last)):
+    _in_place(first, last, sight, sight)
+    mouth = np.array([0.0, 0.0, min(room, max(float(first[2]), 0.0))])
+    blocked = sight.between(first, mouth) or sight.between(mouth, last)
+    if blocked is None:
+        return (first, last) if np.array_equal(first, mouth) else (first, mouth, last)
+    path = _round_about(first, last, sight, room)
+    if path is None:
+        raise _no_path(f"plane {blocked} blocks")
+    return path
+
+
+def turning_nodes(
+    start: ArrayLike, goal: ArrayLike, sights: TurningSight, room: float = 0.0
+) -> tuple[tuple[Array, ...], int]:
+    """Position nodes of a way on which operand 1 turns in one place, and the leg on which it does, which has no length.
+
+    It keeps the orientation of the start up to a place where all orientations on the way to the goal's have room, and
+    has the goal's from there to N₂ and along the axis. The shortest over places as for `position_nodes`.
+
+    Args:
+        start: N₁ (3,) in the B-frame, m.
+        goal: N_T (3,).
+        sights: GE on the planes.
+        room: as for `position_nodes`.
+
+    Raises:
+        GeometryError: N₁ or N_T lies in GE, or there is no such way.
+    """
+    first, last = np.asarray(start, dtype=np.float64), np.asarray(goal, dtype=np.float64)
+    _in_place(first, last, sights.starting, sights.goal)
+    mouth = np.array([0.0, 0.0, room])
+    places = [first]
+    for sight in (sights.starting, sights.turning, sights.goal):
+        places += _candidates(first, last, sight, room)
+    free = [sights.turning.clear(place, room) for place in places]
+    points, count = [*places, *places, mouth], len(places)
+
+    def visible(one: int, other: int) -> bool:
+        if one < count and other < count:
+            return sights.starting.between(points[one], points[other]) is None
+        if one >= count and other >= count:
+            return sights.goal.between(points[one], points[other]) is None
+        return other == one + count and free[one]
+
+    path = _shortest(points, visible) if sights.goal.between(mouth, last) is None else None
+    if path is None:
+        raise _no_path("operand 1 has to turn, and no place on the way leaves room for that")
+    leg = next(k for k, (a, b) in enumerate(itertools.pairwise(path)) if np.array_equal(a, b))
+    return (*path, last), leg
+
+
+def _in_place(first: Array, last: Array, before: Sight, after: Sight) -> None:
+    """Refuses a start or a goal in GE."""
+    for name, node, sight in (("N_1, the start,", first, before), ("N_T, the goal,", last, after)):
         plane = sight.blocked_at(node)
         if plane is not None:
             where = ", ".join(f"{1e3 * value:.6g}" for value in node)
@@ -100,17 +172,11 @@ def position_nodes(start: ArrayLike, goal: ArrayLike, sight: Sight, room: float 
                 f"{name} at ({where}) mm lies inside GE on the plane {plane}: operand 1 would overlap operand 2 there"
             )
             raise GeometryError(f"{message} (rule: {RULE})", "move it out of the material")
-    mouth = np.array([0.0, 0.0, min(room, max(float(first[2]), 0.0))])
-    blocked = sight.between(first, mouth) or sight.between(mouth, last)
-    if blocked is None:
-        return (first, last) if np.array_equal(first, mouth) else (first, mouth, last)
-    path = _round_about(first, last, sight, room)
-    if path is None:
-        message = (
-            f"no path over nodes beside the corners of GE leads from the start to the goal; plane {blocked} blocks"
-        )
-        raise GeometryError(f"{message} (rule: {RULE})", "start elsewhere, or check the goal against the hole")
-    return path
+
+
+def _no_path(why: str) -> GeometryError:
+    message = f"no path over nodes beside the corners of GE leads from the start to the goal; {why}"
+    return GeometryError(f"{message} (rule: {RULE})", "start elsewhere, or check the goal against the hole")
 
 
 def _round_about(first: Array, last: Array, sight: Sight, room: float) -> tuple[Array, ...] | None:
@@ -118,10 +184,14 @@ def _round_about(first: Array, last: Array, sight: Sight, room: float) -> tuple[
     between = _candidates(first, last, sight, room)
     mouth = np.array([0.0, 0.0, room])
     if sight.between(mouth, last) is None:
-        outside = _shortest([first, *between, mouth], sight)
+        outside = _visible_path([first, *between, mouth], sight)
         if outside is not None:
             return (*outside, last)
-    return _shortest([first, *between, last], sight)
+    return _visible_path([first, *between, last], sight)
+
+
+def _visible_path(points: Sequence[Array], sight: Sight) -> tuple[Array, ...] | None:
+    return _shortest(points, lambda one, other: sight.between(points[one], points[other]) is None)
 
 
 def _candidates(first: Array, last: Array, sight: Sight, room: float) -> list[Array]:
@@ -148,7 +218,7 @@ def bends(region: Region, room: float = 0.0) -> Array:
     return np.array(found).reshape(-1, 2)
 
 
-def _shortest(points: Sequence[Array], sight: Sight) -> tuple[Array, ...] | None:
+def _shortest(points: Sequence[Array], visible: Callable[[int, int], bool]) -> tuple[Array, ...] | None:
     """The shortest way from the first to the last point over visible ones, by A*; ties go to fewer nodes."""
     goal = len(points) - 1
     best: dict[int, float] = {0: 0.0}
@@ -165,7 +235,7 @@ def _shortest(points: Sequence[Array], sight: Sight) -> tuple[Array, ...] | None
         for j in range(1, len(points)):
             length = best[k] + float(np.linalg.norm(points[j] - points[k]))
             shorter = length < best.get(j, np.inf) - _APART
-            if j not in done and shorter and sight.between(points[k], points[j]) is None:
+            if j not in done and shorter and visible(k, j):
                 best[j], before[j] = length, k
                 heapq.heappush(queue, (length + float(np.linalg.norm(points[goal] - points[j])), count + 1, j))
     return None

@@ -22,6 +22,7 @@ TITLE = (
 _ROW = 2.75  # inches
 _LEGEND = 1.0  # inches
 _GROUND = "#f4e6d8"
+_TURNING: Any = {"color": RUST, "linewidth": 0.8, "linestyle": "--"}
 _JOINED = 0.02  # of the extent, poses nearer than this have their names written together
 _CLASH = np.array([0.45, 0.1])  # of the extent, names of poses nearer than this would stand on one another
 _SIDES = ((5, -2, "left", "top"), (-5, -2, "right", "top"), (5, 2, "left", "bottom"), (-5, 2, "right", "bottom"))
@@ -64,7 +65,7 @@ def paint(plan: Mapping[str, Any], figure: Figure) -> None:
         _whole(whole, item)
         _close(close, item)
     figure.align_ylabels()
-    _legend(figure)
+    _legend(figure, any("turning" in item for item in items))
 
 
 def _whole(axes: Axes, item: Mapping[str, Any]) -> None:
@@ -117,10 +118,13 @@ def _window(item: Mapping[str, Any]) -> tuple[Array, Array]:
 
 
 def _regions(axes: Axes, item: Mapping[str, Any], scale: float, other: float | None = None) -> None:
-    """GE as ground, G hatched on it."""
+    """GE as ground, that of all orientations as its outline, and G hatched on it."""
     factor = np.array([scale, scale if other is None else other])
     _fill(axes, item["expanded"], factor, facecolor=_GROUND, edgecolor=RUST, linewidth=1.0)
     _fill(axes, item["fixed"], factor, facecolor=PALE, edgecolor="#999999", hatch="////", linewidth=0.0)
+    for loop in item.get("turning", ()):
+        closed = np.array([*loop, loop[0]]) * factor
+        axes.plot(*closed.T, **_TURNING)
     for loop in item["fixed"]:
         closed = np.array([*loop, loop[0]]) * factor
         axes.plot(*closed.T, color=INK, linewidth=0.8)
@@ -205,13 +209,14 @@ def _name(item: Mapping[str, Any]) -> str:
     return f"{item['plane'][0]}–{item['plane'][1]}"
 
 
-def _legend(figure: Figure) -> None:
+def _legend(figure: Figure, turning: bool) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
     handles: list[Any] = [
         Patch(facecolor=PALE, edgecolor="#999999", hatch="////", linewidth=0, label="G: material of operand 2"),
         Patch(facecolor=_GROUND, edgecolor=RUST, label="GE: where the nominal centre cannot be"),
+        *([Line2D([], [], label="GE while operand 1 turns", **_TURNING)] if turning else []),
         Line2D([], [], color=INK, linestyle=":", marker="o", markersize=2.6, label="P(t), nominal centre"),
         Line2D([], [], color=BLUE, linewidth=1.4, marker="o", markersize=3.4, label="L: operand 1, shrunk"),
         Line2D([], [], color=BLUE, linewidth=0.9, label="ball of the centre"),

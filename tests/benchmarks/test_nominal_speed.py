@@ -41,7 +41,7 @@ def mapped(name: str) -> Mapping:
 def test_diagrams(benchmark: BenchmarkFixture, name: str) -> None:
     problem, found = task(name)
     planes = benchmark.pedantic(
-        plane_diagrams, (found.moving.solid, found.fixed.solid, found.PT, problem.start_box), rounds=3
+        plane_diagrams, (found.moving.solid, found.fixed.solid, found.P0, found.PT, problem.start_box), rounds=3
     )
     assert len(planes) == 3
 
