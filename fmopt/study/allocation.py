@@ -25,7 +25,7 @@ from fmopt.plan_record import Moved
 from fmopt.study.axes import unusable
 from fmopt.study.cheapest import Cheapest, cheapest
 from fmopt.study.study_file import AllocationFile, Tolerance
-from fmopt.study.targets import Base, Target, assigned, in_file, target
+from fmopt.study.targets import UNIT_NAMES, Base, Target, assigned, in_file, target
 from fmopt.synthesis import FINE, moved, planned
 from fmopt.task.faults import checked
 from fmopt.task.loading import problem_of
@@ -65,7 +65,9 @@ class Allowed:
 
     def record(self) -> dict[str, Any]:
         """As JSON, SI units."""
-        return {"name": self.name, "now": self.now, "low": self.low, "high": self.high, "weight": self.weight}
+        unit = UNIT_NAMES.get(self.dimension, "")
+        numbers = {"now": self.now, "low": self.low, "high": self.high, "weight": self.weight}
+        return {"name": self.name, "unit": unit, **numbers}
 
     def words(self) -> str:
         """For people."""
@@ -127,10 +129,7 @@ class Allocation:
         return {
             "title": self.question.file.title,
             "margin_required": self.question.file.margin,
-            "tolerances": [
-                {"name": a.name, "before": a.now, "after": value, "loosest_allowed": a.high, "weight": a.weight}
-                for a, value in rows
-            ],
+            "tolerances": [{**a.record(), "after": value} for a, value in rows],
             "cost_before": self.before,
             "cost_after": self.cost,
             "cost_bound": self.found.bound,

@@ -23,6 +23,7 @@ from fmopt.task.tables import in_words
 from fmopt.task.toml_source import read
 
 _SHOWN = 10  # runs that a dry run lists
+_ALLOCATION = "allocation.json"
 
 
 def processors() -> int:
@@ -78,10 +79,14 @@ def report(folder: Path) -> list[Path]:
         ResourceError: a file cannot be read or written.
     """
     from fmopt import plan
+    from fmopt.study.allocation_page import allocation_page
     from fmopt.study.figures import figures
     from fmopt.study.page import page
     from fmopt.study.view import View
 
+    if (folder / _ALLOCATION).is_file() and not (folder / NAME).is_file():
+        plan.save(allocation_page(json.loads((folder / _ALLOCATION).read_text())).encode(), folder / "report.html")
+        return [folder / "report.html"]
     found = results(folder)
     view = View(found)
     contents = {"report.html": page(view, figures(view)).encode(), "table.csv": csv_text(found).encode()}
@@ -131,7 +136,7 @@ def allocated(file: Path, folder: Path, progress: Callable[[str], None]) -> tupl
         answer = allocate(question, progress)
         record = answer.record()
         plan.write(answer.document, folder / "plan.json")
-        plan.save((json.dumps(record, indent=1) + "\n").encode(), folder / "allocation.json")
+        plan.save((json.dumps(record, indent=1) + "\n").encode(), folder / _ALLOCATION)
     return record, answer.words()
 
 

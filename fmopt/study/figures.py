@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -204,3 +204,22 @@ def _binding(view: View, grid: _Grid, figure: Figure) -> None:
     _labelled(view, axes, view.free[0], view.free[1])
     legend = "; ".join(f"{chr(65 + n)}: {name}" for n, name in enumerate(named))
     axes.set_title("what binds: " + legend, fontsize=7.5, wrap=True)
+
+
+def changes(tolerances: Sequence[Mapping[str, Any]]) -> str:
+    """SVG of what tolerances become, as multiples of what they are now; from an allocation's file."""
+    return drawn(partial(_bars, tolerances), (WIDTH, 0.9 + 0.32 * len(tolerances))).decode()
+
+
+def _bars(tolerances: Sequence[Mapping[str, Any]], figure: Figure) -> None:
+    axes = figure.subplots()
+    names = [str(t["name"]).replace("_", " ") for t in tolerances]
+    factors = [float(t["after"]) / float(t["now"]) for t in tolerances]
+    colours = [GREY if t["after"] >= (1.0 - 1e-9) * t["high"] else BLUE for t in tolerances]
+    axes.barh(names, factors, color=colours, height=0.6)
+    axes.axvline(1.0, color=INK, linewidth=0.8)
+    for place, factor in enumerate(factors):
+        axes.text(factor, place, f" {factor:.3g}", va="center")
+    axes.invert_yaxis()
+    axes.set_xlim(0.0, 1.1 * max(factors))
+    axes.set_xlabel("new tolerance / present one; grey: the loosest allowed")

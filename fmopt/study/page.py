@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from base64 import b64encode
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from html import escape
 
 import numpy as np
@@ -32,19 +32,30 @@ def page(view: View, figures: dict[str, tuple[str, str]]) -> str:
     """
     chapters = [
         ("outcome", "What came out", _outcome(view)),
-        ("figures", "Over the axes", "".join(_picture(*figures[name]) for name in figures)),
+        ("figures", "Over the axes", "".join(picture(*figures[name]) for name in figures)),
         ("share", f"How often {view.goodness}", "".join(_share_table(view, axis) for axis in view.free)),
         ("sensitivity", "What matters", _correlations(view) + _sobol(view)),
         ("binding", "What binds", _binding(view)),
         ("failures", "What failed", _failures(view)),
         ("provenance", "Where this comes from", _provenance(view)),
     ]
+    return framed("Study", view.results.facts.get("title", "study"), chapters)
+
+
+def framed(kind: str, title: str, chapters: Sequence[tuple[str, str, str]]) -> str:
+    """A page of chapters, those without a text left out.
+
+    Args:
+        kind: what it is a page of.
+        title: in plain text, as are the headings.
+        chapters: name, heading, and text in HTML.
+    """
     shown = [(name, heading, text) for name, heading, text in chapters if text]
     body = "\n".join(
         f'<section id="{n}">\n<h2>{escape(heading)}</h2>\n{text}\n</section>' for n, heading, text in shown
     )
     links = "\n".join(f'<li><a href="#{name}">{escape(heading)}</a></li>' for name, heading, _ in shown)
-    title = escape(view.results.facts.get("title", "study"))
+    title = escape(title)
     return f"""<!DOCTYPE html>
 <html lang="en">
 <head>
@@ -58,7 +69,7 @@ def page(view: View, figures: dict[str, tuple[str, str]]) -> str:
 </head>
 <body>
 <header>
-<p class="kind">Study</p>
+<p class="kind">{escape(kind)}</p>
 <h1>{title}</h1>
 </header>
 <nav aria-label="chapters">
@@ -74,7 +85,8 @@ def page(view: View, figures: dict[str, tuple[str, str]]) -> str:
 """
 
 
-def _picture(words: str, svg: str) -> str:
+def picture(words: str, svg: str) -> str:
+    """A figure in the page, with what it shows in words."""
     source = f'src="data:image/svg+xml;base64,{b64encode(svg.encode()).decode()}"'
     return f'<figure>\n<img {source} alt="{escape(words)}">\n<figcaption>{escape(words)}</figcaption>\n</figure>\n'
 

@@ -14,7 +14,12 @@ from fmopt.study.store import Scalar
 from fmopt.study.table import Results, Varied
 from fmopt.values import Array
 
-_READ = {"m": (1e3, "mm"), "rad": (180.0 / math.pi, "deg"), "m/s": (1e3, "mm/s"), "N*m": (1.0, "N m")}
+READ: Mapping[str, tuple[float, str]] = {
+    "m": (1e3, "mm"),
+    "rad": (180.0 / math.pi, "deg"),
+    "m/s": (1e3, "mm/s"),
+    "N*m": (1.0, "N m"),
+}
 ANSWERS: Mapping[str, tuple[str, float, str]] = {
     "margin": ("least margin", 1e6, "µm"),
     "tolerated_factor": ("tolerated start error, as a factor", 1.0, ""),
@@ -81,7 +86,7 @@ class View:
         if axis.unit == "word":
             words = self.words(axis)
             return np.array([float(words.index(str(line[axis.name]))) for line in self.results.lines])
-        return self._numbers(axis.name) * _READ.get(axis.unit, (1.0, axis.unit))[0]
+        return self._numbers(axis.name) * READ.get(axis.unit, (1.0, axis.unit))[0]
 
     def words(self, axis: Varied) -> list[str]:
         """The words of an axis in the order in which they come."""
@@ -94,7 +99,7 @@ class View:
 
 def axis_label(axis: Varied) -> str:
     """The name of an axis with its unit."""
-    unit = "" if axis.unit == "word" else _READ.get(axis.unit, (1.0, axis.unit))[1]
+    unit = "" if axis.unit == "word" else READ.get(axis.unit, (1.0, axis.unit))[1]
     return axis.name.replace("_", " ") + (f", {unit}" if unit else "")
 
 
