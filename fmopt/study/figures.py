@@ -84,20 +84,18 @@ def _map(view: View, name: str, grid: _Grid, figure: Figure) -> None:
     figure.colorbar(mesh, ax=axes, label=answer_label(name))
     for row, column in zip(*np.nonzero(values.mask | np.zeros(values.shape, bool)), strict=True):
         axes.text(grid.x[column], grid.y[row], "×", ha="center", va="center", color=GREY)
-    _border(axes, x, y, grid.of(view.good))
+    _border(axes, x, y, grid.of(view.good), grid.of(view.done))
     _labelled(view, axes, view.free[0], view.free[1])
     axes.set_title(f"{answer_label(name)}; inside the line: {view.goodness}; ×: no value")
 
 
-def _border(axes: Axes, x: Array, y: Array, good: Truth) -> None:
-    """The line between cells that came out well and others."""
+def _border(axes: Axes, x: Array, y: Array, good: Truth, done: Truth) -> None:
+    """The line between cells that came out well and others, of those that have answers."""
     rows, columns = good.shape
-    lines = [
-        ((x[c], x[c]), (y[r], y[r + 1])) for r in range(rows) for c in range(1, columns) if good[r, c - 1] != good[r, c]
-    ]
-    lines += [
-        ((x[c], x[c + 1]), (y[r], y[r])) for r in range(1, rows) for c in range(columns) if good[r - 1, c] != good[r, c]
-    ]
+    beside = (good[:, 1:] != good[:, :-1]) & done[:, 1:] & done[:, :-1]
+    above = (good[1:] != good[:-1]) & done[1:] & done[:-1]
+    lines = [((x[c + 1], x[c + 1]), (y[r], y[r + 1])) for r in range(rows) for c in range(columns - 1) if beside[r, c]]
+    lines += [((x[c], x[c + 1]), (y[r + 1], y[r + 1])) for r in range(rows - 1) for c in range(columns) if above[r, c]]
     for across, up in lines:
         axes.plot(across, up, color="white", linewidth=4.0, solid_capstyle="projecting")
     for across, up in lines:
@@ -200,7 +198,7 @@ def _binding(view: View, grid: _Grid, figure: Figure) -> None:
             name = view.results.lines[grid.run[row, column]].get("binding_contact")
             letter = "" if name is None else chr(65 + named.index(str(name))) if name in named else "…"
             axes.text(grid.x[column], grid.y[row], letter, ha="center", va="center")
-    _border(axes, x, y, grid.of(view.good))
+    _border(axes, x, y, grid.of(view.good), grid.of(view.done))
     _labelled(view, axes, view.free[0], view.free[1])
     legend = "; ".join(f"{chr(65 + n)}: {name}" for n, name in enumerate(named))
     axes.set_title("what binds: " + legend, fontsize=7.5, wrap=True)
