@@ -35,6 +35,7 @@ def test_one_affine_margin_has_a_closed_form() -> None:
     exact = 90e-6 * shape / float(SLOPES @ shape)
     assert found.u == pytest.approx(exact, rel=1e-3)
     assert found.cost == pytest.approx(float(np.sum(weights / exact)), rel=1e-6)
+    assert found.bound is not None
     assert found.bound <= found.cost
     assert found.margin == pytest.approx(10e-6, abs=1e-9)
     assert found.margin >= 10e-6
@@ -58,6 +59,7 @@ def test_bent_margins_agree_with_cvxpy() -> None:
     )
     best = float(problem.solve(solver="CLARABEL"))
     assert best * (1.0 - 1e-6) <= found.cost <= best * (1.0 + 2e-4)
+    assert found.bound is not None
     assert found.bound <= best * (1.0 + 1e-3)
     assert min(bent(found.u).values()) >= 5e-6
 
@@ -76,6 +78,15 @@ def test_points_where_nothing_can_be_computed_are_backed_away_from() -> None:
     assert 2.5 < found.u[0] < 3.0
     assert found.cost < 0.8
     assert found.binding == "a contact ends"
+
+
+def test_margins_that_bend_upwards_have_no_bound() -> None:
+    def bent(u: Array) -> Mapping[str, float]:
+        return {"a": 100e-6 - 10e-6 * float(u[0]) + 8e-6 * max(0.0, float(u[0]) - 3.0)}
+
+    found = cheapest(bent, ONE, LOW, np.full(3, 6.0), 60e-6, 1e-3)
+    assert found.u == pytest.approx(np.full(3, 6.0), rel=1e-6)
+    assert found.bound is None
 
 
 def test_too_large_a_margin_is_refused_with_its_shortfall() -> None:

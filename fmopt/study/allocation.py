@@ -144,7 +144,8 @@ class Allocation:
     def words(self) -> list[str]:
         """The answer for people."""
         lines = [f"{self.question.file.title}: cost {self.before:.4g} before, {self.cost:.4g} after"]
-        lines[0] += f", at least {self.found.bound:.4g} for this motion"
+        if self.found.bound is not None:
+            lines[0] += f", at least {self.found.bound:.4g} for this motion"
         for allowed, value in zip(self.question.tolerances, self.values, strict=True):
             before, after = (in_words(x, allowed.dimension) for x in (allowed.now, value))
             end = ", the loosest allowed" if value >= allowed.high * (1.0 - 1e-9) else ""

@@ -24,9 +24,10 @@ def allocation_page(answer: Mapping[str, Any]) -> str:
 
 
 def _outcome(answer: Mapping[str, Any]) -> str:
-    before, after, bound = (float(answer[name]) for name in ("cost_before", "cost_after", "cost_bound"))
-    words = f"The cost is {after:.4g}, {100.0 * (1.0 - after / before):.3g} % less than the {before:.4g} before"
-    words += f"; for the last motion it is at least {bound:.4g} where margins are concave."
+    before, after, bound = (answer[name] for name in ("cost_before", "cost_after", "cost_bound"))
+    words = f"The cost is {after:.4g}, {100.0 * (1.0 - after / before):.3g} % less than the {before:.4g} before; "
+    words += "no bound is known" if bound is None else f"for the last motion it is at least {bound:.4g}"
+    words += ", as its margins are not concave." if bound is None else " where margins are concave."
     return f"<p>{escape(words)}</p>\n<p>{escape('What binds: ' + str(answer['binding']))}.</p>\n"
 
 

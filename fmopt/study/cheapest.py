@@ -5,7 +5,8 @@ cost of tolerancing. For a fixed motion each margin is a distance less the suppo
 the generators g_i of the start errors, less what grows and curves: affine in u but for terms of second order, which
 bend it downwards. So margins are concave where those bounds are, and their tangents are cuts that no allowed point
 violates: minimising the cost under all cuts so far bounds the cost from below, and the cheapest point whose margins
-were computed to suffice bounds it from above, after Kelley (1960).
+were computed to suffice bounds it from above, after Kelley (1960). A tangent that a margin is seen above is dropped,
+and no bound is claimed.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmopt.errors import InfeasibleError
+from fmopt.errors import InfeasibleError, SolverError
 from fmopt.placement.program import ConeProgram, Norm
 from fmopt.placement.socp import ClarabelSolver
 from fmopt.values import Array, Value, frozen
@@ -29,6 +30,7 @@ _STEP = 0.02  # relative step of the differences that slopes are taken from
 _BISECTIONS = 5
 _NEAR = 0.1  # share of the margin asked for that the least margin may have left to be what binds
 _MICRO = 1e6
+_BENT = 0.05  # µm that a margin must exceed its tangent by to count as bent upwards
 _NOISE = 1e-4  # µm that margins and their differences are not exact to
 
 
@@ -39,7 +41,8 @@ class Cheapest(Value):
     Args:
         u: multiples (p,) of the present tolerances.
         cost: Σ w_i/u_i.
-        bound: no point that keeps the margins costs less, where margins are concave.
+        bound: no point that keeps the margins costs less, where margins are concave; None where they were seen not to
+            be.
         margin: least margin there, m.
         binding: its name; or, where all margins are wide, why the motion could not be followed beyond.
         rounds: programs solved.
@@ -48,7 +51,7 @@ class Cheapest(Value):
 
     u: Array
     cost: float
-    bound: float
+    bound: float | None
     margin: float
     binding: str
     rounds: int
@@ -67,6 +70,14 @@ class _Cut:
     value: float
     slope: Array
 
+    def promises(self, u: Array) -> float:
+        """What the tangent promises at u, µm."""
+        return self.value + float(self.slope @ (u - self.at))
+
+    def belies(self, other: _Cut) -> bool:
+        """Whether there is more at the other's point than this one says there can be."""
+        return other.value > self.promises(other.at) + _BENT
+
     def least(self, low: Array, high: Array) -> float:
         """Its least value in a box."""
         ends = np.minimum(self.slope * (low - self.at), self.slope * (high - self.at))
@@ -74,7 +85,7 @@ class _Cut:
 
     def says_more(self, than: list[_Cut]) -> bool:
         """Whether those of its name promise more at its point than there is."""
-        others = [cut.value + float(cut.slope @ (self.at - cut.at)) for cut in than if cut.name == self.name]
+        others = [cut.promises(self.at) for cut in than if cut.name == self.name]
         return self.value < min(others, default=np.inf) - _NOISE
 
 
@@ -102,23 +113,29 @@ def cheapest(margins: Margins, weights: Array, low: Array, high: Array, required
         message = f"the tightest tolerances leave {1e6 * least:.4g} um, not {1e6 * required:.4g} um"
         raise InfeasibleError(message, required - least, "lower the margin asked for, or allow tighter tolerances")
     cuts = search.cuts(best, reached)
-    bound, rounds, since = 0.0, 0, 0
-    while rounds < _ROUNDS and since < _STALLED:
+    bound, rounds, since, near, concave = 0.0, 0, 0, False, True
+    while not near and rounds < _ROUNDS and since < _STALLED:
         rounds += 1
-        proposed, bound = _program(cuts, weights, low, high, required)
+        try:
+            proposed, bound = _program(cuts, weights, low, high, required)
+        except (SolverError, InfeasibleError):
+            break  # too many tangents that all but contradict; the bound of the round before still holds
         proposed = _evaluable(search, best, proposed)
-        cuts += [cut for cut in search.cuts(proposed, search.margins(proposed)) if cut.says_more(cuts)]
+        fresh = search.cuts(proposed, search.margins(proposed))
+        kept = [cut for cut in cuts if not any(cut.name == new.name and cut.belies(new) for new in fresh)]
+        bent = len(kept) < len(cuts)
+        concave = concave and not bent
+        cuts = kept + [cut for cut in fresh if cut.says_more(kept)]
         better = _allowed(search, best, proposed)
         since = 0 if _cost(weights, better) < (1.0 - 0.1 * gap) * _cost(weights, best) else since + 1
         if _cost(weights, better) < _cost(weights, best):
             best = better
-        if _cost(weights, best) - bound <= gap * _cost(weights, best):
-            break
-    else:
+        near = not bent and _cost(weights, best) - bound <= gap * _cost(weights, best)
+    if not near:
         best = _one_by_one(search, best, weights, high)
     cost = _cost(weights, best)
     margin, binding = search.binding(best)
-    return Cheapest(best, cost, min(bound, cost), margin, binding, rounds, search.count)
+    return Cheapest(best, cost, min(bound, cost) if concave else None, margin, binding, rounds, search.count)
 
 
 def _cost(weights: Array, u: Array) -> float:
@@ -226,7 +243,8 @@ def _program(cuts: list[_Cut], weights: Array, low: Array, high: Array, required
         norms=norms,
         lower=np.append(low, np.zeros(p)),
         upper=np.append(high, 2.0 / low),
+        units=np.append(high, 1.0 / low),
     )
-    solution = ClarabelSolver().solve(program)
+    solution = ClarabelSolver(tolerance=1e-10).solve(program)
     u = np.clip(solution.x[:p], low, high)
     return u, -solution.bound
