@@ -59,7 +59,7 @@ CALLERS: dict[str, frozenset[str]] = {
     "report": frozenset({"study", "desk", "console", "cli"}),
     "task": frozenset({"control", "plan_record", "synthesis", "study", "desk", "cli"}),
     "export": frozenset({"desk", "cli"}),
-    "execution": frozenset({"desk", "cli"}),
+    "execution": frozenset({"study", "desk", "cli"}),
 }
 # Every library that the package may import, and the files or rooms that may.
 LIBRARIES: dict[str, frozenset[str]] = {

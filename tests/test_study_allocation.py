@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from study_problems import straight
 from typer.testing import CliRunner
 
 from fmopt.cli import app
@@ -146,13 +147,7 @@ def test_the_shipped_allocation_is_in_order() -> None:
 
 
 def small(tmp_path: Path) -> Path:
-    """The rectangular fit with errors so small that the peg goes straight in, which is planned in a second."""
-    text = (ROOT / "problems" / "factory_rect_8mm_tight_300um.toml").read_text()
-    changes = {r"\.\./models": f"{ROOT}/models", r"^([xy]) = 0\.3$": r"\1 = 0.01", r"^(r[xyz]) = .*$": r"\1 = 0.03"}
-    for old, new in {**changes, r"^(translation|rotation) = .*$": r"\1 = 0.0005"}.items():
-        text, count = re.subn(old, new, text, flags=re.MULTILINE)
-        assert count >= 2
-    (tmp_path / "base.toml").write_text(text)
+    straight(tmp_path)
     study = FILE.replace(f"{ROOT}/problems/lee_huang_peg.toml", "base.toml")
     path = tmp_path / "t.toml"
     path.write_text(study.replace("margin = 0.03", "margin = 0.004\ngap = 0.02").replace("high = 0.4\n", ""))

@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fmopt.errors import InputError
+from fmopt.study import evaluation
 from fmopt.study.design import load_study
 from fmopt.study.sampling import Normal, Uniform, cube, grid, stepped
 from fmopt.study.targets import Base
@@ -277,7 +278,6 @@ HEADS = {
         "3:12: unknown-quantity: compute[0]: there is no quantity 'margin'",
     ),
     "twice": ({"compute": '["plan", "plan"]'}, "'plan' is asked for twice"),
-    "executor": ({"compute": '["execution"]'}, "missing-extra: compute[0]: 'execution' cannot be computed"),
     "no problem": ({"problem": '"nowhere.toml"'}, "2:11: file-missing: problem: "),
     "plan kept": ({"compute": '["clearance"]\nkeep = ["plan"]'}, "plans are to be kept but none is computed"),
 }
@@ -288,6 +288,12 @@ def test_mistakes_in_the_head_are_caught_with_their_place(written: Writer, name:
     changes, words = HEADS[name]
     found = faults(written(GAP, **changes))
     assert any(words in fault for fault in found), found
+
+
+def test_executions_without_a_physics_engine_are_refused(written: Writer, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(evaluation, "find_spec", lambda name: None)
+    with pytest.raises(InputError, match=r"missing-extra: compute\[0\]: 'execution' cannot be computed: it needs the"):
+        load_study(written(GAP, compute='["execution"]'))
 
 
 def test_a_study_without_axes_is_none(written: Writer) -> None:

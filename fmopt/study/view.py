@@ -23,6 +23,7 @@ READ: Mapping[str, tuple[float, str]] = {
 ANSWERS: Mapping[str, tuple[str, float, str]] = {
     "margin": ("least margin", 1e6, "µm"),
     "tolerated_factor": ("tolerated start error, as a factor", 1.0, ""),
+    "success": ("success when executed", 100.0, "%"),
     "least_normal_force": ("least normal force of the bias", 1.0, "N"),
     "clearance": ("measured clearance a side", 1e3, "mm"),
     "cost": ("cost of the sequence", 1.0, ""),

@@ -1,0 +1,29 @@
+"""Plans of a study executed: the same trials as of the plan alone, with the interval of their share."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from pathlib import Path
+
+import pytest
+from study_problems import straight
+
+from fmopt.execution import trials
+from fmopt.study import evaluation
+from fmopt.study.batch import Question, Run
+from fmopt.study.statistics import share
+
+
+def test_a_run_says_how_often_its_plan_succeeds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(evaluation, "TRIALS", 4)
+    straight(tmp_path)
+    row = evaluation.evaluate(Run("key", (), Question("base.toml", ("plan", "execution"), ("plan",))), tmp_path)
+    assert row.outcome == "done"
+    document = json.loads(zlib.decompress(row.kept))
+    seen = trials.run(document, trials.Trials(4), range(4))
+    successes = sum(record["success"] for record in seen)
+    found = share(successes, 4)
+    answers = {name: row.answers[name] for name in ("trials", "successes", "success", "success_low", "success_high")}
+    assert list(answers.values()) == [4, successes, found.value, found.low, found.high]
+    assert row.answers["verdict"] == "CERTIFIED"
