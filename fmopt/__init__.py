@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from fmopt.desk.shipped import copy_examples as copy_examples
     from fmopt.desk.shipped import example as example
     from fmopt.desk.shipped import examples as examples
+    from fmopt.desk.slider import slider as slider
     from fmopt.errors import FmoptError as FmoptError
     from fmopt.errors import GeometryError as GeometryError
     from fmopt.errors import InfeasibleError as InfeasibleError
@@ -65,6 +66,7 @@ _HOMES = {
     "read": "fmopt.desk.plan",
     "show": "fmopt.desk.drawing",
     "drawings": "fmopt.desk.drawing",
+    "slider": "fmopt.desk.slider",
     "study": "fmopt.study",
     "stages": "fmopt.desk.stages",
     "example": "fmopt.desk.shipped",
@@ -84,6 +86,7 @@ _HOMES = {
     "SearchError": "fmopt.errors",
     "SolverError": "fmopt.errors",
 }
+_MODULES = {"study", "stages"}
 __all__ = [*_HOMES]
 
 
@@ -92,7 +95,7 @@ def __getattr__(name: str) -> Any:
     if home is None:
         raise AttributeError(f"module 'fmopt' has no attribute {name!r}; it has {', '.join(_HOMES)}")
     module = import_module(home)
-    found = module if home.rpartition(".")[2] == name else getattr(module, name)
+    found = module if name in _MODULES else getattr(module, name)
     globals()[name] = found
     return found
 

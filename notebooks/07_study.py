@@ -1,0 +1,63 @@
+# %% [markdown]
+# # A study, from file to heat map
+#
+# How hard must the part be pressed, for which friction? A study file names a base problem, axes over any of its
+# parameters, and what to compute. It goes on where it was interrupted, on one machine or on a cluster.
+
+# %%
+from pathlib import Path
+
+import fmopt
+
+file = Path("friction.toml")
+file.write_text(
+    f"""title = "Round peg: bias against friction"
+problem = "{fmopt.example("lee_huang_peg").as_posix()}"
+compute = ["bias"]
+
+[units]
+length = "mm"
+angle = "deg"
+time = "s"
+
+[[axes]]
+name = "friction"
+low = 0.05
+high = 0.6
+steps = 8
+sets = ["specification.friction"]
+
+[[axes]]
+name = "force"
+values = [5, 10, 20, 40]
+sets = ["specification.contact_force"]
+
+[limits]
+time = 600
+"""
+)
+
+# %% [markdown]
+# Which paths are there?
+
+# %%
+print(", ".join(fmopt.load(fmopt.example("lee_huang_peg")).targets))
+
+# %% [markdown]
+# Carry it out. The motion does not depend on friction and force, so that it is searched once.
+
+# %%
+study = fmopt.study(file, "out/friction", jobs=1)
+study
+
+# %% [markdown]
+# The same numbers as a data frame.
+
+# %%
+study.frame().select("friction", "force", "holds", "least_normal_force").head(8)
+
+# %% [markdown]
+# A second call finds everything done and computes nothing. The report is a page that opens offline.
+
+# %%
+fmopt.study(file, "out/friction", jobs=1).report()
