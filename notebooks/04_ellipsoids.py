@@ -33,9 +33,9 @@ axes.fill(*ellipse, facecolor="#dddddd", edgecolor="#1b4f8a", label="errors")
 for height, dash, name in ((paper, "--", "paper: section"), (shadow, "-", "sound: shadow")):
     axes.axhline(height, color="#a34a00", linestyle=dash, label=f"{name} ±{height:.2f}")
     axes.axhline(-height, color="#a34a00", linestyle=dash)
-axes.annotate("V", (2.6, 0), (1.7, 0), arrowprops={"arrowstyle": "->"}, va="center")
+axes.annotate("V", (0.9, 0), (-0.05, 0), arrowprops={"arrowstyle": "->"}, va="center")
 axes.set_aspect("equal", adjustable="datalim")
-axes.legend(loc="upper left")
+_ = axes.legend(loc="center left", bbox_to_anchor=(1, 0.5))
 # %% [markdown]
 # ## In six dimensions, with sampling
 #

@@ -17,8 +17,8 @@ folder.mkdir(exist_ok=True)
 peg = trimesh.creation.box((12.0, 8.0, 30.0))  # in mm, as STL files are
 plate = trimesh.creation.box((40.0, 30.0, 10.0))
 hole = trimesh.creation.box((12.3, 8.3, 20.0))
-peg.export(folder / "peg.stl")
-trimesh.boolean.difference([plate, hole]).export(folder / "plate.stl")
+for name, mesh in (("peg", peg), ("plate", trimesh.boolean.difference([plate, hole]))):
+    mesh.export(folder / f"{name}.stl")
 
 # %% [markdown]
 # A model file says what a mesh does not: its unit, and where it mates. The frame of a peg stands in the centre of its
@@ -42,15 +42,16 @@ length = {length}
 """
 peg_model = model.format(name="peg", feature="shank", kind="solid", height=-15, length=30)
 plate_model = model.format(name="plate", feature="slot", kind="hollow", height=5, length=10) + "through = true\n"
-(folder / "peg.toml").write_text(peg_model)
-(folder / "plate.toml").write_text(plate_model)
+for name, text in (("peg", peg_model), ("plate", plate_model)):
+    (folder / f"{name}.toml").write_text(text)
 
 # %% [markdown]
 # The problem file names both, the goal, and what is known of the errors. It is easiest to start from a shipped one:
 # `fmopt examples --out trial` copies them.
 
 # %%
-(folder / "problem.toml").write_text(
+file = folder / "problem.toml"
+_ = file.write_text(
     """title = "Own peg into own plate"
 
 [units]
@@ -100,7 +101,7 @@ max_tilt = 10
 time_limit = 120
 """
 )
-problem = fmopt.load(folder / "problem.toml")
+problem = fmopt.load(file)
 problem
 
 # %% [markdown]
@@ -118,7 +119,7 @@ plan
 # Faults come all at once, each with file, line and advice.
 
 # %%
-text = (folder / "problem.toml").read_text()
+text = file.read_text()
 bad = text.replace('feature = "slot"', 'feature = "slott"').replace("x = 0.04", 'x = "4 deg"')
 (folder / "bad.toml").write_text(bad)
 try:

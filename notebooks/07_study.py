@@ -10,9 +10,9 @@ from pathlib import Path
 import fmopt
 
 file = Path("friction.toml")
-file.write_text(
-    f"""title = "Round peg: bias against friction"
-problem = "{fmopt.example("lee_huang_peg").as_posix()}"
+_ = file.write_text(
+    f"""title = "Square peg: how firmly a bias holds the contacts, over friction and force"
+problem = "{fmopt.example("square_peg").as_posix()}"
 compute = ["bias"]
 
 [units]
@@ -24,12 +24,12 @@ time = "s"
 name = "friction"
 low = 0.05
 high = 0.6
-steps = 8
+steps = 12
 sets = ["specification.friction"]
 
 [[axes]]
 name = "force"
-values = [5, 10, 20, 40]
+values = [5, 10, 20, 30, 40]
 sets = ["specification.contact_force"]
 
 [limits]
@@ -38,13 +38,16 @@ time = 600
 )
 
 # %% [markdown]
-# Which paths are there?
+# Which paths are there? All numbers and choices of the problem, and the parameters of both models.
 
 # %%
-print(", ".join(fmopt.load(fmopt.example("lee_huang_peg")).targets))
+targets = fmopt.load(fmopt.example("square_peg")).targets
+print("\n".join(path for path in targets if not path.startswith("uncertainty.sources")))
 
 # %% [markdown]
-# Carry it out. The motion does not depend on friction and force, so that it is searched once.
+# Carry it out. The motion does not depend on friction and force, so that it is searched once. The map shows the least
+# normal force with which every held contact can be kept while the next one is felt, and the border beyond which no bias
+# does it.
 
 # %%
 study = fmopt.study(file, "out/friction", jobs=1)

@@ -47,7 +47,7 @@ def _verdict(verdict: Any) -> str:
 def _nominal(nominal: Any) -> str:
     from fmopt.desk.sheets import freedom_sheet
 
-    return freedom_sheet(nominal.freedoms) + _drawn(nominal.planes)
+    return freedom_sheet(nominal.freedoms)
 
 
 HTML: Mapping[str, Callable[[Any], str]] = {

@@ -17,6 +17,13 @@ if TYPE_CHECKING:
     from fmopt.desk.problem import Problem
 
 _AXES = ("x", "y", "z", "rx", "ry", "rz")
+_SHOWN = 8  # findings of a verdict
+# Notebooks centre captions and set cells to the right; what is read as words starts on the left.
+_STYLE = (
+    "<style>.fmopt-sheet td, .fmopt-sheet th, .fmopt-sheet caption { text-align: left !important; } "
+    ".fmopt-sheet td.number, .fmopt-sheet th.number { text-align: right !important; } "
+    ".fmopt-sheet caption { font-weight: bold; white-space: nowrap; }</style>"
+)
 
 
 def problem_sheet(problem: Problem) -> str:
@@ -30,7 +37,7 @@ def problem_sheet(problem: Problem) -> str:
     except InterferenceError as error:
         rows = [("infeasible", str(error))]
     said = table(problem.title, ("", ""), rows)
-    return f"<div>{said}{show(problem, 'parts')._repr_html_()}</div>"
+    return _sheet(said + show(problem, "parts")._repr_html_())
 
 
 def plan_sheet(plan: Plan) -> str:
@@ -42,9 +49,9 @@ def plan_sheet(plan: Plan) -> str:
     worst = margins.index(min(stated)) if stated else -1
     kinds = "".join("n" if name in ("move", "travel", "turn") or "margin" in name else "." for name in head)
     moving = plan.scene()._repr_html_() if plan.moves else ""
-    return (
-        f"<div><p><strong>{escape(found.word)}</strong>: {escape(plan.document['problem']['title'])}<br>"
-        f"{escape(found.sentence)}</p>{table('Moves', head, rows, kinds, worst)}{moving}</div>"
+    return _sheet(
+        f"<p><strong>{escape(found.word)}</strong>: {escape(plan.document['problem']['title'])}<br>"
+        f"{escape(found.sentence)}</p>{table('Moves', head, rows, kinds, worst)}{moving}"
     )
 
 
@@ -66,7 +73,7 @@ def segment_sheet(segment: Segment) -> str:
             ("stops when", f"{combination(ending['wrench'])} reaches {ending['threshold']:.3g}"),
             ("at most", f"{1e3 * ending['max_travel']:.3g} mm, {ending['timeout']:.3g} s"),
         ]
-    return f"<div>{table(f'Segment {segment.number}, of move {segment.move}', ('', ''), rows)}</div>"
+    return _sheet(table(f"Segment {segment.number}, of move {segment.move}", ("", ""), rows))
 
 
 def pose_words(pose: Iterable[float]) -> str:
@@ -81,7 +88,7 @@ def pose_sheet(pose: Any) -> str:
     """A pose as a table of its six coordinates."""
     values = [float(value) for value in pose.vector()]
     cells = [f"{1e3 * v:.6g} mm" for v in values[:3]] + [f"{math.degrees(v):.6g}°" for v in values[3:]]
-    return table("Pose", ("", *_AXES), [("", *cells)], ".nnnnnn")
+    return _sheet(table("Pose", ("", *_AXES), [("", *cells)], ".nnnnnn"))
 
 
 def freedom_sheet(freedoms: Sequence[Any]) -> str:
@@ -89,14 +96,18 @@ def freedom_sheet(freedoms: Sequence[Any]) -> str:
     rows = [
         (f"{i.start:.4g} to {i.end:.4g} s", *(f"{s:+d}" if s in (-1, 1) else str(s) for s in i.s)) for i in freedoms
     ]
-    return table("S(t): 0 free, ±1 stopped on one side, 2 on both", ("t", *_AXES), rows, ".nnnnnn")
+    return _sheet(table("S(t): 0 free, ±1 stopped on one side, 2 on both", ("t", *_AXES), rows, ".nnnnnn"))
 
 
 def verdict_sheet(verdict: Any) -> str:
     """The outcome of the independent check, with what stands in its way."""
-    lines = "".join(f"<li>{escape(str(finding))}</li>" for finding in verdict.findings[:20])
-    more = len(verdict.findings) - 20
+    lines = "".join(f"<li>{escape(str(finding))}</li>" for finding in verdict.findings[:_SHOWN])
+    more = len(verdict.findings) - _SHOWN
     rest = f"<li>and {more} more</li>" if more > 0 else ""
     first = "" if verdict.margin is None else f", least margin {1e6 * verdict.margin:.2f} µm"
     listed = f"<ul>{lines}{rest}</ul>" if lines else ""
-    return f"<div><strong>{verdict.verdict}</strong>: {verdict.segments} segments{first}{listed}</div>"
+    return _sheet(f"<strong>{verdict.verdict}</strong>: {verdict.segments} segments{first}{listed}")
+
+
+def _sheet(text: str) -> str:
+    return f'<div class="fmopt-sheet">{_STYLE}{text}</div>'

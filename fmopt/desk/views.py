@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from fmopt.task.problem import Problem
     from fmopt.uncertainty.error_set import ErrorSet
 
-_SCENE = (8.2, 7.4)  # inches
+_SCENE, _STILL = (8.2, 8.0), (8.2, 6.5)  # inches
 _PLANES = ("x–z", "y–z", "x–y")
 
 
@@ -100,7 +100,7 @@ def _part(part: Part) -> Iterable[Drawing]:
     from fmopt.desk.solids import turning
 
     yield _part_sheet(part, name="part")
-    yield Drawing("scene", f"{part.name}, to be turned", part.name, _SCENE, fragment=partial(turning, part))
+    yield Drawing("scene", f"{part.name}, to be turned", part.name, _STILL, fragment=partial(turning, part))
 
 
 def _part_sheet(*parts: Part, name: str) -> Drawing:
