@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import polars
 
     from fmopt.desk.drawing import Drawing
+    from fmopt.desk.trials import Trials
     from fmopt.report.figures import Figure
 
 
@@ -130,6 +131,31 @@ class Plan:
         from fmopt.task.agreement import disagreements
 
         return found.unless(disagreements(problem, self.document))
+
+    def execute(
+        self,
+        trials: int = 100,
+        seed: int = 0,
+        *,
+        beyond: int = 0,
+        folder: str | PathLike[str] | None = None,
+        workers: int | None = None,
+    ) -> Trials:
+        """Carries the plan out in a physics engine, under errors drawn at random.
+
+        Args:
+            trials: with errors inside the certified set.
+            seed: of all that is drawn.
+            beyond: further trials, with errors of one to two times the set.
+            folder: for the results, what is there of the same trials is used; out/trials-… when not given.
+            workers: processes; one for each processor when not given.
+
+        Raises:
+            ResourceError: the physics engine, of the extra `sim`, is not installed, or results cannot be written.
+        """
+        from fmopt.desk.trials import carried_out
+
+        return carried_out(self, trials, seed, beyond, None if folder is None else Path(folder), workers)
 
     def export(
         self,
