@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
@@ -226,8 +226,11 @@ def execute(
     trials: Annotated[int, typer.Option("--trials", min=0, help="With errors inside the certified set.")] = 100,
     beyond: Annotated[int, typer.Option("--beyond", min=0, help="With errors of one to two times the set.")] = 0,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of all that is drawn.")] = 0,
+    method: Annotated[str, typer.Option("--method", help="plan, push, spiral, dither or tilt.")] = "plan",
     friction: Annotated[float | None, typer.Option("--friction", min=0, help="Default: the plan's bound.")] = None,
     time_step: Annotated[float, typer.Option("--time-step", help="Of the physics, s.")] = 0.0005,
+    growth: Annotated[float, typer.Option("--growth", help="Of the moving part, m a side: interference fits.")] = 0.0,
+    offset: Annotated[float, typer.Option("--offset", help="Of each start along x, m, that nobody knows of.")] = 0.0,
     out: Annotated[Path | None, typer.Option("--out", help="Folder; default: trials beside the plan.")] = None,
     workers: Annotated[int | None, typer.Option("--workers", min=1, help="Processes; default: one a core.")] = None,
     as_json: Json = False,
@@ -237,9 +240,12 @@ def execute(
     from fmopt.console import Trials as Progress
     from fmopt.execution.execute import execute as run
     from fmopt.execution.summary import lines
-    from fmopt.execution.trials import Trials
+    from fmopt.execution.trials import METHODS, Trials
 
-    wanted = Trials(trials, beyond, seed=seed, time_step=time_step, friction=friction)
+    if method not in METHODS:
+        raise typer.BadParameter(f"{method!r} is none of {', '.join(METHODS)}", param_hint="--method")
+    drawn = Trials(trials, beyond, seed=seed, time_step=time_step, friction=friction)
+    wanted = replace(drawn, method=method, growth=growth, offset=offset)
     folder = out if out is not None else file.parent / "trials"
     with Progress(trials + beyond, quiet or as_json) as progress:
         found = run(file, wanted, folder, workers, progress.advance)
@@ -248,6 +254,31 @@ def execute(
     elif not quiet:
         for line in lines(found):
             typer.echo(line)
+
+
+@app.command(epilog="Example: fmopt compare out/square_peg/plan.json --trials 200")
+def compare(
+    files: Annotated[list[Path], typer.Argument(help="Plan files (JSON).")],
+    trials: Annotated[int, typer.Option("--trials", min=1, help="Of each method, with errors inside.")] = 100,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of all that is drawn.")] = 0,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder; default: compared beside the first plan.")] = None,
+    workers: Annotated[int | None, typer.Option("--workers", min=1, help="Processes; default: one a core.")] = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Carry plans out beside what people do without one: push, spiral, random search, a tilt by hand (extra sim)."""
+    from fmopt.console import Trials as Progress
+    from fmopt.console import print_compared
+    from fmopt.execution.execute import compare as run
+    from fmopt.execution.trials import METHODS
+
+    folder = out if out is not None else files[0].parent / "compared"
+    with Progress(len(files) * len(METHODS) * trials, quiet or as_json) as progress:
+        rows = run(files, trials, seed, folder, workers, progress.advance)
+    if as_json:
+        typer.echo(json.dumps(rows))
+    elif not quiet:
+        print_compared(rows)
 
 
 @app.command(epilog="Example: fmopt schema problem > problem.schema.json")

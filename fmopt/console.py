@@ -113,6 +113,20 @@ class Trials:
         self._bar.advance(self._task, done)
 
 
+def print_compared(rows: list[dict[str, Any]]) -> None:
+    """Prints the table of `fmopt compare`: a row a fit, a column a method."""
+    table = Table("fit", *rows[0]["methods"])
+    for row in rows:
+        table.add_row(row["title"], *(_compared(part) for part in row["methods"].values()))
+    Console(width=max(Console().width, 100)).print(table)
+
+
+def _compared(part: dict[str, Any]) -> str:
+    low, high = (100.0 * share for share in part["interval"])
+    seconds = part["seconds"].get("median")
+    return f"{100.0 * part['share']:.1f} %\n{low:.1f} to {high:.1f} %" + (f"\n{seconds:.1f} s" if seconds else "")
+
+
 def print_solved(document: dict[str, Any], verdict: Any, folder: Path, report: bool) -> None:
     """Prints the outcome of `fmopt solve`."""
     from fmopt.report.moves import summary_rows

@@ -68,7 +68,8 @@ LIBRARIES: dict[str, frozenset[str]] = {
         | {"certificate", "placement", "control", "synthesis", "report", "study", "guarded", "export", "execution"}
         | {"desk", "plan_record"}
     ),
-    "scipy": frozenset({"plane", "geometry", "contact", "nominal", "uncertainty", "placement", "control", "study"}),
+    "scipy": frozenset({"plane", "geometry", "contact", "nominal", "uncertainty", "placement", "control", "study"})
+    | {"execution/grown.py"},
     "distributed": frozenset({"study/cluster.py"}),
     "polars": frozenset({"study/__init__.py", "study/outcome.py", "study/table.py", "desk/plan.py"}),
     "sympy": frozenset(

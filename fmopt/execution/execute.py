@@ -1,17 +1,17 @@
-"""`fmopt execute`: trials of a plan into a folder, with their summary."""
+"""`fmopt execute` and `fmopt compare`: trials of plans into a folder, with their summary."""
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from fmopt import plan
 from fmopt.execution.scene import engine
 from fmopt.execution.summary import summary
-from fmopt.execution.trials import Trials, run_all
+from fmopt.execution.trials import METHODS, Trials, run_all
 
 
 def execute(
@@ -35,7 +35,44 @@ def execute(
     engine()
     document = plan.read(file)
     plan.prepare(folder)
-    records = run_all(document, trials, folder / "trials.jsonl", workers or len(os.sched_getaffinity(0)), advance)
-    found = {"plan": document["sha256"], "trials": len(records), **summary(records)}
+    found = _summed(document, trials, folder / "trials.jsonl", workers, advance)
     plan.save((json.dumps(found, indent=1) + "\n").encode(), folder / "summary.json")
     return found
+
+
+def compare(
+    files: Sequence[Path], trials: int, seed: int, folder: Path, workers: int | None, advance: Callable[[int], None]
+) -> list[dict[str, Any]]:
+    """Runs plans and the baselines with the same errors, and writes `comparison.json`.
+
+    Args:
+        files: plan files.
+        trials: of each method, inside the certified set.
+        seed: of all that is drawn.
+        folder, workers, advance: as for `execute`.
+
+    Returns:
+        A row for each plan: its title, and for each method the success inside the certified set.
+
+    Raises:
+        FmoptError: as for `execute`.
+    """
+    engine()
+    plan.prepare(folder)
+    rows = []
+    for file in files:
+        document, parts = plan.read(file), {}
+        for method in METHODS:
+            kept = folder / f"{document['sha256'][:12]}_{method}.jsonl"
+            found = _summed(document, Trials(trials, seed=seed, method=method), kept, workers, advance)
+            parts[method] = found["inside"]
+        rows.append({"title": document["problem"]["title"], "plan": document["sha256"], "methods": parts})
+    plan.save((json.dumps(rows, indent=1) + "\n").encode(), folder / "comparison.json")
+    return rows
+
+
+def _summed(
+    document: dict[str, Any], trials: Trials, file: Path, workers: int | None, advance: Callable[[int], None]
+) -> dict[str, Any]:
+    records = run_all(document, trials, file, workers or len(os.sched_getaffinity(0)), advance)
+    return {"plan": document["sha256"], "trials": len(records), **summary(records)}

@@ -56,12 +56,14 @@ class Log:
 
 
 def note(log: Log, event: Event, rig: Rig, moves: Sequence[Move], known: Mapping[str, Contact], fit: Fit) -> None:
-    """Holds the contacts at the end of a move against the plan's."""
+    """Holds the contacts at the end of a move against the plan's; without moves nothing is planned."""
     program = rig.program
     if rig.state.step[event.body] < 0:
         log.ended = event.time
     if rig.state.step[event.body] == FAILED:
         log.departures.append(f"move {program.steps[event.step].move}: contact not felt")
+        return
+    if not moves:
         return
     move = moves[event.step]
     following = rig.state.step[event.body]
@@ -72,14 +74,17 @@ def note(log: Log, event: Event, rig: Rig, moves: Sequence[Move], known: Mapping
 
 
 def departures(rig: Rig, body: int, move: Move, known: Mapping[str, Contact], fit: Fit) -> list[str]:
-    """Planned contacts that gape, and forces where none is planned, in words."""
+    """Planned contacts that gape, and forces where none is planned, in words.
+
+    Edges that have turned parallel cross nowhere; what they hold, the vertices at their ends hold on the faces.
+    """
     q = rig.qpos[body]
     pose = Pose(q[:3], from_quaternions(q[3:]))
     found, places = [], []
     for name in move.goal_state:
         point, _, gap = known[name].touch(pose)
         places.append(point)
-        if abs(gap) > CLOSED * fit.clearance:
+        if known[name].within(pose) and abs(gap) > CLOSED * fit.clearance:
             found.append(f"move {move.number}: {name} open")
     sensed = rig.contacts[body]
     pressing = sensed[(sensed[:, 0] > 0.0) & (np.linalg.norm(sensed[:, 1:4], axis=1) > _PRESSES)]

@@ -16,6 +16,8 @@ import numpy as np
 
 from fmopt import plan
 from fmopt.errors import ResourceError
+from fmopt.execution.baselines import BASELINES
+from fmopt.execution.grown import grown
 from fmopt.execution.outcome import Fit, Log, note, rest, watch
 from fmopt.execution.physics import TIME_STEP, Physics
 from fmopt.execution.program import Program, planned
@@ -27,6 +29,7 @@ from fmopt.guarded.contacts import contacts
 from fmopt.guarded.moves import moves
 from fmopt.values import Array
 
+METHODS: dict[str, Callable[[Mapping[str, Any], Robot], Program]] = {"plan": planned, **BASELINES}
 CHUNK = 50
 _QUIET = 0.15  # s after the end of a program, before the pose at rest is judged
 _LONGEST = 30.0  # s
@@ -44,6 +47,9 @@ class Trials:
         seed: of all that is drawn.
         time_step: of the physics, s.
         friction: coefficient; None for the plan's, which is the most that it allows for.
+        method: plan, or one of the baselines.
+        growth: of the moving part to each side, m; more than the clearance makes an interference fit.
+        offset: of each start along x, m, that nobody knows of.
     """
 
     inside: int
@@ -52,6 +58,9 @@ class Trials:
     seed: int = 0
     time_step: float = TIME_STEP
     friction: float | None = None
+    method: str = "plan"
+    growth: float = 0.0
+    offset: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -76,7 +85,9 @@ def draw(document: Mapping[str, Any], program: Program, trials: Trials, number: 
     drift = np.hstack(
         [t * program.speed * _ball(random, count), r * program.speed / program.rho * _ball(random, count)]
     )
-    return Draw(share * box, size, drift)
+    start = share * box
+    start[0] += trials.offset
+    return Draw(start, size, drift)
 
 
 def _ball(random: np.random.Generator, count: int) -> Array:
@@ -117,16 +128,17 @@ def run(document: Mapping[str, Any], trials: Trials, numbers: Sequence[int], rob
         ResourceError: the extra is missing.
     """
     robot = robot or Robot()
-    program = planned(document, robot)
+    program = METHODS[trials.method](document, robot)
     rows, known, fit = moves(document), contacts(document), Fit.of(document)
     friction = float(document["specification"]["friction"]) if trials.friction is None else trials.friction
-    model = compiled(scene(document, Physics(trials.time_step), robot.mass, robot.inertia, friction))
+    parts = grown(document, trials.growth) if trials.growth else document
+    model = compiled(scene(parts, Physics(trials.time_step), robot.mass, robot.inertia, friction))
     draws = [draw(document, program, trials, number) for number in numbers]
     rig = Rig(model, program, robot, _starts(program, draws), _drifts(draws), Noise(trials.seed, numbers))
     logs = [Log() for _ in numbers]
     while any(log.outcome is None for log in logs):
         for event in rig.tick():
-            note(logs[event.body], event, rig, rows, known, fit)
+            note(logs[event.body], event, rig, rows if program.name == "plan" else (), known, fit)
         watch(logs, rig)
         for body, log in enumerate(logs):
             if log.outcome is None and (rig.time >= log.ended + _QUIET or rig.time > _LONGEST):

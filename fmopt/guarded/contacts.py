@@ -39,6 +39,14 @@ class Contact(Value):
         for name in ("moving_normal", "fixed_normal"):
             object.__setattr__(self, name, frozen(getattr(self, name), 3, name=name))
 
+    def within(self, pose: Pose) -> bool:
+        """Whether crossing edges cross between their ends; other contacts are not asked."""
+        if self.kind != "edge-edge":
+            return True
+        moving = pose.apply(self.moving)
+        s, t = _nearest(moving[0], moving[1] - moving[0], self.fixed[0], self.fixed[1] - self.fixed[0])
+        return 0.0 <= s <= 1.0 and 0.0 <= t <= 1.0
+
     def touch(self, pose: Pose) -> tuple[Array, Array, float]:
         """Point (3,) in B, unit normal (3,) out of the fixed part, and gap, m, negative when overlapping."""
         moving = pose.apply(self.moving)
@@ -56,7 +64,7 @@ class Contact(Value):
         if size < _PARALLEL * float(np.linalg.norm(u) * np.linalg.norm(v)):
             raise PlanFormatError(f"the edges of contact {self.name} are parallel: it has no normal")
         m = m / size if float(m @ self.fixed_normal) > 0.0 else -m / size
-        s, t = np.linalg.lstsq(np.column_stack([u, -v]), q - p, rcond=None)[0]
+        s, t = _nearest(p, u, q, v)
         a, b = p + s * u, q + t * v
         return 0.5 * (a + b), m, float(m @ (p - q))
 
@@ -64,6 +72,12 @@ class Contact(Value):
         """Reaction (6,) on the moving part for a unit normal force, about the moving frame's origin, axes of B."""
         point, normal, _ = self.touch(pose)
         return np.concatenate([normal, np.cross(point - pose.p, normal)])
+
+
+def _nearest(p: Array, u: Array, q: Array, v: Array) -> tuple[float, float]:
+    """Parameters of the points p + s u and q + t v of two lines that are nearest to each other."""
+    s, t = np.linalg.lstsq(np.column_stack([u, -v]), q - p, rcond=None)[0]
+    return float(s), float(t)
 
 
 def contacts(document: Mapping[str, Any]) -> dict[str, Contact]:

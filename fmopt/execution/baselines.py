@@ -1,0 +1,188 @@
+"""What people do without a plan, in the same rig: straight compliant push, spiral, random search, a tilt by hand.
+
+Each method knows the fit as its user would: the hole's place, the depth, the clearance, the part's corner, and how far
+the part may be off at the start. What it uses besides was tuned on the square peg with 0.1 mm of clearance a side and
+errors of up to 1 mm and 1°, and is given with its constant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fmopt.execution.outcome import Fit
+from fmopt.execution.program import DONE, FAILED, Program, Step
+from fmopt.execution.robot import Robot
+from fmopt.se3 import Pose, exp
+from fmopt.values import Array
+
+HEIGHT = 0.001  # m above the mouth, at the start
+SPEED = 0.02  # m/s, before and after contact
+PRESS = 8.0  # N, while searching
+TOUCH = 4.0  # N, that a guarded move stops at
+PUSH = 20.0  # N, of the last push
+SEATED = 0.2  # of the clearance: so near the bottom the last push ends
+ENTERED = 0.0005  # m below the mouth: the search has found the hole
+PITCH = 1.0  # clearances between the turns of the spiral
+DITHERS = 300
+SOFT = 0.1  # share of the robot's stiffness in the straight push
+TILT = np.radians(8.0)
+UPRIGHT = 0.7  # share of the tilt that is turned back before the last push
+CORNER = 6.0  # N, towards each wall
+_INFINITE = 60.0  # s and m
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a method may know: the fit, half the leading face (2,), m, and how far the part may be off, m."""
+
+    fit: Fit
+    half: tuple[float, float]
+    reach: float
+    limits: tuple[float, float]
+
+    @staticmethod
+    def of(document: Mapping[str, Any]) -> Task:
+        """Of a plan; its moves are not looked at."""
+        vertices = np.asarray(document["parts"]["moving"]["vertices"], dtype=np.float64)
+        leading = vertices[vertices[:, 2] < vertices[:, 2].min() + 1e-6]
+        box = np.asarray(document["uncertainty"]["start_box"], dtype=np.float64)
+        specification = document["specification"]
+        limits = (max(PUSH, float(specification["contact_force"])), float(specification["torque_limit"]))
+        half = np.abs(leading[:, :2]).max(axis=0)
+        return Task(Fit.of(document), (float(half[0]), float(half[1])), float(np.hypot(*box[:2])), limits)
+
+    def program(self, name: str, start: Pose, steps: tuple[Step, ...]) -> Program:
+        """A program without friction to make up for."""
+        return Program(name, start, self.fit.rho, SPEED, steps, 0.0, self.limits)
+
+    @property
+    def middle(self) -> Array:
+        """Where the part's axis should be, (2,), m."""
+        return np.zeros(2)
+
+    @property
+    def bottom(self) -> float:
+        """z at which the part counts as seated, m."""
+        return float(self.fit.goal.p[2]) + SEATED * self.fit.clearance
+
+
+def _step(
+    name: str,
+    move: int,
+    servoed: str,
+    twist: Array,
+    travel: float,
+    follow: tuple[int, int, int],
+    hold: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    arm: Array | None = None,
+    **more: Any,
+) -> Step:
+    """A step whose position axes are named by letters: x, y, z and a, b, c for the turns about them."""
+    P = np.diag([float(axis in servoed) for axis in "xyzabc"])
+    wrench = np.array([*hold, 0.0, 0.0, 0.0])
+    frame = Pose(np.zeros(3) if arm is None else arm, np.eye(3))
+    stop, end, late = follow
+    push = more.pop("push", PUSH)
+    return Step(
+        name, move, frame, P, twist, np.stack([wrench, wrench]), travel, _INFINITE, push, stop, end, late, **more
+    )
+
+
+def _down(move: int, task: Task, servoed: str, soft: float, hold: tuple[float, float, float]) -> Step:
+    """The last push."""
+    twist = np.array([0.0, 0.0, -SPEED, 0.0, 0.0, 0.0])
+    step = _step("push", move, servoed, twist, _INFINITE, (DONE, FAILED, FAILED), hold, deep=task.bottom, soft=soft)
+    return _lasting(step, 2.0 * task.fit.depth / SPEED)
+
+
+def _lasting(step: Step, seconds: float) -> Step:
+    """A step with another time-out."""
+    from dataclasses import replace
+
+    return replace(step, timeout=seconds)
+
+
+def _upright(task: Task) -> Pose:
+    return Pose(np.array([*task.middle, HEIGHT]), np.eye(3))
+
+
+def push(document: Mapping[str, Any], robot: Robot) -> Program:
+    """Straight down on soft springs."""
+    task = Task.of(document)
+    return task.program("push", _upright(task), (_down(0, task, "xyzabc", SOFT, (0.0, 0.0, 0.0)),))
+
+
+def spiral(document: Mapping[str, Any], robot: Robot) -> Program:
+    """Pressed on the mouth, the part follows a spiral until it drops, and is pushed down.
+
+    Pressing lays its face flat on the mouth, so that the tilt is gone; yaw is held.
+    """
+    task = Task.of(document)
+    pitch, turns = PITCH * task.fit.clearance, 1.2 * task.reach / (PITCH * task.fit.clearance)
+    angle = 2.0 * np.pi * np.sqrt(np.linspace(0.0, 1.0, max(int(24 * turns), 8))) * turns
+    points = pitch * angle[:, None] / (2.0 * np.pi) * np.column_stack([np.cos(angle), np.sin(angle)])
+    return _search("spiral", task, points)
+
+
+def dither(document: Mapping[str, Any], robot: Robot) -> Program:
+    """As the spiral, but to random places in the disc that the start error spans."""
+    task, random = Task.of(document), np.random.default_rng(0)
+    angle, radius = random.uniform(0.0, 2.0 * np.pi, DITHERS), 1.2 * task.reach * np.sqrt(random.uniform(size=DITHERS))
+    return _search("dither", task, radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)]))
+
+
+def _search(name: str, task: Task, points: Array) -> Program:
+    ways = np.diff(np.vstack([np.zeros((1, 2)), points]), axis=0)
+    ways = ways[np.linalg.norm(ways, axis=1) > 1e-7]
+    last = len(ways) + 1
+    down = np.array([0.0, 0.0, -SPEED, 0.0, 0.0, 0.0])
+    touch = _step("touch", 0, "xyzabc", down, HEIGHT + ENTERED, (1, last, FAILED), push=TOUCH, **_felt(2))
+    steps = [touch]
+    for k, way in enumerate(ways):
+        length = float(np.linalg.norm(way))
+        twist = np.array([*way / length * SPEED, 0.0, 0.0, 0.0, 0.0])
+        follow = (last, k + 2 if k + 1 < len(ways) else FAILED, FAILED)
+        steps.append(_step("search", 1, "xyc", twist, length, follow, (0.0, 0.0, -PRESS), deep=-ENTERED))
+    return task.program(name, _upright(task), (*steps, _down(2, task, "z", 1.0, (0.0, 0.0, 0.0))))
+
+
+def _felt(axis: int) -> dict[str, Any]:
+    """A stop by force along an axis."""
+    return {"gain": np.eye(6)[axis], "force": TOUCH}
+
+
+def tilt(document: Mapping[str, Any], robot: Robot) -> Program:
+    """Four phases: down with one corner in the hole, to both walls, upright against them, down.
+
+    Yaw is left free from the walls on, and the last of the tilt too.
+    """
+    task = Task.of(document)
+    turn = TILT * np.array([1.0, -1.0, 0.0]) / np.sqrt(2.0)
+    corner = exp(turn) @ np.array([-task.half[0], -task.half[1], 0.0])
+    inside = 2.0 * task.reach + task.fit.clearance
+    wall = np.array([-task.half[0], -task.half[1]]) - task.fit.clearance + inside
+    start = Pose(np.array([*(wall - corner[:2]), HEIGHT - corner[2]]), exp(turn))
+    ways = [np.zeros(6) for _ in range(4)]
+    ways[0][2], ways[1][0], ways[2][1] = -SPEED, -0.5 * SPEED, -0.5 * SPEED
+    ways[3][3:] = -turn / TILT * robot.turning
+    angle = UPRIGHT * TILT * task.fit.rho
+    steps = (
+        _step("down", 0, "xyzabc", ways[0], 0.01, (1, FAILED, FAILED), push=TOUCH, **_felt(2)),
+        _step("to x", 1, "xyab", ways[1], 0.01, (2, FAILED, FAILED), (0.0, 0.0, -CORNER), push=CORNER, **_felt(0)),
+        _step("to y", 2, "yab", ways[2], 0.01, (3, FAILED, FAILED), (-CORNER, 0.0, -CORNER), push=CORNER, **_felt(1)),
+        _step("upright", 3, "abc", ways[3], angle, (4, 4, 4), (-CORNER, -CORNER, -CORNER), arm=corner),
+        _down(4, task, "z", 1.0, (-1.0, -1.0, 0.0)),
+    )
+    return task.program("tilt", start, steps)
+
+
+BASELINES: dict[str, Callable[[Mapping[str, Any], Robot], Program]] = {
+    "push": push,
+    "spiral": spiral,
+    "dither": dither,
+    "tilt": tilt,
+}
