@@ -1,4 +1,4 @@
-"""Ways to begin: one corner goes in below the funnel, away from the walls next to it, whatever its part's outline is."""
+"""Ways to begin: one corner goes in below the funnel, away from the walls next to it, whatever the outline is."""
 
 from __future__ import annotations
 
