@@ -15,9 +15,14 @@ from fmopt.knowledge.command import Answer, Task, answer
 from fmopt.knowledge.goal import FREE, Goal
 from fmopt.knowledge.tree import ObjectTree
 from fmopt.knowledge.workcell import Ref, Workcell
-from fmopt.nominal.mapping import Mapping, answered
+from fmopt.nominal.freedom import half_widths
+from fmopt.nominal.mapping import Mapping, answered, plane_diagrams
+from fmopt.nominal.plane_freedom import freedom_on_planes
+from fmopt.nominal.trajectory import insertion
 from fmopt.se3 import Pose
+from fmopt.task.command import task_command
 from fmopt.task.model import load_model
+from fmopt.task.problem import load
 from fmopt.task.toml_source import Place
 from fmopt.task.tree import build_tree
 
@@ -50,22 +55,18 @@ def object_of_figure_1() -> ObjectTree:
 BALL, CONE = WIDE[0], WIDE[3]
 
 
-def leaning(hole: float, half_width: float) -> float:
+def leaning(hole: float, half_width: float, ball: float = BALL, cone: float = CONE) -> float:
     """Depth at which the rim stops a flank that leans by the cone, its lower end off by the ball."""
-    return float((hole - BALL - half_width / np.cos(CONE)) / np.tan(CONE) - BALL)
+    return float((hole - ball - half_width / np.cos(cone)) / np.tan(cone) - ball)
 
 
-def landing(half_width: float) -> float:
+def landing(half_width: float, ball: float = BALL, cone: float = CONE) -> float:
     """Height above a floor, or the mouth, at which the lower corner of a tilted end is down on it."""
-    return float(BALL + half_width * np.sin(CONE))
+    return float(ball + half_width * np.sin(cone))
 
 
-A, C, B = 0.0075, 0.0035, (0.0058, 0.015)  # of the round pegs for the holes a and c, half the sides of the key
+C, B = 0.0035, (0.0058, 0.015)  # of the round peg for hole c, half the sides of the key
 FIGURE_1 = {
-    "hole_a": (
-        (Cylinder(A, 0.05, 16), (-0.025, 0.0, 0.06), "cylindrical", FREE),
-        [(FREE_S, 0.01), (ROUND, -leaning(0.008, A)), ((2, 2, -1, 2, 2, 0), landing(A) - 0.035)],
-    ),
     "hole_c": (  # countersunk by 3 mm: the rim is there
         (Cylinder(C, 0.05, 16), (0.045, 0.0, 0.06), "cylindrical", FREE),
         [(FREE_S, 0.03), (ROUND, -leaning(0.004, C) - 0.003)],
@@ -84,7 +85,7 @@ FIGURE_1 = {
 
 @pytest.mark.parametrize("hole", sorted(FIGURE_1))
 def test_what_goes_into_the_object_of_figure_1(hole: str) -> None:
-    """The blind holes stop their pegs at the floor too, a slot leaves the way along it free; heights by hand."""
+    """A blind slot stops its key at the floor too and leaves the way along it free; heights by hand."""
     (body, start, pair, turn), expected = FIGURE_1[hole]
     parts = cell(object_of_figure_1(), thing("tool", at(*start), feature("end", "+", at(0), body, 0.05)))
     goal: Goal = (0.0, 0.0, FREE, 0.0, 0.0, turn)
@@ -113,3 +114,19 @@ def test_a_cap_goes_over_the_boss_of_figure_1() -> None:
     np.testing.assert_allclose(found.P0[:3], [0.0, 0.02, 0.03], atol=1e-12)
     np.testing.assert_allclose(made.path.nodes[-1][:3], [0, 0, -0.018], atol=1e-12)
     assert steps(made)[-1] == ROUND
+
+
+def test_the_shipped_problem_of_figure_1() -> None:
+    """The blind hole stops the peg at its floor; polygons are as the file says, sections are round."""
+    problem = load(ROOT / "problems" / "lee_huang_figure1.toml")
+    found = answer(*task_command(problem))
+    assert [ref.feature for ref in found.fixed.members] == ["hole_a", "base", "boss"]
+    assert problem.trapezoid is not None
+    ball, cone = problem.trapezoid
+    planes = plane_diagrams(found.moving.solid, found.fixed.solid, found.P0, found.PT, half_widths(ball, cone))
+    path = insertion([0, 0, 0.012, 0, 0, 0], found.PT, problem.specification.speed, RHO)
+    seen = freedom_on_planes([view for plane in planes for view in plane.views], path)
+    assert [one.s for one in seen] == [FREE_S, ROUND, (2, 2, -1, 2, 2, 0)]
+    expected = [-leaning(0.008, 0.0077373, ball, cone), landing(0.0077373, ball, cone) - 0.035]
+    heights = [path.at(one.start)[2] for one in seen[1:]]
+    np.testing.assert_allclose(heights, expected, rtol=0.0, atol=1e-9 * 0.05)
