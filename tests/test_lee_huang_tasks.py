@@ -192,3 +192,26 @@ def test_a_hole_without_a_mouth_is_refused_on_loading(tmp_path: Path) -> None:
     text = shipped("square_peg").replace(str(ROOT / "models" / "square_hole_block.toml"), "block.toml")
     with pytest.raises(InputError, match=r"block.toml:\d+:\d+: frame-rule: features.hole: .*rule:"):
         loaded(tmp_path, text)
+
+
+def test_an_obstacle_of_the_fixed_model_off_the_planes_is_reported(tmp_path: Path) -> None:
+    """A post on the block, in a corner between the planes: on the way from beside it, clear of it from above."""
+    model = (ROOT / "models" / "square_hole_block.toml").read_text(encoding="utf-8")
+    post = """[solids.post]
+shape = "box"
+size = [4, 4, 20]
+at = [18, 18, "block_z - proud"]
+
+[solids.posted]
+shape = "union"
+of = ["drilled", "post"]
+
+[features.hole]"""
+    model = model.replace('part = "drilled"', 'part = "posted"').replace("[features.hole]", post)
+    (tmp_path / "block.toml").write_text(model, encoding="utf-8")
+    text = shipped("square_peg").replace(str(ROOT / "models" / "square_hole_block.toml"), "block.toml")
+    beside = loaded(tmp_path, text.replace("height = 1", "height = 1\nat = [35, 35, 5]"))
+    with pytest.raises(InterferenceError, match=r"meets 'square_hole_block' .* off the planes xz, yz and xy"):
+        nominal_motion(beside, ErrorSet.from_box(beside.start_box), RHO)
+    above = loaded(tmp_path, text)
+    assert len(nominal_motion(above, ErrorSet.from_box(above.start_box), RHO).path.nodes) >= 2

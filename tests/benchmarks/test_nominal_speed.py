@@ -18,7 +18,7 @@ from fmopt.task.command import task_command
 from fmopt.task.problem import Problem, load
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
-TASKS = ["lee_huang_peg", "square_peg", "factory_rect_8mm_tight"]
+TASKS = ["lee_huang_peg", "lee_huang_figure1", "square_peg", "factory_rect_8mm_tight"]
 RHO = 0.014
 
 
