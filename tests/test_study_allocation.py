@@ -14,9 +14,9 @@ from typer.testing import CliRunner
 
 from fmopt.cli import app
 from fmopt.errors import InfeasibleError, InputError
-from fmopt.study.allocation import load_allocation
 from fmopt.study.cheapest import cheapest
 from fmopt.study.command import report
+from fmopt.study.tolerances import load_allocation
 from fmopt.values import Array
 
 ROOT = Path(__file__).parent.parent

@@ -112,7 +112,7 @@ def asked_for(file: Path) -> tuple[dict[str, Any], list[str]]:
     Raises:
         InputError: the file cannot be used.
     """
-    from fmopt.study.allocation import load_allocation
+    from fmopt.study.tolerances import load_allocation
 
     question = load_allocation(file)
     record = {"title": question.file.title, "tolerances": [allowed.record() for allowed in question.tolerances]}
@@ -128,7 +128,8 @@ def allocated(file: Path, folder: Path, progress: Callable[[str], None]) -> tupl
         SearchError, InfeasibleError: there is no motion for the present tolerances, or its margin is too small already.
     """
     from fmopt import plan
-    from fmopt.study.allocation import allocate, load_allocation
+    from fmopt.study.allocation import allocate
+    from fmopt.study.tolerances import load_allocation
 
     question = load_allocation(file)
     plan.prepare(folder)
