@@ -69,6 +69,23 @@ def mixed(run: Run, folder: Path) -> Row:
     return quick(run, folder)
 
 
+def hungry(run: Run, folder: Path) -> Row:
+    """The same beside 400 MB."""
+    held = bytearray(400_000_000)
+    row = quick(run, folder)
+    return row if held[-1] == 0 else Row(run.key, "error", "memory is not zero", {})
+
+
+def multiplied(run: Run, folder: Path) -> Row:
+    """How many threads a process has once it has multiplied large matrices."""
+    import numpy as np
+
+    square = np.ones((600, 600))
+    return Row(
+        run.key, "done", "", {"sum": float((square @ square).sum()), "threads": len(os.listdir("/proc/self/task"))}
+    )
+
+
 def suicidal(run: Run, folder: Path) -> Row:
     """Killed from outside, as by a kernel that is out of memory; the first run only."""
     if number_of(run) == 0:

@@ -88,6 +88,21 @@ def test_a_hundred_of_a_thousand_fail_and_the_others_do_not_notice(tmp_path: Pat
     }
 
 
+def test_memory_is_limited_run_by_run(tmp_path: Path) -> None:
+    work = evaluations.work(3)
+    tight = run(replace(work, limits=Limits(memory=500_000_000)), tmp_path, evaluations.hungry, Options(1))
+    assert [entry.row.outcome for entry in table(tmp_path) if entry.row is not None] == ["memory"] * 3
+    wide = run(work, tmp_path, evaluations.hungry, Options(1, retry_failed=True))
+    assert (tight.failed, wide.failed, wide.done) == (3, 0, 3)
+
+
+def test_a_worker_computes_in_one_thread(tmp_path: Path) -> None:
+    run(evaluations.work(1), tmp_path, evaluations.multiplied, Options(2))
+    found = table(tmp_path)[0].row
+    assert found is not None
+    assert found.answers == {"sum": 600.0**3, "threads": 2}  # its own and the one that watches its owner
+
+
 def test_failures_are_done_again_when_asked(tmp_path: Path) -> None:
     work = evaluations.work(14)
     limited = replace(work, limits=Limits(0.3))
