@@ -126,3 +126,12 @@ def test_examples_in_docstrings_do_as_they_say(
     outcome = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(EXAMPLES[name], out=said.append)
     assert outcome.failed == 0, "".join(said)
     assert outcome.attempted > 0
+
+
+def test_help_shows_every_public_name_with_what_it_takes() -> None:
+    import pydoc
+
+    shown = pydoc.plain(pydoc.render_doc(fmopt))
+    for words in ("load(path", "solve(problem", "read(path", "show(value", "class Plan", "class Problem", "with_(self"):
+        assert words in shown
+    assert "`with_`" in shown
