@@ -255,3 +255,15 @@ def test_values_show_themselves_in_a_notebook(square_peg_plan_file: Path, tmp_pa
         capture_output=True, text=True, timeout=120, cwd=tmp_path, env=None, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
+
+
+def test_the_tables_of_views_name_types_that_exist() -> None:
+    from importlib import import_module
+
+    from fmopt.desk.notebook import HTML
+    from fmopt.desk.views import VIEWS
+
+    for name in (*VIEWS, *HTML, "fmopt.contact.surface.SymbolicSurface"):
+        module, _, kind = name.rpartition(".")
+        found = getattr(import_module(module), kind)
+        assert f"{found.__module__}.{found.__qualname__}" == name

@@ -30,7 +30,7 @@ def test_pairs_say_the_same_and_hold_no_outputs(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_each_notebook_runs(name: str, tmp_path: Path) -> None:
     notebook = nbformat.read(shutil.copy(FOLDER / f"{name}.ipynb", tmp_path), as_version=4)
-    NotebookClient(notebook, timeout=240, kernel_name="python3", resources={"metadata": {"path": tmp_path}}).execute()
+    NotebookClient(notebook, timeout=600, kernel_name="python3", resources={"metadata": {"path": tmp_path}}).execute()
     outputs = [output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs]
     assert outputs
     assert not [output for output in outputs if output.output_type == "error"]

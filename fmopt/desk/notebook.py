@@ -54,5 +54,5 @@ HTML: Mapping[str, Callable[[Any], str]] = {
     **{name: _drawn for name in VIEWS if not name.startswith(("fmopt.desk", "fmopt.task"))},
     "fmopt.se3.Pose": _pose,
     "fmopt.verify.findings.Verdict": _verdict,
-    "fmopt.synthesis.Nominal": _nominal,
+    "fmopt.plan_record.Nominal": _nominal,
 }
