@@ -95,6 +95,3 @@ round_peg = fmopt.load(fmopt.example("lee_huang_peg"))
 as_in_1993 = fmopt.solve(round_peg.with_(settings_method="dakin1993"))
 print(as_in_1993)
 as_in_1993.verify()
-
-# %%
-print(fmopt.solve(round_peg))
