@@ -135,3 +135,15 @@ def test_help_shows_every_public_name_with_what_it_takes() -> None:
     for words in ("load(path", "solve(problem", "read(path", "show(value", "class Plan", "class Problem", "with_(self"):
         assert words in shown
     assert "`with_`" in shown
+
+
+def test_files_in_the_readme_exist() -> None:
+    root = PACKAGE.parent
+    text = (root / "README.md").read_text(encoding="utf-8")
+    links = [link for link in re.findall(r"\]\(([^)]+)\)", text) if "://" not in link]
+    named = re.findall(r"`((?:problems|models|notebooks|tests|fmopt)/[\w./]*)`", text)
+    assert "notebooks/square_peg.svg" in links
+    assert len(named) > 5
+    assert [name for name in (*links, *named) if not (root / name).exists()] == []
+    notebooks = {path.stem for path in (root / "notebooks").glob("*.py")}
+    assert notebooks <= set(re.findall(r"\| `(\d\d_\w+)` \|", text))
