@@ -231,6 +231,7 @@ def execute(
     time_step: Annotated[float, typer.Option("--time-step", help="Of the physics, s.")] = 0.0005,
     growth: Annotated[float, typer.Option("--growth", help="Of the moving part, m a side: interference fits.")] = 0.0,
     offset: Annotated[float, typer.Option("--offset", help="Of each start along x, m, that nobody knows of.")] = 0.0,
+    again: Annotated[int | None, typer.Option("--replay", min=0, help="Draw this trial as a GIF instead.")] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder; default: trials beside the plan.")] = None,
     workers: Annotated[int | None, typer.Option("--workers", min=1, help="Processes; default: one a core.")] = None,
     as_json: Json = False,
@@ -247,6 +248,9 @@ def execute(
     drawn = Trials(trials, beyond, seed=seed, time_step=time_step, friction=friction)
     wanted = replace(drawn, method=method, growth=growth, offset=offset)
     folder = out if out is not None else file.parent / "trials"
+    if again is not None:
+        _replay(file, wanted, again, folder)
+        return
     with Progress(trials + beyond, quiet or as_json) as progress:
         found = run(file, wanted, folder, workers, progress.advance)
     if as_json:
@@ -254,6 +258,18 @@ def execute(
     elif not quiet:
         for line in lines(found):
             typer.echo(line)
+
+
+def _replay(file: Path, wanted: Any, number: int, folder: Path) -> None:
+    from fmopt import plan
+    from fmopt.execution.replay import replay
+
+    if number >= wanted.inside + wanted.beyond:
+        raise typer.BadParameter(f"trial {number} of {wanted.inside + wanted.beyond}", param_hint="--replay")
+    plan.prepare(folder)
+    picture = folder / f"trial_{number}.gif"
+    record = replay(plan.read(file), wanted, number, picture)
+    typer.echo(f"{picture}: {'seated' if record['success'] else ', '.join(record['reasons'])}")
 
 
 @app.command(epilog="Example: fmopt compare out/square_peg/plan.json --trials 200")

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image, ImageSequence
 from scipy.stats import binomtest
 from typer.testing import CliRunner
 
@@ -16,6 +17,7 @@ from fmopt.cli import app
 from fmopt.errors import ResourceError
 from fmopt.execution import trials as running
 from fmopt.execution.program import planned
+from fmopt.execution.replay import replay
 from fmopt.execution.robot import Robot
 from fmopt.execution.summary import failures, lines, summary, wilson
 from fmopt.execution.trials import Noise, Trials, draw, run_all
@@ -155,3 +157,12 @@ def test_the_command_names_the_missing_extra_in_one_line(
     assert caught.value.exit_code == 4
     assert str(caught.value).count("\n") == 0
     assert "install fmopt[sim]" in str(caught.value)
+
+
+def test_a_replay_is_the_trial_and_moves(square_peg_plan: dict[str, Any], written: Path, tmp_path: Path) -> None:
+    record = replay(square_peg_plan, FOUR, 2, tmp_path / "trial.gif")
+    assert json.loads(json.dumps(record)) == json.loads(written.read_text().splitlines()[3])
+    with Image.open(tmp_path / "trial.gif") as picture:
+        frames = [np.asarray(one.convert("RGB"), dtype=float) for one in ImageSequence.Iterator(picture)]
+    assert len(frames) == pytest.approx(20 * record["seconds"], abs=5)
+    assert np.abs(frames[0] - frames[-1]).mean() > 1.0

@@ -91,6 +91,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "tree_sitter": frozenset({"task/toml_source.py"}),
     "tree_sitter_toml": frozenset({"task/toml_source.py"}),
     "mujoco": frozenset({"execution"}),
+    "PIL": frozenset({"execution/replay.py"}),
     "rosbags": frozenset({"export/ros2.py"}),
     "IPython": frozenset({"desk/notebook.py"}),
     "typer": frozenset({"cli.py"}),

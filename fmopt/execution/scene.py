@@ -6,6 +6,7 @@ moving part is one free body about its reference point, with the apparent mass o
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -85,6 +86,8 @@ def engine() -> Any:
     Raises:
         ResourceError: the extra is missing.
     """
+    if not os.environ.get("DISPLAY"):
+        os.environ.setdefault("MUJOCO_GL", "egl")  # read once, as the library is imported
     try:
         import mujoco
     except ImportError as error:

@@ -111,7 +111,13 @@ class Noise:
         return np.asarray(self.block[:, self.used - 1])
 
 
-def run(document: Mapping[str, Any], trials: Trials, numbers: Sequence[int], robot: Robot | None = None) -> list[Any]:
+def run(
+    document: Mapping[str, Any],
+    trials: Trials,
+    numbers: Sequence[int],
+    robot: Robot | None = None,
+    look: Callable[[Rig], None] | None = None,
+) -> list[Any]:
     """Runs some trials together.
 
     Args:
@@ -119,6 +125,7 @@ def run(document: Mapping[str, Any], trials: Trials, numbers: Sequence[int], rob
         trials: what is to be run.
         numbers: which of them.
         robot: what runs them.
+        look: shown the rig in every period.
 
     Returns:
         One record a trial, as in the file of trials.
@@ -140,6 +147,8 @@ def run(document: Mapping[str, Any], trials: Trials, numbers: Sequence[int], rob
         for event in rig.tick():
             note(logs[event.body], event, rig, rows if program.name == "plan" else (), known, fit)
         watch(logs, rig)
+        if look is not None:
+            look(rig)
         for body, log in enumerate(logs):
             if log.outcome is None and (rig.time >= log.ended + _QUIET or rig.time > _LONGEST):
                 log.outcome = rest(log, rig, body, fit)

@@ -1,0 +1,86 @@
+"""A trial once more, as a moving picture: its seed and number are all that it needs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fmopt import plan
+from fmopt.errors import ResourceError
+from fmopt.execution.physics import Physics
+from fmopt.execution.rig import Rig
+from fmopt.execution.robot import Robot
+from fmopt.execution.scene import compiled, engine, scene
+from fmopt.execution.trials import Trials, run
+from fmopt.values import Array
+
+FRAMES = 20  # a second of the trial
+SLOWER = 2.0  # times that the picture takes for it
+SIZE = (480, 360)
+AWAY = 3.8  # distance of the camera, in sizes of the moving part
+
+
+def replay(document: Mapping[str, Any], trials: Trials, number: int, file: Path) -> dict[str, Any]:
+    """Runs one trial again and writes it as a GIF.
+
+    Args:
+        document: plan.
+        trials: what was run.
+        number: the trial.
+        file: for the picture.
+
+    Returns:
+        The trial's record, the same as when it ran among others.
+
+    Raises:
+        ResourceError: the extra or a way to draw is missing, or the file cannot be written.
+        PlanFormatError: the plan cannot be run.
+    """
+    every = round(1.0 / (FRAMES * Robot().period))
+    poses: list[Array] = []
+    ticks = 0
+
+    def look(rig: Rig) -> None:
+        nonlocal ticks
+        if ticks % every == 0:
+            poses.append(np.array(rig.qpos[0]))
+        ticks += 1
+
+    [record] = run(document, trials, [number], look=look)
+    plan.save(_gif(_frames(document, poses)), file)
+    return dict(record)
+
+
+def _frames(document: Mapping[str, Any], poses: list[Array]) -> list[Any]:
+    """Pictures of poses (7,) of the part, position and quaternion."""
+    mujoco, robot = engine(), Robot()
+    model = compiled(scene(document, Physics(), robot.mass, robot.inertia, 0.0))
+    data, camera = mujoco.MjData(model), mujoco.MjvCamera()
+    camera.azimuth, camera.elevation = 35.0, -20.0
+    size = float(np.ptp(np.asarray(document["parts"]["moving"]["vertices"])[:, 2]))
+    camera.distance, camera.lookat = AWAY * size, np.array([0.0, 0.0, 0.0])
+    pictures = []
+    try:
+        with mujoco.Renderer(model, SIZE[1], SIZE[0]) as renderer:
+            for pose in poses:
+                data.qpos[:] = pose
+                mujoco.mj_forward(model, data)
+                renderer.update_scene(data, camera)
+                pictures.append(renderer.render().copy())
+    except (ImportError, AttributeError, RuntimeError, mujoco.FatalError) as error:
+        raise ResourceError(f"nothing here can draw: {error}", "install EGL, and set MUJOCO_GL=egl") from error
+    return pictures
+
+
+def _gif(pictures: list[Any]) -> bytes:
+    from PIL import Image
+
+    images = [Image.fromarray(picture).quantize(64) for picture in pictures]
+    buffer = BytesIO()
+    duration = round(1000.0 * SLOWER / FRAMES)
+    images[0].save(buffer, "GIF", save_all=True, append_images=images[1:], duration=duration, loop=0)
+    return buffer.getvalue()
