@@ -80,12 +80,24 @@ def _intervals(plan: Mapping[str, Any]) -> list[tuple[float, float, Sequence[int
 def _bands(axes: Axes, plan: Mapping[str, Any], axis: int) -> None:
     """Bands over the whole height; an interval too short to be seen is drawn as a line."""
     duration = float(plan["nominal"]["times"][-1])
-    for start, end, s in _intervals(plan):
-        style = _BANDS.get(int(s[axis]))
+    for start, end, code in _runs(plan, axis):
+        style = _BANDS.get(code)
         if style and end - start > _SHORT * duration:
             axes.axvspan(start, end, linewidth=0, zorder=0, **style)
         elif style:
             axes.axvline(0.5 * (start + end), color=style["edgecolor"], linewidth=2.5, zorder=0)
+
+
+def _runs(plan: Mapping[str, Any], axis: int) -> list[tuple[float, float, int]]:
+    """The stretches of time over which one value of S stays the same."""
+    found: list[tuple[float, float, int]] = []
+    for start, end, s in _intervals(plan):
+        code = int(s[axis])
+        if found and found[-1][2] == code:
+            found[-1] = (found[-1][0], end, code)
+        else:
+            found.append((start, end, code))
+    return found
 
 
 def _switches(grid: Any, plan: Mapping[str, Any]) -> None:
