@@ -17,7 +17,7 @@ from scipy import stats
 
 from fmopt.errors import ResourceError
 from fmopt.study import table
-from fmopt.study.figures import binding, bins, figures
+from fmopt.study.figures import binding, bins, figures, title
 from fmopt.study.page import page
 from fmopt.study.sampling import cube
 from fmopt.study.statistics import rank_correlation, share, sobol_indices
@@ -60,7 +60,8 @@ def test_rank_correlation_agrees_and_sees_only_order() -> None:
     assert rank_correlation(np.exp(x), y**3) == found
     falling = rank_correlation(x[:5] * 0 + np.arange(5.0), -np.arange(5.0))
     assert falling is not None
-    assert falling.value == -1.0
+    assert falling.low == falling.value == -1.0
+    assert -0.5 < falling.high < 0.5
     assert rank_correlation(x, np.ones(60)) is None
     assert rank_correlation(x[:3], y[:3]) is None
 
@@ -144,6 +145,14 @@ def test_the_page_says_all_of_it_and_needs_nothing_from_outside() -> None:
     assert "Sobol" not in text
     outside = re.findall(r'(?:src|href)="(?!data:|#)[^"]*"|url\(|@import|https?://', re.sub(r'base64,[^"]*', "", text))
     assert outside == []
+
+
+def test_figures_explain_only_what_they_show() -> None:
+    line = {**ROWS[2], "verdict": "CERTIFIED"}
+    whole = View(results((X, Y), GRID, [{**line, "margin": 1e-6 * n} for n in range(1, 7)]))
+    assert title(whole, "margin", "; inside the line: certified", "; ×: no value") == "least margin, µm"
+    mixed = View(results((X, Y), GRID, ROWS))
+    assert title(mixed, "margin", "; inside the line: certified", "; ×: no value").endswith("certified; ×: no value")
 
 
 def test_one_axis_becomes_a_curve_and_words_an_axis_of_words() -> None:

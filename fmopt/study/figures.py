@@ -86,7 +86,13 @@ def _map(view: View, name: str, grid: _Grid, figure: Figure) -> None:
         axes.text(grid.x[column], grid.y[row], "×", ha="center", va="center", color=GREY)
     _border(axes, x, y, grid.of(view.good), grid.of(view.done))
     _labelled(view, axes, view.free[0], view.free[1])
-    axes.set_title(f"{answer_label(name)}; inside the line: {view.goodness}; ×: no value")
+    axes.set_title(title(view, name, f"; inside the line: {view.goodness}", "; ×: no value"))
+
+
+def title(view: View, name: str, border: str, nothing: str) -> str:
+    """The title of an answer's figure, with words on runs that did not come out well, or have no value, if any."""
+    words = "" if view.good[view.done].all() else border
+    return answer_label(name) + words + ("" if np.isfinite(view.answer(name)).all() else nothing)
 
 
 def _border(axes: Axes, x: Array, y: Array, good: Truth, done: Truth) -> None:
@@ -121,7 +127,8 @@ def _curve(view: View, name: str, figure: Figure) -> None:
     x, y, good = view.axis(axis)[order], view.answer(name)[order], view.good[order]
     axes.plot(x, y, color=GREY, linewidth=1.0)
     axes.plot(x[good], y[good], "o", color=BLUE, label=view.goodness)
-    axes.plot(x[~good], y[~good], "o", color=RUST, markerfacecolor="white", label=f"not {view.goodness}")
+    if not good.all():
+        axes.plot(x[~good], y[~good], "o", color=RUST, markerfacecolor="white", label=f"not {view.goodness}")
     for place in x[~np.isfinite(y)]:
         axes.axvline(place, color=RUST, linewidth=0.8, linestyle=DASHES[1])
     if np.nanmin(y) < 0.0 < np.nanmax(y):
@@ -133,7 +140,7 @@ def _curve(view: View, name: str, figure: Figure) -> None:
         axes.set_xticks(range(len(view.words(axis))), view.words(axis))
     axes.set_ylabel(answer_label(name))
     axes.legend()
-    axes.set_title(f"{answer_label(name)}; dashed: no value")
+    axes.set_title(title(view, name, "", "; dashed: no value"))
 
 
 def _clouds(view: View, name: str, figure: Figure) -> None:
