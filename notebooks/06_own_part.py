@@ -78,16 +78,16 @@ y = 0.15
 height = 1
 
 [uncertainty.start]
-x = 0.04
-y = 0.04
+x = 0.03
+y = 0.03
 z = 0
-rx = 0.1
-ry = 0.1
-rz = 0.1
+rx = 0.05
+ry = 0.05
+rz = 0.05
 
 [uncertainty.velocity]
-translation = 0.01
-rotation = 0.01
+translation = 0.001
+rotation = 0.001
 
 [specification]
 speed = 20
@@ -111,6 +111,10 @@ problem
 # %%
 print("\n".join(line for line in problem.explain().splitlines() if "declared" in line or "measured" in line))
 
+# %% [markdown]
+# The errors fit into the clearance here, so that the peg can go straight in. Make them larger, `x = 0.3` say, and the
+# plan becomes one of tilting and sliding; it takes longer to find.
+
 # %%
 plan = fmopt.solve(problem)
 plan
@@ -120,7 +124,7 @@ plan
 
 # %%
 text = file.read_text()
-bad = text.replace('feature = "slot"', 'feature = "slott"').replace("x = 0.04", 'x = "4 deg"')
+bad = text.replace('feature = "slot"', 'feature = "slott"').replace("x = 0.03", 'x = "4 deg"')
 (folder / "bad.toml").write_text(bad)
 try:
     fmopt.load(folder / "bad.toml")

@@ -29,7 +29,7 @@ sets = ["specification.friction"]
 
 [[axes]]
 name = "force"
-values = [5, 10, 20, 30, 40]
+values = [2, 5, 10, 20, 40]
 sets = ["specification.contact_force"]
 
 [limits]
@@ -46,8 +46,8 @@ print("\n".join(path for path in targets if not path.startswith("uncertainty.sou
 
 # %% [markdown]
 # Carry it out. The motion does not depend on friction and force, so that it is searched once. The map shows the least
-# normal force with which every held contact can be kept while the next one is felt, and the border beyond which no bias
-# does it.
+# normal force with which every held contact can be kept while the next one is felt, and, where there is one, the border
+# beyond which no bias does it.
 
 # %%
 study = fmopt.study(file, "out/friction", jobs=1)
