@@ -133,6 +133,8 @@ def test_summaries_tell_inside_from_beyond_and_group_failures_by_what_went_wrong
     ]
     text = "\n".join(lines(found))
     assert "inside the certified set: 2 of 3 seated, 66.7 %" in text
+    assert "errors of 0.75 to 1.00 boxes (inside): 50.0 % of 2 seated" in text
+    assert "errors of 1.50 to 1.75 boxes (beyond): 0.0 % of 2 seated" in text
     assert "2 failed, first: move 2: b open; such as trial 2" in text
 
 

@@ -80,6 +80,12 @@ def _by_size(records: Sequence[Any], width: float = 0.25) -> list[dict[str, Any]
     ]
 
 
+def _size(row: dict[str, Any]) -> str:
+    low, high = row["size"]
+    place = "inside" if high <= 1.0 else "beyond"
+    return f"  errors of {low:.2f} to {high:.2f} boxes ({place}): {100 * row['share']:.1f} % of {row['trials']} seated"
+
+
 def lines(found: dict[str, Any]) -> list[str]:
     """The summary for people."""
     told = []
@@ -97,6 +103,8 @@ def lines(found: dict[str, Any]) -> list[str]:
                 f"{part['impact_force']['largest']:.1f} N, penetration up to "
                 f"{1e6 * part['penetration']['largest']:.1f} µm"
             )
+    if found["beyond"]["trials"]:
+        told += [_size(row) for row in found["by_size"]]
     for group in found["failures"]:
         told.append(f"  {group['count']} failed, first: {group['departure']}; such as trial {group['trials'][0]}")
     return told

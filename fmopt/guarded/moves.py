@@ -23,6 +23,7 @@ from fmopt.se3 import Pose, hat
 from fmopt.values import Array, Value, frozen
 
 NOISE = (0.05, 0.001)  # N and N·m, standard deviations of the filtered force signal that stops are made for
+_ALIKE = 0.999  # cosine between normals of contacts that hold the same
 _HELD = 1e-6  # N, by which a bias may leave the space of its force axes
 
 
@@ -67,7 +68,8 @@ class Move(Value):
         position_axes: twists (6 − r, 6) in the frame's coordinates.
         force_axes: wrenches (r, 6) in its coordinates.
         hold, hold_start: wrenches (6,) to apply at the goal and at the start that press the held contacts with the
-            plan's normal forces, about the moving frame's origin in axes of B; on a long way their arms change.
+            plan's normal forces, about the moving frame's origin in axes of B; on a long way their arms change, and
+            edges that do not cross yet bear nothing.
         rubbing: wrench (6,) that friction of coefficient 1 on the held contacts puts on the sliding part, about the
             moving frame's origin in axes of B; points that may as well slide the other way count less.
         stop: how the move ends before its travel is used up; None where no contact is expected.
@@ -173,7 +175,7 @@ def _move(
     hold = bias - (push / size) * free * scale**2 if push > 0.0 else bias
     _refuse_unheld(index, hold, held, rho)
     forces = [(known[entry["contact"]], float(entry["force"])) for entry in hybrid["normal_forces"]]
-    change = _pressing(forces, start) - _pressing(forces, goal)
+    change = _pressing(_shifted(forces, start), start) - _pressing(forces, goal)
     length = float(np.linalg.norm(start.local(goal) * scale))
     points = tuple((force, _point(contact, goal)) for contact, force in forces)
     stop = _stop(hybrid["termination"], Held(points), V, budget)
@@ -201,6 +203,18 @@ def _move(
 def _pressing(forces: Sequence[tuple[Contact, float]], pose: Pose) -> Array:
     """The wrench (6,) that puts these normal forces on contacts."""
     return -sum((force * contact.wrench(pose) for contact, force in forces), start=np.zeros(6))
+
+
+def _shifted(forces: Sequence[tuple[Contact, float]], pose: Pose) -> list[tuple[Contact, float]]:
+    """The forces with those of edges that do not cross yet shared by the contacts of the same normal that touch."""
+    normals = [contact.touch(pose)[1] for contact, _ in forces]
+    touching = [contact.within(pose) for contact, _ in forces]
+    shifted = [force if here else 0.0 for here, (_, force) in zip(touching, forces, strict=True)]
+    for i, (_, force) in enumerate(forces):
+        mates = [k for k, n in enumerate(normals) if touching[k] and float(n @ normals[i]) > _ALIKE]
+        for k in mates if not touching[i] else ():
+            shifted[k] += force / len(mates)
+    return [(contact, force) for (contact, _), force in zip(forces, shifted, strict=True)]
 
 
 def _free(held: Array, V: Array, rho: float) -> Array:
