@@ -15,8 +15,8 @@ A problem file names two parts, a goal and honest tolerances; a plan is the cert
     >>> plan = fmopt.read("out/square_peg/plan.json")
     >>> plan.verify().verdict
     'CERTIFIED'
-    >>> len(plan.moves), len(plan.segments) > len(plan.moves)
-    (7, True)
+    >>> len(plan.segments) >= len(plan.moves) > 1
+    True
 
 `fmopt.show(value)` draws problems, plans, contact graphs, error sets and regions; in a notebook they draw themselves.
 `fmopt.study("study.toml")` carries a batch study out, `fmopt.stages` holds the stages of `fmopt.solve` one by one.

@@ -1,16 +1,13 @@
-"""The Python face: problems that vary, plans that say what they are, drawings that hold everything themselves."""
+"""The Python face: problems that vary, plans that say what they are, stages one by one, shipped examples."""
 
 import math
 import pickle
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from report_plans import bare_plan, cube_plan
+from report_plans import cube_plan
 
 import fmopt
 from fmopt.plan import sealed
@@ -137,46 +134,6 @@ def test_exports_are_those_of_the_command_line(square_peg_plan_file: Path, tmp_p
         plan.export("gcode", tmp_path / "x")
 
 
-def test_trials_are_those_of_the_command_line(square_peg_plan_file: Path, tmp_path: Path) -> None:
-    from fmopt.execution.execute import execute
-    from fmopt.execution.trials import Trials
-
-    plan = fmopt.read(square_peg_plan_file)
-    mine = plan.execute(trials=1, seed=3, folder=tmp_path / "mine", workers=1)
-    theirs = execute(square_peg_plan_file, Trials(1, seed=3), tmp_path / "theirs", 1, lambda _: None)
-    assert mine.summary == theirs
-    assert [record["trial"] for record in mine.records] == [0]
-    assert str(mine).startswith("inside the certified set: ")
-    assert "<pre>" in mine._repr_html_()
-    assert repr(mine).endswith("1 done>")
-
-
-def test_each_drawing_is_written_in_each_format_that_it_has(problem: fmopt.Problem, tmp_path: Path) -> None:
-    for value, names in ((fmopt.Plan(cube_plan()), ("scene", "margin")), (problem.fixed, ("part", "scene"))):
-        for name in names:
-            drawing = fmopt.show(value, name)
-            page = drawing.save(tmp_path / f"{name}.html").read_text(encoding="utf-8")
-            assert "http" not in page.replace("http-equiv", "")
-            assert drawing.alt
-            if drawing.paint is not None:
-                assert drawing.svg() == drawing.svg()
-                assert drawing.save(tmp_path / "x.png").read_bytes().startswith(b"\x89PNG")
-            else:
-                with pytest.raises(fmopt.ResourceError, match=r"ends with \.html"):
-                    drawing.save(tmp_path / "x.svg")
-    with pytest.raises(fmopt.ResourceError, match=r"'\.pdf' is no format"):
-        fmopt.show(problem.fixed).save(tmp_path / "x.pdf")
-
-
-def test_what_has_no_drawing_says_so(problem: fmopt.Problem) -> None:
-    with pytest.raises(fmopt.ResourceError, match="a float has no drawing"):
-        fmopt.show(1.0)
-    with pytest.raises(fmopt.ResourceError, match="choose from parts, scene, diagrams"):
-        fmopt.show(problem, "tube")
-    with pytest.raises(fmopt.ResourceError, match="a Plan has no drawing"):
-        fmopt.drawings(fmopt.Plan(bare_plan()))
-
-
 def test_the_stages_one_by_one_see_what_solve_sees(problem: fmopt.Problem, square_peg_plan: dict[str, Any]) -> None:
     nominal = fmopt.stages.nominal(problem)
     assert nominal.path.nodes.tolist() == square_peg_plan["nominal"]["nodes"]
@@ -199,71 +156,3 @@ def test_shipped_problems_are_copied_and_never_overwritten(tmp_path: Path) -> No
         fmopt.copy_examples(tmp_path)
     with pytest.raises(fmopt.ResourceError, match="choose from"):
         fmopt.example("round_peg")
-
-
-STUDY = """title = "clearances"
-problem = "{problem}"
-compute = ["clearance"]
-
-[units]
-length = "mm"
-angle = "deg"
-time = "s"
-
-[[axes]]
-name = "width"
-values = [20.1, 20.2, 20.3]
-sets = ["model.fixed.width"]
-"""
-
-
-def test_a_study_from_python(tmp_path: Path) -> None:
-    file = tmp_path / "clearances.toml"
-    file.write_text(STUDY.format(problem=PEG), encoding="utf-8")
-    found = fmopt.study(file, tmp_path / "out", jobs=1)
-    assert [line["clearance"] for line in found.lines] == pytest.approx([5e-5, 1e-4, 1.5e-4], abs=1e-9)
-    assert len(found.frame()) == 3
-    assert "3 of 3 runs done" in repr(found)
-    assert found._repr_html_().count("<img") == len(found.figures) == 1
-    assert (tmp_path / "out" / "report.html") in found.report()
-
-
-INSIDE = """
-from IPython.core.interactiveshell import InteractiveShell
-shell = InteractiveShell.instance()
-import fmopt, sys
-assert "matplotlib" not in sys.modules and "sympy" not in sys.modules
-problem = fmopt.load(fmopt.example("square_peg"))
-nominal = fmopt.stages.nominal(problem)
-from fmopt.contact.primitive import Kind
-from fmopt.contact.surface import symbolic_surface
-plan = fmopt.read({plan!r})
-for value in (problem, plan, plan.segments[3], plan.verify(), plan.segments[3].start, nominal, problem.moving,
-              fmopt.stages.start_errors(problem), nominal.planes.planes[0].fixed):
-    data, _ = shell.display_formatter.format(value)
-    assert data["text/html"].startswith(("<div", "<img", "<iframe")), (type(value), data["text/html"][:80])
-data, _ = shell.display_formatter.format(symbolic_surface(Kind.VERTEX_FACE))
-assert data["text/latex"].startswith("$\\\\displaystyle f ="), data
-"""
-
-
-def test_values_show_themselves_in_a_notebook(square_peg_plan_file: Path, tmp_path: Path) -> None:
-    shutil.copy(square_peg_plan_file, tmp_path / "plan.json")
-    code = INSIDE.format(plan=str(tmp_path / "plan.json"))
-    done = subprocess.run(
-        [sys.executable, "-W", "error::UserWarning:fmopt", "-c", code],
-        capture_output=True, text=True, timeout=120, cwd=tmp_path, env=None, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-
-
-def test_the_tables_of_views_name_types_that_exist() -> None:
-    from importlib import import_module
-
-    from fmopt.desk.notebook import HTML
-    from fmopt.desk.views import VIEWS
-
-    for name in (*VIEWS, *HTML, "fmopt.contact.surface.SymbolicSurface"):
-        module, _, kind = name.rpartition(".")
-        found = getattr(import_module(module), kind)
-        assert f"{found.__module__}.{found.__qualname__}" == name
