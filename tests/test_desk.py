@@ -2,6 +2,7 @@
 
 import math
 import pickle
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -150,8 +151,12 @@ def test_shipped_problems_are_copied_and_never_overwritten(tmp_path: Path) -> No
     written = fmopt.copy_examples(tmp_path)
     assert {path.stem for path in written} >= {*fmopt.examples(), "square_hole_block", "problem.schema"}
     for name in fmopt.examples():
-        copy = fmopt.load(tmp_path / "problems" / f"{name}.toml")
-        assert copy.sha256 == fmopt.load(fmopt.example(name)).sha256
+        copy = tmp_path / "problems" / f"{name}.toml"
+        assert copy.read_bytes() == fmopt.example(name).read_bytes()
+        data = tomllib.loads(copy.read_text(encoding="utf-8"))
+        assert all((copy.parent / data[side]["model"]).is_file() for side in ("moving", "fixed"))
+    for name in ("square_peg", "mit_planar_slot"):
+        assert fmopt.load(tmp_path / "problems" / f"{name}.toml").sha256 == fmopt.load(fmopt.example(name)).sha256
     with pytest.raises(fmopt.ResourceError, match="is there already"):
         fmopt.copy_examples(tmp_path)
     with pytest.raises(fmopt.ResourceError, match="choose from"):
