@@ -65,3 +65,9 @@ def test_rotations_of_many_agree_with_those_of_one() -> None:
         assert np.abs(from_quaternions(product(quaternions(r), quaternions(s)))[k] - R[k] @ S[k]).max() < 1e-14
     small = between(quaternions(1e-12 * r), quaternions(np.zeros_like(r)))
     assert np.abs(small - 1e-12 * r).max() < 1e-24
+
+
+def test_half_the_step_has_the_same_contacts() -> None:
+    whole, half = Physics(), Physics(0.5 * Physics().time_step)
+    assert half.trusted().contact == whole.trusted().contact == (0.001, 1.0)
+    assert Physics(0.001).trusted().contact == (0.002, 1.0)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from fmopt.errors import SettingsError
 
 TIME_STEP = 0.0005
+HARD = 0.001  # s, time constant of contacts
 
 
 @dataclass(frozen=True)
@@ -19,7 +20,8 @@ class Physics:
 
     Args:
         time_step: s.
-        solref: time constant (s) and damping ratio of contacts; None for two time steps and 1.
+        solref: time constant (s) and damping ratio of contacts; None for HARD, or two time steps if that is more,
+            and 1: a smaller step then resolves the same contacts better, instead of making them harder.
         solimp: impedance of contacts.
         impratio: ratio of frictional to normal impedance.
         cone: friction cones.
@@ -36,7 +38,7 @@ class Physics:
 
     def __post_init__(self) -> None:
         if self.solref is None:
-            object.__setattr__(self, "solref", (2.0 * self.time_step, 1.0))
+            object.__setattr__(self, "solref", (max(2.0 * self.time_step, HARD), 1.0))
         object.__setattr__(self, "faults", tuple(_faults(self)))
 
     @property
@@ -67,8 +69,8 @@ def _faults(physics: Physics) -> list[str]:
     checks = (
         (0.0 < physics.time_step <= 0.001, f"time step {physics.time_step:g} s, at most 0.001"),
         (
-            0.0 < constant <= 2.5 * physics.time_step,
-            f"contacts give way over {constant:g} s, at most 2.5 time steps",
+            0.0 < constant <= max(2.5 * physics.time_step, HARD),
+            f"contacts give way over {constant:g} s, at most {max(2.5 * physics.time_step, HARD):g}",
         ),
         (damping >= 1.0, f"contacts bounce, damping ratio {damping:g}, at least 1"),
         (physics.solimp[0] >= 0.99, f"contact impedance from {physics.solimp[0]:g}, at least 0.99"),
