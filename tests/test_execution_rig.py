@@ -11,7 +11,7 @@ import pytest
 from fmopt.errors import SettingsError
 from fmopt.execution.physics import DEFAULTS, Physics
 from fmopt.execution.rotation import between, from_quaternions, product, quaternions
-from fmopt.execution.scene import compiled, scene
+from fmopt.execution.scene import compiled, engine, scene
 from fmopt.se3 import exp, log
 
 
@@ -37,7 +37,7 @@ def test_each_setting_that_lies_is_refused(change: dict[str, Any], words: str) -
 
 
 def test_the_scene_has_the_plans_pieces_where_they_are(square_peg_plan: dict[str, Any]) -> None:
-    import mujoco
+    mujoco = engine()
 
     model = compiled(scene(square_peg_plan, Physics(), 1.0, 1e-3, 0.3))
     data = mujoco.MjData(model)
