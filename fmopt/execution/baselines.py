@@ -1,8 +1,8 @@
 """What people do without a plan, in the same rig: straight compliant push, spiral, random search, a tilt by hand.
 
 Each method knows the fit as its user would: the hole's place, the depth, the clearance, the part's corner, and how far
-the part may be off at the start. What it uses besides was tuned on the square peg with 0.1 mm of clearance a side and
-errors of up to 1 mm and 1°, and is given with its constant.
+the part may be off at the start. What it uses besides was set while looking at the square peg with 0.1 mm of
+clearance a side and errors of up to 1 mm and 1°, and is given with its constant.
 """
 
 from __future__ import annotations
