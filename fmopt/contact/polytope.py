@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fmopt.errors import InfeasibleError
+from fmopt.errors import InfeasibleError, SolverError
 from fmopt.values import Array, Value
 
 INCIDENCE = 1e-8  # scaled units; a point this close to a unit half-space's plane lies on it
@@ -164,9 +164,7 @@ def _corners(rows: Array, levels: Array) -> tuple[Array, Bits]:
     if r == 1:
         equations = np.array([[1.0, -dual.max()], [-1.0, dual.min()]])
     else:
-        from scipy.spatial import ConvexHull
-
-        equations = ConvexHull(dual[np.unique(first_equal(dual))]).equations
+        equations = _hull(dual[np.unique(first_equal(dual))])
     # A hull facet n·u + b ≤ 0 is the cone's ray (q, s) = (−n, −b).
     s = -equations[:, r]
     finite = s > 1e-9
@@ -176,6 +174,20 @@ def _corners(rows: Array, levels: Array) -> tuple[Array, Bits]:
     incidence = np.column_stack([residual <= tolerance[:, None], ~finite])
     _, one = np.unique(np.packbits(incidence, axis=1), axis=0, return_index=True)
     return corners[one], incidence[one]
+
+
+def _hull(points: Array) -> Array:
+    """Facets (m, r + 1) of the convex hull of points (k, r); nearly degenerate ones with wide facets."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    failure: QhullError | None = None
+    for options in (None, "Qt Qx Q12"):
+        try:
+            return np.asarray(ConvexHull(points, qhull_options=options).equations)
+        except QhullError as error:
+            failure = failure or error
+    reason = str(failure).strip().splitlines()[0]
+    raise SolverError(f"the faces of {len(points)} half-spaces could not be enumerated: {reason}")
 
 
 def first_equal(rows: Array) -> NDArray[np.intp]:

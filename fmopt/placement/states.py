@@ -18,7 +18,8 @@ from fmopt.contact.confirm import Confirmation, Verdict, confirm
 from fmopt.contact.graph import ContactGraph, contact_graph
 from fmopt.contact.polytope import Faces
 from fmopt.contact.primitive import PrimitiveContact, near_contacts
-from fmopt.contact.space import faces, local_space
+from fmopt.contact.space import LocalSpace, faces, local_space
+from fmopt.errors import SolverError
 from fmopt.nominal.critical import CriticalPose
 from fmopt.se3 import Pose
 from fmopt.values import Array
@@ -49,12 +50,16 @@ class Scale:
 
 @dataclass(frozen=True, eq=False)
 class Space:
-    """A local contact space: its name, the pose (6,) that it belongs to, its states, and what was found of each."""
+    """A local contact space: its name, the pose (6,) that it belongs to, its states, and what was found of each.
+
+    Where there are too many contacts, or they lie awkwardly, states are not `enumerated`: free space is the only one.
+    """
 
     name: str
     pose: Array
     graph: ContactGraph
     found: tuple[Confirmation, ...]
+    enumerated: bool
 
     def state(self, contacts: frozenset[str]) -> int | None:
         """The confirmed state with exactly these contacts, None without."""
@@ -76,7 +81,7 @@ class Space:
             "name": self.name,
             "pose": self.pose,
             "pcs": [c.id for c in self.graph.space.contacts],
-            "enumerated": len(self.graph.space.contacts) <= _CONTACTS,
+            "enumerated": self.enumerated,
             "states_by_dimension": {str(d): n for d, n in sorted(self.graph.count().items())},
             "states_confirmed": verdicts.count(Verdict.CONFIRMED),
             "states_by_verdict": {verdict.name.lower(): verdicts.count(verdict) for verdict in Verdict},
@@ -152,12 +157,23 @@ def space_at(
     kept, limits = cell(near, body, fixed, reference, scale.reach + scale.angle * scale.rho)
     box = wide * scale.reach, wide * scale.angle
     space = local_space(kept, body, fixed, reference, scale.clearance, scale.rho, limits, *box)
-    graph = contact_graph(space, faces(space) if len(kept) <= _CONTACTS else _free_alone(len(kept)))
-    return Space(name, pose.vector(), graph, confirm(graph, body, fixed))
+    states = _enumerated(space)
+    graph = contact_graph(space, _free_alone(len(kept)) if states is None else states)
+    return Space(name, pose.vector(), graph, confirm(graph, body, fixed), states is not None)
+
+
+def _enumerated(space: LocalSpace) -> Faces | None:
+    """All faces of a space; None where there are too many contacts, or Qhull cannot tell nearly equal ones apart."""
+    if len(space.contacts) > _CONTACTS:
+        return None
+    try:
+        return faces(space)
+    except SolverError:
+        return None
 
 
 def _free_alone(contacts: int) -> Faces:
-    """Free space as the only face: all that is said of a space with too many contacts."""
+    """Free space as the only face: all that is said of a space whose states are not enumerated."""
     return Faces(np.zeros((1, contacts), dtype=np.bool_), np.full(1, 6), np.zeros((1, 6)), 0)
 
 

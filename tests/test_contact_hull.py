@@ -1,0 +1,63 @@
+"""Half-spaces that Qhull finds too nearly degenerate: tried again with wide facets, and else left out and said."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.spatial
+
+from fmopt.certificate.knowledge import Assembly
+from fmopt.contact.polytope import enumerate_faces
+from fmopt.errors import SolverError
+from fmopt.placement.states import Scale, space_at
+from fmopt.se3 import Pose
+from fmopt.task.problem import load
+
+PROBLEMS = Path(__file__).parent.parent / "problems"
+CUBE = np.vstack([np.eye(4), -np.eye(4)]), -np.ones(8)
+
+
+@pytest.fixture
+def failing(monkeypatch: pytest.MonkeyPatch) -> list[str | None]:
+    """Makes Qhull refuse its usual options from four dimensions on, and all when the list says so; gathers them."""
+    real, tried = scipy.spatial.ConvexHull, list[str | None]()
+
+    def hull(points: Any, qhull_options: str | None = None) -> Any:
+        if np.shape(points)[1] <= 3:
+            return real(points)
+        tried.append(qhull_options)
+        if qhull_options is None or "all" in tried:
+            raise scipy.spatial.QhullError("QH6271 qhull topology error (qh_check_dupridge): wide merge")
+        return real(points, qhull_options=qhull_options)
+
+    monkeypatch.setattr(scipy.spatial, "ConvexHull", hull)
+    return tried
+
+
+def test_faces_are_the_same_with_wide_facets(failing: list[str | None]) -> None:
+    found = enumerate_faces(*CUBE)
+    assert len(failing) == 2
+    assert sorted(np.bincount(found.dimensions)) == [1, 8, 16, 24, 32]
+
+
+def test_what_cannot_be_enumerated_is_named(failing: list[str | None]) -> None:
+    failing.append("all")
+    with pytest.raises(SolverError, match=r"faces of 9 half-spaces could not be enumerated: QH6271"):
+        enumerate_faces(*CUBE)
+
+
+def test_a_space_that_cannot_be_enumerated_is_free_space_and_says_so(failing: list[str | None]) -> None:
+    problem = load(PROBLEMS / "square_peg.toml")
+    assembly, pose = Assembly(problem.moving, problem.fixed), Pose.from_vector([0.0, 0.0, -0.015, 0.0, 0.0, 0.0])
+    scale = Scale(1e-4, 0.0245)
+    known = space_at(assembly, "mid-depth", pose, [], scale)
+    failing.append("all")
+    space = space_at(assembly, "mid-depth", pose, [], scale)
+    assert known.enumerated
+    assert known.record()["enumerated"] is True
+    assert space.record()["enumerated"] is False
+    assert space.record()["states_by_dimension"] == {"6": 1}
+    assert space.record()["pcs"] == known.record()["pcs"]
