@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmopt.errors import InputError
+from fmopt.errors import InputError, InterferenceError
 from fmopt.geometry.csg import Box, Cylinder, contains
 from fmopt.geometry.pieces import polyhedron
 from fmopt.knowledge.chain import moved
@@ -25,7 +25,11 @@ ROOT = Path(__file__).parent.parent
 ASSEMBLY = ROOT / "problems" / "assemblies" / "lee_huang_bush.toml"
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "problems").glob("*.toml")), ids=lambda path: path.stem)
+TOO_WIDE = "bilba_plain_63"  # a peg that is to be refused
+TASKS = [path for path in sorted((ROOT / "problems").glob("*.toml")) if path.stem != TOO_WIDE]
+
+
+@pytest.mark.parametrize("path", TASKS, ids=lambda path: path.stem)
 def test_every_shipped_problem_is_a_task(path: Path) -> None:
     problem = load(path)
     found = answer(*task_command(problem))
@@ -37,6 +41,11 @@ def test_every_shipped_problem_is_a_task(path: Path) -> None:
         assert polyhedron(operand.whole).volume == pytest.approx(part.polyhedron.volume, rel=1e-9)
         vertices = polyhedron(operand.whole).vertices
         np.testing.assert_allclose(vertices.min(axis=0), part.polyhedron.vertices.min(axis=0), atol=1e-12)
+
+
+def test_a_peg_that_is_too_wide_is_refused_with_its_interference() -> None:
+    with pytest.raises(InterferenceError, match=r"overlaps 'square_hole_block' by 1 mm; seat it less deep"):
+        answer(*task_command(load(ROOT / "problems" / f"{TOO_WIDE}.toml")))
 
 
 def test_the_peg_of_figure_2_turns_freely_and_the_square_one_does_not() -> None:
