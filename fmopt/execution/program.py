@@ -15,6 +15,7 @@ from fmopt.se3 import Pose
 from fmopt.values import Array, Value, frozen
 
 DONE, FAILED = -1, -2
+_EARLY = 2.0  # bounds of its travel by which a move may end early: where it begins, the part may have settled further
 _LATE = 2.0  # durations that a piece of a move may take, as the plan gives its last
 
 
@@ -141,7 +142,7 @@ def _step(rows: Sequence[Move], index: int, rho: float, push: float, spent: floa
     ahead = [row.length for row in rows[index:] if row.number == move.number]
     last = rows[index + len(ahead) - 1]
     assert last.stop is not None
-    due = sum(ahead) - (last.stop.max_travel - last.length)
+    due = sum(ahead) - _EARLY * (last.stop.max_travel - last.length)
     felt = (due, rubbing, stop.gain, stop.threshold + robot.alert * (stop.force - stop.threshold))
     if not move.last:
         return Step(*common, move.length, timeout, push, beyond, following, FAILED, *felt)
