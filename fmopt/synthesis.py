@@ -296,6 +296,7 @@ def placement(
     spread = start_spread(problem.moving, problem.start_box)
     reach = 0.5 * (spread + clearance)
     placed = certified(assembly, found.moves, start, tolerance, FINE)
+    stages = [placed]
 
     def told(margin: float) -> None:
         progress(f"placement: margin {1e6 * margin:.1f} um")
@@ -306,10 +307,15 @@ def placement(
         solver, settings = ClarabelSolver(), Refinement.of(spread, clearance)
         refined = [refine(assembly, p, start, tolerance, FINE, solver, settings, told) for p in (placed, centred)]
         placed = max(refined, key=lambda p: p.margin)
+        stages += [centred, *refined]
         placed = polish(assembly, placed, start, tolerance, FINE, clearance, "nlp", Turns(3, reach), told)
     else:
         placed = polish(assembly, placed, start, tolerance, FINE, clearance, "descent", Turns(3, reach), told)
     placed = certified(assembly, placed.moves, start, tolerance, FINE, thorough=True)
+    if placed.margin <= 0.0:
+        # What keeps the parts apart has room, but a contact leaves its facet: a pose on the way there may hold both.
+        whole = [certified(assembly, p.moves, start, tolerance, FINE, thorough=True) for p in stages]
+        placed = max([placed, *whole], key=lambda p: p.margin)
     if problem.settings.method == "dakin1993":
         claims = as_in_the_paper(assembly, placed.reached.claims, errors, tolerance)
         placed = Placed(placed.moves, replace(placed.reached, claims=claims))
