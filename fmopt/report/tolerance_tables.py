@@ -14,6 +14,7 @@ from fmopt.report.tables import table
 Plan = Mapping[str, Any]
 _ONE = {"start": (1e-4, math.radians(0.1)), "velocity": (0.01, 0.01), "clearance": (1e-5, 1e-5)}
 _WORDS = {"clearance": "clearance on each side"}
+_LARGE = 9.95e-5  # m: from here on whole micrometres are said
 _LEAST = 5e-9  # m: smaller changes of the margin are called none
 
 
@@ -45,7 +46,11 @@ def rates(plan: Plan) -> list[tuple[str, str, str]]:
             gain, words = -math.inf, "the motion fails"
         else:
             gain = float(change) / float(entry["step"]) * one
-            words = "no change" if abs(gain) < _LEAST else f"{signed(1e6 * gain, '+.2g')} µm"
+            words = (
+                "no change"
+                if abs(gain) < _LEAST
+                else f"{signed(1e6 * gain, '+.2g' if abs(gain) < _LARGE else '+.0f')} µm"
+            )
         step = {"start": "0.1°" if turns else "0.1 mm", "velocity": "1 %", "clearance": "0.01 mm"}[kind]
         name = _WORDS.get(kind, f"{'error' if kind == 'start' else 'velocity error,'} {axis}")
         rows.append((-abs(gain), (name, _value(kind, axis, float(entry["value"])), f"{step} more: {words}")))
