@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from base64 import b64encode
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from html import escape
@@ -12,12 +11,17 @@ from typing import TYPE_CHECKING, Any
 
 from fmopt.errors import ResourceError
 from fmopt.plan import save
+from fmopt.report.shell import page, svg_source
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Sheet
 
 SUFFIXES = (".svg", ".png", ".html")
-_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
+_STYLE = """body { margin: 0.6rem; max-width: 60rem; background: #fff; color: #111;
+  font: 1rem/1.45 system-ui, "DejaVu Sans", Arial, sans-serif; }
+h1 { font-size: 1.1rem; margin: 0.2rem 0; }
+img { max-width: 100%; height: auto; }
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,17 +70,7 @@ class Drawing:
 
     def html(self) -> str:
         """A page of HTML that holds everything and opens offline."""
-        title = escape(self.title)
-        return (
-            f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-            f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
-            f'<meta name="viewport" content="width=device-width, initial-scale=1">\n<link rel="icon" href="data:,">\n'
-            f"<title>{title}</title>\n"
-            "<style>body { margin: 0.6rem; max-width: 60rem; background: #fff; color: #111; "
-            'font: 1rem/1.45 system-ui, "DejaVu Sans", Arial, sans-serif; } h1 { font-size: 1.1rem; margin: 0.2rem 0; }'
-            f" img {{ max-width: 100%; height: auto; }}</style>\n</head>\n<body>\n<h1>{title}</h1>\n"
-            f"{self._body()}</body>\n</html>\n"
-        )
+        return page(self.title, _STYLE, f"<h1>{escape(self.title)}</h1>\n{self._body()}", scripts=True)
 
     def save(self, path: str | PathLike[str]) -> Path:
         """Writes the drawing in the format that the file's name ends with: .svg, .png or .html.
@@ -105,14 +99,12 @@ class Drawing:
     def _body(self) -> str:
         if self.fragment is not None:
             return self.fragment()
-        data = b64encode(self.svg().encode()).decode()
-        return f'<img src="data:image/svg+xml;base64,{data}" alt="{escape(self.alt)}">\n'
+        return f'<img src="{svg_source(self.svg())}" alt="{escape(self.alt)}">\n'
 
     def _repr_html_(self) -> str:
         if self.fragment is None:
-            data = b64encode(self.svg().encode()).decode()
             width = round(96 * self.size[0])
-            return f'<img src="data:image/svg+xml;base64,{data}" alt="{escape(self.alt)}" width="{width}">'
+            return f'<img src="{svg_source(self.svg())}" alt="{escape(self.alt)}" width="{width}">'
         return framed(self.html(), self.title, self.size)
 
     def __repr__(self) -> str:

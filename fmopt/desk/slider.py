@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from base64 import b64encode
 from collections.abc import Sequence
 from functools import partial
 from hashlib import sha256
 from html import escape
 
 from fmopt.desk.drawing import Drawing
+from fmopt.report.shell import svg_source
 
 _SCRIPT = """(function () {
 const root = document.getElementById("NAME"), input = root.querySelector("input"), said = root.querySelector("output");
@@ -52,9 +52,8 @@ def slider(label: str, frames: Sequence[tuple[str, Drawing]]) -> Drawing:
 def _fragment(label: str, frames: Sequence[tuple[str, Drawing]]) -> str:
     images = []
     for number, (said, drawing) in enumerate(frames):
-        data = b64encode(drawing.svg().encode()).decode()
         words = f'{"hidden " if number else ""}data-said="{escape(said)}" alt="{escape(drawing.alt)}"'
-        images.append(f'<img {words} src="data:image/svg+xml;base64,{data}">')
+        images.append(f'<img {words} src="{svg_source(drawing.svg())}">')
     body = "\n".join(images)
     name = f"slider-{sha256((label + body).encode()).hexdigest()[:12]}"
     control = f'<input type="range" min="0" max="{len(frames) - 1}" value="0" step="1" style="width: 60%">'

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from base64 import b64encode
 from collections.abc import Mapping
 from html import escape
 from typing import Any
@@ -13,12 +12,8 @@ from fmopt.report.figures import catalogue
 from fmopt.report.moves import Verdict, smallest_margin, verdict
 from fmopt.report.planar_tables import possible_contacts
 from fmopt.report.scene import resource, scene
+from fmopt.report.shell import chaptered, figure, page
 from fmopt.report.tolerance_tables import tolerance_chapter
-
-_POLICY = (
-    "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'; "
-    "base-uri 'none'; form-action 'none'"
-)
 
 
 def report_page(plan: Mapping[str, Any], figures: Mapping[str, str]) -> str:
@@ -49,42 +44,8 @@ def report_page(plan: Mapping[str, Any], figures: Mapping[str, str]) -> str:
         ("limits", "What was not checked", sections.not_covered(plan)),
         ("provenance", "Where this comes from", sections.provenance(plan)),
     ]
-    chapters = [(name, heading, body) for name, heading, body in chapters if body]
-    links = "\n".join(f'<li><a href="#{name}">{escape(heading)}</a></li>' for name, heading, _ in chapters)
-    body = "\n".join(_chapter(*chapter) for chapter in chapters)
-    return f"""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta http-equiv="Content-Security-Policy" content="{_POLICY}">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<link rel="icon" href="data:,">
-<title>{escape(title)}: {escape(found.word.lower())}</title>
-<style>
-{resource("page.css")}</style>
-</head>
-<body>
-<header>
-<p class="kind">Insertion plan</p>
-<h1>{escape(title)}</h1>
-{_verdict_box(plan, found)}
-</header>
-<nav aria-label="chapters">
-<ol>
-{links}
-</ol>
-</nav>
-<main>
-{body}
-</main>
-</body>
-</html>
-"""
-
-
-def _chapter(name: str, heading: str, text: str) -> str:
-    head = f'<h2 id="{name}-head">{escape(heading)}</h2>'
-    return f'<section id="{name}" aria-labelledby="{name}-head">\n{head}\n{text}\n</section>'
+    body = chaptered("Insertion plan", title, chapters, f"{_verdict_box(plan, found)}\n")
+    return page(f"{title}: {found.word.lower()}", resource("page.css"), body, scripts=True)
 
 
 def _verdict_box(plan: Mapping[str, Any], found: Verdict) -> str:
@@ -113,11 +74,5 @@ def _nominal(plan: Mapping[str, Any], shown: Mapping[str, str]) -> str:
 
 def _shown(plan: Mapping[str, Any], figures: Mapping[str, str]) -> dict[str, str]:
     """The figures as pictures with what they show in words."""
-    made = {}
-    for name, figure in catalogue(plan).items():
-        if name in figures:
-            source = f'src="data:image/svg+xml;base64,{b64encode(figures[name].encode()).decode()}"'
-            width, height = (round(96 * inches) for inches in figure.size)
-            picture = f'<img {source} alt="{escape(figure.alt)}" width="{width}" height="{height}">'
-            made[name] = f"<figure>\n{picture}\n<figcaption>{escape(figure.title)}</figcaption>\n</figure>\n"
-    return made
+    drawn = {name: drawing for name, drawing in catalogue(plan).items() if name in figures}
+    return {name: figure(figures[name], d.alt, d.title, d.size) for name, d in drawn.items()}

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from html import escape
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -82,17 +80,14 @@ class Outcome:
         return f"<fmopt study in {self.folder}: {done} of {len(self.lines)} runs done>"
 
     def _repr_html_(self) -> str:
+        from fmopt.report.shell import figure
         from fmopt.report.tables import table as as_table
 
         columns = self.results.columns
         rows = [[_cell(line.get(name)) for name in columns] for line in self.lines[:_SHOWN]]
         more = len(self.lines) - _SHOWN
         said = as_table(f"{self.folder}" + (f", {more} runs more" if more > 0 else ""), columns, rows)
-        drawn = "".join(
-            f'<figure><img alt="{escape(words)}" src="data:image/svg+xml;base64,{b64encode(svg.encode()).decode()}">'
-            f"<figcaption>{escape(words)}</figcaption></figure>"
-            for words, svg in self.figures.values()
-        )
+        drawn = "".join(figure(svg, words, words) for words, svg in self.figures.values())
         return f"<div>{said}{drawn}</div>"
 
 

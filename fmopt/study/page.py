@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from base64 import b64encode
 from collections.abc import Iterator, Sequence
 from html import escape
 
 import numpy as np
 
+from fmopt.report import shell
 from fmopt.report.scene import resource
+from fmopt.report.shell import Chapter, chaptered, figure
 from fmopt.report.tables import table
 from fmopt.study.figures import binding, bins
 from fmopt.study.sampling import CUBES
@@ -16,7 +17,6 @@ from fmopt.study.statistics import Estimate, rank_correlation, share, sobol_indi
 from fmopt.study.table import Varied
 from fmopt.study.view import View, answer_label, axis_label
 
-_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
 _LISTED = 6  # numbers of runs that a group of failures names
 
 
@@ -42,53 +42,20 @@ def page(view: View, figures: dict[str, tuple[str, str]]) -> str:
     return framed("Study", view.results.facts.get("title", "study"), chapters)
 
 
-def framed(kind: str, title: str, chapters: Sequence[tuple[str, str, str]]) -> str:
+def framed(kind: str, title: str, chapters: Sequence[Chapter]) -> str:
     """A page of chapters, those without a text left out.
 
     Args:
         kind: what it is a page of.
         title: in plain text, as are the headings.
-        chapters: name, heading, and text in HTML.
+        chapters: what it has.
     """
-    shown = [(name, heading, text) for name, heading, text in chapters if text]
-    body = "\n".join(
-        f'<section id="{n}">\n<h2>{escape(heading)}</h2>\n{text}\n</section>' for n, heading, text in shown
-    )
-    links = "\n".join(f'<li><a href="#{name}">{escape(heading)}</a></li>' for name, heading, _ in shown)
-    title = escape(title)
-    return f"""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta http-equiv="Content-Security-Policy" content="{_POLICY}">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<link rel="icon" href="data:,">
-<title>{title}</title>
-<style>
-{resource("page.css")}</style>
-</head>
-<body>
-<header>
-<p class="kind">{escape(kind)}</p>
-<h1>{title}</h1>
-</header>
-<nav aria-label="chapters">
-<ol>
-{links}
-</ol>
-</nav>
-<main>
-{body}
-</main>
-</body>
-</html>
-"""
+    return shell.page(title, resource("page.css"), chaptered(kind, title, chapters))
 
 
 def picture(words: str, svg: str) -> str:
     """A figure in the page, with what it shows in words."""
-    source = f'src="data:image/svg+xml;base64,{b64encode(svg.encode()).decode()}"'
-    return f'<figure>\n<img {source} alt="{escape(words)}">\n<figcaption>{escape(words)}</figcaption>\n</figure>\n'
+    return figure(svg, words, words)
 
 
 def _outcome(view: View) -> str:
