@@ -29,7 +29,7 @@ from fmopt.nominal.mapping import Mapping
 from fmopt.nominal.trajectory import NominalTrajectory
 from fmopt.placement.search import MoveSequence
 from fmopt.placement.sequence import Placed
-from fmopt.placement.tolerated import Tolerated
+from fmopt.placement.tolerated import Motion, Tolerated
 from fmopt.placement.visited import Visited
 from fmopt.se3 import Pose
 from fmopt.task.problem import Problem
@@ -58,6 +58,12 @@ class Moved:
     tolerance: Tolerance
     found: MoveSequence
     placed: Placed
+
+    def under(self, problem: Problem, turn: float) -> Motion:
+        """The same moves under the errors of a problem, with pieces that turn so far (rad) at most."""
+        rates = problem.velocity_error.translation, problem.velocity_error.rotation
+        moves, tolerance = self.placed.moves, Tolerance(rates, self.tolerance.rho)
+        return Motion(self.assembly, moves, problem.start_box, tolerance, turn)
 
 
 def plan_document(

@@ -39,7 +39,7 @@ from fmopt.placement.share import largest_share
 from fmopt.placement.socp import ClarabelSolver
 from fmopt.placement.states import Scale, contact_spaces
 from fmopt.placement.step import Costs, Task
-from fmopt.placement.tolerated import Motion, Tolerated, tolerated
+from fmopt.placement.tolerated import Tolerated, tolerated
 from fmopt.placement.tune import Limits, tuned
 from fmopt.placement.visited import visited
 from fmopt.plan_record import Moved, Nominal, plan_document
@@ -129,8 +129,7 @@ def _synthesise(problem: Problem, progress: Progress) -> Synthesis:
     done = moved(problem, clock.lap, progress)
     progress("how much error the motion tolerates")
     x, y = (0.5 * play for play in done.clearance.play)
-    motion = Motion(done.assembly, done.placed.moves, problem.start_box, done.tolerance, FINE)
-    measured = tolerated(motion, (x, y))
+    measured = tolerated(done.under(problem, FINE), (x, y))
     clock.lap("tolerances")
     document, verdict = planned(problem, done, clock.lap, progress, measured)
     return Synthesis(document, verdict, clock.laps)

@@ -45,7 +45,7 @@ def test_the_independent_check_agrees_with_the_factor(solved: tuple[Problem, Mov
         wider = replace(problem, start_box=share * found.box)
         motion = Motion(done.assembly, done.placed.moves, wider.start_box, done.tolerance, FINE)
         if verdict is None:
-            assert (motion.margin() or 0.0) <= 0.0
+            assert (motion.margin or 0.0) <= 0.0
             continue
         # The same moves, certified for the wider errors, then checked from their plan alone.
         placed = motion.placed()
@@ -62,7 +62,7 @@ def test_the_factor_is_relative_to_the_errors(motion: Motion, found: Tolerated) 
 
 
 def test_sensitivities_are_differences_of_margins(motion: Motion, found: Tolerated) -> None:
-    now = motion.margin()
+    now = motion.margin
     assert now is not None
     by_name = {s.name: s for s in found.sensitivities}
     stated = [name for name, size in zip(("x", "y", "z", "rx", "ry", "rz"), motion.box, strict=True) if size > 0.0]
@@ -75,7 +75,7 @@ def test_sensitivities_are_differences_of_margins(motion: Motion, found: Tolerat
         else:
             assert one.change <= 1e-12
     wider = motion.box + np.eye(6)[3] * by_name["start.rx"].step
-    then = replace(motion, box=wider).margin()
+    then = replace(motion, box=wider).margin
     assert then is not None
     assert then - now == pytest.approx(by_name["start.rx"].change, abs=1e-12)
 

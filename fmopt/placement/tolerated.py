@@ -7,6 +7,7 @@ and remainders derived again; nothing is linearised.
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -92,12 +93,18 @@ class Motion:
         start = Reached(ErrorSet.from_box(self.box), (), ())
         return certified(self.assembly, self.moves, start, self.tolerance, self.turn, thorough=True)
 
+    @cached_property
     def margin(self) -> float | None:
         """Least certified margin, m; None when a move is impossible."""
         try:
             return self.placed().margin
         except InfeasibleError:
             return None
+
+    @property
+    def holds(self) -> bool:
+        """Whether its margin is positive."""
+        return self.margin is not None and self.margin > 0.0
 
 
 def tolerated(motion: Motion, clearance: tuple[float, float]) -> Tolerated:
@@ -115,10 +122,9 @@ def largest_factor(motion: Motion) -> float:
     """The largest factor of the whole start box at which the motion still has a margin, to 1/64, at most 64."""
 
     def holds(factor: float) -> bool:
-        margin = replace(motion, box=factor * motion.box).margin()
-        return margin is not None and margin > 0.0
+        return replace(motion, box=factor * motion.box).holds
 
-    low, high = (1.0, 2.0) if holds(1.0) else (0.0, 1.0)
+    low, high = (1.0, 2.0) if motion.holds else (0.0, 1.0)
     while 1.0 < high <= _LARGEST and holds(high):
         low, high = high, 2.0 * high
     while high - low > _STEP * max(low, _STEP) and low < _LARGEST:
@@ -129,16 +135,14 @@ def largest_factor(motion: Motion) -> float:
 
 def sensitivities(motion: Motion, clearance: tuple[float, float]) -> tuple[Sensitivity, ...]:
     """What the margin loses as each tolerance grows by a fiftieth, and gains as the clearance does; arguments above."""
-    now = motion.margin()
+    now, rate = motion.margin, motion.tolerance.velocity_error
     if now is None:
         return ()
     found = []
 
     def compared(name: str, value: float, other: Motion) -> None:
-        then = other.margin()
+        then = other.margin
         found.append(Sensitivity(name, value, _SHARE * value, None if then is None else then - now))
-
-    rate = motion.tolerance.velocity_error
 
     for k, name in enumerate(_START):
         if motion.box[k] > 0.0:

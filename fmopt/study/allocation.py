@@ -10,15 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from fmopt.certificate.segment import Tolerance as Metric
 from fmopt.errors import InfeasibleError, SearchError
-from fmopt.placement.motion import Reached
-from fmopt.placement.sequence import Placed, certified
+from fmopt.placement.sequence import Placed
 from fmopt.plan_record import Moved
 from fmopt.study.cheapest import Cheapest, cheapest
 from fmopt.study.tolerances import Question
@@ -137,7 +135,7 @@ def _with_motion(question: Question, done: Moved, motions: int, progress: Callab
     if isinstance(placed, str):
         raise InfeasibleError(f"with the answer rounded down, {placed}", advice="lower the digits, or state low")
     errors = ErrorSet.from_box(problem.start_box)
-    same = Moved(done.assembly, done.clearance, errors, _metric(done, problem), done.found, placed)
+    same = replace(done, errors=errors, tolerance=done.under(problem, FINE).tolerance, placed=placed)
     progress("checking the same motion")
     document, _ = planned(problem, same, lambda _: None)
     anew, verdict, margin = _anew(problem, progress)
@@ -145,15 +143,10 @@ def _with_motion(question: Question, done: Moved, motions: int, progress: Callab
     return Allocation(question, found, values, cost, before, placed.margin, document, verdict, margin, motions, anew)
 
 
-def _metric(done: Moved, problem: Problem) -> Metric:
-    return Metric((problem.velocity_error.translation, problem.velocity_error.rotation), done.tolerance.rho)
-
-
 def _certified(done: Moved, problem: Problem) -> Placed | str:
     """The motion with the errors of a problem, or in words why it cannot be followed."""
-    start = Reached(ErrorSet.from_box(problem.start_box), (), ())
     try:
-        return certified(done.assembly, done.placed.moves, start, _metric(done, problem), FINE, thorough=True)
+        return done.under(problem, FINE).placed()
     except InfeasibleError as error:
         return error.message
 

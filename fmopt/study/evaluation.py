@@ -160,12 +160,10 @@ def _margins(solved: Solved) -> dict[str, Scalar]:
 
 def _tolerated(solved: Solved) -> dict[str, Scalar]:
     """The largest factor of the whole start box at which this motion, moved alike, is still certified."""
-    from fmopt.placement.tolerated import Motion, largest_factor
+    from fmopt.placement.tolerated import largest_factor
     from fmopt.synthesis import FINE
 
-    moved = solved.moved
-    motion = Motion(moved.assembly, moved.placed.moves, solved.problem.start_box, moved.tolerance, FINE)
-    return {"tolerated_factor": largest_factor(motion)}
+    return {"tolerated_factor": largest_factor(solved.moved.under(solved.problem, FINE))}
 
 
 def _bias(solved: Solved) -> dict[str, Scalar]:
