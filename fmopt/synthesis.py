@@ -310,9 +310,10 @@ def placement(
         placed = polish(assembly, placed, start, tolerance, FINE, clearance, "nlp", Turns(3, reach), told)
     else:
         placed = polish(assembly, placed, start, tolerance, FINE, clearance, "descent", Turns(3, reach), told)
+    apart = placed.margin
     placed = certified(assembly, placed.moves, start, tolerance, FINE, thorough=True)
-    if placed.margin <= 0.0:
-        # What keeps the parts apart has room, but a contact leaves its facet: a pose on the way there may hold both.
+    if placed.margin < apart:
+        # What keeps the parts apart has more room than contacts have in their facets: poses on the way may hold both.
         whole = [certified(assembly, p.moves, start, tolerance, FINE, thorough=True) for p in stages]
         placed = max([placed, *whole], key=lambda p: p.margin)
     if problem.settings.method == "dakin1993":

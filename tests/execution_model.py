@@ -248,6 +248,8 @@ def _look(piece: Piece, ledger: Ledger, poses: Poses) -> None:
         bodies = scene.moving[pair["moving_piece"]], scene.fixed[pair["fixed_piece"]]
         ledger.require("overlap", k, gaps(*bodies, *poses) + OVERLAP)
         ledger.require("separation", k, witness.least(poses) - pair["margin"] + ROUNDING)
+    for name in said.get("leaving", ()):
+        ledger.require(f"{name} not touched again", k, piece.scene.touch(name, [name]).value(*poses) + ROUNDING)
     ledger.require("contacts kept", k, ROUNDING - _apart(piece, said["state"], poses))
     _inside(piece, ledger, "held", said["state"], poses)
     if piece.made is not None:

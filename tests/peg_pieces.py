@@ -46,6 +46,11 @@ class Way:
     made: PrimitiveContact | None
     pieces: int
 
+    @property
+    def whole(self) -> Piece:
+        """The move as one piece, without a basis."""
+        return Piece(self.start, self.goal, self.held, self.after, (), self.made, (0.0, 1.0))
+
 
 @cache
 def peg() -> Peg:

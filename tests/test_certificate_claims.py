@@ -103,7 +103,7 @@ def test_the_margin_is_the_least_of_all() -> None:
 
 def test_row_bounds_are_what_the_separation_is_made_of() -> None:
     c = next(c for c in claims() if c.piece.made is not None and c.piece.last)
-    listed = pairs(peg().assembly, c.piece.held, c.piece.making, c.piece.made)
+    listed = pairs(peg().assembly, c.piece)
     for (_, _, found), (_, _, pair) in zip(c.separations, listed, strict=True):
         rows = row_bounds(peg().assembly, pair, found.witness, c.advance.ends)
         assert rows.lower.min() / rows.scale == pytest.approx(found.margin, rel=1e-12)
@@ -114,7 +114,7 @@ def test_row_bounds_are_what_the_separation_is_made_of() -> None:
 
 def test_the_chosen_plane_is_as_good_as_any_face() -> None:
     for c in claims()[::5]:
-        listed = pairs(peg().assembly, c.piece.held, c.piece.making, c.piece.made)
+        listed = pairs(peg().assembly, c.piece)
         for (_, _, found), (_, _, pair) in zip(c.separations, listed, strict=True):
             again = choose_separation(peg().assembly, pair, c.advance.ends)
             assert again is not None

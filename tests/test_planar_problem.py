@@ -173,6 +173,7 @@ def test_a_plan_for_a_share_proves_nothing_for_all(slot: Problem, monkeypatch: p
         return synthesis.Synthesis(document, Verdict("CERTIFIED", (), None, 0, None, ()), {})
 
     monkeypatch.setattr(synthesis, "_synthesise", pretended)
+    slot = replace(slot, settings=replace(slot.settings, reduce_errors=True))
     found = synthesis.synthesise(slot)
     assert found.document["verdict"] == str(found.verdict.verdict) == str(NOT_PROVED)
     assert found.document["diagnostics"]["reduced"]["share"] == 0.6

@@ -77,8 +77,13 @@ def claim(
             f"some executions could move away from contact {piece.made.id} before they touch: errors may change how "
             f"much nearer it comes by {-step.approach * 1e6:.1f} um more than it does"
         )
+    if step.departure <= 0.0:
+        raise InfeasibleError(
+            f"some executions could stay in touch with {', '.join(c.id for c in piece.left)}, which the move gives up: "
+            f"errors may change how much farther away it gets by {-step.departure * 1e6:.1f} um more than it does"
+        )
     separations = []
-    for i, j, pair in pairs(assembly, piece.held, piece.making, piece.made):
+    for i, j, pair in pairs(assembly, piece):
         found = choose(assembly, pair, step.ends)
         if found is None:
             raise InfeasibleError(f"moving piece {i} and fixed piece {j} are not apart on the nominal path")

@@ -32,7 +32,6 @@ from fmopt.se3 import Pose
 from fmopt.values import Array
 
 _MEMORY = 4096
-_NO_POINTS = np.zeros((0, 3))
 
 Line = tuple[Array, Array]
 """A point and a unit direction."""
@@ -119,25 +118,25 @@ def _normal(piece: Polyhedron, loop: tuple[int, ...]) -> Array:
 
 
 def _contacts(pair: Pair) -> tuple[PrimitiveContact, ...]:
-    """The contacts held, and the one being made that counts."""
-    return pair.state if pair.basis_made is None else (*pair.state, pair.basis_made)
+    """The contacts held, the one being made that counts, and those given up."""
+    return (*pair.state, *pair.beside)
 
 
 def _above(assembly: Assembly, pair: Pair, normal: Array, offset: float) -> Array:
-    """Body points (m, 3) that the contact being made keeps from crossing a fixed plane until it touches."""
-    made = pair.basis_made
-    if made is None:
-        return _NO_POINTS
-    if made.kind is Kind.VERTEX_FACE:
-        number, vertex = made.fixed_feature, made.moving[0]
-    else:
-        found = hinge(assembly, made, pair.state)
-        if found is None:
-            return _NO_POINTS
-        number, _, vertex = found
-    face = assembly.fixed.polyhedron.faces[number]
-    agrees = assembly.agree(face.normal, face.offset, normal, offset)
-    return assembly.moving.polyhedron.vertices[[vertex]] if agrees else _NO_POINTS
+    """Body points (m, 3) that do not cross a fixed plane: of contacts not yet made, or given up."""
+    kept = []
+    for contact in pair.beside:
+        if contact.kind is Kind.VERTEX_FACE:
+            number, vertex = contact.fixed_feature, contact.moving[0]
+        else:
+            found = hinge(assembly, contact, pair.state)
+            if found is None:
+                continue
+            number, _, vertex = found
+        face = assembly.fixed.polyhedron.faces[number]
+        if assembly.agree(face.normal, face.offset, normal, offset):
+            kept.append(vertex)
+    return assembly.moving.polyhedron.vertices[kept]
 
 
 def _touched(assembly: Assembly, pair: Pair, normal: Array, offset: float) -> Mask:
@@ -185,7 +184,7 @@ def _within(mask: Mask, at: int, count: int) -> Mask:
 
 
 def _anchored(assembly: Assembly, pair: Pair, moving: Line, fixed: Line) -> tuple[bool, bool]:
-    """Whether a contact of just these two edges is held, and whether one is being made with the plane on its side."""
+    """Whether a contact of just these two edges is held, and whether one is made or given up on the plane's side."""
     body, world = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron.vertices
     held = made = False
     for contact in _contacts(pair):

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from fmopt.certificate.assembly import Assembly
+from fmopt.certificate.piece import Piece
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.values import Array
@@ -45,39 +46,32 @@ class Pair(NamedTuple):
         moving: the moving piece.
         fixed: the fixed piece.
         held: contacts held between the two.
-        made: contacts being made between the two.
+        opening: contacts being made or given up between the two.
         state: all contacts held, for a pair that is touched by one; else none.
-        basis_made: the contact being made that counts, wherever it is, for a pair that is touched; else none.
+        beside: the contact being made that counts and those given up, wherever, for a pair that is touched; else none.
     """
 
     moving: Polyhedron
     fixed: Polyhedron
     held: tuple[PrimitiveContact, ...]
-    made: tuple[PrimitiveContact, ...]
+    opening: tuple[PrimitiveContact, ...]
     state: tuple[PrimitiveContact, ...]
-    basis_made: PrimitiveContact | None
+    beside: tuple[PrimitiveContact, ...]
+
+    @property
+    def touched(self) -> bool:
+        """Whether a contact bears on the two."""
+        return bool(self.held or self.opening)
 
 
-def pairs(
-    assembly: Assembly,
-    held: Sequence[PrimitiveContact],
-    making: Sequence[PrimitiveContact],
-    made: PrimitiveContact | None,
-) -> list[tuple[int, int, Pair]]:
-    """All pairs of a moving piece and a fixed one, in order, with the contacts that are held and made.
-
-    Args:
-        assembly: the two parts.
-        held: all contacts held.
-        making: all contacts being made.
-        made: the one of them that counts.
-    """
+def pairs(assembly: Assembly, piece: Piece) -> list[tuple[int, int, Pair]]:
+    """All pairs of convex pieces, moving and fixed, in order, with the contacts of a piece of motion."""
     found = []
     for i, M in enumerate(assembly.moving.pieces):
         for j, F in enumerate(assembly.fixed.pieces):
-            own, new = (touching(assembly, M, F, contacts) for contacts in (held, making))
-            touched = bool(own or new)
-            found.append((i, j, Pair(M, F, own, new, tuple(held) if touched else (), made if touched else None)))
+            own, new = (touching(assembly, M, F, c) for c in (piece.held, (*piece.making, *piece.left)))
+            known = (piece.held, piece.opening) if own or new else ((), ())
+            found.append((i, j, Pair(M, F, own, new, *known)))
     return found
 
 

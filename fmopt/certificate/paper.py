@@ -73,7 +73,7 @@ def _judged(assembly: Assembly, claim: Claim, errors: ErrorSet, tolerance: Toler
     start, goal = goal_in_the_paper(assembly, piece, step, errors, tolerance)
     flat = Extent(0.0, np.zeros(3), 0.0, np.zeros(3))
     ends = replace(step.ends, start_set=start, goal_set=goal, extent=flat, slack=np.zeros((6, 0)), core=None)
-    listed = pairs(assembly, piece.held, piece.making, piece.made)
+    listed = pairs(assembly, piece)
     separations = tuple(
         (i, j, separation(assembly, pair, kept.witness, ends))
         for (i, j, kept), (_, _, pair) in zip(claim.separations, listed, strict=True)

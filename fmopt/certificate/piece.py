@@ -29,6 +29,7 @@ class Piece:
         basis: independent contacts of `held`, each with its compliant direction.
         made: the contact that the move makes, one for all that are made together, or None.
         progress: fractions of the move at both ends.
+        left: contacts held up to the start of the move, which it gives up.
     """
 
     start: Pose
@@ -38,6 +39,7 @@ class Piece:
     basis: tuple[Compliance, ...]
     made: PrimitiveContact | None
     progress: tuple[float, float]
+    left: tuple[PrimitiveContact, ...] = ()
 
     @property
     def last(self) -> bool:
@@ -48,6 +50,11 @@ class Piece:
     def making(self) -> tuple[PrimitiveContact, ...]:
         """The contacts that the move adds."""
         return tuple(c for c in self.goal_contacts if c not in self.held) if self.made is not None else ()
+
+    @property
+    def opening(self) -> tuple[PrimitiveContact, ...]:
+        """The contacts that never pass but may be open: the one being made that counts, and those given up."""
+        return self.left if self.made is None else (self.made, *self.left)
 
     @property
     def share(self) -> float:

@@ -58,6 +58,7 @@ def segment_record(claim: Claim, critical_point: int, move: int, start: Any, goa
         "move": move,
         "state": state,
         "goal_state": [c.id for c in piece.goal_contacts],
+        **({"leaving": [c.id for c in piece.left]} if piece.left else {}),
         "progress": piece.progress,
         "start": start,
         "goal": goal,

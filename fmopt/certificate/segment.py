@@ -27,7 +27,7 @@ from fmopt.certificate.layers import Layers, layers_of
 from fmopt.certificate.piece import Compliance, Piece, Tolerance
 from fmopt.certificate.rows import Extent, length, lengths
 from fmopt.certificate.separation import Ends
-from fmopt.certificate.way import Way, approach, cone, way_of
+from fmopt.certificate.way import Way, approach, cone, departure, way_of
 from fmopt.errors import InfeasibleError
 from fmopt.uncertainty.error_set import ErrorSet, Support
 from fmopt.values import Array
@@ -51,6 +51,7 @@ class Advance:
         motion: displacement (6,) of the piece inside the held contacts.
         length: length of the piece in the metric of ρ, m.
         approach: how much the contact being made comes nearer at least, whatever the error, m; infinite without one.
+        departure: how much farther away the contacts given up get at least, m; infinite without any.
     """
 
     ends: Ends
@@ -58,6 +59,7 @@ class Advance:
     motion: Array
     length: float
     approach: float = np.inf
+    departure: float = np.inf
 
 
 def advance(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Tolerance) -> Advance:
@@ -70,8 +72,9 @@ def advance(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Toler
         tolerance: velocity error and metric.
 
     Raises:
-        InfeasibleError: the contact to be made cannot be reached along the motion, contacts do not determine their
-            compliant directions, or errors outgrow the bounds in which the certificate holds.
+        InfeasibleError: the contact to be made cannot be reached along the motion, one cannot be given up alone,
+            contacts do not determine their compliant directions, or errors outgrow the bounds in which the certificate
+            holds.
     """
     way = way_of(assembly, piece, tolerance)
     core = errors.core(way.directions)
@@ -83,7 +86,8 @@ def advance(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Toler
     step = _Step(piece, way, layers, tolerance, errors, core)
     extent, goal_set, slack = step.outcome(basis)
     ends = Ends(piece.start, piece.goal, errors, goal_set, extent, slack, core)
-    return Advance(ends, basis, way.motion, way.length, approach(tolerance, way, extent))
+    nearer, farther = approach(tolerance, way, extent), departure(assembly, piece, tolerance, way, extent)
+    return Advance(ends, basis, way.motion, way.length, nearer, farther)
 
 
 @dataclass(frozen=True, eq=False)

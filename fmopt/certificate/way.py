@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmopt import ellipsoid
-from fmopt.certificate.assembly import Assembly
+from fmopt.certificate.assembly import Assembly, hinge, level
 from fmopt.certificate.functions import contact_forms, made_form
 from fmopt.certificate.piece import Piece, Tolerance
 from fmopt.certificate.rows import Curvature, Extent, Rows, length
@@ -95,17 +95,42 @@ def cone(tolerance: Tolerance, way: Way, N: Array) -> float:
 def approach(tolerance: Tolerance, way: Way, extent: Extent) -> float:
     """Lower bound of how much nearer the contact being made comes along a piece, at every error in the bounds, m.
 
-    An execution stops when it first touches: that needs the distance to fall all along. The row turns along the piece;
-    the velocity error adds to the motion; and the held rows turn as well, so that the motion inside them changes (their
-    share counted twice, which covers the second order). Infinite when nothing is made.
+    An execution stops when it first touches: that needs the distance to fall all along. Infinite when nothing is made.
     """
     if way.made is None:
         return float(np.inf)
-    first, second = way.made
-    N, v = second.N[0], way.motion
+    first, second = (float(rows.N[0] @ way.motion) for rows in way.made)
+    return min(-first, -second) - _change(tolerance, way, extent, way.made)
+
+
+def departure(assembly: Assembly, piece: Piece, tolerance: Tolerance, way: Way, extent: Extent) -> float:
+    """Lower bound of how much farther away the contacts given up get along a piece, at every error in the bounds, m.
+
+    They are touched when the move starts: where their distances rise all along, none of them is touched again.
+    Infinite when nothing is given up.
+
+    Raises:
+        InfeasibleError: a contact given up meets another one of its edge or face that stays held.
+    """
+    least = float(np.inf)
+    for contact in piece.left:
+        if hinge(assembly, contact, piece.held) is not None or level(assembly, contact, piece.held) is not None:
+            raise InfeasibleError(f"contact {contact.id} cannot be given up without those that it turns about")
+        rows = contact_forms(assembly, (contact,), ()).over(piece.start, piece.goal)
+        first, second = (float(end.N[0] @ way.motion) for end in rows)
+        least = min(least, min(first, second) - _change(tolerance, way, extent, rows))
+    return least
+
+
+def _change(tolerance: Tolerance, way: Way, extent: Extent, rows: tuple[Rows, Rows]) -> float:
+    """By how much a row (1) may grow more or less along a piece than at the nominal poses of its ends, m.
+
+    The row turns along the piece; the velocity error adds to the motion; and the held rows turn as well, so that the
+    motion inside them changes (their share counted twice, which covers the second order).
+    """
+    N = rows[1].N[0]
     turned, held = (
-        Curvature.of(start, goal, way.turn, way.travel).variation(extent.theta, extent.offset, v)
-        for start, goal in ((first, second), way.held)
+        Curvature.of(start, goal, way.turn, way.travel).variation(extent.theta, extent.offset, way.motion)
+        for start, goal in (rows, way.held)
     )
-    change = float(turned[0]) + cone(tolerance, way, N @ way.hold) + 2.0 * float(np.abs(N @ way.goal_dual) @ held)
-    return min(-float(N @ v), -float(first.N[0] @ v)) - change
+    return float(turned[0]) + cone(tolerance, way, N @ way.hold) + 2.0 * float(np.abs(N @ way.goal_dual) @ held)

@@ -25,6 +25,8 @@ _ALIKE = 0.55  # cosine above which two sides are no corner
 _SHARED = (0.4, 0.6)  # of the room between opposite walls that the corner stays within
 # What the errors are multiplied with in the plane: how deep the corner goes in below a level.
 _LEVELS = (4.5, 5.5, 3.5, 7.0, 2.5)
+# The same for a corner once caught on a slope; where it goes in, as shares of the way from the middle to a wall.
+_DEEPER, _ASIDE = (2.6, 3.2, 4.5), (0.5, 0.0)
 
 
 @dataclass(frozen=True)
@@ -48,12 +50,16 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class Entry:
-    """A way to begin: the pose above the mouth, the pose with a corner inside it, and that corner (3,) in the body."""
+    """A way to begin: the pose above the mouth, the pose with a corner inside it, and that corner (3,) in the body.
+
+    `shallow` says that the corner is still among the slopes of the mouth; caught on one, it may go in deeper.
+    """
 
     start: Pose
     inside: Pose
     corner: Array
     shape: Shape | None = None
+    shallow: bool = False
 
 
 def tilted_entry(moving: Part, play: tuple[float, float], approach: float, shape: Shape) -> Entry:
@@ -146,7 +152,7 @@ def planar_entries(
     tip = _tip(moving)
     end = np.array([float(tip[:, 0].min()), 0.0, 0.0])
     width = float(np.ptp(tip[:, 0]))
-    levels = sorted({round(float(z), 9) for z in fixed.polyhedron.vertices[:, 2] if -width < z <= 0.0})
+    levels = _levels(fixed, width)
     error, angle = float(start_box[0]), float(start_box[4])
     for level, deep, share in product(levels, _LEVELS, (0.9, 0.8, 0.7, 1.0)):
         tilt = share * max_tilt
@@ -156,8 +162,36 @@ def planar_entries(
             R = se3.exp([0.0, -tilt, 0.0])
             inside = Pose(np.array([side * error, 0.0, level - deep * swing]) - R @ end, R)
             lift = approach - float(inside.apply(moving.polyhedron.vertices)[:, 2].min())
-            found.append(Entry(inside.moved([0.0, 0.0, lift, 0.0, 0.0, 0.0]), inside, end))
+            raised = inside.moved([0.0, 0.0, lift, 0.0, 0.0, 0.0])
+            found.append(Entry(raised, inside, end, shallow=level > levels[0]))
         yield tuple(found)
+
+
+def deeper(moving: Part, fixed: Part, pose: Pose, corner: Array, spread: Array) -> Iterator[Pose]:
+    """Poses in the plane of x and z from which to go on once a corner was caught on a slope of the mouth.
+
+    The part stays turned as it is. The corner goes in below the lowest level of the mouth, by a few times what its
+    height is uncertain by, between the middle and the wall on the side from which it leans.
+
+    Args:
+        moving: the moving part, tip centre at the origin.
+        fixed: the fixed part.
+        pose: where the corner is caught.
+        corner: the corner (3,) in the body.
+        spread: how far the errors displace it (3,), m.
+    """
+    tip = _tip(moving)
+    width = float(np.ptp(tip[:, 0]))
+    level = _levels(fixed, width)[0]
+    side = math.copysign(0.5 * width, float(corner[0]))
+    for deep, share in product(_DEEPER, _ASIDE):
+        at = np.array([share * side, 0.0, level - deep * float(spread[2])])
+        yield Pose(at - pose.R @ corner, pose.R)
+
+
+def _levels(fixed: Part, reach: float) -> list[float]:
+    """Heights of the fixed part's vertices down to so far below the mouth, the lowest first, m."""
+    return sorted({round(float(z), 9) for z in fixed.polyhedron.vertices[:, 2] if -reach < z <= 0.0})
 
 
 def straight_entry(moving: Part, play: tuple[float, float], start_box: Array, approach: float) -> tuple[Entry, ...]:

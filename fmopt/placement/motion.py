@@ -37,14 +37,16 @@ class Move:
     Args:
         start: nominal pose at the beginning.
         goal: nominal pose at the end.
-        held: contacts held at the beginning.
+        held: contacts held on the way.
         making: contacts made at the end, all at once; the first is the one that counts.
+        left: contacts held up to the beginning, which the move gives up.
     """
 
     start: Pose
     goal: Pose
     held: tuple[PrimitiveContact, ...]
     making: tuple[PrimitiveContact, ...]
+    left: tuple[PrimitiveContact, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,14 +178,15 @@ def unroll(
 def _unroll(
     assembly: Assembly, move: Move, reached: Reached, tolerance: Tolerance, count: int, thorough: bool
 ) -> Reached:
-    errors, basis, claims = reached.errors, reached.basis, list(reached.claims)
+    errors, claims = reached.errors, list(reached.claims)
+    basis = tuple(c for c in reached.basis if c.contact not in move.left)
     poses = way(assembly, move, basis, count, _SHOTS if thorough else 1)
     for k, (at, to) in enumerate(pairwise(poses)):
         share = (k / count, (k + 1) / count)
         held = described(assembly, move.held, at, to, errors)
         current = _carried_over(assembly, basis, held, to)
         made = move.making[0] if move.making else None
-        piece = Piece(at, to, held, (*held, *move.making), current, made, share)
+        piece = Piece(at, to, held, (*held, *move.making), current, made, share, move.left)
         found = claim(assembly, piece, errors, tolerance, choose_separation, thorough)
         claims.append(found)
         errors = found.advance.ends.goal_set

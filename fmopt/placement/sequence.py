@@ -171,8 +171,7 @@ def _claim_rows(assembly: Assembly, number: int, claim: Claim, rho: float, most:
 
 def pairs_of(assembly: Assembly, claim: Claim) -> list[tuple[Pair, Separation]]:
     """The pairs of pieces of a claim, with the planes that keep them apart."""
-    piece = claim.piece
-    found = pairs(assembly, piece.held, piece.making, piece.made)
+    found = pairs(assembly, claim.piece)
     return [(pair, kept) for (_, _, kept), (_, _, pair) in zip(claim.separations, found, strict=True)]
 
 

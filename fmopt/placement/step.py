@@ -14,7 +14,7 @@ from fmopt.certificate.segment import Tolerance
 from fmopt.contact.primitive import PrimitiveContact, near_contacts
 from fmopt.contact.surface import Surfaces
 from fmopt.errors import InfeasibleError
-from fmopt.placement.entry import Entry
+from fmopt.placement.entry import Entry, deeper
 from fmopt.placement.explore import Freedom, Place, freedoms, guarded, implied, neighbourhood, pinned
 from fmopt.placement.motion import Move, Reached, described, unroll
 from fmopt.se3 import Pose
@@ -182,6 +182,21 @@ def sons(task: Task, node: Node) -> Iterator[Node]:
         if kind not in near:
             near[kind] = neighbourhood(task.assembly, node.place, freedom, task.costs.reach)
         son = _along(task, node, freedom, near[kind])
+        if son is not None:
+            yield son
+    yield from _given_up(task, node)
+
+
+def _given_up(task: Task, node: Node) -> Iterator[Node]:
+    """The states after all contacts of a corner caught on a slope of the mouth are given up, once on a way."""
+    place = node.place
+    if not (node.entry.shallow and place.held) or any(move.left for move in node.moves):
+        return
+    moving, fixed = task.assembly.moving, task.assembly.fixed
+    arm = place.pose.R @ place.pivot
+    spread = node.reached.errors.support(np.hstack([np.eye(3), np.cross(arm, np.eye(3))]))
+    for inside in deeper(moving, fixed, place.pose, place.pivot, spread):
+        son = _son(task, node, Move(place.pose, inside, (), (), place.held), "leave")
         if son is not None:
             yield son
 

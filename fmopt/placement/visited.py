@@ -37,7 +37,7 @@ class Visit:
     Args:
         contacts: the contacts that touch.
         claim: number of the claim with which it begins, −1 for the start.
-        change: how it begins: start, made, passed (a rim), or unexplained.
+        change: how it begins: start, made, left (contacts given up), passed (a rim), or unexplained.
         spaces: indices of the contact spaces that hold it, in the order of the motion.
         states: its index in each of them.
     """
@@ -120,6 +120,10 @@ def visited(assembly: Assembly, claims: Sequence[Claim], nominal: Sequence[Space
                 at = None if at is None else len(spaces) - 1
             visits[i] = replace(visit, change="unexplained") if at is None else _held(visit, at, spaces)
             visits[i - 1] = before if at is None else _held(before, at, spaces)
+        elif visit.change == "left":
+            before = visits[i - 1]
+            at = _holding(spaces, visit.contacts, before.contacts, piece.start, scale)
+            visits[i] = replace(visit, change="unexplained") if at is None else _held(visit, at, spaces)
     for i, visit in enumerate(visits):
         last = i == len(visits) - 1
         piece = claims[-1 if last else max(visit.claim, 0)].piece
@@ -134,11 +138,11 @@ def visited(assembly: Assembly, claims: Sequence[Claim], nominal: Sequence[Space
 
 
 def _holding(
-    spaces: Sequence[Space], before: frozenset[str], after: frozenset[str], pose: Pose, scale: Scale
+    spaces: Sequence[Space], fewer: frozenset[str], more: frozenset[str], pose: Pose, scale: Scale
 ) -> int | None:
-    """The first space near a pose in which the state after is a son of the one before."""
+    """The first space near a pose in which the one state is a father of the other, with fewer contacts."""
     for i, space in enumerate(spaces):
-        father, son = space.state(before), space.state(after)
+        father, son = space.state(fewer), space.state(more)
         if space.near(pose, scale) and father is not None and son is not None and son in space.graph.sons[father]:
             return i
     return None
@@ -167,6 +171,8 @@ def _visits(assembly: Assembly, pieces: Sequence[Piece]) -> list[Visit]:
     """The states of a motion without their spaces."""
     found = [Visit(_touching(assembly, pieces[0].start, pieces[0].start), -1, "start")]
     for k, piece in enumerate(pieces):
+        if piece.left and piece.progress[0] == 0.0:
+            found.append(Visit(found[-1].contacts - {c.id for c in piece.left}, k, "left"))
         after = _touching(assembly, piece.goal, piece.start)
         along = after - frozenset(c.id for c in piece.making if piece.last)
         found += [Visit(state, k, change) for change, state in _passed(assembly, piece, found[-1].contacts, along)]

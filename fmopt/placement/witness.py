@@ -29,7 +29,7 @@ def choose_separation(assembly: Assembly, pair: Pair, ends: Ends) -> Separation 
     of the fixed piece, or by a face of the moving one.
     """
     found = best_separation(assembly, pair, _candidates(assembly, pair), ends, _GRAZING)
-    if pair.held or pair.made:
+    if pair.touched:
         return found
     plane = separation(assembly, pair, free_plane(pair, _best_normal(pair, ends)), ends)
     if plane.clearance < -_GRAZING or (found is not None and found.margin >= plane.margin):
@@ -41,7 +41,7 @@ def choose_separation(assembly: Assembly, pair: Pair, ends: Ends) -> Separation 
 def _candidates(assembly: Assembly, pair: Pair) -> tuple[Witness, ...]:
     """Planes of faces, and those along the two edges of the pair's edge–edge contacts."""
     own = [Witness("moving-face", face.loops[0], ()) for face in pair.moving.faces]
-    if not (pair.held or pair.made):
+    if not pair.touched:
         return tuple(own)
     faces = [Witness("fixed-face", (), face.loops[0]) for face in pair.fixed.faces]
     return (*faces, *own, *_contact_edges(assembly, pair))
@@ -49,7 +49,7 @@ def _candidates(assembly: Assembly, pair: Pair) -> tuple[Witness, ...]:
 
 def _contact_edges(assembly: Assembly, pair: Pair) -> list[Witness]:
     found = []
-    for contact in (*pair.held, *pair.made):
+    for contact in (*pair.held, *pair.opening):
         if contact.kind is Kind.EDGE_EDGE:
             moving = _edge_along(pair.moving, *assembly.moving.polyhedron.vertices[list(contact.moving)])
             fixed = _edge_along(pair.fixed, *assembly.fixed.polyhedron.vertices[list(contact.fixed)])

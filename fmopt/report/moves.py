@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from fmopt.plan import digest
-from fmopt.report.naming import binding_words, contact_words, quantity, spoken_axis
+from fmopt.report.naming import binding_words, contact_words, quantity, spoken_axis, touched_words
 from fmopt.se3 import Pose
 from fmopt.values import Array
 
@@ -40,6 +40,7 @@ class Move:
         segments: its pieces, as the plan holds them.
         state: ids of the contacts held during the move.
         goal_state: ids held after it.
+        left: ids held up to its start, which it gives up.
         made: id of the contact that ends it, None for a move that makes none.
         travel: way of the moving part's reference point, m.
         turn: angle turned, rad.
@@ -52,6 +53,7 @@ class Move:
     segments: tuple[Plan, ...]
     state: tuple[str, ...]
     goal_state: tuple[str, ...]
+    left: tuple[str, ...]
     made: str | None
     travel: float
     turn: float
@@ -86,6 +88,7 @@ def _move(number: int, run: tuple[Plan, ...]) -> Move:
         segments=run,
         state=state,
         goal_state=goal,
+        left=tuple(run[0].get("leaving", ())),
         made=(made or new or [None])[0],
         travel=sum(float(np.linalg.norm(way_of(piece))) for piece in run),
         turn=sum(float(np.linalg.norm(angle)) for angle in turned),
@@ -169,8 +172,10 @@ def margin_claim(plan: Plan, margin: float | None) -> str:
 
 
 def move_words(plan: Plan, move: Move) -> str:
-    """What a move does: "slide 1.15 mm in −x until …, keeping …"."""
+    """What a move does: "slide 1.15 mm in −x until …", "move freely 2 mm in +x away from …"."""
     words = _motion_words(plan, move)
+    if move.left:
+        words += f" away from {', '.join(touched_words(plan, contact) for contact in move.left)}"
     if move.made is not None:
         words += f" until {contact_words(plan, move.made)}"
     others = [contact for contact in move.new if contact != move.made]
@@ -216,6 +221,8 @@ def states(plan: Plan) -> list[tuple[tuple[str, ...], int]]:
     chain: list[tuple[tuple[str, ...], int]] = []
     for move in moves(plan):
         if not chain:
+            chain.append((move.state, 6 - _rank(move.segments[0].get("basis", ()), held_only=True)))
+        if move.left:
             chain.append((move.state, 6 - _rank(move.segments[0].get("basis", ()), held_only=True)))
         if move.goal_state != move.state:
             chain.append((move.goal_state, 6 - _rank(move.segments[-1].get("basis", ()), held_only=False)))

@@ -72,6 +72,15 @@ def contact_words(plan: Mapping[str, Any], contact: str) -> str:
     return f"{_moving_words(moving, tip)} {own} touches {_fixed_words(wall)} {other}{_place(wall)}"
 
 
+def touched_words(plan: Mapping[str, Any], contact: str) -> str:
+    """The fixed part's feature of a contact in words: "wall f2"."""
+    record = next((c for c in plan.get("contacts", ()) if c.get("id") == contact), None)
+    if record is None:
+        return f"contact {contact}"
+    wall = _points(plan["parts"]["fixed"], record["fixed"]["vertices"])
+    return f"{_fixed_words(wall)} {contact.partition('-')[2]}"
+
+
 def _points(part: Mapping[str, Any], vertices: Sequence[int]) -> Array:
     return np.array([part["vertices"][i] for i in vertices], dtype=np.float64)
 

@@ -1,11 +1,12 @@
-"""That a contact being made comes nearer all along a piece of motion, on every execution.
+"""That a contact being made comes nearer, and one given up gets farther away, all along a piece, on every execution.
 
-Its distance then has one zero on each execution's way, at which the execution stops, and progress can be measured on
-that way.
+The distance of the one then has one zero on each execution's way, at which the execution stops, and progress can be
+measured on that way. The distance of the other is zero when its move starts, and positive ever after.
 """
 
 from __future__ import annotations
 
+from fmopt.verify.assembly import Assembly, Touch
 from fmopt.verify.linear import seen
 from fmopt.verify.motion import Motion
 from fmopt.verify.rational import SLACK, length, row_dot, times
@@ -13,18 +14,31 @@ from fmopt.verify.rows import Distance
 
 
 def approach(motion: Motion) -> int:
-    """A lower bound, in fixed point, of how fast the made contact comes nearer; positive: on every execution it does.
+    """A lower bound, in fixed point, of how far the made contact comes nearer; positive: on every execution it does."""
+    if motion.made_rows is None:
+        return 0
+    start, goal = motion.made_rows
+    nearer = min(-row_dot(goal.N, motion.motion), -row_dot(start.N, motion.motion))
+    return nearer - _change(motion, start, goal) - SLACK
+
+
+def departure(assembly: Assembly, motion: Motion, touch: Touch) -> int:
+    """A lower bound, in fixed point, of how far a contact given up gets away; positive: on every execution it does."""
+    start, goal = (assembly.function(touch, (), X) for X in (motion.task.start, motion.task.goal))
+    farther = min(row_dot(goal.N, motion.motion), row_dot(start.N, motion.motion))
+    return farther - _change(motion, start, goal) - SLACK
+
+
+def _change(motion: Motion, start: Distance, goal: Distance) -> int:
+    """By how much a row may grow more or less along the piece than at the nominal poses of its ends.
 
     The row turns along the piece; the velocity error adds to the motion; and the held rows turn as well, so that the
     motion inside them changes (their share counted twice, which covers the second order).
     """
-    if motion.made_rows is None:
-        return 0
-    start, goal = motion.made_rows
     change = _turned(motion, start, goal) + times(motion.cone(seen(goal.N, motion.hold)), motion.length)
     for s, g, column in zip(motion.held_start, motion.held_goal, motion.held_dual, strict=True):
         change += 2 * times(abs(row_dot(goal.N, column)), _turned(motion, s, g))
-    return min(-row_dot(goal.N, motion.motion), -row_dot(start.N, motion.motion)) - change - SLACK
+    return change
 
 
 def _turned(motion: Motion, start: Distance, goal: Distance) -> int:

@@ -50,6 +50,7 @@ class Stage:
     state: tuple[Touch, ...]
     goal_state: tuple[Touch, ...]
     made: Touch | None
+    leaving: tuple[Touch, ...]
 
 
 class Chain:
@@ -78,6 +79,7 @@ class Chain:
         self._connect(segment)
         before = self.previous
         state, goal_state = self._touches(segment.state), self._touches(segment.goal_state)
+        leaving = self._leaving(segment, state)
         held, made = self._basis(segment, notes)
         start, goal = pose(segment.start), pose(segment.goal)
         basis_facts = self._known(segment.move, [t for t, _ in held], start.R)
@@ -86,7 +88,8 @@ class Chain:
                 raise Broken(f"holds {touch.id}, which its basis does not imply")
         facts = self._known(segment.move, state, start.R)
         if before is not None:
-            self._nothing_lost(before.goal_state if before.move != segment.move else before.state, state, start.R)
+            earlier = set(before.goal_state if before.move != segment.move else before.state)
+            self._nothing_lost(earlier - set(segment.leaving), state, start.R)
         if set(segment.state) - set(segment.goal_state):
             raise Broken("its goal state must hold all that its state holds")
         errors = self._without_thickness(held)
@@ -109,7 +112,7 @@ class Chain:
             notes.equal(f"direction of {made.id}", segment.basis[-1][1], motion.made_direction, _DIRECTION_FLOOR)
         self._fit(motion, s1 - s0, notes)
         self._hand_on(segment, task, motion, goal_state)
-        return Stage(segment, motion, facts, state, goal_state, made)
+        return Stage(segment, motion, facts, state, goal_state, made, leaving)
 
     def finish(self, notes: Notes) -> None:
         """Checks the end of the plan."""
@@ -135,7 +138,7 @@ class Chain:
             raise Broken("does not start where the segment before it ends")
         if segment.move == before.move:
             if _aim(segment) != _aim(before):
-                raise Broken("what the move is to make changes within it")
+                raise Broken("what the move is to make or give up changes within it")
             if segment.progress[0] != before.progress[1]:
                 raise Broken("progress does not continue")
         elif segment.move != before.move + 1 or before.progress[1] != 1.0 or segment.progress[0] != 0.0:
@@ -175,9 +178,23 @@ class Chain:
                 return k
         return None
 
-    def _nothing_lost(self, before: Sequence[str], after: Sequence[Touch], R: Matrix) -> None:
-        """Contacts may only be left out of a state when the others imply them."""
-        lost = set(before) - {t.id for t in after}
+    def _leaving(self, segment: Segment, state: Sequence[Touch]) -> tuple[Touch, ...]:
+        """The contacts that the move gives up: held up to its start, and known by a distance of their own."""
+        before = self.previous
+        found = self._touches(segment.leaving)
+        for touch in found:
+            if before is None or touch.id in segment.state or touch.id in segment.goal_state:
+                raise Broken(f"gives up {touch.id}, which must have been held before and not be held on its way")
+            earlier = before.leaving if before.move == segment.move else before.goal_state
+            if touch.id not in earlier:
+                raise Broken(f"gives up {touch.id}, which was not held when the move started")
+            if self.assembly.hinge(touch, state) is not None or self.assembly.level(touch, state) is not None:
+                raise Broken(f"gives up {touch.id} without the contacts that it turns about")
+        return found
+
+    def _nothing_lost(self, before: set[str], after: Sequence[Touch], R: Matrix) -> None:
+        """Contacts may only be left out of a state when the others imply them, or the move gives them up."""
+        lost = before - {t.id for t in after}
         if lost:
             facts = Facts(self.assembly, after, R)
             for name in sorted(lost):
@@ -225,9 +242,10 @@ class Chain:
         self.previous = segment
 
 
-def _aim(segment: Segment) -> tuple[list[str], list[str]]:
-    """What a segment's move is to make: the contact of the basis, and all that come with it."""
-    return [b[0] for b in segment.basis if b[2]], [i for i in segment.goal_state if i not in segment.state]
+def _aim(segment: Segment) -> tuple[list[str], list[str], tuple[str, ...]]:
+    """What a segment's move is to make, the contact of the basis and all that come with it, and to give up."""
+    made, new = [b[0] for b in segment.basis if b[2]], [i for i in segment.goal_state if i not in segment.state]
+    return made, new, segment.leaving
 
 
 def _joined(a: Sequence[Touch], b: Sequence[Touch]) -> list[Touch]:

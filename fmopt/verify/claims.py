@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fmopt.verify.approach import approach
+from fmopt.verify.approach import approach, departure
 from fmopt.verify.assembly import Assembly
 from fmopt.verify.chain import Stage
 from fmopt.verify.errors import ErrorSet
@@ -52,6 +52,7 @@ def check_segment(assembly: Assembly, stage: Stage, start: ErrorSet, notes: Note
     complete = len(named) == len(assembly.moving_pieces) * len(assembly.fixed_pieces)
     _contacts(assembly, stage, named, notes)
     _before(assembly, stage, named, notes)
+    _after(assembly, stage, notes)
     _hybrid(stage, notes)
     if not complete:
         return Outcome(None, failed)
@@ -100,7 +101,7 @@ def _separations(
         notes.add("separations", "must list every pair of pieces once, in order")
         return ()
     hinge = assembly.hinge(stage.made, stage.state) if stage.made is not None else None
-    known = Known(stage.facts, stage.made, hinge)
+    known = Known(stage.facts, stage.made, hinge, stage.leaving)
     failed: list[tuple[int, int, tuple[Distance, Distance] | None]] = []
     clearances: list[int] = []
     for stated in segment.separations:
@@ -164,6 +165,13 @@ def _before(assembly: Assembly, stage: Stage, named: list[tuple[int, str]], note
         notes.positive(name, room)
     if approach(motion) <= 0:
         notes.add(stage.made.id, "some executions may move away from it before they touch")
+
+
+def _after(assembly: Assembly, stage: Stage, notes: Notes) -> None:
+    """That the contacts given up, touched when the move starts, open all along."""
+    for touch in stage.leaving:
+        if departure(assembly, stage.motion, touch) <= 0:
+            notes.add(touch.id, "some executions may stay in touch with it, or touch it again, when it is to be left")
 
 
 def _hybrid(stage: Stage, notes: Notes) -> None:

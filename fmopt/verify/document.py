@@ -165,6 +165,7 @@ class Segment:
     separations: tuple[Separation, ...]
     contacts: tuple[ContactClaim, ...]
     hybrid: Hybrid | None
+    leaving: tuple[str, ...]
 
 
 @dataclass(frozen=True)

@@ -132,7 +132,7 @@ def _ids(place: Reader, known: list[str]) -> tuple[str, ...]:
 
 
 def _segment(place: Reader, known: list[str], moving: Part, fixed: Part, sizes: tuple[int, int]) -> Segment:
-    place.only(_SEGMENT, ("hybrid",))
+    place.only(_SEGMENT, ("hybrid", "leaving"))
     progress = place.at("progress").numbers(2, 0.0, 1.0)
     if not progress[0] < progress[1]:
         raise place.at("progress").fail("must increase")
@@ -158,6 +158,7 @@ def _segment(place: Reader, known: list[str], moving: Part, fixed: Part, sizes: 
         tuple(_separation(item, moving, fixed, sizes) for item in place.at("separations").items()),
         tuple(_claim(item, known) for item in claims),
         _hybrid(place.at("hybrid"), known) if place.has("hybrid") else None,
+        _ids(place.at("leaving"), known) if place.has("leaving") else (),
     )
 
 

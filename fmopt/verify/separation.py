@@ -38,27 +38,36 @@ class WitnessError(ValueError):
 
 @dataclass(frozen=True)
 class Known:
-    """What contacts say during the piece: facts of the held ones, and the contact being made.
+    """What contacts say during the piece: facts of the held ones, and those that open or close but never pass.
 
     Attributes:
         facts: of all contacts of the state.
         made: the basis contact that the move makes, or None.
         hinge: its hinge, when it has one among the held contacts.
+        leaving: contacts that the move gives up; none of them has a hinge among the held ones.
     """
 
     facts: Facts
     made: Touch | None
     hinge: tuple[Plane, Vector, Vector] | None
+    leaving: tuple[Touch, ...]
+
+    @property
+    def beside(self) -> tuple[Touch, ...]:
+        """Contacts whose distances are not negative on the way."""
+        return self.leaving if self.made is None else (self.made, *self.leaving)
+
+    @property
+    def all(self) -> tuple[Touch, ...]:
+        """Contacts held, being made and given up."""
+        return (*self.facts.held, *self.beside)
 
     def above(self, assembly: Assembly, plane: Plane) -> list[Vector]:
-        """Body points that the contact being made keeps from crossing a plane until it touches."""
-        if self.made is None:
-            return []
-        if self.made.kind == "vertex-face" and assembly.agree(self.made.faces[0], plane):
-            return [self.made.moving[0]]
+        """Body points that contacts not yet made, or given up, keep from crossing a plane."""
+        points = [t.moving[0] for t in self.beside if t.kind == "vertex-face" and assembly.agree(t.faces[0], plane)]
         if self.hinge is not None and assembly.agree(self.hinge[0], plane):
-            return [self.hinge[2]]
-        return []
+            points.append(self.hinge[2])
+        return points
 
 
 @dataclass(frozen=True)
@@ -138,7 +147,7 @@ def _fixed_plane_rows(assembly: Assembly, M: Shape, F: Shape, witness: Witness, 
 
 def _moving_face_rows(assembly: Assembly, M: Shape, F: Shape, witness: Witness, known: Known) -> list[Function]:
     plane = M.supporting(_face(M, witness.moving))
-    touching = [t for t in (*known.facts.held, known.made) if t is not None and t.kind == "face-vertex"]
+    touching = [t for t in known.all if t.kind == "face-vertex"]
     on = [t.fixed[0] for t in touching if t.plane is not None and assembly.agree(t.plane, plane)]
     kept = [w for w in F.vertices if not any(length(sub(w, x)) <= NEAR for x in on)]
 
@@ -201,15 +210,16 @@ def _scale(motion: Motion, moving: Line, base: Line) -> int:
 
 
 def _anchors(known: Known, moving: Line, base: Line) -> Iterator[bool]:
-    """Contacts of just these two edges: True for a held one, False for the one being made."""
-    for touch in (*known.facts.held, known.made):
-        if touch is None or touch.kind != "edge-edge":
+    """Contacts of just these two edges: True for a held one, False for one being made or given up."""
+    for touch in known.all:
+        if touch.kind != "edge-edge":
             continue
         if not (on_line(touch.moving_line, moving) and on_line(touch.fixed_line, base)):
             continue
-        held = touch is not known.made
+        held = touch in known.facts.held
         same_side = dot(touch.moving_line.direction, moving.direction) * dot(touch.fixed_line.direction, base.direction)
-        if held or (known.hinge is None and same_side > 0):
+        hinged = touch is known.made and known.hinge is not None
+        if held or (not hinged and same_side > 0):
             yield held
 
 
@@ -218,8 +228,8 @@ def _levels(assembly: Assembly, known: Known, moving: Line, base: Line) -> Itera
     for held in known.facts.held:
         if held.kind != "edge-edge" or not (on_line(held.moving_line, moving) and on_line(held.fixed_line, base)):
             continue
-        for touch in (*known.facts.held, known.made):
-            level = None if touch is None else assembly.level(touch, (held,))
+        for touch in known.all:
+            level = assembly.level(touch, (held,))
             if level is not None:
                 yield level
 
@@ -230,8 +240,8 @@ def _turned_onto(assembly: Assembly, known: Known, moving: Line, base: Line) -> 
     The witness plane holds the fixed edge and this point. With the point on or above the wall and inside its rim, the
     wall is behind the plane.
     """
-    for touch in (*known.facts.held, known.made):
-        if touch is None or touch.kind != "vertex-face" or not moving.holds(touch.moving[0]):
+    for touch in known.all:
+        if touch.kind != "vertex-face" or not moving.holds(touch.moving[0]):
             continue
         wall = touch.faces[0]
         if abs(wall.height(base.point)) > NEAR or abs(dot(wall.normal, base.direction)) > NEAR:
