@@ -40,6 +40,7 @@ class Segment:
         goal: the same where it ends.
         state: ids of the contacts held on the way.
         goal_state: ids of those held at its end.
+        leaving: ids of those held until its move began, which the move gives up.
         margin: what is left of its tightest inequality, m; None where the plan states none.
         clearance: gap that the nominal motion leaves, m; None where the plan states none.
         binds: what the margin is of, in words.
@@ -53,6 +54,7 @@ class Segment:
     goal: Pose
     state: tuple[str, ...]
     goal_state: tuple[str, ...]
+    leaving: tuple[str, ...]
     margin: float | None
     clearance: float | None
     binds: str
@@ -248,6 +250,7 @@ class Plan:
             goal=Pose.from_vector(piece["goal"]),
             state=tuple(piece["state"]),
             goal_state=tuple(piece["goal_state"]),
+            leaving=tuple(piece.get("leaving", ())),
             margin=piece.get("margin"),
             clearance=piece.get("clearance"),
             binds=binding_words(self.document, str(piece.get("binding_contact") or "")),
@@ -311,6 +314,7 @@ def _line(segment: Segment) -> dict[str, Any]:
         "move": segment.move,
         "state": " ".join(segment.state),
         "goal_state": " ".join(segment.goal_state),
+        "leaving": " ".join(segment.leaving),
         "margin": segment.margin,
         "clearance": segment.clearance,
         "binds": segment.binds,
