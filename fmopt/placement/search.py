@@ -50,7 +50,7 @@ class MoveSequence:
 
 @dataclass(order=True)
 class _Open:
-    order: float
+    order: tuple[bool, float]
     number: int
     bound: float = field(compare=False)
     final: int = field(compare=False)
@@ -139,7 +139,7 @@ def search(
 
 
 class _Frontier:
-    """States still to expand, in the order of what they promise to cost, the cheapest way to each state only."""
+    """States still to expand, the cheapest way to each only: those with a margin first, by what they promise to cost."""
 
     def __init__(self, final: int, costs: Costs, nodes: Sequence[Node]) -> None:
         self._costs = costs
@@ -154,7 +154,7 @@ class _Frontier:
         """Adds a state from which `final` freedoms are to be taken away in all."""
         left = max(final - node.rank, 0) * (self._costs.transition + self._costs.danger)
         self._count += 1
-        order = node.cost + self._costs.greed * left
+        order = (node.reached.margin <= 0.0, node.cost + self._costs.greed * left)
         heapq.heappush(self._queue, _Open(order, self._count, node.cost + left, final, node))
 
     def pop(self) -> Node | None:
