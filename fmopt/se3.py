@@ -6,6 +6,7 @@ coordinates (d, δ) mean p = p₀ + d, R = exp([δ]×) R₀.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,10 +14,13 @@ from numpy.typing import ArrayLike
 
 from fmopt.values import Array, Value, frozen
 
+_EYE = np.eye(3)
+_HATS = -np.cross(_EYE[:, None], _EYE[None]).reshape(3, 9)  # [w]× row by row is w @ _HATS
+
 
 def hat(w: ArrayLike) -> Array:
     """The matrix [w]× with [w]× a = w × a, shape (3, 3)."""
-    x, y, z = np.asarray(w, dtype=np.float64)
+    x, y, z = np.asarray(w, dtype=np.float64).tolist()
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
@@ -30,15 +34,24 @@ def cross(a: Array, b: Array) -> Array:
 def exp(r: ArrayLike) -> Array:
     """Rotation matrix (3, 3) of the rotation vector r (rad), Rodrigues' formula."""
     r = np.asarray(r, dtype=np.float64)
-    angle = float(np.linalg.norm(r))
+    angle = math.sqrt(float(r @ r))
     K = hat(r)
     if angle < 1e-4:
         a = 1.0 - angle**2 / 6.0
         b = 0.5 - angle**2 / 24.0
     else:
-        a = np.sin(angle) / angle
-        b = 2.0 * (np.sin(0.5 * angle) / angle) ** 2
-    return np.asarray(np.eye(3) + a * K + b * (K @ K))
+        a = math.sin(angle) / angle
+        b = 2.0 * (math.sin(0.5 * angle) / angle) ** 2
+    return np.asarray(_EYE + a * K + b * (K @ K))
+
+
+def turns(r: Array) -> Array:
+    """Rotation matrices (n, 3, 3) of rotation vectors (n, 3), rad; see `exp`."""
+    angle = np.maximum(np.sqrt(np.vecdot(r, r)), 1e-9)
+    a = (np.sin(angle) / angle)[:, None, None]
+    b = (2.0 * (np.sin(0.5 * angle) / angle) ** 2)[:, None, None]
+    K = (r @ _HATS).reshape(-1, 3, 3)
+    return np.asarray(_EYE + a * K + b * (K @ K))
 
 
 def log(R: ArrayLike) -> Array:

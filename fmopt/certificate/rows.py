@@ -25,22 +25,20 @@ Mask = NDArray[np.bool_]
 _NORMAL, _PUSH, _LEVER, _BODY, _ACROSS, _SHIFT = (slice(3 * k, 3 * k + 3) for k in range(6))
 _OFFSET, _SIGN, _REACH, _WIDTH = 18, 19, 20, 21
 _EYE = np.eye(3)
+_NEXT, _AFTER = np.array([1, 2, 0]), np.array([2, 0, 1])
+_TURN = np.cross(_EYE[:, None], _EYE[None])  # (a × b)_c = Σ _TURN[i, j, c] a_i b_j
 
 
 def crossed(a: Array, b: Array) -> Array:
     """a × b along the last axis, for arrays that broadcast."""
-    found = np.empty(np.broadcast(a, b).shape)
-    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
-    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
-    found[..., 0] = ay * bz - az * by
-    found[..., 1] = az * bx - ax * bz
-    found[..., 2] = ax * by - ay * bx
-    return found
+    found = a.take(_NEXT, -1) * b.take(_AFTER, -1)
+    found -= a.take(_AFTER, -1) * b.take(_NEXT, -1)
+    return np.asarray(found)
 
 
 def lengths(vectors: Array) -> Array:
     """Euclidean lengths along the last axis."""
-    return np.asarray(np.sqrt(np.einsum("...i,...i->...", vectors, vectors)))
+    return np.asarray(np.sqrt(np.vecdot(vectors, vectors)))
 
 
 def length(vector: Array) -> float:
@@ -88,31 +86,64 @@ class Forms:
         found = np.asarray((self.table[:, _BODY] != 0.0).any(axis=1))
         return found if found.any() else None
 
+    @property
+    def _wide(self) -> int:
+        return 7 if self.bilinear is None else 13
+
+    @cached_property
+    def _linear(self) -> Array:
+        """What takes (R row by row, p, 1) (13,) to f and N of each row, and to its R b and y when one is bilinear.
+
+        All of these are linear in the pose but for (R b)·y in f and (R b) × y in the turns' part of N, with
+        y = σ p + a × p + s. Shape (13, 7 k) or (13, 13 k).
+        """
+        T, k = self.table, len(self.table)
+        found = np.zeros((13, k, self._wide))
+        turning = found[:9].reshape(3, 3, k, self._wide)
+        turning[..., 0] = np.einsum("ki,kj->ijk", T[:, _PUSH], T[:, _LEVER])
+        turning[..., 4:7] = np.einsum("aic,ki,kj->ajkc", _TURN, T[:, _PUSH], T[:, _LEVER])
+        found[9:12, :, 0], found[12, :, 0] = T[:, _NORMAL].T, -T[:, _OFFSET]
+        found[12, :, 1:4] = T[:, _NORMAL]
+        if self.bilinear is not None:
+            along, turned = T[:, _SIGN, None, None] * _EYE, np.einsum("aic,ki->kac", _TURN, T[:, _ACROSS])
+            turning[..., 1:4] = np.einsum("kac,kj->ajkc", along + turned, T[:, _BODY])
+            turning[..., 7:10] = np.einsum("ac,kj->ajkc", _EYE, T[:, _BODY])
+            found[9:12, :, 10:] = np.moveaxis(along - turned, 1, 0)
+            found[12, :, 10:] = T[:, _SHIFT]
+        return found.reshape(13, k * self._wide)
+
+    def along(self, p: Array, R: Array) -> tuple[Array, Array]:
+        """Distances (e, k) and gradients (e, k, 6) at poses with positions p (e, 3) and rotations R (e, 3, 3)."""
+        f, N, _ = self._at(p, R)
+        return f, N
+
+    def _at(self, p: Array, R: Array) -> tuple[Array, Array, Array | None]:
+        """Values, gradients, and y (e, k, 3) of bilinear rows."""
+        at = np.empty((len(p), 13))
+        at[:, :9], at[:, 9:12], at[:, 12] = R.reshape(-1, 9), p, 1.0
+        found = (at @ self._linear).reshape(len(p), len(self.table), self._wide)
+        f, N = found[..., 0], found[..., 1:7]
+        if self.bilinear is None:
+            return f, N, None
+        Rb, y = found[..., 7:10], found[..., 10:]
+        f = f + np.vecdot(Rb, y)
+        N[..., 3:] += crossed(Rb, y)
+        return f, N, y
+
     def over(self, start: Pose, goal: Pose) -> tuple[Rows, Rows]:
         """The rows at both ends of a piece of motion."""
-        T = self.table
-        push, Rt, p = T[:, _PUSH], np.array([start.R.T, goal.R.T]), np.array([start.p, goal.p])
-        arm = T[:, _LEVER] @ Rt
-        f = p @ T[:, _NORMAL].T + np.einsum("eki,ki->ek", arm, push) - T[:, _OFFSET]
-        N = np.empty((2, len(T), 6))
-        N[..., :3] = T[:, _NORMAL]
-        N[..., 3:] = crossed(arm, push)
-        swing = np.zeros((2, len(T)))
-        if self.bilinear is not None:
-            Rb = T[:, _BODY] @ Rt
-            across, sign = T[:, _ACROSS], T[:, _SIGN, None]
-            y = sign * p[:, None] + crossed(across, p[:, None]) + T[:, _SHIFT]
-            f += np.einsum("eki,eki->ek", Rb, y)
-            N[..., :3] += sign * Rb + crossed(Rb, across)
-            N[..., 3:] += crossed(Rb, y)
-            swing = np.where(self.bilinear, lengths(y), 0.0)
-        reach, across = T[:, _REACH], T[:, _ACROSS]
-        first, second = (Rows(f[k], N[k], reach, swing[k], across, self.bilinear) for k in (0, 1))
+        first, second = self._rows(np.array([start.p, goal.p]), np.array([start.R, goal.R]))
         return first, second
 
     def at(self, pose: Pose) -> Rows:
         """The rows at a pose."""
-        return self.over(pose, pose)[0]
+        return self._rows(pose.p[None], pose.R[None])[0]
+
+    def _rows(self, p: Array, R: Array) -> list[Rows]:
+        f, N, y = self._at(p, R)
+        bilinear, reach, across = self.bilinear, self.table[:, _REACH], self.table[:, _ACROSS]
+        swing = np.zeros(f.shape) if y is None or bilinear is None else np.where(bilinear, lengths(y), 0.0)
+        return [Rows(f[k], N[k], reach, swing[k], across, bilinear) for k in range(len(p))]
 
 
 def stacked(*parts: Forms) -> Forms:

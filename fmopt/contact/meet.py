@@ -17,7 +17,7 @@ from fmopt.contact.bounds import BoundTable
 from fmopt.contact.space import LocalSpace
 from fmopt.contact.surface import Surfaces
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.se3 import Pose, cross
+from fmopt.se3 import Pose, turns
 from fmopt.values import Array, Value
 
 Bits = NDArray[np.bool_]
@@ -43,11 +43,11 @@ class Poses(Value):
     @staticmethod
     def around(pose: Pose, X: Array) -> Poses:
         """The poses at local coordinates X (n, 6) around one."""
-        return Poses(pose.p + X[:, :3], _turns(X[:, 3:]) @ pose.R)
+        return Poses(pose.p + X[:, :3], turns(X[:, 3:]) @ pose.R)
 
     def moved(self, X: Array) -> Poses:
         """Each pose at its own local coordinates X (n, 6)."""
-        return Poses(self.p + X[:, :3], _turns(X[:, 3:]) @ self.R)
+        return Poses(self.p + X[:, :3], turns(X[:, 3:]) @ self.R)
 
     def local(self, pose: Pose) -> Array:
         """Local coordinates X (n, 6) of these poses around one, for turns below a right angle."""
@@ -246,13 +246,3 @@ def project(near: Neighbourhood, on: Bits, poses: Poses, rank: int | NDArray[np.
         step = np.where(used, along / np.where(used, s, 1.0), 0.0)
         poses = poses.moved(-scale * np.einsum("nij,ni->nj", Vt, step))
     return poses
-
-
-def _turns(w: Array) -> Array:
-    """Rotation matrices (n, 3, 3) of rotation vectors (n, 3), rad."""
-    angle = np.linalg.norm(w, axis=-1)
-    small = np.maximum(angle, 1e-9)
-    a = (np.sin(small) / small)[:, None, None]
-    b = (0.5 * (np.sin(0.5 * small) / (0.5 * small)) ** 2)[:, None, None]
-    K = np.swapaxes(cross(w[:, None], np.eye(3)), -1, -2)
-    return np.asarray(np.eye(3) + a * K + b * (K @ K))

@@ -21,6 +21,8 @@ from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.se3 import Pose
 from fmopt.values import Array, Value, frozen
 
+_NEXT, _AFTER = np.array([1, 2, 0]), np.array([2, 0, 1])
+
 
 @dataclass(frozen=True, eq=False)
 class Surfaces(Value):
@@ -48,17 +50,19 @@ class Surfaces(Value):
 
     def values(self, pose: Pose) -> Array:
         """Signed distances f (k,) in m; not a number where edges are parallel and cross in no one point."""
+        return self.heights(pose.p, pose.R)
+
+    def heights(self, p: Array, R: Array) -> Array:
+        """Signed distances f (…, k) at poses with positions p (…, 3), R (…, 3, 3); see `values`."""
+        p, Rt = p[..., None, :], np.swapaxes(R, -1, -2)
         v, n, offset = _point_normal(self.vertex_face)
         g, w, level = _point_normal(self.face_vertex)
-        f = [
-            _dot(n, v @ pose.R.T + pose.p) - offset,
-            _dot(g @ pose.R.T, w - pose.p) - level,
-        ]
-        a, u, e, q = _lines(self.edge_edge, pose.R)
+        f = [_dot(n, v @ Rt + p) - offset, _dot(g @ Rt, w - p) - level]
+        a, u, e, q = _lines(self.edge_edge, R)
         m = _cross(a, e)
-        size = np.linalg.norm(m, axis=1)
-        f.append(np.divide(_dot(m, pose.p + u - q), size, out=np.full(len(m), np.nan), where=size > 0.0))
-        return np.asarray(np.concatenate(f)[self.order])
+        size = np.sqrt(_dot(m, m))
+        f.append(np.divide(_dot(m, p + u - q), size, out=np.full(size.shape, np.nan), where=size > 0.0))
+        return np.asarray(np.concatenate(f, axis=-1)[..., self.order])
 
     def values_and_rows(self, pose: Pose) -> tuple[Array, Array]:
         """Signed distances f (k,) in m and gradients N (k, 6) in local coordinates X = (d, δ) at the pose."""
@@ -79,7 +83,7 @@ class Surfaces(Value):
         gap = p + u - q
         cosine = _dot(a, e)
         m = _cross(a, e)
-        m /= np.linalg.norm(m, axis=-1, keepdims=True)
+        m /= np.sqrt(_dot(m, m))[..., None]
         along = (cosine * _dot(gap, e) - _dot(gap, a)) / (1.0 - cosine**2)
         c = u + along[..., None] * a
         f = [_dot(n, arm + p) - offset, _dot(h, reach) - level, _dot(m, gap)]
@@ -130,7 +134,7 @@ def _lines(table: Array, R: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def _dot(a: Array, b: Array) -> Array:
-    return np.asarray(np.einsum("...ij,...ij->...i", a, b))
+    return np.asarray(np.vecdot(a, b))
 
 
 def _beside(a: Array, b: Array) -> Array:
@@ -139,8 +143,7 @@ def _beside(a: Array, b: Array) -> Array:
 
 def _cross(a: Array, b: Array) -> Array:
     """Cross products (…, 3); np.cross takes several times as long on few rows."""
-    one, two = [1, 2, 0], [2, 0, 1]
-    return a[..., one] * b[..., two] - a[..., two] * b[..., one]
+    return np.asarray(a.take(_NEXT, -1) * b.take(_AFTER, -1) - a.take(_AFTER, -1) * b.take(_NEXT, -1))
 
 
 # Symbolic forms.

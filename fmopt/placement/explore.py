@@ -12,6 +12,7 @@ from fmopt.certificate.functions import contact_rows
 from fmopt.certificate.knowledge import Assembly, aligned, flushes
 from fmopt.certificate.segment import Compliance
 from fmopt.contact.bounds import BoundTable
+from fmopt.contact.meet import Poses
 from fmopt.contact.primitive import Kind, PrimitiveContact, near_contacts
 from fmopt.contact.surface import Surfaces
 from fmopt.errors import InfeasibleError
@@ -64,20 +65,16 @@ class Place:
     pivot: Array
 
 
-def moved(assembly: Assembly, place: Place, freedom: Freedom, amount: float) -> Pose:
-    """The pose after a motion along a freedom, held contacts kept by their compliance.
+def moved(assembly: Assembly, place: Place, freedom: Freedom, amounts: Array) -> Poses:
+    """The poses after motions along a freedom by amounts (n,), held contacts kept by their compliance.
 
     Raises:
         InfeasibleError: the contacts cannot be kept.
     """
-    pose = place.pose
-    R = se3.exp(freedom.twist[3:] * amount) @ pose.R
-    at = pose.apply(place.pivot) + freedom.twist[:3] * amount
-    there = Pose(at - R @ place.pivot, R)
-    if not place.basis:
-        return there
-    contacts = [c.contact for c in place.basis]
-    return onto(assembly, there, contacts, np.array([c.direction for c in place.basis]).T, place.held)
+    X = amounts[:, None] * freedom.twist
+    R = se3.turns(X[:, 3:]) @ place.pose.R
+    there = Poses(place.pose.apply(place.pivot) + X[:, :3] - R @ place.pivot, R)
+    return onto(assembly, there, place.basis, place.held) if place.basis else there
 
 
 def neighbourhood(assembly: Assembly, place: Place, freedom: Freedom, reach: float) -> tuple[PrimitiveContact, ...]:
@@ -111,8 +108,8 @@ def _first_contact(assembly: Assembly, place: Place, freedom: Freedom, near: Seq
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     table = Surfaces.of(near, body, fixed)
     amounts = np.linspace(0.0, freedom.limit, _SAMPLES + 1)
-    poses = [moved(assembly, place, freedom, float(a)) for a in amounts]
-    values = np.array([table.values(pose) for pose in poses])
+    poses = moved(assembly, place, freedom, amounts)
+    values = table.heights(poses.p, poses.R)
     open_now = values[0] > 10.0 * _TOUCH
     closing = np.flatnonzero(open_now & (values[1:] <= 0.0).any(axis=0))
     crossings = [(int(np.argmax(values[1:, i] <= 0.0)), int(i)) for i in closing]
@@ -123,12 +120,12 @@ def _first_contact(assembly: Assembly, place: Place, freedom: Freedom, near: Seq
         amount = _root(assembly, place, freedom, near[i], float(amounts[k]), float(amounts[k + 1]))
         if amount is None or (best is not None and amount >= best[0]):
             continue
-        pose = moved(assembly, place, freedom, amount)
+        pose = moved(assembly, place, freedom, np.array([amount])).pose(0)
         if BoundTable.of([near[i]], body, fixed, pose).insides(pose)[0] > 10.0 * _TOUCH:
             best = (amount, near[i])
     if best is None or best[0] <= 0.0:
         return None
-    goal = moved(assembly, place, freedom, best[0])
+    goal = moved(assembly, place, freedom, np.array([best[0]])).pose(0)
     return _arrival(assembly, place, goal, best[1], near)
 
 
@@ -139,7 +136,8 @@ def _root(
     table = Surfaces.of([contact], assembly.moving.polyhedron, assembly.fixed.polyhedron)
 
     def f(a: float) -> float:
-        return float(table.values(moved(assembly, place, freedom, a))[0])
+        there = moved(assembly, place, freedom, np.array([a]))
+        return float(table.heights(there.p, there.R)[0, 0])
 
     if f(low) <= 0.0 or f(high) > 0.0:
         return None

@@ -11,9 +11,11 @@ import numpy as np
 
 from fmopt import se3
 from fmopt.certificate.claim import Claim, claim
-from fmopt.certificate.functions import contact_rows
+from fmopt.certificate.functions import contact_forms, contact_rows
 from fmopt.certificate.knowledge import Assembly, facts, in_plane
+from fmopt.certificate.rows import Forms
 from fmopt.certificate.segment import Compliance, Piece, Tolerance
+from fmopt.contact.meet import Poses
 from fmopt.contact.primitive import Kind, PrimitiveContact, edge_edge, vertex_face
 from fmopt.errors import InfeasibleError
 from fmopt.placement.witness import choose_separation
@@ -63,32 +65,27 @@ class Reached:
         return min((c.margin for c in self.claims), default=math.inf)
 
 
-def onto(
-    assembly: Assembly,
-    pose: Pose,
-    contacts: Sequence[PrimitiveContact],
-    directions: Array,
-    context: Iterable[PrimitiveContact],
-) -> Pose:
-    """The pose shifted along compliant directions (6, r) until all r contacts are zero, by Newton's method.
+def onto(assembly: Assembly, poses: Poses, basis: Sequence[Compliance], context: Iterable[PrimitiveContact]) -> Poses:
+    """Poses shifted along the compliant directions until all contacts of the basis are zero, by Newton's method.
 
     Raises:
-        InfeasibleError: the contacts cannot be met nearby.
+        InfeasibleError: the contacts cannot be met near one of them.
     """
-    together = tuple(context)
+    forms = contact_forms(assembly, tuple(c.contact for c in basis), tuple(context))
+    directions = np.array([c.direction for c in basis]).T
     for _ in range(_NEWTON):
-        rows = contact_rows(assembly, contacts, together, pose)
-        if np.abs(rows.f).max(initial=0.0) < 1e-16:
-            return pose
+        f, N = forms.along(poses.p, poses.R)
+        if np.abs(f).max(initial=0.0) < 1e-16:
+            return poses
         try:
-            step = directions @ np.linalg.solve(rows.N @ directions, rows.f)
+            step = np.linalg.solve(N @ directions, f[..., None])[..., 0] @ directions.T
         except np.linalg.LinAlgError as error:
             raise InfeasibleError("contacts do not determine their compliant directions") from error
         if not np.abs(step).max() < 0.1:
             break
-        pose = pose.moved(-step)
-    if np.abs(contact_rows(assembly, contacts, together, pose).f).max(initial=0.0) < 1e-12:
-        return pose
+        poses = poses.moved(-step)
+    if np.abs(forms.along(poses.p, poses.R)[0]).max(initial=0.0) < 1e-12:
+        return poses
     raise InfeasibleError("contacts cannot be held along the move", advice="shorten the move")
 
 
@@ -106,14 +103,15 @@ def way(assembly: Assembly, move: Move, basis: Sequence[Compliance], count: int,
         count: how many pieces.
         shots: how often the twist is aimed; the last piece takes up what is left.
     """
-    contacts = [c.contact for c in basis]
+    contacts = tuple(c.contact for c in basis)
     directions = np.array([c.direction for c in basis]).reshape(-1, 6).T
+    forms = contact_forms(assembly, contacts, contacts)
     twist = move.start.local(move.goal)
     poses = [move.start]
     for _ in range(shots):
         poses = [move.start]
         for _ in range(count):
-            poses.append(_kept(assembly, poses[-1], twist / count, contacts, directions))
+            poses.append(_kept(forms, poses[-1], twist / count, directions))
         miss = np.concatenate([move.goal.p - poses[-1].p, se3.log(move.goal.R @ poses[-1].R.T)])
         if np.abs(miss).max() < _AIMED:
             break
@@ -121,26 +119,23 @@ def way(assembly: Assembly, move: Move, basis: Sequence[Compliance], count: int,
     return [*poses[:-1], move.goal]
 
 
-def _kept(
-    assembly: Assembly, pose: Pose, twist: Array, contacts: Sequence[PrimitiveContact], directions: Array
-) -> Pose:
+def _kept(forms: Forms, pose: Pose, twist: Array, directions: Array) -> Pose:
     """The pose after one twist (6,) and as much compliance as keeps the contacts, added to the twist."""
-    give = np.zeros(len(contacts))
+    give = np.zeros(len(forms))
     for _ in range(_NEWTON):
-        there = pose.moved(twist + directions @ give)
-        if not contacts:
-            return there
-        rows = contact_rows(assembly, contacts, contacts, there)
-        if np.abs(rows.f).max() < 1e-16:
-            return there
+        X = twist + directions @ give
+        p, R = pose.p + X[:3], se3.exp(X[3:]) @ pose.R
+        (f,), (N,) = forms.along(p[None], R[None])
+        if np.abs(f).max(initial=0.0) < 1e-16:
+            return Pose(p, R)
         try:
-            give = give - np.linalg.solve(rows.N @ directions, rows.f)
+            give = give - np.linalg.solve(N @ directions, f)
         except np.linalg.LinAlgError as error:
             raise InfeasibleError("contacts do not determine their compliant directions") from error
         if not np.abs(give).max() < 1.0:
             break
-    if np.abs(rows.f).max() < 1e-12:
-        return there
+    if np.abs(f).max() < 1e-12:
+        return Pose(p, R)
     raise InfeasibleError("contacts cannot be held along the move", advice="shorten the move")
 
 

@@ -18,6 +18,7 @@ from fmopt.certificate.claim import Claim
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Piece
 from fmopt.contact.bounds import INSIDE, BoundTable, touching
+from fmopt.contact.meet import Poses
 from fmopt.contact.primitive import PrimitiveContact, near_contacts
 from fmopt.contact.surface import Surfaces
 from fmopt.placement.motion import onto
@@ -232,8 +233,5 @@ def _between(
 
 def _on_the_way(assembly: Assembly, piece: Piece, share: float) -> Pose:
     """The nominal pose after a share of a piece, its contacts held."""
-    pose = piece.start.moved(share * piece.start.local(piece.goal))
-    if not piece.basis:
-        return pose
-    directions = np.array([entry.direction for entry in piece.basis]).T
-    return onto(assembly, pose, [entry.contact for entry in piece.basis], directions, piece.held)
+    there = Poses.around(piece.start, share * piece.start.local(piece.goal)[None])
+    return (onto(assembly, there, piece.basis, piece.held) if piece.basis else there).pose(0)

@@ -129,4 +129,4 @@ class Support:
 
 def _lengths(vectors: Array) -> Array:
     """Euclidean lengths along the last axis."""
-    return np.asarray(np.sqrt(np.einsum("...i,...i->...", vectors, vectors)))
+    return np.asarray(np.sqrt(np.vecdot(vectors, vectors)))
