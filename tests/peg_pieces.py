@@ -15,7 +15,7 @@ from fmopt.certificate.segment import Compliance, Piece, Tolerance
 from fmopt.contact.primitive import PrimitiveContact, edge_edge, vertex_face
 from fmopt.geometry.csg import Box, Difference, Placed
 from fmopt.geometry.part import part_of
-from fmopt.placement.witness import choose_separation
+from fmopt.placement.witness import choose_separations
 from fmopt.se3 import Pose, exp
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array
@@ -182,7 +182,7 @@ def claims() -> tuple[Claim, ...]:
     for way in moves():
         for start, goal, share in pieces_of(way, basis):
             piece = Piece(start, goal, way.held, way.after, basis, way.made, share)
-            found.append(claim(peg().assembly, piece, errors, TOLERANCE, choose_separation))
+            found.append(claim(peg().assembly, piece, errors, TOLERANCE, choose_separations))
             errors = found[-1].advance.ends.goal_set
         basis = found[-1].advance.basis
     return tuple(found)

@@ -12,13 +12,14 @@ from peg_pieces import CLEAR, HALF, START_BOX, TOLERANCE, claims, moves, peg, se
 from fmopt import plan
 from fmopt.certificate.bounds import UNBOUNDED, bounds
 from fmopt.certificate.claim import claim
+from fmopt.certificate.counted import counted_rows
 from fmopt.certificate.functions import contact_rows
-from fmopt.certificate.pair import pairs
+from fmopt.certificate.pair import Witness, facing, free_plane, pairs
 from fmopt.certificate.record import contact_record, part_record, segment_record
 from fmopt.certificate.separation import row_bounds, separation
 from fmopt.contact.primitive import face_vertex
 from fmopt.errors import InfeasibleError
-from fmopt.placement.witness import choose_separation
+from fmopt.placement.witness import choose_separations
 from fmopt.se3 import Pose
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.verify import CERTIFIED, NOT_PROVED, verify
@@ -114,11 +115,18 @@ def test_row_bounds_are_what_the_separation_is_made_of() -> None:
 
 def test_the_chosen_plane_is_as_good_as_any_face() -> None:
     for c in claims()[::5]:
-        listed = pairs(peg().assembly, c.piece)
-        for (_, _, found), (_, _, pair) in zip(c.separations, listed, strict=True):
-            again = choose_separation(peg().assembly, pair, c.advance.ends)
+        listed = facing(peg().assembly, c.piece)
+        chosen = choose_separations(peg().assembly, listed, c.advance.ends)
+        for (_, _, found), (_, _, pair), again in zip(c.separations, listed.listed, chosen, strict=True):
             assert again is not None
             assert again.margin == found.margin
+            faces = [Witness("moving-face", face.loops[0], ()) for face in pair.moving.faces]
+            if not pair.touched:
+                faces += [free_plane(pair, face.normal) for face in pair.fixed.faces]
+            for face in faces:
+                if len(counted_rows(peg().assembly, pair, face).forms):
+                    other = separation(peg().assembly, pair, face, c.advance.ends)
+                    assert other.clearance < 0.0 or other.margin <= found.margin + 1e-15
 
 
 def test_contact_bounds_are_nominal_distances_without_errors() -> None:
@@ -178,7 +186,7 @@ def test_a_fixed_vertex_keeps_its_distance_to_the_edges_of_the_moving_face() -> 
 
 def test_claims_survive_a_trip_to_another_process() -> None:
     there = pickle.loads(pickle.dumps((peg().assembly, claims()[4])))
-    again = claim(there[0], there[1].piece, there[1].advance.ends.start_set, TOLERANCE, choose_separation)
+    again = claim(there[0], there[1].piece, there[1].advance.ends.start_set, TOLERANCE, choose_separations)
     assert again.margin == claims()[4].margin
 
 
@@ -188,7 +196,7 @@ def test_pieces_that_overlap_nominally_are_refused() -> None:
         piece, start=piece.start.moved([0, 0, -0.02, 0, 0, 0]), goal=piece.goal.moved([0, 0, -0.02, 0, 0, 0])
     )
     with pytest.raises(InfeasibleError, match="not apart on the nominal path"):
-        claim(peg().assembly, sunk, ErrorSet.from_box(START_BOX), TOLERANCE, choose_separation)
+        claim(peg().assembly, sunk, ErrorSet.from_box(START_BOX), TOLERANCE, choose_separations)
 
 
 def test_held_contacts_stay_zero_along_the_motion() -> None:

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.bounds import bounds
 from fmopt.certificate.functions import contact_forms, made_form, made_scale
+from fmopt.certificate.pair import Facing, facing
 from fmopt.certificate.rows import Rows, remainders
 from fmopt.certificate.segment import Advance, Piece, Tolerance, advance
-from fmopt.certificate.separation import Ends, Pair, Separation, lower_bounds, pairs
+from fmopt.certificate.separation import Ends, Separation, lower_bounds
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import InfeasibleError
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array
 
-Chooser = Callable[[Assembly, Pair, Ends], Separation | None]
-"""Finds a separating plane for a pair over a piece of motion, None when there is none."""
+Chooser = Callable[[Assembly, Facing, Ends], Sequence[Separation | None]]
+"""Finds separating planes for all pairs over a piece of motion, None where there is none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +66,7 @@ def claim(
         piece: the piece of motion.
         errors: error set at its start.
         tolerance: velocity error and metric.
-        choose: finds a separating plane for each pair of pieces.
+        choose: finds separating planes for all pairs of pieces.
         thorough: whether to compute how far contacts stay inside their facets, too.
 
     Raises:
@@ -83,8 +84,8 @@ def claim(
             f"errors may change how much farther away it gets by {-step.departure * 1e6:.1f} um more than it does"
         )
     separations = []
-    for i, j, pair in pairs(assembly, piece):
-        found = choose(assembly, pair, step.ends)
+    listed = facing(assembly, piece)
+    for (i, j, _), found in zip(listed.listed, choose(assembly, listed, step.ends), strict=True):
         if found is None:
             raise InfeasibleError(f"moving piece {i} and fixed piece {j} are not apart on the nominal path")
         separations.append((i, j, found))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import Literal, NamedTuple
 
 from fmopt.certificate.assembly import Assembly
@@ -12,7 +13,8 @@ from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.values import Array
 
-_BEHIND = 1e-15  # m; how far in front of the fixed piece a free plane is put, against rounding
+BEHIND = 1e-15  # m; how far in front of the fixed piece a free plane is put, against rounding
+_MEMORY = 2048
 _FEATURES = {
     Kind.VERTEX_FACE: ("vertex", "face"),
     Kind.FACE_VERTEX: ("face", "vertex"),
@@ -64,15 +66,49 @@ class Pair(NamedTuple):
         return bool(self.held or self.opening)
 
 
-def pairs(assembly: Assembly, piece: Piece) -> list[tuple[int, int, Pair]]:
+@dataclass(frozen=True, eq=False)
+class Facing:
+    """All pairs of a moving piece and a fixed one under the same contacts, by the numbers of both pieces.
+
+    One for each contact state and what opens or closes: what is worked out of it once can be kept by its identity.
+    """
+
+    listed: tuple[tuple[int, int, Pair], ...]
+
+    @cached_property
+    def apart(self) -> tuple[tuple[Polyhedron, tuple[int, ...]], ...]:
+        """For each moving piece the places in the list of its pairs that no contact touches."""
+        found: dict[Polyhedron, list[int]] = {}
+        for n, (_, _, pair) in enumerate(self.listed):
+            if not pair.touched:
+                found.setdefault(pair.moving, []).append(n)
+        return tuple((piece, tuple(places)) for piece, places in found.items())
+
+
+def facing(assembly: Assembly, piece: Piece) -> Facing:
     """All pairs of convex pieces, moving and fixed, in order, with the contacts of a piece of motion."""
+    return _facing(assembly, piece.held, (*piece.making, *piece.left), piece.opening)
+
+
+@lru_cache(maxsize=_MEMORY)
+def _facing(
+    assembly: Assembly,
+    held: tuple[PrimitiveContact, ...],
+    opening: tuple[PrimitiveContact, ...],
+    beside: tuple[PrimitiveContact, ...],
+) -> Facing:
     found = []
     for i, M in enumerate(assembly.moving.pieces):
         for j, F in enumerate(assembly.fixed.pieces):
-            own, new = (touching(assembly, M, F, c) for c in (piece.held, (*piece.making, *piece.left)))
-            known = (piece.held, piece.opening) if own or new else ((), ())
+            own, new = (touching(assembly, M, F, contacts) for contacts in (held, opening))
+            known = (held, beside) if own or new else ((), ())
             found.append((i, j, Pair(M, F, own, new, *known)))
-    return found
+    return Facing(tuple(found))
+
+
+def pairs(assembly: Assembly, piece: Piece) -> tuple[tuple[int, int, Pair], ...]:
+    """The pairs of `facing`."""
+    return facing(assembly, piece).listed
 
 
 def touching(
@@ -90,5 +126,5 @@ def _between(contact: PrimitiveContact, moving: Features, fixed: Features) -> bo
 
 def free_plane(pair: Pair, normal: Array) -> Witness:
     """The plane of a unit normal (3,) in front of the fixed piece."""
-    offset = float((pair.fixed.vertices @ normal).max()) + _BEHIND
+    offset = float((pair.fixed.vertices @ normal).max()) + BEHIND
     return Witness("plane", (), (), (float(normal[0]), float(normal[1]), float(normal[2]), offset))

@@ -5,11 +5,13 @@ Two convex pieces are apart when a face plane of one, or a plane along an edge o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.counted import Counted, counted_rows
@@ -20,20 +22,18 @@ from fmopt.uncertainty.error_set import ErrorSet, Support
 from fmopt.values import Array
 
 __all__ = [
+    "Candidates",
     "Ends",
     "Pair",
     "RowBounds",
     "Separation",
     "Witness",
-    "best_separation",
     "lower_bounds",
     "pairs",
     "row_bounds",
     "separation",
     "touching",
 ]
-
-_MEMORY = 2048
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,49 +103,62 @@ def separation(assembly: Assembly, pair: Pair, witness: Witness, ends: Ends) -> 
     return Separation(witness, float(rows.lower.min()) / rows.scale, clearance)
 
 
-def best_separation(
-    assembly: Assembly, pair: Pair, witnesses: tuple[Witness, ...], ends: Ends, grazing: float
-) -> Separation | None:
-    """The separation with the largest margin among witnesses whose planes hold nominally, None without.
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """The counted rows of several witnesses for each of several pairs, one after the other.
 
     Args:
-        assembly: the two parts.
-        pair: the two pieces.
-        witnesses: candidates.
-        ends: the piece of motion.
-        grazing: how far nominal distances may be below zero, m.
+        witnesses: of all pairs.
+        forms: the rows.
+        begins: where those of each witness begin.
+        ends: how many witnesses there are up to the end of each pair.
+        special: places of witnesses along edges, with what decides which of their rows count.
     """
-    table = _table(assembly, pair, witnesses)
-    start, goal = table.forms.over(ends.start, ends.goal)
-    lower, nominal = lower_bounds(start, goal, ends), np.minimum(start.f, goal.f)
-    margins = np.minimum.reduceat(lower, table.begins)
-    clearances = np.minimum.reduceat(nominal, table.begins)
-    for n, counted in table.special:
-        span = slice(table.begins[n], table.begins[n] + len(counted.forms))
-        which = counted.counts(lower[span])
-        scale = counted.scale(ends.start, ends.goal, ends.extent)
-        margins[n], clearances[n] = lower[span][which].min() / scale, nominal[span][which].min() / scale
-    best = int(np.argmax(np.where(clearances >= -grazing, margins, -np.inf)))
-    if clearances[best] < -grazing:
-        return None
-    return Separation(table.witnesses[best], float(margins[best]), float(clearances[best]))
-
-
-@dataclass(frozen=True, eq=False)
-class _Table:
-    """The counted rows of several witnesses, one after the other; `special` are those along edges."""
 
     witnesses: tuple[Witness, ...]
     forms: Forms
-    begins: np.ndarray[tuple[int], np.dtype[np.intp]]
+    begins: NDArray[np.intp]
+    ends: tuple[int, ...]
     special: tuple[tuple[int, Counted], ...]
 
+    @staticmethod
+    def of(assembly: Assembly, asked: Iterable[tuple[Pair, Sequence[Witness]]]) -> Candidates:
+        """The rows of witnesses that may keep pairs apart; one whose rows are all settled says nothing."""
+        found: list[tuple[Witness, Counted]] = []
+        ends = []
+        for pair, witnesses in asked:
+            counted = ((witness, counted_rows(assembly, pair, witness)) for witness in witnesses)
+            found += [(witness, rows) for witness, rows in counted if len(rows.forms)]
+            ends.append(len(found))
+        begins = np.cumsum([0, *(len(rows.forms) for _, rows in found[:-1])])
+        special = tuple((n, rows) for n, (_, rows) in enumerate(found) if rows.edges is not None)
+        forms = stacked(*(rows.forms for _, rows in found))
+        return Candidates(tuple(witness for witness, _ in found), forms, begins, tuple(ends), special)
 
-@lru_cache(maxsize=_MEMORY)
-def _table(assembly: Assembly, pair: Pair, witnesses: Sequence[Witness]) -> _Table:
-    counted = [(w, counted_rows(assembly, pair, w)) for w in witnesses]
-    # A witness whose rows are all settled says nothing.
-    counted = [(w, c) for w, c in counted if len(c.forms)]
-    begins = np.cumsum([0, *(len(c.forms) for _, c in counted[:-1])])
-    special = tuple((n, c) for n, (_, c) in enumerate(counted) if c.edges is not None)
-    return _Table(tuple(w for w, _ in counted), stacked(*(c.forms for _, c in counted)), begins, special)
+    def best(self, ends: Ends, grazing: float) -> list[Separation | None]:
+        """For each pair the separation with the largest margin among witnesses whose planes hold nominally.
+
+        Args:
+            ends: the piece of motion.
+            grazing: how far nominal distances may be below zero, m.
+
+        Returns:
+            one for each pair, None where no witness holds.
+        """
+        start, goal = self.forms.over(ends.start, ends.goal)
+        lower, nominal = lower_bounds(start, goal, ends), np.minimum(start.f, goal.f)
+        margins = np.minimum.reduceat(lower, self.begins)
+        clearances = np.minimum.reduceat(nominal, self.begins)
+        for n, counted in self.special:
+            span = slice(self.begins[n], self.begins[n] + len(counted.forms))
+            which = counted.counts(lower[span])
+            scale = counted.scale(ends.start, ends.goal, ends.extent)
+            margins[n], clearances[n] = lower[span][which].min() / scale, nominal[span][which].min() / scale
+        holding = np.where(clearances >= -grazing, margins, -np.inf)
+        found: list[Separation | None] = []
+        for first, last in pairwise((0, *self.ends)):
+            best = first + int(np.argmax(holding[first:last]))
+            holds = clearances[best] >= -grazing
+            kept = Separation(self.witnesses[best], float(margins[best]), float(clearances[best]))
+            found.append(kept if holds else None)
+        return found

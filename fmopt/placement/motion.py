@@ -18,7 +18,7 @@ from fmopt.certificate.segment import Compliance, Piece, Tolerance
 from fmopt.contact.meet import Poses
 from fmopt.contact.primitive import Kind, PrimitiveContact, edge_edge, vertex_face
 from fmopt.errors import InfeasibleError
-from fmopt.placement.witness import choose_separation
+from fmopt.placement.witness import choose_separations
 from fmopt.se3 import Pose
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array
@@ -182,7 +182,7 @@ def _unroll(
         current = _carried_over(assembly, basis, held, to)
         made = move.making[0] if move.making else None
         piece = Piece(at, to, held, (*held, *move.making), current, made, share, move.left)
-        found = claim(assembly, piece, errors, tolerance, choose_separation, thorough)
+        found = claim(assembly, piece, errors, tolerance, choose_separations, thorough)
         claims.append(found)
         errors = found.advance.ends.goal_set
         basis = found.advance.basis if piece.last else current

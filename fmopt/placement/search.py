@@ -139,7 +139,7 @@ def search(
 
 
 class _Frontier:
-    """States still to expand, the cheapest way to each only: those with a margin first, by what they promise to cost."""
+    """States to expand, the cheapest way to each only: those with a margin first, by what they promise to cost."""
 
     def __init__(self, final: int, costs: Costs, nodes: Sequence[Node]) -> None:
         self._costs = costs

@@ -1,0 +1,154 @@
+"""Planes through the edges of fixed pieces, between the two faces of each, that keep a moving piece at most margin."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmopt.certificate.pair import BEHIND, Pair, free_plane
+from fmopt.certificate.rows import crossed, lengths
+from fmopt.certificate.separation import Ends, Separation
+from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.uncertainty.error_set import Support
+from fmopt.values import Array
+
+_SHARES = 9  # planes tried through an edge in each pass
+_PASSES = 3
+_REFINED = 3  # edges of a pair that are looked at more closely
+
+
+@dataclass(frozen=True, eq=False)
+class Fans:
+    """The planes through all edges of the fixed pieces of some pairs with one moving piece.
+
+    What the errors cost a plane depends on its normal alone, and pieces share many.
+
+    Args:
+        pairs: the m pairs.
+        arcs: normals (k, 2, 3) of the two faces of each edge, pair by pair.
+        cuts: where the edges of each pair begin, and end.
+        normals: all different normals (n, 3) of the first pass.
+        which: which of them each plane (k, shares) has.
+        offsets: how far out each plane (k, shares) is, m.
+        corners: vertices (m, v, 3) of the fixed pieces, some repeated where others have more.
+    """
+
+    pairs: tuple[Pair, ...]
+    arcs: Array
+    cuts: tuple[int, ...]
+    normals: Array
+    which: NDArray[np.intp]
+    offsets: Array
+    corners: Array
+
+    @staticmethod
+    def of(pairs: Sequence[Pair]) -> Fans:
+        """The planes of pairs that no contact touches."""
+        pieces = [pair.fixed for pair in pairs]
+        most = max(len(piece.vertices) for piece in pieces)
+        corners = np.array([np.resize(piece.vertices, (most, 3)) for piece in pieces])
+        sides = [np.array([edge.faces for edge in piece.edges]) for piece in pieces]
+        arcs = np.concatenate([piece.normals[faces] for piece, faces in zip(pieces, sides, strict=True)])
+        owner = np.repeat(np.arange(len(pieces)), [len(faces) for faces in sides])
+        _, fan = _between(arcs, np.zeros(len(arcs)), np.ones(len(arcs)))
+        offsets = _farthest(fan, corners[owner])
+        normals, which = np.unique(fan.reshape(-1, 3) + 0.0, axis=0, return_inverse=True)
+        cuts = (0, *(int(n) for n in np.cumsum([len(faces) for faces in sides])))
+        return Fans(tuple(pairs), arcs, cuts, normals, which.reshape(fan.shape[:2]), offsets, corners)
+
+    def best(self, moving: Polyhedron, ends: Ends) -> list[Separation]:
+        """For each pair the plane with the largest certified margin over a piece of motion, and its clearance.
+
+        Args:
+            moving: the moving piece.
+            ends: the piece of motion.
+        """
+        reached = _Reached.of(moving, ends)
+        all_margins = reached.lower(self.normals)[self.which] - self.offsets
+        kept = np.array([first + _roomiest(all_margins[first:last]) for first, last in pairwise(self.cuts)])
+        arcs, margins = self.arcs[kept], all_margins[kept]
+        low, high = np.zeros(kept.shape), np.ones(kept.shape)
+        w, normals = _between(arcs, low, high)
+        best, most = _largest(normals, margins)
+        for _ in range(_PASSES - 1):
+            centre = np.take_along_axis(w, margins.argmax(axis=2)[..., None], axis=2)[..., 0]
+            step = (high - low) / (_SHARES - 1)
+            low, high = np.maximum(centre - step, 0.0), np.minimum(centre + step, 1.0)
+            w, normals = _between(arcs, low, high)
+            offsets = _farthest(normals, self.corners[:, None])
+            margins = reached.lower(normals.reshape(-1, 3)).reshape(w.shape) - offsets
+            closer, margin = _largest(normals, margins)
+            best = np.where((margin > most)[:, None], closer, best)
+            most = np.maximum(margin, most)
+        offsets = _farthest(best[:, None], self.corners)[:, 0]
+        clearances = reached.nominal(best) - offsets
+        return [
+            Separation(free_plane(pair, normal), float(margin) - BEHIND, float(clearance) - BEHIND)
+            for pair, normal, margin, clearance in zip(self.pairs, best, most, clearances, strict=True)
+        ]
+
+
+def _between(arcs: Array, low: Array, high: Array) -> tuple[Array, Array]:
+    """Shares (…, s) between low and high (…), and the unit normals (…, s, 3) that part arcs (…, 2, 3) so."""
+    w = low[..., None] + (high - low)[..., None] * np.linspace(0.0, 1.0, _SHARES)
+    normals = (1.0 - w)[..., None] * arcs[..., None, 0, :] + w[..., None] * arcs[..., None, 1, :]
+    return w, normals / lengths(normals)[..., None]
+
+
+def _farthest(normals: Array, corners: Array) -> Array:
+    """The largest n·v (…, s) over vertices (…, v, 3), for normals (…, s, 3)."""
+    return np.asarray((normals @ np.swapaxes(corners, -1, -2)).max(axis=-1))
+
+
+def _roomiest(margins: Array) -> NDArray[np.intp]:
+    """Which edges have the largest of their margins (k, shares)."""
+    return np.argsort(-margins.max(axis=1), kind="stable")[:_REFINED]
+
+
+def _largest(normals: Array, margins: Array) -> tuple[Array, Array]:
+    """The normal (m, 3) with the largest of margins (m, edges, shares), and that margin (m,)."""
+    pairs = np.arange(len(margins))
+    at = margins.reshape(len(margins), -1).argmax(axis=1)
+    return normals.reshape(len(margins), -1, 3)[pairs, at], margins.reshape(len(margins), -1)[pairs, at]
+
+
+@dataclass(frozen=True, eq=False)
+class _Reached:
+    """How far a moving piece reaches against planes at both ends of a piece of motion.
+
+    A plane's row N = (n, Rv × n) has N·c = n·(c_t + c_r × Rv): the columns c of the errors' support are turned into
+    displacements of the vertices once, and each plane costs a product.
+
+    Args:
+        left: what remainders take at each vertex (v,), m.
+        sides: at both ends the errors' support, the vertices (v, 3), and how the columns displace them (3, v·k).
+    """
+
+    left: Array
+    sides: tuple[tuple[Support, Array, Array], ...]
+
+    @staticmethod
+    def of(piece: Polyhedron, ends: Ends) -> _Reached:
+        sides = []
+        for pose, support in zip((ends.start, ends.goal), ends.supports, strict=True):
+            arm = piece.vertices @ pose.R.T
+            moved = support.columns[:3].T + crossed(support.columns[3:].T, arm[:, None])
+            sides.append((support, arm + pose.p, np.ascontiguousarray(moved.reshape(-1, 3).T)))
+        return _Reached(lengths(piece.vertices) * ends.extent.kappa, tuple(sides))
+
+    def lower(self, normals: Array) -> Array:
+        """Certified lower bounds (n,) of n·v over all vertices v, for unit normals (n, 3), m."""
+        lower = []
+        for support, world, moved in self.sides:
+            reach = support.seen((normals @ moved).reshape(len(normals), len(world), -1))
+            lower.append(normals @ world.T - reach)
+        return np.asarray((np.minimum(*lower) - self.left).min(axis=1))
+
+    def nominal(self, normals: Array) -> Array:
+        """The least n·v (n,) without errors."""
+        (_, start, _), (_, goal, _) = self.sides
+        return np.asarray(np.minimum(normals @ start.T, normals @ goal.T).min(axis=1))
