@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from fmopt.values import Array, Value, frozen
 
 _EYE = np.eye(3)
+_NEXT, _AFTER = np.array([1, 2, 0]), np.array([2, 0, 1])
 _HATS = -np.cross(_EYE[:, None], _EYE[None]).reshape(3, 9)  # [w]× row by row is w @ _HATS
 
 
@@ -26,9 +27,9 @@ def hat(w: ArrayLike) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """a × b along the last axis, broadcast over the others; a tenth of the time of NumPy's general one."""
-    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
-    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+    found = a.take(_NEXT, -1) * b.take(_AFTER, -1)
+    found -= a.take(_AFTER, -1) * b.take(_NEXT, -1)
+    return np.asarray(found)
 
 
 def exp(r: ArrayLike) -> Array:

@@ -6,18 +6,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.geometry.polyhedron import Edge, Face, Polyhedron
-from fmopt.se3 import Pose
+from fmopt.geometry.polyhedron import Face, Polyhedron
+from fmopt.se3 import Pose, cross
 from fmopt.values import Array
 
 PARALLEL = math.radians(1.0)  # rad; edges closer than this in direction have no edge–edge contact
+_MEMORY = 256
 
 
 class Kind(StrEnum):
@@ -66,11 +68,71 @@ def edge_edge(moving: Polyhedron, fixed: Polyhedron, R: Array, one: int, other: 
         one: index of the moving edge.
         other: index of the fixed edge.
     """
-    e, g = moving.edges[one], fixed.edges[other]
-    m = np.cross(R @ _direction(moving, e), _direction(fixed, g))
-    outward = sum(fixed.faces[f].normal for f in g.faces) - R @ sum(moving.faces[f].normal for f in e.faces)
-    ends = e.vertices if m @ outward > 0.0 else e.vertices[::-1]
-    return PrimitiveContact(f"e{one}-e{other}", Kind.EDGE_EDGE, ends, g.vertices, one, other)
+    return _crossing(moving, fixed, R, [(one, other)])[0]
+
+
+def _crossing(
+    moving: Polyhedron, fixed: Polyhedron, R: Array, pairs: Sequence[tuple[int, int]]
+) -> list[PrimitiveContact]:
+    """The contacts of moving edges across fixed ones; see `edge_edge`."""
+    if not pairs:
+        return []
+    own, other = _features(moving), _features(fixed)
+    ones, others = np.array(pairs).T
+    m = cross(own.directions[ones] @ R.T, other.directions[others])
+    outward = other.between[others] - own.between[ones] @ R.T
+    found = []
+    for (i, j), along in zip(pairs, np.vecdot(m, outward) > 0.0, strict=True):
+        e, g = moving.edges[i], fixed.edges[j]
+        ends = e.vertices if along else e.vertices[::-1]
+        found.append(PrimitiveContact(f"e{i}-e{j}", Kind.EDGE_EDGE, ends, g.vertices, i, j))
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Features:
+    """Vertices and edges of a polyhedron as arrays.
+
+    Args:
+        vertices: which vertices have convex edges only.
+        edges: which edges are convex.
+        ends: vertices (e, 2) of all edges.
+        directions: unit vectors (e, 3) along them.
+        sides: their faces (e, 2).
+        between: sums (e, 3) of the normals of these.
+        around: edges (n, k) at each of `vertices`, the number of edges where there are fewer.
+        away: unit vectors (n, k, 3) along these, away from the vertex; zero where there are fewer.
+    """
+
+    vertices: NDArray[np.intp]
+    edges: NDArray[np.intp]
+    ends: NDArray[np.intp]
+    directions: Array
+    sides: NDArray[np.intp]
+    between: Array
+    around: NDArray[np.intp]
+    away: Array
+
+
+@lru_cache(maxsize=_MEMORY)
+def _features(polyhedron: Polyhedron) -> _Features:
+    ends = np.array([edge.vertices for edge in polyhedron.edges], dtype=np.intp)
+    sides = np.array([edge.faces for edge in polyhedron.edges], dtype=np.intp)
+    convex = np.array([edge.convex for edge in polyhedron.edges], dtype=bool)
+    span = polyhedron.vertices[ends[:, 1]] - polyhedron.vertices[ends[:, 0]]
+    directions = span / np.sqrt(np.vecdot(span, span))[:, None]
+    pointed = np.ones(len(polyhedron.vertices), dtype=bool)
+    pointed[ends[~convex]] = False
+    vertices = np.flatnonzero(pointed)
+    vertices.setflags(write=False)
+    at = [np.flatnonzero((ends == v).any(axis=1)) for v in vertices]
+    around = np.full((len(at), max((len(edges) for edges in at), default=0)), len(ends), dtype=np.intp)
+    away = np.zeros((*around.shape, 3))
+    for n, (v, edges) in enumerate(zip(vertices, at, strict=True)):
+        around[n, : len(edges)] = edges
+        away[n, : len(edges)] = np.where(ends[edges, :1] == v, directions[edges], -directions[edges])
+    between = polyhedron.normals[sides].sum(axis=1)
+    return _Features(vertices, np.flatnonzero(convex), ends, directions, sides, between, around, away)
 
 
 def near_contacts(
@@ -94,124 +156,119 @@ def near_contacts(
             face_vertex(moving, f, v)
             for v, f in _vertices_at_faces(fixed, moving, pose.inverse(), reach, angle, lever=False)
         ),
-        *(edge_edge(moving, fixed, pose.R, a, b) for a, b in _edges_at_edges(moving, fixed, pose, reach, angle)),
+        *_crossing(moving, fixed, pose.R, _edges_at_edges(moving, fixed, pose, reach, angle)),
     ]
     return tuple(found)
 
 
 def convex_vertices(polyhedron: Polyhedron) -> NDArray[np.intp]:
     """Indices of the vertices all of whose edges are convex."""
-    convex = np.ones(len(polyhedron.vertices), dtype=bool)
-    for edge in polyhedron.edges:
-        if not edge.convex:
-            convex[list(edge.vertices)] = False
-    return np.flatnonzero(convex)
+    return _features(polyhedron).vertices
 
 
 def _vertices_at_faces(
     pointed: Polyhedron, faced: Polyhedron, T: Pose, reach: float, angle: float, lever: bool
-) -> Iterator[tuple[int, int]]:
+) -> list[tuple[int, int]]:
     """Pairs (vertex, face) that can meet; T carries the part with the vertices into the frame of the faces.
 
     Levers turn about the origin of the vertices' part when `lever`, else about that of the faces' part.
     """
-    vertices = convex_vertices(pointed)
-    points = T.apply(pointed.vertices)
-    arms = np.linalg.norm(pointed.vertices if lever else points, axis=1)
-    limit = reach + angle * arms
+    features = _features(pointed)
+    points = T.apply(pointed.vertices[features.vertices])
+    arms = pointed.vertices[features.vertices] if lever else points
+    limit = reach + angle * np.sqrt(np.vecdot(arms, arms))
     height = points @ faced.normals.T - faced.offsets
-    cones = pointed.vertex_faces
-    normals = pointed.normals @ T.R.T
-    for v in vertices:
-        for f in np.flatnonzero(np.abs(height[v]) <= limit[v]):
-            face = faced.faces[f]
-            if _cone_angle(-face.normal, normals[list(cones[v])]) > angle:
-                continue
-            if _distance_to_face(points[v], face, faced.vertices) <= limit[v]:
-                yield int(v), int(f)
+    which, face = np.nonzero(np.abs(height) <= limit[:, None])
+    normals = np.vstack([pointed.normals @ T.R.T, np.zeros((1, 3))])
+    arcs = normals[np.vstack([features.sides, [[-1, -1]]])[features.around[which]]]
+    inward = -faced.normals[face]
+    # The cone of a vertex' normals: what no edge leaves the vertex along; its boundary are arcs across the edges.
+    within = (np.vecdot((features.away @ T.R.T)[which], inward[:, None]) <= 0.0).all(axis=1)
+    aside = np.where(within, 0.0, _arc_distances(inward[:, None], arcs).min(axis=1, initial=1.0))
+    turned = np.arcsin(np.minimum(aside, 1.0)) <= angle
+    near = np.zeros(len(which), dtype=bool)
+    for f in dict.fromkeys(face[turned].tolist()):
+        asked = np.flatnonzero(turned & (face == f))
+        near[asked] = _distances_to_face(points[which[asked]], faced.faces[f], faced.vertices) <= limit[which[asked]]
+    return [(int(features.vertices[v]), int(f)) for v, f in zip(which[near], face[near], strict=True)]
 
 
 def _edges_at_edges(
     moving: Polyhedron, fixed: Polyhedron, pose: Pose, reach: float, angle: float
-) -> Iterator[tuple[int, int]]:
-    ones = [i for i, e in enumerate(moving.edges) if e.convex]
-    others = [i for i, e in enumerate(fixed.edges) if e.convex]
-    if not ones or not others:
-        return
-    P = pose.apply(moving.vertices[[moving.edges[i].vertices for i in ones]])
-    Q = fixed.vertices[[fixed.edges[i].vertices for i in others]]
-    arms = np.linalg.norm(moving.vertices[[moving.edges[i].vertices for i in ones]], axis=2).max(axis=1)
-    distance = _segment_distances(P, Q)
-    sine = np.linalg.norm(np.cross(_units(P)[:, None], _units(Q)[None]), axis=2)
-    near = (distance <= (reach + angle * arms)[:, None]) & (sine >= math.sin(PARALLEL))
+) -> list[tuple[int, int]]:
+    """Pairs of edges that can meet."""
+    own, other = _features(moving), _features(fixed)
+    P = pose.apply(moving.vertices[own.ends[own.edges]])
+    Q = fixed.vertices[other.ends[other.edges]]
+    ends = moving.vertices[own.ends[own.edges]]
+    limit = reach + angle * np.sqrt(np.vecdot(ends, ends)).max(axis=1, initial=0.0)
+    m = cross((own.directions[own.edges] @ pose.R.T)[:, None], other.directions[other.edges][None])
+    crossing = np.sqrt(np.vecdot(m, m)) >= math.sin(PARALLEL)
+    a, b = np.nonzero((_segment_distances(P, Q) <= limit[:, None]) & crossing)
+    ones, others = own.edges[a], other.edges[b]
     normals = -moving.normals @ pose.R.T
-    for a, b in np.argwhere(near):
-        one, other = moving.edges[ones[a]], fixed.edges[others[b]]
-        if _arc_angle(normals[list(one.faces)], fixed.normals[list(other.faces)]) <= angle:
-            yield ones[a], others[b]
+    turned = _arc_angles(normals[own.sides[ones]], fixed.normals[other.sides[others]]) <= angle
+    return list(zip(ones[turned].tolist(), others[turned].tolist(), strict=True))
 
 
-def _cone_angle(x: Array, generators: Array) -> float:
-    """Angle (rad) between the unit vector x and the cone of the generators (k, 3); π/2 when that or more."""
-    from scipy.optimize import nnls
-
-    _, residual = nnls(generators.T, x)
-    return math.asin(min(float(residual), 1.0))
-
-
-def _arc_angle(one: Array, other: Array) -> float:
-    """Least angle (rad) between two great-circle arcs, each given by its unit end points (2, 3)."""
-    meet = np.cross(np.cross(*one), np.cross(*other))
-    size = float(np.linalg.norm(meet))
-    for m in (meet / size, -meet / size) if size > 0.0 else ():
-        if max(_cone_angle(m, one), _cone_angle(m, other)) < 1e-12:
-            return 0.0
-    return min(*(_cone_angle(x, other) for x in one), *(_cone_angle(x, one) for x in other))
+def _arc_distances(x: Array, arcs: Array) -> Array:
+    """Distances (…) of unit vectors x (…, 3) from the cones of pairs of unit generators (…, 2, 3), 1 at most."""
+    a, b = arcs[..., 0, :], arcs[..., 1, :]
+    xa, xb, ab = np.vecdot(x, a), np.vecdot(x, b), np.vecdot(a, b)
+    rest = np.maximum(1.0 - ab**2, 1e-300)
+    s, t = (xa - ab * xb) / rest, (xb - ab * xa) / rest
+    between = (s >= 0.0) & (t >= 0.0) & (rest > 1e-12)
+    found = np.where(between, _size(x - s[..., None] * a - t[..., None] * b), 1.0)
+    for along, end in ((xa, a), (xb, b)):
+        found = np.minimum(found, np.where(along > 0.0, _size(x - along[..., None] * end), 1.0))
+    return np.asarray(found)
 
 
-def _distance_to_face(point: Array, face: Face, vertices: Array) -> float:
-    """Distance (m) from a point to the face as a region of its plane."""
-    height = float(face.normal @ point) - face.offset
+def _arc_angles(one: Array, other: Array) -> Array:
+    """Least angles (n,), rad, between great-circle arcs given by their unit end points (n, 2, 3); π/2 when more."""
+    meet = cross(cross(one[:, 0], one[:, 1]), cross(other[:, 0], other[:, 1]))
+    size = _size(meet)
+    m = meet / np.where(size > 0.0, size, 1.0)[:, None]
+    apart = [np.maximum(_arc_distances(end, one), _arc_distances(end, other)) for end in (m, -m)]
+    crossing = (np.minimum(*apart) < 1e-12) & (size > 0.0)
+    ends = [_arc_distances(one[:, k], other) for k in (0, 1)] + [_arc_distances(other[:, k], one) for k in (0, 1)]
+    least = np.minimum.reduce(ends)
+    return np.asarray(np.where(crossing, 0.0, np.arcsin(np.minimum(least, 1.0))))
+
+
+def _size(vectors: Array) -> Array:
+    return np.asarray(np.sqrt(np.vecdot(vectors, vectors)))
+
+
+def _distances_to_face(points: Array, face: Face, vertices: Array) -> Array:
+    """Distances (n,) from points (n, 3) to the face as a region of its plane, m."""
+    height = points @ face.normal - face.offset
     a = np.concatenate([vertices[list(loop)] for loop in face.loops])
     b = np.concatenate([np.roll(vertices[list(loop)], -1, axis=0) for loop in face.loops])
-    foot = point - height * face.normal
+    feet = (points - height[:, None] * face.normal)[:, None]
     e = b - a
-    t = np.clip(np.sum((foot - a) * e, axis=1) / np.sum(e * e, axis=1), 0.0, 1.0)
-    aside = float(np.min(np.linalg.norm(a + t[:, None] * e - foot, axis=1)))
-    return math.hypot(height, 0.0 if _winds_round(foot, a, b, face.normal) else aside)
+    t = np.clip(np.vecdot(feet - a, e) / np.vecdot(e, e), 0.0, 1.0)
+    aside = _size(a + t[..., None] * e - feet).min(axis=1)
+    return np.asarray(np.hypot(height, np.where(_wind_round(feet, a, b, face.normal), 0.0, aside)))
 
 
-def _winds_round(point: Array, a: Array, b: Array, normal: Array) -> bool:
-    """Whether loops of segments a → b in the plane with this normal wind round a point of it (angle sum)."""
-    u, v = a - point, b - point
-    sine = np.cross(u, v) @ normal
-    cosine = np.sum(u * v, axis=1)
-    return bool(np.sum(np.arctan2(sine, cosine)) > np.pi)
+def _wind_round(points: Array, a: Array, b: Array, normal: Array) -> NDArray[np.bool_]:
+    """Whether loops of segments a → b in the plane with this normal wind round points (n, 1, 3) of it (angle sum)."""
+    u, v = a - points, b - points
+    return np.asarray(np.arctan2(cross(u, v) @ normal, np.vecdot(u, v)).sum(axis=1) > np.pi)
 
 
 def _segment_distances(P: Array, Q: Array) -> Array:
     """Distances (a, b) between segments P (a, 2, 3) and Q (b, 2, 3), m."""
     u, w = (P[:, 1] - P[:, 0])[:, None], (Q[:, 1] - Q[:, 0])[None]
     d = P[:, None, 0] - Q[None, :, 0]
-    uu, ww, uw = np.sum(u * u, -1), np.sum(w * w, -1), np.sum(u * w, -1)
-    du, dw = np.sum(d * u, -1), np.sum(d * w, -1)
+    uu, ww, uw, du, dw = (np.vecdot(one, other) for one, other in ((u, u), (w, w), (u, w), (d, u), (d, w)))
     det = uu * ww - uw * uw
     s0 = np.clip(np.where(det > 1e-12 * uu * ww, (uw * dw - ww * du) / np.maximum(det, 1e-300), 0.0), 0.0, 1.0)
     best = np.full(det.shape, np.inf)
     # The least distance is at the clamped stationary point or has one parameter at an end.
-    for s in (s0, np.zeros_like(s0), np.ones_like(s0)):
+    for s in (s0, 0.0, 1.0):
         t = np.clip((uw * s + dw) / ww, 0.0, 1.0)
         s1 = np.clip((uw * t - du) / uu, 0.0, 1.0)
-        gap = d + s1[..., None] * u - t[..., None] * w
-        best = np.minimum(best, np.linalg.norm(gap, axis=-1))
+        best = np.minimum(best, _size(d + s1[..., None] * u - t[..., None] * w))
     return best
-
-
-def _units(segments: Array) -> Array:
-    e = segments[:, 1] - segments[:, 0]
-    return np.asarray(e / np.linalg.norm(e, axis=1, keepdims=True))
-
-
-def _direction(polyhedron: Polyhedron, edge: Edge) -> Array:
-    a, b = polyhedron.vertices[list(edge.vertices)]
-    return np.asarray((b - a) / np.linalg.norm(b - a))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -56,15 +57,15 @@ class Polyhedron(Value):
     def __post_init__(self) -> None:
         object.__setattr__(self, "vertices", frozen(self.vertices, None, 3, name="vertices"))
 
-    @property
+    @cached_property
     def normals(self) -> Array:
         """Outward unit normals (m, 3) of the faces."""
-        return np.array([face.normal for face in self.faces])
+        return frozen([face.normal for face in self.faces])
 
-    @property
+    @cached_property
     def offsets(self) -> Array:
         """Plane offsets (m,) of the faces, m."""
-        return np.array([face.offset for face in self.faces])
+        return frozen([face.offset for face in self.faces])
 
     @property
     def vertex_faces(self) -> tuple[tuple[int, ...], ...]:

@@ -12,12 +12,13 @@ import numpy as np
 from fmopt import se3
 from fmopt.certificate.claim import Claim, claim
 from fmopt.certificate.functions import contact_forms, contact_rows
-from fmopt.certificate.knowledge import Assembly, facts, in_plane
+from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.rows import Forms
 from fmopt.certificate.segment import Compliance, Piece, Tolerance
 from fmopt.contact.meet import Poses
-from fmopt.contact.primitive import Kind, PrimitiveContact, edge_edge, vertex_face
+from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.errors import InfeasibleError
+from fmopt.placement.flush import described, on_wall
 from fmopt.placement.witness import choose_separations
 from fmopt.se3 import Pose
 from fmopt.uncertainty.error_set import ErrorSet
@@ -28,8 +29,6 @@ _SHOTS = 16
 _AIMED = 2e-15
 _RANK = 1e-6
 _CONDITION = 1e8
-_LEVEL = 1e-3  # sine of the angle at which an edge runs level with a rim
-_DOUBT = 3e-5  # m; a vertex nearer to a rim than its error and this is listed with its edge
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,85 +188,6 @@ def _unroll(
     return Reached(errors, basis, tuple(claims))
 
 
-def described(
-    assembly: Assembly, held: tuple[PrimitiveContact, ...], start: Pose, goal: Pose, errors: ErrorSet
-) -> tuple[PrimitiveContact, ...]:
-    """The contacts that make up what is held, along a piece: flush faces keep their plane while their corners change.
-
-    A vertex of a flush face touches where it is within the wall's face; an edge touches the wall's rim where one of
-    its ends does. A vertex that may or may not have passed the rim is listed together with its edge.
-    """
-    kept = list(held)
-    for number, face in enumerate(assembly.fixed.polyhedron.faces):
-        flush = facts(assembly, tuple(held)).on(face.normal, face.offset).flush
-        if not flush:
-            continue
-        normal, offset = flush[0]
-        point = offset * normal
-        kept = [c for c in kept if not _on_wall(assembly, c, number)]
-        kept += _flush(assembly, number, point, normal, (start, goal), errors)
-    return tuple(dict.fromkeys(kept))
-
-
-def _on_wall(assembly: Assembly, contact: PrimitiveContact, number: int) -> bool:
-    fixed = assembly.fixed.polyhedron
-    face = fixed.faces[number]
-    if contact.kind is Kind.VERTEX_FACE:
-        return contact.fixed_feature == number
-    return contact.kind is Kind.EDGE_EDGE and in_plane(fixed.vertices[list(contact.fixed)], face.normal, face.offset)
-
-
-def _flush(
-    assembly: Assembly, number: int, point: Array, normal: Array, poses: tuple[Pose, Pose], errors: ErrorSet
-) -> list[PrimitiveContact]:
-    """Contacts between the flush body plane (point, normal) and a wall, as the piece of motion has them."""
-    body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
-    own = [i for i, v in enumerate(body.vertices) if abs(float(normal @ (v - point))) <= 1e-9]
-    rims = [i for i, e in enumerate(fixed.edges) if number in e.faces and e.convex]
-    side = {(v, r): _side(assembly, v, number, r, poses, errors) for v in own for r in rims}
-    found = [vertex_face(fixed, v, number) for v in own if all(side[v, r] >= 0 for r in rims)]
-    for i, edge in enumerate(body.edges):
-        if not set(edge.vertices) <= set(own) or not edge.convex:
-            continue
-        for r in rims:
-            one, two = sorted((side[v, r] for v in edge.vertices), reverse=True)
-            if one == 1 and two < 1 and _meets(assembly, edge.vertices, number, r, rims, poses[0]):
-                found.append(edge_edge(body, fixed, poses[0].R, i, r))
-    return found
-
-
-def _side(assembly: Assembly, vertex: int, wall: int, rim: int, poses: tuple[Pose, Pose], errors: ErrorSet) -> int:
-    """Whether a vertex of the wall's plane is inside a rim of it for sure (1), outside (−1), or perhaps (0)."""
-    v = assembly.moving.polyhedron.vertices[vertex]
-    c, inward = _inward(assembly, wall, rim)
-    depth = [float(inward @ (pose.apply(v) - c)) for pose in poses]
-    rows = np.array([np.concatenate([inward, np.cross(pose.R @ v, inward)]) for pose in poses])
-    doubt = 1.2 * float(errors.support(rows).max()) + _DOUBT
-    return 1 if min(depth) > doubt else -1 if max(depth) < -doubt else 0
-
-
-def _inward(assembly: Assembly, wall: int, rim: int) -> tuple[Array, Array]:
-    """A point of a rim, and the unit direction into the wall's face across it."""
-    fixed = assembly.fixed.polyhedron
-    c, d = fixed.vertices[list(fixed.edges[rim].vertices)]
-    inward = np.cross(fixed.faces[wall].normal, d - c)
-    centre = fixed.vertices[list(fixed.faces[wall].loops[0])].mean(axis=0)
-    inward *= np.sign(float(inward @ (centre - c))) / np.linalg.norm(inward)
-    return c, np.asarray(inward)
-
-
-def _meets(assembly: Assembly, ends: tuple[int, int], wall: int, rim: int, rims: list[int], pose: Pose) -> bool:
-    """Whether an edge in the wall's plane crosses a rim, rather than passing the face beside it."""
-    c, inward = _inward(assembly, wall, rim)
-    a, b = pose.apply(assembly.moving.polyhedron.vertices[list(ends)])
-    rise = float((b - a) @ inward)
-    if abs(rise) <= _LEVEL * float(np.linalg.norm(b - a)):
-        return False
-    x = a + np.clip(float((c - a) @ inward) / rise, 0.0, 1.0) * (b - a)
-    others = [_inward(assembly, wall, r) for r in rims if r != rim]
-    return all(float(inner @ (x - p)) > -_DOUBT for p, inner in others)
-
-
 def _carried_over(
     assembly: Assembly, basis: Sequence[Compliance], held: Sequence[PrimitiveContact], pose: Pose
 ) -> tuple[Compliance, ...]:
@@ -306,4 +226,4 @@ def _rows(
 
 
 def _same_wall(assembly: Assembly, gone: PrimitiveContact, other: PrimitiveContact) -> bool:
-    return other.kind is Kind.VERTEX_FACE and _on_wall(assembly, gone, other.fixed_feature)
+    return other.kind is Kind.VERTEX_FACE and on_wall(assembly, gone, other.fixed_feature)

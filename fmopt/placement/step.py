@@ -16,7 +16,8 @@ from fmopt.contact.surface import Surfaces
 from fmopt.errors import InfeasibleError
 from fmopt.placement.entry import Entry, deeper
 from fmopt.placement.explore import Freedom, Place, freedoms, guarded, implied, neighbourhood, pinned
-from fmopt.placement.motion import Move, Reached, described, unroll
+from fmopt.placement.flush import described
+from fmopt.placement.motion import Move, Reached, unroll
 from fmopt.se3 import Pose
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array

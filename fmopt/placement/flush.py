@@ -1,0 +1,123 @@
+"""What is held along a piece of motion: flush faces keep their plane while the contacts at their corners change."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmopt.certificate.assembly import Assembly, in_plane
+from fmopt.certificate.knowledge import facts
+from fmopt.certificate.rows import crossed, length, lengths
+from fmopt.contact.primitive import Kind, PrimitiveContact, edge_edge, vertex_face
+from fmopt.se3 import Pose
+from fmopt.uncertainty.error_set import ErrorSet
+from fmopt.values import Array
+
+_LEVEL = 1e-3  # sine of the angle at which an edge runs level with a rim
+_DOUBT = 3e-5  # m; a vertex nearer to a rim than its error and this is listed with its edge
+_MEMORY = 1024
+
+
+def described(
+    assembly: Assembly, held: tuple[PrimitiveContact, ...], start: Pose, goal: Pose, errors: ErrorSet
+) -> tuple[PrimitiveContact, ...]:
+    """The contacts that make up what is held, along a piece: flush faces keep their plane while their corners change.
+
+    A vertex of a flush face touches where it is within the wall's face; an edge touches the wall's rim where one of
+    its ends does. A vertex that may or may not have passed the rim is listed together with its edge.
+    """
+    kept = list(held)
+    for wall in _flush_walls(assembly, held):
+        kept = [c for c in kept if not on_wall(assembly, c, wall.number)]
+        kept += _flush(assembly, wall, (start, goal), errors)
+    return tuple(dict.fromkeys(kept))
+
+
+@dataclass(frozen=True, eq=False)
+class _Wall:
+    """A fixed face that a body plane lies in.
+
+    Args:
+        number: of the face.
+        vertices: of the moving part that lie in the plane.
+        rims: convex edges of the face.
+        points: a point (r, 3) of each rim.
+        inward: unit directions (r, 3) into the face across them.
+    """
+
+    number: int
+    vertices: NDArray[np.intp]
+    rims: tuple[int, ...]
+    points: Array
+    inward: Array
+
+
+@lru_cache(maxsize=_MEMORY)
+def _flush_walls(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> tuple[_Wall, ...]:
+    """The fixed faces that held contacts press a face of the moving part on."""
+    body, fixed = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron
+    known, found = facts(assembly, held), []
+    for number, face in enumerate(fixed.faces):
+        flush = known.on(face.normal, face.offset).flush
+        if flush:
+            normal, offset = flush[0]
+            own = np.flatnonzero(np.abs(body @ normal - offset) <= 1e-9)
+            rims = tuple(i for i, e in enumerate(fixed.edges) if number in e.faces and e.convex)
+            ends = fixed.vertices[[fixed.edges[i].vertices for i in rims]].reshape(-1, 2, 3)
+            inward = crossed(face.normal[None], ends[:, 1] - ends[:, 0])
+            centre = fixed.vertices[list(face.loops[0])].mean(axis=0)
+            inward *= (np.sign(np.vecdot(inward, centre - ends[:, 0])) / lengths(inward))[:, None]
+            found.append(_Wall(number, own, rims, ends[:, 0], inward))
+    return tuple(found)
+
+
+def on_wall(assembly: Assembly, contact: PrimitiveContact, number: int) -> bool:
+    fixed = assembly.fixed.polyhedron
+    face = fixed.faces[number]
+    if contact.kind is Kind.VERTEX_FACE:
+        return contact.fixed_feature == number
+    return contact.kind is Kind.EDGE_EDGE and in_plane(fixed.vertices[list(contact.fixed)], face.normal, face.offset)
+
+
+def _flush(assembly: Assembly, wall: _Wall, poses: tuple[Pose, Pose], errors: ErrorSet) -> list[PrimitiveContact]:
+    """Contacts between the flush body plane and a wall, as the piece of motion has them."""
+    body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
+    side = _sides(body.vertices[wall.vertices], wall, poses, errors)
+    inside = wall.vertices[(side >= 0).all(axis=1)].tolist()
+    found = [vertex_face(fixed, vertex, wall.number) for vertex in inside]
+    place = {vertex: n for n, vertex in enumerate(wall.vertices.tolist())}
+    for i, edge in enumerate(body.edges):
+        if not edge.convex or any(vertex not in place for vertex in edge.vertices):
+            continue
+        ends = side[[place[vertex] for vertex in edge.vertices]]
+        for r in np.flatnonzero((ends.max(axis=0) == 1) & (ends.min(axis=0) < 1)).tolist():
+            if _meets(body.vertices[list(edge.vertices)], wall, r, poses[0]):
+                found.append(edge_edge(body, fixed, poses[0].R, i, wall.rims[r]))
+    return found
+
+
+def _sides(vertices: Array, wall: _Wall, poses: tuple[Pose, Pose], errors: ErrorSet) -> NDArray[np.intp]:
+    """Whether vertices (n, 3) in a wall are inside each of its rims for sure (1), outside (−1), or perhaps (0)."""
+    arms = vertices @ np.array([pose.R.T for pose in poses])
+    there = arms + np.array([pose.p for pose in poses])[:, None]
+    depth = there @ wall.inward.T - np.vecdot(wall.inward, wall.points)
+    turning = crossed(arms[:, :, None], wall.inward)
+    rows = np.concatenate([np.broadcast_to(wall.inward, turning.shape), turning], axis=-1)
+    doubt = 1.2 * errors.support(rows).max(axis=0) + _DOUBT
+    return np.where(depth.min(axis=0) > doubt, 1, np.where(depth.max(axis=0) < -doubt, -1, 0))
+
+
+def _meets(ends: Array, wall: _Wall, rim: int, pose: Pose) -> bool:
+    """Whether an edge (2, 3) of the body in the wall's plane crosses a rim, rather than passing the face beside it."""
+    c, inward = wall.points[rim], wall.inward[rim]
+    a, b = pose.apply(ends)
+    rise = float((b - a) @ inward)
+    if abs(rise) <= _LEVEL * length(b - a):
+        return False
+    x = a + min(max(float((c - a) @ inward) / rise, 0.0), 1.0) * (b - a)
+    inside = np.vecdot(wall.inward, x - wall.points) > -_DOUBT
+    inside[rim] = True
+    return bool(inside.all())
