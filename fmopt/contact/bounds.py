@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeAlias, assert_never
 
 import numpy as np
@@ -100,6 +101,11 @@ class BoundTable(Value):
         places.setflags(write=False)
         return BoundTable(clauses, listed, Surfaces.of([bound.contact for bound in listed], moving, fixed), places)
 
+    @cached_property
+    def signs(self) -> NDArray[np.intp]:
+        """The sign of each of `listed`."""
+        return np.array([bound.sign for bound in self.listed], dtype=np.intp)
+
     def depths(self, g: Array) -> tuple[Array, NDArray[np.intp]]:
         """How far (m) poses are inside each clause of each contact, and by which bound.
 
@@ -109,12 +115,13 @@ class BoundTable(Value):
         Returns:
             (…, k, clauses) depths, inf for a clause that a contact does not have, and the indices into `listed`.
         """
-        signs = np.array([bound.sign for bound in self.listed])
         ends = np.broadcast_to([np.inf, -np.inf], (*g.shape[:-1], 2))
-        depth = np.concatenate([-signs * g, ends], axis=-1)[..., self.places]
+        depth = np.concatenate([-self.signs * g, ends], axis=-1)[..., self.places]
         if 0 in depth.shape[-3:]:
             none = np.full((*g.shape[:-1], *self.places.shape[:2]), np.inf)
             return none, np.full(none.shape, len(self.listed), dtype=np.intp)
+        if self.places.shape[2:] == (1, 1):
+            return depth[..., 0, 0], np.broadcast_to(self.places[..., 0, 0], depth.shape[:-2])
         together = np.argmin(depth, axis=-1)[..., None]
         least = np.take_along_axis(depth, together, axis=-1)[..., 0]
         best = np.argmax(least, axis=-1)[..., None]

@@ -9,6 +9,7 @@ further above zero, Jᵀr = 0: the shortages themselves are the multipliers that
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,18 +104,18 @@ class Neighbourhood(Value):
     space: LocalSpace
     surfaces: Surfaces
     table: BoundTable
+    parts: tuple[Polyhedron, Polyhedron]
 
     @staticmethod
     def of(space: LocalSpace, moving: Polyhedron, fixed: Polyhedron) -> Neighbourhood:
         """The functions of a local space's contacts between these parts."""
         table = BoundTable.of(space.contacts, moving, fixed, space.pose)
-        return Neighbourhood(space, Surfaces.of(space.contacts, moving, fixed), table)
+        return Neighbourhood(space, Surfaces.of(space.contacts, moving, fixed), table, (moving, fixed))
 
     def measured(self, on: Bits, poses: Poses) -> Measures:
         """What states with contacts `on` (n, k) have at poses, one each."""
         unit = self.space.scale[0]
-        f, _ = self.surfaces.over(poses.p, poses.R)
-        g, _ = self.table.surfaces.over(poses.p, poses.R)
+        f, _, g, _ = self._functions(poses)
         depth, which = self.table.depths(g)
         apart = np.where(on | self._ended(on, which), np.inf, np.maximum(f, -depth.min(axis=2, initial=np.inf)))
         deep = np.where(on[..., None], depth, np.inf) / unit
@@ -125,37 +126,59 @@ class Neighbourhood(Value):
         x = poses.local(self.space.pose) / self.space.scale
         return np.asarray(x @ self.space.limits[:, :6].T - self.space.limits[:, 6])
 
-    def shortages(self, on: Bits, poses: Poses, room: float) -> tuple[Array, Array]:
-        """Shortages r (n, q) and their gradients (n, q, 6) in scaled units; zero where nothing is short.
+    def shortages(self, on: Bits, poses: Poses, room: float) -> Shortages:
+        """What n states, one at each pose, are short of; nothing where there is enough.
 
         A contact that is not to touch is out of the way at a distance of `room` (clearances), or that far outside its
         bounds, whichever is nearer.
         """
-        scale, unit = self.space.scale, self.space.scale[0]
-        f, N = self.surfaces.over(poses.p, poses.R)
-        g, G = self.table.surfaces.over(poses.p, poses.R)
+        scale, unit = self.space.scale / self.space.scale[0], self.space.scale[0]
+        f, N, g, G = self._functions(poses)
         depth, which = self.table.depths(g)
         inside, D = self._innermost(depth, which, G)
         out = -inside > f
         apart = np.where(self._ended(on, which), np.inf, np.where(out, -inside, f) / unit - room)
-        away = np.where(out[..., None], -D, N)
-        first = np.where(on, f / unit, np.minimum(apart, 0.0))
-        rows = np.where(on[..., None], N, np.where((apart < 0.0)[..., None], away, 0.0))
         deep = np.where(on, np.minimum(inside / unit - room, 0.0), 0.0)
-        edges = np.where(deep[..., None] < 0.0, D, 0.0)
-        beyond = np.minimum(self.inside(poses), 0.0)
-        walls = np.where(beyond[..., None] < 0.0, self.space.limits[:, :6], 0.0)
-        J = np.concatenate([rows * (scale / unit), edges * (scale / unit), walls], axis=1)
-        return np.concatenate([first, deep, beyond], axis=1), J
+        r = np.concatenate([np.where(on, f / unit, np.minimum(apart, 0.0)), deep], axis=1)
+        counts = np.concatenate([on | (apart < 0.0), deep < 0.0], axis=1)
+        J = np.concatenate([np.where((out & ~on)[..., None], -D, N), D], axis=1)
+        J *= counts[..., None]
+        Jt = np.swapaxes(J, 1, 2)
+        walls, beyond = self.space.limits[:, :6], np.minimum(self.inside(poses), 0.0)
+        square = (walls[:, :, None] * walls[:, None]).reshape(-1, 36)
+        return Shortages(
+            np.sqrt(np.vecdot(r, r) + np.vecdot(beyond, beyond)),
+            (Jt @ r[..., None])[..., 0] * scale + beyond @ walls,
+            Jt @ J * np.outer(scale, scale) + ((beyond < 0.0) @ square).reshape(-1, 6, 6),
+        )
+
+    def _functions(self, poses: Poses) -> tuple[Array, Array, Array, Array]:
+        """Values and gradients at poses of the contacts, and of the bounds' contacts, shared ones evaluated once."""
+        joint, own, ends = self._joint
+        f, N = joint.over(poses.p, poses.R)
+        return f[:, own], N[:, own], f[:, ends], N[:, ends]
+
+    @cached_property
+    def _joint(self) -> tuple[Surfaces, slice, NDArray[np.intp]]:
+        """The functions of contacts and of bounds, each once, and where those of either are."""
+        contacts = self.surfaces.contacts
+        extra = (contact for contact in self.table.surfaces.contacts if contact not in contacts)
+        every = (*contacts, *dict.fromkeys(extra))
+        ends = np.array([every.index(contact) for contact in self.table.surfaces.contacts], dtype=np.intp)
+        return Surfaces.of(every, *self.parts), slice(len(contacts)), ends
 
     def _ended(self, on: Bits, which: NDArray[np.intp]) -> Bits:
         """Which contacts (n, k) end where one of `on` begins: no pose violates the one without violating the other."""
-        names = {contact.id: i for i, contact in enumerate(self.space.contacts)}
-        ending = [names.get(b.contact.id, -1) if b.sign > 0 else -1 for b in self.table.listed]
         # One column more for a bound that is no contact of the space, and for none at all.
-        held = np.concatenate([on, np.zeros((len(on), 1), dtype=bool)], axis=1)[:, [*ending, -1, -1]]
+        held = np.concatenate([on, np.zeros((len(on), 1), dtype=bool)], axis=1)[:, self._ending]
         found = held[np.arange(len(on))[:, None, None], which]
         return np.asarray(found.any(axis=2))
+
+    @cached_property
+    def _ending(self) -> list[int]:
+        """Which contact of the space begins at each bound, −1 for none, and where there is no bound."""
+        names = {contact.id: i for i, contact in enumerate(self.space.contacts)}
+        return [*(names.get(b.contact.id, -1) if b.sign > 0 else -1 for b in self.table.listed), -1, -1]
 
     def _innermost(self, depth: Array, which: NDArray[np.intp], G: Array) -> tuple[Array, Array]:
         """How far (n, k) poses are inside all bounds of each contact, m, and the gradient (n, k, 6) of that.
@@ -167,11 +190,31 @@ class Neighbourhood(Value):
         """
         if not depth.shape[2]:
             return np.full(depth.shape[:2], np.inf), np.zeros((*depth.shape[:2], 6))
-        tight = np.argmin(depth, axis=2)[..., None]
-        signs = np.array([bound.sign for bound in self.table.listed])
-        padded = np.concatenate([-signs[:, None] * G, np.zeros((len(G), 2, 6))], axis=1)
-        bound = np.take_along_axis(which, tight, axis=2)
-        return np.take_along_axis(depth, tight, axis=2)[..., 0], np.take_along_axis(padded, bound, axis=1)
+        n, k = np.arange(len(depth))[:, None], np.arange(depth.shape[1])
+        tight = np.argmin(depth, axis=2)
+        padded = np.concatenate([-self.table.signs[:, None] * G, np.zeros((len(G), 2, 6))], axis=1)
+        return depth[n, k, tight], padded[n, which[n, k, tight]]
+
+
+@dataclass(frozen=True, eq=False)
+class Shortages(Value):
+    """Shortages r of n states at poses with gradients J: the length |r| (n,), Jᵀr (n, 6) and JᵀJ (n, 6, 6), scaled."""
+
+    size: Array
+    slope: Array
+    square: Array
+
+    def kept(self, which: Bits) -> Shortages:
+        """Those of some states."""
+        return Shortages(self.size[which], self.slope[which], self.square[which])
+
+    def replaced(self, which: Bits, other: Shortages) -> Shortages:
+        """With those of another for some states."""
+        return Shortages(
+            np.where(which, other.size, self.size),
+            np.where(which[:, None], other.slope, self.slope),
+            np.where(which[:, None, None], other.square, self.square),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,27 +245,26 @@ def _levenberg_marquardt(near: Neighbourhood, on: Bits, start: Poses, room: floa
     short, settled = np.full(len(p), np.inf), np.zeros(len(p), dtype=bool)
     damping, then = np.full(len(p), _DAMPING), np.full(len(p), np.inf)
     open_ = np.arange(len(p))
-    r, J = near.shortages(on, start, room)
+    now = near.shortages(on, start, room)
     for count in range(_ROUNDS):
-        slope, size = (np.swapaxes(J, 1, 2) @ r[..., None])[..., 0], np.linalg.norm(r, axis=1)
-        short[open_] = size
-        done = (size <= _NOTHING) | (np.linalg.norm(slope, axis=1) <= _LEVEL * size)
+        short[open_] = now.size
+        done = (now.size <= _NOTHING) | (np.linalg.norm(now.slope, axis=1) <= _LEVEL * now.size)
         if count % _PAUSE == _PAUSE - 1:
-            done |= size > _STALLED * then[open_]
-            then[open_] = size
+            done |= now.size > _STALLED * then[open_]
+            then[open_] = now.size
         settled[open_[done]] = True
-        open_, r, J, slope, size = open_[~done], r[~done], J[~done], slope[~done], size[~done]
+        open_, now = open_[~done], now.kept(~done)
         if not len(open_):
             break
-        A = np.swapaxes(J, 1, 2) @ J + damping[open_, None, None] * np.eye(6)
-        step = -np.linalg.solve(A, slope[..., None])[..., 0]
+        A = now.square + damping[open_, None, None] * np.eye(6)
+        step = -np.linalg.solve(A, now.slope[..., None])[..., 0]
         step *= np.minimum(1.0, _FARTHEST / np.maximum(np.linalg.norm(step, axis=1), _FARTHEST))[:, None]
         trial = Poses(p[open_], R[open_]).moved(scale * step)
-        new, gradients = near.shortages(on[open_], trial, room)
-        better = np.linalg.norm(new, axis=1) < size
+        new = near.shortages(on[open_], trial, room)
+        better = new.size < now.size
         damping[open_] = np.clip(np.where(better, 0.1, 10.0) * damping[open_], 1e-14, 1e8)
         p[open_[better]], R[open_[better]] = trial.p[better], trial.R[better]
-        r[better], J[better] = new[better], gradients[better]
+        now = now.replaced(better, new)
     return Poses(p, R), short, settled
 
 

@@ -24,7 +24,7 @@ from fmopt.placement.descent import descend
 from fmopt.placement.motion import Move, Reached
 from fmopt.placement.nlp import place_on_surfaces, surface_placement
 from fmopt.placement.rows import Row, RowKind, evaluate, face_vertex, vertex_face
-from fmopt.placement.sequence import Placed, certified, independent_rows, onto_surfaces, pairs_of
+from fmopt.placement.sequence import Placed, better, independent_rows, onto_surfaces, pairs_of
 from fmopt.values import Array
 
 _GAIN = 1e-3  # of the clearance, the least gain that counts
@@ -85,7 +85,7 @@ def polish(
             for reach in (turns.radius, _SHORTER * turns.radius):
                 metric = Metric(tolerance.rho, clearance)
                 candidate = _one(assembly, best, start, tolerance, step, metric, method, k, reach)
-                if candidate is not None and candidate.margin > best.margin + _GAIN * clearance:
+                if candidate is not None:
                     best = candidate
                     progress(best.margin)
                     break
@@ -115,9 +115,9 @@ def _one(
         moves = list(placed.moves)
         moves[k] = replace(move, goal=goal)
         moves[k + 1] = replace(moves[k + 1], start=goal)
-        return certified(assembly, moves, start, tolerance, step)
     except (InfeasibleError, SolverError):
         return None
+    return better(assembly, moves, placed, start, tolerance, step, _GAIN * metric.clearance)
 
 
 def _placed_pose(

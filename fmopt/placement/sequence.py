@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import takewhile
 
 import numpy as np
 
@@ -44,10 +45,11 @@ class Refinement:
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """A sequence of moves with its claims."""
+    """A sequence of moves with its claims, and what had been reached after each move."""
 
     moves: tuple[Move, ...]
     reached: Reached
+    stages: tuple[Reached, ...] = ()
 
     @property
     def margin(self) -> float:
@@ -73,10 +75,44 @@ def certified(
     Raises:
         InfeasibleError: a move is impossible.
     """
-    reached = start
+    stages = [start]
     for move in moves:
-        reached = unroll(assembly, move, reached, tolerance, step, thorough)
-    return Placed(tuple(moves), reached)
+        stages.append(unroll(assembly, move, stages[-1], tolerance, step, thorough))
+    return Placed(tuple(moves), stages[-1], tuple(stages[1:]))
+
+
+def better(
+    assembly: Assembly,
+    moves: Sequence[Move],
+    than: Placed,
+    start: Reached,
+    tolerance: Tolerance,
+    step: float,
+    by: float,
+) -> Placed | None:
+    """Moves certified, if their margin is larger than that of another sequence; None if not, or one is impossible.
+
+    The moves with which both begin are not certified again, nor those after one that has too little margin.
+
+    Args:
+        assembly: the two parts.
+        moves: the sequence.
+        than: the other one, certified in the same way.
+        start: errors at the start of both.
+        tolerance: velocity error and metric.
+        step: greatest turn of one piece, rad.
+        by: by how much the margin has to be larger, m.
+    """
+    shared = sum(1 for _ in takewhile(lambda pair: pair[0] is pair[1], zip(moves, than.moves, strict=True)))
+    stages = [start, *than.stages[:shared]]
+    try:
+        for move in moves[len(stages) - 1 :]:
+            stages.append(unroll(assembly, move, stages[-1], tolerance, step, thorough=False))
+            if stages[-1].margin <= than.margin + by:
+                return None
+    except InfeasibleError:
+        return None
+    return Placed(tuple(moves), stages[-1], tuple(stages[1:]))
 
 
 def refine(
@@ -105,8 +141,8 @@ def refine(
     for _ in range(settings.rounds):
         if radius < settings.least_radius:
             break
-        candidate = _step(assembly, best, start, tolerance, step, solver, radius, settings.radius)
-        if candidate is not None and candidate.margin > best.margin + settings.least_gain:
+        candidate = _step(assembly, best, start, tolerance, step, solver, radius, settings)
+        if candidate is not None:
             best, radius = candidate, min(2.0 * radius, 4.0 * settings.radius)
             progress(best.margin)
         else:
@@ -122,9 +158,9 @@ def _step(
     step: float,
     solver: Solver,
     radius: float,
-    near: float,
+    settings: Refinement,
 ) -> Placed | None:
-    rows = _rows(assembly, placed, tolerance.rho, near)
+    rows = _rows(assembly, placed, tolerance.rho, settings.radius)
     if not rows:
         return None
     try:
@@ -133,9 +169,10 @@ def _step(
         return None
     shift = solution.x[:-1].reshape(-1, 6)
     try:
-        return certified(assembly, _shifted(assembly, placed.moves, shift), start, tolerance, step)
+        moves = _shifted(assembly, placed.moves, shift)
     except InfeasibleError:
         return None
+    return better(assembly, moves, placed, start, tolerance, step, settings.least_gain)
 
 
 def _rows(assembly: Assembly, placed: Placed, rho: float, near: float) -> list[_LinearRow]:
