@@ -13,10 +13,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.csg import Difference, Hull, Solid
+from fmopt.geometry.csg import Difference, Hull, Placed, Solid
 from fmopt.geometry.facets import merged_vertices
 from fmopt.geometry.pieces import ROUNDING, clip, convex_manifold
-from fmopt.geometry.polyhedron import Face, Polyhedron, convex_hull_polyhedron, from_triangles, triangulated
+from fmopt.geometry.polyhedron import (
+    Face,
+    Polyhedron,
+    convex_hull_polyhedron,
+    from_triangles,
+    placed,
+    plane_basis,
+    triangulated,
+)
+from fmopt.se3 import Pose
 from fmopt.values import Array
 
 if TYPE_CHECKING:
@@ -26,6 +35,7 @@ Plane = tuple[Array, float]
 
 MESH_NOISE = 1e-6  # of the diameter: what is cleaned away from imported meshes
 _CUTS = 64  # one after the other; a mesh that needs more is no machined part
+_PUSHED = 0.05  # of the diameter: how far tools stand out of the hull
 _PAIRS = 128  # reflex edges up to which planes through any two are tried; above, through neighbours only
 
 
@@ -38,25 +48,54 @@ def solid_of(body: Polyhedron, tol: float) -> Solid:
     Raises:
         GeometryError: the excess does not come apart into convex bodies.
     """
+    turn = _squared(body, 4.0 * tol / body.diameter)
+    if np.array_equal(turn, np.eye(3)):
+        return _upright(body, tol)
+    return Placed(_upright(placed(body, Pose(np.zeros(3), turn.T)), tol), Pose(np.zeros(3), turn))
+
+
+def _squared(body: Polyhedron, slack: float) -> Array:
+    """A rotation (3, 3) whose columns are normals of large faces, where coordinates of corners coincide to the bit."""
+    areas = [_face_area(body, face) for face in body.faces]
+    order = [body.normals[i] for i in np.argsort(np.negative(areas), kind="stable")]
+    z = order[0]
+    x = next((normal for normal in order if abs(normal @ z) <= slack), None)
+    across = [z] if x is None else [z, x]
+    if all(np.abs(normal).max() >= 1.0 - slack for normal in across):
+        return np.eye(3)
+    x = plane_basis(z)[:, 0] if x is None else x - (x @ z) * z
+    x = x / np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])
+
+
+def _face_area(body: Polyhedron, face: Face) -> float:
+    area = np.zeros(3)
+    for loop in face.loops:
+        arms = body.vertices[list(loop)] - body.vertices[loop[0]]
+        area += np.cross(arms[1:-1], arms[2:]).sum(axis=0)
+    return 0.5 * float(np.linalg.norm(area))
+
+
+def _upright(body: Polyhedron, tol: float) -> Solid:
     from manifold3d import Manifold, Mesh64
 
     ideal = _idealised(body, tol)
     shape = Manifold(Mesh64(vert_properties=ideal, tri_verts=triangulated(body).astype(np.uint64)))
     excess = [part for part in (shape.hull() - shape).decompose() if _thickness(part) > tol]
-    tools = tuple(tool for part in excess for tool in _convex_parts(part, ideal, tol, _CUTS))
-    outer = _hull(ideal)
-    return Difference(outer, tools) if tools else outer
+    outer = convex_hull_polyhedron(ideal)
+    tools = tuple(_opened(part, outer, tol) for whole in excess for part in _convex_parts(whole, ideal, tol, _CUTS))
+    return Difference(_hull(ideal), tools) if tools else _hull(ideal)
 
 
-def _convex_parts(shape: Manifold, known: Array, tol: float, patience: int) -> list[Hull]:
+def _convex_parts(shape: Manifold, known: Array, tol: float, patience: int) -> list[Polyhedron]:
     mesh = shape.to_mesh64()
-    points, triangles = merged_vertices(
+    points, triangles, _ = merged_vertices(
         _onto(np.asarray(mesh.vert_properties)[:, :3], known, tol), np.asarray(mesh.tri_verts, dtype=np.int64), tol
     )
     body = from_triangles(points, triangles, tol)
     plane = _best_cut(body, tol)
     if plane is None:
-        return [_hull(points)]
+        return [convex_hull_polyhedron(points)]
     if patience == 0:
         raise GeometryError(
             f"the mesh does not come apart into convex bodies in {_CUTS} cuts",
@@ -64,6 +103,26 @@ def _convex_parts(shape: Manifold, known: Array, tol: float, patience: int) -> l
         )
     parts = [part for half in _halves(shape, body, plane) for part in half.decompose() if _thickness(part) > tol]
     return [tool for part in parts for tool in _convex_parts(part, known, tol, patience - 1)]
+
+
+def _opened(tool: Polyhedron, outer: Polyhedron, tol: float) -> Hull:
+    """The tool, its faces in those of the hull pushed out of the hull, so that cutting leaves no skin there.
+
+    Only what lies beyond a plane of the hull is added, where there is nothing to cut.
+    """
+    from scipy.spatial import HalfspaceIntersection
+
+    alike = tool.normals @ outer.normals.T > 1.0 - 1e-9
+    at_hull = np.any(alike & (np.abs(tool.offsets[:, None] - outer.offsets) <= 4.0 * tol), axis=1)
+    offsets = tool.offsets + np.where(at_hull, _PUSHED * outer.diameter, 0.0)
+    middle, size = tool.vertices.mean(axis=0), outer.diameter
+    room = np.column_stack([tool.normals, (tool.normals @ middle - offsets) / size])
+    corners = middle + size * HalfspaceIntersection(room, np.zeros(3)).intersections
+    for normal, offset in zip(tool.normals[~at_hull], offsets[~at_hull], strict=True):
+        for axis in np.flatnonzero(np.abs(normal) == 1.0):
+            near = np.abs(corners[:, axis] - normal[axis] * offset) <= tol
+            corners[near, axis] = normal[axis] * offset
+    return _hull(_onto(corners, tool.vertices, tol))
 
 
 def _halves(shape: Manifold, body: Polyhedron, plane: Plane) -> list[Manifold]:

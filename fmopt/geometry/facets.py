@@ -27,26 +27,39 @@ class _Mesh:
     across: tuple[tuple[tuple[int, int], ...], ...]
 
 
-def polygon_faces(vertices: Array, triangles: Indices, tol: float) -> tuple[tuple[Loop, ...], ...]:
+def polygon_faces(
+    vertices: Array, triangles: Indices, tol: float, numbers: Indices | None = None
+) -> tuple[tuple[Loop, ...], ...]:
     """Faces of a closed triangle mesh as loops of vertex indices, outer loop first, collinear vertices dropped.
 
     Args:
         vertices: (n, 3), m.
         triangles: (m, 3), counter-clockwise seen from outside.
         tol: triangles whose corners lie this close to a face's plane belong to the face, m.
+        numbers: what to call each triangle (m,) in an error; its index if not given.
 
     Raises:
         GeometryError: the mesh is open or its triangles disagree about orientation, naming a triangle and an edge.
     """
-    mesh = _Mesh(vertices, triangles, _across(vertices, triangles))
+    called = np.arange(len(triangles)) if numbers is None else numbers
+    mesh = _Mesh(vertices, triangles, _across(vertices, triangles, called))
     normals, heights = _frames(vertices, triangles)
     region = _regions(mesh, normals, heights, tol)
     outlines = _outlines(mesh, region)
     return _straightened(vertices, triangles, normals, region, outlines)
 
 
-def merged_vertices(points: Array, triangles: Indices, reach: float) -> tuple[Array, Indices]:
-    """Vertices within `reach` of each other become the first of them, triangles that vanish by it are dropped."""
+def merged_vertices(points: Array, triangles: Indices, reach: float) -> tuple[Array, Indices, Indices]:
+    """Vertices within `reach` of each other become the first of them, triangles that vanish by it are dropped.
+
+    Args:
+        points: (n, 3), m.
+        triangles: (m, 3) vertex indices.
+        reach: m.
+
+    Returns:
+        The points (k, 3), the triangles (j, 3) over them, and which of the triangles given (j,) these are.
+    """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
@@ -57,7 +70,7 @@ def merged_vertices(points: Array, triangles: Indices, reach: float) -> tuple[Ar
     first = np.unique(group, return_index=True)[1]
     merged = group[triangles].astype(np.int64)
     alive = np.all(merged != np.roll(merged, 1, axis=1), axis=1)
-    return points[first], merged[alive]
+    return points[first], merged[alive], np.flatnonzero(alive)
 
 
 def place(point: Sequence[float] | Array) -> str:
@@ -66,27 +79,31 @@ def place(point: Sequence[float] | Array) -> str:
     return f"({x:.6g}, {y:.6g}, {z:.6g}) mm"
 
 
-def _across(vertices: Array, triangles: Indices) -> tuple[tuple[tuple[int, int], ...], ...]:
+def _across(vertices: Array, triangles: Indices, called: Indices) -> tuple[tuple[tuple[int, int], ...], ...]:
     owner: dict[tuple[int, int], tuple[int, int]] = {}
     sides = [[(int(t[k]), int(t[(k + 1) % 3])) for k in range(3)] for t in triangles]
     advice = "repair the mesh: close it, orient all triangles outward, keep the solid free of edges of no thickness"
     for number, triangle in enumerate(sides):
         for k, side in enumerate(triangle):
             if side[0] == side[1]:
-                raise GeometryError(f"triangle {number} near {place(vertices[side[0]])} repeats a vertex", advice)
+                raise GeometryError(
+                    f"triangle {called[number]} near {place(vertices[side[0]])} repeats a vertex", advice
+                )
             if side in owner:
-                message = f"edge {_span(vertices, side)} runs the same way in triangles {owner[side][0]} and {number}"
+                pair = f"{called[owner[side][0]]} and {called[number]}"
+                message = f"edge {span(vertices, side)} runs the same way in triangles {pair}"
                 raise GeometryError(message, advice)
             owner[side] = (number, k)
     for number, triangle in enumerate(sides):
         for a, b in triangle:
             if (b, a) not in owner:
-                message = f"the surface is open: edge {_span(vertices, (a, b))} has triangle {number} only"
+                message = f"the surface is open: edge {span(vertices, (a, b))} has triangle {called[number]} only"
                 raise GeometryError(message, advice)
     return tuple(tuple(owner[b, a] for a, b in triangle) for triangle in sides)
 
 
-def _span(vertices: Array, side: tuple[int, int]) -> str:
+def span(vertices: Array, side: tuple[int, int]) -> str:
+    """An edge in words: its vertices (by index) and where they are."""
     return f"{side[0]}-{side[1]} from {place(vertices[side[0]])} to {place(vertices[side[1]])}"
 
 

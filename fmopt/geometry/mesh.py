@@ -1,7 +1,8 @@
-"""Meshes from files: vertices merged, closedness, orientation and overlaps checked, coplanar facets merged."""
+"""Meshes from files: vertices merged, faults named by triangle, coplanar facets merged, a rim left open closed."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
@@ -10,21 +11,45 @@ from typing import Literal
 import numpy as np
 
 from fmopt.errors import GeometryError, ResourceError
-from fmopt.geometry.facets import Indices, merged_vertices
+from fmopt.geometry.crossing import Crossing, first_crossing
+from fmopt.geometry.facets import Indices, merged_vertices, place
+from fmopt.geometry.mended import Patch, patches
 from fmopt.geometry.polyhedron import Polyhedron, from_triangles
-from fmopt.values import Array
+from fmopt.geometry.roundness import chord_error
+from fmopt.values import Array, Value
 
 Unit = Literal["m", "dm", "cm", "mm", "um", "in"]
 
+FORMATS = ("stl", "obj", "ply")
 _PER_METRE: dict[Unit, float] = {"m": 1.0, "dm": 10.0, "cm": 100.0, "mm": 1e3, "um": 1e6, "in": 1.0 / 0.0254}
 _MERGE = 1e-7  # of the diameter: vertices this close are one
 _FLAT = 1e-6  # of the diameter: triangles this close to a plane are coplanar
+_MENDED = -1  # what triangles that no file holds are called
 
 
-def load_mesh(path: Path | str, unit: Unit) -> Polyhedron:
-    """The polyhedron of an STL or OBJ file.
+@dataclass(frozen=True, eq=False)
+class Imported(Value):
+    """A mesh as it came in.
 
-    Vertices within 1e-7 of the diameter are merged, facets within 1e-6 of it of a plane are coplanar.
+    Args:
+        body: the polyhedron, m.
+        chord_error: how far the curved surfaces that it stands for may lie from it, m.
+        mended: what closes gaps of the mesh.
+        notes: what was done to the mesh that a user should know of.
+    """
+
+    body: Polyhedron
+    chord_error: float
+    mended: tuple[Patch, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def load_mesh(path: Path | str, unit: Unit) -> Imported:
+    """The polyhedron of an STL, OBJ or PLY file.
+
+    Vertices within 1e-7 of the diameter are merged, facets within 1e-6 of it of a plane are coplanar. Gaps are closed
+    where the missing surface is flat or a band between two rims, see `mended.patches`: whoever uses the part is to
+    look at them.
 
     Args:
         path: the file.
@@ -32,36 +57,62 @@ def load_mesh(path: Path | str, unit: Unit) -> Polyhedron:
 
     Raises:
         ResourceError: there is no such file.
-        GeometryError: unreadable, open, inside out or overlapping itself; names the triangle, the edge, the place.
+        GeometryError: unreadable, open, inside out or crossing itself; names the triangle, the edge, the place.
     """
-    points, triangles = _read(Path(path))
-    points = points / _PER_METRE[unit]
+    points, triangles = read_triangles(Path(path))
     try:
-        return mesh_polyhedron(points, triangles)
+        return mesh_polyhedron(points / _PER_METRE[unit], triangles)
     except GeometryError as error:
         raise GeometryError(f"{path}: {error.message}", error.advice) from error
 
 
-def mesh_polyhedron(points: Array, triangles: Indices) -> Polyhedron:
-    """The polyhedron of loose triangles (m, 3) over points (n, 3) in m, merged and checked as `load_mesh` does.
+def mesh_polyhedron(points: Array, triangles: Indices) -> Imported:
+    """The polyhedron of loose triangles (m, 3) over points (n, 3) in m, merged, mended and checked as by `load_mesh`.
 
     Raises:
-        GeometryError: open, inside out or overlapping itself.
+        GeometryError: open, inside out or crossing itself.
     """
     span = float(np.linalg.norm(np.ptp(points, axis=0)))
-    points, triangles = merged_vertices(points, triangles, _MERGE * span)
-    triangles = _sewn(points, triangles, _FLAT * span)
-    body = from_triangles(points, triangles, _FLAT * span)
-    _require_simple(points, triangles)
-    return body
+    merged, corners, numbers = merged_vertices(points, triangles, _MERGE * span)
+    notes = _left_out(points, triangles, numbers)
+    corners, numbers = _sewn(merged, corners, numbers, _FLAT * span)
+    mended = tuple(
+        replace(patch, beside=int(numbers[patch.beside])) for patch in patches(merged, corners, _FLAT * span)
+    )
+    closed = np.vstack([corners, *(patch.triangles for patch in mended)])
+    called = np.append(numbers, np.full(len(closed) - len(numbers), _MENDED))
+    crossing = first_crossing(merged, closed, _FLAT * span)
+    if crossing is not None and _MENDED in called[list(crossing[:2])]:
+        closed, called, mended = corners, numbers, ()
+    body = from_triangles(merged, closed, _FLAT * span, called)
+    _require_simple(merged, closed, crossing, called)
+    return Imported(body, chord_error(body), mended, (*notes, *(_gap(patch) for patch in mended)))
 
 
-def _read(path: Path) -> tuple[Array, Indices]:
+def extents(path: Path) -> tuple[float, float, float]:
+    """Width of a mesh file along x, y and z in the numbers of the file, whose unit it does not say.
+
+    Raises:
+        ResourceError: there is no such file.
+        GeometryError: unreadable.
+    """
+    x, y, z = np.ptp(read_triangles(path)[0], axis=0)
+    return float(x), float(y), float(z)
+
+
+def read_triangles(path: Path) -> tuple[Array, Indices]:
+    """Points (n, 3) and triangles (m, 3) of a mesh file as they stand there.
+
+    Raises:
+        ResourceError: there is no such file.
+        GeometryError: no mesh format, unreadable, or empty.
+    """
     import trimesh
 
     kind = path.suffix.lower().removeprefix(".")
-    if kind not in ("stl", "obj"):
-        raise GeometryError(f"{path}: {path.suffix or 'a name without suffix'} is no mesh format", "use .stl or .obj")
+    if kind not in FORMATS:
+        advice = "use .stl, .obj or .ply, or .step with the extra step"
+        raise GeometryError(f"{path}: {path.suffix or 'a name without suffix'} is no mesh format", advice)
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -79,10 +130,28 @@ def _read(path: Path) -> tuple[Array, Indices]:
     return points, triangles
 
 
-def _sewn(points: Array, triangles: Indices, reach: float) -> Indices:
+def _left_out(points: Array, triangles: Indices, kept: Indices) -> list[str]:
+    lost = np.setdiff1d(np.arange(len(triangles)), kept)
+    if not len(lost):
+        return []
+    where = f"triangle {lost[0]} at {place(points[triangles[lost[0], 0]])}"
+    return [
+        f"{where} has no area and was left out"
+        if len(lost) == 1
+        else f"{len(lost)} triangles have no area and were left out, {where} first"
+    ]
+
+
+def _gap(patch: Patch) -> str:
+    a, b = patch.corners.min(axis=0), patch.corners.max(axis=0)
+    return f"the mesh is open beside triangle {patch.beside}, from {place(a)} to {place(b)}; it was closed there"
+
+
+def _sewn(points: Array, triangles: Indices, numbers: Indices, reach: float) -> tuple[Indices, Indices]:
     """Triangles with an open edge are split at the vertices that lie on it, as where a rim was subdivided on one side.
 
-    Only vertices of open edges within `reach` of the edge count, so that the surface stays where it is.
+    Only vertices of open edges within `reach` of the edge count, so that the surface stays where it is. The parts of
+    a triangle keep its number.
     """
     while True:
         sides = {(int(t[k]), int(t[(k + 1) % 3])): (i, k) for i, t in enumerate(triangles) for k in range(3)}
@@ -93,12 +162,15 @@ def _sewn(points: Array, triangles: Indices, reach: float) -> Indices:
             if between := _between(points, a, b, rim, reach):
                 splits.setdefault(sides[a, b][0], (sides[a, b][1], between))
         if not splits:
-            return triangles
+            return triangles, numbers
         kept = [triangle for i, triangle in enumerate(triangles.tolist()) if i not in splits]
+        called = [number for i, number in enumerate(numbers.tolist()) if i not in splits]
         for i, (k, between) in splits.items():
             a, b, c = np.roll(triangles[i], -k).tolist()
-            kept.extend([one, two, c] for one, two in pairwise([a, *between, b]))
-        triangles = np.array(kept, dtype=np.int64)
+            parts = [[one, two, c] for one, two in pairwise([a, *between, b])]
+            kept.extend(parts)
+            called.extend([int(numbers[i])] * len(parts))
+        triangles, numbers = np.array(kept, dtype=np.int64), np.array(called, dtype=np.int64)
 
 
 def _between(points: Array, a: int, b: int, candidates: Indices, reach: float) -> list[int]:
@@ -112,8 +184,13 @@ def _between(points: Array, a: int, b: int, candidates: Indices, reach: float) -
     return [int(index) for index in candidates[on][np.argsort(run[on])]]
 
 
-def _require_simple(points: Array, triangles: Indices) -> None:
-    """Refuse shells that overlap each other: together they would count twice."""
+def _require_simple(points: Array, triangles: Indices, crossing: Crossing | None, numbers: Indices) -> None:
+    """Refuse a surface that passes through itself, and shells inside each other: together they would count twice."""
+    if crossing is not None:
+        one, other, where = crossing
+        message = f"the surface passes through itself: triangles {numbers[one]} and {numbers[other]} cross"
+        advice = "unite the bodies in the program that made the mesh, and export it again"
+        raise GeometryError(f"{message} at {place(where)}", advice)
     from manifold3d import Manifold, Mesh64, OpType
 
     body = Manifold(Mesh64(vert_properties=points, tri_verts=triangles.astype(np.uint64)))

@@ -5,27 +5,37 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from fmopt.errors import GeometryError
 from fmopt.geometry.csg import Solid, exact_pose, sagitta
 from fmopt.geometry.excess import MESH_NOISE, solid_of
+from fmopt.geometry.facets import place
 from fmopt.geometry.features import Feature, in_frame
+from fmopt.geometry.mating import found_features
+from fmopt.geometry.mesh import Imported
 from fmopt.geometry.pieces import pieces, polyhedron
 from fmopt.geometry.polyhedron import Polyhedron, placed, scaled
 from fmopt.se3 import Pose
 from fmopt.values import Value
 
 _MESH_VOLUME = 1e-4  # of the volume
+_FAR_END = 0.05  # of a feature's length: gaps no further from its far end than this are at its far rim
 
 
 @dataclass(frozen=True, eq=False)
 class Part(Value):
-    """A part: its boundary, the convex pieces whose union it is, its features, and the sagitta of its curves in m."""
+    """A part: its boundary, the convex pieces whose union it is, its features, and the sagitta of its curves in m.
+
+    `notes` say what a user should know of an imported mesh, one statement each.
+    """
 
     name: str
     polyhedron: Polyhedron
     pieces: tuple[Polyhedron, ...]
     features: tuple[Feature, ...]
     chord_error: float
+    notes: tuple[str, ...] = ()
 
     def feature(self, name: str) -> Feature:
         """The feature of that name.
@@ -49,26 +59,54 @@ def part_of(name: str, solid: Solid, features: Sequence[Feature] = ()) -> Part:
     return Part(name, polyhedron(solid), pieces(solid), tuple(features), sagitta(solid))
 
 
-def mesh_part(name: str, body: Polyhedron, features: Sequence[Feature] = (), chord_error: float = 0.0) -> Part:
+def mesh_part(
+    name: str, mesh: Imported, features: Sequence[Feature] | None = None, chord_error: float | None = None
+) -> Part:
     """The part of an imported mesh; it gets exact convex pieces by way of `excess.solid_of`.
 
     Args:
         name: the part's name.
-        body: as `load_mesh` returns it, in the model frame; noise below 1e-6 of its diameter is cleaned away.
-        features: mating features in the model frame.
-        chord_error: how far the true curved surfaces lie from the mesh, m; the file does not say.
+        mesh: as `load_mesh` returns it, in the model frame; noise below 1e-6 of its diameter is cleaned away.
+        features: mating features in the model frame; found by `mating.found_features` if not given.
+        chord_error: how far the true curved surfaces lie from the mesh, m; the mesh's own estimate if not given.
 
     Raises:
-        GeometryError: the mesh does not come apart into convex bodies.
+        GeometryError: the mesh does not come apart into convex bodies, nothing was found on it to mate with, or it is
+            open at a mating face.
     """
+    body = mesh.body
     solid = solid_of(body, MESH_NOISE * body.diameter)
-    part = part_of(name, solid, features)
+    part = part_of(name, solid, features or ())
     if abs(part.polyhedron.volume - body.volume) > _MESH_VOLUME * body.volume:
         raise GeometryError(
             f"mesh {name!r} has {body.volume:.6g} m³, its convex pieces {part.polyhedron.volume:.6g} m³",
             "give one connected solid, or model it as a CSG solid",
         )
-    return replace(part, chord_error=chord_error)
+    known = found_features(part.polyhedron, part.pieces) if features is None else tuple(features)
+    for feature in known:
+        _require_intact(name, mesh, feature)
+    true = mesh.chord_error if chord_error is None else chord_error
+    return replace(
+        part, features=known, chord_error=true, notes=tuple(f"warning: {name}: {note}" for note in mesh.notes)
+    )
+
+
+def _require_intact(name: str, mesh: Imported, feature: Feature) -> None:
+    """Gaps of a mesh may lie at the far end of a feature, where nothing mates.
+
+    Raises:
+        GeometryError: one reaches into the mating faces.
+    """
+    sign = -1.0 if feature.kind == "hollow" else 1.0
+    for gap in mesh.mended:
+        depth = float(np.min(sign * feature.frame.inverse().apply(gap.corners)[:, 2]))
+        if depth < (1.0 - _FAR_END) * feature.length:
+            raise GeometryError(
+                f"mesh {name!r} is open beside triangle {gap.beside}, at {place(gap.corners[0])}, which is "
+                f"{1e3 * depth + 0.0:.4g} mm along feature {feature.name!r} of {1e3 * feature.length:.4g} mm: its "
+                "mating faces are not all there",
+                "close the mesh in the program that made it; a gap may be left open at a feature's far end only",
+            )
 
 
 def rebased(part: Part, pose: Pose) -> Part:

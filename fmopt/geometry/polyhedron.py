@@ -129,13 +129,16 @@ def from_faces(
     return Polyhedron(points, made, edges)
 
 
-def from_triangles(vertices: ArrayLike, triangles: ArrayLike, tol: float = 1e-9) -> Polyhedron:
+def from_triangles(
+    vertices: ArrayLike, triangles: ArrayLike, tol: float = 1e-9, numbers: NDArray[np.int64] | None = None
+) -> Polyhedron:
     """The polyhedron of a closed triangle mesh: coplanar triangles merged, straight-through vertices dropped.
 
     Args:
         vertices: (n, 3), m; coordinates are kept to the bit.
         triangles: (m, 3) vertex indices, counter-clockwise seen from outside.
         tol: distance from a face's plane within which triangles belong to it, m.
+        numbers: what to call each triangle (m,) in an error; its index if not given.
 
     Raises:
         GeometryError: open, disagreeing or inside-out triangles, no volume; names the triangle, the edge, the place.
@@ -146,12 +149,13 @@ def from_triangles(vertices: ArrayLike, triangles: ArrayLike, tol: float = 1e-9)
         raise GeometryError("the solid is empty: no triangles", "check that the operands overlap as meant")
     volume = _volume(points, corners[:, None, :].tolist())
     if volume < 0.0:
+        name = 0 if numbers is None else numbers[0]
         raise GeometryError(
-            f"the surface is inside out: triangle 0 at {place(points[corners[0, 0]])} faces inward, volume "
+            f"the surface is inside out: triangle {name} at {place(points[corners[0, 0]])} faces inward, volume "
             f"{volume:.3g} m³",
             "reverse the corners of every triangle",
         )
-    return from_faces(points, polygon_faces(points, corners, tol))
+    return from_faces(points, polygon_faces(points, corners, tol, numbers))
 
 
 def triangulated(body: Polyhedron) -> NDArray[np.int64]:

@@ -14,11 +14,11 @@ from typing import Any, Literal, get_args, get_origin
 
 from fmopt.errors import Fault
 from fmopt.study.batch import Assigned
+from fmopt.task.mesh_source import MAX_MESH_BYTES
 from fmopt.task.model import parameter_values
 from fmopt.task.problem_file import ProblemFile
 from fmopt.task.tables import Measured, Table
 from fmopt.task.toml_source import Source, read, read_bytes
-from fmopt.task.tree import MAX_MESH_BYTES
 from fmopt.task.units import ANGLE, FORCE, LENGTH, RATIO, SPEED, TIME, TORQUE, Dimension, Quantity, did_you_mean
 
 SIDES = ("moving", "fixed")

@@ -16,9 +16,9 @@ from fmopt.knowledge.command import answer
 from fmopt.se3 import Pose
 from fmopt.task.command import task_command
 from fmopt.task.problem import Problem
-from fmopt.task.sources import Sources
 from fmopt.values import Array
 
+_WARNING = "warning: "
 _FREE = {"p_z": "free_depth", "q_z": "free_turn"}
 
 
@@ -61,14 +61,14 @@ def facts(problem: Problem, clearance: Clearance) -> dict[str, Any]:
         "play": play,
         "specification": asdict(problem.specification),
         "settings": asdict(problem.settings),
-        "warnings": list(_mismatch(problem, clearance)),
+        "warnings": list(_warnings(problem, clearance)),
     }
 
 
 def explain(problem: Problem, clearance: Clearance) -> str:
     """What a problem asks for, one statement a line, lengths in mm and angles in degrees."""
     sections = {
-        "parts": [_part("moving", problem.moving, problem.peg), _part("fixed", problem.fixed, problem.hole)],
+        "parts": list(_parts(problem)),
         "task": list(_task(problem)),
         "goal": [_goal(problem)],
         "clearance": list(_clearance(problem, clearance)),
@@ -88,6 +88,12 @@ def _mm(length: float) -> str:
 
 def _deg(angle: float) -> str:
     return f"{math.degrees(angle):.6g}"
+
+
+def _parts(problem: Problem) -> Iterator[str]:
+    for side, part, feature in (("moving", problem.moving, problem.peg), ("fixed", problem.fixed, problem.hole)):
+        yield _part(side, part, feature)
+        yield from (note for note in part.notes if not note.startswith(_WARNING))
 
 
 def _part(side: str, part: Part, feature: Feature) -> str:
@@ -138,7 +144,19 @@ def _clearance(problem: Problem, clearance: Clearance) -> Iterator[str]:
     if error > clearance.per_side:
         found += f"; the start error is {error / clearance.per_side:.3g} times that, so contacts have to shrink it"
     yield found
+    yield from _warnings(problem, clearance)
+
+
+def _warnings(problem: Problem, clearance: Clearance) -> Iterator[str]:
     yield from _mismatch(problem, clearance)
+    for part in (problem.moving, problem.fixed):
+        yield from (note for note in part.notes if note.startswith(_WARNING))
+    rounds = problem.moving.chord_error + problem.fixed.chord_error
+    if rounds >= clearance.per_side:
+        yield (
+            f"warning: the curved surfaces lie up to {_mm(rounds)} mm from their facets, which is the clearance and "
+            "more; give finer facets"
+        )
 
 
 def _mismatch(problem: Problem, clearance: Clearance) -> Iterator[str]:
@@ -156,7 +174,7 @@ def _start(problem: Problem) -> Iterator[str]:
     yield f"lowest point {_mm(problem.approach)} mm above the mouth, tilted and beside the axis as the plan says"
     yield f"nominal trajectory from {_pose(problem.start)} of the hole's frame"
     x, y, z, rx, ry, rz = (float(width) for width in problem.start_box)
-    origin = "as stated" if problem.sources is None else "from its sources"
+    origin = "from its sources" if problem.budget else "as stated"
     if problem.plane is not None:
         yield f"error {origin}: +-{_mm(x)}, {_mm(z)} mm along x, z; +-{_deg(ry)} deg about y, none out of the plane"
     else:
@@ -164,8 +182,9 @@ def _start(problem: Problem) -> Iterator[str]:
             f"error {origin}: +-{_mm(x)}, {_mm(y)}, {_mm(z)} mm along x, y, z; "
             f"+-{_deg(rx)}, {_deg(ry)}, {_deg(rz)} deg about them"
         )
+    yield from _sources(problem)
     if problem.sources is not None:
-        yield from _sources(problem, problem.sources)
+        yield f"grasped {_mm(problem.sources.grasp_height)} mm above the leading face"
     if problem.trapezoid is not None:
         ball, cone = problem.trapezoid
         yield f"S(t) for a ball of {_mm(ball)} mm and a cone of {_deg(cone)} deg, for which nothing is proved"
@@ -176,14 +195,14 @@ def _pose(P: Array) -> str:
     return place + (f", turned by ({', '.join(_deg(float(value)) for value in P[3:])}) deg," if P[3:].any() else "")
 
 
-def _sources(problem: Problem, sources: Sources) -> Iterator[str]:
+def _sources(problem: Problem) -> Iterator[str]:
     """The budget: each source with what it adds across the axis and about it, and its part of both."""
     across, angle = float(problem.start_box[0]), float(problem.start_box[4])
     for share in problem.budget:
         x, turn = float(share.box[0]), float(share.box[4])
         parts = f"{x / across if across else 0.0:.0%} and {turn / angle if angle else 0.0:.0%}"
-        yield f"{share.source} ({share.symbol}): {_mm(x)} mm along x, {_deg(turn)} deg ({parts})"
-    yield f"grasped {_mm(sources.grasp_height)} mm above the leading face"
+        name = f"{share.source} ({share.symbol})" if share.symbol else share.source
+        yield f"{name}: {_mm(x)} mm along x, {_deg(turn)} deg ({parts})"
 
 
 def _motion(problem: Problem) -> Iterator[str]:

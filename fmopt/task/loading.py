@@ -21,6 +21,7 @@ from fmopt.se3 import Pose, exp
 from fmopt.task import problem_file as files
 from fmopt.task.command import PLANNED, attributes, is_round
 from fmopt.task.faults import checked
+from fmopt.task.mesh_source import MAX_MESH_BYTES
 from fmopt.task.model import Model, load_model, overrides_of
 from fmopt.task.problem import Attributes, Problem, Settings, Specification, VelocityError
 from fmopt.task.sources import (
@@ -40,7 +41,7 @@ from fmopt.task.sources import (
 )
 from fmopt.task.tables import Reading, factors, in_words
 from fmopt.task.toml_source import Source, read, read_bytes
-from fmopt.task.tree import MAX_MESH_BYTES, build_part, build_tree
+from fmopt.task.tree import build_part, build_tree
 from fmopt.task.units import ANGLE, LENGTH, did_you_mean
 from fmopt.values import Array
 
@@ -220,6 +221,8 @@ def _problem(source: Source, file: files.ProblemFile, models: Mapping[str, Model
     moving, trapezoid = rebased(parts[peg], turned), file.uncertainty.trapezoid
     sources = _sources(file.uncertainty.sources, parts) if file.uncertainty.sources else None
     shares = _budget(file, sources, moving) if sources else ()
+    if facets := _tessellation(models, parts):
+        shares = (*(shares or (Contribution("as stated", "", _stated_box(file.uncertainty.start)),)), *facets)
     plane = _plane(file, models)
     if plane is not None:
         shares = tuple(share.in_plane() for share in shares)
@@ -309,6 +312,15 @@ def _budget(file: files.ProblemFile, sources: Sources, moving: Part) -> tuple[Co
     swing = radius * float(np.linalg.norm(upright[3:]))
     aside = 7.0 * float(upright[0]) + 3.0 * swing + radius * (1.0 - math.cos(lean))
     return budget(sources, height, aside, lean)
+
+
+def _tessellation(models: Mapping[str, Model], parts: Mapping[str, Part]) -> tuple[Contribution, ...]:
+    """What the facets of imported parts add to the position errors: how far the true surfaces lie from them, as ε_v."""
+    return tuple(
+        Contribution(f"{side} part, facets of its mesh", "ε_v", np.repeat([parts[side].chord_error, 0.0], 3))
+        for side, model in models.items()
+        if model.file.mesh is not None and parts[side].chord_error > 0.0
+    )
 
 
 def _refuse_wild(source: Source, shares: Sequence[Contribution]) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from fmopt.errors import Fault, InputError
 from fmopt.task.faults import checked
+from fmopt.task.mesh_source import unit_faults, with_features
 from fmopt.task.model_file import ModelFile, Profile
 from fmopt.task.tables import Reading, factors
 from fmopt.task.toml_source import Key, Place, Source, read
@@ -52,6 +53,8 @@ def load_model(path: Path, cited: Place, overrides: Mapping[str, Override]) -> t
     faults += more
     if file is not None:
         faults += _cross_checks(source, file)
+        if file.mesh is not None and not file.features and not faults:
+            file = with_features(source, file)
     return (Model(source, file) if file is not None and not faults else None), faults
 
 
@@ -123,6 +126,11 @@ def _cross_checks(source: Source, file: ModelFile) -> list[Fault]:
     elif file.part is not None:
         message = f"{words[given[0]]} has no solids"
         faults.append(source.place(("part",), of_key=True).fault("conflict", message, "remove 'part'"))
+    if not file.features and file.mesh is None:
+        advice = "add [features.NAME] with kind, at and length: where the part mates"
+        faults.append(Place(str(source.path), key="features").fault("missing-key", "this key is missing", advice))
+    if given == ["mesh"] and file.mesh is not None:
+        faults += unit_faults(source, file.mesh)
     if file.profile is not None:
         faults += _profile_faults(source, file, file.profile)
     for name, feature in file.features.items():

@@ -122,12 +122,16 @@ Shape: TypeAlias = Box | Cylinder | Cone | Sphere | Prism | Wedge | Hull | Union
 
 
 class Mesh(Table):
-    """A closed triangle mesh in place of solids."""
+    """A closed triangle mesh, or a STEP file, in place of solids."""
 
     file: File
-    """STL or OBJ file, relative to this model file."""
-    unit: Literal["m", "cm", "mm", "um", "in"]
-    """Unit of the numbers in the mesh file, which does not say it itself."""
+    """STL, OBJ or PLY file, or STEP with the extra of that name, relative to this model file."""
+    unit: Literal["m", "cm", "mm", "um", "in"] | None = None
+    """Unit of the numbers in a mesh file, which does not say it itself. A STEP file does: leave it out there."""
+    deviation: Distance | None = None
+    """How far curved surfaces lie from the facets that stand for them, which adds to the errors of the start.
+    Estimated from the facets if not given; curved faces of a STEP file are faceted as finely as this, 0.01 mm if not
+    given, and plane ones are exact."""
 
 
 class Profile(Table):
@@ -176,5 +180,5 @@ class ModelFile(Table):
     """A mesh file in place of solids."""
     profile: Profile | None = None
     """The profile of a part in the plane, in place of solids."""
-    features: Annotated[dict[Name, MatingFeature], Field(min_length=1, max_length=64)]
-    """Mating features by name."""
+    features: Annotated[dict[Name, MatingFeature], Field(max_length=64)] = Field(default_factory=dict)
+    """Mating features by name; found on a mesh if there are none: peg and hole, or hole_1, hole_2 and so on."""

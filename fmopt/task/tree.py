@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
-from pathlib import Path
+from dataclasses import replace
 from typing import TYPE_CHECKING, assert_never
 
 from fmopt.errors import Fault, GeometryError, InputError, TaskError
 from fmopt.se3 import Pose
 from fmopt.task import model_file as files
-from fmopt.task.toml_source import Key, Place, Source, read_bytes
+from fmopt.task.mesh_source import imported
+from fmopt.task.toml_source import Key, Place, Source
 from fmopt.task.units import did_you_mean
 
 if TYPE_CHECKING:
     from fmopt.geometry import csg
     from fmopt.geometry.features import Feature
     from fmopt.geometry.part import Part
-    from fmopt.geometry.polyhedron import Polyhedron
     from fmopt.knowledge.chain import Chain
     from fmopt.knowledge.tree import ObjectTree
 
 MAX_INSTANCES = 1000
-MAX_MESH_BYTES = 100_000_000
 
 
 def tree_faults(source: Source, file: files.ModelFile) -> list[Fault]:
@@ -103,9 +103,10 @@ def build_part(source: Source, file: files.ModelFile) -> Part:
 
     features = [_feature(name, feature) for name, feature in file.features.items()]
     if file.mesh is not None:
-        body = _mesh(source, file.mesh)
+        mesh = imported(source, file.mesh)
         try:
-            return mesh_part(file.name, body, features)
+            part = mesh_part(file.name, mesh, features, file.mesh.deviation)
+            return part if "features" in source.data else replace(part, notes=(*part.notes, *map(_found, features)))
         except GeometryError as error:
             place = source.place(("mesh", "file"))
             raise InputError(place.fault("geometry", error.message, error.advice)) from error
@@ -147,7 +148,7 @@ def build_tree(source: Source, file: files.ModelFile) -> ObjectTree:
     try:
         chain = _whole_chain(source, file)
         if not all(claims[feature.name].terms or is_made(chain, feature) for feature in features):
-            body = _mesh(source, file.mesh) if file.mesh is not None else polyhedron(chain_solid(chain))
+            body = polyhedron(chain_solid(chain)) if file.mesh is None else imported(source, file.mesh).body
             chain = chain_of(solid_of(body, MESH_NOISE * body.diameter), file.name)
         return checked(object_tree(file.name, chain, features, claims))
     except TaskError as error:
@@ -155,18 +156,6 @@ def build_tree(source: Source, file: files.ModelFile) -> ObjectTree:
         raise InputError(source.place(key, of_key=True).fault("frame-rule", error.message, error.advice)) from error
     except GeometryError as error:
         place = source.place(("solids", file.part) if file.part else ("mesh", "file"), of_key=True)
-        raise InputError(place.fault("geometry", error.message, error.advice)) from error
-
-
-def _mesh(source: Source, mesh: files.Mesh) -> Polyhedron:
-    place = source.place(("mesh", "file"))
-    path = source.path.parent / Path(mesh.file)
-    read_bytes(path, place, MAX_MESH_BYTES)
-    try:
-        from fmopt.geometry.mesh import load_mesh
-
-        return load_mesh(path, mesh.unit)
-    except GeometryError as error:
         raise InputError(place.fault("geometry", error.message, error.advice)) from error
 
 
@@ -244,6 +233,18 @@ def _shape(source: Source, file: files.ModelFile, table: files.Shape) -> csg.Sol
             return csg.Difference(_solid(source, file, base), tuple(_solid(source, file, target) for target in minus))
         case _:
             assert_never(table)
+
+
+def _found(feature: Feature) -> str:
+    """A feature that the model file did not name, as it would be written there."""
+    x, y, z, *turn = feature.frame.vector().tolist()
+    at = ", ".join(f"{1e3 * value + 0.0:.9g}" for value in (x, y, z))
+    about = ", ".join(f"{math.degrees(angle) + 0.0:.9g}" for angle in turn)
+    through = ", through" if feature.through else ""
+    return (
+        f"found: [features.{feature.name}] of the mesh, {feature.kind}, at = [{at}] mm, turn = [{about}] deg, "
+        f"length = {1e3 * feature.length:.9g} mm{through}"
+    )
 
 
 def _feature(name: str, table: files.MatingFeature) -> Feature:

@@ -1,0 +1,248 @@
+"""Mating features found on a part that does not name them: holes, bosses, and the part itself where it is a peg.
+
+A face with a second outline has a hole there where the edges of that outline are convex, a boss where they are reflex.
+A part that is a prism to a flat end, up to a shoulder or over its whole length, is a peg along its longest such axis.
+Frames: the origin on the centroid of the section half-way along, z by the rule of `features.Feature`, x along the
+longest side of that section, so that a peg and a hole of one shape get frames that agree up to its symmetry.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmopt.errors import GeometryError
+from fmopt.geometry.features import Feature, FeatureKind
+from fmopt.geometry.polyhedron import Face, Polyhedron, plane_basis
+from fmopt.geometry.section import section_limit
+from fmopt.se3 import Pose
+from fmopt.values import Array
+
+if TYPE_CHECKING:
+    from shapely import Polygon
+
+_SLENDER = 1.5  # a part with holes is a peg too when it is this many times as long as its section is wide
+_SAME = 1e-6  # of the diameter
+_ROUND = 1e-9  # m: to which origins are rounded
+_LOPSIDED = 1e-3  # of a section's width: a centroid this far from the middle says which way x points
+
+
+@dataclass(frozen=True)
+class _Found:
+    """A feature without its name, its section's area in m² and how wide its mouth is, m²."""
+
+    kind: FeatureKind
+    frame: Pose
+    length: float
+    through: bool
+    area: float
+    mouth: float
+
+
+def found_features(body: Polyhedron, pieces: Sequence[Polyhedron]) -> tuple[Feature, ...]:
+    """The pegs and holes of a part, largest first: "peg" and "hole", or "hole_1", "hole_2", … where there are more.
+
+    Args:
+        body: the part's boundary, m.
+        pieces: convex polyhedra whose union it is.
+
+    Raises:
+        GeometryError: there are none, or the part is as much a peg along one axis as along another.
+    """
+    found = _without_far_mouths([*_around_inner_loops(body, pieces)], _SAME * body.diameter)
+    tips = [one.frame.p for one in found]
+    for peg in _pegs(body, pieces):
+        known = any(np.linalg.norm(peg.frame.p - tip) <= _SAME * body.diameter for tip in tips)
+        if not found or (not known and peg.length >= _SLENDER * np.sqrt(peg.area)):
+            found.append(peg)
+    if not found:
+        raise GeometryError("no peg or hole was found on it", "describe where it mates under [features]")
+    made = []
+    for kind, name in (("solid", "peg"), ("hollow", "hole")):
+        own = sorted((f for f in found if f.kind == kind), key=_rank)
+        names = [name] if len(own) == 1 else [f"{name}_{i}" for i in range(1, len(own) + 1)]
+        made += [Feature(n, f.kind, f.frame, f.length, f.through) for n, f in zip(names, own, strict=True)]
+    return tuple(made)
+
+
+def _rank(found: _Found) -> tuple[float, ...]:
+    x, y, z = found.frame.p
+    return (-round(found.area, 12), round(float(x), 9), round(float(y), 9), round(float(z), 9))
+
+
+def _around_inner_loops(body: Polyhedron, pieces: Sequence[Polyhedron]) -> Iterator[_Found]:
+    convex = {edge.vertices: edge.convex for edge in body.edges}
+    for face in body.faces:
+        for loop in face.loops[1:]:
+            sides = [tuple(sorted(side)) for side in zip(loop, loop[1:] + loop[:1], strict=True)]
+            flags = [convex[a, b] for a, b in sides]
+            rim = body.vertices[list(loop)]
+            if all(flags):
+                made = _hole(body, pieces, face, rim)
+            elif not any(flags):
+                made = _boss(pieces, face, rim)
+            else:
+                made = None
+            if made is not None:
+                yield made
+
+
+def _hole(body: Polyhedron, pieces: Sequence[Polyhedron], face: Face, rim: Array) -> _Found | None:
+    mouth, size = _centroid(rim, face.normal)
+    below = [a for a, b in _material(pieces, mouth, -face.normal) if b > _SAME * body.diameter]
+    through = not below
+    depth = _far_mouth(body, face, mouth) if through else min(below)
+    if depth is None or depth <= _SAME * body.diameter:
+        return None
+    ring = _ring(pieces, mouth, face.normal, -0.5 * depth, hollow=True)
+    if ring is None:
+        return None
+    return _Found("hollow", _frame(ring, mouth, face.normal), depth, through, ring.area, size)
+
+
+def _far_mouth(body: Polyhedron, face: Face, mouth: Array) -> float | None:
+    """Distance from the mouth to the nearest face on the other side with an outline around the axis."""
+    from shapely import Point, Polygon
+
+    depths = []
+    for other in body.faces:
+        if other.normal @ face.normal > -1.0 + 1e-9:
+            continue
+        basis = plane_basis(other.normal)
+        if any(Polygon(body.vertices[list(loop)] @ basis).contains(Point(mouth @ basis)) for loop in other.loops[1:]):
+            depths.append(float(face.offset + other.offset))
+    return min(depths, default=None)
+
+
+def _boss(pieces: Sequence[Polyhedron], face: Face, rim: Array) -> _Found | None:
+    base, size = _centroid(rim, face.normal)
+    spans = [b for a, b in _material(pieces, base, face.normal) if a <= _ROUND]
+    height = max(spans, default=0.0)
+    if height <= _ROUND:
+        return None
+    ring = _ring(pieces, base, -face.normal, -0.5 * height, hollow=False)
+    if ring is None:
+        return None
+    tip = base + height * face.normal
+    return _Found("solid", _frame(ring, tip, -face.normal), height, False, ring.area, size)
+
+
+def _pegs(body: Polyhedron, pieces: Sequence[Polyhedron]) -> list[_Found]:
+    """The part as a peg: none, or one by its longest axis and better end."""
+    reach = _SAME * body.diameter
+    ends = []
+    for face in body.faces:
+        heights = body.vertices @ face.normal - face.offset
+        along = body.normals @ face.normal
+        levels = body.offsets - face.offset  # of the faces that look the same way; others are not asked
+        inside = (along > 1.0 - 1e-9) & (levels < -reach)
+        undercut = (along < -1.0 + 1e-9) & (-body.offsets - face.offset > heights.min() + reach)
+        if heights.max() > reach or np.count_nonzero(np.abs(along) < 1e-9) < 3 or undercut.any():
+            continue
+        length = float(-levels[inside].max()) if inside.any() else float(-heights.min())
+        tip, _ = _centroid(body.vertices[list(face.loops[0])], face.normal)
+        ring = _ring(pieces, tip, -face.normal, 0.5 * length, hollow=False, alone=True)
+        if ring is not None:
+            frame = _frame(ring, tip, -face.normal)
+            ends.append(_Found("solid", frame, length, False, ring.area, ring.area))
+    return [_slenderest(ends)] if ends else []
+
+
+def _slenderest(ends: Sequence[_Found]) -> _Found:
+    """The end of the longest peg for its width; of equal ends of one axis the one that points down in the model."""
+
+    def slender(end: _Found) -> float:
+        return end.length / float(np.sqrt(end.area))
+
+    best = max(map(slender, ends))
+    near = [end for end in ends if slender(end) > 0.99 * best]
+    axes = np.array([end.frame.R[:, 2] for end in near])
+    if np.abs(axes @ axes[0]).min() < 1.0 - 1e-9:
+        message = "it is as much a peg along one axis as along another"
+        raise GeometryError(message, "describe where it mates under [features]")
+    return max(near, key=lambda end: _upward(end.frame.R[:, 2]))
+
+
+def _without_far_mouths(found: Sequence[_Found], reach: float) -> list[_Found]:
+    """Of the two mouths of a through hole the wider one, of equal ones that which looks up in the model."""
+    kept: list[_Found] = []
+    for one in sorted(found, key=lambda f: (f.mouth, _upward(f.frame.R[:, 2])), reverse=True):
+        far = one.frame.p - one.length * one.frame.R[:, 2]
+        if not any(
+            one.through
+            and other.through
+            and other.frame.R[:, 2] @ one.frame.R[:, 2] < -1.0 + 1e-9
+            and np.linalg.norm(far - other.frame.p) <= reach
+            for other in kept
+        ):
+            kept.append(one)
+    return kept
+
+
+def _upward(z: Array) -> tuple[float, float, float]:
+    return (round(float(z[2]), 9), round(float(z[1]), 9), round(float(z[0]), 9))
+
+
+def _material(pieces: Sequence[Polyhedron], start: Array, along: Array) -> list[tuple[float, float]]:
+    """Where a line runs inside each convex piece: distances (low, high) from its start, m."""
+    spans = []
+    for piece in pieces:
+        room, rate = piece.offsets - piece.normals @ start, piece.normals @ along
+        if np.any((np.abs(rate) < 1e-12) & (room < _ROUND)):
+            continue
+        ahead, back = rate >= 1e-12, rate <= -1e-12
+        low, high = float((room[back] / rate[back]).max()), float((room[ahead] / rate[ahead]).min())
+        if high > low + _ROUND:
+            spans.append((low, high))
+    return spans
+
+
+def _centroid(rim: Array, normal: Array) -> tuple[Array, float]:
+    """Centroid (3,) of a plane outline (n, 3), and its area in m²."""
+    from shapely import Polygon
+
+    basis = plane_basis(normal)
+    shape = Polygon(rim @ basis)
+    flat = np.array(shape.centroid.coords[0])
+    return basis @ flat + normal * float(np.mean(rim @ normal)), float(shape.area)
+
+
+def _ring(
+    pieces: Sequence[Polyhedron], origin: Array, z: Array, height: float, hollow: bool, alone: bool = False
+) -> Polygon | None:
+    """Outline around the origin, across z at a height, in the plane's basis: of the opening or of the material.
+
+    `alone`: only where there is no other material at that height.
+    """
+    from shapely import Point, Polygon
+
+    shapes = section_limit(pieces, Pose(origin + height * z, np.column_stack([plane_basis(z), z])), 1)
+    if alone and len(shapes.geoms) > 1:
+        return None
+    rings = [ring for shape in shapes.geoms for ring in (shape.interiors if hollow else (shape.exterior,))]
+    around = [Polygon(ring) for ring in rings if Polygon(ring).contains(Point(0.0, 0.0))]
+    return min(around, key=lambda shape: shape.area) if around else None
+
+
+def _frame(ring: Polygon, at: Array, z: Array) -> Pose:
+    """The frame at height 0 over the centroid of a section that is given in the basis of `_ring`."""
+    basis = plane_basis(z)
+    centroid = np.array(ring.centroid.coords[0])
+    corners = np.array(ring.exterior.coords)
+    sides = np.diff(corners, axis=0)
+    lengths = np.linalg.norm(sides, axis=1)
+    longest = sides[lengths >= lengths.max() * (1.0 - 1e-5)] @ basis.T
+    choices = [sign * side / np.linalg.norm(side) for side in longest for sign in (1.0, -1.0)]
+    x = max(choices, key=lambda d: np.round(d, 6).tolist())
+    y = np.cross(z, x)
+    spread = (corners - centroid) @ (np.column_stack([x, y]).T @ basis).T
+    lean = -0.5 * (spread.min(axis=0) + spread.max(axis=0))
+    side = next((float(out) for out in lean if abs(out) > _LOPSIDED * lengths.max()), 1.0)
+    x, y = (-x, -y) if side < 0.0 else (x, y)
+    turn = np.column_stack([x, y, z])
+    turn[np.abs(turn) < 1e-9] = 0.0
+    turn = turn / np.linalg.norm(turn, axis=0)
+    return Pose(np.round((at + basis @ centroid) / _ROUND) * _ROUND + 0.0, turn)

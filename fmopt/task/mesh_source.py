@@ -1,0 +1,88 @@
+"""The mesh or STEP file that a model file names: read once its unit is known, its mating features found."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fmopt.errors import Fault, GeometryError, InputError, ResourceError
+from fmopt.task.model_file import MatingFeature, Mesh, ModelFile
+from fmopt.task.toml_source import Source, read_bytes
+
+if TYPE_CHECKING:
+    from fmopt.geometry.mesh import Imported
+
+MAX_MESH_BYTES = 100_000_000
+STEP = (".step", ".stp")
+
+
+def is_step(mesh: Mesh) -> bool:
+    """Whether the file that a model names is a STEP file, which says its unit itself."""
+    return Path(mesh.file).suffix.lower() in STEP
+
+
+def unit_faults(source: Source, mesh: Mesh) -> list[Fault]:
+    """A mesh without a unit, with its size in the numbers of its file to choose by; or a STEP file with one."""
+    if is_step(mesh):
+        if mesh.unit is None:
+            return []
+        place = source.place(("mesh", "unit"), of_key=True)
+        return [place.fault("conflict", "a STEP file says its unit itself", "remove 'unit'")]
+    if mesh.unit is not None:
+        return []
+    advice = "add 'unit' to [mesh]: m, cm, mm, um or in"
+    try:
+        from fmopt.geometry.mesh import extents
+
+        size = " x ".join(f"{width:.6g}" for width in extents(_path(source, mesh)))
+    except (GeometryError, ResourceError, InputError) as error:
+        size, advice = f"not known: {error}", f"{advice}; and mend the file"
+    message = f"the unit of the mesh is missing; its size in the file's own numbers is {size}"
+    return [source.place(("mesh",), of_key=True).fault("missing-key", message, advice)]
+
+
+def imported(source: Source, mesh: Mesh) -> Imported:
+    """The mesh of a model file, in m.
+
+    Raises:
+        InputError: it cannot be read or bounds no solid; at its place in the model file.
+        ResourceError: a STEP file without the extra that reads it.
+    """
+    place = source.place(("mesh", "file"))
+    path = _path(source, mesh)
+    try:
+        from fmopt.geometry.mesh import load_mesh
+
+        return load_mesh(path, mesh.unit or "mm")
+    except GeometryError as error:
+        raise InputError(place.fault("geometry", error.message, error.advice)) from error
+
+
+def with_features(source: Source, file: ModelFile) -> ModelFile:
+    """The model file with the mating features that are found on its mesh.
+
+    Raises:
+        InputError: the mesh cannot be used, or nothing is found on it.
+        ResourceError: a STEP file without the extra that reads it.
+    """
+    from fmopt.geometry.part import mesh_part
+
+    if file.mesh is None:
+        return file
+    try:
+        part = mesh_part(file.name, imported(source, file.mesh))
+    except GeometryError as error:
+        raise InputError(source.place(("mesh", "file")).fault("geometry", error.message, error.advice)) from error
+    found = {}
+    for feature in part.features:
+        x, y, z, *turn = feature.frame.vector().tolist()
+        found[feature.name] = MatingFeature.model_construct(
+            kind=feature.kind, at=(x, y, z), turn=tuple(turn), length=feature.length, through=feature.through
+        )
+    return file.model_copy(update={"features": found})
+
+
+def _path(source: Source, mesh: Mesh) -> Path:
+    path = source.path.parent / Path(mesh.file)
+    read_bytes(path, source.place(("mesh", "file")), MAX_MESH_BYTES)
+    return path
