@@ -82,6 +82,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "networkx": frozenset({"contact/graph.py"}),
     "manifold3d": frozenset({"geometry", "nominal/touch.py"}),
     "trimesh": frozenset({"geometry/mesh.py"}),
+    "OCP": frozenset({"geometry/step.py"}),
     "shapely": frozenset({"plane", "geometry", "knowledge", "uncertainty/planar", "report"}),
     "matplotlib": frozenset({"report", "study/figures.py", "desk"}),
     "mpl_toolkits": frozenset({"report/surface_view.py"}),

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -91,15 +93,96 @@ def edit(file: Path, old: str, new: str) -> None:
     file.write_text(text.replace(old, new))
 
 
-def test_two_foreign_meshes_become_a_certified_plan(folder: Path) -> None:
+def write_step(path: Path, shape: Any) -> None:
+    from OCP.Message import Message
+    from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
+
+    messenger = Message.DefaultMessenger_s()
+    for printer in list(messenger.Printers()):
+        messenger.RemovePrinter(printer)
+    writer = STEPControl_Writer()
+    writer.Transfer(shape, STEPControl_StepModelType.STEPControl_AsIs)
+    writer.Write(str(path))
+
+
+def step_block(tool: Any = None) -> Any:
+    """A solid of Open CASCADE in mm: a block on z = 0, 40 x 40 x 10, less a tool."""
+    from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut
+    from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
+    from OCP.gp import gp_Pnt
+
+    block = BRepPrimAPI_MakeBox(gp_Pnt(-20.0, -20.0, 0.0), gp_Pnt(20.0, 20.0, 10.0)).Shape()
+    return block if tool is None else BRepAlgoAPI_Cut(block, tool).Shape()
+
+
+def as_step(folder: Path, shape: Any, deviation: str = "") -> None:
+    """The plate of the problem as a STEP file."""
+    write_step(folder / "plate.step", shape)
+    edit(folder / "plate.toml", 'file = "plate.stl"\nunit = "mm"\n', f'file = "plate.step"\n{deviation}')
+
+
+def test_a_foreign_mesh_and_a_step_file_become_a_certified_plan(folder: Path) -> None:
+    from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
+    from OCP.gp import gp_Pnt
+
+    as_step(folder, step_block(BRepPrimAPI_MakeBox(gp_Pnt(-6.15, -4.15, -5.0), gp_Pnt(6.15, 4.15, 15.0)).Shape()))
     problem = fmopt.load(folder / "problem.toml")
     said = problem.explain()
     assert "found: [features.peg] of the mesh, solid, at = [0, 0, 0] mm, turn = [0, 0, 0] deg, length = 30 mm" in said
     assert "found: [features.hole] of the mesh, hollow, at = [0, 0, 10] mm" in said
     assert "along x, 0.2 mm a side are declared, 0.15 mm measured; the plan rests on the measured one" in said
+    assert "error as stated: +-0.03, 0.03, 0 mm" in said
     plan = fmopt.solve(problem)
     assert plan.verdict == "CERTIFIED"
     assert plan.verify(problem).verdict == "CERTIFIED"
+
+
+def test_plane_faces_of_a_step_file_are_exact_and_curved_ones_as_stated(folder: Path) -> None:
+    from OCP.BRepPrimAPI import BRepPrimAPI_MakeCylinder
+
+    write_stl(folder / "rod.stl", rounded((0.012, 0.008), 0.03))
+    radius = 0.5e-3 * np.hypot(12.3, 8.3)
+    as_step(folder, step_block(BRepPrimAPI_MakeCylinder(1e3 * radius, 30.0).Shape()), "deviation = 0.05\n")
+    problem = load(folder / "problem.toml")
+    assert problem.start_box[:3] == pytest.approx([8e-5, 8e-5, 5e-5])
+    corners = problem.fixed.polyhedron.vertices
+    square = corners[np.abs(corners[:, :2]).max(axis=1) > 0.015]
+    np.testing.assert_array_equal(np.unique(square[:, :2]), [-0.02, 0.02])
+    np.testing.assert_array_equal(np.unique(square[:, 2]), [-0.01, 0.0])
+    bore = corners[np.abs(corners[:, :2]).max(axis=1) < 0.015]
+    np.testing.assert_allclose(np.linalg.norm(bore[:, :2], axis=1), radius, rtol=1e-6)
+    sagitta = radius * (1.0 - np.cos(2.0 * np.pi / len(bore)))
+    assert 0.0 < sagitta <= 5e-5
+
+
+def test_step_files_that_cannot_be_used_say_why(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    as_step(folder, step_block(), 'unit = "mm"\ndeviation = 0\n')
+    with pytest.raises(fmopt.InputError) as caught:
+        load(folder / "problem.toml")
+    assert [fault.code for fault in caught.value.faults] == ["conflict", "zero"]
+    edit(folder / "plate.toml", 'unit = "mm"\ndeviation = 0\n', "")
+    whole = (folder / "plate.step").read_text()
+    (folder / "plate.step").write_text("ISO-10303-21;")
+    with pytest.raises(fmopt.InputError, match=r"plate\.toml:8:8: geometry: .*no readable STEP file"):
+        load(folder / "problem.toml")
+    (folder / "plate.step").write_text(whole)
+    monkeypatch.setitem(sys.modules, "OCP.STEPControl", None)
+    with pytest.raises(fmopt.ResourceError, match=r"need the extra step; install fmopt\[step\], or export the part as"):
+        load(folder / "problem.toml")
+
+
+def test_a_step_file_of_two_solids_or_none_is_refused(folder: Path) -> None:
+    from OCP.BRep import BRep_Builder
+    from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
+    from OCP.TopoDS import TopoDS_Compound
+
+    pair, builder = TopoDS_Compound(), BRep_Builder()
+    builder.MakeCompound(pair)
+    builder.Add(pair, step_block())
+    builder.Add(pair, BRepPrimAPI_MakeBox(1.0, 2.0, 3.0).Shape())
+    as_step(folder, pair)
+    with pytest.raises(fmopt.InputError, match="holds 2 solids; export one part on its own"):
+        load(folder / "problem.toml")
 
 
 def test_found_features_are_those_that_could_be_written_there(folder: Path) -> None:
@@ -153,7 +236,7 @@ def test_a_plate_open_on_its_far_rim_serves_with_a_warning(folder: Path) -> None
 
 
 def test_facets_of_curves_add_to_the_errors_of_position(folder: Path) -> None:
-    radius, sides = 0.005, 48
+    radius, sides = 0.005, 24
     sagitta = radius * (1.0 - np.cos(np.pi / sides))
     write_stl(folder / "rod.stl", Cylinder(radius, 0.03, sides))
     bore = Placed(Cylinder(radius + 1.5e-4, 0.02, sides), at(z=-0.005))
@@ -163,7 +246,7 @@ def test_facets_of_curves_add_to_the_errors_of_position(folder: Path) -> None:
     assert [share.symbol for share in estimated.budget] == ["", "ε_v", "ε_v"]
     assert estimated.start_box[:3] == pytest.approx(np.array([3e-5, 3e-5, 0.0]) + both, rel=1e-4)
     assert estimated.start_box[3:] == pytest.approx(np.deg2rad([0.05] * 3))
-    assert "moving part, facets of its mesh (ε_v): 0.0107" in explain(estimated, measured(estimated))
+    assert "moving part, facets of its mesh (ε_v): 0.042" in explain(estimated, measured(estimated))
     for name, deviation in (("rod", 0.2), ("plate", 0.0)):
         edit(folder / f"{name}.toml", 'unit = "mm"\n', f'unit = "mm"\ndeviation = {deviation}\n')
     stated = load(folder / "problem.toml")

@@ -3,7 +3,8 @@
 A face with a second outline has a hole there where the edges of that outline are convex, a boss where they are reflex.
 A part that is a prism to a flat end, up to a shoulder or over its whole length, is a peg along its longest such axis.
 Frames: the origin on the centroid of the section half-way along, z by the rule of `features.Feature`, x along the
-longest side of that section, so that a peg and a hole of one shape get frames that agree up to its symmetry.
+longest side of that section, so that a peg and a hole of one shape get frames that agree up to its symmetry; of a
+round section along the model's x where that lies across.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 _SLENDER = 1.5  # a part with holes is a peg too when it is this many times as long as its section is wide
 _SAME = 1e-6  # of the diameter
 _ROUND = 1e-9  # m: to which origins are rounded
+_MANY = 8  # longest sides: more of them make a section round
 _LOPSIDED = 1e-3  # of a section's width: a centroid this far from the middle says which way x points
 
 
@@ -169,7 +171,7 @@ def _slenderest(ends: Sequence[_Found]) -> _Found:
 def _without_far_mouths(found: Sequence[_Found], reach: float) -> list[_Found]:
     """Of the two mouths of a through hole the wider one, of equal ones that which looks up in the model."""
     kept: list[_Found] = []
-    for one in sorted(found, key=lambda f: (f.mouth, _upward(f.frame.R[:, 2])), reverse=True):
+    for one in sorted(found, key=lambda f: (round(f.mouth, 12), _upward(f.frame.R[:, 2])), reverse=True):
         far = one.frame.p - one.length * one.frame.R[:, 2]
         if not any(
             one.through
@@ -236,6 +238,9 @@ def _frame(ring: Polygon, at: Array, z: Array) -> Pose:
     lengths = np.linalg.norm(sides, axis=1)
     longest = sides[lengths >= lengths.max() * (1.0 - 1e-5)] @ basis.T
     choices = [sign * side / np.linalg.norm(side) for side in longest for sign in (1.0, -1.0)]
+    if len(longest) > _MANY:
+        choices = [axis - (axis @ z) * z for axis in np.eye(3) if abs(axis @ z) < 0.9]
+        choices = [axis / np.linalg.norm(axis) for axis in choices]
     x = max(choices, key=lambda d: np.round(d, 6).tolist())
     y = np.cross(z, x)
     spread = (corners - centroid) @ (np.column_stack([x, y]).T @ basis).T

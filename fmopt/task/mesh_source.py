@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,13 +22,10 @@ def is_step(mesh: Mesh) -> bool:
     return Path(mesh.file).suffix.lower() in STEP
 
 
-def unit_faults(source: Source, mesh: Mesh) -> list[Fault]:
+def mesh_faults(source: Source, mesh: Mesh) -> list[Fault]:
     """A mesh without a unit, with its size in the numbers of its file to choose by; or a STEP file with one."""
     if is_step(mesh):
-        if mesh.unit is None:
-            return []
-        place = source.place(("mesh", "unit"), of_key=True)
-        return [place.fault("conflict", "a STEP file says its unit itself", "remove 'unit'")]
+        return list(_step_faults(source, mesh))
     if mesh.unit is not None:
         return []
     advice = "add 'unit' to [mesh]: m, cm, mm, um or in"
@@ -41,6 +39,20 @@ def unit_faults(source: Source, mesh: Mesh) -> list[Fault]:
     return [source.place(("mesh",), of_key=True).fault("missing-key", message, advice)]
 
 
+def _step_faults(source: Source, mesh: Mesh) -> Iterator[Fault]:
+    if mesh.unit is not None:
+        place = source.place(("mesh", "unit"), of_key=True)
+        yield place.fault("conflict", "a STEP file says its unit itself", "remove 'unit'")
+    if mesh.deviation == 0.0:
+        message = "curved faces cannot be cut into facets that lie in them"
+        yield source.place(("mesh", "deviation")).fault("zero", message, "give a deviation such as 0.01 mm")
+
+
+def deviation(mesh: Mesh) -> float | None:
+    """How far the curved surfaces are stated to lie from the facets of a mesh, m; facets of STEP files are measured."""
+    return None if is_step(mesh) else mesh.deviation
+
+
 def imported(source: Source, mesh: Mesh) -> Imported:
     """The mesh of a model file, in m.
 
@@ -51,6 +63,10 @@ def imported(source: Source, mesh: Mesh) -> Imported:
     place = source.place(("mesh", "file"))
     path = _path(source, mesh)
     try:
+        if is_step(mesh):
+            from fmopt.geometry.step import DEVIATION, load_step
+
+            return load_step(path, mesh.deviation or DEVIATION)
         from fmopt.geometry.mesh import load_mesh
 
         return load_mesh(path, mesh.unit or "mm")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from fmopt.errors import Fault, InputError
 from fmopt.task.faults import checked
-from fmopt.task.mesh_source import unit_faults, with_features
+from fmopt.task.mesh_source import mesh_faults, with_features
 from fmopt.task.model_file import ModelFile, Profile
 from fmopt.task.tables import Reading, factors
 from fmopt.task.toml_source import Key, Place, Source, read
@@ -130,7 +130,7 @@ def _cross_checks(source: Source, file: ModelFile) -> list[Fault]:
         advice = "add [features.NAME] with kind, at and length: where the part mates"
         faults.append(Place(str(source.path), key="features").fault("missing-key", "this key is missing", advice))
     if given == ["mesh"] and file.mesh is not None:
-        faults += unit_faults(source, file.mesh)
+        faults += mesh_faults(source, file.mesh)
     if file.profile is not None:
         faults += _profile_faults(source, file, file.profile)
     for name, feature in file.features.items():

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, assert_never
 from fmopt.errors import Fault, GeometryError, InputError, TaskError
 from fmopt.se3 import Pose
 from fmopt.task import model_file as files
-from fmopt.task.mesh_source import imported
+from fmopt.task.mesh_source import deviation, imported
 from fmopt.task.toml_source import Key, Place, Source
 from fmopt.task.units import did_you_mean
 
@@ -105,7 +105,7 @@ def build_part(source: Source, file: files.ModelFile) -> Part:
     if file.mesh is not None:
         mesh = imported(source, file.mesh)
         try:
-            part = mesh_part(file.name, mesh, features, file.mesh.deviation)
+            part = mesh_part(file.name, mesh, features, deviation(file.mesh))
             return part if "features" in source.data else replace(part, notes=(*part.notes, *map(_found, features)))
         except GeometryError as error:
             place = source.place(("mesh", "file"))
