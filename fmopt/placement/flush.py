@@ -75,6 +75,7 @@ def _flush_walls(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> tupl
 
 
 def on_wall(assembly: Assembly, contact: PrimitiveContact, number: int) -> bool:
+    """Whether a contact is on a fixed face: a vertex against it, or an edge across an edge in its plane."""
     fixed = assembly.fixed.polyhedron
     face = fixed.faces[number]
     if contact.kind is Kind.VERTEX_FACE:
