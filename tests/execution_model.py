@@ -17,6 +17,7 @@ from execution_geometry import Array, Poses, Scene, gaps, hats, rotations, vecto
 from execution_promises import Ledger, Tube, Witness
 
 Plan = dict[str, Any]
+Watch = Callable[["Piece", Poses, bool], None]
 OVERLAP, ROUNDING, NOTHING_BOUNDS, FARTHEST = 1e-7, 1e-9, 0.9, 2.0
 
 
@@ -178,7 +179,7 @@ def drifts(piece: Piece, count: int, rng: np.random.Generator) -> Array:
     return np.asarray(y / np.linalg.norm(y, axis=1, keepdims=True) * rates)
 
 
-def execute(plan: Plan, count: int, seed: int, steps: int = 8) -> Ledger:
+def execute(plan: Plan, count: int, seed: int, steps: int = 8, watch: Watch = lambda *_: None) -> Ledger:
     """Runs executions of a plan and checks everything that it promises on the way.
 
     In half of them the velocity error keeps its direction for a move, in the others only for a piece.
@@ -188,6 +189,7 @@ def execute(plan: Plan, count: int, seed: int, steps: int = 8) -> Ledger:
         count: how many executions.
         seed: of the random numbers.
         steps: poses looked at in every piece, besides its start.
+        watch: shown the poses in every piece, and whether a move ends there.
     """
     rng = np.random.default_rng(seed)
     scene, ledger = Scene(plan), Ledger()
@@ -197,12 +199,12 @@ def execute(plan: Plan, count: int, seed: int, steps: int = 8) -> Ledger:
     for k in range(len(plan["segments"])):
         piece = Piece(scene, k)
         rate = np.where(fickle | piece.first, drifts(piece, count, rng), rate)
-        e = _through(piece, ledger, e, rate * piece.length, steps)
+        e = _through(piece, ledger, e, rate * piece.length, steps, watch)
         Tube(piece.said["tube"], "goal", scene.rho).check(ledger, k, e)
     return ledger
 
 
-def _through(piece: Piece, ledger: Ledger, e: Array, drift: Array, steps: int) -> Array:
+def _through(piece: Piece, ledger: Ledger, e: Array, drift: Array, steps: int, watch: Watch) -> Array:
     """Takes all executions through a piece; errors (n, 6) about its goal."""
 
     def at(travel: Array) -> Poses:
@@ -219,8 +221,10 @@ def _through(piece: Piece, ledger: Ledger, e: Array, drift: Array, steps: int) -
     for share in np.linspace(0.0, 1.0, steps + 1):
         poses = at(share * end)
         _look(piece, ledger, poses)
+        watch(piece, poses, False)
     if piece.last:
         _arrive(piece, ledger, poses)
+        watch(piece, poses, True)
     return piece.errors_at_goal(poses)
 
 
