@@ -6,11 +6,15 @@ import fcntl
 from pathlib import Path
 from typing import Any
 
+import browser
 import pytest
 
 from fmopt import plan
 
 ROOT = Path(__file__).parent.parent
+
+
+collect_ignore = [] if browser.PATH else ["test_browser.py"]  # tests/test_page_scripts.py checks its pages everywhere
 
 
 @pytest.fixture(scope="session")

@@ -1,4 +1,7 @@
-"""Pages in a real browser: they open without an error, fetch nothing, play, and can be used by keyboard and by ear."""
+"""Pages in a real browser: they open without an error, fetch nothing, play, and can be used by keyboard and by ear.
+
+Collected where a Chromium is installed; tests/test_page_scripts.py checks the same pages everywhere.
+"""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,7 +12,6 @@ from report_plans import cube_plan, with_graph
 
 import fmopt
 
-pytestmark = pytest.mark.skipif(browser.PATH is None, reason="no Chromium is installed here")
 CANVAS = "document.querySelector('canvas')"
 
 
