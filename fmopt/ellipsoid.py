@@ -28,7 +28,7 @@ def root(Q: Array) -> Array:
 
 
 def narrow(F: Array, most: int) -> Array:
-    """A root of the same ellipsoid with no more columns than that, or than rows."""
+    """A root (n, k) of the same ellipsoid as F (n, m), k no more than `most`, or than n."""
     return F if F.shape[1] <= most else np.asarray(np.linalg.qr(F.T).R.T)
 
 

@@ -14,7 +14,7 @@ def frozen(values: ArrayLike, *shape: int | None, name: str = "array") -> Array:
     """A read-only float64 copy of `values`.
 
     Args:
-        values: numbers.
+        values: numbers, of any shape (…,).
         shape: expected length of each axis, None for any; no shape means any shape.
         name: what to call the array in an error.
 

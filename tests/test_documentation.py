@@ -76,6 +76,127 @@ def test_names_in_docstrings_exist() -> None:
     assert resolved("fmopt.plan.read")
 
 
+def docstrings(tree: ast.AST) -> list[tuple[ast.AST, str]]:
+    kinds = ast.Module | ast.ClassDef | ast.FunctionDef
+    return [(node, text) for node in ast.walk(tree) if isinstance(node, kinds) and (text := ast.get_docstring(node))]
+
+
+def words_of(tree: ast.AST) -> set[str]:
+    """Every name and every short text that a source uses or defines, docstrings apart."""
+    found: set[str] = set()
+    for node in ast.walk(tree):
+        match node:
+            case ast.Name(id=name) | ast.arg(arg=name) | ast.Attribute(attr=name) | ast.alias(name=name):
+                found.add(name)
+            case ast.FunctionDef(name=name) | ast.ClassDef(name=name) | ast.keyword(arg=str(name)):
+                found.add(name)
+            case ast.Constant(value=str(text)) if len(text) < 40:
+                found |= set(re.findall(r"\w+", text))
+    return found
+
+
+def defined(trees: dict[Path, ast.Module]) -> dict[str, set[str]]:
+    """Modules, classes and functions of the package by their own name, each with the names inside it."""
+    found: dict[str, set[str]] = {}
+    for file, tree in trees.items():
+        found.setdefault(file.stem, set()).update(words_of(tree))
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef | ast.FunctionDef):
+                found.setdefault(node.name, set()).update(words_of(node))
+            elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+                found.setdefault(node.target.id, set()).update(words_of(node.annotation))
+    return found
+
+
+# Words in backticks that are not of this package: builtins, and functions of URScript and CasADi.
+FOREIGN = {"print", "force_mode", "get_tcp_force", "nlpsol"}
+
+
+def leads_nowhere(name: str, own: set[str], everywhere: dict[str, set[str]]) -> bool:
+    """Whether a name in backticks is neither of its own file, nor a thing of the package, nor a file of the project."""
+    if name in own | FOREIGN or resolved(name) or resolved(f"fmopt.{name}") or (PACKAGE.parent / name).exists():
+        return False
+    first, *rest = name.split(".")
+    if not rest:
+        return name not in everywhere
+    inside = everywhere.get(first, set()) | (own if first in own else set())
+    return not all(part in inside or part in everywhere.get(rest[i - 1], set()) for i, part in enumerate(rest))
+
+
+def test_every_name_in_backticks_leads_somewhere() -> None:
+    trees = {file: ast.parse((PACKAGE / file).read_text(encoding="utf-8")) for file in FILES}
+    everywhere = defined(trees)
+    schema = (PACKAGE.parent / "pyproject.toml").read_text(encoding="utf-8")
+    extras = set(re.findall(r"^(\w+) = \[", schema, re.MULTILINE))
+    rooms = ("verify/parse.py", "plan_record.py", "placement/visited.py")
+    keys = set().union(*(words_of(trees[Path(room)]) for room in rooms))  # of the plan file
+    dead, seen = [], 0
+    for file, tree in trees.items():
+        own = words_of(tree) | extras | keys
+        for node, text in docstrings(tree):
+            names = re.findall(r"(?<!`)`([A-Za-z_][\w.]*\w)`(?!`)", text)
+            seen += len(names)
+            dead += [f"{file}: {getattr(node, 'name', '')}: {n}" for n in names if leads_nowhere(n, own, everywhere)]
+    assert dead == []
+    assert seen > 400
+    assert leads_nowhere("load_mseh", words_of(trees[Path("geometry/part.py")]), everywhere)
+    assert leads_nowhere("Polyhedron.colour", set(), everywhere)
+    assert not leads_nowhere("Polyhedron.volume", set(), everywhere)
+
+
+ARRAY = re.compile(r"\b(Array|ArrayLike|NDArray|Indices)\b")
+SHAPE = re.compile(r"\([\w…][^)]*,[^)]*\)|\(…\)|\bposes?\b|arguments as for `")
+# What a notebook calls; the rooms of the search, the certificate and the physics engine work below these.
+NOTEBOOK = ("desk", "report", "plan", "control", "nominal", "knowledge", "contact", "geometry", "uncertainty", "plane")
+NOTEBOOK += ("se3", "ellipsoid", "values", "guarded", "export", "task")
+
+
+def holds_arrays(node: ast.AST) -> bool:
+    """Whether a function takes or returns arrays, or a class has them as fields."""
+    if isinstance(node, ast.ClassDef):
+        return any(isinstance(item, ast.AnnAssign) and ARRAY.search(ast.unparse(item.annotation)) for item in node.body)
+    if not isinstance(node, ast.FunctionDef):
+        return False
+    taken = [arg.annotation for arg in (*node.args.args, *node.args.kwonlyargs) if arg.annotation is not None]
+    return any(ARRAY.search(ast.unparse(kind)) for kind in (*taken, *([node.returns] if node.returns else [])))
+
+
+def test_arrays_have_their_shape_in_the_docstring() -> None:
+    silent, seen = [], 0
+    for file in FILES:
+        if file.parts[0].removesuffix(".py") not in NOTEBOOK:
+            continue
+        for name, node in public(file):
+            if holds_arrays(node):
+                seen += 1
+                assert isinstance(node, ast.ClassDef | ast.FunctionDef)
+                if not SHAPE.search(ast.get_docstring(node) or ""):
+                    silent.append(f"{file}: {name}")
+    assert silent == []
+    assert seen > 200
+
+
+def test_what_raises_on_purpose_says_so() -> None:
+    """A public function whose own body raises an error of the tree names it under Raises."""
+    errors = {name for name in vars(importlib.import_module("fmopt.errors")) if name.endswith("Error")}
+    silent, seen = [], 0
+    for file in FILES:
+        for name, node in public(file) if file.name != "cli.py" else []:  # whose docstrings are its --help
+            if not isinstance(node, ast.FunctionDef):
+                continue
+            raised = {
+                call.func.id
+                for item in ast.walk(node)
+                if isinstance(item, ast.Raise) and isinstance(call := item.exc, ast.Call)
+                if isinstance(call.func, ast.Name) and call.func.id in errors
+            }
+            seen += len(raised)
+            said = (ast.get_docstring(node) or "").partition("Raises:")[2]
+            silent += [f"{file}: {name}: {error}" for error in sorted(raised) if error not in said]
+    assert silent == []
+    assert seen > 50
+
+
 def test_names_in_the_readme_exist() -> None:
     text = (PACKAGE.parent / "README.md").read_text(encoding="utf-8")
     names = set(re.findall(r"`(fmopt\.[\w.]+\w)", text))

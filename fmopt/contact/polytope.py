@@ -191,7 +191,7 @@ def _hull(points: Array) -> Array:
 
 
 def first_equal(rows: Array) -> NDArray[np.intp]:
-    """For each row the index of the first row equal to it within the incidence tolerance."""
+    """For each row (n, k) the index (n,) of the first row equal to it within the incidence tolerance."""
     if not len(rows):
         return np.zeros(0, dtype=np.intp)
     apart = np.max(np.abs(rows[:, None] - rows[None]), axis=2)

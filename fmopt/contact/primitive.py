@@ -162,7 +162,7 @@ def near_contacts(
 
 
 def convex_vertices(polyhedron: Polyhedron) -> NDArray[np.intp]:
-    """Indices of the vertices all of whose edges are convex."""
+    """Indices (n,) of the vertices all of whose edges are convex."""
     return _features(polyhedron).vertices
 
 

@@ -103,7 +103,7 @@ def values_and_rows(
 
 
 def parameters(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron) -> Array:
-    """The twelve numbers of a contact's C-surface function.
+    """The twelve numbers (12,) of a contact's C-surface function.
 
     vertex–face: body point v, normal n, offset n·a, zeros; face–vertex: body normal n, point w, body offset, zeros;
     edge–edge: moving unit direction and point (body frame), fixed unit direction and point.

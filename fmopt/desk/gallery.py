@@ -55,7 +55,8 @@ def draw(file: Path, what: str | None, out: Path | None) -> bytes | Path:
         The file that was written, or the bytes.
 
     Raises:
-        FmoptError: the file cannot be read or drawn, or the drawing not be written.
+        ResourceError: there is no such drawing, or it cannot be written.
+        FmoptError: the file cannot be read or drawn.
     """
     found = gallery(file)
     name = what or next(iter(found))

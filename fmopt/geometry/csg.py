@@ -153,7 +153,11 @@ Solid: TypeAlias = Box | Cylinder | Cone | Sphere | Prism | Wedge | Hull | Place
 
 
 def chamfered_box(size: tuple[float, float, float], chamfer: float) -> Prism:
-    """A box of `size` (m) whose four upright edges are cut at 45°, `chamfer` (m) along each side."""
+    """A box of `size` (m) whose four upright edges are cut at 45°, `chamfer` (m) along each side.
+
+    Raises:
+        GeometryError: the chamfer is not positive, or takes half a side and more.
+    """
     x, y, c = 0.5 * size[0], 0.5 * size[1], chamfer
     if not 0.0 < c < min(x, y):
         raise GeometryError(f"a chamfer of {c:g} m does not fit a section of {size[0]:g} x {size[1]:g} m", "shorten it")

@@ -103,7 +103,7 @@ def _across(vertices: Array, triangles: Indices, called: Indices) -> tuple[tuple
 
 
 def span(vertices: Array, side: tuple[int, int]) -> str:
-    """An edge in words: its vertices (by index) and where they are."""
+    """An edge in words: its vertices by index, and where these are of all vertices (n, 3), m."""
     return f"{side[0]}-{side[1]} from {place(vertices[side[0]])} to {place(vertices[side[1]])}"
 
 

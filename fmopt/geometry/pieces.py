@@ -120,7 +120,11 @@ def polyhedron(solid: Solid) -> Polyhedron:
 
 
 def convex_manifold(body: Polyhedron) -> Manifold:
-    """The manifold3d solid of a convex polyhedron."""
+    """The manifold3d solid of a convex polyhedron.
+
+    Raises:
+        GeometryError: its faces do not close.
+    """
     from manifold3d import Manifold, Mesh64
 
     fans = [

@@ -171,7 +171,11 @@ def triangulated(body: Polyhedron) -> NDArray[np.int64]:
 
 
 def plane_of(points: Array, loops: Sequence[Sequence[int]]) -> tuple[Array, float]:
-    """Unit normal (3,) and offset of the plane through loops of points, exact when all share one coordinate."""
+    """Unit normal (3,) and offset (m) of the plane through loops of points (n, 3), exact when all share a coordinate.
+
+    Raises:
+        GeometryError: the loops have no area.
+    """
     corners = points[[index for loop in loops for index in loop]]
     centre = corners.mean(axis=0)
     area = np.zeros(3)

@@ -21,13 +21,13 @@ def grasped_pose(found: Answer, X: ArrayLike) -> Pose:
 
 
 def world_pose(found: Answer, X: ArrayLike) -> Pose:
-    """Pose of the grasped feature in the global reference frame."""
+    """Pose of the grasped feature in the global reference frame, for an X (6,) in m and rad."""
     base = found.moving.frame if found.exchanged else found.fixed.frame
     return base.compose(grasped_pose(found, X))
 
 
 def hand_pose(found: Answer, X: ArrayLike) -> Pose:
-    """Pose of the hand in the global reference frame, by the grasp H_ho."""
+    """Pose of the hand in the global reference frame, by the grasp H_ho, for an X (6,) in m and rad."""
     return world_pose(found, X).compose(found.task.grasp.inverse())
 
 

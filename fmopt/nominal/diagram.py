@@ -145,7 +145,7 @@ def polygon(*loops: ArrayLike) -> Diagram:
 
 
 def circle(centre: ArrayLike, radius: float, hollow: bool = False) -> Diagram:
-    """The diagram of a disc, or of the plane around a round hole."""
+    """The diagram of a disc about a centre (2,), or of the plane around a round hole, m."""
     return Diagram((), (), (Arc(np.asarray(centre, dtype=np.float64), radius, 0.0, 2.0 * math.pi, hollow),))
 
 

@@ -30,7 +30,7 @@ class Leg(Value):
         return (levels - n @ self.start) / rate if abs(rate) > 1e-300 else np.zeros(0)
 
     def on_circle(self, centre: Array, radius: float) -> Array:
-        """Shares at which Φ₀ is on a circle."""
+        """Shares (k,) at which Φ₀ is on a circle about a centre (2,), m."""
         offset = self.start - centre
         a, b, c = float(self.travel @ self.travel), float(offset @ self.travel), float(offset @ offset) - radius**2
         inside = b * b - a * c

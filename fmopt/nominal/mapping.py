@@ -174,7 +174,7 @@ def nominal_path(
     bodies: tuple[Sequence[Body], Sequence[Body]],
     margin: float,
 ) -> NominalTrajectory:
-    """P(t): nodes visible in GE, the orientation reached before the mouth, the whole motion free in space.
+    """P(t) from pose to pose (6,): nodes visible in GE, turned before the mouth, the whole motion free in space.
 
     N₂ stands as high above the mouth as the uncertain part strays, if the start does, so that the way there is free.
 

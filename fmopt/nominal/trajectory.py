@@ -118,7 +118,7 @@ def through(
 
 
 def nearest_branch(r: Array, target: Array) -> Array:
-    """Of the rotation vectors r + 2πk r/|r| that mean one rotation, the one nearest to `target`."""
+    """Of the rotation vectors (3,) r + 2πk r/|r| that mean one rotation, the one nearest to `target` (3,), rad."""
     angle = float(np.linalg.norm(r))
     if angle == 0.0:
         return r

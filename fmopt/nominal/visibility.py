@@ -38,7 +38,7 @@ class Sight:
     expanded: Mapping[PlaneName, Region]
 
     def blocked_at(self, point: ArrayLike) -> PlaneName | None:
-        """A plane on which a position's projection lies inside GE; None where it is in place."""
+        """A plane on which the projection of a position (3,) lies inside GE; None where it is in place."""
         p = np.asarray(point, dtype=np.float64)
         return self.between(p, p)
 
@@ -53,7 +53,7 @@ class Sight:
         return None
 
     def clear(self, point: ArrayLike, room: float) -> bool:
-        """Whether a position is in place, on x-z and y-z with so much room (m) around it."""
+        """Whether a position (3,) is in place, on x-z and y-z with so much room (m) around it."""
         p = np.asarray(point, dtype=np.float64)
         upright = [
             (plane, self.expanded[plane.name]) for plane in PLANES if plane.v == 2 and plane.name in self.expanded

@@ -296,7 +296,11 @@ def _shifted(assembly: Assembly, moves: Sequence[Move], shift: Array) -> tuple[M
 
 
 def onto_surfaces(assembly: Assembly, pose: Pose, move: Move) -> Pose:
-    """The nearest pose at which all contacts are exactly zero, by Gauss–Newton with the least turn."""
+    """The nearest pose at which all contacts are exactly zero, by Gauss–Newton with the least turn.
+
+    Raises:
+        InfeasibleError: no pose near by makes all of them.
+    """
     contacts = (*move.held, *move.making)
     if not contacts:
         return pose

@@ -45,7 +45,12 @@ class ClarabelSolver:
     max_iterations: int = 100
 
     def solve(self, program: ConeProgram) -> Solution:
-        """A certified optimum; see `Solver.solve`."""
+        """A certified optimum; see `Solver.solve`.
+
+        Raises:
+            InfeasibleError: there is no feasible point.
+            SolverError: Clarabel stopped elsewhere than at an optimum.
+        """
         scaled = program.scaled()
         kept = _independent(program, scaled)
         x, z, status = self._run(scaled, kept)

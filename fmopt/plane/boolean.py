@@ -161,7 +161,7 @@ def _following(curves: list[Curve], ends: Integers, vertices: Array, leaving: di
 
 
 def bearing(curve: Curve, origin: Array, radius: float) -> float:
-    """Polar angle of the point where a simple curve from `origin` leaves the circle of `radius` round it."""
+    """Polar angle (rad) of the point where a simple curve from `origin` (2,) leaves the circle of `radius` round it."""
     low, high = 0.0, 1.0
     if isinstance(curve, Segment):
         low = high = 1.0

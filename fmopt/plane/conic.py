@@ -74,7 +74,7 @@ class ConicArc(Value):
         return np.asarray(rate / np.where(size > 0.0, size, 1.0))
 
     def curvature(self, t: ArrayLike) -> Array:
-        """Signed curvature in 1/m, positive when turning left: w [p₀p₁p₂] / ω³ |p′|³ times 4."""
+        """Signed curvature (…,) in 1/m, positive when turning left: w [p₀p₁p₂] / ω³ |p′|³ times 4."""
         t = np.asarray(t, dtype=np.float64)
         bottom = (1.0 - t) ** 2 + 2.0 * self.weight * t * (1.0 - t) + t**2
         size = np.linalg.norm(self.derivative(t), axis=-1)
@@ -138,7 +138,7 @@ class ConicArc(Value):
         return unit_roots((a, c - 2.0 * a, a - c + e), 0.0)
 
     def support(self, direction: ArrayLike) -> float:
-        """max p · direction over the points p of the curve."""
+        """max p · direction (2,) over the points p of the curve, in m for a unit direction."""
         d = np.asarray(direction, dtype=np.float64)
         return float(np.max(self.point([0.0, 1.0, *self.extremum(d)]) @ d))
 

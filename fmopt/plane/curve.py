@@ -42,7 +42,7 @@ class Segment(Value):
         return np.broadcast_to(along / length if length > 0.0 else along, (*np.shape(t), 2))
 
     def curvature(self, t: ArrayLike) -> Array:
-        """Signed curvature in 1/m, positive when turning left."""
+        """Signed curvature (…,) in 1/m, positive when turning left."""
         return np.zeros(np.shape(t))
 
     def reversed(self) -> Segment:
@@ -81,7 +81,7 @@ class Segment(Value):
         return 0.5 * float(self.start[0] * self.end[1] - self.start[1] * self.end[0])
 
     def support(self, direction: ArrayLike) -> float:
-        """max p · direction over the points p of the curve."""
+        """max p · direction (2,) over the points p of the curve, in m for a unit direction."""
         direction = np.asarray(direction, dtype=np.float64)
         return float(max(self.start @ direction, self.end @ direction))
 
@@ -152,7 +152,7 @@ class Arc(Value):
         return math.copysign(1.0, self.sweep) * np.stack([-np.sin(angle), np.cos(angle)], axis=-1)
 
     def curvature(self, t: ArrayLike) -> Array:
-        """Signed curvature in 1/m, positive when turning left."""
+        """Signed curvature (…,) in 1/m, positive when turning left."""
         return np.full(np.shape(t), math.copysign(1.0 / self.radius if self.radius > 0.0 else math.inf, self.sweep))
 
     def reversed(self) -> Arc:
@@ -181,7 +181,7 @@ class Arc(Value):
         return 0.5 * float(self.centre[0] * step[1] - self.centre[1] * step[0] + self.radius**2 * self.sweep)
 
     def support(self, direction: ArrayLike) -> float:
-        """max p · direction over the points p of the curve."""
+        """max p · direction (2,) over the points p of the curve, in m for a unit direction."""
         d = np.asarray(direction, dtype=np.float64)
         size = float(np.hypot(*d))
         if size == 0.0:

@@ -123,7 +123,7 @@ class Region(Value):
         return np.where(self.contains(points), 1.0, -1.0) * self.boundary_distance(points)
 
     def support(self, direction: ArrayLike) -> float:
-        """max p · direction over the points p of the region, in m for a unit direction.
+        """max p · direction (2,) over the points p of the region, in m for a unit direction.
 
         Raises:
             GeometryError: the region is empty.
@@ -132,7 +132,7 @@ class Region(Value):
         return max(curve.support(direction) for curve in self.curves)
 
     def crossings(self, curve: Curve) -> Array:
-        """Parameters in [0, 1], ascending, at which `curve` meets the boundary; ends of common pieces included."""
+        """Parameters (k,) in [0, 1], ascending, at which `curve` meets the boundary; ends of common pieces included."""
         lower, upper = curve.box
         tolerance = 1e-12 * max(self.size, float(np.hypot(*(upper - lower))))
         found = []

@@ -46,7 +46,7 @@ class Table:
 
     @staticmethod
     def of(curves: Sequence[Curve], first: Array | None = None, last: Array | None = None) -> Table:
-        """The table of `curves`, with end points that neighbours share when given."""
+        """The table of `curves`, with end points (n, 2) that neighbours share when given."""
         rows = [curve.quadratics()[0][2] if not isinstance(curve, Segment) else None for curve in curves]
         if first is None or last is None:
             first = np.array([curve.first for curve in curves]).reshape(-1, 2)

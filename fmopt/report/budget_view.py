@@ -31,7 +31,7 @@ _FILLS = (  # face, hatch: told apart in black and white, too
 
 
 def shares(plan: Mapping[str, Any]) -> list[tuple[str, Array]]:
-    """Sources with what each adds to the six half-widths, m and rad; those that add nothing are left out."""
+    """Sources with what each adds to the half-widths (6,), m and rad; those that add nothing are left out."""
     listed = plan.get("diagnostics", {}).get("budget", ())
     found = []
     for item in listed:

@@ -48,7 +48,7 @@ def degrees(angle: float) -> str:
 
 
 def spoken_axis(vector: Array, always_signed: bool = False) -> str:
-    """A direction by the axes it runs along, the longest component first: "−x", "−z and +y"."""
+    """A direction (3,) by the axes it runs along, the longest component first: "−x", "−z and +y"."""
     size = float(np.linalg.norm(vector))
     if size == 0.0:
         return "none"
@@ -194,7 +194,7 @@ def combination(vector: Sequence[float], force: str = "", torque: str = "") -> s
 
 
 def direction(vector: Sequence[float], scale: Array) -> str:
-    """The direction of a twist or wrench by axes, the greatest scaled component made 1, those below 0.5 % left out."""
+    """The direction of a twist or wrench (6,) by axes, the greatest scaled part made 1, those below 0.5 % left out."""
     values = np.asarray(vector, dtype=np.float64)
     if values.size != 6 or not np.any(values):
         return "none"

@@ -226,7 +226,11 @@ def _recorded(record: Sequence[Any]) -> Recorded:
 
 @contextmanager
 def translated(path: Path) -> Iterator[None]:
-    """Failures of SQLite, and of the disk under it, as errors of this package."""
+    """Failures of SQLite, and of the disk under it, as errors of this package.
+
+    Raises:
+        ResourceError: for each of them.
+    """
     try:
         yield
     except sqlite3.Error as error:

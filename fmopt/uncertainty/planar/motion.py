@@ -102,7 +102,7 @@ def classify(
 def possible_spans(
     possible: PossibleContacts, path: ArrayLike, tolerance: float
 ) -> dict[int, tuple[tuple[float, float], ...]]:
-    """For each contact that may occur (index in `possible.sets`) the spans of the path parameter where it may.
+    """For each contact that may occur (index in `possible.sets`) where on a path (n, 3) it may: spans of its parameter.
 
     The distance from a CU changes by at most |Δp| + reach |Δφ| along a part of the path. A span that this proves free
     is dropped, one that it proves inside is kept, any other is halved until the change over it is below the tolerance.
