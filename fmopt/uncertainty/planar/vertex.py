@@ -135,7 +135,7 @@ def vertex_position(reference: ArrayLike, phi: float, reach: Reach, spread: floa
 
 
 def directed_arc(centre: Array, radius: float, first: float, last: float, on: Carrier) -> Piece:
-    """The arc about a centre (2,) of normals from `first` to `last`; inside out where the radius is negative."""
+    """The arc about (2,) with normals from `first` to `last`; with a negative radius the set is outside its circle."""
     if radius >= 0.0:
         return Piece(Arc(centre, radius, first, last - first), on)
     return Piece(Arc(centre, -radius, last + math.pi, first - last), on)
