@@ -103,7 +103,7 @@ class BoundTable(Value):
 
     @cached_property
     def signs(self) -> NDArray[np.intp]:
-        """The sign of each of `listed`."""
+        """The sign (n,) of each of `listed`."""
         return np.array([bound.sign for bound in self.listed], dtype=np.intp)
 
     def depths(self, g: Array) -> tuple[Array, NDArray[np.intp]]:
