@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import nnls
 
 from fmopt.control.compliance import axes, compliance_frame, row_space, twist_scale, twists_in, wrenches_in
-from fmopt.control.hybrid import GuardedMove, hybrid_strategy
+from fmopt.control.hybrid import GuardedMove, Hold, hybrid_strategy
 from fmopt.errors import InfeasibleError, SolverError
 from fmopt.se3 import Pose
 from fmopt.task.problem import Specification
@@ -118,7 +118,7 @@ def test_bias_pushes_into_the_new_contact_and_holds_all_when_it_is_felt():
     """Independent of the program: reactions of held and new contacts that balance the bias exist, all positive."""
     held = X_WALL + Y_WALL
     strategy = hybrid_strategy(move(held, DOWN, FLOOR), RHO, SPECIFICATION)
-    assert strategy.steady
+    assert strategy.stays is Hold.PUSH
     W, _ = contacts(held)
     new, _ = contacts(FLOOR)
     every, scale = np.vstack([W, new]), twist_scale(RHO)
@@ -142,8 +142,8 @@ def test_a_contact_that_pries_the_others_open_is_reported_not_hidden():
     narrow = [((-0.0101, y, z), (1, 0, 0)) for y in (-0.0101, -0.0065) for z in (-0.03, 0.0)]
     alone = hybrid_strategy(move(narrow, [0, -0.002, 0, 0, 0, 0], Y_WALL[2:]), RHO, SPECIFICATION)
     together = hybrid_strategy(move(narrow, [0, -0.002, 0, 0, 0, 0], Y_WALL), RHO, SPECIFICATION)
-    assert not alone.steady
-    assert together.steady
+    assert alone.stays is Hold.NONE
+    assert together.stays is Hold.PUSH
     assert np.all(alone.normal_forces > 0.0)
 
 

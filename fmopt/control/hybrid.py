@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import Enum
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,6 +22,14 @@ from fmopt.values import Array, Value, frozen
 
 _CHECK = 1e-7  # N, by which a solver's answer may break a balance
 _SURE = 1.25  # times the threshold that the push alone can bring about
+
+
+class Hold(Enum):
+    """Held contacts stay closed under the whole push on the new ones, the reaction that ends the move, or neither."""
+
+    PUSH = "push"
+    STOP = "stop"
+    NONE = "none"
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +95,7 @@ class HybridStrategy(Value):
         push: size of the part of the bias that pushes along the motion, N in the metric of ρ.
         termination: when the move ends.
         normal_forces: (m,), a normal force of each held contact that balances the rest of the bias, N.
-        steady: whether the held contacts stay closed also under the reaction that ends the move.
+        stays: what the held contacts stay closed under.
     """
 
     frame: Array
@@ -98,7 +107,7 @@ class HybridStrategy(Value):
     push: float
     termination: Termination
     normal_forces: Array
-    steady: bool
+    stays: Hold
 
     def __post_init__(self) -> None:
         for name in ("frame", "velocity", "bias_wrench"):
@@ -162,21 +171,18 @@ def hybrid_strategy(move: GuardedMove, rho: float, specification: Specification)
         bias.push,
         Termination(threshold * move.reaction, threshold, travel, 2.0 * travel / specification.speed),
         bias.normal_forces,
-        bias.steady,
+        bias.stays,
     )
 
 
 @dataclass(frozen=True, eq=False)
 class Bias(Value):
-    """Applied wrench (6,), its push along the motion, normal forces (m,) that balance the rest of it, N.
-
-    `steady` says whether it holds the contacts at the stop, too.
-    """
+    """Applied wrench (6,), its push along the motion, normal forces (m,) that balance the rest of it, N."""
 
     wrench: Array
     push: float
     normal_forces: Array
-    steady: bool
+    stays: Hold
 
 
 def bias_wrench(move: GuardedMove, V: Array, rho: float, specification: Specification) -> Bias:
@@ -187,13 +193,18 @@ def bias_wrench(move: GuardedMove, V: Array, rho: float, specification: Specific
     Over f, b, the forces g and k of the held and the new contacts at the stop, and the least force t, a linear program
     maximises t subject to
 
-        fᵢ ≥ t,  gᵢ ≥ t,  kⱼ ≥ 0,  Σ kⱼ = h,        all contacts stay, also when the new ones carry the threshold h:
+        fᵢ ≥ t,  gᵢ ≥ t,  kⱼ ≥ 0,                      all contacts stay, also
+        −Σ kⱼ wⱼ·V = b u·V,                           when the new ones take the whole push,
         Σ gᵢ wᵢ = Σ fᵢ wᵢ − Π Σ kⱼ wⱼ,              Π onto the space of held wrenches,
         b u·V ≥ 1.25 h |w·V| + μ Σ fᵢ sᵢ,           the push alone makes the contact felt against friction,
         Σ fᵢ + b ≤ contact force,  Σ gᵢ ≤ contact force,  |τ| ≤ torque limit on each axis,
 
-    with sᵢ the sliding speed of contact i for the unit motion V. Without a new contact there is no push. Where no g
-    exists, the new contact pries a held one open as it is felt; then the program is solved without g, `steady` false.
+    with sᵢ the sliding speed of contact i for the unit motion V, and h the threshold. The push must allow for friction
+    that need not be there, and what friction does not take comes onto the new contacts: contacts that it could pry open
+    are pressed more, those whose friction asks for it less. Of equal answers that with the least greatest force is
+    taken. Without a new contact there is no push. Where no g exists, Σ kⱼ = h takes the place of the second line, so
+    that only the reaction that ends the move leaves all contacts closed; where none exists then either, the new contact
+    pries a held one open as it is felt, and the program is solved without g. `stays` tells which.
 
     Args:
         move: the move.
@@ -207,14 +218,14 @@ def bias_wrench(move: GuardedMove, V: Array, rho: float, specification: Specific
     """
     m = len(move.held)
     if m == 0 and len(move.made) == 0:
-        return Bias(np.zeros(6), 0.0, np.zeros(0), True)
+        return Bias(np.zeros(6), 0.0, np.zeros(0), Hold.PUSH)
     push, along = np.zeros(6), 1.0
     if len(move.made):
         push, along = _push(move.reaction, V, row_space(move.held, rho), twist_scale(rho))
-    for steady in (True, False):
-        x = _best(_program(move, V, rho, specification, push, along, steady))
+    for hold in Hold:
+        x = _best(_program(move, V, rho, specification, push, along, hold))
         if x is not None and x[-1] > _CHECK:
-            return Bias(0.0 - move.held.T @ x[:m] + x[-2] * push, float(x[-2]), x[:m], steady)
+            return Bias(0.0 - move.held.T @ x[:m] + x[-2] * push, float(x[-2]), x[:m], hold)
     raise InfeasibleError(
         f"no bias wrench within {specification.contact_force:g} N and {specification.torque_limit:g} N m keeps all {m} "
         f"contacts and makes the next one felt at {specification.termination_force:g} N",
@@ -223,7 +234,7 @@ def bias_wrench(move: GuardedMove, V: Array, rho: float, specification: Specific
 
 
 class _Program(NamedTuple):
-    """Maximise the last entry of x, and a little the least of the one before, over A x ≤ b, C x = d, x ≥ 0."""
+    """Maximise the last entry of x, and a little the least of the two before, over A x ≤ b, C x = d, x ≥ 0."""
 
     A: Array
     b: Array
@@ -232,24 +243,25 @@ class _Program(NamedTuple):
 
 
 def _program(
-    move: GuardedMove, V: Array, rho: float, specification: Specification, push: Array, along: float, steady: bool
+    move: GuardedMove, V: Array, rho: float, specification: Specification, push: Array, along: float, hold: Hold
 ) -> _Program:
-    """The linear program of `bias_wrench` over x = (f, g, k, b, t); g stays at t when it need not balance."""
+    """The linear program of `bias_wrench` over x = (f, g, k, m, b, t), m the greatest of f; idle g stay at t."""
     W, m, n = move.held, len(move.held), len(move.made)
     h = specification.termination_force if n else 0.0
     basis, scale = row_space(W, rho), twist_scale(rho)
     spread = basis @ (W / scale).T
     drag = specification.friction * _sliding_speeds(W, move.points - move.reference.p, V) * (n > 0)
     F = specification.contact_force
-    f, g, k = (np.eye(2 * m + n + 2)[cut] for cut in (slice(m), slice(m, 2 * m), slice(2 * m, 2 * m + n)))
-    b, t = np.eye(2 * m + n + 2)[-2:]
+    f, g, k = (np.eye(2 * m + n + 3)[cut] for cut in (slice(m), slice(m, 2 * m), slice(2 * m, 2 * m + n)))
+    greatest, b, t = np.eye(2 * m + n + 3)[-3:]
     torque = -W[:, 3:].T @ f + np.outer(push[3:], b)
-    A = np.vstack([t - f, t - g, drag @ f - along * b, f.sum(axis=0) + b, g.sum(axis=0), torque, -torque])
+    A = np.vstack([t - f, t - g, f - greatest, drag @ f - along * b, f.sum(axis=0) + b, g.sum(axis=0), torque, -torque])
     pressed = _SURE * h * abs(float(move.reaction @ V))
-    limits = np.concatenate([np.zeros(2 * m), [-pressed, F, F], [specification.torque_limit] * 6])
+    limits = np.concatenate([np.zeros(3 * m), [-pressed, F, F], [specification.torque_limit] * 6])
     balance = spread @ (g - f) + basis @ (move.made / scale).T @ k
-    C, d = np.vstack([k.sum(axis=0), balance if steady else balance[:0]]), np.zeros(1 + len(basis) * steady)
-    d[0] = h
+    taken = -(move.made @ V) @ k - along * b if hold is Hold.PUSH else k.sum(axis=0)
+    C = np.vstack([taken, balance[: 0 if hold is Hold.NONE else None]])
+    d = np.concatenate([[0.0 if hold is Hold.PUSH else h], np.zeros(len(C) - 1)])
     return _Program(A, limits, C, d)
 
 
@@ -281,7 +293,7 @@ def _best(program: _Program) -> Array | None:
 
     A, b, C, d = program
     cost = np.zeros(A.shape[1])
-    cost[-2:] = 1e-3, -1.0
+    cost[-3:] = 1e-4, 1e-3, -1.0
     limits: Any = [(0.0, None)] * (len(cost) - 1) + [(None, float(b.max()))]
     answer = linprog(cost, A_ub=A, b_ub=b, A_eq=C, b_eq=d, bounds=limits)
     if answer.status == 2:

@@ -34,10 +34,12 @@ class Step(Value):
         travel: way along the twist, m in the metric of ρ, for which it is run.
         timeout: s since the move began after which the step ends, wherever it is.
         due: way from which on the contact may be felt, as `travel`.
-        gain, force: stop when gain · reaction ≥ force, N; infinite for no such stop.
+        gain, force, sure: stop when gain · reaction ≥ force, N, and the part has been braked, or when it is ≥ sure,
+            which allows for all that friction may do; infinite for no such stop.
         deep: stop when the part's reference point is below this z in B, m; −infinite for no such stop.
         push: limit of the servo along the twist, N in the metric of ρ.
         soft: stiffness of position axes, as a share of the robot's.
+        touch: what makes the contact felt, above what resists on the way, as `push`; 0 where none is expected.
         on_stop, on_end, on_late: index of the next step when it stops, when its travel and when its time is used up;
             DONE or FAILED.
     """
@@ -58,6 +60,8 @@ class Step(Value):
     rubbing: Array = field(default_factory=lambda: np.zeros(6))
     gain: Array = field(default_factory=lambda: np.zeros(6))
     force: float = np.inf
+    sure: float = np.inf
+    touch: float = 0.0
     deep: float = -np.inf
     soft: float = 1.0
 
@@ -143,7 +147,10 @@ def _step(rows: Sequence[Move], index: int, rho: float, push: float, spent: floa
     last = rows[index + len(ahead) - 1]
     assert last.stop is not None
     due = sum(ahead) - _EARLY * (last.stop.max_travel - last.length)
-    felt = (due, rubbing, stop.gain, stop.threshold + robot.alert * (stop.force - stop.threshold))
+    force = stop.threshold + robot.alert * (stop.force - stop.threshold)
+    speed = float(np.linalg.norm(move.twist * scale))
+    touch = robot.surplus * force * abs(float(stop.wrench @ move.twist)) / speed
+    felt = (due, rubbing, stop.gain, force, stop.force, touch)
     if not move.last:
         return Step(*common, move.length, timeout, push, beyond, following, FAILED, *felt)
     return Step(*common, stop.max_travel, spent + stop.timeout / pace, push, beyond, FAILED, FAILED, *felt)
@@ -167,12 +174,27 @@ class Table(Value):
     def of(program: Program) -> Table:
         """Speeds are in the metric of ρ.
 
-        Columns of `numbers`: travel, time-out, due, force, deep, push, soft, on_stop, on_end, on_late, move.
+        Columns of `numbers`: travel, time-out, due, force, deep, push, soft, on_stop, on_end, on_late, move, touch,
+        sure.
         """
         steps, rho = program.steps, program.rho
         scale = np.array([1.0, 1.0, 1.0, rho, rho, rho])
         numbers = [
-            (s.travel, s.timeout, s.due, s.force, s.deep, s.push, s.soft, s.on_stop, s.on_end, s.on_late, s.move)
+            (
+                s.travel,
+                s.timeout,
+                s.due,
+                s.force,
+                s.deep,
+                s.push,
+                s.soft,
+                s.on_stop,
+                s.on_end,
+                s.on_late,
+                s.move,
+                s.touch,
+                s.sure,
+            )
             for s in steps
         ]
         return Table(

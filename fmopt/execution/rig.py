@@ -23,7 +23,7 @@ from fmopt.execution.rotation import between, from_quaternions, hats, product, q
 from fmopt.execution.scene import CONTACTS, FIELDS
 from fmopt.values import Array
 
-TRAVEL, TIMEOUT, DUE, FORCE, DEEP, PUSH, SOFT, ON_STOP, ON_END, ON_LATE, MOVE = range(11)
+TRAVEL, TIMEOUT, DUE, FORCE, DEEP, PUSH, SOFT, ON_STOP, ON_END, ON_LATE, MOVE, TOUCH, SURE = range(13)
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
@@ -40,10 +40,11 @@ class State:
         reference: position (n, 3) and quaternion (n, 4) that the servo leads to.
         filtered: reaction (n, 6) after the filter, about the part's reference point, axes of B.
         tare: reaction (n, 6) beyond the expected one when the move began.
-        sensed: mean of the last force of the new contacts, N.
+        sensed, slowly: means of the last force of the new contacts, N, over the robot's shorter and longer time.
         felt, stalled: samples in a row that said the contact is felt, and that the part stands at the greatest push.
         friction: coefficient (n,) that the reaction against the motion tells of.
-        effort: push in pushes of the step; it grows while the part stands and no contact is felt.
+        effort: push in pushes of the step; it grows while the part stands and no contact is felt, and falls again.
+        pace: mean of the last speed along the twist, in its own.
     """
 
     step: Ints
@@ -55,10 +56,12 @@ class State:
     filtered: Array
     tare: Array
     sensed: Array
+    slowly: Array
     felt: Ints
     stalled: Ints
     effort: Array
     friction: Array
+    pace: Array
 
 
 @dataclass(frozen=True)
@@ -104,8 +107,8 @@ class Rig:
         p, q = starts
         whole, six = zero(n, np.int64), zero((n, 6))
         self.state = State(
-            *(whole, whole.copy(), zero(n), zero(n), p.copy(), q.copy(), six, six.copy(), zero(n)),
-            *(whole.copy(), whole.copy(), np.ones(n), zero(n)),
+            *(whole, whole.copy(), zero(n), zero(n), p.copy(), q.copy(), six, six.copy(), zero(n), zero(n)),
+            *(whole.copy(), whole.copy(), np.ones(n), zero(n), np.ones(n)),
         )
 
     @property
@@ -151,16 +154,29 @@ class Rig:
         giving = self._giving(A, P, hold - rubbed)
         K = np.repeat(robot.stiffnesses, 3) * numbers[:, SOFT, None]
         D = np.repeat(robot.dampings, 3) * np.sqrt(numbers[:, SOFT, None])
-        limit = np.minimum(numbers[:, PUSH] * state.effort, self.program.limits[0]) + np.where(
-            state.moving < robot.starting, robot.mass * self.program.speed / robot.haste, 0.0
-        )
-        push = self._limited(K * led + D * (wanted - going), wanted, limit)
+        push = self._limited(K * led + D * (wanted - going), wanted, self._allowed(here))
         kept = self._cut(K * (error - led))
         press = kept + D * (giving - actual + going) - rubbed
         lead = (push - D * (wanted - going) + kept) / K
         self._lead(A, lead + (wanted + giving) * robot.period)
         self.held = _through(np.swapaxes(A, 1, 2), hold)
         return _through(np.swapaxes(A, 1, 2), push + press)
+
+    def _allowed(self, here: Ints) -> Array:
+        """Greatest pushes (n,) along the motion, N in the metric of ρ.
+
+        Where the new contact may be met it is no less than the plan's, with a little leeway, and no less than what
+        resisted the motion so far with what makes the contact felt on top; this alone grows further, or the part would
+        be pried off what it holds.
+        """
+        state, robot, numbers = self.state, self.robot, self.table.numbers[here]
+        resisted = -np.sum(state.tare * self.table.twist[here], axis=1) / np.maximum(self.table.speed[here], 1e-12)
+        soft = np.maximum(resisted, 0.0) + numbers[:, TOUCH] * state.effort
+        near = (numbers[:, TOUCH] > 0.0) & (state.gone >= numbers[:, DUE]) & (state.moving >= robot.starting)
+        plan = numbers[:, PUSH] * np.where(near, np.minimum(state.effort, robot.leeway), state.effort)
+        push = np.where(near, np.maximum(soft, plan), plan)
+        start = np.where(state.moving < robot.starting, robot.mass * self.program.speed / robot.haste, 0.0)
+        return np.asarray(np.minimum(push, self.program.limits[0]) + start)
 
     def _giving(self, A: Array, P: Array, hold: Array) -> Array:
         """Twists (n, 6) with which the force-controlled axes give way to what is missing of their wrench."""
@@ -239,10 +255,16 @@ class Rig:
         follow = np.where(going, np.where(slow, 0.0, robot.period / robot.memory), 1.0)
         state.tare += follow[:, None] * (extra - state.tare)
         force = np.sum(self.table.gain[here] * (extra - state.tare), axis=1)
-        state.sensed = np.where(going, state.sensed + robot.period / robot.averaging * (force - state.sensed), 0.0)
-        state.felt = np.where(due & (state.sensed >= numbers[:, FORCE]), state.felt + 1, 0)
-        state.effort = np.where(slow, state.effort * 2.0 ** (robot.period / robot.doubling), state.effort)
-        most = state.effort * numbers[:, PUSH] >= self.program.limits[0]
+        fast, slowly = (robot.period / time for time in robot.averaging)
+        state.sensed = np.where(going, state.sensed + fast * (force - state.sensed), 0.0)
+        state.slowly = np.where(going, state.slowly + slowly * (force - state.slowly), 0.0)
+        state.pace = np.where(going, state.pace + slowly * (share - state.pace), 1.0)
+        braked = (state.pace <= robot.braked) & (state.slowly >= numbers[:, FORCE])
+        state.felt = np.where(due & (braked | (state.sensed >= numbers[:, SURE])), state.felt + 1, 0)
+        grown = 2.0 ** (robot.period / robot.doubling)
+        sluggish = guarded & (state.pace <= robot.slow)
+        state.effort = np.where(sluggish, state.effort * grown, np.maximum(state.effort / grown, 1.0))
+        most = self._allowed(here) >= self.program.limits[0]
         state.stalled = np.where(due & most & (share <= robot.standing), state.stalled + 1, 0)
         stopped = running & (
             (state.felt >= self.robot.debounce)

@@ -24,13 +24,16 @@ class Robot:
         period: of the controller, s.
         cut_off: of the low-pass filter on the force signal, Hz.
         noise: standard deviations of force (N) and torque (N·m) in each raw sample.
-        averaging: s over which the force of the new contacts is averaged.
+        averaging: s over which the force of the new contacts is averaged, where it alone tells of them, and where the
+            part has been braked as well; pace is averaged over the longer.
         alert: share of what a plan's stop allows for friction and noise that is left after the averaging.
         debounce: samples in a row that must say that the contact is felt.
         patience: samples in a row for which a part that stands against the greatest push is given time.
         doubling: s in which the push doubles while the part stands and no contact is felt.
-        slow, standing: shares of the commanded speed below which the push grows, and the part counts as standing.
+        slow, braked, standing: shares of the commanded speed below which the push grows, the part counts as braked, and
+            as standing.
         surplus: push at a stop, in pushes of the plan.
+        leeway: times that by which it may grow where the new contact may be met.
         haste: s in which the push that comes on top of that, at the start of a move, brings the part to its speed.
         turning: greatest speed of turning, rad/s; moves that the plan turns faster are run more slowly.
     """
@@ -47,14 +50,16 @@ class Robot:
     period: float = 0.001
     cut_off: float = 60.0
     noise: tuple[float, float] = (0.1, 0.002)
-    averaging: float = 0.01
+    averaging: tuple[float, float] = (0.01, 0.03)
     alert: float = 0.25
     debounce: int = 3
     patience: int = 40
     doubling: float = 0.05
     slow: float = 0.6
+    braked: float = 0.4
     standing: float = 0.2
     surplus: float = 1.3
+    leeway: float = 1.5
     haste: float = 0.005
     turning: float = 0.25
 

@@ -35,6 +35,7 @@ class Stop(Value):
 
     Args:
         gain: (6,), N per N and N per N·m of the reaction about the moving frame's origin in axes of B.
+        wrench: (6,) of a unit reaction of the new contacts, likewise.
         force: N.
         threshold: N, what `force` has above it is the allowance for friction and noise.
         max_travel: m in the metric of ρ.
@@ -43,6 +44,7 @@ class Stop(Value):
     """
 
     gain: Array
+    wrench: Array
     force: float
     threshold: float
     max_travel: float
@@ -50,7 +52,8 @@ class Stop(Value):
     contacts: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "gain", frozen(self.gain, 6, name="gain"))
+        for name in ("gain", "wrench"):
+            object.__setattr__(self, name, frozen(getattr(self, name), 6, name=name))
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,7 +250,7 @@ def _stop(termination: Mapping[str, Any], move: Held, V: Array, budget: Budget) 
     rubbed = budget.friction * abs(float(gain @ _friction(move, V)))
     force = h + rubbed + 3.0 * float(np.sqrt(gain**2 @ noise))
     travel, timeout = float(termination["max_travel"]), float(termination["timeout"])
-    return Stop(gain, force, h, travel, timeout, tuple(termination["contacts"]))
+    return Stop(gain, wrench, force, h, travel, timeout, tuple(termination["contacts"]))
 
 
 def _moment(force: float, normal: Array, arm: Array, budget: Budget) -> Array:
