@@ -228,7 +228,9 @@ def execute(
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of all that is drawn.")] = 0,
     method: Annotated[str, typer.Option("--method", help="plan, push, spiral, dither or tilt.")] = "plan",
     friction: Annotated[float | None, typer.Option("--friction", min=0, help="Default: the plan's bound.")] = None,
-    time_step: Annotated[float, typer.Option("--time-step", help="Of the physics, s.")] = 0.0005,
+    time_step: Annotated[
+        float | None, typer.Option("--time-step", help="Of the physics, s; by the clearance if not given.")
+    ] = None,
     growth: Annotated[float, typer.Option("--growth", help="Of the moving part, m a side: interference fits.")] = 0.0,
     offset: Annotated[float, typer.Option("--offset", help="Of each start along x, m, that nobody knows of.")] = 0.0,
     again: Annotated[int | None, typer.Option("--replay", min=0, help="Draw this trial as a GIF instead.")] = None,

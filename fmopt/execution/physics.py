@@ -1,17 +1,19 @@
 """Settings of the physics engine, and which of them can be trusted at clearances of hundredths of a millimetre.
 
 The engine's own defaults soften contacts over 20 ms and let a 0.2 mm interference fit go in; what is found here keeps
-penetration at or below some 25 µm at 50 mm/s, and in proportion to the step.
+penetration at or below some 25 µm at 50 mm/s, and in proportion to the time constant of the contacts.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import ceil
 
 from fmopt.errors import SettingsError
 
 TIME_STEP = 0.0005
 HARD = 0.001  # s, time constant of contacts
+SLOWEST = 10.0  # s of that a metre of clearance
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,19 @@ class Physics:
         if self.solref is None:
             object.__setattr__(self, "solref", (max(2.0 * self.time_step, HARD), 1.0))
         object.__setattr__(self, "faults", tuple(_faults(self)))
+
+    @staticmethod
+    def of_fit(clearance: float, period: float, time_step: float | None = None) -> Physics:
+        """What keeps the penetration under a fifth of a clearance, m, at the speeds of insertion.
+
+        Args:
+            clearance: a side, m; contacts are as hard as this asks for, whatever the time step.
+            period: of the controller, s, a multiple of the time step.
+            time_step: s; none for half the time constant of the contacts, or less.
+        """
+        hard = min(HARD, SLOWEST * clearance)
+        step = period / ceil(2.0 * period / hard - 1e-9) if time_step is None else time_step
+        return Physics(step, (max(2.0 * step, hard), 1.0))
 
     @property
     def contact(self) -> tuple[float, float]:

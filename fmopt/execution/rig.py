@@ -103,6 +103,7 @@ class Rig:
         self.time = 0.0
         self.held = np.zeros((self.n, 6))  # wrench that presses the held contacts, about the reference points
         self.depth = np.zeros(self.n)  # greatest penetration, m
+        self.moved = np.zeros((self.n, 6))  # in the last period, m and rad, axes of B
         n, zero = self.n, np.zeros
         p, q = starts
         whole, six = zero(n, np.int64), zero((n, 6))
@@ -134,7 +135,8 @@ class Rig:
             np.maximum(self.depth, -distance.min(axis=1), out=self.depth)
         self.time += self.robot.period
         self._sense()
-        return self._decide(here, self._gone(here, before))
+        self.moved = np.hstack([self.qpos[:, :3] - before[:, :3], between(self.qpos[:, 3:], before[:, 3:])])
+        return self._decide(here, self._gone(here))
 
     def _servo(self, here: Ints) -> Array:
         """Applied wrench (n, 6) about the reference points, axes of B; moves the reference poses on."""
@@ -146,7 +148,11 @@ class Rig:
         twist = np.where(running[:, None], table.twist[here] + self.drift[move, np.arange(self.n)], 0.0)
         A = _adjoint(R, origin)
         lead = np.hstack([state.p - self.qpos[:, :3], between(state.q, self.qpos[:, 3:])])
-        error, wanted, actual = _through(A, lead), _through(P, _through(A, twist)), _through(A, self._velocity())
+        error, wanted, actual = (
+            _through(A, lead),
+            _through(P, _through(A, twist)),
+            _through(A, self.moved / robot.period),
+        )
         led, going = _through(P, error), _through(P, actual)
         share = np.clip(state.gone / numbers[:, TRAVEL], 0.0, 1.0)[:, None]
         hold = (1.0 - share) * table.hold[here, 0] + share * table.hold[here, 1]
@@ -203,11 +209,6 @@ class Rig:
         state.friction += robot.period / robot.learning * (told - state.friction)
         rubbed = state.friction[:, None] * rubbing
         return np.asarray(rubbed - _through(np.swapaxes(P, 1, 2), rubbed))
-
-    def _velocity(self) -> Array:
-        """Twists (n, 6) of the reference points, axes of B; the engine turns in body axes."""
-        R = from_quaternions(self.qpos[:, 3:])
-        return np.hstack([self.qvel[:, :3], np.einsum("nij,nj->ni", R, self.qvel[:, 3:])])
 
     def _limited(self, push: Array, wanted: Array, limit: Array) -> Array:
         """The servo's wrench with its part along the motion, and then its force and torque, cut to their limits."""
@@ -280,12 +281,11 @@ class Rig:
         self._enter(left, following[left], numbers[left, MOVE])
         return events
 
-    def _gone(self, here: Ints, before: Array) -> Array:
-        """Ways (n,) along the twists of the steps since the poses `before`, m in the metric of ρ."""
-        moved = np.hstack([self.qpos[:, :3] - before[:, :3], between(self.qpos[:, 3:], before[:, 3:])])
+    def _gone(self, here: Ints) -> Array:
+        """Ways (n,) along the twists of the steps in the last period, m in the metric of ρ."""
         rho = self.program.rho
         scaled = np.array([1.0, 1.0, 1.0, rho, rho, rho]) ** 2 * self.table.twist[here]
-        return np.asarray(np.sum(moved * scaled, axis=1) / np.maximum(self.table.speed[here], 1e-12))
+        return np.asarray(np.sum(self.moved * scaled, axis=1) / np.maximum(self.table.speed[here], 1e-12))
 
     def _enter(self, bodies: NDArray[np.intp], steps: Ints, moves: Array) -> None:
         """A new move starts where the part is; a piece of the same move goes on from its lead."""

@@ -41,7 +41,7 @@ class Robot:
     mass: float = 0.5
     gyration: float = 0.02
     stiffness: float = 20000.0
-    damping: float = 1.0
+    damping: float = 0.7
     resistances: tuple[float, float] = (1000.0, 2.0)
     memory: float = 0.1
     settling: float = 0.15

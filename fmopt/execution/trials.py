@@ -19,7 +19,7 @@ from fmopt.errors import ResourceError
 from fmopt.execution.baselines import BASELINES
 from fmopt.execution.grown import grown
 from fmopt.execution.outcome import Fit, Log, note, rest, watch
-from fmopt.execution.physics import TIME_STEP, Physics
+from fmopt.execution.physics import Physics
 from fmopt.execution.program import Program, planned
 from fmopt.execution.rig import Rig
 from fmopt.execution.robot import Robot
@@ -45,7 +45,7 @@ class Trials:
         beyond: trials with errors of one to `reach` times the box.
         reach: largest error of these, in boxes.
         seed: of all that is drawn.
-        time_step: of the physics, s.
+        time_step: of the physics, s; None for what the clearance asks for.
         friction: coefficient; None for the plan's, which is the most that it allows for.
         method: plan, or one of the baselines.
         growth: of the moving part to each side, m; more than the clearance makes an interference fit.
@@ -56,7 +56,7 @@ class Trials:
     beyond: int = 0
     reach: float = 2.0
     seed: int = 0
-    time_step: float = TIME_STEP
+    time_step: float | None = None
     friction: float | None = None
     method: str = "plan"
     growth: float = 0.0
@@ -139,7 +139,8 @@ def run(
     rows, known, fit = moves(document), contacts(document), Fit.of(document)
     friction = float(document["specification"]["friction"]) if trials.friction is None else trials.friction
     parts = grown(document, trials.growth) if trials.growth else document
-    model = compiled(scene(parts, Physics(trials.time_step), robot.mass, robot.inertia, friction))
+    physics = Physics.of_fit(fit.clearance, robot.period, trials.time_step)
+    model = compiled(scene(parts, physics, robot.mass, robot.inertia, friction))
     draws = [draw(document, program, trials, number) for number in numbers]
     rig = Rig(model, program, robot, _starts(program, draws), _drifts(draws), Noise(trials.seed, numbers))
     logs = [Log() for _ in numbers]
