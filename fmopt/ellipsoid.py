@@ -51,7 +51,7 @@ def coupling_inverse(N: ArrayLike, C: ArrayLike) -> Array:
     rows, columns = np.asarray(N, dtype=np.float64), np.asarray(C, dtype=np.float64)
     if rows.shape != columns.T.shape:
         raise ValueError(f"rows have shape {rows.shape}, directions {columns.shape}; expected (r, n) and (n, r)")
-    lengths, widths = np.linalg.norm(rows, axis=1), np.linalg.norm(columns, axis=0)
+    lengths, widths = np.sqrt(np.vecdot(rows, rows)), np.sqrt(np.vecdot(columns.T, columns.T))
     if not (lengths.all() and widths.all()):
         raise ValueError("a contact row or a direction is zero")
     unit = (rows / lengths[:, None]) @ (columns / widths)
@@ -99,7 +99,7 @@ def outer_sum(F1: Array, F2: Array, weights: Array) -> Array:
         F2: root of the other.
         weights: metric (n,) in which the trace is taken, positive.
     """
-    s1, s2 = (float(np.sqrt(((weights[:, None] * F) ** 2).sum())) for F in (F1, F2))
+    s1, s2 = (float(np.linalg.norm(weights[:, None] * F)) for F in (F1, F2))
     if s1 == 0.0 or s2 == 0.0:
         return F2 if s1 == 0.0 else F1
     return narrow(np.hstack([np.sqrt(1.0 + s2 / s1) * F1, np.sqrt(1.0 + s1 / s2) * F2]), _WIDTH)

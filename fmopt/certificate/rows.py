@@ -11,7 +11,7 @@ and `swing` = |σ p + a × p + s| (with |b| = 1; σ = −1, a = 0 or σ = 0, |a|
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -244,6 +244,22 @@ class Curvature:
         seen = lengths(crossed(start.across, travel))
         seen[free] = distance
         return Curvature(turn, distance, size, start.bilinear, felt, seen)
+
+    def beside(self, other: Curvature) -> Curvature:
+        """The curvature of these rows and of others over the same piece."""
+        size = np.concatenate([self.size, other.size])
+        if self.bilinear is None and other.bilinear is None:
+            return replace(self, size=size)
+        parts = [part._full() for part in (self, other)]
+        bilinear, felt, seen = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return Curvature(self.turn, self.distance, size, bilinear, felt, seen)
+
+    def _full(self) -> tuple[Mask, Array, Array]:
+        """Which rows are bilinear, and what they feel, also where none is."""
+        if self.bilinear is not None:
+            return self.bilinear, self.felt, self.seen
+        k = len(self.size)
+        return np.zeros(k, dtype=np.bool_), np.zeros((k, 3, 3)), np.zeros(k)
 
     def bound(self, theta: float, offset: Array) -> Array:
         """Bound (k,) of |f − (linear in the error, interpolated between the ends)|, m.

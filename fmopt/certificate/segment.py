@@ -16,6 +16,7 @@ touches late has then gone farther in each of them alike, whichever piece it was
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -124,17 +125,20 @@ class _Step:
         reach = float(np.abs(self.core @ way.seen).sum()) + length(way.seen @ self.start.growth_root)
         return reach / way.rate, cone(self.tolerance, way, way.seen) / way.rate
 
-    def _wide(self, half: Array) -> Array:
-        """Bounds (2,) of translation and angle with their drift, before contacts take it up."""
-        t, r = self._rates
-        return np.array([length(half[:3]) + 2.0 * t * self.way.length, length(half[3:]) + 2.0 * r * self.way.length])
+    def _grown(self, half: Array) -> tuple[Array, Array, tuple[float, float, float]]:
+        """Thickness of contacts at both ends, and radii of the drift, for half-widths (6,) of all errors."""
+        (t, r), theta, far = self._rates, length(half[3:]), self.way.length
+        # Bounds of translation and angle with their drift, before contacts take it up.
+        wide = length(half[:3]) + 2.0 * t * far, theta + 2.0 * r * far
+        own, final = self.layers.thicknesses(theta, half[:3], wide)
+        return own, final, self._radii(theta, wide[1], final)
 
-    def _radii(self, half: Array, thickness: Array) -> tuple[float, float, float]:
+    def _radii(self, theta: float, wide: float, thickness: Array) -> tuple[float, float, float]:
         """Radii of the drift: of the translation, of the angle, and of the turn's second order (m, rad, rad)."""
-        way, theta, beyond = self.way, length(half[3:]), 0.0
+        way, beyond = self.way, 0.0
         if self.piece.made is not None:
             late, eta = self._late
-            zeta = 0.75 * float(self._wide(half)[1]) * way.turn * length(way.seen[3:]) / way.rate
+            zeta = 0.75 * wide * way.turn * length(way.seen[3:]) / way.rate
             rest = 1.0 - self.piece.share * (eta + zeta)
             if rest < 0.5:
                 raise InfeasibleError("the velocity error could carry the part past the contact that it is to make")
@@ -175,11 +179,16 @@ class _Step:
 
     def _widths(self, half: Array) -> Array:
         """Half-widths (6,) of the box around the errors at both ends, computed with stated ones."""
-        own, final = self.layers.thicknesses(length(half[3:]), half[:3], self._wide(half))
+        own, final, radii = self._grown(half)
         core, goal = self._boxes
-        radii = self._radii(half, final)
-        after = goal + np.abs(self.layers.goal_dual) @ final + np.sqrt(self._squares(radii))
-        return np.maximum(core + np.abs(self.way.start_dual) @ own, after)
+        start_dual, goal_dual = self._duals
+        after = goal + goal_dual @ final + np.sqrt(self._squares(radii))
+        return np.maximum(core + start_dual @ own, after)
+
+    @cached_property
+    def _duals(self) -> tuple[Array, Array]:
+        """Sizes of the dual twists (6, h) and (6, r) at both ends."""
+        return np.abs(self.way.start_dual), np.abs(self.layers.goal_dual)
 
     @cached_property
     def _boxes(self) -> tuple[Array, Array]:
@@ -187,30 +196,30 @@ class _Step:
         return self.start.half_widths(self.core), np.abs(self._carried[0]).sum(axis=0)
 
     @cached_property
-    def _diagonals(self) -> Array:
-        """Diagonals (3, 6) of the carried growth, and of unit drifts in translation and angle, and their traces."""
+    def _diagonals(self) -> tuple[Array, list[float]]:
+        """Diagonals (3, 6) of the carried growth, and of unit drifts in translation and angle, and their traces (3)."""
         P = self.way.projector
         D = np.array([lengths(self._carried[1]), lengths(P[:, :3]), lengths(P[:, 3:])]) ** 2
-        return np.column_stack([D, D @ ellipsoid.metric(self.tolerance.rho) ** 2])
+        return D, (D @ ellipsoid.metric(self.tolerance.rho) ** 2).tolist()
 
     def _squares(self, radii: tuple[float, float, float]) -> Array:
         """Diagonal (6,) of the growth at the goal, for radii of the drift."""
-        D, (a, b, c) = self._diagonals, radii
-        total = D[0]
-        for more in (a * a * D[1] + b * b * D[2], c * c * D[2]):
-            s1, s2 = float(total[6]) ** 0.5, float(more[6]) ** 0.5
+        (D, (carried, sliding, turning)), (a, b, c) = self._diagonals, radii
+        total, trace = (1.0, 0.0, 0.0), carried
+        for more in ((0.0, a * a, b * b), (0.0, 0.0, c * c)):
+            s1, s2 = math.sqrt(trace), math.sqrt(more[1] * sliding + more[2] * turning)
             if s1 == 0.0 or s2 == 0.0:
                 total = more if s1 == 0.0 else total
             else:
-                # The trace of the sum is (s1 + s2)².
-                total = (1.0 + s2 / s1) * total + (1.0 + s1 / s2) * more
-        return np.asarray(total[:6])
+                one, two = 1.0 + s2 / s1, 1.0 + s1 / s2
+                total = one * total[0], one * total[1] + two * more[1], one * total[2] + two * more[2]
+            trace = (s1 + s2) ** 2
+        return np.asarray(np.array(total) @ D)
 
     def outcome(self, basis: tuple[Compliance, ...]) -> tuple[Extent, ErrorSet, Array]:
         """Extent, error set at the goal and slack columns (6, h) at the start."""
         half = self._settled()
-        own, final = self.layers.thicknesses(length(half[3:]), half[:3], self._wide(half))
-        a, b, c = self._radii(half, final)
+        own, final, (a, b, c) = self._grown(half)
         core, growth, shape = self._carried
         P, weights = self.way.projector, ellipsoid.metric(self.tolerance.rho)
         for drift in (P * np.array([a, a, a, b, b, b]), P[:, 3:] * c):

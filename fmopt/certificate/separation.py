@@ -58,6 +58,11 @@ class Ends:
         start, goal = self.start_set, self.goal_set
         return Support.of(start.generators if self.core is None else self.core, start, self.slack), goal.bound
 
+    @cached_property
+    def both(self) -> Support:
+        """Both supports as one, the start's first."""
+        return Support.beside(*self.supports)
+
 
 @dataclass(frozen=True, eq=False)
 class Separation:
@@ -80,8 +85,7 @@ class RowBounds:
 
 def lower_bounds(start: Rows, goal: Rows, ends: Ends) -> Array:
     """Certified lower bound (k,) of rows over a piece of motion: worst end, less errors and remainder."""
-    before, after = ends.supports
-    least = np.minimum(start.f - before(start.N), goal.f - after(goal.N))
+    least = (np.array([start.f, goal.f]) - ends.both(np.array([start.N, goal.N]))).min(axis=0)
     return np.asarray(least - remainders(start, goal, ends.extent))
 
 

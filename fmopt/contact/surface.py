@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from itertools import chain
 from typing import Any, assert_never
 
@@ -21,6 +21,7 @@ from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.se3 import Pose
 from fmopt.values import Array, Value, frozen
 
+_MEMORY = 8192
 _NEXT, _AFTER = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
@@ -102,6 +103,7 @@ def values_and_rows(
     return Surfaces.of(contacts, moving, fixed).values_and_rows(pose)
 
 
+@lru_cache(maxsize=_MEMORY)
 def parameters(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron) -> Array:
     """The twelve numbers (12,) of a contact's C-surface function.
 
@@ -111,14 +113,14 @@ def parameters(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron)
     match contact.kind:
         case Kind.VERTEX_FACE:
             face = fixed.faces[contact.fixed_feature]
-            return np.array([*moving.vertices[contact.moving[0]], *face.normal, face.offset, *np.zeros(5)])
+            return frozen([*moving.vertices[contact.moving[0]], *face.normal, face.offset, *np.zeros(5)])
         case Kind.FACE_VERTEX:
             face = moving.faces[contact.moving_feature]
-            return np.array([*face.normal, *fixed.vertices[contact.fixed[0]], face.offset, *np.zeros(5)])
+            return frozen([*face.normal, *fixed.vertices[contact.fixed[0]], face.offset, *np.zeros(5)])
         case Kind.EDGE_EDGE:
             a, b = moving.vertices[list(contact.moving)]
             q, r = fixed.vertices[list(contact.fixed)]
-            return np.concatenate([(b - a) / np.linalg.norm(b - a), a, (r - q) / np.linalg.norm(r - q), q])
+            return frozen([*(b - a) / np.linalg.norm(b - a), *a, *(r - q) / np.linalg.norm(r - q), *q])
         case _:
             assert_never(contact.kind)
 

@@ -125,30 +125,32 @@ class _Reached:
 
     Args:
         left: what remainders take at each vertex (v,), m.
-        sides: at both ends the errors' support, the vertices (v, 3), and how the columns displace them (3, v·k).
+        support: how far errors reach at both ends.
+        vertices: at both ends (2, v, 3).
+        moved: how the support's columns displace them (2, 3, v·k).
     """
 
     left: Array
-    sides: tuple[tuple[Support, Array, Array], ...]
+    support: Support
+    vertices: Array
+    moved: Array
 
     @staticmethod
     def of(piece: Polyhedron, ends: Ends) -> _Reached:
-        sides = []
-        for pose, support in zip((ends.start, ends.goal), ends.supports, strict=True):
-            arm = piece.vertices @ pose.R.T
-            moved = support.columns[:3].T + crossed(support.columns[3:].T, arm[:, None])
-            sides.append((support, arm + pose.p, np.ascontiguousarray(moved.reshape(-1, 3).T)))
-        return _Reached(lengths(piece.vertices) * ends.extent.kappa, tuple(sides))
+        poses, support = (ends.start, ends.goal), ends.both
+        arms = piece.vertices @ np.array([pose.R.T for pose in poses])
+        columns = np.swapaxes(support.columns, -1, -2)[:, None]
+        moved = columns[..., :3] + crossed(columns[..., 3:], arms[:, :, None])
+        vertices = arms + np.array([pose.p for pose in poses])[:, None]
+        left = lengths(piece.vertices) * ends.extent.kappa
+        return _Reached(left, support, vertices, np.swapaxes(moved.reshape(2, -1, 3), -1, -2))
 
     def lower(self, normals: Array) -> Array:
         """Certified lower bounds (n,) of n·v over all vertices v, for unit normals (n, 3), m."""
-        lower = []
-        for support, world, moved in self.sides:
-            reach = support.seen((normals @ moved).reshape(len(normals), len(world), -1))
-            lower.append(normals @ world.T - reach)
-        return np.asarray((np.minimum(*lower) - self.left).min(axis=1))
+        reach = self.support.seen((normals @ self.moved).reshape(2, len(normals), len(self.left), -1))
+        heights = normals @ np.swapaxes(self.vertices, -1, -2)
+        return np.asarray(((heights - reach).min(axis=0) - self.left).min(axis=1))
 
     def nominal(self, normals: Array) -> Array:
         """The least n·v (n,) without errors."""
-        (_, start, _), (_, goal, _) = self.sides
-        return np.asarray(np.minimum(normals @ start.T, normals @ goal.T).min(axis=1))
+        return np.asarray((normals @ np.swapaxes(self.vertices, -1, -2)).min(axis=(0, 2)))

@@ -13,7 +13,7 @@ from fmopt import se3
 from fmopt.certificate.claim import Claim, claim
 from fmopt.certificate.functions import contact_forms, contact_rows
 from fmopt.certificate.knowledge import Assembly
-from fmopt.certificate.rows import Forms
+from fmopt.certificate.rows import Forms, length
 from fmopt.certificate.segment import Compliance, Piece, Tolerance
 from fmopt.contact.meet import Poses
 from fmopt.contact.primitive import Kind, PrimitiveContact
@@ -105,28 +105,39 @@ def way(assembly: Assembly, move: Move, basis: Sequence[Compliance], count: int,
     contacts = tuple(c.contact for c in basis)
     directions = np.array([c.direction for c in basis]).reshape(-1, 6).T
     forms = contact_forms(assembly, contacts, contacts)
-    twist = move.start.local(move.goal)
-    poses = [move.start]
-    for _ in range(shots):
+    twist, poses = move.start.local(move.goal), [move.start]
+    gives = [np.zeros(len(basis))] * count
+    for shot in range(1, shots + 1):
         poses = [move.start]
-        for _ in range(count):
-            poses.append(_kept(forms, poses[-1], twist / count, directions))
-        miss = np.concatenate([move.goal.p - poses[-1].p, se3.log(move.goal.R @ poses[-1].R.T)])
-        if np.abs(miss).max() < _AIMED:
-            break
-        twist = twist + miss
-    return [*poses[:-1], move.goal]
+        # Where the last piece of the last shot would end does not matter: it ends at the goal.
+        for k in range(count if shot < shots else count - 1):
+            guess = gives[k if shot > 1 else max(k - 1, 0)]
+            there, gives[k] = _kept(forms, poses[-1], twist / count, directions, guess)
+            poses.append(there)
+        if shot < shots:
+            miss = np.concatenate([move.goal.p - poses[-1].p, se3.log(move.goal.R @ poses.pop().R.T)])
+            if np.abs(miss).max() < _AIMED:
+                break
+            twist = twist + miss
+    return [*poses, move.goal]
 
 
-def _kept(forms: Forms, pose: Pose, twist: Array, directions: Array) -> Pose:
-    """The pose after one twist (6,) and as much compliance as keeps the contacts, added to the twist."""
-    give = np.zeros(len(forms))
+def _kept(forms: Forms, pose: Pose, twist: Array, directions: Array, give: Array) -> tuple[Pose, Array]:
+    """The pose after one twist (6,) and as much compliance as keeps the contacts, added to the twist; and how much.
+
+    Args:
+        forms: functions of the contacts (r).
+        pose: where to start.
+        twist: the twist.
+        directions: of compliance (6, r).
+        give: a guess (r,) of how much.
+    """
     for _ in range(_NEWTON):
         X = twist + directions @ give
         p, R = pose.p + X[:3], se3.exp(X[3:]) @ pose.R
         (f,), (N,) = forms.along(p[None], R[None])
         if np.abs(f).max(initial=0.0) < 1e-16:
-            return Pose(p, R)
+            return Pose(p, R), give
         try:
             give = give - np.linalg.solve(N @ directions, f)
         except np.linalg.LinAlgError as error:
@@ -134,7 +145,7 @@ def _kept(forms: Forms, pose: Pose, twist: Array, directions: Array) -> Pose:
         if not np.abs(give).max() < 1.0:
             break
     if np.abs(f).max() < 1e-12:
-        return Pose(p, R)
+        return Pose(p, R), give
     raise InfeasibleError("contacts cannot be held along the move", advice="shorten the move")
 
 
@@ -154,7 +165,7 @@ def unroll(
     Raises:
         InfeasibleError: parts overlap nominally on the way, or a step is impossible.
     """
-    turn = float(np.linalg.norm(se3.log(move.goal.R @ move.start.R.T)))
+    turn = length(se3.log(move.goal.R @ move.start.R.T))
     count = max(math.ceil(turn / step - 1e-9), 1)
     failure: InfeasibleError | None = None
     # Shorter pieces leave smaller remainders; but the last one must be longer than what errors make the touch differ.
@@ -174,7 +185,7 @@ def _unroll(
 ) -> Reached:
     errors, claims = reached.errors, list(reached.claims)
     basis = tuple(c for c in reached.basis if c.contact not in move.left)
-    poses = way(assembly, move, basis, count, _SHOTS if thorough else 1)
+    poses = way(assembly, move, basis, count, _SHOTS if thorough and count > 1 else 1)
     for k, (at, to) in enumerate(pairwise(poses)):
         share = (k / count, (k + 1) / count)
         held = described(assembly, move.held, at, to, errors)
