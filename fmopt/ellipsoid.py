@@ -7,6 +7,8 @@ kept by the caller.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -99,10 +101,10 @@ def outer_sum(F1: Array, F2: Array, weights: Array) -> Array:
         F2: root of the other.
         weights: metric (n,) in which the trace is taken, positive.
     """
-    s1, s2 = (float(np.linalg.norm(weights[:, None] * F)) for F in (F1, F2))
+    s1, s2 = (math.sqrt(float(np.vdot(F, weights[:, None] ** 2 * F))) for F in (F1, F2))
     if s1 == 0.0 or s2 == 0.0:
         return F2 if s1 == 0.0 else F1
-    return narrow(np.hstack([np.sqrt(1.0 + s2 / s1) * F1, np.sqrt(1.0 + s1 / s2) * F2]), _WIDTH)
+    return narrow(np.hstack([math.sqrt(1.0 + s2 / s1) * F1, math.sqrt(1.0 + s1 / s2) * F2]), _WIDTH)
 
 
 def box_root(half_widths: ArrayLike) -> Array:

@@ -17,6 +17,7 @@ from fmopt.uncertainty.error_set import Support
 from fmopt.values import Array
 
 _SHARES = 9  # planes tried through an edge in each pass
+_SPREAD = np.linspace(0.0, 1.0, _SHARES)
 _PASSES = 3
 _REFINED = 3  # edges of a pair that are looked at more closely
 
@@ -94,7 +95,7 @@ class Fans:
 
 def _between(arcs: Array, low: Array, high: Array) -> tuple[Array, Array]:
     """Shares (…, s) between low and high (…), and the unit normals (…, s, 3) that part arcs (…, 2, 3) so."""
-    w = low[..., None] + (high - low)[..., None] * np.linspace(0.0, 1.0, _SHARES)
+    w = low[..., None] + (high - low)[..., None] * _SPREAD
     normals = (1.0 - w)[..., None] * arcs[..., None, 0, :] + w[..., None] * arcs[..., None, 1, :]
     return w, normals / lengths(normals)[..., None]
 

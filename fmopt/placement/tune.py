@@ -59,8 +59,9 @@ def tuned(
                 # Once a number has been changed for the better, it goes on that way.
                 while tries < limits.tries and best.reached.margin < clearance and time.monotonic() < limits.deadline:
                     tries += 1
-                    node = replayed(task, entry_of(_scaled(first, factors + step)), found.names)
-                    if node is None or node.reached.margin <= best.reached.margin + _GAIN * clearance:
+                    entry, least = entry_of(_scaled(first, factors + step)), best.reached.margin + _GAIN * clearance
+                    node = replayed(task, entry, found.names, least)
+                    if node is None:
                         break
                     factors, improved = factors + step, True
                     best = replace(found, entry=node.entry, moves=node.moves, reached=node.reached, cost=node.cost)
@@ -68,20 +69,21 @@ def tuned(
     return best
 
 
-def replayed(task: Task, entry: Entry, names: Sequence[str]) -> Node | None:
-    """The state after the same guarded moves from another entry, None where one of them fails or ends elsewhere.
+def replayed(task: Task, entry: Entry, names: Sequence[str], least: float) -> Node | None:
+    """The state after the same guarded moves from another entry, None where one fails, ends elsewhere or lacks margin.
 
     Args:
         task: parts, errors, goal and costs.
         entry: how to begin.
         names: the freedoms of the moves, the approach first.
+        least: the margin that has to be exceeded, m.
     """
     node = begin(task, entry)
     for name in names[1:]:
-        if node is None:
+        if node is None or node.reached.margin <= least:
             return None
         node = follow(task, node, name)
-    return node if node is not None and task.seated(node.place.pose) else None
+    return node if node is not None and node.reached.margin > least and task.seated(node.place.pose) else None
 
 
 def _scaled(shape: Shape, factors: Array) -> Shape:
