@@ -135,14 +135,17 @@ class Neighbourhood(Value):
         scale, unit = self.space.scale / self.space.scale[0], self.space.scale[0]
         f, N, g, G = self._functions(poses)
         depth, which = self.table.depths(g)
-        inside, D = self._innermost(depth, which, G)
+        inside, bound = _innermost(depth, which)
         out = -inside > f
         apart = np.where(self._ended(on, which), np.inf, np.where(out, -inside, f) / unit - room)
         deep = np.where(on, np.minimum(inside / unit - room, 0.0), 0.0)
-        r = np.concatenate([np.where(on, f / unit, np.minimum(apart, 0.0)), deep], axis=1)
-        counts = np.concatenate([on | (apart < 0.0), deep < 0.0], axis=1)
-        J = np.concatenate([np.where((out & ~on)[..., None], -D, N), D], axis=1)
-        J *= counts[..., None]
+        r, J = np.where(on, f / unit, np.minimum(apart, 0.0)), N * (on | (apart < 0.0))[..., None]
+        aside = out & ~on & (apart < 0.0)
+        J[aside] = -self._bounding(G, bound, aside)
+        if deep.any():
+            edges = np.zeros_like(J)
+            edges[deep < 0.0] = self._bounding(G, bound, deep < 0.0)
+            r, J = np.concatenate([r, deep], axis=1), np.concatenate([J, edges], axis=1)
         Jt = np.swapaxes(J, 1, 2)
         walls, beyond = self.space.limits[:, :6], np.minimum(self.inside(poses), 0.0)
         square = (walls[:, :, None] * walls[:, None]).reshape(-1, 36)
@@ -151,6 +154,17 @@ class Neighbourhood(Value):
             (Jt @ r[..., None])[..., 0] * scale + beyond @ walls,
             Jt @ J * np.outer(scale, scale) + ((beyond < 0.0) @ square).reshape(-1, 6, 6),
         )
+
+    def _bounding(self, G: Array, bound: NDArray[np.intp], which: Bits) -> Array:
+        """Gradients (m, 6) of how far poses are inside bounds (n, k), for the m contacts of a mask (n, k).
+
+        Args:
+            G: gradients (n, l, 6) of the bounds' contacts.
+            bound: which bound of each contact counts.
+            which: the mask.
+        """
+        number = bound[which]
+        return np.asarray(-self.table.signs[number, None] * G[np.nonzero(which)[0], number])
 
     def _functions(self, poses: Poses) -> tuple[Array, Array, Array, Array]:
         """Values and gradients at poses of the contacts, and of the bounds' contacts, shared ones evaluated once."""
@@ -180,20 +194,19 @@ class Neighbourhood(Value):
         names = {contact.id: i for i, contact in enumerate(self.space.contacts)}
         return [*(names.get(b.contact.id, -1) if b.sign > 0 else -1 for b in self.table.listed), -1, -1]
 
-    def _innermost(self, depth: Array, which: NDArray[np.intp], G: Array) -> tuple[Array, Array]:
-        """How far (n, k) poses are inside all bounds of each contact, m, and the gradient (n, k, 6) of that.
 
-        Args:
-            depth: of each clause (n, k, clauses), m.
-            which: the bound that this depth belongs to.
-            G: gradients (n, m, 6) of the bounds' contacts.
-        """
-        if not depth.shape[2]:
-            return np.full(depth.shape[:2], np.inf), np.zeros((*depth.shape[:2], 6))
-        n, k = np.arange(len(depth))[:, None], np.arange(depth.shape[1])
-        tight = np.argmin(depth, axis=2)
-        padded = np.concatenate([-self.table.signs[:, None] * G, np.zeros((len(G), 2, 6))], axis=1)
-        return depth[n, k, tight], padded[n, which[n, k, tight]]
+def _innermost(depth: Array, which: NDArray[np.intp]) -> tuple[Array, NDArray[np.intp]]:
+    """How far (n, k) poses are inside all bounds of each contact, m, and which bound that is.
+
+    Args:
+        depth: of each clause (n, k, clauses), m.
+        which: the bound that this depth belongs to.
+    """
+    if not depth.shape[2]:
+        return np.full(depth.shape[:2], np.inf), np.zeros(depth.shape[:2], dtype=np.intp)
+    n, k = np.arange(len(depth))[:, None], np.arange(depth.shape[1])
+    tight = np.argmin(depth, axis=2)
+    return depth[n, k, tight], which[n, k, tight]
 
 
 @dataclass(frozen=True, eq=False)
