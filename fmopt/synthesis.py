@@ -304,7 +304,8 @@ def placement(
         # The program is local: it starts where the search ended, and once more from poses in the middle of their room.
         centred = polish(assembly, placed, start, tolerance, FINE, clearance, "descent", Turns(1, reach), told)
         solver, settings = ClarabelSolver(), Refinement.of(spread, clearance)
-        refined = [refine(assembly, p, start, tolerance, FINE, solver, settings, told) for p in (placed, centred)]
+        begun = dict.fromkeys((placed, centred))  # where there was nothing to centre, one and the same
+        refined = [refine(assembly, p, start, tolerance, FINE, solver, settings, told) for p in begun]
         placed = max(refined, key=lambda p: p.margin)
         stages += [centred, *refined]
         placed = polish(assembly, placed, start, tolerance, FINE, clearance, "nlp", Turns(3, reach), told)

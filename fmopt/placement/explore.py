@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fmopt import se3
 from fmopt.certificate.functions import contact_rows
@@ -22,6 +24,8 @@ from fmopt.values import Array
 
 _TOUCH = 1e-9
 _SAMPLES = 24
+_ROUNDS = 50
+_TOGETHER = 1e-11
 IN_PLANE = ("x", "z", "ry")
 _STILL = 0.02  # rad, the turn that compliance may add to a slide
 
@@ -113,37 +117,57 @@ def _first_contact(assembly: Assembly, place: Place, freedom: Freedom, near: Seq
     open_now = values[0] > 10.0 * _TOUCH
     closing = np.flatnonzero(open_now & (values[1:] <= 0.0).any(axis=0))
     crossings = [(int(np.argmax(values[1:, i] <= 0.0)), int(i)) for i in closing]
-    best: tuple[float, PrimitiveContact] | None = None
-    for k, i in sorted(crossings):
+    best: tuple[float, Pose, PrimitiveContact] | None = None
+    for k, cell in groupby(sorted(crossings), lambda crossing: crossing[0]):
         if best is not None and amounts[k] > best[0]:
             break
-        amount = _root(assembly, place, freedom, near[i], float(amounts[k]), float(amounts[k + 1]))
-        if amount is None or (best is not None and amount >= best[0]):
-            continue
-        pose = moved(assembly, place, freedom, np.array([amount])).pose(0)
-        if BoundTable.of([near[i]], body, fixed, pose).insides(pose)[0] > 10.0 * _TOUCH:
-            best = (amount, near[i])
+        met = np.array([i for _, i in cell if values[k, i] > 0.0], dtype=np.intp)
+        roots = _roots(assembly, place, freedom, (table, met), amounts[k : k + 2], values[k : k + 2, met])
+        there = moved(assembly, place, freedom, roots)
+        for n, (amount, i) in enumerate(zip(roots.tolist(), met.tolist(), strict=True)):
+            # Of several that come together, to rounding, the last in the list counts: edges before vertices.
+            if best is None or amount < best[0] + _TOGETHER * freedom.limit:
+                pose = there.pose(n)
+                if BoundTable.of([near[i]], body, fixed, pose).insides(pose)[0] > 10.0 * _TOUCH:
+                    best = amount, pose, near[i]
     if best is None or best[0] <= 0.0:
         return None
-    goal = moved(assembly, place, freedom, np.array([best[0]])).pose(0)
-    return _arrival(assembly, place, goal, best[1], near)
+    return _arrival(assembly, place, *best[1:], near)
 
 
-def _root(
-    assembly: Assembly, place: Place, freedom: Freedom, contact: PrimitiveContact, low: float, high: float
-) -> float | None:
-    """Where along a freedom a contact's distance vanishes."""
-    table = Surfaces.of([contact], assembly.moving.polyhedron, assembly.fixed.polyhedron)
+def _roots(
+    assembly: Assembly,
+    place: Place,
+    freedom: Freedom,
+    met: tuple[Surfaces, NDArray[np.intp]],
+    between: Array,
+    values: Array,
+) -> Array:
+    """Amounts (m,) along a freedom at which distances vanish, by Anderson and Björck's method of false position.
 
-    def f(a: float) -> float:
-        there = moved(assembly, place, freedom, np.array([a]))
-        return float(table.heights(there.p, there.R)[0, 0])
-
-    if f(low) <= 0.0 or f(high) > 0.0:
-        return None
-    from scipy.optimize import brentq
-
-    return float(brentq(f, low, high, xtol=1e-16, rtol=1e-14))
+    Args:
+        assembly: the two parts.
+        place: where the move starts.
+        freedom: the direction.
+        met: functions of contacts, and which m of them.
+        between: two amounts.
+        values: the distances (2, m) there, the first positive, the second not.
+    """
+    table, which = met
+    a, b = np.repeat(between[:, None], len(which), axis=1)
+    fa, fb = values
+    for _ in range(_ROUNDS):
+        c = b - fb * (b - a) / (fb - fa)
+        there = moved(assembly, place, freedom, c)
+        f = table.heights(there.p, there.R)[np.arange(len(which)), which]
+        short = 1.0 - np.divide(f, fb, out=np.ones_like(f), where=fb != 0.0)
+        other = f * fb < 0.0
+        a, fa = np.where(other, b, a), np.where(other, fb, fa * np.where(short > 0.0, short, 0.5))
+        settled = (np.abs(c - b) <= 1e-16 + 1e-14 * np.abs(c)) | (f == 0.0)
+        b, fb = c, f
+        if settled.all():
+            break
+    return np.asarray(b)
 
 
 def _arrival(

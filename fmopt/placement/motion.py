@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -25,6 +26,7 @@ from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array
 
 _NEWTON = 12
+_MEMORY = 128
 _SHOTS = 16
 _AIMED = 2e-15
 _RANK = 1e-6
@@ -88,7 +90,7 @@ def onto(assembly: Assembly, poses: Poses, basis: Sequence[Compliance], context:
     raise InfeasibleError("contacts cannot be held along the move", advice="shorten the move")
 
 
-def way(assembly: Assembly, move: Move, basis: Sequence[Compliance], count: int, shots: int) -> list[Pose]:
+def way(assembly: Assembly, move: Move, basis: Sequence[Compliance], count: int, shots: int) -> tuple[Pose, ...]:
     """Nominal poses (count + 1) of a move in equal pieces that share one twist, held contacts kept by compliance.
 
     One twist is what lets a move be certified in pieces: an execution that touches late only goes on in the direction
@@ -102,11 +104,21 @@ def way(assembly: Assembly, move: Move, basis: Sequence[Compliance], count: int,
         count: how many pieces.
         shots: how often the twist is aimed; the last piece takes up what is left.
     """
-    contacts = tuple(c.contact for c in basis)
-    directions = np.array([c.direction for c in basis]).reshape(-1, 6).T
+    if count == 1:
+        return move.start, move.goal
+    directions = np.array([c.direction for c in basis]).reshape(-1, 6)
+    return _way(assembly, move, tuple(c.contact for c in basis), directions.tobytes(), count, shots)
+
+
+@lru_cache(maxsize=_MEMORY)
+def _way(
+    assembly: Assembly, move: Move, contacts: tuple[PrimitiveContact, ...], twists: bytes, count: int, shots: int
+) -> tuple[Pose, ...]:
+    """See `way`: no error enters it, so that a move certified under other errors has the same; `twists` are bytes."""
+    directions = np.frombuffer(twists).reshape(-1, 6).T
     forms = contact_forms(assembly, contacts, contacts)
     twist, poses = move.start.local(move.goal), [move.start]
-    gives = [np.zeros(len(basis))] * count
+    gives = [np.zeros(len(contacts))] * count
     for shot in range(1, shots + 1):
         poses = [move.start]
         # Where the last piece of the last shot would end does not matter: it ends at the goal.
@@ -119,7 +131,7 @@ def way(assembly: Assembly, move: Move, basis: Sequence[Compliance], count: int,
             if np.abs(miss).max() < _AIMED:
                 break
             twist = twist + miss
-    return [*poses, move.goal]
+    return (*poses, move.goal)
 
 
 def _kept(forms: Forms, pose: Pose, twist: Array, directions: Array, give: Array) -> tuple[Pose, Array]:
@@ -185,7 +197,7 @@ def _unroll(
 ) -> Reached:
     errors, claims = reached.errors, list(reached.claims)
     basis = tuple(c for c in reached.basis if c.contact not in move.left)
-    poses = way(assembly, move, basis, count, _SHOTS if thorough and count > 1 else 1)
+    poses = way(assembly, move, basis, count, _SHOTS if thorough else 1)
     for k, (at, to) in enumerate(pairwise(poses)):
         share = (k / count, (k + 1) / count)
         held = described(assembly, move.held, at, to, errors)
