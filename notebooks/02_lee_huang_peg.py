@@ -77,11 +77,11 @@ for axis, (name, dash) in enumerate(zip("xyz", ("-", "--", ":"), strict=True)):
     times = [t for row in rows for t in (row.start, row.end)]
     above.plot(times, [1e3 * p[axis] for row in rows for p in (row.pa_start, row.pa_end)], dash, label=f"Pa {name}")
     below.step(times, [row.fa[axis] for row in rows for _ in (0, 1)], dash, label=f"Fa {name}")
-above.set_ylabel("mm")
-below.set_ylabel("N (reaction)")
-below.set_xlabel("s")
+above.set_ylabel("position, mm")
+below.set_ylabel("reaction, N")
+below.set_xlabel("time, s")
 for axes in (above, below):
-    axes.legend(loc="upper right", ncols=3)
+    axes.legend(loc="center left", bbox_to_anchor=(1, 0.5))
 
 # %% [markdown]
 # ## Is S(t) so? Held against samples
@@ -125,7 +125,7 @@ figure, axes = plt.subplots(figsize=(7, 2.8), layout="constrained")
 axes.plot(times, distances, "o-", markersize=3, label="nearest point of the sampled peg")
 axes.axvline(switch, color="#a34a00", linestyle="--", label="S(t) says stopped from here")
 axes.axhline(0, color="black", linewidth=0.6)
-axes.set_xlabel("s")
+axes.set_xlabel("time, s")
 axes.set_ylabel("distance from the wall, µm")
 axes.legend()
 touch = float(np.interp(0, distances[::-1], times[::-1]))

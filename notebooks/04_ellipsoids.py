@@ -35,6 +35,8 @@ for height, dash, name in ((paper, "--", "paper: section"), (shadow, "-", "sound
     axes.axhline(-height, color="#a34a00", linestyle=dash)
 axes.annotate("V", (0.9, 0), (-0.05, 0), arrowprops={"arrowstyle": "->"}, va="center")
 axes.set_aspect("equal", adjustable="datalim")
+axes.set_xlabel("error along the motion, any unit")
+axes.set_ylabel("error across it")
 _ = axes.legend(loc="center left", bbox_to_anchor=(1, 0.5))
 # %% [markdown]
 # ## In six dimensions, with sampling

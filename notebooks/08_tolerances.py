@@ -82,7 +82,7 @@ print("\n".join(answer.words()))
 names = [tolerance.name for tolerance in question.tolerances]
 ratios = [value / tolerance.now for tolerance, value in zip(question.tolerances, answer.values, strict=True)]
 figure, axes = plt.subplots(figsize=(7, 2.6), layout="constrained")
-axes.barh(names[::-1], ratios[::-1], color="#1b4f8a")
+axes.barh(names[::-1], ratios[::-1], color="#b9c9de", edgecolor="#1b4f8a")
 axes.axvline(1, color="black", linewidth=0.8)
 _ = axes.set_xlabel("allowed tolerance, as a multiple of the present one")
 

@@ -96,7 +96,7 @@ def _section(axes: Axes, plane: str, pieces: Sequence[Polyhedron], height: float
     axes.autoscale_view()
     axes.margins(0.08)
     axes.set_aspect("equal", adjustable="datalim")
-    across = f" at z = {1e3 * height:.4g} mm" if plane == "x–y" else ""
+    across = f" at z = {1e3 * height:.4g} mm".replace("-", "−") if plane == "x–y" else ""
     axes.set_title(f"section {plane}{across}")
     axes.set_xlabel(f"{plane[0]}, mm")
     axes.set_ylabel(f"{plane[-1]}, mm")

@@ -65,16 +65,20 @@ def _said(record: Mapping[str, Any]) -> str:
 
 def paint(plan: Mapping[str, Any], figure: Figure) -> None:
     """A panel for each set of the plan."""
-    paint_sets(_sets(plan), figure)
+    paint_sets(_sets(plan), figure, "z")
 
 
-def paint_sets(sets: Sequence[Mapping[str, Any]], figure: Figure) -> None:
-    """A panel for each set, from records as `fmopt.uncertainty.planar.record` makes them; m in, mm drawn."""
+def paint_sets(sets: Sequence[Mapping[str, Any]], figure: Figure, upright: str = "y") -> None:
+    """A panel for each set, from records as `fmopt.uncertainty.planar.record` makes them; m in, mm drawn.
+
+    `upright` is what the plane's second axis is called: z in a plan.
+    """
     rows = math.ceil(len(sets) / _PER_ROW)
     grid = figure.subplots(rows, _PER_ROW, squeeze=False).ravel()
     used = {piece["on"] for record in sets for loop in record["loops"] for piece in loop}
     for record, axes in zip(sets, grid, strict=False):
         _panel(axes, record)
+        axes.set_ylabel(f"{upright}, mm", fontsize=7.5)
     for axes in grid[len(sets) :]:
         axes.set_visible(False)
     _legend(figure, used)

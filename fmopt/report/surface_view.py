@@ -42,21 +42,25 @@ def alt(plan: Mapping[str, Any]) -> str:
 
 def paint(plan: Mapping[str, Any], figure: Figure) -> None:
     """The surfaces of the plan side by side."""
-    paint_surfaces(_surfaces(plan), figure)
+    paint_surfaces(_surfaces(plan), figure, "z")
 
 
-def paint_surfaces(surfaces: Sequence[Mapping[str, Any]], figure: Figure) -> None:
-    """A body for each record, as `uncertainty.planar.record.surface_record` makes them; drawn in mm and °."""
+def paint_surfaces(surfaces: Sequence[Mapping[str, Any]], figure: Figure, upright: str = "y") -> None:
+    """A body for each record, as `uncertainty.planar.record.surface_record` makes them; drawn in mm and °.
+
+    `upright` is what the plane's second axis is called: z in a plan.
+    """
     for k, surface in enumerate(surfaces):
         axes: Any = figure.add_subplot(1, len(surfaces), k + 1, projection="3d")
         _slices(axes, surface["slices"])
         _nominal(axes, surface["slices"])
         axes.set_title(f"CU of {surface['contact']}, {surface['kind']}", fontsize=8.5)
         axes.set_xlabel("x, mm", fontsize=7.5)
-        axes.set_ylabel("y, mm", fontsize=7.5)
-        axes.set_zlabel("φ, °", fontsize=7.5)
+        axes.set_ylabel(f"{upright}, mm", fontsize=7.5)
+        axes.set_zlabel("φ, °", fontsize=7.5, labelpad=1.0)
         axes.tick_params(labelsize=6.5)
         axes.view_init(elev=22.0, azim=-62.0)
+        axes.set_box_aspect(None, zoom=0.8)  # room for the labels, which no layout counts
     _legend(figure)
 
 
