@@ -160,5 +160,7 @@ def print_solved(document: dict[str, Any], verdict: Any, folder: Path, report: b
     for words in (tolerated_words(document), "; ".join(": ".join((row[0], row[2])) for row in rates(document)[:4])):
         if words:
             console.print(words, markup=False)
+    for note in document.get("diagnostics", {}).get("imported", ()):
+        console.print(note, markup=False)
     console.print("not covered: " + "; ".join(document["not_covered"]), markup=False)
     console.print(f"wrote {folder / 'plan.json'}" + (f", {folder / 'report.html'}" if report else ""), markup=False)

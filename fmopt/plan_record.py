@@ -129,6 +129,7 @@ def plan_document(
             **diagnostics(nominal.planes, problem.peg.length),
             **hand_record(nominal.task, segments),
             "budget": [share.record() for share in problem.budget],
+            **({"imported": notes} if (notes := [*problem.moving.notes, *problem.fixed.notes]) else {}),
             **({} if measured is None else {"tolerated": measured.record()}),
             **_in_the_plane(problem, nominal, claims),
         },

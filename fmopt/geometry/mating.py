@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from shapely import Polygon
 
 _SLENDER = 1.5  # a part with holes is a peg too when it is this many times as long as its section is wide
-_SAME = 1e-6  # of the diameter
+_SAME = 1e-6  # of the diameter, and rad
 _ROUND = 1e-9  # m: to which origins are rounded
 _MANY = 8  # longest sides: more of them make a section round
 _LOPSIDED = 1e-3  # of a section's width: a centroid this far from the middle says which way x points
@@ -246,8 +246,14 @@ def _frame(ring: Polygon, at: Array, z: Array) -> Pose:
     spread = (corners - centroid) @ (np.column_stack([x, y]).T @ basis).T
     lean = -0.5 * (spread.min(axis=0) + spread.max(axis=0))
     side = next((float(out) for out in lean if abs(out) > _LOPSIDED * lengths.max()), 1.0)
-    x, y = (-x, -y) if side < 0.0 else (x, y)
-    turn = np.column_stack([x, y, z])
-    turn[np.abs(turn) < 1e-9] = 0.0
-    turn = turn / np.linalg.norm(turn, axis=0)
+    x = -x if side < 0.0 else x
+    z = _straight(z)
+    x = _straight(x - (x @ z) * z)
+    turn = np.column_stack([x, np.cross(z, x), z])
     return Pose(np.round((at + basis @ centroid) / _ROUND) * _ROUND + 0.0, turn)
+
+
+def _straight(axis: Array) -> Array:
+    """A direction (3,) as a unit vector, along an axis of the model where it differs by rounding only."""
+    kept = np.where(np.abs(axis) < _SAME, 0.0, axis)
+    return np.asarray(kept / np.linalg.norm(kept))

@@ -39,6 +39,9 @@ def asked(plan: Plan) -> str:
     """Parts, clearances, start errors, goal."""
     parts = [_part_row(side, plan["parts"][side]) for side in ("moving", "fixed")]
     text = table("Parts", ("part", "name", "extent, mm", "faces", "convex pieces"), parts, "...nn")
+    if notes := plan.get("diagnostics", {}).get("imported"):
+        items = "\n".join(f"<li>{escape(str(note))}</li>" for note in notes)
+        text += f"<p>Of the parts that came as meshes:</p>\n<ul>\n{items}\n</ul>\n"
     text += table("The task", ("", ""), _task_rows(plan))
     return text
 
