@@ -64,6 +64,12 @@ def mesh_part(
 ) -> Part:
     """The part of an imported mesh; it gets exact convex pieces by way of `excess.solid_of`.
 
+    >>> from fmopt.geometry import csg, mesh, pieces, polyhedron
+    >>> bar = pieces.polyhedron(csg.Box((0.01, 0.01, 0.03)))
+    >>> part = mesh_part("bar", mesh.mesh_polyhedron(bar.vertices, polyhedron.triangulated(bar)))
+    >>> [(feature.name, feature.kind, feature.length) for feature in part.features]
+    [('peg', 'solid', 0.03)]
+
     Args:
         name: the part's name.
         mesh: as `load_mesh` returns it, in the model frame; noise below 1e-6 of its diameter is cleaned away.
