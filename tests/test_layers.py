@@ -95,7 +95,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "PIL": frozenset({"execution/replay.py"}),
     "rosbags": frozenset({"export/ros2.py"}),
     "IPython": frozenset({"desk/notebook.py"}),
-    "typer": frozenset({"cli.py"}),
+    "typer": frozenset({"cli"}),
     "rich": frozenset({"console.py"}),
 }
 SOLVERS = {"numpy", "scipy", "casadi", "sympy", "matplotlib", "clarabel", "daqp", "cvxpy", "pydantic", "distributed"}

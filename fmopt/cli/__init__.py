@@ -1,0 +1,7 @@
+"""The command line: `fmopt solve`, `verify`, `check`, `execute`, `export`, `study`, `schema`; heavy imports wait."""
+
+from fmopt.cli import planning, studying, using
+from fmopt.cli.app import EXIT, app
+from fmopt.cli.entry import main
+
+__all__ = ["EXIT", "app", "main", "planning", "studying", "using"]

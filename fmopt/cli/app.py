@@ -1,0 +1,40 @@
+"""The application, and what its commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fmopt import __version__
+
+STDIN = Path("-")
+EXIT = {"CERTIFIED": 0, "REFUTED": 1, "NOT_PROVED": 3}
+
+app = typer.Typer(
+    add_completion=True,
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    help="Insertion motions that work although the clearance is smaller than the error, with proof.",
+    epilog="Exit codes: 0 certified, 1 refuted or infeasible, 2 bad input, 3 not proved, 4 resource, 70 internal.",
+)
+
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(__version__)
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and stop.")
+    ] = False,
+) -> None:
+    """Insertion motions that work although the clearance is smaller than the error, with proof."""

@@ -1,0 +1,173 @@
+"""`fmopt solve`, `verify`, `check` and `schema`."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from fmopt.cli.app import EXIT, STDIN, Json, Quiet, app
+from fmopt.errors import PlanFormatError, ResourceError
+
+
+@app.command(epilog="Example: fmopt solve problems/square_peg.toml --report")
+def solve(
+    file: Annotated[Path, typer.Argument(help="Problem file (TOML); - for standard input.")],
+    out: Annotated[Path | None, typer.Option("--out", help="Folder for the results; default: out/<problem>.")] = None,
+    report: Annotated[bool, typer.Option("--report", help="Write report.html and its figures, too.")] = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Plan an insertion, check the certificate, write plan.json."""
+    from fmopt import plan
+    from fmopt.console import Stages, print_solved
+    from fmopt.synthesis import synthesise
+    from fmopt.task.problem import load
+
+    folder = out if out is not None else Path("out") / ("stdin" if file == STDIN else file.stem)
+    problem = load(file)
+    plan.prepare(folder)
+    with Stages(quiet or as_json) as stages:
+        result = synthesise(problem, stages)
+    plan.write(result.document, folder / "plan.json")
+    timings = json.dumps(result.seconds, indent=1) + "\n"
+    plan.save(timings.encode(), folder / "timings.json")
+    if report:
+        _write_report(result.document, folder)
+    if as_json:
+        typer.echo(json.dumps(_summary(result.document, result.verdict, folder)))
+    elif not quiet:
+        print_solved(result.document, result.verdict, folder, report)
+    raise typer.Exit(EXIT[result.document["verdict"]])
+
+
+def _write_report(document: dict[str, Any], folder: Path) -> None:
+    from fmopt import plan
+    from fmopt.report.figures import figures
+    from fmopt.report.page import report_page
+
+    drawn = figures(document)
+    for name, svg in drawn.items():
+        plan.save(svg.encode(), folder / "figures" / f"{name}.svg")
+    plan.save(report_page(document, drawn).encode(), folder / "report.html")
+
+
+def _summary(document: dict[str, Any], verdict: Any, folder: Path) -> dict[str, Any]:
+    least = min(segment["margin"] for segment in document["segments"])
+    return {
+        **_findings(verdict),
+        **_margins(document),
+        "verdict": document["verdict"],
+        "margin" if document["verdict"] == "CERTIFIED" else "computed_margin": least,
+        "segments": len(document["segments"]),
+        "moves": document["search"]["moves"],
+        "plan": str(folder / "plan.json"),
+    }
+
+
+def _findings(verdict: Any) -> dict[str, Any]:
+    """A verdict as JSON: every finding in words and as data, the collision when there is one."""
+    return {
+        "verdict": str(verdict.verdict),
+        "findings": [str(finding) for finding in verdict.findings],
+        "details": [asdict(finding) for finding in verdict.findings],
+        "collision": None if verdict.witness is None else asdict(verdict.witness),
+        "not_covered": list(verdict.not_covered),
+    }
+
+
+def _margins(document: dict[str, Any]) -> dict[str, Any]:
+    """What each segment states, in m; stated, not proved, unless the verdict is CERTIFIED."""
+    keys = ("move", "margin", "clearance", "binding_contact")
+    return {"segment_margins": [{key: segment[key] for key in keys} for segment in document["segments"]]}
+
+
+@app.command(epilog="Example: fmopt verify out/square_peg/plan.json --problem problems/square_peg.toml")
+def verify(
+    file: Annotated[Path, typer.Argument(help="Plan file (JSON); - for standard input.")],
+    problem: Annotated[Path | None, typer.Option(help="Problem file that the plan must belong to.")] = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Check a plan's certificate from its own geometry, in exact arithmetic, without the planner."""
+    from fmopt import verify as independent
+
+    if file != STDIN and not file.is_file():
+        what = "is no file" if file.exists() else "no such file"
+        raise ResourceError(f"{file}: {what}", "give the plan.json of a solved problem")
+    try:
+        document = independent.load(file)
+        verdict = independent.verify(document)
+        if problem is not None:
+            from fmopt.task.agreement import disagreements
+            from fmopt.task.problem import load
+
+            verdict = verdict.unless(disagreements(load(problem), document))
+    except independent.PlanError as error:
+        raise PlanFormatError(f"{file}: {error}", "give a plan.json that fmopt solve wrote") from error
+    except OSError as error:
+        raise ResourceError(f"{file}: {error.strerror or error}", "give the plan.json of a solved problem") from error
+    if as_json:
+        typer.echo(json.dumps({**_findings(verdict), **_margins(document)}))
+    elif not quiet:
+        for line in independent.describe(verdict):
+            typer.echo(line)
+    raise typer.Exit(EXIT[str(verdict.verdict)])
+
+
+@app.command(epilog="Example: fmopt check problems/square_peg.toml")
+def check(
+    file: Annotated[Path, typer.Argument(help="Problem or assembly file (TOML); - for standard input.")],
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Validate a problem file, or an assembly and each of its tasks, with all models and say it back in words."""
+    from fmopt.task.assembly import is_assembly
+    from fmopt.task.explain import explain, facts, measured
+    from fmopt.task.problem import load
+
+    if is_assembly(file):
+        _check_assembly(file, as_json, quiet)
+        return
+    problem = load(file)
+    clearance = measured(problem)
+    if as_json:
+        typer.echo(json.dumps(facts(problem, clearance)))
+    elif not quiet:
+        typer.echo(explain(problem, clearance))
+
+
+def _check_assembly(file: Path, as_json: bool, quiet: bool) -> None:
+    from fmopt.task.assembly import carried_out, load_assembly
+    from fmopt.task.explain_assembly import assembly_facts, explain_assembly
+
+    assembly = load_assembly(file)
+    steps = list(carried_out(assembly))
+    if as_json:
+        typer.echo(json.dumps(assembly_facts(assembly, steps)))
+    elif not quiet:
+        typer.echo(explain_assembly(assembly, steps))
+
+
+@app.command(epilog="Example: fmopt schema problem > problem.schema.json")
+def schema(
+    kind: Annotated[str, typer.Argument(help="problem, model, assembly, study or allocation.")] = "problem",
+) -> None:
+    """Print the JSON Schema of such files, for editors that complete and check as you type."""
+    from fmopt.study import schema as of_studies
+    from fmopt.task import schema as schemas
+
+    kinds = {
+        "problem": schemas.problem_schema,
+        "model": schemas.model_schema,
+        "assembly": schemas.assembly_schema,
+        "study": of_studies.study_schema,
+        "allocation": of_studies.allocation_schema,
+    }
+    found = kinds.get(kind)
+    if found is None:
+        raise typer.BadParameter(f"{kind!r} is none of {', '.join(kinds)}", param_hint="kind")
+    typer.echo(schemas.text(found()), nl=False)

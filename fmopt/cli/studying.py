@@ -1,0 +1,125 @@
+"""`fmopt study` and `fmopt study report`."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+import typer.core
+
+from fmopt.cli.app import EXIT, Json, Quiet, app
+
+
+class _Study(typer.core.TyperGroup):
+    """`fmopt study FILE…` is `fmopt study run FILE…`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        if args and args[0] not in (*self.commands, "--help"):
+            args = ["run", *args]
+        return super().parse_args(ctx, args)
+
+
+studies = typer.Typer(cls=_Study, no_args_is_help=True, rich_markup_mode=None)
+
+
+app.add_typer(studies, name="study", help="Run a study over many problems, resumable; or report on its results.")
+
+
+@studies.command("run", epilog="Example: fmopt study problems/studies/square_peg.toml --jobs 2")
+def study_run(
+    files: Annotated[list[Path], typer.Argument(help="Study files (TOML), one after the other.")],
+    out: Annotated[Path | None, typer.Option("--out", help="Folder for the results; default: out/<study>.")] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: one for each processor.")] = None,
+    limit: Annotated[int | None, typer.Option(min=0, help="Runs to do at most now.")] = None,
+    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Do failed runs again.")] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Show the runs and an estimate of time, and stop.")
+    ] = False,
+    cluster: Annotated[str | None, typer.Option(help="Address of a Dask scheduler, tcp://…, to work there.")] = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Run a study, or go on with one that was interrupted: what is done is not done again."""
+    from fmopt.console import Runs
+    from fmopt.study import command
+
+    if out is not None and len(files) > 1:
+        raise typer.BadParameter("several studies cannot share one folder", param_hint="--out")
+    for file in files:
+        folder = out if out is not None else Path("out") / file.stem
+        if command.allocates(file):
+            if cluster is not None or limit is not None or retry_failed:
+                raise typer.BadParameter("an allocation is one piece of work on this machine", param_hint=str(file))
+            _allocate(file, folder, dry_run, as_json, quiet)
+            continue
+        if dry_run:
+            found = command.forecast(file, folder, jobs)
+            typer.echo(json.dumps(asdict(found)) if as_json else _foretold(file, found))
+            continue
+        with Runs(file.stem, quiet or as_json) as progress:
+            tally = command.carry_out(file, folder, command.Asked(jobs, limit, retry_failed, cluster), progress)
+        if as_json:
+            typer.echo(json.dumps({**asdict(tally), "folder": str(folder)}))
+        elif not quiet:
+            typer.echo(_told(tally, folder))
+        if tally.interrupted:
+            raise typer.Exit(128 + tally.interrupted)
+
+
+def _allocate(file: Path, folder: Path, dry_run: bool, as_json: bool, quiet: bool) -> None:
+    from fmopt.console import Stages
+    from fmopt.study import command
+
+    if dry_run:
+        record, words = command.asked_for(file)
+    else:
+        with Stages(quiet or as_json) as stages:
+            record, words = command.allocated(file, folder, stages)
+        record = {**record, "folder": str(folder)}
+    if as_json or not quiet:
+        typer.echo(json.dumps(record) if as_json else "\n".join(words))
+    if not dry_run and record["same_motion"]["verdict"] != "CERTIFIED":
+        raise typer.Exit(EXIT[record["same_motion"]["verdict"]])
+
+
+@studies.command("report", epilog="Example: fmopt study report out/square_peg")
+def study_report(
+    folders: Annotated[list[Path], typer.Argument(help="Folders of studies, finished or not.")],
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Write report.html, table.csv and, where polars is installed, table.parquet beside the results."""
+    from fmopt.study import command
+
+    for folder in folders:
+        written = [str(path) for path in command.report(folder)]
+        if as_json:
+            typer.echo(json.dumps({"folder": str(folder), "written": written}))
+        elif not quiet:
+            typer.echo("wrote " + ", ".join(written))
+
+
+def _foretold(file: Path, found: Any) -> str:
+    from fmopt.console import duration
+
+    lines = [f"{file}: {found.total} runs, {found.done} of them done", *found.listing]
+    if found.seconds is None:
+        return "\n".join([*lines, f"no estimate of time: {found.source}"])
+    return "\n".join(
+        [*lines, f"{duration(found.seconds)} a run, by {found.source}; {duration(found.rest)} for the rest"]
+    )
+
+
+def _told(tally: Any, folder: Path) -> str:
+    from fmopt.console import duration
+
+    left = tally.total - tally.done
+    words = f"{tally.done} of {tally.total} runs done"
+    words += f", {tally.failed} of them failed (--retry-failed does them again)" if tally.failed else ""
+    words += f"; {tally.fresh} now, in {duration(tally.seconds)}" if tally.fresh else ""
+    words = f"interrupted: {words}; the same command goes on" if tally.interrupted else words
+    words += f"; {left} left" if left and not tally.interrupted else ""
+    return f"{words}\nwrote {folder / 'table.csv'}"

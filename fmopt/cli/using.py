@@ -1,0 +1,167 @@
+"""What is done with a plan, and with what comes along: `fmopt export`, `show`, `examples`, `execute`, `compare`."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from fmopt.cli.app import Json, Quiet, app
+
+
+@app.command(epilog="Example: fmopt export plan.json --to urscript --base 0.4 -0.1 0.2 0 3.14159 0")
+def export(
+    file: Annotated[Path, typer.Argument(help="Plan file (JSON); - for standard input.")],
+    to: Annotated[str, typer.Option("--to", help="urscript, ros2, csv or json.")],
+    out: Annotated[Path | None, typer.Option("--out", help="File; for ros2 a folder.")] = None,
+    base: Annotated[
+        tuple[float, float, float, float, float, float] | None,
+        typer.Option("--base", help="Pose of the hole's frame in the robot's base, m and rotation vector in rad."),
+    ] = None,
+    rate: Annotated[float, typer.Option("--rate", help="Samples a second of ros2, csv and json.")] = 100.0,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Write a plan in a format that robots or tables take."""
+    from fmopt.export.write import export as write
+
+    try:
+        written = write(file, to, out, base, rate)
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from error
+    if as_json:
+        typer.echo(json.dumps({"written": [str(path) for path in written]}))
+    elif not quiet:
+        for path in written:
+            typer.echo(str(path))
+
+
+@app.command(epilog="Examples: fmopt show models/square_peg.toml; fmopt show out/square_peg/plan.json --what states")
+def show(
+    file: Annotated[Path, typer.Argument(help="Plan (JSON; or -), problem, model or assembly (TOML).")],
+    what: Annotated[
+        str | None, typer.Option("--what", help="Which drawing; default: the first that --list has.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="File .svg, .png or .html, or - for standard output.")
+    ] = None,
+    listing: Annotated[bool, typer.Option("--list", help="Say which drawings there are, and draw nothing.")] = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Draw models, cut-diagrams, contact states, plans: as SVG or PNG, or as a page that turns and plays offline."""
+    from fmopt.desk.gallery import draw, gallery
+
+    if listing:
+        found = {name: drawing.title for name, drawing in gallery(file).items()}
+        typer.echo(json.dumps(found) if as_json else "\n".join(f"{name:<12} {title}" for name, title in found.items()))
+        return
+    drawn = draw(file, what, out)
+    if isinstance(drawn, bytes):
+        typer.echo(drawn, nl=False)
+    elif as_json:
+        typer.echo(json.dumps({"written": [str(drawn)]}))
+    elif not quiet:
+        typer.echo(f"wrote {drawn}")
+
+
+@app.command(epilog="Example: fmopt examples --out trial, then fmopt check trial/problems/square_peg.toml")
+def examples(
+    out: Annotated[Path | None, typer.Option("--out", help="Folder that gets problems/ and models/.")] = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Copy the shipped problems and models into a folder; without --out, say which there are."""
+    from fmopt.desk import shipped
+
+    if out is None:
+        names = shipped.examples()
+        typer.echo(json.dumps({"examples": names}) if as_json else "\n".join(names))
+        return
+    written = shipped.copy_examples(out)
+    if as_json:
+        typer.echo(json.dumps({"written": [str(path) for path in written]}))
+    elif not quiet:
+        typer.echo(f"wrote {len(written)} files to {out}")
+
+
+@app.command(epilog="Example: fmopt execute out/square_peg/plan.json --trials 1000 --seed 0")
+def execute(
+    file: Annotated[Path, typer.Argument(help="Plan file (JSON).")],
+    trials: Annotated[int, typer.Option("--trials", min=0, help="With errors inside the certified set.")] = 100,
+    beyond: Annotated[int, typer.Option("--beyond", min=0, help="With errors of one to two times the set.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of all that is drawn.")] = 0,
+    method: Annotated[str, typer.Option("--method", help="plan, push, spiral, dither or tilt.")] = "plan",
+    friction: Annotated[float | None, typer.Option("--friction", min=0, help="Default: the plan's bound.")] = None,
+    time_step: Annotated[
+        float | None, typer.Option("--time-step", help="Of the physics, s; by the clearance if not given.")
+    ] = None,
+    growth: Annotated[float, typer.Option("--growth", help="Of the moving part, m a side: interference fits.")] = 0.0,
+    offset: Annotated[float, typer.Option("--offset", help="Of each start along x, m, that nobody knows of.")] = 0.0,
+    again: Annotated[int | None, typer.Option("--replay", min=0, help="Draw this trial as a GIF instead.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder; default: trials beside the plan.")] = None,
+    workers: Annotated[int | None, typer.Option("--workers", min=1, help="Processes; default: one a core.")] = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Carry a plan out in a physics engine, under sampled errors (extra sim)."""
+    from fmopt.console import Trials as Progress
+    from fmopt.execution.execute import execute as run
+    from fmopt.execution.summary import lines
+    from fmopt.execution.trials import METHODS, Trials
+
+    if method not in METHODS:
+        raise typer.BadParameter(f"{method!r} is none of {', '.join(METHODS)}", param_hint="--method")
+    drawn = Trials(trials, beyond, seed=seed, time_step=time_step, friction=friction)
+    wanted = replace(drawn, method=method, growth=growth, offset=offset)
+    folder = out if out is not None else file.parent / "trials"
+    if again is not None:
+        _replay(file, wanted, again, folder)
+        return
+    with Progress(trials + beyond, quiet or as_json) as progress:
+        found = run(file, wanted, folder, workers, progress.advance)
+    if as_json:
+        typer.echo(json.dumps(found))
+    elif not quiet:
+        for line in lines(found):
+            typer.echo(line)
+
+
+def _replay(file: Path, wanted: Any, number: int, folder: Path) -> None:
+    from fmopt import plan
+    from fmopt.execution.replay import replay
+
+    if number >= wanted.inside + wanted.beyond:
+        raise typer.BadParameter(f"trial {number} of {wanted.inside + wanted.beyond}", param_hint="--replay")
+    plan.prepare(folder)
+    picture = folder / f"trial_{number}.gif"
+    record = replay(plan.read(file), wanted, number, picture)
+    typer.echo(f"{picture}: {'seated' if record['success'] else ', '.join(record['reasons'])}")
+
+
+@app.command(epilog="Example: fmopt compare out/square_peg/plan.json --trials 200")
+def compare(
+    files: Annotated[list[Path], typer.Argument(help="Plan files (JSON).")],
+    trials: Annotated[int, typer.Option("--trials", min=1, help="Of each method, with errors inside.")] = 100,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of all that is drawn.")] = 0,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder; default: compared beside the first plan.")] = None,
+    workers: Annotated[int | None, typer.Option("--workers", min=1, help="Processes; default: one a core.")] = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Carry plans out beside what people do without one: push, spiral, random search, a tilt by hand (extra sim)."""
+    from fmopt.console import Trials as Progress
+    from fmopt.console import print_compared
+    from fmopt.execution.execute import compare as run
+    from fmopt.execution.trials import METHODS
+
+    folder = out if out is not None else files[0].parent / "compared"
+    with Progress(len(files) * len(METHODS) * trials, quiet or as_json) as progress:
+        rows = run(files, trials, seed, folder, workers, progress.advance)
+    if as_json:
+        typer.echo(json.dumps(rows))
+    elif not quiet:
+        print_compared(rows)
