@@ -11,8 +11,9 @@ from fmopt.certificate.rows import (
     faces_above,
     points_above,
     remainders,
+    stacked,
 )
-from fmopt.se3 import Pose, exp
+from fmopt.se3 import Pose, exp, turns
 from fmopt.values import Array
 
 KINDS = ("points", "directions", "faces", "edges")
@@ -37,6 +38,20 @@ def forms(kind: str, rng: np.random.Generator, count: int = 6) -> Forms:
 
 def pose(rng: np.random.Generator) -> Pose:
     return Pose(rng.uniform(-0.02, 0.02, 3), exp(rng.normal(size=3)))
+
+
+def test_many_poses_at_once_and_kinds_mixed_are_what_each_is_alone() -> None:
+    rng = np.random.default_rng(7)
+    parts, poses = [forms(kind, rng) for kind in KINDS], [pose(rng) for _ in range(5)]
+    mixed = stacked(*parts)
+    f, N = mixed.along(np.array([X.p for X in poses]), np.array([X.R for X in poses]))
+    assert turns(np.array([[0.1, 0.2, 0.3], [0.0, 0.0, 0.0]])) == pytest.approx(
+        np.array([exp([0.1, 0.2, 0.3]), np.eye(3)]), abs=1e-15
+    )
+    for k, X in enumerate(poses):
+        alone = [part.at(X) for part in parts]
+        assert f[k] == pytest.approx(np.concatenate([rows.f for rows in alone]), abs=1e-15)
+        assert N[k] == pytest.approx(np.vstack([rows.N for rows in alone]), abs=1e-15)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -20,6 +20,7 @@ from fmopt.values import Array
 
 PARALLEL = math.radians(1.0)  # rad; edges closer than this in direction have no edge–edge contact
 _MEMORY = 256
+_PARALLEL = 1e-12  # squared sine below which two normals span no arc
 
 
 class Kind(StrEnum):
@@ -215,9 +216,9 @@ def _arc_distances(x: Array, arcs: Array) -> Array:
     """Distances (…) of unit vectors x (…, 3) from the cones of pairs of unit generators (…, 2, 3), 1 at most."""
     a, b = arcs[..., 0, :], arcs[..., 1, :]
     xa, xb, ab = np.vecdot(x, a), np.vecdot(x, b), np.vecdot(a, b)
-    rest = np.maximum(1.0 - ab**2, 1e-300)
+    rest = np.maximum(1.0 - ab**2, _PARALLEL)
     s, t = (xa - ab * xb) / rest, (xb - ab * xa) / rest
-    between = (s >= 0.0) & (t >= 0.0) & (rest > 1e-12)
+    between = (s >= 0.0) & (t >= 0.0) & (rest > _PARALLEL)
     found = np.where(between, _size(x - s[..., None] * a - t[..., None] * b), 1.0)
     for along, end in ((xa, a), (xb, b)):
         found = np.minimum(found, np.where(along > 0.0, _size(x - along[..., None] * end), 1.0))
