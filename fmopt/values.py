@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 
 def frozen(values: ArrayLike, *shape: int | None, name: str = "array") -> Array:
-    """A read-only float64 copy of `values`.
+    """A read-only float64 copy of `values`, whatever their unit.
 
     Args:
         values: numbers, of any shape (…,).

@@ -114,13 +114,13 @@ FOREIGN = {"print", "force_mode", "get_tcp_force", "nlpsol"}
 
 def leads_nowhere(name: str, own: set[str], everywhere: dict[str, set[str]]) -> bool:
     """Whether a name in backticks is neither of its own file, nor a thing of the package, nor a file of the project."""
-    if name in own | FOREIGN or resolved(name) or resolved(f"fmopt.{name}") or (PACKAGE.parent / name).exists():
-        return False
     first, *rest = name.split(".")
-    if not rest:
-        return name not in everywhere
+    if name in own | FOREIGN or (not rest and name in everywhere):
+        return False
     inside = everywhere.get(first, set()) | (own if first in own else set())
-    return not all(part in inside or part in everywhere.get(rest[i - 1], set()) for i, part in enumerate(rest))
+    if rest and all(part in inside or part in everywhere.get(rest[i - 1], set()) for i, part in enumerate(rest)):
+        return False
+    return not ((PACKAGE.parent / name).exists() or resolved(name) or resolved(f"fmopt.{name}"))
 
 
 def test_every_name_in_backticks_leads_somewhere() -> None:
@@ -174,6 +174,29 @@ def test_arrays_have_their_shape_in_the_docstring() -> None:
                     silent.append(f"{file}: {name}")
     assert silent == []
     assert seen > 200
+
+
+NUMBERS = re.compile(
+    UNITS.pattern
+    + r"|\b(m²|m³|1/m|unit|units|pose|poses|indices|index|shares?|coordinates|twist|wrench|direction|normals?)\b"
+    + r"|\b(axes|vectors?|ratio|parameters?|fractions?|constraints?)\b"
+)
+
+
+def test_numbers_in_arrays_have_a_unit_or_none() -> None:
+    """The unit stands with the function, its class or its module; directions, poses and shares have their own."""
+    silent = []
+    for file in FILES:
+        if file.parts[0].removesuffix(".py") not in NOTEBOOK:
+            continue
+        texts = {name: ast.get_docstring(node) or "" for name, node in public(file) if documented(node)}
+        module = texts.get(module_name(file), "")
+        for name, node in public(file):
+            told = (texts.get(name, ""), texts.get(name.split(".")[0], ""), module)
+            if holds_arrays(node) and not NUMBERS.search(" ".join(told)):
+                silent.append(f"{file}: {name}")
+    assert silent == []
+    assert not NUMBERS.search("The depth (n,) of a hole.")
 
 
 def test_what_raises_on_purpose_says_so() -> None:

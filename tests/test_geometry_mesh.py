@@ -211,3 +211,17 @@ def test_stated_features_and_deviations_are_taken() -> None:
     part = mesh_part("rod", mesh_of(ROD), [stated], 2e-6)
     assert part.features == (stated,)
     assert part.chord_error == 2e-6
+
+
+def test_the_clearance_does_not_depend_on_how_the_meshes_lie() -> None:
+    rng = np.random.default_rng(7)
+    straight = mating_clearance(seated(part_of("rod", ROD), "peg"), seated(part_of("plate", PLATE), "hole"), 0.01)
+    for _ in range(4):
+        found = []
+        for solid, name in ((ROD, "peg"), (PLATE, "hole")):
+            points, triangles = triangles_of(solid)
+            turned = points @ exp(rng.normal(size=3)).T + rng.normal(size=3)
+            found.append(seated(mesh_part(name, mesh_polyhedron(1e-3 * turned, triangles)), name))
+        clearance = mating_clearance(*found, 0.01)
+        assert clearance.per_side == pytest.approx(straight.per_side, abs=2e-9)
+        assert clearance.play == pytest.approx(straight.play, abs=2e-9)

@@ -4,6 +4,7 @@ A fixed part is extruded along y. A moving part is a ridge: its profile at y = 0
 planar motion it touches with the profile alone. A planar contact of a vertex with an edge is then one contact of a
 vertex with a face, or of two crossing edges, not of two vertices at once; and as every point that touches lies at
 y = 0, drift out of the plane moves no contact to first order. Two profiles overlap exactly when the solids do.
+Lengths are in m.
 """
 
 from __future__ import annotations

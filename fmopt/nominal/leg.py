@@ -41,7 +41,7 @@ class Leg(Value):
 
 
 def turns_of(A: Array | float, B: Array | float, C: Array) -> Array:
-    """The two solutions (n, 2) of A cos ψ + B sin ψ = C between −π and π, nan where there is none."""
+    """The two solutions (n, 2) of A cos ψ + B sin ψ = C between −π and π rad, nan where there is none."""
     size = np.hypot(A, B) + np.zeros_like(C)
     share = np.divide(C, size, out=np.full_like(C, np.nan), where=size > 0.0)
     opening = np.arccos(np.where(np.abs(share) <= 1.0, share, np.nan))

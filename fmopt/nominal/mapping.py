@@ -146,7 +146,7 @@ def task_mapping(
 def plane_diagrams(
     moving: Solid, fixed: Solid, start: ArrayLike, goal: ArrayLike, box: ArrayLike
 ) -> tuple[PlaneDiagrams, ...]:
-    """G, the sections of operand 1 and GE on the three planes; arguments as for `task_mapping`."""
+    """G, the sections of operand 1 and GE on the three planes (m); arguments as for `task_mapping`."""
     P = np.asarray(goal, dtype=np.float64)
     first = nearest_branch(np.asarray(start, dtype=np.float64)[3:], P[3:])
     turned = Placed(moving, Pose(np.zeros(3), exp(P[3:])))

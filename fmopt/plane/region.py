@@ -1,4 +1,4 @@
-"""Plane regions bounded by closed loops of exact curves, the interior on the left."""
+"""Plane regions bounded by closed loops of exact curves, the interior on the left; coordinates in m."""
 
 from __future__ import annotations
 

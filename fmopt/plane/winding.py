@@ -36,7 +36,7 @@ def simple(curve: Curve) -> list[Curve]:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Simple curves as rational quadratics, one row each: corners (n, 2) and weights (n,), zero turn for segments."""
+    """Simple curves as rational quadratics, one row each: corners (n, 2) in m, weights (n,), no turn for segments."""
 
     first: Array
     shoulder: Array

@@ -137,7 +137,7 @@ def start_box(sources: Sources, height: float, aside: float = 0.0, lean: float =
 
 
 def total(contributions: Sequence[Contribution]) -> Array:
-    """The box (6,) that contributions add up to."""
+    """The box (6,) that contributions add up to, m and rad."""
     return np.array([math.fsum(c.box[axis] for c in contributions) for axis in range(6)])
 
 

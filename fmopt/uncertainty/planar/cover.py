@@ -20,7 +20,7 @@ _BATCH = 20_000  # convex pieces at a time
 
 
 def cover(tables: Sequence[Table], phi: Array, tolerance: float) -> list[MultiPolygon]:
-    """For each φ (k,) the union of the pieces of all contacts possible there; see `PossibleContacts.polygons`."""
+    """For each φ (k,) in rad the union (m) of the pieces of all contacts possible; see `PossibleContacts.polygons`."""
     from shapely import MultiPolygon, convex_hull, get_parts, linestrings, union_all
 
     hulls: list[list[Any]] = [[] for _ in phi]

@@ -11,7 +11,7 @@ from fmopt.values import Array
 
 
 def meetings(curves: Sequence[Segment | Arc]) -> Array:
-    """All points (k, 2) where the lines and circles of the curves meet."""
+    """All points (k, 2) in m where the lines and circles of the curves meet."""
     lines = [(c.start, c.end - c.start) for c in curves if isinstance(c, Segment)]
     rounds = sorted({(*map(float, c.centre), c.radius) for c in curves if isinstance(c, Arc)})
     L = np.reshape([np.concatenate(line) for line in lines], (-1, 4))

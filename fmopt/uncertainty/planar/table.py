@@ -14,7 +14,7 @@ from fmopt.values import Array, Value, frozen
 
 @dataclass(frozen=True, eq=False)
 class Table(Value):
-    """The CU of one kind, as arrays (n, …) over its n contacts; see `CU`."""
+    """The CU of one kind, as arrays (n, …) over its n contacts, m and rad; see `CU`."""
 
     kind: Kind
     edge: Array
