@@ -15,6 +15,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from typer.testing import CliRunner
 from urscript_language import Halt, Interpreter, arguments, calls, constant, distance, faults, parsed
+from urscript_robot import ForceModeRobot
 
 from fmopt.cli import app
 from fmopt.errors import PlanFormatError, ResourceError
@@ -206,6 +207,7 @@ class Robot:
             "get_steptime": lambda: 0.002,
             "speedl": self.speedl,
             "get_tcp_force": lambda: [0.0] * 6,
+            "get_actual_tcp_speed": lambda: [0.0] * 6,
             "get_actual_tcp_pose": lambda: self.start,
             "point_dist": distance,
             "textmsg": lambda *words: self.log.append("".join(words)),
@@ -242,7 +244,7 @@ def test_contacts_that_are_felt_lead_to_the_end(square_peg_plan: dict[str, Any])
     first = moves(square_peg_plan)[0]
     robot = Robot(list(BASE.compose(first.start).vector()))
     functions = robot.built_in()
-    functions["get_tcp_force"] = lambda: feeling
+    functions["get_tcp_force"] = lambda: feeling if interpreter.globals["moving"] > 0.1 else [0.0] * 6
     feeling = [0.0] * 6
     text = program(square_peg_plan, BASE)
     interpreter = Interpreter(functions)
@@ -250,15 +252,27 @@ def test_contacts_that_are_felt_lead_to_the_end(square_peg_plan: dict[str, Any])
 
     def guarded(node: Any, local: dict[str, Any]) -> Any:
         if node.children[0] == "fmopt_guarded":
-            gain, force, expected = (interpreter.value(argument, local) for argument in arguments(node)[1:4])
-            share = (1.01 * force - min(expected)) / sum(g * g for g in gain)
-            feeling[:] = [t + share * g for t, g in zip(interpreter.globals["tare"], gain, strict=True)]
+            gain, force = (interpreter.value(argument, local) for argument in arguments(node)[2:4])
+            feeling[:] = [2.0 * force * g / sum(g * g for g in gain) for g in gain]
         return called(node, local)
 
     interpreter.call = guarded  # type: ignore[method-assign]
     interpreter.run(parsed(text))
     assert robot.log == ["fmopt: seated"]
     assert not robot.forced
+
+
+def test_the_program_seats_the_part_in_the_physics_engine(square_peg_plan: dict[str, Any]) -> None:
+    error = np.random.default_rng(7).uniform(-1.0, 1.0, 6) * square_peg_plan["uncertainty"]["start_box"]
+    robot = ForceModeRobot(square_peg_plan, BASE, error, 0)
+    assert robot.run(program(square_peg_plan, BASE)), robot.log
+    assert robot.log == ["fmopt: seated"]
+
+
+def test_the_program_notices_that_there_is_no_hole_where_it_thinks(square_peg_plan: dict[str, Any]) -> None:
+    robot = ForceModeRobot(square_peg_plan, BASE, np.array([0.004, 0.004, 0.0, 0.0, 0.0, 0.0]), 0)
+    assert not robot.run(program(square_peg_plan, BASE))
+    assert robot.log != ["fmopt: seated"]
 
 
 # Tables

@@ -54,6 +54,7 @@ BUILT_IN: dict[str, tuple[str, ...]] = {
     "get_steptime": (),
     "get_tcp_force": (),
     "get_actual_tcp_pose": (),
+    "get_actual_tcp_speed": (),
     "point_dist": (POSE, POSE),
     "sleep": ("s",),
     "textmsg": ("text", "text"),

@@ -39,31 +39,46 @@ def fmopt_leave(reason):
   halt
 end
 
-def fmopt_extra(held):
-  local w = get_tcp_force()
-  return [w[0] + held[0], w[1] + held[1], w[2] + held[2], w[3] + held[3], w[4] + held[4], w[5] + held[5]]
+def fmopt_dot(a, b):
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
 end
 
-def fmopt_guarded(twist, gain, force, held, travel, timeout):
+def fmopt_guarded(twist, along, gain, force, held, travel, timeout, due):
   local step = get_steptime()
   local elapsed = 0.0
   local felt = 0
+  local told = False
   local still = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+  local k = held[0] + fmopt_dot(gain, get_tcp_force())
+  level = k - mean
   while elapsed < timeout:
     if elapsed < travel:
       speedl(twist, {acceleration}, step, {acceleration_angular})
+      k = held[0] + (held[1] - held[0]) * elapsed / travel
     else:
       speedl(still, {acceleration}, step, {acceleration_angular})
-    end
-    elapsed = elapsed + step
-    local w = get_tcp_force()
-    local k = held[0] + (held[1] - held[0]) * elapsed / travel
-    if elapsed >= travel:
       k = held[1]
     end
-    k = k + gain[0] * (w[0] - tare[0]) + gain[1] * (w[1] - tare[1]) + gain[2] * (w[2] - tare[2])
-    k = k + gain[3] * (w[3] - tare[3]) + gain[4] * (w[4] - tare[4]) + gain[5] * (w[5] - tare[5])
-    if k >= force:
+    elapsed = elapsed + step
+    moving = moving + step
+    k = k + fmopt_dot(gain, get_tcp_force())
+    local share = fmopt_dot(along, get_actual_tcp_speed())
+    if moving < {starting}:
+      level = k
+    else:
+      if share > {slow}:
+        level = level + step / {memory} * (k - level)
+      end
+    end
+    mean = mean + step / {averaging} * (k - level - mean)
+    told = mean >= force
+    if elapsed < due:
+      told = False
+    end
+    if moving < {starting}:
+      told = False
+    end
+    if told:
       felt = felt + 1
     else:
       felt = 0
@@ -97,7 +112,14 @@ class Settings:
         acceleration, acceleration_angular: of the moves, m/s² and rad/s².
         stop, stop_angular: decelerations at a stop, m/s² and rad/s².
         debounce: samples in a row above the force that ends a guarded move.
-        settling: s in which the held contacts settle before a move starts and the sensor's reading is noted.
+        settling: s in which the held contacts settle before a move starts.
+        starting: s at the start of a move in which the sensor's reading is noted and nothing is felt.
+        memory: s over which slow changes of the reading are taken for the level that a touch rises above.
+        averaging: s over which the force of the new contacts is averaged.
+        slow: share of the commanded speed below which the level is kept.
+        alert: share of what a plan's stop allows for friction and noise that is left after the averaging.
+        early: bounds of its travel by which a move may end early.
+        approach, turning: greatest speeds of guarded moves, m/s and rad/s.
         reach: greatest distance from the start pose at which the program may begin, m.
         compliant_speed: limit on compliant axes, in speeds of the plan.
     """
@@ -110,6 +132,14 @@ class Settings:
     stop_angular: float = 250.0
     debounce: int = 3
     settling: float = 0.15
+    starting: float = 0.05
+    memory: float = 0.1
+    averaging: float = 0.02
+    slow: float = 0.6
+    alert: float = 0.25
+    early: float = 2.0
+    approach: float = 0.005
+    turning: float = 0.1
     reach: float = 0.02
     compliant_speed: float = 5.0
 
@@ -130,9 +160,8 @@ def program(document: Mapping[str, Any], base: Pose, settings: Settings | None =
     rows = moves(document)
     lines = [_head(document, base), _functions(settings), "def fmopt_insert():"]
     lines += _indented(_beginning(base.compose(rows[0].start), speed, settings))
-    for move, before in zip(rows, [None, *rows], strict=False):
-        first = before is None or before.last
-        lines += _indented(_segment(move, first, task_frame(move, rho), base, rho, settings))
+    for index, move in enumerate(rows):
+        lines += _indented(_segment(rows, index, task_frame(move, rho), base, rho, settings))
     lines += _indented(["end_force_mode()", 'textmsg("fmopt: ", "seated")'])
     return "\n".join([*lines, "end", "", "fmopt_insert()", ""])
 
@@ -150,7 +179,8 @@ def _head(document: Mapping[str, Any], base: Pose) -> str:
 
 
 def _functions(settings: Settings) -> str:
-    names = ("acceleration", "acceleration_angular", "stop", "stop_angular")
+    limits = ("acceleration", "acceleration_angular", "stop", "stop_angular")
+    names = (*limits, "starting", "memory", "averaging", "slow")
     return _FUNCTIONS.format(debounce=settings.debounce, **{name: _number(getattr(settings, name)) for name in names})
 
 
@@ -167,32 +197,55 @@ def _beginning(start: Pose, speed: float, settings: Settings) -> list[str]:
         f"force_mode_set_damping({_number(settings.damping)})",
         f"force_mode_set_gain_scaling({_number(settings.gain)})",
         "global touched = False",
-        "global tare = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]",
+        *(f"global {name} = 0.0" for name in ("moving", "level", "mean")),
     ]
 
 
-def _segment(move: Move, first: bool, task: TaskFrame, base: Pose, rho: float, settings: Settings) -> list[str]:
+def _segment(
+    rows: Sequence[Move], index: int, task: TaskFrame, base: Pose, rho: float, settings: Settings
+) -> list[str]:
     """A move's pieces follow each other without a stop; once the contact that ends it is felt, the rest is left out."""
+    move = rows[index]
     lines = [f"# segment {move.segment}, move {move.number}, held: {', '.join(move.state) or 'nothing'}"]
-    call = _force_mode(move, task, base, rho, settings)
-    twist = _turned(base, move.twist)
     if move.stop is None:
-        return [*lines, call, f"fmopt_move({_list(twist)}, {_number(move.duration)})"]
-    gain, held = _turned(base, move.stop.gain), _turned(base, move.hold_start)
-    speed = _speed(move, rho)
-    expected = move.stop.gain @ np.column_stack([move.hold_start, move.hold])
-    travel, timeout = (move.stop.max_travel / speed, move.stop.timeout) if move.last else (move.duration,) * 2
-    guarded = [
-        call,
-        *([f"sleep({_number(settings.settling)})", f"tare = fmopt_extra({_list(held)})"] if first else []),
-        f"touched = fmopt_guarded({_list(twist)}, {_list(gain)}, {_number(move.stop.force)}, {_list(expected)}, "
-        f"{_number(travel)}, {_number(timeout)})",
-    ]
+        call = _force_mode(move, task, base, rho, settings)
+        return [*lines, call, f"fmopt_move({_list(_turned(base, move.twist))}, {_number(move.duration)})"]
+    pace = _pace(move, settings)
+    guarded = [_force_mode(move, task, base, rho, settings)]
+    if index == 0 or rows[index - 1].last:
+        guarded += [f"sleep({_number(settings.settling)})", "moving = 0.0", "mean = 0.0"]
+    guarded.append(f"touched = fmopt_guarded({', '.join(_guard(rows, index, base, rho, settings, pace))})")
     lines += ["if not touched:", *("  " + line for line in guarded), "end"]
     if move.last:
         missed = f"segment {move.segment}: {', '.join(move.stop.contacts)} not felt"
         lines += ["if not touched:", f'  fmopt_leave("{missed}")', "end", "touched = False"]
     return lines
+
+
+def _guard(
+    rows: Sequence[Move], index: int, base: Pose, rho: float, settings: Settings, pace: float
+) -> tuple[str, ...]:
+    """The arguments of a guarded move: twist, what tells its share of a speed, gain, forces, and times, s."""
+    move = rows[index]
+    stop = move.stop
+    assert stop is not None
+    speed, twist = pace * _speed(move, rho), pace * move.twist
+    along = twist * np.array([1.0, 1.0, 1.0, rho, rho, rho]) ** 2 / speed**2
+    travel, timeout = (stop.max_travel, stop.timeout / pace) if move.last else (move.length, move.length / speed)
+    ahead = [row for row in rows[index:] if row.number == move.number]
+    bound = 0.0 if ahead[-1].stop is None else ahead[-1].stop.max_travel - ahead[-1].length
+    due = sum(row.length for row in ahead) - settings.early * bound
+    force = stop.threshold + settings.alert * (stop.force - stop.threshold)
+    lists = (_turned(base, six) for six in (twist, along, stop.gain))
+    held = stop.gain @ np.column_stack([move.hold_start, move.hold])
+    times = (travel / speed, timeout, max(due, 0.0) / speed)
+    return (*map(_list, lists), _number(force), _list(held), *map(_number, times))
+
+
+def _pace(move: Move, settings: Settings) -> float:
+    """The share of the plan's speed at which a guarded move is run."""
+    speeds = float(np.linalg.norm(move.twist[:3])), float(np.linalg.norm(move.twist[3:]))
+    return min(1.0, settings.approach / max(speeds[0], 1e-9), settings.turning / max(speeds[1], 1e-9))
 
 
 def _turned(base: Pose, six: Array) -> Array:
