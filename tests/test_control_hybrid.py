@@ -131,6 +131,35 @@ def test_bias_pushes_into_the_new_contact_and_holds_all_when_it_is_felt():
     assert strategy.bias_wrench @ V >= SPECIFICATION.termination_force + slip
 
 
+def test_the_whole_push_on_the_new_contact_opens_none_and_what_only_rubs_is_pressed_less():
+    """A peg laid upright on a wall about the mouth's edge, another wall beside it: without friction, all stays closed."""
+    edge = [((-0.0101, y, 0.0), (1, 0, 0)) for y in (-0.008, 0.008)]
+    beside = [((x, -0.0101, z), (0, 1, 0)) for x in (-0.008, 0.008) for z in (-0.003, 0.0)]
+    deep = [((-0.0101, y, -0.003), (1, 0, 0)) for y in (-0.008, 0.008)]
+    # The motion turns the part about the mouth's edge, so that the deep points come to the wall.
+    axis = np.array([-0.0101, 0.0, 0.0]) - SEATED.p
+    turn = np.array([0.0, 0.05, 0.0])
+    task = move(edge + beside, np.concatenate([np.cross(axis, turn), turn]), deep)
+    strategy = hybrid_strategy(task, RHO, SPECIFICATION)
+    assert strategy.stays is Hold.PUSH
+    pressed = strategy.normal_forces
+    assert pressed[:2].min() > pressed[2:].max()
+    approach = -task.reaction @ strategy.velocity
+    whole = strategy.push * np.linalg.norm(strategy.velocity * twist_scale(RHO)) / approach
+    assert whole >= SPECIFICATION.termination_force
+    held, scale = task.held / twist_scale(RHO), twist_scale(RHO)
+    left, residual = nnls(held.T, held.T @ pressed - _held_part(held, whole * task.reaction / scale))
+    assert residual < 1e-8
+    assert left.sum() > 0.0
+
+
+def _held_part(rows, wrench):
+    """The part of a scaled wrench in the space of the rows."""
+    basis = np.linalg.svd(rows, full_matrices=False)
+    kept = basis[2][basis[1] > 1e-9 * basis[1][0]]
+    return kept.T @ (kept @ wrench)
+
+
 def test_bias_without_any_contact_is_none_and_with_a_first_one_is_a_push():
     assert not hybrid_strategy(move([], DOWN), RHO, SPECIFICATION).bias_wrench.any()
     first = hybrid_strategy(move([], DOWN, FLOOR[:1]), RHO, SPECIFICATION)

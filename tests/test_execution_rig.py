@@ -10,6 +10,7 @@ import pytest
 
 from fmopt.errors import SettingsError
 from fmopt.execution.physics import DEFAULTS, Physics
+from fmopt.execution.robot import Robot
 from fmopt.execution.rotation import between, from_quaternions, product, quaternions
 from fmopt.execution.scene import compiled, engine, scene
 from fmopt.se3 import exp, log
@@ -71,3 +72,14 @@ def test_half_the_step_has_the_same_contacts() -> None:
     whole, half = Physics(), Physics(0.5 * Physics().time_step)
     assert half.trusted().contact == whole.trusted().contact == (0.001, 1.0)
     assert Physics(0.001).trusted().contact == (0.002, 1.0)
+
+
+@pytest.mark.parametrize("clearance", [0.0002, 0.0001, 0.000067, 0.00005, 0.00002])
+def test_contacts_are_as_hard_as_the_clearance_asks_for_whatever_the_step(clearance: float) -> None:
+    period = Robot().period
+    physics = Physics.of_fit(clearance, period).trusted()
+    assert physics.contact[0] <= 10.0 * clearance * (1 + 1e-12)
+    assert period / physics.time_step == pytest.approx(round(period / physics.time_step), abs=1e-9)
+    assert physics.contact[0] >= 2.0 * physics.time_step * (1 - 1e-12)
+    half = Physics.of_fit(clearance, period, 0.5 * physics.time_step).trusted()
+    assert half.contact == pytest.approx(physics.contact)
