@@ -132,7 +132,7 @@ def test_bias_pushes_into_the_new_contact_and_holds_all_when_it_is_felt():
 
 
 def test_the_whole_push_on_the_new_contact_opens_none_and_what_only_rubs_is_pressed_less():
-    """A peg laid upright on a wall about the mouth's edge, another wall beside it: without friction, all stays closed."""
+    """A peg laid on a wall about the mouth's edge, another wall beside it: without friction, all stays closed."""
     edge = [((-0.0101, y, 0.0), (1, 0, 0)) for y in (-0.008, 0.008)]
     beside = [((x, -0.0101, z), (0, 1, 0)) for x in (-0.008, 0.008) for z in (-0.003, 0.0)]
     deep = [((-0.0101, y, -0.003), (1, 0, 0)) for y in (-0.008, 0.008)]
