@@ -56,7 +56,7 @@ class Robot:
     patience: int = 40
     doubling: float = 0.05
     slow: float = 0.6
-    braked: float = 0.7
+    braked: float = 0.4
     standing: float = 0.2
     surplus: float = 1.3
     leeway: float = 1.5
