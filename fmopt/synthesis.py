@@ -16,7 +16,7 @@ from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.paper import as_in_the_paper
 from fmopt.certificate.segment import Tolerance
 from fmopt.errors import FmoptError, InfeasibleError, SearchError
-from fmopt.geometry.clearance import Clearance, checked_clearance
+from fmopt.geometry.clearance import Clearance
 from fmopt.knowledge.command import answer
 from fmopt.nominal.critical import critical_poses
 from fmopt.nominal.freedom import freedom, half_widths
@@ -44,6 +44,7 @@ from fmopt.placement.tune import Limits, tuned
 from fmopt.placement.visited import visited
 from fmopt.plan_record import Moved, Nominal, plan_document
 from fmopt.se3 import Pose
+from fmopt.task.clearance import measured_clearance
 from fmopt.task.command import task_command
 from fmopt.task.problem import Problem
 from fmopt.uncertainty.error_set import ErrorSet
@@ -144,8 +145,7 @@ def moved(problem: Problem, lap: Callable[[str], None], progress: Progress = lam
         progress: told what is being done.
     """
     progress("measuring the parts")
-    goal = Pose.from_vector(problem.goal)
-    clearance = checked_clearance(problem.moving, problem.fixed, goal, -float(problem.goal[2]))
+    clearance = measured_clearance(problem)
     rho = problem.settings.characteristic_length or clearance.half_diagonal
     assembly = Assembly(problem.moving, problem.fixed)
     tolerance = Tolerance((problem.velocity_error.translation, problem.velocity_error.rotation), rho)

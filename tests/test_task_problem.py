@@ -15,8 +15,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fmopt.errors import GeometryError
 from fmopt.se3 import exp, log
-from fmopt.task.explain import explain, facts, measured
+from fmopt.task.clearance import measured_clearance
+from fmopt.task.explain import explain, facts
 from fmopt.task.problem import Problem, load
 from fmopt.task.schema import model_schema, problem_schema, text
 from fmopt.task.sources import (
@@ -127,7 +129,7 @@ def test_a_given_depth_and_settings_left_out(tmp_path: Path) -> None:
     assert problem.goal[2] == -0.012
     assert problem.settings.max_tilt == math.radians(12)
     assert problem.settings.time_limit == 600.0
-    assert "12 mm below the mouth (40% of full depth)" in explain(problem, measured(problem))
+    assert "12 mm below the mouth (40% of full depth)" in explain(problem, measured_clearance(problem))
 
 
 def test_a_mesh_model_agrees_with_its_solid(tmp_path: Path, square: Problem) -> None:
@@ -174,7 +176,7 @@ def test_importing_loads_nothing_heavy_and_loading_no_unit_library() -> None:
 
 
 def test_a_problem_in_words(square: Problem, rectangular: Problem) -> None:
-    words = explain(square, measured(square))
+    words = explain(square, measured_clearance(square))
     for expected in (
         "moving: square_peg, 20 x 20 x 40 mm, 6 faces, 1 convex piece; mates by peg (solid, length 40 mm)",
         "mates by hole (hollow, blind, depth 30 mm)",
@@ -188,11 +190,11 @@ def test_a_problem_in_words(square: Problem, rectangular: Problem) -> None:
         square.sha256,
     ):
         assert expected in words
-    assert "open at both ends, depth 8.9916 mm" in explain(rectangular, measured(rectangular))
+    assert "open at both ends, depth 8.9916 mm" in explain(rectangular, measured_clearance(rectangular))
 
 
 def test_a_problem_as_data(square: Problem) -> None:
-    told = facts(square, measured(square))
+    told = facts(square, measured_clearance(square))
     assert told["measured_clearance"] == pytest.approx(1e-4, abs=1e-12)
     assert told["play"] == pytest.approx([2e-4, 2e-4], abs=1e-12)
     assert told["warnings"] == []
@@ -203,8 +205,17 @@ def test_a_drawing_that_disagrees_with_the_parts_is_told(tmp_path: Path) -> None
     path = copied(tmp_path)
     path.write_text(path.read_text(encoding="utf-8").replace("y = 0.1", "y = 0.2"))
     problem = load(path)
-    (warning,) = facts(problem, measured(problem))["warnings"]
+    (warning,) = facts(problem, measured_clearance(problem))["warnings"]
     assert "along y, 0.2 mm a side are declared, 0.1 mm measured" in warning
+
+
+@pytest.mark.parametrize("wrong", ["y = 1.1", "y = 0.009"])
+def test_another_unit_is_no_tolerance(tmp_path: Path, wrong: str) -> None:
+    path = copied(tmp_path)
+    path.write_text(path.read_text(encoding="utf-8").replace("y = 0.1", wrong))
+    with pytest.raises(GeometryError, match=r"along y the parts leave 0\.1 mm a side") as caught:
+        measured_clearance(load(path))
+    assert "unit" in caught.value.advice
 
 
 SOURCES = Sources(
@@ -280,7 +291,7 @@ grasp = { position = 0.2, angle = "30 mrad", height = 40 }
     assert problem.sources == SOURCES
     assert np.all(problem.start_box >= start_box(SOURCES, 0.001))
     np.testing.assert_array_equal(total(problem.budget), problem.start_box)
-    words = explain(problem, measured(problem))
+    words = explain(problem, measured_clearance(problem))
     for share in problem.budget:
         assert f"{share.source} ({share.symbol}): {1e3 * share.box[0]:.6g} mm along x" in words
 
@@ -368,7 +379,7 @@ def test_all_kinds_of_configuration_in_a_file(tmp_path: Path) -> None:
         np.testing.assert_array_equal(total(problem.budget), problem.start_box)
         assert problem.sources is not None
         found[name] = problem.sources.configuration
-        assert len(facts(problem, measured(problem))["budget"]) == len(problem.budget)
+        assert len(facts(problem, measured_clearance(problem))["budget"]) == len(problem.budget)
     width = least_altitude([(0.03, 0.03, 0.0), (-0.03, -0.03, -0.04), (-0.03, 0.03, -0.04)])
     assert isinstance(found["known"], Known)
     assert found["known"].deviation == 1e-4

@@ -126,14 +126,15 @@ def check(
 ) -> None:
     """Validate a problem file, or an assembly and each of its tasks, with all models and say it back in words."""
     from fmopt.task.assembly import is_assembly
-    from fmopt.task.explain import explain, facts, measured
+    from fmopt.task.clearance import measured_clearance
+    from fmopt.task.explain import explain, facts
     from fmopt.task.problem import load
 
     if is_assembly(file):
         _check_assembly(file, as_json, quiet)
         return
     problem = load(file)
-    clearance = measured(problem)
+    clearance = measured_clearance(problem)
     if as_json:
         typer.echo(json.dumps(facts(problem, clearance)))
     elif not quiet:

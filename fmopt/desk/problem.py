@@ -48,9 +48,9 @@ class Problem(task.Problem):
         Raises:
             InterferenceError: the parts overlap when assembled, or their clearance is not positive.
         """
-        from fmopt.task.explain import measured
+        from fmopt.task.clearance import measured_clearance
 
-        return measured(self)
+        return measured_clearance(self)
 
     @property
     def targets(self) -> tuple[str, ...]:

@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fmopt.desk.plan import Plan
-from fmopt.geometry.clearance import Clearance, checked_clearance
+from fmopt.geometry.clearance import Clearance
 from fmopt.se3 import Pose
+from fmopt.task.clearance import measured_clearance
 from fmopt.task.problem import Problem
 
 if TYPE_CHECKING:
@@ -36,8 +37,9 @@ def clearance(problem: Problem) -> Clearance:
 
     Raises:
         InterferenceError: the parts overlap when assembled, or their clearance is not positive.
+        GeometryError: it is not of the size that the problem declares.
     """
-    return checked_clearance(problem.moving, problem.fixed, Pose.from_vector(problem.goal), -float(problem.goal[2]))
+    return measured_clearance(problem)
 
 
 def start_errors(problem: Problem) -> ErrorSet:

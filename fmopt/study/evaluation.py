@@ -57,12 +57,9 @@ class Solved:
     @cached_property
     def clearance(self) -> Clearance:
         """The clearance as measured on the parts."""
-        from fmopt.geometry.clearance import checked_clearance
-        from fmopt.se3 import Pose
+        from fmopt.task.clearance import measured_clearance
 
-        problem = self.problem
-        seated = Pose.from_vector(problem.goal)
-        return checked_clearance(problem.moving, problem.fixed, seated, -float(problem.goal[2]))
+        return measured_clearance(self.problem)
 
     @cached_property
     def moved(self) -> Moved:

@@ -9,27 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from fmopt.geometry.clearance import Clearance, checked_clearance
+from fmopt.geometry.clearance import Clearance
 from fmopt.geometry.features import Feature
 from fmopt.geometry.part import Part
 from fmopt.knowledge.command import answer
-from fmopt.se3 import Pose
 from fmopt.task.command import task_command
 from fmopt.task.problem import Problem
 from fmopt.values import Array
 
 _WARNING = "warning: "
 _FREE = {"p_z": "free_depth", "q_z": "free_turn"}
-
-
-def measured(problem: Problem) -> Clearance:
-    """The clearance as measured on the parts.
-
-    Raises:
-        InterferenceError: the parts overlap when assembled, or their clearance is not positive.
-    """
-    seated = Pose.from_vector(problem.goal)
-    return checked_clearance(problem.moving, problem.fixed, seated, -float(problem.goal[2]))
 
 
 def facts(problem: Problem, clearance: Clearance) -> dict[str, Any]:
