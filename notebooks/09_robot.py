@@ -40,10 +40,11 @@ print(trials)
 # %% [markdown]
 # ## Exports
 #
-# For a robot the frame of the hole is given in the base of the robot: metres, and a rotation vector in rad.
+# For a robot the frame of the hole is given in the base of the robot: metres, and a rotation vector in rad. Its z
+# points out of the hole, so that a hole open to the ceiling is not turned.
 
 # %%
-base = (0.4, -0.1, 0.2, 0.0, 3.14159265, 0.0)
+base = (0.4, -0.1, 0.2, 0.0, 0.0, 0.0)
 (script,) = plan.export("urscript", "peg.script", base=base)
 print("\n".join(Path(script).read_text().splitlines()[:40]))
 

@@ -129,7 +129,7 @@ def test_exports_are_those_of_the_command_line(square_peg_plan_file: Path, tmp_p
     plan, base = fmopt.read(square_peg_plan_file), (0.4, -0.1, 0.2, 0.0, 3.0, 0.0)
     for to in ("csv", "json", "urscript"):
         (mine,) = plan.export(to, tmp_path / f"mine.{to}", base=base)
-        (theirs,) = export(square_peg_plan_file, to, tmp_path / f"theirs.{to}", base, 100.0)
+        (theirs,) = export(square_peg_plan_file, to, tmp_path / f"theirs.{to}", base, 100.0).paths
         assert mine.read_bytes() == theirs.read_bytes()
     with pytest.raises(ValueError, match="'gcode' is no format"):
         plan.export("gcode", tmp_path / "x")

@@ -20,6 +20,7 @@ from urscript_robot import ForceModeRobot
 from fmopt.cli import app
 from fmopt.errors import PlanFormatError, ResourceError
 from fmopt.export import ros2
+from fmopt.export.cautions import base_pose, insertion_words
 from fmopt.export.frame import task_frame
 from fmopt.export.sampled import COLUMNS, csv_text, json_text, read_csv, samples
 from fmopt.export.urscript import program
@@ -386,7 +387,7 @@ def test_the_command_writes_each_format(square_peg_plan_file: Path, tmp_path: Pa
         app, ["export", str(square_peg_plan_file), "--to", to, "--out", str(tmp_path / to), *base]
     )
     assert done.exit_code == 0, done.output
-    assert all(Path(line).exists() for line in done.output.splitlines())
+    assert all(Path(line).exists() for line in done.stdout.splitlines())
 
 
 @pytest.mark.parametrize(("to", "why"), [("urscript", "base"), ("ros2", "base"), ("krl", "'krl' is no format")])
@@ -394,3 +395,39 @@ def test_the_command_says_what_is_missing(square_peg_plan_file: Path, to: str, w
     done = CliRunner().invoke(app, ["export", str(square_peg_plan_file), "--to", to])
     assert done.exit_code == 2
     assert why in done.output
+
+
+def test_the_command_says_which_way_is_in(square_peg_plan_file: Path, tmp_path: Path) -> None:
+    for turn, way in (("0", "down"), ("3.14159", "up"), ("1.5708", "sideways")):
+        out = tmp_path / f"{way}.script"
+        line = ["export", str(square_peg_plan_file), "--to", "urscript", "--out", str(out), "--base", "0.4", "-0.1"]
+        done = CliRunner().invoke(app, [*line, "0.2", "0", turn, "0"])
+        assert f"insertion goes {way} in the base frame" in done.stderr
+        assert f"insertion goes {way} in the base frame" in out.read_text()
+        quiet = CliRunner().invoke(app, [*line, "0.2", "0", turn, "0", "--quiet"])
+        assert quiet.output == ""
+
+
+def test_the_way_in_is_the_way_of_the_nominal_path(square_peg_plan: dict[str, Any]) -> None:
+    start, goal = (BASE.compose(Pose.from_vector(square_peg_plan["nominal"]["nodes"][k])).p for k in (0, -1))
+    said = json.loads(insertion_words(BASE).partition("along ")[2])
+    assert said == pytest.approx((goal - start) / np.linalg.norm(goal - start), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("base", "why"),
+    [
+        ("400 -100 200 0 0 0", "458.258 m away: give metres, not millimetres"),
+        ("0.4 -0.1 0.2 0 180 0", "180 rad long: give an axis times its angle in rad, not degrees"),
+        ("nan 0 0 0 0 0", "nan m away"),
+        ("0 0 0 nan 0 0", "nan rad long"),
+    ],
+)
+def test_bases_in_other_units_are_refused(square_peg_plan_file: Path, tmp_path: Path, base: str, why: str) -> None:
+    for to in ("urscript", "ros2"):
+        line = ["export", str(square_peg_plan_file), "--to", to, "--out", str(tmp_path / to), "--base", *base.split()]
+        done = CliRunner().invoke(app, line)
+        assert done.exit_code == 2
+        assert why in " ".join(done.output.replace("│", " ").split())
+        assert not (tmp_path / to).exists()
+    assert base_pose((*(0.0, 6.0, 8.0), *(0.0, 0.0, 6.283))).p.tolist() == [0.0, 6.0, 8.0]

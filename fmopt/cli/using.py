@@ -12,14 +12,18 @@ import typer
 from fmopt.cli.app import Json, Quiet, app
 
 
-@app.command(epilog="Example: fmopt export plan.json --to urscript --base 0.4 -0.1 0.2 0 3.14159 0")
+@app.command(epilog="Example: fmopt export plan.json --to urscript --base 0.4 -0.1 0.2 0 0 0")
 def export(
     file: Annotated[Path, typer.Argument(help="Plan file (JSON); - for standard input.")],
     to: Annotated[str, typer.Option("--to", help="urscript, ros2, csv or json.")],
     out: Annotated[Path | None, typer.Option("--out", help="File; for ros2 a folder.")] = None,
     base: Annotated[
         tuple[float, float, float, float, float, float] | None,
-        typer.Option("--base", help="Pose of the hole's frame in the robot's base, m and rotation vector in rad."),
+        typer.Option(
+            "--base",
+            help="Pose of the hole's frame, z out of the hole, in the robot's base: m, and a rotation vector in rad, "
+            "which is 0 0 0 for a hole open upwards.",
+        ),
     ] = None,
     rate: Annotated[float, typer.Option("--rate", help="Samples a second of ros2, csv and json.")] = 100.0,
     as_json: Json = False,
@@ -33,10 +37,12 @@ def export(
     except ValueError as error:
         raise typer.BadParameter(str(error)) from error
     if as_json:
-        typer.echo(json.dumps({"written": [str(path) for path in written]}))
+        typer.echo(json.dumps({"written": [str(path) for path in written.paths], "notes": list(written.notes)}))
     elif not quiet:
-        for path in written:
+        for path in written.paths:
             typer.echo(str(path))
+        for note in written.notes:
+            typer.echo(note, err=True)
 
 
 @app.command(epilog="Examples: fmopt show models/square_peg.toml; fmopt show out/square_peg/plan.json --what states")

@@ -169,20 +169,21 @@ class Plan:
         """Writes the plan as a robot or a table takes it.
 
         >>> plan = fmopt.read("out/square_peg/plan.json")
-        >>> [path.name for path in plan.export("urscript", "peg.script", base=(0.4, -0.1, 0.2, 0, 3.14159, 0))]
+        >>> [path.name for path in plan.export("urscript", "peg.script", base=(0.4, -0.1, 0.2, 0, 0, 0))]
         ['peg.script']
 
         Args:
             to: "urscript", "ros2", "csv" or "json".
             path: the file; for "ros2" a folder.
-            base: pose of the hole's frame in the robot's base, m and rotation vector in rad; for robots.
+            base: pose of the hole's frame, whose z points out of the hole, in the robot's base, m and rotation vector
+                in rad; for robots.
             rate: samples a second of tables and bags.
 
         Returns:
             The files and folders that were written.
 
         Raises:
-            ValueError: the format is unknown, or it is for robots and `base` is missing.
+            ValueError: the format is unknown, or it is for robots and `base` is missing or in other units.
             FmoptError: the plan cannot be exported so, or the file not be written.
         """
         from fmopt.export.write import exported

@@ -16,6 +16,7 @@ import numpy as np
 
 from fmopt import plan
 from fmopt.errors import PlanFormatError, ResourceError
+from fmopt.export.cautions import insertion_words
 from fmopt.export.frame import TaskFrame, task_frame
 from fmopt.guarded.moves import Move, moves
 from fmopt.se3 import Pose
@@ -168,7 +169,9 @@ def _segments(
             }
         )
         begun += move.duration
-    return _yaml({"plan": document["sha256"], "frame_id": BASE_LINK, "segments": listed}, _NOTES)
+    return _yaml(
+        {"plan": document["sha256"], "frame_id": BASE_LINK, "segments": listed}, (*_NOTES, insertion_words(base))
+    )
 
 
 def _request(move: Move, task: TaskFrame, base: Pose, rho: float) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from fmopt.export.cautions import insertion_words
 from fmopt.export.frame import TaskFrame, task_frame
 from fmopt.guarded.moves import Move, moves
 from fmopt.se3 import Pose
@@ -26,6 +27,7 @@ _HEADER = """\
 # Units: m, rad, N, N m, s. Poses p[x, y, z, rx, ry, rz] are in the robot's base, the rotation as a rotation vector.
 # The TCP has to be the moving part's frame: {moving}.
 # The frame of the hole ({hole}) is at {base} in the base.
+# If z of the base points up: {insertion}.
 # Selection: 1 compliant, 0 stiff. Wrenches of force_mode are what the robot applies to its environment.
 # get_tcp_force is taken as the reaction of the environment on the tool, in axes of the base, torque about the TCP.
 # Limits: m/s and rad/s on compliant axes, m and rad of deviation on stiff ones.
@@ -175,6 +177,7 @@ def _head(document: Mapping[str, Any], base: Pose) -> str:
         moving=document["frames"]["moving"],
         hole=document["frames"]["B"],
         base=_pose(base),
+        insertion=insertion_words(base),
     )
 
 

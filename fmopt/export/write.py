@@ -4,16 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from fmopt import plan
-from fmopt.se3 import Pose
+from fmopt.export.cautions import base_pose, insertion_words
 
 FORMATS = ("urscript", "ros2", "csv", "json")
+_TABLES = ("csv", "json")
 _NAMES = {"urscript": "plan.script", "ros2": "ros2", "csv": "samples.csv", "json": "samples.json"}
 
 
-def export(file: Path, to: str, out: Path | None, base: tuple[float, ...] | None, rate: float) -> tuple[Path, ...]:
+class Written(NamedTuple):
+    """The files and folders that were written, and what to know before a robot runs them."""
+
+    paths: tuple[Path, ...]
+    notes: tuple[str, ...]
+
+
+def export(file: Path, to: str, out: Path | None, base: tuple[float, ...] | None, rate: float) -> Written:
     """Writes a plan in another format.
 
     Args:
@@ -23,35 +31,34 @@ def export(file: Path, to: str, out: Path | None, base: tuple[float, ...] | None
         base: pose (x, y, z, rx, ry, rz) of the hole's frame in the robot's base, m and rad; None for tables.
         rate: samples a second.
 
-    Returns:
-        The files and folders that were written.
-
     Raises:
-        ValueError: the format is unknown, or it is for robots and the base is missing.
+        ValueError: the format is unknown, or it is for robots and the base is missing or in other units.
         FmoptError: the plan cannot be read, exported or written.
     """
     if to not in FORMATS:
         raise ValueError(f"{to!r} is no format; choose from {', '.join(FORMATS)}")
-    return exported(plan.read(file), to, out if out is not None else file.parent / _NAMES[to], base, rate)
+    target = out if out is not None else file.parent / _NAMES[to]
+    paths = exported(plan.read(file), to, target, base, rate)
+    return Written(paths, () if base is None or to in _TABLES else (insertion_words(base_pose(base)),))
 
 
 def exported(
     document: Mapping[str, Any], to: str, target: Path, base: tuple[float, ...] | None, rate: float
 ) -> tuple[Path, ...]:
-    """Writes a plan document in another format to `target`; arguments and errors as of `export`."""
+    """Writes a plan document in another format to `target`, and says what was written; the rest as of `export`."""
     if to not in FORMATS:
         raise ValueError(f"{to!r} is no format; choose from {', '.join(FORMATS)}")
-    if to in ("csv", "json"):
+    if to in _TABLES:
         return _table(document, to, target, rate)
     if base is None:
         raise ValueError(f"{to} needs the hole's frame in the robot's base: give --base X Y Z RX RY RZ, in m and rad")
     if to == "ros2":
         from fmopt.export import ros2
 
-        return ros2.export(document, Pose.from_vector(base), rate, target)
+        return ros2.export(document, base_pose(base), rate, target)
     from fmopt.export.urscript import program
 
-    plan.save(program(document, Pose.from_vector(base)).encode(), target)
+    plan.save(program(document, base_pose(base)).encode(), target)
     return (target,)
 
 

@@ -1,0 +1,36 @@
+"""What has to be known before a robot runs a plan: whether its base frame can be meant, and which way is in."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from fmopt.se3 import Pose
+
+_FARTHEST = 10.0  # m; no robot that inserts parts reaches as far
+_UPRIGHT = math.cos(math.radians(30.0))
+
+
+def base_pose(base: Sequence[float]) -> Pose:
+    """The pose of the hole's frame in the robot's base from six numbers, m and rotation vector in rad.
+
+    Raises:
+        ValueError: the position is more than 10 m away, the rotation vector longer than 2π, or a number not finite.
+    """
+    away, turn = math.hypot(*base[:3]), math.hypot(*base[3:])
+    if not away <= _FARTHEST:
+        raise ValueError(f"the position of --base is {away:.6g} m away: give metres, not millimetres, at most 10 m")
+    if not turn <= math.tau:
+        raise ValueError(
+            f"the rotation vector of --base is {turn:.6g} rad long: give an axis times its angle in rad, not degrees, "
+            "at most 6.28 (2π)"
+        )
+    return Pose.from_vector(base)
+
+
+def insertion_words(base: Pose) -> str:
+    """Which way the part goes in, the base's z pointing up; z of the hole's frame points out of the hole."""
+    x, y, z = (-base.R[:, 2]).tolist()
+    way = "down" if z <= -_UPRIGHT else "up" if z >= _UPRIGHT else "sideways"
+    along = ", ".join(f"{round(value, 3) + 0.0:g}" for value in (x, y, z))
+    return f"insertion goes {way} in the base frame, along [{along}]"
