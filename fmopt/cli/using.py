@@ -15,7 +15,14 @@ from fmopt.cli.app import Json, Quiet, app
 @app.command(epilog="Example: fmopt export plan.json --to urscript --base 0.4 -0.1 0.2 0 0 0")
 def export(
     file: Annotated[Path, typer.Argument(help="Plan file (JSON); - for standard input.")],
-    to: Annotated[str, typer.Option("--to", help="urscript, ros2, csv or json.")],
+    to: Annotated[
+        str,
+        typer.Option(
+            "--to",
+            help="urscript or ros2: the motion to run; csv or json: the nominal position/force trajectory straight in, "
+            "a table to look at and not to run.",
+        ),
+    ],
     out: Annotated[Path | None, typer.Option("--out", help="File; for ros2 a folder.")] = None,
     base: Annotated[
         tuple[float, float, float, float, float, float] | None,
@@ -29,7 +36,7 @@ def export(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write a plan in a format that robots or tables take."""
+    """Write a plan as a program or bag for robots, or its nominal position/force trajectory as a table."""
     from fmopt.export.write import export as write
 
     try:

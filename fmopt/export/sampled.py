@@ -20,7 +20,8 @@ _NOTES = (
     "units: s, m, rad, N, N m; S, Pa and Fa along and about the axes of the B-frame",
     "S: 0 free, 1 stopped in +, -1 stopped in -, 2 stopped both ways; Pa where S = 0, servoed in position",
     "Fa where S is not 0, servoed in force: the reaction of the fixed on the moving part, the controller applies -Fa",
-    "the nominal insertion along the axis; the motion that errors do not defeat is the plan's segments",
+    "the nominal position/force trajectory straight in, as if there were no errors; not the motion to run, which is",
+    "the plan's segments, and what the formats for robots hold",
 )
 
 
@@ -76,10 +77,12 @@ def samples(document: Mapping[str, Any], rate: float) -> Samples:
 
 
 def csv_text(document: Mapping[str, Any], rate: float) -> str:
-    """The samples as CSV: comment lines with `#`, one line of names, numbers that read back exactly."""
+    """The samples as CSV: comment lines with `#`, one line of names, numbers that read back exactly, S in integers."""
     lines = [f"# {line}" for line in (FORMAT, f"plan {document['sha256']}", *_NOTES)]
     lines.append(",".join(COLUMNS))
-    lines += [",".join(repr(float(value)) for value in row) for row in samples(document, rate).table]
+    found = samples(document, rate)
+    for t, s, pa, fa in zip(found.t.tolist(), found.s.tolist(), found.pa.tolist(), found.fa.tolist(), strict=True):
+        lines.append(",".join([repr(t), *(str(int(code)) for code in s), *(repr(value) for value in (*pa, *fa))]))
     return "\n".join(lines) + "\n"
 
 
