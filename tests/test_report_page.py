@@ -13,6 +13,7 @@ import pytest
 from report_plans import bare_plan, cube_plan, with_graph
 
 from fmopt.plan import sealed
+from fmopt.report.control_tables import hybrid_table
 from fmopt.report.figures import catalogue, figures
 from fmopt.report.moves import move_words, moves, states, summary_rows, verdict
 from fmopt.report.naming import binding_label, binding_words, combination, contact_words, quantity, spoken_axis
@@ -233,10 +234,28 @@ def test_a_plan_for_a_share_of_the_errors_says_so() -> None:
 
 
 def test_hybrid_strategies_of_alike_pieces_share_a_row(whole: str) -> None:
+    plan = cube_plan()
+    down, near, touch = plan["segments"]
+    text = Reader(hybrid_table({**plan, "segments": [down, near, near, touch]})).text.replace("\u00a0", " ")
+    assert text.count("pieces 1–2") == 1
+    assert text.count("goes on after") == 1
     text = re.sub(r"\s+", " ", Reader(whole).text.replace("\u00a0", " "))
-    assert "reaction along x reaches 2 N; a fault after 1.3 mm or 3 s" in text
     assert text.count("reaction along x reaches 2 N") == 1
     assert "−x at 20 mm/s" in text
+
+
+def test_ends_are_told_from_limits(whole: str) -> None:
+    plan = cube_plan()
+    _, near, touch = plan["segments"]
+    text = re.sub(r"\s+", " ", Reader(whole).text.replace("\u00a0", " "))
+    assert "goes on after 500 µm; a contact felt before ends the move" in text
+    assert "reaction along x reaches 2 N, nominally after 600 µm; a fault beyond 1.3 mm or 3 s" in text
+    free = {"contacts": [], "wrench": [0.0] * 6, "threshold": 2.0, "max_travel": 0.0013, "timeout": 3.0}
+    pieces = [{**piece, "hybrid": {**piece["hybrid"], "termination": free}} for piece in (near, touch)]
+    text = Reader(hybrid_table({**plan, "segments": pieces})).text.replace("\u00a0", " ")
+    assert "goes on after 500 µm" in text
+    assert "felt" not in text
+    assert "ends after 600 µm; a fault beyond 1.3 mm or 3 s" in text
 
 
 def test_importing_the_report_loads_no_plotting_library() -> None:

@@ -71,7 +71,7 @@ def segment_sheet(segment: Segment) -> str:
             ("force axes", "; ".join(combination(axis) for axis in hybrid["force_axes"]) or "none"),
             ("bias wrench", combination(hybrid["bias_wrench"], "N", "N·m")),
             ("stops when", f"{combination(ending['wrench'])} reaches {ending['threshold']:.3g}"),
-            ("at most", f"{1e3 * ending['max_travel']:.3g} mm, {ending['timeout']:.3g} s"),
+            ("a fault beyond", f"{1e3 * ending['max_travel']:.3g} mm, {ending['timeout']:.3g} s"),
         ]
     return _sheet(table(f"Segment {segment.number}, of move {segment.move}", ("", ""), rows))
 

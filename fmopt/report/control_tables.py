@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fmopt.report.moves import characteristic_length, moves
+from fmopt.report.moves import characteristic_length, moves, turn_of, way_of
 from fmopt.report.naming import AXES, combination, direction, quantity, signed
 from fmopt.report.tables import table
 from fmopt.report.trajectory_view import STOPS
@@ -32,22 +32,25 @@ def hybrid_table(plan: Plan) -> str:
     """The control strategy of every piece; pieces of a move that share theirs share a row."""
     rows, rho = [], characteristic_length(plan)
     for move in moves(plan):
-        cells = [_hybrid_cells(piece["hybrid"], rho) if piece.get("hybrid") else () for piece in move.segments]
+        last = move.segments[-1]
+        cells = [_hybrid_cells(piece, piece is last, rho) if piece.get("hybrid") else () for piece in move.segments]
         for alike, run in groupby(enumerate(cells, start=1), key=lambda item: item[1]):
             numbers = [number for number, _ in run]
             several = f", pieces {numbers[0]}–{numbers[-1]}" if len(numbers) > 1 else f", piece {numbers[0]}"
             name = str(move.number) + ("" if len(numbers) == len(cells) else several)
             rows += [(name, *alike)] if alike else []
-    head = ("move", "position-controlled", "force-controlled", "velocity", "bias wrench", "ends when")
+    head = ("move", "position-controlled", "force-controlled", "velocity", "bias wrench", "end")
     words = (
         "<p>Position axes are twists, force axes wrenches, both in the compliance frame; velocity and wrenches in axes "
         "of B about the moving part's reference point. Turns and torques are counted with ρ. The bias is applied to "
-        "the moving part; what ends a move is a reaction on it.</p>\n"
+        "the moving part; what ends a move is a reaction on it. Ways in the last column count turns with ρ, too: they "
+        "are those of the motion without errors, and beyond what is called a fault something is not as planned.</p>\n"
     )
     return words + table("Hybrid position/force strategy of every piece", head, rows) if rows else ""
 
 
-def _hybrid_cells(hybrid: Plan, rho: float) -> tuple[str, ...]:
+def _hybrid_cells(piece: Plan, last: bool, rho: float) -> tuple[str, ...]:
+    hybrid = piece["hybrid"]
     twists, wrenches = np.array([1.0, 1.0, 1.0, rho, rho, rho]), np.array([1.0, 1.0, 1.0, 1 / rho, 1 / rho, 1 / rho])
     velocity = direction(hybrid.get("velocity", ()), twists)
     if hybrid.get("speed") is not None:
@@ -57,15 +60,22 @@ def _hybrid_cells(hybrid: Plan, rho: float) -> tuple[str, ...]:
         "; ".join(direction(axis, wrenches) for axis in hybrid.get("force_axes", ())) or "none",
         velocity,
         combination(hybrid.get("bias_wrench", ()), "N", "N·m"),
-        _end_words(hybrid.get("termination", {}), wrenches),
+        _end_words(piece, last, twists, wrenches),
     )
 
 
-def _end_words(stop: Plan, wrenches: Array) -> str:
+def _end_words(piece: Plan, last: bool, twists: Array, wrenches: Array) -> str:
+    """When a piece ends without errors, and apart from that beyond what it is a fault."""
+    stop = piece["hybrid"].get("termination", {})
+    way = quantity(float(np.linalg.norm(np.concatenate([way_of(piece), turn_of(piece)]) * twists)))
+    felt = bool(np.any(stop.get("wrench", ())))
+    if not last:
+        return f"goes on after {way}" + ("; a contact felt before ends the move" if felt else "")
     travel = "" if stop.get("max_travel") is None else quantity(stop["max_travel"])
     time = "" if stop.get("timeout") is None else f"{stop['timeout']:.3g} s"
-    if not np.any(stop.get("wrench", ())):
-        return " or ".join(filter(None, [travel and f"{travel} are travelled", time and f"after {time}"])) or "–"
-    ends = f"reaction along {direction(stop['wrench'], wrenches)} reaches {signed(stop['threshold'], '.3g')} N"
-    fault = " or ".join(filter(None, [travel, time]))
-    return ends + (f"; a fault after {fault}" if fault else "")
+    limit = " or ".join(filter(None, [travel, time]))
+    ends = f"ends after {way}"
+    if felt:
+        reached = f"reaches {signed(stop['threshold'], '.3g')} N"
+        ends = f"ends when reaction along {direction(stop['wrench'], wrenches)} {reached}, nominally after {way}"
+    return ends + (f"; a fault beyond {limit}" if limit else "")
