@@ -154,6 +154,7 @@ def test_the_program_is_of_the_language_with_arity_and_units(square_peg_plan: di
     named = [str(call.children[0]) for call in calls(tree)]
     assert named.count("force_mode") == len(square_peg_plan["segments"])
     assert named.index("zero_ftsensor") < named.index("force_mode")
+    assert "\n  # move 1, segments[0], held: nothing\n" in program(square_peg_plan, BASE)
     assert named.count("force_mode_set_damping") == named.count("force_mode_set_gain_scaling") == 1
 
 
@@ -229,7 +230,7 @@ def test_a_contact_that_is_not_felt_ends_the_program_and_the_force_mode(square_p
     guarded = next(move for move in rows if move.stop is not None and move.last)
     assert guarded.stop is not None
     assert not robot.forced
-    assert robot.log == [f"fmopt: segment {guarded.segment}: {', '.join(guarded.stop.contacts)} not felt"]
+    assert robot.log == [f"fmopt: move {guarded.number + 1}: {', '.join(guarded.stop.contacts)} not felt"]
     assert robot.time > sum(move.duration for move in rows[: guarded.segment + 1])
 
 

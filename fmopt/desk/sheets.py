@@ -73,7 +73,7 @@ def segment_sheet(segment: Segment) -> str:
             ("stops when", f"{combination(ending['wrench'])} reaches {ending['threshold']:.3g}"),
             ("a fault beyond", f"{1e3 * ending['max_travel']:.3g} mm, {ending['timeout']:.3g} s"),
         ]
-    return _sheet(table(f"Segment {segment.number}, of move {segment.move}", ("", ""), rows))
+    return _sheet(table(f"segments[{segment.number}], of move {segment.move}", ("", ""), rows))
 
 
 def pose_words(pose: Iterable[float]) -> str:

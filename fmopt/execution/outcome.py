@@ -61,7 +61,7 @@ def note(log: Log, event: Event, rig: Rig, moves: Sequence[Move], known: Mapping
     if rig.state.step[event.body] < 0:
         log.ended = event.time
     if rig.state.step[event.body] == FAILED:
-        log.departures.append(f"move {program.steps[event.step].move}: contact not felt")
+        log.departures.append(f"{_spoken(program.steps[event.step].move)}: contact not felt")
         return
     if not moves:
         return
@@ -71,6 +71,11 @@ def note(log: Log, event: Event, rig: Rig, moves: Sequence[Move], known: Mapping
         return
     last = max(i for i, other in enumerate(moves) if other.number == move.number)
     log.departures += departures(rig, event.body, moves[last], known, fit)
+
+
+def _spoken(number: int) -> str:
+    """A move as people count them, from 1; plans count from 0."""
+    return f"move {number + 1}"
 
 
 def departures(rig: Rig, body: int, move: Move, known: Mapping[str, Contact], fit: Fit) -> list[str]:
@@ -85,12 +90,12 @@ def departures(rig: Rig, body: int, move: Move, known: Mapping[str, Contact], fi
         point, _, gap = known[name].touch(pose)
         places.append(point)
         if known[name].within(pose) and abs(gap) > CLOSED * fit.clearance:
-            found.append(f"move {move.number}: {name} open")
+            found.append(f"{_spoken(move.number)}: {name} open")
     sensed = rig.contacts[body]
     pressing = sensed[(sensed[:, 0] > 0.0) & (np.linalg.norm(sensed[:, 1:4], axis=1) > _PRESSES)]
     for row in pressing:
         if not places or min(float(np.linalg.norm(row[5:] - place)) for place in places) > _NEAR:
-            found.append(f"move {move.number}: a contact that is not planned")
+            found.append(f"{_spoken(move.number)}: a contact that is not planned")
             break
     return found
 

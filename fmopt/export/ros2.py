@@ -169,9 +169,8 @@ def _segments(
             }
         )
         begun += move.duration
-    return _yaml(
-        {"plan": document["sha256"], "frame_id": BASE_LINK, "segments": listed}, (*_NOTES, insertion_words(base))
-    )
+    notes = (*_NOTES, insertion_words(base), "segment and move count from 0, as in the plan file")
+    return _yaml({"plan": document["sha256"], "frame_id": BASE_LINK, "segments": listed}, notes)
 
 
 def _request(move: Move, task: TaskFrame, base: Pose, rho: float) -> dict[str, Any]:

@@ -31,6 +31,7 @@ _HEADER = """\
 # Selection: 1 compliant, 0 stiff. Wrenches of force_mode are what the robot applies to its environment.
 # get_tcp_force is taken as the reaction of the environment on the tool, in axes of the base, torque about the TCP.
 # Limits: m/s and rad/s on compliant axes, m and rad of deviation on stiff ones.
+# Moves are counted from 1; segments[0] is the first entry of segments in the plan file.
 """
 
 _FUNCTIONS = """\
@@ -209,7 +210,7 @@ def _segment(
 ) -> list[str]:
     """A move's pieces follow each other without a stop; once the contact that ends it is felt, the rest is left out."""
     move = rows[index]
-    lines = [f"# segment {move.segment}, move {move.number}, held: {', '.join(move.state) or 'nothing'}"]
+    lines = [f"# move {move.number + 1}, segments[{move.segment}], held: {', '.join(move.state) or 'nothing'}"]
     if move.stop is None:
         call = _force_mode(move, task, base, rho, settings)
         return [*lines, call, f"fmopt_move({_list(_turned(base, move.twist))}, {_number(move.duration)})"]
@@ -220,7 +221,7 @@ def _segment(
     guarded.append(f"touched = fmopt_guarded({', '.join(_guard(rows, index, base, rho, settings, pace))})")
     lines += ["if not touched:", *("  " + line for line in guarded), "end"]
     if move.last:
-        missed = f"segment {move.segment}: {', '.join(move.stop.contacts)} not felt"
+        missed = f"move {move.number + 1}: {', '.join(move.stop.contacts)} not felt"
         lines += ["if not touched:", f'  fmopt_leave("{missed}")', "end", "touched = False"]
     return lines
 
