@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -16,11 +17,14 @@ from typer.testing import CliRunner
 from fmopt.cli import app
 from fmopt.errors import ResourceError
 from fmopt.execution import trials as running
-from fmopt.execution.program import planned
+from fmopt.execution.outcome import Fit, Log, note
+from fmopt.execution.program import FAILED, planned
 from fmopt.execution.replay import replay
+from fmopt.execution.rig import Event, Rig
 from fmopt.execution.robot import Robot
 from fmopt.execution.summary import failures, lines, summary, wilson
 from fmopt.execution.trials import Noise, Trials, draw, run_all
+from fmopt.se3 import Pose
 
 FOUR = Trials(4, seed=1)
 
@@ -95,10 +99,34 @@ def test_a_run_goes_on_to_the_same_bytes(square_peg_plan: dict[str, Any], writte
     assert told == [3, 1]
 
 
+def test_more_trials_go_on_with_those_that_are_there(
+    square_peg_plan: dict[str, Any], written: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "t.jsonl"
+    file.write_text(written.read_text())
+    asked: list[list[int]] = []
+
+    def made(_: Any, trials: Trials, numbers: list[int]) -> list[Any]:
+        asked.append(list(numbers))
+        return [record(n, 0.5 if n < trials.inside else 1.5) for n in numbers]
+
+    monkeypatch.setattr(running, "run", made)
+    records = run_all(square_peg_plan, Trials(6, 2, seed=1), file, 1, lambda _: None)
+    assert asked == [[4, 5, 6, 7]]
+    assert [json.dumps(one, sort_keys=True) for one in records[:4]] == written.read_text().splitlines()[1:]
+    assert run_all(square_peg_plan, Trials(6, 3, seed=1), file, 1, lambda _: None)[:8] == records
+    assert asked[1:] == [[8]]
+    kept = file.read_bytes()
+    for inside, beyond in ((5, 4), (7, 3), (9, 0), (6, 2)):
+        with pytest.raises(ResourceError, match=f"--trials {inside} --beyond {beyond} does not ask for, of --trials 6"):
+            run_all(square_peg_plan, Trials(inside, beyond, seed=1), file, 1, lambda _: None)
+    assert file.read_bytes() == kept
+
+
 def test_a_file_of_other_trials_is_not_gone_on_with(square_peg_plan: dict[str, Any], tmp_path: Path) -> None:
     run_all(square_peg_plan, Trials(0, seed=1), tmp_path / "t.jsonl", 1, lambda _: None)
     running._keep(tmp_path / "t.jsonl", {"seed": 2}, {})
-    with pytest.raises(ResourceError, match="another plan, seed or kind"):
+    with pytest.raises(ResourceError, match="another plan, reach, seed"):
         run_all(square_peg_plan, Trials(0, seed=1), tmp_path / "t.jsonl", 1, lambda _: None)
     (tmp_path / "t.jsonl").write_text("what?\n")
     with pytest.raises(ResourceError, match="no file of trials"):
@@ -115,6 +143,14 @@ def test_an_interrupt_tells_how_to_go_on(
     with pytest.raises(ResourceError, match="interrupted after 0 of 3") as caught:
         run_all(square_peg_plan, Trials(3), tmp_path / "t.jsonl", 1, lambda _: None)
     assert "again" in caught.value.advice
+
+
+def test_moves_that_failed_are_counted_from_one() -> None:
+    steps = [SimpleNamespace(move=0), SimpleNamespace(move=1)]
+    rig = SimpleNamespace(program=SimpleNamespace(steps=steps), state=SimpleNamespace(step=[FAILED]))
+    log = Log()
+    note(log, Event(0, 1, 0.5, False), cast(Rig, rig), (), {}, Fit(1e-4, 0.03, 0.01, Pose.identity(), 0.0))
+    assert log.departures == ["move 2: contact not felt"]
 
 
 def test_summaries_tell_inside_from_beyond_and_group_failures_by_what_went_wrong_first() -> None:

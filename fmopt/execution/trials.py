@@ -227,9 +227,23 @@ def _kept(file: Path, head: Mapping[str, Any]) -> dict[int, Any]:
         first, *rows = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
     except (OSError, ValueError) as error:
         raise ResourceError(f"{file}: no file of trials: {error}", "choose another folder with --out") from error
-    if first != dict(head):
-        raise ResourceError(f"{file}: holds trials of another plan, seed or kind", "choose another folder with --out")
+    other = _other(first, head) if isinstance(first, Mapping) else ["head"]
+    if other:
+        raise ResourceError(f"{file}: holds trials with another {', '.join(other)}", "choose another folder with --out")
+    total = head["inside"] + head["beyond"]
+    if any(row["trial"] >= total or (row["size"] <= 1.0) != (row["trial"] < head["inside"]) for row in rows):
+        asked = f"--trials {head['inside']} --beyond {head['beyond']}"
+        raise ResourceError(
+            f"{file}: holds trials that {asked} does not ask for, of --trials {first['inside']} "
+            f"--beyond {first['beyond']}",
+            "ask for no fewer, for more inside only where none is beyond, or choose another folder with --out",
+        )
     return {row["trial"]: row for row in rows}
+
+
+def _other(first: Mapping[str, Any], head: Mapping[str, Any]) -> list[str]:
+    """What differs beside the numbers of trials, on which no single trial inside depends."""
+    return [key.replace("_", " ") for key in head if key not in ("inside", "beyond") and first.get(key) != head[key]]
 
 
 def _keep(file: Path, head: Mapping[str, Any], done: Mapping[int, Any]) -> None:
