@@ -14,6 +14,7 @@ from PIL import Image, ImageSequence
 from scipy.stats import binomtest
 from typer.testing import CliRunner
 
+from fmopt import plan
 from fmopt.cli import app
 from fmopt.errors import ResourceError
 from fmopt.execution import trials as running
@@ -170,7 +171,8 @@ def test_summaries_tell_inside_from_beyond_and_group_failures_by_what_went_wrong
         {"departure": "move 2: b open", "count": 2, "trials": [2, 5]},
         {"departure": "tilted", "count": 1, "trials": [4]},
     ]
-    text = "\n".join(lines(found))
+    text = "\n".join(lines({**found, "contact_force": 15.0}))
+    assert "force up to 10.0 N filtered, impact 20.0 N, penetration up to 10.0 µm; asked for 15 N of contact" in text
     assert "inside the certified set: 2 of 3 seated, 66.7 %" in text
     assert "errors of 0.75 to 1.00 boxes (inside): 50.0 % of 2 seated" in text
     assert "errors of 1.50 to 1.75 boxes (beyond): 0.0 % of 2 seated" in text
@@ -185,6 +187,7 @@ def test_the_command_tells_and_keeps_the_summary(square_peg_plan_file: Path, wri
     found = json.loads(ran.stdout)
     seated = sum(json.loads(line)["success"] for line in written.read_text().splitlines()[1:])
     assert found["inside"]["successes"] == seated >= 2
+    assert found["contact_force"] == plan.read(square_peg_plan_file)["specification"]["contact_force"]
     assert json.loads((tmp_path / "summary.json").read_text()) == found
     told = CliRunner().invoke(app, arguments).stdout
     low, high = (100.0 * share for share in wilson(seated, 4))

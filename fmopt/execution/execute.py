@@ -75,4 +75,5 @@ def _summed(
     document: dict[str, Any], trials: Trials, file: Path, workers: int | None, advance: Callable[[int], None]
 ) -> dict[str, Any]:
     records = run_all(document, trials, file, workers or len(os.sched_getaffinity(0)), advance)
-    return {"plan": document["sha256"], "trials": len(records), **summary(records)}
+    asked = float(document["specification"]["contact_force"])
+    return {"plan": document["sha256"], "trials": len(records), "contact_force": asked, **summary(records)}

@@ -89,6 +89,7 @@ def _size(row: dict[str, Any]) -> str:
 def lines(found: dict[str, Any]) -> list[str]:
     """The summary for people."""
     told = []
+    asked = f"; asked for {found['contact_force']:g} N of contact force"
     for name in ("inside", "beyond"):
         part = found[name]
         if part["trials"]:
@@ -101,7 +102,7 @@ def lines(found: dict[str, Any]) -> list[str]:
             told.append(
                 f"  force up to {part['peak_force']['largest']:.1f} N filtered, impact "
                 f"{part['impact_force']['largest']:.1f} N, penetration up to "
-                f"{1e6 * part['penetration']['largest']:.1f} µm"
+                f"{1e6 * part['penetration']['largest']:.1f} µm{asked}"
             )
     if found["beyond"]["trials"]:
         told += [_size(row) for row in found["by_size"]]
