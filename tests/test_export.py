@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 from urscript_language import Halt, Interpreter, arguments, calls, constant, distance, faults, parsed
 from urscript_robot import ForceModeRobot
 
+from fmopt import plan
 from fmopt.cli import app
 from fmopt.errors import PlanFormatError, ResourceError
 from fmopt.export import ros2
@@ -410,6 +411,17 @@ def test_the_command_says_which_way_is_in(square_peg_plan_file: Path, tmp_path: 
         assert f"insertion goes {way} in the base frame" in out.read_text()
         quiet = CliRunner().invoke(app, [*line, "0.2", "0", turn, "0", "--quiet"])
         assert quiet.output == ""
+
+
+def test_the_command_says_how_fast_the_part_turns(square_peg_plan_file: Path, tmp_path: Path) -> None:
+    rows = plan.read(square_peg_plan_file)["segments"]
+    fastest = max(row["hybrid"]["speed"] * np.linalg.norm(row["hybrid"]["velocity"][3:]) for row in rows)
+    line = ["export", str(square_peg_plan_file), "--base", "0.4", "-0.1", "0.2", "0", "0", "0"]
+    for to, file in (("urscript", tmp_path / "urscript"), ("ros2", tmp_path / "ros2" / "segments.yaml")):
+        done = CliRunner().invoke(app, [*line, "--to", to, "--out", str(tmp_path / to)])
+        said = float(done.stderr.partition("turns with up to ")[2].partition(" rad/s")[0])
+        assert said == pytest.approx(fastest, rel=5e-3)
+        assert f"turns with up to {said:.3g} rad/s" in file.read_text()
 
 
 def test_the_way_in_is_the_way_of_the_nominal_path(square_peg_plan: dict[str, Any]) -> None:

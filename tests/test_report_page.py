@@ -242,6 +242,10 @@ def test_hybrid_strategies_of_alike_pieces_share_a_row(whole: str) -> None:
     text = re.sub(r"\s+", " ", Reader(whole).text.replace("\u00a0", " "))
     assert text.count("reaction along x reaches 2 N") == 1
     assert "−x at 20 mm/s" in text
+    assert "turning at" not in text
+    turned = {**near["hybrid"], "velocity": [-0.6, 0, 0, 0, 80.0, 0]}
+    text = Reader(hybrid_table({**plan, "segments": [{**touch, "hybrid": turned}]})).text.replace("\u00a0", " ")
+    assert "at 20 mm/s, turning at 1.6 rad/s" in text
 
 
 def test_ends_are_told_from_limits(whole: str) -> None:

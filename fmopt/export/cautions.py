@@ -1,10 +1,13 @@
-"""What has to be known before a robot runs a plan: whether its base frame can be meant, and which way is in."""
+"""What to know before a robot runs a plan: whether its base can be meant, which way is in, how fast the part turns."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
+from fmopt.guarded.moves import Move
 from fmopt.se3 import Pose
 
 _FARTHEST = 10.0  # m; no robot that inserts parts reaches as far
@@ -34,3 +37,13 @@ def insertion_words(base: Pose) -> str:
     way = "down" if z <= -_UPRIGHT else "up" if z >= _UPRIGHT else "sideways"
     along = ", ".join(f"{round(value, 3) + 0.0:g}" for value in (x, y, z))
     return f"insertion goes {way} in the base frame, along [{along}]"
+
+
+def turning_words(rows: Sequence[Move]) -> str:
+    """The greatest rate at which the plan turns the part, and where."""
+    rates = [float(np.linalg.norm(move.twist[3:])) for move in rows]
+    fastest = int(np.argmax(rates))
+    return (
+        f"the part turns with up to {rates[fastest]:.3g} rad/s ({math.degrees(rates[fastest]):.0f} deg/s), "
+        f"in move {rows[fastest].number + 1}: check that the robot may"
+    )

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from fmopt.export.cautions import insertion_words
+from fmopt.export.cautions import insertion_words, turning_words
 from fmopt.export.frame import TaskFrame, task_frame
 from fmopt.guarded.moves import Move, moves
 from fmopt.se3 import Pose
@@ -28,6 +28,7 @@ _HEADER = """\
 # The TCP has to be the moving part's frame: {moving}.
 # The frame of the hole ({hole}) is at {base} in the base.
 # If z of the base points up: {insertion}.
+# Greatest turning rate: {turning}.
 # Selection: 1 compliant, 0 stiff. Wrenches of force_mode are what the robot applies to its environment.
 # get_tcp_force is taken as the reaction of the environment on the tool, in axes of the base, torque about the TCP.
 # Limits: m/s and rad/s on compliant axes, m and rad of deviation on stiff ones.
@@ -161,7 +162,7 @@ def program(document: Mapping[str, Any], base: Pose, settings: Settings | None =
     settings = settings or Settings()
     rho, speed = float(document["uncertainty"]["rho"]), float(document["specification"]["speed"])
     rows = moves(document)
-    lines = [_head(document, base), _functions(settings), "def fmopt_insert():"]
+    lines = [_head(document, rows, base), _functions(settings), "def fmopt_insert():"]
     lines += _indented(_beginning(base.compose(rows[0].start), speed, settings))
     for index, move in enumerate(rows):
         lines += _indented(_segment(rows, index, task_frame(move, rho), base, rho, settings))
@@ -169,7 +170,7 @@ def program(document: Mapping[str, Any], base: Pose, settings: Settings | None =
     return "\n".join([*lines, "end", "", "fmopt_insert()", ""])
 
 
-def _head(document: Mapping[str, Any], base: Pose) -> str:
+def _head(document: Mapping[str, Any], rows: Sequence[Move], base: Pose) -> str:
     return _HEADER.format(
         title=" ".join(str(document["problem"]["title"]).split()),
         digest=document["sha256"],
@@ -179,6 +180,7 @@ def _head(document: Mapping[str, Any], base: Pose) -> str:
         hole=document["frames"]["B"],
         base=_pose(base),
         insertion=insertion_words(base),
+        turning=turning_words(rows),
     )
 
 

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from fmopt import plan
-from fmopt.export.cautions import base_pose, insertion_words
+from fmopt.export.cautions import base_pose, insertion_words, turning_words
+from fmopt.guarded.moves import moves
 
 FORMATS = ("urscript", "ros2", "csv", "json")
 _TABLES = ("csv", "json")
@@ -38,8 +39,11 @@ def export(file: Path, to: str, out: Path | None, base: tuple[float, ...] | None
     if to not in FORMATS:
         raise ValueError(f"{to!r} is no format; choose from {', '.join(FORMATS)}")
     target = out if out is not None else file.parent / _NAMES[to]
-    paths = exported(plan.read(file), to, target, base, rate)
-    return Written(paths, () if base is None or to in _TABLES else (insertion_words(base_pose(base)),))
+    document = plan.read(file)
+    paths = exported(document, to, target, base, rate)
+    if base is None or to in _TABLES:
+        return Written(paths, ())
+    return Written(paths, (insertion_words(base_pose(base)), turning_words(moves(document))))
 
 
 def exported(

@@ -16,6 +16,8 @@ from fmopt.values import Array
 
 Plan = Mapping[str, Any]
 
+_TURNS = 1e-3  # rad/s, a rate worth a word
+
 
 def force_table(plan: Plan) -> str:
     """S(t) and Fa(t) by interval."""
@@ -55,6 +57,8 @@ def _hybrid_cells(piece: Plan, last: bool, rho: float) -> tuple[str, ...]:
     velocity = direction(hybrid.get("velocity", ()), twists)
     if hybrid.get("speed") is not None:
         velocity += f" at {1e3 * hybrid['speed']:.3g} mm/s"
+        rate = hybrid["speed"] * float(np.linalg.norm(hybrid.get("velocity", ())[3:]))
+        velocity += f", turning at {rate:.3g} rad/s" if rate >= _TURNS else ""
     return (
         "; ".join(direction(axis, twists) for axis in hybrid.get("position_axes", ())) or "none",
         "; ".join(direction(axis, wrenches) for axis in hybrid.get("force_axes", ())) or "none",
