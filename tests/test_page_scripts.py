@@ -129,6 +129,7 @@ def test_the_scene_plays_and_pauses(report: str) -> None:
         assert (page.drawn(), float(page.run(way))) == (still, after)
         page.run("document.querySelector('[data-do=on]').click()")
         assert page.run("document.querySelector('[data-say=move]').textContent").startswith("Move 2 of ")
+        assert re.search(r"\. Tilted by \d+\.\d°\.$", page.run("document.querySelector('[data-say=held]').textContent"))
 
 
 def test_the_scene_plays_to_its_end(report: str) -> None:

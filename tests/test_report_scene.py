@@ -54,6 +54,24 @@ def test_cutting_open_takes_a_quarter_away(goal: list[float]) -> None:
     assert not any(point[0] > 1e-6 and point[1] > 1e-6 for point in inside)
 
 
+@pytest.mark.parametrize("towards", [0.0, 0.4, 1.6, 2.4, 3.14, -0.8, -1.5, -2.6])
+def test_the_first_view_is_across_the_lean_and_into_the_cut(towards: float) -> None:
+    plan = cube_plan()
+    lean = np.array([np.cos(towards), np.sin(towards)])
+    tilt = [-0.2 * lean[1], 0.2 * lean[0], 0.0]
+    assert exp(tilt)[:2, 2] @ lean == pytest.approx(np.sin(0.2))
+    plan["segments"][0]["goal"][3:] = plan["segments"][1]["start"][3:] = tilt
+    data = scene_data(plan)
+    view = np.array([np.cos(data["azimuth"]), np.sin(data["azimuth"])])
+    assert abs(view @ lean) < np.sin(np.radians(20.0))
+    assert np.all(view * data["quarter"] > np.sin(np.radians(14.0)))
+
+
+def test_the_first_view_of_an_upright_part_is_into_the_cut() -> None:
+    data = scene_data(cube_plan())
+    assert data["azimuth"] == pytest.approx(np.arctan2(data["quarter"][1], 0.8 * data["quarter"][0]), abs=1e-4)
+
+
 def test_nothing_in_the_data_can_end_the_script() -> None:
     text = embedded({"words": "</script><!--&\u2028"})
     assert not set(text) & set("<>&\u2028")

@@ -205,13 +205,13 @@ function showScene(root) {
     pose.leg.made.forEach(id => { const at = contactPoint(id, pose); if (at) mark(eye.see(at), false, ratio); });
     pose.leg.held.forEach(id => { const at = contactPoint(id, pose); if (at) mark(eye.see(at), true, ratio); });
     axes(ratio);
-    tell(pose.leg);
+    tell(pose.leg, Math.acos(Math.min(1, Math.max(-1, pose.R[2][2]))) * 180 / Math.PI);
   }
 
-  function tell(leg) {
+  function tell(leg, tilt) {
     const move = data.moves[leg.move];
     say("move", move ? "Move " + (leg.move + 1) + " of " + count + ": " + move.words + "." : "Nominal trajectory, leg " + (leg.move + 1) + " of " + count + ".");
-    say("held", move ? "Held: " + move.held + (move.margin ? "; " + move.margin : "") + "." : "");
+    say("held", move ? "Held: " + move.held + (move.margin ? "; " + move.margin : "") + ". Tilted by " + tilt.toFixed(1) + "°." : "");
     control("way").value = Math.round(1000 * state.way);
     control("way").setAttribute("aria-valuetext", "move " + (leg.move + 1) + " of " + count);
     control("play").textContent = state.playing ? "Pause" : "Play";
@@ -246,7 +246,7 @@ function showScene(root) {
     draw();
   }
   function reset() {
-    state.azimuth = Math.atan2(data.quarter[1], data.quarter[0] * 0.8);
+    state.azimuth = data.azimuth;
     state.elevation = 0.6;
     state.zoom = 0;
     control("look").value = "whole";

@@ -27,6 +27,8 @@ from fmopt.values import Array
 
 _ROUND = 4  # decimals of a coordinate in mm: 0.1 µm
 _SAME = 1e-9
+_LEANS = math.sin(math.radians(1.0))  # a lean from which on the first view is across it
+_ALONGSIDE, _ASIDE = math.sin(math.radians(5.0)), math.sin(math.radians(15.0))
 _CREASE = math.cos(math.radians(30.0))  # edges flatter than this belong to a curved face and are not drawn
 
 
@@ -56,6 +58,7 @@ def part_scene(part: Mapping[str, Any]) -> str:
         "fixed": {"polygons": _skin(body, stock), "lines": _rounded(_creases(body))},
         "open": _opened(body, stock, quarter),
         "quarter": list(quarter),
+        "azimuth": _into(quarter),
         "path": [_leg({"start": [0.0] * 6, "goal": [0.0] * 6}, 0)],
         "moves": [],
         "contacts": {},
@@ -86,12 +89,13 @@ def scene_data(plan: Mapping[str, Any]) -> dict[str, Any]:
     pieces = [(piece, k) for k, move in enumerate(run) for piece in move.segments] or _nominal_legs(plan)
     moving, fixed = body_of(plan["parts"]["moving"]), body_of(plan["parts"]["fixed"])
     stock = pieces_of(plan["parts"]["fixed"])
-    quarter = _open_quarter(pieces)
+    quarter, azimuth = _opening(pieces)
     return {
         "moving": {"polygons": _skin(moving, pieces_of(plan["parts"]["moving"])), "lines": _rounded(_creases(moving))},
         "fixed": {"polygons": _skin(fixed, stock), "lines": _rounded(_creases(fixed))},
         "open": _opened(fixed, stock, quarter),
         "quarter": list(quarter),
+        "azimuth": azimuth,
         "path": [_leg(piece, number) for piece, number in pieces],
         "moves": [_caption(plan, move) for move in run],
         "contacts": {
@@ -140,6 +144,30 @@ def _open_quarter(pieces: Sequence[tuple[Mapping[str, Any], int]]) -> tuple[int,
     """Signs (x, y) of the quarter to take away: the one that the goal leans away from, so that its walls are seen."""
     goal = pieces[-1][0]["goal"] if pieces else (0.0, 0.0)
     return (1 if goal[0] <= 0.0 else -1, 1 if goal[1] < 0.0 else -1)
+
+
+def _opening(pieces: Sequence[tuple[Mapping[str, Any], int]]) -> tuple[tuple[int, int], float]:
+    """The quarter to take away, and the azimuth of the first view, rad: across the greatest lean where there is one.
+
+    The line of sight is level with the axis about which the part leans, turned by at most 20°, into the quarter so that
+    both walls of the cut are seen.
+    """
+    quarter = _open_quarter(pieces)
+    axes = [Pose.from_vector(piece[end]).R[:, 2] for piece, _ in pieces for end in ("start", "goal")]
+    lean = max((axis[:2] for axis in axes), key=lambda across: float(np.linalg.norm(across)), default=np.zeros(2))
+    size = float(np.linalg.norm(lean))
+    if size < _LEANS:
+        return quarter, _into(quarter)
+    sight = np.array([-lean[1], lean[0]]) / size
+    sight = sight if float(sight @ quarter) >= 0.0 else -sight
+    signs = [q if abs(s) < _ALONGSIDE else int(np.sign(s)) for s, q in zip(sight, quarter, strict=True)]
+    x, y = np.maximum(np.abs(sight), _ASIDE) * signs
+    return (signs[0], signs[1]), round(math.atan2(y, x), 4)
+
+
+def _into(quarter: tuple[int, int]) -> float:
+    """The azimuth, rad, from which both walls of the cut are seen."""
+    return round(math.atan2(quarter[1], 0.8 * quarter[0]), 4)
 
 
 def _skin(body: Polyhedron, pieces: Sequence[Polyhedron]) -> list[list[list[float]]]:
