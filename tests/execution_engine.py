@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-import mujoco
 import numpy as np
 from execution_geometry import Array, Convex, Poses, Scene
 from execution_model import Piece
+
+from fmopt.execution.scene import engine
+
+mujoco = engine()  # with the settings for drawing that the package makes before the library is first imported
 
 TOUCH = 1e-7  # m; what the engine's single precision and its iterations leave
 SAME = 1e-9
@@ -89,7 +92,7 @@ def _carries(piece: Convex, points: Array) -> bool:
     return bool((np.abs(points @ piece.outward[:, :3].T - piece.outward[:, 3]) <= SAME).all(axis=0).any())
 
 
-def _compiled(scene: Scene) -> tuple[mujoco.MjModel, mujoco.MjData]:
+def _compiled(scene: Scene) -> tuple[Any, Any]:
     spec = mujoco.MjSpec()
     spec.option.ccd_tolerance, spec.option.ccd_iterations = 1e-10, 200
     body = spec.worldbody.add_body(name="moving", mocap=True)
