@@ -132,6 +132,7 @@ def print_solved(document: dict[str, Any], verdict: Any, folder: Path, report: b
     from fmopt.report.moves import summary_rows
     from fmopt.report.naming import binding_words
     from fmopt.report.tolerance_tables import rates, tolerated_words
+    from fmopt.report.tube_view import ends_words
 
     console = Console(highlight=False)
     certified = document["verdict"] == "CERTIFIED"
@@ -157,7 +158,11 @@ def print_solved(document: dict[str, Any], verdict: Any, folder: Path, report: b
         console.print(f"{document['verdict']}: least computed margin {margin}, not proved")
         for finding in verdict.findings[:5]:
             console.print(f"  {finding}", markup=False)
-    for words in (tolerated_words(document), "; ".join(": ".join((row[0], row[2])) for row in rates(document)[:4])):
+    for words in (
+        ends_words(document),
+        tolerated_words(document),
+        "; ".join(": ".join((row[0], row[2])) for row in rates(document)[:4]),
+    ):
         if words:
             console.print(words, markup=False)
     for note in document.get("diagnostics", {}).get("imported", ()):

@@ -30,7 +30,7 @@ from fmopt.report.naming import (
     signed,
 )
 from fmopt.report.tables import table
-from fmopt.report.tube_view import error_sets
+from fmopt.report.tube_view import ends_words, error_sets
 
 Plan = Mapping[str, Any]
 
@@ -220,7 +220,7 @@ def error_table(plan: Plan) -> str:
         way, angle = errors.half_widths()[:3], errors.half_widths()[3:]
         rows.append((errors.name, *(_fine(1e3 * v) for v in way), *(_fine(float(np.degrees(v))) for v in angle)))
     head = ("at the end of", *(f"{axis}, mm" for axis in AXES[:3]), *(f"{axis}, °" for axis in AXES[3:]))
-    return table("Half-widths of the set of errors", head, rows, ".nnnnnn")
+    return f"<p>{escape(ends_words(plan))}</p>\n" + table("Half-widths of the set of errors", head, rows, ".nnnnnn")
 
 
 def _fine(value: float) -> str:

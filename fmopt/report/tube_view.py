@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from fmopt.report.drawing import BLUE, INK, WIDTH
 from fmopt.report.moves import moves
-from fmopt.report.naming import AXES
+from fmopt.report.naming import AXES, pose_words
 from fmopt.values import Array, Value, frozen
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ _UNIT = ("mm", "mm", "mm", "°", "°", "°")
 _DIRECTIONS = 60
 _PER_ROW = 8
 _NOTHING = 1e-12
+_LITTLE = 1e-6  # m or rad; smaller errors are not worth a word
 _FINE = 0.004  # of an axis's half-length: two points this close are drawn as one
 
 
@@ -68,6 +69,21 @@ def error_sets(plan: Mapping[str, Any]) -> list[ErrorSet]:
         growth = tube.get(f"growth_{end}", shape)
         found.append(ErrorSet(name, tube.get(f"generators_{end}", []), growth, shape))
     return found
+
+
+def ends_words(plan: Mapping[str, Any]) -> str:
+    """Where the motion begins, and what is left of the errors at its end, in a sentence; nothing without a tube."""
+    sets = error_sets(plan)
+    if not sets:
+        return ""
+    half = sets[-1].half_widths()
+    left = [
+        f"{axis} ±{float(_SCALE[k] * half[k]):.2g}{'°' if k > 2 else ' mm'}"
+        for k, axis in enumerate(AXES)
+        if half[k] > _LITTLE
+    ]
+    words = f"It begins at {pose_words(plan['segments'][0]['start'])}, the lowest point above the mouth, and "
+    return words + (f"ends with errors of up to {', '.join(left)}." if left else "ends with no error to speak of.")
 
 
 def size(plan: Mapping[str, Any]) -> tuple[float, float]:
