@@ -14,7 +14,8 @@ from mesh_files import at, plate, rounded, stl_text, triangles_of, write_stl
 import fmopt
 from fmopt.geometry.csg import Box, Cylinder, Difference, Placed
 from fmopt.report.sections import asked
-from fmopt.task.explain import explain, facts, measured
+from fmopt.task.clearance import measured_clearance
+from fmopt.task.explain import explain, facts
 from fmopt.task.problem import load
 
 MODEL = """name = "{name}"
@@ -228,7 +229,7 @@ def test_a_plate_open_on_its_far_rim_serves_with_a_warning(folder: Path) -> None
     bottom = np.all(points[triangles][:, :, 2] == 0.0, axis=1)
     (folder / "plate.stl").write_text(stl_text(points, triangles[~bottom]))
     problem = load(folder / "problem.toml")
-    clearance = measured(problem)
+    clearance = measured_clearance(problem)
     assert clearance.per_side == pytest.approx(1.5e-4, abs=1e-9)
     (open_rim,) = [line for line in facts(problem, clearance)["warnings"] if "open" in line]
     assert open_rim.startswith("warning: plate: the mesh is open beside triangle")
@@ -250,12 +251,12 @@ def test_facets_of_curves_add_to_the_errors_of_position(folder: Path) -> None:
     assert [share.symbol for share in estimated.budget] == ["", "ε_v", "ε_v"]
     assert estimated.start_box[:3] == pytest.approx(np.array([3e-5, 3e-5, 0.0]) + both, rel=1e-4)
     assert estimated.start_box[3:] == pytest.approx(np.deg2rad([0.05] * 3))
-    assert "moving part, facets of its mesh (ε_v): 0.042" in explain(estimated, measured(estimated))
+    assert "moving part, facets of its mesh (ε_v): 0.042" in explain(estimated, measured_clearance(estimated))
     for name, deviation in (("rod", 0.2), ("plate", 0.0)):
         edit(folder / f"{name}.toml", 'unit = "mm"\n', f'unit = "mm"\ndeviation = {deviation}\n')
     stated = load(folder / "problem.toml")
     assert stated.start_box[0] == pytest.approx(2.3e-4)
-    warnings = facts(stated, measured(stated))["warnings"]
+    warnings = facts(stated, measured_clearance(stated))["warnings"]
     assert any("which is the clearance and more; give finer facets" in line for line in warnings)
 
 
@@ -266,6 +267,8 @@ def test_what_is_found_does_not_depend_on_the_unit(folder: Path) -> None:
         (folder / f"{name}.stl").write_text(stl_text(1e-3 * points, triangles))
         edit(folder / f"{name}.toml", 'unit = "mm"', 'unit = "m"')
     there = load(folder / "problem.toml")
-    assert measured(there).per_side == pytest.approx(measured(here).per_side, rel=1e-6)
+    assert measured_clearance(there).per_side == pytest.approx(measured_clearance(here).per_side, rel=1e-6)
     np.testing.assert_allclose(there.goal, here.goal, rtol=1e-9)
-    assert json.dumps(facts(there, measured(there))["features"]) == json.dumps({"moving": "peg", "fixed": "hole"})
+    assert json.dumps(facts(there, measured_clearance(there))["features"]) == json.dumps(
+        {"moving": "peg", "fixed": "hole"}
+    )

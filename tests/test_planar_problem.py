@@ -22,7 +22,8 @@ from fmopt.placement.search import search
 from fmopt.placement.share import largest_share
 from fmopt.placement.step import Costs, Task
 from fmopt.se3 import Pose
-from fmopt.task.explain import explain, facts, measured
+from fmopt.task.clearance import measured_clearance
+from fmopt.task.explain import explain, facts
 from fmopt.task.problem import Problem, load
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.verify.findings import NOT_PROVED, Verdict
@@ -120,7 +121,7 @@ def test_sources_stay_in_the_plane(tmp_path: Path) -> None:
 
 
 def test_the_slot_in_words(slot: Problem) -> None:
-    clearance = measured(slot)
+    clearance = measured_clearance(slot)
     words = explain(slot, clearance)
     assert "error as stated: +-30, 0 mm along x, z; +-5.15662 deg about y, none out of the plane" in words
     assert "declared on each side: 0.509 mm along x\n" in words
