@@ -147,7 +147,8 @@ def first_zero(f: Callable[[Array], Array], count: int, farthest: float) -> Arra
             break
         x = np.where(open_, b - fb * (b - a) / np.where(open_, fb - fa, 1.0), np.nan_to_num(b))
         fx = f(x)
-        low, high = open_ & (fx <= 0.0), open_ & (fx > 0.0)
+        # A value that is zero but for rounding closes the bracket from above, whatever its sign.
+        low, high = open_ & (fx <= 1e-15), open_ & (fx > 1e-15)
         b[low], fb[low] = x[low], fx[low]
         fa[low & (kept > 0)] *= 0.5
         a[high], fa[high] = x[high], fx[high]

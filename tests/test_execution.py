@@ -99,3 +99,6 @@ def test_rotations_and_zeros() -> None:
     found = first_zero(lambda x: zero - x + 0.1 * (zero - x) ** 3, 4, 2.0)
     assert found[:3] == pytest.approx(zero[:3], abs=1e-12)
     assert np.isnan(found[3])
+    # Where the chord meets the zero from before, a hair short of it.
+    short = first_zero(lambda x: np.where(np.abs(x - 1.03) < 1e-9, 1e-20, 1.03 - x), 1, 2.0)
+    assert short == pytest.approx([1.03], abs=1e-9)
