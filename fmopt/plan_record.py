@@ -66,25 +66,19 @@ class Moved:
         return Motion(self.assembly, moves, problem.start_box, tolerance, turn)
 
 
-def plan_document(
-    problem: Problem, nominal: Nominal, states: Visited, done: Moved, measured: Tolerated | None = None
-) -> dict[str, Any]:
-    """The plan file of a finished placement, its verdict still open.
+def proof_document(problem: Problem, done: Moved) -> dict[str, Any]:
+    """What of a plan file its verdict rests on, which is still open: geometry, errors, segments with their control.
 
     Args:
         problem: the task.
-        nominal: trajectory, S(t) and critical poses.
-        states: the contact states on the way.
         done: the motion.
-        measured: how much error the motion tolerates, where that is to be in the plan.
 
     Raises:
         InfeasibleError: no bias force holds the contacts.
     """
     tolerance, found, claims = done.tolerance, done.found, done.placed.reached.claims
-    segments = _segments(problem, claims, states, tolerance)
+    segments = _segments(problem, claims, tolerance)
     contacts = {c.id: c for claim in claims for c in (*claim.piece.held, *claim.piece.goal_contacts)}
-    rows = position_force(nominal.path, nominal.freedoms, contact_forces(problem.specification, tolerance.rho))
     declared, clearance = problem.declared_clearance, done.clearance.per_side
     document = {
         "format": plan.FORMAT,
@@ -107,14 +101,7 @@ def plan_document(
             "fixed": part_record(problem.fixed, declared, clearance),
         },
         "contacts": [contact_record(contacts[name]) for name in sorted(contacts)],
-        "nominal": {
-            "nodes": nominal.path.nodes,
-            "times": nominal.path.times,
-            "intervals": [{"t0": i.start, "t1": i.end, "s": i.s} for i in nominal.freedoms],
-        },
-        "critical_points": states.records(),
         "segments": segments,
-        "position_force": [row.document() for row in rows],
         "search": {
             "objective": "transitions + signature + danger",
             "cost": found.cost,
@@ -123,6 +110,35 @@ def plan_document(
             "states_expanded": found.expanded,
             "moves": found.names,
         },
+    }
+    return plan.sealed(plan.clean(document))
+
+
+def plan_document(
+    problem: Problem, nominal: Nominal, states: Visited, done: Moved, measured: Tolerated | None = None
+) -> dict[str, Any]:
+    """The plan file of a finished placement, its verdict still open; errors as of `proof_document`.
+
+    Args:
+        problem: the task.
+        nominal: trajectory, S(t) and critical poses.
+        states: the contact states on the way.
+        done: the motion.
+        measured: how much error the motion tolerates, where that is to be in the plan.
+    """
+    proof, claims = proof_document(problem, done), done.placed.reached.claims
+    segments = [{**segment, "critical_point": states.space_of(k)} for k, segment in enumerate(proof["segments"])]
+    rows = position_force(nominal.path, nominal.freedoms, contact_forces(problem.specification, done.tolerance.rho))
+    document = {
+        **proof,
+        "segments": segments,
+        "nominal": {
+            "nodes": nominal.path.nodes,
+            "times": nominal.path.times,
+            "intervals": [{"t0": i.start, "t1": i.end, "s": i.s} for i in nominal.freedoms],
+        },
+        "critical_points": states.records(),
+        "position_force": [row.document() for row in rows],
         "diagnostics": {
             "graphs": states.graphs(),
             "sequence": states.sequence(),
@@ -155,15 +171,13 @@ def _in_the_plane(problem: Problem, nominal: Nominal, claims: tuple[Claim, ...])
     return {"planar": found}
 
 
-def _segments(
-    problem: Problem, claims: tuple[Claim, ...], states: Visited, tolerance: Tolerance
-) -> list[dict[str, Any]]:
+def _segments(problem: Problem, claims: tuple[Claim, ...], tolerance: Tolerance) -> list[dict[str, Any]]:
     poses = [claims[0].piece.start.vector(), *(claim.piece.goal.vector() for claim in claims)]
     found: list[dict[str, Any]] = []
     move = -1
     for k, claim in enumerate(claims):
         move += claim.piece.progress[0] == 0.0
-        record = segment_record(claim, states.space_of(k), move, poses[k], poses[k + 1])
+        record = segment_record(claim, 0, move, poses[k], poses[k + 1])
         found.append({**record, "hybrid": plan.clean(strategy(problem, claim, tolerance))})
     return found
 

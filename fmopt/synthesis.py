@@ -42,7 +42,7 @@ from fmopt.placement.step import Costs, Task
 from fmopt.placement.tolerated import Tolerated, tolerated
 from fmopt.placement.tune import Limits, tuned
 from fmopt.placement.visited import visited
-from fmopt.plan_record import Moved, Nominal, plan_document
+from fmopt.plan_record import Moved, Nominal, plan_document, proof_document
 from fmopt.se3 import Pose
 from fmopt.task.clearance import measured_clearance
 from fmopt.task.command import task_command
@@ -187,8 +187,23 @@ def planned(
     lap("control")
 
     progress("checking the certificate")
-    verdict = verify(document)
+    checked = _checked(document)
     lap("verify")
+    return checked
+
+
+def proved(problem: Problem, done: Moved) -> tuple[dict[str, Any], Verdict]:
+    """The plan of a motion without what its verdict does not rest on: nominal trajectory, contact states, tolerances.
+
+    Raises:
+        InfeasibleError: no bias force holds the contacts.
+    """
+    return _checked(proof_document(problem, done))
+
+
+def _checked(document: dict[str, Any]) -> tuple[dict[str, Any], Verdict]:
+    """The sealed plan with its verdict, which the independent check gives."""
+    verdict = verify(document)
     return plan.sealed({**document, "verdict": str(verdict.verdict)}), verdict
 
 

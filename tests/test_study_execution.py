@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import zlib
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -27,3 +28,15 @@ def test_a_run_says_how_often_its_plan_succeeds(tmp_path: Path, monkeypatch: pyt
     answers = {name: row.answers[name] for name in ("trials", "successes", "success", "success_low", "success_high")}
     assert list(answers.values()) == [4, successes, found.value, found.low, found.high]
     assert row.answers["verdict"] == "CERTIFIED"
+
+
+def test_answers_are_the_same_whether_plans_are_kept_or_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(evaluation, "TRIALS", 2)
+    straight(tmp_path)
+    asked = Question("base.toml", ("plan", "margins", "execution"))
+    bare = evaluation.evaluate(Run("key", (), asked), tmp_path)
+    kept = evaluation.evaluate(Run("key", (), replace(asked, keep=("plan",))), tmp_path)
+    assert kept.answers == bare.answers
+    assert kept.answers["verdict"] == "CERTIFIED"
+    assert "nominal" in json.loads(zlib.decompress(kept.kept))
+    assert bare.kept == b""

@@ -20,7 +20,7 @@ from fmopt.placement.sequence import Placed
 from fmopt.plan_record import Moved
 from fmopt.study.cheapest import Cheapest, cheapest
 from fmopt.study.tolerances import Question
-from fmopt.synthesis import FINE, moved, planned
+from fmopt.synthesis import FINE, moved, planned, proved
 from fmopt.task.problem import Problem
 from fmopt.task.tables import in_words
 from fmopt.task.units import ANGLE, LENGTH, Dimension
@@ -168,7 +168,7 @@ def _anew(problem: Problem, progress: Callable[[str], None]) -> tuple[Moved | No
     """A plan made anew: its motion, verdict and least margin."""
     try:
         done = moved(problem, lambda _: None, progress)
-        document, verdict = planned(problem, done, lambda _: None, progress)
+        document, verdict = proved(problem, done)
     except SearchError:
         return None, "NOT_FOUND", None
     except InfeasibleError as error:

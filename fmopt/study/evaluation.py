@@ -49,10 +49,11 @@ class Solved:
         source: the document of the problem.
         problem: the problem.
         inputs: what tells the files of its models from others.
+        kept: whether the whole plan is wanted in the end.
     """
 
-    def __init__(self, source: Source, problem: Problem, inputs: str) -> None:
-        self._source, self.problem, self._inputs = source, problem, inputs
+    def __init__(self, source: Source, problem: Problem, inputs: str, kept: bool) -> None:
+        self._source, self.problem, self._inputs, self._kept = source, problem, inputs, kept
 
     @cached_property
     def clearance(self) -> Clearance:
@@ -76,10 +77,11 @@ class Solved:
 
     @cached_property
     def document(self) -> dict[str, Any]:
-        """The plan."""
-        from fmopt.synthesis import planned
+        """The plan; without what its verdict does not rest on unless it is kept."""
+        from fmopt.synthesis import planned, proved
 
-        return planned(self.problem, self.moved, lambda _: None)[0]
+        made = planned(self.problem, self.moved, lambda _: None) if self._kept else proved(self.problem, self.moved)
+        return made[0]
 
 
 def evaluate(run: Run, folder: Path) -> Row:
@@ -91,7 +93,7 @@ def evaluate(run: Run, folder: Path) -> Row:
     """
     source = assigned(read(folder / run.question.problem), run.assigned)
     try:
-        solved = Solved(source, problem_of(source), folder.name)
+        solved = Solved(source, problem_of(source), folder.name, "plan" in run.question.keep)
     except InputError as error:
         words = "; ".join(f"{fault.key}: {fault.message}" for fault in error.faults)
         return Row(run.key, "input", words.replace(f"{folder}/", "")[:500], {})
