@@ -20,7 +20,7 @@ from fmopt.contact.surface import parameters
 from fmopt.errors import InfeasibleError, SolverError
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.placement.clearance import Flat, Metric, placement
-from fmopt.placement.descent import descend
+from fmopt.placement.descent import Descent, descend
 from fmopt.placement.motion import Move, Reached
 from fmopt.placement.nlp import place_on_surfaces, surface_placement
 from fmopt.placement.rows import Row, RowKind, evaluate, face_vertex, vertex_face
@@ -30,6 +30,7 @@ from fmopt.values import Array
 _GAIN = 1e-3  # of the clearance, the least gain that counts
 _NEAR = 1.5  # of the radius, how far from binding rows count
 _SHORTER = 0.3
+_CENTRING = Descent(smallest_step=1e-3)  # finer steps change no certified margin that counts
 _IDLE = 0.1  # of the clearance; a pose with that much more margin than the sequence has no say in it
 
 Method = Literal["nlp", "descent"]
@@ -154,7 +155,7 @@ def _placed_pose(
         goal=Flat(E, np.zeros(len(E))),
         weights=obstacles.scale,
     )
-    return descend(linear, np.zeros((1, 6))).x[:6]
+    return descend(linear, np.zeros((1, 6)), _CENTRING).x[:6]
 
 
 def _obstacles(assembly: Assembly, placed: Placed, k: int, near: float, idle: float) -> _Obstacles | None:
