@@ -17,7 +17,7 @@ PACKAGE = Path(fmopt.__file__).parent
 
 # From the ground up. A room sees every lower floor, never its own: rooms of one floor do not know each other.
 FLOORS: tuple[frozenset[str], ...] = (
-    frozenset({"errors", "values", "symbolic"}),
+    frozenset({"errors", "values", "symbolic", "memory"}),
     frozenset({"se3", "ellipsoid", "plane"}),
     frozenset({"geometry", "plan"}),
     frozenset({"knowledge", "guarded"}),
@@ -40,6 +40,7 @@ ONLY: dict[str, frozenset[str]] = {
     "errors": frozenset(),
     "values": frozenset(),
     "symbolic": frozenset(),
+    "memory": frozenset(),
     "plan": frozenset({"errors"}),
     "plane": frozenset({"values", "errors"}),
     "knowledge": frozenset({"geometry", "se3", "values", "errors"}),
@@ -49,7 +50,9 @@ ONLY: dict[str, frozenset[str]] = {
     "export": frozenset({"guarded", "plan", "se3", "values", "errors"}),
     "nominal": frozenset({"knowledge", "geometry", "plane", "se3", "values", "errors"}),
     "uncertainty": frozenset({"ellipsoid", "plane", "se3", "symbolic", "values", "errors"}),
-    "certificate": frozenset({"contact", "uncertainty", "geometry", "plan", "ellipsoid", "se3", "values", "errors"}),
+    "certificate": frozenset(
+        {"contact", "uncertainty", "geometry", "plan", "ellipsoid", "se3", "memory", "values", "errors"}
+    ),
     "console": frozenset({"report", "plan", "errors"}),
     APART: frozenset(),
 }

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from fmopt.certificate.knowledge import held_on, other_rim, taken_turns
 from fmopt.certificate.rows import Forms, crossed, directions_along, faces_above, length, points_above, stacked
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.memory import remembered
 from fmopt.values import Array
 
 UNBOUNDED = 1.0  # m; the margin of a contact that nothing bounds
@@ -44,7 +44,7 @@ class Bounds:
         return [judge(lower) for judge in self.judges]
 
 
-@lru_cache(maxsize=_MEMORY)
+@remembered(_MEMORY)
 def bounds(
     assembly: Assembly, contacts: tuple[PrimitiveContact, ...], together: tuple[PrimitiveContact, ...]
 ) -> Bounds:
@@ -106,7 +106,7 @@ class _Rim:
     swallowed: tuple[Span, ...]
 
 
-@lru_cache(maxsize=_MEMORY)
+@remembered(_MEMORY)
 def _rims(assembly: Assembly, part: Polyhedron, face: int) -> tuple[_Rim, ...] | None:
     """The edges of a convex face without holes; None for other faces."""
     loops, normal = part.faces[face].loops, part.faces[face].normal
@@ -295,7 +295,7 @@ def _across(
     return margin
 
 
-@lru_cache(maxsize=_MEMORY)
+@remembered(_MEMORY)
 def _blocked(assembly: Assembly, edge: int, wall: int) -> tuple[tuple[Array, Array, tuple[Span, ...]], ...]:
     """Both ends of a fixed edge: end, direction inward, and the depths to which the edge's line goes on beyond it
     within a piece's face in a wall's plane.

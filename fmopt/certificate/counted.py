@@ -6,7 +6,6 @@ That depends on the contacts alone, not on poses, and is worked out once for eac
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
@@ -28,6 +27,7 @@ from fmopt.certificate.rows import (
 )
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.memory import remembered
 from fmopt.se3 import Pose
 from fmopt.values import Array
 
@@ -91,7 +91,7 @@ def counted_rows(assembly: Assembly, pair: Pair, witness: Witness) -> Counted:
     return _of_pieces(assembly, pair, witness)
 
 
-@lru_cache(maxsize=_MEMORY)
+@remembered(_MEMORY)
 def _of_pieces(assembly: Assembly, pair: Pair, witness: Witness) -> Counted:
     M, F = pair.moving.vertices, pair.fixed.vertices
     if witness.kind == "fixed-face":

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from fmopt.certificate.rows import (
     stacked,
 )
 from fmopt.contact.primitive import Kind, PrimitiveContact
+from fmopt.memory import remembered
 from fmopt.se3 import Pose
 
 _MEMORY = 4096
@@ -38,7 +38,7 @@ def contact_rows(
     return contact_forms(assembly, tuple(contacts), tuple(together)).at(pose)
 
 
-@lru_cache(maxsize=_MEMORY)
+@remembered(_MEMORY)
 def contact_forms(
     assembly: Assembly, contacts: tuple[PrimitiveContact, ...], together: tuple[PrimitiveContact, ...]
 ) -> Forms:
@@ -48,7 +48,7 @@ def contact_forms(
     return stacked(*(_form(assembly, contact, together) for contact in contacts))
 
 
-@lru_cache(maxsize=_MEMORY)
+@remembered(_MEMORY)
 def made_form(assembly: Assembly, made: PrimitiveContact, held: tuple[PrimitiveContact, ...]) -> Forms:
     """The function (1) that tells how far a contact is from being made, positive before.
 

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from fmopt.certificate.assembly import NEAR, Assembly, in_plane, on_line, same
 from fmopt.certificate.rows import Mask, crossed, length, lengths
 from fmopt.contact.primitive import Kind, PrimitiveContact
+from fmopt.memory import remembered
 from fmopt.values import Array
 
 __all__ = ["Assembly", "Facts", "Wall", "aligned", "facts", "flushes", "in_plane", "taken_turns"]
@@ -88,7 +88,7 @@ class Facts:
         return np.asarray(fixed & (lengths(crossed(found, direction)) <= NEAR))
 
 
-@lru_cache(maxsize=_MEMORY)
+@remembered(_MEMORY)
 def facts(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> Facts:
     """Everything that follows from contacts being held."""
     walls: list[Wall] = []

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Literal, NamedTuple
 
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.piece import Piece
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.memory import remembered
 from fmopt.values import Array
 
 BEHIND = 1e-15  # m; how far in front of the fixed piece a free plane is put, against rounding
@@ -90,7 +91,7 @@ def facing(assembly: Assembly, piece: Piece) -> Facing:
     return _facing(assembly, piece.held, (*piece.making, *piece.left), piece.opening)
 
 
-@lru_cache(maxsize=_MEMORY)
+@remembered(_MEMORY)
 def _facing(
     assembly: Assembly,
     held: tuple[PrimitiveContact, ...],

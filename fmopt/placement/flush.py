@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +11,7 @@ from fmopt.certificate.assembly import Assembly, in_plane
 from fmopt.certificate.knowledge import facts
 from fmopt.certificate.rows import crossed, length, lengths
 from fmopt.contact.primitive import Kind, PrimitiveContact, edge_edge, vertex_face
+from fmopt.memory import remembered
 from fmopt.se3 import Pose
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array
@@ -55,7 +55,7 @@ class _Wall:
     inward: Array
 
 
-@lru_cache(maxsize=_MEMORY)
+@remembered(_MEMORY)
 def _flush_walls(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> tuple[_Wall, ...]:
     """The fixed faces that held contacts press a face of the moving part on."""
     body, fixed = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron

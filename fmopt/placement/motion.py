@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -19,6 +18,7 @@ from fmopt.certificate.segment import Compliance, Piece, Tolerance
 from fmopt.contact.meet import Poses
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.errors import InfeasibleError
+from fmopt.memory import remembered
 from fmopt.placement.flush import described, on_wall
 from fmopt.placement.witness import choose_separations
 from fmopt.se3 import Pose
@@ -110,7 +110,7 @@ def way(assembly: Assembly, move: Move, basis: Sequence[Compliance], count: int,
     return _way(assembly, move, tuple(c.contact for c in basis), directions.tobytes(), count, shots)
 
 
-@lru_cache(maxsize=_MEMORY)
+@remembered(_MEMORY)
 def _way(
     assembly: Assembly, move: Move, contacts: tuple[PrimitiveContact, ...], twists: bytes, count: int, shots: int
 ) -> tuple[Pose, ...]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.pair import Facing, Pair, Witness
 from fmopt.certificate.rows import crossed, length, lengths
 from fmopt.certificate.separation import Candidates, Ends, Separation
 from fmopt.contact.primitive import Kind
 from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.memory import remembered
 from fmopt.placement.fan import Fans
 from fmopt.values import Array
 
@@ -33,12 +32,12 @@ def choose_separations(assembly: Assembly, facing: Facing, ends: Ends) -> list[S
     return found
 
 
-@lru_cache(maxsize=_MEMORY)
+@remembered(_MEMORY)
 def _tables(assembly: Assembly, facing: Facing) -> Candidates:
     return Candidates.of(assembly, ((pair, _candidates(assembly, pair)) for _, _, pair in facing.listed))
 
 
-@lru_cache(maxsize=_MEMORY)
+@remembered(_MEMORY)
 def _fans(facing: Facing, places: tuple[int, ...]) -> Fans:
     return Fans.of([facing.listed[n][2] for n in places])
 
