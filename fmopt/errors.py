@@ -114,9 +114,18 @@ class TaskError(FmoptError):
 
 
 class SearchError(FmoptError):
-    """No motion was found; that none exists is not proven."""
+    """No motion was found; that none exists is not proven.
+
+    Args:
+        message: how far the search came.
+        late: whether a time limit ended it, so that how far it came depends on the machine.
+    """
 
     exit_code = 3
+
+    def __init__(self, message: str, advice: str = "", late: bool = False) -> None:
+        super().__init__(message, advice)
+        self.late = late
 
 
 class SolverError(FmoptError):

@@ -135,6 +135,7 @@ def search(
         + (", the time limit is used up" if late else "")
         + (f", the closest came after {' '.join(closest.names)}" if closest else ""),
         advice="raise settings.time_limit" if late else "allow a larger tilt, lower the start errors",
+        late=late,
     )
 
 

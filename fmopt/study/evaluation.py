@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 from fmopt import plan
 from fmopt.errors import FmoptError, InfeasibleError, InputError, InterferenceError, SearchError
@@ -23,8 +23,11 @@ if TYPE_CHECKING:
     from fmopt.geometry.clearance import Clearance
     from fmopt.plan_record import Moved
 
+T = TypeVar("T")
+NoAnswer: TypeAlias = InterferenceError | InfeasibleError | SearchError
 TRIALS = 100  # of a plan that is executed, seed 0
-_MOTIONS: dict[str, Moved] = {}  # the last motion of this process, by everything that it depends on
+_LONGEST = 500  # characters of a reason
+_MOTIONS: dict[str, Moved | NoAnswer] = {}  # the last of this process, by everything that it depends on
 
 
 @dataclass(frozen=True)
@@ -62,26 +65,56 @@ class Solved:
 
         return measured_clearance(self.problem)
 
-    @cached_property
+    @property
     def moved(self) -> Moved:
-        """The motion; runs that differ in the specification alone have the same one."""
+        """The motion; runs that differ in the specification alone have the same one.
+
+        Raises:
+            InterferenceError, InfeasibleError, SearchError: there is none, found out once.
+        """
+        return _given(self._motion)
+
+    @cached_property
+    def _motion(self) -> Moved | NoAnswer:
         from fmopt.synthesis import moved
 
         data = {key: value for key, value in self._source.data.items() if key not in ("title", "specification")}
         key = f"{self._inputs} {canonical_digest(data)}"
         if key not in _MOTIONS:
-            done = moved(self.problem, lambda _: None)
+            done = _tried(lambda: moved(self.problem, lambda _: None))
             _MOTIONS.clear()
             _MOTIONS[key] = done
         return _MOTIONS[key]
 
-    @cached_property
+    @property
     def document(self) -> dict[str, Any]:
-        """The plan; without what its verdict does not rest on unless it is kept."""
+        """The plan; without what its verdict does not rest on unless it is kept.
+
+        Raises:
+            InterferenceError, InfeasibleError, SearchError: there is none, found out once.
+        """
+        return _given(self._written)
+
+    @cached_property
+    def _written(self) -> dict[str, Any] | NoAnswer:
         from fmopt.synthesis import planned, proved
 
-        made = planned(self.problem, self.moved, lambda _: None) if self._kept else proved(self.problem, self.moved)
-        return made[0]
+        if self._kept:
+            return _tried(lambda: planned(self.problem, self.moved, lambda _: None)[0])
+        return _tried(lambda: proved(self.problem, self.moved)[0])
+
+
+def _tried(stage: Callable[[], T]) -> T | NoAnswer:
+    try:
+        return stage()
+    except (InterferenceError, InfeasibleError, SearchError) as error:
+        return error
+
+
+def _given(found: T | NoAnswer) -> T:
+    if isinstance(found, (InterferenceError, InfeasibleError, SearchError)):
+        raise found.with_traceback(None)
+    return found
 
 
 def evaluate(run: Run, folder: Path) -> Row:
@@ -96,8 +129,9 @@ def evaluate(run: Run, folder: Path) -> Row:
         solved = Solved(source, problem_of(source), folder.name, "plan" in run.question.keep)
     except InputError as error:
         words = "; ".join(f"{fault.key}: {fault.message}" for fault in error.faults)
-        return Row(run.key, "input", words.replace(f"{folder}/", "")[:500], {})
+        return Row(run.key, "input", words.replace(f"{folder}/", "")[:_LONGEST], {})
     answers: dict[str, Scalar] = {}
+    reason = ""
     for name in run.question.quantities:
         quantity = QUANTITIES[name]
         answers = {**dict.fromkeys(quantity.columns), **answers}
@@ -105,10 +139,11 @@ def evaluate(run: Run, folder: Path) -> Row:
             answers |= quantity.answer(solved)
         except (InterferenceError, InfeasibleError, SearchError) as error:
             answers |= {"verdict": _word(error), "shortfall": _shortfall(error)}
+            reason = reason or _why(error)
     kept = b""
     if "plan" in run.question.keep and answers.get("verdict") in ("CERTIFIED", "NOT_PROVED", "REFUTED"):
         kept = zlib.compress(plan.canonical(solved.document).encode(), 6)
-    return Row(run.key, "done", "", answers, kept)
+    return Row(run.key, "done", reason, answers, kept)
 
 
 def missing(name: str) -> str:
@@ -120,6 +155,13 @@ def missing(name: str) -> str:
 
 def _word(error: FmoptError) -> str:
     return "NOT_FOUND" if isinstance(error, SearchError) else "INFEASIBLE"
+
+
+def _why(error: NoAnswer) -> str:
+    """Why there is no answer, the same on any machine."""
+    if isinstance(error, SearchError) and error.late:
+        return "no motion was found before settings.time_limit"
+    return " ".join(error.message.split())[:_LONGEST]
 
 
 def _shortfall(error: FmoptError) -> float | None:
