@@ -8,6 +8,7 @@ import re
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -17,13 +18,14 @@ from scipy import stats
 
 from fmopt.errors import ResourceError
 from fmopt.study import table
-from fmopt.study.figures import binding, bins, figures, title
+from fmopt.study.figures import _grid, binding, figures, title
 from fmopt.study.page import page
 from fmopt.study.sampling import cube
+from fmopt.study.shares import bins, trials
 from fmopt.study.statistics import rank_correlation, share, sobol_indices
 from fmopt.study.store import Scalar
 from fmopt.study.table import Results, Varied
-from fmopt.study.view import View
+from fmopt.study.view import View, ticks
 
 X, Y, W = Varied("gap", "m", None, False), Varied("turn", "rad", None, False), Varied("how", "word", None, False)
 COLUMNS = ("outcome", "reason", "verdict", "margin", "binding_contact", "binding_move")
@@ -126,12 +128,16 @@ ROWS = [
 def test_a_grid_becomes_maps_with_what_works_and_what_binds() -> None:
     view = View(results((X, Y), GRID, ROWS))
     drawn = figures(view)
-    assert set(drawn) == {"margin", "share", "binding"}
+    assert set(drawn) == {"margin", "verdict", "share", "binding"}
     assert figures(view) == drawn
     assert view.good.tolist() == [False, False, True, True, False, False]
     assert view.axis(X).tolist() == pytest.approx([0.1, 0.1, 0.2, 0.2, 0.3, 0.3])
     assert binding(view) == {"v0-f1": 2, "v1-f1": 2}
-    assert bins(view, X) == [(pytest.approx(0.1), 0, 2), (pytest.approx(0.2), 2, 2)]
+    assert [(b.low, b.high, b.good, b.total) for b in bins(view, X)] == [
+        (pytest.approx(0.1), pytest.approx(0.1), 0, 2),
+        (pytest.approx(0.2), pytest.approx(0.2), 2, 2),
+    ]
+    assert view.kinds == ("NOT_PROVED", "NOT_PROVED", "CERTIFIED", "CERTIFIED", "timeout", "not done yet")
 
 
 def test_the_page_says_all_of_it_and_needs_nothing_from_outside() -> None:
@@ -147,20 +153,103 @@ def test_the_page_says_all_of_it_and_needs_nothing_from_outside() -> None:
     assert outside == []
 
 
+def test_what_binds_is_told_in_words_and_by_name() -> None:
+    words = {"pieces 0/12": "against the +x side", "v1-f1": "bounds of v1-f1", "v2-f2": None}
+    rows = [{**answer(1e-5, name), "binding_words": said} for name, said in words.items()] * 2
+    found = results((X, Y), GRID, rows)
+    lines = tuple({**line, **row} for line, row in zip(found.lines, rows, strict=True))
+    view = View(replace(found, lines=lines))
+    assert binding(view) == {"against the +x side (pieces 0/12)": 2, "bounds of v1-f1": 2, "v2-f2": 2}
+    text = page(view, figures(view))
+    assert re.search(r"against the \+x side \(pieces 0/12\)</th><td[^>]*>2</td><td[^>]*>0.1 to 0.2</td>", text)
+
+
+def test_values_in_a_table_are_told_apart() -> None:
+    axis = Varied("hole", "m", None, False)
+    places = [(x, y) for x in (0.01, 0.01005, 0.0101) for y in (0.001, 0.002)]
+    text = page(View(results((axis, Y), places, ROWS)), {})
+    assert all(f">{value}</th>" in text for value in ("10", "10.05"))
+
+
 def test_figures_explain_only_what_they_show() -> None:
     line = {**ROWS[2], "verdict": "CERTIFIED"}
     whole = View(results((X, Y), GRID, [{**line, "margin": 1e-6 * n} for n in range(1, 7)]))
-    assert title(whole, "margin", "; inside the line: certified", "; ×: no value") == "least margin, µm"
+    assert title(whole, "margin", "; hatched: not certified", "; ×: no value") == "least margin, µm"
     mixed = View(results((X, Y), GRID, ROWS))
-    assert title(mixed, "margin", "; inside the line: certified", "; ×: no value").endswith("certified; ×: no value")
+    assert title(mixed, "margin", "; hatched: not certified", "; ×: no value").endswith("certified; ×: no value")
 
 
 def test_one_axis_becomes_a_curve_and_words_an_axis_of_words() -> None:
     curve = View(results((X,), [(x,) for x in (1e-4, 2e-4, 3e-4, 4e-4)], ROWS[:4]))
-    assert set(figures(curve)) == {"margin", "share"}
+    assert set(figures(curve)) == {"margin", "verdict", "share"}
     words = View(results((W, X), [(w, x) for w in ("a", "b") for x in (1e-4, 2e-4)], ROWS[:4]))
     assert words.axis(W).tolist() == [0.0, 0.0, 1.0, 1.0]
     assert "certified" in page(words, figures(words))
+
+
+def test_ticks_are_as_long_as_tells_them_apart() -> None:
+    assert ticks(np.array([10.0, 10.05, 10.1])) == ["10", "10.05", "10.1"]
+    assert ticks(np.array([10.05])) == ["10.05"]
+    assert ticks(np.array([-1.0, 10.05])) == ["−1", "10.1"]
+    assert ticks(np.array([0.1, 0.2])) == ["0.1", "0.2"]
+    assert len(set(ticks(1.0 + 1e-9 * np.arange(4)))) == 4
+
+
+def test_a_value_of_an_axis_is_never_in_two_bins() -> None:
+    places = [(0.001 * k, 0.1) for k in range(40) for _ in range(3)]
+    view = View(results((X, Y), places, [answer(1e-5 * (20.5 - k)) for k in range(40) for _ in range(3)]))
+    found = bins(view, X)
+    assert 4 <= len(found) <= 8
+    assert all(before.high < after.low for before, after in pairwise(found))
+    assert sum(b.total for b in found) == 120
+    assert sum(b.good for b in found) == 63
+    few = View(results((X, Y), places[:36], [answer(1e-5)] * 36))
+    assert [b.total for b in bins(few, X)] == [3] * 12
+
+
+def test_logarithmic_axes_have_cells_and_ticks_of_their_own() -> None:
+    axis = Varied("mu", "", None, True)
+    points = [(mu, y) for mu in (0.001, 0.01, 0.1) for y in (0.001, 0.002)]
+    view = View(results((axis, Y), points, ROWS))
+    grid = _grid(view)
+    assert grid is not None
+    assert grid.borders[0] == pytest.approx(10.0 ** np.array([-3.5, -2.5, -1.5, -0.5]))
+    assert figures(view) != figures(View(results((replace(axis, log=False), Y), points, ROWS)))
+
+
+def test_a_study_without_any_number_still_maps_what_became_of_its_runs() -> None:
+    rows = [{"outcome": "done", "verdict": v} for v in ("CERTIFIED", "NOT_FOUND", "INFEASIBLE") for _ in range(2)]
+    assert {"verdict", "share"} <= set(figures(View(results((X, Y), GRID, rows))))
+
+
+def test_reasons_that_differ_in_numbers_alone_are_one() -> None:
+    rows = [
+        {"outcome": "done", "verdict": "INFEASIBLE", "reason": f"the parts overlap by {k}.5 µm at v3-f1"}
+        for k in (1, 2, 1)
+    ]
+    alone = {"outcome": "done", "verdict": "NOT_FOUND", "reason": "nothing among 30 states"}
+    text = page(View(results((X, Y), GRID, [*rows, alone, {"outcome": "crash", "reason": "exit 7"}, {}])), {})
+    assert "the parts overlap by … µm at" in text
+    assert "nothing among 30 states" in text
+    assert text.index("exit 7") < text.index("Runs without a motion") < text.index("the parts overlap")
+
+
+def test_trials_are_pooled_with_their_interval() -> None:
+    rows: list[dict[str, Scalar]] = [
+        {"outcome": "done", "verdict": "CERTIFIED", "trials": 100, "successes": n, "success": n / 100}
+        | {"success_low": share(n, 100).low, "success_high": share(n, 100).high}
+        for n in (100, 99, 90, 80)
+    ]
+    found = results((X, Y), GRID[:4], rows)
+    lines = tuple({**line, **row} for line, row in zip(found.lines, rows, strict=True))
+    view = View(replace(found, columns=(*found.columns, *list(rows[0])[2:]), lines=lines))
+    assert [(b.good, b.total) for b in trials(view, X)] == [(199, 200), (170, 200)]
+    assert [b.share for b in trials(view, X)] == [share(199, 200), share(170, 200)]
+    text = page(view, figures(view))
+    assert "How often it succeeds" in text
+    assert "99.5 (97.2 to 99.9)" in text
+    curve = View(replace(view.results, axes=(X,)))
+    assert "95 % interval" in page(curve, figures(curve))
 
 
 def test_three_sampled_axes_become_clouds_with_their_indices() -> None:

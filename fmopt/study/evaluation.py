@@ -189,12 +189,15 @@ def _plan(solved: Solved) -> dict[str, Scalar]:
 
 
 def _margins(solved: Solved) -> dict[str, Scalar]:
+    from fmopt.report.naming import binding_label
+
     least = min(solved.document["segments"], key=lambda segment: float(segment["margin"]))
     return {
         "verdict": solved.document["verdict"],
         "margin": least["margin"],
         "nominal_clearance": least["clearance"],
         "binding_contact": least["binding_contact"],
+        "binding_words": binding_label(solved.document, least["binding_contact"]),
         "binding_move": least["move"] + 1,
     }
 
@@ -251,7 +254,7 @@ QUANTITIES: Mapping[str, Quantity] = {
         ("verdict", "shortfall", "moves", "segments", "cost", "lower_bound"), _plan, "the plan's verdict, size and cost"
     ),
     "margins": Quantity(
-        ("verdict", "shortfall", "margin", "nominal_clearance", "binding_contact", "binding_move"),
+        ("verdict", "shortfall", "margin", "nominal_clearance", "binding_contact", "binding_words", "binding_move"),
         _margins,
         "least margin of the plan, m, and what binds it",
     ),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from html import escape
 
@@ -11,12 +13,14 @@ from fmopt.report import shell
 from fmopt.report.scene import resource
 from fmopt.report.shell import Chapter, chaptered, figure
 from fmopt.report.tables import table
-from fmopt.study.figures import binding, bins
+from fmopt.study.figures import binding
 from fmopt.study.sampling import CUBES
+from fmopt.study.shares import Bin, bins, trials
 from fmopt.study.statistics import Estimate, rank_correlation, share, sobol_indices
 from fmopt.study.table import Varied
-from fmopt.study.view import View, answer_label, axis_label
+from fmopt.study.view import View, answer_label, axis_label, ticks
 
+_NUMBER = re.compile(r"(?<![\w])-?\d+(?:\.\d+)?(?:e-?\d+)?")
 _LISTED = 6  # numbers of runs that a group of failures names
 
 
@@ -34,6 +38,7 @@ def page(view: View, figures: dict[str, tuple[str, str]]) -> str:
         ("outcome", "What came out", _outcome(view)),
         ("figures", "Over the axes", "".join(picture(*figures[name]) for name in figures)),
         ("share", f"How often {view.goodness}", "".join(_share_table(view, axis) for axis in view.free)),
+        ("success", "How often it succeeds", "".join(_success_table(view, axis) for axis in view.free)),
         ("sensitivity", "What matters", _correlations(view) + _sobol(view)),
         ("binding", "What binds", _binding(view)),
         ("failures", "What failed", _failures(view)),
@@ -64,41 +69,47 @@ def _outcome(view: View) -> str:
     words = f"{total} runs: {done} with answers, {total - done - waiting} failed, {waiting} not done yet."
     if done:
         words += f" {good} of {done} are {view.goodness}: {_interval(share(good, done), 100.0)} %."
-    verdicts: dict[str, int] = {}
-    for line in view.results.lines:
-        verdict = line.get("verdict")
-        if verdict is not None:
-            verdicts[str(verdict)] = verdicts.get(str(verdict), 0) + 1
-    rows = [(name, str(count)) for name, count in sorted(verdicts.items())]
+    rows = [(kind, str(count)) for kind, count in sorted(Counter(view.kinds).items())]
     ranges = []
     for name in view.answers:
         values = view.answer(name)[np.isfinite(view.answer(name))]
         ranges.append((answer_label(name), *(f"{v:.4g}" for v in (values.min(), np.median(values), values.max()))))
     return (
         f"<p>{escape(words)}</p>\n"
-        + table("Verdicts", ("verdict", "runs"), rows, "tn")
+        + table("What became of the runs", ("verdict, or kind of failure", "runs"), rows, "tn")
         + table("Answers", ("answer", "least", "median", "greatest"), ranges, "tnnn")
     )
 
 
 def _interval(found: Estimate, scale: float = 1.0) -> str:
-    value, low, high = (scale * number for number in (found.value, found.low, found.high))
-    return f"{value:.3g} ({low:.3g} to {high:.3g})"
+    value, low, high = (f"{scale * number:.3g}".replace("-", "−") for number in (found.value, found.low, found.high))
+    return f"{value} ({low} to {high})"
 
 
-def _place(view: View, axis: Varied, middle: float) -> str:
-    return view.words(axis)[int(middle)] if axis.unit == "word" else f"{middle:.4g}"
+def _places(view: View, axis: Varied, spans: Sequence[tuple[float, float]]) -> list[str]:
+    """Ranges of an axis in words, all told in as many digits."""
+    bounds = np.unique(np.array(spans))
+    words = [view.words(axis)[int(b)] for b in bounds] if axis.unit == "word" else ticks(bounds)
+    said = dict(zip(bounds.tolist(), words, strict=True))
+    return [" to ".join(dict.fromkeys((said[low], said[high]))) for low, high in spans]
 
 
 def _share_table(view: View, axis: Varied) -> str:
     if view.good[view.done].all() or not view.done.any():
         return ""
+    return _bin_table(view, axis, bins(view, axis), (view.goodness, "runs"))
+
+
+def _success_table(view: View, axis: Varied) -> str:
+    return _bin_table(view, axis, trials(view, axis), ("succeeded", "trials"))
+
+
+def _bin_table(view: View, axis: Varied, found: Sequence[Bin], words: tuple[str, str]) -> str:
+    places = _places(view, axis, [(b.low, b.high) for b in found])
     rows = [
-        (_place(view, axis, middle), str(good), str(total), _interval(share(good, total), 100.0))
-        for middle, good, total in bins(view, axis)
+        (place, str(b.good), str(b.total), _interval(b.share, 100.0)) for place, b in zip(places, found, strict=True)
     ]
-    head = (axis_label(axis), view.goodness, "runs", "% (95 % interval)")
-    return table(f"Over {axis_label(axis)}", head, rows, "nnnn")
+    return table(f"Over {axis_label(axis)}", (axis_label(axis), *words, "% (95 % interval)"), rows, "nnnn")
 
 
 def _correlations(view: View) -> str:
@@ -129,30 +140,38 @@ def _sobol(view: View) -> str:
 
 def _binding(view: View) -> str:
     """Which contact binds in how many runs, and over which ranges of the axes."""
-    rows = []
-    names = [line.get("binding_contact") for line in view.results.lines]
-    for name, count in binding(view).items():
-        mine = np.array([other == name for other in names])
-        spans = []
-        for axis in view.free:
-            x = view.axis(axis)[mine]
-            low, high = (_place(view, axis, float(value)) for value in (x.min(), x.max()))
-            spans.append(low if low == high else f"{low} to {high}")
-        rows.append((name, str(count), *spans))
-    head = ("contact, or pieces moving/fixed", "runs", *(axis_label(axis) for axis in view.free))
+    named = binding(view)
+    mine = [np.array([other == name for other in view.bindings]) for name in named]
+    columns = [[str(count) for count in named.values()]]
+    for axis in view.free:
+        x = view.axis(axis)
+        columns.append(_places(view, axis, [(float(x[m].min()), float(x[m].max())) for m in mine]))
+    rows = list(zip(named, *columns, strict=True))
+    head = ("contact, or pieces of moving/fixed part", "runs", *(axis_label(axis) for axis in view.free))
     return table("The tightest inequality, run by run", head, rows, "tn")
 
 
 def _failures(view: View) -> str:
+    """Runs that have no answer, then those whose answer is that there is no motion, each by reason."""
+    failed = [n for n, line in enumerate(view.results.lines) if line["outcome"] not in ("done", None)]
+    without = [n for n, line in enumerate(view.results.lines) if line["outcome"] == "done" and line["reason"]]
+    return _reasons(view, "Runs without answers, by reason", failed) + _reasons(
+        view, "Runs without a motion, by reason; … stands for numbers that differ", without
+    )
+
+
+def _reasons(view: View, caption: str, numbers: Sequence[int]) -> str:
     groups: dict[tuple[str, str], list[int]] = {}
-    for number, line in enumerate(view.results.lines):
-        if line["outcome"] not in ("done", None):
-            groups.setdefault((str(line["outcome"]), str(line["reason"])), []).append(number)
+    for number in numbers:
+        groups.setdefault((view.kinds[number], _NUMBER.sub("…", str(view.results.lines[number]["reason"]))), []).append(
+            number
+        )
     rows = []
-    for (outcome, reason), numbers in sorted(groups.items(), key=lambda item: (-len(item[1]), item[0])):
-        named = ", ".join(str(number) for number in numbers[:_LISTED]) + (" …" if len(numbers) > _LISTED else "")
-        rows.append((outcome, reason, str(len(numbers)), named))
-    return table("Runs without answers, by reason", ("kind", "reason", "runs", "numbers"), rows, "ttnt")
+    for (kind, reason), mine in sorted(groups.items(), key=lambda item: (-len(item[1]), item[0])):
+        said = {str(view.results.lines[number]["reason"]) for number in mine}
+        named = ", ".join(str(number) for number in mine[:_LISTED]) + (" …" if len(mine) > _LISTED else "")
+        rows.append((kind, said.pop() if len(said) == 1 else reason, str(len(mine)), named))
+    return table(caption, ("kind", "reason", "runs", "numbers"), rows, "ttnt")
 
 
 def _provenance(view: View) -> str:

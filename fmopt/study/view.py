@@ -66,9 +66,9 @@ class View:
     def goodness(self) -> str:
         """What coming out well means, in a word."""
         columns = self.results.columns
-        if "holds" in columns:
-            return "held"
-        return "certified" if "margin" in columns or "moves" in columns else "feasible"
+        if {"margin", "moves", "trials"} & set(columns):
+            return "certified"
+        return "held" if "holds" in columns else "feasible"
 
     def _well(self, line: Mapping[str, Scalar]) -> bool:
         match self.goodness:
@@ -78,24 +78,57 @@ class View:
                 return line["verdict"] == "CERTIFIED"
         return line.get("verdict") is None
 
+    @cached_property
+    def kinds(self) -> tuple[str, ...]:
+        """What became of each run, in a word: its verdict, else "held" or not, else the kind of its failure."""
+        return tuple(self._kind(line, bool(good)) for line, good in zip(self.results.lines, self.good, strict=True))
+
+    @cached_property
+    def bindings(self) -> tuple[str | None, ...]:
+        """What binds in each run, in words and by its name in the plan; None where a run has no motion."""
+        return tuple(_bound(line.get("binding_contact"), line.get("binding_words")) for line in self.results.lines)
+
+    def _kind(self, line: Mapping[str, Scalar], good: bool) -> str:
+        if line["outcome"] != "done":
+            return "not done yet" if line["outcome"] is None else str(line["outcome"])
+        verdict = line.get("verdict")
+        return str(verdict) if verdict is not None else self.goodness if good else f"not {self.goodness}"
+
     def answer(self, name: str) -> Array:
         """An answer (n,) in the unit of `ANSWERS`, not a number where a run has none."""
-        return self._numbers(name) * ANSWERS[name][1]
+        return self.column(name) * ANSWERS[name][1]
 
     def axis(self, axis: Varied) -> Array:
         """The values (n,) of an axis as people read them; words by their number in `words`."""
         if axis.unit == "word":
             words = self.words(axis)
             return np.array([float(words.index(str(line[axis.name]))) for line in self.results.lines])
-        return self._numbers(axis.name) * READ.get(axis.unit, (1.0, axis.unit))[0]
+        return self.column(axis.name) * READ.get(axis.unit, (1.0, axis.unit))[0]
 
     def words(self, axis: Varied) -> list[str]:
         """The words of an axis in the order in which they come."""
         return list(dict.fromkeys(str(line[axis.name]) for line in self.results.lines))
 
-    def _numbers(self, column: str) -> Array:
+    def column(self, column: str) -> Array:
+        """A column (n,) of numbers as the table has it, not a number where a run has none."""
         values = [line[column] for line in self.results.lines]
         return np.array([np.nan if value is None else float(value) for value in values], dtype=np.float64)
+
+
+def _bound(name: Scalar, words: Scalar) -> str | None:
+    if name is None:
+        return None
+    return f"{words} ({name})" if words is not None and str(name) not in str(words) else str(words or name)
+
+
+def ticks(values: Array) -> list[str]:
+    """Different numbers in as few digits as tell them apart, rounded by a twentieth of their least step at most."""
+    step = float(np.min(np.diff(np.sort(values)))) if len(values) > 1 else math.inf
+    for digits in range(3 if len(values) > 1 else 4, 17):
+        words = [f"{value:.{digits}g}" for value in values]
+        if all(abs(float(word) - value) <= 0.05 * step for word, value in zip(words, values, strict=True)):
+            break
+    return [word.replace("-", "−") for word in words]
 
 
 def axis_label(axis: Varied) -> str:
