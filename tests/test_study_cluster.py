@@ -162,5 +162,41 @@ def test_no_scheduler_is_told_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
     ):
         pass
     assert time.monotonic() - began < 30.0
-    with pytest.raises(ResourceError, match="no scheduler answers"), cluster("nonsense://x"):
+
+
+@pytest.mark.parametrize("address", ["nonsense", "nonsense://x:1", "tcp://", "tcp://host", "tcp://host:port", ""])
+def test_what_is_no_address_is_refused_at_once(address: str) -> None:
+    with pytest.raises(ResourceError, match="this is no address of a scheduler"), cluster(address):
         pass
+
+
+def test_a_scheduler_that_dies_ends_the_study_in_words_and_without_failures(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("fmopt.study.cluster._PATIENCE", 3.0)
+    work, over = evaluations.work(400), threading.Event()
+    with subprocess.Popen(
+        [sys.executable, "-c", SCHEDULER],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        env={**os.environ, **PATH},
+    ) as running:
+        assert running.stdout is not None
+        address = running.stdout.readline().strip()
+        host = threading.Thread(target=kept_alive, args=(address, over, 1))
+        host.start()
+
+        def after_some(_: object) -> None:
+            running.kill()
+
+        gone = pytest.raises(ResourceError, match="the scheduler is gone")
+        with gone, cluster(address) as (executor, threads):
+            run(work, tmp_path, evaluations.slow, Options(threads), executor, acknowledged=after_some)
+        over.set()
+        host.join()
+    rows = [record.row for record in recorded(tmp_path)[1]]
+    assert 0 < sum(row is not None for row in rows) < 400
+    assert {row.outcome for row in rows if row is not None} == {"done"}
+    assert run(work, tmp_path, evaluations.quick, Options(1)).done == 400

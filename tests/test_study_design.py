@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
+from importlib import metadata
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +16,10 @@ from hypothesis import strategies as st
 from fmopt.errors import InputError
 from fmopt.study import evaluation
 from fmopt.study.design import load_study
+from fmopt.study.program import program
 from fmopt.study.sampling import Normal, Uniform, cube, grid, stepped
-from fmopt.study.targets import Base
+from fmopt.study.targets import Base, assigned
+from fmopt.task.loading import problem_of
 
 ROOT = Path(__file__).parent.parent
 Writer = Callable[..., Path]
@@ -258,6 +262,26 @@ MISTAKES = {
     "half a normal": (axis(f"mean = 0.1\n{X}") + CUBE.format("random", 10), "mean and deviation"),
     "no deviation": (axis(f"mean = 0.1\ndeviation = 0\n{X}") + CUBE.format("random", 10), "make it positive"),
     "log of nothing": (axis(f'low = 0\nhigh = 1\nsteps = 3\nspacing = "log"\n{X}'), "a logarithm needs a positive"),
+    "a value twice": (
+        axis(f"values = [0.1, 0.2, 0.1]\n{X}"),
+        "11:21: conflict: axes[0].values[2]: this value is there",
+    ),
+    "a table": (
+        axis('values = [1]\nsets = ["uncertainty.velocity"]'),
+        "name one of uncertainty.velocity.translation, uncertainty.velocity.rotation",
+    ),
+    "negative tail": (
+        axis(f"mean = 0.1\ndeviation = 0.3\n{X}") + CUBE.format("random", 10),
+        "11:8: negative: axes[0].mean: ",
+    ),
+    "a word for a truth": (
+        axis('values = ["yes"]\nsets = ["settings.reduce_errors"]'),
+        "'yes' is no truth; write true",
+    ),
+    "truth and word": (
+        axis('values = [true]\nsets = ["settings.reduce_errors", "settings.method"]'),
+        "one value is to be a choice of words and true or false",
+    ),
     "unknown key": (
         axis(f"value = [0.1]\n{X}"),
         "11:1: unknown-key: axes[0].value: there is no such key; did you mean",
@@ -278,6 +302,10 @@ HEADS = {
         "3:12: unknown-quantity: compute[0]: there is no quantity 'margin'",
     ),
     "twice": ({"compute": '["plan", "plan"]'}, "'plan' is asked for twice"),
+    "a study": (
+        {"problem": f'"{ROOT}/problems/studies/square_peg_bias.toml"'},
+        "2:11: file-kind: problem: ",
+    ),
     "no problem": ({"problem": '"nowhere.toml"'}, "2:11: file-missing: problem: "),
     "plan kept": ({"compute": '["clearance"]\nkeep = ["plan"]'}, "plans are to be kept but none is computed"),
 }
@@ -320,6 +348,55 @@ def test_every_number_and_choice_of_a_problem_may_vary() -> None:
     assert {"model.moving.length", "model.fixed.proud", "uncertainty.velocity.rotation"} <= set(targets)
     assert "title" not in targets
     assert targets["settings.placement"].dimension is None
+
+
+def test_entries_of_arrays_and_truths_may_vary(tmp_path: Path) -> None:
+    base = (ROOT / "problems" / "lee_huang_peg.toml").read_text().replace("../models", f"{ROOT}/models")
+    (tmp_path / "base.toml").write_text(base)
+    (tmp_path / "study.toml").write_text(
+        'title = "t"\nproblem = "base.toml"\ncompute = ["clearance"]\n[units]\nlength = "mm"\nangle = "deg"\n'
+        '[[axes]]\nname = "beside"\nvalues = [10, 14]\nsets = ["start.at.x"]\n'
+        '[[axes]]\nname = "reduced"\nvalues = [false, true]\nsets = ["settings.reduce_errors"]\n'
+    )
+    study = load_study(tmp_path / "study.toml")
+    problems = [problem_of(assigned(study.base.problem, run.assigned)) for run in study.runs()]
+    assert [p.settings.reduce_errors for p in problems] == [False, True, False, True]
+    entries = [assigned(study.base.problem, run.assigned).data["start"]["at"] for run in study.runs()]
+    assert entries[0] == ["0.01 m", 4, 12]
+    assert entries[3] == ["0.014 m", 4, 12]
+    assert "start.at" not in study.base.targets()
+    assert study.base.problem.data["start"]["at"] == [15, 4, 12]
+
+
+def test_robots_that_handled_a_part_may_vary() -> None:
+    data = {
+        "uncertainty": {"sources": {"feeder": {"placed": [{"robot": {"position": 1}}, {"robot": {"position": 2}}]}}}
+    }
+    base = Base.read(ROOT / "problems" / "square_peg.toml")
+    base = replace(base, problem=replace(base.problem, data={**base.problem.data, **data}))
+    path = "uncertainty.sources.feeder.placed.1.robot.position"
+    changed = assigned(base.problem, [(base.targets()[path].key, 3)])
+    placed = changed.data["uncertainty"]["sources"]["feeder"]["placed"]
+    assert placed == [{"robot": {"position": 1}}, {"robot": {"position": 3}}]
+
+
+def test_the_program_is_its_libraries_too_as_far_as_they_are_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    real = metadata.version
+
+    def told(name: str, number: str | None) -> str:
+        def version(asked: str) -> str:
+            if asked != name:
+                return real(asked)
+            if number is None:
+                raise metadata.PackageNotFoundError(asked)
+            return number
+
+        with monkeypatch.context() as patch:
+            patch.setattr(metadata, "version", version)
+            return program.__wrapped__()
+
+    names = ("casadi", "scipy", "mujoco", "cadquery-ocp-novtk")
+    assert len({told(name, number) for name in names for number in ("0.0.1", None)}) == 2 * len(names)
 
 
 STUDIES = [p for p in sorted((ROOT / "problems" / "studies").glob("*.toml")) if "[[axes]]" in p.read_text()]

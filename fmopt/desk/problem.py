@@ -13,7 +13,7 @@ from fmopt.errors import Fault, InputError
 from fmopt.study.targets import Base, Target, assigned, blamed
 from fmopt.task import problem as task
 from fmopt.task.loading import problem_of
-from fmopt.task.toml_source import Source, read
+from fmopt.task.toml_source import Source, dotted, read
 from fmopt.task.units import did_you_mean
 
 if TYPE_CHECKING:
@@ -116,7 +116,7 @@ class Problem(task.Problem):
                 continue
             key = known[path].key
             placed.append((key, value))
-            mine[".".join(key)] = Fault("with_", 1, 1, name, "", "")
+            mine[dotted(key)] = Fault("with_", 1, 1, name, "", "")
         if faults:
             raise InputError(*faults)
         try:

@@ -13,7 +13,7 @@ from fmopt.study.batch import Assigned
 from fmopt.study.sampling import CUBES, Normal, Uniform, cube, grid, rounded, stepped
 from fmopt.study.targets import Target, in_file, target
 from fmopt.task.tables import Reading, in_words, shown
-from fmopt.task.toml_source import Key, Place, Source
+from fmopt.task.toml_source import Key, Place, Source, dotted
 from fmopt.task.units import LENGTH, Dimension, Quantity, QuantityError, did_you_mean, evaluate
 
 Number = float | str
@@ -90,7 +90,7 @@ class _Reader:
         if self.faults:
             return None
         dimension = self._dimension(axis, sets)
-        values = self._values(axis, dimension)
+        values = self._values(axis, dimension, sets)
         distribution = self._distribution(axis, dimension) if values is None else None
         linked = self._linked(axis, number)
         if self.faults:
@@ -112,9 +112,9 @@ class _Reader:
                 self._fault(key, "unknown-path", f"there is no parameter {path!r} to vary", goal)
             else:
                 found.append((goal, expression))
-        kinds = {goal.dimension for goal, expression in found if not expression}
+        kinds = {_kind(goal) for goal, expression in found if not expression}
         if len(kinds) > 1:
-            words = " and ".join(sorted(str(kind) if kind else "a choice of words" for kind in kinds))
+            words = " and ".join(sorted(kinds))
             self._fault(("sets",), "wrong-unit", f"one value is to be {words}", "make two linked axes of it")
         return tuple(found)
 
@@ -138,7 +138,9 @@ class _Reader:
             self._fault(key, error.code, error.message, error.advice)
             return None
 
-    def _values(self, axis: files.Axis, dimension: Dimension | None) -> tuple[Number, ...] | None:
+    def _values(
+        self, axis: files.Axis, dimension: Dimension | None, sets: Sequence[tuple[Target, str]]
+    ) -> tuple[Number, ...] | None:
         others = [name for name in ("low", "high", "steps", "mean", "deviation") if getattr(axis, name) is not None]
         if axis.values is None:
             if not others:
@@ -151,12 +153,17 @@ class _Reader:
         if not axis.values:
             self._fault(("values",), "empty-axis", "the axis has no values", "give it at least one")
         if dimension is None:
-            for n, raw in enumerate(axis.values):
-                if not isinstance(raw, str):
-                    self._fault(("values", n), "wrong-type", f"{shown(raw)} is no word", "write one of the choices")
-            return tuple(str(raw) for raw in axis.values)
+            return self._words(axis.values, sets)
         read = [self._quantity(raw, dimension, "values", n) for n, raw in enumerate(axis.values)]
         return tuple(value for value in read if value is not None)
+
+    def _words(self, values: Sequence[object], sets: Sequence[tuple[Target, str]]) -> tuple[str, ...]:
+        truth = any(goal.truth for goal, _ in sets)
+        for n, raw in enumerate(values):
+            if not isinstance(raw, bool if truth else str):
+                what, advice = ("no truth", "write true or false") if truth else ("no word", "write one of the choices")
+                self._fault(("values", n), "wrong-type", f"{shown(raw)} is {what}", advice)
+        return tuple(str(raw).lower() if isinstance(raw, bool) else str(raw) for raw in values)
 
     def _distribution(self, axis: files.Axis, dimension: Dimension | None) -> Uniform | Normal | None:
         if self.faults:
@@ -207,9 +214,13 @@ class _Reader:
         return None
 
 
+def _kind(goal: Target) -> str:
+    return "true or false" if goal.truth else str(goal.dimension or "a choice of words")
+
+
 def _faults_between(source: Source, axes: Sequence[Axis]) -> list[Fault]:
     """What one axis cannot see: parameters set twice, chains of links, expressions that do not fit."""
-    faults, seen = [], dict[tuple[str, ...], str]()
+    faults, seen = [], dict[Key, str]()
     names = {a.name: Quantity(1.0, a.dimension) for a in axes if a.dimension is not None}
     for axis in axes:
         if axis.linked is not None and axes[axis.linked].linked is not None:
@@ -221,7 +232,7 @@ def _faults_between(source: Source, axes: Sequence[Axis]) -> list[Fault]:
             key = (*axis.place, "sets")
             place = source.place((*key, *[p for p in (_path(source, key, expression),) if p]))
             if goal.key in seen:
-                words = f"{'.'.join(goal.key)} is set by axis {seen[goal.key]!r} already"
+                words = f"{dotted(goal.key)} is set by axis {seen[goal.key]!r} already"
                 faults.append(place.fault("conflict", words, "let one axis set it, by arithmetic on both names"))
             seen[goal.key] = axis.name
             if expression:
@@ -273,7 +284,7 @@ def count_of(axes: Sequence[Axis], sampling: files.Sampling) -> int:
     return (sampling.runs or 0) * (len(free) + 2 if sampling.method == "saltelli" else 1)
 
 
-def assignments(axes: Sequence[Axis], point: Sequence[Number]) -> tuple[tuple[tuple[str, ...], Assigned], ...]:
+def assignments(axes: Sequence[Axis], point: Sequence[Number]) -> tuple[tuple[Key, Assigned], ...]:
     """What a point puts into the base problem.
 
     Raises:
@@ -291,7 +302,7 @@ def assignments(axes: Sequence[Axis], point: Sequence[Number]) -> tuple[tuple[tu
                 result = evaluate(expression, names)
                 found.append((goal.key, in_file(replace(result, value=rounded(result.value)))))
             elif isinstance(value, str) or axis.dimension is None:
-                found.append((goal.key, value))
+                found.append((goal.key, value == "true" if goal.truth else value))
             else:
                 found.append((goal.key, in_file(Quantity(value, axis.dimension))))
     return tuple(found)

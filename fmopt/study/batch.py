@@ -10,6 +10,7 @@ from pathlib import Path
 
 from fmopt.errors import ResourceError
 from fmopt.study.store import Effort, Row
+from fmopt.task.toml_source import Key
 
 Assigned = str | int | float | bool
 
@@ -40,7 +41,7 @@ class Run:
     """
 
     key: str
-    assigned: tuple[tuple[tuple[str, ...], Assigned], ...]
+    assigned: tuple[tuple[Key, Assigned], ...]
     question: Question
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
 
 from fmopt.errors import ResourceError
 from fmopt.study.running import Remote
@@ -32,25 +33,58 @@ class Hosts(Remote):
         self._seen = self._looked = time.monotonic()
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Hands a call to a worker."""
+        """Hands a call to a worker.
+
+        Raises:
+            ResourceError: the scheduler is gone.
+        """
+        self._connected()
         future: Future[Any] = self._executor.submit(fn, *args, **kwargs)
         return future
+
+    def _connected(self) -> None:
+        if self._client.status in ("closing", "closed"):
+            raise self._gone("the scheduler is gone")
+
+    def _gone(self, words: str) -> ResourceError:
+        advice = f"start it and dask worker {self._address}, then the study again: it goes on where it was"
+        return ResourceError(f"{self._address}: {words}", advice)
 
     def watch(self) -> None:
         """Looks whether anybody is there, once a second.
 
         Raises:
-            ResourceError: no worker has been there for a while.
+            ResourceError: the scheduler is gone, or no worker has been there for a while.
         """
+        self._connected()
         now = time.monotonic()
         if now - self._looked < _GLANCE:
             return
         self._looked = now
-        if self._client.nthreads():
+        try:
+            threads = self._client.nthreads()
+        except OSError as error:
+            raise self._gone(f"the scheduler is gone ({error})") from error
+        if threads:
             self._seen = now
         elif now - self._seen > _RETURN:
             advice = f"start dask worker {self._address}, and the study again: it goes on where it was"
             raise ResourceError(f"{self._address}: the scheduler has lost all its workers", advice)
+
+
+def _checked(address: str) -> None:
+    """Refuses at once what is no address.
+
+    Raises:
+        ResourceError: it is none.
+    """
+    parts = urlsplit(address if "://" in address else f"tcp://{address}")
+    try:
+        known = parts.scheme in ("tcp", "tls", "ws", "wss", "ucx") and parts.hostname and parts.port
+    except ValueError:
+        known = False
+    if not known:
+        raise ResourceError(f"{address}: this is no address of a scheduler", "write one such as tcp://10.0.0.5:8786")
 
 
 @contextmanager
@@ -67,6 +101,7 @@ def cluster(address: str) -> Iterator[tuple[Executor, int]]:
         from distributed import Client
     except ImportError as error:
         raise ResourceError("--cluster needs Dask", "install fmopt with its extra 'cluster'") from error
+    _checked(address)
     try:
         client = Client(address, timeout=_PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:

@@ -87,7 +87,7 @@ class Study:
                 "name": axis.name,
                 "unit": "word" if axis.dimension is None else UNIT_NAMES.get(axis.dimension, ""),
                 "linked": axis.linked,
-                "sets": [".".join(goal.key) for goal, _ in axis.sets],
+                "sets": [dotted(goal.key) for goal, _ in axis.sets],
                 "log": self.file.axes[number].spacing == "log",
             }
             for number, axis in enumerate(self.axes)
@@ -122,6 +122,9 @@ def load_study(path: Path) -> Study:
         place = source.place(("problem",))
         advice = "correct the path; it is relative to the study file"
         raise InputError(*faults, place.fault("file-missing", f"{problem} does not exist", advice))
+    if {"axes", "compute"} & set(read(problem).data):
+        place, advice = source.place(("problem",)), "name the problem that it varies"
+        raise InputError(*faults, place.fault("file-kind", f"{problem} is a study, not a problem", advice))
     load(problem)
     base = Base.read(problem)
     axes, more = axes_of(source, file, reading, base.targets())
@@ -180,6 +183,10 @@ def _sampling_faults(source: Source, file: files.StudyFile) -> Iterator[Fault]:
 def _size_faults(source: Source, file: files.StudyFile, axes: Sequence[Axis]) -> Iterator[Fault]:
     method = file.sampling.method
     for axis in axes:
+        if method == "grid" and axis.linked is None and len(set(axis.values)) < len(axis.values):
+            again = next(n for n, value in enumerate(axis.values) if value in axis.values[:n])
+            place = source.place((*axis.place, "values", again))
+            yield place.fault("conflict", "this value is there already", "leave it out, or take a list for a sampling")
         other = None
         if method == "list":
             other = axes[0]
@@ -197,6 +204,12 @@ def _size_faults(source: Source, file: files.StudyFile, axes: Sequence[Axis]) ->
         yield source.place(key, of_key=True).fault("many-runs", message, advice)
 
 
+def _of_values(source: Source, axis: Axis) -> tuple[str, ...]:
+    """The key that an axis has its values from."""
+    table = source.get(axis.place)
+    return next(((key,) for key in ("values", "low", "mean") if isinstance(table, Mapping) and key in table), ())
+
+
 def _value_faults(study: Study) -> list[Fault]:
     """What the base problem says to the values: the first run, and for each axis the runs with its extremes."""
     chosen = {0}
@@ -208,7 +221,7 @@ def _value_faults(study: Study) -> list[Fault]:
             chosen |= {values.index(min(values)), values.index(max(values))}
     faults: list[Fault] = []
     mine = {
-        dotted(goal.key): study.source.place((*axis.place, "values" if axis.values else "low"))
+        dotted(goal.key): study.source.place((*axis.place, *_of_values(study.source, axis)))
         for axis in study.axes
         for goal, _ in axis.sets
     }

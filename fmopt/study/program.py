@@ -9,7 +9,10 @@ from pathlib import Path
 
 import fmopt
 
-_LIBRARIES = ("casadi", "clarabel", "daqp", "manifold3d", "numpy", "scipy", "shapely", "trimesh")
+_LIBRARIES = (
+    *("casadi", "clarabel", "daqp", "manifold3d", "networkx", "numpy", "scipy", "shapely", "sympy", "trimesh"),
+    *("cadquery-ocp-novtk", "mujoco"),  # of extras, where they are installed
+)
 
 
 @cache
@@ -21,5 +24,12 @@ def program() -> str:
         content = path.read_bytes()
         whole.update(f"{path.relative_to(root).as_posix()}\0{len(content)}\0".encode() + content)
     for name in _LIBRARIES:
-        whole.update(f"{name} {metadata.version(name)}\0".encode())
+        whole.update(f"{name} {_version(name)}\0".encode())
     return f"{fmopt.__version__}+{whole.hexdigest()[:16]}"
+
+
+def _version(name: str) -> str:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return "none"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import hashlib
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os.path import normpath
 from pathlib import Path
@@ -18,20 +18,28 @@ from fmopt.task.mesh_source import MAX_MESH_BYTES
 from fmopt.task.model import parameter_values
 from fmopt.task.problem_file import ProblemFile
 from fmopt.task.tables import Measured, Table
-from fmopt.task.toml_source import Source, read, read_bytes
+from fmopt.task.toml_source import Key, Source, read, read_bytes
 from fmopt.task.units import ANGLE, FORCE, LENGTH, RATIO, SPEED, TIME, TORQUE, Dimension, Quantity, did_you_mean
 
 SIDES = ("moving", "fixed")
 UNIT_NAMES = {LENGTH: "m", ANGLE: "rad", SPEED: "m/s", FORCE: "N", TORQUE: "N*m", TIME: "s"}
+_LETTERS = "xyz"  # what the entries of a vector are called
 _FIXED = {"title", "units", *SIDES}
 
 
 @dataclass(frozen=True)
 class Target:
-    """A parameter that may vary: its key path in the problem's data, and its dimension; None for a choice of words."""
+    """A parameter that may vary.
 
-    key: tuple[str, ...]
+    Args:
+        key: its path in the problem's data.
+        dimension: of its value; None for a choice of words.
+        truth: whether the words are true and false.
+    """
+
+    key: Key
     dimension: Dimension | None
+    truth: bool = False
 
 
 @dataclass(frozen=True)
@@ -74,7 +82,7 @@ class Base:
 
     def targets(self) -> dict[str, Target]:
         """What may vary, by path."""
-        found = dict(_measured(ProblemFile, ()))
+        found = dict(_fields(ProblemFile, (), "", self.problem.data))
         for side, model in self.models.items():
             for name, value in parameter_values(model).items():
                 found[f"model.{side}.{name}"] = Target((side, "parameters", name), value.dimension)
@@ -94,12 +102,15 @@ def target(targets: Mapping[str, Target], path: str) -> Target | str:
     short = path.removeprefix("problem.")
     if short in targets:
         return targets[short]
+    within = [name for name in targets if name.startswith(short + ".")]
+    if within:
+        return f"it is a table or an array; name one of {', '.join(within)}"
     near = did_you_mean(short, targets)
     inside = [name for name in targets if name.startswith(short.split(".")[0] + ".")]
     return near or f"paths here: {', '.join(inside or sorted({name.split('.')[0] + '.…' for name in targets}))}"
 
 
-def assigned(source: Source, values: Iterable[tuple[tuple[str, ...], Assigned]]) -> Source:
+def assigned(source: Source, values: Iterable[tuple[Key, Assigned]]) -> Source:
     """A document with values put in, its file left as it is.
 
     Args:
@@ -108,9 +119,9 @@ def assigned(source: Source, values: Iterable[tuple[tuple[str, ...], Assigned]])
     """
     data = copy.deepcopy(dict(source.data))
     for key, value in values:
-        table: dict[str, Any] = data
+        table: Any = data
         for part in key[:-1]:
-            table = table.setdefault(part, {})
+            table = table[part] if isinstance(part, int) else table.setdefault(part, {})
         table[key[-1]] = value
     return replace(source, data=data)
 
@@ -136,26 +147,36 @@ def blamed(faults: Iterable[Fault], mine: Mapping[str, Fault]) -> list[Fault]:
     return list(dict.fromkeys(found))
 
 
-def _measured(table: type[Table], above: tuple[str, ...]) -> Iterator[tuple[str, Target]]:
+def _fields(table: type[Table], above: Key, path: str, data: object) -> Iterator[tuple[str, Target]]:
+    """The targets of a table by path; those in arrays as far as the data have them."""
     for name, field in table.model_fields.items():
-        if not above and name in _FIXED:
-            continue
-        key = (*above, name)
-        kinds = list(_parts(field.annotation))
-        inner = next((kind for kind in kinds if isinstance(kind, type) and issubclass(kind, Table)), None)
-        if inner is not None:
-            yield from _measured(inner, key)
-            continue
-        measured = next((kind for kind in (*field.metadata, *kinds) if isinstance(kind, Measured)), None)
-        if measured is not None:
-            yield ".".join(key), Target(key, measured.dimension)
-        elif any(get_origin(kind) is Literal for kind in kinds):
-            yield ".".join(key), Target(key, None)
+        if above or name not in _FIXED:
+            value = data.get(name) if isinstance(data, Mapping) else None
+            kinds = (*field.metadata, *_parts(field.annotation))
+            yield from _targets(kinds, (*above, name), f"{path}.{name}".removeprefix("."), value)
+
+
+def _targets(kinds: Sequence[Any], key: Key, path: str, data: object) -> Iterator[tuple[str, Target]]:
+    inner = next((kind for kind in kinds if isinstance(kind, type) and issubclass(kind, Table)), None)
+    array = next((kind for kind in kinds if get_origin(kind) is tuple), None)
+    measured = next((kind for kind in kinds if isinstance(kind, Measured)), None)
+    if array is not None:
+        items = get_args(array)
+        vector = len(items) == len(_LETTERS) and Ellipsis not in items
+        for n, value in enumerate(data if isinstance(data, list) else ()):
+            below = f"{path}.{_LETTERS[n]}" if vector and n < len(items) else f"{path}.{n}"
+            yield from _targets(tuple(_parts(items[0])), (*key, n), below, value)
+    elif inner is not None:
+        yield from _fields(inner, key, path, data)
+    elif measured is not None:
+        yield path, Target(key, measured.dimension)
+    elif bool in kinds or any(get_origin(kind) is Literal for kind in kinds):
+        yield path, Target(key, None, bool in kinds)
 
 
 def _parts(annotation: Any) -> Iterator[Any]:
-    """An annotation and all that it is made of."""
+    """An annotation and all that it is made of, but what is in arrays."""
     yield annotation
-    if get_origin(annotation) is not Literal:
+    if get_origin(annotation) not in (Literal, tuple):
         for part in get_args(annotation):
             yield from _parts(part)
