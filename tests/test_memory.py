@@ -1,0 +1,43 @@
+"""What is worked out about an object is worked out once, and goes with it."""
+
+from __future__ import annotations
+
+import gc
+import weakref
+from dataclasses import dataclass
+from pathlib import Path
+
+from study_problems import straight
+
+from fmopt.memory import remembered
+from fmopt.synthesis import moved
+from fmopt.task.problem import load
+
+
+@dataclass(frozen=True, eq=False)
+class Owner:
+    number: int
+
+
+def test_once_for_each_object_and_arguments() -> None:
+    asked: list[tuple[int, int]] = []
+
+    @remembered(2)
+    def added(owner: Owner, more: int) -> int:
+        asked.append((owner.number, more))
+        return owner.number + more
+
+    one, two = Owner(1), Owner(2)
+    assert [added(one, 3), added(one, 3), added(two, 3), added(two, 3)] == [4, 4, 5, 5]
+    assert asked == [(1, 3), (2, 3)]
+    # Of more than two results of one object the one that was not asked for the longest goes.
+    assert [added(one, n) for n in (4, 3, 5, 3, 4)] == [5, 4, 6, 4, 5]
+    assert asked[2:] == [(1, 4), (1, 5), (1, 4)]
+
+
+def test_nothing_holds_on_to_a_problem_that_was_solved(tmp_path: Path) -> None:
+    done = moved(load(straight(tmp_path)), lambda _: None)
+    parts = [weakref.ref(done.assembly), weakref.ref(done.placed)]
+    del done
+    gc.collect()
+    assert [part() for part in parts] == [None, None]
