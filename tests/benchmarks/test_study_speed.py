@@ -7,10 +7,13 @@ from pathlib import Path
 import pytest
 import study_evaluations as evaluations
 from pytest_benchmark.fixture import BenchmarkFixture
+from study_plans import measured
+from study_problems import straight
 
 from fmopt.study.running import Options, run
 
 RUNS = 200  # of 20 ms
+PLANS = 16
 
 
 @pytest.mark.benchmark(group="study")
@@ -28,3 +31,17 @@ def test_as_a_study(benchmark: BenchmarkFixture, tmp_path: Path, jobs: int) -> N
         return run(work, tmp_path / str(next(number)), evaluations.busy, Options(jobs)).fresh
 
     assert benchmark.pedantic(study, rounds=3) == RUNS
+
+
+@pytest.mark.benchmark(group="study of plans")
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_plans_of_a_study(benchmark: BenchmarkFixture, tmp_path: Path, jobs: int) -> None:
+    """Plans a second, in all, by worker and by processor time, with the overhead and the memory, in `extra_info`."""
+    problem, out = straight(tmp_path), tmp_path / "study"
+    out.mkdir()
+    runs = PLANS if benchmark.enabled else 1
+    found = benchmark.pedantic(measured, (problem, runs, jobs, out), rounds=1)
+    benchmark.extra_info.update(found)
+    assert found["certified, %"] == 100.0
+    assert found["plans a second of processor time"] > 0.0
+    assert found["memory of the owner at the end, MB"] >= found["memory of the owner after a quarter, MB"]
