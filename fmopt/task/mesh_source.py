@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fmopt.errors import Fault, GeometryError, InputError, ResourceError
+from fmopt.memory import remembered
 from fmopt.task.model_file import MatingFeature, Mesh, ModelFile
 from fmopt.task.toml_source import Source, read_bytes
 
@@ -53,8 +54,9 @@ def deviation(mesh: Mesh) -> float | None:
     return None if is_step(mesh) else mesh.deviation
 
 
+@remembered(1)
 def imported(source: Source, mesh: Mesh) -> Imported:
-    """The mesh of a model file, in m.
+    """The mesh of a model file, in m; features, part and tree of one model are made of one reading.
 
     Raises:
         InputError: it cannot be read or bounds no solid; at its place in the model file.
