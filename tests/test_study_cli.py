@@ -78,7 +78,25 @@ def test_a_dry_run_shows_the_runs_and_their_time_and_writes_nothing(study: Path,
     assert "4 runs, 0 of them done" in out
     assert "0: gap = -0.05 mm\n" in out
     assert "by a trial of the middle run" in out
+    assert out.endswith("for the rest\n")
     assert not folder.exists()
+
+
+def test_a_dry_run_foretells_what_the_same_options_would_do(study: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    fmopt_study(study, "--out", folder, "--limit", 2, "--jobs", 1)
+    with closing(sqlite3.connect(folder / "study.sqlite")) as store:
+        store.execute("UPDATE effort SET seconds = 3.0")
+        store.execute("UPDATE results SET outcome = 'crash' WHERE key = (SELECT key FROM runs WHERE number = 1)")
+        store.commit()
+
+    def foretold(*options: object) -> tuple[int, int, float]:
+        found = json.loads(fmopt_study(study, "--out", folder, "--dry-run", "--json", *options)[0])
+        return found["done"], found["asked"], found["rest"]
+
+    assert foretold("--jobs", 1) == (2, 2, 6.0)
+    assert foretold("--jobs", 2, "--retry-failed") == (2, 3, 6.0)
+    assert foretold("--jobs", 1, "--limit", 1) == (2, 1, 3.0)
 
 
 def test_a_study_at_fault_ends_with_two(study: Path) -> None:

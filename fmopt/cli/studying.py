@@ -43,8 +43,10 @@ def study_run(
     quiet: Quiet = False,
 ) -> None:
     """Run a study, or go on with one that was interrupted: what is done is not done again."""
-    from fmopt.console import Runs
+    from fmopt.console import Runs, Stages
     from fmopt.study import command
+
+    asked = command.Asked(jobs, limit, retry_failed, cluster)
 
     if out is not None and len(files) > 1:
         raise typer.BadParameter("several studies cannot share one folder", param_hint="--out")
@@ -56,11 +58,12 @@ def study_run(
             _allocate(file, folder, dry_run, as_json, quiet)
             continue
         if dry_run:
-            found = command.forecast(file, folder, jobs)
+            with Stages(quiet or as_json) as stages:
+                found = command.forecast(file, folder, asked, stages)
             typer.echo(json.dumps(asdict(found)) if as_json else _foretold(file, found))
             continue
         with Runs(file.stem, quiet or as_json) as progress:
-            tally = command.carry_out(file, folder, command.Asked(jobs, limit, retry_failed, cluster), progress)
+            tally = command.carry_out(file, folder, asked, progress)
         if as_json:
             typer.echo(json.dumps({**asdict(tally), "folder": str(folder)}))
         elif not quiet:
@@ -108,8 +111,9 @@ def _foretold(file: Path, found: Any) -> str:
     lines = [f"{file}: {found.total} runs, {found.done} of them done", *found.listing]
     if found.seconds is None:
         return "\n".join([*lines, f"no estimate of time: {found.source}"])
+    whole = "the rest" if found.asked == found.total - found.done else f"{found.asked} runs"
     return "\n".join(
-        [*lines, f"{duration(found.seconds)} a run, by {found.source}; {duration(found.rest)} for the rest"]
+        [*lines, f"{duration(found.seconds)} a run, by {found.source}; {duration(found.rest)} for {whole}"]
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import statistics
 from collections.abc import Callable, Iterator
@@ -148,44 +149,66 @@ class Forecast:
     Args:
         total: different runs.
         done: those that have a row already.
+        asked: those that would be done now.
         seconds: that one run takes; None when its trial failed.
-        rest: seconds for all that is left.
+        rest: seconds for all that would be done now.
         source: where that comes from, in words.
         listing: the first and last runs in words.
     """
 
     total: int
     done: int
+    asked: int
     seconds: float | None
     rest: float | None
     source: str
     listing: tuple[str, ...]
 
 
-def forecast(file: Path, folder: Path, jobs: int | None) -> Forecast:
+def forecast(file: Path, folder: Path, asked: Asked, progress: Callable[[str], None]) -> Forecast:
     """Says what a study would do; writes nothing.
 
-    The time of a run is the median of the runs in the folder, or that of a trial of the middle run.
+    The time of a run is the median of the runs in the folder, or that of a trial of the middle run, on this machine.
+
+    Args:
+        file: of the study.
+        folder: of its results, there or not.
+        asked: what the command line says of it.
+        progress: told what takes time.
 
     Raises:
         InputError: the file cannot be used.
-        ResourceError: no worker starts.
+        ResourceError: no worker starts, or the cluster cannot be had.
     """
     study = load_study(file)
     work = study.work()
+    count = _workers(asked)
     keys = list(dict.fromkeys(run.key for run in work.runs))
-    done, known = set[str](), list[float]()
+    outcomes, known = dict[str, str](), list[float]()
     if (folder / NAME).is_file():
-        done = {r.run.key for r in recorded(folder)[1] if r.row is not None} & set(keys)
-        known = [effort.seconds for key, effort in efforts(folder).items() if key in done]
+        outcomes = {r.run.key: r.row.outcome for r in recorded(folder)[1] if r.row is not None}
+        outcomes = {key: outcomes[key] for key in keys if key in outcomes}
+        known = [effort.seconds for key, effort in efforts(folder).items() if key in outcomes]
+    again = {key for key, outcome in outcomes.items() if outcome != "done"} if asked.retry_failed else set()
+    left = len([key for key in keys if key not in outcomes or key in again][: asked.limit])
     seconds: float | None
     if known:
         seconds, source = statistics.median(known), f"the median of {len(known)} runs that are done"
     else:
+        progress(f"trying run {len(work.runs) // 2} of {len(work.runs)}, to see how long it takes")
         seconds, source = _trial(work)
-    count = jobs or processors()
-    rest = None if seconds is None else seconds * (len(keys) - len(done)) / min(count, max(len(keys), 1))
-    return Forecast(len(keys), len(done), seconds, rest, source, tuple(_listing(study)))
+    rest = None if seconds is None else seconds * math.ceil(left / count)
+    return Forecast(len(keys), len(outcomes), left, seconds, rest, source, tuple(_listing(study)))
+
+
+def _workers(asked: Asked) -> int:
+    """How many runs would be under way at a time."""
+    if asked.cluster is None:
+        return asked.jobs or processors()
+    from fmopt.study.cluster import cluster
+
+    with cluster(asked.cluster) as (_, threads):
+        return asked.jobs or threads
 
 
 def _trial(work: Work) -> tuple[float | None, str]:
