@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from fmopt.placement.tolerated import Motion, Tolerated, largest_factor, tolerated
+from fmopt.errors import InfeasibleError
+from fmopt.placement.tolerated import Motion, Tolerated, largest_factor, tolerated, what_fails
 from fmopt.plan_record import Moved
 from fmopt.report.tolerance_tables import rates, tolerance_chapter, tolerated_words
 from fmopt.synthesis import FINE, moved, planned
@@ -61,6 +63,22 @@ def test_the_factor_is_relative_to_the_errors(motion: Motion, found: Tolerated) 
     assert half == pytest.approx(2.0 * found.factor, rel=2.0 * FINENESS)
     beyond = largest_factor(replace(motion, box=2.0 * found.box))
     assert beyond == pytest.approx(0.5, rel=2.0 * FINENESS)
+
+
+def test_what_ends_the_factor_is_what_fails(motion: Motion, found: Tolerated) -> None:
+    end = found.end
+    assert end is not None
+    beyond = replace(motion, box=(1.0 + 1.5 * FINENESS) * found.box)
+    assert what_fails(beyond) == end
+    up_to, before = (replace(beyond, moves=beyond.moves[: end.move + k]) for k in (1, 0))
+    if end.reason:
+        with pytest.raises(InfeasibleError, match=re.escape(end.reason)):
+            up_to.placed()
+        assert not before.moves or before.placed()
+    else:
+        worst = min(up_to.placed().reached.claims, key=lambda claim: claim.margin)
+        assert worst.margin <= 0.0
+        assert worst.binding == end.binding
 
 
 def test_sensitivities_are_differences_of_margins(motion: Motion, found: Tolerated) -> None:

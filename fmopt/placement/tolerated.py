@@ -12,11 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from fmopt.certificate.claim import Claim
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Tolerance
 from fmopt.errors import InfeasibleError
 from fmopt.geometry.part import Part, stretched
-from fmopt.placement.motion import Move, Reached
+from fmopt.placement.motion import Move, Reached, unroll
 from fmopt.placement.sequence import Placed, certified, onto_surfaces
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array, Value, frozen
@@ -44,6 +45,21 @@ class Sensitivity:
     change: float | None
 
 
+@dataclass(frozen=True)
+class End:
+    """What fails first when the start errors grow on.
+
+    Args:
+        move: counts from 0.
+        binding: the inequality whose margin is gone, as claims name it; empty where the move becomes impossible.
+        reason: why the move becomes impossible; empty where it has a margin.
+    """
+
+    move: int
+    binding: str
+    reason: str
+
+
 @dataclass(frozen=True, eq=False)
 class Tolerated(Value):
     """What a placed motion tolerates.
@@ -52,18 +68,21 @@ class Tolerated(Value):
         factor: by how much all start errors together may grow before the margin is gone; below 1 where it is now.
         box: half-widths (6,) of the start error at that factor, m and rad.
         sensitivities: of the margin, one for each error that the problem states, and for the clearance.
+        end: what fails at the least factor that was found too large; None where none was.
     """
 
     factor: float
     box: Array
     sensitivities: tuple[Sensitivity, ...]
+    end: End | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "box", frozen(self.box, 6, name="box"))
 
     def record(self) -> dict[str, Any]:
         """As the plan file holds it."""
-        return {"factor": self.factor, "start_box": self.box, "sensitivities": [asdict(s) for s in self.sensitivities]}
+        found = {"factor": self.factor, "start_box": self.box, "sensitivities": [asdict(s) for s in self.sensitivities]}
+        return found if self.end is None else {**found, "ends": asdict(self.end)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,12 +133,35 @@ def tolerated(motion: Motion, clearance: tuple[float, float]) -> Tolerated:
         motion: the motion.
         clearance: on each side in x and y, m; infinite where the parts never touch.
     """
-    factor = largest_factor(motion)
-    return Tolerated(factor, factor * motion.box, sensitivities(motion, clearance))
+    factor, beyond = factors(motion)
+    end = None if beyond > _LARGEST else what_fails(replace(motion, box=beyond * motion.box))
+    return Tolerated(factor, factor * motion.box, sensitivities(motion, clearance), end)
+
+
+def what_fails(motion: Motion) -> End:
+    """The inequality of least margin of a motion and the move that it belongs to, or why a move is impossible."""
+    reached, of_moves = Reached(ErrorSet.from_box(motion.box), (), ()), list[tuple[Claim, int]]()
+    for number, move in enumerate(motion.moves):
+        before = len(reached.claims)
+        try:
+            reached = unroll(motion.assembly, move, reached, motion.tolerance, motion.turn, thorough=True)
+        except InfeasibleError as error:
+            return End(number, "", error.message)
+        of_moves += [(claim, number) for claim in reached.claims[before:]]
+    claim, number = min(of_moves, key=lambda pair: pair[0].margin)
+    return End(number, claim.binding, "")
 
 
 def largest_factor(motion: Motion) -> float:
     """The largest factor of the whole start box at which the motion still has a margin, to 1/64, at most 64."""
+    return factors(motion)[0]
+
+
+def factors(motion: Motion) -> tuple[float, float]:
+    """The largest factor at which the motion still has a margin, and the least found at which it has none, to 1/64.
+
+    Where a factor of 64 leaves a margin, the second is beyond that, and was not tried.
+    """
 
     def holds(factor: float) -> bool:
         return replace(motion, box=factor * motion.box).holds
@@ -130,7 +172,7 @@ def largest_factor(motion: Motion) -> float:
     while high - low > _STEP * max(low, _STEP) and low < _LARGEST:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if holds(middle) else (low, middle)
-    return low
+    return low, high
 
 
 def sensitivities(motion: Motion, clearance: tuple[float, float]) -> tuple[Sensitivity, ...]:

@@ -8,7 +8,7 @@ from html import escape
 from typing import Any
 
 from fmopt.report.moves import verdict
-from fmopt.report.naming import AXES, degrees, millimetres, signed
+from fmopt.report.naming import AXES, binding_words, degrees, millimetres, signed
 from fmopt.report.tables import table
 
 Plan = Mapping[str, Any]
@@ -28,9 +28,17 @@ def tolerated_words(plan: Plan) -> str:
         return "The problem states no start error."
     sizes = ", ".join(f"{name} ±{_size(name, value)}" for name, value in box)
     words = f"This motion keeps a positive margin up to {found['factor']:.3g} times the start errors: {sizes}."
+    words += _end_words(plan, found.get("ends"))
     if verdict(plan).proved:
         return words + " Only the stated errors are certified; the larger ones are the planner's own figure."
     return words + " That is the planner's own figure, and not proved."
+
+
+def _end_words(plan: Plan, end: Plan | None) -> str:
+    """What fails first beyond that, as a sentence."""
+    if end is None:
+        return ""
+    return f" What ends it is move {end['move'] + 1}: {end['reason'] or binding_words(plan, str(end['binding']))}."
 
 
 def rates(plan: Plan) -> list[tuple[str, str, str]]:
