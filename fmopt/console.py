@@ -131,6 +131,7 @@ def print_solved(document: dict[str, Any], verdict: Any, folder: Path, report: b
     """Prints the outcome of `fmopt solve`."""
     from fmopt.report.moves import summary_rows
     from fmopt.report.naming import binding_words
+    from fmopt.report.sections import clearance_words
     from fmopt.report.tolerance_tables import rates, tolerated_words
     from fmopt.report.tube_view import ends_words
 
@@ -145,11 +146,8 @@ def print_solved(document: dict[str, Any], verdict: Any, folder: Path, report: b
     for row in rows:
         table.add_row(*row)
     console.print(table)
-    moving = document["parts"]["moving"]
-    declared = ", ".join(f"{1e3 * c:.4g}" for c in moving["declared_clearance"])
-    console.print(
-        f"clearance a side: measured {1e3 * moving['measured_clearance']:.4g} mm, declared {declared} mm (x, y)"
-    )
+    sides = [f"{kind} {clearance_words(document, kind)}" for kind in ("measured", "declared")]
+    console.print(f"clearance a side: {'; '.join(sides)}")
     least = min(document["segments"], key=lambda segment: float(segment["margin"]))
     margin = f"{1e6 * float(least['margin']):.2f} µm ({binding_words(document, least['binding_contact'])})"
     if certified:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -145,12 +146,18 @@ def plan_document(
             **diagnostics(nominal.planes, problem.peg.length),
             **hand_record(nominal.task, segments),
             "budget": [share.record() for share in problem.budget],
+            "clearance": {"measured": [_side(play) for play in done.clearance.play]},
             **({"imported": notes} if (notes := [*problem.moving.notes, *problem.fixed.notes]) else {}),
             **({} if measured is None else {"tolerated": measured.record()}),
             **_in_the_plane(problem, nominal, claims),
         },
     }
     return plan.sealed(plan.clean(document))
+
+
+def _side(play: float) -> float | None:
+    """The clearance on each of two sides with so much play between them, m; None where nothing stops the part."""
+    return 0.5 * play if math.isfinite(play) else None
 
 
 def _in_the_plane(problem: Problem, nominal: Nominal, claims: tuple[Claim, ...]) -> dict[str, Any]:

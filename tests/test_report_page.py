@@ -89,11 +89,42 @@ def test_the_page_can_be_read_aloud(whole: str) -> None:
 
 def test_the_verdict_comes_first_and_in_words(whole: str) -> None:
     text = Reader(whole).text
-    assert text.index("Certified") < text.index("What was asked") < text.index("What was not checked")
+    assert text.index("Certified") < text.index("The motion") < text.index("What was not checked")
     assert "Smallest certified margin: 42 µm" in text
     assert "the start error is larger than the clearance" in text
     assert "no sequence is cheaper" in text
     assert "friction" in text
+
+
+def test_chapters_come_in_the_order_in_which_people_ask() -> None:
+    tolerated = {"factor": 1.5, "start_box": [1e-3] * 6, "sensitivities": []}
+    plan = cube_plan(diagnostics={**with_graph()["diagnostics"], "tolerated": tolerated})
+    read = Reader(page_of(plan, drawn=True))
+    heads = [attrs["id"] for tag, attrs in read.attributes if tag == "section"]
+    wanted = "motion moves states margins budget trajectory hybrid tolerance limits asked provenance"
+    assert heads == wanted.split()
+
+
+def test_both_clearances_are_said_along_both_axes() -> None:
+    plan = cube_plan()
+    plan["parts"]["fixed"] |= {"declared_clearance": [1.1e-4, 0.9e-4], "measured_clearance": 0.8e-4}
+    text = Reader(report_page(sealed(plan), {})).text
+    assert "declared 0.11 mm along x, 0.09 mm along y, measured 0.08 mm where it is least" in text
+    plan["diagnostics"] = {"clearance": {"measured": [1.2e-4, 0.8e-4]}}
+    text = Reader(report_page(sealed(plan), {})).text
+    assert text.count("measured 0.12 mm along x, 0.08 mm along y") == 1
+    plan["diagnostics"] = {"clearance": {"measured": [1.2e-4, None]}}
+    assert "measured 0.12 mm along x. Start error" in Reader(report_page(sealed(plan), {})).text
+
+
+def test_what_ends_the_tolerated_errors_is_said() -> None:
+    found = {"factor": 1.5, "start_box": [1e-3] * 6, "sensitivities": []}
+    for ends, words in (
+        ({"move": 1, "binding": "v0-f5 too early", "reason": ""}, "What ends it is move 2: contact v0-f5 must not be"),
+        ({"move": 0, "binding": "", "reason": "the tube misses the wall"}, "What ends it is move 1: the tube misses"),
+    ):
+        plan = cube_plan(diagnostics={"tolerated": {**found, "ends": ends}})
+        assert words in Reader(report_page(plan, {})).text
 
 
 UNPROVED = {

@@ -17,7 +17,7 @@ from fmopt.report.tolerance_tables import tolerance_chapter
 
 
 def report_page(plan: Mapping[str, Any], figures: Mapping[str, str]) -> str:
-    """The report: verdict first, then what was asked, the motion, why it holds, and what was not checked.
+    """The report: verdict first, then the motion, why it holds, what it tolerates, and what was not checked.
 
     Args:
         plan: a plan document.
@@ -30,18 +30,17 @@ def report_page(plan: Mapping[str, Any], figures: Mapping[str, str]) -> str:
     shown = _shown(plan, figures)
     title = str(plan.get("problem", {}).get("title") or "insertion")
     chapters = [
-        ("asked", "What was asked", sections.asked(plan)),
         ("motion", "The motion", scene(plan) + shown.get("cut", "")),
         ("moves", "The moves", sections.move_table(plan)),
         ("states", "Contact states, and why this sequence", _states(plan, shown)),
         ("margins", "Margins and what binds them", sections.margin_words_of(plan) + shown.get("margin", "")),
-        ("errors", "The errors on the way", sections.error_table(plan) + shown.get("tube", "")),
-        ("budget", "Uncertainty budget", budget_table(plan) + shown.get("budget", "") + sections.taken(plan)),
-        ("tolerance", "Tolerated errors and sensitivities", tolerance_chapter(plan)),
+        ("budget", "Uncertainty budget", _budget(plan, shown)),
         ("plane", "Possible contacts in the plane", _plane(plan, shown)),
         ("trajectory", "Position and force over time", _nominal(plan, shown)),
         ("hybrid", "Hybrid strategies", control_tables.hybrid_table(plan)),
+        ("tolerance", "Tolerated errors and sensitivities", tolerance_chapter(plan)),
         ("limits", "What was not checked", sections.not_covered(plan)),
+        ("asked", "What was asked", sections.asked(plan)),
         ("provenance", "Where this comes from", sections.provenance(plan)),
     ]
     body = chaptered("Insertion plan", title, chapters, f"{_verdict_box(plan, found)}\n")
@@ -56,7 +55,14 @@ def _verdict_box(plan: Mapping[str, Any], found: Verdict) -> str:
     margin = smallest_margin(plan)
     if margin is not None:
         text += f"<p>{escape(sections.worst_move(plan))}</p>\n"
+    text += f'<p>{escape(sections.asked_words(plan))} More under <a href="#asked">what was asked</a>.</p>\n'
     return text + "</div>"
+
+
+def _budget(plan: Mapping[str, Any], shown: Mapping[str, str]) -> str:
+    """Where the start errors come from, what becomes of them on the way, and what they take of the clearance."""
+    sources = budget_table(plan) + shown.get("budget", "")
+    return sources + sections.error_table(plan) + shown.get("tube", "") + sections.taken(plan)
 
 
 def _plane(plan: Mapping[str, Any], shown: Mapping[str, str]) -> str:

@@ -46,6 +46,30 @@ def asked(plan: Plan) -> str:
     return text
 
 
+def asked_words(plan: Plan) -> str:
+    """Parts, clearances and start errors in two sentences."""
+    parts = plan["parts"]
+    words = f"Asked for: {parts['moving']['name']} into {parts['fixed']['name']}"
+    sides = [f"{kind} {text}" for kind in ("declared", "measured") if (text := clearance_words(plan, kind))]
+    words += f"; clearance on each side {', '.join(sides)}." if sides else "."
+    box = plan.get("uncertainty", {}).get("start_box")
+    return words if not box else f"{words} Start error {_box_words(box)}."
+
+
+def clearance_words(plan: Plan, kind: str) -> str:
+    """The declared or measured clearance on each side along x and y; where a plan has only the least, that one."""
+    part = plan["parts"]["fixed"]
+    declared, value = part.get("declared_clearance"), part.get(f"{kind}_clearance")
+    if kind == "measured":
+        value = plan.get("diagnostics", {}).get("clearance", {}).get("measured", value)
+    if value is None:
+        return ""
+    if isinstance(value, int | float):
+        return f"{millimetres(value)} mm" + (" where it is least" if declared is not None else "")
+    stated = [(v, axis) for v, axis in zip(value, AXES, strict=False) if v]
+    return ", ".join(f"{millimetres(v)} mm along {axis}" for v, axis in stated)
+
+
 def _part_row(side: str, part: Plan) -> tuple[str, ...]:
     extent = " × ".join(millimetres(width) for width in np.ptp(np.array(part["vertices"], dtype=np.float64), axis=0))
     return side, str(part["name"]), extent, str(len(part["faces"])), str(len(part.get("pieces", ())) or 1)
@@ -60,9 +84,8 @@ def _task_rows(plan: Plan) -> list[tuple[str, str]]:
     if run:
         rows.append(("nominal start pose", pose_words(run[0].segments[0]["start"])))
     for kind in ("declared", "measured"):
-        value = part.get(f"{kind}_clearance")
-        if value is not None:
-            rows.append((f"{kind} clearance on each side", _sides(value)))
+        if words := clearance_words(plan, kind):
+            rows.append((f"{kind} clearance on each side", words))
     if uncertainty.get("start_box"):
         box = uncertainty["start_box"]
         rows.append(("start error, half-widths", _box_words(box)))
@@ -82,15 +105,11 @@ def _task_rows(plan: Plan) -> list[tuple[str, str]]:
     return rows
 
 
-def _sides(value: Any) -> str:
-    if isinstance(value, int | float):
-        return f"{millimetres(value)} mm"
-    return ", ".join(f"{millimetres(v)} mm along {axis}" for v, axis in zip(value, AXES, strict=False))
-
-
 def _box_words(box: Sequence[float]) -> str:
-    way = ", ".join(f"{axis} ±{millimetres(v)} mm" for v, axis in zip(box[:3], AXES, strict=False))
-    return way + ", " + ", ".join(f"{axis} ±{degrees(v)}°" for v, axis in zip(box[3:], AXES[3:], strict=True))
+    """Half-widths by component; those that are 0 are left out."""
+    form = {axis: (millimetres, " mm") if k < 3 else (degrees, "°") for k, axis in enumerate(AXES)}
+    stated = [(axis, value, *form[axis]) for axis, value in zip(AXES, box, strict=True) if value]
+    return ", ".join(f"{axis} ±{said(value)}{unit}" for axis, value, said, unit in stated) or "none"
 
 
 def worst_move(plan: Plan) -> str:
