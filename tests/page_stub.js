@@ -54,6 +54,8 @@ class Pen { // the pixels that were put, and the strokes on top of them
   lineTo(x, y) { this.note("to", x, y); }
   arc(x, y, radius) { this.note("arc", x, y, radius); }
   fillText(words, x, y) { this.note("text", words, x, y); }
+  strokeText(words, x, y) { this.note("halo", words, x, y); }
+  measureText(words) { return { width: 7 * words.length }; }
   note(...words) {
     if (words.some(word => Number.isNaN(word) || word === undefined)) throw new Error("drawn without a number: " + words);
     this.strokes.push(words.join(" "));

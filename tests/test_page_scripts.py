@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import base64
 import re
-from itertools import pairwise
+from itertools import groupby, pairwise
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -147,14 +147,35 @@ def test_the_scene_plays_to_its_end(report: str) -> None:
 def test_the_scene_is_not_blank_and_changes_with_each_choice(report: str) -> None:
     with Page(report) as page:
         assert page.run("document.querySelector('canvas').pen.colours()") > 10
+        page.run("document.querySelector('[data-do=on]').click(); document.querySelector('[data-do=on]').click()")
         seen = [page.drawn()]
-        for control, value in (("fixed", "whole"), ("fixed", "lines"), ("moving", "lines"), ("look", "contact")):
+        for control, value in (
+            ("fixed", "whole"),
+            ("fixed", "lines"),
+            ("moving", "lines"),
+            ("look", "contact"),
+            ("names", "dots"),
+        ):
             choice = f"document.querySelector('[data-do={control}]')"
             page.run(f"{choice}.value = '{value}'; {choice}.dispatchEvent(happened('change')); 0")
             seen.append(page.drawn())
         assert len(set(seen)) == len(seen)
         page.run("document.querySelector('[data-do=reset]').click()")
         assert page.run("document.querySelector('[data-do=look]').value") == "whole"
+
+
+def test_the_scene_names_the_contacts_that_touch(report: str, square_peg_plan_file: Path) -> None:
+    run = {k: list(pieces) for k, pieces in groupby(fmopt.read(square_peg_plan_file).segments, key=lambda s: s.move)}
+    with Page(report) as page:
+        for pieces in run.values():
+            said = page.run("document.querySelector('canvas').pen.strokes.filter(w => w.startsWith('text')).join('|')")
+            lines = [line.split()[1:-2] for line in said.split("|")]
+            named = sorted(name.strip(",") for line in lines for name in line if "-" in name)
+            first = pieces[0].record
+            assert named == sorted({*first["state"], *first["goal_state"]})
+            places = [line.split()[-2:] for line in said.split("|") if "-" in line.split()[1]]
+            assert len({tuple(place) for place in places}) == len(places)
+            page.run("document.querySelector('[data-do=on]').click()")
 
 
 def test_the_scene_turns_by_keyboard_and_by_pointer(report: str) -> None:

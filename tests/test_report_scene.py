@@ -87,6 +87,6 @@ def test_a_plan_without_motion_has_no_scene_and_one_with_only_a_nominal_path_has
 
 def test_every_control_has_a_handler() -> None:
     program, frame = resource("scene.js"), resource("scene.html")
-    for name in ("play", "back", "on", "way", "zoom", "fixed", "moving", "look", "reset"):
+    for name in ("play", "back", "on", "way", "zoom", "fixed", "moving", "look", "names", "reset"):
         assert f'data-do="{name}"' in frame
         assert f'"{name}"' in program

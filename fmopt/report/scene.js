@@ -136,6 +136,18 @@ function showScene(root) {
   // ---- edges: runs of samples that nothing covers are drawn, hidden runs dashed where asked -----------------------
   const HIDDEN_BY = 2.0; // pixels
 
+  function covered(x, y) { // the depth at a pixel or a neighbour: along an edge a steep face may fill the pixel itself
+    const w = canvas.width, h = canvas.height;
+    if (x < 0 || y < 0 || x >= w || y >= h) return -Infinity;
+    const at = y * w + x;
+    let least = depth[at];
+    if (x > 0) least = Math.min(least, depth[at - 1]);
+    if (x + 1 < w) least = Math.min(least, depth[at + 1]);
+    if (y > 0) least = Math.min(least, depth[at - w]);
+    if (y + 1 < h) least = Math.min(least, depth[at + w]);
+    return least;
+  }
+
   function stroke(a, b, style) {
     const steps = Math.max(2, Math.min(4000, Math.ceil(Math.hypot(b[0] - a[0], b[1] - a[1]) / 2)));
     let from = 0, seen = null;
@@ -143,8 +155,7 @@ function showScene(root) {
       let now = null;
       if (k <= steps) {
         const t = k / steps, x = Math.floor(a[0] + t * (b[0] - a[0])), y = Math.floor(a[1] + t * (b[1] - a[1]));
-        const inside = x >= 0 && y >= 0 && x < canvas.width && y < canvas.height;
-        now = !inside || a[2] + t * (b[2] - a[2]) >= depth[y * canvas.width + x] - HIDDEN_BY * style.scale;
+        now = a[2] + t * (b[2] - a[2]) >= covered(x, y) - HIDDEN_BY * style.scale;
       }
       if (now !== seen) {
         if (seen !== null && (seen || style.hidden)) line(a, b, from / steps, (now === null ? steps : k) / steps, seen, style);
@@ -163,6 +174,10 @@ function showScene(root) {
     pen.stroke();
   }
 
+  function marks(ids, pose, eye) {
+    return ids.map(id => [id, contactPoint(id, pose)]).filter(([, at]) => at).map(([id, at]) => [id, eye.see(at)]);
+  }
+
   function mark(at, held, scale) {
     pen.setLineDash([]);
     pen.beginPath();
@@ -172,6 +187,36 @@ function showScene(root) {
     pen.strokeStyle = held ? "#ffffff" : "#a34a00";
     pen.fill();
     pen.stroke();
+  }
+
+  // ---- names of contacts: beside the picture's middle, left ones to the left; those at one place share a line ------
+  function callouts(marked, scale) {
+    const places = [], LINE = 15 * scale;
+    marked.forEach(([id, at]) => {
+      const near = places.find(place => Math.hypot(place.at[0] - at[0], place.at[1] - at[1]) < 6 * scale);
+      if (near) near.ids.push(id); else places.push({ at, ids: [id] });
+    });
+    const middle = places.reduce((sum, place) => sum + place.at[0] / places.length, 0);
+    pen.font = 12 * scale + "px sans-serif";
+    pen.textBaseline = "middle";
+    [-1, 1].forEach(side => {
+      const column = places.filter(place => (place.at[0] < middle - 1) === (side < 0)).sort((a, b) => a.at[1] - b.at[1]);
+      const reach = column.map(place => side * place.at[0]).reduce((a, b) => Math.max(a, b), -Infinity);
+      let y = -Infinity;
+      const lines = column.map(place => label(place, side, side * (reach + 34 * scale), y = Math.max(place.at[1], y + LINE), scale));
+      lines.forEach(draw => draw());
+    });
+  }
+
+  function label(place, side, x, y, scale) { // the line and a pale ground now, the letters when all grounds are there
+    const words = place.ids.join(", "), wide = pen.measureText(words).width, align = side < 0 ? "right" : "left";
+    x = Math.min(canvas.width - (side > 0 ? wide : 0) - 6 * scale, Math.max((side < 0 ? wide : 0) + 6 * scale, x));
+    pen.setLineDash([]);
+    pen.beginPath(); pen.moveTo(place.at[0], place.at[1]); pen.lineTo(x - side * 3 * scale, y);
+    pen.lineWidth = scale; pen.strokeStyle = "#a34a00"; pen.stroke();
+    pen.textAlign = align; pen.lineJoin = "round";
+    pen.lineWidth = 4 * scale; pen.strokeStyle = "#ffffff"; pen.strokeText(words, x, y);
+    return () => { pen.textAlign = align; pen.fillStyle = "#7a3700"; pen.fillText(words, x, y); };
   }
 
   function axes(scale) {
@@ -202,8 +247,10 @@ function showScene(root) {
     fixed.lines.forEach(([a, b]) => stroke(eye.see(a), eye.see(b), plain));
     const bold = { colour: "#0b2f5c", width: 1.6, scale: ratio, hidden: "#5f7fa8" };
     data.moving.lines.forEach(ends => { const [a, b] = placed(pose, ends).map(eye.see); stroke(a, b, bold); });
-    pose.leg.made.forEach(id => { const at = contactPoint(id, pose); if (at) mark(eye.see(at), false, ratio); });
-    pose.leg.held.forEach(id => { const at = contactPoint(id, pose); if (at) mark(eye.see(at), true, ratio); });
+    const made = marks(pose.leg.made, pose, eye), held = marks(pose.leg.held, pose, eye);
+    if (control("names").value === "ids") callouts(made.concat(held), ratio);
+    made.forEach(([, at]) => mark(at, false, ratio));
+    held.forEach(([, at]) => mark(at, true, ratio));
     axes(ratio);
     tell(pose.leg, Math.acos(Math.min(1, Math.max(-1, pose.R[2][2]))) * 180 / Math.PI);
   }
@@ -275,7 +322,7 @@ function showScene(root) {
   control("on").addEventListener("click", () => jump(1));
   control("way").addEventListener("input", event => go(event.target.value / 1000));
   control("zoom").addEventListener("input", event => { state.zoom = event.target.value / 100; draw(); });
-  ["fixed", "moving"].forEach(name => control(name).addEventListener("change", draw));
+  ["fixed", "moving", "names"].forEach(name => control(name).addEventListener("change", draw));
   control("look").addEventListener("change", () => { if (control("look").value === "contact" && state.zoom < 0.3) state.zoom = 0.3; zoom(0); });
   control("reset").addEventListener("click", reset);
   window.addEventListener("resize", draw);
