@@ -9,11 +9,14 @@ import pytest
 from report_plans import bare_plan, cube_plan, with_graph
 
 from fmopt.report import budget_view
+from fmopt.report.bodies import contact_place
 from fmopt.report.cut_view import alt as cut_alt
+from fmopt.report.cut_view import move_ends, sections
 from fmopt.report.drawing import sheet
 from fmopt.report.figures import Figure, catalogue, figures
 from fmopt.report.graph_view import graphs
 from fmopt.report.tube_view import error_sets, outline
+from fmopt.se3 import Pose
 
 NAMES = ["cut", "states", "margin", "tube", "budget", "trajectory"]
 
@@ -120,6 +123,38 @@ def test_the_cut_view_tells_the_gaps() -> None:
     upright = cube_plan()
     upright["segments"][-1]["goal"][4] = 0.0
     assert cut_alt(upright).endswith("left in x–z touching.")
+
+
+@pytest.mark.parametrize("towards", [0.0, 0.3, 0.5 * np.pi, 2.0, 3.0])
+def test_the_cut_is_in_the_plane_in_which_the_part_leans(towards: float) -> None:
+    """Leaning by an angle in the plane of the cut, the part's flanks are drawn at that angle, wherever it leans."""
+    plan = cube_plan()
+    lean = 0.2
+    plan["segments"][-1]["goal"][3:] = [-lean * np.sin(towards), lean * np.cos(towards), 0.0]
+    end = move_ends(plan)[-1]
+    assert end.lean == pytest.approx(lean)
+    assert np.sin(end.azimuth - towards) == pytest.approx(0.0, abs=1e-12)
+    peg, block = sections(plan, end)
+    sides = np.diff(np.array(peg.geoms[0].exterior.coords), axis=0)
+    along = np.abs(np.arctan2(sides[:, 0], sides[:, 1])) % np.pi
+    assert np.min(np.abs(np.minimum(along, np.pi - along) - lean)) < 1e-9
+    assert not block.is_empty
+    assert f"lean {np.degrees(lean):.1f}°" in cut_alt(plan)
+
+
+def test_a_contact_is_where_its_features_meet() -> None:
+    plan = cube_plan()
+    end = Pose.from_vector(plan["segments"][-1]["goal"])
+    touching = contact_place(plan, "v0-f5", end)
+    assert touching[0] == pytest.approx(-0.0051, abs=3e-5)
+    edges = {"id": "e-e", "moving": {"vertices": [0, 4]}, "fixed": {"vertices": [2, 8]}}
+    plan["contacts"].append(edges)
+    a, b = end.apply(np.array([plan["parts"]["moving"]["vertices"][k] for k in (0, 4)]))
+    c, d = (np.array(plan["parts"]["fixed"]["vertices"][k]) for k in (2, 8))
+    at = contact_place(plan, "e-e", end)
+    shares = np.linspace(0.0, 1.0, 2001)[:, None]
+    gaps = [np.min(np.linalg.norm(np.cross(a + s * (b - a) - c, d - c), axis=-1)) for s in shares]
+    assert np.linalg.norm(np.cross(at - c, d - c)) <= min(gaps) + 1e-12
 
 
 def test_the_budget_adds_up_and_names_its_sources() -> None:

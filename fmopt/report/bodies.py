@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -16,11 +17,6 @@ if TYPE_CHECKING:
     from shapely import MultiPolygon
 
 _SLIT = 1e-10  # m: rounding leaves slits between the sections of neighbouring pieces
-# Section planes: first axis to the right, z upward, seen against the third column.
-CUTS = {
-    "x–z": Pose(np.zeros(3), np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])),
-    "y–z": Pose(np.zeros(3), np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])),
-}
 
 
 def body_of(record: Mapping[str, Any]) -> Polyhedron:
@@ -33,11 +29,39 @@ def pieces_of(part: Mapping[str, Any]) -> tuple[Polyhedron, ...]:
     return tuple(body_of(piece) for piece in part.get("pieces") or (part,))
 
 
-def cut(bodies: tuple[Polyhedron, ...], pose: Pose, plane: str) -> MultiPolygon:
-    """The section of a part at a pose by one of `CUTS`, in that plane's coordinates, m; slits between pieces closed."""
+def upright_plane(azimuth: float) -> Pose:
+    """The plane through the axis at an angle from x, rad: first axis to the right, z upward, seen against the third.
+
+    The frame is exact where the angle is 0 or π/2.
+    """
+    c, s = (round(value, 15) + 0.0 for value in (math.cos(azimuth), math.sin(azimuth)))
+    return Pose(np.zeros(3), np.array([[c, 0.0, s], [s, 0.0, -c], [0.0, 1.0, 0.0]]))
+
+
+CUTS = {"x–z": upright_plane(0.0), "y–z": upright_plane(0.5 * math.pi)}
+
+
+def contact_place(plan: Mapping[str, Any], contact: str, pose: Pose) -> Array:
+    """Where a contact touches (3,), m: its vertex, or the point of the moving edge nearest to the fixed one."""
+    record = next(c for c in plan["contacts"] if c["id"] == contact)
+    moving, fixed = (
+        np.array([plan["parts"][side]["vertices"][i] for i in record[side]["vertices"]]) for side in ("moving", "fixed")
+    )
+    moving = pose.apply(moving)
+    if len(moving) == 1 or len(fixed) == 1:
+        return np.asarray((moving if len(moving) == 1 else fixed)[0])
+    e, f, d = moving[1] - moving[0], fixed[1] - fixed[0], fixed[0] - moving[0]
+    ee, ef, ff = e @ e, e @ f, f @ f
+    level = ee * ff - ef * ef <= 1e-9 * ee * ff
+    share = 0.5 if level else float(np.clip(((d @ e) * ff - (d @ f) * ef) / (ee * ff - ef * ef), 0.0, 1.0))
+    return np.asarray(moving[0] + share * e)
+
+
+def section_of(bodies: tuple[Polyhedron, ...], pose: Pose, plane: Pose) -> MultiPolygon:
+    """The section of a part at a pose by a plane, in the plane's coordinates, m; slits between pieces closed."""
     from shapely import MultiPolygon, get_parts
 
-    shape = section([placed(body, pose) for body in bodies], CUTS[plane])
+    shape = section([placed(body, pose) for body in bodies], plane)
     closed = shape.buffer(_SLIT, join_style="mitre").buffer(-_SLIT, join_style="mitre")
     return MultiPolygon([part for part in get_parts(closed) if part.geom_type == "Polygon"])
 

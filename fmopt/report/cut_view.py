@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fmopt.report.bodies import CUTS, cut, extent, pieces_of
-from fmopt.report.drawing import BLUE, DASHES, INK, PALE, WIDTH
+from fmopt.report.bodies import CUTS, contact_place, extent, pieces_of, section_of, upright_plane
+from fmopt.report.drawing import BLUE, INK, PALE, RUST, WIDTH
 from fmopt.report.moves import moves
 from fmopt.report.naming import quantity
 from fmopt.se3 import Pose
@@ -20,11 +22,42 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from shapely import MultiPolygon
 
-TITLE = "Cut view: both parts cut through the mating axis"
+TITLE = (
+    "Cut view: both parts cut through the mating axis, at every move's end in the plane in which the part leans; dots: "
+    "contacts just made, seen across the plane"
+)
 _TOUCH = 1e-9  # m
-_NEAR = 0.004  # m, labels closer than this are one
-_HEADROOM = 0.12  # of the height of a panel, for labels above the moving part
-_CROWDED = (0.016, 0.008)  # m, labels closer than this are set one above the other
+_UPRIGHT = math.sin(math.radians(0.5))  # a lean below which the part counts as upright
+_COLUMNS = 4
+_HEADS, _ROW, _GAPS = 0.8, 2.12, 2.05  # inches: for the words above a panel, for a row of panels, for the gaps below
+_PANEL = (1.43, 2.05)  # inches
+_LETTERS = 25  # in a line above a panel
+
+
+@dataclass(frozen=True, eq=False)
+class End:
+    """The moving part at the end of a move: what it is called, where it is, and the contacts that were made there."""
+
+    name: str
+    pose: Pose
+    made: tuple[str, ...]
+
+    @property
+    def lean(self) -> float:
+        """The angle between the part's axis and that of the hole, rad."""
+        return math.acos(min(1.0, float(self.pose.R[2, 2])))
+
+    @property
+    def azimuth(self) -> float:
+        """The angle from x, rad, in [0, π), of the plane through the axis in which the part leans; 0 when upright."""
+        x, y = (float(v) for v in self.pose.R[:2, 2])
+        return math.atan2(y, x) % math.pi if math.hypot(x, y) > _UPRIGHT else 0.0
+
+    @property
+    def plane(self) -> str:
+        """The plane in words."""
+        angle = round(math.degrees(self.azimuth)) % 180
+        return "plane x–z" if angle == 0 else "plane y–z" if angle == 90 else f"{angle}° from x"
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,86 +77,102 @@ class _Gap:
 
 def size(plan: Mapping[str, Any]) -> tuple[float, float]:
     """Width and height in inches."""
-    return (WIDTH, 6.6 if _all_gaps(plan) else 4.4)
+    return WIDTH, _rows(plan) * (_HEADS + _ROW) + 0.05 + (_GAPS if _all_gaps(plan) else 0.0)
 
 
 def alt(plan: Mapping[str, Any]) -> str:
     """What is to be seen, for who cannot see it."""
     parts, gaps = plan["parts"], _all_gaps(plan)
-    words = f"Sections of {parts['moving']['name']} and {parts['fixed']['name']} by the planes x–z and y–z, with the "
-    words += f"outline of {parts['moving']['name']} at the end of each of {len(moves(plan))} moves."
+    words = f"Sections of {parts['moving']['name']} and {parts['fixed']['name']} through the mating axis: "
+    words += "; ".join(f"{end.name}, {end.plane}, lean {_degrees(end.lean)}" for end in move_ends(plan)) + "."
     said = [f"{'left' if gap.side < 0 else 'right'} in {plane} {_width(gap)}" for plane, gap in gaps]
     return words + (f" Gaps in the goal pose: {', '.join(said)}." if said else "")
 
 
 def paint(plan: Mapping[str, Any], figure: Figure) -> None:
-    """Two sections side by side; below them the gaps in the seated pose, magnified across."""
-    gaps = _all_gaps(plan)
+    """A section for each move's end; below them the gaps in the seated pose, magnified across."""
+    gaps, ends = _all_gaps(plan), move_ends(plan)
     figure.set_layout_engine("none")  # by hand: half the time
-    room = {"left": 0.085, "right": 0.985, "top": 0.965, "bottom": 0.4 if gaps else 0.1, "wspace": 0.1}
-    grid = figure.add_gridspec(1, 2, **room)
-    left = figure.add_subplot(grid[0])
-    for axes, plane in zip((left, figure.add_subplot(grid[1], sharey=left)), CUTS, strict=True):
-        _section_panel(axes, plan, plane)
-    left.set_ylabel("z, mm")
-    low, high = left.get_ylim()
-    left.set_ylim(low, high + _HEADROOM * (high - low))
+    height = size(plan)[1]
+    drawn = [sections(plan, end) for end in ends]
+    middle, scale = _window(drawn)
+    for number, (end, (peg, block)) in enumerate(zip(ends, drawn, strict=True)):
+        row, column = divmod(number, _COLUMNS)
+        top = height - row * (_HEADS + _ROW) - _HEADS
+        left = 0.085 + column * 0.232
+        axes = figure.add_axes((left, (top - _PANEL[1]) / height, _PANEL[0] / WIDTH, _PANEL[1] / height))
+        _section_panel(axes, plan, end, peg, block)
+        axes.set_xlim(*(1e3 * (middle[0] + sign * 0.5 * scale * _PANEL[0]) for sign in (-1, 1)))
+        axes.set_ylim(*(1e3 * (middle[1] + sign * 0.5 * scale * _PANEL[1]) for sign in (-1, 1)))
+        axes.set_ylabel("" if column else "z, mm")
+        axes.tick_params(labelleft=column == 0, labelbottom=False, bottom=False)
+        for line, (words, style) in enumerate(_head(end)):
+            figure.text(left, (top + _HEADS - 0.08 - 0.14 * line) / height, words, fontsize=8.0, va="top", **style)
     if gaps:
-        figure.text(0.01, 0.31, "The gaps in the goal pose, magnified across", fontweight="bold", fontsize=9.5)
-        room = {"left": 0.085, "right": 0.985, "top": 0.265, "bottom": 0.075, "wspace": 0.55}
+        figure.text(0.01, 1.85 / height, "The gaps in the goal pose, magnified across", fontweight="bold", fontsize=9.5)
+        room = {"left": 0.085, "right": 0.985, "top": 1.55 / height, "bottom": 0.45 / height, "wspace": 0.55}
         below = figure.add_gridspec(1, max(len(gaps), 4), **room)
         for number, (plane, gap) in enumerate(gaps):
             _gap_panel(figure.add_subplot(below[number]), plane, gap)
 
 
-def _section_panel(axes: Axes, plan: Mapping[str, Any], plane: str) -> None:
+def _window(drawn: Sequence[tuple[MultiPolygon, MultiPolygon]]) -> tuple[Array, float]:
+    """The middle (2,), m, and the scale, m an inch, of panels with all of the moving part and the fixed one's depth."""
+    pegs, blocks = (np.array([p[k].bounds for p in drawn if not p[k].is_empty]).reshape(-1, 4) for k in (0, 1))
+    both = np.vstack([pegs, blocks])
+    low, high = np.array([pegs[:, 0].min(), both[:, 1].min()]), np.array([pegs[:, 2].max(), both[:, 3].max()])
+    return 0.5 * (low + high), float(np.max((high - low) * 1.06 / _PANEL))
+
+
+def _rows(plan: Mapping[str, Any]) -> int:
+    return -(-len(move_ends(plan)) // _COLUMNS)
+
+
+def _degrees(angle: float) -> str:
+    return f"{math.degrees(angle):.1f}°"
+
+
+def _head(end: End) -> list[tuple[str, dict[str, Any]]]:
+    """The lines above a panel, each with its style: where, in which plane, what was made."""
+    leans = f", lean {_degrees(end.lean)}" if end.lean > _UPRIGHT else ""
+    made = wrap(", ".join(end.made), _LETTERS, break_on_hyphens=False, max_lines=3, placeholder=" …")
+    return [
+        (end.name, {"fontweight": "bold"}),
+        (f"{end.plane}{leans}", {}),
+        *((line, {"color": RUST}) for line in made),
+    ]
+
+
+def sections(plan: Mapping[str, Any], end: End) -> tuple[MultiPolygon, MultiPolygon]:
+    """The sections of the moving and the fixed part in the plane in which the part leans, m."""
+    plane = upright_plane(end.azimuth)
     moving, fixed = (pieces_of(plan["parts"][side]) for side in ("moving", "fixed"))
-    _fill(axes, cut(fixed, Pose.identity(), plane), facecolor=PALE, edgecolor="#999999", hatch="////", linewidth=0)
-    _outline(axes, cut(fixed, Pose.identity(), plane), color=INK, linewidth=1.0)
-    tops: list[tuple[Array, list[str]]] = []
-    for end, pose, name in _ends(plan):
-        shape = cut(moving, pose, plane)
-        last = end == len(moves(plan))
-        if last:
-            _fill(axes, shape, facecolor=BLUE, alpha=0.15, linewidth=0)
-        _outline(axes, shape, color=BLUE, linewidth=1.4 if last else 0.7, linestyle="-" if last else DASHES[end % 4])
-        _note(tops, CUTS[plane].inverse().apply(pose.apply(_top(plan)))[:2], name)
-    paper = {"boxstyle": "square,pad=0.15", "facecolor": "white", "edgecolor": "none"}
-    for number, (place, names) in enumerate(tops):
-        text = names[0] if len(names) == 1 else f"{names[0]} … {names[-1]}" if len(names) > 2 else ", ".join(names)
-        below = [other for other, _ in tops[:number] if np.all(np.abs(other - place) < _CROWDED)]
-        foot = (1e3 * place[0], 1e3 * max(place[1], *(other[1] for other in below), -np.inf))
-        offset = (0, 7 + 13 * len(below))
-        axes.annotate(text, foot, offset, textcoords="offset points", ha="center", color=BLUE, bbox=paper)
-    axes.set_aspect("equal")
-    axes.margins(0.04, 0.06)
-    axes.set_title(f"plane {plane}: numbers are move ends" if plane == "x–z" else f"plane {plane}")
-    axes.set_xlabel(f"{plane[0]}, mm")
-    axes.tick_params(labelleft=plane == "x–z")
+    return section_of(moving, end.pose, plane), section_of(fixed, Pose.identity(), plane)
 
 
-def _ends(plan: Mapping[str, Any]) -> list[tuple[int, Pose, str]]:
+def _section_panel(axes: Axes, plan: Mapping[str, Any], end: End, peg: MultiPolygon, block: MultiPolygon) -> None:
+    _fill(axes, block, facecolor=PALE, edgecolor="#999999", hatch="////", linewidth=0)
+    _outline(axes, block, color=INK, linewidth=0.8)
+    _fill(axes, peg, facecolor=BLUE, alpha=0.15, linewidth=0)
+    _outline(axes, peg, color=BLUE, linewidth=1.2)
+    to_plane = upright_plane(end.azimuth).inverse()
+    places = [to_plane.apply(contact_place(plan, name, end.pose))[:2] for name in end.made]
+    if places:
+        axes.plot(*(1e3 * np.array(places)).T, "o", markersize=4.0, color=RUST, markeredgecolor="white", clip_on=False)
+
+
+def move_ends(plan: Mapping[str, Any]) -> list[End]:
+    """The start and the end of every move; the nodes of the nominal trajectory where a plan has no moves."""
     run = moves(plan)
     if not run:
         nodes = plan.get("nominal", {}).get("nodes", ())
-        return [(k, Pose.from_vector(node), f"node {k}") for k, node in enumerate(nodes)]
-    start = (0, Pose.from_vector(run[0].segments[0]["start"]), "start")
-    return [start, *((m.number, Pose.from_vector(m.segments[-1]["goal"]), str(m.number)) for m in run)]
-
-
-def _note(tops: list[tuple[Array, list[str]]], place: Array, name: str) -> None:
-    """Adds a label, to one that stands near where there is one."""
-    for other, names in tops:
-        if np.all(np.abs(other - place) < _NEAR):
-            names.append(name)
-            return
-    tops.append((place, [name]))
-
-
-def _top(plan: Mapping[str, Any]) -> Array:
-    """The middle of the trailing end of the moving part, body frame, m."""
-    points = np.asarray(plan["parts"]["moving"]["vertices"], dtype=np.float64)
-    return np.array([*(0.5 * (points.min(axis=0) + points.max(axis=0)))[:2], points[:, 2].max()])
+        return [End(f"node {k}", Pose.from_vector(node), ()) for k, node in enumerate(nodes)]
+    known = {contact["id"] for contact in plan.get("contacts", ())}
+    found = [End("start", Pose.from_vector(run[0].segments[0]["start"]), ())]
+    for move in run:
+        made = tuple(name for name in move.new if name in known)
+        found.append(End(f"end of move {move.number}", Pose.from_vector(move.segments[-1]["goal"]), made))
+    return found
 
 
 def _fill(axes: Axes, shape: MultiPolygon, **style: Any) -> None:
@@ -143,16 +192,16 @@ def _outline(axes: Axes, shape: MultiPolygon, **style: Any) -> None:
 
 
 def _all_gaps(plan: Mapping[str, Any]) -> list[tuple[str, _Gap]]:
-    ends = _ends(plan)
+    ends = move_ends(plan)
     if not ends:
         return []
-    return [(plane, gap) for plane in CUTS for gap in _gaps(plan, ends[-1][1], plane)]
+    return [(plane, gap) for plane in CUTS for gap in _gaps(plan, ends[-1].pose, CUTS[plane])]
 
 
-def _gaps(plan: Mapping[str, Any], pose: Pose, plane: str) -> list[_Gap]:
+def _gaps(plan: Mapping[str, Any], pose: Pose, plane: Pose) -> list[_Gap]:
     """The gaps on both sides at the middle of the engaged heights; none where the parts are not side by side."""
     moving, fixed = (pieces_of(plan["parts"][side]) for side in ("moving", "fixed"))
-    peg, block = cut(moving, pose, plane), cut(fixed, Pose.identity(), plane)
+    peg, block = section_of(moving, pose, plane), section_of(fixed, Pose.identity(), plane)
     if peg.is_empty or block.is_empty:
         return []
     low, high = max(peg.bounds[1], block.bounds[1]), min(peg.bounds[3], block.bounds[3])
