@@ -66,6 +66,12 @@ VALUES = [
     ("height = 1", "height = «2020-01-01»", "wrong-type", "a date or time stands where a length is asked for"),
     ("speed = 20", "speed = «1e9»", "out-of-range", "keep it at most 100000 mm/s"),
     ("friction = 0.3", "friction = «-0.3»", "negative", "-0.3 is negative"),
+    (
+        "\nx = 0.3",
+        "\nx = «400»",
+        "out-of-range",
+        "the start error along x is 400 mm; check [units], or write the unit",
+    ),
     ("torque_limit = 1", 'torque_limit = «"5 N"»', "wrong-unit", "is a force, not a torque"),
     ("translation = 0.01", "translation = «1.5»", "out-of-range", "1.5 is too large; keep it at most 1"),
     ('method = "sound"', 'method = «"loud"»', "unknown-choice", "'loud' is none of the choices; write 'sound' or"),

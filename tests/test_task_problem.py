@@ -209,6 +209,15 @@ def test_a_drawing_that_disagrees_with_the_parts_is_told(tmp_path: Path) -> None
     assert "along y, 0.2 mm a side are declared, 0.1 mm measured" in warning
 
 
+def test_an_error_as_wide_as_the_part_is_warned_of(tmp_path: Path) -> None:
+    path = copied(tmp_path)
+    path.write_text(path.read_text(encoding="utf-8").replace("x = 0.3", "x = 15"))
+    problem = load(path)
+    (warning,) = facts(problem, measured_clearance(problem))["warnings"]
+    assert "the start error along x, 15 mm, is more than half the width of the moving part, 20 mm" in warning
+    assert "check the units" in warning
+
+
 @pytest.mark.parametrize("wrong", ["y = 1.1", "y = 0.009"])
 def test_another_unit_is_no_tolerance(tmp_path: Path, wrong: str) -> None:
     path = copied(tmp_path)

@@ -140,12 +140,24 @@ def _warnings(problem: Problem, clearance: Clearance) -> Iterator[str]:
     yield from _mismatch(problem, clearance)
     for part in (problem.moving, problem.fixed):
         yield from (note for note in part.notes if note.startswith(_WARNING))
+    yield from _far(problem)
     rounds = problem.moving.chord_error + problem.fixed.chord_error
     if rounds >= clearance.per_side:
         yield (
             f"warning: the curved surfaces lie up to {_mm(rounds)} mm from their facets, which is the clearance and "
             "more; give finer facets"
         )
+
+
+def _far(problem: Problem) -> Iterator[str]:
+    """Where the start error may put the peg beside the hole altogether, which is a wrong unit more often than not."""
+    widths = np.ptp(problem.moving.polyhedron.vertices, axis=0)
+    for axis, error, width in zip("xy", problem.start_box.tolist(), widths.tolist(), strict=False):
+        if error > 0.5 * width:
+            yield (
+                f"warning: the start error along {axis}, {_mm(error)} mm, is more than half the width of the moving "
+                f"part, {_mm(width)} mm: it may begin beside the hole altogether; check the units"
+            )
 
 
 def _mismatch(problem: Problem, clearance: Clearance) -> Iterator[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from os.path import normpath
 from pathlib import Path
@@ -24,6 +24,7 @@ from fmopt.task.faults import checked
 from fmopt.task.mesh_source import MAX_MESH_BYTES
 from fmopt.task.model import Model, load_model, overrides_of
 from fmopt.task.problem import Attributes, Problem, Settings, Specification, VelocityError
+from fmopt.task.sizes import refuse_far, refuse_wild
 from fmopt.task.sources import (
     Configuration,
     Contribution,
@@ -42,7 +43,7 @@ from fmopt.task.sources import (
 from fmopt.task.tables import Reading, factors, in_words
 from fmopt.task.toml_source import Source, read, read_bytes
 from fmopt.task.tree import build_part, build_tree
-from fmopt.task.units import ANGLE, LENGTH, did_you_mean
+from fmopt.task.units import LENGTH, did_you_mean
 from fmopt.values import Array
 
 T = TypeVar("T")
@@ -226,7 +227,9 @@ def _problem(source: Source, file: files.ProblemFile, models: Mapping[str, Model
     plane = _plane(file, models)
     if plane is not None:
         shares = tuple(share.in_plane() for share in shares)
-    _refuse_wild(source, shares)
+    box = total(shares) if shares else _stated_box(file.uncertainty.start)
+    refuse_wild(source, shares)
+    refuse_far(source, box, (moving, parts[hole]))
     return Problem(
         title=file.title,
         path=source.path,
@@ -241,7 +244,7 @@ def _problem(source: Source, file: files.ProblemFile, models: Mapping[str, Model
         task=task,
         declared_clearance=(file.clearance.x, file.clearance.y or 0.0),
         approach=file.start.height,
-        start_box=total(shares) if shares else _stated_box(file.uncertainty.start),
+        start_box=box,
         trapezoid=None if trapezoid is None else (trapezoid.ball, trapezoid.cone),
         sources=sources,
         budget=shares,
@@ -321,16 +324,6 @@ def _tessellation(models: Mapping[str, Model], parts: Mapping[str, Part]) -> tup
         for side, model in models.items()
         if model.file.mesh is not None and parts[side].chord_error > 0.0
     )
-
-
-def _refuse_wild(source: Source, shares: Sequence[Contribution]) -> None:
-    """Errors of orientation that a stated box could not have either."""
-    angle = float(total(shares)[3])
-    if angle > 0.25 * math.pi:
-        largest = max(shares, key=lambda share: float(share.box[3]))
-        message = f"the sources may turn the parts by {in_words(angle, ANGLE)}, most of it by: {largest.source}"
-        place = source.place(("uncertainty", "sources"), of_key=True)
-        raise InputError(place.fault("out-of-range", message, "keep all together at most 45 deg"))
 
 
 def _stated_box(box: files.Box | None) -> Array:
