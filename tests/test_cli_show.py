@@ -62,6 +62,8 @@ def test_a_plan_is_drawn_in_every_format(fmopt: Command) -> None:
     assert names[:4] == ["scene", "cut", "states", "margin"]
     assert fmopt("show", "plan.json", "--json")[1] == '{"written": ["plan-scene.html"]}\n'
     assert fmopt("show", "plan.json", "--what", "margin", "--out", "m.png", "--quiet")[:2] == (0, "")
+    said, named = (fmopt("show", "plan.json", "--what", what, "--out", "-")[1] for what in ("moves", "cut"))
+    assert said == named
     assert Path("m.png").read_bytes().startswith(b"\x89PNG")
     assert "<canvas" in Path("plan-scene.html").read_text(encoding="utf-8")
 
@@ -92,7 +94,11 @@ def test_verify_reads_standard_input(fmopt: Command, square_peg_plan_file: Path)
 
 
 REFUSED = {
-    "no such drawing": (["show", str(ROOT / "models/square_peg.toml"), "--what", "tube"], 4, "choose from part, scene"),
+    "no such drawing": (
+        ["show", str(ROOT / "models/square_peg.toml"), "--what", "tube"],
+        4,
+        "choose from part, scene; fmopt show",
+    ),
     "no such format": (["show", str(ROOT / "models/square_peg.toml"), "--out", "x.pdf"], 4, "choose from .svg, .png"),
     "a scene as SVG": (
         ["show", str(ROOT / "models/square_peg.toml"), "--what", "scene", "--out", "x.svg"],

@@ -16,6 +16,14 @@ if TYPE_CHECKING:
     from fmopt.knowledge.command import Answer
 
 STDIO = Path("-")  # standard input or output
+_SAID = {  # what people call drawings of a plan, beside their names
+    "moves": "cut",
+    "motion": "scene",
+    "3d": "scene",
+    "graph": "states",
+    "margins": "margin",
+    "errors": "tube",
+}
 _RHO = 0.01  # m: an assembly states no errors, so that the characteristic length plays no part
 
 
@@ -47,7 +55,7 @@ def draw(file: Path, what: str | None, out: Path | None) -> bytes | Path:
 
     Args:
         file: see `gallery`.
-        what: name of the drawing; the first when not given.
+        what: name of the drawing, or what people call it, as "moves" and "motion"; the first when not given.
         out: file whose ending says the format; "-" for SVG, or HTML of what moves, as bytes; None for a file named
             after both in the current folder.
 
@@ -60,8 +68,10 @@ def draw(file: Path, what: str | None, out: Path | None) -> bytes | Path:
     """
     found = gallery(file)
     name = what or next(iter(found))
+    name = name if name in found else _SAID.get(name.lower(), name)
     if name not in found:
-        raise ResourceError(f"{file}: no drawing {name!r} of it", f"choose from {', '.join(found)}")
+        advice = f"choose from {', '.join(found)}; fmopt show {file} --list says what each shows"
+        raise ResourceError(f"{file}: no drawing {name!r} of it", advice)
     drawing = found[name]
     if out == STDIO:
         return (drawing.html() if drawing.paint is None else drawing.svg()).encode()
