@@ -214,3 +214,6 @@ def test_a_replay_is_the_trial_and_moves(square_peg_plan: dict[str, Any], writte
         frames = [np.asarray(one.convert("RGB"), dtype=float) for one in ImageSequence.Iterator(picture)]
     assert len(frames) == pytest.approx(20 * record["seconds"], abs=5)
     assert np.abs(frames[0] - frames[-1]).mean() > 1.0
+    reddest = np.max(frames[0][..., 0] - frames[0][..., 2])
+    assert np.median(frames[0]) > 150.0  # on a bright ground
+    assert reddest > 100.0  # the moving part, orange, is lit

@@ -21,16 +21,20 @@ _SCENE = """\
   <compiler angle="radian"/>
   <option timestep="{step!r}" gravity="0 0 0" cone="{cone}" impratio="{impratio!r}" integrator="implicitfast"
           solver="Newton" tolerance="1e-12" iterations="50" jacobian="dense"><flag multiccd="enable"/></option>
-  <visual><global offwidth="640" offheight="480"/><map znear="0.005"/></visual>
+  <visual>
+    <global offwidth="640" offheight="480"/><map znear="0.005"/>
+    <headlight ambient="0.5 0.5 0.5" diffuse="0.45 0.45 0.45" specular="0 0 0"/><rgba haze="1 1 1 1"/>
+  </visual>
   <default>
     <geom type="mesh" mass="0" margin="{margin!r}" solref="{solref}" solimp="{solimp}"
           friction="{friction!r} 0 0" condim="3"/>
   </default>
   <asset>
+    <texture type="skybox" builtin="flat" rgb1="1 1 1" rgb2="1 1 1" width="16" height="16"/>
 {meshes}
   </asset>
   <worldbody>
-    <light pos="0.1 -0.2 0.5" dir="-0.2 0.4 -1"/>
+    <light directional="true" dir="-0.2 0.4 -1" diffuse="0.3 0.3 0.3" specular="0 0 0" castshadow="false"/>
 {fixed}
     <body name="part">
       <freejoint/>
