@@ -293,6 +293,18 @@ def test_ends_are_told_from_limits(whole: str) -> None:
     assert "ends after 600 µm; a fault beyond 1.3 mm or 3 s" in text
 
 
+def test_what_ends_a_move_without_a_contact_is_said(whole: str) -> None:
+    text = Reader(whole).text
+    assert "Move 1 makes no contact: it ends after its travel, with nothing to feel. With every error" in text
+    assert "no contact says that the part has arrived" not in text
+    plan = cube_plan()
+    plan["segments"] = plan["segments"][:1]
+    text = Reader(page_of(sealed(plan))).text
+    assert "The last move is one of them: no contact says that the part has arrived. It begins at" in text
+    text = Reader(page_of(UNPROVED["not proved"])).text
+    assert "nothing but what is held is touched up to there is not proved" in text
+
+
 def test_importing_the_report_loads_no_plotting_library() -> None:
     code = "import sys, fmopt.report.page; print(sorted({'matplotlib', 'shapely', 'manifold3d'} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -140,9 +140,29 @@ def move_table(plan: Plan) -> str:
     worst = min(stated, key=lambda k: float(run[k].margin or 0.0), default=-1)
     pieces = sum(len(move.segments) for move in run)
     words = f"{len(run)} moves in {pieces} pieces; a move that turns far is checked piece by piece."
-    return (f"<p>{words}</p>\n" if run else "<p>The plan has no moves.</p>\n") + table(
+    said = (f"<p>{words}</p>\n" if run else "<p>The plan has no moves.</p>\n") + table(
         "Moves, in order", head, rows, "n...nn", worst
     )
+    ending = unguarded_words(plan)
+    return f"{said}<p>{escape(ending)}</p>\n" if ending else said
+
+
+def unguarded_words(plan: Plan) -> str:
+    """What ends the moves that make no contact, and what is known of the place where they end."""
+    run = moves(plan)
+    quiet = [str(move.number) for move in run if not move.new]
+    if not quiet:
+        return ""
+    several = len(quiet) > 1
+    name = f"Moves {', '.join(quiet[:-1])} and {quiet[-1]} make" if several else f"Move {quiet[0]} makes"
+    words = f"{name} no contact: {'each ends' if several else 'it ends'} after its travel, with nothing to feel. "
+    if verdict(plan).proved:
+        words += "With every error in the stated set nothing but what is held is touched up to there. "
+    else:
+        words += "That nothing but what is held is touched up to there is not proved. "
+    if not run[-1].new:
+        words += f"The last move is one of them: no contact says that the part has arrived. {ends_words(plan)} "
+    return words + "A contact felt on such a move means that something is not as planned."
 
 
 def why(plan: Plan) -> str:
