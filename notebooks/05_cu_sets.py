@@ -74,7 +74,7 @@ fmopt.slider("±ε_φ", [(f"{np.degrees(s):.0f}°", drawing(contact(Kind.TYPE_2,
 # %%
 bodies = [surface_record(contact(kind, 0.15, 1.5 * MM)) for kind in (Kind.TYPE_1, Kind.TYPE_2)]
 title = "CU of both types over φ"
-fmopt.Drawing("surfaces", title, title, (7.0, 3.9), paint=partial(surface_view.paint_surfaces, bodies))
+fmopt.Drawing("surfaces", title, title, surface_view.paper(2), paint=partial(surface_view.paint_surfaces, bodies))
 
 # %% [markdown]
 # ## Is it so? A hundred thousand deviations

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from fmopt import plan as files
 from fmopt.errors import PlanFormatError, ResourceError
-from fmopt.report.moves import Move, moves, smallest_margin
+from fmopt.report.moves import Move, characteristic_length, moves, smallest_margin
 from fmopt.report.moves import verdict as spoken
 from fmopt.se3 import Pose
 from fmopt.task import problem as task
@@ -45,6 +45,7 @@ class Segment:
         clearance: gap that the nominal motion leaves, m; None where the plan states none.
         binds: what the margin is of, in words.
         hybrid: the control strategy, as in the plan file: frame, axes, velocity, bias wrench, termination.
+        rho: characteristic length, m, that makes turns comparable with lengths.
         record: all of it as the plan file holds it, SI units.
     """
 
@@ -59,6 +60,7 @@ class Segment:
     clearance: float | None
     binds: str
     hybrid: Mapping[str, Any]
+    rho: float
     record: Mapping[str, Any]
 
     def _repr_html_(self) -> str:
@@ -256,6 +258,7 @@ class Plan:
             clearance=piece.get("clearance"),
             binds=binding_words(self.document, str(piece.get("binding_contact") or "")),
             hybrid=piece.get("hybrid", {}),
+            rho=characteristic_length(self.document),
             record=piece,
         )
 

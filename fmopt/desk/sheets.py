@@ -7,9 +7,9 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
 
+from fmopt.report.control_tables import hybrid_cells
 from fmopt.report.moves import summary_rows
 from fmopt.report.moves import verdict as spoken
-from fmopt.report.naming import combination
 from fmopt.report.tables import table
 
 if TYPE_CHECKING:
@@ -57,7 +57,6 @@ def plan_sheet(plan: Plan) -> str:
 
 def segment_sheet(segment: Segment) -> str:
     """A segment: where it goes, what it keeps, what it leaves, and how it is controlled."""
-    hybrid, ending = segment.hybrid, segment.hybrid.get("termination", {})
     rows = [
         ("from", pose_words(segment.start.vector())),
         ("to", pose_words(segment.goal.vector())),
@@ -65,13 +64,14 @@ def segment_sheet(segment: Segment) -> str:
         ("ends with", ", ".join(segment.goal_state) or "nothing"),
         ("margin", "none stated" if segment.margin is None else f"{1e6 * segment.margin:.2f} µm, {segment.binds}"),
     ]
-    if hybrid:
+    if segment.hybrid:
         rows += [
-            ("position axes", "; ".join(combination(axis) for axis in hybrid["position_axes"]) or "none"),
-            ("force axes", "; ".join(combination(axis) for axis in hybrid["force_axes"]) or "none"),
-            ("bias wrench", combination(hybrid["bias_wrench"], "N", "N·m")),
-            ("stops when", f"{combination(ending['wrench'])} reaches {ending['threshold']:.3g}"),
-            ("a fault beyond", f"{1e3 * ending['max_travel']:.3g} mm, {ending['timeout']:.3g} s"),
+            (name, said)
+            for name, said in zip(
+                ("position axes", "force axes", "velocity", "bias wrench", "end"),
+                hybrid_cells(segment.record, segment.record.get("progress", (0.0, 1.0))[1] == 1.0, segment.rho),
+                strict=True,
+            )
         ]
     return _sheet(table(f"segments[{segment.number}], of move {segment.move}", ("", ""), rows))
 
@@ -104,7 +104,8 @@ def verdict_sheet(verdict: Any) -> str:
     lines = "".join(f"<li>{escape(str(finding))}</li>" for finding in verdict.findings[:_SHOWN])
     more = len(verdict.findings) - _SHOWN
     rest = f"<li>and {more} more</li>" if more > 0 else ""
-    first = "" if verdict.margin is None else f", least margin {1e6 * verdict.margin:.2f} µm"
+    least = "least margin" if str(verdict.verdict) == "CERTIFIED" else "least stated margin, not proved,"
+    first = "" if verdict.margin is None else f", {least} {1e6 * verdict.margin:.2f} µm"
     listed = f"<ul>{lines}{rest}</ul>" if lines else ""
     return _sheet(f"<strong>{verdict.verdict}</strong>: {verdict.segments} segments{first}{listed}")
 

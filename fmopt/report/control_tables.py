@@ -35,7 +35,7 @@ def hybrid_table(plan: Plan) -> str:
     rows, rho = [], characteristic_length(plan)
     for move in moves(plan):
         last = move.segments[-1]
-        cells = [_hybrid_cells(piece, piece is last, rho) if piece.get("hybrid") else () for piece in move.segments]
+        cells = [hybrid_cells(piece, piece is last, rho) if piece.get("hybrid") else () for piece in move.segments]
         for alike, run in groupby(enumerate(cells, start=1), key=lambda item: item[1]):
             numbers = [number for number, _ in run]
             several = f", pieces {numbers[0]}–{numbers[-1]}" if len(numbers) > 1 else f", piece {numbers[0]}"
@@ -51,7 +51,14 @@ def hybrid_table(plan: Plan) -> str:
     return words + table("Hybrid position/force strategy of every piece", head, rows) if rows else ""
 
 
-def _hybrid_cells(piece: Plan, last: bool, rho: float) -> tuple[str, ...]:
+def hybrid_cells(piece: Plan, last: bool, rho: float) -> tuple[str, ...]:
+    """The strategy of a piece in words: position axes, force axes, velocity, bias wrench, end.
+
+    Args:
+        piece: a segment of a plan, with its strategy.
+        last: whether its move ends with it.
+        rho: characteristic length, m, with which turns and torques are counted.
+    """
     hybrid = piece["hybrid"]
     twists, wrenches = np.array([1.0, 1.0, 1.0, rho, rho, rho]), np.array([1.0, 1.0, 1.0, 1 / rho, 1 / rho, 1 / rho])
     velocity = direction(hybrid.get("velocity", ()), twists)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmopt.report.drawing import BLUE, GREY, INK, PALE, RUST, WIDTH
+from fmopt.report.naming import quantity
 from fmopt.values import Array
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ TITLE = (
 )
 _ROW = 2.75  # inches
 _LEGEND = 1.0  # inches
+_COARSE = 5e-3  # m: a magnified part wider than this is shown in mm
 _GROUND = "#f4e6d8"
 _TURNING: Any = {"color": RUST, "linewidth": 0.8, "linestyle": "--"}
 _JOINED = 0.02  # of the extent, poses nearer than this have their names written together
@@ -29,9 +31,10 @@ _SIDES = ((5, -2, "left", "top"), (-5, -2, "right", "top"), (5, 2, "left", "bott
 
 
 def diagrams(plan: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
-    """The diagrams that the plan holds, at most one a plane."""
-    found: Sequence[Mapping[str, Any]] = plan.get("diagnostics", {}).get("diagrams", ())
-    return found
+    """The diagrams that the plan holds, at most one a plane; of a planar problem those with material of operand 2."""
+    diagnostics = plan.get("diagnostics", {})
+    found: Sequence[Mapping[str, Any]] = diagnostics.get("diagrams", ())
+    return [item for item in found if item["fixed"]] if diagnostics.get("planar") else found
 
 
 def size(plan: Mapping[str, Any]) -> tuple[float, float]:
@@ -47,8 +50,8 @@ def alt(plan: Mapping[str, Any]) -> str:
     said = []
     for item in diagrams(plan):
         zone = item["zone"]
-        ball, cone = 1e6 * zone["radius"], math.degrees(zone["half_angle"])
-        said.append(f"{item['plane'][0]}–{item['plane'][1]}: ball {ball:.4g} µm, cone {cone:.3g}°")
+        ball, cone = float(zone["radius"]), math.degrees(zone["half_angle"])
+        said.append(f"{item['plane'][0]}–{item['plane'][1]}: ball {quantity(ball)}, cone {cone:.3g}°")
     return words + "Uncertainty: " + "; ".join(said) + "."
 
 
@@ -84,19 +87,20 @@ def _close(axes: Axes, item: Mapping[str, Any]) -> None:
     """Magnified across the axis; on the plane of the mouth in both directions."""
     low, high = _window(item)
     upright = item["plane"][1] == "z"
-    scale_v = 1e3 if upright else 1e6
-    _regions(axes, item, 1e6, scale_v)
-    _path(axes, item, 1e6, scale_v)
-    _zones(axes, item, scale_v)
-    _lines(axes, item, 1e6, scale_v)
-    _names(axes, item, np.array([1e6, scale_v]), high - low)
-    axes.set_xlim(1e6 * low[0], 1e6 * high[0])
+    scale_u, unit = (1e3, "mm") if high[0] - low[0] > _COARSE else (1e6, "µm")
+    scale_v = 1e3 if upright else scale_u
+    _regions(axes, item, scale_u, scale_v)
+    _path(axes, item, scale_u, scale_v)
+    _zones(axes, item, scale_u, scale_v)
+    _lines(axes, item, scale_u, scale_v)
+    _names(axes, item, np.array([scale_u, scale_v]), high - low)
+    axes.set_xlim(scale_u * low[0], scale_u * high[0])
     axes.set_ylim(scale_v * low[1], scale_v * high[1])
     if not upright:
         axes.set_aspect("equal", adjustable="box")
     axes.set_title(f"plane {_name(item)}, magnified {'across' if upright else 'both ways'}")
-    axes.set_xlabel(f"{item['plane'][0]}, µm", labelpad=1)
-    axes.set_ylabel(f"{item['plane'][1]}, {'mm' if upright else 'µm'}")
+    axes.set_xlabel(f"{item['plane'][0]}, {unit}", labelpad=1)
+    axes.set_ylabel(f"{item['plane'][1]}, {'mm' if upright else unit}")
 
 
 def _window(item: Mapping[str, Any]) -> tuple[Array, Array]:
@@ -192,9 +196,9 @@ def _extent(item: Mapping[str, Any]) -> Array:
     return np.asarray(np.ptp(np.array(points), axis=0))
 
 
-def _zones(axes: Axes, item: Mapping[str, Any], scale_v: float) -> None:
+def _zones(axes: Axes, item: Mapping[str, Any], scale_u: float, scale_v: float) -> None:
     """Ball, cone and trapezoid at every pose."""
-    factor = np.array([1e6, scale_v])
+    factor = np.array([scale_u, scale_v])
     for pose in item["poses"]:
         trapezoid, ball = np.array(pose["trapezoid"]) * factor, np.array(pose["ball"]) * factor
         axes.fill(*trapezoid.T, facecolor=BLUE, alpha=0.12, linewidth=0)

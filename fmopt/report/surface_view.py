@@ -14,6 +14,9 @@ from fmopt.report.planar_view import piece_points
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_COLUMNS = 2
+_ROW = 2.75  # inches
+
 TITLE = "CU of basic contacts over φ, and the nominal C-surface inside"
 
 
@@ -28,7 +31,12 @@ def has(plan: Mapping[str, Any]) -> bool:
 
 def size(plan: Mapping[str, Any]) -> tuple[float, float]:
     """Width and height in inches."""
-    return WIDTH, 3.9
+    return paper(len(_surfaces(plan)))
+
+
+def paper(count: int) -> tuple[float, float]:
+    """Width and height, in inches, of a sheet for so many surfaces, two in a row."""
+    return WIDTH, 0.35 + _ROW * math.ceil(count / _COLUMNS)
 
 
 def alt(plan: Mapping[str, Any]) -> str:
@@ -50,17 +58,29 @@ def paint_surfaces(surfaces: Sequence[Mapping[str, Any]], figure: Figure, uprigh
 
     `upright` is what the plane's second axis is called: z in a plan.
     """
+    from matplotlib.ticker import MaxNLocator
+
+    figure.set_layout_engine("none")  # no layout counts the labels of axes in space
+    height = float(figure.get_size_inches()[1])
+    row = (height - 0.35) / height / math.ceil(len(surfaces) / _COLUMNS)
     for k, surface in enumerate(surfaces):
-        axes: Any = figure.add_subplot(1, len(surfaces), k + 1, projection="3d")
+        left, top = (k % _COLUMNS) / _COLUMNS, 1.0 - (k // _COLUMNS) * row
+        axes: Any = figure.add_axes((left + 0.01, top - row, 0.46, 0.95 * row), projection="3d")
         _slices(axes, surface["slices"])
         _nominal(axes, surface["slices"])
-        axes.set_title(f"CU of {surface['contact']}, {surface['kind']}", fontsize=8.5)
-        axes.set_xlabel("x, mm", fontsize=7.5)
-        axes.set_ylabel(f"{upright}, mm", fontsize=7.5)
-        axes.set_zlabel("φ, °", fontsize=7.5, labelpad=1.0)
-        axes.tick_params(labelsize=6.5)
+        name = f"CU of {surface['contact']}, {surface['kind']}"
+        figure.text(left + 0.04, top - 0.07 * row, name, fontweight="bold", fontsize=9.0)
+        for axis, label, pad in (
+            (axes.xaxis, "x, mm", 0.0),
+            (axes.yaxis, f"{upright}, mm", 1.0),
+            (axes.zaxis, "φ, °", 0.0),
+        ):
+            axis.set_major_locator(MaxNLocator(5, prune="both"))
+            axis.set_label_text(label)
+            axis.labelpad = pad
+        axes.tick_params(labelsize=8.0, pad=0.0)
         axes.view_init(elev=22.0, azim=-62.0)
-        axes.set_box_aspect(None, zoom=0.8)  # room for the labels, which no layout counts
+        axes.set_box_aspect(None, zoom=0.82)
     _legend(figure)
 
 
