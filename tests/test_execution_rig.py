@@ -10,10 +10,13 @@ import pytest
 
 from fmopt.errors import SettingsError
 from fmopt.execution.physics import DEFAULTS, Physics
+from fmopt.execution.program import DONE, Program, Step, planned
+from fmopt.execution.rig import Rig
 from fmopt.execution.robot import Robot
 from fmopt.execution.rotation import between, from_quaternions, product, quaternions
 from fmopt.execution.scene import compiled, engine, scene
-from fmopt.se3 import exp, log
+from fmopt.se3 import Pose, exp, log
+from fmopt.values import Array
 
 
 def test_the_engines_defaults_are_refused_with_every_reason(square_peg_plan: dict[str, Any]) -> None:
@@ -83,3 +86,30 @@ def test_contacts_are_as_hard_as_the_clearance_asks_for_whatever_the_step(cleara
     assert physics.contact[0] >= 2.0 * physics.time_step * (1 - 1e-12)
     half = Physics.of_fit(clearance, period, 0.5 * physics.time_step).trusted()
     assert half.contact == pytest.approx(physics.contact)
+
+
+def test_a_velocity_error_is_a_share_of_the_speed_that_is_run(square_peg_plan: dict[str, Any]) -> None:
+    """A free part that is led half a millimetre up drifts as far off its way at a quarter of the speed."""
+    robot = Robot()
+    program = planned(square_peg_plan, robot)
+    error = 0.05 * program.speed * np.array([1.0, 0.0, 0.0, 0.0, 1.0 / program.rho, 0.0])
+    off = {pace: _drifted(square_peg_plan, program, robot, pace, error) for pace in (1.0, 0.25)}
+    for name, whole, part in zip("pr", off[1.0], off[0.25], strict=True):
+        size = float(np.linalg.norm(whole))
+        assert size > (2e-5 if name == "p" else 1e-3)
+        assert np.linalg.norm(whole - part) < 0.1 * size
+
+
+def _drifted(plan: dict[str, Any], program: Program, robot: Robot, pace: float, error: Array) -> tuple[Array, Array]:
+    """How far (3,), m, and by what turn (3,), rad, a part ends beside its way, at a share of the plan's speed."""
+    up = np.array([0.0, 0.0, pace * program.speed, 0.0, 0.0, 0.0])
+    free = Step("up", 0, Pose.identity(), np.eye(6), up, np.zeros((2, 6)), 0.0005, 10.0, 20.0, DONE, DONE)
+    alone = replace(program, steps=(free,))
+    model = compiled(scene(plan, Physics(), robot.mass, robot.inertia, program.friction))
+    start = program.start.vector()
+    p, q = start[None, :3], quaternions(start[None, 3:])
+    rig = Rig(model, alone, robot, (p, q), error[None, None], lambda: np.zeros((1, 6)))
+    while rig.running.any():
+        rig.tick()
+    moved = rig.qpos[0, :3] - p[0]
+    return moved * np.array([1.0, 1.0, 0.0]), between(rig.qpos[:, 3:], q)[0]

@@ -82,7 +82,8 @@ class Rig:
         program: what they run.
         robot: how.
         starts: positions (n, 3) and quaternions (n, 4) of the parts.
-        drift: velocity error (moves, n, 6) on the twist of each move, m/s and rad/s.
+        drift: velocity error (moves, n, 6) on the twist of each move at the plan's speed, m/s and rad/s; of a step that
+            is run more slowly it is the same share.
         noise: source of raw noise, (n, 6) standard normal at each call.
     """
 
@@ -145,7 +146,8 @@ class Rig:
         numbers = table.numbers[here]
         running = (state.step >= 0) & (state.gone < numbers[:, TRAVEL]) & (state.moving >= 0.0)
         move = numbers[:, MOVE].astype(np.int64)
-        twist = np.where(running[:, None], table.twist[here] + self.drift[move, np.arange(self.n)], 0.0)
+        slowed = (table.speed[here] / self.program.speed)[:, None]
+        twist = np.where(running[:, None], table.twist[here] + slowed * self.drift[move, np.arange(self.n)], 0.0)
         A = _adjoint(R, origin)
         lead = np.hstack([state.p - self.qpos[:, :3], between(state.q, self.qpos[:, 3:])])
         error, wanted, actual = (
