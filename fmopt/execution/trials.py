@@ -30,7 +30,8 @@ from fmopt.guarded.moves import moves
 from fmopt.values import Array
 
 METHODS: dict[str, Callable[[Mapping[str, Any], Robot], Program]] = {"plan": planned, **BASELINES}
-CHUNK = 50
+CHUNK = 125  # trials that run together; more make each cheaper, fewer are lost by an interruption
+_FEWEST = 10  # trials that are worth a process
 _QUIET = 0.15  # s after the end of a program, before the pose at rest is judged
 _LONGEST = 30.0  # s
 _BLOCK = 256  # periods of noise drawn at once
@@ -190,7 +191,8 @@ def run_all(
     done = _kept(file, head)
     advance(len(done))
     missing = [n for n in range(trials.inside + trials.beyond) if n not in done]
-    chunks = [missing[k : k + CHUNK] for k in range(0, len(missing), CHUNK)]
+    size = min(max(-(-len(missing) // workers), _FEWEST), CHUNK)
+    chunks = [missing[k : k + size] for k in range(0, len(missing), size)]
     try:
         for records in _carried_out(document, trials, chunks, workers):
             done.update({record["trial"]: record for record in records})
