@@ -96,6 +96,17 @@ def test_nothing_unproved_looks_certified(verdict: str) -> None:
     assert "Certified" not in changed._repr_html_()
 
 
+def test_the_sheet_of_a_segment_says_its_strategy_as_the_report_does() -> None:
+    down, near, touch = fmopt.Plan(cube_plan()).segments
+    assert "bias wrench" not in down._repr_html_()
+    assert "goes on after 500\u00a0µm; a contact felt before ends the move" in near._repr_html_()
+    sheet = touch._repr_html_()
+    assert (
+        "ends when reaction along x reaches 2\u00a0N, nominally after 600\u00a0µm; a fault beyond 1.3\u00a0mm" in sheet
+    )
+    assert "−x at 20\u00a0mm/s" in sheet
+
+
 def test_a_plan_is_checked_and_held_against_its_problem(square_peg_plan_file: Path, problem: fmopt.Problem) -> None:
     plan = fmopt.read(square_peg_plan_file)
     assert plan.verify(problem).verdict == "CERTIFIED"

@@ -79,8 +79,8 @@ def segment_sheet(segment: Segment) -> str:
 def pose_words(pose: Iterable[float]) -> str:
     """A pose or error (6,) in words: mm and degrees."""
     values = [float(value) for value in pose]
-    place = ", ".join(f"{1e3 * value:.4g}" for value in values[:3])
-    turn = ", ".join(f"{math.degrees(value):.4g}" for value in values[3:])
+    place = ", ".join(f"{round(1e3 * value, 6) + 0.0:.4g}" for value in values[:3])
+    turn = ", ".join(f"{round(math.degrees(value), 6) + 0.0:.4g}" for value in values[3:])
     return f"({place}) mm, turned by ({turn})°".replace("-", "−")
 
 
