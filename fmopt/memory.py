@@ -4,11 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache, partial, wraps
-from typing import Concatenate, ParamSpec, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 T = TypeVar("T")
 R = TypeVar("R")
 P = ParamSpec("P")
+_PLACE = "_remembered"
+
+
+class _Memory(dict[Any, Any]):
+    """Results by function, in the process that found them: copies and what is sent to others start without."""
+
+    def __reduce__(self) -> tuple[type[_Memory], tuple[()]]:
+        return _Memory, ()
 
 
 def remembered(most: int) -> Callable[[Callable[Concatenate[T, P], R]], Callable[Concatenate[T, P], R]]:
@@ -22,14 +30,14 @@ def remembered(most: int) -> Callable[[Callable[Concatenate[T, P], R]], Callable
     """
 
     def decorated(function: Callable[Concatenate[T, P], R]) -> Callable[Concatenate[T, P], R]:
-        place = f"{function.__module__}.{function.__qualname__}"
-
         @wraps(function)
         def found(owner: T, /, *arguments: P.args, **named: P.kwargs) -> R:
-            known = owner.__dict__
-            if place not in known:
-                known[place] = lru_cache(maxsize=most)(partial(function, owner))
-            kept: Callable[P, R] = known[place]
+            memory = owner.__dict__.get(_PLACE)
+            if memory is None:
+                memory = owner.__dict__[_PLACE] = _Memory()
+            if function not in memory:
+                memory[function] = lru_cache(maxsize=most)(partial(function, owner))
+            kept: Callable[P, R] = memory[function]
             return kept(*arguments, **named)
 
         return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import pickle
 import weakref
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,6 +34,7 @@ def test_once_for_each_object_and_arguments() -> None:
     # Of more than two results of one object the one that was not asked for the longest goes.
     assert [added(one, n) for n in (4, 3, 5, 3, 4)] == [5, 4, 6, 4, 5]
     assert asked[2:] == [(1, 4), (1, 5), (1, 4)]
+    assert pickle.loads(pickle.dumps(one)).number == 1
 
 
 def test_nothing_holds_on_to_a_problem_that_was_solved(tmp_path: Path) -> None:

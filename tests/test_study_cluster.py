@@ -129,7 +129,7 @@ def test_inputs_are_told_apart_by_name_and_content() -> None:
 
 
 def test_a_scheduler_without_workers_is_told_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fmopt.study.cluster._PATIENCE", 1.0)
+    monkeypatch.setattr("fmopt.study.cluster._COMING", 1.0)
     with (
         running_scheduler() as address,
         pytest.raises(ResourceError, match="the scheduler has no workers"),
@@ -191,11 +191,14 @@ def test_a_scheduler_that_dies_ends_the_study_in_words_and_without_failures(
         def after_some(_: object) -> None:
             running.kill()
 
-        gone = pytest.raises(ResourceError, match="the scheduler is gone")
-        with gone, cluster(address) as (executor, threads):
-            run(work, tmp_path, evaluations.slow, Options(threads), executor, acknowledged=after_some)
-        over.set()
-        host.join()
+        try:
+            gone = pytest.raises(ResourceError, match="the scheduler is gone")
+            with gone, cluster(address) as (executor, threads):
+                run(work, tmp_path, evaluations.slow, Options(threads), executor, acknowledged=after_some)
+        finally:
+            running.kill()
+            over.set()
+            host.join()
     rows = [record.row for record in recorded(tmp_path)[1]]
     assert 0 < sum(row is not None for row in rows) < 400
     assert {row.outcome for row in rows if row is not None} == {"done"}

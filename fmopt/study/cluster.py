@@ -15,7 +15,8 @@ from fmopt.study.running import Remote
 if TYPE_CHECKING:
     from distributed import Client
 
-_PATIENCE = 20.0  # s: for a scheduler to answer, and for workers to come
+_PATIENCE = 20.0  # s: for a scheduler to answer
+_COMING = 60.0  # s: for workers to come
 _RETURN = 120.0  # s: for workers to come back after all were lost
 _GLANCE = 1.0  # s between looks at whether there are workers
 
@@ -109,7 +110,7 @@ def cluster(address: str) -> Iterator[tuple[Executor, int]]:
         raise ResourceError(f"{address}: no scheduler answers ({error})", advice) from error
     with client:
         try:
-            client.wait_for_workers(1, timeout=_PATIENCE)
+            client.wait_for_workers(1, timeout=_COMING)
         except TimeoutError as error:
             raise ResourceError(f"{address}: the scheduler has no workers", f"start dask worker {address}") from error
         yield Hosts(client, address), sum(client.nthreads().values())
