@@ -64,7 +64,14 @@ def tuned(
                     if node is None:
                         break
                     factors, improved = factors + step, True
-                    best = replace(found, entry=node.entry, moves=node.moves, reached=node.reached, cost=node.cost)
+                    best = replace(
+                        found,
+                        entry=node.entry,
+                        moves=node.moves,
+                        reached=node.reached,
+                        cost=node.cost,
+                        lower_bound=min(found.lower_bound, node.cost),  # the bound is of other entries
+                    )
                     progress(best.reached.margin)
     return best
 

@@ -1,0 +1,66 @@
+"""Entries varied for margin: more of it, by the same moves, and a bound that stays below the cost."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from fmopt.certificate.knowledge import Assembly
+from fmopt.certificate.segment import Tolerance
+from fmopt.placement.entry import Entry, Shape, start_spread, tilted_entry, tilted_shapes
+from fmopt.placement.search import MoveSequence, best_sequence
+from fmopt.placement.step import Costs, Task
+from fmopt.placement.tune import Limits, tuned
+from fmopt.se3 import Pose
+from fmopt.task.clearance import measured_clearance
+from fmopt.task.problem import Problem, load
+from fmopt.uncertainty.error_set import ErrorSet
+
+PROBLEMS = Path(__file__).parent.parent / "problems"
+
+
+@pytest.fixture(scope="module")
+def problem() -> Problem:
+    return load(PROBLEMS / "factory_rect_8mm_tight_300um.toml")
+
+
+def entry(problem: Problem, shape: Shape) -> Entry:
+    return tilted_entry(problem.moving, measured_clearance(problem).play, problem.approach, shape)
+
+
+@pytest.fixture(scope="module")
+def task(problem: Problem) -> Task:
+    clearance = measured_clearance(problem)
+    rates = problem.velocity_error.translation, problem.velocity_error.rotation
+    return Task(
+        Assembly(problem.moving, problem.fixed),
+        Pose.from_vector(problem.goal),
+        ErrorSet.from_box(problem.start_box),
+        Tolerance(rates, clearance.half_diagonal),
+        Costs.of(start_spread(problem.moving, problem.start_box), clearance.per_side),
+        1.3 * problem.settings.max_tilt,
+    )
+
+
+@pytest.fixture(scope="module")
+def found(problem: Problem, task: Task) -> MoveSequence:
+    shapes = tilted_shapes(
+        problem.moving, measured_clearance(problem).play, problem.start_box, problem.settings.max_tilt
+    )
+    return best_sequence(task, ((entry(problem, shape),) for shape in shapes))
+
+
+def test_the_same_moves_get_more_margin(problem: Problem, task: Task, found: MoveSequence) -> None:
+    clearance = measured_clearance(problem).per_side
+    best = tuned(task, found, lambda shape: entry(problem, shape), clearance, Limits(math.inf, 12))
+    assert best.names == found.names
+    assert best.reached.margin > found.reached.margin
+    assert best.lower_bound <= best.cost
+    # A bound of the first entry says nothing of another one that costs less.
+    dear = replace(found, cost=found.cost + 5.0, lower_bound=found.cost + 4.0)
+    cheaper = tuned(task, dear, lambda shape: entry(problem, shape), clearance, Limits(math.inf, 12))
+    assert cheaper.cost == best.cost < dear.lower_bound
+    assert cheaper.lower_bound == cheaper.cost
