@@ -172,6 +172,7 @@ def test_summaries_tell_inside_from_beyond_and_group_failures_by_what_went_wrong
         {"departure": "tilted", "count": 1, "trials": [4]},
     ]
     text = "\n".join(lines({**found, "contact_force": 15.0}))
+    assert lines({**found, "contact_force": 15.0, "verdict": "NOT_PROVED"})[0].startswith("the plan is NOT_PROVED")
     assert "force up to 10.0 N filtered, impact 20.0 N, penetration up to 10.0 µm; asked for 15 N of contact" in text
     assert "inside the certified set: 2 of 3 seated, 66.7 %" in text
     assert "errors of 0.75 to 1.00 boxes (inside): 50.0 % of 2 seated" in text

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -420,8 +421,25 @@ def test_the_command_says_how_fast_the_part_turns(square_peg_plan_file: Path, tm
     for to, file in (("urscript", tmp_path / "urscript"), ("ros2", tmp_path / "ros2" / "segments.yaml")):
         done = CliRunner().invoke(app, [*line, "--to", to, "--out", str(tmp_path / to)])
         said = float(done.stderr.partition("turns with up to ")[2].partition(" rad/s")[0])
-        assert said == pytest.approx(fastest, rel=5e-3)
         assert f"turns with up to {said:.3g} rad/s" in file.read_text()
+        # A program for guarded moves runs them slower than the plan, and says how fast it runs them.
+        twists = re.findall(r"fmopt_(?:guarded|move)\(\[([^\]]+)\]", file.read_text())
+        rates = [np.linalg.norm([float(number) for number in twist.split(",")[3:]]) for twist in twists] or [fastest]
+        assert said == pytest.approx(max(rates), rel=5e-3)
+        assert "nothing is guaranteed" not in done.stderr
+
+
+def test_a_plan_that_is_not_proved_is_not_exported_without_a_word(
+    square_peg_plan: dict[str, Any], tmp_path: Path
+) -> None:
+    file = tmp_path / "plan.json"
+    plan.write(plan.sealed({**square_peg_plan, "verdict": "NOT_PROVED"}), file)
+    line = ["export", str(file), "--base", "0.4", "-0.1", "0.2", "0", "0", "0"]
+    for to, written in (("urscript", tmp_path / "urscript"), ("ros2", tmp_path / "ros2" / "segments.yaml")):
+        done = CliRunner().invoke(app, [*line, "--to", to, "--out", str(tmp_path / to)])
+        assert done.exit_code == 0
+        for text in (done.stderr, written.read_text()):
+            assert "the plan is NOT_PROVED: nothing is guaranteed of what it does" in text
 
 
 def test_the_way_in_is_the_way_of_the_nominal_path(square_peg_plan: dict[str, Any]) -> None:

@@ -35,7 +35,7 @@ def execute(
     engine()
     document = plan.read(file)
     plan.prepare(folder)
-    found = _summed(document, trials, folder / "trials.jsonl", workers, advance)
+    found = {"verdict": document["verdict"], **_summed(document, trials, folder / "trials.jsonl", workers, advance)}
     plan.save((json.dumps(found, indent=1) + "\n").encode(), folder / "summary.json")
     return found
 

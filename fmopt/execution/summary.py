@@ -89,6 +89,8 @@ def _size(row: dict[str, Any]) -> str:
 def lines(found: dict[str, Any]) -> list[str]:
     """The summary for people."""
     told = []
+    if (said := found.get("verdict", "CERTIFIED")) != "CERTIFIED":
+        told.append(f"the plan is {said}: no set of errors is certified, trials are all that is known of it")
     asked = f"; asked for {found['contact_force']:g} N of contact force"
     for name in ("inside", "beyond"):
         part = found[name]

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
-from fmopt.guarded.moves import Move
 from fmopt.se3 import Pose
+from fmopt.values import Array
 
 _FARTHEST = 10.0  # m; no robot that inserts parts reaches as far
 _UPRIGHT = math.cos(math.radians(30.0))
@@ -39,11 +40,22 @@ def insertion_words(base: Pose) -> str:
     return f"insertion goes {way} in the base frame, along [{along}]"
 
 
-def turning_words(rows: Sequence[Move]) -> str:
-    """The greatest rate at which the plan turns the part, and where."""
-    rates = [float(np.linalg.norm(move.twist[3:])) for move in rows]
+def turning_words(twists: Sequence[Array], numbers: Sequence[int]) -> str:
+    """The greatest rate at which a program turns the part, and where.
+
+    Args:
+        twists: as commanded, (6,) each, rad/s in the last three.
+        numbers: of the moves that they belong to, from 0.
+    """
+    rates = [float(np.linalg.norm(twist[3:])) for twist in twists]
     fastest = int(np.argmax(rates))
     return (
         f"the part turns with up to {rates[fastest]:.3g} rad/s ({math.degrees(rates[fastest]):.0f} deg/s), "
-        f"in move {rows[fastest].number + 1}: check that the robot may"
+        f"in move {numbers[fastest] + 1}: check that the robot may"
     )
+
+
+def verdict_words(document: Mapping[str, Any]) -> tuple[str, ...]:
+    """What to say of a plan that is not certified; nothing of one that is."""
+    said = str(document.get("verdict"))
+    return () if said == "CERTIFIED" else (f"the plan is {said}: nothing is guaranteed of what it does",)

@@ -16,7 +16,7 @@ import numpy as np
 
 from fmopt import plan
 from fmopt.errors import PlanFormatError, ResourceError
-from fmopt.export.cautions import insertion_words, turning_words
+from fmopt.export.cautions import insertion_words, turning_words, verdict_words
 from fmopt.export.frame import TaskFrame, task_frame
 from fmopt.guarded.moves import Move, moves
 from fmopt.se3 import Pose
@@ -169,7 +169,9 @@ def _segments(
             }
         )
         begun += move.duration
-    notes = (*_NOTES, insertion_words(base), turning_words(rows), "segment and move count from 0, as in the plan file")
+    turning = turning_words([move.twist for move in rows], [move.number for move in rows])
+    count = "segment and move count from 0, as in the plan file"
+    notes = (*_NOTES, *verdict_words(document), insertion_words(base), turning, count)
     return _yaml({"plan": document["sha256"], "frame_id": BASE_LINK, "segments": listed}, notes)
 
 

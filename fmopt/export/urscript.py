@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from fmopt.export.cautions import insertion_words, turning_words
+from fmopt.export.cautions import insertion_words, turning_words, verdict_words
 from fmopt.export.frame import TaskFrame, task_frame
 from fmopt.guarded.moves import Move, moves
 from fmopt.se3 import Pose
@@ -23,7 +23,7 @@ from fmopt.values import Array
 _HEADER = """\
 # {title}
 # Plan {digest}, verdict {verdict}, written by fmopt {version}
-#
+{cautions}#
 # Units: m, rad, N, N m, s. Poses p[x, y, z, rx, ry, rz] are in the robot's base, the rotation as a rotation vector.
 # The TCP has to be the moving part's frame: {moving}.
 # The frame of the hole ({hole}) is at {base} in the base.
@@ -162,16 +162,25 @@ def program(document: Mapping[str, Any], base: Pose, settings: Settings | None =
     settings = settings or Settings()
     rho, speed = float(document["uncertainty"]["rho"]), float(document["specification"]["speed"])
     rows = moves(document)
-    lines = [_head(document, rows, base), _functions(settings), "def fmopt_insert():"]
+    lines = [_head(document, rows, base, settings), _functions(settings), "def fmopt_insert():"]
     lines += _indented(_beginning(base.compose(rows[0].start), speed, settings))
     for index, move in enumerate(rows):
         lines += _indented(_segment(rows, index, task_frame(move, rho), base, rho, settings))
-    lines += _indented(["end_force_mode()", 'textmsg("fmopt: ", "seated")'])
+    arrived = "seated" if rows[-1].stop else "as far in as planned; no contact tells that the part is seated"
+    lines += _indented(["end_force_mode()", f'textmsg("fmopt: ", "{arrived}")'])
     return "\n".join([*lines, "end", "", "fmopt_insert()", ""])
 
 
-def _head(document: Mapping[str, Any], rows: Sequence[Move], base: Pose) -> str:
+def commanded(rows: Sequence[Move], settings: Settings | None = None) -> list[Array]:
+    """The twist (6,) that the program commands in each move: guarded ones are run no faster than the settings say."""
+    settings = settings or Settings()
+    return [move.twist if move.stop is None else _pace(move, settings) * move.twist for move in rows]
+
+
+def _head(document: Mapping[str, Any], rows: Sequence[Move], base: Pose, settings: Settings) -> str:
+    cautions = "".join(f"# WARNING: {words}.\n" for words in verdict_words(document))
     return _HEADER.format(
+        cautions=cautions,
         title=" ".join(str(document["problem"]["title"]).split()),
         digest=document["sha256"],
         verdict=document["verdict"],
@@ -180,7 +189,7 @@ def _head(document: Mapping[str, Any], rows: Sequence[Move], base: Pose) -> str:
         hole=document["frames"]["B"],
         base=_pose(base),
         insertion=insertion_words(base),
-        turning=turning_words(rows),
+        turning=turning_words(commanded(rows, settings), [move.number for move in rows]),
     )
 
 

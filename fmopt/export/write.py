@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from fmopt import plan
-from fmopt.export.cautions import base_pose, insertion_words, turning_words
+from fmopt.export.cautions import base_pose, insertion_words, turning_words, verdict_words
 from fmopt.guarded.moves import moves
 
 FORMATS = ("urscript", "ros2", "csv", "json")
@@ -43,7 +43,15 @@ def export(file: Path, to: str, out: Path | None, base: tuple[float, ...] | None
     paths = exported(document, to, target, base, rate)
     if base is None or to in _TABLES:
         return Written(paths, ())
-    return Written(paths, (insertion_words(base_pose(base)), turning_words(moves(document))))
+    return Written(paths, (*verdict_words(document), insertion_words(base_pose(base)), _turning(document, to)))
+
+
+def _turning(document: Mapping[str, Any], to: str) -> str:
+    """The greatest turning rate of what was written."""
+    from fmopt.export.urscript import commanded
+
+    rows = moves(document)
+    return turning_words(commanded(rows) if to == "urscript" else [m.twist for m in rows], [m.number for m in rows])
 
 
 def exported(
