@@ -126,4 +126,4 @@ def _told(tally: Any, folder: Path) -> str:
     words += f"; {tally.fresh} now, in {duration(tally.seconds)}" if tally.fresh else ""
     words = f"interrupted: {words}; the same command goes on" if tally.interrupted else words
     words += f"; {left} left" if left and not tally.interrupted else ""
-    return f"{words}\nwrote {folder / 'table.csv'}"
+    return f"{words}\nwrote {folder / 'table.csv'}; fmopt study report {folder} makes a page of it"
