@@ -34,17 +34,22 @@ SCHEDULER = (
 WORKER = ("-m", "distributed.cli.dask_worker", "--no-nanny", "--no-dashboard", "--nthreads", "1")
 
 
-@contextmanager
-def running_scheduler() -> Iterator[str]:
-    """The address of a scheduler without workers, in a process of its own as a user runs it; no loss is forgiven."""
-    with subprocess.Popen(
+def started(**settings: str) -> subprocess.Popen[str]:
+    """A scheduler without workers, in a process of its own as a user runs it; its first line is its address."""
+    return subprocess.Popen(
         [sys.executable, "-c", SCHEDULER],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,
-        env={**os.environ, **PATH, "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "0"},
-    ) as running:
+        env={**os.environ, **PATH, **settings},
+    )
+
+
+@contextmanager
+def running_scheduler() -> Iterator[str]:
+    """The address of a scheduler without workers, which forgives no loss."""
+    with started(DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0") as running:
         assert running.stdout is not None
         yield running.stdout.readline().strip()
         running.communicate(timeout=60)
@@ -175,14 +180,7 @@ def test_a_scheduler_that_dies_ends_the_study_in_words_and_without_failures(
 ) -> None:
     monkeypatch.setattr("fmopt.study.cluster._PATIENCE", 3.0)
     work, over = evaluations.work(400), threading.Event()
-    with subprocess.Popen(
-        [sys.executable, "-c", SCHEDULER],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        env={**os.environ, **PATH},
-    ) as running:
+    with started() as running:
         assert running.stdout is not None
         address = running.stdout.readline().strip()
         host = threading.Thread(target=kept_alive, args=(address, over, 1))

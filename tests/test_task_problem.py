@@ -201,19 +201,22 @@ def test_a_problem_as_data(square: Problem) -> None:
     json.dumps(told, allow_nan=False)
 
 
-def test_a_drawing_that_disagrees_with_the_parts_is_told(tmp_path: Path) -> None:
-    path = copied(tmp_path)
-    path.write_text(path.read_text(encoding="utf-8").replace("y = 0.1", "y = 0.2"))
+def warned(folder: Path, old: str, new: str) -> str:
+    """The one warning of the problem with another text in it."""
+    path = copied(folder)
+    path.write_text(path.read_text(encoding="utf-8").replace(old, new))
     problem = load(path)
     (warning,) = facts(problem, measured_clearance(problem))["warnings"]
+    return str(warning)
+
+
+def test_a_drawing_that_disagrees_with_the_parts_is_told(tmp_path: Path) -> None:
+    warning = warned(tmp_path, "y = 0.1", "y = 0.2")
     assert "along y, 0.2 mm a side are declared, 0.1 mm measured" in warning
 
 
 def test_an_error_as_wide_as_the_part_is_warned_of(tmp_path: Path) -> None:
-    path = copied(tmp_path)
-    path.write_text(path.read_text(encoding="utf-8").replace("x = 0.3", "x = 15"))
-    problem = load(path)
-    (warning,) = facts(problem, measured_clearance(problem))["warnings"]
+    warning = warned(tmp_path, "x = 0.3", "x = 15")
     assert "the start error along x, 15 mm, is more than half the width of the moving part, 20 mm" in warning
     assert "check the units" in warning
 
