@@ -77,11 +77,16 @@ def proof_document(problem: Problem, done: Moved) -> dict[str, Any]:
     Raises:
         InfeasibleError: no bias force holds the contacts.
     """
+    return plan.sealed(plan.clean(_proof(problem, done)))
+
+
+def _proof(problem: Problem, done: Moved) -> dict[str, Any]:
+    """See `proof_document`."""
     tolerance, found, claims = done.tolerance, done.found, done.placed.reached.claims
     segments = _segments(problem, claims, tolerance)
     contacts = {c.id: c for claim in claims for c in (*claim.piece.held, *claim.piece.goal_contacts)}
     declared, clearance = problem.declared_clearance, done.clearance.per_side
-    document = {
+    return {
         "format": plan.FORMAT,
         "fmopt_version": __version__,
         "problem": {"title": problem.title, "sha256": problem.sha256},
@@ -112,7 +117,6 @@ def proof_document(problem: Problem, done: Moved) -> dict[str, Any]:
             "moves": found.names,
         },
     }
-    return plan.sealed(plan.clean(document))
 
 
 def plan_document(
@@ -127,7 +131,7 @@ def plan_document(
         done: the motion.
         measured: how much error the motion tolerates, where that is to be in the plan.
     """
-    proof, claims = proof_document(problem, done), done.placed.reached.claims
+    proof, claims = _proof(problem, done), done.placed.reached.claims
     segments = [{**segment, "critical_point": states.space_of(k)} for k, segment in enumerate(proof["segments"])]
     rows = position_force(nominal.path, nominal.freedoms, contact_forces(problem.specification, done.tolerance.rho))
     document = {

@@ -65,14 +65,9 @@ def segment_sheet(segment: Segment) -> str:
         ("margin", "none stated" if segment.margin is None else f"{1e6 * segment.margin:.2f} µm, {segment.binds}"),
     ]
     if segment.hybrid:
-        rows += [
-            (name, said)
-            for name, said in zip(
-                ("position axes", "force axes", "velocity", "bias wrench", "end"),
-                hybrid_cells(segment.record, segment.record.get("progress", (0.0, 1.0))[1] == 1.0, segment.rho),
-                strict=True,
-            )
-        ]
+        names = ("position axes", "force axes", "velocity", "bias wrench", "end")
+        last = segment.record.get("progress", (0.0, 1.0))[1] == 1.0
+        rows += zip(names, hybrid_cells(segment.record, last, segment.rho), strict=True)
     return _sheet(table(f"segments[{segment.number}], of move {segment.move}", ("", ""), rows))
 
 
