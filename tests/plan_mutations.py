@@ -53,8 +53,10 @@ def numbers(plan: Plan, count: int, seed: int = 1) -> Iterator[tuple[str, Plan]]
             kinds.setdefault(key, []).append(((*base, key), segment[key], 1.0))
         for key in ("theta_max", "offset_max"):
             kinds.setdefault(key, []).append(((*base, "tube", key), segment["tube"][key], -1.0))
-        for path, x in _leaves(segment["tube"]["offset_box"], (*base, "tube", "offset_box")):
-            kinds.setdefault("offset_box", []).append((path, x, -1.0))
+        for key in ("offset_box", "angle_box"):
+            for path, x in _leaves(segment["tube"][key], (*base, "tube", key)):
+                if x > 1e-5:
+                    kinds.setdefault(key, []).append((path, x, -1.0))
         for key in ("shape_start", "shape_goal", "growth_start", "growth_goal", "generators_start", "generators_goal"):
             for path, x in _leaves(segment["tube"][key], (*base, "tube", key)):
                 generator = key.startswith("generators")

@@ -93,6 +93,30 @@ def measure(v: mp.matrix) -> mp.mpf:
     return mp.sqrt(mp.fsum(x**2 for x in v[:3]) + mp.mpf(RHO) ** 2 * mp.fsum(x**2 for x in v[3:]))
 
 
+def crossing(v: mp.matrix, theta: mp.mpf, angles: Sequence[mp.mpf]) -> mp.mpf:
+    """A bound of |ε × v| for |ε| ≤ θ, ε in the box."""
+    x, y, z = (abs(a) for a in v)
+    a, b, c = angles
+    return min(mp.sqrt((y * c + z * b) ** 2 + (z * a + x * c) ** 2 + (x * b + y * a) ** 2), theta * mp.norm(v))
+
+
+@dataclass
+class Bend:
+    """Turn τ of a piece, |ε| ≤ θ and the box of ε."""
+
+    turn: mp.matrix
+    theta: mp.mpf
+    angles: Sequence[mp.mpf]
+
+    def rest(self, n: mp.matrix, start: mp.matrix, goal: mp.matrix) -> mp.mpf:
+        """What n·(R v) differs by from its linear part, for R v at both ends of the piece."""
+        swept = mp.norm(cross(self.turn, start))
+        swung = max(crossing(w, self.theta, self.angles) for w in (start, goal)) + self.theta * swept / 2
+        swung = min(swung, self.theta * mp.norm(start))
+        across = crossing(n, self.theta, self.angles)
+        return across * (swung + swept) / 2 + mp.norm(cross(self.turn, n)) * swept / 8
+
+
 def down(x: mp.mpf) -> float:
     return float(x - abs(x) * mp.mpf("1e-12") - mp.mpf("1e-18"))
 
@@ -116,11 +140,11 @@ class Builder:
         self.segments: list[dict[str, Any]] = []
         self.held: list[mp.matrix] = []
 
-    def row(self, X: Sequence[float], v: mp.matrix, n: mp.matrix, a: Any) -> tuple[mp.mpf, mp.matrix, mp.mpf]:
+    def row(self, X: Sequence[float], v: mp.matrix, n: mp.matrix, a: Any) -> tuple[mp.mpf, mp.matrix, mp.matrix]:
         Rv = exp(vector(X[3:])) * v
-        return dot(n, vector(X[:3]) + Rv) - a, joined(n, cross(Rv, n)), mp.norm(v)
+        return dot(n, vector(X[:3]) + Rv) - a, joined(n, cross(Rv, n)), Rv
 
-    def touch_row(self, X: Sequence[float]) -> tuple[mp.mpf, mp.matrix, mp.mpf]:
+    def touch_row(self, X: Sequence[float]) -> tuple[mp.mpf, mp.matrix, mp.matrix]:
         return self.row(X, self.body[self.lowest], vector((0, 0, 1)), 0)
 
     def add(
@@ -131,8 +155,8 @@ class Builder:
         turn = log(exp(vector(goal[3:])) * exp(vector(start[3:])).T)
         V = joined(travel, turn)
         L, tau = measure(V), mp.norm(turn)
-        (fS, NS, reach), (fG, NG, _) = self.touch_row(start), self.touch_row(goal)
-        hold = mp.eye(6)
+        (fS, NS, armS), (fG, NG, armG) = self.touch_row(start), self.touch_row(goal)
+        up_z, hold = vector((0, 0, 1)), mp.eye(6)
         TS, TG = mp.zeros(6, 1), mp.zeros(6, 1)
         if held:
             C = self.held[0]
@@ -146,10 +170,12 @@ class Builder:
             self.made = v / measure(v)
             TG = v / dot(NG, v)
         last = progress[1] == 1.0
-        theta, box = mp.mpf("0.01"), [mp.mpf("1e-3")] * 3
+        theta, box, angles = mp.mpf("0.01"), [mp.mpf("1e-3")] * 3, [mp.mpf("0.01")] * 3
         for _ in range(60):
-            kappa = theta**2 / 2 + tau**2 / 8 + tau * theta / 2
-            t = reach * kappa + max(abs(fS) + self.errors.support(NS, self.errors.core) if held else 0, abs(fG))
+            bend = Bend(turn, theta, angles)
+            t = bend.rest(up_z, armS, armG) + max(
+                abs(fS) + self.errors.support(NS, self.errors.core) if held else 0, abs(fG)
+            )
             touching = held or (made and last)
             goal_set = self._carried(V, L, tau, Pi, NG, v, share, made, theta, t if last and made else 0)
             if touching:
@@ -157,10 +183,9 @@ class Builder:
                 goal_set.shape = outer_sum(goal_set.shape, t**2 * TG * TG.T)
             slack = [t * TS] if held else []
             half = [max(a, b) for a, b in zip(self.errors.half(slack), goal_set.half(goal_set.thick), strict=True)]
-            box = [mp.mpf(up(x)) for x in half[:3]]
-            theta = mp.mpf(up(mp.sqrt(mp.fsum(x**2 for x in half[3:]))))
-        kappa = theta**2 / 2 + tau**2 / 8 + tau * theta / 2
-        self._state(move, start, goal, held, made, progress, goal_set, slack, theta, box, kappa)
+            box, angles = ([mp.mpf(up(x)) for x in part] for part in (half[:3], half[3:]))
+            theta = mp.mpf(up(mp.sqrt(mp.fsum(x**2 for x in angles))))
+        self._state(move, start, goal, held, made, progress, goal_set, slack, box, Bend(turn, theta, angles))
         if made and last:
             self.held = [self.made]
         self.errors = goal_set
@@ -186,44 +211,45 @@ class Builder:
         return Set([Pi * g for g in self.errors.core], [], growth, shape)
 
     def lowest_bound(
-        self, start: Any, goal: Any, v: Any, n: Any, a: Any, goal_set: Set, slack: Any, kappa: Any, made: bool
+        self, start: Any, goal: Any, v: Any, n: Any, a: Any, goal_set: Set, slack: Any, bend: Bend, made: bool
     ) -> mp.mpf:
         """Certified lower bound of a vertex's height; for a contact just made, at the end alone."""
-        (f, N, reach), (g, M, _) = self.row(start, v, n, a), self.row(goal, v, n, a)
+        (f, N, before), (g, M, after) = self.row(start, v, n, a), self.row(goal, v, n, a)
         at_goal = g - goal_set.support(M, [*goal_set.core, *goal_set.thick])
         if made:
-            return at_goal - reach * kappa
+            return at_goal - Bend(mp.matrix([0, 0, 0]), bend.theta, bend.angles).rest(n, after, after)
         at_start = f - self.errors.support(N, self.errors.core) - mp.fsum(abs(dot(s, N)) for s in slack)
-        return min(at_start, at_goal) - reach * kappa
+        return min(at_start, at_goal) - bend.rest(n, before, after)
 
     def _state(
         self, move: int, start: Any, goal: Any, held: bool, made: bool, progress: Any, goal_set: Set, slack: Any,
-        theta: Any, box: Any, kappa: Any,
+        box: Any, bend: Bend,
     ) -> None:  # fmt: skip
         up_z = vector((0, 0, 1))
         last = progress[1] == 1.0
         name = f"v{self.lowest}-f5"
         kept = [k for k in range(8) if not ((held or made) and k == self.lowest)]
-        bound = lambda v, n, a, kap, at_end: self.lowest_bound(start, goal, v, n, a, goal_set, slack, kap, at_end)  # noqa: E731
-        margin = min(bound(self.body[k], up_z, 0, kappa, False) for k in kept)
+        bound = lambda v, n, a, at_end: self.lowest_bound(start, goal, v, n, a, goal_set, slack, bend, at_end)  # noqa: E731
+        margin = min(bound(self.body[k], up_z, 0, False) for k in kept)
         clearance = min(self.row(X, self.body[k], up_z, 0)[0] for k in kept for X in (start, goal))
         named = [(margin, f"pieces 0/{j}") for j in (0, 1)]
         contacts = []
-        (fS, NS, reach), (fG, NG, _) = self.touch_row(start), self.touch_row(goal)
+        (fS, NS, armS), (fG, NG, armG) = self.touch_row(start), self.touch_row(goal)
+        rest = bend.rest(up_z, armS, armG)
         if held or (made and last):
             room = min(
-                bound(self.body[self.lowest], vector(n), mp.mpf(-0.05), kappa if held else theta**2 / 2, not held)
+                bound(self.body[self.lowest], vector(n), mp.mpf(-0.05), not held)
                 for n in ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0))
             )
             named.append((room, name))
             contacts.append(
                 {
                     "id": name, "role": "held" if held else "made", "normal": [float(x) for x in NG],
-                    "offset": float(-fG), "remainder": up(reach * kappa), "margin": down(room),
+                    "offset": float(-fG), "remainder": up(rest), "margin": down(room),
                 }
             )  # fmt: skip
         if made and progress[0] == 0.0:
-            early = fS - self.errors.support(NS, self.errors.core) - reach * kappa
+            early = fS - self.errors.support(NS, self.errors.core) - rest
             named.append((early, f"{name} too early"))
         least, binding = min(named)
         flat = lambda Q: [[float(Q[a, b]) for b in range(6)] for a in range(6)]  # noqa: E731
@@ -245,7 +271,8 @@ class Builder:
                     "shape_start": flat(self.errors.shape), "shape_goal": flat(goal_set.shape),
                     "generators_start": gens(self.errors), "generators_goal": gens(goal_set),
                     "growth_start": flat(self.errors.growth), "growth_goal": flat(goal_set.growth),
-                    "theta_max": float(theta), "offset_box": [float(x) for x in box],
+                    "theta_max": float(bend.theta), "offset_box": [float(x) for x in box],
+                    "angle_box": [float(x) for x in bend.angles],
                     "offset_max": up(mp.sqrt(mp.fsum(x**2 for x in box))),
                 },
                 "separations": [
@@ -254,7 +281,7 @@ class Builder:
                 ],
                 "contacts": contacts,
                 "hybrid": self._control(name, goal, held, made, V=joined(*self._ways(start, goal)),
-                                        bound=mp.sqrt(mp.fsum(x**2 for x in box)) + mp.mpf(RHO) * theta),
+                                        bound=mp.sqrt(mp.fsum(x**2 for x in box)) + mp.mpf(RHO) * bend.theta),
             }
         )  # fmt: skip
 

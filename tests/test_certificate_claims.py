@@ -79,6 +79,7 @@ def _smaller(segment: dict[str, Any], *path: Any) -> None:
     [
         ("tube", "theta_max"),
         ("tube", "offset_box", 1),
+        ("tube", "angle_box", 0),
         ("tube", "generators_goal", 1, 1),
         ("tube", "growth_goal", 3, 3),
         ("tube", "shape_goal", 1, 1),

@@ -3,16 +3,8 @@
 import numpy as np
 import pytest
 
-from fmopt.certificate.rows import (
-    Extent,
-    Forms,
-    directions_along,
-    edges_apart,
-    faces_above,
-    points_above,
-    remainders,
-    stacked,
-)
+from fmopt.certificate.curvature import Curvature, Extent, Lever, remainders
+from fmopt.certificate.rows import Forms, directions_along, edges_apart, faces_above, points_above, stacked
 from fmopt.se3 import Pose, exp, turns
 from fmopt.values import Array
 
@@ -72,36 +64,95 @@ def test_edge_rows_are_the_distance_to_the_plane_along_both_edges() -> None:
     np.testing.assert_allclose(edges_apart(e_m, e_f, q, points).at(X).f, expected, atol=1e-14)
 
 
-def excesses(kind: str, turn: float, theta: float, seed: int) -> Array:
-    """|f − linear prediction| over the remainder, for sampled errors at sampled places of a piece; (samples, rows)."""
+def moved(rng: np.random.Generator, start: Pose, turn: float) -> tuple[Pose, Array]:
+    """A pose some way off, turned by an angle, and the twist that leads there."""
+    twist = np.concatenate([rng.uniform(-2e-3, 2e-3, 3) * (turn > 0.0), unit(rng, 1)[0] * turn])
+    return start.moved(twist), twist
+
+
+def excesses(kind: str, turn: float, half: Array, seed: int) -> Array:
+    """|f − linear prediction| over the remainder, at corners of a box of errors anywhere on a piece; (samples, rows)."""
     rng = np.random.default_rng(seed)
     rows, start = forms(kind, rng), pose(rng)
-    w = unit(rng, 1)[0] * turn
-    travel = rng.uniform(-2e-3, 2e-3, 3) * (turn > 0.0)
-    goal = Pose(start.p + travel, exp(w) @ start.R)
-    offset = np.array([4e-4, 1e-4, 0.0])
+    goal, twist = moved(rng, start, turn)
     at_start, at_goal = rows.over(start, goal)
-    allowed = remainders(at_start, at_goal, Extent(turn, travel, theta, offset))
+    allowed = remainders(at_start, at_goal, Extent(twist, half))
     found = []
     for _ in range(SAMPLES):
-        errors = np.hstack([rng.choice([-1.0, 1.0], (2, 3)) * offset, unit(rng, 2) * theta])
+        errors = rng.choice([-1.0, 1.0], (2, 6)) * half
+        if rng.uniform() < 0.5:
+            errors[1] = errors[0]
         s = rng.choice([0.0, 0.5, 1.0, rng.uniform()])
-        e = (1.0 - s) * errors[0] + s * errors[1]
-        real = Pose(start.p + s * travel + e[:3], exp(e[3:]) @ exp(s * w) @ start.R)
+        real = start.moved(s * twist).moved((1.0 - s) * errors[0] + s * errors[1])
         linear = (1.0 - s) * (at_start.f + at_start.N @ errors[0]) + s * (at_goal.f + at_goal.N @ errors[1])
         found.append(np.abs(rows.at(real).f - linear) / allowed)
     return np.array(found)
 
 
+def box(angles: tuple[float, float, float], offset: tuple[float, float, float] = (4e-4, 1e-4, 0.0)) -> Array:
+    return np.array([*offset, *angles])
+
+
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize(("turn", "theta"), [(0.02, 0.012), (0.1, 0.02), (0.0, 0.03), (0.05, 0.0)])
-def test_no_sample_leaves_the_remainder(kind: str, turn: float, theta: float) -> None:
-    assert max(excesses(kind, turn, theta, seed).max() for seed in range(3)) <= 1.0 + 1e-9
+@pytest.mark.parametrize(
+    ("turn", "half"),
+    [
+        (0.02, box((0.01, 0.004, 0.006))),
+        (0.1, box((0.02, 0.0, 0.001))),
+        (0.0, box((0.03, 0.03, 0.03))),
+        (0.05, box((0.0, 0.0, 0.0))),
+        (0.03, box((0.06, 0.02, 0.01), (2e-4, 2.5e-3, 6e-4))),
+        (0.5, box((0.3, 0.1, 0.2), (2e-3, 2e-3, 2e-3))),
+    ],
+)
+def test_no_sample_leaves_the_remainder(kind: str, turn: float, half: Array) -> None:
+    assert max(excesses(kind, turn, half, seed).max() for seed in range(4)) <= 1.0 + 1e-9
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_half_the_remainder_would_not_do(kind: str) -> None:
-    worst = max(
-        excesses(kind, turn, theta, seed).max() for turn, theta in ((0.0, 0.03), (0.05, 0.0)) for seed in range(3)
-    )
-    assert worst > 0.5
+    still, turning = (0.0, box((0.03, 0.0, 0.0))), (0.05, box((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    for turn, half in (still, turning):
+        assert max(excesses(kind, turn, half, seed).max() for seed in range(6)) > 0.5
+
+
+def test_mixed_rows_have_the_remainders_that_each_has_alone() -> None:
+    rng = np.random.default_rng(8)
+    parts, start, half = [forms(kind, rng) for kind in KINDS], pose(rng), box((0.06, 0.02, 0.01))
+    goal, twist = moved(rng, start, 0.04)
+    extent = Extent(twist, half)
+    alone = np.concatenate([remainders(*part.over(start, goal), extent) for part in parts])
+    np.testing.assert_allclose(remainders(*stacked(*parts).over(start, goal), extent), alone, rtol=1e-12)
+    first, second = stacked(*parts[:2]).over(start, goal), stacked(*parts[2:]).over(start, goal)
+    joined = Curvature.of(first[0].beside(second[0]), first[1].beside(second[1]), twist)
+    np.testing.assert_allclose(joined.bound(half), alone, rtol=1e-12)
+
+
+def test_a_row_does_not_feel_turns_about_its_own_normal() -> None:
+    wall = points_above(np.array([[0.01, -0.01, 0.002]]), np.array([1.0, 0.0, 0.0]), 0.0)
+    X = pose(np.random.default_rng(9))
+    about, across = (Extent(np.zeros(6), box(angles)) for angles in ((0.06, 0.0, 0.0), (0.0, 0.06, 0.0)))
+    assert remainders(wall.at(X), wall.at(X), about) == 0.0
+    assert remainders(wall.at(X), wall.at(X), across) > 1e-6
+
+
+def test_where_two_edges_touch_the_second_derivatives_cancel() -> None:
+    """A corner edge on a rim 10 mm off the origin: both parts of the row bend much, their sum little."""
+    X = Pose(np.array([0.01, 0.0, 0.002]), np.eye(3))
+    e_m, e_f = np.array([0.0, 0.6, 0.8]), np.array([0.0, 1.0, 0.0])
+    row = edges_apart(e_m, e_f, np.zeros(3), np.array([[-0.01, 0.0, -0.002]])).at(X)
+    half = box((0.05, 0.0, 0.0), (0.0, 0.0, 0.0))
+    lengths_alone = 0.5 * 0.05**2 * (row.forms.reach + np.linalg.norm(row.bent[1], axis=1))
+    assert row.f == pytest.approx(0.0, abs=1e-15)
+    assert (remainders(row, row, Extent(np.zeros(6), half)) < 0.2 * lengths_alone).all()
+
+
+def test_points_over_planes_have_the_remainders_of_their_rows() -> None:
+    rng = np.random.default_rng(10)
+    points, normals, start = rng.uniform(-0.03, 0.03, (5, 3)), unit(rng, 4), pose(rng)
+    goal, twist = moved(rng, start, 0.04)
+    extent = Extent(twist, box((0.06, 0.02, 0.01)))
+    found = Lever.of(extent, points @ np.array([start.R.T, goal.R.T])).beside(normals)
+    for normal, remainder in zip(normals, found, strict=True):
+        rows = points_above(points, normal, 0.0)
+        np.testing.assert_allclose(remainder, remainders(*rows.over(start, goal), extent), rtol=1e-12)

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.bounds import bounds
+from fmopt.certificate.curvature import remainders
 from fmopt.certificate.functions import contact_forms, made_form, made_scale
 from fmopt.certificate.pair import Facing, facing
-from fmopt.certificate.rows import Rows, remainders
+from fmopt.certificate.rows import Rows
 from fmopt.certificate.segment import Advance, Piece, Tolerance, advance
 from fmopt.certificate.separation import Ends, Separation, lower_bounds
 from fmopt.contact.primitive import PrimitiveContact

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmopt.certificate.assembly import NEAR, Assembly, hinge, level, on_line
+from fmopt.certificate.curvature import Extent
 from fmopt.certificate.knowledge import Facts, facts
 from fmopt.certificate.pair import Pair, Witness
 from fmopt.certificate.rows import (
-    Extent,
     Forms,
     Mask,
     crossed,

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmopt import ellipsoid
+from fmopt.certificate.curvature import Curvature
 from fmopt.certificate.piece import Piece
-from fmopt.certificate.rows import Curvature, length
+from fmopt.certificate.rows import length
 from fmopt.certificate.way import Way
 from fmopt.uncertainty.error_set import Support
 from fmopt.values import Array
@@ -34,15 +35,14 @@ class Layers:
     goal_dual: Array
     delay: Array
 
-    def thicknesses(self, theta: float, offset: Array, wide: tuple[float, float]) -> tuple[Array, Array]:
+    def thicknesses(self, half: Array, wide: tuple[float, float]) -> tuple[Array, Array]:
         """Thickness at the start (h,) and at the goal (r,), m.
 
         Args:
-            theta: bound of the angle of errors, rad.
-            offset: half-widths (3,) of the box around their translation, m.
+            half: half-widths (6,) of the box around all errors.
             wide: bounds of translation and angle with their drift, before contacts take it up.
         """
-        final = self.curvature.bound(theta, offset) + self.rest
+        final = self.curvature.bound(half) + self.rest
         final[self.held :] += self.residue[0] * wide[0] + self.residue[1] * wide[1]
         return final[: self.held], final
 
@@ -59,15 +59,15 @@ def layers_of(piece: Piece, way: Way, start: Support) -> Layers:
         InfeasibleError: contacts do not determine their compliant directions.
     """
     first, second = way.held
-    held = Curvature.of(first, second, way.turn, way.travel)
     ends = np.maximum(np.abs(first.f) + start(first.N), np.abs(second.f))
     if way.made is None or not piece.last:
+        held = Curvature.of(first, second, way.twist)
         return Layers(held, len(ends), ends, (0.0, 0.0), way.goal_dual, np.zeros(len(ends)))
     begin, end = way.made
     C = np.vstack([way.directions, way.motion]).T
     inverse = ellipsoid.coupling_inverse(np.vstack([second.N, end.N]), C)
     left = end.N[0] @ way.projector
     residue = length(left[:3]), length(left[3:])
-    both = held.beside(Curvature.of(begin, end, way.turn, way.travel))
+    both = Curvature.of(first.beside(begin), second.beside(end), way.twist)
     rest = np.append(ends, np.abs(end.f))
     return Layers(both, len(ends), rest, residue, C @ inverse, np.abs(inverse[-1]))

@@ -14,9 +14,9 @@ import numpy as np
 from fmopt import ellipsoid
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.claim import Claim
+from fmopt.certificate.curvature import Extent
 from fmopt.certificate.functions import contact_rows
 from fmopt.certificate.piece import Piece, Tolerance
-from fmopt.certificate.rows import Extent
 from fmopt.certificate.segment import Advance
 from fmopt.certificate.separation import pairs, separation
 from fmopt.uncertainty import dakin
@@ -71,7 +71,7 @@ def goal_in_the_paper(
 def _judged(assembly: Assembly, claim: Claim, errors: ErrorSet, tolerance: Tolerance) -> Claim:
     piece, step = claim.piece, claim.advance
     start, goal = goal_in_the_paper(assembly, piece, step, errors, tolerance)
-    flat = Extent(0.0, np.zeros(3), 0.0, np.zeros(3))
+    flat = Extent(np.zeros(6), np.zeros(6))
     ends = replace(step.ends, start_set=start, goal_set=goal, extent=flat, slack=np.zeros((6, 0)), core=None)
     listed = pairs(assembly, piece)
     separations = tuple(

@@ -89,6 +89,7 @@ def _tube(ends: Ends) -> dict[str, Any]:
         "theta_max": ends.extent.theta,
         "offset_max": float(np.linalg.norm(ends.extent.offset)) * (1.0 + 1e-12),
         "offset_box": ends.extent.offset,
+        "angle_box": ends.extent.angles,
     }
 
 

@@ -24,9 +24,10 @@ import numpy as np
 
 from fmopt import ellipsoid
 from fmopt.certificate.assembly import Assembly
+from fmopt.certificate.curvature import Extent
 from fmopt.certificate.layers import Layers, layers_of
 from fmopt.certificate.piece import Compliance, Piece, Tolerance
-from fmopt.certificate.rows import Extent, length, lengths
+from fmopt.certificate.rows import length, lengths
 from fmopt.certificate.separation import Ends
 from fmopt.certificate.way import Way, approach, cone, departure, way_of
 from fmopt.errors import InfeasibleError
@@ -130,7 +131,7 @@ class _Step:
         (t, r), theta, far = self._rates, length(half[3:]), self.way.length
         # Bounds of translation and angle with their drift, before contacts take it up.
         wide = length(half[:3]) + 2.0 * t * far, theta + 2.0 * r * far
-        own, final = self.layers.thicknesses(theta, half[:3], wide)
+        own, final = self.layers.thicknesses(half, wide)
         return own, final, self._radii(theta, wide[1], final)
 
     def _radii(self, theta: float, wide: float, thickness: Array) -> tuple[float, float, float]:
@@ -230,4 +231,4 @@ class _Step:
             shape = ellipsoid.outer_sum(shape, np.sqrt(thick.shape[1]) * thick, weights)
         directions = np.array([c.direction for c in basis[: thick.shape[1]]]).reshape(-1, 6)
         goal = ErrorSet(shape, np.vstack([core, thick.T]), growth, thick.shape[1], directions)
-        return Extent(self.way.turn, self.way.travel, length(half[3:]), half[:3]), goal, self.way.start_dual * own
+        return Extent(self.way.twist, half), goal, self.way.start_dual * own

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.counted import Counted, counted_rows
+from fmopt.certificate.curvature import Extent, remainders
 from fmopt.certificate.pair import Pair, Witness, pairs, touching
-from fmopt.certificate.rows import Extent, Forms, Rows, remainders, stacked
+from fmopt.certificate.rows import Forms, Rows, stacked
 from fmopt.se3 import Pose
 from fmopt.uncertainty.error_set import ErrorSet, Support
 from fmopt.values import Array

@@ -8,9 +8,10 @@ import numpy as np
 
 from fmopt import ellipsoid
 from fmopt.certificate.assembly import Assembly, hinge, level
+from fmopt.certificate.curvature import Curvature, Extent
 from fmopt.certificate.functions import contact_forms, made_form
 from fmopt.certificate.piece import Piece, Tolerance
-from fmopt.certificate.rows import Curvature, Extent, Rows, length
+from fmopt.certificate.rows import Rows, length
 from fmopt.errors import InfeasibleError
 from fmopt.values import Array
 
@@ -130,7 +131,6 @@ def _change(tolerance: Tolerance, way: Way, extent: Extent, rows: tuple[Rows, Ro
     """
     N = rows[1].N[0]
     turned, held = (
-        Curvature.of(start, goal, way.turn, way.travel).variation(extent.theta, extent.offset, way.motion)
-        for start, goal in (rows, way.held)
+        Curvature.of(start, goal, way.twist).variation(extent.half, way.motion) for start, goal in (rows, way.held)
     )
     return float(turned[0]) + cone(tolerance, way, N @ way.hold) + 2.0 * float(np.abs(N @ way.goal_dual) @ held)

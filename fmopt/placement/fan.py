@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from fmopt.certificate.curvature import Lever
 from fmopt.certificate.pair import BEHIND, Pair, free_plane
 from fmopt.certificate.rows import crossed, lengths
 from fmopt.certificate.separation import Ends, Separation
@@ -19,7 +20,7 @@ from fmopt.values import Array
 _SHARES = 9  # planes tried through an edge in each pass
 _SPREAD = np.linspace(0.0, 1.0, _SHARES)
 _PASSES = 3
-_REFINED = 3  # edges of a pair that are looked at more closely
+_REFINED = 6  # edges of a pair that are looked at more closely
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,13 +126,13 @@ class _Reached:
     displacements of the vertices once, and each plane costs a product.
 
     Args:
-        left: what remainders take at each vertex (v,), m.
+        left: what remainders take at each vertex.
         support: how far errors reach at both ends.
         vertices: at both ends (2, v, 3).
         moved: how the support's columns displace them (2, 3, v·k).
     """
 
-    left: Array
+    left: Lever
     support: Support
     vertices: Array
     moved: Array
@@ -143,14 +144,14 @@ class _Reached:
         columns = np.swapaxes(support.columns, -1, -2)[:, None]
         moved = columns[..., :3] + crossed(columns[..., 3:], arms[:, :, None])
         vertices = arms + np.array([pose.p for pose in poses])[:, None]
-        left = lengths(piece.vertices) * ends.extent.kappa
+        left = Lever.of(ends.extent, arms)
         return _Reached(left, support, vertices, np.swapaxes(moved.reshape(2, -1, 3), -1, -2))
 
     def lower(self, normals: Array) -> Array:
         """Certified lower bounds (n,) of n·v over all vertices v, for unit normals (n, 3), m."""
-        reach = self.support.seen((normals @ self.moved).reshape(2, len(normals), len(self.left), -1))
+        reach = self.support.seen((normals @ self.moved).reshape(2, len(normals), self.vertices.shape[1], -1))
         heights = normals @ np.swapaxes(self.vertices, -1, -2)
-        return np.asarray(((heights - reach).min(axis=0) - self.left).min(axis=1))
+        return np.asarray(((heights - reach).min(axis=0) - self.left.beside(normals)).min(axis=1))
 
     def nominal(self, normals: Array) -> Array:
         """The least n·v (n,) without errors."""

@@ -10,7 +10,7 @@ from fmopt.verify.assembly import Assembly, Touch
 from fmopt.verify.linear import seen
 from fmopt.verify.motion import Motion
 from fmopt.verify.rational import SLACK, length, row_dot, times
-from fmopt.verify.rows import Distance
+from fmopt.verify.rows import Distance, size
 
 
 def approach(motion: Motion) -> int:
@@ -45,7 +45,7 @@ def _turned(motion: Motion, start: Distance, goal: Distance) -> int:
     """A bound of how much a row's product with the motion differs between poses of the piece."""
     straight, round_ = length(motion.motion[:3]), length(motion.motion[3:])
     angle = motion.task.theta + motion.extent.turn
-    change = times(angle, times(max(start.reach, goal.reach) + max(start.swing, goal.swing), round_))
-    if start.bilinear:
+    change = times(angle, times(size(start, goal), round_))
+    if start.bend is not None:
         change += times(angle, straight) + times(length(motion.task.box) + length(motion.extent.travel), round_)
     return change

@@ -103,6 +103,7 @@ class Chain:
             goal_state,
             ONE if s1 == ONE else over(s1 - s0, ONE - s0),
             fixed(segment.tube.theta) + ALLOWANCE,
+            add(vector(segment.tube.angles), (ALLOWANCE, ALLOWANCE, ALLOWANCE)),
             add(vector(segment.tube.box), (ALLOWANCE, ALLOWANCE, ALLOWANCE)),
             (fixed(self.plan.velocity_error[0]), fixed(self.plan.velocity_error[1])),
             fixed(self.plan.rho),

@@ -80,6 +80,8 @@ def _tube(stage: Stage, start: ErrorSet, notes: Notes) -> None:
     half = motion.half
     for axis, stated_width in enumerate(tube.box):
         notes.at_least(f"offset_box[{axis}]", stated_width, half[axis], ALLOWANCE)
+    for axis, stated_angle in enumerate(tube.angles):
+        notes.at_least(f"angle_box[{axis}]", stated_angle, half[3 + axis], ALLOWANCE)
     notes.at_least("offset_max", tube.offset, length(vector(tube.box)))
     notes.at_least("theta_max", tube.theta, length((half[3], half[4], half[5])), ALLOWANCE)
 
@@ -157,7 +159,7 @@ def _before(assembly: Assembly, stage: Stage, named: list[tuple[int, str]], note
     if stage.segment.progress[0] == 0.0:
         first = motion.made_rows[0]
         room = motion.at_start(*motion.made_rows)
-        if not any(first.N[:3]) and not first.bilinear:
+        if not any(first.N[:3]) and first.bend is None:
             # A row that measures an angle: the way on an arm of ρ.
             room = over(times(room, motion.task.rho), first.reach)
         name = f"{stage.made.id} too early"

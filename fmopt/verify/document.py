@@ -102,6 +102,7 @@ class Tube:
     theta: float
     offset: float
     box: Numbers
+    angles: Numbers
 
 
 @dataclass(frozen=True)

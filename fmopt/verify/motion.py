@@ -55,7 +55,7 @@ from fmopt.verify.rational import (
     transposed,
     width,
 )
-from fmopt.verify.rows import Distance, Extent, Pose, remainder
+from fmopt.verify.rows import Distance, Extent, Pose, coarse, remainder, size
 
 _HALF = ONE >> 1
 
@@ -72,6 +72,7 @@ class Task:
         goal_state: all contacts held after the move.
         share: φ, the piece's share of what is left of the move; ONE on its last piece.
         theta: stated bound of |ε|, rad.
+        angles: stated half-widths of the box of ε, rad.
         box: stated half-widths of the box of e, m.
         rates: λ_t and λ_r.
         rho: characteristic length, m.
@@ -85,6 +86,7 @@ class Task:
     goal_state: tuple[Touch, ...]
     share: int
     theta: int
+    angles: Vector
     box: Vector
     rates: tuple[int, int]
     rho: int
@@ -126,8 +128,7 @@ class Motion:
         self.length = measure(self.twist, task.rho)
         if self.length < ONE >> 40:
             raise ArithmeticRefusal("a piece of motion goes nowhere")
-        self.extent = Extent(length(turn), travel, task.theta, task.box)
-        self.kappa = self.extent.kappa
+        self.extent = Extent(turn, length(turn), travel, task.theta, task.angles, task.box)
         self._hold()
         self._make()
         self._thicken()
@@ -136,7 +137,7 @@ class Motion:
 
     def rest(self, start: Distance, goal: Distance) -> int:
         """The remainder of a row."""
-        return remainder(start, goal, self.extent, self.kappa)
+        return remainder(start, goal, self.extent)
 
     def lowest(self, start: Distance, goal: Distance) -> int:
         """Certified lower bound of a row over the piece."""
@@ -151,18 +152,12 @@ class Motion:
 
     def at_goal(self, goal: Distance) -> int:
         """Certified lower bound of a row when the piece has ended."""
-        standing = self._standing
-        return goal.f - self.goal_errors.support(goal.N) - remainder(goal, goal, standing, standing.kappa) - SLACK
+        return goal.f - self.goal_errors.support(goal.N) - remainder(goal, goal, self.extent.standing()) - SLACK
 
     def far(self, start: Distance, goal: Distance) -> int:
         """A quick lower bound of a row, never above `lowest`: the errors' whole box instead of their sets."""
-        size = max(start.reach, goal.reach) + max(start.swing, goal.swing)
-        errors = self._offset + times(self.task.theta, size)
-        return min(start.f, goal.f) - errors - self.rest(start, goal) - 2 * SLACK
-
-    @cached_property
-    def _standing(self) -> Extent:
-        return self.extent.standing()
+        errors = self._offset + times(self.task.theta, size(start, goal))
+        return min(start.f, goal.f) - errors - coarse(start, goal, self.extent) - 2 * SLACK
 
     @cached_property
     def _offset(self) -> int:

@@ -38,7 +38,7 @@ _SEGMENT = {
 }  # fmt: skip
 _TUBE = {
     "shape_start", "shape_goal", "generators_start", "generators_goal", "growth_start", "growth_goal", "theta_max",
-    "offset_max", "offset_box",
+    "offset_max", "offset_box", "angle_box",
 }  # fmt: skip
 _HYBRID = {
     "frame", "position_axes", "force_axes", "velocity", "speed", "bias_wrench", "push", "normal_forces", "termination",
@@ -170,7 +170,8 @@ def _tube(place: Reader) -> Tube:
         for end in ("start", "goal")
     }
     theta, offset = place.at("theta_max").number(0.0, 1.0), place.at("offset_max").number(0.0, 1.0)
-    return Tube(matrices, theta, offset, place.at("offset_box").numbers(3, 0.0, 1.0))
+    box, angles = (place.at(key).numbers(3, 0.0, 1.0) for key in ("offset_box", "angle_box"))
+    return Tube(matrices, theta, offset, box, angles)
 
 
 def _separation(place: Reader, moving: Part, fixed: Part, sizes: tuple[int, int]) -> Separation:

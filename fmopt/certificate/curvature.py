@@ -1,0 +1,216 @@
+"""What a row's linear picture leaves over a piece of motion: second order in the errors, arcs, and turning gradients.
+
+A piece turns by τ and travels Δ, at a constant twist. Its errors (d, ε) stay in a box, |ε| ≤ θ, and are interpolated
+between the ends, as are value and gradient of the row. With w = R k, β = R b and y = A p + s, A = σ + [a]×, of a row
+n·p + u·w + β·y − c:
+
+A row without b. Turned by ε, u·w changes by u·(ε × w) and, the rest of the exponential as an integral,
+−∫(1 − t)(ε × exp(−tε)u)·(ε × w) dt, at most ½|ε × u||ε × w|. On the nominal path it bends off its chord by at most
+⅛|τ × u||τ × w|. Its gradient turns along the path, weighted 2s(1 − s) ≤ ½ between the ends: ½|ε × u||τ × w|.
+
+A bilinear row has the Hessian −G in ε, with G = (u·w + β·y) − (w uᵀ + β yᵀ) made symmetric, and [β]× A in ε and d.
+At a contact u·w + β·y is nearly zero, and the two parts cancel. J = (Aᵀ(τ × β), β × AΔ − G τ) is the derivative of its
+gradient along the path, J·(Δ, τ) that of its slope. All are taken at both ends; what they change in between and terms
+of third order have closed bounds. A bound by lengths alone serves where it is better.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmopt.certificate.rows import Forms, Rows, crossed, length, lengths
+from fmopt.values import Array
+
+_EYE = np.eye(3)
+_NEXT, _AFTER = np.array([1, 2, 0]), np.array([2, 0, 1])
+
+
+@dataclass(frozen=True, eq=False)
+class Extent:
+    """How far a piece of motion and its errors reach.
+
+    Args:
+        twist: V = (Δ, τ) (6,) of the nominal motion, m and rad.
+        half: half-widths (6,) of a box around the errors all along, m and rad.
+    """
+
+    twist: Array
+    half: Array
+
+    @property
+    def turn(self) -> float:
+        """|τ|, rad."""
+        return length(self.twist[3:])
+
+    @property
+    def theta(self) -> float:
+        """Bound θ of |ε|, rad."""
+        return length(self.half[3:])
+
+    @property
+    def angles(self) -> Array:
+        """Half-widths (3,) of the box around ε, rad."""
+        return self.half[3:]
+
+    @property
+    def offset(self) -> Array:
+        """Half-widths (3,) of the box around the translation error, m."""
+        return self.half[:3]
+
+    def standing(self) -> Extent:
+        """The same errors without the motion."""
+        return Extent(np.zeros(6), self.half)
+
+
+@dataclass(frozen=True, eq=False)
+class Lever:
+    """What turns of points leave of their distances to planes.
+
+    Args:
+        extent: of the motion.
+        half: what errors that turn a plane leave at each point (v,), per their size, m.
+        arc: what the nominal turn does, m.
+    """
+
+    extent: Extent
+    half: Array
+    arc: Array
+
+    @staticmethod
+    def of(extent: Extent, arms: Array) -> Lever:
+        """Points by their arms (2, v, 3) at both ends."""
+        swept = lengths(crossed(extent.twist[3:], arms[0]))
+        return Lever(extent, 0.5 * (_swung(extent.half, arms, swept) + swept), 0.125 * swept)
+
+    def beside(self, normals: Array) -> Array:
+        """Remainders (n, v) of the points over planes of unit normals (n, 3), m."""
+        leaned = lengths(crossed(self.extent.twist[3:], normals))
+        return np.outer(_crossing(self.extent.half, normals), self.half) + np.outer(leaned, self.arc)
+
+
+@dataclass(frozen=True, eq=False)
+class Curvature:
+    """How rows (k) bend over a piece of motion: what of their remainders does not depend on the errors.
+
+    Args:
+        twist: V (6,) of the piece.
+        forms: the rows.
+        turned: R k (2, k, 3) at both ends.
+        bends: of the bilinear rows, None without any.
+    """
+
+    twist: Array
+    forms: Forms
+    turned: Array
+    bends: Bends | None
+
+    @staticmethod
+    def of(start: Rows, goal: Rows, twist: Array) -> Curvature:
+        """The curvature of rows over a piece with a twist (6,)."""
+        bends = Bends.of(start, goal, twist) if start.bent.size else None
+        return Curvature(twist, start.forms, np.array([start.turned, goal.turned]), bends)
+
+    def bound(self, half: Array) -> Array:
+        """Bound (k,) of |f − (linear in the error, interpolated between the ends)|, m.
+
+        Args:
+            half: half-widths (6,) of a box around the errors.
+        """
+        push, turn = self.forms.push, self.twist[3:]
+        swept, leaned = lengths(crossed(turn, self.turned[0])), lengths(crossed(turn, push))
+        left = 0.5 * _crossing(half, push) * (_swung(half, self.turned, swept) + swept) + 0.125 * leaned * swept
+        if self.bends is not None:
+            left[self.forms.bilinear] = self.bends.bound(half)
+        return np.asarray(left)
+
+    def variation(self, half: Array, motion: Array) -> Array:
+        """Bound (k,) of how much N·v may differ between poses of the piece, errors included.
+
+        Args:
+            half: half-widths (6,) of a box around the errors.
+            motion: v (6,).
+        """
+        slide, spin, wander = length(motion[:3]), length(motion[3:]), length(half[3:]) + length(self.twist[3:])
+        left = wander * spin * self.forms.reach
+        if self.bends is not None:
+            moved = length(half[:3]) + length(self.twist[:3])
+            left[self.forms.bilinear] = wander * (spin * self.bends.size + slide) + moved * spin
+        return np.asarray(left)
+
+
+@dataclass(frozen=True, eq=False)
+class Bends:
+    """How bilinear rows (m) bend over a piece of motion.
+
+    Args:
+        turn: |τ|, rad.
+        size: |u||k| + |y|, the larger of both ends (m,), m.
+        felt: sizes of A (m, 3, 3).
+        seen: |AΔ| (m,), m.
+        second: sizes (2, m, 3, 3) of G at both ends.
+        mixed: sizes (2, m, 3, 3) of [β]× A at both ends.
+        turning: sizes of J (m, 6), both ends together.
+        chord: how far the nominal path is off its chord (m,), m.
+    """
+
+    turn: float
+    size: Array
+    felt: Array
+    seen: Array
+    second: Array
+    mixed: Array
+    turning: Array
+    chord: Array
+
+    @staticmethod
+    def of(start: Rows, goal: Rows, twist: Array) -> Bends:
+        """The bends of those rows that are bilinear, for a twist (6,)."""
+        forms, which = start.forms, start.forms.bilinear
+        u, A, turn = forms.push[which], forms.moves, twist[3:]
+        w = np.array([start.turned[which], goal.turned[which]])
+        (beta, y) = np.stack([start.bent, goal.bent], axis=1)
+        size, tau = forms.reach[which] + lengths(y).max(axis=0), length(turn)
+        slid = A @ twist[:3]
+        seen = lengths(slid)
+        outer = w[..., :, None] * u[:, None, :] + beta[..., :, None] * y[..., None, :]
+        G = np.trace(outer, axis1=-2, axis2=-1)[..., None, None] * _EYE - outer
+        J = np.concatenate(
+            [(crossed(turn, beta)[..., None, :] @ A)[..., 0, :], crossed(beta, slid) - G @ turn], axis=-1
+        )
+        chord = 0.125 * np.abs(J @ twist).max(axis=0) + tau**2 * (tau * size + 3.0 * seen) / 16.0
+        mixed = crossed(beta[..., None, :], np.swapaxes(A, -1, -2))
+        second, mixed = 0.5 * np.abs(G + np.swapaxes(G, -1, -2)), np.abs(np.swapaxes(mixed, -1, -2))
+        return Bends(tau, size, np.abs(A), seen, second, mixed, np.abs(J).sum(axis=0), chord)
+
+    def bound(self, half: Array) -> Array:
+        """The remainders (m,), see `Curvature.bound`."""
+        offset, angles = half[:3], half[3:]
+        theta, tau, size, seen = length(angles), self.turn, self.size, self.seen
+        felt = lengths(self.felt @ offset)
+        second = ((0.5 * self.second @ angles + self.mixed @ offset) @ angles).max(axis=0)
+        third = theta**2 * ((theta / 6.0 + 0.25 * tau) * size + 0.5 * felt + 0.25 * seen) + 0.5 * theta * tau * felt
+        third += 0.125 * tau * (theta * tau * size + tau * felt + 2.0 * theta * seen)
+        fine = second + self.chord + 0.25 * self.turning @ half + third
+        coarse = (0.5 * theta**2 + tau**2 / 8.0 + 0.5 * tau * theta) * size
+        coarse += (theta + 0.5 * tau) * felt + (0.25 * tau + 0.5 * theta) * seen
+        return np.asarray(np.minimum(fine, coarse))
+
+
+def remainders(start: Rows, goal: Rows, extent: Extent) -> Array:
+    """The remainders (k,) of rows over a piece of motion, see `Curvature`."""
+    return Curvature.of(start, goal, extent.twist).bound(extent.half)
+
+
+def _crossing(half: Array, vectors: Array) -> Array:
+    """Bounds (…) of |ε × v| for vectors (…, 3) and all ε in a box (the last three of six half-widths)."""
+    size, angles = np.abs(vectors), half[3:]
+    sides = size.take(_NEXT, -1) * angles.take(_AFTER) + size.take(_AFTER, -1) * angles.take(_NEXT)
+    return np.asarray(np.minimum(lengths(sides), length(angles) * lengths(vectors)))
+
+
+def _swung(half: Array, arms: Array, swept: Array) -> Array:
+    """Bounds (v,) of |ε × w| all along, for vectors w by what they are at both ends (2, v, 3), and |τ × w| (v,)."""
+    most = _crossing(half, arms).max(axis=0) + 0.5 * length(half[3:]) * swept
+    return np.asarray(np.minimum(most, length(half[3:]) * lengths(arms[0])))
