@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from itertools import chain
+from itertools import chain, islice, tee
 from typing import Any
 
 import numpy as np
@@ -25,11 +25,13 @@ from fmopt.placement.entry import (
     Entry,
     Shape,
     funnel_depth,
+    funnel_width,
     planar_entries,
     start_spread,
     straight_entry,
     tilted_entry,
     tilted_shapes,
+    touching_shapes,
 )
 from fmopt.placement.motion import Reached
 from fmopt.placement.polish import Turns, polish
@@ -54,6 +56,7 @@ Progress = Callable[[str], None]
 FINE = math.radians(1.0)
 _ROOMY = 4.0  # clearances a side that ways to enter tilted leave room for at least, as if the errors were that large
 TRIES = 40  # of entries, when one is varied
+_AT_ONCE = 2  # entries that go in at once are tried for each that touches the top first
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,8 +265,11 @@ def motion(
     else:
         least = _ROOMY * clearance.per_side
         roomy = box * max(1.0, least / max(start_spread(moving, box), 1e-3 * least))
-        shapes = tilted_shapes(moving, clearance.play, roomy, settings.max_tilt, funnel_depth(problem.fixed))
-        tilted = ((entry_of(shape),) for shape in shapes)
+        at_once = tilted_shapes(moving, clearance.play, roomy, settings.max_tilt, funnel_depth(problem.fixed))
+        first, second = tee(at_once)
+        rate = problem.velocity_error.translation + problem.velocity_error.rotation
+        touching = touching_shapes(first, moving, roomy, rate, funnel_width(problem.fixed))
+        tilted = ((entry_of(shape),) for shape in alternated(second, touching, _AT_ONCE))
     rounds = chain([straight] if straight else [], tilted)
     best: tuple[MoveSequence, Placed] | None = None
     failure: FmoptError | None = None
@@ -294,6 +300,12 @@ def motion(
         assert failure is not None
         raise failure
     return best
+
+
+def alternated(first: Iterator[Shape], second: Iterator[Shape], times: int) -> Iterator[Shape]:
+    """Several of the first, one of the second, and so on; the rest of either when the other ends."""
+    while some := [*islice(first, times), *islice(second, 1)]:
+        yield from some
 
 
 def placement(

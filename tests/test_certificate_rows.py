@@ -71,7 +71,7 @@ def moved(rng: np.random.Generator, start: Pose, turn: float) -> tuple[Pose, Arr
 
 
 def excesses(kind: str, turn: float, half: Array, seed: int) -> Array:
-    """|f − linear prediction| over the remainder, at corners of a box of errors anywhere on a piece; (samples, rows)."""
+    """|f − linear prediction| over the remainder, for corners of a box of errors, on a piece; (samples, rows)."""
     rng = np.random.default_rng(seed)
     rows, start = forms(kind, rng), pose(rng)
     goal, twist = moved(rng, start, turn)

@@ -9,7 +9,7 @@ import numpy as np
 
 from fmopt.certificate.assembly import NEAR, Assembly
 from fmopt.certificate.knowledge import held_on, other_rim, taken_turns
-from fmopt.certificate.rows import Forms, crossed, directions_along, faces_above, length, points_above, stacked
+from fmopt.certificate.rows import Forms, crossed, directions_along, faces_above, length, lengths, points_above, stacked
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.memory import remembered
@@ -54,7 +54,7 @@ def bounds(
     goes on there: that wall, as a piece, keeps the vertex out. So is a rim that an edge through the vertex crosses,
     when the edge's other end is held on the same face farther inside, or the edge properly crosses another rim: edge
     and vertex take turns, the edge's line lies in the wall either way. Two edges cross where each has its ends on both
-    sides of the other.
+    sides of the other. Where a face has holes, the vertex keeps beyond an edge of each that has the hole on one side.
 
     Args:
         assembly: the two parts.
@@ -108,20 +108,31 @@ class _Rim:
 
 @remembered(_MEMORY)
 def _rims(assembly: Assembly, part: Polyhedron, face: int) -> tuple[_Rim, ...] | None:
-    """The edges of a convex face without holes; None for other faces."""
-    loops, normal = part.faces[face].loops, part.faces[face].normal
-    if len(loops) != 1:
-        return None
-    points = part.vertices[list(loops[0])]
+    """The edges around a face whose outline is convex; None for other faces."""
+    loop, normal = part.faces[face].loops[0], part.faces[face].normal
+    points = part.vertices[list(loop)]
     convex = {frozenset(edge.vertices): edge.convex for edge in part.edges}
     found = []
-    for i, j in zip(loops[0], (*loops[0][1:], loops[0][0]), strict=True):
+    for i, j in zip(loop, (*loop[1:], loop[0]), strict=True):
         p, q = part.vertices[i], part.vertices[j]
         inward = crossed(normal, (q - p) / length(q - p))
         if (points @ inward - float(inward @ p) < -NEAR).any():
             return None
         behind = () if convex[frozenset((i, j))] else _swallowed(assembly, np.array([p, q]), inward)
         found.append(_Rim((i, j), inward, float(inward @ p), behind))
+    return tuple(found)
+
+
+@remembered(_MEMORY)
+def _holes(assembly: Assembly, part: Polyhedron, face: int) -> tuple[tuple[tuple[Array, float], ...], ...]:
+    """For each hole of a face, the planes across those of its edges that have all of it behind them."""
+    normal, found = part.faces[face].normal, []
+    for loop in part.faces[face].loops[1:]:
+        points = part.vertices[list(loop)]
+        ways = crossed(normal, np.roll(points, -1, axis=0) - points)
+        ways = ways / lengths(ways)[:, None]
+        planes = [(way, float(way @ p)) for way, p in zip(ways, points, strict=True)]
+        found.append(tuple((way, at) for way, at in planes if (points @ way <= at + NEAR).all()))
     return tuple(found)
 
 
@@ -140,9 +151,13 @@ def _in_face(
         )
         for rim in rims
     ]
+    holes = [
+        [rows.above(body[contact.moving[0]], way, at) for way, at in planes]
+        for planes in _holes(assembly, fixed, contact.fixed_feature)
+    ]
 
     def judge(lower: Array) -> float:
-        found = UNBOUNDED
+        found = min((float(lower[beyond].max(initial=-UNBOUNDED)) for beyond in holes), default=UNBOUNDED)
         for room, swallowed, slips in asked:
             value = float(lower[room])
             if value < found and not (_within(swallowed, value) or slips(lower, value)):
@@ -322,7 +337,7 @@ def _blocked(assembly: Assembly, edge: int, wall: int) -> tuple[tuple[Array, Arr
 
 def _on_moving_face(assembly: Assembly, contact: PrimitiveContact, rows: _Questions) -> Judge:
     rims = _rims(assembly, assembly.moving.polyhedron, contact.moving_feature)
-    if rims is None:
+    if rims is None or len(assembly.moving.polyhedron.faces[contact.moving_feature].loops) > 1:
         return lambda lower: -UNBOUNDED
     w = assembly.fixed.polyhedron.vertices[contact.fixed[0]]
     asked = [rows.beneath(rim.inward, rim.offset, w) for rim in rims]

@@ -173,7 +173,7 @@ class Forms:
 
 def stacked(*parts: Forms) -> Forms:
     """All rows one after the other."""
-    return Forms(np.concatenate([part.table for part in parts]))
+    return Forms(np.concatenate([np.zeros((0, _WIDTH)), *(part.table for part in parts)]))
 
 
 def _filled(count: int, **columns: Array | float) -> Forms:

@@ -1,10 +1,15 @@
-"""Where a motion begins: straight above the mouth, or tilted so that one corner of the leading face enters it."""
+"""Where a motion begins: straight above the mouth, or tilted so that one corner of the leading face enters it.
+
+How deep the corner goes in is uncertain by the start errors, those of rotation too, and a part that is to turn upright
+against a wall may be in by little: its other side has to pass the mouth on the far side. The corner may touch the top
+beside the mouth first. Then its height is known but for what errors of velocity add on the way into the mouth.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -23,6 +28,9 @@ _SLOPED = 1e-3  # upward part of the normal of a face that is neither a wall nor
 _SHORT = 0.25  # of the longest side of the leading face, below which a side is no wall
 _ALIKE = 0.55  # cosine above which two sides are no corner
 _SHARED = (0.4, 0.6)  # of the room between opposite walls that the corner stays within
+# What a corner that has touched the top goes in by, in errors of velocity; how far it rises, as a share of its way.
+_TOUCHED, _RISE = (8.0, 6.0, 4.5, 10.0), 0.06
+_BEYOND = 1.1  # of the errors that displace the corner, how far outside the mouth it touches the top
 # What the errors are multiplied with in the plane: how deep the corner goes in below a level.
 _LEVELS = (4.5, 5.5, 3.5, 7.0, 2.5)
 # The same for a corner once caught on a slope; where it goes in, as shares of the way from the middle to a wall.
@@ -39,6 +47,8 @@ class Shape:
         turn: turn about the part's own axis, rad.
         depth: how far below the mouth the corner goes, m.
         room: how far from the walls next to it the corner goes in, along x and y, m.
+        touch: how far outside the nearer of these walls the corner touches the top first, and how high above the mouth
+            it is then brought over the place where it goes in, m; None where it goes in at once.
     """
 
     about_y: float
@@ -46,13 +56,32 @@ class Shape:
     turn: float
     depth: float
     room: tuple[float, float]
+    touch: tuple[float, float] | None = None
+
+    @property
+    def numbers(self) -> Array:
+        """All of them (6,), or (8,) with those of the touch."""
+        return np.array([self.about_y, self.about_x, self.turn, self.depth, *self.room, *(self.touch or ())])
+
+    @staticmethod
+    def of(numbers: Array) -> Shape:
+        """The shape of (6,) or (8,) numbers."""
+        about_y, about_x, turn, depth, x, y, *touch = (float(number) for number in numbers)
+        return Shape(about_y, about_x, turn, depth, (x, y), (touch[0], touch[1]) if touch else None)
 
 
 @dataclass(frozen=True, eq=False)
 class Entry:
-    """A way to begin: the pose above the mouth, the pose with a corner inside it, and that corner (3,) in the body.
+    """A way to begin.
 
-    `shallow` says that the corner is still among the slopes of the mouth; caught on one, it may go in deeper.
+    Args:
+        start: pose above the mouth, or above the top beside it.
+        inside: pose with a corner inside.
+        corner: that corner (3,) in the body.
+        shape: what it was made of.
+        shallow: whether the corner is still among the slopes of the mouth; caught on one, it may go in deeper.
+        over: pose above the mouth to which it goes after the corner has touched the top below the start; None where it
+            goes in at once.
     """
 
     start: Pose
@@ -60,6 +89,7 @@ class Entry:
     corner: Array
     shape: Shape | None = None
     shallow: bool = False
+    over: Pose | None = None
 
 
 def tilted_entry(moving: Part, play: tuple[float, float], approach: float, shape: Shape) -> Entry:
@@ -69,28 +99,45 @@ def tilted_entry(moving: Part, play: tuple[float, float], approach: float, shape
         moving: the moving part, tip centre at the origin.
         play: free travel (x, y) of the upright part between the walls, m.
         approach: height of the lowest point above the mouth at the start, m.
-        shape: tilts, turn, depth and room.
+        shape: tilts, turn, depth, room, and where the corner touches first.
     """
     tip = _tip(moving)
     corner = _lowest(tip, shape.about_y, shape.about_x)
-    at = np.append(_between_walls(moving, corner, play, shape.room), -shape.depth)
+    place, inward = _between_walls(moving, corner, play, shape.room)
+    at = np.append(place, -shape.depth)
     sx, sy = (math.copysign(1.0, x) for x in corner[:2])
     # Turning about +x by α moves y-negative points down by α; about +y by β moves x-positive points down.
     tilt = se3.exp([-sy * shape.about_x, 0.0, 0.0]) @ se3.exp([0.0, sx * shape.about_y, 0.0])
     R = tilt @ se3.exp([0.0, 0.0, shape.turn])
     inside = Pose(at - R @ corner, R)
     lift = approach - float(inside.apply(tip)[:, 2].min())
-    return Entry(inside.moved([0.0, 0.0, lift, 0.0, 0.0, 0.0]), inside, corner, shape)
+    above = inside.moved([0.0, 0.0, lift, 0.0, 0.0, 0.0])
+    if shape.touch is None:
+        return Entry(above, inside, corner, shape)
+    beyond, rise = shape.touch
+    nearer = int(np.argmin(shape.room))
+    aside = -(shape.room[nearer] + beyond) * inward[nearer]
+    over = inside.moved([0.0, 0.0, shape.depth + rise, 0.0, 0.0, 0.0])
+    return Entry(above.moved([*aside, 0.0, 0.0, 0.0, 0.0]), inside, corner, shape, over=over)
 
 
 def funnel_depth(fixed: Part) -> float:
     """How deep the sloped faces go down that begin at the mouth, m; 0 where there are none."""
-    body, depth = fixed.polyhedron, 0.0
+    return max((depth for depth, _ in _slopes(fixed)), default=0.0)
+
+
+def funnel_width(fixed: Part) -> float:
+    """How far outside the walls the sloped faces that begin at the mouth end, m; 0 where there are none."""
+    return max((depth * rise for depth, rise in _slopes(fixed)), default=0.0)
+
+
+def _slopes(fixed: Part) -> Iterator[tuple[float, float]]:
+    """The sloped faces that begin at the mouth: how deep they go down, and how far outside they are for each depth."""
+    body = fixed.polyhedron
     for face in body.faces:
         heights = body.vertices[list(face.vertices), 2]
         if _SLOPED < face.normal[2] < 1.0 - _SLOPED and abs(float(heights.max())) <= 1e-9:
-            depth = max(depth, -float(heights.min()))
-    return depth
+            yield -float(heights.min()), float(face.normal[2] / math.hypot(*face.normal[:2]))
 
 
 def tilted_shapes(
@@ -131,6 +178,28 @@ def _ways() -> Iterator[tuple[tuple[float, float], float, tuple[float, float]]]:
     for shares in _TURNS:
         for (deep_and_wide, share), tilts in product(product(_ROUNDS, shares), _TILTS):
             yield deep_and_wide, share, tilts
+
+
+def touching_shapes(
+    shapes: Iterable[Shape], moving: Part, start_box: Array, rate: float, width: float
+) -> Iterator[Shape]:
+    """The same shapes with the top beside the mouth touched first, so that the corner need not go in as deep.
+
+    Args:
+        shapes: tilted ones that go in at once.
+        moving: the moving part, tip centre at the origin.
+        start_box: half-widths (6,) of the start error, m and rad.
+        rate: errors of velocity in translation and rotation together, as a share of the way.
+        width: how far outside the walls the top begins, m.
+    """
+    tip = _tip(moving)
+    for n, shape in enumerate(shapes):
+        swing = _swing(_lowest(tip, shape.about_y, shape.about_x)[None], start_box)
+        beyond = width + _BEYOND * (float(start_box[:2].max()) + swing)
+        way = min(shape.room) + beyond
+        depth = _TOUCHED[n // 2 % len(_TOUCHED)] * rate * way
+        if depth < shape.depth:
+            yield replace(shape, depth=depth, touch=(beyond, _RISE * way))
 
 
 def planar_entries(
@@ -226,12 +295,17 @@ def _swing(tip: Array, start_box: Array) -> float:
     return float(np.linalg.norm(tip[:, :2], axis=1).max()) * float(np.linalg.norm(start_box[3:]))
 
 
-def _between_walls(moving: Part, corner: Array, play: tuple[float, float], room: tuple[float, float]) -> Array:
-    """Where (x, y) the corner is as far from the two walls next to it as `room` says, the part's sides facing them."""
+def _between_walls(
+    moving: Part, corner: Array, play: tuple[float, float], room: tuple[float, float]
+) -> tuple[Array, Array]:
+    """Where (x, y) the corner is as far from the two walls next to it as `room` says, and their inward normals (2, 2).
+
+    The part's sides face the walls.
+    """
     (one, on_one), (two, on_two) = sorted(_sides(moving, corner), key=lambda side: -abs(float(side[0][0])))
     N = np.array([one, two])
     walls = np.array([one @ on_one, two @ on_two]) - 0.5 * np.abs(N) @ np.asarray(play)
-    return np.asarray(np.linalg.solve(N, walls + np.asarray(room)))
+    return np.asarray(np.linalg.solve(N, walls + np.asarray(room))), N
 
 
 def _sides(moving: Part, corner: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:

@@ -161,18 +161,23 @@ def _modulo(held: Array, rows: Array) -> Array:
 
 
 def begin(task: Task, entry: Entry) -> Node | None:
-    """The state after the approach of an entry, None when the approach cannot be certified."""
-    move = Move(entry.start, entry.inside, (), ())
-    try:
-        reached = unroll(
-            task.assembly, move, Reached(task.start, (), ()), task.tolerance, task.costs.coarse, thorough=False
-        )
-    except InfeasibleError:
+    """The state with a corner inside, None when the approach cannot be certified.
+
+    With a pose above the mouth the corner first goes down to touch the top, and leaves it to get there.
+    """
+    place = Place(entry.start, (), (), entry.corner)
+    # The approach itself is no transition.
+    above = Node(entry, place, Reached(task.start, (), ()), (), (), -task.costs.transition, 0)
+    if entry.over is None:
+        return _son(task, above, Move(entry.start, entry.inside, (), ()), "approach")
+    height = float(entry.start.apply(entry.corner)[2])
+    down = Freedom("-z", np.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0]), 1.5 * height)
+    move = guarded(task.assembly, place, down, neighbourhood(task.assembly, place, down, task.costs.reach))
+    touched = None if move is None else _son(task, above, move, "approach", thorough=True)
+    if touched is None:
         return None
-    cost = danger(reached.margin, task.costs)
-    if not math.isfinite(cost):
-        return None
-    return Node(entry, Place(entry.inside, (), (), entry.corner), reached, (move,), ("approach",), cost, 0)
+    lifted = _son(task, touched, Move(touched.place.pose, entry.over, (), (), touched.place.held), "leave")
+    return None if lifted is None else _son(task, lifted, Move(entry.over, entry.inside, (), ()), "enter")
 
 
 def sons(task: Task, node: Node) -> Iterator[Node]:
@@ -233,11 +238,11 @@ def _straight_down(task: Task, place: Place, twist: Array) -> Move | None:
     return Move(place.pose, there, place.held, ())
 
 
-def _son(task: Task, node: Node, move: Move, name: str) -> Node | None:
+def _son(task: Task, node: Node, move: Move, name: str, thorough: bool = False) -> Node | None:
     costs = task.costs
     try:
         before = len(node.reached.claims)
-        reached = unroll(task.assembly, move, node.reached, task.tolerance, costs.coarse, thorough=False)
+        reached = unroll(task.assembly, move, node.reached, task.tolerance, costs.coarse, thorough)
     except InfeasibleError:
         return None
     margin = min(c.margin for c in reached.claims[before:])

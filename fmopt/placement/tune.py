@@ -15,7 +15,6 @@ import numpy as np
 from fmopt.placement.entry import Entry, Shape
 from fmopt.placement.search import MoveSequence
 from fmopt.placement.step import Node, Task, begin, follow
-from fmopt.values import Array
 
 _STEPS = (0.16, 0.08, 0.04)  # shares of the first shape's numbers
 _GAIN = 0.01  # of the clearance, the least gain that counts
@@ -50,16 +49,20 @@ def tuned(
     first = found.entry.shape
     if first is None:
         return found
-    factors, best, tries = np.ones(6), found, 0
+    size = len(first.numbers)
+    factors, best, tries = np.ones(size), found, 0
     for share in _STEPS:
         improved = True
         while improved:
             improved = False
-            for step in share * np.vstack([-np.eye(6), np.eye(6)]):
+            for step in share * np.vstack([-np.eye(size), np.eye(size)]):
                 # Once a number has been changed for the better, it goes on that way.
                 while tries < limits.tries and best.reached.margin < clearance and time.monotonic() < limits.deadline:
                     tries += 1
-                    entry, least = entry_of(_scaled(first, factors + step)), best.reached.margin + _GAIN * clearance
+                    entry, least = (
+                        entry_of(Shape.of(first.numbers * (factors + step))),
+                        best.reached.margin + _GAIN * clearance,
+                    )
                     node = replayed(task, entry, found.names, least)
                     if node is None:
                         break
@@ -82,24 +85,12 @@ def replayed(task: Task, entry: Entry, names: Sequence[str], least: float) -> No
     Args:
         task: parts, errors, goal and costs.
         entry: how to begin.
-        names: the freedoms of the moves, the approach first.
+        names: the freedoms of the moves, those that begin it first.
         least: the margin that has to be exceeded, m.
     """
     node = begin(task, entry)
-    for name in names[1:]:
+    for name in names[len(node.names) if node else 0 :]:
         if node is None or node.reached.margin <= least:
             return None
         node = follow(task, node, name)
     return node if node is not None and node.reached.margin > least and task.seated(node.place.pose) else None
-
-
-def _scaled(shape: Shape, factors: Array) -> Shape:
-    """The shape with each of its six numbers times a factor (6,)."""
-    about_y, about_x, turn, depth, x, y = (float(factor) for factor in factors)
-    return Shape(
-        shape.about_y * about_y,
-        shape.about_x * about_x,
-        shape.turn * turn,
-        shape.depth * depth,
-        (shape.room[0] * x, shape.room[1] * y),
-    )

@@ -59,19 +59,28 @@ def _above(v: Vector, plane: Plane) -> Callable[[Pose], Distance]:
 
 
 def _rims(shape: Shape, face: int) -> list[tuple[int, int, Plane]] | None:
-    """The edges of a convex face without holes, each with its inward plane; None for other faces."""
-    loops, wall = shape.faces[face].loops, shape.faces[face].plane
-    if len(loops) != 1:
+    """The edges around a face whose outline is convex, each with its inward plane; None for other faces."""
+    outline = shape.faces[face].loops[0]
+    rims = _across(shape, face, outline)
+    if any(rim.height(shape.vertices[k]) < -NEAR for _, _, rim in rims for k in outline):
         return None
-    rims = []
-    for i, j in zip(loops[0], (*loops[0][1:], loops[0][0]), strict=True):
-        p, q = shape.vertices[i], shape.vertices[j]
-        inward = cross(wall.normal, unit(sub(q, p)))
-        rim = Plane(inward, dot(inward, p))
-        if any(rim.height(shape.vertices[k]) < -NEAR for k in loops[0]):
-            return None
-        rims.append((i, j, rim))
     return rims
+
+
+def _across(shape: Shape, face: int, loop: Sequence[int]) -> list[tuple[int, int, Plane]]:
+    """The edges of a loop of a face, each with the plane across the face that has the face in front of it."""
+    planes = []
+    for i, j in zip(loop, (*loop[1:], loop[0]), strict=True):
+        p, q = shape.vertices[i], shape.vertices[j]
+        inward = cross(shape.faces[face].plane.normal, unit(sub(q, p)))
+        planes.append((i, j, Plane(inward, dot(inward, p))))
+    return planes
+
+
+def _beside(shape: Shape, face: int, loop: Sequence[int]) -> list[Plane]:
+    """Planes across a face that have all of a hole behind them, each along one of its edges."""
+    planes = (plane for _, _, plane in _across(shape, face, loop))
+    return [plane for plane in planes if all(plane.height(shape.vertices[k]) <= NEAR for k in loop)]
 
 
 def _in_face(assembly: Assembly, touch: Touch, together: Sequence[Touch], least: Least) -> int:
@@ -87,6 +96,9 @@ def _in_face(assembly: Assembly, touch: Touch, together: Sequence[Touch], least:
             or _slips(assembly, touch, together, (i, j), rim, room, least)
         ):
             found = room
+    for hole in assembly.fixed.faces[touch.face].loops[1:]:
+        beyond = [least(_above(v, plane)) for plane in _beside(assembly.fixed, touch.face, hole)]
+        found = min(found, max(beyond, default=-UNBOUNDED))
     return found
 
 
@@ -224,7 +236,7 @@ def _blocked(assembly: Assembly, wall: Plane, end: Vector, inward: Vector, room:
 def _on_moving_face(assembly: Assembly, touch: Touch, least: Least) -> int:
     w = touch.fixed[0]
     rims = _rims(assembly.moving, touch.face)
-    if rims is None:
+    if rims is None or len(assembly.moving.faces[touch.face].loops) > 1:
         return -UNBOUNDED
     return min(least(_body_row(rim, w)) for _, _, rim in rims)
 
