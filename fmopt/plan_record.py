@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -10,7 +11,10 @@ import numpy as np
 
 from fmopt import __version__, plan
 from fmopt.certificate.claim import Claim
+from fmopt.certificate.curvature import Curvature, Extent
+from fmopt.certificate.functions import contact_rows
 from fmopt.certificate.knowledge import Assembly
+from fmopt.certificate.piece import Piece
 from fmopt.certificate.record import contact_record, part_record, segment_record
 from fmopt.certificate.segment import Tolerance
 from fmopt.contact.bounds import BoundTable
@@ -36,6 +40,7 @@ from fmopt.se3 import Pose
 from fmopt.task.problem import Problem
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.uncertainty.planar import account as planar
+from fmopt.values import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +88,7 @@ def proof_document(problem: Problem, done: Moved) -> dict[str, Any]:
 def _proof(problem: Problem, done: Moved) -> dict[str, Any]:
     """See `proof_document`."""
     tolerance, found, claims = done.tolerance, done.found, done.placed.reached.claims
-    segments = _segments(problem, claims, tolerance)
+    segments = _segments(problem, done.assembly, claims, tolerance)
     contacts = {c.id: c for claim in claims for c in (*claim.piece.held, *claim.piece.goal_contacts)}
     declared, clearance = problem.declared_clearance, done.clearance.per_side
     return {
@@ -182,18 +187,20 @@ def _in_the_plane(problem: Problem, nominal: Nominal, claims: tuple[Claim, ...])
     return {"planar": found}
 
 
-def _segments(problem: Problem, claims: tuple[Claim, ...], tolerance: Tolerance) -> list[dict[str, Any]]:
+def _segments(
+    problem: Problem, assembly: Assembly, claims: tuple[Claim, ...], tolerance: Tolerance
+) -> list[dict[str, Any]]:
     poses = [claims[0].piece.start.vector(), *(claim.piece.goal.vector() for claim in claims)]
     found: list[dict[str, Any]] = []
     move = -1
     for k, claim in enumerate(claims):
         move += claim.piece.progress[0] == 0.0
         record = segment_record(claim, 0, move, poses[k], poses[k + 1])
-        found.append({**record, "hybrid": plan.clean(strategy(problem, claim, tolerance))})
+        found.append({**record, "hybrid": plan.clean(strategy(problem, assembly, claim, tolerance))})
     return found
 
 
-def strategy(problem: Problem, claim: Claim, tolerance: Tolerance) -> dict[str, Any]:
+def strategy(problem: Problem, assembly: Assembly, claim: Claim, tolerance: Tolerance) -> dict[str, Any]:
     """The control strategy of a piece as the plan file holds it, from the contacts that touch at its goal.
 
     Raises:
@@ -210,12 +217,23 @@ def strategy(problem: Problem, claim: Claim, tolerance: Tolerance) -> dict[str, 
         np.array([contact_point(c, body, fixed, piece.goal) for c in held]).reshape(-1, 3),
         np.array([contact_wrench(c, body, fixed, piece.goal) for c in made]).reshape(-1, 6),
         float(np.linalg.norm(extent.offset)) + tolerance.rho * extent.theta,
+        _stray(assembly, held, piece, extent, problem.specification.friction),
     )
     try:
         hybrid = hybrid_strategy(move, tolerance.rho, problem.specification)
     except InfeasibleError as error:
         raise InfeasibleError(f"segment to {piece.goal.vector()}: {error.message}", advice=error.advice) from error
     return hybrid.document([c.id for c in held], [c.id for c in made])
+
+
+def _stray(
+    assembly: Assembly, held: Sequence[PrimitiveContact], piece: Piece, extent: Extent, friction: float
+) -> Array:
+    """What forces of held contacts may do against a piece of motion as errors turn them, and move their points, m."""
+    rows = contact_rows(assembly, held, (), piece.goal)
+    found = Curvature.of(rows, rows, extent.twist).power(extent.half)
+    sizes = np.linalg.norm(rows.N[:, :3], axis=1)
+    return np.asarray(found / sizes + friction * extent.turn * float(np.linalg.norm(extent.offset)))
 
 
 def _touching(problem: Problem, contacts: tuple[PrimitiveContact, ...], pose: Pose) -> list[PrimitiveContact]:

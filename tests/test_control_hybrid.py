@@ -160,6 +160,17 @@ def _held_part(rows, wrench):
     return kept.T @ (kept @ wrench)
 
 
+def test_the_push_allows_for_what_held_contacts_may_do_against_the_motion():
+    """As errors turn a normal force, it has power on the motion: the push then has that much more."""
+    held, stray = X_WALL + Y_WALL, np.full(len(X_WALL + Y_WALL), 2e-4)
+    plain, more = (
+        hybrid_strategy(replace(move(held, DOWN, FLOOR), stray=p), RHO, SPECIFICATION) for p in (NONE[0:0, 0], stray)
+    )
+    needed = SPECIFICATION.termination_force * 1.25 + SPECIFICATION.friction * more.normal_forces.sum()
+    assert more.push >= needed + more.normal_forces @ stray / np.linalg.norm(DOWN) - 1e-9
+    assert more.push > plain.push
+
+
 def test_bias_without_any_contact_is_none_and_with_a_first_one_is_a_push():
     assert not hybrid_strategy(move([], DOWN), RHO, SPECIFICATION).bias_wrench.any()
     first = hybrid_strategy(move([], DOWN, FLOOR[:1]), RHO, SPECIFICATION)

@@ -8,7 +8,7 @@ A row without b. Turned by ε, u·w changes by u·(ε × w) and, the rest of the
 −∫(1 − t)(ε × exp(−tε)u)·(ε × w) dt, at most ½|ε × u||ε × w|. On the nominal path it bends off its chord by at most
 ⅛|τ × u||τ × w|. Its gradient turns along the path, weighted 2s(1 − s) ≤ ½ between the ends: ½|ε × u||τ × w|.
 
-A bilinear row has the Hessian −G in ε, with G = (u·w + β·y) − (w uᵀ + β yᵀ) made symmetric, and [β]× A in ε and d.
+A bilinear row has the Hessian −G in ε, G = (u·w + β·y) − (w uᵀ + β yᵀ) made symmetric, and [β]× A in ε and d.
 At a contact u·w + β·y is nearly zero, and the two parts cancel. J = (Aᵀ(τ × β), β × AΔ − G τ) is the derivative of its
 gradient along the path, J·(Δ, τ) that of its slope. All are taken at both ends; what they change in between and terms
 of third order have closed bounds. A bound by lengths alone serves where it is better.
@@ -125,6 +125,18 @@ class Curvature:
             left[self.forms.bilinear] = self.bends.bound(half)
         return np.asarray(left)
 
+    def power(self, half: Array) -> Array:
+        """How much N·V, V the twist, differs between errors in the box at most, to first order in them (k,), m.
+
+        Args:
+            half: half-widths (6,) of a box around the errors.
+        """
+        leaned = lengths(crossed(self.twist[3:], self.forms.push))
+        found = leaned * _swung(half, self.turned, np.zeros(len(leaned)))
+        if self.bends is not None:
+            found[self.forms.bilinear] = self.bends.power @ half
+        return np.asarray(found)
+
     def variation(self, half: Array, motion: Array) -> Array:
         """Bound (k,) of how much N·v may differ between poses of the piece, errors included.
 
@@ -153,6 +165,7 @@ class Bends:
         mixed: sizes (2, m, 3, 3) of [β]× A at both ends.
         turning: sizes of J (m, 6), both ends together.
         chord: how far the nominal path is off its chord (m,), m.
+        power: sizes (m, 6) of how N·V, V the twist, changes with the error, the larger of both ends.
     """
 
     turn: float
@@ -163,6 +176,7 @@ class Bends:
     mixed: Array
     turning: Array
     chord: Array
+    power: Array
 
     @staticmethod
     def of(start: Rows, goal: Rows, twist: Array) -> Bends:
@@ -170,19 +184,19 @@ class Bends:
         forms, which = start.forms, start.forms.bilinear
         u, A, turn = forms.push[which], forms.moves, twist[3:]
         w = np.array([start.turned[which], goal.turned[which]])
-        (beta, y) = np.stack([start.bent, goal.bent], axis=1)
+        beta, y = np.stack([start.bent, goal.bent], axis=1)
         size, tau = forms.reach[which] + lengths(y).max(axis=0), length(turn)
         slid = A @ twist[:3]
         seen = lengths(slid)
         outer = w[..., :, None] * u[:, None, :] + beta[..., :, None] * y[..., None, :]
         G = np.trace(outer, axis1=-2, axis2=-1)[..., None, None] * _EYE - outer
-        J = np.concatenate(
-            [(crossed(turn, beta)[..., None, :] @ A)[..., 0, :], crossed(beta, slid) - G @ turn], axis=-1
-        )
+        pulled, carried = (crossed(turn, beta)[..., None, :] @ A)[..., 0, :], crossed(beta, slid)
+        J, K = (np.concatenate([pulled, carried - H @ turn], axis=-1) for H in (G, np.swapaxes(G, -1, -2)))
         chord = 0.125 * np.abs(J @ twist).max(axis=0) + tau**2 * (tau * size + 3.0 * seen) / 16.0
         mixed = crossed(beta[..., None, :], np.swapaxes(A, -1, -2))
         second, mixed = 0.5 * np.abs(G + np.swapaxes(G, -1, -2)), np.abs(np.swapaxes(mixed, -1, -2))
-        return Bends(tau, size, np.abs(A), seen, second, mixed, np.abs(J).sum(axis=0), chord)
+        turning, power = np.abs(J).sum(axis=0), np.abs(K).max(axis=0)
+        return Bends(tau, size, np.abs(A), seen, second, mixed, turning, chord, power)
 
     def bound(self, half: Array) -> Array:
         """The remainders (m,), see `Curvature.bound`."""

@@ -8,7 +8,7 @@ wrench the extra *reaction* on it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any, NamedTuple
 
@@ -43,6 +43,8 @@ class GuardedMove(Value):
         points: their contact points (m, 3) in the B-frame, m.
         made: wrenches (k, 6) of the contacts that end the move, made together; none for a move that ends by its travel.
         bound: how much longer than ‖V‖ the way may be, m.
+        stray: what a unit force of each held contact may do against the motion (m,), m: errors turn it, and move its
+            point; none by default.
     """
 
     reference: Pose
@@ -51,6 +53,7 @@ class GuardedMove(Value):
     points: Array
     made: Array
     bound: float
+    stray: Array = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "displacement", frozen(self.displacement, 6, name="displacement"))
@@ -58,6 +61,8 @@ class GuardedMove(Value):
         points = np.reshape(self.points, (-1, 3))
         object.__setattr__(self, "points", frozen(points, len(self.held), 3, name="contact points"))
         object.__setattr__(self, "made", frozen(np.reshape(self.made, (-1, 6)), None, 6, name="made wrenches"))
+        stray = self.stray if len(self.stray) else np.zeros(len(self.held))
+        object.__setattr__(self, "stray", frozen(stray, len(self.held), name="stray powers"))
 
     @property
     def reaction(self) -> Array:
@@ -196,11 +201,12 @@ def bias_wrench(move: GuardedMove, V: Array, rho: float, specification: Specific
         fᵢ ≥ t,  gᵢ ≥ t,  kⱼ ≥ 0,                      all contacts stay, also
         −Σ kⱼ wⱼ·V = b u·V,                           when the new ones take the whole push,
         Σ gᵢ wᵢ = Σ fᵢ wᵢ − Π Σ kⱼ wⱼ,              Π onto the space of held wrenches,
-        b u·V ≥ 1.25 h |w·V| + μ Σ fᵢ sᵢ,           the push alone makes the contact felt against friction,
+        b u·V ≥ 1.25 h |w·V| + Σ fᵢ (μ sᵢ + pᵢ),    the push alone makes the contact felt against what resists,
         Σ fᵢ + b ≤ contact force,  Σ gᵢ ≤ contact force,  |τ| ≤ torque limit on each axis,
 
-    with sᵢ the sliding speed of contact i for the unit motion V, and h the threshold. The push must allow for friction
-    that need not be there, and what friction does not take comes onto the new contacts: contacts that it could pry open
+    with sᵢ the sliding speed of contact i for the unit motion V, pᵢ the power that its force may take where errors turn
+    it, and h the threshold. The push must allow for friction that need not be there, and what friction does not take
+    comes onto the new contacts: contacts that it could pry open
     are pressed more, those whose friction asks for it less. Of equal answers that with the least greatest force is
     taken. Without a new contact there is no push. Where no g exists, Σ kⱼ = h takes the place of the second line, so
     that only the reaction that ends the move leaves all contacts closed; where none exists then either, the new contact
@@ -250,7 +256,8 @@ def _program(
     h = specification.termination_force if n else 0.0
     basis, scale = row_space(W, rho), twist_scale(rho)
     spread = basis @ (W / scale).T
-    drag = specification.friction * _sliding_speeds(W, move.points - move.reference.p, V) * (n > 0)
+    sliding = specification.friction * _sliding_speeds(W, move.points - move.reference.p, V)
+    drag = (sliding + move.stray / np.linalg.norm(move.displacement * scale)) * (n > 0)
     F = specification.contact_force
     f, g, k = (np.eye(2 * m + n + 3)[cut] for cut in (slice(m), slice(m, 2 * m), slice(2 * m, 2 * m + n)))
     greatest, b, t = np.eye(2 * m + n + 3)[-3:]

@@ -218,7 +218,7 @@ def _bias(solved: Solved) -> dict[str, Scalar]:
     least, push = float("inf"), 0.0
     for claim in moved.placed.reached.claims:
         try:
-            hybrid = strategy(solved.problem, claim, moved.tolerance)
+            hybrid = strategy(solved.problem, moved.assembly, claim, moved.tolerance)
         except InfeasibleError:
             return {"holds": False, "least_normal_force": 0.0}
         least = min([least, *(entry["force"] for entry in hybrid["normal_forces"])])
