@@ -11,10 +11,9 @@ import numpy as np
 
 from fmopt import __version__, plan
 from fmopt.certificate.claim import Claim
-from fmopt.certificate.curvature import Curvature, Extent
+from fmopt.certificate.curvature import Curvature
 from fmopt.certificate.functions import contact_rows
 from fmopt.certificate.knowledge import Assembly
-from fmopt.certificate.piece import Piece
 from fmopt.certificate.record import contact_record, part_record, segment_record
 from fmopt.certificate.segment import Tolerance
 from fmopt.contact.bounds import BoundTable
@@ -217,7 +216,7 @@ def strategy(problem: Problem, assembly: Assembly, claim: Claim, tolerance: Tole
         np.array([contact_point(c, body, fixed, piece.goal) for c in held]).reshape(-1, 3),
         np.array([contact_wrench(c, body, fixed, piece.goal) for c in made]).reshape(-1, 6),
         float(np.linalg.norm(extent.offset)) + tolerance.rho * extent.theta,
-        _stray(assembly, held, piece, extent, problem.specification.friction),
+        _stray(assembly, held, claim),
     )
     try:
         hybrid = hybrid_strategy(move, tolerance.rho, problem.specification)
@@ -226,14 +225,12 @@ def strategy(problem: Problem, assembly: Assembly, claim: Claim, tolerance: Tole
     return hybrid.document([c.id for c in held], [c.id for c in made])
 
 
-def _stray(
-    assembly: Assembly, held: Sequence[PrimitiveContact], piece: Piece, extent: Extent, friction: float
-) -> Array:
-    """What forces of held contacts may do against a piece of motion as errors turn them, and move their points, m."""
-    rows = contact_rows(assembly, held, (), piece.goal)
-    found = Curvature.of(rows, rows, extent.twist).power(extent.half)
-    sizes = np.linalg.norm(rows.N[:, :3], axis=1)
-    return np.asarray(found / sizes + friction * extent.turn * float(np.linalg.norm(extent.offset)))
+def _stray(assembly: Assembly, held: Sequence[PrimitiveContact], claim: Claim) -> Array:
+    """What unit forces of held contacts may do against a piece of motion as errors turn them (k,), m."""
+    ends = claim.advance.ends
+    rows = contact_rows(assembly, held, (), ends.goal)
+    power = Curvature.of(rows, rows, ends.extent.twist).power()
+    return np.asarray(ends.goal_set.support(power) / np.linalg.norm(rows.N[:, :3], axis=1))
 
 
 def _touching(problem: Problem, contacts: tuple[PrimitiveContact, ...], pose: Pose) -> list[PrimitiveContact]:

@@ -159,12 +159,11 @@ def test_points_over_planes_have_the_remainders_of_their_rows() -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_errors_change_what_a_row_says_of_the_motion_by_the_stated_power(kind: str) -> None:
+def test_errors_change_what_a_row_says_of_the_motion_by_its_power(kind: str) -> None:
     rng = np.random.default_rng(11)
-    rows, X, twist, half = forms(kind, rng), pose(rng), rng.normal(size=6), box((2e-5, 1e-5, 3e-5), (4e-6, 1e-6, 2e-6))
+    rows, X, twist = forms(kind, rng), pose(rng), rng.normal(size=6)
     at = rows.at(X)
-    power = Curvature.of(at, at, twist).power(half)
-    changes = [np.abs((rows.at(X.moved(rng.choice([-1.0, 1.0], 6) * half)).N - at.N) @ twist) for _ in range(SAMPLES)]
-    share = np.max(changes, axis=0) / power
-    assert share.max() <= 1.0 + 1e-3
-    assert share.max() > 0.4
+    power = Curvature.of(at, at, twist).power()
+    for axis, step in enumerate(np.eye(6) * 1e-6):
+        slope = (rows.at(X.moved(step)).N - rows.at(X.moved(-step)).N) @ twist / 2e-6
+        np.testing.assert_allclose(power[:, axis], slope, atol=1e-8)

@@ -125,17 +125,13 @@ class Curvature:
             left[self.forms.bilinear] = self.bends.bound(half)
         return np.asarray(left)
 
-    def power(self, half: Array) -> Array:
-        """How much N·V, V the twist, differs between errors in the box at most, to first order in them (k,), m.
-
-        Args:
-            half: half-widths (6,) of a box around the errors.
-        """
-        leaned = lengths(crossed(self.twist[3:], self.forms.push))
-        found = leaned * _swung(half, self.turned, np.zeros(len(leaned)))
+    def power(self) -> Array:
+        """How N·V, V the twist, changes with the error at the start, to first order: rows (k, 6)."""
+        push, turn = self.forms.push, self.twist[3:]
+        found = np.hstack([np.zeros(push.shape), crossed(self.turned[0], crossed(push, turn))])
         if self.bends is not None:
-            found[self.forms.bilinear] = self.bends.power @ half
-        return np.asarray(found)
+            found[self.forms.bilinear] = self.bends.power
+        return found
 
     def variation(self, half: Array, motion: Array) -> Array:
         """Bound (k,) of how much N·v may differ between poses of the piece, errors included.
@@ -165,7 +161,7 @@ class Bends:
         mixed: sizes (2, m, 3, 3) of [β]× A at both ends.
         turning: sizes of J (m, 6), both ends together.
         chord: how far the nominal path is off its chord (m,), m.
-        power: sizes (m, 6) of how N·V, V the twist, changes with the error, the larger of both ends.
+        power: how N·V, V the twist, changes with the error at the start (m, 6).
     """
 
     turn: float
@@ -195,7 +191,7 @@ class Bends:
         chord = 0.125 * np.abs(J @ twist).max(axis=0) + tau**2 * (tau * size + 3.0 * seen) / 16.0
         mixed = crossed(beta[..., None, :], np.swapaxes(A, -1, -2))
         second, mixed = 0.5 * np.abs(G + np.swapaxes(G, -1, -2)), np.abs(np.swapaxes(mixed, -1, -2))
-        turning, power = np.abs(J).sum(axis=0), np.abs(K).max(axis=0)
+        turning, power = np.abs(J).sum(axis=0), K[0]
         return Bends(tau, size, np.abs(A), seen, second, mixed, turning, chord, power)
 
     def bound(self, half: Array) -> Array:

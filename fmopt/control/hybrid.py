@@ -43,8 +43,8 @@ class GuardedMove(Value):
         points: their contact points (m, 3) in the B-frame, m.
         made: wrenches (k, 6) of the contacts that end the move, made together; none for a move that ends by its travel.
         bound: how much longer than ‖V‖ the way may be, m.
-        stray: what a unit force of each held contact may do against the motion (m,), m: errors turn it, and move its
-            point; none by default.
+        stray: what a unit force of each held contact may do against the motion as errors turn it (m,), m; none by
+            default.
     """
 
     reference: Pose
