@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -216,7 +216,7 @@ def strategy(problem: Problem, assembly: Assembly, claim: Claim, tolerance: Tole
         np.array([contact_point(c, body, fixed, piece.goal) for c in held]).reshape(-1, 3),
         np.array([contact_wrench(c, body, fixed, piece.goal) for c in made]).reshape(-1, 6),
         float(np.linalg.norm(extent.offset)) + tolerance.rho * extent.theta,
-        _stray(assembly, held, claim),
+        _resisting(assembly, held, claim),
     )
     try:
         hybrid = hybrid_strategy(move, tolerance.rho, problem.specification)
@@ -225,12 +225,12 @@ def strategy(problem: Problem, assembly: Assembly, claim: Claim, tolerance: Tole
     return hybrid.document([c.id for c in held], [c.id for c in made])
 
 
-def _stray(assembly: Assembly, held: Sequence[PrimitiveContact], claim: Claim) -> Array:
-    """What unit forces of held contacts may do against a piece of motion as errors turn them (k,), m."""
+def _resisting(assembly: Assembly, held: Sequence[PrimitiveContact], claim: Claim) -> Callable[[Array], float]:
+    """How much work (J) normal forces of contacts may take from a piece of motion as errors at its goal turn them."""
     ends = claim.advance.ends
     rows = contact_rows(assembly, held, (), ends.goal)
-    power = Curvature.of(rows, rows, ends.extent.twist).power()
-    return np.asarray(ends.goal_set.support(power) / np.linalg.norm(rows.N[:, :3], axis=1))
+    power = Curvature.of(rows, rows, ends.extent.twist).power() / np.linalg.norm(rows.N[:, :3], axis=1)[:, None]
+    return lambda forces: float(ends.goal_set.support(forces @ power))
 
 
 def _touching(problem: Problem, contacts: tuple[PrimitiveContact, ...], pose: Pose) -> list[PrimitiveContact]:

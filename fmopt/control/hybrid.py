@@ -7,8 +7,8 @@ wrench the extra *reaction* on it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from enum import Enum
 from typing import Any, NamedTuple
 
@@ -22,6 +22,7 @@ from fmopt.values import Array, Value, frozen
 
 _CHECK = 1e-7  # N, by which a solver's answer may break a balance
 _SURE = 1.25  # times the threshold that the push alone can bring about
+_ROUNDS = 5  # in which forces and what they may take from the motion settle
 
 
 class Hold(Enum):
@@ -30,6 +31,10 @@ class Hold(Enum):
     PUSH = "push"
     STOP = "stop"
     NONE = "none"
+
+
+def _nothing(_: Array) -> float:
+    return 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +48,8 @@ class GuardedMove(Value):
         points: their contact points (m, 3) in the B-frame, m.
         made: wrenches (k, 6) of the contacts that end the move, made together; none for a move that ends by its travel.
         bound: how much longer than ‖V‖ the way may be, m.
-        stray: what a unit force of each held contact may do against the motion as errors turn it (m,), m; none by
-            default.
+        resisting: how much work normal forces (m,) of the held contacts may take from the motion as errors turn them,
+            J; none by default.
     """
 
     reference: Pose
@@ -53,7 +58,7 @@ class GuardedMove(Value):
     points: Array
     made: Array
     bound: float
-    stray: Array = field(default_factory=lambda: np.zeros(0))
+    resisting: Callable[[Array], float] = _nothing
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "displacement", frozen(self.displacement, 6, name="displacement"))
@@ -61,8 +66,6 @@ class GuardedMove(Value):
         points = np.reshape(self.points, (-1, 3))
         object.__setattr__(self, "points", frozen(points, len(self.held), 3, name="contact points"))
         object.__setattr__(self, "made", frozen(np.reshape(self.made, (-1, 6)), None, 6, name="made wrenches"))
-        stray = self.stray if len(self.stray) else np.zeros(len(self.held))
-        object.__setattr__(self, "stray", frozen(stray, len(self.held), name="stray powers"))
 
     @property
     def reaction(self) -> Array:
@@ -201,16 +204,16 @@ def bias_wrench(move: GuardedMove, V: Array, rho: float, specification: Specific
         fᵢ ≥ t,  gᵢ ≥ t,  kⱼ ≥ 0,                      all contacts stay, also
         −Σ kⱼ wⱼ·V = b u·V,                           when the new ones take the whole push,
         Σ gᵢ wᵢ = Σ fᵢ wᵢ − Π Σ kⱼ wⱼ,              Π onto the space of held wrenches,
-        b u·V ≥ 1.25 h |w·V| + Σ fᵢ (μ sᵢ + pᵢ),    the push alone makes the contact felt against what resists,
+        b u·V ≥ 1.25 h |w·V| + μ Σ fᵢ sᵢ + p,       the push alone makes the contact felt against what resists,
         Σ fᵢ + b ≤ contact force,  Σ gᵢ ≤ contact force,  |τ| ≤ torque limit on each axis,
 
-    with sᵢ the sliding speed of contact i for the unit motion V, pᵢ the power that its force may take where errors turn
-    it, and h the threshold. The push must allow for friction that need not be there, and what friction does not take
-    comes onto the new contacts: contacts that it could pry open
-    are pressed more, those whose friction asks for it less. Of equal answers that with the least greatest force is
-    taken. Without a new contact there is no push. Where no g exists, Σ kⱼ = h takes the place of the second line, so
-    that only the reaction that ends the move leaves all contacts closed; where none exists then either, the new contact
-    pries a held one open as it is felt, and the program is solved without g. `stays` tells which.
+    with sᵢ the sliding speed of contact i for the unit motion V, h the threshold, and p the power that the forces f may
+    take where errors turn them, from one solution to the next. The push must allow for friction that need not be there,
+    and what friction does not take comes onto the new contacts: contacts that it could pry open are pressed more, those
+    whose friction asks for it less. Of equal answers that with the least greatest force is taken. Without a new contact
+    there is no push. Where no g exists, Σ kⱼ = h takes the place of the second line: only the reaction that ends the
+    move leaves all contacts closed; where none exists then either, the new contact pries a held one open as it is felt,
+    and the program is solved without g. `stays` tells which.
 
     Args:
         move: the move.
@@ -229,8 +232,8 @@ def bias_wrench(move: GuardedMove, V: Array, rho: float, specification: Specific
     if len(move.made):
         push, along = _push(move.reaction, V, row_space(move.held, rho), twist_scale(rho))
     for hold in Hold:
-        x = _best(_program(move, V, rho, specification, push, along, hold))
-        if x is not None and x[-1] > _CHECK:
+        x = _with_reserve(move, _program(move, V, rho, specification, push, along, hold), rho)
+        if x is not None:
             return Bias(0.0 - move.held.T @ x[:m] + x[-2] * push, float(x[-2]), x[:m], hold)
     raise InfeasibleError(
         f"no bias wrench within {specification.contact_force:g} N and {specification.torque_limit:g} N m keeps all {m} "
@@ -256,8 +259,7 @@ def _program(
     h = specification.termination_force if n else 0.0
     basis, scale = row_space(W, rho), twist_scale(rho)
     spread = basis @ (W / scale).T
-    sliding = specification.friction * _sliding_speeds(W, move.points - move.reference.p, V)
-    drag = (sliding + move.stray / np.linalg.norm(move.displacement * scale)) * (n > 0)
+    drag = specification.friction * _sliding_speeds(W, move.points - move.reference.p, V) * (n > 0)
     F = specification.contact_force
     f, g, k = (np.eye(2 * m + n + 3)[cut] for cut in (slice(m), slice(m, 2 * m), slice(2 * m, 2 * m + n)))
     greatest, b, t = np.eye(2 * m + n + 3)[-3:]
@@ -270,6 +272,26 @@ def _program(
     C = np.vstack([taken, balance[: 0 if hold is Hold.NONE else None]])
     d = np.concatenate([[0.0 if hold is Hold.PUSH else h], np.zeros(len(C) - 1)])
     return _Program(A, limits, C, d)
+
+
+def _with_reserve(move: GuardedMove, program: _Program, rho: float) -> Array | None:
+    """The best x whose push also does the work that its forces may take; the last that there is, None without any.
+
+    The forces decide how much that is; a few rounds settle it, and what is left then is a small part of it.
+    """
+    m, found, reserve = len(move.held), None, 0.0
+    length = float(np.linalg.norm(move.displacement * twist_scale(rho)))
+    for _ in range(_ROUNDS if len(move.made) else 1):
+        limits = program.b.copy()
+        limits[3 * m] -= reserve
+        x = _best(program._replace(b=limits))
+        if x is None or not x[-1] > _CHECK:
+            break
+        found, needed = x, move.resisting(x[:m]) / length
+        if needed <= reserve:
+            break
+        reserve = needed
+    return found
 
 
 def _push(made: Array, V: Array, basis: Array, scale: Array) -> tuple[Array, float]:
