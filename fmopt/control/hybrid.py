@@ -22,7 +22,9 @@ from fmopt.values import Array, Value, frozen
 
 _CHECK = 1e-7  # N, by which a solver's answer may break a balance
 _SURE = 1.25  # times the threshold that the push alone can bring about
-_ROUNDS = 5  # in which forces and what they may take from the motion settle
+_ROUNDS = 8  # in which forces and what they may take from the motion settle
+_SETTLED = 1e-3  # of that, which need not be there
+_PRESSED = 0.5  # of what the least force can be
 
 
 class Hold(Enum):
@@ -275,22 +277,34 @@ def _program(
 
 
 def _with_reserve(move: GuardedMove, program: _Program, rho: float) -> Array | None:
-    """The best x whose push also does the work that its forces may take; the last that there is, None without any.
+    """The best x whose push also does the work that its forces may take, None without any.
 
-    The forces decide how much that is; a few rounds settle it, and what is left then is a small part of it.
+    The forces decide how much that is; a few rounds settle it. A push so large that the least force would fall below
+    a share of what it can be is made smaller: contacts that are hardly pressed are lost.
     """
-    m, found, reserve = len(move.held), None, 0.0
-    length = float(np.linalg.norm(move.displacement * twist_scale(rho)))
-    for _ in range(_ROUNDS if len(move.made) else 1):
+    m, length = len(move.held), float(np.linalg.norm(move.displacement * twist_scale(rho)))
+
+    def solved(reserve: float) -> Array | None:
         limits = program.b.copy()
         limits[3 * m] -= reserve
         x = _best(program._replace(b=limits))
-        if x is None or not x[-1] > _CHECK:
+        return x if x is not None and x[-1] > least else None
+
+    least = _CHECK
+    found, reserve, most = solved(0.0), 0.0, np.inf
+    if found is None or not len(move.made):
+        return found
+    least = _PRESSED * float(found[-1])
+    for _ in range(_ROUNDS):
+        needed = move.resisting(found[:m]) / length
+        if needed <= reserve * (1.0 + _SETTLED):
             break
-        found, needed = x, move.resisting(x[:m]) / length
-        if needed <= reserve:
-            break
-        reserve = needed
+        tried = needed if needed < most else 0.5 * (reserve + most)
+        x = solved(tried)
+        if x is None:
+            most = tried
+        else:
+            found, reserve = x, tried
     return found
 
 
