@@ -118,9 +118,8 @@ class Curvature:
         Args:
             half: half-widths (6,) of a box around the errors.
         """
-        push, turn = self.forms.push, self.twist[3:]
-        swept, leaned = lengths(crossed(turn, self.turned[0])), lengths(crossed(turn, push))
-        left = 0.5 * _crossing(half, push) * (_swung(half, self.turned, swept) + swept) + 0.125 * leaned * swept
+        push, point = self.forms.push, Lever.of(Extent(self.twist, half), self.turned)
+        left = _crossing(half, push) * point.half + lengths(crossed(self.twist[3:], push)) * point.arc
         if self.bends is not None:
             left[self.forms.bilinear] = self.bends.bound(half)
         return np.asarray(left)

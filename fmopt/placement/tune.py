@@ -59,10 +59,8 @@ def tuned(
                 # Once a number has been changed for the better, it goes on that way.
                 while tries < limits.tries and best.reached.margin < clearance and time.monotonic() < limits.deadline:
                     tries += 1
-                    entry, least = (
-                        entry_of(Shape.of(first.numbers * (factors + step))),
-                        best.reached.margin + _GAIN * clearance,
-                    )
+                    entry = entry_of(Shape.of(first.numbers * (factors + step)))
+                    least = best.reached.margin + _GAIN * clearance
                     node = replayed(task, entry, found.names, least)
                     if node is None:
                         break

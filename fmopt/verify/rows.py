@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from fmopt.verify.rational import (
     BITS,
-    ONE,
+    IDENTITY,
     Matrix,
     Row,
     Vector,
@@ -32,7 +32,6 @@ from fmopt.verify.rational import (
 from fmopt.verify.solids import Line, Plane
 
 FREE: Vector = (0, 0, 0)
-_AXES: tuple[Vector, ...] = ((ONE, 0, 0), (0, ONE, 0), (0, 0, ONE))
 
 
 class Pose(NamedTuple):
@@ -172,7 +171,7 @@ def remainder(start: Distance, goal: Distance, extent: Extent) -> int:
     2s(1 − s) ≤ 1/2 between the ends, leaves |ε × u||τ × w|/2.
     """
     if start.bend is not None and goal.bend is not None:
-        return min(_bent(start, goal, start.bend, goal.bend, extent), _coarse(start, goal, extent))
+        return min(_bent(start, goal, start.bend, goal.bend, extent), coarse(start, goal, extent))
     u, swept = start.push, length(cross(extent.spin, start.turned))
     swung = max(extent.crossing(start.turned), extent.crossing(goal.turned)) + (times(extent.theta, swept) >> 1)
     swung = min(swung, times(extent.theta, length(start.turned)) + 1)
@@ -181,15 +180,13 @@ def remainder(start: Distance, goal: Distance, extent: Extent) -> int:
 
 
 def coarse(start: Distance, goal: Distance, extent: Extent) -> int:
-    """A quick bound of what a row differs by from its linear part, never less than `remainder`."""
-    return _coarse(start, goal, extent) + 8
+    """A quick bound of what a row differs by from its linear part, never less than `remainder`.
 
-
-def _coarse(start: Distance, goal: Distance, extent: Extent) -> int:
-    """κ (|u||k| + |M p + s|) with κ = θ²/2 + τ²/8 + τθ/2, and θD + τΔ/4 + τD/2 + Δθ/2 of a bilinear row, |M e| ≤ D."""
+    κ (|u||k| + |M p + s|) with κ = θ²/2 + τ²/8 + τθ/2, and θD + τΔ/4 + τD/2 + Δθ/2 of a bilinear row, |M e| ≤ D.
+    """
     t, a = extent.turn, extent.theta
     kappa = (times(a, a) >> 1) + (times(t, t) >> 3) + (times(t, a) >> 1) + 3
-    found = times(kappa, size(start, goal)) + 1
+    found = times(kappa, size(start, goal)) + 9
     if start.bend is not None:
         D, travel = _felt(start.bend, extent), length(start.bend.moved(extent.travel))
         found += times(a, D) + (times(t, travel) >> 2) + (times(t, D) >> 1) + (times(travel, a) >> 1) + 8
@@ -227,9 +224,8 @@ def _second(d: Distance, bend: Bend, extent: Extent) -> int:
             outer = w[i] * u[j] + w[j] * u[i] + beta[i] * y[j] + beta[j] * y[i]
             entry = abs((outer >> BITS) - (2 * trace if i == j else 0)) + 2
             total += times(times(entry, h[i]), h[j]) >> 2
-    for axis in range(3):
-        across = cross(beta, bend.moved(_AXES[axis]))
-        total += times(extent.box[axis], _box_dot(across, h))
+    for axis, width in zip(IDENTITY, extent.box, strict=True):
+        total += times(width, _box_dot(cross(beta, bend.moved(axis)), h))
     return total
 
 
