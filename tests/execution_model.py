@@ -52,7 +52,7 @@ class Piece:
         """The separating planes of all pairs of pieces."""
         bodies = self.scene.moving, self.scene.fixed
         return [
-            Witness.read(bodies[0][s["moving_piece"]], bodies[1][s["fixed_piece"]], s["witness"], self.landmarks)
+            Witness.read(bodies[0][s["moving_piece"]], bodies[1][s["fixed_piece"]], s, self.landmarks)
             for s in self.said["separations"]
         ]
 
@@ -252,7 +252,7 @@ def _look(piece: Piece, ledger: Ledger, poses: Poses) -> None:
     for pair, witness in zip(said["separations"], piece.witnesses, strict=True):
         bodies = scene.moving[pair["moving_piece"]], scene.fixed[pair["fixed_piece"]]
         ledger.require("overlap", k, gaps(*bodies, *poses) + OVERLAP)
-        ledger.require("separation", k, witness.least(poses) - pair["margin"] + ROUNDING)
+        ledger.require("separation", k, witness.least(poses) + ROUNDING)
     for name in said.get("leaving", ()):
         ledger.require(f"{name} not touched again", k, piece.scene.touch(name, [name]).value(*poses) + ROUNDING)
     ledger.require("contacts kept", k, ROUNDING - _apart(piece, said["state"], poses))

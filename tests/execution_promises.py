@@ -47,7 +47,9 @@ class Witness:
         normal, offset: the plane, for "plane" and "fixed-face" in the fixed frame, for "moving-face" in the moving one.
         edges: points of the moving and of the fixed edge, (2, 3) each, for "edges".
         sign: which way the normal of two edges points.
-        counted: which heights must keep the margin: those of points that nothing brings to the plane.
+        margin: what the heights that count are stated to keep, m.
+        counted: which do: those of points that nothing brings to the plane.
+        beside: which others only stay on their side: held contacts may leave them there, by less than the margin.
     """
 
     kind: str
@@ -57,11 +59,14 @@ class Witness:
     offset: float
     edges: tuple[Array, Array]
     sign: float
+    margin: float
     counted: Array
+    beside: Array
 
     @staticmethod
-    def read(moving: Convex, fixed: Convex, said: dict[str, Any], landmarks: Sequence[Poses]) -> Witness:
-        """The stated witness; points that are on its plane at one of the nominal `landmarks` are not counted."""
+    def read(moving: Convex, fixed: Convex, pair: dict[str, Any], landmarks: Sequence[Poses]) -> Witness:
+        """The witness of a pair; points that are on its plane at one of the nominal `landmarks` are not counted."""
+        said, margin = pair["witness"], float(pair["margin"])
         a, b = moving.vertices[said["moving"]], fixed.vertices[said["fixed"]]
         normal = unit(np.array(said.get("normal", [1.0, 0.0, 0.0])))
         offset = float((fixed.vertices @ normal).max())
@@ -69,11 +74,14 @@ class Witness:
             loop = b if said["kind"] == "fixed-face" else a
             normal, offset = normal_of(loop), float(normal_of(loop) @ loop[0])
         every = np.array([], dtype=bool)
-        witness = Witness(said["kind"], moving.vertices, fixed.vertices, normal, offset, (a, b), 1.0, every)
+        witness = Witness(
+            said["kind"], moving.vertices, fixed.vertices, normal, offset, (a, b), 1.0, margin, every, every
+        )
         if witness.kind == "edges" and witness.heights(landmarks[0])[0, : len(moving.vertices)].mean() < 0.0:
             witness = replace(witness, sign=-1.0)
         low = np.min([witness.heights(poses)[0] for poses in landmarks], axis=0)
-        return replace(witness, counted=(low > TOUCHING) | (witness.kind == "plane"))
+        counted = (low > max(TOUCHING, margin - TOUCHING)) | (witness.kind == "plane")
+        return replace(witness, counted=counted, beside=(low > TOUCHING) & ~counted)
 
     def heights(self, poses: Poses) -> Array:
         """Distances (n, k) on the right side of the plane, m: of moving vertices, of fixed ones, or of both."""
@@ -88,8 +96,10 @@ class Witness:
         return np.hstack([np.einsum("nvi,ni->nv", X - c, n), n @ (c - self.fixed).T])
 
     def least(self, poses: Poses) -> Array:
-        """The least height (n,) that counts."""
-        return np.asarray(self.heights(poses)[:, self.counted].min(axis=1, initial=np.inf))
+        """What is left (n,) of the heights that count, and of those that must not be negative."""
+        heights = self.heights(poses)
+        least = heights[:, self.counted].min(axis=1, initial=np.inf) - self.margin
+        return np.asarray(np.minimum(least, heights[:, self.beside].min(axis=1, initial=np.inf)))
 
 
 class Tube:

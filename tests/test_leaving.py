@@ -11,24 +11,17 @@ import numpy as np
 import pytest
 from execution_model import execute
 from plan_mutations import changed
+from searched import motion_from
 
 from fmopt.certificate.functions import contact_rows
-from fmopt.certificate.knowledge import Assembly
-from fmopt.certificate.piece import Piece, Tolerance
+from fmopt.certificate.piece import Piece
 from fmopt.certificate.segment import advance
 from fmopt.errors import InfeasibleError
-from fmopt.geometry.clearance import checked_clearance
-from fmopt.placement.entry import planar_entries, start_spread
-from fmopt.placement.motion import Reached
-from fmopt.placement.search import MoveSequence, search
-from fmopt.placement.sequence import Placed, certified
-from fmopt.placement.step import Costs, Task
+from fmopt.placement.entry import planar_entries
 from fmopt.plan_record import Moved
 from fmopt.report.moves import move_words, moves
-from fmopt.se3 import Pose
-from fmopt.synthesis import FINE, planned
+from fmopt.synthesis import planned
 from fmopt.task.problem import Problem, load
-from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.verify import verify
 
 ROOT = Path(__file__).parent.parent
@@ -42,18 +35,11 @@ def slot() -> Problem:
 
 @pytest.fixture(scope="module")
 def motion(slot: Problem) -> Moved:
-    goal = Pose.from_vector(slot.goal)
-    clearance = checked_clearance(slot.moving, slot.fixed, goal, -float(slot.goal[2]))
-    assembly, errors = Assembly(slot.moving, slot.fixed), ErrorSet.from_box(slot.start_box)
-    tolerance = Tolerance((slot.velocity_error.translation, slot.velocity_error.rotation), clearance.half_diagonal)
-    costs = Costs.of(start_spread(slot.moving, slot.start_box), clearance.per_side, True)
     most = slot.settings.max_tilt
     rounds = planar_entries(slot.moving, slot.fixed, slot.start_box, slot.approach, most)
     shallow = (entry for entries in rounds for entry in entries if entry.shallow)
     entry = next(e for e in shallow if abs(np.arccos(e.inside.R[0, 0]) - TILT * most) < 1e-9)
-    found: MoveSequence = search(Task(assembly, goal, errors, tolerance, costs, 1.3 * most), [entry])
-    placed: Placed = certified(assembly, found.moves, Reached(errors, (), ()), tolerance, FINE, thorough=True)
-    return Moved(assembly, clearance, errors, tolerance, found, placed)
+    return motion_from(slot, entry)
 
 
 @pytest.fixture(scope="module")

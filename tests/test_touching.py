@@ -9,31 +9,24 @@ import numpy as np
 import pytest
 from execution_model import execute
 from peg_pieces import peg
+from searched import motion_from
 
 from fmopt.certificate.bounds import bounds
-from fmopt.certificate.knowledge import Assembly
-from fmopt.certificate.segment import Tolerance
 from fmopt.contact.primitive import vertex_face
 from fmopt.geometry.clearance import Clearance
 from fmopt.placement.entry import (
     Shape,
     funnel_depth,
     funnel_width,
-    start_spread,
     tilted_entry,
     tilted_shapes,
     touching_shapes,
 )
-from fmopt.placement.motion import Reached
-from fmopt.placement.search import search
-from fmopt.placement.sequence import certified
-from fmopt.placement.step import Costs, Task
 from fmopt.plan_record import Moved
 from fmopt.se3 import Pose
-from fmopt.synthesis import FINE, planned
+from fmopt.synthesis import planned
 from fmopt.task.clearance import measured_clearance
 from fmopt.task.problem import Problem, load
-from fmopt.uncertainty.error_set import ErrorSet
 
 ROOT = Path(__file__).parent.parent
 # Varied for margin from the first that is tried.
@@ -52,14 +45,7 @@ def clearance(problem: Problem) -> Clearance:
 
 @pytest.fixture(scope="module")
 def motion(problem: Problem, clearance: Clearance) -> Moved:
-    assembly, errors = Assembly(problem.moving, problem.fixed), ErrorSet.from_box(problem.start_box)
-    rates = problem.velocity_error.translation, problem.velocity_error.rotation
-    tolerance = Tolerance(rates, clearance.half_diagonal)
-    costs = Costs.of(start_spread(problem.moving, problem.start_box), clearance.per_side)
-    task = Task(assembly, Pose.from_vector(problem.goal), errors, tolerance, costs, 1.3 * problem.settings.max_tilt)
-    found = search(task, [tilted_entry(problem.moving, clearance.play, problem.approach, SHAPE)])
-    placed = certified(assembly, found.moves, Reached(errors, (), ()), tolerance, FINE, thorough=True)
-    return Moved(assembly, clearance, errors, tolerance, found, placed)
+    return motion_from(problem, tilted_entry(problem.moving, clearance.play, problem.approach, SHAPE))
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ import numpy as np
 
 from fmopt.certificate.assembly import NEAR, Assembly, hinge, level, on_line
 from fmopt.certificate.curvature import Extent
-from fmopt.certificate.knowledge import Facts, facts
+from fmopt.certificate.knowledge import Facts, facts, rising
 from fmopt.certificate.pair import Pair, Witness
 from fmopt.certificate.rows import (
     Forms,
@@ -160,6 +160,7 @@ def _edge_rows(assembly: Assembly, pair: Pair, witness: Witness, known: Facts) -
         # Heights are relative to the moving edge, which is on the plane or not below it.
         settled = on_line(M, a, e_m) | known.beside(M - a, e_f) | known.beside(M - b, e_f)
         settled |= _levelled(assembly, pair, (a, e_m), (c, e_f))
+        settled |= rising(known.turns, e_f, crossed(M - a, e_m))
         upper = directions_along(e_f, crossed(M[~settled] - a, e_m))
     else:
         upper = edges_apart(e_m, e_f, c, M)

@@ -3,7 +3,7 @@
 Along a segment the held contacts are zero, and the contact being made is not yet negative. The height of a body point
 over a plane is affine in the point, so that a few known points settle whole edges and faces: a flush face lies in the
 wall altogether, a face hinged in the wall stays on the side on which one of its points is. A flush face also turns a
-body direction onto a known one of the world.
+body direction onto a known one of the world, and beside it an edge that lies in another wall does.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ __all__ = ["Assembly", "Facts", "Wall", "aligned", "facts", "flushes", "in_plane
 
 _SHORT = 1e-6  # m: what is nearer to a line than this spans no plane with it
 _STEEP = 1.0 / 64.0
+_APART = 1.0 / 16.0
 _MEMORY = 512
 
 
@@ -44,7 +45,7 @@ class Facts:
     Args:
         assembly: the two parts.
         walls: fixed planes with what is known to lie in them.
-        turns: body normals with the world directions that flush faces turn them onto.
+        turns: body directions, normals of flush faces first, with the world directions that they are turned onto.
     """
 
     assembly: Assembly
@@ -107,8 +108,55 @@ def facts(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> Facts:
     while True:
         grown = [_grown(assembly, wall, turns) for wall in walls]
         if all(new is old for new, old in zip(grown, walls, strict=True)):
-            return Facts(assembly, tuple(walls), tuple(turns))
+            beside = _turned_edge(assembly, held, walls, turns)
+            if beside is None:
+                return Facts(assembly, tuple(walls), tuple(turns))
+            turns.append(beside)
         walls = grown
+
+
+def _turned_edge(
+    assembly: Assembly, held: Sequence[PrimitiveContact], walls: Sequence[Wall], turns: Sequence[tuple[Array, Array]]
+) -> tuple[Array, Array] | None:
+    """A body edge in a wall with the world direction that a flush face elsewhere leaves it, None without any.
+
+    The edge is level with the wall and at a known angle to the flush face, which leaves two directions. Its contact
+    with a rim says which of them it is: e_m × e_f points out of the fixed part.
+    """
+    P, fixed = assembly.body_points, assembly.fixed.polyhedron
+    for contact in held:
+        if contact.kind is not Kind.EDGE_EDGE:
+            continue
+        (a, b), (c, d) = P[list(contact.moving)], fixed.vertices[list(contact.fixed)]
+        e_m, e_f = (b - a) / length(b - a), (d - c) / length(d - c)
+        if images(turns, e_m[None])[1][0]:
+            continue
+        for number in fixed.edges[contact.fixed_feature].faces:
+            face = fixed.faces[number]
+            on = [wall.points for wall in walls if assembly.agree(wall.normal, wall.offset, face.normal, face.offset)]
+            if not (on and set(contact.moving) <= on[0]):
+                continue
+            for n, w in turns:
+                there = _directed(face.normal, w, float(n @ e_m), crossed(e_f, face.normal))
+                if there is not None:
+                    return e_m, there
+    return None
+
+
+def _directed(normal: Array, w: Array, cosine: float, towards: Array) -> Array | None:
+    """The unit direction level with a plane, at a known angle to w, towards a side from which its mirror image points.
+
+    None where the two are too near each other, or none or both point there.
+    """
+    axis = crossed(normal, w)
+    sine = length(axis)
+    rest = 1.0 - (cosine / sine) ** 2 if sine**2 >= _STEEP else 0.0
+    if rest < _STEEP:
+        return None
+    along = cosine / sine**2 * (w - normal * float(normal @ w))
+    aside = np.sqrt(rest) / sine * axis
+    there, back = sorted((along + aside, along - aside), key=lambda x: -float(x @ towards))
+    return there if there @ towards > _APART and back @ towards < -_APART else None
 
 
 def taken_turns(assembly: Assembly, contact: PrimitiveContact, together: Sequence[PrimitiveContact]) -> int | None:
@@ -256,6 +304,20 @@ def level(known: Sequence[tuple[Array, Array]], normal: Array, vectors: Array) -
     """Which body vectors (k, 3) flush faces keep level with a plane of this normal."""
     found, fixed = images(known, vectors)
     return np.asarray(fixed & (np.abs(found @ normal) <= NEAR))
+
+
+def rising(known: Sequence[tuple[Array, Array]], normal: Array, vectors: Array) -> Mask:
+    """Which body vectors (k, 3) cannot fall along a unit normal, by one known direction or by all of them.
+
+    A vector keeps its part along the direction, so that its height is at least that part's less all of the rest.
+    """
+    found = np.zeros(len(vectors), dtype=np.bool_)
+    for body, world in known:
+        along = vectors @ body
+        rest = lengths(vectors - np.outer(along, body)) * length(normal - world * float(world @ normal))
+        found |= along * float(world @ normal) - rest >= -NEAR
+    there, fixed = images(known, vectors)
+    return np.asarray(found | (fixed & (there @ normal >= -NEAR)))
 
 
 def flushes(assembly: Assembly, held: Sequence[PrimitiveContact]) -> list[tuple[Array, Array]]:

@@ -193,7 +193,8 @@ def points_above(points: Array, normals: Array, offsets: Array | float) -> Forms
 
 def directions_along(u: Array, k: Array) -> Forms:
     """u·(R k) for world vectors u and body vectors k, (r, 3) or one for all: rows that only the rotation moves."""
-    return _filled(max(len(np.atleast_2d(u)), len(np.atleast_2d(k))), push=u, lever=k)
+    u, k = np.broadcast_arrays(np.atleast_2d(u), np.atleast_2d(k))
+    return _filled(len(u), push=u, lever=k)
 
 
 def faces_above(normals: Array, offsets: Array | float, points: Array) -> Forms:

@@ -1,4 +1,4 @@
-"""What is held along a piece of motion: flush faces keep their plane while the contacts at their corners change."""
+"""What is held along a piece of motion: what lies in a wall stays in it while the contacts at its corners change."""
 
 from __future__ import annotations
 
@@ -24,24 +24,28 @@ _MEMORY = 1024
 def described(
     assembly: Assembly, held: tuple[PrimitiveContact, ...], start: Pose, goal: Pose, errors: ErrorSet
 ) -> tuple[PrimitiveContact, ...]:
-    """The contacts that make up what is held, along a piece: flush faces keep their plane while their corners change.
+    """The contacts that make up what is held, along a piece: faces and edges stay in their walls, corners change.
 
-    A vertex of a flush face touches where it is within the wall's face; an edge touches the wall's rim where one of
-    its ends does. A vertex that may or may not have passed the rim is listed together with its edge.
+    A vertex of a face or edge that lies in a wall touches where it is within the wall's face; an edge touches the
+    wall's rim where one of its ends does. A vertex that may or may not have passed the rim is listed with its edge.
     """
     kept = list(held)
-    for wall in _flush_walls(assembly, held):
-        kept = [c for c in kept if not on_wall(assembly, c, wall.number)]
-        kept += _flush(assembly, wall, (start, goal), errors)
+    for wall in _walls(assembly, held):
+        own = set(wall.vertices.tolist())
+        before = [c for c in kept if on_wall(assembly, c, wall.number) and (wall.flush or own >= set(c.moving))]
+        now = _touching(assembly, wall, (start, goal), errors)
+        if set(now) != set(before):
+            kept = [c for c in kept if c not in before] + now
     return tuple(dict.fromkeys(kept))
 
 
 @dataclass(frozen=True, eq=False)
 class _Wall:
-    """A fixed face that a body plane lies in.
+    """A fixed face that a face or an edge of the moving part lies in.
 
     Args:
         number: of the face.
+        flush: whether it is a face that lies in it.
         vertices: of the moving part that lie in the plane.
         rims: convex edges of the face.
         points: a point (r, 3) of each rim.
@@ -49,6 +53,7 @@ class _Wall:
     """
 
     number: int
+    flush: bool
     vertices: NDArray[np.intp]
     rims: tuple[int, ...]
     points: Array
@@ -56,21 +61,23 @@ class _Wall:
 
 
 @remembered(_MEMORY)
-def _flush_walls(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> tuple[_Wall, ...]:
-    """The fixed faces that held contacts press a face of the moving part on."""
+def _walls(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> tuple[_Wall, ...]:
+    """The fixed faces that held contacts press a face or an edge of the moving part on."""
     body, fixed = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron
     known, found = facts(assembly, held), []
     for number, face in enumerate(fixed.faces):
-        flush = known.on(face.normal, face.offset).flush
-        if flush:
-            normal, offset = flush[0]
+        there = known.on(face.normal, face.offset)
+        own = np.array(sorted(i for i in there.points if i < len(body)), dtype=np.intp)
+        if there.flush:
+            normal, offset = there.flush[0]
             own = np.flatnonzero(np.abs(body @ normal - offset) <= 1e-9)
+        if len(own) > 1:
             rims = tuple(i for i, e in enumerate(fixed.edges) if number in e.faces and e.convex)
             ends = fixed.vertices[[fixed.edges[i].vertices for i in rims]].reshape(-1, 2, 3)
             inward = crossed(face.normal[None], ends[:, 1] - ends[:, 0])
             centre = fixed.vertices[list(face.loops[0])].mean(axis=0)
             inward *= (np.sign(np.vecdot(inward, centre - ends[:, 0])) / lengths(inward))[:, None]
-            found.append(_Wall(number, own, rims, ends[:, 0], inward))
+            found.append(_Wall(number, bool(there.flush), own, rims, ends[:, 0], inward))
     return tuple(found)
 
 
@@ -83,8 +90,8 @@ def on_wall(assembly: Assembly, contact: PrimitiveContact, number: int) -> bool:
     return contact.kind is Kind.EDGE_EDGE and in_plane(fixed.vertices[list(contact.fixed)], face.normal, face.offset)
 
 
-def _flush(assembly: Assembly, wall: _Wall, poses: tuple[Pose, Pose], errors: ErrorSet) -> list[PrimitiveContact]:
-    """Contacts between the flush body plane and a wall, as the piece of motion has them."""
+def _touching(assembly: Assembly, wall: _Wall, poses: tuple[Pose, Pose], errors: ErrorSet) -> list[PrimitiveContact]:
+    """Contacts between what lies in a wall and the wall, as the piece of motion has them."""
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     side = _sides(body.vertices[wall.vertices], wall, poses, errors)
     inside = wall.vertices[(side >= 0).all(axis=1)].tolist()

@@ -3,7 +3,8 @@
 While contacts are held, their functions are zero on every execution, not only nearly so. The height of a body point
 over a wall is affine in the point: two known points of a line put the line on the wall, a line and a point off it put
 a whole body plane there (a flush). A flush turns a body normal onto a known world direction; height differences along
-it, and with two flushes all of them, are known numbers. Nothing here uses an error set.
+it, and with two flushes all of them, are known numbers. So they are with one flush and an edge in another wall: it is
+level with that wall and at a known angle to the flush. Nothing here uses an error set.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from fmopt.verify.rational import (
     length,
     neg,
     over,
+    root,
     scaled,
     sub,
     times,
@@ -33,6 +35,7 @@ from fmopt.verify.solids import NEAR, Line, Plane, line, on_line, parallel, same
 
 _SHORT = fixed(1e-6)  # m: what is nearer to a line than this spans no plane with it
 _STEEP = ONE >> 6
+_APART = ONE >> 4
 
 
 @dataclass
@@ -124,7 +127,7 @@ class Facts:
                 else:
                     for plane in touch.faces:
                         self._wall(plane).between.append((touch.moving[0], touch.moving[1]))
-        while self._grow():
+        while self._grow() or self._turn_edge():
             pass
 
     def _wall(self, plane: Plane) -> Wall:
@@ -186,8 +189,29 @@ class Facts:
                 grown = True
         return grown
 
+    def _turn_edge(self) -> bool:
+        """Whether a body edge was found that lies in a wall and that a flush elsewhere leaves but one direction.
+
+        Level with the wall and at a known angle to the flush there are two, apart whatever the errors are: it is the
+        one that the nominal rotation says.
+        """
+        for touch in self.held:
+            if touch.kind != "edge-edge":
+                continue
+            u = touch.moving_line.direction
+            if self.image(u) is not None:
+                continue
+            for plane in touch.faces:
+                if all(self._on_wall(plane, v) for v in touch.moving):
+                    for n, w in self.turns:
+                        there = _directed(plane.normal, w, dot(n, u), turned(self.R, u))
+                        if there is not None:
+                            self.turns.append((u, there))
+                            return True
+        return False
+
     def image(self, w: Vector) -> Vector | None:
-        """R w for a body vector whose image the flushes fix, else None."""
+        """R w for a body vector whose image the flushes and turned edges fix, else None."""
         for n, m in self.turns:
             t = dot(n, w)
             if length(sub(w, scaled(t, n))) <= NEAR:
@@ -209,6 +233,19 @@ class Facts:
         """Whether two body points are known to be equally high over a plane."""
         image = self.image(sub(v, w))
         return image is not None and abs(dot(plane.normal, image)) <= NEAR
+
+    def rises(self, normal: Vector, d: Vector) -> bool:
+        """Whether a body vector d cannot fall along a unit normal, by one known direction or by all of them.
+
+        The vector keeps its part along the direction: it rises by that part's height less all of the rest.
+        """
+        for n, w in self.turns:
+            along, rise = dot(n, d), dot(w, normal)
+            rest = times(length(sub(d, scaled(along, n))), length(sub(normal, scaled(rise, w))))
+            if times(along, rise) - rest >= -NEAR:
+                return True
+        image = self.image(d)
+        return image is not None and dot(normal, image) >= -NEAR
 
     def beside(self, v: Vector, w: Vector, direction: Vector) -> bool:
         """Whether the vector from w to v is known to point along a world direction."""
@@ -264,6 +301,26 @@ class Facts:
             ):
                 done.add(n)
         return done
+
+
+def _directed(normal: Vector, w: Vector, cosine: int, nominal: Vector) -> Vector | None:
+    """The unit direction level with a plane and at a known angle to w that is nearly a nominal one.
+
+    None where the nominal one is neither of the two that there are, or they are too near each other.
+    """
+    axis = cross(normal, w)
+    square = dot(axis, axis)
+    if square < _STEEP:
+        return None
+    rest = ONE - over(times(cosine, cosine), square)
+    if rest < _STEEP:
+        return None
+    along = scaled(over(cosine, square), sub(w, scaled(dot(normal, w), normal)))
+    aside = scaled(root(over(rest, square)), axis)
+    for there in (add(along, aside), sub(along, aside)):
+        if length(sub(there, nominal)) < _APART:
+            return there
+    return None
 
 
 def _same_side(l: Line, v: Vector, p: Vector) -> bool:

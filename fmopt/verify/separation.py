@@ -174,6 +174,7 @@ def _edge_rows(
             if not moving.holds(v)
             and not any(known.facts.beside(v, p, base.direction) for p in (a, b))
             and not any(level.settles(v) for level in levels)
+            and not known.facts.rises(base.direction, cross(sub(v, a), moving.direction))
         )
         functions += [_relative(base.direction, cross(sub(v, a), moving.direction)) for v in kept]
     else:

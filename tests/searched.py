@@ -1,0 +1,30 @@
+"""The motion that the search finds from one way to begin, certified in fine pieces, without placement."""
+
+from __future__ import annotations
+
+from fmopt.certificate.knowledge import Assembly
+from fmopt.certificate.segment import Tolerance
+from fmopt.placement.entry import Entry, start_spread
+from fmopt.placement.motion import Reached
+from fmopt.placement.search import search
+from fmopt.placement.sequence import certified
+from fmopt.placement.step import Costs, Task
+from fmopt.plan_record import Moved
+from fmopt.se3 import Pose
+from fmopt.synthesis import FINE
+from fmopt.task.clearance import measured_clearance
+from fmopt.task.problem import Problem
+from fmopt.uncertainty.error_set import ErrorSet
+
+
+def motion_from(problem: Problem, entry: Entry) -> Moved:
+    """What a problem's search and certificate make of an entry."""
+    clearance = measured_clearance(problem)
+    assembly, errors = Assembly(problem.moving, problem.fixed), ErrorSet.from_box(problem.start_box)
+    rates = problem.velocity_error.translation, problem.velocity_error.rotation
+    tolerance = Tolerance(rates, clearance.half_diagonal)
+    costs = Costs.of(start_spread(problem.moving, problem.start_box), clearance.per_side, problem.plane is not None)
+    task = Task(assembly, Pose.from_vector(problem.goal), errors, tolerance, costs, 1.3 * problem.settings.max_tilt)
+    found = search(task, [entry])
+    placed = certified(assembly, found.moves, Reached(errors, (), ()), tolerance, FINE, thorough=True)
+    return Moved(assembly, clearance, errors, tolerance, found, placed)
