@@ -6,6 +6,7 @@ and remainders derived again; nothing is linearised.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -16,7 +17,7 @@ from fmopt.certificate.claim import Claim
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Tolerance
 from fmopt.errors import InfeasibleError
-from fmopt.geometry.part import Part, stretched
+from fmopt.geometry.part import stretched
 from fmopt.placement.motion import Move, Reached, unroll
 from fmopt.placement.sequence import Placed, certified, onto_surfaces
 from fmopt.uncertainty.error_set import ErrorSet
@@ -197,21 +198,34 @@ def sensitivities(motion: Motion, clearance: tuple[float, float]) -> tuple[Sensi
             compared(f"velocity.{name}", rate[k], replace(motion, tolerance=tolerance))
     sides = [side for side in clearance if np.isfinite(side)]
     if sides:
-        compared("clearance", min(sides), _slimmer(motion, _SHARE * min(sides)))
+        slimmer = _slimmer(motion, _SHARE * min(sides))
+        if slimmer is not None:
+            compared("clearance", min(sides), slimmer)
     return tuple(found)
 
 
-def _slimmer(motion: Motion, gap: float) -> Motion:
-    """The motion with the moving part slimmer by `gap` (m) on each side, its poses put back onto the surfaces."""
-    assembly = replace(motion.assembly, moving=_slimmed(motion.assembly.moving, gap))
-    at, moves = motion.moves[0].start, []
-    for move in motion.moves:
+def _slimmer(motion: Motion, gap: float) -> Motion | None:
+    """The motion with the moving part slimmer by `gap` (m) on each side, its poses put back onto the surfaces.
+
+    Sides that run askew between x and y leave the surfaces where the two are not slimmed alike. None where the contacts
+    do not fit a slimmer part either way.
+    """
+    x, y, _ = 0.5 * np.ptp(motion.assembly.moving.polyhedron.vertices, axis=0)
+    for one, other in ((x, y), (min(x, y), min(x, y))):
+        slim = stretched(motion.assembly.moving, (1.0 - gap / one, 1.0 - gap / other, 1.0))
+        assembly = replace(motion.assembly, moving=slim)
+        try:
+            return replace(motion, assembly=assembly, moves=_put_back(assembly, motion.moves))
+        except InfeasibleError:
+            continue
+    return None
+
+
+def _put_back(assembly: Assembly, moves: Sequence[Move]) -> tuple[Move, ...]:
+    """The moves with their goals on the surfaces of other parts."""
+    at, found = moves[0].start, []
+    for move in moves:
         there = onto_surfaces(assembly, move.goal, move)
-        moves.append(replace(move, start=at, goal=there))
+        found.append(replace(move, start=at, goal=there))
         at = there
-    return replace(motion, assembly=assembly, moves=tuple(moves))
-
-
-def _slimmed(part: Part, gap: float) -> Part:
-    x, y, _ = 0.5 * np.ptp(part.polyhedron.vertices, axis=0)
-    return stretched(part, (1.0 - gap / x, 1.0 - gap / y, 1.0))
+    return tuple(found)

@@ -15,14 +15,20 @@ import numpy as np
 from fmopt.placement.entry import Entry, Shape
 from fmopt.placement.search import MoveSequence
 from fmopt.placement.step import Node, Task, begin, follow
+from fmopt.values import Array
 
 _STEPS = (0.16, 0.08, 0.04)  # shares of the first shape's numbers
 _GAIN = 0.01  # of the clearance, the least gain that counts
+_ENOUGH, _PATIENCE = 0.25, 10  # share of the clearance below which a margin is worth so many times the tries
+_WIDTH, _WIDER, _NARROWER = (0.01, 0.1, 0.3), 1.3, 0.95  # of random steps: least, first and greatest; after each
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Until when (`time.monotonic()`) an entry is varied, and how often it may be tried, at most."""
+    """Until when (`time.monotonic()`) an entry is varied, and how often it may be tried, at most.
+
+    An entry with next to no margin is tried ten times as often.
+    """
 
     deadline: float
     tries: int
@@ -38,6 +44,8 @@ def tuned(
 ) -> MoveSequence:
     """The same sequence of moves from an entry of another shape, with the largest margin that was met.
 
+    The numbers are varied one after the other; where that leaves next to no margin, all of them at random.
+
     Args:
         task: parts, errors, goal and costs.
         found: the sequence; one that does not start tilted is given back.
@@ -46,35 +54,79 @@ def tuned(
         limits: when to stop.
         progress: told the margin (m) after each gain.
     """
-    first = found.entry.shape
-    if first is None:
+    if found.entry.shape is None:
         return found
-    size = len(first.numbers)
-    factors, best, tries = np.ones(size), found, 0
+    tuning = _Tuning(task, found, entry_of, clearance, limits, progress)
+    size = len(tuning.factors)
     for share in _STEPS:
         improved = True
         while improved:
             improved = False
             for step in share * np.vstack([-np.eye(size), np.eye(size)]):
                 # Once a number has been changed for the better, it goes on that way.
-                while tries < limits.tries and best.reached.margin < clearance and time.monotonic() < limits.deadline:
-                    tries += 1
-                    entry = entry_of(Shape.of(first.numbers * (factors + step)))
-                    least = best.reached.margin + _GAIN * clearance
-                    node = replayed(task, entry, found.names, least)
-                    if node is None:
-                        break
-                    factors, improved = factors + step, True
-                    best = replace(
-                        found,
-                        entry=node.entry,
-                        moves=node.moves,
-                        reached=node.reached,
-                        cost=node.cost,
-                        lower_bound=min(found.lower_bound, node.cost),  # the bound is of other entries
-                    )
-                    progress(best.reached.margin)
-    return best
+                while tuning.open and tuning.gains(step, _GAIN * clearance):
+                    improved = True
+    rng, (least, width, greatest) = np.random.default_rng(0), _WIDTH
+    while tuning.open and tuning.slight:
+        step = width * rng.normal(size=size) * tuning.factors
+        gained = False
+        while tuning.open and tuning.gains(step, 0.0):
+            gained = True
+        width = min(_WIDER * width, greatest) if gained else max(_NARROWER * width, least)
+    return tuning.best
+
+
+class _Tuning:
+    """The best sequence so far, the factors of the first shape's numbers that led to it, and the tries it took."""
+
+    def __init__(
+        self,
+        task: Task,
+        found: MoveSequence,
+        entry_of: Callable[[Shape], Entry],
+        clearance: float,
+        limits: Limits,
+        progress: Callable[[float], None],
+    ) -> None:
+        assert found.entry.shape is not None
+        self._first = found.entry.shape.numbers
+        self._task, self._entry_of, self._clearance, self._limits = task, entry_of, clearance, limits
+        self._progress, self._bound = progress, found.lower_bound
+        self._tries = 0
+        self.best = found
+        self.factors: Array = np.ones(len(self._first))
+
+    @property
+    def slight(self) -> bool:
+        """Whether there is next to no margin yet."""
+        return self.best.reached.margin < _ENOUGH * self._clearance
+
+    @property
+    def open(self) -> bool:
+        """Whether to go on."""
+        most = self._limits.tries * (_PATIENCE if self.slight else 1)
+        enough = self.best.reached.margin >= self._clearance
+        return self._tries < most and not enough and time.monotonic() < self._limits.deadline
+
+    def gains(self, step: Array, gain: float) -> bool:
+        """Takes a step of the factors if it adds more than a gain (m) to the margin; whether it did."""
+        self._tries += 1
+        factors, best = self.factors + step, self.best
+        entry = self._entry_of(Shape.of(self._first * factors))
+        node = replayed(self._task, entry, best.names, best.reached.margin + gain)
+        if node is None:
+            return False
+        self.factors = factors
+        self.best = replace(
+            best,
+            entry=node.entry,
+            moves=node.moves,
+            reached=node.reached,
+            cost=node.cost,
+            lower_bound=min(self._bound, node.cost),  # the bound is of other entries
+        )
+        self._progress(node.reached.margin)
+        return True
 
 
 def replayed(task: Task, entry: Entry, names: Sequence[str], least: float) -> Node | None:
