@@ -17,6 +17,7 @@ of third order have closed bounds. A bound by lengths alone serves where it is b
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -65,6 +66,68 @@ class Extent:
 
 
 @dataclass(frozen=True, eq=False)
+class Turned:
+    """Vectors that a box of errors turns: what the bounds of |ε × v| take from them, whatever the box.
+
+    Args:
+        ahead: sizes (…, 3) of their components, the next one first.
+        behind: the same, the one after first.
+        size: lengths (…).
+    """
+
+    ahead: Array
+    behind: Array
+    size: Array
+
+    @staticmethod
+    def of(vectors: Array) -> Turned:
+        """Vectors (…, 3)."""
+        size = np.abs(vectors)
+        return Turned(size.take(_NEXT, -1), size.take(_AFTER, -1), lengths(vectors))
+
+    def by(self, angles: Array) -> Array:
+        """Bounds (…) of |ε × v| for all ε in a box, by its half-widths (3,), rad."""
+        sides = self.ahead * angles.take(_AFTER) + self.behind * angles.take(_NEXT)
+        return np.asarray(np.minimum(lengths(sides), length(angles) * self.size))
+
+
+@dataclass(frozen=True, eq=False)
+class Swung:
+    """Points that turn with the part along a piece of motion, apart from the errors.
+
+    Args:
+        ends: their arms at both ends (2, v, 3).
+        size: lengths of the arms at the start (v,), m.
+        swept: |τ × w| (v,), m.
+    """
+
+    ends: Turned
+    size: Array
+    swept: Array
+
+    @staticmethod
+    def of(turn: Array, arms: Array) -> Swung:
+        """Points by their arms (2, v, 3) at both ends, under a turn τ (3,)."""
+        ends = Turned.of(arms)
+        return Swung(ends, ends.size[0], lengths(crossed(turn, arms[0])))
+
+    def by(self, angles: Array) -> Array:
+        """Bounds (v,) of |ε × w| all along, for all ε in a box, by its half-widths (3,), rad."""
+        theta = length(angles)
+        most = self.ends.by(angles).max(axis=0) + 0.5 * theta * self.swept
+        return np.asarray(np.minimum(most, theta * self.size))
+
+    def left(self, angles: Array) -> Array:
+        """What errors that turn a plane leave at each point (v,), per their size, m."""
+        return 0.5 * (self.by(angles) + self.swept)
+
+    @property
+    def arc(self) -> Array:
+        """What the nominal turn does at each point (v,), m."""
+        return 0.125 * self.swept
+
+
+@dataclass(frozen=True, eq=False)
 class Lever:
     """What turns of points leave of their distances to planes.
 
@@ -81,13 +144,13 @@ class Lever:
     @staticmethod
     def of(extent: Extent, arms: Array) -> Lever:
         """Points by their arms (2, v, 3) at both ends."""
-        swept = lengths(crossed(extent.twist[3:], arms[0]))
-        return Lever(extent, 0.5 * (_swung(extent.half, arms, swept) + swept), 0.125 * swept)
+        points = Swung.of(extent.twist[3:], arms)
+        return Lever(extent, points.left(extent.angles), points.arc)
 
     def beside(self, normals: Array) -> Array:
         """Remainders (n, v) of the points over planes of unit normals (n, 3), m."""
         leaned = lengths(crossed(self.extent.twist[3:], normals))
-        return np.outer(_crossing(self.extent.half, normals), self.half) + np.outer(leaned, self.arc)
+        return np.outer(Turned.of(normals).by(self.extent.angles), self.half) + np.outer(leaned, self.arc)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,14 +175,20 @@ class Curvature:
         bends = Bends.of(start, goal, twist) if start.bent.size else None
         return Curvature(twist, start.forms, np.array([start.turned, goal.turned]), bends)
 
+    @cached_property
+    def _parts(self) -> tuple[Turned, Swung, Array]:
+        """The rows' planes and points, and what the nominal turn leaves of both (k,), m."""
+        push, points = self.forms.push, Swung.of(self.twist[3:], self.turned)
+        return Turned.of(push), points, lengths(crossed(self.twist[3:], push)) * points.arc
+
     def bound(self, half: Array) -> Array:
         """Bound (k,) of |f − (linear in the error, interpolated between the ends)|, m.
 
         Args:
             half: half-widths (6,) of a box around the errors.
         """
-        push, point = self.forms.push, Lever.of(Extent(self.twist, half), self.turned)
-        left = _crossing(half, push) * point.half + lengths(crossed(self.twist[3:], push)) * point.arc
+        planes, points, arc = self._parts
+        left = planes.by(half[3:]) * points.left(half[3:]) + arc
         if self.bends is not None:
             left[self.forms.bilinear] = self.bends.bound(half)
         return np.asarray(left)
@@ -210,16 +279,3 @@ class Bends:
 def remainders(start: Rows, goal: Rows, extent: Extent) -> Array:
     """The remainders (k,) of rows over a piece of motion, see `Curvature`."""
     return Curvature.of(start, goal, extent.twist).bound(extent.half)
-
-
-def _crossing(half: Array, vectors: Array) -> Array:
-    """Bounds (…) of |ε × v| for vectors (…, 3) and all ε in a box (the last three of six half-widths)."""
-    size, angles = np.abs(vectors), half[3:]
-    sides = size.take(_NEXT, -1) * angles.take(_AFTER) + size.take(_AFTER, -1) * angles.take(_NEXT)
-    return np.asarray(np.minimum(lengths(sides), length(angles) * lengths(vectors)))
-
-
-def _swung(half: Array, arms: Array, swept: Array) -> Array:
-    """Bounds (v,) of |ε × w| all along, for vectors w by what they are at both ends (2, v, 3), and |τ × w| (v,)."""
-    most = _crossing(half, arms).max(axis=0) + 0.5 * length(half[3:]) * swept
-    return np.asarray(np.minimum(most, length(half[3:]) * lengths(arms[0])))

@@ -43,7 +43,7 @@ def lengths(vectors: Array) -> Array:
 
 def length(vector: Array) -> float:
     """Euclidean length of one vector."""
-    return math.sqrt(float(vector @ vector))
+    return math.sqrt(vector.dot(vector))
 
 
 @dataclass(frozen=True, eq=False)
