@@ -73,6 +73,11 @@ def claim(
     Raises:
         InfeasibleError: a pair of pieces overlaps nominally, or the step itself is impossible.
     """
+    return claimed(assembly, piece, stepped(assembly, piece, errors, tolerance), tolerance, choose, thorough)
+
+
+def stepped(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Tolerance) -> Advance:
+    """Carries the errors through a piece of motion that every execution follows; arguments and errors as of `claim`."""
     step = advance(assembly, piece, errors, tolerance)
     if step.approach <= 0.0 and piece.made is not None:
         raise InfeasibleError(
@@ -84,6 +89,17 @@ def claim(
             f"some executions could stay in touch with {', '.join(c.id for c in piece.left)}, which the move gives up: "
             f"errors may change how much farther away it gets by {-step.departure * 1e6:.1f} um more than it does"
         )
+    return step
+
+
+def claimed(
+    assembly: Assembly, piece: Piece, step: Advance, tolerance: Tolerance, choose: Chooser, thorough: bool = True
+) -> Claim:
+    """Certifies what it can of a piece through which the errors have been carried; arguments as of `claim`.
+
+    Raises:
+        InfeasibleError: a pair of pieces overlaps nominally.
+    """
     separations = []
     listed = facing(assembly, piece)
     for (i, j, _), found in zip(listed.listed, choose(assembly, listed, step.ends), strict=True):

@@ -10,11 +10,11 @@ from itertools import pairwise
 import numpy as np
 
 from fmopt import se3
-from fmopt.certificate.claim import Claim, claim
+from fmopt.certificate.claim import Claim, claimed, stepped
 from fmopt.certificate.functions import contact_forms, contact_rows
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.rows import Forms, length
-from fmopt.certificate.segment import Compliance, Piece, Tolerance
+from fmopt.certificate.segment import Advance, Compliance, Piece, Tolerance
 from fmopt.contact.meet import Poses
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.errors import InfeasibleError
@@ -195,7 +195,7 @@ def unroll(
 def _unroll(
     assembly: Assembly, move: Move, reached: Reached, tolerance: Tolerance, count: int, thorough: bool
 ) -> Reached:
-    errors, claims = reached.errors, list(reached.claims)
+    errors, steps = reached.errors, list[tuple[Piece, Advance]]()
     basis = tuple(c for c in reached.basis if c.contact not in move.left)
     poses = way(assembly, move, basis, count, _SHOTS if thorough else 1)
     for k, (at, to) in enumerate(pairwise(poses)):
@@ -204,11 +204,13 @@ def _unroll(
         current = _carried_over(assembly, basis, held, to)
         made = move.making[0] if move.making else None
         piece = Piece(at, to, held, (*held, *move.making), current, made, share, move.left)
-        found = claim(assembly, piece, errors, tolerance, choose_separations, thorough)
-        claims.append(found)
-        errors = found.advance.ends.goal_set
-        basis = found.advance.basis if piece.last else current
-    return Reached(errors, basis, tuple(claims))
+        found = stepped(assembly, piece, errors, tolerance)
+        steps.append((piece, found))
+        errors = found.ends.goal_set
+        basis = found.basis if piece.last else current
+    # What errors ask of the pieces is known by now: only where all can be followed is the rest worth its while.
+    claims = [claimed(assembly, piece, found, tolerance, choose_separations, thorough) for piece, found in steps]
+    return Reached(errors, basis, (*reached.claims, *claims))
 
 
 def _carried_over(

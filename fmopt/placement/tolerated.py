@@ -114,12 +114,23 @@ class Motion:
         return certified(self.assembly, self.moves, start, self.tolerance, self.turn, thorough=True)
 
     @cached_property
+    def outcome(self) -> tuple[float | None, End]:
+        """Least certified margin, m, None when a move is impossible; and what has it, or why a move is impossible."""
+        reached, of_moves = Reached(ErrorSet.from_box(self.box), (), ()), list[tuple[Claim, int]]()
+        for number, move in enumerate(self.moves):
+            before = len(reached.claims)
+            try:
+                reached = unroll(self.assembly, move, reached, self.tolerance, self.turn, thorough=True)
+            except InfeasibleError as error:
+                return None, End(number, "", error.message)
+            of_moves += [(claim, number) for claim in reached.claims[before:]]
+        claim, number = min(of_moves, key=lambda pair: pair[0].margin)
+        return claim.margin, End(number, claim.binding, "")
+
+    @property
     def margin(self) -> float | None:
         """Least certified margin, m; None when a move is impossible."""
-        try:
-            return self.placed().margin
-        except InfeasibleError:
-            return None
+        return self.outcome[0]
 
     @property
     def holds(self) -> bool:
@@ -135,22 +146,13 @@ def tolerated(motion: Motion, clearance: tuple[float, float]) -> Tolerated:
         clearance: on each side in x and y, m; infinite where the parts never touch.
     """
     factor, beyond = factors(motion)
-    end = None if beyond > _LARGEST else what_fails(replace(motion, box=beyond * motion.box))
+    end = None if beyond is None else what_fails(beyond)
     return Tolerated(factor, factor * motion.box, sensitivities(motion, clearance), end)
 
 
 def what_fails(motion: Motion) -> End:
     """The inequality of least margin of a motion and the move that it belongs to, or why a move is impossible."""
-    reached, of_moves = Reached(ErrorSet.from_box(motion.box), (), ()), list[tuple[Claim, int]]()
-    for number, move in enumerate(motion.moves):
-        before = len(reached.claims)
-        try:
-            reached = unroll(motion.assembly, move, reached, motion.tolerance, motion.turn, thorough=True)
-        except InfeasibleError as error:
-            return End(number, "", error.message)
-        of_moves += [(claim, number) for claim in reached.claims[before:]]
-    claim, number = min(of_moves, key=lambda pair: pair[0].margin)
-    return End(number, claim.binding, "")
+    return motion.outcome[1]
 
 
 def largest_factor(motion: Motion) -> float:
@@ -158,22 +160,26 @@ def largest_factor(motion: Motion) -> float:
     return factors(motion)[0]
 
 
-def factors(motion: Motion) -> tuple[float, float]:
-    """The largest factor at which the motion still has a margin, and the least found at which it has none, to 1/64.
+def factors(motion: Motion) -> tuple[float, Motion | None]:
+    """The largest factor at which the motion still has a margin, to 1/64, and the motion at the least without one.
 
-    Where a factor of 64 leaves a margin, the second is beyond that, and was not tried.
+    There is none of the latter where a factor of 64 leaves a margin.
     """
+    failed: Motion | None = None
 
     def holds(factor: float) -> bool:
-        return replace(motion, box=factor * motion.box).holds
+        nonlocal failed
+        tried = motion if factor == 1.0 else replace(motion, box=factor * motion.box)
+        failed = failed if tried.holds else tried
+        return tried.holds
 
-    low, high = (1.0, 2.0) if motion.holds else (0.0, 1.0)
+    low, high = (1.0, 2.0) if holds(1.0) else (0.0, 1.0)
     while 1.0 < high <= _LARGEST and holds(high):
         low, high = high, 2.0 * high
     while high - low > _STEP * max(low, _STEP) and low < _LARGEST:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if holds(middle) else (low, middle)
-    return low, high
+    return low, failed
 
 
 def sensitivities(motion: Motion, clearance: tuple[float, float]) -> tuple[Sensitivity, ...]:
