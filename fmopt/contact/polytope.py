@@ -6,6 +6,7 @@ Degenerate vertices are kept as they are; nothing is perturbed.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +15,7 @@ from fmopt.errors import InfeasibleError, SolverError
 from fmopt.values import Array, Value
 
 INCIDENCE = 1e-8  # scaled units; a point this close to a unit half-space's plane lies on it
+_TABLE = 16  # possible tuples for each that there is, up to which a table is smaller work than sorting
 _SQUARED = 1e-12  # singular values of unit rows below 1e-6 are zero
 
 Bits = NDArray[np.bool_]
@@ -70,20 +72,31 @@ def enumerate_faces(normals: ArrayLike, offsets: ArrayLike) -> Faces:
     lineality = flat.shape[1] - basis.shape[1]
     inner = reduced[real] @ basis / length[real, None]
     active, dimensions, points = _pointed_faces(inner, slack[real] / length[real])
-    everywhere = equal | (~real & (np.abs(slack) <= INCIDENCE))
-    whole = np.broadcast_to(everywhere, (len(active), len(rows))).copy()
-    whole[:, real] = active
-    dimensions = dimensions + lineality
-    order = _order(whole, dimensions)
-    positions = interior + points @ (flat @ basis).T
-    return Faces(whole[order], dimensions[order], positions[order], lineality)
+    if not real.all():
+        everywhere = equal | (~real & (np.abs(slack) <= INCIDENCE))
+        within, active = active, np.empty((len(active), len(rows)), dtype=bool)
+        active[:], active[:, real] = everywhere, within
+    return Faces(active, dimensions + lineality, interior + points @ (flat @ basis).T, lineality)
+
+
+def _keys(bits: Bits) -> NDArray[np.uint64]:
+    """Words (w, n) that order bit rows (n, k), the first word and the first bit counting most."""
+    packed = np.zeros((len(bits), -(-bits.shape[1] // 64) * 8), dtype=np.uint8)
+    packed[:, : -(-bits.shape[1] // 8)] = np.packbits(bits, axis=1)
+    return packed.view(">u8").T.astype(np.uint64)
 
 
 def _order(active: Bits, dimensions: NDArray[np.intp]) -> NDArray[np.intp]:
     """Largest dimension first, then by the active rows."""
-    packed = np.packbits(~active, axis=1)
-    padded = np.pad(packed, ((0, 0), (0, -packed.shape[1] % 8)))
-    return np.lexsort((*padded.view(">u8").T[::-1], -dimensions))
+    return np.lexsort((*_keys(~active)[::-1], -dimensions))
+
+
+def _different(bits: Bits) -> NDArray[np.intp]:
+    """Where in a list of bit rows (n, k) each different one comes first, in their order."""
+    keys = _keys(bits)
+    order = np.lexsort(keys[::-1])
+    new = (keys[:, order[1:]] != keys[:, order[:-1]]).any(axis=0)
+    return np.asarray(order[np.concatenate([[True], new])])
 
 
 def _interior(rows: Array, levels: Array) -> tuple[Array, Bits]:
@@ -130,7 +143,7 @@ def _deepest(rows: Array, levels: Array, equal: Bits) -> tuple[Array, float, Arr
 
 
 def _pointed_faces(rows: Array, levels: Array) -> tuple[Bits, NDArray[np.intp], Array]:
-    """Faces of a pointed {q: rows·q ≥ levels} with 0 strictly inside (levels < 0) and unit rows (k, r).
+    """Faces of a pointed {q: rows·q ≥ levels} with 0 strictly inside (levels < 0) and unit rows (k, r), in order.
 
     Returns:
         active rows (n, k), dimensions (n,), points (n, r).
@@ -142,15 +155,15 @@ def _pointed_faces(rows: Array, levels: Array) -> tuple[Bits, NDArray[np.intp], 
     first = first_equal(np.column_stack([rows, levels]))
     kinds, group = np.unique(first, return_inverse=True)
     distinct = incidence[:, [*kinds, k]]
-    codes_fit = (distinct.shape[1] + 1) ** r < 2**63
-    if codes_fit and bool(np.all(distinct.sum(axis=1) == r)):
-        active, points = _simple_faces(corners, distinct)
-        return active[:, group], r - active.sum(axis=1), points
+    if bool(np.all(distinct.sum(axis=1) == r)):
+        active, dimensions, points = _simple_faces(corners, distinct)
+        return active if len(kinds) == k else active[:, group], dimensions, points
     active, points = _closed_faces(corners, incidence)
     outer = np.einsum("ki,kj->kij", rows, rows).reshape(k, r * r)
     gram = (active.astype(np.float64) @ outer).reshape(-1, r, r)
     rank = np.sum(np.linalg.eigvalsh(gram) > _SQUARED, axis=1)
-    return active, r - rank, points
+    order = _order(active, r - rank)
+    return active[order], (r - rank)[order], points[order]
 
 
 def _corners(rows: Array, levels: Array) -> tuple[Array, Bits]:
@@ -172,7 +185,7 @@ def _corners(rows: Array, levels: Array) -> tuple[Array, Bits]:
     residual = corners @ rows.T - np.where(finite[:, None], levels, 0.0)
     tolerance = INCIDENCE * np.maximum(1.0, np.linalg.norm(corners, axis=1))
     incidence = np.column_stack([residual <= tolerance[:, None], ~finite])
-    _, one = np.unique(np.packbits(incidence, axis=1), axis=0, return_index=True)
+    one = _different(incidence)
     return corners[one], incidence[one]
 
 
@@ -198,39 +211,76 @@ def first_equal(rows: Array) -> NDArray[np.intp]:
     return np.asarray(np.argmax(apart <= INCIDENCE * np.max(np.abs(rows), axis=1), axis=1))
 
 
-def _simple_faces(corners: Array, incidence: Bits) -> tuple[Bits, Array]:
-    """Faces when each corner lies on exactly r rows: every subset of them is one.
+def _simple_faces(corners: Array, incidence: Bits) -> tuple[Bits, NDArray[np.intp], Array]:
+    """Faces in order when each corner lies on exactly r rows: every subset of them is one, but those at infinity.
 
-    A subset's code lists its rows, numbered from 1, as digits; the row at infinity has the largest number.
+    A subset of j rows has its rows as digits, the first one counting most: their codes have the order of the faces.
     """
     m, r = corners.shape
-    columns = incidence.shape[1]
-    base = np.int64(columns + 1)
-    digits = np.nonzero(incidence)[1].reshape(m, r) + 1
-    codes = np.zeros((m, 1), dtype=np.int64)
-    for digit in digits.T:
-        codes = np.concatenate([codes, codes * base + digit[:, None]], axis=1)
-    found, which = np.unique(codes, return_inverse=True)
-    kept = (found % base) < columns
-    points = _means(corners, incidence[:, -1], which.reshape(m, -1), len(found))[kept]
-    active = np.zeros((int(kept.sum()), columns), dtype=bool)
-    rest, face = found[kept], np.arange(len(active))
-    for _ in range(r):
-        chosen = rest > 0
-        active[face[chosen], rest[chosen] % base - 1] = True
-        rest = rest // base
-    return active[:, :-1], points
+    columns = incidence.shape[1] - 1
+    digits = np.nonzero(incidence)[1].reshape(m, r)
+    rays = incidence[:, -1]
+    active, points = [], []
+    for j in range(r + 1):
+        places = np.array(list(combinations(range(r), j)), dtype=np.intp)
+        chosen = digits[:, places].reshape(m * len(places), j)
+        at = np.repeat(np.arange(m), len(places))
+        if rays.any() and j:
+            real = chosen[:, -1] < columns
+            chosen, at = chosen[real], at[real]
+        which, first = _numbered(chosen, columns)
+        points.append(_means(corners, rays, which, at, len(first)))
+        found = np.zeros((len(first), columns), dtype=bool)
+        found[np.arange(len(first))[:, None], chosen[first]] = True
+        active.append(found)
+    sizes = [len(found) for found in active]
+    return np.concatenate(active), r - np.repeat(np.arange(r + 1), sizes), np.concatenate(points)
 
 
-def _means(corners: Array, rays: Bits, which: NDArray[np.intp], n: int) -> Array:
-    """For each of n faces the mean of its vertices plus the mean of its rays (n, r); which (m, …) numbers them."""
+def _numbered(digits: NDArray[np.intp], base: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """The number of each tuple of digits (n, j) among the different ones in order, and where one of each is.
+
+    Few possible tuples are counted in a table, many are sorted.
+    """
+    n, j = digits.shape
+    if base**j >= 2**63:
+        order = np.lexsort(digits.T[::-1])
+        new = np.append(True, (digits[order[1:]] != digits[order[:-1]]).any(axis=1))
+    else:
+        codes = digits @ np.array([base ** (j - 1 - i) for i in range(j)], dtype=np.int64)
+        if base**j <= _TABLE * n:
+            place = np.full(base**j, -1, dtype=np.intp)
+            place[codes] = np.arange(n)
+            first = place[place >= 0]
+            place[codes[first]] = np.arange(len(first))
+            return place[codes], first
+        order = np.argsort(codes)
+        ordered = codes[order]
+        new = np.append(True, ordered[1:] != ordered[:-1])
+    which = np.empty(n, dtype=np.intp)
+    which[order] = np.cumsum(new) - 1
+    return which, order[new]
+
+
+def _means(corners: Array, rays: Bits, which: NDArray[np.intp], at: NDArray[np.intp], n: int) -> Array:
+    """For each of n faces the mean of its vertices plus the mean of its rays (n, r): corner at[i] is on face which[i].
+
+    Args:
+        corners: vertices and rays (m, r).
+        rays: which of them are rays.
+        which: faces (l,).
+        at: corners (l,), in order.
+        n: how many faces.
+    """
+    from scipy.sparse import csc_array
+
+    begins = np.searchsorted(at, np.arange(len(corners) + 1))
     total = np.zeros((n, corners.shape[1]))
-    for part in (~rays, rays):
-        index = which[part]
-        count = np.bincount(index.ravel(), minlength=n)
-        for axis in range(corners.shape[1]):
-            weight = np.broadcast_to(corners[part, axis, None], index.shape)
-            total[:, axis] += np.bincount(index.ravel(), weight.ravel(), minlength=n) / np.maximum(count, 1)
+    for part in (~rays, rays) if rays.any() else (~rays,):
+        weight = part.astype(np.float64)
+        of_faces = csc_array((weight[at], which, begins), shape=(n, len(corners)))
+        count = np.maximum(np.asarray(of_faces @ weight), 1.0)
+        total += np.asarray(of_faces @ corners) / count[:, None]
     return total
 
 
@@ -239,10 +289,9 @@ def _closed_faces(corners: Array, incidence: Bits) -> tuple[Bits, Array]:
     m = len(corners)
     facets = {int.from_bytes(np.packbits(row, bitorder="little").tobytes(), "little") for row in incidence.T}
     known = {(1 << m) - 1}
-    fresh = known
-    while fresh:
-        fresh = {face & facet for face in fresh for facet in facets} - known - {0}
-        known = known | fresh
+    for facet in facets:
+        known |= {face & facet for face in known}
+    known.discard(0)
     width = (m + 7) // 8
     packed = np.frombuffer(b"".join(face.to_bytes(width, "little") for face in known), dtype=np.uint8)
     members = np.unpackbits(packed.reshape(-1, width), axis=1, count=m, bitorder="little").astype(np.float64)
