@@ -95,11 +95,12 @@ class ContactGraph(Value):
 def contact_graph(space: LocalSpace, faces: Faces) -> ContactGraph:
     """The contact-state graph of a local space and its faces."""
     names = [contact.id for contact in space.contacts]
-    contacts = [tuple(names[k] for k in on) for on in _listed(faces.active)]
+    contacts = [tuple(map(names.__getitem__, on)) for on in _listed(faces.active)]
     ids = [f"s{i}" if held else "free" for i, held in enumerate(contacts)]
     states = ContactState.all_of(ids, contacts, faces.dimensions.tolist(), space.scale * faces.points)
     below = _covers(faces)
-    return ContactGraph(space, states, tuple(map(tuple, _listed(below))), tuple(map(tuple, _listed(below.T))))
+    fathers = _listed(np.ascontiguousarray(below.T))
+    return ContactGraph(space, states, tuple(map(tuple, _listed(below))), tuple(map(tuple, fathers)))
 
 
 def _covers(faces: Faces) -> Bits:
@@ -111,5 +112,5 @@ def _covers(faces: Faces) -> Bits:
 def _listed(table: Bits) -> list[list[int]]:
     """For each row of a table the columns that are true."""
     ends = np.cumsum(np.count_nonzero(table, axis=1)).tolist()
-    columns: list[int] = np.nonzero(table)[1].tolist()
+    columns: list[int] = (np.flatnonzero(table) % table.shape[1]).tolist()
     return [columns[begin:end] for begin, end in pairwise((0, *ends))]

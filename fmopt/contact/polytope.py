@@ -6,7 +6,9 @@ Degenerate vertices are kept as they are; nothing is perturbed.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,10 +17,12 @@ from fmopt.errors import InfeasibleError, SolverError
 from fmopt.values import Array, Value
 
 INCIDENCE = 1e-8  # scaled units; a point this close to a unit half-space's plane lies on it
-_TABLE = 16  # possible tuples for each that there is, up to which a table is smaller work than sorting
+_TABLE = 8  # possible subsets for each that there is, up to which a table is smaller work than sorting
+_EXACT = 2**53  # whole numbers below are exact in floating point
 _SQUARED = 1e-12  # singular values of unit rows below 1e-6 are zero
 
 Bits = NDArray[np.bool_]
+Numbers = NDArray[np.integer[Any]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +159,8 @@ def _pointed_faces(rows: Array, levels: Array) -> tuple[Bits, NDArray[np.intp], 
     first = first_equal(np.column_stack([rows, levels]))
     kinds, group = np.unique(first, return_inverse=True)
     distinct = incidence[:, [*kinds, k]]
-    if bool(np.all(distinct.sum(axis=1) == r)):
+    possible = (distinct.shape[1] + 1.0) ** r
+    if possible < _EXACT and possible * len(corners) * 2**r < 2.0**62 and bool(np.all(distinct.sum(axis=1) == r)):
         active, dimensions, points = _simple_faces(corners, distinct)
         return active if len(kinds) == k else active[:, group], dimensions, points
     active, points = _closed_faces(corners, incidence)
@@ -182,9 +187,12 @@ def _corners(rows: Array, levels: Array) -> tuple[Array, Bits]:
     s = -equations[:, r]
     finite = s > 1e-9
     corners = -equations[:, :r] / np.where(finite, s, 1.0)[:, None]
-    residual = corners @ rows.T - np.where(finite[:, None], levels, 0.0)
+    residual = corners @ rows.T
+    residual -= np.where(finite[:, None], levels, 0.0)
     tolerance = INCIDENCE * np.maximum(1.0, np.linalg.norm(corners, axis=1))
-    incidence = np.column_stack([residual <= tolerance[:, None], ~finite])
+    incidence = np.empty((len(corners), len(rows) + 1), dtype=bool)
+    np.less_equal(residual, tolerance[:, None], out=incidence[:, :-1])
+    incidence[:, -1] = ~finite
     one = _different(incidence)
     return corners[one], incidence[one]
 
@@ -212,75 +220,96 @@ def first_equal(rows: Array) -> NDArray[np.intp]:
 
 
 def _simple_faces(corners: Array, incidence: Bits) -> tuple[Bits, NDArray[np.intp], Array]:
-    """Faces in order when each corner lies on exactly r rows: every subset of them is one, but those at infinity.
-
-    A subset of j rows has its rows as digits, the first one counting most: their codes have the order of the faces.
-    """
+    """Faces in order when each corner lies on exactly r rows: every subset of them is one, but those at infinity."""
     m, r = corners.shape
-    columns = incidence.shape[1] - 1
+    columns = incidence.shape[1]
     digits = np.nonzero(incidence)[1].reshape(m, r)
-    rays = incidence[:, -1]
-    active, points = [], []
-    for j in range(r + 1):
-        places = np.array(list(combinations(range(r), j)), dtype=np.intp)
-        chosen = digits[:, places].reshape(m * len(places), j)
-        at = np.repeat(np.arange(m), len(places))
-        if rays.any() and j:
-            real = chosen[:, -1] < columns
-            chosen, at = chosen[real], at[real]
-        which, first = _numbered(chosen, columns)
-        points.append(_means(corners, rays, which, at, len(first)))
-        found = np.zeros((len(first), columns), dtype=bool)
-        found[np.arange(len(first))[:, None], chosen[first]] = True
-        active.append(found)
-    sizes = [len(found) for found in active]
-    return np.concatenate(active), r - np.repeat(np.arange(r + 1), sizes), np.concatenate(points)
+    chosen = _subsets(r)
+    sizes = chosen.sum(axis=1)
+    # Short subsets are numbered by a table of all that are possible, long ones by sorting those that there are.
+    short = int(np.count_nonzero((columns + 1.0) ** sizes <= _TABLE * m * len(chosen)))
+    parts = [_numbered(digits + 1, part, columns + 1) for part in (chosen[:short], chosen[short:]) if len(part)]
+    one, two = parts[0], parts[-1]
+    which, corner, subset = one
+    if len(parts) > 1:
+        which = np.hstack([one[0], two[0] + np.int32(len(one[1]))])
+        corner, subset = np.append(one[1], two[1]), np.append(one[2], two[2] + short)
+    # One column more, for what is not chosen.
+    at = np.where(chosen[subset], digits[corner], columns)
+    at += (columns + 1) * np.arange(len(at))[:, None]
+    active = np.zeros((len(at), columns + 1), dtype=bool)
+    active.reshape(-1)[at] = True
+    dimensions = r - sizes[subset]
+    points = _means(corners, incidence[:, -1], which, len(at))
+    if not incidence[:, -1].any():
+        return active[:, : columns - 1], dimensions, points
+    real = ~active[:, columns - 1]
+    return active[real, : columns - 1], dimensions[real], points[real]
 
 
-def _numbered(digits: NDArray[np.intp], base: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """The number of each tuple of digits (n, j) among the different ones in order, and where one of each is.
+@lru_cache
+def _subsets(r: int) -> Bits:
+    """All subsets (2^r, r) of r things, short ones first."""
+    found = np.array([[j in some for j in range(r)] for n in range(r + 1) for some in combinations(range(r), n)])
+    found.setflags(write=False)
+    return found
 
-    Few possible tuples are counted in a table, many are sorted.
+
+def _numbered(digits: Numbers, chosen: Bits, base: int) -> tuple[Numbers, Numbers, Numbers]:
+    """Each subset of the digits of each corner by its number among the different ones, in order.
+
+    Shorter ones come first. Written as numbers of as many digits, subsets have that order.
+
+    Args:
+        digits: of each corner (m, r), in order, from 1 to less than the base.
+        chosen: the subsets (s, r).
+        base: of the numbers.
+
+    Returns:
+        the numbers (m, s), and for each number a corner (n,) that has it and by which subset (n,).
     """
-    n, j = digits.shape
-    if base**j >= 2**63:
-        order = np.lexsort(digits.T[::-1])
-        new = np.append(True, (digits[order[1:]] != digits[order[:-1]]).any(axis=1))
+    count, longest = len(digits) * len(chosen), int(chosen.sum(axis=1).max())
+    bits = count.bit_length()
+    behind = np.cumsum(chosen[:, ::-1], axis=1)[:, ::-1] - 1
+    weights = np.where(chosen, float(base) ** behind, 0.0)
+    codes = (digits.astype(np.float64) @ weights.T).reshape(-1).astype(np.int64)
+    if base**longest <= _TABLE * count:
+        place = np.full(base**longest, -1, dtype=np.int32)
+        place[codes] = np.arange(count, dtype=np.int32)
+        found = np.flatnonzero(place >= 0)
+        first = place[found].astype(np.intp)
+        place[found] = np.arange(len(found), dtype=np.int32)
+        which = place[codes]
     else:
-        codes = digits @ np.array([base ** (j - 1 - i) for i in range(j)], dtype=np.int64)
-        if base**j <= _TABLE * n:
-            place = np.full(base**j, -1, dtype=np.intp)
-            place[codes] = np.arange(n)
-            first = place[place >= 0]
-            place[codes[first]] = np.arange(len(first))
-            return place[codes], first
-        order = np.argsort(codes)
-        ordered = codes[order]
+        # One sort of numbers that hold where they come from takes half the time of sorting indices.
+        ordered = np.sort(codes << bits | np.arange(count))
+        order = ordered & (2**bits - 1)
+        ordered >>= bits
         new = np.append(True, ordered[1:] != ordered[:-1])
-    which = np.empty(n, dtype=np.intp)
-    which[order] = np.cumsum(new) - 1
-    return which, order[new]
+        which, first = np.empty(count, dtype=np.int32), order[new]
+        which[order] = np.cumsum(new, dtype=np.int32) - np.int32(1)
+    return which.reshape(len(digits), -1), *np.divmod(first, len(chosen))
 
 
-def _means(corners: Array, rays: Bits, which: NDArray[np.intp], at: NDArray[np.intp], n: int) -> Array:
-    """For each of n faces the mean of its vertices plus the mean of its rays (n, r): corner at[i] is on face which[i].
+def _means(corners: Array, rays: Bits, which: Numbers, n: int) -> Array:
+    """For each of n faces the mean of its vertices plus the mean of its rays (n, r).
 
     Args:
         corners: vertices and rays (m, r).
         rays: which of them are rays.
-        which: faces (l,).
-        at: corners (l,), in order.
+        which: the faces (m, s) that each corner is on.
         n: how many faces.
     """
     from scipy.sparse import csc_array
 
-    begins = np.searchsorted(at, np.arange(len(corners) + 1))
     total = np.zeros((n, corners.shape[1]))
-    for part in (~rays, rays) if rays.any() else (~rays,):
-        weight = part.astype(np.float64)
-        of_faces = csc_array((weight[at], which, begins), shape=(n, len(corners)))
-        count = np.maximum(np.asarray(of_faces @ weight), 1.0)
-        total += np.asarray(of_faces @ corners) / count[:, None]
+    counted = np.column_stack([corners, np.ones(len(corners))])
+    for part in (~rays, rays) if rays.any() else (slice(None),):
+        faces, here = which[part], counted[part]
+        begins = np.arange(0, faces.size + 1, faces.shape[1], dtype=np.int32)
+        of_faces = csc_array((np.ones(faces.size), faces.reshape(-1), begins), shape=(n, len(here)))
+        sums = np.asarray(of_faces @ here)
+        total += sums[:, :-1] / np.maximum(sums[:, -1:], 1.0)
     return total
 
 
