@@ -10,17 +10,20 @@ the program's own `units`, after each row is scaled to unit length.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from fmopt.errors import SolverError
 from fmopt.values import Array, Value, frozen
 
 if TYPE_CHECKING:
     import cvxpy
+
+T = TypeVar("T")
 
 FEASIBLE = 2e-9
 OPTIMAL = 1e-7
@@ -57,6 +60,21 @@ class Sizes(Value):
 
 
 @dataclass(frozen=True, eq=False)
+class Stack:
+    """Norms one below the other: F (Σq, n) and g (Σq,), where each begins (K,), and how many rows it has (K,)."""
+
+    F: Array
+    g: Array
+    begins: NDArray[np.intp]
+    widths: NDArray[np.intp]
+
+    def at(self, x: Array) -> Array:
+        """The values (K,) at x (n,)."""
+        y = self.F @ x + self.g
+        return np.asarray(np.sqrt(np.add.reduceat(y * y, self.begins)))
+
+
+@dataclass(frozen=True, eq=False)
 class ConeProgram(Value):
     """Maximise c·x over A x = b, G x + h ≥ W (norms), lower ≤ x ≤ upper.
 
@@ -74,7 +92,6 @@ class ConeProgram(Value):
     lower: Array
     upper: Array
     units: Array
-    size: Sizes = field(init=False)
 
     def __post_init__(self) -> None:
         n, p, m, K = len(self.c), len(self.b), len(self.h), len(self.norms)
@@ -87,7 +104,19 @@ class ConeProgram(Value):
             raise ValueError(f"every norm needs {n} columns")
         if (self.W < 0.0).any() or (self.units <= 0.0).any():
             raise ValueError("W must not be negative, and units must be positive")
-        object.__setattr__(self, "size", _sizes(self))
+
+    @cached_property
+    def size(self) -> Sizes:
+        """What scaling divides by."""
+        return _sizes(self)
+
+    @cached_property
+    def stacked(self) -> Stack:
+        """All norms one below the other."""
+        widths = np.array([len(norm.g) for norm in self.norms], dtype=np.intp)
+        F = np.concatenate([np.zeros((0, len(self.c))), *(norm.F for norm in self.norms)])
+        g = np.concatenate([np.zeros(0), *(norm.g for norm in self.norms)])
+        return Stack(F, g, widths.cumsum() - widths, widths)
 
     @staticmethod
     def of(
@@ -124,24 +153,30 @@ class ConeProgram(Value):
 
     def slacks(self, x: Array) -> Array:
         """G x + h − W (norms), shape (m,)."""
-        spread = np.array([norm(x) for norm in self.norms])
-        return np.asarray(self.G @ x + self.h - self.W @ spread)
+        found = self.G @ x + self.h
+        return np.asarray(found - self.W @ self.stacked.at(x) if self.norms else found)
 
     def scaled(self) -> ConeProgram:
         """The same program in x′ = x / units, with each row and the objective divided by its size."""
-        size = self.size
-        return ConeProgram(
-            self.c * self.units / size.objective,
-            self.A * self.units / size.equalities[:, None],
-            self.b / size.equalities,
-            self.G * self.units / size.rows[:, None],
-            self.h / size.rows,
-            self.W * size.norms / size.rows[:, None],
-            tuple(Norm(v.F * self.units / z, v.g / z) for v, z in zip(self.norms, size.norms, strict=True)),
-            self.lower / self.units,
-            self.upper / self.units,
-            np.ones_like(self.units),
+        size, units, stack = self.size, self.units, self.stacked
+        by = np.repeat(size.norms, stack.widths)
+        F, g = stack.F * units / by[:, None], stack.g / by
+        spans = zip(stack.begins.tolist(), (stack.begins + stack.widths).tolist(), strict=True)
+        scaled = _unchecked(
+            ConeProgram,
+            c=self.c * units / size.objective,
+            A=self.A * units / size.equalities[:, None],
+            b=self.b / size.equalities,
+            G=self.G * units / size.rows[:, None],
+            h=self.h / size.rows,
+            W=self.W * size.norms / size.rows[:, None],
+            norms=tuple(_unchecked(Norm, F=F[i:j], g=g[i:j]) for i, j in spans),
+            lower=self.lower / units,
+            upper=self.upper / units,
+            units=np.ones_like(units),
         )
+        scaled.__dict__["stacked"] = Stack(F, g, stack.begins, stack.widths)
+        return scaled
 
     def relaxed(self) -> ConeProgram:
         """The scaled program with every row and equality let out by a common s ≥ 0, and −s maximised."""
@@ -159,9 +194,20 @@ class ConeProgram(Value):
         )
 
 
+def _unchecked(kind: type[T], **fields: Any) -> T:
+    """A value whose arrays are known to be new and to fit, since they are multiples of another one's."""
+    made = object.__new__(kind)
+    for array in fields.values():
+        if isinstance(array, np.ndarray):
+            array.setflags(write=False)
+    made.__dict__.update(fields)
+    return made
+
+
 def _sizes(program: ConeProgram) -> Sizes:
     units = program.units
-    norms = np.array([_lengths(norm.F * units).max(initial=0.0) for norm in program.norms])
+    stack = program.stacked
+    norms = np.maximum.reduceat(_lengths(stack.F * units), stack.begins) if program.norms else np.zeros(0)
     norms[norms == 0.0] = 1.0
     rows = np.maximum(_lengths(program.G * units), (program.W * norms).max(axis=1, initial=0.0))
     rows[rows == 0.0] = 1.0
@@ -287,11 +333,13 @@ def dual_bound(program: ConeProgram, duals: Duals, x: Array) -> tuple[float, flo
         raise SolverError("the solver's multipliers do not fit the program")
     r = program.c - program.A.T @ y + program.G.T @ lam
     bound = float(y @ program.b + lam @ program.h)
-    for norm, u, limit in zip(program.norms, np.split(duals.norms, np.cumsum(widths)), lam @ program.W, strict=False):
-        length = float(np.linalg.norm(u))
-        inside = u * (limit / length) if length > limit else u
-        r = r - norm.F.T @ inside
-        bound -= float(inside @ norm.g)
+    if program.norms:
+        stack = program.stacked
+        length, limit = np.sqrt(np.add.reduceat(duals.norms**2, stack.begins)), lam @ program.W
+        share = np.where(length > limit, limit / np.where(length > 0.0, length, 1.0), 1.0)
+        inside = duals.norms * np.repeat(share, stack.widths)
+        r -= stack.F.T @ inside
+        bound -= float(inside @ stack.g)
     side = np.where(r > 0.0, program.upper, program.lower)
     held = np.isfinite(side)
     bound += float(r @ np.where(held, side, x))

@@ -115,35 +115,36 @@ def _box_slack(scaled: ConeProgram, x: Array) -> float:
 
 def _standard_form(scaled: ConeProgram, kept: Indices) -> tuple[Array, Array, tuple[int, ...]]:
     """Clarabel's M v + s = rhs over v = (x, r), r_k ≥ |F_k x + g_k|: zero cone, non-negative cone, one cone a norm."""
-    n, K = len(scaled.c), len(scaled.norms)
-    low, high = np.isfinite(scaled.lower), np.isfinite(scaled.upper)
-    eye = np.eye(n)
-    flat = np.vstack([scaled.A[kept], -scaled.G, -eye[low], eye[high]])
-    M = np.hstack([flat, np.zeros((len(flat), K))])
-    M[len(kept) : len(kept) + len(scaled.h), n:] = scaled.W
-    blocks, rhs = [M], [scaled.b[kept], scaled.h, -scaled.lower[low], scaled.upper[high]]
-    for k, norm in enumerate(scaled.norms):
-        block = np.zeros((1 + len(norm.g), n + K))
-        block[0, n + k] = -1.0
-        block[1:, :n] = -norm.F
-        blocks.append(block)
-        rhs.append(np.concatenate([[0.0], norm.g]))
-    widths = (len(kept), len(flat) - len(kept), *(1 + len(norm.g) for norm in scaled.norms))
-    return np.vstack(blocks), np.concatenate(rhs), widths
+    n, K, p, m = len(scaled.c), len(scaled.norms), len(kept), len(scaled.h)
+    low, high = np.flatnonzero(np.isfinite(scaled.lower)), np.flatnonzero(np.isfinite(scaled.upper))
+    stack = scaled.stacked
+    flat = p + m + len(low) + len(high)
+    tips = flat + stack.begins + np.arange(K)
+    rest = flat + np.arange(len(stack.g)) + np.repeat(np.arange(1, K + 1), stack.widths)
+    M = np.zeros((flat + K + len(stack.g), n + K))
+    rhs = np.zeros(len(M))
+    M[:p, :n], M[p : p + m, :n], M[p : p + m, n:] = scaled.A[kept], -scaled.G, scaled.W
+    rhs[:p], rhs[p : p + m] = scaled.b[kept], scaled.h
+    at = p + m + np.arange(len(low) + len(high))
+    M[at, np.append(low, high)] = np.repeat([-1.0, 1.0], [len(low), len(high)])
+    rhs[at] = np.append(-scaled.lower[low], scaled.upper[high])
+    M[tips, n + np.arange(K)], M[rest, :n], rhs[rest] = -1.0, -stack.F, stack.g
+    return M, rhs, (p, flat - p, *(1 + stack.widths).tolist())
 
 
 def _duals(program: ConeProgram, kept: Indices, z: Array) -> Duals:
     """Clarabel's multipliers of the scaled program, in the program's own units."""
     size = program.size
-    p, m, width = len(kept), len(program.h), sum(1 + len(norm.g) for norm in program.norms)
+    p, m, width = len(kept), len(program.h), len(program.norms) + len(program.stacked.g)
     y = np.zeros(len(program.b))
     y[kept] = z[:p]
-    norms, at = [np.zeros(0)], len(z) - width
-    for norm, length in zip(program.norms, size.norms, strict=True):
-        norms.append(-z[at + 1 : at + 1 + len(norm.g)] / length)
-        at += 1 + len(norm.g)
+    norms = np.zeros(0)
+    if program.norms:
+        stack = program.stacked
+        inside = np.arange(len(stack.g)) + np.repeat(np.arange(1, len(program.norms) + 1), stack.widths)
+        norms = -z[len(z) - width + inside] / np.repeat(size.norms, stack.widths)
     rows = z[p : p + m] / size.rows
-    return Duals(y / size.equalities * size.objective, rows * size.objective, np.concatenate(norms) * size.objective)
+    return Duals(y / size.equalities * size.objective, rows * size.objective, norms * size.objective)
 
 
 def _solver(settings: ClarabelSolver, M: Array, widths: tuple[int, ...], rhs: Array, q: Array) -> Any:
