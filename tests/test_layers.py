@@ -78,9 +78,9 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "sympy": frozenset(
         {"symbolic.py", "contact/surface.py", "uncertainty/planar/surface.py", "nominal/symbolic_diagram.py"}
     ),
-    "casadi": frozenset({"symbolic.py", "contact/surface.py", "placement/nlp.py"}),
+    "casadi": frozenset({"symbolic.py", "contact/surface.py", "placement/formation.py"}),
     "clarabel": frozenset({"placement/socp.py"}),
-    "daqp": frozenset({"placement/lp.py"}),
+    "daqp": frozenset({"placement/lp.py", "placement/sqp.py"}),
     "cvxpy": frozenset({"placement/program.py"}),
     "networkx": frozenset({"contact/graph.py"}),
     "manifold3d": frozenset({"geometry", "nominal/touch.py"}),

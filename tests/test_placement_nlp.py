@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,10 +13,12 @@ from fmopt.contact.primitive import near_contacts
 from fmopt.contact.surface import parameters, values_and_rows
 from fmopt.errors import SolverError
 from fmopt.geometry.csg import Box, convex_polyhedron
-from fmopt.placement import nlp
+from fmopt.placement import nlp, sqp
 from fmopt.placement.clearance import max_min_clearance
-from fmopt.placement.nlp import certify_on_surfaces, formation_solver, place_on_surfaces, project, surface_placement
+from fmopt.placement.formation import counts, formation_derivatives
+from fmopt.placement.nlp import certify_on_surfaces, place_on_surfaces, project, surface_placement
 from fmopt.placement.rows import Row, RowKind, edge_edge, evaluate, face_vertex, vertex_face
+from fmopt.placement.sqp import largest
 from fmopt.se3 import Pose
 
 STATES = [
@@ -118,10 +121,58 @@ def test_same_numbers_same_bits_whatever_was_solved_before() -> None:
 
 
 def test_one_solver_serves_all_formations_of_equal_counts() -> None:
-    formation_solver.cache_clear()
+    formation_derivatives.cache_clear()
     for name in ("tipx++", "tipx-+", "tipy+-", "tipy--"):
         place_on_surfaces(peg_placement((name,)))
-    assert formation_solver.cache_info().misses == 1
+    assert formation_derivatives.cache_info().misses == 1
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_quadratic_programs_and_the_interior_point_method_agree(
+    state: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(len(state))
+    guesses = rng.normal(size=(4, 6)) * [3e-5, 3e-5, 0.0, 1e-3, 1e-3, 1e-3]
+    problem = peg_placement(state)
+    settled = []
+
+    def counted(*arguments: Any) -> Any:
+        settled.append(largest(*arguments))
+        return settled[-1]
+
+    monkeypatch.setattr(nlp, "largest", counted)
+    quick = [place_on_surfaces(problem, guess).value for guess in guesses]
+    assert all(found is not None for found in settled)
+    monkeypatch.setattr(nlp, "largest", lambda *_: None)
+    slow = [place_on_surfaces(problem, guess).value for guess in guesses]
+    assert quick == pytest.approx(slow, abs=1e-6 * METRIC.clearance)
+
+
+def test_what_quadratic_programs_do_not_settle_the_interior_point_method_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = peg_placement(("tipx++",))
+    found = place_on_surfaces(problem).value
+    monkeypatch.setattr(sqp, "_ROUNDS", 1)
+    assert place_on_surfaces(problem).value == pytest.approx(found, abs=1e-6 * METRIC.clearance)
+
+
+def test_derivatives_of_a_formation_agree_with_finite_differences() -> None:
+    rng = np.random.default_rng(3)
+    rows = sorted(random_rows(3), key=lambda row: list(RowKind).index(row.kind))
+    functions = formation_derivatives((0, 0, 0, 0), counts(rows))
+    units = np.array([1e-2] * 3 + [0.5] * 3)
+    scale = np.zeros((4, len(rows)))
+    scale[0], scale[3] = rng.uniform(1.0, 2.0, (2, len(rows)))
+    reference = Pose.from_vector([0.01, -0.02, 0.03, 0.3, -0.2, 0.4])
+    fixed = [units, reference.p, reference.R.ravel(order="F"), 0.01 * rng.normal(size=6), [1e-2]]
+    numbers = np.array([row.numbers for row in rows])
+    parameters = np.concatenate([*fixed, numbers.ravel(), scale.ravel(order="F")])
+    x, weights, step = rng.normal(size=6), rng.normal(size=len(rows)), 1e-5
+    _, J, H = functions(x, parameters, weights)
+    ends = [[functions(x + side * step * e, parameters, weights) for side in (1.0, -1.0)] for e in np.eye(6)]
+    slopes = np.array([(one[0] - other[0]) / (2.0 * step) for one, other in ends]).T
+    bends = np.array([weights @ (one[1] - other[1]) / (2.0 * step) for one, other in ends])
+    assert pytest.approx(slopes, abs=1e-8) == J
+    assert pytest.approx(bends, abs=1e-8) == H
 
 
 def test_threads_are_served_one_at_a_time() -> None:

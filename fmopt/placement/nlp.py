@@ -1,8 +1,9 @@
-"""Placement on the true C-surfaces: CasADi and IPOPT, one solver per contact formation, numbers as parameters.
+"""Placement on the true C-surfaces: sequential quadratic programs, and IPOPT for what these do not settle.
 
     maximise t   s.t.   f_i(X) = 0,   f_j(X) − allowance_j − growth_j |X − S|_σ ≥ weights_j t,   lower ≤ X ≤ upper
 
-Solvers are shared within a process and locked: one `nlpsol` object in two threads crashes it.
+What CasADi builds, once per contact formation, is shared within a process and locked: one `nlpsol` object in two
+threads crashes it.
 """
 
 from __future__ import annotations
@@ -10,25 +11,22 @@ from __future__ import annotations
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any, assert_never
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fmopt.errors import SolverError
 from fmopt.placement.clearance import Metric
+from fmopt.placement.formation import Counts, counts, formation_derivatives, formation_solver
 from fmopt.placement.program import Solution
-from fmopt.placement.rows import Row, RowKind, evaluate
+from fmopt.placement.rows import Row, RowKind, Table, evaluate
+from fmopt.placement.sqp import largest
 from fmopt.se3 import Pose, left_jacobian
 from fmopt.values import Array, Value, frozen
 
 ON_SURFACE = 1e-7
-_SERIES = 13
-_SMOOTH = 1e-12
 _lock = threading.Lock()
-
-Counts = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,17 +49,26 @@ class SurfacePlacement(Value):
     metric: Metric
     cap: float
 
+    @cached_property
+    def tables(self) -> tuple[Table, Table]:
+        """Contacts and obstacles, sorted by kind."""
+        return Table.of(self.contacts), Table.of(self.obstacles)
+
     def slacks(self, X: Array) -> Array:
         """f_j − allowance_j − growth_j |X − S|_σ of the obstacles (k,), in m."""
-        f = evaluate(self.obstacles, self.reference, X)[0] - self.allowance
+        f = self.tables[1].at(self.reference, X)[0] - self.allowance
         if self.start is not None:
             f = f - self.growth * np.linalg.norm(self.metric.sigma * (X - self.start))
         return np.asarray(f)
 
     def clearances(self, X: Array) -> Array:
         """Clearance of each counted obstacle (k,) in m; those of weight 0 have inf."""
+        return self.counted(self.slacks(X))
+
+    def counted(self, slacks: Array) -> Array:
+        """The clearances for slacks (k,)."""
         counted = self.weights > 0.0
-        return np.asarray(np.where(counted, self.slacks(X) / np.where(counted, self.weights, 1.0), np.inf))
+        return np.asarray(np.where(counted, slacks / np.where(counted, self.weights, 1.0), np.inf))
 
 
 def surface_placement(
@@ -117,15 +124,16 @@ def certify_on_surfaces(problem: SurfacePlacement, X: ArrayLike) -> Solution:
     if X.shape != (6,) or not np.isfinite(X).all():
         raise SolverError("the optimiser returned no finite pose")
     unit = problem.metric.clearance
-    f, N = evaluate(problem.contacts, problem.reference, X)
+    f, N = problem.tables[0].at(problem.reference, X)
     off = np.abs(f) / (unit * problem.metric.dual_norm(N))
-    hard = np.where(problem.weights > 0.0, np.inf, problem.slacks(X) / unit)
+    slacks = problem.slacks(X)
+    hard = np.where(problem.weights > 0.0, np.inf, slacks / unit)
     box = np.minimum(X - problem.lower, problem.upper - X) / problem.metric.units
     for what, worst in (("contact", -off), ("obstacle", hard), ("bound", box)):
         if worst.min(initial=np.inf) < -ON_SURFACE:
             i = int(worst.argmin())
             raise SolverError(f"the proposed pose misses {what} {i} by {-worst[i]:.3g} clearances")
-    t = min(problem.cap, float(problem.clearances(X).min(initial=np.inf)))
+    t = min(problem.cap, float(problem.counted(slacks).min(initial=np.inf)))
     worst_row = min(float(hard.min(initial=np.inf)), float(box.min()))
     return Solution(frozen([*X, t]), t, float(off.max(initial=0.0)), worst_row, float("inf"), float("inf"), None)
 
@@ -136,6 +144,8 @@ def project(problem: SurfacePlacement, X: ArrayLike) -> Array:
     Coordinates held by equal bounds stay; the other bounds are left to `certify_on_surfaces`.
     """
     X = np.asarray(X, dtype=np.float64)
+    if not problem.contacts:
+        return X
     units = problem.metric.units * (problem.upper > problem.lower)
     for _ in range(20):
         J, f = _scaled_contacts(problem, X)
@@ -147,10 +157,11 @@ def project(problem: SurfacePlacement, X: ArrayLike) -> Array:
 
 def _scaled_contacts(problem: SurfacePlacement, X: Array) -> tuple[Array, Array]:
     """Jacobian (p, 6) and values (p,) of the contacts with respect to X / units, rows of unit length."""
-    f, N = evaluate(problem.contacts, problem.reference, X)
+    f, N = problem.tables[0].at(problem.reference, X)
     turned = N.copy()
-    flat = np.array([row.kind is RowKind.PLANE for row in problem.contacts], dtype=bool)
-    turned[~flat, 3:] = N[~flat, 3:] @ left_jacobian(X[3:])
+    for kind, places, _ in problem.tables[0].groups:
+        if kind is not RowKind.PLANE:
+            turned[places, 3:] = N[places, 3:] @ left_jacobian(X[3:])
     size = problem.metric.clearance * problem.metric.dual_norm(turned)
     free = problem.upper > problem.lower
     return turned * problem.metric.units * free / size[:, None], f / size
@@ -163,7 +174,7 @@ def place_on_surfaces(problem: SurfacePlacement, guess: ArrayLike | None = None)
     Contacts that depend on others at the guess are left out of the optimisation and checked afterwards.
 
     Raises:
-        SolverError: IPOPT did not succeed, or its pose fails `certify_on_surfaces`.
+        SolverError: no method succeeded, or its pose fails `certify_on_surfaces`.
     """
     from scipy.linalg import qr
 
@@ -191,7 +202,7 @@ def _better(problem: SurfacePlacement, found: Solution, X: Array) -> Solution:
 
 
 def _optimum(problem: SurfacePlacement, kept: list[int], X: Array) -> Array:
-    """IPOPT's pose (6,) with the contacts `kept`."""
+    """The optimum (6,) with the contacts `kept`."""
     contacts = sorted((problem.contacts[i] for i in kept), key=lambda row: _ORDER[row.kind])
     order = sorted(range(len(problem.obstacles)), key=lambda j: _ORDER[problem.obstacles[j].kind])
     obstacles = [problem.obstacles[j] for j in order]
@@ -208,94 +219,32 @@ def _optimum(problem: SurfacePlacement, kept: list[int], X: Array) -> Array:
     numbers = np.reshape([row.numbers for row in rows], (p + k, 12))
     parameters = np.concatenate([*fixed, numbers.ravel(), scale.ravel(order="F")])
     t = min(problem.cap, float(problem.clearances(X).min(initial=np.inf))) / unit
-    bounds = (np.append(problem.lower / units, -np.inf), np.append(problem.upper / units, problem.cap / unit))
+    begin = np.append(X / units, t)
+    bounds = np.append(problem.lower / units, -np.inf), np.append(problem.upper / units, problem.cap / unit)
+    formation = counts(contacts), counts(obstacles)
     with _lock:
-        solver = formation_solver(_counts(contacts), _counts(obstacles))
-        answer = solver(
-            x0=np.append(X / units, t),
-            p=parameters,
-            lbx=bounds[0],
-            ubx=bounds[1],
-            lbg=np.zeros(p + k),
-            ubg=np.append(np.zeros(p), np.full(k, np.inf)),
-        )
-        status = str(solver.stats()["return_status"])
-        z, g = np.array(answer["x"])[:, 0], np.array(answer["g"])[:, 0]
+        found = largest(formation_derivatives(*formation), p, scale[1], begin, parameters, bounds)
+        if found is None:
+            found = _interior_point(formation, begin, parameters, bounds)
+    return np.asarray(np.clip(found[:6] * units, problem.lower, problem.upper))
+
+
+def _interior_point(
+    formation: tuple[Counts, Counts], begin: Array, parameters: Array, bounds: tuple[Array, Array]
+) -> Array:
+    """IPOPT's answer (7,), for what the sequential programs do not settle."""
+    p, k = (sum(part) for part in formation)
+    solver = formation_solver(*formation)
+    low, high = np.zeros(p + k), np.append(np.zeros(p), np.full(k, np.inf))
+    answer = solver(x0=begin, p=parameters, lbx=bounds[0], ubx=bounds[1], lbg=low, ubg=high)
+    status = str(solver.stats()["return_status"])
     if status != "Solve_Succeeded":
+        g = np.array(answer["g"])[:, 0]
         short = float(np.abs(np.append(g[:p], np.minimum(g[p:], 0.0))).max(initial=0.0))
         raise SolverError(
             f"IPOPT stopped with {status}, {short:.3g} clearances short", "start from a better pose, or drop the state"
         )
-    return np.asarray(np.clip(z[:6] * units, problem.lower, problem.upper))
+    return np.array(answer["x"])[:, 0]
 
 
 _ORDER = {kind: i for i, kind in enumerate(RowKind)}
-
-
-def _counts(rows: Sequence[Row]) -> Counts:
-    kinds = [row.kind for row in rows]
-    one, two, three, four = (kinds.count(kind) for kind in RowKind)
-    return one, two, three, four
-
-
-@lru_cache(maxsize=64)
-def formation_solver(contacts: Counts, obstacles: Counts) -> Any:
-    """IPOPT for this many rows of each kind, contacts then obstacles; call it under the module's lock only."""
-    import casadi as ca
-
-    repeats = [*zip(RowKind, contacts, strict=True), *zip(RowKind, obstacles, strict=True)]
-    kinds = [kind for kind, n in repeats for _ in range(n)]
-    p, total = sum(contacts), len(kinds)
-    z = ca.SX.sym("z", 7)
-    units, p0, R0, start, unit = (ca.SX.sym(name, n) for name, n in _FIXED)
-    numbers, scale = ca.SX.sym("numbers", 12, total), ca.SX.sym("scale", 4, total)
-    X = units * z[:6]
-    R = _rotation(ca, X[3:]) @ ca.reshape(R0, 3, 3)
-    f = [_expression(ca, kind, numbers[:, i], X, p0 + X[:3], R) for i, kind in enumerate(kinds)]
-    travel = unit * ca.sqrt(ca.sumsqr((X - start) / units) + _SMOOTH)
-    g = [scale[0, i] * (f[i] - scale[2, i] - scale[3, i] * travel) - scale[1, i] * z[6] for i in range(total)]
-    parameters = ca.vertcat(units, p0, R0, start, unit, ca.vec(numbers), ca.vec(scale))
-    options: dict[str, Any] = {
-        "print_time": False,
-        "ipopt": {
-            "print_level": 0,
-            "sb": "yes",
-            "max_iter": 100,
-            "tol": 1e-9,
-            "constr_viol_tol": 1e-9,
-            "acceptable_iter": 0,
-            "bound_relax_factor": 0.0,
-            "mu_strategy": "adaptive",
-        },
-    }
-    name = "placement_" + "_".join(str(n) for n in (*contacts, p, *obstacles))
-    return ca.nlpsol(name, "ipopt", {"x": z, "f": -z[6], "g": ca.vertcat(*g), "p": parameters}, options)
-
-
-_FIXED = (("units", 6), ("p0", 3), ("R0", 9), ("start", 6), ("unit", 1))
-
-
-def _rotation(ca: Any, r: Any) -> Any:
-    """exp([r]×) by its power series in |r|², smooth at 0; 1e-15 accurate up to half a turn."""
-    square = ca.sumsqr(r)
-    a = b = 0.0
-    for k in reversed(range(_SERIES)):
-        a = 1.0 - a * square / ((2 * k + 2) * (2 * k + 3))
-        b = 1.0 - b * square / ((2 * k + 3) * (2 * k + 4))
-    K = ca.skew(r)
-    return ca.SX.eye(3) + a * K + 0.5 * b * (K @ K)
-
-
-def _expression(ca: Any, kind: RowKind, c: Any, X: Any, p: Any, R: Any) -> Any:
-    match kind:
-        case RowKind.VERTEX_FACE:
-            return ca.dot(c[3:6], R @ c[:3] + p) - c[6]
-        case RowKind.FACE_VERTEX:
-            return ca.dot(R @ c[:3], c[3:6] - p) - c[6]
-        case RowKind.EDGE_EDGE:
-            m = ca.cross(R @ c[:3], c[6:9])
-            return ca.dot(m, R @ c[3:6] + p - c[9:12]) / ca.norm_2(m)
-        case RowKind.PLANE:
-            return ca.dot(c[:6], X) - c[6]
-        case _:
-            assert_never(kind)

@@ -12,7 +12,7 @@ from enum import StrEnum
 from typing import assert_never
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from fmopt.se3 import Pose
 from fmopt.values import Array, Value, frozen
@@ -67,6 +67,36 @@ def plane(N: ArrayLike, D: float) -> Row:
     return Row(RowKind.PLANE, np.concatenate([N, [D], np.zeros(5)]))
 
 
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Rows sorted by kind once, to be evaluated often.
+
+    Args:
+        count: how many rows there are.
+        groups: for each kind that there is the places of its rows, and their numbers (n, 12).
+    """
+
+    count: int
+    groups: tuple[tuple[RowKind, NDArray[np.intp], Array], ...]
+
+    @staticmethod
+    def of(rows: Sequence[Row]) -> Table:
+        """The table of some rows."""
+        groups = []
+        for kind in RowKind:
+            places = [i for i, row in enumerate(rows) if row.kind is kind]
+            if places:
+                groups.append((kind, np.array(places), np.array([rows[i].numbers for i in places])))
+        return Table(len(rows), tuple(groups))
+
+    def at(self, reference: Pose, X: Array) -> tuple[Array, Array]:
+        """Values (k,) and gradients (k, 6) of the rows, see `evaluate`."""
+        pose, f, N = reference.moved(X), np.zeros(self.count), np.zeros((self.count, 6))
+        for kind, places, numbers in self.groups:
+            f[places], N[places] = _evaluate(kind, numbers, pose, X)
+        return f, N
+
+
 def evaluate(rows: Sequence[Row], reference: Pose, X: Array) -> tuple[Array, Array]:
     """Values f (k,) in m at the pose X around the reference, and their gradients (k, 6) there.
 
@@ -74,14 +104,7 @@ def evaluate(rows: Sequence[Row], reference: Pose, X: Array) -> tuple[Array, Arr
     (n, Rv × n), (−Rn, Rn × (w − p)), (m, Rc × m) with c the point of the moving line closest to the fixed one.
     A plane's gradient is its N, with respect to X itself.
     """
-    pose, table = reference.moved(X), np.array([row.numbers for row in rows]).reshape(len(rows), 12)
-    kinds = np.array([row.kind for row in rows], dtype=object)
-    f, N = np.zeros(len(rows)), np.zeros((len(rows), 6))
-    for kind in RowKind:
-        chosen = np.flatnonzero(kinds == kind)
-        if len(chosen):
-            f[chosen], N[chosen] = _evaluate(kind, table[chosen], pose, X)
-    return f, N
+    return Table.of(rows).at(reference, X)
 
 
 def _evaluate(kind: RowKind, c: Array, pose: Pose, X: Array) -> tuple[Array, Array]:
@@ -112,7 +135,7 @@ def _dot(a: Array, b: Array) -> Array:
 
 
 def _cross(a: Array, b: Array) -> Array:
-    return np.asarray(a[:, _ONE] * b[:, _TWO] - a[:, _TWO] * b[:, _ONE])
+    return np.asarray(a.take(_ONE, 1) * b.take(_TWO, 1) - a.take(_TWO, 1) * b.take(_ONE, 1))
 
 
-_ONE, _TWO = [1, 2, 0], [2, 0, 1]
+_ONE, _TWO = np.array([1, 2, 0]), np.array([2, 0, 1])

@@ -9,8 +9,9 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from fmopt.placement import socp
 from fmopt.placement.clearance import max_min_clearance
+from fmopt.placement.formation import formation_solver
 from fmopt.placement.lp import LinearSolver
-from fmopt.placement.nlp import formation_solver, place_on_surfaces
+from fmopt.placement.nlp import place_on_surfaces
 from fmopt.placement.program import as_cvxpy
 
 GROWING = random_placement(0, rows=80, contacts=2, growth=0.02).program()

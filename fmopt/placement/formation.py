@@ -1,0 +1,143 @@
+"""The functions of a placement on true surfaces as CasADi builds them: once for each contact formation.
+
+Numbers are parameters, so that one formation, so many rows of each kind, serves all placements that have it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any, assert_never
+
+import numpy as np
+
+from fmopt.placement.rows import Row, RowKind
+from fmopt.values import Array
+
+_SERIES = 13
+_SMOOTH = 1e-12
+
+Counts = tuple[int, int, int, int]
+"""How many rows there are of each kind."""
+
+
+def counts(rows: Sequence[Row]) -> Counts:
+    """How many rows there are of each kind."""
+    kinds = [row.kind for row in rows]
+    one, two, three, four = (kinds.count(kind) for kind in RowKind)
+    return one, two, three, four
+
+
+class Derivatives:
+    """Values of all rows at t = 0, their gradients, and the Hessian of their weighted sum, in scaled variables.
+
+    It owns the arrays that CasADi reads and writes: one thread at a time.
+    """
+
+    def __init__(self, function: Any, rows: int, parameters: int) -> None:
+        self._arguments = [np.zeros(6), np.zeros(parameters), np.zeros(rows)]
+        self._results = [np.zeros(rows), np.zeros(6 * rows), np.zeros(36)]
+        self._buffer, self._evaluate = function.buffer()
+        for i, array in enumerate(self._arguments):
+            self._buffer.set_arg(i, array.data)
+        for i, array in enumerate(self._results):
+            self._buffer.set_res(i, array.data)
+
+    def __call__(self, x: Array, parameters: Array, weights: Array) -> tuple[Array, Array, Array]:
+        """Values (k,), gradients (k, 6) and the Hessian (6, 6).
+
+        Args:
+            x: X / units (6,).
+            parameters: numbers of the placement.
+            weights: of the rows (k,) in the Hessian.
+        """
+        for array, values in zip(self._arguments, (x, parameters, weights), strict=True):
+            array[:] = values
+        self._evaluate()
+        g, J, H = self._results
+        return g.copy(), J.reshape(6, -1).T.copy(), H.reshape(6, 6).copy()
+
+
+@lru_cache(maxsize=64)
+def formation_derivatives(contacts: Counts, obstacles: Counts) -> Derivatives:
+    """The derivatives of this many rows of each kind, contacts then obstacles."""
+    import casadi as ca
+
+    x, rows, parameters = _symbols(ca, contacts, obstacles)
+    weights = ca.SX.sym("weights", rows.shape[0])
+    hessian = ca.hessian(ca.dot(weights, rows), x)[0]
+    results = [ca.densify(found) for found in (rows, ca.jacobian(rows, x), hessian)]
+    function = ca.Function("derivatives", [x, parameters, weights], results)
+    return Derivatives(function, rows.shape[0], parameters.shape[0])
+
+
+@lru_cache(maxsize=64)
+def formation_solver(contacts: Counts, obstacles: Counts) -> Any:
+    """IPOPT for this many rows of each kind, contacts then obstacles; call it under the module's lock only."""
+    import casadi as ca
+
+    x, rows, parameters = _symbols(ca, contacts, obstacles)
+    t, total = ca.SX.sym("t"), rows.shape[0]
+    weights = ca.reshape(parameters[parameters.shape[0] - 4 * total :], 4, total)[1, :].T
+    p = sum(contacts)
+    options: dict[str, Any] = {
+        "print_time": False,
+        "ipopt": {
+            "print_level": 0,
+            "sb": "yes",
+            "max_iter": 100,
+            "tol": 1e-9,
+            "constr_viol_tol": 1e-9,
+            "acceptable_iter": 0,
+            "bound_relax_factor": 0.0,
+            "mu_strategy": "adaptive",
+        },
+    }
+    name = "placement_" + "_".join(str(n) for n in (*contacts, p, *obstacles))
+    program = {"x": ca.vertcat(x, t), "f": -t, "g": rows - weights * t, "p": parameters}
+    return ca.nlpsol(name, "ipopt", program, options)
+
+
+def _symbols(ca: Any, contacts: Counts, obstacles: Counts) -> tuple[Any, Any, Any]:
+    """The scaled pose (6), the rows at t = 0, and the parameters: fixed, then numbers (12), scale (4) of rows."""
+    repeats = [*zip(RowKind, contacts, strict=True), *zip(RowKind, obstacles, strict=True)]
+    kinds = [kind for kind, n in repeats for _ in range(n)]
+    total = len(kinds)
+    x = ca.SX.sym("x", 6)
+    units, p0, R0, start, unit = (ca.SX.sym(name, n) for name, n in _FIXED)
+    numbers, scale = ca.SX.sym("numbers", 12, total), ca.SX.sym("scale", 4, total)
+    X = units * x
+    R = _rotation(ca, X[3:]) @ ca.reshape(R0, 3, 3)
+    f = [_expression(ca, kind, numbers[:, i], X, p0 + X[:3], R) for i, kind in enumerate(kinds)]
+    travel = unit * ca.sqrt(ca.sumsqr((X - start) / units) + _SMOOTH)
+    rows = [scale[0, i] * (f[i] - scale[2, i] - scale[3, i] * travel) for i in range(total)]
+    return x, ca.vertcat(*rows), ca.vertcat(units, p0, R0, start, unit, ca.vec(numbers), ca.vec(scale))
+
+
+_FIXED = (("units", 6), ("p0", 3), ("R0", 9), ("start", 6), ("unit", 1))
+
+
+def _rotation(ca: Any, r: Any) -> Any:
+    """exp([r]×) by its power series in |r|², smooth at 0; 1e-15 accurate up to half a turn."""
+    square = ca.sumsqr(r)
+    a = b = 0.0
+    for k in reversed(range(_SERIES)):
+        a = 1.0 - a * square / ((2 * k + 2) * (2 * k + 3))
+        b = 1.0 - b * square / ((2 * k + 3) * (2 * k + 4))
+    K = ca.skew(r)
+    return ca.SX.eye(3) + a * K + 0.5 * b * (K @ K)
+
+
+def _expression(ca: Any, kind: RowKind, c: Any, X: Any, p: Any, R: Any) -> Any:
+    match kind:
+        case RowKind.VERTEX_FACE:
+            return ca.dot(c[3:6], R @ c[:3] + p) - c[6]
+        case RowKind.FACE_VERTEX:
+            return ca.dot(R @ c[:3], c[3:6] - p) - c[6]
+        case RowKind.EDGE_EDGE:
+            m = ca.cross(R @ c[:3], c[6:9])
+            return ca.dot(m, R @ c[3:6] + p - c[9:12]) / ca.norm_2(m)
+        case RowKind.PLANE:
+            return ca.dot(c[:6], X) - c[6]
+        case _:
+            assert_never(kind)
