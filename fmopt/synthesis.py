@@ -338,11 +338,12 @@ def placement(
         placed = polish(assembly, placed, start, tolerance, FINE, clearance, "nlp", Turns(3, reach), told)
     else:
         placed = polish(assembly, placed, start, tolerance, FINE, clearance, "descent", Turns(3, reach), told)
-    apart = placed.margin
-    placed = certified(assembly, placed.moves, start, tolerance, FINE, thorough=True)
-    if placed.margin < apart:
+    best = placed
+    placed = certified(assembly, best.moves, start, tolerance, FINE, thorough=True)
+    if placed.margin < best.margin:
         # What keeps the parts apart has more room than contacts have in their facets: poses on the way may hold both.
-        whole = [certified(assembly, p.moves, start, tolerance, FINE, thorough=True) for p in stages]
+        others = [stage for stage in dict.fromkeys(stages) if stage is not best]
+        whole = [certified(assembly, p.moves, start, tolerance, FINE, thorough=True) for p in others]
         placed = max([placed, *whole], key=lambda p: p.margin)
     if problem.settings.method == "dakin1993":
         claims = as_in_the_paper(assembly, placed.reached.claims, errors, tolerance)
