@@ -22,6 +22,7 @@ from fmopt.contact.wrench import contact_point, contact_wrench
 from fmopt.control.decomposition import contact_forces, position_force
 from fmopt.control.hand import hand_record
 from fmopt.control.hybrid import GuardedMove, hybrid_strategy
+from fmopt.control.jamming import jam_free
 from fmopt.errors import InfeasibleError
 from fmopt.geometry.clearance import Clearance
 from fmopt.geometry.polyhedron import Polyhedron
@@ -84,10 +85,10 @@ def proof_document(problem: Problem, done: Moved) -> dict[str, Any]:
     return plan.sealed(plan.clean(_proof(problem, done)))
 
 
-def _proof(problem: Problem, done: Moved) -> dict[str, Any]:
-    """See `proof_document`."""
+def _proof(problem: Problem, done: Moved, *, ranges: bool = False) -> dict[str, Any]:
+    """See `proof_document`; with `ranges` also the jam-free ranges of the applied wrenches."""
     tolerance, found, claims = done.tolerance, done.found, done.placed.reached.claims
-    segments = _segments(problem, done.assembly, claims, tolerance)
+    segments = _segments(problem, done.assembly, claims, tolerance, ranges=ranges)
     contacts = {c.id: c for claim in claims for c in (*claim.piece.held, *claim.piece.goal_contacts)}
     declared, clearance = problem.declared_clearance, done.clearance.per_side
     return {
@@ -135,7 +136,7 @@ def plan_document(
         done: the motion.
         measured: how much error the motion tolerates, where that is to be in the plan.
     """
-    proof, claims = _proof(problem, done), done.placed.reached.claims
+    proof, claims = _proof(problem, done, ranges=True), done.placed.reached.claims
     segments = [{**segment, "critical_point": states.space_of(k)} for k, segment in enumerate(proof["segments"])]
     rows = position_force(nominal.path, nominal.freedoms, contact_forces(problem.specification, done.tolerance.rho))
     document = {
@@ -187,7 +188,7 @@ def _in_the_plane(problem: Problem, nominal: Nominal, claims: tuple[Claim, ...])
 
 
 def _segments(
-    problem: Problem, assembly: Assembly, claims: tuple[Claim, ...], tolerance: Tolerance
+    problem: Problem, assembly: Assembly, claims: tuple[Claim, ...], tolerance: Tolerance, *, ranges: bool
 ) -> list[dict[str, Any]]:
     poses = [claims[0].piece.start.vector(), *(claim.piece.goal.vector() for claim in claims)]
     found: list[dict[str, Any]] = []
@@ -195,12 +196,17 @@ def _segments(
     for k, claim in enumerate(claims):
         move += claim.piece.progress[0] == 0.0
         record = segment_record(claim, 0, move, poses[k], poses[k + 1])
-        found.append({**record, "hybrid": plan.clean(strategy(problem, assembly, claim, tolerance))})
+        hybrid = strategy(problem, assembly, claim, tolerance, ranges=ranges)
+        found.append({**record, "hybrid": plan.clean(hybrid)})
     return found
 
 
-def strategy(problem: Problem, assembly: Assembly, claim: Claim, tolerance: Tolerance) -> dict[str, Any]:
+def strategy(
+    problem: Problem, assembly: Assembly, claim: Claim, tolerance: Tolerance, *, ranges: bool = False
+) -> dict[str, Any]:
     """The control strategy of a piece as the plan file holds it, from the contacts that touch at its goal.
+
+    With `ranges` it tells the jam-free range of its applied wrench, where it holds contacts.
 
     Raises:
         InfeasibleError: no bias force holds the contacts.
@@ -222,7 +228,9 @@ def strategy(problem: Problem, assembly: Assembly, claim: Claim, tolerance: Tole
         hybrid = hybrid_strategy(move, tolerance.rho, problem.specification)
     except InfeasibleError as error:
         raise InfeasibleError(f"segment to {piece.goal.vector()}: {error.message}", advice=error.advice) from error
-    return hybrid.document([c.id for c in held], [c.id for c in made])
+    document = hybrid.document([c.id for c in held], [c.id for c in made])
+    free = jam_free(move, hybrid, tolerance.rho, problem.specification) if ranges else None
+    return document if free is None else {**document, "jam_free": free.document()}
 
 
 def _resisting(assembly: Assembly, held: Sequence[PrimitiveContact], claim: Claim) -> Callable[[Array], float]:

@@ -224,5 +224,35 @@ def _strategies(plan: Plan, at: Callable[..., Plan]) -> Iterator[tuple[str, Plan
     yield "speed doubled", on(lambda h: h.update(speed=2.0 * h["speed"]), making)
     yield "frame moved", on(lambda h: h["frame"].__setitem__(0, h["frame"][0] + 1e-6), pressing)
     yield "frame turned", on(lambda h: h["frame"].__setitem__(3, h["frame"][3] + 1e-6), pressing)
+    yield from _ranges(plan, on)
     exchanged = {"position_axes": hybrid["force_axes"], "force_axes": hybrid["position_axes"]}
     yield "axes exchanged", on(lambda h: h.update(exchanged), making)
+
+
+def _ranges(plan: Plan, on: Callable[..., Plan]) -> Iterator[tuple[str, Plan]]:
+    """Jam-free ranges that say more than their twists prove, or twists that prove nothing, where a plan has any."""
+    ranged = [k for k, s in enumerate(plan["segments"]) if s["hybrid"].get("jam_free", {}).get("angle")]
+    if not ranged:
+        return
+    free = ranged[0]
+    bound = max(range(len(plan["segments"])), key=lambda k: _least_push(plan["segments"][k]))
+
+    def put(number: int, **values: Any) -> Plan:
+        return on(lambda h: h["jam_free"].update(values), number)
+
+    stated = plan["segments"][free]["hybrid"]["jam_free"]
+    turned = [[-x for x in twist] for twist in stated["twists"]]
+    wider = [{**plane, "angles": [min(x * (1.0 + 1e-6), 3.14) for x in plane["angles"]]} for plane in stated["planes"]]
+    yield "jam-free angle widened", put(free, angle=stated["angle"] * (1.0 + 1e-6))
+    yield "jam-free planes widened", put(free, planes=wider)
+    yield "jam-free plane of nothing", put(free, planes=[{"towards": "nothing", "angles": [0.0, 0.0]}])
+    yield "jam-free push of another move", put(free, push=stated["push"] + 1.0)
+    yield "jam-free twists turned", put(free, twists=turned)
+    yield "jam-free twists zero", put(free, twists=[[0.0] * 6])
+    yield "jam-free without twists", put(free, twists=[])
+    least = plan["segments"][bound]["hybrid"]["jam_free"]["least_push"]
+    yield "least push lowered", put(bound, least_push=least * (1.0 - 1e-6))
+
+
+def _least_push(segment: Any) -> float:
+    return segment["hybrid"].get("jam_free", {}).get("least_push") or 0.0

@@ -80,7 +80,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
     ),
     "casadi": frozenset({"symbolic.py", "contact/surface.py", "placement/formation.py"}),
     "clarabel": frozenset({"placement/socp.py"}),
-    "daqp": frozenset({"placement/lp.py", "placement/sqp.py"}),
+    "daqp": frozenset({"placement/lp.py", "placement/sqp.py", "control/friction_cones.py"}),
     "cvxpy": frozenset({"placement/program.py"}),
     "networkx": frozenset({"contact/graph.py"}),
     "manifold3d": frozenset({"geometry", "nominal/touch.py"}),

@@ -8,6 +8,7 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 from fmopt.report.control_tables import hybrid_cells
+from fmopt.report.jamming_tables import jamming_cells
 from fmopt.report.moves import summary_rows
 from fmopt.report.moves import verdict as spoken
 from fmopt.report.tables import table
@@ -68,6 +69,9 @@ def segment_sheet(segment: Segment) -> str:
         names = ("position axes", "force axes", "velocity", "bias wrench", "end")
         last = segment.record.get("progress", (0.0, 1.0))[1] == 1.0
         rows += zip(names, hybrid_cells(segment.record, last, segment.rho), strict=True)
+    if segment.hybrid.get("jam_free"):
+        of_jamming = ("push", "cannot jam within", "narrow ranges")
+        rows += zip(of_jamming, jamming_cells(segment.record, segment.rho), strict=True)
     return _sheet(table(f"segments[{segment.number}], of move {segment.move}", ("", ""), rows))
 
 

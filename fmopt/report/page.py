@@ -9,6 +9,7 @@ from typing import Any
 from fmopt.report import control_tables, sections
 from fmopt.report.budget_view import budget_table
 from fmopt.report.figures import catalogue
+from fmopt.report.jamming_tables import jamming_table
 from fmopt.report.moves import Verdict, smallest_margin, verdict
 from fmopt.report.planar_tables import possible_contacts
 from fmopt.report.scene import resource, scene
@@ -37,7 +38,7 @@ def report_page(plan: Mapping[str, Any], figures: Mapping[str, str]) -> str:
         ("budget", "Uncertainty budget", _budget(plan, shown)),
         ("plane", "Possible contacts in the plane", _plane(plan, shown)),
         ("trajectory", "Position and force over time", _nominal(plan, shown)),
-        ("hybrid", "Hybrid strategies", control_tables.hybrid_table(plan)),
+        ("hybrid", "Hybrid strategies", control_tables.hybrid_table(plan) + jamming_table(plan)),
         ("tolerance", "Tolerated errors and sensitivities", tolerance_chapter(plan)),
         ("limits", "What was not checked", sections.not_covered(plan)),
         ("asked", "What was asked", sections.asked(plan)),

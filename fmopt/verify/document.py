@@ -106,6 +106,25 @@ class Tube:
 
 
 @dataclass(frozen=True)
+class JamFree:
+    """What is claimed of the directions of a segment's applied wrench.
+
+    Attributes:
+        push: along the motion, for which angles are stated.
+        least_push: above which the push is not balanced; None where none is stated.
+        angle: by which the wrench may turn in any direction.
+        planes: how far it may turn from, and to, what the name says.
+        twists: what proves it.
+    """
+
+    push: float
+    least_push: float | None
+    angle: float
+    planes: tuple[tuple[str, tuple[float, float]], ...]
+    twists: tuple[Numbers, ...]
+
+
+@dataclass(frozen=True)
 class Hybrid:
     """What is claimed of a segment's control.
 
@@ -119,6 +138,7 @@ class Hybrid:
         pressed: held contacts with the normal forces that balance the rest of it.
         felt: contacts that end the move.
         wrench, threshold, max_travel, timeout: when the move ends.
+        jam_free: directions in which the bias cannot be balanced; None where nothing is claimed.
     """
 
     frame: Numbers
@@ -134,6 +154,7 @@ class Hybrid:
     threshold: float
     max_travel: float
     timeout: float
+    jam_free: JamFree | None = None
 
 
 @dataclass(frozen=True)

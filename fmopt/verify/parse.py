@@ -11,6 +11,7 @@ from fmopt.verify.document import (
     Contact,
     ContactClaim,
     Hybrid,
+    JamFree,
     Numbers,
     Part,
     Plan,
@@ -205,7 +206,7 @@ def _claim(place: Reader, known: list[str]) -> ContactClaim:
 
 
 def _hybrid(place: Reader, known: list[str]) -> Hybrid:
-    place.only(_HYBRID)
+    place.only(_HYBRID, ("jam_free",))
     end = place.at("termination").only(("contacts", "wrench", "threshold", "max_travel", "timeout"))
     forces = [item.only(("contact", "force")) for item in place.at("normal_forces").items()]
     return Hybrid(
@@ -222,6 +223,25 @@ def _hybrid(place: Reader, known: list[str]) -> Hybrid:
         end.at("threshold").number(0.0),
         end.at("max_travel").number(0.0),
         end.at("timeout").number(0.0),
+        _jam_free(place.at("jam_free")) if place.has("jam_free") else None,
+    )
+
+
+def _jam_free(place: Reader) -> JamFree:
+    place.only(("push", "least_push", "angle", "planes", "twists"))
+    planes = []
+    for item in place.at("planes").items():
+        away, to = item.only(("towards", "angles")).at("angles").numbers(2, 0.0, math.pi)
+        planes.append((item.at("towards").text(), (away, to)))
+    if len({name for name, _ in planes}) != len(planes):
+        raise place.at("planes").fail("repeats a plane")
+    least = place.at("least_push")
+    return JamFree(
+        place.at("push").number(0.0),
+        None if least.value is None else least.number(0.0),
+        place.at("angle").number(0.0, math.pi),
+        tuple(planes),
+        place.at("twists").matrix(None),
     )
 
 

@@ -9,7 +9,8 @@ move, and the unit twist V, all about the part's reference point at the segment'
 - b u·V ≥ 1.25 h |w·V| + μ Σ fᵢ sᵢ, the push alone makes the contact felt against friction, sᵢ the sliding speeds;
 - nothing exceeds the specified forces;
 - position axes are the motions that the held contacts leave free, force axes the wrenches that they can take;
-- the move ends by the reaction of the contacts that it makes, or by its travel, which covers all its errors.
+- the move ends by the reaction of the contacts that it makes, or by its travel, which covers all its errors;
+- where it is said how far the applied wrench may turn before friction can balance it, that follows, see `jamming`.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from fmopt.verify.assembly import Assembly, Touch
 from fmopt.verify.chain import Stage
 from fmopt.verify.document import Hybrid, Numbers, Specification
 from fmopt.verify.findings import RELATIVE, Notes
+from fmopt.verify.jamming import check_jam_free
 from fmopt.verify.rational import number
 from fmopt.verify.reach import Contact, touching, unit_wrench
 from fmopt.verify.rows import pose
@@ -61,6 +63,9 @@ def check_strategy(assembly: Assembly, stage: Stage, rho: float, asked: Specific
     _axes(hybrid, held, stage, scale, notes)
     _bias(hybrid, held, made, V, basis, scale, asked, notes)
     _end(hybrid, made, V, stage, rho, asked, notes)
+    check_jam_free(
+        hybrid, held, _along(V, basis, scale), scale, stage.segment.goal, made=bool(made), asked=asked, notes=notes
+    )
 
 
 def _listed(
@@ -130,12 +135,7 @@ def _bias(
         notes.add("normal_forces", "a held contact is not pressed")
     if hybrid.push < 0.0 or (hybrid.push > 0.0 and not made):
         notes.add("push", "pushes although no contact is to be made, or backwards")
-    free = tuple(v * s for v, s in zip(V, scale, strict=True))
-    for row in basis:
-        part = dot(row, free)
-        free = tuple(x - part * y for x, y in zip(free, row, strict=True))
-    size = math.hypot(*free)
-    u = tuple(x / size * s for x, s in zip(free, scale, strict=True)) if size > _RANK else (0.0,) * 6
+    u = tuple(x * s for x, s in zip(_along(V, basis, scale), scale, strict=True))
     for k, stated in enumerate(hybrid.bias):
         value = hybrid.push * u[k] - sum(f * c.wrench[k] for f, c in zip(forces, held, strict=True))
         if not abs(stated - value) <= _EXACT * max(abs(value), 1e-2 * asked.contact_force * scale[k]):
@@ -149,6 +149,16 @@ def _bias(
         needed = _SURE * asked.termination_force * abs(dot(_mean(made), V)) + drag
         if hybrid.push * dot(u, V) < needed * (1.0 - _OVER) - _OVER:
             notes.add("push", f"does the power {hybrid.push * dot(u, V):.6g} N, the contact takes {needed:.6g} N")
+
+
+def _along(V: Numbers, basis: Sequence[Numbers], scale: Numbers) -> Numbers:
+    """The scaled unit wrench along the motion without power on what the rows of the basis stop; zero without any."""
+    free = tuple(v * s for v, s in zip(V, scale, strict=True))
+    for row in basis:
+        part = dot(row, free)
+        free = tuple(x - part * y for x, y in zip(free, row, strict=True))
+    size = math.hypot(*free)
+    return tuple(x / size for x in free) if size > _RANK else (0.0,) * 6
 
 
 def _end(
