@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,9 +19,11 @@ from fmopt.certificate.segment import Tolerance
 from fmopt.contact.bounds import BoundTable
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.contact.wrench import contact_point, contact_wrench
+from fmopt.control.compliance import twist_scale
 from fmopt.control.decomposition import contact_forces, position_force
 from fmopt.control.hand import hand_record
 from fmopt.control.hybrid import GuardedMove, hybrid_strategy
+from fmopt.control.impact import Meeting, approach_speed, impact_record, slowed
 from fmopt.control.jamming import jam_free
 from fmopt.errors import InfeasibleError
 from fmopt.geometry.clearance import Clearance
@@ -103,7 +105,7 @@ def _proof(problem: Problem, done: Moved, *, ranges: bool = False) -> dict[str, 
             "velocity_error": tolerance.velocity_error,
             "rho": tolerance.rho,
         },
-        "specification": asdict(problem.specification),
+        "specification": problem.specification.record(),
         "goal": segments[-1]["goal"],
         "touch_tolerance": 1e-9,
         "not_covered": plan.NOT_COVERED,
@@ -224,12 +226,19 @@ def strategy(
         float(np.linalg.norm(extent.offset)) + tolerance.rho * extent.theta,
         _resisting(assembly, held, claim),
     )
+    meetings = [Meeting.of(c, body, fixed, piece.goal) for c in piece.making]
+    V = move.displacement / float(np.linalg.norm(move.displacement * twist_scale(tolerance.rho)))
+    theta = extent.theta + float(np.linalg.norm(move.displacement[3:]))
+    approach = approach_speed(meetings, V, theta, tolerance.velocity_error, tolerance.rho)
+    specification = slowed(problem.specification, approach) if meetings else problem.specification
     try:
-        hybrid = hybrid_strategy(move, tolerance.rho, problem.specification)
+        hybrid = hybrid_strategy(move, tolerance.rho, specification)
     except InfeasibleError as error:
         raise InfeasibleError(f"segment to {piece.goal.vector()}: {error.message}", advice=error.advice) from error
     document = hybrid.document([c.id for c in held], [c.id for c in made])
-    free = jam_free(move, hybrid, tolerance.rho, problem.specification) if ranges else None
+    if meetings and specification.impact_force is not None:
+        document["impact"] = impact_record(specification, approach)
+    free = jam_free(move, hybrid, tolerance.rho, specification) if ranges else None
     return document if free is None else {**document, "jam_free": free.document()}
 
 

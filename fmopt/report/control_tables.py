@@ -48,7 +48,29 @@ def hybrid_table(plan: Plan) -> str:
         "the moving part; what ends a move is a reaction on it. Ways in the last column count turns with ρ, too: they "
         "are those of the motion without errors, and beyond what is called a fault something is not as planned.</p>\n"
     )
-    return words + table("Hybrid position/force strategy of every piece", head, rows) if rows else ""
+    return (
+        words + _impact_words(plan) + table("Hybrid position/force strategy of every piece", head, rows) if rows else ""
+    )
+
+
+def _impact_words(plan: Plan) -> str:
+    """Which moves are slowed so that their contacts are met softly, where the impact is limited."""
+    asked = plan.get("specification", {})
+    if asked.get("impact_force") is None:
+        return ""
+    slow = [
+        f"move {move.number} to {1e3 * min(speeds):.3g} mm/s"
+        for move in moves(plan)
+        if (speeds := [p["hybrid"]["speed"] for p in move.segments if p.get("hybrid", {}).get("impact")])
+        and min(speeds) < asked["speed"] * (1.0 - 1e-9)
+    ]
+    met = max((p["hybrid"]["impact"]["force"] for p in plan["segments"] if p["hybrid"].get("impact")), default=0.0)
+    done = f"slowed for that: {', '.join(slow)}" if slow else "no move had to be slowed for that"
+    mass, stiffness = asked["apparent_mass"], 1e-3 * asked["contact_stiffness"]
+    return (
+        f"<p>Contacts are to be met with at most {asked['impact_force']:.3g} N, by {mass:.3g} kg on {stiffness:.3g} "
+        f"N/mm, on top of the push; {done}. With every error they are met with at most {met:.3g} N.</p>\n"
+    )
 
 
 def hybrid_cells(piece: Plan, last: bool, rho: float) -> tuple[str, ...]:
@@ -66,6 +88,8 @@ def hybrid_cells(piece: Plan, last: bool, rho: float) -> tuple[str, ...]:
         velocity += f" at {1e3 * hybrid['speed']:.3g} mm/s"
         rate = hybrid["speed"] * float(np.linalg.norm(hybrid.get("velocity", ())[3:]))
         velocity += f", turning at {rate:.3g} rad/s" if rate >= _TURNS else ""
+    if hybrid.get("impact"):
+        velocity += f", a contact met with at most {hybrid['impact']['force']:.3g} N"
     return (
         "; ".join(direction(axis, twists) for axis in hybrid.get("position_axes", ())) or "none",
         "; ".join(direction(axis, wrenches) for axis in hybrid.get("force_axes", ())) or "none",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict
 from typing import Any
 
 from fmopt.geometry.part import Part
@@ -33,7 +32,7 @@ def _differences(problem: Problem, document: Mapping[str, Any]) -> Iterator[str]
         yield "the plan is for another velocity error"
     if not _same(document["goal"][2:], problem.goal.tolist()[2:]):
         yield "the plan ends at another depth or orientation"
-    if document["specification"] != clean(asdict(problem.specification)):
+    if document["specification"] != clean(problem.specification.record()):
         yield "the plan is for another specification"
     for side, part in (("moving", problem.moving), ("fixed", problem.fixed)):
         stated = document["parts"][side]

@@ -48,7 +48,7 @@ def facts(problem: Problem, clearance: Clearance) -> dict[str, Any]:
         "declared_clearance": list(problem.declared_clearance),
         "measured_clearance": clearance.per_side,
         "play": play,
-        "specification": asdict(problem.specification),
+        "specification": problem.specification.record(),
         "settings": asdict(problem.settings),
         "warnings": list(_warnings(problem, clearance)),
     }
@@ -216,6 +216,11 @@ def _motion(problem: Problem) -> Iterator[str]:
         f"contacts held with {wanted.contact_force:.6g} N, torque at most {wanted.torque_limit:.6g} N*m, "
         f"friction {wanted.friction:.4g}; a guarded move ends at {wanted.termination_force:.6g} N"
     )
+    if wanted.impact_force is not None and wanted.apparent_mass is not None and wanted.contact_stiffness is not None:
+        yield (
+            f"contacts met with at most {wanted.impact_force:.6g} N by {wanted.apparent_mass:.6g} kg on "
+            f"{1e-3 * wanted.contact_stiffness:.6g} N/mm, at lower speed where that takes it"
+        )
 
 
 def _settings(problem: Problem) -> Iterator[str]:

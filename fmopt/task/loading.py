@@ -116,6 +116,7 @@ def _cross_checks(source: Source, file: files.ProblemFile, models: Mapping[str, 
         advice = "give [uncertainty.start]: errors of the peg's leading face against the hole"
         yield source.place(("uncertainty", "sources"), of_key=True).fault("conflict", message, advice)
     yield from _configuration_faults(source, sources)
+    yield from _impact_faults(source, file.specification)
     yield from _plane_faults(source, file, models)
     deepest = _deepest(file, models)
     if deepest is not None and file.goal.depth is not None and file.goal.depth > deepest:
@@ -193,6 +194,19 @@ def _configuration_faults(source: Source, sources: files.Sources | None) -> Iter
             message = "the three points lie on a line, a turn about it was not observed"
             place = source.place((*key, "observed", "points"))
             yield place.fault("bad-value", message, "give three points at the corners of a wide triangle")
+
+
+_IMPACT = ("impact_force", "apparent_mass", "contact_stiffness")
+
+
+def _impact_faults(source: Source, table: files.Specification) -> Iterator[Fault]:
+    """A limit on impacts without what meets there, or the other way round."""
+    stated = [name for name in _IMPACT if getattr(table, name) is not None]
+    for name in _IMPACT if stated else ():
+        if name not in stated:
+            place = source.place(("specification",), of_key=True)
+            message, advice = "this key is missing", f"add {name!r} to [specification], or drop {stated[0]!r}"
+            yield replace(place, key=f"specification.{name}").fault("missing-key", message, advice)
 
 
 def _table(file: files.ProblemFile, side: str) -> files.Operand:

@@ -5,7 +5,7 @@ Importing this module loads no solver, mesh library or unit library; `load` impo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -24,13 +24,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Specification:
-    """Greatest speed (m/s), contact force (N), torque limit (N·m), friction, and the force that ends a move (N)."""
+    """Greatest speed (m/s), contact force (N), torque limit (N·m), friction, and the force that ends a move (N).
+
+    Where given, the impact of a contact that ends a move stays under a force (N), with what mass (kg) and what
+    stiffness (N/m) meet there: all three, or none.
+    """
 
     speed: float
     contact_force: float
     torque_limit: float
     friction: float
     termination_force: float
+    impact_force: float | None = None
+    apparent_mass: float | None = None
+    contact_stiffness: float | None = None
+
+    def record(self) -> dict[str, float]:
+        """What is given, by its names."""
+        return {name: value for name, value in asdict(self).items() if value is not None}
 
 
 @dataclass(frozen=True)

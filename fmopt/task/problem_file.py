@@ -14,6 +14,7 @@ from fmopt.task.tables import (
     Force,
     Friction,
     Length,
+    Mass,
     Measured,
     Name,
     Parameter,
@@ -21,6 +22,7 @@ from fmopt.task.tables import (
     Ratio,
     Rotation,
     Speed,
+    Stiffness,
     Table,
     Tilt,
     Title,
@@ -219,6 +221,13 @@ class Specification(Table):
     """Coefficient of friction between the parts."""
     termination_force: Force
     """Change of contact force that ends a guarded move."""
+    impact_force: Force | None = None
+    """Greatest force with which a contact that ends a move may be met, on top of the push; moves are slowed for it. It
+    takes apparent_mass and contact_stiffness; not limited if not given."""
+    apparent_mass: Mass | None = None
+    """Mass of robot and part as it is felt at their contact; plain numbers are in kg."""
+    contact_stiffness: Stiffness | None = None
+    """Stiffness of contact, part, sensor and robot in series; plain numbers are in N/m."""
 
 
 class Settings(Table):

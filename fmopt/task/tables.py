@@ -24,9 +24,11 @@ from fmopt.task.units import (
     EXAMPLES,
     FORCE,
     LENGTH,
+    MASS,
     MAX_TEXT,
     RATIO,
     SPEED,
+    STIFFNESS,
     TIME,
     TORQUE,
     UNITS,
@@ -177,6 +179,8 @@ def in_words(number: float, dimension: Dimension) -> str:
         FORCE: (1.0, "N"),
         TORQUE: (1.0, "N*m"),
         TIME: (1.0, "s"),
+        MASS: (1.0, "kg"),
+        STIFFNESS: (1e3, "N/mm"),
     }.get(dimension, (1.0, ""))
     return f"{number / scale:.9g} {name}".rstrip()
 
@@ -198,6 +202,8 @@ Friction: TypeAlias = Annotated[float, Measured(RATIO, 0.0, 5.0)]
 Speed: TypeAlias = Annotated[float, Measured(SPEED, 1e-9, 100.0)]
 Force: TypeAlias = Annotated[float, Measured(FORCE, 1e-9, 1e6)]
 Torque: TypeAlias = Annotated[float, Measured(TORQUE, 1e-9, 1e6)]
+Mass: TypeAlias = Annotated[float, Measured(MASS, 1e-9, 1e6)]
+Stiffness: TypeAlias = Annotated[float, Measured(STIFFNESS, 1e-3, 1e12)]
 Duration: TypeAlias = Annotated[float, Measured(TIME, 1e-3, 1e7)]
 Vector: TypeAlias = tuple[Coordinate, Coordinate, Coordinate]
 Rotation: TypeAlias = tuple[Turn, Turn, Turn]

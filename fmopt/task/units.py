@@ -54,6 +54,8 @@ TIME = Dimension(time=1)
 SPEED = Dimension(length=1, time=-1)
 FORCE = Dimension(length=1, mass=1, time=-2)
 TORQUE = Dimension(length=2, mass=1, time=-2)
+MASS = Dimension(mass=1)
+STIFFNESS = Dimension(mass=1, time=-2)
 _NAMES = {
     RATIO: "a plain number",
     LENGTH: "a length",
@@ -62,7 +64,8 @@ _NAMES = {
     SPEED: "a speed",
     FORCE: "a force",
     TORQUE: "a torque",
-    Dimension(mass=1): "a mass",
+    MASS: "a mass",
+    STIFFNESS: "a stiffness",
     Dimension(length=2): "an area",
 }
 EXAMPLES = {
@@ -73,6 +76,8 @@ EXAMPLES = {
     SPEED: '"20 mm/s"',
     FORCE: '"5 N"',
     TORQUE: '"0.5 N*m"',
+    MASS: '"5 kg"',
+    STIFFNESS: '"20 N/mm"',
 }
 
 # The units a file may choose for its plain numbers, in SI.

@@ -71,7 +71,7 @@ def _segments(plan: Plan, assembly: Assembly) -> tuple[list[Finding], list[float
         try:
             stage = chain.follow(segment, notes)
             outcome = check_segment(assembly, stage, start, notes)
-            check_strategy(assembly, stage, plan.rho, plan.specification, notes)
+            check_strategy(assembly, stage, plan.rho, plan.velocity_error, plan.specification, notes)
             failed = outcome.failed
             if outcome.margin is not None:
                 margins.append(number(outcome.margin))

@@ -139,6 +139,7 @@ class Hybrid:
         felt: contacts that end the move.
         wrench, threshold, max_travel, timeout: when the move ends.
         jam_free: directions in which the bias cannot be balanced; None where nothing is claimed.
+        impact: normal speed of the contact met for a unit twist, and its force; None where none is limited.
     """
 
     frame: Numbers
@@ -155,17 +156,19 @@ class Hybrid:
     max_travel: float
     timeout: float
     jam_free: JamFree | None = None
+    impact: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
 class Specification:
-    """What forces and speeds were asked for: m/s, N, N·m, friction, N."""
+    """What forces and speeds were asked for: m/s, N, N·m, friction, N, and (N, kg, N/m) where impacts are limited."""
 
     speed: float
     contact_force: float
     torque_limit: float
     friction: float
     termination_force: float
+    impact: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True)

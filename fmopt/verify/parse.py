@@ -206,7 +206,7 @@ def _claim(place: Reader, known: list[str]) -> ContactClaim:
 
 
 def _hybrid(place: Reader, known: list[str]) -> Hybrid:
-    place.only(_HYBRID, ("jam_free",))
+    place.only(_HYBRID, ("jam_free", "impact"))
     end = place.at("termination").only(("contacts", "wrench", "threshold", "max_travel", "timeout"))
     forces = [item.only(("contact", "force")) for item in place.at("normal_forces").items()]
     return Hybrid(
@@ -224,7 +224,13 @@ def _hybrid(place: Reader, known: list[str]) -> Hybrid:
         end.at("max_travel").number(0.0),
         end.at("timeout").number(0.0),
         _jam_free(place.at("jam_free")) if place.has("jam_free") else None,
+        _impact(place.at("impact")) if place.has("impact") else None,
     )
+
+
+def _impact(place: Reader) -> tuple[float, float]:
+    place.only(("approach", "force"))
+    return place.at("approach").number(0.0), place.at("force").number(0.0)
 
 
 def _jam_free(place: Reader) -> JamFree:
@@ -247,5 +253,11 @@ def _jam_free(place: Reader) -> JamFree:
 
 def _specification(place: Reader) -> Specification:
     names = ("speed", "contact_force", "torque_limit", "friction", "termination_force")
-    place.only(names)
-    return Specification(*(place.at(name).number(0.0) for name in names))
+    limits = ("impact_force", "apparent_mass", "contact_stiffness")
+    place.only((*names, *limits) if any(place.has(name) for name in limits) else names)
+    speed, contact_force, torque, friction, threshold = (place.at(name).number(0.0) for name in names)
+    impact = None
+    if place.has(limits[0]):
+        force, mass, stiffness = (place.at(name).number(0.0, 1e12) for name in limits)
+        impact = force, mass, stiffness
+    return Specification(speed, contact_force, torque, friction, threshold, impact)

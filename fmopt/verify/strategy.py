@@ -10,6 +10,7 @@ move, and the unit twist V, all about the part's reference point at the segment'
 - nothing exceeds the specified forces;
 - position axes are the motions that the held contacts leave free, force axes the wrenches that they can take;
 - the move ends by the reaction of the contacts that it makes, or by its travel, which covers all its errors;
+- contacts are met as softly as is asked for, see `impact`;
 - where it is said how far the applied wrench may turn before friction can balance it, that follows, see `jamming`.
 """
 
@@ -22,6 +23,7 @@ from fmopt.verify.assembly import Assembly, Touch
 from fmopt.verify.chain import Stage
 from fmopt.verify.document import Hybrid, Numbers, Specification
 from fmopt.verify.findings import RELATIVE, Notes
+from fmopt.verify.impact import allowed_speed, check_impact
 from fmopt.verify.jamming import check_jam_free
 from fmopt.verify.rational import number
 from fmopt.verify.reach import Contact, touching, unit_wrench
@@ -34,13 +36,16 @@ _AT = 1e-8  # m: a contact nearer to its rim than this may be counted as touchin
 _OVER = 1e-9  # relative: by how much a limit of force may be exceeded
 
 
-def check_strategy(assembly: Assembly, stage: Stage, rho: float, asked: Specification, notes: Notes) -> None:
+def check_strategy(
+    assembly: Assembly, stage: Stage, rho: float, error: Numbers, asked: Specification, notes: Notes
+) -> None:
     """Judges the strategy of a segment.
 
     Args:
         assembly: parts and contacts.
         stage: the segment, derived.
         rho: characteristic length, m.
+        error: shares of velocity error in translation and in rotation.
         asked: forces and speeds of the specification.
         notes: takes what is wrong.
     """
@@ -63,6 +68,8 @@ def check_strategy(assembly: Assembly, stage: Stage, rho: float, asked: Specific
     _axes(hybrid, held, stage, scale, notes)
     _bias(hybrid, held, made, V, basis, scale, asked, notes)
     _end(hybrid, made, V, stage, rho, asked, notes)
+    theta = stage.segment.tube.theta + math.hypot(*(number(x) for x in stage.motion.twist[3:]))
+    check_impact(hybrid, new, pose(stage.segment.goal), V, theta, error, rho, asked, notes)
     check_jam_free(
         hybrid, held, _along(V, basis, scale), scale, stage.segment.goal, made=bool(made), asked=asked, notes=notes
     )
@@ -174,8 +181,8 @@ def _end(
         *((f"termination.wrench[{k}]", hybrid.wrench[k], asked.termination_force * reaction[k]) for k in range(6)),
         ("termination.threshold", hybrid.threshold, asked.termination_force),
         ("termination.max_travel", hybrid.max_travel, travel),
-        ("termination.timeout", hybrid.timeout, 2.0 * hybrid.max_travel / max(asked.speed, 1e-9)),
-        ("speed", hybrid.speed, asked.speed),
+        ("termination.timeout", hybrid.timeout, 2.0 * hybrid.max_travel / max(hybrid.speed, 1e-9)),
+        ("speed", hybrid.speed, allowed_speed(hybrid, asked)),
     ):
         if not abs(stated - value) <= RELATIVE * abs(value) + 1e-15:
             notes.add(what, f"is stated as {stated!r}, but follows as {value!r}")
