@@ -129,6 +129,7 @@ def _compared(part: dict[str, Any]) -> str:
 
 def print_solved(document: dict[str, Any], verdict: Any, folder: Path, report: bool) -> None:
     """Prints the outcome of `fmopt solve`."""
+    from fmopt.report.jamming_tables import jamming_words
     from fmopt.report.moves import summary_rows
     from fmopt.report.naming import binding_words
     from fmopt.report.sections import clearance_words
@@ -158,6 +159,7 @@ def print_solved(document: dict[str, Any], verdict: Any, folder: Path, report: b
             console.print(f"  {finding}", markup=False)
     for words in (
         ends_words(document),
+        jamming_words(document),
         tolerated_words(document),
         "; ".join(": ".join((row[0], row[2])) for row in rates(document)[:4]),
     ):

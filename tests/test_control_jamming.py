@@ -14,7 +14,7 @@ from fmopt.control.compliance import twist_scale
 from fmopt.control.friction_cones import FrictionCones, cone_angle, least_push, plane_angle
 from fmopt.control.hybrid import GuardedMove, HybridStrategy, hybrid_strategy
 from fmopt.control.jamming import JamFree, jam_free
-from fmopt.report.jamming_tables import jamming_table
+from fmopt.report.jamming_tables import jamming_table, jamming_words
 from fmopt.se3 import Pose
 from fmopt.task.problem import Specification
 from fmopt.values import Array
@@ -265,4 +265,11 @@ def test_the_report_tells_the_worst_piece_of_every_move(square_peg_plan: dict[st
     held = {s["move"] for s in square_peg_plan["segments"] if s["hybrid"].get("jam_free")}
     assert page.count("<tr>") == 1 + len(held)
     assert "friction can take" in page
+    stated = [s["hybrid"]["jam_free"] for s in square_peg_plan["segments"] if s["hybrid"].get("jam_free")]
+    free = [item["angle"] for item in stated if item["angle"] > 0.0]
+    words = jamming_words(square_peg_plan)
+    assert f"of {len(free)} of {len(stated)} pieces that hold contacts" in words
+    assert f"turned by up to {math.degrees(min(free)):.2g}°" in words
+    assert "e-0" not in words + page
+    assert ("may jam" in words) == (len(free) < len(stated))
     assert jamming_table({**square_peg_plan, "segments": square_peg_plan["segments"][:1]}) == ""

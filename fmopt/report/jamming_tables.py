@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -39,25 +40,46 @@ def jamming_table(plan: Plan) -> str:
         "the part where it is: it may jam there, and a servo has to push harder than the bias does. Shown is the worst "
         "piece of each move.</p>\n"
     )
-    return words + table("Directions in which the applied wrench cannot jam", head, rows) if rows else ""
+    said = f"<p>Of this plan, {escape(jamming_words(plan))}.</p>\n"
+    return words + said + table("Directions in which the applied wrench cannot jam", head, rows) if rows else ""
+
+
+def jamming_words(plan: Plan) -> str:
+    """Which pieces may jam and what push that takes, and how far the wrenches of the others turn; "" if unstated."""
+    stated = [(move.number, _stated(p)) for move in moves(plan) for p in move.segments if _stated(p)]
+    if not stated:
+        return ""
+    free = [item["angle"] for _, item in stated if item["angle"] > 0.0]
+    words = f"friction cannot balance the bias of {len(free)} of {len(stated)} pieces that hold contacts"
+    words += f", turned by up to {_degrees(min(free))}" if free else ""
+    jamming = [(number, item) for number, item in stated if not item["angle"] > 0.0]
+    if not jamming:
+        return words
+    names = [str(number) for number in dict.fromkeys(number for number, _ in jamming)]
+    words += f"; the others, of move{'s' if len(names) > 1 else ''} {', '.join(names)}, may jam"
+    pairs = [(item["push"], item["least_push"]) for _, item in jamming if item.get("least_push") is not None]
+    if pairs:
+        push, least = max(pairs, key=lambda pair: pair[1] - pair[0])
+        words += f": where most is missing, the push is {_newtons(push)} and friction can take {_newtons(least)}"
+    return words
 
 
 def jamming_cells(piece: Plan, rho: float) -> tuple[str, str, str]:
     """Of a segment that states it: the push and what it takes, the angle in any direction, and the narrow ranges."""
     free = _stated(piece)
     least = free.get("least_push")
-    takes = "no push is shown to be enough" if least is None else f"friction can take {least:.3g} N"
-    push = f"{free['push']:.3g} N, {takes}"
+    takes = "no push is shown to be enough" if least is None else f"friction can take {_newtons(least)}"
+    push = f"{_newtons(free['push'])}, {takes}"
     if not free.get("twists"):
         return push, "may wedge", "–"
     if not free["angle"] > 0.0:
         return push, "may jam", "–"
     narrow = [_range_words(piece, plane, rho) for plane in free["planes"] if min(plane["angles"]) < _WIDE]
-    return push, f"{math.degrees(free['angle']):.2g}°", "; ".join(narrow) or "none below 90°"
+    return push, _degrees(free["angle"]), "; ".join(narrow) or "none below 90°"
 
 
 def _range_words(piece: Plan, plane: Plan, rho: float) -> str:
-    away, to = (f"{math.degrees(angle):.2g}°" for angle in plane["angles"])
+    away, to = (_degrees(angle) for angle in plane["angles"])
     return f"{away} from, {to} to {_towards(piece['hybrid'], plane['towards'], rho)}"
 
 
@@ -68,6 +90,17 @@ def _towards(hybrid: Plan, name: str, rho: float) -> str:
         return name
     turns: Array = np.array([1.0, 1.0, 1.0, *[rho if kind == "position_axes" else 1.0 / rho] * 3])
     return f"{kind.split('_')[0]} axis {direction(hybrid[kind][int(number)], turns)}"
+
+
+def _degrees(angle: float) -> str:
+    """An angle (rad) in degrees, two digits of it below 10°."""
+    degrees = math.degrees(angle)
+    return f"{degrees:.2g}°" if degrees < 10.0 else f"{degrees:.0f}°"
+
+
+def _newtons(force: float) -> str:
+    """A force to hundredths of a newton."""
+    return f"{force:.2f} N"
 
 
 def _stated(piece: Plan) -> Plan:
