@@ -15,6 +15,9 @@ from table_plan import sealed
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.control.impact import Meeting, approach_speed, impact_force, impact_record, slowed
 from fmopt.errors import InputError
+from fmopt.execution.program import program
+from fmopt.execution.robot import Robot
+from fmopt.guarded.moves import moves
 from fmopt.report.control_tables import hybrid_table
 from fmopt.se3 import Pose, exp
 from fmopt.task.clearance import measured_clearance
@@ -217,3 +220,18 @@ def test_keys_that_say_nothing_are_refused(tmp_path: Path, lines: str, message: 
     with pytest.raises(InputError) as refused:
         load(problem_with(tmp_path, lines))
     assert message in str(refused.value)
+
+
+def test_what_runs_a_plan_runs_slowed_segments_slower(
+    square_peg_plan: dict[str, Any], soft_plan: dict[str, Any]
+) -> None:
+    robot = Robot()
+    plain, soft = program(square_peg_plan, robot), program(soft_plan, robot)
+    rates = [s["hybrid"]["speed"] / ASKED.speed for s in soft_plan["segments"]]
+    assert min(rates) < 0.25
+    for fast, slow, row, rate in zip(plain.steps, soft.steps, moves(soft_plan), rates, strict=True):
+        assert np.all(np.abs(slow.twist) <= np.abs(row.twist) * (1.0 + 1e-12))
+        assert np.linalg.norm(slow.twist[:3]) <= np.linalg.norm(fast.twist[:3]) * (1.0 + 1e-12)
+        # Moves that the robot turns more slowly than the plan has time to spare.
+        turns = robot.turning / max(float(np.linalg.norm(row.twist[3:])) / rate, 1e-9)
+        assert np.allclose(slow.twist, fast.twist * min(rate / min(turns, 1.0), 1.0), rtol=1e-12)
