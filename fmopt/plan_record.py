@@ -25,6 +25,7 @@ from fmopt.control.hand import hand_record
 from fmopt.control.hybrid import GuardedMove, hybrid_strategy
 from fmopt.control.impact import Meeting, approach_speed, impact_record, slowed
 from fmopt.control.jamming import jam_free
+from fmopt.control.recovery import recovery_record
 from fmopt.errors import InfeasibleError
 from fmopt.geometry.clearance import Clearance
 from fmopt.geometry.polyhedron import Polyhedron
@@ -151,6 +152,9 @@ def plan_document(
         },
         "critical_points": states.records(),
         "position_force": [row.document() for row in rows],
+        "recovery": recovery_record(
+            done.assembly, claims, segments, problem.start_box, problem.specification, done.tolerance.rho
+        ),
         "diagnostics": {
             "graphs": states.graphs(),
             "sequence": states.sequence(),

@@ -141,7 +141,7 @@ def signature(assembly: Assembly, move: Move, tolerance: Tolerance, errors: Erro
         return 0.0
     wanted = contact_rows(assembly, [move.making[0]], move.making, move.goal).N[0] * scale
     held = contact_rows(assembly, move.held, move.held, move.goal).N * scale if move.held else np.zeros((0, 6))
-    wanted, *wrong = _modulo(held, np.vstack([wanted, N[reachable] * scale]))
+    wanted, *wrong = modulo(held, np.vstack([wanted, N[reachable] * scale]))
     alike = [float(wanted @ w) / max(float(np.linalg.norm(wanted) * np.linalg.norm(w)), 1e-30) for w in wrong]
     return float(np.clip(max(alike), 0.0, 1.0))
 
@@ -152,7 +152,8 @@ def _likely(errors: ErrorSet) -> tuple[float, float]:
     return float(np.linalg.norm(spread[:3])), float(np.linalg.norm(spread[3:]))
 
 
-def _modulo(held: Array, rows: Array) -> Array:
+def modulo(held: Array, rows: Array) -> Array:
+    """Rows (k, n) less their parts in the span of the held rows (h, n)."""
     if not len(held):
         return rows
     _, s, Vt = np.linalg.svd(held, full_matrices=False)

@@ -14,6 +14,7 @@ from fmopt.verify.outline import check_outline
 from fmopt.verify.overlap import overlap
 from fmopt.verify.parse import parse
 from fmopt.verify.rational import ArithmeticRefusal, Row, add, exponential, number, product, row_dot
+from fmopt.verify.recovery import check_recovery
 from fmopt.verify.rows import Distance, Pose, pose
 from fmopt.verify.strategy import check_strategy
 
@@ -51,6 +52,7 @@ def verify(document: Mapping[str, Any], expected_sha256: str | None = None) -> V
     for flaw in assembly.flaws:
         notes.add("parts", flaw)
     check_outline(document, plan, notes)
+    check_recovery(document, plan, notes)
     findings, margins, witness = _segments(plan, assembly)
     found = (*notes.found, *findings)
     verdict = REFUTED if witness is not None else NOT_PROVED if found else CERTIFIED

@@ -32,6 +32,7 @@ _TOP = {
 }  # fmt: skip
 _BESIDE = {
     "fmopt_version", "units", "frames", "nominal", "critical_points", "position_force", "search", "diagnostics",
+    "recovery",
 }  # fmt: skip
 _SEGMENT = {
     "critical_point", "move", "state", "goal_state", "progress", "start", "goal", "clearance", "margin",

@@ -1,0 +1,249 @@
+"""What contact an error would make first: for each move, the contacts that it does not plan and errors could make.
+
+A move is certified for its start errors. Let them grow by a factor λ: the error set of each piece grows with them, as
+the image of the start box does, and at some λ a contact c that is not planned becomes possible,
+
+    min λ   with   f(X) + N·e = 0,   e = Σ uₖ gₖ,   |uₖ| ≤ λ,   e inside the bounds of c,
+
+gₖ being the images of the start errors at the pose X, linear in the error; what velocity errors and the thickness of
+contact surfaces may add is taken off f beforehand. These are the planner's own figures, of first order, and no part of
+what is certified.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice, product
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmopt.certificate.claim import Claim
+from fmopt.certificate.functions import contact_rows
+from fmopt.certificate.knowledge import Assembly
+from fmopt.contact.bounds import bounds
+from fmopt.contact.cone import angle_between, friction_cone
+from fmopt.contact.primitive import PrimitiveContact, near_contacts
+from fmopt.contact.surface import Surfaces
+from fmopt.contact.wrench import contact_normal, contact_point, contact_wrench
+from fmopt.placement.explore import implied
+from fmopt.placement.step import modulo
+from fmopt.se3 import Pose
+from fmopt.uncertainty.error_set import ErrorSet
+from fmopt.values import Array, Value, frozen
+
+LARGEST = 4.0  # factor of the start errors up to which contacts are looked for
+_MOST = 4  # contacts that are told of each move
+_ALTERNATIVES = 16  # of bounds
+_OPEN = 1e-9  # m: a contact nearer than this touches
+_AXES = ("x", "y", "z", "rx", "ry", "rz")
+
+
+@dataclass(frozen=True, eq=False)
+class Foreseen(Value):
+    """A contact that a move does not plan, and what error would make it.
+
+    Args:
+        contact: the contact.
+        factor: of all start errors at which it becomes possible.
+        axis, axis_factor: the one start error that makes it alone at the least factor of its own; "" and infinite where
+            none does.
+        gap: nominal distance, m, where it comes nearest.
+        row: gradient (6,) of the distance in the start errors, m per half-width; those of axes without error are 0.
+        wrench: reaction (6,) for a unit normal force there, about the moving frame's origin, axes of B.
+        angle: least angle (rad) between its friction cone and that of the contact that the move makes, modulo the held
+            contacts; None where the move makes none, or where the held contacts take all of one of the two.
+    """
+
+    contact: PrimitiveContact
+    factor: float
+    axis: str
+    axis_factor: float
+    gap: float
+    row: Array
+    wrench: Array
+    angle: float | None
+
+    def __post_init__(self) -> None:
+        for name in ("row", "wrench"):
+            object.__setattr__(self, name, frozen(getattr(self, name), 6, name=name))
+
+    def record(self, told: bool) -> dict[str, Any]:
+        """As the plan file holds it, with whether the robot can tell it from the contact that is wanted."""
+        alone = {"axis": self.axis, "axis_factor": self.axis_factor if self.axis else None}
+        where = {side: {"vertices": getattr(self.contact, side)} for side in ("moving", "fixed")}
+        kind = str(self.contact.kind)
+        factor = {"factor": self.factor, **alone}
+        return {"kind": kind, **where, **factor, "wrench": self.wrench, "angle": self.angle, "told": told}
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """A pose of a move, the images of the start errors there (6, 6) as columns, and what does not grow with these."""
+
+    pose: Pose
+    images: Array
+    rest: Array
+    growth: Array
+
+    @staticmethod
+    def of(pose: Pose, errors: ErrorSet, axes: NDArray[np.intp]) -> _Place:
+        images = np.zeros((6, 6))
+        images[:, axes] = errors.generators[: len(axes)].T
+        return _Place(pose, images, errors.generators[len(axes) :], errors.growth_root)
+
+    def gaps(self, f: Array, N: Array) -> Array:
+        """Distances (k,) less what is not image of a start error."""
+        return np.asarray(f - np.abs(N @ self.rest.T).sum(axis=1) - np.linalg.norm(N @ self.growth, axis=1))
+
+
+class _Met(NamedTuple):
+    """That errors could make a contact at a place: the least factor, alone by axis, distance and its gradient."""
+
+    factor: float
+    alone: tuple[float, str]
+    claim: Claim
+    place: _Place
+    gap: float
+    row: Array
+
+
+def foreseen(
+    assembly: Assembly, claims: Sequence[Claim], box: Array, friction: float, rho: float
+) -> tuple[Foreseen, ...]:
+    """The contacts that errors would make first on a move, the first of them first.
+
+    Args:
+        assembly: the two parts.
+        claims: of the pieces of the move.
+        box: half-widths (6,) of the start error.
+        friction: coefficient.
+        rho: characteristic length, m.
+    """
+    best: dict[PrimitiveContact, _Met] = {}
+    for claim, place in _places(claims, np.flatnonzero(box)):
+        for contact, gap, row in _near(assembly, claim, place, box):
+            factors = sorted(met.factor for met in best.values())
+            limit = min([LARGEST, *factors[_MOST - 1 : _MOST], *([best[contact].factor] if contact in best else [])])
+            if gap / max(float(np.abs(row @ place.images).sum()), 1e-30) >= limit:
+                continue
+            rows = _bounding(assembly, contact, place)
+            factor = _factor(gap, row @ place.images, rows)
+            if factor < limit:
+                best[contact] = _Met(factor, _alone(gap, row @ place.images, rows), claim, place, gap, row)
+    ordered = sorted(best.items(), key=lambda item: (item[1].factor, item[0].id))
+    return tuple(_foreseen(assembly, contact, met, friction, rho) for contact, met in ordered[:_MOST])
+
+
+def _places(claims: Sequence[Claim], axes: NDArray[np.intp]) -> Iterator[tuple[Claim, _Place]]:
+    """The poses at which contacts are looked for: where the move starts, and where each of its pieces ends."""
+    first = claims[0].advance.ends  # between the ends of a piece an error lies between those at its ends
+    yield claims[0], _Place.of(first.start, first.start_set, axes)
+    for claim in claims:
+        ends = claim.advance.ends
+        yield claim, _Place.of(ends.goal, ends.goal_set, axes)
+
+
+def _near(
+    assembly: Assembly, claim: Claim, place: _Place, box: Array
+) -> Iterator[tuple[PrimitiveContact, float, Array]]:
+    """Contacts near a place that are not planned, with distance (m) and gradient (6,), those that errors can change."""
+    piece, size = claim.piece, LARGEST * np.abs(place.images).sum(axis=1)
+    body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
+    planned = {*piece.held, *piece.goal_contacts, *piece.left}
+    near = near_contacts(body, fixed, place.pose, float(np.linalg.norm(size[:3])), float(np.linalg.norm(size[3:])))
+    others = [c for c in near if c not in planned and not _comes_along(assembly, claim, c)]
+    f, N = Surfaces.of(others, body, fixed).values_and_rows(place.pose)
+    for contact, gap, row in zip(others, place.gaps(f, N), N, strict=True):
+        if np.isfinite(gap) and gap > _OPEN:
+            yield contact, float(gap), row
+
+
+def _comes_along(assembly: Assembly, claim: Claim, contact: PrimitiveContact) -> bool:
+    piece = claim.piece
+    return any(implied(assembly, piece.goal_contacts, made, contact) for made in piece.goal_contacts)
+
+
+def _bounding(assembly: Assembly, contact: PrimitiveContact, place: _Place) -> list[tuple[Array, Array]]:
+    """Distances (m,) that are negative inside the contact's bounds, with their images (m, 6); one of the pairs holds.
+
+    A clause with alternatives, as round a hole, multiplies the pairs.
+    """
+    body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
+    clauses = bounds(contact, body, fixed, place.pose)
+    listed = list(dict.fromkeys(bound for clause in clauses for group in clause for bound in group))
+    if not listed:
+        return [(np.zeros(0), np.zeros((0, 6)))]
+    f, N = Surfaces.of([bound.contact for bound in listed], body, fixed).values_and_rows(place.pose)
+    signs = np.array([float(bound.sign) for bound in listed])
+    g, B = signs * f, signs[:, None] * (N @ place.images)
+    usable = np.isfinite(g)
+    found = []
+    for chosen in islice(product(*clauses), _ALTERNATIVES):
+        places = sorted({listed.index(bound) for group in chosen for bound in group})
+        kept = [k for k in places if usable[k]]
+        found.append((g[kept], B[kept]))
+    return found
+
+
+def _factor(gap: float, r: Array, rows: Sequence[tuple[Array, Array]]) -> float:
+    """The least λ of this module's program; infinite where no λ up to the largest does."""
+    least = gap / float(np.abs(r).sum())
+    corner = -least * np.sign(r)
+    if any(bool((g + B @ corner <= _OPEN).all()) for g, B in rows):
+        return least
+    return min(_least(gap, r, g, B) for g, B in rows)
+
+
+def _least(gap: float, r: Array, g: Array, B: Array) -> float:
+    """The same where the rows (g, B) bound the contact."""
+    from scipy.optimize import linprog
+
+    n, scale = len(r), 1.0 / gap
+    beside = np.hstack([np.vstack([np.eye(n), -np.eye(n)]), -np.ones((2 * n, 1))])
+    inside = np.hstack([scale * B, np.zeros((len(g), 1))])
+    answer: Any = linprog(
+        np.append(np.zeros(n), 1.0),
+        A_ub=np.vstack([beside, inside]),
+        b_ub=np.concatenate([np.zeros(2 * n), -scale * g]),
+        A_eq=np.append(scale * r, 0.0)[None],
+        b_eq=[-1.0],
+        bounds=[(-LARGEST, LARGEST)] * n + [(0.0, LARGEST)],
+    )
+    return float(answer.fun) if answer.status == 0 else math.inf
+
+
+def _alone(gap: float, r: Array, rows: Sequence[tuple[Array, Array]]) -> tuple[float, str]:
+    """The least factor of one start error alone, and its axis; infinite and "" where none makes the contact."""
+    found = [(math.inf, "")]
+    for k in np.flatnonzero(r):
+        u = -gap / float(r[k])
+        if any(bool((g + u * B[:, k] <= _OPEN).all()) for g, B in rows):
+            found.append((abs(u), _AXES[k]))
+    return min(found)
+
+
+def _foreseen(assembly: Assembly, contact: PrimitiveContact, met: _Met, friction: float, rho: float) -> Foreseen:
+    body, fixed, pose = assembly.moving.polyhedron, assembly.fixed.polyhedron, met.place.pose
+    piece, scale = met.claim.piece, np.array([1.0, 1.0, 1.0, *[1.0 / rho] * 3])
+    angle = None
+    if piece.made is not None:
+        held = contact_rows(assembly, piece.held, piece.held, piece.goal).N * scale if piece.held else np.zeros((0, 6))
+        wanted = [_cone(assembly, made, piece.goal, friction) for made in piece.making]
+        angles = [
+            angle_between(modulo(held, scale * one), modulo(held, scale * _cone(assembly, contact, pose, friction)))
+            for one in wanted
+        ]
+        angle = min((found for found in angles if found is not None), default=None)
+    wrench = contact_wrench(contact, body, fixed, pose)
+    factor, axis = met.alone
+    return Foreseen(contact, met.factor, axis, factor, met.gap, met.row @ met.place.images, wrench, angle)
+
+
+def _cone(assembly: Assembly, contact: PrimitiveContact, pose: Pose, friction: float) -> Array:
+    body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
+    arm = contact_point(contact, body, fixed, pose) - pose.p
+    return friction_cone(contact_normal(contact, body, fixed, pose), arm, friction)

@@ -1,0 +1,232 @@
+"""That backing off and trying again touch nothing, as far as the plan says so.
+
+Lifting. On a vertical line the fixed part begins, going up, only at a face that looks down. A point that is outside the
+fixed part and above every such face stays outside as it goes up. So from any pose free of collision, whatever the
+errors that led there, the moving part can be lifted along z while its lowest point lies above `above`, the highest
+point of faces that look down: the underside, where there is no undercut.
+
+Carrying. With its lowest point at `clear` the part is turned back and shifted to the start pose, raised: heights of
+points of a turn by θ about a constant axis are off their straight interpolation by r θ²/8 at most, r being how far the
+part reaches from its reference point.
+
+Trying again. The plan holds for every start error in its box, wherever the box is: shifted by o it holds for the errors
+e with e + o in the box. What the boxes cover together is compared exactly.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+from fmopt.verify.document import Numbers, Plan, PlanError, Segment
+from fmopt.verify.findings import Notes, micrometres
+from fmopt.verify.rational import (
+    ONE,
+    SLACK,
+    ArithmeticRefusal,
+    Vector,
+    cross,
+    dot,
+    fixed,
+    length,
+    logarithm,
+    number,
+    over,
+    product,
+    sub,
+    times,
+    transposed,
+    turned,
+    vector,
+)
+from fmopt.verify.reader import Reader
+from fmopt.verify.rows import Pose, pose
+from fmopt.verify.solids import NEAR, Shape
+
+MOST = 64  # retries
+_UPRIGHT = ONE >> 20  # faces lean over by less than this where they may count as vertical
+_ORDERS = ("early", "late")
+
+
+class _Lift(NamedTuple):
+    above: int
+    clear: int
+    turn: float
+
+
+def check_recovery(document: Any, plan: Plan, notes: Notes) -> None:
+    """Judges the recovery that a plan offers; a plan without any is not judged.
+
+    Raises:
+        PlanError: something has the wrong form.
+    """
+    top = Reader(document, "")
+    if not top.has("recovery"):
+        return
+    place = top.at("recovery").only(("lift", "why", "retries", "covers", "moves", "not_covered"))
+    place.at("why").text()
+    for item in place.at("not_covered").items():
+        item.text()
+    lift = None if place.at("lift").value is None else _lift(place.at("lift"))
+    retries = [item.numbers(6, -4.0, 4.0) for item in place.at("retries").items()]
+    if len(retries) > MOST:
+        raise place.at("retries").fail(f"must have at most {MOST} entries")
+    covers = place.at("covers").numbers(6, 0.0, 8.0)
+    try:
+        _check_moves(place.at("moves"), plan, lift, len(retries), notes)
+        if lift is not None:
+            _check_lift(lift, plan, notes)
+        if lift is not None and retries:
+            _check_carrying(lift, plan, notes)
+    except ArithmeticRefusal as error:
+        raise PlanError("recovery", str(error)) from error
+    if retries and lift is None:
+        notes.add("recovery.retries", "are offered without a lift that brings the part back to the start")
+    _check_covering(plan.start_box, retries, covers, notes)
+
+
+def _lift(place: Reader) -> _Lift:
+    place.only(("direction", "above", "clear", "turn"))
+    if place.at("direction").numbers(3) != (0.0, 0.0, 1.0):
+        raise place.at("direction").fail("must be the z of the hole's frame")
+    turn = place.at("turn").number(0.0, 0.5 * math.pi)
+    return _Lift(fixed(place.at("above").number(-4.0, 4.0)), fixed(place.at("clear").number(-8.0, 8.0)), turn)
+
+
+def underside(shape: Shape) -> int:
+    """The height of the highest point of faces that look down; those that lean over by less than `NEAR` do not."""
+    heights = []
+    for face in shape.faces:
+        levels = [shape.vertices[i][2] for loop in face.loops for i in loop]
+        leaning = -face.plane.normal[2]
+        vertical = leaning <= _UPRIGHT and times(leaning, max(levels) - min(levels)) <= NEAR
+        if leaning > 0 and not vertical:
+            heights.append(max(levels))
+    return max(heights, default=min(v[2] for v in shape.vertices))
+
+
+def _check_lift(lift: _Lift, plan: Plan, notes: Notes) -> None:
+    highest = underside(Shape(plan.fixed.body))
+    if lift.above < highest:
+        short = number(highest - lift.above)
+        notes.add("recovery.lift.above", f"a face of the fixed part looks down {micrometres(short)} above it", short)
+
+
+def _check_moves(place: Reader, plan: Plan, lift: _Lift | None, retries: int, notes: Notes) -> None:
+    """That each move backs off only where the part stays above what it could be lifted into."""
+    entries = place.items()
+    numbers = sorted({segment.move for segment in plan.segments})
+    for entry in entries:
+        entry.only(("move", "back_off", "room", "first", "order"))
+        order = entry.at("order").only(_ORDERS)
+        for key in _ORDERS:
+            if len(order.at(key).indices(max(retries, 1))) != retries:
+                raise order.at(key).fail("must name each retry once")
+        for item in entry.at("first").items():
+            item.only(("kind", "moving", "fixed", "factor", "axis", "axis_factor", "wrench", "angle", "told"))
+    if [entry.at("move").integer() for entry in entries] != numbers:
+        raise place.fail("must have one entry for each move, in order")
+    shape = Shape(plan.moving.body)
+    for entry in entries:
+        move = entry.at("move").integer()
+        offered, what = entry.at("back_off").flag(), f"recovery.moves[{move}]"
+        if lift is None:
+            if offered or entry.at("room").value is not None:
+                notes.add(what, "backs off although the plan has no lift")
+            continue
+        pieces = [s for s in plan.segments if s.move == move]
+        room = min(lowest(shape, s, plan.rho) for s in pieces) - lift.above - SLACK
+        stated = entry.at("room").number()
+        if fixed(stated) > room:
+            notes.add(what, f"{micrometres(stated)} of room are stated, only {micrometres(number(room))} follow")
+        if offered != (stated > 0.0):
+            notes.add(what, "backs off where it has no room, or does not where it has")
+
+
+def lowest(shape: Shape, segment: Segment, rho: float) -> int:
+    """A lower bound of the height of the part's lowest point on a segment, its greatest travel used up; for its errors.
+
+    Heights of points are followed from start to goal, and on from there at the rates that they have there.
+    """
+    start, goal = pose(segment.start), pose(segment.goal)
+    shift, turn = sub(goal.p, start.p), logarithm(product(goal.R, transposed(start.R)))
+    way = length((length(shift), times(fixed(rho), length(turn)), 0))
+    most = fixed(segment.hybrid.max_travel) if segment.hybrid is not None else way
+    surplus = over(max(0, most - way), max(way, 1))
+    further = times(surplus, length(turn))
+    found = []
+    for v, reach in zip(shape.vertices, shape.lengths, strict=True):
+        bow = times(reach, times(length(turn), length(turn))) >> 3
+        fall = -(shift[2] + cross(turn, turned(goal.R, v))[2])
+        after = times(surplus, max(0, fall)) + (times(reach, times(further, further)) >> 1)
+        sunk = max(_sunk(X, v, reach, segment.tube.box[2], segment.tube.angles) for X in (start, goal))
+        ends = (start.apply(v)[2], goal.apply(v)[2])
+        found.append(min(min(ends) - bow, ends[1] - after) - sunk)
+    return min(found)
+
+
+def _sunk(X: Pose, v: Vector, reach: int, down: float, angles: Sequence[float]) -> int:
+    """By how much errors of at most so much in height and angle may lower a point of the part.
+
+    Turned by ε, w = R v goes by ε × w and |ε|² |w| / 2 at most beyond.
+    """
+    w = turned(X.R, v)
+    a, b, c = (fixed(angle) for angle in angles)
+    return fixed(down) + times(a, abs(w[1])) + times(b, abs(w[0])) + (times(reach, dot((a, b, c), (a, b, c))) >> 1) + 4
+
+
+def _check_carrying(lift: _Lift, plan: Plan, notes: Notes) -> None:
+    """That the part is above the fixed part as it is turned back, shifted and lowered to a start pose."""
+    shape = Shape(plan.moving.body)
+    top = max(v[2] for v in Shape(plan.fixed.body).vertices)
+    first = pose(plan.segments[0].start)
+    angles = plan.start_box[3:]
+    least, sums = fixed(math.cos(lift.turn)), []
+    for segment in plan.segments:
+        for X in (pose(segment.start), pose(segment.goal)):
+            R = product(X.R, transposed(first.R))
+            sums.append((R[0][0] + R[1][1] + R[2][2] - ONE) >> 1)
+    if min(sums) < least:
+        notes.add("recovery.lift.turn", "a pose of the plan is turned further from the start")
+    theta = fixed(lift.turn)
+    bow = times(shape.radius, times(theta, theta)) >> 3
+    tilts = vector(angles)
+    errors = fixed(plan.start_box[2]) + times(shape.radius, tilts[0] + tilts[1])
+    room = lift.clear - bow - errors - (times(shape.radius, dot(tilts, tilts)) >> 1) - SLACK - top
+    if room <= 0:
+        notes.add("recovery.lift.clear", f"is short by {micrometres(number(-room))}", number(-room))
+    heights = [first.apply(v)[2] for v in shape.vertices]
+    if min(heights) > lift.clear:
+        notes.add("recovery.lift.clear", "is below the start")
+    sunk = [
+        _sunk(first, v, reach, plan.start_box[2], angles)
+        for v, reach in zip(shape.vertices, shape.lengths, strict=True)
+    ]
+    begun = min(height - loss for height, loss in zip(heights, sunk, strict=True)) - top - SLACK
+    if begun <= 0:
+        notes.add("recovery.retries", f"the start is {micrometres(number(-begun))} below the top", number(-begun))
+
+
+def _check_covering(box: Numbers, retries: Sequence[Numbers], covers: Numbers, notes: Notes) -> None:
+    """That the boxes of errors that the plan and its retries hold for make up what is said to be covered, exactly."""
+    if any(any(offset[2:]) for offset in retries):
+        notes.add("recovery.retries", "shift the start otherwise than in x and y")
+    if covers[2:] != box[2:]:
+        notes.add("recovery.covers", "differs from the start errors otherwise than in x and y")
+    widths = [fixed(a) for a in box[:2]]
+    centres = [(0, 0), *((-fixed(o[0]), -fixed(o[1])) for o in retries)]
+    spans = [_cells([c[k] + sign * widths[k] for c in centres for sign in (-1, 1)], fixed(covers[k])) for k in range(2)]
+    for x in spans[0]:
+        for y in spans[1]:
+            if not any(abs(x - 2 * c[0]) <= 2 * widths[0] and abs(y - 2 * c[1]) <= 2 * widths[1] for c in centres):
+                at = micrometres(number(x) / 2.0), micrometres(number(y) / 2.0)
+                notes.add("recovery.covers", f"no start covers the error of {at[0]} in x and {at[1]} in y")
+                return
+
+
+def _cells(cuts: Sequence[int], end: int) -> list[int]:
+    """Twice the middles of the intervals that cuts divide −end … end into; all of it where that is a point."""
+    inside = sorted({-end, end, *(x for x in cuts if -end < x < end)})
+    return [a + b for a, b in pairwise(inside)] or [0]
