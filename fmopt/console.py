@@ -132,6 +132,7 @@ def print_solved(document: dict[str, Any], verdict: Any, folder: Path, report: b
     from fmopt.report.jamming_tables import jamming_words
     from fmopt.report.moves import summary_rows
     from fmopt.report.naming import binding_words
+    from fmopt.report.recovery_tables import recovery_words
     from fmopt.report.sections import clearance_words
     from fmopt.report.tolerance_tables import rates, tolerated_words
     from fmopt.report.tube_view import ends_words
@@ -162,6 +163,7 @@ def print_solved(document: dict[str, Any], verdict: Any, folder: Path, report: b
         jamming_words(document),
         tolerated_words(document),
         "; ".join(": ".join((row[0], row[2])) for row in rates(document)[:4]),
+        " ".join(recovery_words(document)),
     ):
         if words:
             console.print(words, markup=False)

@@ -114,6 +114,12 @@ def execute(
     ] = None,
     growth: Annotated[float, typer.Option("--growth", help="Of the moving part, m a side: interference fits.")] = 0.0,
     offset: Annotated[float, typer.Option("--offset", help="Of each start along x, m, that nobody knows of.")] = 0.0,
+    recovery: Annotated[
+        bool, typer.Option("--recovery/--no-recovery", help="Back off and try again as the plan says, or fail.")
+    ] = True,
+    covered: Annotated[
+        bool, typer.Option("--covered", help="Errors beyond are of those that the plan's retries cover.")
+    ] = False,
     again: Annotated[int | None, typer.Option("--replay", min=0, help="Draw this trial as a GIF instead.")] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder; default: trials beside the plan.")] = None,
     workers: Annotated[int | None, typer.Option("--workers", min=1, help="Processes; default: one a core.")] = None,
@@ -129,7 +135,7 @@ def execute(
     if method not in METHODS:
         raise typer.BadParameter(f"{method!r} is none of {', '.join(METHODS)}", param_hint="--method")
     drawn = Trials(trials, beyond, seed=seed, time_step=time_step, friction=friction)
-    wanted = replace(drawn, method=method, growth=growth, offset=offset)
+    wanted = replace(drawn, method=method, growth=growth, offset=offset, recovery=recovery, covered=covered)
     folder = out if out is not None else file.parent / "trials"
     if again is not None:
         _replay(file, wanted, again, folder)

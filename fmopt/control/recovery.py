@@ -27,7 +27,7 @@ from fmopt.certificate.functions import contact_rows
 from fmopt.certificate.knowledge import Assembly
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.guarded.moves import NOISE
-from fmopt.placement.foreseen import Foreseen, foreseen
+from fmopt.placement.foreseen import Foreseen, foreseen, images_of
 from fmopt.plan import rounded_down
 from fmopt.se3 import Pose, log
 from fmopt.task.problem import Specification
@@ -41,6 +41,7 @@ NOT_COVERED = (
 )
 _UPRIGHT = 2.0**-20  # faces lean over by less than this where they may count as vertical
 _FLAT = 1e-11  # m, by which a vertical face may lean over
+_OVERTURN = 0.15  # rad by which a part may be turned further than planned, and still be turned back
 _SPARE = 1e-3  # m that the part is lifted higher than it need be
 _SLACK = 1e-9  # m and rad by which figures are stated on the safe side
 _LONGEST_TURN = 0.5 * math.pi  # rad
@@ -89,7 +90,7 @@ def recovery_record(
     runs = _runs(segments)
     rooms = [min(lowest(body, segments[k], rho) for k in run) - above - _SLACK for run in runs]
     first = Pose.from_vector(segments[0]["start"])
-    turn = _furthest_turn(segments) + _SLACK
+    turn = _furthest_turn(segments) + _OVERTURN
     lift, why = None, ""
     if max(rooms) <= 0.0:
         why = "a face of the fixed part looks down above the part's lowest point in every move: it could not be lifted"
@@ -227,18 +228,15 @@ def order(
         box: half-widths (6,) of the start error.
         retries: shifts of the start.
     """
-    piece, ends = claims[-1].piece, claims[-1].advance.ends
-    axes = np.flatnonzero(box)
-    images = np.zeros((6, 6))
-    images[:, axes] = ends.start_set.generators[: len(axes)].T
+    piece = claims[-1].piece
+    images = images_of(claims[-1].advance.ends.start_set, np.flatnonzero(box))
     sure = np.where(box > 0.0, box, 1.0)
+    rows = [one.row / one.gap for one in found]
     made = np.zeros(6)
     if piece.made is not None:
         made = contact_rows(assembly, [piece.made], piece.making, piece.goal).N[0] @ images
-    late, early = [], []
-    for j, offset in enumerate(retries):
-        errors = -np.asarray(offset) / sure
-        gap = float(made @ errors)
-        late.append((-round(gap, 12), j))
-        early.append((round(min([gap, *(one.gap + float(one.row @ errors) for one in found)]), 12), j))
-    return {"late": [j for _, j in sorted(late)], "early": [j for _, j in sorted(early)]}
+        rows.append(made / max(float(np.abs(made).sum()), 1e-30))
+    errors = [-np.asarray(offset) / sure for offset in retries]
+    late = [-round(float(made @ e), 12) for e in errors]
+    early = [round(min((float(row @ e) for row in rows), default=0.0), 9) for e in errors]
+    return {felt: sorted(range(len(errors)), key=told.__getitem__) for felt, told in (("late", late), ("early", early))}

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -43,9 +43,18 @@ class Fit:
         return Fit(clearance, -float(goal.p[2]), rho, goal, 0.0 if ended else float(box[2]))
 
 
+@dataclass(frozen=True)
+class Retry:
+    """A move that failed, what was felt, and which of the plan's shifts is tried next."""
+
+    move: int
+    felt: str
+    shift: int
+
+
 @dataclass
 class Log:
-    """What is noted of one body on its way."""
+    """What is noted of one body on its way; `spent` is the time of the attempts before this one, s."""
 
     departures: list[str] = field(default_factory=list)
     ended: float = np.inf
@@ -53,6 +62,8 @@ class Log:
     impact: float = 0.0
     lowest: float = np.inf
     outcome: dict[str, Any] | None = None
+    spent: float = 0.0
+    retries: list[Retry] = field(default_factory=list)
 
 
 def note(log: Log, event: Event, rig: Rig, moves: Sequence[Move], known: Mapping[str, Contact], fit: Fit) -> None:
@@ -100,11 +111,13 @@ def departures(rig: Rig, body: int, move: Move, known: Mapping[str, Contact], fi
     return found
 
 
-def watch(logs: Sequence[Log], rig: Rig) -> None:
-    """Forces and depth, in every period."""
+def watch(logs: Sequence[Log], rig: Rig, left: Container[int] = ()) -> None:
+    """Forces and depth, in every period; of all bodies but those `left` out."""
     filtered = np.linalg.norm(rig.state.filtered[:, :3], axis=1)
     raw = np.linalg.norm(rig.reaction[:, :3], axis=1)
     for body, log in enumerate(logs):
+        if body in left:
+            continue
         log.peak, log.impact = max(log.peak, float(filtered[body])), max(log.impact, float(raw[body]))
         log.lowest = min(log.lowest, float(rig.qpos[body, 2]))
 
@@ -131,10 +144,11 @@ def rest(log: Log, rig: Rig, body: int, fit: Fit) -> dict[str, Any]:
         "success": not reasons,
         "reasons": reasons,
         "departures": log.departures,
-        "seconds": log.ended if np.isfinite(log.ended) else None,
+        "seconds": log.spent + log.ended if np.isfinite(log.ended) else None,
         "peak_force": log.peak,
         "impact_force": log.impact,
         "penetration": float(rig.depth[body]),
         "offset": [float(value) for value in off],
         "turn": [float(value) for value in turned],
+        "retries": [asdict(retry) for retry in log.retries],
     }

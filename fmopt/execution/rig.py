@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.execution.program import FAILED, Program, Table
+from fmopt.execution.recovery import WayBack
 from fmopt.execution.robot import Robot
 from fmopt.execution.rotation import between, from_quaternions, hats, product, quaternions
 from fmopt.execution.scene import CONTACTS, FIELDS
@@ -105,6 +106,7 @@ class Rig:
         self.held = np.zeros((self.n, 6))  # wrench that presses the held contacts, about the reference points
         self.depth = np.zeros(self.n)  # greatest penetration, m
         self.moved = np.zeros((self.n, 6))  # in the last period, m and rad, axes of B
+        self.back: WayBack | None = None  # on which the bodies are led before they begin
         n, zero = self.n, np.zeros
         p, q = starts
         whole, six = zero(n, np.int64), zero((n, 6))
@@ -127,6 +129,9 @@ class Rig:
         """One period: servo, physics, sensor, decisions."""
         here, before = self.state.shown, self.qpos.copy()
         wrench = self._servo(here)
+        if self.back is not None:
+            led = self.time < self.back.ends
+            wrench[led] = self._led(self.back)[led]
         R = from_quaternions(self.qpos[:, 3:])
         self.applied[:, :3] = wrench[:, :3]
         self.applied[:, 3:] = np.einsum("nji,nj->ni", R, wrench[:, 3:])
@@ -137,7 +142,39 @@ class Rig:
         self.time += self.robot.period
         self._sense()
         self.moved = np.hstack([self.qpos[:, :3] - before[:, :3], between(self.qpos[:, 3:], before[:, 3:])])
-        return self._decide(here, self._gone(here))
+        events = self._decide(here, self._gone(here))
+        if self.back is not None:
+            rested = (self.time >= self.back.ends) & (self.time - self.robot.period < self.back.ends)
+            self._begin(np.flatnonzero(rested & self.back.arrived(np.asarray(self.qpos))))
+        return events
+
+    def lead_back(self, back: WayBack) -> None:
+        """Has all bodies led back to a start, from where they run the program; those that do not get there stay."""
+        self.back = back
+        self.state.step[:] = FAILED
+
+    def stranded(self) -> NDArray[np.intp]:
+        """Bodies that were led back, and are not running."""
+        if self.back is None:
+            return np.zeros(0, dtype=np.intp)
+        return np.flatnonzero((self.time >= self.back.ends) & ~self.running)
+
+    def _led(self, back: WayBack) -> Array:
+        """Wrenches (n, 6) that lead the parts along their ways back, as `_servo`."""
+        p, q, twist = back.at(self.time)
+        lead = np.hstack([p - self.qpos[:, :3], between(q, self.qpos[:, 3:])])
+        K, D = np.repeat(self.robot.stiffnesses, 3), np.repeat(self.robot.dampings, 3)
+        return self._cut(K * lead + D * (twist - self.moved / self.robot.period))
+
+    def _begin(self, bodies: NDArray[np.intp]) -> None:
+        """Bodies begin the program, as they do in a new rig, where they are."""
+        state = self.state
+        for name in ("step", "shown", "felt", "stalled"):
+            getattr(state, name)[bodies] = 0
+        for name in ("gone", "moving", "tare", "sensed", "slowly", "friction"):
+            getattr(state, name)[bodies] = 0.0
+        state.effort[bodies] = state.pace[bodies] = 1.0
+        state.p[bodies], state.q[bodies] = self.qpos[bodies, :3], self.qpos[bodies, 3:]
 
     def _servo(self, here: Ints) -> Array:
         """Applied wrench (n, 6) about the reference points, axes of B; moves the reference poses on."""

@@ -57,12 +57,19 @@ def _share(records: Sequence[Any]) -> dict[str, Any]:
         "successes": successes,
         "share": successes / len(records),
         "interval": [low, high],
+        "without_recovery": _alone(records),
         "as_planned": sum(not record["departures"] for record in records) / len(records),
         "seconds": _spread([r["seconds"] for r in records if r["seconds"] is not None]),
         "peak_force": _spread([r["peak_force"] for r in records]),
         "impact_force": _spread([r["impact_force"] for r in records]),
         "penetration": _spread([r["penetration"] for r in records]),
     }
+
+
+def _alone(records: Sequence[Any]) -> dict[str, Any]:
+    """The success of those that never tried again; what tried again would have failed without."""
+    successes = sum(record["success"] and not record["retries"] for record in records)
+    return {"successes": successes, "interval": list(wilson(successes, len(records)))}
 
 
 def _spread(values: Sequence[float]) -> dict[str, float]:
@@ -101,6 +108,14 @@ def lines(found: dict[str, Any]) -> list[str]:
                 f"{100 * part['share']:.1f} % (95 % interval {100 * low:.1f} to {100 * high:.1f} %), "
                 f"contacts as planned in {100 * part['as_planned']:.1f} %"
             )
+            if part["without_recovery"]["successes"] != part["successes"]:
+                alone = part["without_recovery"]
+                low, high = alone["interval"]
+                told.append(
+                    f"  without trying again {alone['successes']} of {part['trials']}, "
+                    f"{100 * alone['successes'] / part['trials']:.1f} % (95 % interval {100 * low:.1f} to "
+                    f"{100 * high:.1f} %)"
+                )
             told.append(
                 f"  force up to {part['peak_force']['largest']:.1f} N filtered, impact "
                 f"{part['impact_force']['largest']:.1f} N, penetration up to "

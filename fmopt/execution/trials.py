@@ -15,12 +15,14 @@ from typing import Any
 import numpy as np
 
 from fmopt import plan
-from fmopt.errors import ResourceError
+from fmopt.errors import PlanFormatError, ResourceError
+from fmopt.execution.attempt import Course, carried_out
 from fmopt.execution.baselines import BASELINES
 from fmopt.execution.grown import grown
-from fmopt.execution.outcome import Fit, Log, note, rest, watch
+from fmopt.execution.outcome import Fit
 from fmopt.execution.physics import Physics
 from fmopt.execution.program import Program, planned
+from fmopt.execution.recovery import Recovery
 from fmopt.execution.rig import Rig
 from fmopt.execution.robot import Robot
 from fmopt.execution.rotation import product, quaternions
@@ -32,8 +34,6 @@ from fmopt.values import Array
 METHODS: dict[str, Callable[[Mapping[str, Any], Robot], Program]] = {"plan": planned, **BASELINES}
 CHUNK = 125  # trials that run together; more make each cheaper, fewer are lost by an interruption
 _FEWEST = 10  # trials that are worth a process
-_QUIET = 0.15  # s after the end of a program, before the pose at rest is judged
-_LONGEST = 30.0  # s
 _BLOCK = 256  # periods of noise drawn at once
 
 
@@ -51,6 +51,8 @@ class Trials:
         method: plan, or one of the baselines.
         growth: of the moving part to each side, m; more than the clearance makes an interference fit.
         offset: of each start along x, m, that nobody knows of.
+        recovery: whether a plan that says so backs off and tries again when a move fails.
+        covered: whether trials beyond have errors uniform in what the plan's retries cover, instead.
     """
 
     inside: int
@@ -62,6 +64,8 @@ class Trials:
     method: str = "plan"
     growth: float = 0.0
     offset: float = 0.0
+    recovery: bool = True
+    covered: bool = False
 
 
 @dataclass(frozen=True)
@@ -74,11 +78,20 @@ class Draw:
 
 
 def draw(document: Mapping[str, Any], program: Program, trials: Trials, number: int) -> Draw:
-    """The errors of trial `number`, and the generator's stream of it."""
+    """The errors of trial `number`, and the generator's stream of it.
+
+    Raises:
+        PlanFormatError: errors are asked for that retries cover, and there are none.
+    """
     random = np.random.default_rng([trials.seed, number])
     box = np.asarray(document["uncertainty"]["start_box"], dtype=np.float64)
     share = random.uniform(-1.0, 1.0, 6)
-    if number >= trials.inside:
+    if number >= trials.inside and trials.covered:
+        factors = _covered(document, box)
+        share *= factors
+        while np.abs(share[box > 0.0]).max() <= 1.0:
+            share = factors * random.uniform(-1.0, 1.0, 6)
+    elif number >= trials.inside:
         share *= random.uniform(1.0, trials.reach) / float(np.abs(share[box > 0.0]).max())
     size = float(np.abs(share[box > 0.0]).max(initial=0.0))
     t, r = (float(value) for value in document["uncertainty"]["velocity_error"])
@@ -91,6 +104,15 @@ def draw(document: Mapping[str, Any], program: Program, trials: Trials, number: 
     return Draw(start, size, drift)
 
 
+def _covered(document: Mapping[str, Any], box: Array) -> Array:
+    """What a plan's retries cover, as factors (6,) of its start box."""
+    said = document.get("recovery")
+    covers = box if said is None else np.asarray(said["covers"], dtype=np.float64)
+    if not (covers > box).any():
+        raise PlanFormatError("the plan has no retries that cover more than its set", "leave out --covered")
+    return np.asarray(np.where(box > 0.0, covers / np.where(box > 0.0, box, 1.0), 1.0))
+
+
 def _ball(random: np.random.Generator, count: int) -> Array:
     """Uniform points (count, 3) in the unit ball."""
     v = random.normal(size=(count, 3))
@@ -98,10 +120,10 @@ def _ball(random: np.random.Generator, count: int) -> Array:
 
 
 class Noise:
-    """Standard normal samples (n, 6) a call, each body from its own stream."""
+    """Standard normal samples (n, 6) a call, each body from its own stream, another at each attempt."""
 
-    def __init__(self, seed: int, numbers: Sequence[int]) -> None:
-        self.streams = [np.random.default_rng([seed, number, 1]) for number in numbers]
+    def __init__(self, seed: int, numbers: Sequence[int], attempt: int = 0) -> None:
+        self.streams = [np.random.default_rng([seed, number, 1 + attempt]) for number in numbers]
         self.block, self.used = np.zeros((len(numbers), 0, 6)), 0
 
     def __call__(self) -> Array:
@@ -137,23 +159,21 @@ def run(
     """
     robot = robot or Robot()
     program = METHODS[trials.method](document, robot)
-    rows, known, fit = moves(document), contacts(document), Fit.of(document)
+    is_plan = program.name == "plan"
+    rows, known, fit = moves(document) if is_plan else (), contacts(document), Fit.of(document)
     friction = float(document["specification"]["friction"]) if trials.friction is None else trials.friction
     parts = grown(document, trials.growth) if trials.growth else document
     physics = Physics.of_fit(fit.clearance, robot.period, trials.time_step)
     model = compiled(scene(parts, physics, robot.mass, robot.inertia, friction))
     draws = [draw(document, program, trials, number) for number in numbers]
-    rig = Rig(model, program, robot, _starts(program, draws), _drifts(draws), Noise(trials.seed, numbers))
-    logs = [Log() for _ in numbers]
-    while any(log.outcome is None for log in logs):
-        for event in rig.tick():
-            note(logs[event.body], event, rig, rows if program.name == "plan" else (), known, fit)
-        watch(logs, rig)
-        if look is not None:
-            look(rig)
-        for body, log in enumerate(logs):
-            if log.outcome is None and (rig.time >= log.ended + _QUIET or rig.time > _LONGEST):
-                log.outcome = rest(log, rig, body, fit)
+    recovery = Recovery.of(document) if is_plan and trials.recovery else None
+    course = Course(recovery, rows, known, fit, look)
+
+    def rig(starts: tuple[Array, Array], which: Sequence[int], attempt: int) -> Rig:
+        noise = Noise(trials.seed, [numbers[k] for k in which], attempt)
+        return Rig(model, program, robot, starts, _drifts([draws[k] for k in which]), noise)
+
+    logs = carried_out(course, rig, _starts(program, draws))
     return [
         {"trial": number, "size": one.size, "error": one.start.tolist(), **(log.outcome or {})}
         for number, one, log in zip(numbers, draws, logs, strict=True)

@@ -5,9 +5,8 @@ the image of the start box does, and at some λ a contact c that is not planned 
 
     min λ   with   f(X) + N·e = 0,   e = Σ uₖ gₖ,   |uₖ| ≤ λ,   e inside the bounds of c,
 
-gₖ being the images of the start errors at the pose X, linear in the error; what velocity errors and the thickness of
-contact surfaces may add is taken off f beforehand. These are the planner's own figures, of first order, and no part of
-what is certified.
+gₖ being the images of the start errors at the pose X. Velocity errors, and what contact surfaces bend, are left aside:
+these are the planner's own figures, of first order, and no part of what is certified.
 """
 
 from __future__ import annotations
@@ -82,22 +81,21 @@ class Foreseen(Value):
 
 @dataclass(frozen=True, eq=False)
 class _Place:
-    """A pose of a move, the images of the start errors there (6, 6) as columns, and what does not grow with these."""
+    """A pose of a move, with the images (6, 6) of the start errors there as columns."""
 
     pose: Pose
     images: Array
-    rest: Array
-    growth: Array
 
     @staticmethod
     def of(pose: Pose, errors: ErrorSet, axes: NDArray[np.intp]) -> _Place:
-        images = np.zeros((6, 6))
-        images[:, axes] = errors.generators[: len(axes)].T
-        return _Place(pose, images, errors.generators[len(axes) :], errors.growth_root)
+        return _Place(pose, images_of(errors, axes))
 
-    def gaps(self, f: Array, N: Array) -> Array:
-        """Distances (k,) less what is not image of a start error."""
-        return np.asarray(f - np.abs(N @ self.rest.T).sum(axis=1) - np.linalg.norm(N @ self.growth, axis=1))
+
+def images_of(errors: ErrorSet, axes: NDArray[np.intp]) -> Array:
+    """The images (6, 6) of the start errors in a set that a motion has carried on, one column an axis with error."""
+    images = np.zeros((6, 6))
+    images[:, axes] = errors.generators[: len(axes)].T
+    return images
 
 
 class _Met(NamedTuple):
@@ -157,7 +155,7 @@ def _near(
     near = near_contacts(body, fixed, place.pose, float(np.linalg.norm(size[:3])), float(np.linalg.norm(size[3:])))
     others = [c for c in near if c not in planned and not _comes_along(assembly, claim, c)]
     f, N = Surfaces.of(others, body, fixed).values_and_rows(place.pose)
-    for contact, gap, row in zip(others, place.gaps(f, N), N, strict=True):
+    for contact, gap, row in zip(others, f, N, strict=True):
         if np.isfinite(gap) and gap > _OPEN:
             yield contact, float(gap), row
 

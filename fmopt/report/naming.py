@@ -65,11 +65,16 @@ def contact_words(plan: Mapping[str, Any], contact: str) -> str:
     record = next((c for c in plan.get("contacts", ()) if c.get("id") == contact), None)
     if record is None:
         return f"contact {contact} is made"
-    moving, fixed = (plan["parts"][side] for side in ("moving", "fixed"))
     own, other = (*contact.split("-", 1), "")[:2] if "-" in contact else (contact, contact)
+    return meeting_words(plan, record, f" {own}", f" {other}")
+
+
+def meeting_words(plan: Mapping[str, Any], record: Mapping[str, Any], own: str = "", other: str = "") -> str:
+    """What touches what, by the vertices of both sides, with names for the two: "corner touches wall (y = 10 mm)"."""
+    moving, fixed = (plan["parts"][side] for side in ("moving", "fixed"))
     tip = _points(moving, record["moving"]["vertices"])
     wall = _points(fixed, record["fixed"]["vertices"])
-    return f"{_moving_words(moving, tip)} {own} touches {_fixed_words(wall)} {other}{_place(wall)}"
+    return f"{_moving_words(moving, tip)}{own} touches {_fixed_words(wall)}{other}{_place(wall)}"
 
 
 def touched_words(plan: Mapping[str, Any], contact: str) -> str:

@@ -12,6 +12,7 @@ from fmopt.report.figures import catalogue
 from fmopt.report.jamming_tables import jamming_table
 from fmopt.report.moves import Verdict, smallest_margin, verdict
 from fmopt.report.planar_tables import possible_contacts
+from fmopt.report.recovery_tables import recovery_chapter
 from fmopt.report.scene import resource, scene
 from fmopt.report.shell import chaptered, figure, page
 from fmopt.report.tolerance_tables import tolerance_chapter
@@ -40,6 +41,7 @@ def report_page(plan: Mapping[str, Any], figures: Mapping[str, str]) -> str:
         ("trajectory", "Position and force over time", _nominal(plan, shown)),
         ("hybrid", "Hybrid strategies", control_tables.hybrid_table(plan) + jamming_table(plan)),
         ("tolerance", "Tolerated errors and sensitivities", tolerance_chapter(plan)),
+        ("recovery", "When a move fails", recovery_chapter(plan)),
         ("limits", "What was not checked", sections.not_covered(plan)),
         ("asked", "What was asked", sections.asked(plan)),
         ("provenance", "Where this comes from", sections.provenance(plan)),

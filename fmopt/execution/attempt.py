@@ -1,0 +1,116 @@
+"""Attempts: bodies run a program, and those whose moves fail are led back and try again while the plan has starts.
+
+Each attempt after the first has a rig of its own for the bodies that make it, which begins with all of them where they
+failed: what becomes of a body depends on no other, and those that do not fail see nothing of recovery.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmopt.execution.outcome import Fit, Log, Retry, note, rest, watch
+from fmopt.execution.program import FAILED
+from fmopt.execution.recovery import EARLY, LATE, Recovery, WayBack
+from fmopt.execution.rig import Event, Rig
+from fmopt.guarded.contacts import Contact
+from fmopt.guarded.moves import Move
+from fmopt.values import Array
+
+_QUIET = 0.15  # s after the end of a program, before the pose at rest is judged
+_LONGEST = 30.0  # s that an attempt may take
+MakeRig = Callable[[tuple[Array, Array], Sequence[int], int], Rig]
+"""A rig from positions and quaternions, for these of the bodies, at this attempt."""
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """What bodies are held against on their way.
+
+    Args:
+        recovery: what the plan says to do when a move fails; None for nothing.
+        moves: of the plan; none for other programs.
+        known: its contacts.
+        fit: what success is measured by.
+        look: shown each rig in every period.
+    """
+
+    recovery: Recovery | None
+    moves: Sequence[Move]
+    known: Mapping[str, Contact]
+    fit: Fit
+    look: Callable[[Rig], None] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Broken:
+    """Where a body was as its move failed: pose (7,), velocity (6,), greatest penetration so far, m, and time, s."""
+
+    body: int
+    pose: Array
+    velocity: Array
+    depth: float
+    time: float
+
+
+def carried_out(course: Course, rig_of: MakeRig, starts: tuple[Array, Array]) -> list[Log]:
+    """Runs bodies from their starts, positions (n, 3) and quaternions (n, 4), until each has seated or given up."""
+    begun = np.hstack(starts)
+    logs = [Log() for _ in begun]
+    bodies = list(range(len(begun)))
+    rig, attempt = rig_of(starts, bodies, 0), 0
+    while broken := _attempt(course, rig, logs, bodies, begun):
+        attempt += 1
+        bodies = [one.body for one in broken]
+        poses = np.stack([one.pose for one in broken])
+        rig = rig_of((poses[:, :3], poses[:, 3:]), bodies, attempt)
+        rig.qvel[:] = np.stack([one.velocity for one in broken])
+        rig.depth[:] = [one.depth for one in broken]
+        assert course.recovery is not None
+        shifts = [logs[body].retries[-1].shift for body in bodies]
+        rig.lead_back(WayBack.of(course.recovery, poses, begun[bodies], shifts))
+        for one in broken:
+            logs[one.body].spent += one.time
+    return logs
+
+
+def _attempt(course: Course, rig: Rig, logs: Sequence[Log], bodies: Sequence[int], begun: Array) -> list[_Broken]:
+    """Runs a rig until each of its bodies has an outcome or is to try again; returns those that are."""
+    own = [logs[body] for body in bodies]
+    broken: dict[int, _Broken] = {}
+    while any(log.outcome is None and k not in broken for k, log in enumerate(own)):
+        for event in rig.tick():
+            note(own[event.body], event, rig, course.moves, course.known, course.fit)
+            if _again(course, rig, event, own[event.body], begun[bodies[event.body]]):
+                k = event.body
+                pose, velocity = np.array(rig.qpos[k]), np.array(rig.qvel[k])
+                broken[k] = _Broken(bodies[k], pose, velocity, float(rig.depth[k]), event.time)
+        for k in rig.stranded():
+            if k not in broken and not np.isfinite(own[k].ended):
+                own[k].departures.append("not brought back to a start")
+                own[k].ended = rig.time
+        watch(own, rig, broken)
+        if course.look is not None:
+            course.look(rig)
+        for k, log in enumerate(own):
+            late = rig.time >= log.ended + _QUIET or rig.time > _LONGEST
+            if log.outcome is None and k not in broken and late:
+                log.outcome = rest(log, rig, k, course.fit)
+    return list(broken.values())
+
+
+def _again(course: Course, rig: Rig, event: Event, log: Log, begun: Array) -> bool:
+    """Whether a body whose step ended tries again; if so, its log says how."""
+    recovery, k = course.recovery, event.body
+    if recovery is None or rig.state.step[k] != FAILED or not recovery.liftable(np.array(rig.qpos[k]), begun):
+        return False
+    step = rig.program.steps[event.step]
+    felt = LATE if rig.state.gone[k] >= step.travel else EARLY
+    shift = recovery.next(step.move, felt, [retry.shift for retry in log.retries])
+    if shift is None:
+        return False
+    log.retries.append(Retry(step.move, felt, shift))
+    log.ended = np.inf
+    return True

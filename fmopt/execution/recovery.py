@@ -1,0 +1,154 @@
+"""Recovery as a plan says it: which start to try next when a move failed, and the way of the part back to it.
+
+The robot knows how its own part has moved since it began, not by what it was off: heights are those of the commanded
+start and of the motion since, and a new start is the old one, shifted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmopt.errors import PlanFormatError
+from fmopt.execution.rotation import between, from_quaternions, product, quaternions
+from fmopt.se3 import Pose
+from fmopt.values import Array, Value, frozen
+
+EARLY, LATE = "early", "late"  # the part stands before its travel is used up; it is used up, and nothing was felt
+_SPEED = 0.05  # m/s and
+_TURNING = 0.5  # rad/s, with nothing in the way
+_REST = 0.2  # s in which the part comes to rest at its new start
+_THERE = (5e-4, 5e-3)  # m and rad, by which it may then be off
+
+
+@dataclass(frozen=True, eq=False)
+class Recovery(Value):
+    """What a plan says of recovery.
+
+    Args:
+        above: m in B, above which the part's lowest point has to lie for it to be lifted.
+        clear: m in B, to which that is lifted before it is carried.
+        turn: rad, the furthest that the part may be turned back.
+        sunk: m, by how much start errors may lower points of the part.
+        shifts: of the start (k, 3), m.
+        orders: for each move, in which order they are tried, after it failed `EARLY` or `LATE`.
+        start: commanded pose of the part as it begins.
+        points: vertices (v, 3) of the moving part.
+    """
+
+    above: float
+    clear: float
+    turn: float
+    sunk: float
+    shifts: Array
+    orders: tuple[Mapping[str, tuple[int, ...]], ...]
+    start: Pose
+    points: Array
+
+    def __post_init__(self) -> None:
+        for name in ("shifts", "points"):
+            object.__setattr__(self, name, frozen(getattr(self, name), None, 3, name=name))
+
+    @staticmethod
+    def of(document: Mapping[str, Any]) -> Recovery | None:
+        """The recovery of a plan; None where it has none, or nothing to try.
+
+        Raises:
+            PlanFormatError: it cannot be read.
+        """
+        said = document.get("recovery")
+        try:
+            if said is None or said["lift"] is None or not said["retries"]:
+                return None
+            points = np.asarray(document["parts"]["moving"]["vertices"], dtype=np.float64)
+            box = np.asarray(document["uncertainty"]["start_box"], dtype=np.float64)
+            reach = float(np.linalg.norm(points, axis=1).max())
+            sunk = box[2] + reach * (box[3] + box[4] + 0.5 * float(box[3:] @ box[3:]))
+            lift, shifts = said["lift"], [offset[:3] for offset in said["retries"]]
+            orders = tuple({key: tuple(move["order"][key]) for key in (EARLY, LATE)} for move in said["moves"])
+            heights = float(lift["above"]), float(lift["clear"]), float(lift["turn"])
+            start = Pose.from_vector(document["segments"][0]["start"])
+            return Recovery(*heights, float(sunk), np.asarray(shifts), orders, start, points)
+        except (KeyError, IndexError, TypeError, ValueError) as error:
+            raise PlanFormatError(
+                f"the plan's recovery cannot be read: {type(error).__name__}: {error}",
+                "give a plan.json that fmopt solve wrote",
+            ) from error
+
+    def next(self, move: int, felt: str, tried: Sequence[int]) -> int | None:
+        """The shift to try after a move failed; None when all have been tried."""
+        return next((k for k in self.orders[move][felt] if k not in tried), None)
+
+    def lowest(self, q: Array, begun: Array, at: Array) -> float:
+        """The commanded height (m) of the part's lowest point.
+
+        Args:
+            q: pose (7,) of the part now.
+            begun: pose (7,) at which it began, off by the start error.
+            at: quaternion (4,) for which this is asked, as `q` has it.
+        """
+        turned = from_quaternions(product(at, begun[3:] * np.array([1.0, -1.0, -1.0, -1.0])))
+        points = self.points @ (turned @ self.start.R).T
+        return float(self.start.p[2] + q[2] - begun[2] + points[:, 2].min())
+
+    def liftable(self, q: Array, begun: Array) -> bool:
+        """Whether the plan says that the part can be lifted from where it is, and turned back."""
+        turned = float(np.linalg.norm(between(q[3:], begun[3:])))
+        return self.lowest(q, begun, q[3:]) - self.sunk > self.above and turned <= self.turn
+
+
+@dataclass(frozen=True, eq=False)
+class WayBack(Value):
+    """Where n parts are led: up, over, down to their new start; each leg straight, at a constant rate, then a rest.
+
+    Args:
+        corners: positions (4, n, 3), m, and
+        turned: quaternions (4, n, 4) at the corners.
+        times: (4, n) at which they are reached, s, the first 0.
+    """
+
+    corners: Array
+    turned: Array
+    times: Array
+
+    @staticmethod
+    def of(recovery: Recovery, poses: Array, begun: Array, shifts: Sequence[int]) -> WayBack:
+        """The ways of parts at poses (n, 7) that began at `begun` (n, 7), to the starts with these shifts."""
+        goal = begun[:, :3] + recovery.shifts[list(shifts)]
+        up = [recovery.clear - recovery.lowest(q, b, q[3:]) for q, b in zip(poses, begun, strict=True)]
+        over = [recovery.clear - recovery.lowest(b, b, b[3:]) for b in begun]
+        lifted = poses[:, :3] + np.maximum(up, 0.0)[:, None] * np.array([0.0, 0.0, 1.0])
+        carried = goal + np.maximum(over, 0.0)[:, None] * np.array([0.0, 0.0, 1.0])
+        corners = np.stack([poses[:, :3], lifted, carried, goal])
+        turned = np.stack([poses[:, 3:], poses[:, 3:], begun[:, 3:], begun[:, 3:]])
+        ways = np.linalg.norm(np.diff(corners, axis=0), axis=2) / _SPEED
+        turns = np.linalg.norm(between(turned[1:], turned[:-1]), axis=2) / _TURNING
+        times = np.concatenate([np.zeros((1, len(poses))), np.cumsum(np.maximum(ways, turns), axis=0)])
+        return WayBack(corners, turned, times)
+
+    @property
+    def ends(self) -> Array:
+        """Times (n,) at which the parts are at rest at their new starts, s."""
+        return np.asarray(self.times[-1] + _REST)
+
+    def at(self, time: float) -> tuple[Array, Array, Array]:
+        """Positions (n, 3), quaternions (n, 4) and twists (n, 6) of the references, m/s and rad/s, in axes of B."""
+        n = np.arange(self.times.shape[1])
+        leg = np.minimum((self.times[1:] <= time).sum(axis=0), len(self.times) - 2)
+        span = self.times[leg + 1, n] - self.times[leg, n]
+        rate = np.where((time < self.times[-1]) & (span > 0.0), 1.0 / np.maximum(span, 1e-9), 0.0)
+        share = np.clip((time - self.times[leg, n]) / np.maximum(span, 1e-9), 0.0, 1.0)[:, None]
+        shift = self.corners[leg + 1, n] - self.corners[leg, n]
+        turn = between(self.turned[leg + 1, n], self.turned[leg, n])
+        p, q = self.corners[leg, n] + share * shift, product(quaternions(share * turn), self.turned[leg, n])
+        return p, q, rate[:, None] * np.hstack([shift, turn])
+
+    def arrived(self, poses: Array) -> NDArray[np.bool_]:
+        """Which parts (n,) are at their new starts."""
+        off = np.linalg.norm(poses[:, :3] - self.corners[-1], axis=1)
+        turned = np.linalg.norm(between(poses[:, 3:], self.turned[-1]), axis=1)
+        return np.asarray((off <= _THERE[0]) & (turned <= _THERE[1]), dtype=np.bool_)
