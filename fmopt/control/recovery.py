@@ -6,10 +6,10 @@ can be lifted while its lowest point lies above the highest point of faces that 
 clear of the top, turned back, shifted, and lowered to a start pose.
 
 Try again. The plan holds for every start error e in its box. From a start shifted by o it holds where e + o lies in the
-box. Four shifts by a half-width in x and y cover a box of twice the size, in the plane two. The order in which they are
-tried follows from what was felt: a shift o is for errors about −o, which would bring the contacts of the move nearer or
-farther; a contact that was never felt speaks for errors with which it is farther, one that came too early, or another
-in its place, for those with which they are nearer.
+box. Eight shifts by a whole width around, in the plane two, cover with it three times its size in x and y. The order in
+which they are tried follows from what was felt: a shift o is for errors about −o, which would bring the contacts of the
+move nearer or farther; a contact that was never felt speaks for errors with which it is farther, one that came too
+early, or another in its place, for those with which they are nearer.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from itertools import product
 from typing import Any
 
@@ -33,7 +34,7 @@ from fmopt.se3 import Pose, log
 from fmopt.task.problem import Specification
 from fmopt.values import Array
 
-SHARE = 2.0  # of the start errors in x and y that a plan and its retries cover
+SHARE = 3  # times the start errors in x and y are what a plan and its retries cover
 NOT_COVERED = (
     "that a failure is noticed: a wrong contact may feel like the wanted one",
     "that the part stays where it is in the grip as a move fails, and that the robot finds the start again",
@@ -116,12 +117,11 @@ def recovery_record(
                 "order": order(assembly, of_move, found, box, retries),
             }
         )
-    covers = [SHARE * a for a in box[:2]] if retries else list(box[:2])
     return {
         "lift": None if lift is None else lift.record(),
         "why": why,
         "retries": retries,
-        "covers": [*covers, *box[2:]],
+        "covers": covered(box) if retries else box,
         "moves": moves,
         "not_covered": list(NOT_COVERED),
     }
@@ -199,9 +199,18 @@ def _furthest_turn(segments: Sequence[Mapping[str, Any]]) -> float:
 
 
 def offsets(box: Array) -> list[list[float]]:
-    """Shifts (6,) of the start with which boxes of errors make up one of `SHARE` times their size in x and y, m."""
-    sides = [(-(SHARE - 1.0) * a, (SHARE - 1.0) * a) if a > 0.0 else (0.0,) for a in map(float, box[:2])]
-    return [[x, y, 0.0, 0.0, 0.0, 0.0] for x, y in product(*sides) if x or y]
+    """Shifts (6,) of the start by whole widths of its box in x and y, m, the nearer ones first."""
+    sides = [(0.0, -2.0 * a, 2.0 * a) if a > 0.0 else (0.0,) for a in map(float, box[:2])]
+    around = [(x, y) for x, y in product(*sides) if x or y]
+    return [[x, y, 0.0, 0.0, 0.0, 0.0] for x, y in sorted(around, key=lambda at: bool(at[0]) + bool(at[1]))]
+
+
+def covered(box: Array) -> list[float]:
+    """Half-widths (6,) of what the shifts of `offsets` cover: `SHARE` in x and y, rounded down."""
+    wider = [SHARE * float(a) for a in box[:2]]
+    exact = [SHARE * Fraction(float(a)) for a in box[:2]]
+    sure = [math.nextafter(w, 0.0) if Fraction(w) > e else w for w, e in zip(wider, exact, strict=True)]
+    return [*sure, *map(float, box[2:])]
 
 
 def told_apart(found: Foreseen, specification: Specification, rho: float) -> bool:
