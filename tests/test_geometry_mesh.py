@@ -12,7 +12,7 @@ from fmopt.errors import GeometryError
 from fmopt.geometry.clearance import mating_clearance
 from fmopt.geometry.csg import Box, Cylinder, Difference, Hull, Placed, Prism, Solid, Union, frustum
 from fmopt.geometry.features import Feature
-from fmopt.geometry.mesh import Imported, load_mesh, mesh_polyhedron
+from fmopt.geometry.mesh import Imported, decimal_step, load_mesh, mesh_polyhedron
 from fmopt.geometry.part import Part, mesh_part, rebased
 from fmopt.se3 import Pose, exp
 
@@ -225,3 +225,53 @@ def test_the_clearance_does_not_depend_on_how_the_meshes_lie() -> None:
         clearance = mating_clearance(*found, 0.01)
         assert clearance.per_side == pytest.approx(straight.per_side, abs=2e-9)
         assert clearance.play == pytest.approx(straight.play, abs=2e-9)
+
+
+def finely(solid: Solid, times: int, cut: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles of a solid, each cut in four that many times; corners beyond (x, y) mm on the 45° cuts only."""
+    from trimesh.remesh import subdivide
+
+    points, triangles = triangles_of(solid)
+    for _ in range(times):
+        points, triangles = subdivide(points, triangles)
+    assert np.any((np.abs(points[:, 0]) > cut[0]) & (np.abs(points[:, 1]) > cut[1]))
+    return points, triangles
+
+
+@pytest.mark.parametrize("times", [2, 3])
+def test_a_chamfer_that_is_plane_but_for_rounding_is_plane(tmp_path: Path, times: int) -> None:
+    bar = rounded((0.008201, 0.006911), 0.05, 0.000257)
+    points, triangles = finely(bar, times, (3.85, 3.2))
+    path = tmp_path / "bar.stl"
+    path.write_text(stl_text(np.round(points, 3), triangles))
+    part = mesh_part("bar", load_mesh(path, "mm"))
+    assert len(part.pieces) == 1
+    assert len(part.polyhedron.faces) == 10
+    assert 0.0 < part.chord_error < 2e-6
+    (note,) = part.notes
+    assert note.startswith("warning: bar: the file gives its numbers to 1 µm only; facets that are up to")
+    hole = part_of("plate", plate((0.0085, 0.0073)))
+    pair = [mating_clearance(seated(one, "peg"), seated(hole, "hole"), 0.01) for one in (part, part_of("bar", bar))]
+    assert pair[0].per_side == pytest.approx(pair[1].per_side, abs=1e-6)
+
+
+def test_facets_that_are_not_plane_are_named() -> None:
+    points, triangles = finely(rounded((0.008201, 0.006911), 0.05, 0.000257), 2, (3.85, 3.2))
+    rng = np.random.default_rng(5)
+    uneven = points + rng.uniform(-2.5e-4, 2.5e-4, points.shape)
+    mesh = mesh_polyhedron(1e-3 * uneven, triangles)
+    assert mesh.rounding == 0.0
+    with pytest.raises(GeometryError, match=r"the facets around \(.*\) mm are [\d.]+ µm off one plane") as told:
+        mesh_part("bar", mesh)
+    assert "more digits" in told.value.advice
+
+
+@pytest.mark.parametrize("step", [1.0, 0.1, 0.01, 0.001, 0.0001])
+def test_only_fine_steps_are_taken_for_rounding(step: float) -> None:
+    rng = np.random.default_rng(11)
+    points = rng.uniform(-30.0, 30.0, (200, 3))
+    on_grid = step * np.round(points / step)
+    expected = step if step in (0.01, 0.001) else 0.0  # of 103 mm
+    for same in (on_grid, on_grid.astype(np.float32).astype(np.float64)):
+        assert decimal_step(same) == pytest.approx(expected, rel=1e-12)
+    assert decimal_step(points) == 0.0

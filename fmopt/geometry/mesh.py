@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from io import BytesIO
 from itertools import pairwise
@@ -24,6 +25,7 @@ FORMATS = ("stl", "obj", "ply")
 _PER_METRE: dict[Unit, float] = {"m": 1.0, "dm": 10.0, "cm": 100.0, "mm": 1e3, "um": 1e6, "in": 1.0 / 0.0254}
 _MERGE = 1e-7  # of the diameter: vertices this close are one
 _FLAT = 1e-6  # of the diameter: triangles this close to a plane are coplanar
+_COARSE = 1e-4  # of the diameter: coordinates that are multiples of more than this are meant, not rounded
 _MENDED = -1  # what triangles that no file holds are called
 
 
@@ -36,12 +38,15 @@ class Imported(Value):
         chord_error: how far the curved surfaces that it stands for may lie from it, m.
         mended: what closes gaps of the mesh.
         notes: what was done to the mesh that a user should know of.
+        rounding: step of the grid that all coordinates lie on, as where a file gives few decimals, m; 0 where that is
+            too fine or too coarse to be rounding.
     """
 
     body: Polyhedron
     chord_error: float
     mended: tuple[Patch, ...] = ()
     notes: tuple[str, ...] = ()
+    rounding: float = 0.0
 
 
 def load_mesh(path: Path | str, unit: Unit) -> Imported:
@@ -61,9 +66,24 @@ def load_mesh(path: Path | str, unit: Unit) -> Imported:
     """
     points, triangles = read_triangles(Path(path))
     try:
-        return mesh_polyhedron(points / _PER_METRE[unit], triangles)
+        mesh = mesh_polyhedron(points / _PER_METRE[unit], triangles)
     except GeometryError as error:
         raise GeometryError(f"{path}: {error.message}", error.advice) from error
+    return replace(mesh, rounding=decimal_step(points) / _PER_METRE[unit])
+
+
+def decimal_step(points: Array) -> float:
+    """The largest power of ten that all coordinates (n, 3) are multiples of, to a single's precision.
+
+    0 where that is less than 1e-6 of the diameter, too fine to matter, or more than 1e-4, too coarse to be rounding.
+    """
+    span = float(np.linalg.norm(np.ptp(points, axis=0)))
+    slack = float(np.finfo(np.float32).eps) * float(np.abs(points).max())
+    for power in range(math.floor(math.log10(span)), math.ceil(math.log10(_FLAT * span)) - 1, -1):
+        step = 10.0**power
+        if np.abs(points - step * np.round(points / step)).max() <= min(slack, 0.01 * step):
+            return step if step <= _COARSE * span else 0.0
+    return 0.0
 
 
 def mesh_polyhedron(points: Array, triangles: Indices) -> Imported:

@@ -9,7 +9,7 @@ import numpy as np
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.csg import Solid, exact_pose, sagitta
-from fmopt.geometry.excess import MESH_NOISE, solid_of
+from fmopt.geometry.evened import come_apart
 from fmopt.geometry.facets import place
 from fmopt.geometry.features import Feature, in_frame
 from fmopt.geometry.mating import found_features
@@ -62,7 +62,7 @@ def part_of(name: str, solid: Solid, features: Sequence[Feature] = ()) -> Part:
 def mesh_part(
     name: str, mesh: Imported, features: Sequence[Feature] | None = None, chord_error: float | None = None
 ) -> Part:
-    """The part of an imported mesh; it gets exact convex pieces by way of `excess.solid_of`.
+    """The part of an imported mesh; it gets exact convex pieces by way of `evened.come_apart`.
 
     >>> from fmopt.geometry import csg, mesh, pieces, polyhedron
     >>> bar = pieces.polyhedron(csg.Box((0.01, 0.01, 0.03)))
@@ -72,7 +72,7 @@ def mesh_part(
 
     Args:
         name: the part's name.
-        mesh: as `load_mesh` returns it, in the model frame; noise below 1e-6 of its diameter is cleaned away.
+        mesh: as `load_mesh` returns it, in the model frame.
         features: mating features in the model frame; found by `mating.found_features` if not given.
         chord_error: how far the true curved surfaces lie from the mesh, m; the mesh's own estimate if not given.
 
@@ -81,7 +81,7 @@ def mesh_part(
             open at a mating face.
     """
     body = mesh.body
-    solid = solid_of(body, MESH_NOISE * body.diameter)
+    solid, shift = come_apart(mesh)
     part = part_of(name, solid, features or ())
     if abs(part.polyhedron.volume - body.volume) > _MESH_VOLUME * body.volume:
         raise GeometryError(
@@ -91,9 +91,15 @@ def mesh_part(
     known = found_features(part.polyhedron, part.pieces) if features is None else tuple(features)
     for feature in known:
         _require_intact(name, mesh, feature)
-    true = mesh.chord_error if chord_error is None else chord_error
-    return replace(
-        part, features=known, chord_error=true, notes=tuple(f"warning: {name}: {note}" for note in mesh.notes)
+    true = shift + (mesh.chord_error if chord_error is None else chord_error)
+    notes = mesh.notes if shift == 0.0 else (*mesh.notes, _evened(mesh, shift))
+    return replace(part, features=known, chord_error=true, notes=tuple(f"warning: {name}: {note}" for note in notes))
+
+
+def _evened(mesh: Imported, shift: float) -> str:
+    return (
+        f"the file gives its numbers to {1e6 * mesh.rounding:.3g} µm only; facets that are up to {1e6 * shift:.3g} µm "
+        "off a plane for it were made plane, which is added to its deviation"
     )
 
 

@@ -135,6 +135,7 @@ def build_tree(source: Source, file: files.ModelFile) -> ObjectTree:
     Raises:
         InputError: no solid comes out, or a feature breaks a rule; at its place in the file.
     """
+    from fmopt.geometry.evened import come_apart
     from fmopt.geometry.excess import MESH_NOISE, solid_of
     from fmopt.geometry.pieces import polyhedron
     from fmopt.knowledge.chain import chain_of, chain_solid
@@ -148,8 +149,12 @@ def build_tree(source: Source, file: files.ModelFile) -> ObjectTree:
     try:
         chain = _whole_chain(source, file)
         if not all(claims[feature.name].terms or is_made(chain, feature) for feature in features):
-            body = polyhedron(chain_solid(chain)) if file.mesh is None else imported(source, file.mesh).body
-            chain = chain_of(solid_of(body, MESH_NOISE * body.diameter), file.name)
+            if file.mesh is None:
+                body = polyhedron(chain_solid(chain))
+                solid = solid_of(body, MESH_NOISE * body.diameter)
+            else:
+                solid, _ = come_apart(imported(source, file.mesh))
+            chain = chain_of(solid, file.name)
         return checked(object_tree(file.name, chain, features, claims))
     except TaskError as error:
         key = ("features", error.feature) if error.feature in file.features else ("features",)
