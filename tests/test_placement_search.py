@@ -12,14 +12,18 @@ import pytest
 
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.segment import Tolerance
+from fmopt.contact.primitive import Kind
+from fmopt.contact.surface import Surfaces
 from fmopt.errors import SearchError
 from fmopt.geometry.clearance import mating_clearance
 from fmopt.geometry.csg import Box, Difference, Placed
 from fmopt.geometry.part import part_of
+from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.placement.entry import Entry, start_spread, straight_entry, tilted_entry, tilted_shapes
+from fmopt.placement.explore import Freedom, Place, guarded, neighbourhood
 from fmopt.placement.search import best_sequence, search
 from fmopt.placement.step import Costs, Task
-from fmopt.se3 import Pose
+from fmopt.se3 import Pose, exp
 from fmopt.uncertainty.error_set import ErrorSet
 
 DEGREE = math.pi / 180.0
@@ -34,6 +38,10 @@ def rectangular(clearance: tuple[float, float], scale: float = 1.0) -> Assembly:
     down = Pose(np.array([0.0, 0.0, -40 * mm]), np.eye(3))
     peg = Box((30 * mm, 24 * mm, 40 * mm))
     return Assembly(part_of("peg", peg), part_of("block", Placed(block, down)))
+
+
+def polyhedra(assembly: Assembly) -> tuple[Polyhedron, Polyhedron]:
+    return assembly.moving.polyhedron, assembly.fixed.polyhedron
 
 
 def asked(
@@ -58,6 +66,35 @@ def test_errors_that_fit_into_the_clearance_need_no_contact() -> None:
     assert sequence.reached.margin > 0.0
     assert all(not claim.piece.held and not claim.piece.making for claim in sequence.reached.claims)
     assert sequence.lower_bound <= sequence.cost
+
+
+def test_a_floor_exactly_at_the_end_of_the_way_down_is_met() -> None:
+    rng = np.random.default_rng(17)
+    short = 0
+    for depth in (7.3e-3, 11.1e-3, 15.7e-3, 23.9e-3):
+        pocket = Placed(Box((0.0202, 0.0202, depth + 1e-3)), Pose(np.array([0.0, 0.0, -depth]), np.eye(3)))
+        down = Pose(np.array([0.0, 0.0, -0.04]), np.eye(3))
+        block = Difference(Placed(Box((0.06, 0.06, 0.04)), down), (pocket,))
+        assembly = Assembly(part_of("peg", Box((0.02, 0.02, 0.04))), part_of("block", block))
+        corners = assembly.moving.polyhedron.vertices
+        corner = int(np.flatnonzero(corners[:, 2] == 0.0)[0])
+        for _ in range(25):
+            turn = rng.uniform(-0.3, 0.3, 3)
+            pose = Pose(np.array([0.0, 0.0, rng.uniform(-depth + 1e-3, 0.06)]), exp(turn) @ exp(-turn))
+            place = Place(pose, (), (), corners[corner])
+            straight = Freedom("-z", np.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0]), float(pose.p[2]) + depth)
+            near = [
+                contact
+                for contact in neighbourhood(assembly, place, straight, 1e-3)
+                if contact.kind is Kind.VERTEX_FACE and contact.moving == (corner,)
+            ]
+            seated = pose.moved(straight.limit * straight.twist)
+            above = [c for c in near if 0.0 < Surfaces.of([c], *polyhedra(assembly)).values(seated)[0] < 1e-15]
+            short += len(above)
+            move = guarded(assembly, place, straight, near)
+            assert move is not None
+            assert move.goal.p[2] == pytest.approx(-depth, abs=1e-15)
+    assert short > 0  # rounding leaves some of these a little above the floor
 
 
 def test_a_peg_of_other_proportions_is_found_at_any_scale() -> None:

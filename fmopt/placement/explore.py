@@ -111,7 +111,8 @@ def guarded(assembly: Assembly, place: Place, freedom: Freedom, near: Sequence[P
 def _first_contact(assembly: Assembly, place: Place, freedom: Freedom, near: Sequence[PrimitiveContact]) -> Move | None:
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     table = Surfaces.of(near, body, fixed)
-    amounts = np.linspace(0.0, freedom.limit, _SAMPLES + 1)
+    # A floor that lies at the limit, as the goal's does, is met there, whatever rounding makes of it.
+    amounts = np.append(np.linspace(0.0, freedom.limit, _SAMPLES + 1), freedom.limit + _TOUCH)
     poses = moved(assembly, place, freedom, amounts)
     values = table.heights(poses.p, poses.R)
     open_now = values[0] > 10.0 * _TOUCH
