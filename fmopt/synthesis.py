@@ -37,7 +37,7 @@ from fmopt.placement.motion import Reached
 from fmopt.placement.polish import Turns, polish
 from fmopt.placement.search import MoveSequence, best_sequence
 from fmopt.placement.sequence import Placed, Refinement, certified, refine
-from fmopt.placement.share import largest_share
+from fmopt.placement.share import ATTEMPTS, largest_share
 from fmopt.placement.socp import ClarabelSolver
 from fmopt.placement.states import Scale, contact_spaces
 from fmopt.placement.step import Costs, Task
@@ -76,6 +76,8 @@ class Synthesis:
 def synthesise(problem: Problem, progress: Progress = lambda _: None) -> Synthesis:
     """Solves a problem, or as much of its start errors as there is a plan for where its settings ask for that.
 
+    Then half of the time limit is for all of the errors, the other half for shares of them, the same for each.
+
     Args:
         problem: the task.
         progress: told what is being done.
@@ -87,8 +89,10 @@ def synthesise(problem: Problem, progress: Progress = lambda _: None) -> Synthes
     """
     if not problem.settings.reduce_errors:
         return _synthesise(problem, progress)
+    settings = problem.settings
+    half = replace(problem, settings=replace(settings, time_limit=0.5 * settings.time_limit))
     try:
-        whole = _synthesise(problem, progress)
+        whole = _synthesise(half, progress)
         if whole.proved:
             return whole
         short = whole.verdict.findings[0].message
@@ -104,7 +108,8 @@ def synthesise(problem: Problem, progress: Progress = lambda _: None) -> Synthes
 
 def _for_share(problem: Problem, share: float, progress: Progress) -> Synthesis | None:
     """A proved synthesis for a share of the start errors; None when there is none."""
-    part = replace(problem, start_box=share * problem.start_box)
+    settings = replace(problem.settings, time_limit=0.5 * problem.settings.time_limit / ATTEMPTS)
+    part = replace(problem, start_box=share * problem.start_box, settings=settings)
     try:
         found = _synthesise(part, lambda words: progress(f"{share:.0%} of the errors: {words}"))
     except (SearchError, InfeasibleError):
@@ -114,7 +119,7 @@ def _for_share(problem: Problem, share: float, progress: Progress) -> Synthesis 
 
 def _reduced(problem: Problem, share: float, found: Synthesis, short: str) -> Synthesis:
     """A plan for a share of the start errors, which proves nothing for all of them, and says so."""
-    words = f"it is planned for {share:.0%} of the start errors that the problem states; for all of them: {short}"
+    words = f"it is certified for {share:.0%} of the start errors that the problem states; for all of them: {short}"
     verdict = found.verdict.unless([words])
     document = {
         **found.document,

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 from fmopt.geometry.clearance import checked_clearance
-from fmopt.placement.entry import Entry, Shape, funnel_depth, tilted_entry, tilted_shapes
+from fmopt.placement.entry import Entry, Shape, funnel_depth, straight_entry, tilted_entry, tilted_shapes
 from fmopt.se3 import Pose
 from fmopt.task.problem import Problem, load
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 SQUARE, CHAMFERED = "square_peg_100um", "factory_rect_8mm_tight"
 HEXAGON, TWO, FUNNEL, SMALL = "hexagon_prism", "two_pegs", "bilba_chamfered_60", "factory_rect_4mm_tight"
+KEYED, LEGS = "keyed_shaft", "bilba_puzzle"
 
 
 def entries(name: str, count: int = 12) -> tuple[Problem, list[tuple[Shape, Entry]]]:
@@ -28,7 +29,7 @@ def entries(name: str, count: int = 12) -> tuple[Problem, list[tuple[Shape, Entr
     return problem, [(s, tilted_entry(problem.moving, clearance.play, problem.approach, s)) for s in shapes]
 
 
-@pytest.mark.parametrize("name", [SQUARE, CHAMFERED, HEXAGON, TWO, FUNNEL, SMALL])
+@pytest.mark.parametrize("name", [SQUARE, CHAMFERED, HEXAGON, TWO, FUNNEL, SMALL, KEYED, LEGS])
 def test_the_lowest_corner_alone_is_in(name: str) -> None:
     problem, found = entries(name)
     funnel = funnel_depth(problem.fixed)
@@ -86,3 +87,16 @@ def test_errors_of_the_heading_make_the_corner_go_deeper() -> None:
         depths.append(next(tilted_shapes(problem.moving, play, wider.start_box, 0.4)).depth)
     assert depths[2] - depths[1] == pytest.approx(2.0 * (depths[1] - depths[0]))
     assert depths[0] < depths[1]
+
+
+def test_a_part_on_legs_begins_with_them() -> None:
+    """What stands out below the leading face of the mating feature goes in first, upright or tilted."""
+    problem = load(PROBLEMS / f"{LEGS}.toml")
+    vertices = problem.moving.polyhedron.vertices
+    assert vertices[:, 2].min() == pytest.approx(-0.02)
+    (upright,) = straight_entry(problem.moving, (5e-4, 1e-3), 0.05 * problem.start_box, problem.approach)
+    assert upright.start.apply(vertices)[:, 2].min() == pytest.approx(problem.approach)
+    assert upright.inside.apply(vertices)[:, 2].min() == pytest.approx(-2.5e-4)
+    _, found = entries(LEGS)
+    for _, entry in found:
+        assert entry.corner[2] == pytest.approx(-0.02)

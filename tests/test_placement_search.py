@@ -21,8 +21,8 @@ from fmopt.geometry.part import part_of
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.placement.entry import Entry, start_spread, straight_entry, tilted_entry, tilted_shapes
 from fmopt.placement.explore import Freedom, Place, guarded, neighbourhood
-from fmopt.placement.search import best_sequence, search
-from fmopt.placement.step import Costs, Task
+from fmopt.placement.search import best_sequence, search, shortfall
+from fmopt.placement.step import Costs, Task, begin
 from fmopt.se3 import Pose, exp
 from fmopt.uncertainty.error_set import ErrorSet
 
@@ -111,5 +111,23 @@ def test_a_peg_of_other_proportions_is_found_at_any_scale() -> None:
 
 def test_a_search_cut_short_says_how_far_it_came() -> None:
     task, rounds = asked(rectangular((0.15, 0.12)), [0.3, 0.3, 0.0, 0.3, 0.3, 0.3], 0.01, 0.030, 2)
-    with pytest.raises(SearchError, match="among 2 states, the closest came after approach"):
+    with pytest.raises(SearchError, match=r"among 2 states, the closest came after approach [^,]+; allow a"):
         search(task, next(rounds))
+
+
+@pytest.mark.parametrize(
+    ("binding", "words"),
+    [
+        ("pieces 0/3", "the distance of piece 0 of the moving part from piece 3 of the fixed one"),
+        ("e1-e10", "e1-e10"),
+    ],
+)
+def test_what_is_short_on_the_way_is_said(binding: str, words: str) -> None:
+    task, rounds = asked(rectangular((0.3, 0.3)), [0.02, 0.02, 0, 0.02, 0.02, 0.02], 5e-4, 0.029, 20)
+    node = begin(task, next(rounds)[0])
+    assert node is not None
+    assert shortfall(node) == ""
+    (claim,) = node.reached.claims
+    worse = (claim, replace(claim, margin=-1.25e-5, binding=binding), replace(claim, margin=-1e-6))
+    short = replace(node, reached=replace(node.reached, claims=worse))
+    assert shortfall(short) == f", where {words} is short by 12.5 um for the stated errors"

@@ -19,7 +19,7 @@ from fmopt.geometry.clearance import checked_clearance
 from fmopt.placement.entry import planar_entries, start_spread
 from fmopt.placement.explore import IN_PLANE, freedoms
 from fmopt.placement.search import search
-from fmopt.placement.share import largest_share
+from fmopt.placement.share import ATTEMPTS, largest_share
 from fmopt.placement.step import Costs, Task
 from fmopt.se3 import Pose
 from fmopt.task.clearance import measured_clearance
@@ -163,6 +163,22 @@ def test_largest_share() -> None:
     assert len(tried) <= 5
     assert largest_share(lambda _: None) is None
     assert largest_share(lambda share: share, 4) == (0.75, 0.75)
+
+
+@pytest.mark.parametrize("percent", range(100))
+def test_shares_below_a_step_are_told_apart_more_finely(percent: int) -> None:
+    tried: list[float] = []
+
+    def attempt(share: float) -> float | None:
+        tried.append(share)
+        return share if 100.0 * share <= percent + 1e-9 else None
+
+    found = largest_share(attempt)
+    assert len(tried) <= ATTEMPTS
+    if found is None:
+        assert percent == 0
+    else:
+        assert 100.0 * found[0] == pytest.approx(percent if percent < 5 else percent // 5 * 5)
 
 
 def test_a_plan_for_a_share_proves_nothing_for_all(slot: Problem, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -270,14 +270,15 @@ def straight_entry(moving: Part, play: tuple[float, float], start_box: Array, ap
         moving: the moving part, tip centre at the origin.
         play: free travel (x, y) of the upright part between the walls, m.
         start_box: half-widths (6,) of the start error, m and rad.
-        approach: height of the leading face above the mouth at the start, m.
+        approach: height of the lowest point above the mouth at the start, m.
     """
     slack = 0.5 * min(play)
     if start_spread(moving, start_box) >= slack:
         return ()
-    heights = (np.array([0.0, 0.0, approach]), np.array([0.0, 0.0, -slack]))
+    tip = _tip(moving)
+    heights = (np.array([0.0, 0.0, level - float(tip[0, 2])]) for level in (approach, -slack))
     start, inside = (Pose(at, np.eye(3)) for at in heights)
-    return (Entry(start, inside, _tip(moving)[0]),)
+    return (Entry(start, inside, tip[0]),)
 
 
 def start_spread(moving: Part, start_box: Array) -> float:
@@ -286,8 +287,9 @@ def start_spread(moving: Part, start_box: Array) -> float:
 
 
 def _tip(moving: Part) -> Array:
+    """The corners that go in first: those of the leading face, or of what stands out below it."""
     vertices = moving.polyhedron.vertices
-    return np.asarray(vertices[np.abs(vertices[:, 2]) <= 1e-9])
+    return np.asarray(vertices[vertices[:, 2] <= vertices[:, 2].min() + 1e-9])
 
 
 def _swing(tip: Array, start_box: Array) -> float:
@@ -324,7 +326,8 @@ def _sides(moving: Part, corner: Array) -> tuple[tuple[Array, Array], tuple[Arra
     long = np.flatnonzero(lengths > _SHORT * lengths.max())
     first, last = 0, len(long) - 1
     while inward[long[first]] @ inward[long[last]] > _ALIKE and first + 1 < last:
-        first, last = first + 1, last - 1
+        # The one from which it is less far to the corner goes on, so that of eight sides two at right angles are found.
+        first, last = (first, last - 1) if first + last >= len(long) - 1 else (first + 1, last)
     one, two = long[first], long[last]
     return (inward[one], points[one]), (inward[two], points[two])
 

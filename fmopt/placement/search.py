@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import heapq
 import math
+import re
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -129,14 +130,30 @@ def search(
         for son in sons(task, node):
             front.push(son, 0 if task.seated(son.place.pose) else final)
             closest = son if closest is None else min(son, closest, key=lambda n: (-n.rank, n.cost))
+            if time.monotonic() > deadline:
+                break
     late = time.monotonic() > deadline
     raise SearchError(
         f"no sequence of contacts to the seated part was found among {expanded} states"
         + (", the time limit is used up" if late else "")
-        + (f", the closest came after {' '.join(closest.names)}" if closest else ""),
+        + (f", the closest came after {' '.join(closest.names)}{shortfall(closest)}" if closest else ""),
         advice="raise settings.time_limit" if late else "allow a larger tilt, lower the start errors",
         late=late,
     )
+
+
+def shortfall(node: Node) -> str:
+    """What is short on the way to a state, in words; nothing where all of it is certified."""
+    worst = min(node.reached.claims, key=lambda claim: claim.margin)
+    if worst.margin > 0.0:
+        return ""
+    pair = re.fullmatch(r"pieces (\d+)/(\d+)", worst.binding)
+    what = (
+        f"the distance of piece {pair[1]} of the moving part from piece {pair[2]} of the fixed one"
+        if pair
+        else worst.binding
+    )
+    return f", where {what} is short by {-1e6 * worst.margin:.1f} um for the stated errors"
 
 
 class _Frontier:
