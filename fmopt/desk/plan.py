@@ -44,7 +44,7 @@ class Segment:
         margin: what is left of its tightest inequality, m; None where the plan states none.
         clearance: gap that the nominal motion leaves, m; None where the plan states none.
         binds: what the margin is of, in words.
-        hybrid: the control strategy, as in the plan file: frame, axes, velocity, bias wrench, termination.
+        hybrid: the control strategy, as in the plan file: frame, axes, velocity, bias, termination, jam-free range.
         rho: characteristic length, m, that makes turns comparable with lengths.
         record: all of it as the plan file holds it, SI units.
     """
