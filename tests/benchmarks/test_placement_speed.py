@@ -136,7 +136,7 @@ def surface_programs(count: int) -> list[tuple[tuple[Counts, Counts], Any]]:
 
 @pytest.fixture(scope="module")
 def programs(request: pytest.FixtureRequest) -> list[tuple[tuple[Counts, Counts], Any]]:
-    return surface_programs(8 if request.config.getoption("benchmark_disable") else 200)
+    return surface_programs(200 if request.config.getoption("benchmark_enable") else 8)
 
 
 @pytest.mark.benchmark(group="nonlinear programs, one after the other")
