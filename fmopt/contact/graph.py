@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from fmopt.contact.polytope import Bits, Faces
+from fmopt.contact.lattice import Bits
+from fmopt.contact.polytope import Faces
 from fmopt.contact.space import LocalSpace
 from fmopt.values import Array, Value, frozen
 
