@@ -77,7 +77,11 @@ def claim(
 
 
 def stepped(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Tolerance) -> Advance:
-    """Carries the errors through a piece of motion that every execution follows; arguments and errors as of `claim`."""
+    """Carries the errors through a piece of motion that every execution follows; arguments as of `claim`.
+
+    Raises:
+        InfeasibleError: the step is impossible, or some executions would not make or give up a contact as it says.
+    """
     step = advance(assembly, piece, errors, tolerance)
     if step.approach <= 0.0 and piece.made is not None:
         raise InfeasibleError(

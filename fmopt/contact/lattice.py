@@ -1,7 +1,7 @@
 """The face lattice of a pointed polyhedron from its corners and what lies on them: combinatorics alone.
 
 Where each corner lies on no more half-spaces than there are dimensions, every subset of these is a face; else faces
-are the closed sets of incidences.
+are the closed sets of incidences. Corners and points are in scaled units, like those of the polyhedron.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ def _keys(bits: Bits) -> NDArray[np.uint64]:
 
 
 def ordered(active: Bits, dimensions: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Largest dimension first, then by the active rows."""
+    """The order (n,) of faces by dimensions (n,) and active rows (n, k): largest dimension first, then by rows."""
     return np.lexsort((*_keys(~active)[::-1], -dimensions))
 
 
 def different(bits: Bits) -> NDArray[np.intp]:
-    """Where in a list of bit rows (n, k) each different one comes first, in their order."""
+    """Where (l,) in a list of bit rows (n, k) each different one comes first, in their order."""
     keys = _keys(bits)
     order = np.lexsort(keys[::-1])
     new = (keys[:, order[1:]] != keys[:, order[:-1]]).any(axis=0)
@@ -43,7 +43,15 @@ def different(bits: Bits) -> NDArray[np.intp]:
 
 
 def simple_faces(corners: Array, incidence: Bits) -> tuple[Bits, NDArray[np.intp], Array]:
-    """Faces in order when each corner lies on exactly r rows: every subset of them is one, but those at infinity."""
+    """Faces in order when each corner lies on exactly r rows: every subset of them is one, but those at infinity.
+
+    Args:
+        corners: vertices and rays (m, r).
+        incidence: which rows hold each (m, k + 1); the last column is the row at infinity.
+
+    Returns:
+        active rows (n, k), dimensions (n,), and a point in the relative interior of each face (n, r).
+    """
     m, r = corners.shape
     columns = incidence.shape[1]
     digits = np.nonzero(incidence)[1].reshape(m, r)
@@ -145,7 +153,11 @@ def _means(corners: Array, rays: Bits, which: Numbers, n: int) -> Array:
 
 
 def closed_faces(corners: Array, incidence: Bits) -> tuple[Bits, Array]:
-    """Faces as all intersections of the rows' corner sets, by bit sets."""
+    """Faces as all intersections of the rows' corner sets, by bit sets; arguments as of `simple_faces`.
+
+    Returns:
+        active rows (n, k), and a point in the relative interior of each face (n, r), in no particular order.
+    """
     m = len(corners)
     facets = {int.from_bytes(np.packbits(row, bitorder="little").tobytes(), "little") for row in incidence.T}
     known = {(1 << m) - 1}
