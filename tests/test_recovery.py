@@ -12,9 +12,12 @@ from execution_geometry import Convex, gaps, rotations
 from plan_mutations import changed
 
 from fmopt.control.recovery import underside
+from fmopt.export.cautions import failing_words
+from fmopt.export.urscript import program
 from fmopt.geometry.csg import Box, Difference, Hull, Placed, Prism, Solid, Union, frustum
 from fmopt.geometry.pieces import pieces, polyhedron
 from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.report.recovery_tables import recovery_chapter, recovery_words
 from fmopt.se3 import Pose, exp
 from fmopt.verify import PlanError, verify
 from fmopt.verify.document import Body
@@ -258,6 +261,53 @@ def test_coverings_are_compared_exactly(square_peg_plan: Plan) -> None:
 
     assert verify(of([-2.0 * a, 2.0 * a], 2.99 * a)).verdict == "CERTIFIED"
     assert verify(of([-2.0 * a, np.nextafter(2.0 * a, 1.0)], 2.99 * a)).verdict == "NOT_PROVED"
+
+
+def test_people_are_told_what_to_do(square_peg_plan: Plan) -> None:
+    said = square_peg_plan["recovery"]
+    [lifted, again] = recovery_words(square_peg_plan)
+    assert lifted == "When a move fails the part can be lifted straight out of the hole in moves 1 to 7."
+    assert again == "Tried again from 8 starts aside, the plan holds for start errors of x ±0.9 mm, y ±0.9 mm."
+    page = recovery_chapter(square_peg_plan)
+    firsts = [first for move in said["moves"] for first in move["first"]]
+    assert page.count(" touches ") == len(firsts) > 5
+    assert all(f"{first['factor']:.3g}" in page for first in firsts)
+    moves = [{**move, "back_off": k not in (2, 6)} for k, move in enumerate(said["moves"])]
+    through = {**square_peg_plan, "recovery": {**said, "moves": moves, "retries": [], "why": "it is <so>"}}
+    lifted, again = recovery_words(through)
+    assert "in moves 1, 2 and 4 to 6, in moves 3 and 7 only while" in lifted
+    assert "lies above z = −40 mm." in lifted
+    assert again == "It is not to be tried again: it is <so>."
+    assert "it is &lt;so&gt;" in recovery_chapter(through)
+    undercut = {**square_peg_plan, "recovery": {**said, "lift": None, "why": "it cannot"}}
+    assert recovery_words(undercut) == ["When a move fails there is no way back that is known to be free: it cannot."]
+    assert recovery_words({**square_peg_plan, "recovery": None}) == []
+
+
+def test_exported_programs_tell_which_way_is_out(square_peg_plan: Plan) -> None:
+    tipped = Pose(np.zeros(3), exp([0.5 * np.pi, 0.0, 0.0]))
+    words = failing_words(square_peg_plan, tipped)
+    assert "lifted along [0, -1, 0] in the base while its lowest point is above z = -0.04 m" in words
+    assert failing_words({}, tipped) == ""
+    assert failing_words({"recovery": {"lift": None}}, tipped) == ""
+    assert f"# W{words[1:]}.\n" in program(square_peg_plan, tipped)
+
+
+@pytest.mark.parametrize("undercut", [False, True])
+def test_a_part_with_an_undercut_at_its_mouth_is_not_lifted(square_peg_plan: Plan, undercut: bool) -> None:
+    """The block of the plan, and one whose hole is wider below, which a plan made for the first does not know."""
+    body = polyhedron(WIDER if undercut else BLOCK)
+    shift = -0.04
+    vertices = [[x, y, z + shift] for x, y, z in body.vertices.tolist()]
+    faces = [[list(loop) for loop in face.loops] for face in body.faces]
+    pieces_ = [[p.vertices + shift * UP, p.faces] for p in pieces(WIDER if undercut else BLOCK)]
+    listed = [{"vertices": v.tolist(), "faces": [[list(f.loops[0])] for f in fs]} for v, fs in pieces_]
+
+    def change(plan: Plan) -> None:
+        plan["parts"]["fixed"].update(vertices=vertices, faces=faces, pieces=listed)
+
+    found = verify(changed(square_peg_plan, change)).findings
+    assert any("looks down" in str(finding) for finding in found) == undercut
 
 
 def test_the_copies_are_not_shared(square_peg_plan: Plan) -> None:

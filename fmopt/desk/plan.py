@@ -142,6 +142,8 @@ class Plan:
         seed: int = 0,
         *,
         beyond: int = 0,
+        covered: bool = False,
+        recovery: bool = True,
         folder: str | PathLike[str] | None = None,
         workers: int | None = None,
     ) -> Trials:
@@ -151,6 +153,8 @@ class Plan:
             trials: with errors inside the certified set.
             seed: of all that is drawn.
             beyond: further trials, with errors of one to two times the set.
+            covered: whether these have errors that the plan's retries cover instead.
+            recovery: whether to back off and try again as the plan says when a move fails.
             folder: for the results, what is there of the same trials is used; out/trials-… when not given.
             workers: processes; one for each processor when not given.
 
@@ -158,8 +162,10 @@ class Plan:
             ResourceError: the physics engine, of the extra `sim`, is not installed, or results cannot be written.
         """
         from fmopt.desk.trials import carried_out
+        from fmopt.execution.trials import Trials as Wanted
 
-        return carried_out(self, trials, seed, beyond, None if folder is None else Path(folder), workers)
+        wanted = Wanted(trials, beyond, seed=seed, recovery=recovery, covered=covered)
+        return carried_out(self, wanted, None if folder is None else Path(folder), workers)
 
     def export(
         self,

@@ -13,6 +13,7 @@ from fmopt import plan as files
 
 if TYPE_CHECKING:
     from fmopt.desk.plan import Plan
+    from fmopt.execution.trials import Trials as Wanted
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,12 +47,10 @@ class Trials:
         return f"<pre>{escape(str(self))}</pre>"
 
 
-def carried_out(plan: Plan, trials: int, seed: int, beyond: int, folder: Path | None, workers: int | None) -> Trials:
+def carried_out(plan: Plan, wanted: Wanted, folder: Path | None, workers: int | None) -> Trials:
     """Trials of a plan; see `fmopt.desk.plan.Plan.execute`."""
     from fmopt.execution.execute import execute
-    from fmopt.execution.trials import Trials as Wanted
 
     there = folder if folder is not None else Path("out") / f"trials-{str(plan.document['sha256'])[:12]}"
     files.write(plan.document, there / "plan.json")
-    wanted = Wanted(trials, beyond, seed=seed)
     return Trials(execute(there / "plan.json", wanted, there, workers, lambda _: None), there)

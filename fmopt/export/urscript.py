@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from fmopt.export.cautions import insertion_words, turning_words, verdict_words
+from fmopt.export.cautions import failing_words, insertion_words, turning_words, verdict_words
 from fmopt.export.frame import TaskFrame, task_frame
 from fmopt.guarded.moves import Move, moves
 from fmopt.se3 import Pose
@@ -29,7 +29,7 @@ _HEADER = """\
 # The frame of the hole ({hole}) is at {base} in the base.
 # If z of the base points up: {insertion}.
 # Greatest turning rate: {turning}.
-# Selection: 1 compliant, 0 stiff. Wrenches of force_mode are what the robot applies to its environment.
+{failing}# Selection: 1 compliant, 0 stiff. Wrenches of force_mode are what the robot applies to its environment.
 # get_tcp_force is taken as the reaction of the environment on the tool, in axes of the base, torque about the TCP.
 # Limits: m/s and rad/s on compliant axes, m and rad of deviation on stiff ones.
 # Moves are counted from 1; segments[0] is the first entry of segments in the plan file.
@@ -189,6 +189,7 @@ def _head(document: Mapping[str, Any], rows: Sequence[Move], base: Pose, setting
         hole=document["frames"]["B"],
         base=_pose(base),
         insertion=insertion_words(base),
+        failing=f"# {words[0].upper()}{words[1:]}.\n" if (words := failing_words(document, base)) else "",
         turning=turning_words(commanded(rows, settings), [move.number for move in rows]),
     )
 
