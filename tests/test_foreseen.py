@@ -18,7 +18,7 @@ from fmopt.contact.surface import Surfaces
 from fmopt.control.recovery import offsets, order, told_apart
 from fmopt.geometry.csg import Box, Difference, Placed
 from fmopt.geometry.part import part_of
-from fmopt.placement.foreseen import LARGEST, Foreseen, foreseen
+from fmopt.placement.foreseen import LARGEST, Foreseen, foreseen, images_of
 from fmopt.placement.motion import Move, Reached, unroll
 from fmopt.se3 import Pose, exp
 from fmopt.task.problem import Specification
@@ -167,3 +167,10 @@ def test_noise_hides_small_angles(entered: tuple[Assembly, list[Claim]]) -> None
     for angle, told in ((0.01, False), (0.5, True), (math.pi, True)):
         made = Foreseen(one.contact, 1.0, "", math.inf, 1e-4, one.row, one.wrench, angle)
         assert told_apart(made, asked, RHO) is told
+
+
+def test_images_of_start_errors_are_those_of_a_box_and_none_of_an_ellipsoid() -> None:
+    box = np.where(np.arange(6) == 2, 0.0, BOX)
+    axes = np.flatnonzero(box)
+    assert np.array_equal(images_of(ErrorSet.from_box(box), axes), np.diag(box))
+    assert not images_of(ErrorSet.from_ellipsoid(np.diag(BOX**2)), axes).any()

@@ -239,6 +239,15 @@ def test_recoveries_of_another_form_are_refused(square_peg_plan: Plan, change: A
         verify(changed(square_peg_plan, change))
 
 
+def test_a_start_below_the_top_is_nowhere_to_carry_the_part_to(square_peg_plan: Plan) -> None:
+    def change(plan: Plan) -> None:
+        plan["uncertainty"]["start_box"][3] = plan["recovery"]["covers"][3] = 0.2
+
+    found = [str(finding) for finding in verify(changed(square_peg_plan, change)).findings]
+    assert any("below the top" in words for words in found)
+    assert any("lift.clear: is short" in words for words in found)
+
+
 def test_a_plan_without_recovery_is_judged_as_before(square_peg_plan: Plan) -> None:
     plain = changed(square_peg_plan, lambda plan: plan.pop("recovery"))
     assert verify(plain).verdict == "CERTIFIED"

@@ -98,8 +98,7 @@ class Program(Value):
 def planned(document: Mapping[str, Any], robot: Robot) -> Program:
     """The program of a plan: its segments, moves ended by their contacts.
 
-    Where a contact is not felt, the program fails; plans that say how to recover from a wrong contact can name the step
-    that does it in `on_end`.
+    Where a contact is not felt, the program fails; what a plan says to do then, `attempt` does.
 
     Args:
         document: plan.

@@ -92,9 +92,13 @@ class _Place:
 
 
 def images_of(errors: ErrorSet, axes: NDArray[np.intp]) -> Array:
-    """The images (6, 6) of the start errors in a set that a motion has carried on, one column an axis with error."""
+    """The images (6, 6) of the start errors in a set that a motion has carried on, one column an axis with error.
+
+    An ellipsoid, as the paper's sets are, has forgotten them: all are 0, and nothing is foreseen.
+    """
     images = np.zeros((6, 6))
-    images[:, axes] = errors.generators[: len(axes)].T
+    if len(errors.generators) >= len(axes):
+        images[:, axes] = errors.generators[: len(axes)].T
     return images
 
 
