@@ -152,10 +152,12 @@ def test_shifts_that_bring_the_first_contact_away_are_tried_first(entered: tuple
     shifts = offsets(BOX)
     found = foreseen(assembly, claims, BOX, 0.3, RHO)[:1]
     tried = order(assembly, claims, found, BOX, shifts)
-    assert sorted(tried["early"]) == sorted(tried["late"]) == list(range(8))
-    gains = [float(found[0].row @ (np.array(shifts[k]) / BOX)) for k in tried["early"]]
+    assert sorted(tried["early"]) == sorted(tried["late"]) == list(range(9))
+    gains = [float(found[0].row @ (np.array(shifts[k]) / BOX)) for k in tried["early"][:-1]]
     assert gains == sorted(gains, reverse=True)
     assert gains[0] > gains[-1]
+    assert tried["early"][-1] == tried["late"][-1] == 8
+    assert not any(shifts[8])
 
 
 def test_noise_hides_small_angles(entered: tuple[Assembly, list[Claim]]) -> None:

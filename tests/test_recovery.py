@@ -140,6 +140,9 @@ def test_the_plan_offers_to_back_off_and_to_try_again(square_peg_plan: Plan) -> 
     said = square_peg_plan["recovery"]
     assert square_peg_plan["verdict"] == "CERTIFIED"
     assert said["lift"]["above"] == -0.04
+    assert len(said["retries"]) == 9
+    assert said["retries"][-1] == [0.0] * 6
+    assert all(move["order"][felt][-1] == 8 for move in said["moves"] for felt in ("early", "late"))
     assert said["why"] == ""
     assert [move["back_off"] for move in said["moves"]] == [True] * 7
     box = square_peg_plan["uncertainty"]["start_box"]
@@ -203,8 +206,8 @@ FALSE: dict[str, tuple[Callable[[Plan], None], str]] = {
     "turns": (_set("covers", 5)(lambda x: 2.0 * x), "otherwise than in x and y"),
     "a retry less": (
         lambda plan: (
-            plan["recovery"]["retries"].pop(),
-            [m["order"].update(early=list(range(7)), late=list(range(7))) for m in plan["recovery"]["moves"]],
+            plan["recovery"]["retries"].pop(0),
+            [m["order"].update(early=list(range(8)), late=list(range(8))) for m in plan["recovery"]["moves"]],
         )[0],
         "no start covers",
     ),
@@ -226,7 +229,7 @@ def test_false_claims_are_not_certified(square_peg_plan: Plan, name: str) -> Non
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (_set("moves", 0, "order", "late")([0, 1, 2, 3, 4, 5, 6, 6]), "repeats an index"),
+        (_set("moves", 0, "order", "late")([0, 1, 2, 3, 4, 5, 6, 7, 7]), "repeats an index"),
         (_set("moves", 0, "order", "late")([0, 1, 2]), "must name each retry once"),
         (_set("moves")(lambda moves: moves[1:]), "one entry for each move"),
         (_set("lift", "direction")([0.0, 1.0, 0.0]), "must be the z"),

@@ -9,7 +9,7 @@ Try again. The plan holds for every start error e in its box. From a start shift
 box. Eight shifts by a whole width around, in the plane two, cover with it three times its size in x and y. The order in
 which they are tried follows from what was felt: a shift o is for errors about −o, which would bring the contacts of the
 move nearer or farther; a contact that was never felt speaks for errors with which it is farther, one that came too
-early, or another in its place, for those with which they are nearer.
+early, or another in its place, for those with which they are nearer. Last comes the same start once more.
 """
 
 from __future__ import annotations
@@ -199,10 +199,14 @@ def _furthest_turn(segments: Sequence[Mapping[str, Any]]) -> float:
 
 
 def offsets(box: Array) -> list[list[float]]:
-    """Shifts (6,) of the start by whole widths of its box in x and y, m, the nearer ones first."""
+    """Shifts (6,) of the start by whole widths of its box in x and y, m, the nearer ones first; none at all last.
+
+    The same start once more is for moves that fail although the errors are those that the plan is for.
+    """
     sides = [(0.0, -2.0 * a, 2.0 * a) if a > 0.0 else (0.0,) for a in map(float, box[:2])]
     around = [(x, y) for x, y in product(*sides) if x or y]
-    return [[x, y, 0.0, 0.0, 0.0, 0.0] for x, y in sorted(around, key=lambda at: bool(at[0]) + bool(at[1]))]
+    nearest = sorted(around, key=lambda at: bool(at[0]) + bool(at[1]))
+    return [[x, y, 0.0, 0.0, 0.0, 0.0] for x, y in (*nearest, (0.0, 0.0))]
 
 
 def covered(box: Array) -> list[float]:
@@ -246,6 +250,6 @@ def order(
         made = contact_rows(assembly, [piece.made], piece.making, piece.goal).N[0] @ images
         rows.append(made / max(float(np.abs(made).sum()), 1e-30))
     errors = [-np.asarray(offset) / sure for offset in retries]
-    late = [-round(float(made @ e), 12) for e in errors]
-    early = [round(min((float(row @ e) for row in rows), default=0.0), 9) for e in errors]
+    late = [(not e.any(), -round(float(made @ e), 12)) for e in errors]
+    early = [(not e.any(), round(min((float(row @ e) for row in rows), default=0.0), 9)) for e in errors]
     return {felt: sorted(range(len(errors)), key=told.__getitem__) for felt, told in (("late", late), ("early", early))}

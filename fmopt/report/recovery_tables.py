@@ -33,7 +33,9 @@ def recovery_words(plan: Plan) -> list[str]:
         return [*said, f"It is not to be tried again: {found['why']}."]
     box, covers = plan["uncertainty"]["start_box"], found["covers"]
     wider = [f"{axis} ±{millimetres(covers[k])} mm" for k, axis in enumerate(AXES[:2]) if covers[k] > box[k]]
-    count = len(found["retries"])
+    count = sum(any(shift) for shift in found["retries"])
+    if not count:
+        return [*said, "It may be tried again from the same start."]
     return [*said, f"Tried again from {count} starts aside, the plan holds for start errors of {', '.join(wider)}."]
 
 
