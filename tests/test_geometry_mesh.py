@@ -275,3 +275,11 @@ def test_only_fine_steps_are_taken_for_rounding(step: float) -> None:
     for same in (on_grid, on_grid.astype(np.float32).astype(np.float64)):
         assert decimal_step(same) == pytest.approx(expected, rel=1e-12)
     assert decimal_step(points) == 0.0
+
+
+@pytest.mark.parametrize("decimals", [3, 9])
+def test_the_frame_of_a_round_hole_lies_along_the_model_whatever_its_numbers_are_rounded_to(decimals: int) -> None:
+    bored = Difference(Box((0.04, 0.04, 0.009)), (Placed(Cylinder(0.00825, 0.02, 96), at(z=-0.005)),))
+    points, triangles = triangles_of(bored)
+    part = mesh_part("plate", mesh_polyhedron(1e-3 * np.round(points, decimals), triangles))
+    np.testing.assert_array_equal(part.feature("hole").frame.R, np.eye(3))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import chain
@@ -107,6 +108,23 @@ def test_a_peg_of_other_proportions_is_found_at_any_scale() -> None:
     margins = [[claim.margin for claim in sequence.reached.claims] for sequence in (one, ten)]
     np.testing.assert_allclose(10.0 * np.array(margins[0]), margins[1], rtol=1e-6, atol=1e-9)
     assert one.cost == pytest.approx(ten.cost, rel=1e-6)
+
+
+def test_a_search_out_of_time_gives_what_it_has() -> None:
+    task, rounds = asked(rectangular((0.3, 0.3)), [0.02, 0.02, 0, 0.02, 0.02, 0.02], 5e-4, 0.029, 20)
+    begun: list[float] = []
+
+    def told(names: str) -> None:
+        """The clock runs out while the sons of the first state are made."""
+        begun.append(time.monotonic())
+        time.sleep(0.4)
+
+    entries = next(rounds)
+    found = search(task, entries, time.monotonic() + 0.3, told)
+    assert len(begun) == 1
+    assert found.names == ("approach", "-z")
+    assert found.reached.margin > 0.0
+    assert found.lower_bound <= found.cost
 
 
 def test_a_search_cut_short_says_how_far_it_came() -> None:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _SLENDER = 1.5  # a part with holes is a peg too when it is this many times as long as its section is wide
 _SAME = 1e-6  # of the diameter, and rad
 _ROUND = 1e-9  # m: to which origins are rounded
-_MANY = 8  # longest sides: more of them make a section round
+_MANY, _EVEN = 8, 0.02  # so many sides that differ by less than this share make a section round
 _LOPSIDED = 1e-3  # of a section's width: a centroid this far from the middle says which way x points
 
 
@@ -238,7 +238,7 @@ def _frame(ring: Polygon, at: Array, z: Array) -> Pose:
     lengths = np.linalg.norm(sides, axis=1)
     longest = sides[lengths >= lengths.max() * (1.0 - 1e-5)] @ basis.T
     choices = [sign * side / np.linalg.norm(side) for side in longest for sign in (1.0, -1.0)]
-    if len(longest) > _MANY:
+    if np.count_nonzero(lengths >= lengths.max() * (1.0 - _EVEN)) > _MANY:
         choices = [axis - (axis @ z) * z for axis in np.eye(3) if abs(axis @ z) < 0.9]
         choices = [axis / np.linalg.norm(axis) for axis in choices]
     x = max(choices, key=lambda d: np.round(d, 6).tolist())

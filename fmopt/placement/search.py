@@ -105,7 +105,7 @@ def search(
     Args:
         task: parts, errors, goal and costs.
         entries: ways to begin.
-        deadline: `time.monotonic()` at which to stop.
+        deadline: `time.monotonic()` at which to stop, after the first state at the earliest.
         progress: told what is being looked at.
 
     Raises:
@@ -117,21 +117,23 @@ def search(
     final = 0 if any(task.upright(node.place.pose) for node in nodes) else task.final_rank
     front = _Frontier(final, task.costs, nodes)
     closest: Node | None = None
+    ready: Node | None = None  # what there is when time runs out
     expanded = 0
-    while expanded < task.costs.states and time.monotonic() <= deadline:
+    while expanded < task.costs.states and (expanded == 0 or time.monotonic() <= deadline):
         node = front.pop()
         if node is None:
             break
         if task.seated(node.place.pose):
-            found = node.entry, node.moves, node.names, node.reached
-            return MoveSequence(*found, node.cost, front.bound(node), expanded)
+            return _sequence(node, front, expanded)
         expanded += 1
         progress(" ".join(node.names))
         for son in sons(task, node):
             front.push(son, 0 if task.seated(son.place.pose) else final)
             closest = son if closest is None else min(son, closest, key=lambda n: (-n.rank, n.cost))
-            if time.monotonic() > deadline:
-                break
+            if task.seated(son.place.pose) and son.reached.margin > 0.0:
+                ready = son if ready is None else min(son, ready, key=lambda n: n.cost)
+    if ready is not None:
+        return _sequence(ready, front, expanded)
     late = time.monotonic() > deadline
     raise SearchError(
         f"no sequence of contacts to the seated part was found among {expanded} states"
@@ -140,6 +142,10 @@ def search(
         advice="raise settings.time_limit" if late else "allow a larger tilt, lower the start errors",
         late=late,
     )
+
+
+def _sequence(node: Node, front: _Frontier, expanded: int) -> MoveSequence:
+    return MoveSequence(node.entry, node.moves, node.names, node.reached, node.cost, front.bound(node), expanded)
 
 
 def shortfall(node: Node) -> str:
