@@ -15,7 +15,7 @@ from table_plan import sealed
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.control.impact import Meeting, approach_speed, impact_force, impact_record, slowed
 from fmopt.errors import InputError
-from fmopt.execution.program import program
+from fmopt.execution.program import planned
 from fmopt.execution.robot import Robot
 from fmopt.guarded.moves import moves
 from fmopt.report.control_tables import hybrid_table
@@ -226,7 +226,7 @@ def test_what_runs_a_plan_runs_slowed_segments_slower(
     square_peg_plan: dict[str, Any], soft_plan: dict[str, Any]
 ) -> None:
     robot = Robot()
-    plain, soft = program(square_peg_plan, robot), program(soft_plan, robot)
+    plain, soft = planned(square_peg_plan, robot), planned(soft_plan, robot)
     rates = [s["hybrid"]["speed"] / ASKED.speed for s in soft_plan["segments"]]
     assert min(rates) < 0.25
     for fast, slow, row, rate in zip(plain.steps, soft.steps, moves(soft_plan), rates, strict=True):
