@@ -213,6 +213,7 @@ FALSE: dict[str, tuple[Callable[[Plan], None], str]] = {
     ),
     "a retry aside": (_set("retries", 7, 0)(lambda x: 0.999 * x), "no start covers"),
     "a retry lower": (_set("retries", 1, 2)(-1e-4), "otherwise than in x and y"),
+    "a move less": (_set("moves")(lambda moves: moves[1:]), "one entry for each move"),
     "no lift": (_set("lift")(None), "without a lift"),
 }
 
@@ -231,7 +232,6 @@ def test_false_claims_are_not_certified(square_peg_plan: Plan, name: str) -> Non
     [
         (_set("moves", 0, "order", "late")([0, 1, 2, 3, 4, 5, 6, 7, 7]), "repeats an index"),
         (_set("moves", 0, "order", "late")([0, 1, 2]), "must name each retry once"),
-        (_set("moves")(lambda moves: moves[1:]), "one entry for each move"),
         (_set("lift", "direction")([0.0, 1.0, 0.0]), "must be the z"),
         (_set("retries")([[0.0] * 6] * 65), "at most 64"),
         (_set("first")([]), "unknown key"),

@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
-from fmopt.verify.document import Numbers, Plan, PlanError, Segment
+from fmopt.verify.document import Numbers, Plan, Segment
 from fmopt.verify.findings import Notes, micrometres
 from fmopt.verify.rational import (
     ONE,
@@ -81,7 +81,7 @@ def check_recovery(document: Any, plan: Plan, notes: Notes) -> None:
         if lift is not None and retries:
             _check_carrying(lift, plan, notes)
     except ArithmeticRefusal as error:
-        raise PlanError("recovery", str(error)) from error
+        notes.add("recovery", str(error))
     if retries and lift is None:
         notes.add("recovery.retries", "are offered without a lift that brings the part back to the start")
     _check_covering(plan.start_box, retries, covers, notes)
@@ -127,7 +127,8 @@ def _check_moves(place: Reader, plan: Plan, lift: _Lift | None, retries: int, no
         for item in entry.at("first").items():
             item.only(("kind", "moving", "fixed", "factor", "axis", "axis_factor", "wrench", "angle", "told"))
     if [entry.at("move").integer() for entry in entries] != numbers:
-        raise place.fail("must have one entry for each move, in order")
+        notes.add("recovery.moves", "must have one entry for each move, in order")
+        return
     shape = Shape(plan.moving.body)
     for entry in entries:
         move = entry.at("move").integer()
