@@ -15,6 +15,8 @@ ROOT = Path(__file__).parent.parent
 
 
 collect_ignore = [] if browser.PATH else ["test_browser.py"]  # tests/test_page_scripts.py checks its pages everywhere
+if not (ROOT.parent / "shared" / "parts").is_dir():
+    collect_ignore.append("test_shared_parts.py")
 
 
 @pytest.fixture(scope="session")

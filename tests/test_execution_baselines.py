@@ -83,7 +83,7 @@ def test_the_command_compares_methods_in_one_table(
 ) -> None:
     def canned(_: Any, trials: Trials, numbers: list[int]) -> list[dict[str, Any]]:
         seated = {"plan": 4, "push": 1}.get(trials.method, 2)
-        common = {"size": 0.5, "reasons": ["tilted"], "departures": [], "seconds": 4.0}
+        common = {"size": 0.5, "reasons": ["tilted"], "departures": [], "seconds": 4.0, "retries": []}
         forces = {"peak_force": 1.0, "impact_force": 2.0, "penetration": 1e-6}
         return [{"trial": n, "success": n < seated, **common, **forces} for n in numbers]
 
