@@ -17,8 +17,9 @@ from collections.abc import Sequence
 
 from fmopt.verify.assembly import Touch
 from fmopt.verify.document import Hybrid, Numbers, Specification
+from fmopt.verify.doubles import cross, dot, doubles
 from fmopt.verify.findings import RELATIVE, Notes
-from fmopt.verify.rational import Vector, number, sub, turned
+from fmopt.verify.rational import sub, turned
 from fmopt.verify.rows import Pose
 
 _LEVEL = 1e-3  # sine of the angle below which edges fix no normal
@@ -79,16 +80,16 @@ def check_impact(
 
 def _met(touch: Touch, goal: Pose, V: Numbers, theta: float, error: Numbers, rho: float) -> float:
     """The greatest normal speed at which a contact can be met, for the unit twist V."""
-    arms = [_doubles(turned(goal.R, v)) for v in touch.moving]
+    arms = [doubles(turned(goal.R, v)) for v in touch.moving]
     normal, turn = _normal(touch, goal, arms, theta)
     v, w = V[:3], V[3:]
     found = 0.0
     for arm in arms:
-        u = tuple(x + y for x, y in zip(v, _cross(w, arm), strict=True))
+        u = tuple(x + y for x, y in zip(v, cross(w, arm), strict=True))
         size = math.hypot(*arm)
         shifted = math.hypot(*w) * size * theta
         most = math.hypot(*u) + shifted
-        met = min(most, abs(_dot(normal, u)) + shifted + turn * most)
+        met = min(most, abs(dot(normal, u)) + shifted + turn * most)
         found = max(found, met + error[0] + error[1] * size / rho)
     return found
 
@@ -96,26 +97,14 @@ def _met(touch: Touch, goal: Pose, V: Numbers, theta: float, error: Numbers, rho
 def _normal(touch: Touch, goal: Pose, arms: Sequence[Numbers], theta: float) -> tuple[Numbers, float]:
     """The unit normal of a contact, and by what angle errors may turn it."""
     if touch.kind == "vertex-face" and touch.plane is not None:
-        return _doubles(touch.plane.normal), 0.0
+        return doubles(touch.plane.normal), 0.0
     if touch.kind == "face-vertex" and touch.plane is not None:
-        return _doubles(turned(goal.R, touch.plane.normal)), math.asin(min(theta, 1.0))
+        return doubles(turned(goal.R, touch.plane.normal)), math.asin(min(theta, 1.0))
     own = tuple(x - y for x, y in zip(arms[1], arms[0], strict=True))
-    other = _doubles(sub(touch.fixed[1], touch.fixed[0]))
-    m = _cross(own, other)
+    other = doubles(sub(touch.fixed[1], touch.fixed[0]))
+    m = cross(own, other)
     size = math.hypot(*m)
     sine = size / (math.hypot(*own) * math.hypot(*other))
     if sine < _LEVEL:
         return (0.0, 0.0, 0.0), math.pi
     return tuple(x / size for x in m), math.asin(min(theta / sine, 1.0))
-
-
-def _doubles(v: Vector) -> Numbers:
-    return tuple(number(x) for x in v)
-
-
-def _dot(a: Sequence[float], b: Sequence[float]) -> float:
-    return math.fsum(x * y for x, y in zip(a, b, strict=True))
-
-
-def _cross(a: Sequence[float], b: Sequence[float]) -> Numbers:
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])

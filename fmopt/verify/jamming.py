@@ -13,8 +13,9 @@ import math
 from collections.abc import Sequence
 
 from fmopt.verify.document import Hybrid, JamFree, Numbers, Specification
+from fmopt.verify.doubles import cross, dot, doubles
 from fmopt.verify.findings import RELATIVE, Notes
-from fmopt.verify.rational import number
+from fmopt.verify.rational import sub
 from fmopt.verify.reach import Contact
 from fmopt.verify.rows import pose
 
@@ -66,7 +67,7 @@ def check_jam_free(
 def _opens(twist: Numbers, held: Sequence[Contact], scale: Numbers, friction: float) -> bool:
     size = math.hypot(*(x * s for x, s in zip(twist, scale, strict=True)))
     for contact in held:
-        opening = _dot(contact.wrench, twist) - friction * contact.sliding(twist)
+        opening = dot(contact.wrench, twist) - friction * contact.sliding(twist)
         if not opening > _STRICT * size:
             return False
     return True
@@ -81,13 +82,13 @@ def _range(
     notes: Notes,
 ) -> None:
     """That the least push and the angles follow; `rest` is the scaled bias without its push."""
-    freeing = [max(-_dot(v, rest) / power, 0.0) for v in twists if (power := _dot(v, along)) > 0.0]
+    freeing = [max(-dot(v, rest) / power, 0.0) for v in twists if (power := dot(v, along)) > 0.0]
     if stated.least_push is not None and not stated.least_push >= min(freeing, default=math.inf) * (1.0 - _ROUNDING):
         notes.add("jam_free.least_push", f"{stated.least_push!r} N do not follow from the twists")
     applied = tuple(x + stated.push * u for x, u in zip(rest, along, strict=True))
     size = math.hypot(*applied)
     a = tuple(x / size for x in applied) if size > 0.0 else applied
-    sine = max((_dot(v, a) / math.hypot(*v) for v in twists), default=0.0)
+    sine = max((dot(v, a) / math.hypot(*v) for v in twists), default=0.0)
     if stated.angle > 0.0 and not stated.angle <= math.asin(min(max(sine, 0.0), 1.0)) + _ROUNDING:
         notes.add("jam_free.angle", f"{stated.angle!r} rad do not follow from the twists")
     for name, angles in stated.planes:
@@ -101,35 +102,26 @@ def _range(
 
 def _turned(a: Numbers, direction: Sequence[float], twists: Sequence[Numbers]) -> float:
     """How far the unit wrench a turns to a direction while one of the twists keeps power on it, rad."""
-    part = _dot(a, direction)
+    part = dot(a, direction)
     d = [x - part * y for x, y in zip(direction, a, strict=True)]
     size = math.hypot(*d)
     if not size > _ROUNDING * math.hypot(*direction):
         return 0.0
-    reached = [math.atan2(_dot(v, a), -_dot(v, d) / size) for v in twists if _dot(v, a) > 0.0]
+    reached = [math.atan2(dot(v, a), -dot(v, d) / size) for v in twists if dot(v, a) > 0.0]
     return max(reached, default=0.0)
 
 
 def _directions(hybrid: Hybrid, along: Numbers, scale: Numbers, goal: Numbers) -> dict[str, Numbers]:
     """Scaled wrenches by their names; for a position axis the one that does most power on it."""
     frame, at = pose(hybrid.frame), pose(goal)
-    R = [[number(x) for x in line] for line in frame.R]
-    arm = tuple(number(a - b) for a, b in zip(frame.p, at.p, strict=True))
+    R, arm = [doubles(line) for line in frame.R], doubles(sub(frame.p, at.p))
     found = {"push": along}
     for k, axis in enumerate(hybrid.position_axes):
-        v, w = (tuple(_dot(line, part) for line in R) for part in (axis[:3], axis[3:]))
-        moved = tuple(x + y for x, y in zip(v, _cross(arm, w), strict=True))
+        v, w = (tuple(dot(line, part) for line in R) for part in (axis[:3], axis[3:]))
+        moved = tuple(x + y for x, y in zip(v, cross(arm, w), strict=True))
         found[f"position_axes[{k}]"] = tuple(x * s for x, s in zip((*moved, *w), scale, strict=True))
     for k, axis in enumerate(hybrid.force_axes):
-        f, t = (tuple(_dot(line, part) for line in R) for part in (axis[:3], axis[3:]))
-        moved = tuple(x + y for x, y in zip(t, _cross(arm, f), strict=True))
+        f, t = (tuple(dot(line, part) for line in R) for part in (axis[:3], axis[3:]))
+        moved = tuple(x + y for x, y in zip(t, cross(arm, f), strict=True))
         found[f"force_axes[{k}]"] = tuple(x / s for x, s in zip((*f, *moved), scale, strict=True))
     return found
-
-
-def _dot(a: Sequence[float], b: Sequence[float]) -> float:
-    return math.fsum(x * y for x, y in zip(a, b, strict=True))
-
-
-def _cross(a: Sequence[float], b: Sequence[float]) -> Numbers:
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])

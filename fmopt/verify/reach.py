@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 from fmopt.verify.assembly import Assembly, Touch
 from fmopt.verify.document import Numbers
-from fmopt.verify.rational import number
+from fmopt.verify.doubles import cross, dot, doubles
+from fmopt.verify.rational import number, transposed
 from fmopt.verify.rows import Pose
 from fmopt.verify.solids import Shape
 
@@ -30,7 +31,7 @@ class Contact(NamedTuple):
 
     def sliding(self, V: Numbers) -> float:
         """The speed at which the contact point slides along the contact for the twist V."""
-        turned = _cross(V[3:], self.arm)
+        turned = cross(V[3:], self.arm)
         velocity = [v + w for v, w in zip(V[:3], turned, strict=True)]
         normal = self.wrench[:3]
         along = sum(v * n for v, n in zip(velocity, normal, strict=True))
@@ -39,24 +40,24 @@ class Contact(NamedTuple):
 
 def unit_wrench(touch: Touch, X: Pose) -> Contact:
     """The contact with its wrench at a pose."""
-    p = _doubles(X.p)
+    p = doubles(X.p)
     if touch.kind == "edge-edge":
-        (a, b), (q, r) = (_placed(v, X) for v in touch.moving), (_doubles(w) for w in touch.fixed)
+        (a, b), (q, r) = (_placed(v, X) for v in touch.moving), (doubles(w) for w in touch.fixed)
         own, other = _sub(b, a), _sub(r, q)
-        m = _cross(own, other)
+        m = cross(own, other)
         size = math.hypot(*m)
         normal = tuple(x / size for x in m)
-        across = _cross(other, m)
-        s = _dot(across, _sub(q, a)) / _dot(across, own)
+        across = cross(other, m)
+        s = dot(across, _sub(q, a)) / dot(across, own)
         point = tuple(x + s * y for x, y in zip(a, own, strict=True))
     elif touch.kind == "vertex-face" and touch.plane is not None:
-        normal, point = _doubles(touch.plane.normal), _placed(touch.moving[0], X)
+        normal, point = doubles(touch.plane.normal), _placed(touch.moving[0], X)
     else:
         assert touch.plane is not None
         normal = tuple(-x for x in _turned(touch.plane.normal, X))
-        point = _doubles(touch.fixed[0])
+        point = doubles(touch.fixed[0])
     arm = _sub(point, p)
-    return Contact(point, arm, (*normal, *_cross(arm, normal)))
+    return Contact(point, arm, (*normal, *cross(arm, normal)))
 
 
 def touching(assembly: Assembly, touch: Touch, X: Pose) -> float:
@@ -64,34 +65,33 @@ def touching(assembly: Assembly, touch: Touch, X: Pose) -> float:
     if touch.kind == "vertex-face":
         return _inside(assembly.fixed, touch.face, _placed(touch.moving[0], X))
     if touch.kind == "face-vertex":
-        away = _sub(_doubles(touch.fixed[0]), _doubles(X.p))
-        columns = [[number(X.R[i][k]) for i in range(3)] for k in range(3)]
-        return _inside(assembly.moving, touch.face, tuple(_dot(column, away) for column in columns))
-    (a, b), (q, r) = (_placed(v, X) for v in touch.moving), (_doubles(w) for w in touch.fixed)
+        away = _sub(doubles(touch.fixed[0]), doubles(X.p))
+        return _inside(assembly.moving, touch.face, tuple(dot(doubles(line), away) for line in transposed(X.R)))
+    (a, b), (q, r) = (_placed(v, X) for v in touch.moving), (doubles(w) for w in touch.fixed)
     own, other = _sub(b, a), _sub(r, q)
-    m = _cross(own, other)
+    m = cross(own, other)
     if math.hypot(*m) < _LEVEL * math.hypot(*own) * math.hypot(*other):
         return -1.0
-    square = _dot(m, m)
-    s = _dot(_cross(_sub(q, a), other), m) / square
-    t = _dot(_cross(_sub(q, a), own), m) / square
+    square = dot(m, m)
+    s = dot(cross(_sub(q, a), other), m) / square
+    t = dot(cross(_sub(q, a), own), m) / square
     return min(min(s, 1.0 - s) * math.hypot(*own), min(t, 1.0 - t) * math.hypot(*other))
 
 
 def _inside(shape: Shape, face: int, point: Numbers) -> float:
     """How far the foot of a point on the plane of a face lies inside the face, m; negative outside."""
     plane = shape.faces[face].plane
-    normal = _doubles(plane.normal)
-    height = _dot(normal, point) - number(plane.offset)
+    normal = doubles(plane.normal)
+    height = dot(normal, point) - number(plane.offset)
     point = tuple(x - height * n for x, n in zip(point, normal, strict=True))
     axis = max(range(3), key=lambda k: abs(normal[k]))
     u, v = (axis + 1) % 3, (axis + 2) % 3
     within, nearest = False, math.inf
     for loop in shape.faces[face].loops:
-        corners = [_doubles(shape.vertices[i]) for i in loop]
+        corners = [doubles(shape.vertices[i]) for i in loop]
         for a, b in zip(corners, (*corners[1:], corners[0]), strict=True):
             edge, off = _sub(b, a), _sub(point, a)
-            share = min(max(_dot(edge, off) / _dot(edge, edge), 0.0), 1.0)
+            share = min(max(dot(edge, off) / dot(edge, edge), 0.0), 1.0)
             nearest = min(nearest, math.hypot(*(x - share * y for x, y in zip(off, edge, strict=True))))
             if (a[v] > point[v]) != (b[v] > point[v]):
                 at = a[u] + (point[v] - a[v]) / (b[v] - a[v]) * (b[u] - a[u])
@@ -99,26 +99,14 @@ def _inside(shape: Shape, face: int, point: Numbers) -> float:
     return nearest if within else -nearest
 
 
-def _doubles(v: Sequence[int]) -> Numbers:
-    return tuple(number(x) for x in v)
-
-
 def _turned(v: Sequence[int], X: Pose) -> Numbers:
-    w = _doubles(v)
-    return tuple(math.fsum(number(line[k]) * w[k] for k in range(3)) for line in X.R)
+    w = doubles(v)
+    return tuple(dot(doubles(line), w) for line in X.R)
 
 
 def _placed(v: Sequence[int], X: Pose) -> Numbers:
-    return tuple(x + y for x, y in zip(_turned(v, X), _doubles(X.p), strict=True))
+    return tuple(x + y for x, y in zip(_turned(v, X), doubles(X.p), strict=True))
 
 
 def _sub(a: Numbers, b: Numbers) -> Numbers:
     return tuple(x - y for x, y in zip(a, b, strict=True))
-
-
-def _dot(a: Sequence[float], b: Sequence[float]) -> float:
-    return math.fsum(x * y for x, y in zip(a, b, strict=True))
-
-
-def _cross(a: Sequence[float], b: Sequence[float]) -> Numbers:
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])

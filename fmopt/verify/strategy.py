@@ -22,10 +22,11 @@ from collections.abc import Sequence
 from fmopt.verify.assembly import Assembly, Touch
 from fmopt.verify.chain import Stage
 from fmopt.verify.document import Hybrid, Numbers, Specification
+from fmopt.verify.doubles import cross, dot, doubles
 from fmopt.verify.findings import RELATIVE, Notes
 from fmopt.verify.impact import allowed_speed, check_impact
 from fmopt.verify.jamming import check_jam_free
-from fmopt.verify.rational import number
+from fmopt.verify.rational import number, sub
 from fmopt.verify.reach import Contact, touching, unit_wrench
 from fmopt.verify.rows import pose
 
@@ -102,9 +103,8 @@ def _axes(hybrid: Hybrid, held: Sequence[Contact], stage: Stage, scale: Numbers,
     then the position axes span all that is left free, and the force axes all that the held contacts can take.
     """
     frame, goal = pose(hybrid.frame), pose(stage.segment.goal)
-    R = [[number(x) for x in line] for line in frame.R]
-    arm = [number(a - b) for a, b in zip(frame.p, goal.p, strict=True)]
-    origins = [(0.0, 0.0, 0.0), *(tuple(x - number(y) for x, y in zip(c.point, goal.p, strict=True)) for c in held)]
+    R, arm = [doubles(line) for line in frame.R], doubles(sub(frame.p, goal.p))
+    origins = [(0.0, 0.0, 0.0), *(c.arm for c in held)]
     if min(math.dist(arm, origin) for origin in origins) > _EXACT:
         notes.add("frame", "its origin is neither the part's reference point nor a contact point")
     for contact in held:
@@ -160,10 +160,7 @@ def _bias(
 
 def _along(V: Numbers, basis: Sequence[Numbers], scale: Numbers) -> Numbers:
     """The scaled unit wrench along the motion without power on what the rows of the basis stop; zero without any."""
-    free = tuple(v * s for v, s in zip(V, scale, strict=True))
-    for row in basis:
-        part = dot(row, free)
-        free = tuple(x - part * y for x, y in zip(free, row, strict=True))
+    free = _rest(tuple(v * s for v, s in zip(V, scale, strict=True)), basis)
     size = math.hypot(*free)
     return tuple(x / size for x in free) if size > _RANK else (0.0,) * 6
 
@@ -205,23 +202,18 @@ def _span(rows: Sequence[Numbers], most: int) -> list[Numbers]:
         size = math.hypot(*best)
         if size <= _RANK:
             break
-        axis = tuple(x / size for x in best)
         # Once more against what was found: the remainder of a nearly dependent row is not orthogonal to it.
-        for other in found:
-            part = dot(other, axis)
-            axis = tuple(x - part * y for x, y in zip(axis, other, strict=True))
+        axis = _rest(tuple(x / size for x in best), found)
         size = math.hypot(*axis)
         axis = tuple(x / size for x in axis)
         found.append(axis)
-        left = [tuple(x - dot(row, axis) * y for x, y in zip(row, axis, strict=True)) for row in left]
+        left = [_rest(row, [axis]) for row in left]
     return found
 
 
-def dot(a: Sequence[float], b: Sequence[float]) -> float:
-    """The inner product."""
-    return math.fsum(x * y for x, y in zip(a, b, strict=True))
-
-
-def cross(a: Sequence[float], b: Sequence[float]) -> Numbers:
-    """The vector product."""
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+def _rest(vector: Numbers, rows: Sequence[Numbers]) -> Numbers:
+    """What is left of a vector when its parts along orthonormal rows are taken off, one after the other."""
+    for row in rows:
+        part = dot(row, vector)
+        vector = tuple(x - part * y for x, y in zip(vector, row, strict=True))
+    return vector
