@@ -19,7 +19,6 @@ from fmopt.certificate.segment import Tolerance
 from fmopt.contact.bounds import BoundTable
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.contact.wrench import contact_point, contact_wrench
-from fmopt.control.compliance import twist_scale
 from fmopt.control.decomposition import contact_forces, position_force
 from fmopt.control.hand import hand_record
 from fmopt.control.hybrid import GuardedMove, hybrid_strategy
@@ -230,20 +229,29 @@ def strategy(
         float(np.linalg.norm(extent.offset)) + tolerance.rho * extent.theta,
         _resisting(assembly, held, claim),
     )
-    meetings = [Meeting.of(c, body, fixed, piece.goal) for c in piece.making]
-    V = move.displacement / float(np.linalg.norm(move.displacement * twist_scale(tolerance.rho)))
-    theta = extent.theta + float(np.linalg.norm(move.displacement[3:]))
-    approach = approach_speed(meetings, V, theta, tolerance.velocity_error, tolerance.rho)
-    specification = slowed(problem.specification, approach) if meetings else problem.specification
+    approach = _approach(problem, claim, move, tolerance)
+    specification = problem.specification if approach is None else slowed(problem.specification, approach)
     try:
         hybrid = hybrid_strategy(move, tolerance.rho, specification)
     except InfeasibleError as error:
         raise InfeasibleError(f"segment to {piece.goal.vector()}: {error.message}", advice=error.advice) from error
     document = hybrid.document([c.id for c in held], [c.id for c in made])
-    if meetings and specification.impact_force is not None:
+    if approach is not None:
         document["impact"] = impact_record(specification, approach)
     free = jam_free(move, hybrid, tolerance.rho, specification) if ranges else None
     return document if free is None else {**document, "jam_free": free.document()}
+
+
+def _approach(problem: Problem, claim: Claim, move: GuardedMove, tolerance: Tolerance) -> float | None:
+    """The normal speed at which a unit twist may meet what ends a piece; None where no impact is limited or comes."""
+    piece = claim.piece
+    if problem.specification.impact_force is None or not piece.making:
+        return None
+    body, fixed = problem.moving.polyhedron, problem.fixed.polyhedron
+    meetings = [Meeting.of(c, body, fixed, piece.goal) for c in piece.making]
+    V = move.displacement / move.length(tolerance.rho)
+    theta = claim.advance.ends.extent.theta + float(np.linalg.norm(move.displacement[3:]))
+    return approach_speed(meetings, V, theta, tolerance.velocity_error, tolerance.rho)
 
 
 def _resisting(assembly: Assembly, held: Sequence[PrimitiveContact], claim: Claim) -> Callable[[Array], float]:

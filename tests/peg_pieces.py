@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 
 from fmopt.certificate.assembly import Assembly
-from fmopt.certificate.claim import Claim, claim
+from fmopt.certificate.claim import Claim, claimed, stepped
 from fmopt.certificate.functions import contact_rows
 from fmopt.certificate.segment import Compliance, Piece, Tolerance
 from fmopt.contact.primitive import PrimitiveContact, edge_edge, vertex_face
@@ -182,7 +182,8 @@ def claims() -> tuple[Claim, ...]:
     for way in moves():
         for start, goal, share in pieces_of(way, basis):
             piece = Piece(start, goal, way.held, way.after, basis, way.made, share)
-            found.append(claim(peg().assembly, piece, errors, TOLERANCE, choose_separations))
+            step = stepped(peg().assembly, piece, errors, TOLERANCE)
+            found.append(claimed(peg().assembly, piece, step, TOLERANCE, choose_separations))
             errors = found[-1].advance.ends.goal_set
         basis = found[-1].advance.basis
     return tuple(found)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Tolerance
-from fmopt.placement.entry import Entry, start_spread
+from fmopt.placement.entry import Entry, Shape, start_spread, tilted_entry
 from fmopt.placement.motion import Reached
 from fmopt.placement.search import search
 from fmopt.placement.sequence import certified
@@ -28,3 +28,9 @@ def motion_from(problem: Problem, entry: Entry) -> Moved:
     found = search(task, [entry])
     placed = certified(assembly, found.moves, Reached(errors, (), ()), tolerance, FINE, thorough=True)
     return Moved(assembly, clearance, errors, tolerance, found, placed)
+
+
+def tilted_motion(problem: Problem, shape: Shape) -> Moved:
+    """What a problem's search and certificate make of a tilted entry."""
+    play = measured_clearance(problem).play
+    return motion_from(problem, tilted_entry(problem.moving, play, problem.approach, shape))

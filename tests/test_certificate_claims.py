@@ -11,7 +11,7 @@ from peg_pieces import CLEAR, HALF, START_BOX, TOLERANCE, claims, moves, peg, se
 
 from fmopt import plan
 from fmopt.certificate.bounds import UNBOUNDED, bounds
-from fmopt.certificate.claim import claim
+from fmopt.certificate.claim import claimed, stepped
 from fmopt.certificate.counted import counted_rows
 from fmopt.certificate.functions import contact_rows
 from fmopt.certificate.pair import Witness, facing, free_plane, pairs
@@ -186,8 +186,9 @@ def test_a_fixed_vertex_keeps_its_distance_to_the_edges_of_the_moving_face() -> 
 
 
 def test_claims_survive_a_trip_to_another_process() -> None:
-    there = pickle.loads(pickle.dumps((peg().assembly, claims()[4])))
-    again = claim(there[0], there[1].piece, there[1].advance.ends.start_set, TOLERANCE, choose_separations)
+    assembly, one = pickle.loads(pickle.dumps((peg().assembly, claims()[4])))
+    step = stepped(assembly, one.piece, one.advance.ends.start_set, TOLERANCE)
+    again = claimed(assembly, one.piece, step, TOLERANCE, choose_separations)
     assert again.margin == claims()[4].margin
 
 
@@ -196,8 +197,9 @@ def test_pieces_that_overlap_nominally_are_refused() -> None:
     sunk = replace(
         piece, start=piece.start.moved([0, 0, -0.02, 0, 0, 0]), goal=piece.goal.moved([0, 0, -0.02, 0, 0, 0])
     )
+    step = stepped(peg().assembly, sunk, ErrorSet.from_box(START_BOX), TOLERANCE)
     with pytest.raises(InfeasibleError, match="not apart on the nominal path"):
-        claim(peg().assembly, sunk, ErrorSet.from_box(START_BOX), TOLERANCE, choose_separations)
+        claimed(peg().assembly, sunk, step, TOLERANCE, choose_separations)
 
 
 def test_held_contacts_stay_zero_along_the_motion() -> None:

@@ -7,13 +7,12 @@ import pytest
 from peg_pieces import START_BOX, TOLERANCE, Way, claims, moves, peg, pieces_of, settled
 
 from fmopt import ellipsoid
-from fmopt.certificate.claim import Claim, claim
+from fmopt.certificate.claim import Claim, stepped
 from fmopt.certificate.functions import contact_rows
 from fmopt.certificate.piece import Compliance, Piece
 from fmopt.certificate.rows import length
 from fmopt.certificate.segment import advance
 from fmopt.errors import InfeasibleError
-from fmopt.placement.witness import choose_separations
 from fmopt.se3 import Pose, exp, log
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array
@@ -222,7 +221,7 @@ def test_errors_that_are_too_large_are_refused(change: dict[str, object], messag
     errors = ErrorSet.from_box(np.array(START_BOX) * float(change.get("box", 1.0)))  # type: ignore[arg-type]
     tolerance = type(TOLERANCE)(change.get("velocity_error", TOLERANCE.velocity_error), TOLERANCE.rho)  # type: ignore[arg-type]
     with pytest.raises(InfeasibleError, match=message):
-        claim(peg().assembly, piece, errors, tolerance, choose_separations)
+        stepped(peg().assembly, piece, errors, tolerance)
 
 
 def test_a_motion_away_from_the_contact_is_refused() -> None:

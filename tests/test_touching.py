@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from execution_model import execute
 from peg_pieces import peg
-from searched import motion_from
+from searched import tilted_motion
 
 from fmopt.certificate.bounds import bounds
 from fmopt.contact.primitive import vertex_face
@@ -44,8 +44,8 @@ def clearance(problem: Problem) -> Clearance:
 
 
 @pytest.fixture(scope="module")
-def motion(problem: Problem, clearance: Clearance) -> Moved:
-    return motion_from(problem, tilted_entry(problem.moving, clearance.play, problem.approach, SHAPE))
+def motion(problem: Problem) -> Moved:
+    return tilted_motion(problem, SHAPE)
 
 
 @pytest.fixture(scope="module")

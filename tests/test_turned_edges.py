@@ -9,12 +9,12 @@ import pytest
 from execution_model import execute
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from searched import motion_from
+from searched import tilted_motion
 
 from fmopt import se3
 from fmopt.certificate.knowledge import Assembly, aligned, facts, rising
 from fmopt.contact.primitive import PrimitiveContact, near_contacts
-from fmopt.placement.entry import Shape, tilted_entry
+from fmopt.placement.entry import Shape
 from fmopt.se3 import Pose
 from fmopt.synthesis import proved
 from fmopt.task.clearance import measured_clearance
@@ -110,8 +110,7 @@ def test_the_check_knows_the_same(n: Array, w: Array, normal: Array, seed: int) 
 
 
 def test_a_hexagonal_prism_is_certified_at_errors_of_millimetres(hexagon: Problem) -> None:
-    clearance = measured_clearance(hexagon)
-    motion = motion_from(hexagon, tilted_entry(hexagon.moving, clearance.play, hexagon.approach, SHAPE))
+    motion = tilted_motion(hexagon, SHAPE)
     assert motion.placed.margin > 5e-5
     document, verdict = proved(hexagon, motion)
     assert str(verdict.verdict) == "CERTIFIED"

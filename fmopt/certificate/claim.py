@@ -52,32 +52,14 @@ class Claim:
     early: float | None = None
 
 
-def claim(
-    assembly: Assembly,
-    piece: Piece,
-    errors: ErrorSet,
-    tolerance: Tolerance,
-    choose: Chooser,
-    thorough: bool = True,
-) -> Claim:
-    """Carries the errors through a piece and certifies what it can.
+def stepped(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Tolerance) -> Advance:
+    """Carries the errors through a piece of motion that every execution follows.
 
     Args:
         assembly: the two parts.
         piece: the piece of motion.
         errors: error set at its start.
         tolerance: velocity error and metric.
-        choose: finds separating planes for all pairs of pieces.
-        thorough: whether to compute how far contacts stay inside their facets, too.
-
-    Raises:
-        InfeasibleError: a pair of pieces overlaps nominally, or the step itself is impossible.
-    """
-    return claimed(assembly, piece, stepped(assembly, piece, errors, tolerance), tolerance, choose, thorough)
-
-
-def stepped(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Tolerance) -> Advance:
-    """Carries the errors through a piece of motion that every execution follows; arguments as of `claim`.
 
     Raises:
         InfeasibleError: the step is impossible, or some executions would not make or give up a contact as it says.
@@ -99,7 +81,15 @@ def stepped(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Toler
 def claimed(
     assembly: Assembly, piece: Piece, step: Advance, tolerance: Tolerance, choose: Chooser, thorough: bool = True
 ) -> Claim:
-    """Certifies what it can of a piece through which the errors have been carried; arguments as of `claim`.
+    """Certifies what it can of a piece through which the errors have been carried.
+
+    Args:
+        assembly: the two parts.
+        piece: the piece of motion.
+        step: the errors along it, from `stepped`.
+        tolerance: velocity error and metric.
+        choose: finds separating planes for all pairs of pieces.
+        thorough: whether to compute how far contacts stay inside their facets, too.
 
     Raises:
         InfeasibleError: a pair of pieces overlaps nominally.

@@ -108,35 +108,33 @@ def facts(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> Facts:
     while True:
         grown = [_grown(assembly, wall, turns) for wall in walls]
         if all(new is old for new, old in zip(grown, walls, strict=True)):
-            beside = _turned_edge(assembly, held, walls, turns)
+            known = Facts(assembly, tuple(walls), tuple(turns))
+            beside = _turned_edge(known, held)
             if beside is None:
-                return Facts(assembly, tuple(walls), tuple(turns))
+                return known
             turns.append(beside)
         walls = grown
 
 
-def _turned_edge(
-    assembly: Assembly, held: Sequence[PrimitiveContact], walls: Sequence[Wall], turns: Sequence[tuple[Array, Array]]
-) -> tuple[Array, Array] | None:
+def _turned_edge(known: Facts, held: Sequence[PrimitiveContact]) -> tuple[Array, Array] | None:
     """A body edge in a wall with the world direction that a flush face elsewhere leaves it, None without any.
 
     The edge is level with the wall and at a known angle to the flush face, which leaves two directions. Its contact
     with a rim says which of them it is: e_m × e_f points out of the fixed part.
     """
-    P, fixed = assembly.body_points, assembly.fixed.polyhedron
+    P, fixed = known.assembly.body_points, known.assembly.fixed.polyhedron
     for contact in held:
         if contact.kind is not Kind.EDGE_EDGE:
             continue
         (a, b), (c, d) = P[list(contact.moving)], fixed.vertices[list(contact.fixed)]
         e_m, e_f = (b - a) / length(b - a), (d - c) / length(d - c)
-        if images(turns, e_m[None])[1][0]:
+        if aligned(known.turns, e_m) is not None:
             continue
         for number in fixed.edges[contact.fixed_feature].faces:
             face = fixed.faces[number]
-            on = [wall.points for wall in walls if assembly.agree(wall.normal, wall.offset, face.normal, face.offset)]
-            if not (on and set(contact.moving) <= on[0]):
+            if not set(contact.moving) <= known.on(face.normal, face.offset).points:
                 continue
-            for n, w in turns:
+            for n, w in known.turns:
                 there = _directed(face.normal, w, float(n @ e_m), crossed(e_f, face.normal))
                 if there is not None:
                     return e_m, there

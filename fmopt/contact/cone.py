@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from fmopt.geometry.polyhedron import plane_basis
 from fmopt.values import Array
 
 _SIDES = 8
@@ -24,9 +25,7 @@ def friction_cone(normal: Array, arm: Array, friction: float, sides: int = _SIDE
         friction: coefficient.
         sides: of the pyramid.
     """
-    first = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
-    first /= np.linalg.norm(first)
-    second = np.cross(normal, first)
+    first, second = plane_basis(normal).T
     turns = 2.0 * math.pi * np.arange(sides) / sides
     forces = normal + friction * (np.cos(turns)[:, None] * first + np.sin(turns)[:, None] * second)
     return np.hstack([forces, np.cross(arm, forces)])

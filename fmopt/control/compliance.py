@@ -17,6 +17,7 @@ from fmopt.se3 import Pose, hat
 from fmopt.values import Array, Value, frozen
 
 _RANK = 1e-6  # singular values of unit rows below this are zero
+_FREE = 1e-6  # of unit twists: a smaller part is none
 _ALIGNED = 1e-14  # squared sine between an axis of the frame and a space that still holds it
 
 
@@ -49,6 +50,12 @@ def row_space(wrenches: Array, rho: float) -> Array:
         return rows
     _, size, basis = np.linalg.svd(rows / np.linalg.norm(rows, axis=1, keepdims=True), full_matrices=False)
     return np.asarray(basis[size > _RANK])
+
+
+def free_part(V: Array, basis: Array) -> Array | None:
+    """The part of a scaled twist (6,) that is free of orthonormal rows (r, 6); None where hardly any is."""
+    free = V - basis.T @ (basis @ V)
+    return np.asarray(free) if float(np.linalg.norm(free)) > _FREE else None
 
 
 def axes(wrenches: Array, rho: float) -> Axes:

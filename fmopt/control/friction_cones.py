@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.control.compliance import twist_scale
+from fmopt.geometry.polyhedron import plane_basis
 from fmopt.placement.program import ConeProgram, Norm
 from fmopt.placement.socp import ClarabelSolver
 from fmopt.se3 import hat
@@ -60,10 +61,8 @@ class FrictionCones(Value):
         """Of contacts with unit normal wrenches (m, 6), at arms (m, 3) from the reference point, m."""
         rows = []
         for n, arm in zip(wrenches[:, :3], arms, strict=True):
-            first = np.cross(n, np.eye(3)[int(np.argmin(np.abs(n)))])
-            first = first / np.linalg.norm(first)
             point = np.hstack([np.eye(3), -hat(arm)]) / twist_scale(rho)
-            rows.append(friction * np.vstack([first, np.cross(n, first)]) @ point)
+            rows.append(friction * plane_basis(n).T @ point)
         return FrictionCones(wrenches / twist_scale(rho), np.array(rows).reshape(-1, 2, 6), rho)
 
     def opening(self, twist: Array) -> Array:

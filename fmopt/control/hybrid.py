@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmopt.control.compliance import axes, compliance_frame, row_space, twist_scale, wrenches_in
+from fmopt.control.compliance import axes, compliance_frame, free_part, row_space, twist_scale, wrenches_in
 from fmopt.errors import InfeasibleError, SolverError
 from fmopt.se3 import Pose
 from fmopt.task.problem import Specification
@@ -73,6 +73,10 @@ class GuardedMove(Value):
     def reaction(self) -> Array:
         """Wrench (6,) of a unit reaction of the new contacts, shared equally; zero where there are none."""
         return frozen(self.made.mean(axis=0) if len(self.made) else np.zeros(6))
+
+    def length(self, rho: float) -> float:
+        """‖V‖ in the metric of ρ, m."""
+        return float(np.linalg.norm(self.displacement * twist_scale(rho)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +166,7 @@ def hybrid_strategy(move: GuardedMove, rho: float, specification: Specification)
         ValueError: the move has no length.
         InfeasibleError: the move does not approach its contact, or no bias within the forces holds all contacts.
     """
-    length = float(np.linalg.norm(move.displacement * twist_scale(rho)))
+    length = move.length(rho)
     if not length > 0.0:
         raise ValueError("a move of no length has no direction")
     V = move.displacement / length
@@ -282,7 +286,7 @@ def _with_reserve(move: GuardedMove, program: _Program, rho: float) -> Array | N
     The forces decide how much that is; a few rounds settle it. A push so large that the least force would fall below
     a share of what it can be is made smaller: contacts that are hardly pressed are lost.
     """
-    m, length = len(move.held), float(np.linalg.norm(move.displacement * twist_scale(rho)))
+    m, length = len(move.held), move.length(rho)
 
     def solved(reserve: float) -> Array | None:
         limits = program.b.copy()
@@ -316,10 +320,10 @@ def _push(made: Array, V: Array, basis: Array, scale: Array) -> tuple[Array, flo
             advice="choose a goal that makes the contact from its free side",
         )
     direction = V * scale
-    free = direction - basis.T @ (basis @ direction)
-    size = float(np.linalg.norm(free))
-    if size < 1e-6:
+    free = free_part(direction, basis)
+    if free is None:
         raise InfeasibleError("the move runs into a contact that it holds", advice="release the contact first")
+    size = float(np.linalg.norm(free))
     return free / size * scale, float(free @ direction) / size
 
 

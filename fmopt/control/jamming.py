@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from fmopt.control.compliance import row_space, twist_scale
+from fmopt.control.compliance import free_part, row_space, twist_scale
 from fmopt.control.friction_cones import NEARLY, FrictionCones, cone_angle, least_push, plane_angle
 from fmopt.control.hybrid import GuardedMove, HybridStrategy
 from fmopt.se3 import Pose, hat
@@ -27,7 +27,6 @@ from fmopt.values import Array, Value, frozen
 
 _SHOWN = 1e-3  # sine of the least angle that is worth a proof
 _WORTH = 1e-3  # rad: a proof of less is left out
-_FREE = 1e-6  # of unit twists: a smaller one is none
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,9 +79,11 @@ def jam_free(move: GuardedMove, strategy: HybridStrategy, rho: float, specificat
         SolverError: the forces of the contacts do not settle.
     """
     scale = twist_scale(rho)
-    along = _free(strategy.velocity * scale, row_space(move.held, rho))
-    if not len(move.held) or along is None:
+    free = free_part(strategy.velocity * scale, row_space(move.held, rho))
+    if not len(move.held) or free is None:
         return None
+    # Scaled, the unit twist is at once the unit wrench that pushes along it.
+    along = free / float(np.linalg.norm(free))
     cones = FrictionCones.of(move.held, move.points - move.reference.p, rho, specification.friction)
     push = strategy.push if len(move.made) else specification.contact_force
     inner = cones.inner()
@@ -133,16 +134,6 @@ class _Proofs:
             twist = self.cones.turn(a, d)
             if twist is not None and plane_angle(twist, a, d) > self.reach(a, d) + _WORTH:
                 self.add(twist)
-
-
-def _free(V: Array, basis: Array) -> Array | None:
-    """Unit part of a scaled twist (6,) that is free of the orthonormal rows; None without any.
-
-    It is scaled, so that it is at once the unit wrench that pushes along the motion.
-    """
-    free = V - basis.T @ (basis @ V)
-    size = float(np.linalg.norm(free))
-    return np.asarray(free / size) if size > _FREE else None
 
 
 def _across(a: Array, directions: list[tuple[str, Array]]) -> list[tuple[str, Array]]:

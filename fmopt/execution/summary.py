@@ -93,6 +93,11 @@ def _size(row: dict[str, Any]) -> str:
     return f"  errors of {low:.2f} to {high:.2f} boxes ({place}): {100 * row['share']:.1f} % of {row['trials']} seated"
 
 
+def _in_words(share: float, interval: Sequence[float]) -> str:
+    low, high = interval
+    return f"{100 * share:.1f} % (95 % interval {100 * low:.1f} to {100 * high:.1f} %)"
+
+
 def lines(found: dict[str, Any]) -> list[str]:
     """The summary for people."""
     told = []
@@ -102,19 +107,16 @@ def lines(found: dict[str, Any]) -> list[str]:
     for name in ("inside", "beyond"):
         part = found[name]
         if part["trials"]:
-            low, high = part["interval"]
             told.append(
                 f"{name} the certified set: {part['successes']} of {part['trials']} seated, "
-                f"{100 * part['share']:.1f} % (95 % interval {100 * low:.1f} to {100 * high:.1f} %), "
-                f"contacts as planned in {100 * part['as_planned']:.1f} %"
+                f"{_in_words(part['share'], part['interval'])}, contacts as planned in {100 * part['as_planned']:.1f} %"
             )
-            if part["without_recovery"]["successes"] != part["successes"]:
-                alone = part["without_recovery"]
-                low, high = alone["interval"]
+            alone = part["without_recovery"]
+            if alone["successes"] != part["successes"]:
+                share = alone["successes"] / part["trials"]
                 told.append(
                     f"  without trying again {alone['successes']} of {part['trials']}, "
-                    f"{100 * alone['successes'] / part['trials']:.1f} % (95 % interval {100 * low:.1f} to "
-                    f"{100 * high:.1f} %)"
+                    f"{_in_words(share, alone['interval'])}"
                 )
             told.append(
                 f"  force up to {part['peak_force']['largest']:.1f} N filtered, impact "

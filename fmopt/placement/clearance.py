@@ -129,8 +129,7 @@ class Placement(Value):
         """Clearance of every counted row and end at x, shape (ends, k), in m; rows of weight 0 have inf."""
         program = self.program()
         slacks = program.slacks(np.append(x[:-1], 0.0)).reshape(-1, len(self.D))
-        counted = self.weights > 0.0
-        return np.asarray(np.where(counted, slacks / np.where(counted, self.weights, 1.0), np.inf))
+        return per_weight(slacks, self.weights)
 
     def at(self, poses: Array) -> Solution:
         """The certified (not optimal) solution at given poses (ends, 6), with t as large as they allow.
@@ -174,10 +173,7 @@ def placement(
     """
     rows = frozen(N, None, 6, name="N")
     k, low, high = len(rows), frozen(lower, 6, name="lower"), frozen(upper, 6, name="upper")
-    weigh = frozen(metric.dual_norm(rows) if weights is None else weights, k, name="weights")
-    grow = frozen(np.zeros(k) if growth is None else growth, k, name="growth")
-    if (weigh < 0.0).any() or (grow < 0.0).any() or (grow.any() and start is None):
-        raise ValueError("weights and growth must not be negative, and growth needs a start")
+    weigh, grow = weighed(k, metric.dual_norm(rows) if weights is None else weights, growth, moving=start is not None)
     return Placement(
         rows,
         frozen(D, k, name="D"),
@@ -190,6 +186,25 @@ def placement(
         metric,
         float(np.linalg.norm(metric.sigma * (high - low))) if cap is None else cap,
     )
+
+
+def weighed(k: int, weights: ArrayLike, growth: ArrayLike | None, *, moving: bool) -> tuple[Array, Array]:
+    """Weights and growth (k,) of obstacles, no growth by default.
+
+    Raises:
+        ValueError: shapes do not fit, growth where nothing moves, or a negative weight or growth.
+    """
+    weigh = frozen(weights, k, name="weights")
+    grow = frozen(np.zeros(k) if growth is None else growth, k, name="growth")
+    if (weigh < 0.0).any() or (grow < 0.0).any() or (grow.any() and not moving):
+        raise ValueError("weights and growth must not be negative, and growth needs a start")
+    return weigh, grow
+
+
+def per_weight(slacks: Array, weights: Array) -> Array:
+    """Clearances of slacks (…, k) in m; those of weight 0 have inf."""
+    counted = weights > 0.0
+    return np.asarray(np.where(counted, slacks / np.where(counted, weights, 1.0), np.inf))
 
 
 def max_min_clearance(problem: Placement, solver: Solver | None = None) -> Solution:

@@ -67,10 +67,11 @@ def _walls(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> tuple[_Wal
     known, found = facts(assembly, held), []
     for number, face in enumerate(fixed.faces):
         there = known.on(face.normal, face.offset)
-        own = np.array(sorted(i for i in there.points if i < len(body)), dtype=np.intp)
         if there.flush:
             normal, offset = there.flush[0]
             own = np.flatnonzero(np.abs(body @ normal - offset) <= 1e-9)
+        else:
+            own = np.array(sorted(i for i in there.points if i < len(body)), dtype=np.intp)
         if len(own) > 1:
             rims = tuple(i for i, e in enumerate(fixed.edges) if number in e.faces and e.convex)
             ends = fixed.vertices[[fixed.edges[i].vertices for i in rims]].reshape(-1, 2, 3)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fmopt.errors import SolverError
-from fmopt.placement.clearance import Metric
+from fmopt.placement.clearance import Metric, per_weight, weighed
 from fmopt.placement.formation import Counts, counts, formation_derivatives, formation_solver
 from fmopt.placement.program import Solution
 from fmopt.placement.rows import Row, RowKind, Table, evaluate
@@ -63,12 +63,7 @@ class SurfacePlacement(Value):
 
     def clearances(self, X: Array) -> Array:
         """Clearance of each counted obstacle (k,) in m; those of weight 0 have inf."""
-        return self.counted(self.slacks(X))
-
-    def counted(self, slacks: Array) -> Array:
-        """The clearances for slacks (k,)."""
-        counted = self.weights > 0.0
-        return np.asarray(np.where(counted, slacks / np.where(counted, self.weights, 1.0), np.inf))
+        return per_weight(self.slacks(X), self.weights)
 
 
 def surface_placement(
@@ -95,10 +90,7 @@ def surface_placement(
     k, low, high = len(obstacles), frozen(lower, 6, name="lower"), frozen(upper, 6, name="upper")
     if weights is None:
         weights = metric.dual_norm(evaluate(obstacles, reference, np.zeros(6))[1])
-    weigh = frozen(weights, k, name="weights")
-    grow = frozen(np.zeros(k) if growth is None else growth, k, name="growth")
-    if (weigh < 0.0).any() or (grow < 0.0).any() or (grow.any() and start is None):
-        raise ValueError("weights and growth must not be negative, and growth needs a start")
+    weigh, grow = weighed(k, weights, growth, moving=start is not None)
     return SurfacePlacement(
         reference,
         tuple(contacts),
@@ -133,7 +125,7 @@ def certify_on_surfaces(problem: SurfacePlacement, X: ArrayLike) -> Solution:
         if worst.min(initial=np.inf) < -ON_SURFACE:
             i = int(worst.argmin())
             raise SolverError(f"the proposed pose misses {what} {i} by {-worst[i]:.3g} clearances")
-    t = min(problem.cap, float(problem.counted(slacks).min(initial=np.inf)))
+    t = min(problem.cap, float(per_weight(slacks, problem.weights).min(initial=np.inf)))
     worst_row = min(float(hard.min(initial=np.inf)), float(box.min()))
     return Solution(frozen([*X, t]), t, float(off.max(initial=0.0)), worst_row, float("inf"), float("inf"), None)
 
