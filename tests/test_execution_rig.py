@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from fmopt.certificate.record import part_record
 from fmopt.errors import SettingsError
+from fmopt.execution import rig as rig_module
 from fmopt.execution.physics import DEFAULTS, Physics
 from fmopt.execution.program import DONE, Program, Step, planned
 from fmopt.execution.rig import Rig
@@ -16,7 +19,23 @@ from fmopt.execution.robot import Robot
 from fmopt.execution.rotation import between, from_quaternions, product, quaternions
 from fmopt.execution.scene import compiled, engine, scene
 from fmopt.se3 import Pose, exp, log
+from fmopt.task.problem import load
 from fmopt.values import Array
+
+PROBLEMS = Path(__file__).parent.parent / "problems"
+# Positions and quaternions at which the tight 12 mm fit lies flat on one wall, 0.05 µm in it.
+FLAT = np.array(
+    [
+        (-8.757421877290398e-05, -6.874586078955733e-05, -0.0007380913099237288),
+        (-8.858741736431823e-05, -6.668607168408996e-05, -0.0006652056996825401),
+    ]
+)
+TURNED = np.array(
+    [
+        (0.999999332707672, -0.0006894053366842274, -0.0009269866234212647, -5.40906617044579e-07),
+        (0.9999987784595468, 0.0015525828004200617, -0.00018046052779051622, -2.4246046342709434e-07),
+    ]
+)
 
 
 def test_the_engines_defaults_are_refused_with_every_reason(square_peg_plan: dict[str, Any]) -> None:
@@ -113,3 +132,24 @@ def _drifted(plan: dict[str, Any], program: Program, robot: Robot, pace: float, 
         rig.tick()
     moved = rig.qpos[0, :3] - p[0]
     return moved * np.array([1.0, 1.0, 0.0]), between(rig.qpos[:, 3:], q)[0]
+
+
+def _deepest(p: Array, q: Array) -> Array:
+    """Greatest penetration (n,), m, as parts are let go at these poses for a period."""
+    problem, robot = load(PROBLEMS / "factory_rect_12mm_tight.toml"), Robot()
+    sides = {"fixed": problem.fixed, "moving": problem.moving}
+    parts = {"parts": {side: part_record(part, problem.declared_clearance, 0.0) for side, part in sides.items()}}
+    model = compiled(scene(parts, Physics.of_fit(6.87e-5, robot.period), robot.mass, robot.inertia, 0.3))
+    up, n = np.array([0.0, 0.0, 0.02, 0.0, 0.0, 0.0]), len(p)
+    step = Step("up", 0, Pose.identity(), np.eye(6), up, np.zeros((2, 6)), 1.0, 10.0, 0.0, DONE, DONE)
+    program = Program("still", Pose.identity(), 0.01, 0.02, (step,), 0.0, (1e-9, 1e-9))
+    rig = Rig(model, program, robot, (p, q), np.zeros((1, n, 6)), lambda: np.zeros((n, 6)))
+    rig.tick()
+    return rig.depth
+
+
+def test_contacts_that_the_engine_makes_up_throw_no_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    p, q = np.vstack([FLAT, FLAT + 1e-9]), np.vstack([TURNED, TURNED])
+    assert (_deepest(p, q) < 1e-6).all()
+    monkeypatch.setattr(rig_module, "_SHIFTS", ())
+    assert np.flatnonzero(_deepest(p, q) > 1e-4).tolist() == [0, 1]

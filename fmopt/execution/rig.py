@@ -25,6 +25,8 @@ from fmopt.execution.scene import CONTACTS, FIELDS
 from fmopt.values import Array
 
 TRAVEL, TIMEOUT, DUE, FORCE, DEEP, PUSH, SOFT, ON_STOP, ON_END, ON_LATE, MOVE, TOUCH, SURE = range(13)
+_THROWN = 5e-5  # m, by which contacts do not deepen in one time step
+_SHIFTS = (1e-9, -2e-9, 4e-9)  # m, by which a part is moved for a time step to be taken again
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
@@ -100,11 +102,12 @@ class Rig:
         self.qpos, self.qvel, self.applied, self.reaction, self.sensor = (
             self.batch.bind(name) for name in ("qpos", "qvel", "qfrc_applied", "qfrc_constraint", "sensordata")
         )
+        self.fields = [self.qpos, self.qvel, self.batch.bind("qacc_warmstart")]
         self.qpos[:, :3], self.qpos[:, 3:] = starts
         self.substeps = max(round(robot.period / float(model.opt.timestep)), 1)
         self.time = 0.0
         self.held = np.zeros((self.n, 6))  # wrench that presses the held contacts, about the reference points
-        self.depth = np.zeros(self.n)  # greatest penetration, m
+        self.depth, self.deepest = np.zeros(self.n), np.zeros(self.n)  # greatest penetration so far and now, m
         self.moved = np.zeros((self.n, 6))  # in the last period, m and rad, axes of B
         self.back: WayBack | None = None  # on which the bodies are led before they begin
         n, zero = self.n, np.zeros
@@ -136,9 +139,7 @@ class Rig:
         self.applied[:, :3] = wrench[:, :3]
         self.applied[:, 3:] = np.einsum("nji,nj->ni", R, wrench[:, 3:])
         for _ in range(self.substeps):
-            self.batch.step()
-            distance = np.where(self.contacts[:, :, 0] > 0.0, self.contacts[:, :, 4], 0.0)
-            np.maximum(self.depth, -distance.min(axis=1), out=self.depth)
+            self._advance()
         self.time += self.robot.period
         self._sense()
         self.moved = np.hstack([self.qpos[:, :3] - before[:, :3], between(self.qpos[:, 3:], before[:, 3:])])
@@ -147,6 +148,31 @@ class Rig:
             rested = (self.time >= self.back.ends) & (self.time - self.robot.period < self.back.ends)
             self._begin(np.flatnonzero(rested & self.back.arrived(np.asarray(self.qpos))))
         return events
+
+    def _advance(self) -> None:
+        """One time step, taken again by bodies for which the engine found a contact that cannot be.
+
+        Where faces lie flat on each other, the engine's collision of convex bodies now and then, at one pose and not at
+        the next, takes another face for the nearest, and a contact as deep as the part is thick throws the part away.
+        """
+        before = [field.copy() for field in self.fields]
+        self.batch.step()
+        for shift in _SHIFTS:
+            deepest = self._deepest()
+            thrown = np.flatnonzero(deepest > self.deepest + _THROWN)
+            if not len(thrown):
+                break
+            for now, then in zip(self.fields, before, strict=True):
+                now[thrown] = then[thrown]
+            self.qpos[thrown, :3] += shift
+            self.batch.step(thrown)
+        self.deepest = self._deepest()
+        np.maximum(self.depth, self.deepest, out=self.depth)
+
+    def _deepest(self) -> Array:
+        """Greatest penetrations (n,) of the last time step, m."""
+        found = self.contacts
+        return np.asarray(-np.where(found[:, :, 0] > 0.0, found[:, :, 4], 0.0).min(axis=1))
 
     def lead_back(self, back: WayBack) -> None:
         """Has all bodies led back to a start, from where they run the program; those that do not get there stay."""
