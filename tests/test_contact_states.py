@@ -6,7 +6,7 @@ from collections import Counter
 import numpy as np
 import pytest
 from test_contact_cell import gap
-from test_contact_parts import MID_DEPTH, block, peg
+from test_contact_parts import MID_DEPTH, block, peg, tilted
 
 from fmopt.contact.bounds import cell, touching
 from fmopt.contact.confirm import APART, RESIDUAL, Confirmation, Verdict, confirm
@@ -139,6 +139,19 @@ def test_refuted_states_are_not_found_from_anywhere(
     met = meet(near, on, Poses.around(graph.space.pose, starts), 0.01)
     at = near.measured(on, met.poses)
     assert not ((at.residual <= RESIDUAL) & (at.slack > APART) & (at.limits.min(axis=1) > 0.0)).any()
+
+
+def test_edges_that_are_level_at_a_pose_count_as_far_from_each_other() -> None:
+    pose = tilted((0.03, -0.05, 0.02))
+    listed = near_contacts(peg(), block(), pose, 10.0 * REACH, 0.05)
+    box = 10.0 * REACH, 10.0 * REACH / RHO
+    space = local_space(listed, peg(), block(), pose, CLEARANCE, RHO, np.zeros((0, 7)), *box)
+    near, upright = Neighbourhood.of(space, peg(), block()), Poses(pose.p[None], np.eye(3)[None])
+    on = np.zeros((1, len(space.contacts)), dtype=bool)
+    with np.errstate(all="raise"):
+        short, measures = near.shortages(on, upright, 0.01), near.measured(on, upright)
+    for values in (short.size, short.slope, short.square, measures.others):
+        assert not np.isnan(values).any()
 
 
 def handmade(graph: ContactGraph, contacts: tuple[str, ...], dimension: int, point: np.ndarray) -> Confirmation:

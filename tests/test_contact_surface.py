@@ -162,3 +162,15 @@ def test_bounds_of_a_face_with_a_hole_offer_a_choice() -> None:
     for shift, inside in (((0.0, 0.0), -1e-4), ((3e-4, 0.0), 2e-4), ((2e-4, 3e-4), 2e-4), ((0.03, 0.0), -0.01)):
         found = table.insides(Pose(np.array([*shift, 0.0]), np.eye(3)))[0]
         assert found == pytest.approx(inside, abs=1e-12)
+
+
+def test_level_edges_have_no_value_and_warn_of_nothing() -> None:
+    crossing = [c for c in near_contacts(PEG, BLOCK, LEANING, reach=3e-3, angle=0.05) if c.kind is Kind.EDGE_EDGE]
+    upright = Pose(LEANING.p, np.eye(3))
+    with np.errstate(all="raise"):
+        f, N = Surfaces.of(crossing, PEG, BLOCK).values_and_rows(upright)
+    ends = [(PEG.vertices[list(c.moving)], BLOCK.vertices[list(c.fixed)]) for c in crossing]
+    level = np.array([np.linalg.norm(np.cross(a[1] - a[0], b[1] - b[0])) == 0.0 for a, b in ends])
+    assert 0 < level.sum() < len(level)
+    assert (np.isnan(f) == level).all()
+    assert (np.isnan(N).any(axis=1) == level).all()

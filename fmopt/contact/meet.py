@@ -31,6 +31,7 @@ _STALLED = 0.99
 _DAMPING = 1e-3
 _FARTHEST = 8.0  # scaled units that one step may go
 _POLISH = 5
+_FAR = 1.0  # m
 _FLAT = 1e-5  # relative size of a singular value that counts as none
 
 
@@ -167,9 +168,15 @@ class Neighbourhood(Value):
         return np.asarray(-self.table.signs[number, None] * G[np.nonzero(which)[0], number])
 
     def _functions(self, poses: Poses) -> tuple[Array, Array, Array, Array]:
-        """Values and gradients at poses of the contacts, and of the bounds' contacts, shared ones evaluated once."""
+        """Values and gradients at poses of the contacts, and of the bounds' contacts, shared ones evaluated once.
+
+        Edges that are level there cross nowhere: they count as far from each other.
+        """
         joint, own, ends = self._joint
         f, N = joint.over(poses.p, poses.R)
+        crossing = np.isfinite(N[..., -1])
+        if not crossing.all():
+            f, N = np.where(crossing, f, _FAR), np.where(crossing[..., None], N, 0.0)
         return f[:, own], N[:, own], f[:, ends], N[:, ends]
 
     @cached_property

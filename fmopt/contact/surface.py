@@ -73,7 +73,7 @@ class Surfaces(Value):
         """Signed distances f (…, k) in m and gradients N (…, k, 6) at poses with positions p (…, 3), R (…, 3, 3).
 
         vertex–face (n, Rv × n); face–vertex (−Rn, Rn × (w − p)); edge–edge (m, Rc × m) with c the point of the moving
-        edge's line closest to the fixed line.
+        edge's line closest to the fixed line. Level edges have neither: nan.
         """
         p = p[..., None, :]
         v, n, offset = _point_normal(self.vertex_face)
@@ -84,14 +84,16 @@ class Surfaces(Value):
         gap = p + u - q
         cosine = _dot(a, e)
         m = _cross(a, e)
-        m /= np.sqrt(_dot(m, m))[..., None]
-        along = (cosine * _dot(gap, e) - _dot(gap, a)) / (1.0 - cosine**2)
-        c = u + along[..., None] * a
+        with np.errstate(divide="ignore", invalid="ignore"):
+            m /= np.sqrt(_dot(m, m))[..., None]
+            along = (cosine * _dot(gap, e) - _dot(gap, a)) / (1.0 - cosine**2)
+            c = u + along[..., None] * a
+            turned = _cross(c, m)
         f = [_dot(n, arm + p) - offset, _dot(h, reach) - level, _dot(m, gap)]
         N = [
             _beside(np.broadcast_to(n, arm.shape), _cross(arm, n)),
             _beside(-h, _cross(h, reach)),
-            _beside(m, _cross(c, m)),
+            _beside(m, turned),
         ]
         return np.concatenate(f, axis=-1)[..., self.order], np.concatenate(N, axis=-2)[..., self.order, :]
 
