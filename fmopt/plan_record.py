@@ -19,9 +19,10 @@ from fmopt.certificate.segment import Tolerance
 from fmopt.contact.bounds import BoundTable
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.contact.wrench import contact_point, contact_wrench
+from fmopt.control.bias import GuardedMove, firmness
 from fmopt.control.decomposition import contact_forces, position_force
 from fmopt.control.hand import hand_record
-from fmopt.control.hybrid import GuardedMove, hybrid_strategy
+from fmopt.control.hybrid import hybrid_strategy
 from fmopt.control.impact import Meeting, approach_speed, impact_record, slowed
 from fmopt.control.jamming import jam_free
 from fmopt.control.recovery import recovery_record
@@ -216,19 +217,9 @@ def strategy(
     Raises:
         InfeasibleError: no bias force holds the contacts.
     """
-    piece, extent = claim.piece, claim.advance.ends.extent
-    held = _touching(problem, piece.held, piece.goal)
-    made = _touching(problem, piece.making, piece.goal)
-    body, fixed = problem.moving.polyhedron, problem.fixed.polyhedron
-    move = GuardedMove(
-        piece.goal,
-        piece.start.local(piece.goal),
-        np.array([contact_wrench(c, body, fixed, piece.goal) for c in held]).reshape(-1, 6),
-        np.array([contact_point(c, body, fixed, piece.goal) for c in held]).reshape(-1, 3),
-        np.array([contact_wrench(c, body, fixed, piece.goal) for c in made]).reshape(-1, 6),
-        float(np.linalg.norm(extent.offset)) + tolerance.rho * extent.theta,
-        _resisting(assembly, held, claim),
-    )
+    piece = claim.piece
+    held, made = (_touching(problem, contacts, piece.goal) for contacts in (piece.held, piece.making))
+    move = _guarded(problem, assembly, claim, tolerance, held, made)
     approach = _approach(problem, claim, move, tolerance)
     specification = problem.specification if approach is None else slowed(problem.specification, approach)
     try:
@@ -240,6 +231,38 @@ def strategy(
         document["impact"] = impact_record(specification, approach)
     free = jam_free(move, hybrid, tolerance.rho, specification) if ranges else None
     return document if free is None else {**document, "jam_free": free.document()}
+
+
+def least_firm(problem: Problem, assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance) -> float:
+    """The firmness of the least firm piece of a motion."""
+    firm = 1.0
+    for claim in claims:
+        held, made = (_touching(problem, c, claim.piece.goal) for c in (claim.piece.held, claim.piece.making))
+        move = _guarded(problem, assembly, claim, tolerance, held, made)
+        firm = min(firm, firmness(move, tolerance.rho, problem.specification))
+    return firm
+
+
+def _guarded(
+    problem: Problem,
+    assembly: Assembly,
+    claim: Claim,
+    tolerance: Tolerance,
+    held: Sequence[PrimitiveContact],
+    made: Sequence[PrimitiveContact],
+) -> GuardedMove:
+    """The guarded move of a piece that holds and makes these contacts."""
+    piece, extent = claim.piece, claim.advance.ends.extent
+    body, fixed = problem.moving.polyhedron, problem.fixed.polyhedron
+    return GuardedMove(
+        piece.goal,
+        piece.start.local(piece.goal),
+        np.array([contact_wrench(c, body, fixed, piece.goal) for c in held]).reshape(-1, 6),
+        np.array([contact_point(c, body, fixed, piece.goal) for c in held]).reshape(-1, 3),
+        np.array([contact_wrench(c, body, fixed, piece.goal) for c in made]).reshape(-1, 6),
+        float(np.linalg.norm(extent.offset)) + tolerance.rho * extent.theta,
+        _resisting(assembly, held, claim),
+    )
 
 
 def _approach(problem: Problem, claim: Claim, move: GuardedMove, tolerance: Tolerance) -> float | None:

@@ -42,9 +42,9 @@ from fmopt.placement.socp import ClarabelSolver
 from fmopt.placement.states import Scale, contact_spaces
 from fmopt.placement.step import Costs, Task
 from fmopt.placement.tolerated import Tolerated, tolerated
-from fmopt.placement.tune import Limits, tuned
+from fmopt.placement.tune import Limits, deepened, tuned
 from fmopt.placement.visited import visited
-from fmopt.plan_record import Moved, Nominal, plan_document, proof_document
+from fmopt.plan_record import Moved, Nominal, least_firm, plan_document, proof_document
 from fmopt.se3 import Pose
 from fmopt.task.clearance import measured_clearance
 from fmopt.task.command import task_command
@@ -56,6 +56,7 @@ Progress = Callable[[str], None]
 FINE = math.radians(1.0)
 _ROOMY = 4.0  # clearances a side that ways to enter tilted leave room for at least, as if the errors were that large
 TRIES = 40  # of entries, when one is varied
+FIRM = 0.05  # share of the contact force that presses all that a part slides along to its next contact
 _AT_ONCE = 2  # entries that go in at once are tried for each that touches the top first
 
 
@@ -285,11 +286,15 @@ def motion(
     def tuning(margin: float) -> None:
         progress(f"entry: margin {1e6 * margin:.1f} um")
 
+    def firm(found: MoveSequence) -> bool:
+        return least_firm(problem, assembly, found.reached.claims, tolerance) >= FIRM
+
     while best is None or (best[1].margin <= 0.0 and time.monotonic() < deadline):
         try:
             found = best_sequence(task, rounds, deadline, told)
             lap("search")
             found = tuned(task, found, entry_of, clearance.per_side, Limits(deadline, TRIES), tuning)
+            found = deepened(task, found, entry_of, firm, Limits(deadline, TRIES))
             lap("entry")
             placed = placement(problem, assembly, found, errors, tolerance, clearance.per_side, progress)
             lap("placement")

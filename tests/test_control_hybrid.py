@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
+from fmopt.control.bias import GuardedMove, Hold, firmness
 from fmopt.control.compliance import axes, compliance_frame, row_space, twist_scale, twists_in, wrenches_in
-from fmopt.control.hybrid import GuardedMove, Hold, hybrid_strategy
+from fmopt.control.hybrid import hybrid_strategy
 from fmopt.errors import InfeasibleError, SolverError
 from fmopt.se3 import Pose
 from fmopt.task.problem import Specification
@@ -171,6 +172,44 @@ def test_the_push_allows_for_what_held_contacts_may_do_against_the_motion():
     assert more.push > 1.005 * plain.push
 
 
+def _rubbed(given, strategy):
+    """Normal forces that balance the bias on held contacts under all the friction of the motion."""
+    V, mu = strategy.velocity, SPECIFICATION.friction
+    basis, scale = row_space(given.held, RHO), twist_scale(RHO)
+    rows = []
+    for w, point in zip(given.held, given.points, strict=True):
+        arm, n = point - given.reference.p, w[:3]
+        velocity = V[:3] + np.cross(V[3:], arm)
+        sliding = velocity - (velocity @ n) * n
+        against = -sliding / np.linalg.norm(sliding)
+        rows.append(w + mu * np.concatenate([against, np.cross(arm, against)]))
+    pressed = strategy.normal_forces @ given.held
+    return np.linalg.solve(basis @ (np.array(rows) / scale).T, basis @ (pressed / scale))
+
+
+def test_a_part_that_turns_keeps_its_contacts_under_all_the_friction():
+    near = [((-0.0101, y, z), (1, 0, 0)) for y, z in ((-0.0101, -0.001), (-0.0061, -0.001), (-0.0081, -0.004))]
+    pose = Pose(np.array([0.0, 0.0, -0.004]), np.eye(3))
+    pivot = np.array([-0.0101, -0.0101, 0.001]) - pose.p
+    turn = np.array([-0.1, 0.0, 0.0])
+    given = move(near, [*-np.cross(turn, pivot), *turn], [((0.0099, 0.0099, -0.004), (0, 0, 1))], pose)
+    strategy = hybrid_strategy(given, RHO, SPECIFICATION)
+    forces = strategy.normal_forces
+    assert _rubbed(given, strategy).min() > 0.2 * forces.min() > 0.0
+    even = replace(strategy, normal_forces=np.full(3, forces.sum() / 3.0))
+    assert _rubbed(given, even).min() < 0.0  # which the same forces on all of them would not do
+
+
+def test_firmness_is_of_slides_to_new_contacts_alone():
+    slide = move(X_WALL, [0, -0.01, 0, 0, 0, 0], [((0.0, -0.0101, -0.015), (0, 1, 0))])
+    forces = hybrid_strategy(slide, RHO, SPECIFICATION).normal_forces
+    assert firmness(slide, RHO, SPECIFICATION) == pytest.approx(forces.min() / SPECIFICATION.contact_force)
+    assert firmness(move(X_WALL, DOWN), RHO, SPECIFICATION) == 1.0
+    assert firmness(move([], DOWN, FLOOR), RHO, SPECIFICATION) == 1.0
+    weak = Specification(0.02, 1.0, 0.5, 0.3, 2.0)
+    assert firmness(slide, RHO, weak) == 0.0
+
+
 def test_bias_without_any_contact_is_none_and_with_a_first_one_is_a_push():
     assert not hybrid_strategy(move([], DOWN), RHO, SPECIFICATION).bias_wrench.any()
     first = hybrid_strategy(move([], DOWN, FLOOR[:1]), RHO, SPECIFICATION)
@@ -213,8 +252,8 @@ def test_document_has_exactly_the_plan_files_keys():
     strategy = hybrid_strategy(move(X_WALL, DOWN, FLOOR), RHO, SPECIFICATION)
     names = [f"v{k}-f1" for k in range(len(X_WALL))]
     document = strategy.document(names, ["v0-f2"])
-    keys = ["frame", "position_axes", "force_axes", "velocity", "speed", "bias_wrench", "push", "normal_forces"]
-    assert list(document) == [*keys, "termination"]
+    keys = ["frame", "position_axes", "force_axes", "velocity", "speed", "bias_wrench", "push"]
+    assert list(document) == [*keys, "stays", "normal_forces", "termination"]
     assert list(document["termination"]) == ["contacts", "wrench", "threshold", "max_travel", "timeout"]
     assert [item["contact"] for item in document["normal_forces"]] == names
     assert len(document["position_axes"]) + len(document["force_axes"]) == 6

@@ -10,9 +10,10 @@ import pytest
 from plan_mutations import claims
 from scipy.optimize import nnls
 
+from fmopt.control.bias import GuardedMove
 from fmopt.control.compliance import twist_scale
 from fmopt.control.friction_cones import FrictionCones, cone_angle, least_push, plane_angle
-from fmopt.control.hybrid import GuardedMove, HybridStrategy, hybrid_strategy
+from fmopt.control.hybrid import HybridStrategy, hybrid_strategy
 from fmopt.control.jamming import JamFree, jam_free
 from fmopt.report.jamming_tables import jamming_table, jamming_words
 from fmopt.se3 import Pose

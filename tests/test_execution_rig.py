@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -153,3 +154,23 @@ def test_contacts_that_the_engine_makes_up_throw_no_part(monkeypatch: pytest.Mon
     assert (_deepest(p, q) < 1e-6).all()
     monkeypatch.setattr(rig_module, "_SHIFTS", ())
     assert np.flatnonzero(_deepest(p, q) > 1e-4).tolist() == [0, 1]
+
+
+@pytest.mark.parametrize(("stays", "share"), [("push", 1.0), ("stop", 0.0), ("none", 0.0)])
+def test_no_more_pushes_than_is_felt_where_the_plan_says_that_its_push_would_pry(
+    square_peg_plan: dict[str, Any], stays: str, share: float
+) -> None:
+    document, robot = copy.deepcopy(square_peg_plan), Robot()
+    for segment in document["segments"]:
+        segment["hybrid"]["stays"] = stays
+    program = planned(document, robot)
+    model = compiled(scene(document, Physics(), robot.mass, robot.inertia, program.friction))
+    start = program.start.vector()
+    moves = 1 + max(step.move for step in program.steps)
+    starts = start[None, :3], quaternions(start[None, 3:])
+    rig = Rig(model, program, robot, starts, np.zeros((moves, 1, 6)), lambda: np.zeros((1, 6)))
+    k, step = next((k, step) for k, step in enumerate(program.steps) if step.touch > 0.0 and step.hold.any())
+    rig.state.shown[:], rig.state.gone[:], rig.state.moving[:] = k, step.travel, 1.0
+    assert rig._allowed(rig.state.shown)[0] == pytest.approx(max(share * step.push, step.touch))
+    rig.state.gone[:] = 0.0
+    assert step.due <= 0.0 or rig._allowed(rig.state.shown)[0] == pytest.approx(step.push)

@@ -13,7 +13,7 @@ from fmopt.certificate.segment import Tolerance
 from fmopt.placement.entry import Entry, Shape, start_spread, tilted_entry, tilted_shapes
 from fmopt.placement.search import MoveSequence, best_sequence
 from fmopt.placement.step import Costs, Task
-from fmopt.placement.tune import Limits, tuned
+from fmopt.placement.tune import Limits, deepened, tuned
 from fmopt.se3 import Pose
 from fmopt.task.clearance import measured_clearance
 from fmopt.task.problem import Problem, load
@@ -64,3 +64,33 @@ def test_the_same_moves_get_more_margin(problem: Problem, task: Task, found: Mov
     cheaper = tuned(task, dear, lambda shape: entry(problem, shape), clearance, Limits(math.inf, 12))
     assert cheaper.cost == best.cost < dear.lower_bound
     assert cheaper.lower_bound == cheaper.cost
+
+
+def test_an_entry_goes_deeper_until_that_is_enough_or_half_of_the_margin_is_lost(
+    problem: Problem, task: Task, found: MoveSequence
+) -> None:
+    def depth(sequence: MoveSequence) -> float:
+        assert sequence.entry.shape is not None
+        return sequence.entry.shape.depth
+
+    def gone_to(factor: float) -> MoveSequence:
+        limits = Limits(math.inf, 12)
+        wanted = factor * depth(found)
+        return deepened(task, found, lambda shape: entry(problem, shape), lambda one: depth(one) >= wanted, limits)
+
+    assert gone_to(1.0) is found
+    deeper, deepest = gone_to(1.1), gone_to(math.inf)
+    assert deeper.names == deepest.names == found.names
+    assert depth(deeper) == pytest.approx(1.16 * depth(found))
+    assert depth(deepest) >= depth(deeper)
+    assert deepest.reached.margin > 0.5 * found.reached.margin
+    assert (
+        deepened(
+            task,
+            replace(found, entry=replace(found.entry, shape=None)),
+            lambda shape: found.entry,
+            lambda _: False,
+            Limits(math.inf, 3),
+        ).entry.shape
+        is None
+    )

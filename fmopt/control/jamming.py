@@ -18,9 +18,10 @@ from typing import Any
 
 import numpy as np
 
+from fmopt.control.bias import GuardedMove
 from fmopt.control.compliance import free_part, row_space, twist_scale
 from fmopt.control.friction_cones import NEARLY, FrictionCones, cone_angle, least_push, plane_angle
-from fmopt.control.hybrid import GuardedMove, HybridStrategy
+from fmopt.control.hybrid import HybridStrategy
 from fmopt.se3 import Pose, hat
 from fmopt.task.problem import Specification
 from fmopt.values import Array, Value, frozen

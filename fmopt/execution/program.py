@@ -40,6 +40,7 @@ class Step(Value):
         push: limit of the servo along the twist, N in the metric of ρ.
         soft: stiffness of position axes, as a share of the robot's.
         touch: what makes the contact felt, above what resists on the way, as `push`; 0 where none is expected.
+        gentle: whether no more may push where the contact may be met, as that would pry held contacts open.
         on_stop, on_end, on_late: index of the next step when it stops, when its travel and when its time is used up;
             DONE or FAILED.
     """
@@ -62,6 +63,7 @@ class Step(Value):
     force: float = np.inf
     sure: float = np.inf
     touch: float = 0.0
+    gentle: bool = False
     deep: float = -np.inf
     soft: float = 1.0
 
@@ -151,8 +153,9 @@ def _step(rows: Sequence[Move], index: int, rho: float, push: float, spent: floa
     touch = robot.surplus * force * abs(float(stop.wrench @ move.twist)) / speed
     felt = (due, rubbing, stop.gain, force, stop.force, touch)
     if not move.last:
-        return Step(*common, move.length, timeout, push, beyond, following, FAILED, *felt)
-    return Step(*common, stop.max_travel, spent + stop.timeout / pace, push, beyond, FAILED, FAILED, *felt)
+        return Step(*common, move.length, timeout, push, beyond, following, FAILED, *felt, gentle=stop.gentle)
+    timeout = spent + stop.timeout / pace
+    return Step(*common, stop.max_travel, timeout, push, beyond, FAILED, FAILED, *felt, gentle=stop.gentle)
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +177,7 @@ class Table(Value):
         """Speeds are in the metric of ρ.
 
         Columns of `numbers`: travel, time-out, due, force, deep, push, soft, on_stop, on_end, on_late, move, touch,
-        sure.
+        sure, gentle.
         """
         steps, rho = program.steps, program.rho
         scale = np.array([1.0, 1.0, 1.0, rho, rho, rho])
@@ -193,6 +196,7 @@ class Table(Value):
                 s.move,
                 s.touch,
                 s.sure,
+                float(s.gentle),
             )
             for s in steps
         ]

@@ -24,7 +24,7 @@ from fmopt.execution.rotation import between, from_quaternions, hats, product, q
 from fmopt.execution.scene import CONTACTS, FIELDS
 from fmopt.values import Array
 
-TRAVEL, TIMEOUT, DUE, FORCE, DEEP, PUSH, SOFT, ON_STOP, ON_END, ON_LATE, MOVE, TOUCH, SURE = range(13)
+TRAVEL, TIMEOUT, DUE, FORCE, DEEP, PUSH, SOFT, ON_STOP, ON_END, ON_LATE, MOVE, TOUCH, SURE, GENTLE = range(14)
 _THROWN = 5e-5  # m, by which contacts do not deepen in one time step
 _SHIFTS = (1e-9, -2e-9, 4e-9)  # m, by which a part is moved for a time step to be taken again
 Ints = NDArray[np.int64]
@@ -238,14 +238,15 @@ class Rig:
 
         Where the new contact may be met it is no less than the plan's, with a little leeway, and no less than what
         resisted the motion so far with what makes the contact felt on top; this alone grows further, or the part would
-        be pried off what it holds.
+        be pried off what it holds. Where the plan says that its own push would do that, it is only this.
         """
         state, robot, numbers = self.state, self.robot, self.table.numbers[here]
         resisted = -np.sum(state.tare * self.table.twist[here], axis=1) / np.maximum(self.table.speed[here], 1e-12)
         soft = np.maximum(resisted, 0.0) + numbers[:, TOUCH] * state.effort
         near = (numbers[:, TOUCH] > 0.0) & (state.gone >= numbers[:, DUE]) & (state.moving >= robot.starting)
         plan = numbers[:, PUSH] * np.where(near, np.minimum(state.effort, robot.leeway), state.effort)
-        push = np.where(near, np.maximum(soft, plan), plan)
+        least = np.where(numbers[:, GENTLE] > 0.0, 0.0, plan)
+        push = np.where(near, np.maximum(soft, least), plan)
         start = np.where(state.moving < robot.starting, robot.mass * self.program.speed / robot.haste, 0.0)
         return np.asarray(np.minimum(push, self.program.limits[0]) + start)
 

@@ -42,7 +42,7 @@ class Robot:
     gyration: float = 0.02
     stiffness: float = 20000.0
     damping: float = 0.7
-    resistances: tuple[float, float] = (1000.0, 2.0)
+    resistances: tuple[float, float] = (1000.0, 1.0)
     memory: float = 0.1
     settling: float = 0.15
     settled: tuple[float, float] = (400.0, 0.06)

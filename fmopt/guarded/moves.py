@@ -41,6 +41,7 @@ class Stop(Value):
         max_travel: m in the metric of ρ.
         timeout: s.
         contacts: those that end the move.
+        gentle: whether held contacts may be pried open by more than the reaction that ends the move.
     """
 
     gain: Array
@@ -50,6 +51,7 @@ class Stop(Value):
     max_travel: float
     timeout: float
     contacts: tuple[str, ...]
+    gentle: bool = False
 
     def __post_init__(self) -> None:
         for name in ("gain", "wrench"):
@@ -181,7 +183,7 @@ def _move(
     change = _pressing(_shifted(forces, start), start) - _pressing(forces, goal)
     length = float(np.linalg.norm(start.local(goal) * scale))
     points = tuple((force, _point(contact, goal)) for contact, force in forces)
-    stop = _stop(hybrid["termination"], Held(points), V, budget)
+    stop = _stop(hybrid["termination"], Held(points), V, budget, hybrid.get("stays", "push") != "push")
     return Move(
         index,
         int(row["move"]),
@@ -238,7 +240,7 @@ def _refuse_unheld(index: int, hold: Array, held: Array, rho: float) -> None:
         )
 
 
-def _stop(termination: Mapping[str, Any], move: Held, V: Array, budget: Budget) -> Stop | None:
+def _stop(termination: Mapping[str, Any], move: Held, V: Array, budget: Budget, gentle: bool) -> Stop | None:
     """The rule of this module."""
     wrench, h = frozen(termination["wrench"], 6) / float(termination["threshold"]), float(termination["threshold"])
     if not np.any(wrench):
@@ -250,7 +252,7 @@ def _stop(termination: Mapping[str, Any], move: Held, V: Array, budget: Budget) 
     rubbed = budget.friction * abs(float(gain @ _friction(move, V)))
     force = h + rubbed + 3.0 * float(np.sqrt(gain**2 @ noise))
     travel, timeout = float(termination["max_travel"]), float(termination["timeout"])
-    return Stop(gain, wrench, force, h, travel, timeout, tuple(termination["contacts"]))
+    return Stop(gain, wrench, force, h, travel, timeout, tuple(termination["contacts"]), gentle)
 
 
 def _moment(force: float, normal: Array, arm: Array, budget: Budget) -> Array:

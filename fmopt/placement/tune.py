@@ -6,13 +6,14 @@ every piece of the motion has for margin, and a pattern search over them needs n
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fmopt.placement.entry import Entry, Shape
+from fmopt.placement.entry import DEPTH, Entry, Shape
 from fmopt.placement.search import MoveSequence
 from fmopt.placement.step import Node, Task, begin, follow
 from fmopt.values import Array
@@ -20,6 +21,7 @@ from fmopt.values import Array
 _STEPS = (0.16, 0.08, 0.04)  # shares of the first shape's numbers
 _GAIN = 0.01  # of the clearance, the least gain that counts
 _ENOUGH, _PATIENCE = 0.25, 10  # share of the clearance below which a margin is worth so many times the tries
+_KEPT = 0.5  # of the margin, what is left at least where an entry goes in deeper
 _WIDTH, _WIDER, _NARROWER = (0.01, 0.1, 0.3), 1.3, 0.95  # of random steps: least, first and greatest; after each
 
 
@@ -76,6 +78,33 @@ def tuned(
     return tuning.best
 
 
+def deepened(
+    task: Task,
+    found: MoveSequence,
+    entry_of: Callable[[Shape], Entry],
+    enough: Callable[[MoveSequence], bool],
+    limits: Limits,
+) -> MoveSequence:
+    """The same sequence from an entry whose corner goes in deeper, until that is enough or half of the margin is lost.
+
+    The deeper the part is in the hole, the longer is what of its faces lies on walls.
+
+    Args:
+        task: parts, errors, goal and costs.
+        found: the sequence; one that does not start tilted, or has no margin, is given back.
+        entry_of: makes an entry of a shape.
+        enough: whether a sequence need not be deeper.
+        limits: when to stop.
+    """
+    if found.entry.shape is None or found.reached.margin <= 0.0:
+        return found
+    tuning, least = _Tuning(task, found, entry_of, math.inf, limits), _KEPT * found.reached.margin
+    step = _STEPS[0] * np.eye(len(tuning.factors))[DEPTH]
+    while tuning.open and not enough(tuning.best) and (other := tuning.other(step, least)) is not None:
+        tuning.take(step, other)
+    return tuning.best
+
+
 class _Tuning:
     """The best sequence so far, the factors of the first shape's numbers that led to it, and the tries it took."""
 
@@ -86,7 +115,7 @@ class _Tuning:
         entry_of: Callable[[Shape], Entry],
         clearance: float,
         limits: Limits,
-        progress: Callable[[float], None],
+        progress: Callable[[float], None] = lambda _: None,
     ) -> None:
         assert found.entry.shape is not None
         self._first = found.entry.shape.numbers
@@ -110,23 +139,32 @@ class _Tuning:
 
     def gains(self, step: Array, gain: float) -> bool:
         """Takes a step of the factors if it adds more than a gain (m) to the margin; whether it did."""
-        self._tries += 1
-        factors, best = self.factors + step, self.best
-        entry = self._entry_of(Shape.of(self._first * factors))
-        node = replayed(self._task, entry, best.names, best.reached.margin + gain)
-        if node is None:
+        other = self.other(step, self.best.reached.margin + gain)
+        if other is None:
             return False
-        self.factors = factors
-        self.best = replace(
-            best,
+        self.take(step, other)
+        return True
+
+    def other(self, step: Array, least: float) -> MoveSequence | None:
+        """The sequence a step of the factors away, None where it fails or has no more margin (m) than this."""
+        self._tries += 1
+        entry = self._entry_of(Shape.of(self._first * (self.factors + step)))
+        node = replayed(self._task, entry, self.best.names, least)
+        if node is None:
+            return None
+        return replace(
+            self.best,
             entry=node.entry,
             moves=node.moves,
             reached=node.reached,
             cost=node.cost,
             lower_bound=min(self._bound, node.cost),  # the bound is of other entries
         )
-        self._progress(node.reached.margin)
-        return True
+
+    def take(self, step: Array, other: MoveSequence) -> None:
+        """Takes a step of the factors to another sequence."""
+        self.factors, self.best = self.factors + step, other
+        self._progress(other.reached.margin)
 
 
 def replayed(task: Task, entry: Entry, names: Sequence[str], least: float) -> Node | None:

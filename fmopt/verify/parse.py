@@ -207,7 +207,9 @@ def _claim(place: Reader, known: list[str]) -> ContactClaim:
 
 
 def _hybrid(place: Reader, known: list[str]) -> Hybrid:
-    place.only(_HYBRID, ("jam_free", "impact"))
+    place.only(_HYBRID, ("jam_free", "impact", "stays"))
+    if place.has("stays"):
+        place.at("stays").text(("push", "stop", "none"))
     end = place.at("termination").only(("contacts", "wrench", "threshold", "max_travel", "timeout"))
     forces = [item.only(("contact", "force")) for item in place.at("normal_forces").items()]
     return Hybrid(
