@@ -218,8 +218,7 @@ def strategy(
         InfeasibleError: no bias force holds the contacts.
     """
     piece = claim.piece
-    held, made = (_touching(problem, contacts, piece.goal) for contacts in (piece.held, piece.making))
-    move = _guarded(problem, assembly, claim, tolerance, held, made)
+    move, held, made = _guarded(problem, assembly, claim, tolerance)
     approach = _approach(problem, claim, move, tolerance)
     specification = problem.specification if approach is None else slowed(problem.specification, approach)
     try:
@@ -235,26 +234,19 @@ def strategy(
 
 def least_firm(problem: Problem, assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance) -> float:
     """The firmness of the least firm piece of a motion."""
-    firm = 1.0
-    for claim in claims:
-        held, made = (_touching(problem, c, claim.piece.goal) for c in (claim.piece.held, claim.piece.making))
-        move = _guarded(problem, assembly, claim, tolerance, held, made)
-        firm = min(firm, firmness(move, tolerance.rho, problem.specification))
-    return firm
+    sliding = [claim for claim in claims if claim.piece.held and claim.piece.making]
+    moves = (_guarded(problem, assembly, claim, tolerance)[0] for claim in sliding)
+    return min((firmness(move, tolerance.rho, problem.specification) for move in moves), default=1.0)
 
 
 def _guarded(
-    problem: Problem,
-    assembly: Assembly,
-    claim: Claim,
-    tolerance: Tolerance,
-    held: Sequence[PrimitiveContact],
-    made: Sequence[PrimitiveContact],
-) -> GuardedMove:
-    """The guarded move of a piece that holds and makes these contacts."""
+    problem: Problem, assembly: Assembly, claim: Claim, tolerance: Tolerance
+) -> tuple[GuardedMove, list[PrimitiveContact], list[PrimitiveContact]]:
+    """The guarded move of a piece, and the contacts that it holds and makes."""
     piece, extent = claim.piece, claim.advance.ends.extent
+    held, made = (_touching(problem, contacts, piece.goal) for contacts in (piece.held, piece.making))
     body, fixed = problem.moving.polyhedron, problem.fixed.polyhedron
-    return GuardedMove(
+    move = GuardedMove(
         piece.goal,
         piece.start.local(piece.goal),
         np.array([contact_wrench(c, body, fixed, piece.goal) for c in held]).reshape(-1, 6),
@@ -263,6 +255,7 @@ def _guarded(
         float(np.linalg.norm(extent.offset)) + tolerance.rho * extent.theta,
         _resisting(assembly, held, claim),
     )
+    return move, held, made
 
 
 def _approach(problem: Problem, claim: Claim, move: GuardedMove, tolerance: Tolerance) -> float | None:
@@ -272,7 +265,7 @@ def _approach(problem: Problem, claim: Claim, move: GuardedMove, tolerance: Tole
         return None
     body, fixed = problem.moving.polyhedron, problem.fixed.polyhedron
     meetings = [Meeting.of(c, body, fixed, piece.goal) for c in piece.making]
-    V = move.displacement / move.length(tolerance.rho)
+    V = move.direction(tolerance.rho)
     theta = claim.advance.ends.extent.theta + float(np.linalg.norm(move.displacement[3:]))
     return approach_speed(meetings, V, theta, tolerance.velocity_error, tolerance.rho)
 

@@ -80,6 +80,17 @@ class GuardedMove(Value):
         """‖V‖ in the metric of ρ, m."""
         return float(np.linalg.norm(self.displacement * twist_scale(rho)))
 
+    def direction(self, rho: float) -> Array:
+        """V / ‖V‖ (6,).
+
+        Raises:
+            ValueError: the move has no length.
+        """
+        length = self.length(rho)
+        if not length > 0.0:
+            raise ValueError("a move of no length has no direction")
+        return np.asarray(self.displacement / length)
+
 
 @dataclass(frozen=True, eq=False)
 class Bias(Value):
@@ -135,7 +146,7 @@ def bias_wrench(move: GuardedMove, V: Array, rho: float, specification: Specific
     push, along = np.zeros(6), 1.0
     if len(move.made):
         push, along = _push(move.reaction, V, row_space(move.held, rho), twist_scale(rho))
-    for rubbed, hold in product((True, False) if _turns(move, V, rho) else (False,), Hold):
+    for rubbed, hold in product((True, False) if len(move.made) and _turns(V, rho) else (False,), Hold):
         x = _with_reserve(move, _program(move, V, rho, specification, _Push(push, along, hold), rubbed), rho)
         if x is not None:
             wrench = 0.0 - move.held.T @ x[:m] + x[-2] * push
@@ -154,8 +165,8 @@ def firmness(move: GuardedMove, rho: float, specification: Specification) -> flo
     friction from turning the part off them. Of moves that turn, hold nothing or meet nothing it is 1, and 0 where no
     bias holds all contacts.
     """
-    V = move.displacement / move.length(rho)
-    if not len(move.held) or not len(move.made) or _turns(move, V, rho):
+    V = move.direction(rho)
+    if not len(move.held) or not len(move.made) or _turns(V, rho):
         return 1.0
     try:
         return float(bias_wrench(move, V, rho, specification).normal_forces.min()) / specification.contact_force
@@ -163,8 +174,8 @@ def firmness(move: GuardedMove, rho: float, specification: Specification) -> flo
         return 0.0
 
 
-def _turns(move: GuardedMove, V: Array, rho: float) -> bool:
-    return len(move.made) > 0 and rho * float(np.linalg.norm(V[3:])) > _TURNING
+def _turns(V: Array, rho: float) -> bool:
+    return rho * float(np.linalg.norm(V[3:])) > _TURNING
 
 
 class _Program(NamedTuple):

@@ -105,15 +105,12 @@ def hybrid_strategy(move: GuardedMove, rho: float, specification: Specification)
         ValueError: the move has no length.
         InfeasibleError: the move does not approach its contact, or no bias within the forces holds all contacts.
     """
-    length = move.length(rho)
-    if not length > 0.0:
-        raise ValueError("a move of no length has no direction")
-    V = move.displacement / length
+    V = move.direction(rho)
     frame = compliance_frame(move.held, move.points, move.reference, rho)
     split = axes(wrenches_in(frame, move.held, move.reference), rho)
     bias = bias_wrench(move, V, rho, specification)
     threshold = specification.termination_force
-    travel = length + move.bound
+    travel = move.length(rho) + move.bound
     return HybridStrategy(
         frame.vector(),
         split.position,

@@ -157,8 +157,8 @@ class Rig:
         """
         before = [field.copy() for field in self.fields]
         self.batch.step()
+        deepest = self._deepest()
         for shift in _SHIFTS:
-            deepest = self._deepest()
             thrown = np.flatnonzero(deepest > self.deepest + _THROWN)
             if not len(thrown):
                 break
@@ -166,8 +166,9 @@ class Rig:
                 now[thrown] = then[thrown]
             self.qpos[thrown, :3] += shift
             self.batch.step(thrown)
-        self.deepest = self._deepest()
-        np.maximum(self.depth, self.deepest, out=self.depth)
+            deepest = self._deepest()
+        self.deepest = deepest
+        np.maximum(self.depth, deepest, out=self.depth)
 
     def _deepest(self) -> Array:
         """Greatest penetrations (n,) of the last time step, m."""

@@ -19,7 +19,6 @@ from fmopt.geometry.part import Part
 from fmopt.se3 import Pose
 from fmopt.values import Array
 
-DEPTH = 3  # of the numbers of a shape, which one is the depth
 _TILTS = ((0.8, 1.0), (1.0, 0.8))
 # Shares of the turn, from the one that levels the leading corner's face towards −y with the mouth to that of the other.
 _TURNS = ((0.4, 0.6), (-0.3, 1.3))

@@ -6,14 +6,13 @@ every piece of the motion has for margin, and a pattern search over them needs n
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fmopt.placement.entry import DEPTH, Entry, Shape
+from fmopt.placement.entry import Entry, Shape
 from fmopt.placement.search import MoveSequence
 from fmopt.placement.step import Node, Task, begin, follow
 from fmopt.values import Array
@@ -96,13 +95,20 @@ def deepened(
         enough: whether a sequence need not be deeper.
         limits: when to stop.
     """
-    if found.entry.shape is None or found.reached.margin <= 0.0:
+    shape, best, factor = found.entry.shape, found, 1.0
+    if shape is None or found.reached.margin <= 0.0:
         return found
-    tuning, least = _Tuning(task, found, entry_of, math.inf, limits), _KEPT * found.reached.margin
-    step = _STEPS[0] * np.eye(len(tuning.factors))[DEPTH]
-    while tuning.open and not enough(tuning.best) and (other := tuning.other(step, least)) is not None:
-        tuning.take(step, other)
-    return tuning.best
+    for _ in range(limits.tries):
+        if enough(best) or time.monotonic() >= limits.deadline:
+            break
+        factor += _STEPS[0]
+        other = _from_entry(
+            task, found, entry_of(replace(shape, depth=factor * shape.depth)), _KEPT * found.reached.margin
+        )
+        if other is None:
+            break
+        best = other
+    return best
 
 
 class _Tuning:
@@ -115,12 +121,12 @@ class _Tuning:
         entry_of: Callable[[Shape], Entry],
         clearance: float,
         limits: Limits,
-        progress: Callable[[float], None] = lambda _: None,
+        progress: Callable[[float], None],
     ) -> None:
         assert found.entry.shape is not None
-        self._first = found.entry.shape.numbers
+        self._found, self._first = found, found.entry.shape.numbers
         self._task, self._entry_of, self._clearance, self._limits = task, entry_of, clearance, limits
-        self._progress, self._bound = progress, found.lower_bound
+        self._progress = progress
         self._tries = 0
         self.best = found
         self.factors: Array = np.ones(len(self._first))
@@ -139,32 +145,30 @@ class _Tuning:
 
     def gains(self, step: Array, gain: float) -> bool:
         """Takes a step of the factors if it adds more than a gain (m) to the margin; whether it did."""
-        other = self.other(step, self.best.reached.margin + gain)
+        self._tries += 1
+        factors = self.factors + step
+        entry = self._entry_of(Shape.of(self._first * factors))
+        other = _from_entry(self._task, self._found, entry, self.best.reached.margin + gain)
         if other is None:
             return False
-        self.take(step, other)
+        self.factors, self.best = factors, other
+        self._progress(other.reached.margin)
         return True
 
-    def other(self, step: Array, least: float) -> MoveSequence | None:
-        """The sequence a step of the factors away, None where it fails or has no more margin (m) than this."""
-        self._tries += 1
-        entry = self._entry_of(Shape.of(self._first * (self.factors + step)))
-        node = replayed(self._task, entry, self.best.names, least)
-        if node is None:
-            return None
-        return replace(
-            self.best,
-            entry=node.entry,
-            moves=node.moves,
-            reached=node.reached,
-            cost=node.cost,
-            lower_bound=min(self._bound, node.cost),  # the bound is of other entries
-        )
 
-    def take(self, step: Array, other: MoveSequence) -> None:
-        """Takes a step of the factors to another sequence."""
-        self.factors, self.best = self.factors + step, other
-        self._progress(other.reached.margin)
+def _from_entry(task: Task, found: MoveSequence, entry: Entry, least: float) -> MoveSequence | None:
+    """A found sequence from another entry, None where it fails or has no more margin (m) than this."""
+    node = replayed(task, entry, found.names, least)
+    if node is None:
+        return None
+    return replace(
+        found,
+        entry=node.entry,
+        moves=node.moves,
+        reached=node.reached,
+        cost=node.cost,
+        lower_bound=min(found.lower_bound, node.cost),  # the bound is of other entries
+    )
 
 
 def replayed(task: Task, entry: Entry, names: Sequence[str], least: float) -> Node | None:
