@@ -11,7 +11,7 @@ import numpy as np
 
 from fmopt.certificate.assembly import NEAR, Assembly, hinge, level, on_line
 from fmopt.certificate.curvature import Extent
-from fmopt.certificate.knowledge import Facts, facts, rising
+from fmopt.certificate.knowledge import Facts, coming_off, facts, rising
 from fmopt.certificate.pair import Pair, Witness
 from fmopt.certificate.rows import (
     Forms,
@@ -123,8 +123,9 @@ def _contacts(pair: Pair) -> tuple[PrimitiveContact, ...]:
 
 
 def _above(assembly: Assembly, pair: Pair, normal: Array, offset: float) -> Array:
-    """Body points (m, 3) that do not cross a fixed plane: of contacts not yet made, or given up."""
-    kept = []
+    """Body points (m, 3) that do not cross a fixed plane: of contacts not yet made, or given up, or flat with these."""
+    walls = coming_off(assembly, pair.state, pair.left)
+    kept = [i for wall in walls if assembly.agree(wall.normal, wall.offset, normal, offset) for i in wall.points]
     for contact in pair.beside:
         if contact.kind is Kind.VERTEX_FACE:
             number, vertex = contact.fixed_feature, contact.moving[0]
@@ -136,7 +137,7 @@ def _above(assembly: Assembly, pair: Pair, normal: Array, offset: float) -> Arra
         face = assembly.fixed.polyhedron.faces[number]
         if assembly.agree(face.normal, face.offset, normal, offset):
             kept.append(vertex)
-    return assembly.moving.polyhedron.vertices[kept]
+    return assembly.body_points[kept]
 
 
 def _touched(assembly: Assembly, pair: Pair, normal: Array, offset: float) -> Mask:

@@ -116,6 +116,21 @@ def facts(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> Facts:
         walls = grown
 
 
+@remembered(_MEMORY)
+def coming_off(
+    assembly: Assembly, held: tuple[PrimitiveContact, ...], left: tuple[PrimitiveContact, ...]
+) -> tuple[Wall, ...]:
+    """Fixed planes with the body points that lie in them until contacts are given up, and not by those still held."""
+    if not left:
+        return ()
+    kept, found = facts(assembly, held), []
+    for wall in facts(assembly, (*held, *left)).walls:
+        points = wall.points - kept.on(wall.normal, wall.offset).points
+        if points:
+            found.append(Wall(wall.normal, wall.offset, points, (), ()))
+    return tuple(found)
+
+
 def _turned_edge(known: Facts, held: Sequence[PrimitiveContact]) -> tuple[Array, Array] | None:
     """A body edge in a wall with the world direction that a flush face elsewhere leaves it, None without any.
 

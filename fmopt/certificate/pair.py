@@ -51,6 +51,7 @@ class Pair(NamedTuple):
         held: contacts held between the two.
         opening: contacts being made or given up between the two.
         state: all contacts held, for a pair that is touched by one; else none.
+        left: all contacts given up, for a pair that is touched; else none.
         beside: the contact being made that counts and those given up, wherever, for a pair that is touched; else none.
     """
 
@@ -59,6 +60,7 @@ class Pair(NamedTuple):
     held: tuple[PrimitiveContact, ...]
     opening: tuple[PrimitiveContact, ...]
     state: tuple[PrimitiveContact, ...]
+    left: tuple[PrimitiveContact, ...]
     beside: tuple[PrimitiveContact, ...]
 
     @property
@@ -88,7 +90,7 @@ class Facing:
 
 def facing(assembly: Assembly, piece: Piece) -> Facing:
     """All pairs of convex pieces, moving and fixed, in order, with the contacts of a piece of motion."""
-    return _facing(assembly, piece.held, (*piece.making, *piece.left), piece.opening)
+    return _facing(assembly, piece.held, (*piece.making, *piece.left), piece.left, piece.opening)
 
 
 @remembered(_MEMORY)
@@ -96,13 +98,14 @@ def _facing(
     assembly: Assembly,
     held: tuple[PrimitiveContact, ...],
     opening: tuple[PrimitiveContact, ...],
+    left: tuple[PrimitiveContact, ...],
     beside: tuple[PrimitiveContact, ...],
 ) -> Facing:
     found = []
     for i, M in enumerate(assembly.moving.pieces):
         for j, F in enumerate(assembly.fixed.pieces):
             own, new = (touching(assembly, M, F, contacts) for contacts in (held, opening))
-            known = (held, beside) if own or new else ((), ())
+            known = (held, left, beside) if own or new else ((), (), ())
             found.append((i, j, Pair(M, F, own, new, *known)))
     return Facing(tuple(found))
 

@@ -10,8 +10,9 @@ from fmopt import ellipsoid
 from fmopt.certificate.assembly import Assembly, hinge, level
 from fmopt.certificate.curvature import Curvature, Extent
 from fmopt.certificate.functions import contact_forms, made_form
+from fmopt.certificate.knowledge import coming_off
 from fmopt.certificate.piece import Piece, Tolerance
-from fmopt.certificate.rows import Rows, length
+from fmopt.certificate.rows import Forms, Rows, length, points_above
 from fmopt.errors import InfeasibleError
 from fmopt.values import Array
 
@@ -107,7 +108,8 @@ def approach(tolerance: Tolerance, way: Way, extent: Extent) -> float:
 def departure(assembly: Assembly, piece: Piece, tolerance: Tolerance, way: Way, extent: Extent) -> float:
     """Lower bound of how much farther away the contacts given up get along a piece, at every error in the bounds, m.
 
-    They are touched when the move starts: where their distances rise all along, none of them is touched again.
+    They are touched when the move starts: where their distances rise all along, none of them is touched again. So are
+    the other points of an edge or face that lies flat with them, and are no contacts as there is nothing below them.
     Infinite when nothing is given up.
 
     Raises:
@@ -117,10 +119,19 @@ def departure(assembly: Assembly, piece: Piece, tolerance: Tolerance, way: Way, 
     for contact in piece.left:
         if hinge(assembly, contact, piece.held) is not None or level(assembly, contact, piece.held) is not None:
             raise InfeasibleError(f"contact {contact.id} cannot be given up without those that it turns about")
-        rows = contact_forms(assembly, (contact,), ()).over(piece.start, piece.goal)
-        first, second = (float(end.N[0] @ way.motion) for end in rows)
-        least = min(least, min(first, second) - _change(tolerance, way, extent, rows))
+        least = min(least, _opening(tolerance, way, extent, contact_forms(assembly, (contact,), ()), piece))
+    for wall in coming_off(assembly, piece.held, piece.left):
+        for i in sorted(wall.points):
+            point = points_above(assembly.body_points[[i]], wall.normal, wall.offset)
+            least = min(least, _opening(tolerance, way, extent, point, piece))
     return least
+
+
+def _opening(tolerance: Tolerance, way: Way, extent: Extent, form: Forms, piece: Piece) -> float:
+    """Lower bound of how much a row (1) grows along a piece, m."""
+    rows = form.over(piece.start, piece.goal)
+    first, second = (float(end.N[0] @ way.motion) for end in rows)
+    return min(first, second) - _change(tolerance, way, extent, rows)
 
 
 def _change(tolerance: Tolerance, way: Way, extent: Extent, rows: tuple[Rows, Rows]) -> float:

@@ -6,7 +6,6 @@ measured on that way. The distance of the other is zero when its move starts, an
 
 from __future__ import annotations
 
-from fmopt.verify.assembly import Assembly, Touch
 from fmopt.verify.linear import seen
 from fmopt.verify.motion import Motion
 from fmopt.verify.rational import SLACK, length, row_dot, times
@@ -22,9 +21,8 @@ def approach(motion: Motion) -> int:
     return nearer - _change(motion, start, goal) - SLACK
 
 
-def departure(assembly: Assembly, motion: Motion, touch: Touch) -> int:
-    """A lower bound, in fixed point, of how far a contact given up gets away; positive: on every execution it does."""
-    start, goal = (assembly.function(touch, (), X) for X in (motion.task.start, motion.task.goal))
+def departure(motion: Motion, start: Distance, goal: Distance) -> int:
+    """A lower bound, in fixed point, of how much a row grows along the piece; positive: on every execution it does."""
     farther = min(row_dot(goal.N, motion.motion), row_dot(start.N, motion.motion))
     return farther - _change(motion, start, goal) - SLACK
 

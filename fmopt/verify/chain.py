@@ -11,8 +11,9 @@ from fmopt.verify.errors import ErrorSet, from_box
 from fmopt.verify.findings import ALLOWANCE, Notes
 from fmopt.verify.knowledge import Facts
 from fmopt.verify.motion import Motion, Task
-from fmopt.verify.rational import ONE, Matrix, Row, add, fixed, over, vector
+from fmopt.verify.rational import ONE, Matrix, Row, Vector, add, fixed, over, vector
 from fmopt.verify.rows import pose
+from fmopt.verify.solids import Plane, same
 from fmopt.verify.stretch import Leg, check_fit
 
 Basis = tuple[tuple[Touch, Row], ...]
@@ -42,7 +43,10 @@ class Link:
 
 @dataclass(frozen=True)
 class Stage:
-    """A segment with everything that its claims are derived from."""
+    """A segment with everything that its claims are derived from.
+
+    `coming_off` has the planes and body points that the contacts given up had put there, and those held do not.
+    """
 
     segment: Segment
     motion: Motion
@@ -51,6 +55,7 @@ class Stage:
     goal_state: tuple[Touch, ...]
     made: Touch | None
     leaving: tuple[Touch, ...]
+    coming_off: tuple[tuple[Plane, Vector], ...]
 
 
 class Chain:
@@ -113,7 +118,8 @@ class Chain:
             notes.equal(f"direction of {made.id}", segment.basis[-1][1], motion.made_direction, _DIRECTION_FLOOR)
         self._fit(motion, s1 - s0, notes)
         self._hand_on(segment, task, motion, goal_state)
-        return Stage(segment, motion, facts, state, goal_state, made, leaving)
+        flat = self._coming_off(segment.move, state, leaving, start.R)
+        return Stage(segment, motion, facts, state, goal_state, made, leaving, flat)
 
     def finish(self, notes: Notes) -> None:
         """Checks the end of the plan."""
@@ -192,6 +198,20 @@ class Chain:
             if self.assembly.hinge(touch, state) is not None or self.assembly.level(touch, state) is not None:
                 raise Broken(f"gives up {touch.id} without the contacts that it turns about")
         return found
+
+    def _coming_off(
+        self, move: int, state: Sequence[Touch], leaving: Sequence[Touch], R: Matrix
+    ) -> tuple[tuple[Plane, Vector], ...]:
+        """Body points that lay in fixed planes with the contacts given up, and that those held do not keep there."""
+        if not leaving:
+            return ()
+        kept = self._known(move, state, R)
+        return tuple(
+            (wall.plane, v)
+            for wall in self._known(move, [*state, *leaving], R).walls
+            for v in wall.points
+            if not any(same(v, p) for p in kept.on(wall.plane).points)
+        )
 
     def _nothing_lost(self, before: set[str], after: Sequence[Touch], R: Matrix) -> None:
         """Contacts may only be left out of a state when the others imply them, or the move gives them up."""

@@ -11,7 +11,7 @@ from fmopt.verify.errors import ErrorSet
 from fmopt.verify.facets import facet_margin
 from fmopt.verify.findings import ALLOWANCE, MARGIN_FLOOR, RELATIVE, Notes
 from fmopt.verify.rational import ArithmeticRefusal, Row, inverse, length, number, over, root, row, times, vector
-from fmopt.verify.rows import Distance
+from fmopt.verify.rows import Distance, point_above
 from fmopt.verify.separation import Apart, Known, WitnessError, apart
 
 # What double arithmetic leaves of entries of shape matrices that should be zero, as radii in m and rad, and as a share.
@@ -103,7 +103,7 @@ def _separations(
         notes.add("separations", "must list every pair of pieces once, in order")
         return ()
     hinge = assembly.hinge(stage.made, stage.state) if stage.made is not None else None
-    known = Known(stage.facts, stage.made, hinge, stage.leaving)
+    known = Known(stage.facts, stage.made, hinge, stage.leaving, stage.coming_off)
     failed: list[tuple[int, int, tuple[Distance, Distance] | None]] = []
     clearances: list[int] = []
     for stated in segment.separations:
@@ -170,10 +170,14 @@ def _before(assembly: Assembly, stage: Stage, named: list[tuple[int, str]], note
 
 
 def _after(assembly: Assembly, stage: Stage, notes: Notes) -> None:
-    """That the contacts given up, touched when the move starts, open all along."""
+    """That the contacts given up, touched when the move starts, open all along, and what lies flat with them."""
+    task = stage.motion.task
     for touch in stage.leaving:
-        if departure(assembly, stage.motion, touch) <= 0:
+        if departure(stage.motion, *(assembly.function(touch, (), X) for X in (task.start, task.goal))) <= 0:
             notes.add(touch.id, "some executions may stay in touch with it, or touch it again, when it is to be left")
+    for wall, v in stage.coming_off:
+        if departure(stage.motion, *(point_above(X, v, length(v), wall) for X in (task.start, task.goal))) <= 0:
+            notes.add("leaving", "a point that lies flat with the contacts that it gives up may fall again")
 
 
 def _hybrid(stage: Stage, notes: Notes) -> None:

@@ -45,12 +45,14 @@ class Known:
         made: the basis contact that the move makes, or None.
         hinge: its hinge, when it has one among the held contacts.
         leaving: contacts that the move gives up; none of them has a hinge among the held ones.
+        coming_off: planes with the body points that lay in them with the contacts given up.
     """
 
     facts: Facts
     made: Touch | None
     hinge: tuple[Plane, Vector, Vector] | None
     leaving: tuple[Touch, ...]
+    coming_off: tuple[tuple[Plane, Vector], ...]
 
     @property
     def beside(self) -> tuple[Touch, ...]:
@@ -63,11 +65,11 @@ class Known:
         return (*self.facts.held, *self.beside)
 
     def above(self, assembly: Assembly, plane: Plane) -> list[Vector]:
-        """Body points that contacts not yet made, or given up, keep from crossing a plane."""
+        """Body points that contacts not yet made, or given up, keep from crossing a plane, or that lay flat there."""
         points = [t.moving[0] for t in self.beside if t.kind == "vertex-face" and assembly.agree(t.faces[0], plane)]
         if self.hinge is not None and assembly.agree(self.hinge[0], plane):
             points.append(self.hinge[2])
-        return points
+        return points + [v for wall, v in self.coming_off if assembly.agree(wall, plane)]
 
 
 @dataclass(frozen=True)
