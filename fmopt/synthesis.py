@@ -24,6 +24,7 @@ from fmopt.nominal.mapping import answered
 from fmopt.placement.entry import (
     Entry,
     Shape,
+    flat_shapes,
     funnel_depth,
     funnel_width,
     planar_entries,
@@ -57,7 +58,8 @@ FINE = math.radians(1.0)
 _ROOMY = 4.0  # clearances a side that ways to enter tilted leave room for at least, as if the errors were that large
 TRIES = 40  # of entries, when one is varied
 FIRM = 0.05  # share of the contact force that presses all that a part slides along to its next contact
-_AT_ONCE = 2  # entries that go in at once are tried for each that touches the top first
+_FAR = 25.0  # clearances a side that the start errors displace the tip by, from where parts are laid flat first
+_AT_ONCE = 2  # entries that go in at once are tried for each that touches the top first, or lies flat on it
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,13 +271,7 @@ def motion(
     if problem.plane is not None:
         tilted = planar_entries(moving, problem.fixed, box, problem.approach, settings.max_tilt)
     else:
-        least = _ROOMY * clearance.per_side
-        roomy = box * max(1.0, least / max(start_spread(moving, box), 1e-3 * least))
-        at_once = tilted_shapes(moving, clearance.play, roomy, settings.max_tilt, funnel_depth(problem.fixed))
-        first, second = tee(at_once)
-        rate = problem.velocity_error.translation + problem.velocity_error.rotation
-        touching = touching_shapes(first, moving, roomy, rate, funnel_width(problem.fixed))
-        tilted = ((entry_of(shape),) for shape in alternated(second, touching, _AT_ONCE))
+        tilted = ((entry_of(shape),) for shape in _shapes(problem, clearance))
     rounds = chain([straight] if straight else [], tilted)
     best: tuple[MoveSequence, Placed] | None = None
     failure: FmoptError | None = None
@@ -312,9 +308,27 @@ def motion(
     return best
 
 
-def alternated(first: Iterator[Shape], second: Iterator[Shape], times: int) -> Iterator[Shape]:
-    """Several of the first, one of the second, and so on; the rest of either when the other ends."""
-    while some := [*islice(first, times), *islice(second, 1)]:
+def _shapes(problem: Problem, clearance: Clearance) -> Iterator[Shape]:
+    """Tilted ways to begin, the likeliest first: the corner goes in at once, touches the top first, or lies flat on it.
+
+    The further errors are beyond the clearance, the more it is worth to lay the part flat.
+    """
+    moving, play, box = problem.moving, clearance.play, problem.start_box
+    spread, least = start_spread(moving, box), _ROOMY * clearance.per_side
+    roomy = box * max(1.0, least / max(spread, 1e-3 * least))
+    funnel = funnel_depth(problem.fixed), funnel_width(problem.fixed)
+    at_once, for_touching, for_flat = tee(tilted_shapes(moving, play, roomy, problem.settings.max_tilt, funnel[0]), 3)
+    rate = problem.velocity_error.translation + problem.velocity_error.rotation
+    touching = touching_shapes(for_touching, moving, roomy, rate, funnel[1])
+    flat = flat_shapes(for_flat, moving, play, roomy, rate, funnel)
+    if spread >= _FAR * clearance.per_side:
+        return chain(flat, alternated((at_once, _AT_ONCE), (touching, 1)))
+    return alternated((at_once, _AT_ONCE), (touching, 1), (flat, 1))
+
+
+def alternated(*kinds: tuple[Iterator[Shape], int]) -> Iterator[Shape]:
+    """So many of the first, so many of the second, and so on; the rest of the others when one of them ends."""
+    while some := [shape for shapes, times in kinds for shape in islice(shapes, times)]:
         yield from some
 
 

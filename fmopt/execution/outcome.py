@@ -14,10 +14,12 @@ from fmopt.execution.rotation import between, from_quaternions, quaternions
 from fmopt.guarded.contacts import Contact
 from fmopt.guarded.moves import Move
 from fmopt.se3 import Pose
+from fmopt.values import Array
 
 SHARE = 0.2  # of the clearance, that the physics may penetrate and the part overshoot
 CLOSED = 0.25  # of the clearance, up to which a contact counts as closed
 _NEAR = 0.002  # m, from where a planned contact touches
+_LEVEL = 1e-4  # m, how far off a face forces on it are found
 _PRESSES = 0.5  # N
 _SLOW = (1e-3, 0.05)  # m/s and rad/s
 
@@ -92,7 +94,8 @@ def _spoken(number: int) -> str:
 def departures(rig: Rig, body: int, move: Move, known: Mapping[str, Contact], fit: Fit) -> list[str]:
     """Planned contacts that gape, and forces where none is planned, in words.
 
-    Edges that have turned parallel cross nowhere; what they hold, the vertices at their ends hold on the faces.
+    Edges that have turned parallel cross nowhere; what they hold, the vertices at their ends hold on the faces. Where
+    several vertices are to be on one face, what lies between them may press on it anywhere.
     """
     q = rig.qpos[body]
     pose = Pose(q[:3], from_quaternions(q[3:]))
@@ -102,13 +105,26 @@ def departures(rig: Rig, body: int, move: Move, known: Mapping[str, Contact], fi
         places.append(point)
         if known[name].within(pose) and abs(gap) > CLOSED * fit.clearance:
             found.append(f"{_spoken(move.number)}: {name} open")
+    corners = [known[name] for name in move.goal_state if known[name].kind == "vertex-face"]
+    flat = [one for n, one in enumerate(corners) if any(_same_face(one, other) for other in corners[:n])]
     sensed = rig.contacts[body]
     pressing = sensed[(sensed[:, 0] > 0.0) & (np.linalg.norm(sensed[:, 1:4], axis=1) > _PRESSES)]
     for row in pressing:
-        if not places or min(float(np.linalg.norm(row[5:] - place)) for place in places) > _NEAR:
+        near = any(float(np.linalg.norm(row[5:] - place)) <= _NEAR for place in places)
+        if not near and not any(abs(_height(row[5:], face)) <= _LEVEL for face in flat):
             found.append(f"{_spoken(move.number)}: a contact that is not planned")
             break
     return found
+
+
+def _same_face(one: Contact, other: Contact) -> bool:
+    """Whether two contacts of vertices are with the same fixed face."""
+    return np.array_equal(one.fixed, other.fixed)
+
+
+def _height(point: Array, corner: Contact) -> float:
+    """How far a point (3,) is above the fixed face of a vertex's contact, m."""
+    return float(corner.fixed_normal @ (point - corner.fixed[0]))
 
 
 def watch(logs: Sequence[Log], rig: Rig, left: Container[int] = ()) -> None:

@@ -30,6 +30,9 @@ _ALIKE = 0.55  # cosine above which two sides are no corner
 _SHARED = (0.4, 0.6)  # of the room between opposite walls that the corner stays within
 # What a corner that has touched the top goes in by, in errors of velocity; how far it rises, as a share of its way.
 _TOUCHED, _RISE = (8.0, 6.0, 4.5, 10.0), 0.06
+# What the errors are multiplied with where the part lies flat first: how far from the walls its leading corner is, how
+# far the part leans as it comes down.
+_AWAY, _LEAN = 1.3, 2.0
 _BEYOND = 1.1  # of the errors that displace the corner, how far outside the mouth it touches the top
 # What the errors are multiplied with in the plane: how deep the corner goes in below a level.
 _LEVELS = (4.5, 5.5, 3.5, 7.0, 2.5)
@@ -49,6 +52,9 @@ class Shape:
         room: how far from the walls next to it the corner goes in, along x and y, m.
         touch: how far outside the nearer of these walls the corner touches the top first, and how high above the mouth
             it is then brought over the place where it goes in, m; None where it goes in at once.
+        flat: how far from both walls the corner is at least while the part lies flat on the top first, how high above
+            the mouth it is then brought over the place where it goes in, m, and how far the part leans along the edge
+            that it comes down on, rad; it leans twice as far away from that.
     """
 
     about_y: float
@@ -57,17 +63,22 @@ class Shape:
     depth: float
     room: tuple[float, float]
     touch: tuple[float, float] | None = None
+    flat: tuple[float, float, float] | None = None
 
     @property
     def numbers(self) -> Array:
-        """All of them (6,), or (8,) with those of the touch."""
-        return np.array([self.about_y, self.about_x, self.turn, self.depth, *self.room, *(self.touch or ())])
+        """All of them (6,), (8,) with those of the touch, or (9,) with those of lying flat."""
+        more = self.touch or self.flat or ()
+        return np.array([self.about_y, self.about_x, self.turn, self.depth, *self.room, *more])
 
     @staticmethod
     def of(numbers: Array) -> Shape:
-        """The shape of (6,) or (8,) numbers."""
-        about_y, about_x, turn, depth, x, y, *touch = (float(number) for number in numbers)
-        return Shape(about_y, about_x, turn, depth, (x, y), (touch[0], touch[1]) if touch else None)
+        """The shape of (6,), (8,) or (9,) numbers."""
+        about_y, about_x, turn, depth, x, y, *more = (float(number) for number in numbers)
+        shape = Shape(about_y, about_x, turn, depth, (x, y))
+        if len(more) == 3:
+            return replace(shape, flat=(more[0], more[1], more[2]))
+        return replace(shape, touch=(more[0], more[1])) if more else shape
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +101,20 @@ class Entry:
     shape: Shape | None = None
     shallow: bool = False
     over: Pose | None = None
+    leant: Leant | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Leant:
+    """How a part that comes down leaning on one corner is laid flat on the top.
+
+    Args:
+        corner: the corner (3,) in the body that touches first.
+        axes: the two turns (2, 3) that lay it flat, one after the other, about unit vectors.
+    """
+
+    corner: Array
+    axes: Array
 
 
 def tilted_entry(moving: Part, play: tuple[float, float], approach: float, shape: Shape) -> Entry:
@@ -112,6 +137,8 @@ def tilted_entry(moving: Part, play: tuple[float, float], approach: float, shape
     inside = Pose(at - R @ corner, R)
     lift = approach - float(inside.apply(tip)[:, 2].min())
     above = inside.moved([0.0, 0.0, lift, 0.0, 0.0, 0.0])
+    if shape.flat is not None:
+        return _laid_flat(moving, play, approach, shape, Entry(above, inside, corner, shape))
     if shape.touch is None:
         return Entry(above, inside, corner, shape)
     beyond, rise = shape.touch
@@ -119,6 +146,30 @@ def tilted_entry(moving: Part, play: tuple[float, float], approach: float, shape
     aside = -(shape.room[nearer] + beyond) * inward[nearer]
     over = inside.moved([0.0, 0.0, shape.depth + rise, 0.0, 0.0, 0.0])
     return Entry(above.moved([*aside, 0.0, 0.0, 0.0, 0.0]), inside, corner, shape, over=over)
+
+
+def _laid_flat(moving: Part, play: tuple[float, float], approach: float, shape: Shape, entry: Entry) -> Entry:
+    """The entry of a part that lies flat on the top first, its leading corner over the mouth.
+
+    It leans on a corner opposite to that, comes down on a long edge that ends there, and then altogether.
+    """
+    assert shape.flat is not None
+    away, rise, lean = shape.flat
+    tip = _tip(moving)
+    room = (max(shape.room[0], away), max(shape.room[1], away))
+    at = np.append(_between_walls(moving, entry.corner, play, room)[0], 0.0)
+    R = se3.exp([0.0, 0.0, shape.turn])
+    first, second = _far_edge(moving, entry.corner)
+    along = R @ (second - first) / float(np.linalg.norm(second - first))
+    to_edge = np.cross([0.0, 0.0, 1.0], along)
+    to_face = along * -math.copysign(1.0, float(to_edge @ R @ (entry.corner - first)))
+    axes = np.array([to_edge, to_face])
+    leaning = se3.exp(-lean * (to_edge + 2.0 * to_face)) @ R
+    start = Pose(at - R @ entry.corner + R @ first - leaning @ first, leaning)
+    lift = approach - float(start.apply(tip)[:, 2].min())
+    over = entry.inside.moved([0.0, 0.0, shape.depth + rise, 0.0, 0.0, 0.0])
+    start = start.moved([0.0, 0.0, lift, 0.0, 0.0, 0.0])
+    return replace(entry, start=start, over=over, leant=Leant(first, axes))
 
 
 def funnel_depth(fixed: Part) -> float:
@@ -200,6 +251,35 @@ def touching_shapes(
         depth = _TOUCHED[n // 2 % len(_TOUCHED)] * rate * way
         if depth < shape.depth:
             yield replace(shape, depth=depth, touch=(beyond, _RISE * way))
+
+
+def flat_shapes(
+    shapes: Iterable[Shape],
+    moving: Part,
+    play: tuple[float, float],
+    start_box: Array,
+    rate: float,
+    funnel: tuple[float, float],
+) -> Iterator[Shape]:
+    """The same shapes with the part laid flat on the top first, which takes away what its height and tilts are off by.
+
+    Args:
+        shapes: tilted ones that go in at once.
+        moving: the moving part, tip centre at the origin.
+        play: free travel (x, y) of the upright part between the walls, m.
+        start_box: half-widths (6,) of the start error, m and rad.
+        rate: errors of velocity in translation and rotation together, as a share of the way.
+        funnel: how deep below the mouth the walls begin, and how far outside them the top does, m.
+    """
+    tip = _tip(moving)
+    lean = _LEAN * float(np.linalg.norm(start_box[3:]))
+    for n, shape in enumerate(shapes):
+        corner = _lowest(tip, shape.about_y, shape.about_x)
+        away = funnel[1] + _AWAY * (float(start_box[:2].max()) + _swing(corner[None], start_box))
+        way = float(np.linalg.norm(corner)) * math.hypot(shape.about_y, shape.about_x)
+        depth = funnel[0] + max(_TOUCHED[n // 2 % len(_TOUCHED)] * rate * way, min(play))
+        if depth < shape.depth and lean > 0.0:
+            yield replace(shape, depth=depth, flat=(away, _RISE * way, lean))
 
 
 def planar_entries(
@@ -315,11 +395,8 @@ def _sides(moving: Part, corner: Array) -> tuple[tuple[Array, Array], tuple[Arra
 
     Short sides, such as chamfers, are passed over, and so are sides on until the two stand at an angle.
     """
-    vertices = moving.polyhedron.vertices
-    at = int(np.argmin(np.linalg.norm(vertices - corner, axis=1)))
-    loop = next(f.loops[0] for f in moving.polyhedron.faces if f.normal[2] < -1.0 + 1e-9 and at in f.loops[0])
-    start = loop.index(at)
-    points = vertices[[*loop[start:], *loop[:start]]][:, :2]  # clockwise seen from above
+    loop, start = _outline(moving, corner)
+    points = np.roll(loop, -start, axis=0)[:, :2]  # clockwise seen from above
     along = np.roll(points, -1, axis=0) - points
     lengths = np.linalg.norm(along, axis=1)
     inward = np.column_stack([along[:, 1], -along[:, 0]]) / lengths[:, None]
@@ -330,6 +407,25 @@ def _sides(moving: Part, corner: Array) -> tuple[tuple[Array, Array], tuple[Arra
         first, last = (first, last - 1) if first + last >= len(long) - 1 else (first + 1, last)
     one, two = long[first], long[last]
     return (inward[one], points[one]), (inward[two], points[two])
+
+
+def _outline(moving: Part, corner: Array) -> tuple[Array, int]:
+    """The corners (n, 3) of the leading face around a corner, clockwise seen from above, and the place of that one."""
+    vertices = moving.polyhedron.vertices
+    at = int(np.argmin(np.linalg.norm(vertices - corner, axis=1)))
+    loop = next(f.loops[0] for f in moving.polyhedron.faces if f.normal[2] < -1.0 + 1e-9 and at in f.loops[0])
+    return vertices[list(loop)], loop.index(at)
+
+
+def _far_edge(moving: Part, corner: Array) -> tuple[Array, Array]:
+    """The long side of the leading face that reaches farthest from a corner: that end (3,), and the other (3,)."""
+    loop, _ = _outline(moving, corner)
+    sides = np.stack([loop, np.roll(loop, -1, axis=0)], axis=1)
+    lengths = np.linalg.norm(sides[:, 1] - sides[:, 0], axis=1)
+    ends = sides[lengths > _SHORT * lengths.max()]
+    far = np.linalg.norm(ends - corner, axis=2)
+    side, end = np.unravel_index(int(np.argmax(far)), far.shape)
+    return ends[side, end], ends[side, 1 - end]
 
 
 def _lowest(tip: Array, about_y: float, about_x: float) -> Array:

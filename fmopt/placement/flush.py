@@ -62,7 +62,10 @@ class _Wall:
 
 @remembered(_MEMORY)
 def _walls(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> tuple[_Wall, ...]:
-    """The fixed faces that held contacts press a face or an edge of the moving part on."""
+    """The fixed faces that held contacts press a face or an edge of the moving part on.
+
+    Not those with holes: their corners have to stay where they are.
+    """
     body, fixed = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron
     known, found = facts(assembly, held), []
     for number, face in enumerate(fixed.faces):
@@ -72,7 +75,7 @@ def _walls(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> tuple[_Wal
             own = np.flatnonzero(np.abs(body @ normal - offset) <= 1e-9)
         else:
             own = np.array(sorted(i for i in there.points if i < len(body)), dtype=np.intp)
-        if len(own) > 1:
+        if len(own) > 1 and len(face.loops) == 1:
             rims = tuple(i for i, e in enumerate(fixed.edges) if number in e.faces and e.convex)
             ends = fixed.vertices[[fixed.edges[i].vertices for i in rims]].reshape(-1, 2, 3)
             inward = crossed(face.normal[None], ends[:, 1] - ends[:, 0])

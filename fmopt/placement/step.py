@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fmopt.certificate.functions import contact_rows
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Tolerance
-from fmopt.contact.primitive import PrimitiveContact, near_contacts
+from fmopt.contact.primitive import Kind, PrimitiveContact, near_contacts
 from fmopt.contact.surface import Surfaces
 from fmopt.errors import InfeasibleError
-from fmopt.placement.entry import Entry, deeper
+from fmopt.placement.entry import Entry, Leant, deeper
 from fmopt.placement.explore import Freedom, Place, freedoms, guarded, implied, neighbourhood, pinned
 from fmopt.placement.flush import described
 from fmopt.placement.motion import Move, Reached, unroll
@@ -171,6 +171,8 @@ def begin(task: Task, entry: Entry) -> Node | None:
     above = Node(entry, place, Reached(task.start, (), ()), (), (), -task.costs.transition, 0)
     if entry.over is None:
         return _son(task, above, Move(entry.start, entry.inside, (), ()), "approach")
+    if entry.leant is not None:
+        return _from_flat(task, above, entry, entry.over, entry.leant)
     height = float(entry.start.apply(entry.corner)[2])
     down = Freedom("-z", np.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0]), 1.5 * height)
     move = guarded(task.assembly, place, down, neighbourhood(task.assembly, place, down, task.costs.reach))
@@ -179,6 +181,35 @@ def begin(task: Task, entry: Entry) -> Node | None:
         return None
     lifted = _son(task, touched, Move(touched.place.pose, entry.over, (), (), touched.place.held), "leave")
     return None if lifted is None else _son(task, lifted, Move(entry.over, entry.inside, (), ()), "enter")
+
+
+def _from_flat(task: Task, above: Node, entry: Entry, over: Pose, leant: Leant) -> Node | None:
+    """The state with a corner inside after the part has lain flat on the top, on one corner first, then on an edge."""
+    node: Node | None = replace(above, place=replace(above.place, pivot=leant.corner))
+    height = float(entry.start.apply(leant.corner)[2])
+    edge, face = (np.append(np.zeros(3), axis) for axis in leant.axes)
+    down = Freedom("approach", np.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0]), 1.5 * height)
+    for freedom in (down, Freedom("edge", edge, task.max_turn), Freedom("face", face, task.max_turn)):
+        node = None if node is None else _onto_top(task, node, freedom)
+    if node is None:
+        return None
+    flat, last = node.place.pose, node.moves[-1]
+    lifted = flat.moved([0.0, 0.0, float(over.apply(entry.corner)[2]), 0.0, 0.0, 0.0])
+    ways = (
+        ("leave", flat, lifted, (*last.held, *last.making)),
+        ("tilt", lifted, over, ()),
+        ("enter", over, entry.inside, ()),
+    )
+    for name, at, to, left in ways:
+        node = None if node is None else _son(task, node, Move(at, to, (), (), left), name)
+    return None if node is None else replace(node, place=replace(node.place, pivot=entry.corner))
+
+
+def _onto_top(task: Task, node: Node, freedom: Freedom) -> Node | None:
+    """The state after a guarded move that brings a corner onto a face; edges that lie in the face do not count."""
+    near = neighbourhood(task.assembly, node.place, freedom, task.costs.reach)
+    move = guarded(task.assembly, node.place, freedom, [c for c in near if c.kind is Kind.VERTEX_FACE])
+    return None if move is None else _son(task, node, move, freedom.name, thorough=True)
 
 
 def sons(task: Task, node: Node) -> Iterator[Node]:

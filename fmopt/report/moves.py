@@ -175,7 +175,8 @@ def move_words(plan: Plan, move: Move) -> str:
     """What a move does: "slide 1.15 mm in −x until …", "move freely 2 mm in +x away from …"."""
     words = _motion_words(plan, move)
     if move.left:
-        words += f" away from {', '.join(touched_words(plan, contact) for contact in move.left)}"
+        left = dict.fromkeys(touched_words(plan, contact) for contact in move.left)
+        words += f" away from {', '.join(left)}"
     if move.made is not None:
         words += f" until {contact_words(plan, move.made)}"
     others = [contact for contact in move.new if contact != move.made]
