@@ -25,7 +25,7 @@ from fmopt.export import ros2
 from fmopt.export.cautions import base_pose, insertion_words
 from fmopt.export.frame import task_frame
 from fmopt.export.sampled import COLUMNS, csv_text, json_text, read_csv, samples
-from fmopt.export.urscript import program
+from fmopt.export.urscript import Settings, program
 from fmopt.guarded.contacts import contacts
 from fmopt.guarded.moves import Move, from_frame, moves, to_frame
 from fmopt.se3 import Pose, exp
@@ -242,6 +242,24 @@ def test_a_part_that_is_elsewhere_is_not_moved(square_peg_plan: dict[str, Any]) 
         robot.run(program(square_peg_plan, BASE))
     assert "bring the part to within 0.02 m" in robot.log[0]
     assert robot.time == 0.0
+
+
+@pytest.mark.parametrize(("share", "stops"), [(0.9, False), (1.1, True)])
+def test_a_free_move_that_pushes_against_something_ends_the_program(
+    square_peg_plan: dict[str, Any], share: float, stops: bool
+) -> None:
+    first = moves(square_peg_plan)[0]
+    assert first.stop is None
+    robot = Robot(list(BASE.compose(first.start).vector()))
+    functions = robot.built_in()
+    most = share * Settings().most * square_peg_plan["specification"]["contact_force"]
+    reaction = (np.array([1.0, -2.0, 2.0]) / 3.0 * most).tolist()
+    functions["get_tcp_force"] = lambda: [*reaction, 0.0, 0.0, 0.0]
+    with pytest.raises(Halt):
+        Interpreter(functions).run(parsed(program(square_peg_plan, BASE)))
+    assert not robot.forced
+    assert (robot.log == ["fmopt: move 1: pushed against something"]) is stops
+    assert (robot.time < first.duration) is stops
 
 
 def test_contacts_that_are_felt_lead_to_the_end(square_peg_plan: dict[str, Any]) -> None:

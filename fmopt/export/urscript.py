@@ -95,13 +95,25 @@ def fmopt_guarded(twist, along, gain, force, held, travel, timeout, due):
   return False
 end
 
-def fmopt_move(twist, travel):
+def fmopt_move(twist, travel, most):
   local step = get_steptime()
   local elapsed = 0.0
+  local felt = 0
   while elapsed < travel:
     speedl(twist, {acceleration}, step, {acceleration_angular})
     elapsed = elapsed + step
+    local f = get_tcp_force()
+    if f[0] * f[0] + f[1] * f[1] + f[2] * f[2] > most * most:
+      felt = felt + 1
+    else:
+      felt = 0
+    end
+    if felt >= {debounce}:
+      stopl({stop}, {stop_angular})
+      return True
+    end
   end
+  return False
 end
 """
 
@@ -124,6 +136,7 @@ class Settings:
         alert: share of what a plan's stop allows for friction and noise that is left after the averaging.
         early: bounds of its travel by which a move may end early.
         approach, turning: greatest speeds of guarded moves, m/s and rad/s.
+        most: greatest reaction in moves that nothing ends but their travel, in contact forces of the plan.
         reach: greatest distance from the start pose at which the program may begin, m.
         compliant_speed: limit on compliant axes, in speeds of the plan.
     """
@@ -144,6 +157,7 @@ class Settings:
     early: float = 2.0
     approach: float = 0.005
     turning: float = 0.1
+    most: float = 2.0
     reach: float = 0.02
     compliant_speed: float = 5.0
 
@@ -161,11 +175,12 @@ def program(document: Mapping[str, Any], base: Pose, settings: Settings | None =
     """
     settings = settings or Settings()
     rho, speed = float(document["uncertainty"]["rho"]), float(document["specification"]["speed"])
+    most = settings.most * float(document["specification"]["contact_force"])
     rows = moves(document)
     lines = [_head(document, rows, base, settings), _functions(settings), "def fmopt_insert():"]
     lines += _indented(_beginning(base.compose(rows[0].start), speed, settings))
     for index, move in enumerate(rows):
-        lines += _indented(_segment(rows, index, task_frame(move, rho), base, rho, settings))
+        lines += _indented(_segment(rows, index, task_frame(move, rho), base, rho, settings, most))
     arrived = "seated" if rows[-1].stop else "as far in as planned; no contact tells that the part is seated"
     lines += _indented(["end_force_mode()", f'textmsg("fmopt: ", "{arrived}")'])
     return "\n".join([*lines, "end", "", "fmopt_insert()", ""])
@@ -218,14 +233,15 @@ def _beginning(start: Pose, speed: float, settings: Settings) -> list[str]:
 
 
 def _segment(
-    rows: Sequence[Move], index: int, task: TaskFrame, base: Pose, rho: float, settings: Settings
+    rows: Sequence[Move], index: int, task: TaskFrame, base: Pose, rho: float, settings: Settings, most: float
 ) -> list[str]:
     """A move's pieces follow each other without a stop; once the contact that ends it is felt, the rest is left out."""
     move = rows[index]
     lines = [f"# move {move.number + 1}, segments[{move.segment}], held: {', '.join(move.state) or 'nothing'}"]
     if move.stop is None:
-        call = _force_mode(move, task, base, rho, settings)
-        return [*lines, call, f"fmopt_move({_list(_turned(base, move.twist))}, {_number(move.duration)})"]
+        way = f"{_list(_turned(base, move.twist))}, {_number(move.duration)}, {_number(most)}"
+        lines += [_force_mode(move, task, base, rho, settings), f"touched = fmopt_move({way})"]
+        return [*lines, "if touched:", f'  fmopt_leave("move {move.number + 1}: pushed against something")', "end"]
     pace = _pace(move, settings)
     guarded = [_force_mode(move, task, base, rho, settings)]
     if index == 0 or rows[index - 1].last:
