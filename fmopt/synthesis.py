@@ -59,7 +59,7 @@ _ROOMY = 4.0  # clearances a side that ways to enter tilted leave room for at le
 TRIES = 40  # of entries, when one is varied
 FIRM = 0.05  # share of the contact force that presses all that a part slides along to its next contact
 _FAR = 25.0  # clearances a side that the start errors displace the tip by, from where parts are laid flat first
-_AT_ONCE = 2  # entries that go in at once are tried for each that touches the top first, or lies flat on it
+_AT_ONCE = 2  # entries that go in at once are tried for each that touches the top first
 
 
 @dataclass(frozen=True, eq=False)
@@ -311,7 +311,7 @@ def motion(
 def _shapes(problem: Problem, clearance: Clearance) -> Iterator[Shape]:
     """Tilted ways to begin, the likeliest first: the corner goes in at once, touches the top first, or lies flat on it.
 
-    The further errors are beyond the clearance, the more it is worth to lay the part flat.
+    The further errors are beyond the clearance, the more it is worth to lay the part flat: that is tried first or last.
     """
     moving, play, box = problem.moving, clearance.play, problem.start_box
     spread, least = start_spread(moving, box), _ROOMY * clearance.per_side
@@ -321,14 +321,13 @@ def _shapes(problem: Problem, clearance: Clearance) -> Iterator[Shape]:
     rate = problem.velocity_error.translation + problem.velocity_error.rotation
     touching = touching_shapes(for_touching, moving, roomy, rate, funnel[1])
     flat = flat_shapes(for_flat, moving, play, roomy, rate, funnel)
-    if spread >= _FAR * clearance.per_side:
-        return chain(flat, alternated((at_once, _AT_ONCE), (touching, 1)))
-    return alternated((at_once, _AT_ONCE), (touching, 1), (flat, 1))
+    others = alternated(at_once, touching, _AT_ONCE)
+    return chain(flat, others) if spread >= _FAR * clearance.per_side else chain(others, flat)
 
 
-def alternated(*kinds: tuple[Iterator[Shape], int]) -> Iterator[Shape]:
-    """So many of the first, so many of the second, and so on; the rest of the others when one of them ends."""
-    while some := [shape for shapes, times in kinds for shape in islice(shapes, times)]:
+def alternated(first: Iterator[Shape], second: Iterator[Shape], times: int) -> Iterator[Shape]:
+    """Several of the first, one of the second, and so on; the rest of either when the other ends."""
+    while some := [*islice(first, times), *islice(second, 1)]:
         yield from some
 
 
