@@ -418,14 +418,18 @@ def _outline(moving: Part, corner: Array) -> tuple[Array, int]:
 
 
 def _far_edge(moving: Part, corner: Array) -> tuple[Array, Array]:
-    """The long side of the leading face that reaches farthest from a corner: that end (3,), and the other (3,)."""
+    """The long side of the leading face that reaches farthest from a corner: that end (3,), and the other (3,).
+
+    Of two that meet there, the one that runs more along x.
+    """
     loop, _ = _outline(moving, corner)
-    sides = np.stack([loop, np.roll(loop, -1, axis=0)], axis=1)
-    lengths = np.linalg.norm(sides[:, 1] - sides[:, 0], axis=1)
-    ends = sides[lengths > _SHORT * lengths.max()]
-    far = np.linalg.norm(ends - corner, axis=2)
-    side, end = np.unravel_index(int(np.argmax(far)), far.shape)
-    return ends[side, end], ends[side, 1 - end]
+    after = np.roll(loop, -1, axis=0)
+    lengths = np.linalg.norm(after - loop, axis=1)
+    long = lengths > _SHORT * lengths.max()
+    ways = [*zip(loop[long], after[long], strict=True), *zip(after[long], loop[long], strict=True)]
+    apart = [float(np.linalg.norm(end - corner)) for end, _ in ways]
+    farthest = [way for way, far in zip(ways, apart, strict=True) if far >= (1.0 - 1e-9) * max(apart)]
+    return max(farthest, key=lambda way: abs(float(way[1][0] - way[0][0])))
 
 
 def _lowest(tip: Array, about_y: float, about_x: float) -> Array:
