@@ -70,11 +70,11 @@ def test_it_leans_on_one_corner_and_lies_on_others_beside_the_mouth(name: str) -
         vertices = problem.moving.polyhedron.vertices
         heights = entry.start.apply(vertices)[:, 2]
         assert heights.min() == pytest.approx(problem.approach)
-        assert entry.start.apply(entry.leant.corner)[2] == pytest.approx(problem.approach)
+        assert entry.start.apply(entry.leant.edge[0])[2] == pytest.approx(problem.approach)
         # No error of rotation makes another corner the lowest.
         swing = np.linalg.norm(problem.start_box[3:])
-        others = vertices[(vertices[:, 2] == 0.0) & (np.linalg.norm(vertices - entry.leant.corner, axis=1) > 1e-9)]
-        arms = np.linalg.norm(others - entry.leant.corner, axis=1)
+        others = vertices[(vertices[:, 2] == 0.0) & (np.linalg.norm(vertices - entry.leant.edge[0], axis=1) > 1e-9)]
+        arms = np.linalg.norm(others - entry.leant.edge[0], axis=1)
         assert (entry.start.apply(others)[:, 2] - problem.approach > swing * arms).all()
         assert entry.over.apply(entry.corner)[2] > 0.0
 

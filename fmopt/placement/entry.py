@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from fmopt import se3
 from fmopt.geometry.part import Part
@@ -109,11 +110,11 @@ class Leant:
     """How a part that comes down leaning on one corner is laid flat on the top.
 
     Args:
-        corner: the corner (3,) in the body that touches first.
+        edge: ends (2, 3) in the body of the edge that it comes down on; the first one touches first.
         axes: the two turns (2, 3) that lay it flat, one after the other, about unit vectors.
     """
 
-    corner: Array
+    edge: Array
     axes: Array
 
 
@@ -169,7 +170,7 @@ def _laid_flat(moving: Part, play: tuple[float, float], approach: float, shape: 
     lift = approach - float(start.apply(tip)[:, 2].min())
     over = entry.inside.moved([0.0, 0.0, shape.depth + rise, 0.0, 0.0, 0.0])
     start = start.moved([0.0, 0.0, lift, 0.0, 0.0, 0.0])
-    return replace(entry, start=start, over=over, leant=Leant(first, axes))
+    return replace(entry, start=start, over=over, leant=Leant(np.array([first, second]), axes))
 
 
 def funnel_depth(fixed: Part) -> float:
@@ -395,8 +396,11 @@ def _sides(moving: Part, corner: Array) -> tuple[tuple[Array, Array], tuple[Arra
 
     Short sides, such as chamfers, are passed over, and so are sides on until the two stand at an angle.
     """
-    loop, start = _outline(moving, corner)
-    points = np.roll(loop, -start, axis=0)[:, :2]  # clockwise seen from above
+    vertices = moving.polyhedron.vertices
+    at = int(np.argmin(np.linalg.norm(vertices - corner, axis=1)))
+    loop = next(f.loops[0] for f in moving.polyhedron.faces if f.normal[2] < -1.0 + 1e-9 and at in f.loops[0])
+    start = loop.index(at)
+    points = vertices[[*loop[start:], *loop[:start]]][:, :2]  # clockwise seen from above
     along = np.roll(points, -1, axis=0) - points
     lengths = np.linalg.norm(along, axis=1)
     inward = np.column_stack([along[:, 1], -along[:, 0]]) / lengths[:, None]
@@ -409,20 +413,13 @@ def _sides(moving: Part, corner: Array) -> tuple[tuple[Array, Array], tuple[Arra
     return (inward[one], points[one]), (inward[two], points[two])
 
 
-def _outline(moving: Part, corner: Array) -> tuple[Array, int]:
-    """The corners (n, 3) of the leading face around a corner, clockwise seen from above, and the place of that one."""
-    vertices = moving.polyhedron.vertices
-    at = int(np.argmin(np.linalg.norm(vertices - corner, axis=1)))
-    loop = next(f.loops[0] for f in moving.polyhedron.faces if f.normal[2] < -1.0 + 1e-9 and at in f.loops[0])
-    return vertices[list(loop)], loop.index(at)
-
-
 def _far_edge(moving: Part, corner: Array) -> tuple[Array, Array]:
-    """The long side of the leading face that reaches farthest from a corner: that end (3,), and the other (3,).
+    """The long side around the tip that reaches farthest from a corner: that end (3,), and the other (3,).
 
     Of two that meet there, the one that runs more along x.
     """
-    loop, _ = _outline(moving, corner)
+    tip = _tip(moving)
+    loop = tip[ConvexHull(tip[:, :2]).vertices]
     after = np.roll(loop, -1, axis=0)
     lengths = np.linalg.norm(after - loop, axis=1)
     long = lengths > _SHORT * lengths.max()

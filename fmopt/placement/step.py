@@ -185,12 +185,16 @@ def begin(task: Task, entry: Entry) -> Node | None:
 
 def _from_flat(task: Task, above: Node, entry: Entry, over: Pose, leant: Leant) -> Node | None:
     """The state with a corner inside after the part has lain flat on the top, on one corner first, then on an edge."""
-    node: Node | None = replace(above, place=replace(above.place, pivot=leant.corner))
-    height = float(entry.start.apply(leant.corner)[2])
+    node: Node | None = replace(above, place=replace(above.place, pivot=leant.edge[0]))
+    height = float(entry.start.apply(leant.edge[0])[2])
     edge, face = (np.append(np.zeros(3), axis) for axis in leant.axes)
     down = Freedom("approach", np.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0]), 1.5 * height)
-    for freedom in (down, Freedom("edge", edge, task.max_turn), Freedom("face", face, task.max_turn)):
-        node = None if node is None else _onto_top(task, node, freedom)
+    for freedom, corners in (
+        (down, leant.edge[:1]),
+        (Freedom("edge", edge, task.max_turn), leant.edge[1:]),
+        (Freedom("face", face, task.max_turn), task.assembly.moving.polyhedron.vertices),
+    ):
+        node = None if node is None else _onto_top(task, node, freedom, corners)
     if node is None:
         return None
     flat, last = node.place.pose, node.moves[-1]
@@ -205,10 +209,15 @@ def _from_flat(task: Task, above: Node, entry: Entry, over: Pose, leant: Leant) 
     return None if node is None else replace(node, place=replace(node.place, pivot=entry.corner))
 
 
-def _onto_top(task: Task, node: Node, freedom: Freedom) -> Node | None:
-    """The state after a guarded move that brings a corner onto a face; edges that lie in the face do not count."""
-    near = neighbourhood(task.assembly, node.place, freedom, task.costs.reach)
-    move = guarded(task.assembly, node.place, freedom, [c for c in near if c.kind is Kind.VERTEX_FACE])
+def _onto_top(task: Task, node: Node, freedom: Freedom, corners: Array) -> Node | None:
+    """The state after a guarded move that brings one of some corners (n, 3) of the body onto a face."""
+    vertices = task.assembly.moving.polyhedron.vertices
+    near = [
+        contact
+        for contact in neighbourhood(task.assembly, node.place, freedom, task.costs.reach)
+        if contact.kind is Kind.VERTEX_FACE and (corners == vertices[contact.moving_feature]).all(axis=1).any()
+    ]
+    move = guarded(task.assembly, node.place, freedom, near)
     return None if move is None else _son(task, node, move, freedom.name, thorough=True)
 
 
