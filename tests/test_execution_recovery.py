@@ -13,6 +13,7 @@ from test_execution_trials import record
 
 from fmopt.errors import PlanFormatError
 from fmopt.execution.attempt import Course, carried_out
+from fmopt.execution.mujoco_engine import MujocoEngine
 from fmopt.execution.outcome import Fit, Log
 from fmopt.execution.physics import Physics
 from fmopt.execution.program import Program, planned
@@ -67,7 +68,8 @@ class Bench:
         def rig(starts: tuple[Array, Array], which: Sequence[int], attempt: int) -> Rig:
             program = deaf(self.program) if attempt < self.attempts else self.program
             drift = np.zeros((max(s.move for s in program.steps) + 1, len(which), 6))
-            return Rig(self.model, program, self.robot, starts, drift, Noise(0, [numbers[k] for k in which], attempt))
+            noise = Noise(0, [numbers[k] for k in which], attempt)
+            return Rig(MujocoEngine(self.model, starts), program, self.robot, drift, noise)
 
         def look(shown: Rig) -> None:
             led = shown.back is not None and shown.time < shown.back.ends[0]

@@ -12,7 +12,8 @@ import pytest
 
 from fmopt.certificate.record import part_record
 from fmopt.errors import SettingsError
-from fmopt.execution import rig as rig_module
+from fmopt.execution import mujoco_engine
+from fmopt.execution.mujoco_engine import MujocoEngine
 from fmopt.execution.physics import DEFAULTS, Physics
 from fmopt.execution.program import DONE, Program, Step, planned
 from fmopt.execution.rig import Rig
@@ -128,7 +129,7 @@ def _drifted(plan: dict[str, Any], program: Program, robot: Robot, pace: float, 
     model = compiled(scene(plan, Physics(), robot.mass, robot.inertia, program.friction))
     start = program.start.vector()
     p, q = start[None, :3], quaternions(start[None, 3:])
-    rig = Rig(model, alone, robot, (p, q), error[None, None], lambda: np.zeros((1, 6)))
+    rig = Rig(MujocoEngine(model, (p, q)), alone, robot, error[None, None], lambda: np.zeros((1, 6)))
     while rig.running.any():
         rig.tick()
     moved = rig.qpos[0, :3] - p[0]
@@ -144,7 +145,7 @@ def _deepest(p: Array, q: Array) -> Array:
     up, n = np.array([0.0, 0.0, 0.02, 0.0, 0.0, 0.0]), len(p)
     step = Step("up", 0, Pose.identity(), np.eye(6), up, np.zeros((2, 6)), 1.0, 10.0, 0.0, DONE, DONE)
     program = Program("still", Pose.identity(), 0.01, 0.02, (step,), 0.0, (1e-9, 1e-9))
-    rig = Rig(model, program, robot, (p, q), np.zeros((1, n, 6)), lambda: np.zeros((n, 6)))
+    rig = Rig(MujocoEngine(model, (p, q)), program, robot, np.zeros((1, n, 6)), lambda: np.zeros((n, 6)))
     rig.tick()
     return rig.depth
 
@@ -152,7 +153,7 @@ def _deepest(p: Array, q: Array) -> Array:
 def test_contacts_that_the_engine_makes_up_throw_no_part(monkeypatch: pytest.MonkeyPatch) -> None:
     p, q = np.vstack([FLAT, FLAT + 1e-9]), np.vstack([TURNED, TURNED])
     assert (_deepest(p, q) < 1e-6).all()
-    monkeypatch.setattr(rig_module, "_SHIFTS", ())
+    monkeypatch.setattr(mujoco_engine, "_SHIFTS", ())
     assert np.flatnonzero(_deepest(p, q) > 1e-4).tolist() == [0, 1]
 
 
@@ -168,7 +169,7 @@ def test_no_more_pushes_than_is_felt_where_the_plan_says_that_its_push_would_pry
     start = program.start.vector()
     moves = 1 + max(step.move for step in program.steps)
     starts = start[None, :3], quaternions(start[None, 3:])
-    rig = Rig(model, program, robot, starts, np.zeros((moves, 1, 6)), lambda: np.zeros((1, 6)))
+    rig = Rig(MujocoEngine(model, starts), program, robot, np.zeros((moves, 1, 6)), lambda: np.zeros((1, 6)))
     k, step = next((k, step) for k, step in enumerate(program.steps) if step.touch > 0.0 and step.hold.any())
     rig.state.shown[:], rig.state.gone[:], rig.state.moving[:] = k, step.travel, 1.0
     assert rig._allowed(rig.state.shown)[0] == pytest.approx(max(share * step.push, step.touch))

@@ -72,7 +72,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
         | {"desk", "plan_record"}
     ),
     "scipy": frozenset({"plane", "geometry", "contact", "nominal", "uncertainty", "placement", "control", "study"})
-    | {"execution/grown.py"},
+    | {"execution/grown.py", "execution/corners.py"},
     "distributed": frozenset({"study/cluster.py"}),
     "polars": frozenset({"study/__init__.py", "study/outcome.py", "study/table.py", "desk/plan.py"}),
     "sympy": frozenset(
@@ -95,6 +95,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "tree_sitter": frozenset({"task/toml_source.py"}),
     "tree_sitter_toml": frozenset({"task/toml_source.py"}),
     "mujoco": frozenset({"execution"}),
+    "pydrake": frozenset({"execution/drake_engine.py"}),
     "PIL": frozenset({"execution/replay.py"}),
     "rosbags": frozenset({"export/ros2.py"}),
     "IPython": frozenset({"desk/notebook.py"}),

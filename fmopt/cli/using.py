@@ -120,22 +120,26 @@ def execute(
     covered: Annotated[
         bool, typer.Option("--covered", help="Errors beyond are of those that the plan's retries cover.")
     ] = False,
+    engine: Annotated[str, typer.Option("--engine", help="mujoco, or drake for a second opinion.")] = "mujoco",
     again: Annotated[int | None, typer.Option("--replay", min=0, help="Draw this trial as a GIF instead.")] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder; default: trials beside the plan.")] = None,
     workers: Annotated[int | None, typer.Option("--workers", min=1, help="Processes; default: one a core.")] = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Carry a plan out in a physics engine, under sampled errors (extra sim)."""
+    """Carry a plan out in a physics engine, under sampled errors (extra sim, or drake)."""
     from fmopt.console import Trials as Progress
     from fmopt.execution.execute import execute as run
     from fmopt.execution.summary import lines
-    from fmopt.execution.trials import METHODS, Trials
+    from fmopt.execution.trials import ENGINES, METHODS, Trials
 
     if method not in METHODS:
         raise typer.BadParameter(f"{method!r} is none of {', '.join(METHODS)}", param_hint="--method")
+    if engine not in ENGINES:
+        raise typer.BadParameter(f"{engine!r} is none of {', '.join(ENGINES)}", param_hint="--engine")
     drawn = Trials(trials, beyond, seed=seed, time_step=time_step, friction=friction)
     wanted = replace(drawn, method=method, growth=growth, offset=offset, recovery=recovery, covered=covered)
+    wanted = replace(wanted, engine=engine)
     folder = out if out is not None else file.parent / "trials"
     if again is not None:
         _replay(file, wanted, again, folder)

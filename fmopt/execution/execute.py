@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from fmopt import plan
-from fmopt.execution.scene import engine
 from fmopt.execution.summary import summary
-from fmopt.execution.trials import METHODS, Trials, run_all
+from fmopt.execution.trials import ENGINES, METHODS, Trials, run_all
 
 
 def execute(
@@ -32,7 +31,7 @@ def execute(
     Raises:
         FmoptError: the plan cannot be read or run, the extra is missing, or the results cannot be written.
     """
-    engine()
+    ENGINES[trials.engine].library()
     document = plan.read(file)
     plan.prepare(folder)
     found = {"verdict": document["verdict"], **_summed(document, trials, folder / "trials.jsonl", workers, advance)}
@@ -57,7 +56,7 @@ def compare(
     Raises:
         FmoptError: as for `execute`.
     """
-    engine()
+    ENGINES[Trials.engine].library()
     plan.prepare(folder)
     rows = []
     for file in files:

@@ -17,16 +17,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fmopt.execution.engine import Engine
 from fmopt.execution.program import FAILED, Program, Table
 from fmopt.execution.recovery import WayBack
 from fmopt.execution.robot import Robot
-from fmopt.execution.rotation import between, from_quaternions, hats, product, quaternions
-from fmopt.execution.scene import CONTACTS, FIELDS
+from fmopt.execution.rotation import between, hats, product, quaternions
 from fmopt.values import Array
 
 TRAVEL, TIMEOUT, DUE, FORCE, DEEP, PUSH, SOFT, ON_STOP, ON_END, ON_LATE, MOVE, TOUCH, SURE, GENTLE = range(14)
-_THROWN = 5e-5  # m, by which contacts do not deepen in one time step
-_SHIFTS = (1e-9, -2e-9, 4e-9)  # m, by which a part is moved for a time step to be taken again
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
@@ -78,50 +76,38 @@ class Event:
 
 
 class Rig:
-    """n bodies in a scene, all running one program.
+    """n bodies in a physics engine, all running one program.
 
     Args:
-        model: of the scene.
+        engine: that the bodies are in, at their starts.
         program: what they run.
         robot: how.
-        starts: positions (n, 3) and quaternions (n, 4) of the parts.
         drift: velocity error (moves, n, 6) on the twist of each move at the plan's speed, m/s and rad/s; of a step that
             is run more slowly it is the same share.
         noise: source of raw noise, (n, 6) standard normal at each call.
     """
 
-    def __init__(
-        self, model: Any, program: Program, robot: Robot, starts: tuple[Array, Array], drift: Array, noise: Any
-    ) -> None:
-        from mujoco.batch import Batch
-
-        self.program, self.robot, self.drift, self.noise = program, robot, drift, noise
+    def __init__(self, engine: Engine, program: Program, robot: Robot, drift: Array, noise: Any) -> None:
+        self.engine, self.program, self.robot, self.drift, self.noise = engine, program, robot, drift, noise
         self.table = Table.of(program)
-        self.n = len(starts[0])
-        self.batch: Any = Batch(model, self.n, 1)
-        self.qpos, self.qvel, self.applied, self.reaction, self.sensor = (
-            self.batch.bind(name) for name in ("qpos", "qvel", "qfrc_applied", "qfrc_constraint", "sensordata")
-        )
-        self.fields = [self.qpos, self.qvel, self.batch.bind("qacc_warmstart")]
-        self.qpos[:, :3], self.qpos[:, 3:] = starts
-        self.substeps = max(round(robot.period / float(model.opt.timestep)), 1)
+        self.qpos, self.qvel, self.depth = engine.qpos, engine.qvel, engine.depth
+        self.n = n = len(self.qpos)
         self.time = 0.0
-        self.held = np.zeros((self.n, 6))  # wrench that presses the held contacts, about the reference points
-        self.depth, self.deepest = np.zeros(self.n), np.zeros(self.n)  # greatest penetration so far and now, m
-        self.moved = np.zeros((self.n, 6))  # in the last period, m and rad, axes of B
+        self.held = np.zeros((n, 6))  # wrench that presses the held contacts, about the reference points
+        self.reaction = np.zeros((n, 6))  # of the contacts, about the reference points, axes of B
+        self.moved = np.zeros((n, 6))  # in the last period, m and rad, axes of B
         self.back: WayBack | None = None  # on which the bodies are led before they begin
-        n, zero = self.n, np.zeros
-        p, q = starts
+        zero, p, q = np.zeros, np.array(self.qpos[:, :3]), np.array(self.qpos[:, 3:])
         whole, six = zero(n, np.int64), zero((n, 6))
         self.state = State(
-            *(whole, whole.copy(), zero(n), zero(n), p.copy(), q.copy(), six, six.copy(), zero(n), zero(n)),
+            *(whole, whole.copy(), zero(n), zero(n), p, q, six, six.copy(), zero(n), zero(n)),
             *(whole.copy(), whole.copy(), np.ones(n), zero(n), np.ones(n)),
         )
 
     @property
     def contacts(self) -> Array:
-        """What the contact sensor says, (n, CONTACTS, FIELDS): found, force (3), distance, position (3)."""
-        return np.asarray(self.sensor).reshape(self.n, CONTACTS, FIELDS)
+        """Contacts of the last time step, as `Engine` has them."""
+        return self.engine.contacts
 
     @property
     def running(self) -> Bools:
@@ -135,11 +121,7 @@ class Rig:
         if self.back is not None:
             led = self.time < self.back.ends
             wrench[led] = self._led(self.back)[led]
-        R = from_quaternions(self.qpos[:, 3:])
-        self.applied[:, :3] = wrench[:, :3]
-        self.applied[:, 3:] = np.einsum("nji,nj->ni", R, wrench[:, 3:])
-        for _ in range(self.substeps):
-            self._advance()
+        self.engine.advance(wrench, self.robot.period)
         self.time += self.robot.period
         self._sense()
         self.moved = np.hstack([self.qpos[:, :3] - before[:, :3], between(self.qpos[:, 3:], before[:, 3:])])
@@ -148,32 +130,6 @@ class Rig:
             rested = (self.time >= self.back.ends) & (self.time - self.robot.period < self.back.ends)
             self._begin(np.flatnonzero(rested & self.back.arrived(np.asarray(self.qpos))))
         return events
-
-    def _advance(self) -> None:
-        """One time step, taken again by bodies for which the engine found a contact that cannot be.
-
-        Where faces lie flat on each other, the engine's collision of convex bodies now and then, at one pose and not at
-        the next, takes another face for the nearest, and a contact as deep as the part is thick throws the part away.
-        """
-        before = [field.copy() for field in self.fields]
-        self.batch.step()
-        deepest = self._deepest()
-        for shift in _SHIFTS:
-            thrown = np.flatnonzero(deepest > self.deepest + _THROWN)
-            if not len(thrown):
-                break
-            for now, then in zip(self.fields, before, strict=True):
-                now[thrown] = then[thrown]
-            self.qpos[thrown, :3] += shift
-            self.batch.step(thrown)
-            deepest = self._deepest()
-        self.deepest = deepest
-        np.maximum(self.depth, deepest, out=self.depth)
-
-    def _deepest(self) -> Array:
-        """Greatest penetrations (n,) of the last time step, m."""
-        found = self.contacts
-        return np.asarray(-np.where(found[:, :, 0] > 0.0, found[:, :, 4], 0.0).min(axis=1))
 
     def lead_back(self, back: WayBack) -> None:
         """Has all bodies led back to a start, from where they run the program; those that do not get there stay."""
@@ -304,9 +260,8 @@ class Rig:
         state.q = product(quaternions(back[:, 3:]), self.qpos[:, 3:])
 
     def _sense(self) -> None:
-        R = from_quaternions(self.qpos[:, 3:])
-        raw = np.hstack([self.reaction[:, :3], np.einsum("nij,nj->ni", R, self.reaction[:, 3:])])
-        raw = raw + self.noise() * np.repeat(self.robot.noise, 3)
+        self.reaction = self.engine.reaction
+        raw = self.reaction + self.noise() * np.repeat(self.robot.noise, 3)
         self.state.filtered += self.robot.smoothing * (raw - self.state.filtered)
 
     def _decide(self, here: Ints, way: Array) -> list[Event]:

@@ -11,10 +11,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fmopt.errors import PlanFormatError, ResourceError
+from fmopt.execution.engine import CONTACTS
 from fmopt.execution.physics import Physics
-
-CONTACTS = 16  # contacts that a sensor reports
-FIELDS = 8  # found, force (3), distance, position (3)
 
 _SCENE = """\
 <mujoco model="fmopt">

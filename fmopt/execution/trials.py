@@ -18,20 +18,22 @@ from fmopt import plan
 from fmopt.errors import PlanFormatError, ResourceError
 from fmopt.execution.attempt import Course, carried_out
 from fmopt.execution.baselines import BASELINES
+from fmopt.execution.drake_engine import DRAKE
+from fmopt.execution.engine import Maker, Setup
 from fmopt.execution.grown import grown
+from fmopt.execution.mujoco_engine import MUJOCO
 from fmopt.execution.outcome import Fit
-from fmopt.execution.physics import Physics
 from fmopt.execution.program import Program, planned
 from fmopt.execution.recovery import Recovery
 from fmopt.execution.rig import Rig
 from fmopt.execution.robot import Robot
 from fmopt.execution.rotation import product, quaternions
-from fmopt.execution.scene import compiled, scene
 from fmopt.guarded.contacts import contacts
 from fmopt.guarded.moves import moves
 from fmopt.values import Array
 
 METHODS: dict[str, Callable[[Mapping[str, Any], Robot], Program]] = {"plan": planned, **BASELINES}
+ENGINES: dict[str, Maker] = {"mujoco": MUJOCO, "drake": DRAKE}
 CHUNK = 125  # trials that run together; more make each cheaper, fewer are lost by an interruption
 _FEWEST = 10  # trials that are worth a process
 _BLOCK = 256  # periods of noise drawn at once
@@ -53,6 +55,7 @@ class Trials:
         offset: of each start along x, m, that nobody knows of.
         recovery: whether a plan that says so backs off and tries again when a move fails.
         covered: whether trials beyond have errors uniform in what the plan's retries cover, instead.
+        engine: of the physics.
     """
 
     inside: int
@@ -66,6 +69,7 @@ class Trials:
     offset: float = 0.0
     recovery: bool = True
     covered: bool = False
+    engine: str = "mujoco"
 
 
 @dataclass(frozen=True)
@@ -163,15 +167,14 @@ def run(
     rows, known, fit = moves(document) if is_plan else (), contacts(document), Fit.of(document)
     friction = float(document["specification"]["friction"]) if trials.friction is None else trials.friction
     parts = grown(document, trials.growth) if trials.growth else document
-    physics = Physics.of_fit(fit.clearance, robot.period, trials.time_step)
-    model = compiled(scene(parts, physics, robot.mass, robot.inertia, friction))
+    put = ENGINES[trials.engine].scene(Setup(parts, fit.clearance, robot, friction, trials.time_step))
     draws = [draw(document, program, trials, number) for number in numbers]
     recovery = Recovery.of(document) if is_plan and trials.recovery else None
     course = Course(recovery, rows, known, fit, look)
 
     def rig(starts: tuple[Array, Array], which: Sequence[int], attempt: int) -> Rig:
         noise = Noise(trials.seed, [numbers[k] for k in which], attempt)
-        return Rig(model, program, robot, starts, _drifts([draws[k] for k in which]), noise)
+        return Rig(put(starts), program, robot, _drifts([draws[k] for k in which]), noise)
 
     logs = carried_out(course, rig, _starts(program, draws))
     return [
@@ -207,7 +210,7 @@ def run_all(
         ResourceError: the file is of other trials or cannot be written, the extra is missing, or the run was
             interrupted.
     """
-    head = {"plan": document["sha256"], **asdict(trials)}
+    head = _head(document, trials)
     done = _kept(file, head)
     advance(len(done))
     missing = [n for n in range(trials.inside + trials.beyond) if n not in done]
@@ -242,6 +245,14 @@ def _carried_out(
             pool.shutdown(wait=False, cancel_futures=True)
 
 
+def _head(document: Mapping[str, Any], trials: Trials) -> dict[str, Any]:
+    """What a file of trials begins with; it names the engine where that is another than of files that name none."""
+    said = asdict(trials)
+    if trials.engine == Trials.engine:
+        del said["engine"]
+    return {"plan": document["sha256"], **said}
+
+
 def _kept(file: Path, head: Mapping[str, Any]) -> dict[int, Any]:
     if not file.exists():
         return {}
@@ -265,7 +276,10 @@ def _kept(file: Path, head: Mapping[str, Any]) -> dict[int, Any]:
 
 def _other(first: Mapping[str, Any], head: Mapping[str, Any]) -> list[str]:
     """What differs beside the numbers of trials, on which no single trial inside depends."""
-    return [key.replace("_", " ") for key in head if key not in ("inside", "beyond") and first.get(key) != head[key]]
+    keys = [*head, *(key for key in first if key not in head)]
+    return [
+        key.replace("_", " ") for key in keys if key not in ("inside", "beyond") and first.get(key) != head.get(key)
+    ]
 
 
 def _keep(file: Path, head: Mapping[str, Any], done: Mapping[int, Any]) -> None:

@@ -1,0 +1,182 @@
+"""Drake's point contact as the rig's engine, a second opinion: a context for each body, stepped one after the other.
+
+Contacts are springs with a linear damping, solved as a convex program (SAP). The library finds one contact for each
+pair of convex bodies, the deepest, so that a part on flush faces would rock about a contact that jumps from end to end;
+the moving part's pieces are joined by their corners, which hold the ends of the patch.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from fmopt.errors import FmoptError, PlanFormatError, ResourceError
+from fmopt.execution.corners import with_corners
+from fmopt.execution.engine import CONTACTS, FIELDS, Maker, Put, Setup
+from fmopt.execution.physics import Physics
+from fmopt.execution.rotation import from_quaternions
+from fmopt.values import Array
+
+_STIFF = 1e7  # N/m of a contact, at least
+_BENT = 1000.0  # N that would bend a contact by the clearance
+_THROWN = 5e-5  # m, by which contacts do not deepen in one time step
+_SHIFTS = (0.0, 1e-9, -2e-9, 4e-9)  # m, by which a part is moved for its contacts to be looked for again
+
+
+class DrakeEngine:
+    """n bodies in a scene; see `Engine`.
+
+    Args:
+        diagram: of the plant with the body `part` and its geometry.
+        starts: positions (n, 3) and quaternions (n, 4) of the bodies.
+    """
+
+    def __init__(self, diagram: Any, starts: tuple[Array, Array]) -> None:
+        n = len(starts[0])
+        self.qpos, self.qvel, self.depth = np.hstack(starts), np.zeros((n, 6)), np.zeros(n)
+        self._diagram, self._plant = diagram, diagram.GetSubsystemByName("plant")
+        self._part = self._plant.GetBodyByName("part")
+        self._found = self._plant.get_contact_results_output_port()
+        self._pressed = self._plant.get_generalized_contact_forces_output_port(self._part.model_instance())
+        self._roots = [diagram.CreateDefaultContext() for _ in range(n)]
+        self._contexts = [self._plant.GetMyMutableContextFromRoot(root) for root in self._roots]
+        port = self._plant.get_applied_generalized_force_input_port()
+        self._applied = [port.FixValue(context, np.zeros(6)).GetMutableData() for context in self._contexts]
+        self._reaction, self._deepest = np.zeros((n, 6)), np.zeros(n)  # of the last time step
+        self._results: list[Any] = [None] * n
+
+    @property
+    def reaction(self) -> Array:
+        """As `Engine`."""
+        return self._reaction.copy()
+
+    @property
+    def contacts(self) -> Array:
+        """As `Engine`; the deepest where there are more."""
+        rows = np.zeros((len(self.qpos), CONTACTS, FIELDS))
+        for row, results in zip(rows, self._results, strict=True):
+            every = [] if results is None else _contacts(results)
+            every.sort(key=lambda one: -float(one.point_pair().depth))
+            for k, one in enumerate(every[:CONTACTS]):
+                force = one.contact_force() if one.bodyB_index() == self._part.index() else -one.contact_force()
+                row[k] = 1.0, *force, -one.point_pair().depth, *one.contact_point()
+        return rows
+
+    def advance(self, wrench: Array, period: float) -> None:
+        """As `Engine`; the library has rotations first, and turning in axes of the world."""
+        R = from_quaternions(self.qpos[:, 3:])
+        turning = np.einsum("nij,nj->ni", R, self.qvel[:, 3:])
+        states = np.hstack([self.qpos[:, 3:], self.qpos[:, :3], turning, self.qvel[:, :3]])
+        for k, context in enumerate(self._contexts):
+            self._plant.SetPositionsAndVelocities(context, states[k])
+            self._applied[k].get_mutable_value().SetFromVector(np.roll(wrench[k], 3))
+            for _ in range(max(round(period / self._plant.time_step()), 1)):
+                self._step(k)
+            states[k] = self._plant.GetPositionsAndVelocities(context)
+        q, turning = states[:, :4], states[:, 7:10]
+        self.qpos[:, :3], self.qpos[:, 3:] = states[:, 4:7], q / np.linalg.norm(q, axis=1, keepdims=True)
+        R = from_quaternions(self.qpos[:, 3:])
+        self.qvel[:, :3], self.qvel[:, 3:] = states[:, 10:], np.einsum("nji,nj->ni", R, turning)
+
+    def _step(self, k: int) -> None:
+        """One time step of body k, with the contacts at its beginning."""
+        context = self._contexts[k]
+        self._results[k], self._deepest[k] = self._looked_for(k)
+        self.depth[k] = max(self.depth[k], self._deepest[k])
+        self._reaction[k] = np.roll(self._pressed.Eval(context), 3)
+        self._roots[k].SetDiscreteState(self._diagram.EvalUniquePeriodicDiscreteUpdate(self._roots[k]))
+
+    def _looked_for(self, k: int) -> tuple[Any, float]:
+        """Contacts of body k and the greatest penetration, m, from 1 nm beside where a contact cannot be.
+
+        Where convex bodies barely touch, the library's collision may give up, or take a wrong face for the nearest.
+
+        Raises:
+            FmoptError: it gives up beside as well.
+        """
+        context, reason = self._contexts[k], ""
+        here = self._plant.GetPositions(context)
+        results, deepest = None, np.inf
+        for shift in _SHIFTS:
+            if shift:
+                self._plant.SetPositions(context, here + shift * np.repeat([0.0, 1.0], [4, 3]))
+            try:
+                results = self._found.Eval(context)
+            except RuntimeError as error:
+                reason = str(error)
+                continue
+            deepest = max((float(one.point_pair().depth) for one in _contacts(results)), default=0.0)
+            if deepest <= self._deepest[k] + _THROWN:
+                break
+        if results is None:
+            raise FmoptError(f"the engine finds no contacts at {here}: {reason}", "choose another seed or engine")
+        return results, deepest
+
+
+def _contacts(results: Any) -> list[Any]:
+    return [results.point_pair_contact_info(k) for k in range(results.num_point_pair_contacts())]
+
+
+def _library() -> Any:
+    """The engine's library.
+
+    Raises:
+        ResourceError: the extra is missing.
+    """
+    try:
+        import pydrake.multibody.plant
+    except ImportError as error:
+        raise ResourceError("execution in Drake needs the extra drake", "install fmopt[drake]") from error
+    return pydrake
+
+
+def _put(setup: Setup) -> Put:
+    """The scene: contacts as stiff as the clearance asks for, which give way over the time that MuJoCo's do."""
+    _library()
+    from pydrake.geometry import AddContactMaterial, ProximityProperties
+    from pydrake.multibody.plant import AddMultibodyPlant, CoulombFriction, MultibodyPlantConfig
+    from pydrake.multibody.tree import SpatialInertia, UnitInertia
+    from pydrake.systems.framework import DiagramBuilder
+
+    robot = setup.robot
+    physics = Physics.of_fit(setup.clearance, robot.period, setup.time_step).trusted()
+    config = MultibodyPlantConfig(
+        time_step=physics.time_step,
+        contact_model="point",
+        discrete_contact_approximation="sap",
+        use_sampled_output_ports=False,
+    )
+    builder = DiagramBuilder()
+    plant, _ = AddMultibodyPlant(config, builder)
+    plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
+    inertia = UnitInertia.TriaxiallySymmetric(robot.gyration**2)
+    part = plant.AddRigidBody("part", SpatialInertia(robot.mass, np.zeros(3), inertia))
+    material = ProximityProperties()
+    friction = CoulombFriction(setup.friction, setup.friction)
+    AddContactMaterial(material, point_stiffness=max(_STIFF, _BENT / setup.clearance), friction=friction)
+    material.AddProperty("material", "relaxation_time", physics.contact[0])
+    try:
+        pieces = {
+            side: [np.asarray(piece["vertices"], dtype=np.float64) for piece in setup.document["parts"][side]["pieces"]]
+            for side in ("fixed", "moving")
+        }
+    except (KeyError, TypeError, ValueError) as error:
+        raise PlanFormatError(f"the plan's parts cannot be read: {type(error).__name__}: {error}") from error
+    _register(plant, plant.world_body(), "fixed", pieces["fixed"], material)
+    _register(plant, part, "moving", [one for piece in pieces["moving"] for one in with_corners(piece)], material)
+    plant.Finalize()
+    return partial(DrakeEngine, builder.Build())
+
+
+def _register(plant: Any, body: Any, side: str, hulls: list[Array], material: Any) -> None:
+    from pydrake.geometry import Convex
+    from pydrake.math import RigidTransform
+
+    for i, points in enumerate(hulls):
+        name = f"{side}{i}"
+        plant.RegisterCollisionGeometry(body, RigidTransform(), Convex(points.T.copy(), name), name, material)
+
+
+DRAKE = Maker(_library, _put)
