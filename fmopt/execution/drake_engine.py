@@ -19,8 +19,9 @@ from fmopt.execution.physics import Physics
 from fmopt.execution.rotation import from_quaternions
 from fmopt.values import Array
 
-_STIFF = 1e7  # N/m of a contact, at least
-_BENT = 1000.0  # N that would bend a contact by the clearance
+_STIFF = 1e7  # N/m of each part at a contact, at least
+_BENT = 1000.0  # N that would bend it by the clearance
+_STEPS = 0.5  # of MuJoCo's time step: the kick of a contact that jumps between the ends of flush faces grows with it
 _THROWN = 5e-5  # m, by which contacts do not deepen in one time step
 _SHIFTS = (0.0, 1e-9, -2e-9, 4e-9)  # m, by which a part is moved for its contacts to be looked for again
 
@@ -133,15 +134,16 @@ def _library() -> Any:
 
 
 def _put(setup: Setup) -> Put:
-    """The scene: contacts as stiff as the clearance asks for, which give way over the time that MuJoCo's do."""
+    """The scene, with contacts as stiff as the clearance asks for, relaxing over the time constant of MuJoCo's."""
     _library()
-    from pydrake.geometry import AddContactMaterial, ProximityProperties
-    from pydrake.multibody.plant import AddMultibodyPlant, CoulombFriction, MultibodyPlantConfig
+    from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
     from pydrake.multibody.tree import SpatialInertia, UnitInertia
     from pydrake.systems.framework import DiagramBuilder
 
     robot = setup.robot
-    physics = Physics.of_fit(setup.clearance, robot.period, setup.time_step).trusted()
+    step = _STEPS * Physics.of_fit(setup.clearance, robot.period).time_step
+    step = step if setup.time_step is None else setup.time_step
+    physics = Physics.of_fit(setup.clearance, robot.period, step).trusted()
     config = MultibodyPlantConfig(
         time_step=physics.time_step,
         contact_model="point",
@@ -153,21 +155,32 @@ def _put(setup: Setup) -> Put:
     plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
     inertia = UnitInertia.TriaxiallySymmetric(robot.gyration**2)
     part = plant.AddRigidBody("part", SpatialInertia(robot.mass, np.zeros(3), inertia))
+    material = _material(setup, physics.contact[0])
+    _register(plant, plant.world_body(), "fixed", _pieces(setup, "fixed"), material)
+    corners = [corner for piece in _pieces(setup, "moving") for corner in with_corners(piece)]
+    _register(plant, part, "moving", corners, material)
+    plant.Finalize()
+    return partial(DrakeEngine, builder.Build())
+
+
+def _material(setup: Setup, relaxation: float) -> Any:
+    """Of both parts; two in contact are half as stiff as one, and relax over both their times, s, together."""
+    from pydrake.geometry import AddContactMaterial, ProximityProperties
+    from pydrake.multibody.plant import CoulombFriction
+
     material = ProximityProperties()
     friction = CoulombFriction(setup.friction, setup.friction)
     AddContactMaterial(material, point_stiffness=max(_STIFF, _BENT / setup.clearance), friction=friction)
-    material.AddProperty("material", "relaxation_time", physics.contact[0])
+    material.AddProperty("material", "relaxation_time", relaxation)
+    return material
+
+
+def _pieces(setup: Setup, side: str) -> list[Array]:
+    """The vertices (v, 3) of a part's pieces, m."""
     try:
-        pieces = {
-            side: [np.asarray(piece["vertices"], dtype=np.float64) for piece in setup.document["parts"][side]["pieces"]]
-            for side in ("fixed", "moving")
-        }
+        return [np.asarray(one["vertices"], dtype=np.float64) for one in setup.document["parts"][side]["pieces"]]
     except (KeyError, TypeError, ValueError) as error:
         raise PlanFormatError(f"the plan's parts cannot be read: {type(error).__name__}: {error}") from error
-    _register(plant, plant.world_body(), "fixed", pieces["fixed"], material)
-    _register(plant, part, "moving", [one for piece in pieces["moving"] for one in with_corners(piece)], material)
-    plant.Finalize()
-    return partial(DrakeEngine, builder.Build())
 
 
 def _register(plant: Any, body: Any, side: str, hulls: list[Array], material: Any) -> None:
