@@ -137,9 +137,8 @@ def execute(
         raise typer.BadParameter(f"{method!r} is none of {', '.join(METHODS)}", param_hint="--method")
     if engine not in ENGINES:
         raise typer.BadParameter(f"{engine!r} is none of {', '.join(ENGINES)}", param_hint="--engine")
-    drawn = Trials(trials, beyond, seed=seed, time_step=time_step, friction=friction)
+    drawn = Trials(trials, beyond, seed=seed, time_step=time_step, friction=friction, engine=engine)
     wanted = replace(drawn, method=method, growth=growth, offset=offset, recovery=recovery, covered=covered)
-    wanted = replace(wanted, engine=engine)
     folder = out if out is not None else file.parent / "trials"
     if again is not None:
         _replay(file, wanted, again, folder)

@@ -14,7 +14,7 @@ import numpy as np
 
 from fmopt.errors import FmoptError, PlanFormatError, ResourceError
 from fmopt.execution.corners import with_corners
-from fmopt.execution.engine import CONTACTS, FIELDS, Maker, Put, Setup
+from fmopt.execution.engine import FIELDS, Maker, Put, Setup
 from fmopt.execution.physics import Physics
 from fmopt.execution.rotation import from_quaternions
 from fmopt.values import Array
@@ -55,12 +55,11 @@ class DrakeEngine:
 
     @property
     def contacts(self) -> Array:
-        """As `Engine`; the deepest where there are more."""
-        rows = np.zeros((len(self.qpos), CONTACTS, FIELDS))
-        for row, results in zip(rows, self._results, strict=True):
-            every = [] if results is None else _contacts(results)
-            every.sort(key=lambda one: -float(one.point_pair().depth))
-            for k, one in enumerate(every[:CONTACTS]):
+        """As `Engine`; forces on the part, axes of B."""
+        found = [[] if results is None else _contacts(results) for results in self._results]
+        rows = np.zeros((len(found), max(map(len, found)), FIELDS))
+        for row, every in zip(rows, found, strict=True):
+            for k, one in enumerate(every):
                 force = one.contact_force() if one.bodyB_index() == self._part.index() else -one.contact_force()
                 row[k] = 1.0, *force, -one.point_pair().depth, *one.contact_point()
         return rows
@@ -112,7 +111,9 @@ class DrakeEngine:
             if deepest <= self._deepest[k] + _THROWN:
                 break
         if results is None:
-            raise FmoptError(f"the engine finds no contacts at {here}: {reason}", "choose another seed or engine")
+            raise FmoptError(
+                f"the engine finds no contacts at {here.tolist()}: {reason}", "choose another seed or engine"
+            )
         return results, deepest
 
 

@@ -9,8 +9,7 @@ from typing import Any, Protocol
 from fmopt.execution.robot import Robot
 from fmopt.values import Array
 
-CONTACTS = 16  # contacts of a body that are reported
-FIELDS = 8  # found, force (3), distance, position (3)
+FIELDS = 8  # found, force (3) in axes of the engine's choice, distance, position (3)
 
 
 class Engine(Protocol):
@@ -37,7 +36,7 @@ class Engine(Protocol):
 
     @property
     def contacts(self) -> Array:
-        """Contacts (n, CONTACTS, FIELDS) of the last time step: found, force (3), distance, position (3)."""
+        """Contacts (n, k, FIELDS) of the last time step, k of the engine's choice; rows of zeros where none is."""
         ...
 
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from fmopt.execution.engine import CONTACTS, FIELDS, Maker, Put, Setup
+from fmopt.execution.engine import FIELDS, Maker, Put, Setup
 from fmopt.execution.physics import Physics
 from fmopt.execution.rotation import from_quaternions
-from fmopt.execution.scene import compiled, engine, scene
+from fmopt.execution.scene import CONTACTS, compiled, engine, scene
 from fmopt.values import Array
 
 _THROWN = 5e-5  # m, by which contacts do not deepen in one time step

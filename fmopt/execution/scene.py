@@ -11,8 +11,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fmopt.errors import PlanFormatError, ResourceError
-from fmopt.execution.engine import CONTACTS
 from fmopt.execution.physics import Physics
+
+CONTACTS = 16  # contacts that a sensor reports
 
 _SCENE = """\
 <mujoco model="fmopt">
