@@ -19,7 +19,7 @@ from fmopt.execution.physics import Physics
 from fmopt.execution.rotation import from_quaternions
 from fmopt.values import Array
 
-_STIFF = 1e7  # N/m of each part at a contact, at least
+_STIFF = 4e7  # N/m of each part at a contact, at least
 _BENT = 1000.0  # N that would bend it by the clearance
 _STEPS = 0.5  # of MuJoCo's time step: the kick of a contact that jumps between the ends of flush faces grows with it
 _THROWN = 5e-5  # m, by which contacts do not deepen in one time step
