@@ -12,6 +12,7 @@ import pytest
 from scipy.spatial import ConvexHull
 from typer.testing import CliRunner
 
+import fmopt
 from fmopt.cli import app
 from fmopt.errors import FmoptError, ResourceError, SettingsError
 from fmopt.execution import trials as running
@@ -169,6 +170,18 @@ def test_the_command_names_the_missing_extra_in_one_line(
     assert str(caught.value) == "execution in Drake needs the extra drake; install fmopt[drake]"
     assert caught.value.exit_code == 4
     assert not (tmp_path / "new").exists()
+
+
+def test_from_python_each_engine_has_its_own_folder(
+    square_peg_plan_file: Path, records: list[Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = fmopt.read(square_peg_plan_file)
+    monkeypatch.chdir(tmp_path)
+    found = plan.execute(1, 1, engine="drake", workers=1)
+    assert found.folder.name == f"trials-{plan.document['sha256'][:12]}-drake"
+    assert found.records == json.loads(json.dumps(records[:1]))
+    with pytest.raises(ValueError, match="'bullet' is none of mujoco, drake"):
+        plan.execute(1, engine="bullet")
 
 
 def test_an_engine_that_is_none_is_bad_input(square_peg_plan_file: Path) -> None:

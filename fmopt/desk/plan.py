@@ -144,6 +144,7 @@ class Plan:
         beyond: int = 0,
         covered: bool = False,
         recovery: bool = True,
+        engine: str = "mujoco",
         folder: str | PathLike[str] | None = None,
         workers: int | None = None,
     ) -> Trials:
@@ -155,16 +156,22 @@ class Plan:
             beyond: further trials, with errors of one to two times the set.
             covered: whether these have errors that the plan's retries cover instead.
             recovery: whether to back off and try again as the plan says when a move fails.
+            engine: "mujoco", or "drake" for a second opinion.
             folder: for the results, what is there of the same trials is used; out/trials-… when not given.
             workers: processes; one for each processor when not given.
 
         Raises:
-            ResourceError: the physics engine, of the extra `sim`, is not installed, or results cannot be written.
+            ValueError: there is no such engine.
+            ResourceError: the physics engine, of the extra `sim` or `drake`, is not installed, or results cannot be
+                written.
         """
         from fmopt.desk.trials import carried_out
+        from fmopt.execution.trials import ENGINES
         from fmopt.execution.trials import Trials as Wanted
 
-        wanted = Wanted(trials, beyond, seed=seed, recovery=recovery, covered=covered)
+        if engine not in ENGINES:
+            raise ValueError(f"engine {engine!r} is none of {', '.join(ENGINES)}")
+        wanted = Wanted(trials, beyond, seed=seed, recovery=recovery, covered=covered, engine=engine)
         return carried_out(self, wanted, None if folder is None else Path(folder), workers)
 
     def export(
