@@ -58,7 +58,7 @@ FINE = math.radians(1.0)
 _ROOMY = 4.0  # clearances a side that ways to enter tilted leave room for at least, as if the errors were that large
 TRIES = 40  # of entries, when one is varied
 FIRM = 0.05  # share of the contact force that presses all that a part slides along to its next contact
-_FAR = 20.0  # clearances a side that the start errors displace the tip by, from where parts are laid flat first
+_FAR = 40.0  # clearances a side that the start errors displace the tip by, from where parts are laid flat first
 _AT_ONCE = 2  # entries that go in at once are tried for each that touches the top first
 
 
