@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import chain, islice, tee
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -24,20 +24,16 @@ from fmopt.nominal.mapping import answered
 from fmopt.placement.entry import (
     Entry,
     Shape,
-    flat_shapes,
-    funnel_depth,
-    funnel_width,
     planar_entries,
     start_spread,
     straight_entry,
     tilted_entry,
-    tilted_shapes,
-    touching_shapes,
 )
 from fmopt.placement.motion import Reached
 from fmopt.placement.polish import Turns, polish
 from fmopt.placement.search import MoveSequence, best_sequence
 from fmopt.placement.sequence import Placed, Refinement, certified, refine
+from fmopt.placement.shapes import likely_shapes
 from fmopt.placement.share import ATTEMPTS, largest_share
 from fmopt.placement.socp import ClarabelSolver
 from fmopt.placement.states import Scale, contact_spaces
@@ -55,11 +51,8 @@ from fmopt.verify import Verdict, verify
 
 Progress = Callable[[str], None]
 FINE = math.radians(1.0)
-_ROOMY = 4.0  # clearances a side that ways to enter tilted leave room for at least, as if the errors were that large
 TRIES = 40  # of entries, when one is varied
 FIRM = 0.05  # share of the contact force that presses all that a part slides along to its next contact
-_FAR = 40.0  # clearances a side that the start errors displace the tip by, from where parts are laid flat first
-_AT_ONCE = 2  # entries that go in at once are tried for each that touches the top first
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,7 +264,9 @@ def motion(
     if problem.plane is not None:
         tilted = planar_entries(moving, problem.fixed, box, problem.approach, settings.max_tilt)
     else:
-        tilted = ((entry_of(shape),) for shape in _shapes(problem, clearance))
+        rate = problem.velocity_error.translation + problem.velocity_error.rotation
+        shapes = likely_shapes(moving, problem.fixed, clearance, box, rate, settings.max_tilt)
+        tilted = ((entry_of(shape),) for shape in shapes)
     rounds = chain([straight] if straight else [], tilted)
     best: tuple[MoveSequence, Placed] | None = None
     failure: FmoptError | None = None
@@ -306,29 +301,6 @@ def motion(
         assert failure is not None
         raise failure
     return best
-
-
-def _shapes(problem: Problem, clearance: Clearance) -> Iterator[Shape]:
-    """Tilted ways to begin, the likeliest first: the corner goes in at once, touches the top first, or lies flat on it.
-
-    The further errors are beyond the clearance, the more it is worth to lay the part flat: that is tried first or last.
-    """
-    moving, play, box = problem.moving, clearance.play, problem.start_box
-    spread, least = start_spread(moving, box), _ROOMY * clearance.per_side
-    roomy = box * max(1.0, least / max(spread, 1e-3 * least))
-    funnel = funnel_depth(problem.fixed), funnel_width(problem.fixed)
-    at_once, for_touching, for_flat = tee(tilted_shapes(moving, play, roomy, problem.settings.max_tilt, funnel[0]), 3)
-    rate = problem.velocity_error.translation + problem.velocity_error.rotation
-    touching = touching_shapes(for_touching, moving, roomy, rate, funnel[1])
-    flat = flat_shapes(for_flat, moving, play, roomy, rate, funnel)
-    others = alternated(at_once, touching, _AT_ONCE)
-    return chain(flat, others) if spread >= _FAR * clearance.per_side else chain(others, flat)
-
-
-def alternated(first: Iterator[Shape], second: Iterator[Shape], times: int) -> Iterator[Shape]:
-    """Several of the first, one of the second, and so on; the rest of either when the other ends."""
-    while some := [*islice(first, times), *islice(second, 1)]:
-        yield from some
 
 
 def placement(

@@ -18,7 +18,8 @@ from fmopt.certificate.piece import Piece
 from fmopt.certificate.segment import advance
 from fmopt.errors import SearchError
 from fmopt.execution.trials import Trials, run
-from fmopt.placement.entry import Shape, flat_shapes, tilted_entry, tilted_shapes
+from fmopt.placement.entry import Shape, tilted_entry
+from fmopt.placement.shapes import flat_shapes, tilted_shapes
 from fmopt.plan_record import Moved
 from fmopt.report.moves import move_words, moves
 from fmopt.synthesis import planned

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from fmopt.geometry.clearance import checked_clearance
-from fmopt.placement.entry import Entry, Shape, funnel_depth, straight_entry, tilted_entry, tilted_shapes
+from fmopt.placement.entry import Entry, Shape, straight_entry, tilted_entry
+from fmopt.placement.shapes import funnel_depth, tilted_shapes
 from fmopt.se3 import Pose
 from fmopt.task.problem import Problem, load
 

@@ -10,8 +10,9 @@ import pytest
 
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Tolerance
-from fmopt.placement.entry import Entry, Shape, start_spread, tilted_entry, tilted_shapes
+from fmopt.placement.entry import Entry, Shape, start_spread, tilted_entry
 from fmopt.placement.search import MoveSequence, best_sequence
+from fmopt.placement.shapes import tilted_shapes
 from fmopt.placement.step import Costs, Task
 from fmopt.placement.tune import Limits, deepened, tuned
 from fmopt.se3 import Pose

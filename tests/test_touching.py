@@ -14,14 +14,8 @@ from searched import tilted_motion
 from fmopt.certificate.bounds import bounds
 from fmopt.contact.primitive import vertex_face
 from fmopt.geometry.clearance import Clearance
-from fmopt.placement.entry import (
-    Shape,
-    funnel_depth,
-    funnel_width,
-    tilted_entry,
-    tilted_shapes,
-    touching_shapes,
-)
+from fmopt.placement.entry import Shape, tilted_entry
+from fmopt.placement.shapes import funnel_depth, funnel_width, tilted_shapes, touching_shapes
 from fmopt.plan_record import Moved
 from fmopt.se3 import Pose
 from fmopt.synthesis import planned

@@ -2,13 +2,14 @@
 
 How deep the corner goes in is uncertain by the start errors, those of rotation too, and a part that is to turn upright
 against a wall may be in by little: its other side has to pass the mouth on the far side. The corner may touch the top
-beside the mouth first. Then its height is known but for what errors of velocity add on the way into the mouth.
+beside the mouth first. Then its height is known but for what errors of velocity add on the way into the mouth. So are
+the part's tilts where it is laid flat on the top.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -20,21 +21,8 @@ from fmopt.geometry.part import Part
 from fmopt.se3 import Pose
 from fmopt.values import Array
 
-_TILTS = ((0.8, 1.0), (1.0, 0.8))
-# Shares of the turn, from the one that levels the leading corner's face towards −y with the mouth to that of the other.
-_TURNS = ((0.4, 0.6), (-0.3, 1.3))
-# What the errors are multiplied with: how deep the corner goes in, how far from the walls it goes in.
-_ROUNDS = ((4.0, 3.0), (3.0, 3.0), (5.5, 3.0), (2.2, 3.0), (7.5, 4.0), (4.0, 4.0))
-_SLOPED = 1e-3  # upward part of the normal of a face that is neither a wall nor level
 _SHORT = 0.25  # of the longest side of the leading face, below which a side is no wall
 _ALIKE = 0.55  # cosine above which two sides are no corner
-_SHARED = (0.4, 0.6)  # of the room between opposite walls that the corner stays within
-# What a corner that has touched the top goes in by, in errors of velocity; how far it rises, as a share of its way.
-_TOUCHED, _RISE = (8.0, 6.0, 4.5, 10.0), 0.06
-# What the errors are multiplied with where the part lies flat first: how far from the walls its leading corner is, how
-# far the part leans as it comes down.
-_AWAY, _LEAN = 1.3, 2.0
-_BEYOND = 1.1  # of the errors that displace the corner, how far outside the mouth it touches the top
 # What the errors are multiplied with in the plane: how deep the corner goes in below a level.
 _LEVELS = (4.5, 5.5, 3.5, 7.0, 2.5)
 # The same for a corner once caught on a slope; where it goes in, as shares of the way from the middle to a wall.
@@ -127,8 +115,8 @@ def tilted_entry(moving: Part, play: tuple[float, float], approach: float, shape
         approach: height of the lowest point above the mouth at the start, m.
         shape: tilts, turn, depth, room, and where the corner touches first.
     """
-    tip = _tip(moving)
-    corner = _lowest(tip, shape.about_y, shape.about_x)
+    tip = leading_corners(moving)
+    corner = lowest(tip, shape.about_y, shape.about_x)
     place, inward = _between_walls(moving, corner, play, shape.room)
     at = np.append(place, -shape.depth)
     sx, sy = (math.copysign(1.0, x) for x in corner[:2])
@@ -156,7 +144,7 @@ def _laid_flat(moving: Part, play: tuple[float, float], approach: float, shape: 
     """
     assert shape.flat is not None
     away, rise, lean = shape.flat
-    tip = _tip(moving)
+    tip = leading_corners(moving)
     room = (max(shape.room[0], away), max(shape.room[1], away))
     at = np.append(_between_walls(moving, entry.corner, play, room)[0], 0.0)
     R = se3.exp([0.0, 0.0, shape.turn])
@@ -171,116 +159,6 @@ def _laid_flat(moving: Part, play: tuple[float, float], approach: float, shape: 
     over = entry.inside.moved([0.0, 0.0, shape.depth + rise, 0.0, 0.0, 0.0])
     start = start.moved([0.0, 0.0, lift, 0.0, 0.0, 0.0])
     return replace(entry, start=start, over=over, leant=Leant(np.array([first, second]), axes))
-
-
-def funnel_depth(fixed: Part) -> float:
-    """How deep the sloped faces go down that begin at the mouth, m; 0 where there are none."""
-    return max((depth for depth, _ in _slopes(fixed)), default=0.0)
-
-
-def funnel_width(fixed: Part) -> float:
-    """How far outside the walls the sloped faces that begin at the mouth end, m; 0 where there are none."""
-    return max((depth * rise for depth, rise in _slopes(fixed)), default=0.0)
-
-
-def _slopes(fixed: Part) -> Iterator[tuple[float, float]]:
-    """The sloped faces that begin at the mouth: how deep they go down, and how far outside they are for each depth."""
-    body = fixed.polyhedron
-    for face in body.faces:
-        heights = body.vertices[list(face.vertices), 2]
-        if _SLOPED < face.normal[2] < 1.0 - _SLOPED and abs(float(heights.max())) <= 1e-9:
-            yield -float(heights.min()), float(face.normal[2] / math.hypot(*face.normal[:2]))
-
-
-def tilted_shapes(
-    moving: Part, play: tuple[float, float], start_box: Array, max_tilt: float, funnel: float = 0.0
-) -> Iterator[Shape]:
-    """Shapes that leave room for the start error, the likeliest first: a tilted part shows the mouth only a corner.
-
-    The corner goes in by several times what its height is uncertain by, at several times its lateral error from the
-    two walls next to it; unequally far from the two, so that it cannot meet both at once. Tilts about the two axes
-    differ, so that no two edges come down level; turned between the two ways that level a face next to the corner with
-    the mouth, the corner is nearest to both walls, turned beyond them another edge is.
-
-    Args:
-        moving: the moving part, tip centre at the origin.
-        play: free travel (x, y) of the upright part between the walls, m.
-        start_box: half-widths (6,) of the start error, m and rad.
-        max_tilt: greatest tilt about each axis, rad.
-        funnel: how deep below the mouth the walls begin, m; the corner goes in below that.
-    """
-    tip = _tip(moving)
-    slack = 0.5 * min(play)
-    mouth = np.ptp(tip[:, :2], axis=0) + np.asarray(play)
-    for (deep, wide), share, tilts in _ways():
-        about = np.array(tilts) * max_tilt
-        swing = _swing(_lowest(tip, *about)[None], start_box)
-        depth = deep * (float(start_box[2]) + swing) + 0.5 * slack
-        wanted = np.array([wide, wide + 1.0]) * start_box[:2] + 2.0 * swing
-        # No further than leaves the far walls as much room: beside the corner, the part is wider up there.
-        least = start_box[:2] + swing
-        most = mouth - least - depth / np.tan(about)
-        room = np.minimum(wanted, least + np.array(_SHARED) * np.maximum(most - least, 0.0))
-        turn = share * float(np.prod(about))
-        yield Shape(float(about[0]), float(about[1]), turn, funnel + depth, (float(room[0]), float(room[1])))
-
-
-def _ways() -> Iterator[tuple[tuple[float, float], float, tuple[float, float]]]:
-    """Depth and room in errors, share of the turn, shares of the tilt about y and x."""
-    for shares in _TURNS:
-        for (deep_and_wide, share), tilts in product(product(_ROUNDS, shares), _TILTS):
-            yield deep_and_wide, share, tilts
-
-
-def touching_shapes(
-    shapes: Iterable[Shape], moving: Part, start_box: Array, rate: float, width: float
-) -> Iterator[Shape]:
-    """The same shapes with the top beside the mouth touched first, so that the corner need not go in as deep.
-
-    Args:
-        shapes: tilted ones that go in at once.
-        moving: the moving part, tip centre at the origin.
-        start_box: half-widths (6,) of the start error, m and rad.
-        rate: errors of velocity in translation and rotation together, as a share of the way.
-        width: how far outside the walls the top begins, m.
-    """
-    tip = _tip(moving)
-    for n, shape in enumerate(shapes):
-        swing = _swing(_lowest(tip, shape.about_y, shape.about_x)[None], start_box)
-        beyond = width + _BEYOND * (float(start_box[:2].max()) + swing)
-        way = min(shape.room) + beyond
-        depth = _TOUCHED[n // 2 % len(_TOUCHED)] * rate * way
-        if depth < shape.depth:
-            yield replace(shape, depth=depth, touch=(beyond, _RISE * way))
-
-
-def flat_shapes(
-    shapes: Iterable[Shape],
-    moving: Part,
-    play: tuple[float, float],
-    start_box: Array,
-    rate: float,
-    funnel: tuple[float, float],
-) -> Iterator[Shape]:
-    """The same shapes with the part laid flat on the top first, which takes away what its height and tilts are off by.
-
-    Args:
-        shapes: tilted ones that go in at once.
-        moving: the moving part, tip centre at the origin.
-        play: free travel (x, y) of the upright part between the walls, m.
-        start_box: half-widths (6,) of the start error, m and rad.
-        rate: errors of velocity in translation and rotation together, as a share of the way.
-        funnel: how deep below the mouth the walls begin, and how far outside them the top does, m.
-    """
-    tip = _tip(moving)
-    lean = _LEAN * float(np.linalg.norm(start_box[3:]))
-    for n, shape in enumerate(shapes):
-        corner = _lowest(tip, shape.about_y, shape.about_x)
-        away = funnel[1] + _AWAY * (float(start_box[:2].max()) + _swing(corner[None], start_box))
-        way = float(np.linalg.norm(corner)) * math.hypot(shape.about_y, shape.about_x)
-        depth = funnel[0] + max(_TOUCHED[n // 2 % len(_TOUCHED)] * rate * way, min(play))
-        if depth < shape.depth and lean > 0.0:
-            yield replace(shape, depth=depth, flat=(away, _RISE * way, lean))
 
 
 def planar_entries(
@@ -299,7 +177,7 @@ def planar_entries(
         approach: height of the lowest point above the mouth at the start, m.
         max_tilt: greatest tilt, rad.
     """
-    tip = _tip(moving)
+    tip = leading_corners(moving)
     end = np.array([float(tip[:, 0].min()), 0.0, 0.0])
     width = float(np.ptp(tip[:, 0]))
     levels = _levels(fixed, width)
@@ -330,7 +208,7 @@ def deeper(moving: Part, fixed: Part, pose: Pose, corner: Array, spread: Array) 
         corner: the corner (3,) in the body.
         spread: how far the errors displace it (3,), m.
     """
-    tip = _tip(moving)
+    tip = leading_corners(moving)
     width = float(np.ptp(tip[:, 0]))
     level = _levels(fixed, width)[0]
     side = math.copysign(0.5 * width, float(corner[0]))
@@ -356,7 +234,7 @@ def straight_entry(moving: Part, play: tuple[float, float], start_box: Array, ap
     slack = 0.5 * min(play)
     if start_spread(moving, start_box) >= slack:
         return ()
-    tip = _tip(moving)
+    tip = leading_corners(moving)
     heights = (np.array([0.0, 0.0, level - float(tip[0, 2])]) for level in (approach, -slack))
     start, inside = (Pose(at, np.eye(3)) for at in heights)
     return (Entry(start, inside, tip[0]),)
@@ -364,16 +242,16 @@ def straight_entry(moving: Part, play: tuple[float, float], start_box: Array, ap
 
 def start_spread(moving: Part, start_box: Array) -> float:
     """How far the start errors displace the tip's corners sideways at most, about: half-widths and swing, m."""
-    return float(start_box[:2].max()) + _swing(_tip(moving), start_box)
+    return float(start_box[:2].max()) + swung_by(leading_corners(moving), start_box)
 
 
-def _tip(moving: Part) -> Array:
+def leading_corners(moving: Part) -> Array:
     """The corners that go in first: those of the leading face, or of what stands out below it."""
     vertices = moving.polyhedron.vertices
     return np.asarray(vertices[vertices[:, 2] <= vertices[:, 2].min() + 1e-9])
 
 
-def _swing(tip: Array, start_box: Array) -> float:
+def swung_by(tip: Array, start_box: Array) -> float:
     """How far rotation errors move the tip's outermost corner, m."""
     return float(np.linalg.norm(tip[:, :2], axis=1).max()) * float(np.linalg.norm(start_box[3:]))
 
@@ -418,7 +296,7 @@ def _far_edge(moving: Part, corner: Array) -> tuple[Array, Array]:
 
     Of two that meet there, the one that runs more along x.
     """
-    tip = _tip(moving)
+    tip = leading_corners(moving)
     loop = tip[ConvexHull(tip[:, :2]).vertices]
     after = np.roll(loop, -1, axis=0)
     lengths = np.linalg.norm(after - loop, axis=1)
@@ -429,7 +307,7 @@ def _far_edge(moving: Part, corner: Array) -> tuple[Array, Array]:
     return max(farthest, key=lambda way: abs(float(way[1][0] - way[0][0])))
 
 
-def _lowest(tip: Array, about_y: float, about_x: float) -> Array:
+def lowest(tip: Array, about_y: float, about_x: float) -> Array:
     """The corner that such tilts make the lowest, of those next to the walls at −x and −y."""
     height = np.sin(about_y) * tip[:, 0] + np.sin(about_x) * tip[:, 1]
     return np.asarray(tip[int(np.argmin(height))])

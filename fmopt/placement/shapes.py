@@ -1,0 +1,173 @@
+"""Which tilted ways to begin are tried, and in which order: shapes of entries for the errors of a problem."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from itertools import chain, islice, product, tee
+
+import numpy as np
+
+from fmopt.geometry.clearance import Clearance
+from fmopt.geometry.part import Part
+from fmopt.placement.entry import Shape, leading_corners, lowest, start_spread, swung_by
+from fmopt.values import Array
+
+_TILTS = ((0.8, 1.0), (1.0, 0.8))
+# Shares of the turn, from the one that levels the leading corner's face towards −y with the mouth to that of the other.
+_TURNS = ((0.4, 0.6), (-0.3, 1.3))
+# What the errors are multiplied with: how deep the corner goes in, how far from the walls it goes in.
+_ROUNDS = ((4.0, 3.0), (3.0, 3.0), (5.5, 3.0), (2.2, 3.0), (7.5, 4.0), (4.0, 4.0))
+_SLOPED = 1e-3  # upward part of the normal of a face that is neither a wall nor level
+_SHARED = (0.4, 0.6)  # of the room between opposite walls that the corner stays within
+# What a corner that has touched the top goes in by, in errors of velocity; how far it rises, as a share of its way.
+_TOUCHED, _RISE = (8.0, 6.0, 4.5, 10.0), 0.06
+# What the errors are multiplied with where the part lies flat first: how far from the walls its leading corner is, how
+# far the part leans as it comes down.
+_AWAY, _LEAN = 1.3, 2.0
+_BEYOND = 1.1  # of the errors that displace the corner, how far outside the mouth it touches the top
+_ROOMY = 4.0  # clearances a side that ways to enter tilted leave room for at least, as if the errors were that large
+_FAR = 40.0  # clearances a side that the start errors displace the tip by, from where parts are laid flat first
+_AT_ONCE = 2  # entries that go in at once are tried for each that touches the top first
+
+
+def likely_shapes(
+    moving: Part, fixed: Part, clearance: Clearance, start_box: Array, rate: float, max_tilt: float
+) -> Iterator[Shape]:
+    """Tilted ways to begin, the likeliest first: the corner goes in at once, touches the top first, or lies flat on it.
+
+    The further errors are beyond the clearance, the more it is worth to lay the part flat: that is tried first or last.
+
+    Args:
+        moving: the moving part, tip centre at the origin.
+        fixed: the fixed part.
+        clearance: what was measured on them.
+        start_box: half-widths (6,) of the start error, m and rad.
+        rate: errors of velocity in translation and rotation together, as a share of the way.
+        max_tilt: greatest tilt about each axis, rad.
+    """
+    spread, least = start_spread(moving, start_box), _ROOMY * clearance.per_side
+    play, roomy = clearance.play, start_box * max(1.0, least / max(spread, 1e-3 * least))
+    funnel = funnel_depth(fixed), funnel_width(fixed)
+    at_once, for_touching, for_flat = tee(tilted_shapes(moving, play, roomy, max_tilt, funnel[0]), 3)
+    touching = touching_shapes(for_touching, moving, roomy, rate, funnel[1])
+    flat = flat_shapes(for_flat, moving, play, roomy, rate, funnel)
+    others = alternated(at_once, touching, _AT_ONCE)
+    return chain(flat, others) if spread >= _FAR * clearance.per_side else chain(others, flat)
+
+
+def alternated(first: Iterator[Shape], second: Iterator[Shape], times: int) -> Iterator[Shape]:
+    """Several of the first, one of the second, and so on; the rest of either when the other ends."""
+    while some := [*islice(first, times), *islice(second, 1)]:
+        yield from some
+
+
+def tilted_shapes(
+    moving: Part, play: tuple[float, float], start_box: Array, max_tilt: float, funnel: float = 0.0
+) -> Iterator[Shape]:
+    """Shapes that leave room for the start error, the likeliest first: a tilted part shows the mouth only a corner.
+
+    The corner goes in by several times what its height is uncertain by, at several times its lateral error from the
+    two walls next to it; unequally far from the two, so that it cannot meet both at once. Tilts about the two axes
+    differ, so that no two edges come down level; turned between the two ways that level a face next to the corner with
+    the mouth, the corner is nearest to both walls, turned beyond them another edge is.
+
+    Args:
+        moving: the moving part, tip centre at the origin.
+        play: free travel (x, y) of the upright part between the walls, m.
+        start_box: half-widths (6,) of the start error, m and rad.
+        max_tilt: greatest tilt about each axis, rad.
+        funnel: how deep below the mouth the walls begin, m; the corner goes in below that.
+    """
+    tip = leading_corners(moving)
+    slack = 0.5 * min(play)
+    mouth = np.ptp(tip[:, :2], axis=0) + np.asarray(play)
+    for (deep, wide), share, tilts in _ways():
+        about = np.array(tilts) * max_tilt
+        swing = swung_by(lowest(tip, *about)[None], start_box)
+        depth = deep * (float(start_box[2]) + swing) + 0.5 * slack
+        wanted = np.array([wide, wide + 1.0]) * start_box[:2] + 2.0 * swing
+        # No further than leaves the far walls as much room: beside the corner, the part is wider up there.
+        least = start_box[:2] + swing
+        most = mouth - least - depth / np.tan(about)
+        room = np.minimum(wanted, least + np.array(_SHARED) * np.maximum(most - least, 0.0))
+        turn = share * float(np.prod(about))
+        yield Shape(float(about[0]), float(about[1]), turn, funnel + depth, (float(room[0]), float(room[1])))
+
+
+def _ways() -> Iterator[tuple[tuple[float, float], float, tuple[float, float]]]:
+    """Depth and room in errors, share of the turn, shares of the tilt about y and x."""
+    for shares in _TURNS:
+        for (deep_and_wide, share), tilts in product(product(_ROUNDS, shares), _TILTS):
+            yield deep_and_wide, share, tilts
+
+
+def touching_shapes(
+    shapes: Iterable[Shape], moving: Part, start_box: Array, rate: float, width: float
+) -> Iterator[Shape]:
+    """The same shapes with the top beside the mouth touched first, so that the corner need not go in as deep.
+
+    Args:
+        shapes: tilted ones that go in at once.
+        moving: the moving part, tip centre at the origin.
+        start_box: half-widths (6,) of the start error, m and rad.
+        rate: errors of velocity in translation and rotation together, as a share of the way.
+        width: how far outside the walls the top begins, m.
+    """
+    tip = leading_corners(moving)
+    for n, shape in enumerate(shapes):
+        swing = swung_by(lowest(tip, shape.about_y, shape.about_x)[None], start_box)
+        beyond = width + _BEYOND * (float(start_box[:2].max()) + swing)
+        way = min(shape.room) + beyond
+        depth = _TOUCHED[n // 2 % len(_TOUCHED)] * rate * way
+        if depth < shape.depth:
+            yield replace(shape, depth=depth, touch=(beyond, _RISE * way))
+
+
+def flat_shapes(
+    shapes: Iterable[Shape],
+    moving: Part,
+    play: tuple[float, float],
+    start_box: Array,
+    rate: float,
+    funnel: tuple[float, float],
+) -> Iterator[Shape]:
+    """The same shapes with the part laid flat on the top first, which takes away what its height and tilts are off by.
+
+    Args:
+        shapes: tilted ones that go in at once.
+        moving: the moving part, tip centre at the origin.
+        play: free travel (x, y) of the upright part between the walls, m.
+        start_box: half-widths (6,) of the start error, m and rad.
+        rate: errors of velocity in translation and rotation together, as a share of the way.
+        funnel: how deep below the mouth the walls begin, and how far outside them the top does, m.
+    """
+    tip = leading_corners(moving)
+    lean = _LEAN * float(np.linalg.norm(start_box[3:]))
+    for n, shape in enumerate(shapes):
+        corner = lowest(tip, shape.about_y, shape.about_x)
+        away = funnel[1] + _AWAY * (float(start_box[:2].max()) + swung_by(corner[None], start_box))
+        way = float(np.linalg.norm(corner)) * math.hypot(shape.about_y, shape.about_x)
+        depth = funnel[0] + max(_TOUCHED[n // 2 % len(_TOUCHED)] * rate * way, min(play))
+        if depth < shape.depth and lean > 0.0:
+            yield replace(shape, depth=depth, flat=(away, _RISE * way, lean))
+
+
+def funnel_depth(fixed: Part) -> float:
+    """How deep the sloped faces go down that begin at the mouth, m; 0 where there are none."""
+    return max((depth for depth, _ in _slopes(fixed)), default=0.0)
+
+
+def funnel_width(fixed: Part) -> float:
+    """How far outside the walls the sloped faces that begin at the mouth end, m; 0 where there are none."""
+    return max((depth * rise for depth, rise in _slopes(fixed)), default=0.0)
+
+
+def _slopes(fixed: Part) -> Iterator[tuple[float, float]]:
+    """The sloped faces that begin at the mouth: how deep they go down, and how far outside they are for each depth."""
+    body = fixed.polyhedron
+    for face in body.faces:
+        heights = body.vertices[list(face.vertices), 2]
+        if _SLOPED < face.normal[2] < 1.0 - _SLOPED and abs(float(heights.max())) <= 1e-9:
+            yield -float(heights.min()), float(face.normal[2] / math.hypot(*face.normal[:2]))
