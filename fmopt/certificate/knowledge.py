@@ -120,11 +120,11 @@ def facts(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> Facts:
 def coming_off(
     assembly: Assembly, held: tuple[PrimitiveContact, ...], left: tuple[PrimitiveContact, ...]
 ) -> tuple[Wall, ...]:
-    """Fixed planes with the body points that lie in them until contacts are given up, and not by those still held."""
+    """Fixed planes with the body points that contacts given up put there as the move starts, and those held do not."""
     if not left:
         return ()
     kept, found = facts(assembly, held), []
-    for wall in facts(assembly, (*held, *left)).walls:
+    for wall in facts(assembly, left).walls:
         points = wall.points - kept.on(wall.normal, wall.offset).points
         if points:
             found.append(Wall(wall.normal, wall.offset, points, (), ()))

@@ -202,13 +202,13 @@ class Chain:
     def _coming_off(
         self, move: int, state: Sequence[Touch], leaving: Sequence[Touch], R: Matrix
     ) -> tuple[tuple[Plane, Vector], ...]:
-        """Body points that lay in fixed planes with the contacts given up, and that those held do not keep there."""
+        """Fixed planes with the body points that contacts given up put there, and that those held do not keep there."""
         if not leaving:
             return ()
         kept = self._known(move, state, R)
         return tuple(
             (wall.plane, v)
-            for wall in self._known(move, [*state, *leaving], R).walls
+            for wall in self._known(move, leaving, R).walls
             for v in wall.points
             if not any(same(v, p) for p in kept.on(wall.plane).points)
         )
