@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TITLE = "Clearance and margin along the path; what binds is named under each move's number"
+_LETTERS = 70.0  # points; the words of moves are written in letters of this over their number, 8 at most
 _LINEAR = 10.0  # µm: the vertical axis is linear between minus this and this, logarithmic beyond
 
 
@@ -44,10 +45,11 @@ def paint(plan: Mapping[str, Any], figure: Figure) -> None:
     axes.set_yscale("symlog", linthresh=_LINEAR)
     values = np.array([*(v for move in run for key in ("clearance", "margin") for v in _values(move, key)), _LINEAR])
     axes.set_ylim(min(4.0 * float(np.nanmin(values)), -0.3 * _LINEAR), 20.0 * float(np.nanmax(values)))
+    fontsize = min(8.0, _LETTERS / max(len(run), 1))
     for k, move in enumerate(run):
         axes.axvline(k, color=GREY, linewidth=0.5, linestyle=":")
         words = f"move {move.number}\n" + fill(binding_label(plan, move.binding), 12, break_on_hyphens=False)
-        axes.text(k + 0.5, 0.985, words, ha="center", va="top", fontsize=8, transform=axes.get_xaxis_transform())
+        axes.text(k + 0.5, 0.985, words, ha="center", va="top", fontsize=fontsize, transform=axes.get_xaxis_transform())
     _point_at_smallest(axes, run, edges)
     axes.set_xlim(0, max(len(run), 1))
     axes.set_xticks(range(len(marks)), [f"{mark:.3g}" for mark in marks])
