@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Tolerance
 from fmopt.placement.entry import Entry, Shape, start_spread, tilted_entry
@@ -11,7 +13,7 @@ from fmopt.placement.sequence import certified
 from fmopt.placement.step import Costs, Task
 from fmopt.plan_record import Moved
 from fmopt.se3 import Pose
-from fmopt.synthesis import FINE
+from fmopt.synthesis import FINE, planned
 from fmopt.task.clearance import measured_clearance
 from fmopt.task.problem import Problem
 from fmopt.uncertainty.error_set import ErrorSet
@@ -28,6 +30,19 @@ def motion_from(problem: Problem, entry: Entry) -> Moved:
     found = search(task, [entry])
     placed = certified(assembly, found.moves, Reached(errors, (), ()), tolerance, FINE, thorough=True)
     return Moved(assembly, clearance, errors, tolerance, found, placed)
+
+
+def certified_plan(problem: Problem, motion: Moved) -> dict[str, Any]:
+    """The plan of a motion, which the check certifies."""
+    document, verdict = planned(problem, motion, lambda _: None)
+    assert str(verdict.verdict) == "CERTIFIED"
+    return document
+
+
+def leaving(plan: dict[str, Any]) -> int:
+    """The number of the one segment that gives contacts up."""
+    (number,) = (k for k, segment in enumerate(plan["segments"]) if "leaving" in segment)
+    return number
 
 
 def tilted_motion(problem: Problem, shape: Shape) -> Moved:

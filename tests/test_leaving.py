@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from execution_model import execute
 from plan_mutations import changed
-from searched import motion_from
+from searched import certified_plan, leaving, motion_from
 
 from fmopt.certificate.functions import contact_rows
 from fmopt.certificate.piece import Piece
@@ -20,7 +20,6 @@ from fmopt.errors import InfeasibleError
 from fmopt.placement.entry import planar_entries
 from fmopt.plan_record import Moved
 from fmopt.report.moves import move_words, moves
-from fmopt.synthesis import planned
 from fmopt.task.problem import Problem, load
 from fmopt.verify import verify
 
@@ -44,14 +43,7 @@ def motion(slot: Problem) -> Moved:
 
 @pytest.fixture(scope="module")
 def plan(slot: Problem, motion: Moved) -> dict[str, Any]:
-    document, verdict = planned(slot, motion, lambda _: None)
-    assert str(verdict.verdict) == "CERTIFIED"
-    return document
-
-
-def leaving(plan: dict[str, Any]) -> int:
-    (number,) = (k for k, segment in enumerate(plan["segments"]) if "leaving" in segment)
-    return number
+    return certified_plan(slot, motion)
 
 
 def test_the_corner_is_caught_on_the_chamfer_and_let_go(motion: Moved) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from execution_model import execute
 from plan_mutations import changed
-from searched import tilted_motion
+from searched import certified_plan, leaving, tilted_motion
 
 from fmopt.certificate.knowledge import coming_off
 from fmopt.certificate.piece import Piece
@@ -22,7 +22,6 @@ from fmopt.placement.entry import Shape, tilted_entry
 from fmopt.placement.shapes import flat_shapes, tilted_shapes
 from fmopt.plan_record import Moved
 from fmopt.report.moves import move_words, moves
-from fmopt.synthesis import planned
 from fmopt.task.clearance import measured_clearance
 from fmopt.task.problem import Problem, load
 from fmopt.verify import verify
@@ -44,14 +43,7 @@ def motion(peg: Problem) -> Moved:
 
 @pytest.fixture(scope="module")
 def plan(peg: Problem, motion: Moved) -> dict[str, Any]:
-    document, verdict = planned(peg, motion, lambda _: None)
-    assert str(verdict.verdict) == "CERTIFIED"
-    return document
-
-
-def leaving(plan: dict[str, Any]) -> int:
-    (number,) = (k for k, segment in enumerate(plan["segments"]) if "leaving" in segment)
-    return number
+    return certified_plan(peg, motion)
 
 
 def test_shapes_are_numbers_again() -> None:

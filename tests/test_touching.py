@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from execution_model import execute
 from peg_pieces import peg
-from searched import tilted_motion
+from searched import certified_plan, tilted_motion
 
 from fmopt.certificate.bounds import bounds
 from fmopt.contact.primitive import vertex_face
@@ -18,7 +18,6 @@ from fmopt.placement.entry import Shape, tilted_entry
 from fmopt.placement.shapes import funnel_depth, funnel_width, tilted_shapes, touching_shapes
 from fmopt.plan_record import Moved
 from fmopt.se3 import Pose
-from fmopt.synthesis import planned
 from fmopt.task.clearance import measured_clearance
 from fmopt.task.problem import Problem, load
 
@@ -44,9 +43,7 @@ def motion(problem: Problem) -> Moved:
 
 @pytest.fixture(scope="module")
 def plan(problem: Problem, motion: Moved) -> dict[str, Any]:
-    document, verdict = planned(problem, motion, lambda _: None)
-    assert str(verdict.verdict) == "CERTIFIED"
-    return document
+    return certified_plan(problem, motion)
 
 
 def test_the_touch_takes_the_height_away(motion: Moved) -> None:

@@ -12,17 +12,17 @@ from typing import Any
 
 import numpy as np
 
-from fmopt.errors import FmoptError, PlanFormatError, ResourceError
+from fmopt.errors import FmoptError, ResourceError
 from fmopt.execution.corners import with_corners
-from fmopt.execution.engine import FIELDS, Maker, Put, Setup
+from fmopt.execution.engine import FIELDS, THROWN, Maker, Put, Setup
 from fmopt.execution.physics import Physics
 from fmopt.execution.rotation import from_quaternions
+from fmopt.execution.scene import pieces
 from fmopt.values import Array
 
 _STIFF = 4e7  # N/m of each part at a contact, at least
 _BENT = 1000.0  # N that would bend it by the clearance
 _STEPS = 0.5  # of MuJoCo's time step: the kick of a contact that jumps between the ends of flush faces grows with it
-_THROWN = 5e-5  # m, by which contacts do not deepen in one time step
 _SHIFTS = (0.0, 1e-9, -2e-9, 4e-9)  # m, by which a part is moved for its contacts to be looked for again
 
 
@@ -108,7 +108,7 @@ class DrakeEngine:
                 reason = str(error)
                 continue
             deepest = max((float(one.point_pair().depth) for one in _contacts(results)), default=0.0)
-            if deepest <= self._deepest[k] + _THROWN:
+            if deepest <= self._deepest[k] + THROWN:
                 break
         if results is None:
             raise FmoptError(
@@ -157,8 +157,8 @@ def _put(setup: Setup) -> Put:
     inertia = UnitInertia.TriaxiallySymmetric(robot.gyration**2)
     part = plant.AddRigidBody("part", SpatialInertia(robot.mass, np.zeros(3), inertia))
     material = _material(setup, physics.contact[0])
-    _register(plant, plant.world_body(), "fixed", _pieces(setup, "fixed"), material)
-    corners = [corner for piece in _pieces(setup, "moving") for corner in with_corners(piece)]
+    _register(plant, plant.world_body(), "fixed", pieces(setup.document, "fixed"), material)
+    corners = [corner for piece in pieces(setup.document, "moving") for corner in with_corners(piece)]
     _register(plant, part, "moving", corners, material)
     plant.Finalize()
     return partial(DrakeEngine, builder.Build())
@@ -174,14 +174,6 @@ def _material(setup: Setup, relaxation: float) -> Any:
     AddContactMaterial(material, point_stiffness=max(_STIFF, _BENT / setup.clearance), friction=friction)
     material.AddProperty("material", "relaxation_time", relaxation)
     return material
-
-
-def _pieces(setup: Setup, side: str) -> list[Array]:
-    """The vertices (v, 3) of a part's pieces, m."""
-    try:
-        return [np.asarray(one["vertices"], dtype=np.float64) for one in setup.document["parts"][side]["pieces"]]
-    except (KeyError, TypeError, ValueError) as error:
-        raise PlanFormatError(f"the plan's parts cannot be read: {type(error).__name__}: {error}") from error
 
 
 def _register(plant: Any, body: Any, side: str, hulls: list[Array], material: Any) -> None:

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 from fmopt.execution.robot import Robot
 from fmopt.values import Array
 
+THROWN = 5e-5  # m, by which contacts do not deepen in one time step; more is a fault of the engine's collision
 FIELDS = 8  # found, force (3) in axes of the engine's choice, distance, position (3)
 
 

@@ -7,13 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from fmopt.execution.engine import FIELDS, Maker, Put, Setup
+from fmopt.execution.engine import FIELDS, THROWN, Maker, Put, Setup
 from fmopt.execution.physics import Physics
 from fmopt.execution.rotation import from_quaternions
 from fmopt.execution.scene import CONTACTS, compiled, engine, scene
 from fmopt.values import Array
 
-_THROWN = 5e-5  # m, by which contacts do not deepen in one time step
 _SHIFTS = (1e-9, -2e-9, 4e-9)  # m, by which a part is moved for a time step to be taken again
 
 
@@ -67,7 +66,7 @@ class MujocoEngine:
         self._batch.step()
         deepest = self._deepest_now()
         for shift in _SHIFTS:
-            thrown = np.flatnonzero(deepest > self._deepest + _THROWN)
+            thrown = np.flatnonzero(deepest > self._deepest + THROWN)
             if not len(thrown):
                 break
             for now, then in zip(self._fields, before, strict=True):

@@ -14,7 +14,6 @@ from fmopt.execution.rotation import between, from_quaternions, quaternions
 from fmopt.guarded.contacts import Contact
 from fmopt.guarded.moves import Move
 from fmopt.se3 import Pose
-from fmopt.values import Array
 
 SHARE = 0.2  # of the clearance, that the physics may penetrate and the part overshoot
 CLOSED = 0.25  # of the clearance, up to which a contact counts as closed
@@ -111,7 +110,7 @@ def departures(rig: Rig, body: int, move: Move, known: Mapping[str, Contact], fi
     pressing = sensed[(sensed[:, 0] > 0.0) & (np.linalg.norm(sensed[:, 1:4], axis=1) > _PRESSES)]
     for row in pressing:
         near = any(float(np.linalg.norm(row[5:] - place)) <= _NEAR for place in places)
-        if not near and not any(abs(_height(row[5:], face)) <= _LEVEL for face in flat):
+        if not near and not any(abs(face.above(row[5:])) <= _LEVEL for face in flat):
             found.append(f"{_spoken(move.number)}: a contact that is not planned")
             break
     return found
@@ -120,11 +119,6 @@ def departures(rig: Rig, body: int, move: Move, known: Mapping[str, Contact], fi
 def _same_face(one: Contact, other: Contact) -> bool:
     """Whether two contacts of vertices are with the same fixed face."""
     return np.array_equal(one.fixed, other.fixed)
-
-
-def _height(point: Array, corner: Contact) -> float:
-    """How far a point (3,) is above the fixed face of a vertex's contact, m."""
-    return float(corner.fixed_normal @ (point - corner.fixed[0]))
 
 
 def watch(logs: Sequence[Log], rig: Rig, left: Container[int] = ()) -> None:

@@ -10,8 +10,11 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from fmopt.errors import PlanFormatError, ResourceError
 from fmopt.execution.physics import Physics
+from fmopt.values import Array
 
 CONTACTS = 16  # contacts that a sensor reports
 
@@ -61,11 +64,8 @@ def scene(document: Mapping[str, Any], physics: Physics, mass: float, inertia: f
         SettingsError: the settings cannot be trusted.
     """
     physics.trusted()
-    try:
-        pieces = {side: document["parts"][side]["pieces"] for side in ("fixed", "moving")}
-        meshes = [_mesh(f"{side}{i}", piece["vertices"]) for side in pieces for i, piece in enumerate(pieces[side])]
-    except (KeyError, TypeError, ValueError) as error:
-        raise PlanFormatError(f"the plan's parts cannot be read: {type(error).__name__}: {error}") from error
+    found = {side: pieces(document, side) for side in ("fixed", "moving")}
+    meshes = [_mesh(f"{side}{i}", vertices) for side in found for i, vertices in enumerate(found[side])]
     return _SCENE.format(
         step=physics.time_step,
         cone=physics.cone,
@@ -75,12 +75,24 @@ def scene(document: Mapping[str, Any], physics: Physics, mass: float, inertia: f
         solimp=_numbers(physics.solimp),
         friction=friction,
         meshes="\n".join(meshes),
-        fixed=_geoms("fixed", len(pieces["fixed"]), "0.6 0.65 0.7 0.35"),
-        moving=_geoms("moving", len(pieces["moving"]), "0.85 0.45 0.1 1"),
+        fixed=_geoms("fixed", len(found["fixed"]), "0.6 0.65 0.7 0.35"),
+        moving=_geoms("moving", len(found["moving"]), "0.85 0.45 0.1 1"),
         mass=mass,
         inertia=inertia,
         contacts=CONTACTS,
     )
+
+
+def pieces(document: Mapping[str, Any], side: str) -> list[Array]:
+    """The vertices (v, 3) of the convex pieces of a plan's "fixed" or "moving" part, m.
+
+    Raises:
+        PlanFormatError: they cannot be read.
+    """
+    try:
+        return [np.asarray(one["vertices"], dtype=np.float64) for one in document["parts"][side]["pieces"]]
+    except (KeyError, TypeError, ValueError) as error:
+        raise PlanFormatError(f"the plan's parts cannot be read: {type(error).__name__}: {error}") from error
 
 
 def engine() -> Any:
@@ -107,8 +119,8 @@ def compiled(text: str) -> Any:
     return engine().MjModel.from_xml_string(text)
 
 
-def _mesh(name: str, vertices: Sequence[Sequence[float]]) -> str:
-    flat = _numbers([float(value) for vertex in vertices for value in vertex])
+def _mesh(name: str, vertices: Array) -> str:
+    flat = _numbers(vertices.ravel().tolist())
     return f'    <mesh name="{name}" inertia="exact" vertex="{flat}"/>'
 
 

@@ -47,6 +47,13 @@ def fmopt_dot(a, b):
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
 end
 
+def fmopt_counted(told, felt):
+  if told:
+    return felt + 1
+  end
+  return 0
+end
+
 def fmopt_guarded(twist, along, gain, force, held, travel, timeout, due):
   local step = get_steptime()
   local elapsed = 0.0
@@ -82,11 +89,7 @@ def fmopt_guarded(twist, along, gain, force, held, travel, timeout, due):
     if moving < {starting}:
       told = False
     end
-    if told:
-      felt = felt + 1
-    else:
-      felt = 0
-    end
+    felt = fmopt_counted(told, felt)
     if felt >= {debounce}:
       stopl({stop}, {stop_angular})
       return True
@@ -103,11 +106,7 @@ def fmopt_move(twist, travel, most):
     speedl(twist, {acceleration}, step, {acceleration_angular})
     elapsed = elapsed + step
     local f = get_tcp_force()
-    if f[0] * f[0] + f[1] * f[1] + f[2] * f[2] > most * most:
-      felt = felt + 1
-    else:
-      felt = 0
-    end
+    felt = fmopt_counted(f[0] * f[0] + f[1] * f[1] + f[2] * f[2] > most * most, felt)
     if felt >= {debounce}:
       stopl({stop}, {stop_angular})
       return True

@@ -47,11 +47,15 @@ class Contact(Value):
         s, t = _nearest(moving[0], moving[1] - moving[0], self.fixed[0], self.fixed[1] - self.fixed[0])
         return 0.0 <= s <= 1.0 and 0.0 <= t <= 1.0
 
+    def above(self, point: Array) -> float:
+        """How far a point (3,) in B is above the fixed face, m."""
+        return float(self.fixed_normal @ (point - self.fixed[0]))
+
     def touch(self, pose: Pose) -> tuple[Array, Array, float]:
         """Point (3,) in B, unit normal (3,) out of the fixed part, and gap, m, negative when overlapping."""
         moving = pose.apply(self.moving)
         if self.kind == "vertex-face":
-            return moving[0], self.fixed_normal, float(self.fixed_normal @ (moving[0] - self.fixed[0]))
+            return moving[0], self.fixed_normal, self.above(moving[0])
         if self.kind == "face-vertex":
             normal = -pose.R @ self.moving_normal
             return self.fixed[0], normal, float(normal @ (moving[0] - self.fixed[0]))

@@ -53,11 +53,11 @@ def likely_shapes(
     at_once, for_touching, for_flat = tee(tilted_shapes(moving, play, roomy, max_tilt, funnel[0]), 3)
     touching = touching_shapes(for_touching, moving, roomy, rate, funnel[1])
     flat = flat_shapes(for_flat, moving, play, roomy, rate, funnel)
-    others = alternated(at_once, touching, _AT_ONCE)
+    others = _alternated(at_once, touching, _AT_ONCE)
     return chain(flat, others) if spread >= _FAR * clearance.per_side else chain(others, flat)
 
 
-def alternated(first: Iterator[Shape], second: Iterator[Shape], times: int) -> Iterator[Shape]:
+def _alternated(first: Iterator[Shape], second: Iterator[Shape], times: int) -> Iterator[Shape]:
     """Several of the first, one of the second, and so on; the rest of either when the other ends."""
     while some := [*islice(first, times), *islice(second, 1)]:
         yield from some

@@ -164,7 +164,8 @@ def modulo(held: Array, rows: Array) -> Array:
 def begin(task: Task, entry: Entry) -> Node | None:
     """The state with a corner inside, None when the approach cannot be certified.
 
-    With a pose above the mouth the corner first goes down to touch the top, and leaves it to get there.
+    With a pose above the mouth the corner first goes down to touch the top, or the part is laid flat there, and leaves
+    it to get there.
     """
     place = Place(entry.start, (), (), entry.corner)
     # The approach itself is no transition.
