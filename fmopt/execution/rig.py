@@ -22,6 +22,7 @@ from fmopt.execution.program import FAILED, Program, Table
 from fmopt.execution.recovery import WayBack
 from fmopt.execution.robot import Robot
 from fmopt.execution.rotation import between, hats, product, quaternions
+from fmopt.execution.touch import Signal, contact_told
 from fmopt.values import Array
 
 TRAVEL, TIMEOUT, DUE, FORCE, DEEP, PUSH, SOFT, ON_STOP, ON_END, ON_LATE, MOVE, TOUCH, SURE, GENTLE = range(14)
@@ -45,7 +46,7 @@ class State:
         felt, stalled: samples in a row that said the contact is felt, and that the part stands at the greatest push.
         friction: coefficient (n,) that the reaction against the motion tells of.
         effort: push in pushes of the step; it grows while the part stands and no contact is felt, and falls again.
-        pace: mean of the last speed along the twist, in its own.
+        brisk, pace: means of the last speed along the twist, in its own, over these times.
     """
 
     step: Ints
@@ -62,6 +63,7 @@ class State:
     stalled: Ints
     effort: Array
     friction: Array
+    brisk: Array
     pace: Array
 
 
@@ -101,7 +103,7 @@ class Rig:
         whole, six = zero(n, np.int64), zero((n, 6))
         self.state = State(
             *(whole, whole.copy(), zero(n), zero(n), p, q, six, six.copy(), zero(n), zero(n)),
-            *(whole.copy(), whole.copy(), np.ones(n), zero(n), np.ones(n)),
+            *(whole.copy(), whole.copy(), np.ones(n), zero(n), np.ones(n), np.ones(n)),
         )
 
     @property
@@ -156,7 +158,7 @@ class Rig:
             getattr(state, name)[bodies] = 0
         for name in ("gone", "moving", "tare", "sensed", "slowly", "friction"):
             getattr(state, name)[bodies] = 0.0
-        state.effort[bodies] = state.pace[bodies] = 1.0
+        state.effort[bodies] = state.brisk[bodies] = state.pace[bodies] = 1.0
         state.p[bodies], state.q[bodies] = self.qpos[bodies, :3], self.qpos[bodies, 3:]
 
     def _servo(self, here: Ints) -> Array:
@@ -281,11 +283,13 @@ class Rig:
         fast, slowly = (robot.period / time for time in robot.averaging)
         state.sensed = np.where(going, state.sensed + fast * (force - state.sensed), 0.0)
         state.slowly = np.where(going, state.slowly + slowly * (force - state.slowly), 0.0)
+        state.brisk = np.where(going, state.brisk + fast * (share - state.brisk), 1.0)
         state.pace = np.where(going, state.pace + slowly * (share - state.pace), 1.0)
-        braked = (state.pace <= robot.braked) & (state.slowly >= numbers[:, FORCE])
-        state.felt = np.where(due & (braked | (state.sensed >= numbers[:, SURE])), state.felt + 1, 0)
         grown = 2.0 ** (robot.period / robot.doubling)
         sluggish = guarded & (state.pace <= robot.slow)
+        signal = Signal(state.sensed, state.slowly, state.brisk, state.pace, state.effort)
+        told = contact_told(signal, numbers[:, FORCE], numbers[:, SURE], robot)
+        state.felt = np.where(due & told, state.felt + 1, 0)
         state.effort = np.where(sluggish, state.effort * grown, np.maximum(state.effort / grown, 1.0))
         most = self._allowed(here) >= self.program.limits[0]
         state.stalled = np.where(due & most & (share <= robot.standing), state.stalled + 1, 0)

@@ -30,8 +30,11 @@ class Robot:
         debounce: samples in a row that must say that the contact is felt.
         patience: samples in a row for which a part that stands against the greatest push is given time.
         doubling: s in which the push doubles while the part stands and no contact is felt.
-        slow, braked, standing: shares of the commanded speed below which the push grows, the part counts as braked, and
-            as standing.
+        slow, standing: shares of the commanded speed below which the push grows, and the part counts as standing.
+        braked: those below which it counts as braked, over the shorter and over the longer time.
+        lasting: share of what a plan's stop allows that tells of the contact when it is averaged over the longer time.
+        stuck: pushes at which a part that stands may have met the contact, and the share of the force that tells so of
+            a braked one.
         surplus: push at a stop, in pushes of the plan.
         leeway: times that by which it may grow where the new contact may be met.
         haste: s in which the push that comes on top of that, at the start of a move, brings the part to its speed.
@@ -51,12 +54,14 @@ class Robot:
     cut_off: float = 60.0
     noise: tuple[float, float] = (0.1, 0.002)
     averaging: tuple[float, float] = (0.01, 0.03)
-    alert: float = 0.25
+    alert: float = 0.15
     debounce: int = 3
     patience: int = 40
     doubling: float = 0.05
     slow: float = 0.6
-    braked: float = 0.4
+    braked: tuple[float, float] = (0.75, 0.6)
+    lasting: float = 0.7
+    stuck: tuple[float, float] = (3.0, 0.5)
     standing: float = 0.2
     surplus: float = 1.3
     leeway: float = 1.5
