@@ -123,6 +123,7 @@ def _proof(problem: Problem, done: Moved, *, ranges: bool = False) -> dict[str, 
             "gap": found.cost - found.lower_bound,
             "states_expanded": found.expanded,
             "moves": found.names,
+            "heading": found.entry.heading,
         },
     }
 

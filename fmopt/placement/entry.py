@@ -44,6 +44,8 @@ class Shape:
         flat: how far from both walls the corner is at least while the part lies flat on the top first, how high above
             the mouth it is then brought over the place where it goes in, m, and how far the part leans along the edge
             that it comes down on, rad; it leans twice as far away from that.
+        heading: turn about z of the axes that the other numbers are about, rad: of the axes turned so, the leading
+            corner lies towards −x and −y.
     """
 
     about_y: float
@@ -53,18 +55,19 @@ class Shape:
     room: tuple[float, float]
     touch: tuple[float, float] | None = None
     flat: tuple[float, float, float] | None = None
+    heading: float = 0.0
 
     @property
     def numbers(self) -> Array:
-        """All of them (6,), (8,) with those of the touch, or (9,) with those of lying flat."""
+        """All but the heading: (6,), (8,) with those of the touch, or (9,) with those of lying flat."""
         more = self.touch or self.flat or ()
         return np.array([self.about_y, self.about_x, self.turn, self.depth, *self.room, *more])
 
     @staticmethod
-    def of(numbers: Array) -> Shape:
-        """The shape of (6,), (8,) or (9,) numbers."""
+    def of(numbers: Array, heading: float = 0.0) -> Shape:
+        """The shape of (6,), (8,) or (9,) numbers and a heading."""
         about_y, about_x, turn, depth, x, y, *more = (float(number) for number in numbers)
-        shape = Shape(about_y, about_x, turn, depth, (x, y))
+        shape = Shape(about_y, about_x, turn, depth, (x, y), heading=heading)
         if len(more) == 3:
             return replace(shape, flat=(more[0], more[1], more[2]))
         return replace(shape, touch=(more[0], more[1])) if more else shape
@@ -92,6 +95,11 @@ class Entry:
     over: Pose | None = None
     leant: Leant | None = None
 
+    @property
+    def heading(self) -> float:
+        """Turn about z of the axes that moves go along and about from then on, rad."""
+        return self.shape.heading if self.shape else 0.0
+
 
 @dataclass(frozen=True, eq=False)
 class Leant:
@@ -115,14 +123,14 @@ def tilted_entry(moving: Part, play: tuple[float, float], approach: float, shape
         approach: height of the lowest point above the mouth at the start, m.
         shape: tilts, turn, depth, room, and where the corner touches first.
     """
-    tip = leading_corners(moving)
-    corner = lowest(tip, shape.about_y, shape.about_x)
-    place, inward = _between_walls(moving, corner, play, shape.room)
+    tip, axes = leading_corners(moving), turned_axes(shape.heading)
+    corner = lowest(tip, shape)
+    place, inward = _between_walls(moving, corner, play, shape.room, axes)
     at = np.append(place, -shape.depth)
-    sx, sy = (math.copysign(1.0, x) for x in corner[:2])
+    sx, sy = (math.copysign(1.0, x) for x in (axes.T @ corner)[:2])
     # Turning about +x by α moves y-negative points down by α; about +y by β moves x-positive points down.
     tilt = se3.exp([-sy * shape.about_x, 0.0, 0.0]) @ se3.exp([0.0, sx * shape.about_y, 0.0])
-    R = tilt @ se3.exp([0.0, 0.0, shape.turn])
+    R = axes @ tilt @ axes.T @ se3.exp([0.0, 0.0, shape.turn])
     inside = Pose(at - R @ corner, R)
     lift = approach - float(inside.apply(tip)[:, 2].min())
     above = inside.moved([0.0, 0.0, lift, 0.0, 0.0, 0.0])
@@ -146,19 +154,20 @@ def _laid_flat(moving: Part, play: tuple[float, float], approach: float, shape: 
     away, rise, lean = shape.flat
     tip = leading_corners(moving)
     room = (max(shape.room[0], away), max(shape.room[1], away))
-    at = np.append(_between_walls(moving, entry.corner, play, room)[0], 0.0)
+    axes = turned_axes(shape.heading)
+    at = np.append(_between_walls(moving, entry.corner, play, room, axes)[0], 0.0)
     R = se3.exp([0.0, 0.0, shape.turn])
     first, second = _far_edge(moving, entry.corner)
     along = R @ (second - first) / float(np.linalg.norm(second - first))
     to_edge = np.cross([0.0, 0.0, 1.0], along)
     to_face = along * -math.copysign(1.0, float(to_edge @ R @ (entry.corner - first)))
-    axes = np.array([to_edge, to_face])
+    turns = np.array([to_edge, to_face])
     leaning = se3.exp(-lean * (to_edge + 2.0 * to_face)) @ R
     start = Pose(at - R @ entry.corner + R @ first - leaning @ first, leaning)
     lift = approach - float(start.apply(tip)[:, 2].min())
     over = entry.inside.moved([0.0, 0.0, shape.depth + rise, 0.0, 0.0, 0.0])
     start = start.moved([0.0, 0.0, lift, 0.0, 0.0, 0.0])
-    return replace(entry, start=start, over=over, leant=Leant(np.array([first, second]), axes))
+    return replace(entry, start=start, over=over, leant=Leant(np.array([first, second]), turns))
 
 
 def planar_entries(
@@ -257,19 +266,20 @@ def swung_by(tip: Array, start_box: Array) -> float:
 
 
 def _between_walls(
-    moving: Part, corner: Array, play: tuple[float, float], room: tuple[float, float]
+    moving: Part, corner: Array, play: tuple[float, float], room: tuple[float, float], axes: Array
 ) -> tuple[Array, Array]:
     """Where (x, y) the corner is as far from the two walls next to it as `room` says, and their inward normals (2, 2).
 
-    The part's sides face the walls.
+    The part's sides face the walls; the first is the one that faces more along the x-axis of the turned axes.
     """
-    (one, on_one), (two, on_two) = sorted(_sides(moving, corner), key=lambda side: -abs(float(side[0][0])))
+    along = axes[:2, 0]
+    (one, on_one), (two, on_two) = sorted(corner_walls(moving, corner), key=lambda side: -abs(float(side[0] @ along)))
     N = np.array([one, two])
     walls = np.array([one @ on_one, two @ on_two]) - 0.5 * np.abs(N) @ np.asarray(play)
     return np.asarray(np.linalg.solve(N, walls + np.asarray(room))), N
 
 
-def _sides(moving: Part, corner: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+def corner_walls(moving: Part, corner: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """The sides of the leading face on both ways from a corner: inward normal (2,) and a point (2,) on each.
 
     Short sides, such as chamfers, are passed over, and so are sides on until the two stand at an angle.
@@ -307,7 +317,12 @@ def _far_edge(moving: Part, corner: Array) -> tuple[Array, Array]:
     return max(farthest, key=lambda way: abs(float(way[1][0] - way[0][0])))
 
 
-def lowest(tip: Array, about_y: float, about_x: float) -> Array:
-    """The corner that such tilts make the lowest, of those next to the walls at −x and −y."""
-    height = np.sin(about_y) * tip[:, 0] + np.sin(about_x) * tip[:, 1]
-    return np.asarray(tip[int(np.argmin(height))])
+def turned_axes(heading: float) -> Array:
+    """Axes (3, 3) turned about z by a heading, rad."""
+    return se3.exp([0.0, 0.0, heading])
+
+
+def lowest(tip: Array, shape: Shape) -> Array:
+    """The corner (3,) that the tilts of a shape make the lowest, of those next to the walls at −x and −y."""
+    x, y, _ = turned_axes(shape.heading).T @ tip.T
+    return np.asarray(tip[int(np.argmin(np.sin(shape.about_y) * x + np.sin(shape.about_x) * y))])

@@ -26,6 +26,7 @@ _TOUCH = 1e-9
 _SAMPLES = 24
 _ROUNDS = 50
 _TOGETHER = 1e-11
+_PARALLEL = 1e-7  # sine of the angle between edges, up to which rounding decides where they cross
 IN_PLANE = ("x", "z", "ry")
 _STILL = 0.02  # rad, the turn that compliance may add to a slide
 
@@ -39,20 +40,24 @@ class Freedom:
     limit: float
 
 
-def freedoms(max_turn: float, depth: float, reach: float, planar: bool = False) -> tuple[Freedom, ...]:
-    """Both ways along and about the axes of the B-frame; down as far as the goal. In the plane along x, z, about y.
+def freedoms(
+    max_turn: float, depth: float, reach: float, planar: bool = False, axes: Array | None = None
+) -> tuple[Freedom, ...]:
+    """Both ways along and about the axes of the compliance frame; down as far as the goal. In the plane x, z, about y.
 
     Args:
         max_turn: greatest turn of one move, rad.
         depth: greatest way down, m.
         reach: greatest way in any other direction, m.
         planar: whether motion stays in the plane of x and z.
+        axes: (3, 3) of the frame, those of the B-frame turned about z; None for these themselves.
     """
     found = []
     for axis, letter in enumerate("xyz"):
+        along = np.eye(3)[axis] if axes is None else axes[:, axis]
         for sign in (-1.0, 1.0):
             slide, turn = np.zeros(6), np.zeros(6)
-            slide[axis] = turn[3 + axis] = sign
+            slide[:3] = turn[3:] = sign * along + 0.0  # no negative zeros
             limit = depth if (axis, sign) == (2, -1.0) else reach
             found.append(Freedom(f"{'-' if sign < 0 else '+'}{letter}", slide, limit))
             found.append(Freedom(f"{'-' if sign < 0 else '+'}r{letter}", turn, max_turn))
@@ -129,7 +134,7 @@ def _first_contact(assembly: Assembly, place: Place, freedom: Freedom, near: Seq
             # Of several that come together, to rounding, the last in the list counts: edges before vertices.
             if best is None or amount < best[0] + _TOGETHER * freedom.limit:
                 pose = there.pose(n)
-                if BoundTable.of([near[i]], body, fixed, pose).insides(pose)[0] > 10.0 * _TOUCH:
+                if _insides(assembly, [near[i]], pose)[0] > 10.0 * _TOUCH:
                     best = amount, pose, near[i]
     if best is None or best[0] <= 0.0:
         return None
@@ -177,7 +182,7 @@ def _arrival(
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     value = Surfaces.of(near, body, fixed).values(goal)
     grazing = [c for c, f in zip(near, value, strict=True) if abs(f) <= 10.0 * _TOUCH and c not in place.held]
-    inside = BoundTable.of(grazing, body, fixed, goal).insides(goal)
+    inside = _insides(assembly, grazing, goal)
     made = [c for c, depth in zip(grazing, inside, strict=True) if c == first or depth > 10.0 * _TOUCH]
     # Which of several that come together was met first is a matter of rounding: their order in the list decides.
     first = next((c for c in made if implied(assembly, place.held, c, first)), first)
@@ -186,6 +191,19 @@ def _arrival(
     if len(together) < len(made) and _independent(assembly, place, first, made, goal):
         return None
     return Move(place.pose, goal, place.held, together)
+
+
+def _insides(assembly: Assembly, contacts: Sequence[PrimitiveContact], pose: Pose) -> Array:
+    """How far within their features contacts (n,) lie, m; edges that have turned parallel cross nowhere."""
+    body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
+    inside = np.array(BoundTable.of(contacts, body, fixed, pose).insides(pose))
+    for n, contact in enumerate(contacts):
+        if contact.kind is Kind.EDGE_EDGE:
+            (a, b), (q, r) = pose.apply(body.vertices[list(contact.moving)]), fixed.vertices[list(contact.fixed)]
+            size = float(np.linalg.norm(b - a) * np.linalg.norm(r - q))
+            if float(np.linalg.norm(np.cross(b - a, r - q))) <= _PARALLEL * size:
+                inside[n] = -np.inf
+    return inside
 
 
 def _independent(

@@ -8,10 +8,11 @@ from dataclasses import replace
 from itertools import chain, islice, product, tee
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from fmopt.geometry.clearance import Clearance
 from fmopt.geometry.part import Part
-from fmopt.placement.entry import Shape, leading_corners, lowest, start_spread, swung_by
+from fmopt.placement.entry import Shape, corner_walls, leading_corners, lowest, start_spread, swung_by, turned_axes
 from fmopt.values import Array
 
 _TILTS = ((0.8, 1.0), (1.0, 0.8))
@@ -30,6 +31,9 @@ _BEYOND = 1.1  # of the errors that displace the corner, how far outside the mou
 _ROOMY = 4.0  # clearances a side that ways to enter tilted leave room for at least, as if the errors were that large
 _FAR = 40.0  # clearances a side that the start errors displace the tip by, from where parts are laid flat first
 _AT_ONCE = 2  # entries that go in at once are tried for each that touches the top first
+_RUN = 6  # shapes of one heading are tried before those of the next
+_BEST = math.radians(100.0)  # of the angles of corners, which of them goes in first
+_SAME = 1e-6  # of the part's width, by which a part that looks the same once turned may differ
 
 
 def likely_shapes(
@@ -38,6 +42,7 @@ def likely_shapes(
     """Tilted ways to begin, the likeliest first: the corner goes in at once, touches the top first, or lies flat on it.
 
     The further errors are beyond the clearance, the more it is worth to lay the part flat: that is tried first or last.
+    Of corners that differ each has its turn, with its walls as axes.
 
     Args:
         moving: the moving part, tip centre at the origin.
@@ -47,14 +52,52 @@ def likely_shapes(
         rate: errors of velocity in translation and rotation together, as a share of the way.
         max_tilt: greatest tilt about each axis, rad.
     """
+    runs = [
+        _towards(heading, moving, fixed, clearance, start_box, rate, max_tilt) for heading in likely_headings(moving)
+    ]
+    while some := [shape for run in runs for shape in islice(run, _RUN)]:
+        yield from some
+
+
+def _towards(
+    heading: float, moving: Part, fixed: Part, clearance: Clearance, start_box: Array, rate: float, max_tilt: float
+) -> Iterator[Shape]:
+    """The shapes of `likely_shapes` with one heading."""
     spread, least = start_spread(moving, start_box), _ROOMY * clearance.per_side
     play, roomy = clearance.play, start_box * max(1.0, least / max(spread, 1e-3 * least))
     funnel = funnel_depth(fixed), funnel_width(fixed)
-    at_once, for_touching, for_flat = tee(tilted_shapes(moving, play, roomy, max_tilt, funnel[0]), 3)
+    at_once, for_touching, for_flat = tee(tilted_shapes(moving, play, roomy, max_tilt, funnel[0], heading), 3)
     touching = touching_shapes(for_touching, moving, roomy, rate, funnel[1])
     flat = flat_shapes(for_flat, moving, play, roomy, rate, funnel)
     others = _alternated(at_once, touching, _AT_ONCE)
     return chain(flat, others) if spread >= _FAR * clearance.per_side else chain(others, flat)
+
+
+def likely_headings(moving: Part) -> tuple[float, ...]:
+    """Headings with which corners of the tip go in, rad: none first, then those that put a corner between its walls.
+
+    Of those with which the part looks the same there is one only.
+    """
+    tip = leading_corners(moving)
+    loop = tip[ConvexHull(tip[:, :2]).vertices]
+    hull, found = loop[:, :2], []
+    for corner in loop:
+        (one, _), (two, _) = corner_walls(moving, corner)
+        angle = math.pi - math.acos(float(np.clip(one @ two, -1.0, 1.0)))
+        inward = one + two
+        found.append((abs(angle - _BEST), math.atan2(inward[1], inward[0]) - 0.25 * math.pi))
+    headings: list[float] = [0.0]
+    for _, heading in sorted(found, key=lambda one: (round(one[0], 6), abs(one[1]))):
+        if not any(_looks_the_same(hull, heading - other) for other in headings):
+            headings.append(heading)
+    return tuple(headings)
+
+
+def _looks_the_same(hull: Array, angle: float) -> bool:
+    """Whether the corners (n, 2) of a convex outline turned about the origin are these corners."""
+    turned = hull @ turned_axes(angle)[:2, :2].T
+    apart = np.linalg.norm(turned[:, None] - hull[None], axis=2).min(axis=1)
+    return bool(apart.max() <= _SAME * float(np.ptp(hull)))
 
 
 def _alternated(first: Iterator[Shape], second: Iterator[Shape], times: int) -> Iterator[Shape]:
@@ -64,7 +107,12 @@ def _alternated(first: Iterator[Shape], second: Iterator[Shape], times: int) -> 
 
 
 def tilted_shapes(
-    moving: Part, play: tuple[float, float], start_box: Array, max_tilt: float, funnel: float = 0.0
+    moving: Part,
+    play: tuple[float, float],
+    start_box: Array,
+    max_tilt: float,
+    funnel: float = 0.0,
+    heading: float = 0.0,
 ) -> Iterator[Shape]:
     """Shapes that leave room for the start error, the likeliest first: a tilted part shows the mouth only a corner.
 
@@ -79,21 +127,22 @@ def tilted_shapes(
         start_box: half-widths (6,) of the start error, m and rad.
         max_tilt: greatest tilt about each axis, rad.
         funnel: how deep below the mouth the walls begin, m; the corner goes in below that.
+        heading: turn about z of the axes that all this is about, rad.
     """
     tip = leading_corners(moving)
     slack = 0.5 * min(play)
-    mouth = np.ptp(tip[:, :2], axis=0) + np.asarray(play)
+    mouth = np.ptp((tip @ turned_axes(heading))[:, :2], axis=0) + np.asarray(play)
     for (deep, wide), share, tilts in _ways():
         about = np.array(tilts) * max_tilt
-        swing = swung_by(lowest(tip, *about)[None], start_box)
+        shape = Shape(float(about[0]), float(about[1]), share * float(np.prod(about)), 0.0, (0.0, 0.0), heading=heading)
+        swing = swung_by(lowest(tip, shape)[None], start_box)
         depth = deep * (float(start_box[2]) + swing) + 0.5 * slack
         wanted = np.array([wide, wide + 1.0]) * start_box[:2] + 2.0 * swing
         # No further than leaves the far walls as much room: beside the corner, the part is wider up there.
         least = start_box[:2] + swing
         most = mouth - least - depth / np.tan(about)
         room = np.minimum(wanted, least + np.array(_SHARED) * np.maximum(most - least, 0.0))
-        turn = share * float(np.prod(about))
-        yield Shape(float(about[0]), float(about[1]), turn, funnel + depth, (float(room[0]), float(room[1])))
+        yield replace(shape, depth=funnel + depth, room=(float(room[0]), float(room[1])))
 
 
 def _ways() -> Iterator[tuple[tuple[float, float], float, tuple[float, float]]]:
@@ -117,7 +166,7 @@ def touching_shapes(
     """
     tip = leading_corners(moving)
     for n, shape in enumerate(shapes):
-        swing = swung_by(lowest(tip, shape.about_y, shape.about_x)[None], start_box)
+        swing = swung_by(lowest(tip, shape)[None], start_box)
         beyond = width + _BEYOND * (float(start_box[:2].max()) + swing)
         way = min(shape.room) + beyond
         depth = _TOUCHED[n // 2 % len(_TOUCHED)] * rate * way
@@ -146,7 +195,7 @@ def flat_shapes(
     tip = leading_corners(moving)
     lean = _LEAN * float(np.linalg.norm(start_box[3:]))
     for n, shape in enumerate(shapes):
-        corner = lowest(tip, shape.about_y, shape.about_x)
+        corner = lowest(tip, shape)
         away = funnel[1] + _AWAY * (float(start_box[:2].max()) + swung_by(corner[None], start_box))
         way = float(np.linalg.norm(corner)) * math.hypot(shape.about_y, shape.about_x)
         depth = funnel[0] + max(_TOUCHED[n // 2 % len(_TOUCHED)] * rate * way, min(play))

@@ -14,7 +14,7 @@ from fmopt.certificate.segment import Tolerance
 from fmopt.contact.primitive import Kind, PrimitiveContact, near_contacts
 from fmopt.contact.surface import Surfaces
 from fmopt.errors import InfeasibleError
-from fmopt.placement.entry import Entry, Leant, deeper
+from fmopt.placement.entry import Entry, Leant, deeper, turned_axes
 from fmopt.placement.explore import Freedom, Place, freedoms, guarded, implied, neighbourhood, pinned
 from fmopt.placement.flush import described
 from fmopt.placement.motion import Move, Reached, unroll
@@ -259,7 +259,7 @@ def follow(task: Task, node: Node, name: str) -> Node | None:
 
 def _freedoms(task: Task, node: Node) -> tuple[Freedom, ...]:
     depth = float(node.place.pose.p[2] - task.goal.p[2])
-    return freedoms(task.max_turn, depth, task.costs.reach, task.costs.planar)
+    return freedoms(task.max_turn, depth, task.costs.reach, task.costs.planar, turned_axes(node.entry.heading))
 
 
 def _along(task: Task, node: Node, freedom: Freedom, near: tuple[PrimitiveContact, ...]) -> Node | None:

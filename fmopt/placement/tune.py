@@ -124,12 +124,12 @@ class _Tuning:
         progress: Callable[[float], None],
     ) -> None:
         assert found.entry.shape is not None
-        self._found, self._first = found, found.entry.shape.numbers
+        self._found, self._shape = found, found.entry.shape
         self._task, self._entry_of, self._clearance, self._limits = task, entry_of, clearance, limits
         self._progress = progress
         self._tries = 0
         self.best = found
-        self.factors: Array = np.ones(len(self._first))
+        self.factors: Array = np.ones(len(self._shape.numbers))
 
     @property
     def slight(self) -> bool:
@@ -147,7 +147,7 @@ class _Tuning:
         """Takes a step of the factors if it adds more than a gain (m) to the margin; whether it did."""
         self._tries += 1
         factors = self.factors + step
-        entry = self._entry_of(Shape.of(self._first * factors))
+        entry = self._entry_of(Shape.of(self._shape.numbers * factors, self._shape.heading))
         other = _from_entry(self._task, self._found, entry, self.best.reached.margin + gain)
         if other is None:
             return False

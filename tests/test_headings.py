@@ -1,0 +1,131 @@
+"""Ways to begin for outlines that are no rectangles: each corner that differs goes in between its own two walls."""
+
+from __future__ import annotations
+
+import math
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import pytest
+from execution_model import execute
+from searched import certified_plan, tilted_motion
+
+from fmopt.certificate.knowledge import Assembly
+from fmopt.certificate.segment import Tolerance
+from fmopt.contact.primitive import Kind
+from fmopt.placement.entry import Shape, leading_corners, lowest, start_spread, tilted_entry
+from fmopt.placement.explore import freedoms
+from fmopt.placement.shapes import likely_headings, likely_shapes, tilted_shapes
+from fmopt.placement.step import Costs, Task, begin, follow
+from fmopt.se3 import Pose, exp
+from fmopt.task.clearance import measured_clearance
+from fmopt.task.problem import Problem, load
+from fmopt.uncertainty.error_set import ErrorSet
+
+PROBLEMS = Path(__file__).parent.parent / "problems"
+KITE = Shape(0.34907, 0.43633, 0.06092, 0.001635, (0.003788, 0.004788), heading=0.25 * math.pi)
+PEGS = Shape(0.36622, 0.42713, 0.1027, 0.000837, (0.003131, 0.002425), heading=-0.5 * math.pi)
+
+
+@pytest.fixture(scope="module")
+def kite() -> Problem:
+    return load(PROBLEMS / "kite_prism.toml")
+
+
+@pytest.mark.parametrize(
+    ("name", "degrees"),
+    [
+        ("square_peg", [0]),  # its corners are all the same
+        ("factory_rect_8mm_tight", [0, -90]),  # the other two are those turned by half a turn
+        ("factory_round_8mm_tight", [0]),
+        ("hexagon_prism", [0, -15]),
+        ("kite_prism", [0, -51, -219, 45, -135]),  # the two at its sides, the right one, the sharp one
+    ],
+)
+def test_one_heading_for_each_corner_that_differs(name: str, degrees: list[float]) -> None:
+    found = [math.degrees(heading) for heading in likely_headings(load(PROBLEMS / f"{name}.toml").moving)]
+    assert sorted(round(one) % 360 for one in found) == sorted(one % 360 for one in degrees)
+    assert found[0] == 0.0
+
+
+def test_headings_take_turns(kite: Problem) -> None:
+    clearance = measured_clearance(kite)
+    shapes = likely_shapes(kite.moving, kite.fixed, clearance, kite.start_box, 0.02, kite.settings.max_tilt)
+    seen = [shape.heading for shape in islice(shapes, 60)]
+    assert list(dict.fromkeys(seen)) == list(likely_headings(kite.moving))
+    assert seen[:6] == seen[30:36] == [0.0] * 6
+
+
+def test_the_corner_of_a_heading_goes_in_between_its_own_walls(kite: Problem) -> None:
+    clearance = measured_clearance(kite)
+    tip = leading_corners(kite.moving)
+    corners = set()
+    for heading in likely_headings(kite.moving)[1:]:
+        for shape in islice(
+            tilted_shapes(kite.moving, clearance.play, kite.start_box, kite.settings.max_tilt, heading=heading), 12
+        ):
+            entry = tilted_entry(kite.moving, clearance.play, kite.approach, shape)
+            at = entry.inside.apply(entry.corner)
+            heights = entry.inside.apply(tip)[:, 2]
+            assert at[2] == pytest.approx(-shape.depth, abs=1e-12)
+            assert np.sort(heights)[1] > at[2] + 1e-4
+            corners.add(tuple(entry.corner[:2]))
+            walls = [f for f in kite.fixed.polyhedron.faces if abs(f.normal[2]) < 1e-9 and abs(f.offset) < 0.02]
+            gaps = sorted(float(face.normal @ at - face.offset) for face in walls)
+            # Free travel is known along x and y alone: at a slanted wall the room is right to a part of it.
+            assert gaps[:2] == pytest.approx(sorted(shape.room), abs=2e-4)
+    assert len(corners) == len(tip) == 4
+
+
+def test_a_turned_part_has_the_same_entry_with_another_heading() -> None:
+    """The square looks the same turned by a right angle: so do its entries, turned as well."""
+    problem = load(PROBLEMS / "square_peg_100um.toml")
+    play = measured_clearance(problem).play
+    shape = Shape(0.35, 0.43, 0.06, 0.0016, (0.0038, 0.0048))
+    turned = Shape.of(shape.numbers, 0.5 * math.pi)
+    R = exp([0.0, 0.0, 0.5 * math.pi])
+    one, other = (tilted_entry(problem.moving, play, problem.approach, s) for s in (shape, turned))
+    assert lowest(leading_corners(problem.moving), turned) == pytest.approx(R @ one.corner)
+    for a, b in ((one.start, other.start), (one.inside, other.inside)):
+        assert b.p == pytest.approx(R @ a.p, abs=1e-12)
+        assert np.abs(b.R - R @ a.R @ R.T).max() < 1e-12
+
+
+def test_moves_go_along_the_axes_of_the_heading() -> None:
+    axes = exp([0.0, 0.0, 0.3])
+    for plain, turned in zip(freedoms(1.0, 1.0, 1.0), freedoms(1.0, 1.0, 1.0, axes=axes), strict=True):
+        assert plain.name == turned.name
+        assert turned.twist == pytest.approx(np.concatenate([axes @ plain.twist[:3], axes @ plain.twist[3:]]))
+        assert not np.signbit(plain.twist[plain.twist == 0.0]).any()
+
+
+def test_a_kite_is_certified_at_errors_of_millimetres(kite: Problem) -> None:
+    motion = tilted_motion(kite, KITE)
+    assert motion.placed.margin > 2e-5
+    document = certified_plan(kite, motion)
+    assert document["search"]["heading"] == KITE.heading
+    assert execute(document, 20, seed=3).broken == {}
+
+
+def test_edges_that_turn_parallel_as_they_meet_are_no_contact() -> None:
+    """Where rounding says that they cross may be anywhere: of two pegs, once 15 mm off their ends."""
+    problem = load(PROBLEMS / "two_pegs.toml")
+    clearance = measured_clearance(problem)
+    assembly = Assembly(problem.moving, problem.fixed)
+    rates = problem.velocity_error.translation, problem.velocity_error.rotation
+    costs = Costs.of(start_spread(problem.moving, problem.start_box), clearance.per_side, False)
+    tolerance = Tolerance(rates, clearance.half_diagonal)
+    goal, errors = Pose.from_vector(problem.goal), ErrorSet.from_box(problem.start_box)
+    task = Task(assembly, goal, errors, tolerance, costs, 1.3 * problem.settings.max_tilt)
+    node = begin(task, tilted_entry(problem.moving, clearance.play, problem.approach, PEGS))
+    for name in ("-y", "-rz", "-rx", "-x", "+ry"):
+        assert node is not None
+        last, node = node, follow(task, node, name)
+    moves = last.moves if node is None else node.moves
+    body, fixed = problem.moving.polyhedron.vertices, problem.fixed.polyhedron.vertices
+    met = [(move.goal, contact) for move in moves for contact in move.making if contact.kind is Kind.EDGE_EDGE]
+    assert met
+    for pose, contact in met:
+        (a, b), (q, r) = pose.apply(body[list(contact.moving)]), fixed[list(contact.fixed)]
+        assert np.linalg.norm(np.cross(b - a, r - q)) > 1e-6 * np.linalg.norm(b - a) * np.linalg.norm(r - q)
