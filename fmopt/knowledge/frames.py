@@ -119,7 +119,9 @@ def _check_central(tree: ObjectTree, feature: Feature, body: Solid, whole: Solid
     x, y = max(centres, key=lambda centre: float(np.linalg.norm(centre)), default=np.zeros(2))
     message = f"the frame of feature {feature.name!r} of {tree.name!r} is not on a central line: along z a section has "
     message += f"its centroid at ({_mm(x)}, {_mm(y)}) mm"
-    raise TaskError(message, feature.name, CENTRAL, "move the frame's origin there, or turn an axis along the line")
+    advice = "move the frame's origin there, or to the centre of the largest circle inside, which an even gap around "
+    advice += "leaves where it is; or turn an axis along the line"
+    raise TaskError(message, feature.name, CENTRAL, advice)
 
 
 def _outlines(feature: Feature, body: Solid, whole: Solid, window: tuple[float, float]) -> tuple[list[Array], bool]:
