@@ -19,17 +19,27 @@ from fmopt.task.problem import Problem
 from fmopt.uncertainty.error_set import ErrorSet
 
 
+def task_of(problem: Problem) -> Task:
+    """What a problem's search is about."""
+    clearance = measured_clearance(problem)
+    rates = problem.velocity_error.translation, problem.velocity_error.rotation
+    return Task(
+        Assembly(problem.moving, problem.fixed),
+        Pose.from_vector(problem.goal),
+        ErrorSet.from_box(problem.start_box),
+        Tolerance(rates, clearance.half_diagonal),
+        Costs.of(start_spread(problem.moving, problem.start_box), clearance.per_side, problem.plane is not None),
+        1.3 * problem.settings.max_tilt,
+    )
+
+
 def motion_from(problem: Problem, entry: Entry) -> Moved:
     """What a problem's search and certificate make of an entry."""
-    clearance = measured_clearance(problem)
-    assembly, errors = Assembly(problem.moving, problem.fixed), ErrorSet.from_box(problem.start_box)
-    rates = problem.velocity_error.translation, problem.velocity_error.rotation
-    tolerance = Tolerance(rates, clearance.half_diagonal)
-    costs = Costs.of(start_spread(problem.moving, problem.start_box), clearance.per_side, problem.plane is not None)
-    task = Task(assembly, Pose.from_vector(problem.goal), errors, tolerance, costs, 1.3 * problem.settings.max_tilt)
+    task = task_of(problem)
     found = search(task, [entry])
-    placed = certified(assembly, found.moves, Reached(errors, (), ()), tolerance, FINE, thorough=True)
-    return Moved(assembly, clearance, errors, tolerance, found, placed)
+    start = Reached(task.start, (), ())
+    placed = certified(task.assembly, found.moves, start, task.tolerance, FINE, thorough=True)
+    return Moved(task.assembly, measured_clearance(problem), task.start, task.tolerance, found, placed)
 
 
 def certified_plan(problem: Problem, motion: Moved) -> dict[str, Any]:

@@ -164,6 +164,22 @@ def test_bounds_of_a_face_with_a_hole_offer_a_choice() -> None:
         assert found == pytest.approx(inside, abs=1e-12)
 
 
+@pytest.mark.parametrize(("fixed", "contacts", "pose"), CASES)
+def test_edges_cross_at_the_angle_between_them(
+    fixed: Polyhedron, contacts: tuple[PrimitiveContact, ...], pose: Pose
+) -> None:
+    sines = Surfaces.of(contacts, PEG, fixed).sines(pose)
+    for contact, sine in zip(contacts, sines, strict=True):
+        if contact.kind is not Kind.EDGE_EDGE:
+            assert sine == 1.0
+            continue
+        moving, still = (
+            np.subtract(*ends) for ends in (PEG.vertices[list(contact.moving)], fixed.vertices[list(contact.fixed)])
+        )
+        cosine = pose.R @ moving @ still / (np.linalg.norm(moving) * np.linalg.norm(still))
+        assert sine**2 == pytest.approx(1.0 - cosine**2, abs=1e-14)
+
+
 def test_level_edges_have_no_value_and_warn_of_nothing() -> None:
     crossing = [c for c in near_contacts(PEG, BLOCK, LEANING, reach=3e-3, angle=0.05) if c.kind is Kind.EDGE_EDGE]
     upright = Pose(LEANING.p, np.eye(3))

@@ -9,19 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from execution_model import execute
-from searched import certified_plan, tilted_motion
+from searched import certified_plan, task_of, tilted_motion
 
-from fmopt.certificate.knowledge import Assembly
-from fmopt.certificate.segment import Tolerance
 from fmopt.contact.primitive import Kind
-from fmopt.placement.entry import Shape, leading_corners, lowest, start_spread, tilted_entry
+from fmopt.placement.entry import Shape, leading_corners, lowest, tilted_entry
 from fmopt.placement.explore import freedoms
 from fmopt.placement.shapes import likely_headings, likely_shapes, tilted_shapes
-from fmopt.placement.step import Costs, Task, begin, follow
-from fmopt.se3 import Pose, exp
+from fmopt.placement.step import begin, follow
+from fmopt.se3 import exp
 from fmopt.task.clearance import measured_clearance
 from fmopt.task.problem import Problem, load
-from fmopt.uncertainty.error_set import ErrorSet
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 KITE = Shape(0.34907, 0.43633, 0.06092, 0.001635, (0.003788, 0.004788), heading=0.25 * math.pi)
@@ -111,14 +108,8 @@ def test_a_kite_is_certified_at_errors_of_millimetres(kite: Problem) -> None:
 def test_edges_that_turn_parallel_as_they_meet_are_no_contact() -> None:
     """Where rounding says that they cross may be anywhere: of two pegs, once 15 mm off their ends."""
     problem = load(PROBLEMS / "two_pegs.toml")
-    clearance = measured_clearance(problem)
-    assembly = Assembly(problem.moving, problem.fixed)
-    rates = problem.velocity_error.translation, problem.velocity_error.rotation
-    costs = Costs.of(start_spread(problem.moving, problem.start_box), clearance.per_side, False)
-    tolerance = Tolerance(rates, clearance.half_diagonal)
-    goal, errors = Pose.from_vector(problem.goal), ErrorSet.from_box(problem.start_box)
-    task = Task(assembly, goal, errors, tolerance, costs, 1.3 * problem.settings.max_tilt)
-    node = begin(task, tilted_entry(problem.moving, clearance.play, problem.approach, PEGS))
+    task = task_of(problem)
+    node = begin(task, tilted_entry(problem.moving, measured_clearance(problem).play, problem.approach, PEGS))
     for name in ("-y", "-rz", "-rx", "-x", "+ry"):
         assert node is not None
         last, node = node, follow(task, node, name)

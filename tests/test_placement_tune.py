@@ -7,18 +7,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from searched import task_of
 
-from fmopt.certificate.knowledge import Assembly
-from fmopt.certificate.segment import Tolerance
-from fmopt.placement.entry import Entry, Shape, start_spread, tilted_entry
+from fmopt.placement.entry import Entry, Shape, tilted_entry
 from fmopt.placement.search import MoveSequence, best_sequence
 from fmopt.placement.shapes import tilted_shapes
-from fmopt.placement.step import Costs, Task
+from fmopt.placement.step import Task
 from fmopt.placement.tune import Limits, deepened, tuned
-from fmopt.se3 import Pose
 from fmopt.task.clearance import measured_clearance
 from fmopt.task.problem import Problem, load
-from fmopt.uncertainty.error_set import ErrorSet
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 
@@ -34,16 +31,7 @@ def entry(problem: Problem, shape: Shape) -> Entry:
 
 @pytest.fixture(scope="module")
 def task(problem: Problem) -> Task:
-    clearance = measured_clearance(problem)
-    rates = problem.velocity_error.translation, problem.velocity_error.rotation
-    return Task(
-        Assembly(problem.moving, problem.fixed),
-        Pose.from_vector(problem.goal),
-        ErrorSet.from_box(problem.start_box),
-        Tolerance(rates, clearance.half_diagonal),
-        Costs.of(start_spread(problem.moving, problem.start_box), clearance.per_side),
-        1.3 * problem.settings.max_tilt,
-    )
+    return task_of(problem)
 
 
 @pytest.fixture(scope="module")

@@ -65,6 +65,13 @@ class Surfaces(Value):
         f.append(np.divide(_dot(m, p + u - q), size, out=np.full(size.shape, np.nan), where=size > 0.0))
         return np.asarray(np.concatenate(f, axis=-1)[..., self.order])
 
+    def sines(self, pose: Pose) -> Array:
+        """Sines (k,) of the angles between the edges of contacts; 1 where a vertex touches a face."""
+        a, _, e, _ = _lines(self.edge_edge, pose.R)
+        m = _cross(a, e)
+        others = np.ones(len(self.order) - len(m))
+        return np.asarray(np.concatenate([others, np.sqrt(_dot(m, m))])[self.order])
+
     def values_and_rows(self, pose: Pose) -> tuple[Array, Array]:
         """Signed distances f (k,) in m and gradients N (k, 6) in local coordinates X = (d, δ) at the pose."""
         return self.over(pose.p, pose.R)

@@ -46,7 +46,7 @@ class State:
         felt, stalled: samples in a row that said the contact is felt, and that the part stands at the greatest push.
         friction: coefficient (n,) that the reaction against the motion tells of.
         effort: push in pushes of the step; it grows while the part stands and no contact is felt, and falls again.
-        brisk, pace: means of the last speed along the twist, in its own, over these times.
+        brisk, pace: means of the last speed along the twist, in its own, over the same two times.
     """
 
     step: Ints

@@ -196,14 +196,8 @@ def _arrival(
 def _insides(assembly: Assembly, contacts: Sequence[PrimitiveContact], pose: Pose) -> Array:
     """How far within their features contacts (n,) lie, m; edges that have turned parallel cross nowhere."""
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
-    inside = np.array(BoundTable.of(contacts, body, fixed, pose).insides(pose))
-    for n, contact in enumerate(contacts):
-        if contact.kind is Kind.EDGE_EDGE:
-            (a, b), (q, r) = pose.apply(body.vertices[list(contact.moving)]), fixed.vertices[list(contact.fixed)]
-            size = float(np.linalg.norm(b - a) * np.linalg.norm(r - q))
-            if float(np.linalg.norm(np.cross(b - a, r - q))) <= _PARALLEL * size:
-                inside[n] = -np.inf
-    return inside
+    crossing = Surfaces.of(contacts, body, fixed).sines(pose) > _PARALLEL
+    return np.where(crossing, BoundTable.of(contacts, body, fixed, pose).insides(pose), -np.inf)
 
 
 def _independent(

@@ -52,25 +52,18 @@ def likely_shapes(
         rate: errors of velocity in translation and rotation together, as a share of the way.
         max_tilt: greatest tilt about each axis, rad.
     """
-    runs = [
-        _towards(heading, moving, fixed, clearance, start_box, rate, max_tilt) for heading in likely_headings(moving)
-    ]
-    while some := [shape for run in runs for shape in islice(run, _RUN)]:
-        yield from some
-
-
-def _towards(
-    heading: float, moving: Part, fixed: Part, clearance: Clearance, start_box: Array, rate: float, max_tilt: float
-) -> Iterator[Shape]:
-    """The shapes of `likely_shapes` with one heading."""
     spread, least = start_spread(moving, start_box), _ROOMY * clearance.per_side
     play, roomy = clearance.play, start_box * max(1.0, least / max(spread, 1e-3 * least))
     funnel = funnel_depth(fixed), funnel_width(fixed)
-    at_once, for_touching, for_flat = tee(tilted_shapes(moving, play, roomy, max_tilt, funnel[0], heading), 3)
-    touching = touching_shapes(for_touching, moving, roomy, rate, funnel[1])
-    flat = flat_shapes(for_flat, moving, play, roomy, rate, funnel)
-    others = _alternated(at_once, touching, _AT_ONCE)
-    return chain(flat, others) if spread >= _FAR * clearance.per_side else chain(others, flat)
+
+    def towards(heading: float) -> Iterator[Shape]:
+        at_once, for_touching, for_flat = tee(tilted_shapes(moving, play, roomy, max_tilt, funnel[0], heading), 3)
+        touching = touching_shapes(for_touching, moving, roomy, rate, funnel[1])
+        flat = flat_shapes(for_flat, moving, play, roomy, rate, funnel)
+        others = _in_turn((at_once, _AT_ONCE), (touching, 1))
+        return chain(flat, others) if spread >= _FAR * clearance.per_side else chain(others, flat)
+
+    return _in_turn(*((towards(heading), _RUN) for heading in likely_headings(moving)))
 
 
 def likely_headings(moving: Part) -> tuple[float, ...]:
@@ -100,9 +93,9 @@ def _looks_the_same(hull: Array, angle: float) -> bool:
     return bool(apart.max() <= _SAME * float(np.ptp(hull)))
 
 
-def _alternated(first: Iterator[Shape], second: Iterator[Shape], times: int) -> Iterator[Shape]:
-    """Several of the first, one of the second, and so on; the rest of either when the other ends."""
-    while some := [*islice(first, times), *islice(second, 1)]:
+def _in_turn(*runs: tuple[Iterator[Shape], int]) -> Iterator[Shape]:
+    """So many of the first run, so many of the next, and so on, over and over; what is left when others end."""
+    while some := [shape for run, times in runs for shape in islice(run, times)]:
         yield from some
 
 
