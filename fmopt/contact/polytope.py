@@ -47,7 +47,7 @@ class Faces(Value):
 def enumerate_faces(normals: ArrayLike, offsets: ArrayLike) -> Faces:
     """All faces of {x: normals·x ≥ offsets}, also when it is unbounded, flat, degenerate or holds lines.
 
-    The rows are reduced to a pointed, full-dimensional polyhedron, whose vertices and rays come from the convex hull
+    The rows are cut down to a pointed, full-dimensional polyhedron, whose vertices and rays come from the convex hull
     of the dual (Qhull); faces are the closed sets of incidences.
 
     Args:
@@ -57,23 +57,79 @@ def enumerate_faces(normals: ArrayLike, offsets: ArrayLike) -> Faces:
     Raises:
         InfeasibleError: the half-spaces have no common point.
     """
-    rows = np.asarray(normals, dtype=np.float64)
-    size = np.linalg.norm(rows, axis=1)
-    rows, levels = rows / size[:, None], np.asarray(offsets, dtype=np.float64) / size
-    interior, equal = _interior(rows, levels)
-    flat = _null_space(rows[equal])
-    reduced, slack = rows @ flat, levels - rows @ interior
-    length = np.linalg.norm(reduced, axis=1)
-    real = (length > 1e-7) & ~equal
-    basis = _row_space(reduced[real])
-    lineality = flat.shape[1] - basis.shape[1]
-    inner = reduced[real] @ basis / length[real, None]
-    active, dimensions, points = _pointed_faces(inner, slack[real] / length[real])
-    if not real.all():
+    cut = _Cut.of(normals, offsets)
+    active, dimensions, points = _pointed_faces(cut.rows, cut.levels)
+    if not cut.real.all():
+        within, active = active, np.empty((len(active), len(cut.real)), dtype=bool)
+        active[:], active[:, cut.real] = cut.everywhere, within
+    return Faces(active, dimensions + cut.lineality, cut.points(points), cut.lineality)
+
+
+def enumerate_vertices(normals: ArrayLike, offsets: ArrayLike) -> tuple[Array, Bits, Bits]:
+    """Vertices of {x: normals·x ≥ offsets}, and the directions of its edges without end; of lines, one point stands.
+
+    Args:
+        normals: rows (k, n); none may be zero.
+        offsets: (k,).
+
+    Returns:
+        vertices and unit directions (m, n), which planes hold each (m, k), and which are directions (m,).
+
+    Raises:
+        InfeasibleError: the half-spaces have no common point.
+    """
+    cut = _Cut.of(normals, offsets)
+    if cut.rows.shape[1] == 0:
+        return cut.interior[None], cut.everywhere[None], np.zeros(1, dtype=bool)
+    corners, incidence = _corners(cut.rows, cut.levels)
+    on = np.tile(cut.everywhere, (len(corners), 1))
+    on[:, cut.real] = incidence[:, :-1]
+    endless = incidence[:, -1]
+    return np.where(endless[:, None], corners @ cut.axes.T, cut.points(corners)), on, endless
+
+
+@dataclass(frozen=True, eq=False)
+class _Cut(Value):
+    """A polyhedron cut down to a pointed, full-dimensional one around 0, orthogonal to its lines.
+
+    Attributes:
+        rows: (q, r), unit normals that count there.
+        levels: (q,), negative.
+        real: (k,), which of all rows these are.
+        everywhere: (k,), which of the others hold all of it.
+        interior: (n,), the point that is 0.
+        axes: (n, r), orthonormal, of its coordinates.
+        lineality: dimension of its lines.
+    """
+
+    rows: Array
+    levels: Array
+    real: Bits
+    everywhere: Bits
+    interior: Array
+    axes: Array
+    lineality: int
+
+    @staticmethod
+    def of(normals: ArrayLike, offsets: ArrayLike) -> _Cut:
+        """That of {x: normals·x ≥ offsets}; errors as of `enumerate_faces`."""
+        rows = np.asarray(normals, dtype=np.float64)
+        size = np.linalg.norm(rows, axis=1)
+        rows, levels = rows / size[:, None], np.asarray(offsets, dtype=np.float64) / size
+        interior, equal = _interior(rows, levels)
+        flat = _null_space(rows[equal])
+        reduced, slack = rows @ flat, levels - rows @ interior
+        length = np.linalg.norm(reduced, axis=1)
+        real = (length > 1e-7) & ~equal
+        basis = _row_space(reduced[real])
+        lineality = flat.shape[1] - basis.shape[1]
+        inner, left = reduced[real] @ basis / length[real, None], slack[real] / length[real]
         everywhere = equal | (~real & (np.abs(slack) <= INCIDENCE))
-        within, active = active, np.empty((len(active), len(rows)), dtype=bool)
-        active[:], active[:, real] = everywhere, within
-    return Faces(active, dimensions + lineality, interior + points @ (flat @ basis).T, lineality)
+        return _Cut(inner, left, real, everywhere, interior, flat @ basis, lineality)
+
+    def points(self, inner: Array) -> Array:
+        """Points (m, r) of the pointed polyhedron in the coordinates of the whole one (m, n)."""
+        return np.asarray(self.interior + inner @ self.axes.T)
 
 
 def _interior(rows: Array, levels: Array) -> tuple[Array, Bits]:

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fmopt.contact.bounds import Bound
-from fmopt.contact.polytope import Faces, enumerate_faces, first_equal
+from fmopt.contact.lattice import Bits
+from fmopt.contact.polytope import Faces, enumerate_faces, enumerate_vertices, first_equal
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.contact.surface import values_and_rows
 from fmopt.errors import InfeasibleError
@@ -116,3 +117,19 @@ def faces(space: LocalSpace) -> Faces:
             advice="linearise at a pose that is not on the end of a face or an edge",
         )
     return Faces(found.active[open_, :k], found.dimensions[open_], found.points[open_], found.lineality)
+
+
+def vertices(space: LocalSpace) -> tuple[Array, Bits, Bits]:
+    """Vertices of the local contact space in scaled units, also on limits, and the directions in which it has no end.
+
+    Where parts may slide both ways without end, there is one vertex for all of the way.
+
+    Returns:
+        vertices and unit directions (m, 6), which contacts are active there (m, k), and which are directions (m,).
+
+    Raises:
+        InfeasibleError: the contacts violate each other.
+    """
+    rows, levels = np.vstack([space.normals, space.limits[:, :6]]), np.append(space.offsets, space.limits[:, 6])
+    points, on, endless = enumerate_vertices(rows, levels)
+    return points, on[:, : len(space.contacts)], endless

@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,6 +26,7 @@ from fmopt.task.problem import Problem
 if TYPE_CHECKING:
     from fmopt.contact.graph import ContactGraph
     from fmopt.contact.primitive import PrimitiveContact
+    from fmopt.placement.state_route import StateRoute
     from fmopt.plan_record import Moved, Nominal
     from fmopt.uncertainty.error_set import ErrorSet
 
@@ -93,6 +94,26 @@ def contact_graph(problem: Problem, pose: ArrayLike, reach: float | None = None)
     moving, fixed = problem.moving.polyhedron, problem.fixed.polyhedron
     space = local_space(contacts, moving, fixed, at, clearance(problem).per_side, _rho(problem))
     return graph(space, faces(space))
+
+
+def state_route(
+    graph: ContactGraph, start: Collection[str], goal: Collection[str], room: float = 0.5, change: float = 1.0
+) -> StateRoute:
+    """The shortest of the routes tried through the states of a graph, without errors, with a bound on all routes.
+
+    Args:
+        graph: as of `contact_graph`.
+        start: ids of the contacts of the state in which it begins; none for free space.
+        goal: those of the state in which it ends.
+        room: how far poses stay inside of their states: 0 for all of a state's facet, 1 for its point alone.
+        change: what a change of state counts, in clearances of travel.
+
+    Raises:
+        InfeasibleError: there is no such state.
+    """
+    from fmopt.placement.state_route import state_route as route
+
+    return route(graph, start, goal, room, change)
 
 
 def motion(problem: Problem, progress: Progress = lambda _: None) -> Moved:

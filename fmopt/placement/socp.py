@@ -63,6 +63,17 @@ class ClarabelSolver:
             raise self._infeasible(program)
         return certify(program, x * program.units, _duals(program, kept, z))
 
+    def proposed(self, program: ConeProgram) -> Array:
+        """Where the solver stops, unchecked, for who looks after the rows; equalities have to be independent.
+
+        Raises:
+            SolverError: that is no finite point.
+        """
+        x, _, status = self._run(program.scaled(), np.arange(len(program.b)))
+        if not np.isfinite(x).all():
+            raise SolverError(f"Clarabel stopped with {status} at no point", _ADVICE.get(status, ""))
+        return np.asarray(x * program.units)
+
     def _run(self, scaled: ConeProgram, kept: Indices) -> tuple[Array, Array, str]:
         M, rhs, cones = _standard_form(scaled, kept)
         q = np.append(-scaled.c, np.zeros(len(scaled.norms)))
