@@ -19,7 +19,7 @@ from fmopt.certificate.segment import Tolerance
 from fmopt.contact.bounds import BoundTable
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.contact.wrench import contact_point, contact_wrench
-from fmopt.control.bias import GuardedMove, firmness
+from fmopt.control.bias import GuardedMove, firmness, steadiness
 from fmopt.control.decomposition import contact_forces, position_force
 from fmopt.control.hand import hand_record
 from fmopt.control.hybrid import hybrid_strategy
@@ -40,7 +40,7 @@ from fmopt.placement.sequence import Placed
 from fmopt.placement.tolerated import Motion, Tolerated
 from fmopt.placement.visited import Visited
 from fmopt.se3 import Pose
-from fmopt.task.problem import Problem
+from fmopt.task.problem import Problem, Specification
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.uncertainty.planar import account as planar
 from fmopt.values import Array
@@ -235,9 +235,24 @@ def strategy(
 
 def least_firm(problem: Problem, assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance) -> float:
     """The firmness of the least firm piece of a motion."""
-    sliding = [claim for claim in claims if claim.piece.held and claim.piece.making]
-    moves = (_guarded(problem, assembly, claim, tolerance)[0] for claim in sliding)
-    return min((firmness(move, tolerance.rho, problem.specification) for move in moves), default=1.0)
+    return _least(firmness, problem, assembly, claims, tolerance)
+
+
+def least_steady(problem: Problem, assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance) -> float:
+    """The steadiness of the least steady piece of a motion."""
+    return _least(steadiness, problem, assembly, claims, tolerance)
+
+
+def _least(
+    measure: Callable[[GuardedMove, float, Specification], float],
+    problem: Problem,
+    assembly: Assembly,
+    claims: Sequence[Claim],
+    tolerance: Tolerance,
+) -> float:
+    guarded = [claim for claim in claims if claim.piece.held and claim.piece.making]
+    moves = (_guarded(problem, assembly, claim, tolerance)[0] for claim in guarded)
+    return min((measure(move, tolerance.rho, problem.specification) for move in moves), default=1.0)
 
 
 def _guarded(

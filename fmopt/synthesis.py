@@ -41,7 +41,7 @@ from fmopt.placement.step import Costs, Task
 from fmopt.placement.tolerated import Tolerated, tolerated
 from fmopt.placement.tune import Limits, deepened, tuned
 from fmopt.placement.visited import visited
-from fmopt.plan_record import Moved, Nominal, least_firm, plan_document, proof_document
+from fmopt.plan_record import Moved, Nominal, least_firm, least_steady, plan_document, proof_document
 from fmopt.se3 import Pose
 from fmopt.task.clearance import measured_clearance
 from fmopt.task.command import task_command
@@ -52,6 +52,7 @@ from fmopt.verify import Verdict, verify
 Progress = Callable[[str], None]
 FINE = math.radians(1.0)
 TRIES = 40  # of entries, when one is varied
+STEADY = 0.05  # share of the contact force that presses what a part turns along, whatever friction turns it off
 FIRM = 0.05  # share of the contact force that presses all that a part slides along to its next contact
 
 
@@ -280,11 +281,15 @@ def motion(
     def firm(found: MoveSequence) -> bool:
         return least_firm(problem, assembly, found.reached.claims, tolerance) >= FIRM
 
+    def steady(found: MoveSequence) -> bool:
+        planar = problem.plane is not None
+        return planar or least_steady(problem, assembly, found.reached.claims, tolerance) >= STEADY
+
     while best is None or (best[1].margin <= 0.0 and time.monotonic() < deadline):
         try:
-            found = best_sequence(task, rounds, deadline, told)
+            found = best_sequence(task, rounds, deadline, told, steady)
             lap("search")
-            found = tuned(task, found, entry_of, clearance.per_side, Limits(deadline, TRIES), tuning)
+            found = tuned(task, found, entry_of, clearance.per_side, Limits(deadline, TRIES), tuning, steady)
             found = deepened(task, found, entry_of, firm, Limits(deadline, TRIES))
             lap("entry")
             placed = placement(problem, assembly, found, errors, tolerance, clearance.per_side, progress)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
-from fmopt.control.bias import GuardedMove, Hold, firmness
+from fmopt.control.bias import GuardedMove, Hold, firmness, steadiness
 from fmopt.control.compliance import axes, compliance_frame, row_space, twist_scale, twists_in, wrenches_in
 from fmopt.control.hybrid import hybrid_strategy
 from fmopt.errors import InfeasibleError, SolverError
@@ -187,12 +187,16 @@ def _rubbed(given, strategy):
     return np.linalg.solve(basis @ (np.array(rows) / scale).T, basis @ (pressed / scale))
 
 
-def test_a_part_that_turns_keeps_its_contacts_under_all_the_friction():
+def turn_on_a_wall():
     near = [((-0.0101, y, z), (1, 0, 0)) for y, z in ((-0.0101, -0.001), (-0.0061, -0.001), (-0.0081, -0.004))]
     pose = Pose(np.array([0.0, 0.0, -0.004]), np.eye(3))
     pivot = np.array([-0.0101, -0.0101, 0.001]) - pose.p
     turn = np.array([-0.1, 0.0, 0.0])
-    given = move(near, [*-np.cross(turn, pivot), *turn], [((0.0099, 0.0099, -0.004), (0, 0, 1))], pose)
+    return move(near, [*-np.cross(turn, pivot), *turn], [((0.0099, 0.0099, -0.004), (0, 0, 1))], pose)
+
+
+def test_a_part_that_turns_keeps_its_contacts_under_all_the_friction():
+    given = turn_on_a_wall()
     strategy = hybrid_strategy(given, RHO, SPECIFICATION)
     forces = strategy.normal_forces
     assert _rubbed(given, strategy).min() > 0.2 * forces.min() > 0.0
@@ -208,6 +212,17 @@ def test_firmness_is_of_slides_to_new_contacts_alone():
     assert firmness(move([], DOWN, FLOOR), RHO, SPECIFICATION) == 1.0
     weak = Specification(0.02, 1.0, 0.5, 0.3, 2.0)
     assert firmness(slide, RHO, weak) == 0.0
+
+
+def test_steadiness_is_of_turns_to_new_contacts_and_falls_with_friction():
+    given = turn_on_a_wall()
+    found = [steadiness(given, RHO, replace(SPECIFICATION, friction=mu)) for mu in (0.0, 0.1, 0.2, 0.3, 0.5, 1.0)]
+    assert np.all(np.diff(found) <= 1e-12)
+    assert found[0] > found[3] > 0.0
+    assert found[4] == found[5] == pytest.approx(0.0, abs=1e-9)
+    assert steadiness(move(X_WALL, [0, -0.01, 0, 0, 0, 0], Y_WALL), RHO, SPECIFICATION) == 1.0
+    assert steadiness(move(X_WALL, DOWN), RHO, SPECIFICATION) == 1.0
+    assert steadiness(move([], DOWN, FLOOR), RHO, SPECIFICATION) == 1.0
 
 
 def test_bias_without_any_contact_is_none_and_with_a_first_one_is_a_push():

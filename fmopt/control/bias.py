@@ -174,6 +174,21 @@ def firmness(move: GuardedMove, rho: float, specification: Specification) -> flo
         return 0.0
 
 
+def steadiness(move: GuardedMove, rho: float, specification: Specification) -> float:
+    """Share of the contact force that presses the least pressed contact under friction that nothing makes up for.
+
+    It counts while a part turns to its next contact. What such friction opens stays open: the load then lies on other
+    contacts, which rub in other directions than those planned. Of moves that do not turn, hold nothing or meet nothing
+    it is 1, and 0 where friction opens a contact under any bias.
+    """
+    V = move.direction(rho)
+    if not len(move.held) or not len(move.made) or not _turns(V, rho):
+        return 1.0
+    push = _Push(*_push(move.reaction, V, row_space(move.held, rho), twist_scale(rho)), Hold.NONE)
+    x = _best(_program(move, V, rho, specification, push, True))
+    return 0.0 if x is None else float(x[-1]) / specification.contact_force
+
+
 def _turns(V: Array, rho: float) -> bool:
     return rho * float(np.linalg.norm(V[3:])) > _TURNING
 

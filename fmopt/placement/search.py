@@ -17,6 +17,7 @@ import re
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 
 from fmopt.errors import SearchError
 from fmopt.placement.entry import Entry
@@ -24,6 +25,7 @@ from fmopt.placement.motion import Move, Reached
 from fmopt.placement.step import Costs, Node, Task, begin, sons
 
 _LOOKS = 4
+_MORE, _WORTH = 16, 0.5  # further rounds for a steady sequence, and the share of the margin that it may cost
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,18 +65,41 @@ def best_sequence(
     rounds: Iterator[Sequence[Entry]],
     deadline: float = math.inf,
     progress: Callable[[str], None] = lambda _: None,
+    steady: Callable[[MoveSequence], bool] = lambda _: True,
 ) -> MoveSequence:
     """The first sequence with a margin, or the one with most of it among the first few that there are.
+
+    Where the first one with a margin is not steady, the first steady one in the next few rounds with half of its margin
+    is taken in its place.
 
     Args:
         task: parts, errors, goal and costs.
         rounds: ways to begin, several to be weighed against each other in each; the rest stay for another call.
         deadline: `time.monotonic()` at which to stop with what there is.
         progress: told what is being looked at.
+        steady: whether friction leaves all contacts of a sequence closed.
 
     Raises:
         SearchError: no round has a sequence.
     """
+    first = _first_sequence(task, rounds, deadline, progress)
+    if first.reached.margin <= 0.0 or steady(first):
+        return first
+    for entries in islice(rounds, _MORE):
+        if time.monotonic() > deadline:
+            break
+        try:
+            other = search(task, entries, deadline, progress)
+        except SearchError:
+            continue  # no sequence begins like this
+        if other.reached.margin >= _WORTH * first.reached.margin and steady(other):
+            return other
+    return first
+
+
+def _first_sequence(
+    task: Task, rounds: Iterator[Sequence[Entry]], deadline: float, progress: Callable[[str], None]
+) -> MoveSequence:
     best: MoveSequence | None = None
     failure: SearchError | None = None
     found = 0

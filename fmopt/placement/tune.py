@@ -42,8 +42,11 @@ def tuned(
     clearance: float,
     limits: Limits,
     progress: Callable[[float], None] = lambda _: None,
+    steady: Callable[[MoveSequence], bool] = lambda _: True,
 ) -> MoveSequence:
     """The same sequence of moves from an entry of another shape, with the largest margin that was met.
+
+    One that is steady stays so.
 
     The numbers are varied one after the other; where that leaves next to no margin, all of them at random.
 
@@ -54,10 +57,12 @@ def tuned(
         clearance: clearance a side, m, the unit of gains; a margin as large is enough.
         limits: when to stop.
         progress: told the margin (m) after each gain.
+        steady: whether friction leaves all contacts of a sequence closed.
     """
     if found.entry.shape is None:
         return found
-    tuning = _Tuning(task, found, entry_of, clearance, limits, progress)
+    kept = steady if steady(found) else lambda _: True
+    tuning = _Tuning(task, found, entry_of, clearance, limits, progress, kept)
     size = len(tuning.factors)
     for share in _STEPS:
         improved = True
@@ -122,11 +127,12 @@ class _Tuning:
         clearance: float,
         limits: Limits,
         progress: Callable[[float], None],
+        kept: Callable[[MoveSequence], bool],
     ) -> None:
         assert found.entry.shape is not None
         self._found, self._shape = found, found.entry.shape
         self._task, self._entry_of, self._clearance, self._limits = task, entry_of, clearance, limits
-        self._progress = progress
+        self._progress, self._kept = progress, kept
         self._tries = 0
         self.best = found
         self.factors: Array = np.ones(len(self._shape.numbers))
@@ -144,12 +150,12 @@ class _Tuning:
         return self._tries < most and not enough and time.monotonic() < self._limits.deadline
 
     def gains(self, step: Array, gain: float) -> bool:
-        """Takes a step of the factors if it adds more than a gain (m) to the margin; whether it did."""
+        """Takes a step of the factors if it adds more than a gain (m) to the margin and may be kept; whether it did."""
         self._tries += 1
         factors = self.factors + step
         entry = self._entry_of(Shape.of(self._shape.numbers * factors, self._shape.heading))
         other = _from_entry(self._task, self._found, entry, self.best.reached.margin + gain)
-        if other is None:
+        if other is None or not self._kept(other):
             return False
         self.factors, self.best = factors, other
         self._progress(other.reached.margin)
