@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import chain
 from typing import Any
 
@@ -281,6 +282,7 @@ def motion(
     def firm(found: MoveSequence) -> bool:
         return least_firm(problem, assembly, found.reached.claims, tolerance) >= FIRM
 
+    @cache
     def steady(found: MoveSequence) -> bool:
         planar = problem.plane is not None
         return planar or least_steady(problem, assembly, found.reached.claims, tolerance) >= STEADY

@@ -50,6 +50,12 @@ class LocalSpace(Value):
         object.__setattr__(self, "scale", frozen(self.scale, 6, name="scale"))
         object.__setattr__(self, "limits", frozen(self.limits, None, 7, name="limits"))
 
+    @property
+    def half_spaces(self) -> tuple[Array, Array]:
+        """Rows (k + l, 6) and offsets (k + l,) of contacts, and of limits after them."""
+        limits = self.limits
+        return np.vstack([self.normals, limits[:, :6]]), np.append(self.offsets, limits[:, 6])
+
     def poses(self, points: ArrayLike) -> tuple[Pose, ...]:
         """The poses of scaled points (n, 6)."""
         return tuple(self.pose.moved(self.scale * x) for x in np.atleast_2d(np.asarray(points, dtype=np.float64)))
@@ -108,8 +114,7 @@ def faces(space: LocalSpace) -> Faces:
         InfeasibleError: the contacts violate each other, or every face lies on a limit.
     """
     k = len(space.contacts)
-    rows, levels = np.vstack([space.normals, space.limits[:, :6]]), np.append(space.offsets, space.limits[:, 6])
-    found = enumerate_faces(rows, levels)
+    found = enumerate_faces(*space.half_spaces)
     open_ = ~found.active[:, k:].any(axis=1)
     if not open_.any():
         raise InfeasibleError(
@@ -130,6 +135,5 @@ def vertices(space: LocalSpace) -> tuple[Array, Bits, Bits]:
     Raises:
         InfeasibleError: the contacts violate each other.
     """
-    rows, levels = np.vstack([space.normals, space.limits[:, :6]]), np.append(space.offsets, space.limits[:, 6])
-    points, on, endless = enumerate_vertices(rows, levels)
+    points, on, endless = enumerate_vertices(*space.half_spaces)
     return points, on[:, : len(space.contacts)], endless

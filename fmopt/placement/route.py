@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fmopt.errors import InfeasibleError
+from fmopt.placement.paths import Ends, Indices, Path, shortest_path
 from fmopt.placement.program import ConeProgram, Norm
 from fmopt.placement.socp import ClarabelSolver
 from fmopt.values import Array, Value, frozen
@@ -31,12 +32,10 @@ _FAR = 1.9  # times the step that would close the gap if the bound were linear; 
 _TRIED = 8  # paths of which routes are made
 _LEVEL = 0.1  # share of the gap asked for that is in the μ from the beginning, for cycles of sets that share a point
 _IDLE, _LEAST = 10, 0.2  # steps without gain after which less is aimed at, and the least share of the gap
-_ROUNDS = 8  # of passing distances on, after which cycles are looked for
 _VISITS = 2.0  # what μ weighs among the vectors, in mean squared sizes of sets
 
 _SOLVER = ClarabelSolver(tolerance=1e-7)  # what it proposes is drawn into the sets, and measured there
 
-Indices = NDArray[np.intp]
 Bits = NDArray[np.bool_]
 
 
@@ -93,14 +92,14 @@ class ConvexSets(Value):
         return tuple(np.split(order // 2, np.searchsorted(ends[order], np.arange(1, len(self.corners)))))
 
     @cached_property
-    def inward(self) -> _Ends:
+    def inward(self) -> Ends:
         """The arcs by the sets that they lead to."""
-        return _Ends.of(self.arcs[:, 0], self.arcs[:, 1], len(self.corners))
+        return Ends.of(self.arcs[:, 0], self.arcs[:, 1], len(self.corners))
 
     @cached_property
-    def outward(self) -> _Ends:
+    def outward(self) -> Ends:
         """The arcs by the sets that they come from."""
-        return _Ends.of(self.arcs[:, 1], self.arcs[:, 0], len(self.corners))
+        return Ends.of(self.arcs[:, 1], self.arcs[:, 0], len(self.corners))
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +151,7 @@ def shortest_route(sets: ConvexSets, start: int, goal: int, gap: float = 0.03, s
         raise _unreachable(start, goal)
     tails, heads = sets.arcs.T
     far = np.linalg.norm(sets.middles[heads] - sets.middles[tails], axis=1) + sets.tolls
-    first = _shortest(sets, far, start, goal)
+    first = shortest_path(sets.inward, far, start, goal)
     if first is None:
         raise _unreachable(start, goal)
     best = _route(sets, first.arcs)
@@ -198,7 +197,7 @@ def _closer(dual: _Dual, best: Route, gap: float, steps: int) -> Route:
     bound, aim, idle = -np.inf, 1.0, 0
     for _ in range(steps):
         level = _LEVEL * gap * best.cost / len(sets.corners)
-        path = _shortest(sets, dual.lengths + dual.visits[sets.arcs[:, 1]] + level, start, goal)
+        path = shortest_path(sets.inward, dual.lengths + dual.visits[sets.arcs[:, 1]] + level, start, goal)
         if path is None:
             return replace(best, lower_bound=best.cost)
         if path.cycle:
@@ -218,89 +217,6 @@ def _closer(dual: _Dual, best: Route, gap: float, steps: int) -> Route:
             aim, idle = (min(1.0, 1.5 * aim) if idle == 0 else max(_LEAST, 0.5 * aim)), 0
         dual.climb(path, bound + aim * (best.cost - bound) - found)
     return replace(best, lower_bound=bound)
-
-
-@dataclass(frozen=True, eq=False)
-class _Ends:
-    """Arcs in order of one of their ends.
-
-    Args:
-        order: the arcs (e,).
-        others: their other ends (e,), in that order.
-        ends: the sets (h,) that are ends.
-        begins: where each begins (h + 1,) in the order.
-        groups: for each arc in order (e,) which of the ends it has.
-        tail: the other end (e,) of each arc.
-        count: of all sets.
-    """
-
-    order: Indices
-    others: Indices
-    ends: Indices
-    begins: Indices
-    groups: Indices
-    tail: Indices
-    count: int
-
-    @staticmethod
-    def of(others: Indices, ends: Indices, count: int) -> _Ends:
-        order = np.argsort(ends, kind="stable")
-        found, begins, groups = np.unique(ends[order], return_index=True, return_inverse=True)
-        return _Ends(order, others[order], found, np.append(begins, len(order)), groups, others, count)
-
-    def distances(self, lengths: Array, source: int) -> tuple[Array, Indices]:
-        """How far all sets are from a source (n,), for arc lengths (e,) of any sign, and by which arc (n,) or −1.
-
-        Where a cycle weighs less than nothing, these arcs have a cycle as well, and distances are what they may be.
-        """
-        ordered = lengths[self.order]
-        far, arcs = np.full(self.count, np.inf), np.full(self.count, -1, dtype=np.intp)
-        far[source] = 0.0
-        for round_ in range(1, self.count + 1 if len(ordered) else 0):
-            through = far[self.others] + ordered
-            least = np.minimum.reduceat(through, self.begins[:-1])
-            nearer = least < far[self.ends]
-            if not nearer.any():
-                break
-            far[self.ends[nearer]] = least[nearer]
-            kept = nearer[self.groups] & (through == least[self.groups])
-            # Of several arcs that are as near the last one stays.
-            arcs[self.ends[self.groups[kept]]] = self.order[kept]
-            if round_ % _ROUNDS == 0 and self.ring(arcs) is not None:
-                break
-        return far, arcs
-
-    def ring(self, arcs: Indices) -> int | None:
-        """A set on a cycle of the arcs by which sets are nearest, None without."""
-        back = np.append(np.where(arcs >= 0, self.tail[arcs], self.count), self.count)
-        for _ in range(self.count.bit_length()):
-            back = back[back]
-        rings = back[back < self.count]
-        return int(rings[0]) if len(rings) else None
-
-
-@dataclass(frozen=True, eq=False)
-class _Path:
-    """Arcs in order with their length: a path, or a cycle that weighs less than nothing."""
-
-    arcs: Indices
-    length: float
-    cycle: bool
-
-
-def _shortest(sets: ConvexSets, lengths: Array, start: int, goal: int) -> _Path | None:
-    """The shortest path for lengths (e,) of any sign, or a cycle in its way; None when there is none."""
-    far, last = sets.inward.distances(lengths, start)
-    ring = sets.inward.ring(last)
-    if ring is None and not np.isfinite(far[goal]):
-        return None
-    at, until = (goal, start) if ring is None else (ring, ring)
-    arcs: list[int] = []
-    while not arcs or at != until:
-        arcs.append(int(last[at]))
-        at = int(sets.arcs[arcs[-1], 0])
-    found = np.array(arcs[::-1])
-    return _Path(found, float(lengths[found].sum()), ring is not None)
 
 
 def _stops(sets: ConvexSets, arcs: Indices) -> tuple[int, ...]:
@@ -349,7 +265,6 @@ class _Dual:
         self._inner, self._along, self._across = inner, along, across
         self._least = np.empty((len(across), 2), dtype=np.intp)  # corners at which each length is taken
         self._measure(np.arange(len(across)))
-        self._weight = _VISITS * float(np.mean((sets.corners - sets.middles[:, None]) ** 2) * along.shape[1])
 
     @staticmethod
     def begun(sets: ConvexSets, start: int, goal: int, against: Array) -> _Dual:
@@ -363,6 +278,12 @@ class _Dual:
         longest = np.argmax([each.lengths for each in tries], axis=0)
         return _Dual(sets, inner, along, np.choose(longest[:, None], [each._across for each in tries]))
 
+    @cached_property
+    def _weight(self) -> float:
+        """What μ weighs among the vectors."""
+        sets = self.sets
+        return _VISITS * float(np.mean((sets.corners - sets.middles[:, None]) ** 2) * sets.corners.shape[2])
+
     def part(self, sets: Indices, arcs: Indices) -> _Dual:
         """The same for some of the sets, and some arcs between these."""
         return _Dual(self.sets.part(sets, arcs), self._inner[sets], self._along[sets], self._across[arcs])
@@ -374,7 +295,7 @@ class _Dual:
             self._along[stops] = _unit(route.points[:-2] - route.points[2:])
             self._measure(np.arange(len(self.lengths)))
 
-    def climb(self, path: _Path, missing: float) -> None:
+    def climb(self, path: Path, missing: float) -> None:
         """Makes a path or cycle longer, by `missing` in all if lengths were linear."""
         tails, heads = self.sets.arcs[path.arcs].T
         begin, end = (

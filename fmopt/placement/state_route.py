@@ -16,30 +16,20 @@ import numpy as np
 from fmopt.contact.graph import ContactGraph, ContactState
 from fmopt.contact.space import vertices
 from fmopt.errors import InfeasibleError
-from fmopt.placement.route import ConvexSets, shortest_route
-from fmopt.values import Array, Value, frozen
+from fmopt.placement.route import ConvexSets, Route, shortest_route
+from fmopt.values import frozen
 
 
 @dataclass(frozen=True, eq=False)
-class StateRoute(Value):
-    """A route through contact states; lengths in clearances, where turning by clearance / ρ counts as one.
+class StateRoute(Route):
+    """A route through contact states, its stops their indices; costs in clearances, a turn by clearance / ρ being one.
 
     Attributes:
+        points: (k, 6), a pose in each state, in local coordinates X, m and rad.
         states: in order.
-        points: (k, 6), a pose in each, in local coordinates X, m and rad.
-        cost: travel, and what the changes of state count.
-        lower_bound: no route costs less.
-        gap: how much less another route could cost, as a share of the cost.
     """
 
     states: tuple[ContactState, ...]
-    points: Array
-    cost: float
-    lower_bound: float
-    gap: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "points", frozen(self.points, len(self.states), 6, name="points"))
 
 
 def state_route(
@@ -69,20 +59,21 @@ def state_route(
     if not 0.0 <= room <= 1.0 or reach < 0.0:
         raise ValueError(f"room is a share from 0 to 1 and reach not negative, not {room} and {reach}")
     first, last = (_index(graph, contacts) for contacts in (start, goal))
-    points, on, endless = vertices(graph.space)
+    corners, on, endless = vertices(graph.space)
     names = [contact.id for contact in graph.space.contacts]
     sets = []
     for state in graph.states:
         held = on[:, np.isin(names, state.contacts)].all(axis=1)
-        ends = points[held & ~endless]
-        facet = np.concatenate([ends, ends.mean(axis=0) + reach * points[held & endless]])
+        ends = corners[held & ~endless]
+        facet = np.concatenate([ends, ends.mean(axis=0) + reach * corners[held & endless]])
         middle = state.point / graph.space.scale
         sets.append(middle + (1.0 - room) * (facet - middle))
     made = [(i, j) for i, sons in enumerate(graph.sons) for j in sons]
     arcs = [*made, *((j, i) for i, j in made)]
     found = shortest_route(ConvexSets.of(sets, arcs, change), first, last, gap)
     states = tuple(graph.states[i] for i in found.stops)
-    return StateRoute(states, graph.space.scale * found.points, found.cost, found.lower_bound, found.gap)
+    points = frozen(graph.space.scale * found.points)
+    return StateRoute(found.stops, points, found.cost, found.lower_bound, states)
 
 
 def _index(graph: ContactGraph, contacts: Collection[str]) -> int:
