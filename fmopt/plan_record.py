@@ -45,6 +45,8 @@ from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.uncertainty.planar import account as planar
 from fmopt.values import Array
 
+_EARLY = 2.0  # bounds of its errors by which a move may meet its contacts before its goal
+
 
 @dataclass(frozen=True, eq=False)
 class Nominal:
@@ -262,14 +264,18 @@ def _guarded(
     piece, extent = claim.piece, claim.advance.ends.extent
     held, made = (_touching(problem, contacts, piece.goal) for contacts in (piece.held, piece.making))
     body, fixed = problem.moving.polyhedron, problem.fixed.polyhedron
+    bound = float(np.linalg.norm(extent.offset)) + tolerance.rho * extent.theta
+    begun, done = piece.progress
+    rest = (1.0 - done) / (done - begun) * claim.advance.length
     move = GuardedMove(
         piece.goal,
         piece.start.local(piece.goal),
         np.array([contact_wrench(c, body, fixed, piece.goal) for c in held]).reshape(-1, 6),
         np.array([contact_point(c, body, fixed, piece.goal) for c in held]).reshape(-1, 3),
         np.array([contact_wrench(c, body, fixed, piece.goal) for c in made]).reshape(-1, 6),
-        float(np.linalg.norm(extent.offset)) + tolerance.rho * extent.theta,
+        bound,
         _resisting(assembly, held, claim),
+        rest < _EARLY * bound,
     )
     return move, held, made
 

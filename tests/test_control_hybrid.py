@@ -204,6 +204,18 @@ def test_a_part_that_turns_keeps_its_contacts_under_all_the_friction():
     assert _rubbed(given, even).min() < 0.0  # which the same forces on all of them would not do
 
 
+def test_what_turns_far_from_its_contact_is_pressed_for_friction_not_for_the_stop():
+    """Friction leaves each contact what it has without: more than where the new contact may come."""
+    given = turn_on_a_wall()
+    near, far = (hybrid_strategy(replace(given, near=flag), RHO, SPECIFICATION) for flag in (True, False))
+    assert far.stays is Hold.NONE
+    assert _rubbed(given, far).min() >= (1.0 - 1e-6) * far.normal_forces.min()
+    assert _rubbed(given, far).min() > 2.0 * _rubbed(given, near).min()
+    slide = move(X_WALL, [0, -0.01, 0, 0, 0, 0], Y_WALL)
+    both = [hybrid_strategy(replace(slide, near=flag), RHO, SPECIFICATION).normal_forces for flag in (True, False)]
+    assert np.array_equal(*both)
+
+
 def test_firmness_is_of_slides_to_new_contacts_alone():
     slide = move(X_WALL, [0, -0.01, 0, 0, 0, 0], [((0.0, -0.0101, -0.015), (0, 1, 0))])
     forces = hybrid_strategy(slide, RHO, SPECIFICATION).normal_forces

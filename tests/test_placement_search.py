@@ -22,7 +22,7 @@ from fmopt.geometry.part import part_of
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.placement.entry import Entry, start_spread, straight_entry, tilted_entry
 from fmopt.placement.explore import Freedom, Place, guarded, neighbourhood
-from fmopt.placement.search import best_sequence, search, shortfall
+from fmopt.placement.search import _Frontier, best_sequence, search, shortfall
 from fmopt.placement.shapes import tilted_shapes
 from fmopt.placement.step import Costs, Task, begin
 from fmopt.se3 import Pose, exp
@@ -126,6 +126,21 @@ def test_a_search_out_of_time_gives_what_it_has() -> None:
     assert found.names == ("approach", "-z")
     assert found.reached.margin > 0.0
     assert found.lower_bound <= found.cost
+
+
+def test_the_order_of_moves_not_rounding_tells_states_of_equal_cost_apart() -> None:
+    task, rounds = asked(rectangular((0.3, 0.3)), [0.02, 0.02, 0, 0.02, 0.02, 0.02], 5e-4, 0.029, 20)
+    node = begin(task, next(rounds)[0])
+    assert node is not None
+    images = [
+        replace(node, cost=node.cost * (1.0 + share), names=(name,)) for name, share in (("-x", 4e-16), ("-y", 0.0))
+    ]
+    assert images[0].cost > images[1].cost
+    for order in (images, images[::-1]):
+        front = _Frontier(task.final_rank, task.costs, order)
+        first, second = front.pop(), front.pop()
+        assert first is order[0]
+        assert second is order[1]
 
 
 def test_a_search_cut_short_says_how_far_it_came() -> None:

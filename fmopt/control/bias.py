@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from itertools import product
+from itertools import chain, product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,7 +24,7 @@ _SURE = 1.25  # times the threshold that the push alone can bring about
 _ROUNDS = 8  # in which forces and what they may take from the motion settle
 _SETTLED = 1e-3  # of that, which need not be there
 _PRESSED = 0.5  # of what the least force can be
-_RUBBED = 0.25  # of the least force, which friction that nobody makes up for leaves
+_RUBBED, _AWAY = 0.25, 1.0  # of the least force, which friction leaves that nobody makes up for: at a stop, before it
 _STILL = 1e-9  # of a unit twist: contacts that slide more slowly rub by less
 _TURNING = 0.1  # share of turning in a motion, in the metric of ρ, from which on it counts as a turn
 
@@ -54,6 +54,7 @@ class GuardedMove(Value):
         bound: how much longer than ‖V‖ the way may be, m.
         resisting: how much work normal forces (m,) of the held contacts may take from the motion as errors turn them,
             J; none by default.
+        near: whether the new contacts may be met on this way; on the first pieces of a longer move they may not.
     """
 
     reference: Pose
@@ -63,6 +64,7 @@ class GuardedMove(Value):
     made: Array
     bound: float
     resisting: Callable[[Array], float] = _nothing
+    near: bool = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "displacement", frozen(self.displacement, 6, name="displacement"))
@@ -123,7 +125,8 @@ def bias_wrench(move: GuardedMove, V: Array, rho: float, specification: Specific
 
         rᵢ ≥ t / 4,  Π Σ rᵢ (wᵢ + μ uᵢ) = Σ fᵢ wᵢ,
 
-    if that can be; else the program is solved without r. The push must allow for friction that need not be there,
+    if that can be; else the program is solved without r. While the new contacts cannot be met yet there is no g, and
+    rᵢ ≥ t: over a long turn, what friction opens adds up. The push must allow for friction that need not be there,
     and what friction does not take comes onto the new contacts: contacts that it could pry open are pressed more, those
     whose friction asks for it less. Of equal answers that with the least greatest force is taken. Without a new contact
     there is no push. Where no g exists, Σ kⱼ = h takes the place of the second line: only the reaction that ends the
@@ -146,7 +149,9 @@ def bias_wrench(move: GuardedMove, V: Array, rho: float, specification: Specific
     push, along = np.zeros(6), 1.0
     if len(move.made):
         push, along = _push(move.reaction, V, row_space(move.held, rho), twist_scale(rho))
-    for rubbed, hold in product((True, False) if len(move.made) and _turns(V, rho) else (False,), Hold):
+    turning = bool(len(move.made)) and _turns(V, rho)
+    away = [(_AWAY, Hold.NONE)] if turning and not move.near else []
+    for rubbed, hold in chain(away, product((_RUBBED, 0.0) if turning else (0.0,), Hold)):
         x = _with_reserve(move, _program(move, V, rho, specification, _Push(push, along, hold), rubbed), rho)
         if x is not None:
             wrench = 0.0 - move.held.T @ x[:m] + x[-2] * push
@@ -185,7 +190,7 @@ def steadiness(move: GuardedMove, rho: float, specification: Specification) -> f
     if not len(move.held) or not len(move.made) or not _turns(V, rho):
         return 1.0
     push = _Push(*_push(move.reaction, V, row_space(move.held, rho), twist_scale(rho)), Hold.NONE)
-    x = _best(_program(move, V, rho, specification, push, True))
+    x = _best(_program(move, V, rho, specification, push, _RUBBED))
     return 0.0 if x is None else float(x[-1]) / specification.contact_force
 
 
@@ -211,7 +216,7 @@ class _Push(NamedTuple):
 
 
 def _program(
-    move: GuardedMove, V: Array, rho: float, specification: Specification, push: _Push, rubbed: bool
+    move: GuardedMove, V: Array, rho: float, specification: Specification, push: _Push, rubbed: float
 ) -> _Program:
     """The linear program of `bias_wrench` over x = (f, g, k, r, m, b, t), m the greatest of f; idle g stay at t."""
     W, m, n, mu = move.held, len(move.held), len(move.made), specification.friction
@@ -221,13 +226,13 @@ def _program(
     sliding = _sliding(W, move.points - move.reference.p, V)
     drag = mu * np.linalg.norm(sliding, axis=1) * (n > 0)
     F = specification.contact_force
-    unit = np.eye(2 * m + n + m * rubbed + 3)
+    unit = np.eye(2 * m + n + m * (rubbed > 0.0) + 3)
     f, g, k, r = unit[:m], unit[m : 2 * m], unit[2 * m : 2 * m + n], unit[2 * m + n : -3]
     greatest, b, t = unit[-3:]
     torque = -W[:, 3:].T @ f + np.outer(push.wrench[3:], b)
     along = push.power * b
     rows = [t - f, t - g, f - greatest, drag @ f - along, f.sum(axis=0) + b, g.sum(axis=0), torque, -torque]
-    A = np.vstack([*rows, _RUBBED * t - r])
+    A = np.vstack([*rows, rubbed * t - r])
     pressed = _SURE * h * abs(float(move.reaction @ V))
     limits = np.concatenate([np.zeros(3 * m), [-pressed, F, F], [specification.torque_limit] * 6, np.zeros(len(r))])
     balance = spread @ (g - f) + basis @ (move.made / scale).T @ k

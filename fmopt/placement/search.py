@@ -25,6 +25,7 @@ from fmopt.placement.motion import Move, Reached
 from fmopt.placement.step import Costs, Node, Task, begin, sons
 
 _LOOKS = 4
+_DIGITS = 9  # of costs that tell states apart
 _MORE, _WORTH = 16, 0.5  # further rounds for a steady sequence, and the share of the margin that it may cost
 
 
@@ -203,7 +204,8 @@ class _Frontier:
         """Adds a state from which `final` freedoms are to be taken away in all."""
         left = max(final - node.rank, 0) * (self._costs.transition + self._costs.danger)
         self._count += 1
-        order = (node.reached.margin <= 0.0, node.cost + self._costs.greed * left)
+        # Mirror images cost the same: which of them comes first is for the order of the moves, not for rounding.
+        order = (node.reached.margin <= 0.0, round(node.cost + self._costs.greed * left, _DIGITS))
         heapq.heappush(self._queue, _Open(order, self._count, node.cost + left, final, node))
 
     def pop(self) -> Node | None:
@@ -213,10 +215,11 @@ class _Frontier:
             # A part may slide to its seat without another contact: seated is another state.
             held = frozenset(c.id for c in entry.node.place.held)
             state = held, entry.final
-            if held and self._best.get(state, math.inf) <= entry.node.cost:
+            cost = round(entry.node.cost, _DIGITS)
+            if held and self._best.get(state, math.inf) <= cost:
                 self._dropped = min(self._dropped, entry.bound)
                 continue
-            self._best[state] = entry.node.cost
+            self._best[state] = cost
             return entry.node
         return None
 
