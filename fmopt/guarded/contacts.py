@@ -13,6 +13,7 @@ from fmopt.se3 import Pose
 from fmopt.values import Array, Value, frozen
 
 _PARALLEL = 1e-9  # sine between edges that fix no normal
+_END = 1e-6  # m, by which edges may cross beyond their ends: at a corner rounding decides, and there both are held
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,12 +41,13 @@ class Contact(Value):
             object.__setattr__(self, name, frozen(getattr(self, name), 3, name=name))
 
     def within(self, pose: Pose) -> bool:
-        """Whether crossing edges cross between their ends; other contacts are not asked."""
+        """Whether crossing edges cross between their ends, or at one of them; other contacts are not asked."""
         if self.kind != "edge-edge":
             return True
         moving = pose.apply(self.moving)
-        s, t = _nearest(moving[0], moving[1] - moving[0], self.fixed[0], self.fixed[1] - self.fixed[0])
-        return 0.0 <= s <= 1.0 and 0.0 <= t <= 1.0
+        u, v = moving[1] - moving[0], self.fixed[1] - self.fixed[0]
+        at = zip(_nearest(moving[0], u, self.fixed[0], v), (u, v), strict=True)
+        return all(max(-share, share - 1.0) * float(np.linalg.norm(edge)) <= _END for share, edge in at)
 
     def above(self, point: Array) -> float:
         """How far a point (3,) in B is above the fixed face, m."""
