@@ -32,7 +32,7 @@ from fmopt.placement.entry import (
 )
 from fmopt.placement.motion import Reached
 from fmopt.placement.polish import Turns, polish
-from fmopt.placement.search import MoveSequence, best_sequence
+from fmopt.placement.search import MoveSequence, best_sequences
 from fmopt.placement.sequence import Placed, Refinement, certified, refine
 from fmopt.placement.shapes import likely_shapes
 from fmopt.placement.share import ATTEMPTS, largest_share
@@ -289,9 +289,9 @@ def motion(
 
     while best is None or (best[1].margin <= 0.0 and time.monotonic() < deadline):
         try:
-            found = best_sequence(task, rounds, deadline, told, steady)
+            candidates = best_sequences(task, rounds, deadline, told, steady)
             lap("search")
-            found = tuned(task, found, entry_of, clearance.per_side, Limits(deadline, TRIES), tuning, steady)
+            found = tuned(task, candidates, entry_of, clearance.per_side, Limits(deadline, TRIES), tuning, steady)
             found = deepened(task, found, entry_of, firm, Limits(deadline, TRIES))
             lap("entry")
             placed = placement(problem, assembly, found, errors, tolerance, clearance.per_side, progress)

@@ -15,7 +15,7 @@ from searched import certified_plan, task_of, tilted_motion
 from fmopt.contact.primitive import Kind
 from fmopt.placement.entry import Entry, Shape, leading_corners, lowest, tilted_entry
 from fmopt.placement.explore import freedoms
-from fmopt.placement.search import MoveSequence, best_sequence, search
+from fmopt.placement.search import MoveSequence, best_sequences, search
 from fmopt.placement.shapes import likely_headings, likely_shapes, tilted_shapes
 from fmopt.placement.step import Task, begin, follow
 from fmopt.placement.tune import Limits, tuned
@@ -158,9 +158,9 @@ def test_a_corner_that_friction_leaves_on_its_walls_is_preferred(aslant: Problem
     def steady(found: MoveSequence) -> bool:
         return steadiness(aslant, task, found) >= 0.05
 
-    found = [best_sequence(task, iter(listed), steady=steady) for listed in (ways, ways[::-1], ways[:1])]
+    found = [best_sequences(task, iter(listed), steady=steady)[0] for listed in (ways, ways[::-1], ways[:1])]
     assert [one.entry.heading for one in found] == [RIGHT[0], RIGHT[0], BLUNT[0]]
-    assert best_sequence(task, iter(ways)).entry.heading == BLUNT[0]  # where that does not count
+    assert best_sequences(task, iter(ways))[0].entry.heading == BLUNT[0]  # where that does not count
 
 
 def test_a_steady_sequence_of_much_less_margin_is_not_preferred(aslant: Problem) -> None:
@@ -169,7 +169,7 @@ def test_a_steady_sequence_of_much_less_margin_is_not_preferred(aslant: Problem)
     ways = [(corner(aslant, *BLUNT),), low]
     blunt, right = (search(task, way) for way in ways)
     assert 0.0 < right.reached.margin < 0.5 * blunt.reached.margin
-    found = best_sequence(task, iter(ways), steady=lambda one: one.entry.heading == RIGHT[0])
+    (found,) = best_sequences(task, iter(ways), steady=lambda one: one.entry.heading == RIGHT[0])
     assert found.entry.heading == BLUNT[0]
 
 
@@ -187,7 +187,7 @@ def test_tuning_keeps_what_is_steady(aslant: Problem) -> None:
         return found is first
 
     limits = Limits(math.inf, 12)
-    free = tuned(task, first, entry_of, clearance, limits)
+    free = tuned(task, (first,), entry_of, clearance, limits)
     assert free.reached.margin > first.reached.margin
-    assert tuned(task, first, entry_of, clearance, limits, steady=first_alone) is first
+    assert tuned(task, (first,), entry_of, clearance, limits, steady=first_alone) is first
     assert len(asked) > 1

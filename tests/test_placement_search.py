@@ -22,7 +22,7 @@ from fmopt.geometry.part import part_of
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.placement.entry import Entry, start_spread, straight_entry, tilted_entry
 from fmopt.placement.explore import Freedom, Place, guarded, neighbourhood
-from fmopt.placement.search import _Frontier, best_sequence, search, shortfall
+from fmopt.placement.search import _Frontier, best_sequences, search, shortfall
 from fmopt.placement.shapes import tilted_shapes
 from fmopt.placement.step import Costs, Task, begin
 from fmopt.se3 import Pose, exp
@@ -63,7 +63,7 @@ def asked(
 
 
 def test_errors_that_fit_into_the_clearance_need_no_contact() -> None:
-    sequence = best_sequence(*asked(rectangular((0.3, 0.3)), [0.02, 0.02, 0, 0.02, 0.02, 0.02], 5e-4, 0.029, 20))
+    (sequence,) = best_sequences(*asked(rectangular((0.3, 0.3)), [0.02, 0.02, 0, 0.02, 0.02, 0.02], 5e-4, 0.029, 20))
     assert sequence.names == ("approach", "-z")
     assert sequence.reached.margin > 0.0
     assert all(not claim.piece.held and not claim.piece.making for claim in sequence.reached.claims)
@@ -102,7 +102,9 @@ def test_a_floor_exactly_at_the_end_of_the_way_down_is_met() -> None:
 def test_a_peg_of_other_proportions_is_found_at_any_scale() -> None:
     """Lengths are measured in the errors and the clearance, so that metres do as well as millimetres."""
     box = [0.3, 0.3, 0.0, 0.3, 0.3, 0.3]
-    one, ten = (best_sequence(*asked(rectangular((0.4, 0.35), k), box, 0.01, 0.030 * k, 60, k)) for k in (1.0, 10.0))
+    one, ten = (
+        best_sequences(*asked(rectangular((0.4, 0.35), k), box, 0.01, 0.030 * k, 60, k))[0] for k in (1.0, 10.0)
+    )
     assert one.names == ten.names
     assert one.names[0] == "approach"
     assert len(one.names) == 7

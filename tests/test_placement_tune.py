@@ -10,7 +10,7 @@ import pytest
 from searched import task_of
 
 from fmopt.placement.entry import Entry, Shape, tilted_entry
-from fmopt.placement.search import MoveSequence, best_sequence
+from fmopt.placement.search import MoveSequence, best_sequences
 from fmopt.placement.shapes import tilted_shapes
 from fmopt.placement.step import Task
 from fmopt.placement.tune import Limits, deepened, tuned
@@ -39,18 +39,18 @@ def found(problem: Problem, task: Task) -> MoveSequence:
     shapes = tilted_shapes(
         problem.moving, measured_clearance(problem).play, problem.start_box, problem.settings.max_tilt
     )
-    return best_sequence(task, ((entry(problem, shape),) for shape in shapes))
+    return best_sequences(task, ((entry(problem, shape),) for shape in shapes))[0]
 
 
 def test_the_same_moves_get_more_margin(problem: Problem, task: Task, found: MoveSequence) -> None:
     clearance = measured_clearance(problem).per_side
-    best = tuned(task, found, lambda shape: entry(problem, shape), clearance, Limits(math.inf, 12))
+    best = tuned(task, (found,), lambda shape: entry(problem, shape), clearance, Limits(math.inf, 12))
     assert best.names == found.names
     assert best.reached.margin > found.reached.margin
     assert best.lower_bound <= best.cost
     # A bound of the first entry says nothing of another one that costs less.
     dear = replace(found, cost=found.cost + 5.0, lower_bound=found.cost + 4.0)
-    cheaper = tuned(task, dear, lambda shape: entry(problem, shape), clearance, Limits(math.inf, 12))
+    cheaper = tuned(task, (dear,), lambda shape: entry(problem, shape), clearance, Limits(math.inf, 12))
     assert cheaper.cost == best.cost < dear.lower_bound
     assert cheaper.lower_bound == cheaper.cost
 

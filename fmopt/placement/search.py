@@ -61,14 +61,14 @@ class _Open:
     node: Node = field(compare=False)
 
 
-def best_sequence(
+def best_sequences(
     task: Task,
     rounds: Iterator[Sequence[Entry]],
     deadline: float = math.inf,
     progress: Callable[[str], None] = lambda _: None,
     steady: Callable[[MoveSequence], bool] = lambda _: True,
-) -> MoveSequence:
-    """The first sequence with a margin, or the one with most of it among the first few that there are.
+) -> tuple[MoveSequence, ...]:
+    """The first sequence with a margin, or the first few that there are, that with most of it first.
 
     Where the first one with a margin is not steady, the first steady one in the next few rounds with half of its margin
     is taken in its place.
@@ -83,9 +83,10 @@ def best_sequence(
     Raises:
         SearchError: no round has a sequence.
     """
-    first = _first_sequence(task, rounds, deadline, progress)
+    found = _first_sequences(task, rounds, deadline, progress)
+    first = found[0]
     if first.reached.margin <= 0.0 or steady(first):
-        return first
+        return found
     for entries in islice(rounds, _MORE):
         if time.monotonic() > deadline:
             break
@@ -94,30 +95,28 @@ def best_sequence(
         except SearchError:
             continue  # no sequence begins like this
         if other.reached.margin >= _WORTH * first.reached.margin and steady(other):
-            return other
-    return first
+            return (other,)
+    return found
 
 
-def _first_sequence(
+def _first_sequences(
     task: Task, rounds: Iterator[Sequence[Entry]], deadline: float, progress: Callable[[str], None]
-) -> MoveSequence:
-    best: MoveSequence | None = None
+) -> tuple[MoveSequence, ...]:
+    found: list[MoveSequence] = []
     failure: SearchError | None = None
-    found = 0
     for entries in rounds:
         try:
-            sequence = search(task, entries, deadline, progress)
+            found.append(search(task, entries, deadline, progress))
         except SearchError as error:
             failure = error
         else:
-            found += 1
-            if best is None or sequence.reached.margin > best.reached.margin:
-                best = sequence
-        if found >= _LOOKS or (best is not None and best.reached.margin > 0.0) or time.monotonic() > deadline:
+            if found[-1].reached.margin > 0.0:
+                return (found[-1],)
+        if len(found) >= _LOOKS or time.monotonic() > deadline:
             break
-    if best is None:
+    if not found:
         raise failure or SearchError("no way to begin is left", advice="allow a larger tilt, lower the start errors")
-    return best
+    return tuple(sorted(found, key=lambda sequence: -sequence.reached.margin))
 
 
 def search(

@@ -37,32 +37,46 @@ class Limits:
 
 def tuned(
     task: Task,
-    found: MoveSequence,
+    candidates: Sequence[MoveSequence],
     entry_of: Callable[[Shape], Entry],
     clearance: float,
     limits: Limits,
     progress: Callable[[float], None] = lambda _: None,
     steady: Callable[[MoveSequence], bool] = lambda _: True,
 ) -> MoveSequence:
-    """The same sequence of moves from an entry of another shape, with the largest margin that was met.
+    """One of some sequences of moves from an entry of another shape, with the largest margin that was met.
 
     One that is steady stays so.
 
-    The numbers are varied one after the other; where that leaves next to no margin, all of them at random.
+    The numbers are varied one after the other. Where that leaves next to no margin, so are those of the next sequence;
+    where it does for all of them, all numbers of the best are varied at random.
 
     Args:
         task: parts, errors, goal and costs.
-        found: the sequence; one that does not start tilted is given back.
+        candidates: the sequences, the best first; one that does not start tilted is not varied.
         entry_of: makes an entry of a shape.
         clearance: clearance a side, m, the unit of gains; a margin as large is enough.
         limits: when to stop.
         progress: told the margin (m) after each gain.
         steady: whether friction leaves all contacts of a sequence closed.
     """
-    if found.entry.shape is None:
-        return found
-    kept = steady if steady(found) else lambda _: True
-    tuning = _Tuning(task, found, entry_of, clearance, limits, progress, kept)
+    best: _Tuning | None = None
+    for found in candidates:
+        if found.entry.shape is None:
+            return found if best is None else best.best
+        kept = steady if steady(found) else lambda _: True
+        tuning = _Tuning(task, found, entry_of, clearance, limits, progress, kept)
+        _in_turn(tuning, _GAIN * clearance)
+        best = tuning if best is None or tuning.best.reached.margin > best.best.reached.margin else best
+        if not best.slight:
+            return best.best
+    assert best is not None
+    _at_random(best)
+    return best.best
+
+
+def _in_turn(tuning: _Tuning, gain: float) -> None:
+    """Varies the numbers one after the other, as long as that gains so much (m)."""
     size = len(tuning.factors)
     for share in _STEPS:
         improved = True
@@ -70,16 +84,19 @@ def tuned(
             improved = False
             for step in share * np.vstack([-np.eye(size), np.eye(size)]):
                 # Once a number has been changed for the better, it goes on that way.
-                while tuning.open and tuning.gains(step, _GAIN * clearance):
+                while tuning.open and tuning.gains(step, gain):
                     improved = True
+
+
+def _at_random(tuning: _Tuning) -> None:
+    """Varies all numbers together, as long as there is next to no margin."""
     rng, (least, width, greatest) = np.random.default_rng(0), _WIDTH
     while tuning.open and tuning.slight:
-        step = width * rng.normal(size=size) * tuning.factors
+        step = width * rng.normal(size=len(tuning.factors)) * tuning.factors
         gained = False
         while tuning.open and tuning.gains(step, 0.0):
             gained = True
         width = min(_WIDER * width, greatest) if gained else max(_NARROWER * width, least)
-    return tuning.best
 
 
 def deepened(
