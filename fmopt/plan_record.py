@@ -45,7 +45,7 @@ from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.uncertainty.planar import account as planar
 from fmopt.values import Array
 
-_EARLY = 2.0  # bounds of its errors by which a move may meet its contacts before its goal
+_EARLY = 4.0  # bounds of its errors before its goal from where on a move is run as if it might meet its contacts
 
 
 @dataclass(frozen=True, eq=False)
