@@ -55,6 +55,20 @@ def test_the_same_moves_get_more_margin(problem: Problem, task: Task, found: Mov
     assert cheaper.lower_bound == cheaper.cost
 
 
+def test_the_next_sequence_counts_where_the_first_has_next_to_no_margin(
+    problem: Problem, task: Task, found: MoveSequence
+) -> None:
+    def entry_of(shape: Shape) -> Entry:
+        return entry(problem, shape)
+
+    clearance, untried = measured_clearance(problem).per_side, Limits(math.inf, 0)
+    better = tuned(task, (found,), entry_of, clearance, Limits(math.inf, 12))
+    assert 0.0 < found.reached.margin < better.reached.margin
+    for candidates in ((found, better), (better, found)):
+        assert tuned(task, candidates, entry_of, 8.0 * better.reached.margin, untried) is better
+        assert tuned(task, candidates, entry_of, found.reached.margin, untried) is candidates[0]
+
+
 def test_an_entry_goes_deeper_until_that_is_enough_or_half_of_the_margin_is_lost(
     problem: Problem, task: Task, found: MoveSequence
 ) -> None:
