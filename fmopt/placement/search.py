@@ -25,7 +25,7 @@ from fmopt.placement.motion import Move, Reached
 from fmopt.placement.step import Costs, Node, Task, begin, sons
 
 _LOOKS = 4
-_DIGITS = 9  # of costs that tell states apart
+_DIGITS, _PLACES = 9, 12  # of costs (1) and margins (m), decimals that tell one from another
 _MORE, _WORTH = 16, 0.5  # further rounds for a steady sequence, and the share of the margin that it may cost
 
 
@@ -116,7 +116,7 @@ def _first_sequences(
             break
     if not found:
         raise failure or SearchError("no way to begin is left", advice="allow a larger tilt, lower the start errors")
-    return tuple(sorted(found, key=lambda sequence: -sequence.reached.margin))
+    return tuple(sorted(found, key=lambda sequence: -round(sequence.reached.margin, _PLACES)))
 
 
 def search(
