@@ -45,7 +45,7 @@ from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.uncertainty.planar import account as planar
 from fmopt.values import Array
 
-_EARLY = 4.0  # bounds of its errors before its goal from where on a move is run as if it might meet its contacts
+_NEAR = 4.0  # bounds of its errors before its goal from where on a move is run as if it might meet its contacts
 
 
 @dataclass(frozen=True, eq=False)
@@ -275,7 +275,7 @@ def _guarded(
         np.array([contact_wrench(c, body, fixed, piece.goal) for c in made]).reshape(-1, 6),
         bound,
         _resisting(assembly, held, claim),
-        rest < _EARLY * bound,
+        rest < _NEAR * bound,
     )
     return move, held, made
 

@@ -165,8 +165,7 @@ def test_a_corner_that_friction_leaves_on_its_walls_is_preferred(aslant: Problem
 
 def test_a_steady_sequence_of_much_less_margin_is_not_preferred(aslant: Problem) -> None:
     task = task_of(aslant)
-    low = tuple(corner(aslant, heading, 2.0 * depth) for heading, depth in (RIGHT,))
-    ways = [(corner(aslant, *BLUNT),), low]
+    ways = [(corner(aslant, *BLUNT),), (corner(aslant, RIGHT[0], 2.0 * RIGHT[1]),)]
     blunt, right = (search(task, way) for way in ways)
     assert 0.0 < right.reached.margin < 0.5 * blunt.reached.margin
     (found,) = best_sequences(task, iter(ways), steady=lambda one: one.entry.heading == RIGHT[0])

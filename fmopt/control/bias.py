@@ -148,7 +148,7 @@ def bias_wrench(move: GuardedMove, V: Array, rho: float, specification: Specific
         return Bias(np.zeros(6), 0.0, np.zeros(0), Hold.PUSH)
     push, along = np.zeros(6), 1.0
     if len(move.made):
-        push, along = _push(move.reaction, V, row_space(move.held, rho), twist_scale(rho))
+        push, along = _push(move, V, rho)
     turning = bool(len(move.made)) and _turns(V, rho)
     away = [(_AWAY, Hold.NONE)] if turning and not move.near else []
     for rubbed, hold in chain(away, product((_RUBBED, 0.0) if turning else (0.0,), Hold)):
@@ -189,7 +189,7 @@ def steadiness(move: GuardedMove, rho: float, specification: Specification) -> f
     V = move.direction(rho)
     if not len(move.held) or not len(move.made) or not _turns(V, rho):
         return 1.0
-    push = _Push(*_push(move.reaction, V, row_space(move.held, rho), twist_scale(rho)), Hold.NONE)
+    push = _Push(*_push(move, V, rho), Hold.NONE)
     x = _best(_program(move, V, rho, specification, push, _RUBBED))
     return 0.0 if x is None else float(x[-1]) / specification.contact_force
 
@@ -277,15 +277,16 @@ def _with_reserve(move: GuardedMove, program: _Program, rho: float) -> Array | N
     return found
 
 
-def _push(made: Array, V: Array, basis: Array, scale: Array) -> tuple[Array, float]:
+def _push(move: GuardedMove, V: Array, rho: float) -> tuple[Array, float]:
     """Unit wrench u (6,) along the motion, in the complement of the held wrenches, and its power u·V."""
+    made, scale = move.reaction, twist_scale(rho)
     if not made @ V < 0.0:
         raise InfeasibleError(
             f"the move does not approach the contact that is to end it (w·V = {float(made @ V):.3g})",
             advice="choose a goal that makes the contact from its free side",
         )
     direction = V * scale
-    free = free_part(direction, basis)
+    free = free_part(direction, row_space(move.held, rho))
     if free is None:
         raise InfeasibleError("the move runs into a contact that it holds", advice="release the contact first")
     size = float(np.linalg.norm(free))
