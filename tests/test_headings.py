@@ -13,11 +13,12 @@ from outlines import ASLANT, prism
 from searched import certified_plan, task_of, tilted_motion
 
 from fmopt.contact.primitive import Kind
+from fmopt.placement.begin import begin
 from fmopt.placement.entry import Entry, Shape, leading_corners, lowest, tilted_entry
 from fmopt.placement.explore import freedoms
 from fmopt.placement.search import MoveSequence, best_sequences, search
 from fmopt.placement.shapes import likely_headings, likely_shapes, tilted_shapes
-from fmopt.placement.step import Task, begin, follow
+from fmopt.placement.step import Task, follow
 from fmopt.placement.tune import Limits, tuned
 from fmopt.plan_record import least_steady
 from fmopt.se3 import exp

@@ -15,6 +15,7 @@ from fmopt.se3 import Pose
 from fmopt.values import Array, Value, frozen
 
 DONE, FAILED = -1, -2
+_GIVE = 2.0  # of what the servo's spring gives way under a contact's force, by which the part may go on as it is felt
 _EARLY = 2.0  # bounds of its travel by which a move may end early: where it begins, the part may have settled further
 _LATE = 2.0  # durations that a piece of a move may take, as the plan gives its last
 
@@ -155,7 +156,8 @@ def _step(rows: Sequence[Move], index: int, rho: float, push: float, spent: floa
     if not move.last:
         return Step(*common, move.length, timeout, push, beyond, following, FAILED, *felt, gentle=stop.gentle)
     timeout = spent + stop.timeout / pace
-    return Step(*common, stop.max_travel, timeout, push, beyond, FAILED, FAILED, *felt, gentle=stop.gentle)
+    travel = stop.max_travel + _GIVE * stop.force / robot.stiffness
+    return Step(*common, travel, timeout, push, beyond, FAILED, FAILED, *felt, gentle=stop.gentle)
 
 
 @dataclass(frozen=True, eq=False)

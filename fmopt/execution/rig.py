@@ -314,13 +314,14 @@ class Rig:
         return np.asarray(np.sum(self.moved * scaled, axis=1) / np.maximum(self.table.speed[here], 1e-12))
 
     def _enter(self, bodies: NDArray[np.intp], steps: Ints, moves: Array) -> None:
-        """A new move starts where the part is; a piece of the same move goes on from its lead."""
+        """A new move starts where the part is; a piece of the same move goes on from its lead and its way."""
         state = self.state
+        over = np.maximum(state.gone[bodies] - self.table.numbers[state.shown[bodies], TRAVEL], 0.0)
         state.step[bodies], state.felt[bodies], state.stalled[bodies] = steps, 0, 0
         on = steps >= 0
-        state.shown[bodies[on]], state.gone[bodies[on]] = steps[on], 0.0
+        state.shown[bodies[on]], state.gone[bodies[on]] = steps[on], over[on]
         anew = bodies[~on | (self.table.numbers[np.maximum(steps, 0), MOVE] != moves)]
-        state.moving[anew], state.effort[anew] = -self.robot.settling, 1.0
+        state.gone[anew], state.moving[anew], state.effort[anew] = 0.0, -self.robot.settling, 1.0
         self._rest(anew)
 
     def _rest(self, bodies: NDArray[np.intp]) -> None:

@@ -25,6 +25,8 @@ _SHORT = 0.25  # of the longest side of the leading face, below which a side is 
 _ALIKE = 0.55  # cosine above which two sides are no corner
 # What the errors are multiplied with in the plane: how deep the corner goes in below a level.
 _LEVELS = (4.5, 5.5, 3.5, 7.0, 2.5)
+_ACROSS = 2.0  # times as far as along the edge that it comes down on, a part leans across it at least
+_BLUNT, _SHARE = math.radians(50.0), 0.45  # turns at corners, and share of the width, below which a part is round
 # The same for a corner once caught on a slope; where it goes in, as shares of the way from the middle to a wall.
 _DEEPER, _ASIDE = (2.6, 3.2, 4.5), (0.5, 0.0)
 
@@ -162,7 +164,9 @@ def _laid_flat(moving: Part, play: tuple[float, float], approach: float, shape: 
     to_edge = np.cross([0.0, 0.0, 1.0], along)
     to_face = along * -math.copysign(1.0, float(to_edge @ R @ (entry.corner - first)))
     turns = np.array([to_edge, to_face])
-    leaning = se3.exp(-lean * (to_edge + 2.0 * to_face)) @ R
+    turn = float(corner_turns(tip)[np.argmin(np.linalg.norm(outline(tip) - first, axis=1))])
+    across = max(_ACROSS, 1.0 / math.tan(0.5 * turn))
+    leaning = se3.exp(-lean * (to_edge + across * to_face)) @ R
     start = Pose(at - R @ entry.corner + R @ first - leaning @ first, leaning)
     lift = approach - float(start.apply(tip)[:, 2].min())
     over = entry.inside.moved([0.0, 0.0, shape.depth + rise, 0.0, 0.0, 0.0])
@@ -307,7 +311,7 @@ def _far_edge(moving: Part, corner: Array) -> tuple[Array, Array]:
     Of two that meet there, the one that runs more along x.
     """
     tip = leading_corners(moving)
-    loop = tip[ConvexHull(tip[:, :2]).vertices]
+    loop = outline(tip)
     after = np.roll(loop, -1, axis=0)
     lengths = np.linalg.norm(after - loop, axis=1)
     long = lengths > _SHORT * lengths.max()
@@ -315,6 +319,31 @@ def _far_edge(moving: Part, corner: Array) -> tuple[Array, Array]:
     apart = [float(np.linalg.norm(end - corner)) for end, _ in ways]
     farthest = [way for way, far in zip(ways, apart, strict=True) if far >= (1.0 - 1e-9) * max(apart)]
     return max(farthest, key=lambda way: abs(float(way[1][0] - way[0][0])))
+
+
+def outline(tip: Array) -> Array:
+    """The corners (m, 3) of the outline around a tip (n, 3), counterclockwise seen from above."""
+    return np.asarray(tip[ConvexHull(tip[:, :2]).vertices])
+
+
+def corner_turns(tip: Array) -> Array:
+    """How far the outline around a tip (n, 3) turns at each of its corners (m,), rad."""
+    x, y = _sides(tip).T
+    headings = np.arctan2(y, x)
+    return np.asarray((headings - np.roll(headings, 1)) % (2.0 * math.pi))
+
+
+def next_to_round(moving: Part) -> bool:
+    """Whether no corner of the tip is one that two walls could hold, and no side is long."""
+    tip = leading_corners(moving)
+    longest = float(np.linalg.norm(_sides(tip), axis=1).max())
+    return float(corner_turns(tip).max()) < _BLUNT and longest < _SHARE * float(np.ptp(tip[:, :2], axis=0).max())
+
+
+def _sides(tip: Array) -> Array:
+    """The sides (m, 2) of the outline around a tip (n, 3), from each corner to the next."""
+    loop = outline(tip)[:, :2]
+    return np.asarray(np.roll(loop, -1, axis=0) - loop)
 
 
 def turned_axes(heading: float) -> Array:

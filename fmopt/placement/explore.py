@@ -134,7 +134,7 @@ def _first_contact(assembly: Assembly, place: Place, freedom: Freedom, near: Seq
             # Of several that come together, to rounding, the last in the list counts: edges before vertices.
             if best is None or amount < best[0] + _TOGETHER * freedom.limit:
                 pose = there.pose(n)
-                if _insides(assembly, [near[i]], pose)[0] > 10.0 * _TOUCH:
+                if insides(assembly, [near[i]], pose)[0] > 10.0 * _TOUCH:
                     best = amount, pose, near[i]
     if best is None or best[0] <= 0.0:
         return None
@@ -182,7 +182,7 @@ def _arrival(
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     value = Surfaces.of(near, body, fixed).values(goal)
     grazing = [c for c, f in zip(near, value, strict=True) if abs(f) <= 10.0 * _TOUCH and c not in place.held]
-    inside = _insides(assembly, grazing, goal)
+    inside = insides(assembly, grazing, goal)
     made = [c for c, depth in zip(grazing, inside, strict=True) if c == first or depth > 10.0 * _TOUCH]
     # Which of several that come together was met first is a matter of rounding: their order in the list decides.
     first = next((c for c in made if implied(assembly, place.held, c, first)), first)
@@ -193,7 +193,7 @@ def _arrival(
     return Move(place.pose, goal, place.held, together)
 
 
-def _insides(assembly: Assembly, contacts: Sequence[PrimitiveContact], pose: Pose) -> Array:
+def insides(assembly: Assembly, contacts: Sequence[PrimitiveContact], pose: Pose) -> Array:
     """How far within their features contacts (n,) lie, m; edges that have turned parallel cross nowhere."""
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     crossing = Surfaces.of(contacts, body, fixed).sines(pose) > _PARALLEL

@@ -8,11 +8,20 @@ from dataclasses import replace
 from itertools import chain, islice, product, tee
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from fmopt.geometry.clearance import Clearance
 from fmopt.geometry.part import Part
-from fmopt.placement.entry import Shape, corner_walls, leading_corners, lowest, start_spread, swung_by, turned_axes
+from fmopt.placement.entry import (
+    Shape,
+    corner_walls,
+    leading_corners,
+    lowest,
+    next_to_round,
+    outline,
+    start_spread,
+    swung_by,
+    turned_axes,
+)
 from fmopt.values import Array
 
 _TILTS = ((0.8, 1.0), (1.0, 0.8))
@@ -27,6 +36,7 @@ _TOUCHED, _RISE = (8.0, 6.0, 4.5, 10.0), 0.06
 # What the errors are multiplied with where the part lies flat first: how far from the walls its leading corner is, how
 # far the part leans as it comes down.
 _AWAY, _LEAN = 1.3, 2.0
+_PLAY = 0.25  # of the play between the walls, which what the height is uncertain by is taken to be at least
 _BEYOND = 1.1  # of the errors that displace the corner, how far outside the mouth it touches the top
 _ROOMY = 4.0  # clearances a side that ways to enter tilted leave room for at least, as if the errors were that large
 _FAR = 40.0  # clearances a side that the start errors displace the tip by, from where parts are laid flat first
@@ -42,6 +52,7 @@ def likely_shapes(
     """Tilted ways to begin, the likeliest first: the corner goes in at once, touches the top first, or lies flat on it.
 
     The further errors are beyond the clearance, the more it is worth to lay the part flat: that is tried first or last.
+    It is tried first, too, where the part is next to round: no corner of it then takes all freedoms away.
     Of corners that differ each has its turn, with its walls as axes.
 
     Args:
@@ -55,13 +66,14 @@ def likely_shapes(
     spread, least = start_spread(moving, start_box), _ROOMY * clearance.per_side
     play, roomy = clearance.play, start_box * max(1.0, least / max(spread, 1e-3 * least))
     funnel = funnel_depth(fixed), funnel_width(fixed)
+    first = spread >= _FAR * clearance.per_side or next_to_round(moving)
 
     def towards(heading: float) -> Iterator[Shape]:
         at_once, for_touching, for_flat = tee(tilted_shapes(moving, play, roomy, max_tilt, funnel[0], heading), 3)
         touching = touching_shapes(for_touching, moving, roomy, rate, funnel[1])
         flat = flat_shapes(for_flat, moving, play, roomy, rate, funnel)
         others = _in_turn((at_once, _AT_ONCE), (touching, 1))
-        return chain(flat, others) if spread >= _FAR * clearance.per_side else chain(others, flat)
+        return chain(flat, others) if first else chain(others, flat)
 
     return _in_turn(*((towards(heading), _RUN) for heading in likely_headings(moving)))
 
@@ -71,8 +83,7 @@ def likely_headings(moving: Part) -> tuple[float, ...]:
 
     Of those with which the part looks the same there is one only.
     """
-    tip = leading_corners(moving)
-    loop = tip[ConvexHull(tip[:, :2]).vertices]
+    loop = outline(leading_corners(moving))
     hull, found = loop[:, :2], []
     for corner in loop:
         (one, _), (two, _) = corner_walls(moving, corner)
@@ -191,7 +202,8 @@ def flat_shapes(
         corner = lowest(tip, shape)
         away = funnel[1] + _AWAY * (float(start_box[:2].max()) + swung_by(corner[None], start_box))
         way = float(np.linalg.norm(corner)) * math.hypot(shape.about_y, shape.about_x)
-        depth = funnel[0] + max(_TOUCHED[n // 2 % len(_TOUCHED)] * rate * way, min(play))
+        off = max(rate * way, _PLAY * min(play))
+        depth = funnel[0] + max(_TOUCHED[n // 2 % len(_TOUCHED)] * off, min(play))
         if depth < shape.depth and lean > 0.0:
             yield replace(shape, depth=depth, flat=(away, _RISE * way, lean))
 

@@ -4,23 +4,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from fmopt.certificate.functions import contact_rows
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Tolerance
-from fmopt.contact.primitive import Kind, PrimitiveContact, near_contacts
+from fmopt.contact.primitive import PrimitiveContact, near_contacts
 from fmopt.contact.surface import Surfaces
 from fmopt.errors import InfeasibleError
-from fmopt.placement.entry import Entry, Leant, deeper, turned_axes
+from fmopt.placement.entry import Entry, deeper, leading_corners, next_to_round, turned_axes
 from fmopt.placement.explore import Freedom, Place, freedoms, guarded, implied, neighbourhood, pinned
 from fmopt.placement.flush import described
 from fmopt.placement.motion import Move, Reached, unroll
 from fmopt.se3 import Pose
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array
+
+_IN = ("off", "upright", "in")  # moves of a part that contacts have told where it is
+_FREE = ("back", *_IN)  # those that may give contacts up
+_AGAINST = 0.5  # share of the reaction of a touch that is against the motion at least
 
 
 @dataclass(frozen=True)
@@ -83,9 +88,20 @@ class Task:
     costs: Costs
     max_turn: float
 
+    @cached_property
+    def blunt(self) -> bool:
+        """Whether the moving part is next to round, so that no corner of it takes all freedoms away."""
+        return not self.costs.planar and next_to_round(self.assembly.moving)
+
     @property
     def final_rank(self) -> int:
-        """How many freedoms the contacts of the seated part take away, at most."""
+        """How many freedoms the contacts of the seated part take away, at most.
+
+        Of a part that is next to round, how many transitions lead from no contact to the seat at least: it touches a
+        wall, and leaves that to go in.
+        """
+        if self.blunt:
+            return 1 + len(_IN)
         near = near_contacts(self.assembly.moving.polyhedron, self.assembly.fixed.polyhedron, self.goal, 1e-6, 1e-3)
         stops = [c for c in near if abs(contact_rows(self.assembly, [c], (), self.goal).f[0]) < 1e-9]
         return self.costs.upright + (1 if stops else 0)
@@ -161,126 +177,16 @@ def modulo(held: Array, rows: Array) -> Array:
     return np.asarray(rows - rows @ basis.T @ basis)
 
 
-def begin(task: Task, entry: Entry) -> Node | None:
-    """The state with a corner inside, None when the approach cannot be certified.
+def son(task: Task, node: Node, move: Move, name: str, thorough: bool = False) -> Node | None:
+    """The state after a move, None when it cannot be certified.
 
-    With a pose above the mouth the corner first goes down to touch the top, or the part is laid flat there, and leaves
-    it to get there.
+    Args:
+        task: parts, errors, goal and costs.
+        node: where it starts.
+        move: the move.
+        name: of the freedom that it goes along.
+        thorough: whether its margin is to count how far contacts stay inside their facets, too.
     """
-    place = Place(entry.start, (), (), entry.corner)
-    # The approach itself is no transition.
-    above = Node(entry, place, Reached(task.start, (), ()), (), (), -task.costs.transition, 0)
-    if entry.over is None:
-        return _son(task, above, Move(entry.start, entry.inside, (), ()), "approach")
-    if entry.leant is not None:
-        return _from_flat(task, above, entry, entry.over, entry.leant)
-    height = float(entry.start.apply(entry.corner)[2])
-    down = Freedom("-z", np.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0]), 1.5 * height)
-    move = guarded(task.assembly, place, down, neighbourhood(task.assembly, place, down, task.costs.reach))
-    touched = None if move is None else _son(task, above, move, "approach", thorough=True)
-    if touched is None:
-        return None
-    lifted = _son(task, touched, Move(touched.place.pose, entry.over, (), (), touched.place.held), "leave")
-    return None if lifted is None else _son(task, lifted, Move(entry.over, entry.inside, (), ()), "enter")
-
-
-def _from_flat(task: Task, above: Node, entry: Entry, over: Pose, leant: Leant) -> Node | None:
-    """The state with a corner inside after the part has lain flat on the top, on one corner first, then on an edge."""
-    node: Node | None = replace(above, place=replace(above.place, pivot=leant.edge[0]))
-    height = float(entry.start.apply(leant.edge[0])[2])
-    edge, face = (np.append(np.zeros(3), axis) for axis in leant.axes)
-    down = Freedom("approach", np.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0]), 1.5 * height)
-    for freedom, corners in (
-        (down, leant.edge[:1]),
-        (Freedom("edge", edge, task.max_turn), leant.edge[1:]),
-        (Freedom("face", face, task.max_turn), task.assembly.moving.polyhedron.vertices),
-    ):
-        node = None if node is None else _onto_top(task, node, freedom, corners)
-    if node is None:
-        return None
-    flat, last = node.place.pose, node.moves[-1]
-    lifted = flat.moved([0.0, 0.0, float(over.apply(entry.corner)[2]), 0.0, 0.0, 0.0])
-    ways = (
-        ("leave", flat, lifted, (*last.held, *last.making)),
-        ("tilt", lifted, over, ()),
-        ("enter", over, entry.inside, ()),
-    )
-    for name, at, to, left in ways:
-        node = None if node is None else _son(task, node, Move(at, to, (), (), left), name)
-    return None if node is None else replace(node, place=replace(node.place, pivot=entry.corner))
-
-
-def _onto_top(task: Task, node: Node, freedom: Freedom, corners: Array) -> Node | None:
-    """The state after a guarded move that brings one of some corners (n, 3) of the body onto a face."""
-    vertices = task.assembly.moving.polyhedron.vertices
-    near = [
-        contact
-        for contact in neighbourhood(task.assembly, node.place, freedom, task.costs.reach)
-        if contact.kind is Kind.VERTEX_FACE and (corners == vertices[contact.moving_feature]).all(axis=1).any()
-    ]
-    move = guarded(task.assembly, node.place, freedom, near)
-    return None if move is None else _son(task, node, move, freedom.name, thorough=True)
-
-
-def sons(task: Task, node: Node) -> Iterator[Node]:
-    """The states that guarded moves from a state lead to."""
-    near: dict[tuple[bool, float], tuple[PrimitiveContact, ...]] = {}
-    for freedom in _freedoms(task, node):
-        kind = bool(freedom.twist[3:].any()), freedom.limit
-        if kind not in near:
-            near[kind] = neighbourhood(task.assembly, node.place, freedom, task.costs.reach)
-        son = _along(task, node, freedom, near[kind])
-        if son is not None:
-            yield son
-    yield from _given_up(task, node)
-
-
-def _given_up(task: Task, node: Node) -> Iterator[Node]:
-    """The states after all contacts of a corner caught on a slope of the mouth are given up, once on a way."""
-    place = node.place
-    if not (node.entry.shallow and place.held) or any(move.left for move in node.moves):
-        return
-    moving, fixed = task.assembly.moving, task.assembly.fixed
-    arm = place.pose.R @ place.pivot
-    spread = node.reached.errors.support(np.hstack([np.eye(3), np.cross(arm, np.eye(3))]))
-    for inside in deeper(moving, fixed, place.pose, place.pivot, spread):
-        son = _son(task, node, Move(place.pose, inside, (), (), place.held), "leave")
-        if son is not None:
-            yield son
-
-
-def follow(task: Task, node: Node, name: str) -> Node | None:
-    """The state that the guarded move along one freedom leads to, None when it cannot be certified."""
-    for freedom in _freedoms(task, node):
-        if freedom.name == name:
-            return _along(task, node, freedom, neighbourhood(task.assembly, node.place, freedom, task.costs.reach))
-    return None
-
-
-def _freedoms(task: Task, node: Node) -> tuple[Freedom, ...]:
-    depth = float(node.place.pose.p[2] - task.goal.p[2])
-    return freedoms(task.max_turn, depth, task.costs.reach, task.costs.planar, turned_axes(node.entry.heading))
-
-
-def _along(task: Task, node: Node, freedom: Freedom, near: tuple[PrimitiveContact, ...]) -> Node | None:
-    move = guarded(task.assembly, node.place, freedom, near)
-    if move is None and freedom.name == "-z":
-        move = _straight_down(task, node.place, freedom.twist)
-    return None if move is None else _son(task, node, move, freedom.name)
-
-
-def _straight_down(task: Task, place: Place, twist: Array) -> Move | None:
-    """The last move where nothing stops it: as far as the goal's depth, when the part stands upright.
-
-    It needs contacts on all other freedoms, or none at all: then the errors have to fit into the clearance.
-    """
-    there = place.pose.moved(twist * float(place.pose.p[2] - task.goal.p[2]))
-    if not task.upright(there) or 0 < pinned(task.assembly, place.pose, place.held) < task.costs.upright:
-        return None
-    return Move(place.pose, there, place.held, ())
-
-
-def _son(task: Task, node: Node, move: Move, name: str, thorough: bool = False) -> Node | None:
     costs = task.costs
     try:
         before = len(node.reached.claims)
@@ -296,3 +202,114 @@ def _son(task: Task, node: Node, move: Move, name: str, thorough: bool = False) 
     place = Place(move.goal, held, reached.basis, node.place.pivot)
     rank = pinned(task.assembly, move.goal, held)
     return Node(node.entry, place, reached, (*node.moves, move), (*node.names, name), cost, rank)
+
+
+def sons(task: Task, node: Node) -> Iterator[Node]:
+    """The states that guarded moves from a state lead to."""
+    if task.blunt and node.place.held:
+        yield from _told(task, node)
+        return
+    near: dict[tuple[bool, float], tuple[PrimitiveContact, ...]] = {}
+    for freedom in _freedoms(task, node):
+        kind = bool(freedom.twist[3:].any()), freedom.limit
+        if task.blunt and (kind[0] or freedom.name in node.names):
+            continue  # it is to touch walls that lie in different directions
+        if kind not in near:
+            near[kind] = neighbourhood(task.assembly, node.place, freedom, task.costs.reach)
+        after = _along(task, node, freedom, near[kind])
+        if after is not None:
+            yield after
+    yield from _given_up(task, node)
+
+
+def _given_up(task: Task, node: Node) -> Iterator[Node]:
+    """The states after all contacts of a corner caught on a slope of the mouth are given up, once on a way."""
+    place = node.place
+    if not (node.entry.shallow and place.held) or any(move.left for move in node.moves):
+        return
+    moving, fixed = task.assembly.moving, task.assembly.fixed
+    arm = place.pose.R @ place.pivot
+    spread = node.reached.errors.support(np.hstack([np.eye(3), np.cross(arm, np.eye(3))]))
+    for inside in deeper(moving, fixed, place.pose, place.pivot, spread):
+        after = son(task, node, Move(place.pose, inside, (), (), place.held), "leave")
+        if after is not None:
+            yield after
+
+
+def _told(task: Task, node: Node) -> Iterator[Node]:
+    """What a part that is next to round does once a contact has told where it is.
+
+    Along a wall it would come to the next one at too small an angle. So it goes back from the contact to meet another
+    one, or, once it knows its place to within the clearance, leaves it, stands up over the mouth and goes straight in.
+    """
+    if float(node.reached.errors.support(np.eye(2, 6)).max()) < task.costs.scale:
+        seated: Node | None = node
+        for name in _IN:
+            seated = None if seated is None else _freely(task, seated, name)
+        if seated is not None:
+            yield seated
+    elif (back := _freely(task, node, "back")) is not None:
+        yield back
+
+
+def _climbs(task: Task, move: Move) -> bool:
+    """Whether a part that goes on after a touch climbs what it touches: it then takes its place to be another.
+
+    The servo gives way across the motion, the more the less of the reaction is against that.
+    """
+    normal = contact_rows(task.assembly, move.making[:1], move.making, move.goal).N[0, :3]
+    way = move.goal.p - move.start.p
+    return float(normal @ way) > -_AGAINST * float(np.linalg.norm(normal) * np.linalg.norm(way))
+
+
+def _freely(task: Task, node: Node, name: str) -> Node | None:
+    """The state after a move that gives up all contacts, None when it cannot be certified."""
+    if node.place.held and _climbs(task, node.moves[-1]):
+        return None
+    pose, goal, tip = node.place.pose, task.goal, leading_corners(task.assembly.moving)
+    height = float(_likely(node.reached.errors)[0]) + task.costs.scale
+    match name:
+        case "back":  # half of the way that it came
+            to = pose.moved(0.5 * pose.local(node.moves[-1].start))
+        case "off":  # away from the walls beside the corner as far as up
+            away = (goal.p - pose.apply(node.place.pivot))[:2]
+            rise = height - float(pose.apply(tip)[:, 2].min())
+            to = pose.moved([*(rise / float(np.linalg.norm(away)) * away), rise, 0.0, 0.0, 0.0])
+        case "upright":
+            to = Pose(np.array([goal.p[0], goal.p[1], height - float((goal.R @ tip.T)[2].min())]), goal.R)
+        case _:
+            to = goal
+    return son(task, node, Move(pose, to, (), (), node.place.held), name)
+
+
+def follow(task: Task, node: Node, name: str) -> Node | None:
+    """The state that the guarded move along one freedom leads to, None when it cannot be certified."""
+    if name in _FREE:
+        return _freely(task, node, name)
+    for freedom in _freedoms(task, node):
+        if freedom.name == name:
+            return _along(task, node, freedom, neighbourhood(task.assembly, node.place, freedom, task.costs.reach))
+    return None
+
+
+def _freedoms(task: Task, node: Node) -> tuple[Freedom, ...]:
+    depth = float(node.place.pose.p[2] - task.goal.p[2])
+    return freedoms(task.max_turn, depth, task.costs.reach, task.costs.planar, turned_axes(node.entry.heading))
+
+
+def _along(task: Task, node: Node, freedom: Freedom, near: tuple[PrimitiveContact, ...]) -> Node | None:
+    move = guarded(task.assembly, node.place, freedom, near)
+    if move is None and freedom.name == "-z":
+        move = _straight_down(task, node.place, freedom.twist)
+    return None if move is None else son(task, node, move, freedom.name)
+
+
+def _straight_down(task: Task, place: Place, twist: Array) -> Move | None:
+    """The last move where nothing stops it: as far as the goal's depth, when the part stands upright.
+
+    It needs contacts on all other freedoms, or none at all: then the errors have to fit into the clearance.
+    """
+    there = place.pose.moved(twist * float(place.pose.p[2] - task.goal.p[2]))
+    if not task.upright(there) or 0 < pinned(task.assembly, place.pose, place.held) < task.costs.upright:
+        return None
+    return Move(place.pose, there, place.held, ())

@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fmopt.placement.begin import begin
 from fmopt.placement.entry import Entry, Shape
 from fmopt.placement.search import MoveSequence
-from fmopt.placement.step import Node, Task, begin, follow
+from fmopt.placement.step import Node, Task, follow
 from fmopt.values import Array
 
 _STEPS = (0.16, 0.08, 0.04)  # shares of the first shape's numbers

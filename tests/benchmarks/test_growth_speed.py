@@ -11,8 +11,9 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from fmopt import synthesis
 from fmopt.contact.primitive import near_contacts
+from fmopt.placement.begin import begin
 from fmopt.placement.entry import start_spread, straight_entry
-from fmopt.placement.step import Costs, Node, Task, begin, sons
+from fmopt.placement.step import Costs, Node, Task, sons
 from fmopt.se3 import Pose
 from fmopt.task.clearance import measured_clearance
 from fmopt.task.problem import Problem, load
