@@ -14,6 +14,7 @@ import yaml
 from lark.exceptions import UnexpectedInput
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from plan_mutations import changed
 from typer.testing import CliRunner
 from urscript_language import Halt, Interpreter, arguments, calls, constant, distance, faults, parsed
 from urscript_robot import ForceModeRobot
@@ -260,6 +261,52 @@ def test_a_free_move_that_pushes_against_something_ends_the_program(
     assert not robot.forced
     assert (robot.log == ["fmopt: move 1: pushed against something"]) is stops
     assert (robot.time < first.duration) is stops
+
+
+def test_pieces_of_a_move_take_together_as_long_as_they_are_to(square_peg_plan: dict[str, Any]) -> None:
+    """A piece lasts whole steps of the robot's program; what that is too long by, the next piece lasts less."""
+    pieces = 23
+
+    def cut(plan: dict[str, Any]) -> None:
+        first = plan["segments"][0]
+        start, goal = (np.array(first[key]) for key in ("start", "goal"))
+        ends = np.linspace(start, goal, pieces + 1).tolist()
+        cuts = [{**first, "start": ends[k], "goal": ends[k + 1]} for k in range(pieces)]
+        plan["segments"][:1] = cuts
+
+    plan = changed(square_peg_plan, cut)
+    rows = moves(plan)
+    assert [move.number for move in rows[:pieces]] == [0] * pieces
+    robot = Robot(list(BASE.compose(rows[0].start).vector()))
+    functions = robot.built_in()
+    begun: list[float] = []
+    set_mode = functions["force_mode"]
+
+    def force_mode(*arguments: Any) -> Any:
+        begun.append(robot.time)
+        return set_mode(*arguments)
+
+    functions["force_mode"] = force_mode
+    with pytest.raises(Halt):
+        Interpreter(functions).run(parsed(program(plan, BASE)))
+    lasted = begun[pieces] - begun[0]
+    step = functions["get_steptime"]()
+    assert sum(move.duration for move in rows[:pieces]) % step > 0.0
+    assert lasted == pytest.approx(sum(move.duration for move in rows[:pieces]), abs=1.01 * step)
+
+
+def test_the_springs_are_let_go_before_a_touch_is_left(square_peg_plan: dict[str, Any]) -> None:
+    """Else a part that a stiff axis takes away begins beside where it is, by what presses it."""
+
+    def leave(plan: dict[str, Any]) -> None:
+        last = max(k for k, row in enumerate(plan["segments"]) if row["move"] == 1)
+        plan["segments"][last + 1 :] = [{**plan["segments"][0], "move": 2}]
+
+    text = program(changed(square_peg_plan, leave), BASE)
+    _, left = text.split("# move 3, ")
+    modes = [line for line in left.splitlines() if line.strip().startswith("force_mode(")]
+    assert "[1, 1, 1, 1, 1, 1], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]" in modes[0]
+    assert "[0, 0, 0, 0, 0, 0]" in modes[1]
 
 
 def test_contacts_that_are_felt_lead_to_the_end(square_peg_plan: dict[str, Any]) -> None:

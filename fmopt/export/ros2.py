@@ -28,6 +28,7 @@ WRENCHES = f"/{CONTROLLER}/target_wrench"
 BASE_LINK, TOOL_LINK, SENSOR_LINK = "base_link", "moving_part", "ft_sensor_link"
 _AXES = ("trans_x", "trans_y", "trans_z", "rot_x", "rot_y", "rot_z")
 _STIFF = (20000.0, 200.0)  # N/m and N·m/rad of a stiff axis
+_LEAST = 0.002  # m in the metric of ρ, limit of deviation at least: short moves begin pressed by those before them
 _SOFT = (0.0, 0.0)
 _DEBOUNCE = 3
 _NOTES = (
@@ -181,7 +182,7 @@ def _request(move: Move, task: TaskFrame, base: Pose, rho: float) -> dict[str, A
     x, y, z, w = _quaternion(frame)
     scale = np.array([1.0, 1.0, 1.0, rho, rho, rho])
     speed = float(np.linalg.norm(move.twist * scale))
-    reach = speed * (move.stop.timeout if move.stop else 2.0 * move.duration)
+    reach = max(speed * (move.stop.timeout if move.stop else 2.0 * move.duration), _LEAST)
     selected = dict(zip(("x", "y", "z", "rx", "ry", "rz"), task.selection, strict=True))
     return {
         "task_frame": {

@@ -56,7 +56,7 @@ end
 
 def fmopt_guarded(twist, along, gain, force, held, travel, timeout, due):
   local step = get_steptime()
-  local elapsed = 0.0
+  local elapsed = ahead
   local felt = 0
   local told = False
   local still = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
@@ -95,12 +95,13 @@ def fmopt_guarded(twist, along, gain, force, held, travel, timeout, due):
       return True
     end
   end
+  ahead = elapsed - timeout
   return False
 end
 
 def fmopt_move(twist, travel, most):
   local step = get_steptime()
-  local elapsed = 0.0
+  local elapsed = ahead
   local felt = 0
   while elapsed < travel:
     speedl(twist, {acceleration}, step, {acceleration_angular})
@@ -112,6 +113,7 @@ def fmopt_move(twist, travel, most):
       return True
     end
   end
+  ahead = elapsed - travel
   return False
 end
 """
@@ -138,6 +140,7 @@ class Settings:
         most: greatest reaction in moves that nothing ends but their travel, in contact forces of the plan.
         reach: greatest distance from the start pose at which the program may begin, m.
         compliant_speed: limit on compliant axes, in speeds of the plan.
+        deviation: limit on stiff axes at least, m in the metric of ρ: short moves begin pressed by those before them.
     """
 
     damping: float = 0.1
@@ -159,6 +162,7 @@ class Settings:
     most: float = 2.0
     reach: float = 0.02
     compliant_speed: float = 5.0
+    deviation: float = 0.002
 
 
 def program(document: Mapping[str, Any], base: Pose, settings: Settings | None = None) -> str:
@@ -227,23 +231,30 @@ def _beginning(start: Pose, speed: float, settings: Settings) -> list[str]:
         f"force_mode_set_damping({_number(settings.damping)})",
         f"force_mode_set_gain_scaling({_number(settings.gain)})",
         "global touched = False",
-        *(f"global {name} = 0.0" for name in ("moving", "level", "mean")),
+        *(f"global {name} = 0.0" for name in ("moving", "level", "mean", "ahead")),
     ]
 
 
 def _segment(
     rows: Sequence[Move], index: int, task: TaskFrame, base: Pose, rho: float, settings: Settings, most: float
 ) -> list[str]:
-    """A move's pieces follow each other without a stop; once the contact that ends it is felt, the rest is left out."""
+    """A move's pieces follow each other without a stop; once the contact that ends it is felt, the rest is left out.
+
+    What a piece takes longer by than it is to, as steps are whole, the next one takes less.
+    """
     move = rows[index]
+    begins = index == 0 or rows[index - 1].last
     lines = [f"# move {move.number + 1}, segments[{move.segment}], held: {', '.join(move.state) or 'nothing'}"]
+    lines += ["ahead = 0.0"] if begins else []
+    if begins and index and move.stop is None and (rows[index - 1].stop or rows[index - 1].state):
+        lines += [_released(move, base, rho, settings), f"sleep({_number(settings.settling)})"]
     if move.stop is None:
         way = f"{_list(_turned(base, move.twist))}, {_number(move.duration)}, {_number(most)}"
         lines += [_force_mode(move, task, base, rho, settings), f"touched = fmopt_move({way})"]
         return [*lines, "if touched:", f'  fmopt_leave("move {move.number + 1}: pushed against something")', "end"]
     pace = _pace(move, settings)
     guarded = [_force_mode(move, task, base, rho, settings)]
-    if index == 0 or rows[index - 1].last:
+    if begins:
         guarded += [f"sleep({_number(settings.settling)})", "moving = 0.0", "mean = 0.0"]
     guarded.append(f"touched = fmopt_guarded({', '.join(_guard(rows, index, base, rho, settings, pace))})")
     lines += ["if not touched:", *("  " + line for line in guarded), "end"]
@@ -292,10 +303,17 @@ def _speed(move: Move, rho: float) -> float:
 def _force_mode(move: Move, task: TaskFrame, base: Pose, rho: float, settings: Settings) -> str:
     scale = np.array([1.0, 1.0, 1.0, rho, rho, rho])
     speed = _speed(move, rho)
-    deviation = speed * (move.stop.timeout if move.stop else 2.0 * move.duration)
+    deviation = max(speed * (move.stop.timeout if move.stop else 2.0 * move.duration), settings.deviation)
     sizes = np.where(np.array(task.selection) == 1, settings.compliant_speed * speed, deviation) / scale
     selection = ", ".join(str(value) for value in task.selection)
     return f"force_mode({_pose(base.compose(task.pose))}, [{selection}], {_list(task.wrench)}, 2, {_list(sizes)})"
+
+
+def _released(move: Move, base: Pose, rho: float, settings: Settings) -> str:
+    """What lets the springs of the robot go after a touch: a part that leaves it would begin beside where it is."""
+    limit = settings.compliant_speed * _speed(move, rho)
+    limits = np.array([limit] * 3 + [limit / rho] * 3)
+    return f"force_mode({_pose(base.compose(move.frame))}, {[1] * 6}, {_list(np.zeros(6))}, 2, {_list(limits)})"
 
 
 def _indented(lines: Sequence[str]) -> Iterable[str]:
