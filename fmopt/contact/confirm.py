@@ -76,9 +76,10 @@ def confirm(graph: ContactGraph, moving: Polyhedron, fixed: Polyhedron) -> tuple
     points = np.array([state.point for state in graph.states])
     facets = Poses.around(graph.space.pose, points)
     best = _Best.of(near, on, meet(near, on, facets, _ROOMS[0]))
+    tried = set[tuple[int, bytes]]()
     for _ in range(_ROUNDS):
         left = np.flatnonzero(~best.found)
-        which, starts = _starts(graph, best, points, left)
+        which, starts = _starts(graph, best, points, left, tried)
         before = int(best.found.sum())
         if len(which):
             best = best.improved(near, on, which, meet(near, on[which], starts, _ROOMS[1]))
@@ -117,8 +118,13 @@ class _Best:
         return _Best(found, Poses(p, R), short, settled)
 
 
-def _starts(graph: ContactGraph, best: _Best, points: Array, left: NDArray[np.intp]) -> tuple[NDArray[np.intp], Poses]:
-    """Further starts for states: their own point, half way to neighbours, and where neighbours were found."""
+def _starts(
+    graph: ContactGraph, best: _Best, points: Array, left: NDArray[np.intp], tried: set[tuple[int, bytes]]
+) -> tuple[NDArray[np.intp], Poses]:
+    """Further starts for states: their own point, half way to neighbours, and where neighbours were found.
+
+    None of those tried before; these are added to them.
+    """
     which: list[int] = []
     starts: list[Array] = []
     there = best.poses.local(graph.space.pose)
@@ -127,8 +133,10 @@ def _starts(graph: ContactGraph, best: _Best, points: Array, left: NDArray[np.in
         for around in (graph.sons[i], graph.fathers[i]):
             found += [0.5 * (points[i] + points[j]) for j in around[:_NEIGHBOURS]]
             found += [there[j] for j in around if best.found[j]][:_NEIGHBOURS]
-        which += [int(i)] * len(found)
-        starts += found
+        new = [point for point in found if (int(i), point.tobytes()) not in tried]
+        tried.update((int(i), point.tobytes()) for point in new)
+        which += [int(i)] * len(new)
+        starts += new
     return np.array(which, dtype=np.intp), Poses.around(graph.space.pose, np.reshape(starts, (-1, 6)))
 
 

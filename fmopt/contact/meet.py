@@ -27,7 +27,6 @@ _ROUNDS = 90
 _NOTHING = 1e-11  # scaled units; a shortage of no more is none
 _LEVEL = 1e-7  # slope of the shortage below which it cannot fall any further
 _PAUSE = 10  # rounds after which it is compared with what it was
-_STALLED = 0.99
 _DAMPING = 1e-3
 _FARTHEST = 8.0  # scaled units that one step may go
 _POLISH = 5
@@ -239,7 +238,10 @@ class Shortages(Value):
 
 @dataclass(frozen=True, eq=False)
 class Met(Value):
-    """Where n searches ended: the poses, how much is short there in all (scaled units), and whether that is final."""
+    """Where n searches ended: the poses, how much is short there in all (scaled units), and whether that is final.
+
+    It is where the shortage cannot fall any further, or falls too slowly ever to be gone.
+    """
 
     poses: Poses
     short: Array
@@ -260,7 +262,7 @@ def meet(near: Neighbourhood, on: Bits, start: Poses, room: float) -> Met:
 
 
 def _levenberg_marquardt(near: Neighbourhood, on: Bits, start: Poses, room: float) -> tuple[Poses, Array, Bits]:
-    """The poses where the shortages end, their sizes, and whether they cannot fall any further there."""
+    """The poses where the shortages end, their sizes, and whether that is final, see `Met`."""
     p, R, scale = start.p.copy(), start.R.copy(), near.space.scale
     short, settled = np.full(len(p), np.inf), np.zeros(len(p), dtype=bool)
     damping, then = np.full(len(p), _DAMPING), np.full(len(p), np.inf)
@@ -270,7 +272,7 @@ def _levenberg_marquardt(near: Neighbourhood, on: Bits, start: Poses, room: floa
         short[open_] = now.size
         done = (now.size <= _NOTHING) | (np.linalg.norm(now.slope, axis=1) <= _LEVEL * now.size)
         if count % _PAUSE == _PAUSE - 1:
-            done |= now.size > _STALLED * then[open_]
+            done |= _left(now.size, then[open_], (_ROUNDS - count) / _PAUSE) > _NOTHING
             then[open_] = now.size
         settled[open_[done]] = True
         open_, now = open_[~done], now.kept(~done)
@@ -286,6 +288,11 @@ def _levenberg_marquardt(near: Neighbourhood, on: Bits, start: Poses, room: floa
         p[open_[better]], R[open_[better]] = trial.p[better], trial.R[better]
         now = now.replaced(better, new)
     return Poses(p, R), short, settled
+
+
+def _left(now: Array, then: Array, pauses: float) -> Array:
+    """What shortages (n,) come to after more pauses, each of which takes as large a share as the last; 0 without one."""
+    return np.asarray(now * np.where(np.isfinite(then), now / then, 0.0) ** pauses)
 
 
 def project(near: Neighbourhood, on: Bits, poses: Poses, rank: int | NDArray[np.intp]) -> Poses:
