@@ -183,7 +183,7 @@ def claims() -> tuple[Claim, ...]:
         for start, goal, share in pieces_of(way, basis):
             piece = Piece(start, goal, way.held, way.after, basis, way.made, share)
             step = stepped(peg().assembly, piece, errors, TOLERANCE)
-            found.append(claimed(peg().assembly, piece, step, TOLERANCE, choose_separations))
+            found += claimed(peg().assembly, [(piece, step)], TOLERANCE, choose_separations)
             errors = found[-1].advance.ends.goal_set
         basis = found[-1].advance.basis
     return tuple(found)

@@ -117,7 +117,7 @@ def test_row_bounds_are_what_the_separation_is_made_of() -> None:
 def test_the_chosen_plane_is_as_good_as_any_face() -> None:
     for c in claims()[::5]:
         listed = facing(peg().assembly, c.piece)
-        chosen = choose_separations(peg().assembly, listed, c.advance.ends)
+        chosen = choose_separations(peg().assembly, listed, [c.advance.ends])[0]
         for (_, _, found), (_, _, pair), again in zip(c.separations, listed.listed, chosen, strict=True):
             assert again is not None
             assert again.margin == found.margin
@@ -188,7 +188,7 @@ def test_a_fixed_vertex_keeps_its_distance_to_the_edges_of_the_moving_face() -> 
 def test_claims_survive_a_trip_to_another_process() -> None:
     assembly, one = pickle.loads(pickle.dumps((peg().assembly, claims()[4])))
     step = stepped(assembly, one.piece, one.advance.ends.start_set, TOLERANCE)
-    again = claimed(assembly, one.piece, step, TOLERANCE, choose_separations)
+    (again,) = claimed(assembly, [(one.piece, step)], TOLERANCE, choose_separations)
     assert again.margin == claims()[4].margin
 
 
@@ -199,7 +199,7 @@ def test_pieces_that_overlap_nominally_are_refused() -> None:
     )
     step = stepped(peg().assembly, sunk, ErrorSet.from_box(START_BOX), TOLERANCE)
     with pytest.raises(InfeasibleError, match="not apart on the nominal path"):
-        claimed(peg().assembly, sunk, step, TOLERANCE, choose_separations)
+        claimed(peg().assembly, [(sunk, step)], TOLERANCE, choose_separations)
 
 
 def test_held_contacts_stay_zero_along_the_motion() -> None:

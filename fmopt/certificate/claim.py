@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.bounds import bounds
@@ -18,8 +19,11 @@ from fmopt.errors import InfeasibleError
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array
 
-Chooser = Callable[[Assembly, Facing, Ends], Sequence[Separation | None]]
-"""Finds separating planes for all pairs over a piece of motion, None where there is none."""
+Chooser = Callable[[Assembly, Facing, Sequence[Ends]], Sequence[Sequence[Separation | None]]]
+"""Finds separating planes for all pairs over pieces of motion, None where there is none."""
+
+Stepped = tuple[Piece, Advance]
+"""A piece of motion and the errors along it, from `stepped`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,14 +83,13 @@ def stepped(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Toler
 
 
 def claimed(
-    assembly: Assembly, piece: Piece, step: Advance, tolerance: Tolerance, choose: Chooser, thorough: bool = True
-) -> Claim:
-    """Certifies what it can of a piece through which the errors have been carried.
+    assembly: Assembly, steps: Sequence[Stepped], tolerance: Tolerance, choose: Chooser, thorough: bool = True
+) -> list[Claim]:
+    """Certifies what it can of pieces through which the errors have been carried.
 
     Args:
         assembly: the two parts.
-        piece: the piece of motion.
-        step: the errors along it, from `stepped`.
+        steps: the pieces of motion with the errors along them, from `stepped`.
         tolerance: velocity error and metric.
         choose: finds separating planes for all pairs of pieces.
         thorough: whether to compute how far contacts stay inside their facets, too.
@@ -94,9 +97,30 @@ def claimed(
     Raises:
         InfeasibleError: a pair of pieces overlaps nominally.
     """
+    found: list[Claim] = []
+    # Of pieces of motion one after the other under the same contacts the same is asked: at once.
+    for listed, group in groupby(steps, lambda step: facing(assembly, step[0])):
+        alike = list(group)
+        chosen = choose(assembly, listed, [step.ends for _, step in alike])
+        found += [
+            _claim(assembly, piece, step, tolerance, listed, planes, thorough)
+            for (piece, step), planes in zip(alike, chosen, strict=True)
+        ]
+    return found
+
+
+def _claim(
+    assembly: Assembly,
+    piece: Piece,
+    step: Advance,
+    tolerance: Tolerance,
+    listed: Facing,
+    chosen: Sequence[Separation | None],
+    thorough: bool,
+) -> Claim:
+    """The claim of one piece with the separating planes chosen for its pairs."""
     separations = []
-    listed = facing(assembly, piece)
-    for (i, j, _), found in zip(listed.listed, choose(assembly, listed, step.ends), strict=True):
+    for (i, j, _), found in zip(listed.listed, chosen, strict=True):
         if found is None:
             raise InfeasibleError(f"moving piece {i} and fixed piece {j} are not apart on the nominal path")
         separations.append((i, j, found))

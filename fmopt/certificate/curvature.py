@@ -12,12 +12,16 @@ A bilinear row has the Hessian −G in ε, G = (u·w + β·y) − (w uᵀ + β y
 At a contact u·w + β·y is nearly zero, and the two parts cancel. J = (Aᵀ(τ × β), β × AΔ − G τ) is the derivative of its
 gradient along the path, J·(Δ, τ) that of its slope. All are taken at both ends; what they change in between and terms
 of third order have closed bounds. A bound by lengths alone serves where it is better.
+
+Several pieces of motion go through at once with a leading axis n: twists and half-widths (n, 1, 6), rows (n, k).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -28,6 +32,16 @@ _EYE = np.eye(3)
 _NEXT, _AFTER = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
+def _size(vectors: Array) -> Any:
+    """The length of one vector as a float; of several (…, 3) lengths (…)."""
+    return length(vectors) if vectors.ndim == 1 else lengths(vectors)
+
+
+def _applied(matrices: Array, vectors: Array) -> Array:
+    """Matrices (…, i, j) times vectors (…, j) or one for all."""
+    return np.asarray((matrices @ vectors[..., None])[..., 0])
+
+
 @dataclass(frozen=True, eq=False)
 class Extent:
     """How far a piece of motion and its errors reach.
@@ -36,6 +50,11 @@ class Extent:
         twist: V = (Δ, τ) (6,) of the nominal motion, m and rad.
         half: half-widths (6,) of a box around the errors all along, m and rad.
     """
+
+    @staticmethod
+    def beside(extents: Sequence[Extent]) -> Extent:
+        """Several (n) as one, with twists and half-widths (n, 1, 6)."""
+        return Extent(np.array([[e.twist] for e in extents]), np.array([[e.half] for e in extents]))
 
     twist: Array
     half: Array
@@ -53,7 +72,7 @@ class Extent:
     @property
     def angles(self) -> Array:
         """Half-widths (3,) of the box around ε, rad."""
-        return self.half[3:]
+        return self.half[..., 3:]
 
     @property
     def offset(self) -> Array:
@@ -87,8 +106,8 @@ class Turned:
 
     def by(self, angles: Array) -> Array:
         """Bounds (…) of |ε × v| for all ε in a box, by its half-widths (3,), rad."""
-        sides = self.ahead * angles.take(_AFTER) + self.behind * angles.take(_NEXT)
-        return np.asarray(np.minimum(lengths(sides), length(angles) * self.size))
+        sides = self.ahead * angles.take(_AFTER, -1) + self.behind * angles.take(_NEXT, -1)
+        return np.asarray(np.minimum(lengths(sides), _size(angles) * self.size))
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +132,7 @@ class Swung:
 
     def by(self, angles: Array) -> Array:
         """Bounds (v,) of |ε × w| all along, for all ε in a box, by its half-widths (3,), rad."""
-        theta = length(angles)
+        theta = _size(angles)
         most = self.ends.by(angles).max(axis=0) + 0.5 * theta * self.swept
         return np.asarray(np.minimum(most, theta * self.size))
 
@@ -144,13 +163,14 @@ class Lever:
     @staticmethod
     def of(extent: Extent, arms: Array) -> Lever:
         """Points by their arms (2, v, 3) at both ends."""
-        points = Swung.of(extent.twist[3:], arms)
+        points = Swung.of(extent.twist[..., 3:], arms)
         return Lever(extent, points.left(extent.angles), points.arc)
 
     def beside(self, normals: Array) -> Array:
         """Remainders (n, v) of the points over planes of unit normals (n, 3), m."""
-        leaned = lengths(crossed(self.extent.twist[3:], normals))
-        return np.outer(Turned.of(normals).by(self.extent.angles), self.half) + np.outer(leaned, self.arc)
+        tilted = Turned.of(normals).by(self.extent.angles)
+        leaned = lengths(crossed(self.extent.twist[..., 3:], normals))
+        return np.asarray(tilted[..., None] * self.half[..., None, :] + leaned[..., None] * self.arc[..., None, :])
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,8 +198,9 @@ class Curvature:
     @cached_property
     def _parts(self) -> tuple[Turned, Swung, Array]:
         """The rows' planes and points, and what the nominal turn leaves of both (k,), m."""
-        push, points = self.forms.push, Swung.of(self.twist[3:], self.turned)
-        return Turned.of(push), points, lengths(crossed(self.twist[3:], push)) * points.arc
+        push, turn = self.forms.push, self.twist[..., 3:]
+        points = Swung.of(turn, self.turned)
+        return Turned.of(push), points, lengths(crossed(turn, push)) * points.arc
 
     def bound(self, half: Array) -> Array:
         """Bound (k,) of |f − (linear in the error, interpolated between the ends)|, m.
@@ -188,9 +209,9 @@ class Curvature:
             half: half-widths (6,) of a box around the errors.
         """
         planes, points, arc = self._parts
-        left = planes.by(half[3:]) * points.left(half[3:]) + arc
+        left = planes.by(half[..., 3:]) * points.left(half[..., 3:]) + arc
         if self.bends is not None:
-            left[self.forms.bilinear] = self.bends.bound(half)
+            left[..., self.forms.bilinear] = self.bends.bound(half)
         return np.asarray(left)
 
     def power(self) -> Array:
@@ -246,17 +267,17 @@ class Bends:
     def of(start: Rows, goal: Rows, twist: Array) -> Bends:
         """The bends of those rows that are bilinear, for a twist (6,)."""
         forms, which = start.forms, start.forms.bilinear
-        u, A, turn = forms.push[which], forms.moves, twist[3:]
-        w = np.array([start.turned[which], goal.turned[which]])
+        u, A, turn = forms.push[which], forms.moves, twist[..., 3:]
+        w = np.array([start.turned[..., which, :], goal.turned[..., which, :]])
         beta, y = np.stack([start.bent, goal.bent], axis=1)
-        size, tau = forms.reach[which] + lengths(y).max(axis=0), length(turn)
-        slid = A @ twist[:3]
+        size, tau = forms.reach[which] + lengths(y).max(axis=0), _size(turn)
+        slid = _applied(A, twist[..., :3])
         seen = lengths(slid)
         outer = w[..., :, None] * u[:, None, :] + beta[..., :, None] * y[..., None, :]
         G = np.trace(outer, axis1=-2, axis2=-1)[..., None, None] * _EYE - outer
         pulled, carried = (crossed(turn, beta)[..., None, :] @ A)[..., 0, :], crossed(beta, slid)
-        J, K = (np.concatenate([pulled, carried - H @ turn], axis=-1) for H in (G, np.swapaxes(G, -1, -2)))
-        chord = 0.125 * np.abs(J @ twist).max(axis=0) + tau**2 * (tau * size + 3.0 * seen) / 16.0
+        J, K = (np.concatenate([pulled, carried - _applied(H, turn)], axis=-1) for H in (G, np.swapaxes(G, -1, -2)))
+        chord = 0.125 * np.abs(np.vecdot(J, twist)).max(axis=0) + tau**2 * (tau * size + 3.0 * seen) / 16.0
         mixed = crossed(beta[..., None, :], np.swapaxes(A, -1, -2))
         second, mixed = 0.5 * np.abs(G + np.swapaxes(G, -1, -2)), np.abs(np.swapaxes(mixed, -1, -2))
         turning, power = np.abs(J).sum(axis=0), K[0]
@@ -264,13 +285,14 @@ class Bends:
 
     def bound(self, half: Array) -> Array:
         """The remainders (m,), see `Curvature.bound`."""
-        offset, angles = half[:3], half[3:]
-        theta, tau, size, seen = length(angles), self.turn, self.size, self.seen
-        felt = lengths(self.felt @ offset)
-        second = ((0.5 * self.second @ angles + self.mixed @ offset) @ angles).max(axis=0)
+        offset, angles = half[..., :3], half[..., 3:]
+        theta, tau, size, seen = _size(angles), self.turn, self.size, self.seen
+        felt = lengths(_applied(self.felt, offset))
+        drawn = 0.5 * _applied(self.second, angles) + _applied(self.mixed, offset)
+        second = np.vecdot(drawn, angles).max(axis=0)
         third = theta**2 * ((theta / 6.0 + 0.25 * tau) * size + 0.5 * felt + 0.25 * seen) + 0.5 * theta * tau * felt
         third += 0.125 * tau * (theta * tau * size + tau * felt + 2.0 * theta * seen)
-        fine = second + self.chord + 0.25 * self.turning @ half + third
+        fine = second + self.chord + 0.25 * np.vecdot(self.turning, half) + third
         coarse = (0.5 * theta**2 + tau**2 / 8.0 + 0.5 * tau * theta) * size
         coarse += (theta + 0.5 * tau) * felt + (0.25 * tau + 0.5 * theta) * seen
         return np.asarray(np.minimum(fine, coarse))

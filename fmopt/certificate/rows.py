@@ -50,6 +50,8 @@ def length(vector: Array) -> float:
 class Rows:
     """Distances at one pose: values f (k,) and gradients N (k, 6), in m and m/rad, and the vectors that turn.
 
+    At several poses all of them have leading axes; of `bent` these come after the first.
+
     Args:
         f: values.
         N: gradients.
@@ -63,6 +65,10 @@ class Rows:
     forms: Forms
     turned: Array
     bent: Array
+
+    def end(self, k: int) -> Rows:
+        """Those at poses k, of rows at several with a leading axis."""
+        return Rows(self.f[k], self.N[k], self.forms, self.turned[k], self.bent[:, k])
 
     def kept(self, which: Mask) -> Rows:
         """The rows of a mask (k,)."""
@@ -156,19 +162,21 @@ class Forms:
 
     def over(self, start: Pose, goal: Pose) -> tuple[Rows, Rows]:
         """The rows at both ends of a piece of motion."""
-        first, second = self._rows(np.array([start.p, goal.p]), np.array([start.R, goal.R]))
-        return first, second
+        both = self.rows(np.array([start.p, goal.p]), np.array([start.R, goal.R]))
+        return both.end(0), both.end(1)
 
     def at(self, pose: Pose) -> Rows:
         """The rows at a pose."""
-        return self._rows(pose.p[None], pose.R[None])[0]
+        return self.rows(pose.p, pose.R)
 
-    def _rows(self, p: Array, R: Array) -> list[Rows]:
-        f, N, rest = self._at(p, R)
-        turned, bent = rest[..., :3], np.zeros((len(p), 2, 0, 3))
+    def rows(self, p: Array, R: Array) -> Rows:
+        """The rows at poses with positions p (…, 3) and rotations R (…, 3, 3), their axes leading."""
+        lead = p.shape[:-1]
+        f, N, rest = (found.reshape(*lead, *found.shape[1:]) for found in self._at(p.reshape(-1, 3), R))
+        turned, bent = rest[..., :3], np.zeros((2, *lead, 0, 3))
         if self._curved:
-            bent = np.moveaxis(rest[:, self.bilinear, 3:].reshape(len(p), -1, 2, 3), 2, 1)
-        return [Rows(f[k], N[k], self, turned[k], bent[k]) for k in range(len(p))]
+            bent = np.moveaxis(rest[..., self.bilinear, 3:].reshape(*lead, -1, 2, 3), -2, 0)
+        return Rows(f, N, self, turned, bent)
 
 
 def stacked(*parts: Forms) -> Forms:

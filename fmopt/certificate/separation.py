@@ -66,6 +66,42 @@ class Ends:
 
 
 @dataclass(frozen=True, eq=False)
+class Course:
+    """Several pieces of motion (n), of which the same is asked: what `Ends` has of one, at once.
+
+    Args:
+        listed: the pieces.
+        p: nominal positions (2, n, 3) at both ends of all, m.
+        R: nominal rotations (2, n, 3, 3).
+        both: supports at both ends of all, columns (2, n, 6, k).
+        extent: how far they reach, with twists and half-widths (n, 1, 6).
+    """
+
+    listed: tuple[Ends, ...]
+    p: Array
+    R: Array
+    both: Support
+    extent: Extent
+
+    @staticmethod
+    def of(listed: Sequence[Ends]) -> Course:
+        """Pieces of motion together."""
+        at, to = zip(*(ends.supports for ends in listed), strict=True)
+        support = Support.beside(*at, *to)
+        poses = [*(ends.start for ends in listed), *(ends.goal for ends in listed)]
+        p, R = np.array([pose.p for pose in poses]), np.array([pose.R for pose in poses])
+        columns = support.columns.reshape(2, len(listed), *support.columns.shape[1:])
+        extent = Extent.beside([ends.extent for ends in listed])
+        both = Support(columns, support.cuts)
+        return Course(tuple(listed), p.reshape(2, -1, 3), R.reshape(2, -1, 3, 3), both, extent)
+
+    def over(self, forms: Forms) -> tuple[Rows, Rows]:
+        """Rows (n, k) at both ends."""
+        both = forms.rows(self.p, self.R)
+        return both.end(0), both.end(1)
+
+
+@dataclass(frozen=True, eq=False)
 class Separation:
     """A witness with its certified margin and its nominal clearance (m) over a piece of motion."""
 
@@ -84,8 +120,8 @@ class RowBounds:
     scale: float
 
 
-def lower_bounds(start: Rows, goal: Rows, ends: Ends) -> Array:
-    """Certified lower bound (k,) of rows over a piece of motion: worst end, less errors and remainder."""
+def lower_bounds(start: Rows, goal: Rows, ends: Ends | Course) -> Array:
+    """Certified lower bound (k,) of rows over a piece of motion, or (n, k): worst end, less errors and remainder."""
     least = (np.array([start.f, goal.f]) - ends.both(np.array([start.N, goal.N]))).min(axis=0)
     return np.asarray(least - remainders(start, goal, ends.extent))
 
@@ -116,14 +152,14 @@ class Candidates:
         witnesses: of all pairs.
         forms: the rows.
         begins: where those of each witness begin.
-        ends: how many witnesses there are up to the end of each pair.
+        places: which witnesses each pair has (pairs, w), the last repeated where others have more.
         special: places of witnesses along edges, with what decides which of their rows count.
     """
 
     witnesses: tuple[Witness, ...]
     forms: Forms
     begins: NDArray[np.intp]
-    ends: tuple[int, ...]
+    places: NDArray[np.intp]
     special: tuple[tuple[int, Counted], ...]
 
     @staticmethod
@@ -136,34 +172,41 @@ class Candidates:
             found += [(witness, rows) for witness, rows in counted if len(rows.forms)]
             ends.append(len(found))
         begins = np.cumsum([0, *(len(rows.forms) for _, rows in found[:-1])])
+        spans = [range(first, last) for first, last in pairwise((0, *ends))]
+        most = max(len(span) for span in spans)
+        places = np.array([[*span, *[span[-1]] * (most - len(span))] for span in spans], dtype=np.intp)
         special = tuple((n, rows) for n, (_, rows) in enumerate(found) if rows.edges is not None)
         forms = stacked(*(rows.forms for _, rows in found))
-        return Candidates(tuple(witness for witness, _ in found), forms, begins, tuple(ends), special)
+        return Candidates(tuple(witness for witness, _ in found), forms, begins, places, special)
 
-    def best(self, ends: Ends, grazing: float) -> list[Separation | None]:
+    def best(self, course: Course, grazing: float) -> list[list[Separation | None]]:
         """For each pair the separation with the largest margin among witnesses whose planes hold nominally.
 
         Args:
-            ends: the piece of motion.
+            course: pieces of motion (n).
             grazing: how far nominal distances may be below zero, m.
 
         Returns:
-            one for each pair, None where no witness holds.
+            for each piece of motion one for each pair, None where no witness holds.
         """
-        start, goal = self.forms.over(ends.start, ends.goal)
-        lower, nominal = lower_bounds(start, goal, ends), np.minimum(start.f, goal.f)
-        margins = np.minimum.reduceat(lower, self.begins)
-        clearances = np.minimum.reduceat(nominal, self.begins)
+        start, goal = course.over(self.forms)
+        lower, nominal = lower_bounds(start, goal, course), np.minimum(start.f, goal.f)
+        margins = np.minimum.reduceat(lower, self.begins, axis=1)
+        clearances = np.minimum.reduceat(nominal, self.begins, axis=1)
         for n, counted in self.special:
             span = slice(self.begins[n], self.begins[n] + len(counted.forms))
-            which = counted.counts(lower[span])
-            scale = counted.scale(ends.start, ends.goal, ends.extent)
-            margins[n], clearances[n] = lower[span][which].min() / scale, nominal[span][which].min() / scale
+            for k, ends in enumerate(course.listed):
+                which = counted.counts(lower[k, span])
+                scale = counted.scale(ends.start, ends.goal, ends.extent)
+                margins[k, n], clearances[k, n] = (rows[k, span][which].min() / scale for rows in (lower, nominal))
         holding = np.where(clearances >= -grazing, margins, -np.inf)
-        found: list[Separation | None] = []
-        for first, last in pairwise((0, *self.ends)):
-            best = first + int(np.argmax(holding[first:last]))
-            holds = clearances[best] >= -grazing
-            kept = Separation(self.witnesses[best], float(margins[best]), float(clearances[best]))
-            found.append(kept if holds else None)
-        return found
+        best = np.take_along_axis(self.places[None], holding[:, self.places].argmax(axis=2)[..., None], axis=2)[..., 0]
+        each = np.arange(len(best))[:, None]
+        chosen = zip(best.tolist(), margins[each, best].tolist(), clearances[each, best].tolist(), strict=True)
+        return [
+            [
+                Separation(self.witnesses[n], margin, clearance) if clearance >= -grazing else None
+                for n, margin, clearance in zip(*row, strict=True)
+            ]
+            for row in chosen
+        ]

@@ -291,7 +291,7 @@ def _levenberg_marquardt(near: Neighbourhood, on: Bits, start: Poses, room: floa
 
 
 def _left(now: Array, then: Array, pauses: float) -> Array:
-    """What shortages (n,) come to after more pauses, each of which takes as large a share as the last; 0 without one."""
+    """What shortages (n,) come to after more pauses that take as large a share as the last; 0 before there was one."""
     return np.asarray(now * np.where(np.isfinite(then), now / then, 0.0) ** pauses)
 
 

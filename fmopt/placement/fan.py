@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fmopt.certificate.curvature import Lever
 from fmopt.certificate.pair import BEHIND, Pair, free_plane
 from fmopt.certificate.rows import crossed, lengths
-from fmopt.certificate.separation import Ends, Separation
+from fmopt.certificate.separation import Course, Separation
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.uncertainty.error_set import Support
 from fmopt.values import Array
@@ -62,35 +62,42 @@ class Fans:
         cuts = (0, *(int(n) for n in np.cumsum([len(faces) for faces in sides])))
         return Fans(tuple(pairs), arcs, cuts, normals, which.reshape(fan.shape[:2]), offsets, corners)
 
-    def best(self, moving: Polyhedron, ends: Ends) -> list[Separation]:
+    def best(self, moving: Polyhedron, course: Course) -> list[list[Separation]]:
         """For each pair the plane with the largest certified margin over a piece of motion, and its clearance.
 
         Args:
             moving: the moving piece.
-            ends: the piece of motion.
+            course: pieces of motion (n).
+
+        Returns:
+            for each piece of motion one for each pair.
         """
-        reached = _Reached.of(moving, ends)
-        all_margins = reached.lower(self.normals)[self.which] - self.offsets
-        kept = np.array([first + _roomiest(all_margins[first:last]) for first, last in pairwise(self.cuts)])
-        arcs, margins = self.arcs[kept], all_margins[kept]
+        reached, count = _Reached.of(moving, course), len(course.listed)
+        all_margins = reached.lower(self.normals)[:, self.which] - self.offsets
+        rooms = all_margins.max(axis=2)
+        kept = np.stack([first + _roomiest(rooms[:, first:last]) for first, last in pairwise(self.cuts)], axis=1)
+        arcs, margins = self.arcs[kept], all_margins[np.arange(count)[:, None, None], kept]
         low, high = np.zeros(kept.shape), np.ones(kept.shape)
         w, normals = _between(arcs, low, high)
         best, most = _largest(normals, margins)
         for _ in range(_PASSES - 1):
-            centre = np.take_along_axis(w, margins.argmax(axis=2)[..., None], axis=2)[..., 0]
+            centre = np.take_along_axis(w, margins.argmax(axis=-1)[..., None], axis=-1)[..., 0]
             step = (high - low) / (_SHARES - 1)
             low, high = np.maximum(centre - step, 0.0), np.minimum(centre + step, 1.0)
             w, normals = _between(arcs, low, high)
             offsets = _farthest(normals, self.corners[:, None])
-            margins = reached.lower(normals.reshape(-1, 3)).reshape(w.shape) - offsets
+            margins = reached.lower(normals.reshape(count, -1, 3)).reshape(w.shape) - offsets
             closer, margin = _largest(normals, margins)
-            best = np.where((margin > most)[:, None], closer, best)
+            best = np.where((margin > most)[..., None], closer, best)
             most = np.maximum(margin, most)
-        offsets = _farthest(best[:, None], self.corners)[:, 0]
+        offsets = _farthest(best[..., None, :], self.corners)[..., 0]
         clearances = reached.nominal(best) - offsets
         return [
-            Separation(free_plane(pair, normal), float(margin) - BEHIND, float(clearance) - BEHIND)
-            for pair, normal, margin, clearance in zip(self.pairs, best, most, clearances, strict=True)
+            [
+                Separation(free_plane(pair, normal), float(margin) - BEHIND, float(clearance) - BEHIND)
+                for pair, normal, margin, clearance in zip(self.pairs, *chosen, strict=True)
+            ]
+            for chosen in zip(best, most, clearances, strict=True)
         ]
 
 
@@ -107,20 +114,21 @@ def _farthest(normals: Array, corners: Array) -> Array:
 
 
 def _roomiest(margins: Array) -> NDArray[np.intp]:
-    """Which edges have the largest of their margins (k, shares)."""
-    return np.argsort(-margins.max(axis=1), kind="stable")[:_REFINED]
+    """Which edges have the largest margins (n, k)."""
+    return np.argsort(-margins, axis=1, kind="stable")[:, :_REFINED]
 
 
 def _largest(normals: Array, margins: Array) -> tuple[Array, Array]:
-    """The normal (m, 3) with the largest of margins (m, edges, shares), and that margin (m,)."""
-    pairs = np.arange(len(margins))
-    at = margins.reshape(len(margins), -1).argmax(axis=1)
-    return normals.reshape(len(margins), -1, 3)[pairs, at], margins.reshape(len(margins), -1)[pairs, at]
+    """The normal (n, m, 3) with the largest of margins (n, m, edges, shares), and that margin (n, m)."""
+    flat = margins.reshape(*margins.shape[:2], -1)
+    at = flat.argmax(axis=2)[..., None]
+    largest = np.take_along_axis(normals.reshape(*flat.shape, 3), at[..., None], axis=2)[:, :, 0]
+    return largest, np.take_along_axis(flat, at, axis=2)[..., 0]
 
 
 @dataclass(frozen=True, eq=False)
 class _Reached:
-    """How far a moving piece reaches against planes at both ends of a piece of motion.
+    """How far a moving piece reaches against planes at both ends of pieces of motion (n).
 
     A plane's row N = (n, Rv × n) has N·c = n·(c_t + c_r × Rv): the columns c of the errors' support are turned into
     displacements of the vertices once, and each plane costs a product.
@@ -128,8 +136,8 @@ class _Reached:
     Args:
         left: what remainders take at each vertex.
         support: how far errors reach at both ends.
-        vertices: at both ends (2, v, 3).
-        moved: how the support's columns displace them (2, 3, v·k).
+        vertices: at both ends (2, n, v, 3).
+        moved: how the support's columns displace them (2, n, 3, v·k).
     """
 
     left: Lever
@@ -138,21 +146,20 @@ class _Reached:
     moved: Array
 
     @staticmethod
-    def of(piece: Polyhedron, ends: Ends) -> _Reached:
-        poses, support = (ends.start, ends.goal), ends.both
-        arms = piece.vertices @ np.array([pose.R.T for pose in poses])
-        columns = np.swapaxes(support.columns, -1, -2)[:, None]
-        moved = columns[..., :3] + crossed(columns[..., 3:], arms[:, :, None])
-        vertices = arms + np.array([pose.p for pose in poses])[:, None]
-        left = Lever.of(ends.extent, arms)
-        return _Reached(left, support, vertices, np.swapaxes(moved.reshape(2, -1, 3), -1, -2))
+    def of(piece: Polyhedron, course: Course) -> _Reached:
+        arms = piece.vertices @ np.swapaxes(course.R, -1, -2)
+        columns = np.swapaxes(course.both.columns, -1, -2)[:, :, None]
+        moved = columns[..., :3] + crossed(columns[..., 3:], arms[..., None, :])
+        vertices = arms + course.p[..., None, :]
+        flat = moved.reshape(2, len(course.listed), -1, 3)
+        return _Reached(Lever.of(course.extent, arms), course.both, vertices, np.swapaxes(flat, -1, -2))
 
     def lower(self, normals: Array) -> Array:
-        """Certified lower bounds (n,) of n·v over all vertices v, for unit normals (n, 3), m."""
-        reach = self.support.seen((normals @ self.moved).reshape(2, len(normals), self.vertices.shape[1], -1))
+        """Certified lower bounds (n, m) of n·v over all vertices v, for unit normals (n, m, 3) or (m, 3), m."""
         heights = normals @ np.swapaxes(self.vertices, -1, -2)
-        return np.asarray(((heights - reach).min(axis=0) - self.left.beside(normals)).min(axis=1))
+        reach = self.support.seen((normals @ self.moved).reshape(*heights.shape, -1))
+        return np.asarray(((heights - reach).min(axis=0) - self.left.beside(normals)).min(axis=-1))
 
     def nominal(self, normals: Array) -> Array:
-        """The least n·v (n,) without errors."""
-        return np.asarray((normals @ np.swapaxes(self.vertices, -1, -2)).min(axis=(0, 2)))
+        """The least n·v (n, m) without errors."""
+        return np.asarray((normals @ np.swapaxes(self.vertices, -1, -2)).min(axis=(0, -1)))

@@ -209,7 +209,7 @@ def _unroll(
         errors = found.ends.goal_set
         basis = found.basis if piece.last else current
     # What errors ask of the pieces is known by now: only where all can be followed is the rest worth its while.
-    claims = [claimed(assembly, piece, found, tolerance, choose_separations, thorough) for piece, found in steps]
+    claims = claimed(assembly, steps, tolerance, choose_separations, thorough)
     return Reached(errors, basis, (*reached.claims, *claims))
 
 
