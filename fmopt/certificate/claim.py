@@ -13,13 +13,13 @@ from fmopt.certificate.functions import contact_forms, made_form, made_scale
 from fmopt.certificate.pair import Facing, facing
 from fmopt.certificate.rows import Rows
 from fmopt.certificate.segment import Advance, Piece, Tolerance, advance
-from fmopt.certificate.separation import Ends, Separation, lower_bounds
+from fmopt.certificate.separation import Course, Ends, Separation, lower_bounds
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import InfeasibleError
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array
 
-Chooser = Callable[[Assembly, Facing, Sequence[Ends]], Sequence[Sequence[Separation | None]]]
+Chooser = Callable[[Assembly, Facing, Course], Sequence[Sequence[Separation | None]]]
 """Finds separating planes for all pairs over pieces of motion, None where there is none."""
 
 Stepped = tuple[Piece, Advance]
@@ -101,61 +101,77 @@ def claimed(
     # Of pieces of motion one after the other under the same contacts the same is asked: at once.
     for listed, group in groupby(steps, lambda step: facing(assembly, step[0])):
         alike = list(group)
-        chosen = choose(assembly, listed, [step.ends for _, step in alike])
-        found += [
-            _claim(assembly, piece, step, tolerance, listed, planes, thorough)
-            for (piece, step), planes in zip(alike, chosen, strict=True)
-        ]
+        course = Course.of([step.ends for _, step in alike])
+        contacts = _contacts(assembly, alike, course) if thorough else [()] * len(alike)
+        for (piece, step), planes, own in zip(alike, choose(assembly, listed, course), contacts, strict=True):
+            early = None
+            if piece.made is not None and piece.progress[0] == 0.0:
+                early = _before(assembly, piece, step, tolerance.rho)
+            found.append(_claim(piece, step, _separated(listed, planes), own, early))
     return found
 
 
+def _separated(listed: Facing, planes: Sequence[Separation | None]) -> tuple[tuple[int, int, Separation], ...]:
+    """The planes chosen for all pairs, by the numbers of both pieces."""
+    found = []
+    for (i, j, _), plane in zip(listed.listed, planes, strict=True):
+        if plane is None:
+            raise InfeasibleError(f"moving piece {i} and fixed piece {j} are not apart on the nominal path")
+        found.append((i, j, plane))
+    return tuple(found)
+
+
 def _claim(
-    assembly: Assembly,
     piece: Piece,
     step: Advance,
-    tolerance: Tolerance,
-    listed: Facing,
-    chosen: Sequence[Separation | None],
-    thorough: bool,
+    separations: tuple[tuple[int, int, Separation], ...],
+    contacts: tuple[ContactClaim, ...],
+    early: float | None,
 ) -> Claim:
-    """The claim of one piece with the separating planes chosen for its pairs."""
-    separations = []
-    for (i, j, _), found in zip(listed.listed, chosen, strict=True):
-        if found is None:
-            raise InfeasibleError(f"moving piece {i} and fixed piece {j} are not apart on the nominal path")
-        separations.append((i, j, found))
-    contacts = _contacts(assembly, piece, step) if thorough else ()
     named = [(s.margin, f"pieces {i}/{j}") for i, j, s in separations]
     named += [(c.margin, c.contact.id) for c in contacts]
-    early = None
-    if piece.made is not None and piece.progress[0] == 0.0:
-        early = _before(assembly, piece, step, tolerance.rho)
+    if early is not None:
+        assert piece.made is not None
         named.append((early, f"{piece.made.id} too early"))
     margin, binding = min(named)
     clearance = min(s.clearance for _, _, s in separations)
-    return Claim(piece, step, tuple(separations), contacts, margin, clearance, binding, early)
+    return Claim(piece, step, separations, contacts, margin, clearance, binding, early)
 
 
-def _contacts(assembly: Assembly, piece: Piece, step: Advance) -> tuple[ContactClaim, ...]:
-    ends = step.ends
-    made = piece.making if piece.last else ()
-    contacts = (*piece.held, *made)
-    if not contacts:
-        return ()
-    margins: list[float] = []
-    if piece.held:
-        table = bounds(assembly, piece.held, piece.held)
-        margins += table.margins(lower_bounds(*table.forms.over(ends.start, ends.goal), ends))
-    if made:
-        table = bounds(assembly, made, piece.goal_contacts)
-        margins += table.margins(_at_goal(table.forms.at(ends.goal), ends))
-    together = piece.goal_contacts if piece.last else piece.held
-    start, goal = contact_forms(assembly, contacts, together).over(ends.start, ends.goal)
-    rest = remainders(start, goal, ends.extent)
-    return tuple(
-        ContactClaim(c, "held" if c in piece.held else "made", N, -float(f), float(r), margin)
-        for c, N, f, r, margin in zip(contacts, goal.N, goal.f, rest, margins, strict=True)
-    )
+def _contacts(assembly: Assembly, alike: Sequence[Stepped], course: Course) -> list[tuple[ContactClaim, ...]]:
+    """What is claimed of the contacts of pieces of motion that hold the same ones."""
+    held = alike[0][0].held
+    table = bounds(assembly, held, held)
+    inside = lower_bounds(*course.over(table.forms), course)
+    start, goal = course.over(contact_forms(assembly, held, held))
+    rest = remainders(start, goal, course.extent)
+    found = []
+    for n, (piece, step) in enumerate(alike):
+        margins, rows, left = table.margins(inside[n]), goal.end(n), rest[n]
+        if piece.last and piece.making:
+            margins += _made(assembly, piece, step.ends)
+            rows, left = _with_made(assembly, piece, step.ends)
+        contacts = (*held, *(piece.making if piece.last else ()))
+        found.append(
+            tuple(
+                ContactClaim(c, "held" if c in held else "made", N, -float(f), float(r), margin)
+                for c, N, f, r, margin in zip(contacts, rows.N, rows.f, left, margins, strict=True)
+            )
+        )
+    return found
+
+
+def _made(assembly: Assembly, piece: Piece, ends: Ends) -> list[float]:
+    """How far the contacts made at the end of a piece stay inside their facets, m."""
+    table = bounds(assembly, piece.making, piece.goal_contacts)
+    return table.margins(_at_goal(table.forms.at(ends.goal), ends))
+
+
+def _with_made(assembly: Assembly, piece: Piece, ends: Ends) -> tuple[Rows, Array]:
+    """Rows (k) at the goal of all contacts held there, and their remainders (k,), m."""
+    forms = contact_forms(assembly, (*piece.held, *piece.making), piece.goal_contacts)
+    start, goal = forms.over(ends.start, ends.goal)
+    return goal, remainders(start, goal, ends.extent)
 
 
 def _at_goal(rows: Rows, ends: Ends) -> Array:

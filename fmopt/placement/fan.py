@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -65,6 +66,9 @@ class Fans:
     def best(self, moving: Polyhedron, course: Course) -> list[list[Separation]]:
         """For each pair the plane with the largest certified margin over a piece of motion, and its clearance.
 
+        No margin exceeds its plane's nominal clearance: only planes with more of that than the best margin so far are
+        looked at with errors.
+
         Args:
             moving: the moving piece.
             course: pieces of motion (n).
@@ -72,11 +76,9 @@ class Fans:
         Returns:
             for each piece of motion one for each pair.
         """
-        reached, count = _Reached.of(moving, course), len(course.listed)
-        all_margins = reached.lower(self.normals)[:, self.which] - self.offsets
-        rooms = all_margins.max(axis=2)
-        kept = np.stack([first + _roomiest(rooms[:, first:last]) for first, last in pairwise(self.cuts)], axis=1)
-        arcs, margins = self.arcs[kept], all_margins[np.arange(count)[:, None, None], kept]
+        reached = _Reached.of(moving, course)
+        kept, margins = self._first(reached)
+        arcs = self.arcs[kept]
         low, high = np.zeros(kept.shape), np.ones(kept.shape)
         w, normals = _between(arcs, low, high)
         best, most = _largest(normals, margins)
@@ -85,8 +87,14 @@ class Fans:
             step = (high - low) / (_SHARES - 1)
             low, high = np.maximum(centre - step, 0.0), np.minimum(centre + step, 1.0)
             w, normals = _between(arcs, low, high)
-            offsets = _farthest(normals, self.corners[:, None])
-            margins = reached.lower(normals.reshape(count, -1, 3)).reshape(w.shape) - offsets
+            planes, offsets = normals.reshape(len(w), -1, 3), _farthest(normals, self.corners[:, None])
+            hopeful = reached.nominal(planes).reshape(w.shape) - offsets > most[..., None, None]
+            which = np.flatnonzero(hopeful.any(axis=0))
+            if not len(which):
+                break
+            margins = np.full((len(w), w[0].size), -np.inf)
+            margins[:, which] = reached.lower(planes[:, which]) - offsets.reshape(margins.shape)[:, which]
+            margins = margins.reshape(w.shape)
             closer, margin = _largest(normals, margins)
             best = np.where((margin > most)[..., None], closer, best)
             most = np.maximum(margin, most)
@@ -99,6 +107,30 @@ class Fans:
             ]
             for chosen in zip(best, most, clearances, strict=True)
         ]
+
+    def _first(self, reached: _Reached) -> tuple[NDArray[np.intp], Array]:
+        """The roomiest edges (n, m, e) of each pair, and the margins (n, m, e, shares) of their planes.
+
+        Of planes that cannot have the largest margin of their pair it is as if they had none.
+        """
+        nominal = reached.nominal(self.normals)[:, self.which] - self.offsets
+        flat = nominal.reshape(len(nominal), -1)
+        widest = np.stack([first + flat[:, first:last].argmax(axis=1) for first, last in self._spans], axis=1)
+        tried = self.normals[self.which.reshape(-1)[widest]]
+        bounds = reached.lower(tried) - self.offsets.reshape(-1)[widest]
+        hopeful = nominal >= np.repeat(bounds, np.diff(self.cuts), axis=1)[..., None]
+        which = np.unique(self.which[hopeful.any(axis=0)])
+        lower = np.full((len(nominal), len(self.normals)), -np.inf)
+        lower[:, which] = reached.lower(self.normals[which])
+        margins = lower[:, self.which] - self.offsets
+        rooms = margins.max(axis=2)
+        kept = np.stack([first + _roomiest(rooms[:, first:last]) for first, last in pairwise(self.cuts)], axis=1)
+        return kept, margins[np.arange(len(margins))[:, None, None], kept]
+
+    @cached_property
+    def _spans(self) -> tuple[tuple[int, int], ...]:
+        """Where the planes of each pair begin, and end."""
+        return tuple((_SHARES * first, _SHARES * last) for first, last in pairwise(self.cuts))
 
 
 def _between(arcs: Array, low: Array, high: Array) -> tuple[Array, Array]:

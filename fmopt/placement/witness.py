@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.pair import Facing, Pair, Witness
 from fmopt.certificate.rows import crossed, length, lengths
-from fmopt.certificate.separation import Candidates, Course, Ends, Separation
+from fmopt.certificate.separation import Candidates, Course, Separation
 from fmopt.contact.primitive import Kind
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.memory import remembered
@@ -18,13 +16,12 @@ _GRAZING = 2e-6
 _MEMORY = 2048
 
 
-def choose_separations(assembly: Assembly, facing: Facing, ends: Sequence[Ends]) -> list[list[Separation | None]]:
+def choose_separations(assembly: Assembly, facing: Facing, course: Course) -> list[list[Separation | None]]:
     """The best plane between each two pieces over pieces of motion, None where they are not apart nominally.
 
     Pieces in touch are kept apart by a plane that the contacts themselves lie in; others by any plane through an edge
     of the fixed piece, or by a face of the moving one.
     """
-    course = Course.of(ends)
     found = _tables(assembly, facing).best(course, _GRAZING)
     for moving, places in facing.apart:
         for row, planes in zip(found, _fans(facing, places).best(moving, course), strict=True):
