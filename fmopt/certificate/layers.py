@@ -6,10 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmopt import ellipsoid
 from fmopt.certificate.curvature import Curvature
 from fmopt.certificate.piece import Piece
-from fmopt.certificate.rows import length
 from fmopt.certificate.way import Way
 from fmopt.uncertainty.error_set import Support
 from fmopt.values import Array
@@ -61,13 +59,6 @@ def layers_of(piece: Piece, way: Way, start: Support) -> Layers:
     first, second = way.held
     ends = np.maximum(np.abs(first.f) + start(first.N), np.abs(second.f))
     if way.made is None or not piece.last:
-        held = Curvature.of(first, second, way.twist)
-        return Layers(held, len(ends), ends, (0.0, 0.0), way.goal_dual, np.zeros(len(ends)))
-    begin, end = way.made
-    C = np.vstack([way.directions, way.motion]).T
-    inverse = ellipsoid.coupling_inverse(np.vstack([second.N, end.N]), C)
-    left = end.N[0] @ way.projector
-    residue = length(left[:3]), length(left[3:])
-    both = Curvature.of(first.beside(begin), second.beside(end), way.twist)
-    rest = np.append(ends, np.abs(end.f))
-    return Layers(both, len(ends), rest, residue, C @ inverse, np.abs(inverse[-1]))
+        return Layers(way.held_curvature, len(ends), ends, (0.0, 0.0), way.goal_dual, np.zeros(len(ends)))
+    closing, rest = way.closing, np.append(ends, np.abs(way.made[1].f))
+    return Layers(closing.rows, len(ends), rest, closing.residue, closing.dual, np.abs(closing.progress))

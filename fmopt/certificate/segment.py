@@ -158,19 +158,18 @@ class _Step:
         What the errors are at the start is a good first guess, and too wide where the motion takes much of their growth
         away: then from below.
         """
-        half = self._fixed_point(
-            np.maximum(self.start.half_widths(self.core), self.start.half_widths(self._carried[0]))
-        )
-        tight = bool(np.all(half <= self._widths(half) * (1.0 + _TIGHT)))
-        return half if tight else self._fixed_point(np.maximum(*self._boxes))
+        first = np.maximum(self.start.half_widths(self.core), self.start.half_widths(self._carried[0]))
+        half, own = self._fixed_point(first)
+        tight = bool(np.all(half <= own * (1.0 + _TIGHT)))
+        return half if tight else self._fixed_point(np.maximum(*self._boxes))[0]
 
-    def _fixed_point(self, half: Array) -> Array:
-        """The first half-widths (6,) from these up that are their own."""
+    def _fixed_point(self, half: Array) -> tuple[Array, Array]:
+        """The first half-widths (6,) from these up that are their own, and those computed with them."""
         for _ in range(_ROUNDS):
             wider = self._widths(half)
             short = wider > half * (1.0 - _SETTLED)
             if not short.any():
-                return half
+                return half, wider
             # Close to the fixed point a little is added, that rounding does not matter.
             close = bool(np.all(wider <= half * (1.0 + 10.0 * _ABOVE)))
             half = np.where(short, np.maximum(half, wider) * (1.0 + _ABOVE if close else 1.0), half)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -13,12 +14,16 @@ from fmopt.certificate.functions import contact_forms, made_form
 from fmopt.certificate.knowledge import coming_off
 from fmopt.certificate.piece import Piece, Tolerance
 from fmopt.certificate.rows import Forms, Rows, length, points_above
+from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import InfeasibleError
+from fmopt.memory import remembered
+from fmopt.se3 import Pose
 from fmopt.values import Array
 
 LARGEST_TURN = 0.5  # rad; the bounds of the certificate hold for pieces that turn no farther
 _STANDSTILL = 1e-12  # m
 _RECEDING = 1e-9  # m
+_MEMORY = 512
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +65,42 @@ class Way:
         """Translation (3,) from S to G, m."""
         return self.twist[:3]
 
+    @cached_property
+    def held_curvature(self) -> Curvature:
+        """Of the held rows."""
+        return Curvature.of(*self.held, self.twist)
+
+    @cached_property
+    def closing(self) -> Closing:
+        """What holds where the contact being made is."""
+        assert self.made is not None
+        (first, second), (begin, end) = self.held, self.made
+        C = np.vstack([self.directions, self.motion]).T
+        inverse = ellipsoid.coupling_inverse(np.vstack([second.N, end.N]), C)
+        left = end.N[0] @ self.projector
+        own = Curvature.of(begin, end, self.twist)
+        both = Curvature.of(first.beside(begin), second.beside(end), self.twist)
+        return Closing(own, both, C @ inverse, inverse[-1], (length(left[:3]), length(left[3:])))
+
+
+@dataclass(frozen=True, eq=False)
+class Closing:
+    """What holds at the contact being made, beside the h that are held.
+
+    Args:
+        made: curvature of its row.
+        rows: curvature of all h + 1 rows.
+        dual: T^G (6, h + 1), dual to these at the goal.
+        progress: how much farther the execution goes for each row's value (h + 1,), as a share of the piece, 1/m.
+        residue: what rounding leaves of its row under the projection, per m and per rad.
+    """
+
+    made: Curvature
+    rows: Curvature
+    dual: Array
+    progress: Array
+    residue: tuple[float, float]
+
 
 def way_of(assembly: Assembly, piece: Piece, tolerance: Tolerance) -> Way:
     """The linear picture of a piece.
@@ -68,23 +109,42 @@ def way_of(assembly: Assembly, piece: Piece, tolerance: Tolerance) -> Way:
         InfeasibleError: the piece turns too far or goes nowhere, contacts do not determine their compliant
             directions, or the motion does not lead to the contact that it is to make.
     """
-    V = piece.start.local(piece.goal)
-    turn, far = length(V[3:]), length(V * ellipsoid.metric(tolerance.rho))
+    contacts = tuple(c.contact for c in piece.basis)
+    twists = np.array([c.direction for c in piece.basis]).tobytes()
+    ends = piece.start, piece.goal
+    return _way(assembly, *ends, piece.held, contacts, twists, piece.made, piece.share, tolerance.rho)
+
+
+@remembered(_MEMORY)
+def _way(
+    assembly: Assembly,
+    start: Pose,
+    goal: Pose,
+    held_all: tuple[PrimitiveContact, ...],
+    contacts: tuple[PrimitiveContact, ...],
+    twists: bytes,
+    contact: PrimitiveContact | None,
+    share: float,
+    rho: float,
+) -> Way:
+    """See `way_of`: no error enters it, so that a motion certified under other errors has the same."""
+    V = start.local(goal)
+    turn, far = length(V[3:]), length(V * ellipsoid.metric(rho))
     if turn > LARGEST_TURN or far <= _STANDSTILL:
         raise InfeasibleError(f"a piece of motion turns by {turn:.3g} rad, goes {far:.3g} m", advice="split the move")
-    C = np.array([c.direction for c in piece.basis]).reshape(-1, 6)
-    held = contact_forms(assembly, tuple(c.contact for c in piece.basis), piece.held).over(piece.start, piece.goal)
+    C = np.frombuffer(twists).reshape(-1, 6)
+    held = contact_forms(assembly, contacts, held_all).over(start, goal)
     duals = [C.T @ ellipsoid.coupling_inverse(rows.N, C.T) if len(C) else C.T for rows in held]
     hold = np.eye(6) - duals[1] @ held[1].N
     v = hold @ V
-    if piece.made is None:
+    if contact is None:
         return Way(V, turn, far, C, held, None, duals[0], duals[1], hold, v, 0.0, np.zeros(6), hold)
-    made = made_form(assembly, piece.made, piece.held).over(piece.start, piece.goal)
+    made = made_form(assembly, contact, held_all).over(start, goal)
     N = made[1].N[0]
     rate, seen = -float(N @ v), N @ hold
     if rate <= _RECEDING:
-        raise InfeasibleError(f"the move does not lead to contact {piece.made.id}")
-    projector = hold + np.outer(piece.share / rate * v, seen)
+        raise InfeasibleError(f"the move does not lead to contact {contact.id}")
+    projector = hold + np.outer(share / rate * v, seen)
     return Way(V, turn, far, C, held, made, duals[0], duals[1], hold, v, rate, seen, projector)
 
 
@@ -102,7 +162,7 @@ def approach(tolerance: Tolerance, way: Way, extent: Extent) -> float:
     if way.made is None:
         return float(np.inf)
     first, second = (float(rows.N[0] @ way.motion) for rows in way.made)
-    return min(-first, -second) - _change(tolerance, way, extent, way.made)
+    return min(-first, -second) - _change(tolerance, way, extent, way.made[1], way.closing.made)
 
 
 def departure(assembly: Assembly, piece: Piece, tolerance: Tolerance, way: Way, extent: Extent) -> float:
@@ -131,17 +191,15 @@ def _opening(tolerance: Tolerance, way: Way, extent: Extent, form: Forms, piece:
     """Lower bound of how much a row (1) grows along a piece, m."""
     rows = form.over(piece.start, piece.goal)
     first, second = (float(end.N[0] @ way.motion) for end in rows)
-    return min(first, second) - _change(tolerance, way, extent, rows)
+    return min(first, second) - _change(tolerance, way, extent, rows[1], Curvature.of(*rows, way.twist))
 
 
-def _change(tolerance: Tolerance, way: Way, extent: Extent, rows: tuple[Rows, Rows]) -> float:
+def _change(tolerance: Tolerance, way: Way, extent: Extent, row: Rows, curvature: Curvature) -> float:
     """By how much a row (1) may grow more or less along a piece than at the nominal poses of its ends, m.
 
     The row turns along the piece; the velocity error adds to the motion; and the held rows turn as well, so that the
     motion inside them changes (their share counted twice, which covers the second order).
     """
-    N = rows[1].N[0]
-    turned, held = (
-        Curvature.of(start, goal, way.twist).variation(extent.half, way.motion) for start, goal in (rows, way.held)
-    )
+    N = row.N[0]
+    turned, held = (bends.variation(extent.half, way.motion) for bends in (curvature, way.held_curvature))
     return float(turned[0]) + cone(tolerance, way, N @ way.hold) + 2.0 * float(np.abs(N @ way.goal_dual) @ held)
