@@ -197,9 +197,11 @@ class Curvature:
 
     @cached_property
     def _parts(self) -> tuple[Turned, Swung, Array]:
-        """The rows' planes and points, and what the nominal turn leaves of both (k,), m."""
-        push, turn = self.forms.push, self.twist[..., 3:]
-        points = Swung.of(turn, self.turned)
+        """Planes and points of the rows (m) without b, and what the nominal turn leaves of both (m,), m."""
+        push, turned, turn = self.forms.push, self.turned, self.twist[..., 3:]
+        if self.bends is not None:
+            push, turned = push[~self.forms.bilinear], turned[..., ~self.forms.bilinear, :]
+        points = Swung.of(turn, turned)
         return Turned.of(push), points, lengths(crossed(turn, push)) * points.arc
 
     def bound(self, half: Array) -> Array:
@@ -208,11 +210,18 @@ class Curvature:
         Args:
             half: half-widths (6,) of a box around the errors.
         """
+        if self.bends is None:
+            return self._turning(half)
+        left, which = np.empty(self.turned.shape[1:-1]), self.forms.bilinear
+        left[..., which] = self.bends.bound(half)
+        if not which.all():
+            left[..., ~which] = self._turning(half)
+        return left
+
+    def _turning(self, half: Array) -> Array:
+        """The bounds (m,) of the rows without b."""
         planes, points, arc = self._parts
-        left = planes.by(half[..., 3:]) * points.left(half[..., 3:]) + arc
-        if self.bends is not None:
-            left[..., self.forms.bilinear] = self.bends.bound(half)
-        return np.asarray(left)
+        return np.asarray(planes.by(half[..., 3:]) * points.left(half[..., 3:]) + arc)
 
     def power(self) -> Array:
         """How N·V, V the twist, changes with the error at the start, to first order: rows (k, 6)."""

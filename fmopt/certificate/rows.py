@@ -72,8 +72,8 @@ class Rows:
 
     def kept(self, which: Mask) -> Rows:
         """The rows of a mask (k,)."""
-        bent = self.bent[:, which[self.forms.bilinear]]
-        return Rows(self.f[which], self.N[which], Forms(self.forms.table[which]), self.turned[which], bent)
+        bent, forms = self.bent[..., which[self.forms.bilinear], :], Forms(self.forms.table[which])
+        return Rows(self.f[..., which], self.N[..., which, :], forms, self.turned[..., which, :], bent)
 
     def beside(self, other: Rows) -> Rows:
         """These rows and others at the same pose."""

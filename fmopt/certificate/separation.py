@@ -17,7 +17,7 @@ from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.counted import Counted, counted_rows
 from fmopt.certificate.curvature import Extent, remainders
 from fmopt.certificate.pair import Pair, Witness, pairs, touching
-from fmopt.certificate.rows import Forms, Rows, stacked
+from fmopt.certificate.rows import Forms, Mask, Rows, stacked
 from fmopt.se3 import Pose
 from fmopt.uncertainty.error_set import ErrorSet, Support
 from fmopt.values import Array
@@ -182,6 +182,8 @@ class Candidates:
     def best(self, course: Course, grazing: float) -> list[list[Separation | None]]:
         """For each pair the separation with the largest margin among witnesses whose planes hold nominally.
 
+        Only of these rows are there bounds with errors; what counts of witnesses along edges is known from bounds only.
+
         Args:
             course: pieces of motion (n).
             grazing: how far nominal distances may be below zero, m.
@@ -190,15 +192,20 @@ class Candidates:
             for each piece of motion one for each pair, None where no witness holds.
         """
         start, goal = course.over(self.forms)
-        lower, nominal = lower_bounds(start, goal, course), np.minimum(start.f, goal.f)
-        margins = np.minimum.reduceat(lower, self.begins, axis=1)
+        nominal = np.minimum(start.f, goal.f)
         clearances = np.minimum.reduceat(nominal, self.begins, axis=1)
+        asked: Mask = np.any(clearances >= -grazing, axis=0)
+        asked[[n for n, _ in self.special]] = True
+        rows = np.repeat(asked, np.diff(self.begins, append=len(self.forms)))
+        lower = np.full(nominal.shape, -np.inf)
+        lower[:, rows] = lower_bounds(start.kept(rows), goal.kept(rows), course)
+        margins = np.minimum.reduceat(lower, self.begins, axis=1)
         for n, counted in self.special:
             span = slice(self.begins[n], self.begins[n] + len(counted.forms))
             for k, ends in enumerate(course.listed):
                 which = counted.counts(lower[k, span])
                 scale = counted.scale(ends.start, ends.goal, ends.extent)
-                margins[k, n], clearances[k, n] = (rows[k, span][which].min() / scale for rows in (lower, nominal))
+                margins[k, n], clearances[k, n] = (of[k, span][which].min() / scale for of in (lower, nominal))
         holding = np.where(clearances >= -grazing, margins, -np.inf)
         best = np.take_along_axis(self.places[None], holding[:, self.places].argmax(axis=2)[..., None], axis=2)[..., 0]
         each = np.arange(len(best))[:, None]
