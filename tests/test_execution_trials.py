@@ -180,6 +180,12 @@ def test_summaries_tell_inside_from_beyond_and_group_failures_by_what_went_wrong
     assert "2 failed, first: move 2: b open; such as trial 2" in text
 
 
+def test_no_trials_are_refused(square_peg_plan_file: Path) -> None:
+    done = CliRunner().invoke(app, ["execute", str(square_peg_plan_file), "--trials", "0"])
+    assert done.exit_code == 2
+    assert "no trials" in done.stderr
+
+
 def test_the_command_tells_and_keeps_the_summary(square_peg_plan_file: Path, written: Path, tmp_path: Path) -> None:
     (tmp_path / "trials.jsonl").write_text(written.read_text())
     arguments = ["execute", str(square_peg_plan_file), "--trials", "4", "--seed", "1", "--out", str(tmp_path)]

@@ -97,8 +97,10 @@ def test_a_bias_that_presses_nothing_held_is_refused(square_peg_plan: dict[str, 
     with pytest.raises(PlanFormatError, match=rf"segment {held}: [0-9.]+ N of its bias press where"):
         moves(plan)
     del plan["segments"][0]["hybrid"]["velocity"]
-    with pytest.raises(PlanFormatError, match="cannot be run: KeyError: 'velocity'"):
+    with pytest.raises(PlanFormatError, match="segment 0 of the plan cannot be run: 'velocity' is missing"):
         moves(plan)
+    with pytest.raises(PlanFormatError, match="no segments"):
+        moves({**plan, "segments": []})
 
 
 # Task frames
@@ -381,6 +383,31 @@ def test_rates_that_are_none_are_refused(square_peg_plan: dict[str, Any], rate: 
         samples(square_peg_plan, rate)
     with pytest.raises(PlanFormatError, match="positive --rate"):
         ros2.export(square_peg_plan, BASE, rate, tmp_path)
+
+
+def test_more_samples_than_a_file_should_hold_are_refused(square_peg_plan: dict[str, Any], tmp_path: Path) -> None:
+    with pytest.raises(PlanFormatError, match=r"more than 1e\+06") as caught:
+        samples(square_peg_plan, 1e15)
+    assert "give a --rate of at most" in caught.value.advice
+    with pytest.raises(PlanFormatError, match=r"more than 1e\+06"):
+        ros2.export(square_peg_plan, BASE, 1e15, tmp_path)
+
+
+def test_a_plan_is_not_written_over(square_peg_plan_file: Path, tmp_path: Path) -> None:
+    own = tmp_path / "plan.json"
+    own.write_bytes(square_peg_plan_file.read_bytes())
+    for out in (own, tmp_path / "." / "plan.json"):
+        done = CliRunner().invoke(app, ["export", str(own), "--to", "csv", "--out", str(out)])
+        assert done.exit_code == 2
+        assert "the plan itself" in done.stderr
+    assert own.read_bytes() == square_peg_plan_file.read_bytes()
+
+
+def test_a_table_says_that_it_needs_no_base(square_peg_plan_file: Path, tmp_path: Path) -> None:
+    line = ["export", str(square_peg_plan_file), "--to", "csv", "--out", str(tmp_path / "a.csv"), "--base"]
+    done = CliRunner().invoke(app, [*line, *"100000"])
+    assert done.exit_code == 0
+    assert "--base is not used" in done.stderr
 
 
 def test_other_tables_are_refused() -> None:

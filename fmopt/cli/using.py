@@ -137,6 +137,8 @@ def execute(
         raise typer.BadParameter(f"{method!r} is none of {', '.join(METHODS)}", param_hint="--method")
     if engine not in ENGINES:
         raise typer.BadParameter(f"{engine!r} is none of {', '.join(ENGINES)}", param_hint="--engine")
+    if trials + beyond == 0:
+        raise typer.BadParameter("no trials, neither inside nor --beyond the set", param_hint="--trials")
     drawn = Trials(trials, beyond, seed=seed, time_step=time_step, friction=friction, engine=engine)
     wanted = replace(drawn, method=method, growth=growth, offset=offset, recovery=recovery, covered=covered)
     folder = out if out is not None else file.parent / "trials"

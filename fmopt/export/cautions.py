@@ -1,4 +1,4 @@
-"""What to know before a robot runs a plan: whether its base can be meant, which way is in, how fast the part turns."""
+"""What to know before a robot runs a plan: whether base and rate can be meant, which way is in, how fast it turns."""
 
 from __future__ import annotations
 
@@ -8,11 +8,28 @@ from typing import Any
 
 import numpy as np
 
+from fmopt.errors import PlanFormatError
 from fmopt.se3 import Pose
 from fmopt.values import Array
 
 _FARTHEST = 10.0  # m; no robot that inserts parts reaches as far
+_MOST = 1e6  # samples in one file
 _UPRIGHT = math.cos(math.radians(30.0))
+
+
+def check_rate(rate: float, seconds: float) -> None:
+    """Refuses a rate, in Hz, that is not positive or gives more samples of a motion than a file should hold.
+
+    Raises:
+        PlanFormatError: it is such a rate.
+    """
+    if not 0.0 < rate < math.inf:
+        raise PlanFormatError(f"{rate:g} samples a second are none", "give a positive --rate, in Hz")
+    if rate * seconds > _MOST:
+        raise PlanFormatError(
+            f"{rate:g} samples a second of a motion of {seconds:.3g} s are {rate * seconds:.3g}, more than {_MOST:.0e}",
+            f"give a --rate of at most {_MOST / seconds:.3g} Hz",
+        )
 
 
 def base_pose(base: Sequence[float]) -> Pose:

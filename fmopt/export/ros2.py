@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fmopt import plan
-from fmopt.errors import PlanFormatError, ResourceError
-from fmopt.export.cautions import insertion_words, turning_words, verdict_words
+from fmopt.errors import ResourceError
+from fmopt.export.cautions import check_rate, insertion_words, turning_words, verdict_words
 from fmopt.export.frame import TaskFrame, task_frame
 from fmopt.guarded.moves import Move, moves
 from fmopt.se3 import Pose
@@ -54,13 +54,12 @@ def export(document: Mapping[str, Any], base: Pose, rate: float, folder: Path) -
         folder: must not hold a bag yet.
 
     Raises:
-        PlanFormatError: a segment cannot be run, its force axes fit no frame, or the rate is not positive.
+        PlanFormatError: a segment cannot be run, its force axes fit no frame, or the rate is no rate for it.
         ResourceError: the extra is missing, the bag exists, or a file cannot be written.
     """
-    if not 0.0 < rate < np.inf:
-        raise PlanFormatError(f"{rate:g} samples a second make no bag", "give a positive --rate, in Hz")
-    rho = float(document["uncertainty"]["rho"])
     rows = moves(document)
+    check_rate(rate, sum(move.duration for move in rows))
+    rho = float(document["uncertainty"]["rho"])
     frames = [task_frame(move, rho) for move in rows]
     plan.prepare(folder)
     bag, controllers, segments = folder / "bag", folder / "controllers.yaml", folder / "segments.yaml"

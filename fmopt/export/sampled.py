@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from fmopt.errors import PlanFormatError
+from fmopt.export.cautions import check_rate
 from fmopt.values import Array, Value, frozen
 
 FORMAT = "fmopt.samples/1"
@@ -53,16 +54,15 @@ def samples(document: Mapping[str, Any], rate: float) -> Samples:
         rate: Hz.
 
     Raises:
-        PlanFormatError: the plan holds no such trajectory, or the rate is not positive.
+        PlanFormatError: the plan holds no such trajectory, or the rate is no rate for it.
     """
-    if not 0.0 < rate < np.inf:
-        raise PlanFormatError(f"{rate:g} samples a second make no table", "give a positive --rate, in Hz")
     try:
         rows = document["position_force"]
         first, last = float(rows[0]["t0"]), float(rows[-1]["t1"])
         starts = np.array([row["t0"] for row in rows])
     except (KeyError, IndexError, TypeError) as error:
         raise PlanFormatError("the plan holds no position/force trajectory", "solve the problem again") from error
+    check_rate(rate, last - first)
     count = int(np.floor((last - first) * rate * (1.0 - 1e-12))) + 1
     t = np.append(first + np.arange(count) / rate, last)
     inside = np.clip(np.searchsorted(starts, t, side="right") - 1, 0, len(rows) - 1)

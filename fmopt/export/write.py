@@ -33,16 +33,19 @@ def export(file: Path, to: str, out: Path | None, base: tuple[float, ...] | None
         rate: samples a second.
 
     Raises:
-        ValueError: the format is unknown, or it is for robots and the base is missing or in other units.
+        ValueError: the format is unknown, or it is for robots and the base is missing or in other units, or `out` is
+            the plan.
         FmoptError: the plan cannot be read, exported or written.
     """
     if to not in FORMATS:
         raise ValueError(f"{to!r} is no format; choose from {', '.join(FORMATS)}")
     target = out if out is not None else file.parent / _NAMES[to]
+    if target.resolve() == file.resolve():
+        raise ValueError(f"--out is {file}, the plan itself, which would be lost")
     document = plan.read(file)
     paths = exported(document, to, target, base, rate)
     if base is None or to in _TABLES:
-        return Written(paths, ())
+        return Written(paths, () if base is None else (f"{to} is in the hole's frame: --base is not used",))
     return Written(paths, (*verdict_words(document), insertion_words(base_pose(base)), _turning(document, to)))
 
 

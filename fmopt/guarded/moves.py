@@ -24,6 +24,7 @@ from fmopt.values import Array, Value, frozen
 
 NOISE = (0.05, 0.001)  # N and N·m, standard deviations of the filtered force signal that stops are made for
 _ALIKE = 0.999  # cosine between normals of contacts that hold the same
+_ADVICE = "give a plan.json that fmopt solve wrote"
 _HELD = 1e-6  # N, by which a bias may leave the space of its force axes
 
 
@@ -127,17 +128,21 @@ def moves(document: Mapping[str, Any]) -> tuple[Move, ...]:
     Raises:
         PlanFormatError: a key is missing or of another kind, or a bias presses where nothing is held.
     """
+    found: list[Move] = []
+    place = "the plan"
     try:
-        rho = float(document["uncertainty"]["rho"])
-        rows = document["segments"]
-        numbers = [int(row["move"]) for row in rows] + [-1]
+        rho, rows = float(document["uncertainty"]["rho"]), list(document["segments"])
         known, budget = contacts(document), _budget(document)
-        return tuple(_move(i, row, numbers[i] != numbers[i + 1], rho, known, budget) for i, row in enumerate(rows))
+        for i, row in enumerate(rows):
+            place = f"segment {i} of the plan"
+            last = i + 1 == len(rows) or int(row["move"]) != int(rows[i + 1]["move"])
+            found.append(_move(i, row, last, rho, known, budget))
     except (KeyError, IndexError, TypeError, ValueError) as error:
-        raise PlanFormatError(
-            f"the plan's segments cannot be run: {type(error).__name__}: {error}",
-            "give a plan.json that fmopt solve wrote",
-        ) from error
+        words = f"{error} is missing" if isinstance(error, KeyError) else str(error)
+        raise PlanFormatError(f"{place} cannot be run: {words}", _ADVICE) from error
+    if not found:
+        raise PlanFormatError("the plan has no segments to run", _ADVICE)
+    return tuple(found)
 
 
 class Budget(NamedTuple):
