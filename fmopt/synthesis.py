@@ -86,33 +86,62 @@ def synthesise(problem: Problem, progress: Progress = lambda _: None) -> Synthes
         InfeasibleError: no bias force holds the contacts.
     """
     if not problem.settings.reduce_errors:
-        return _synthesise(problem, progress)
+        return _completed(_sketched(problem, progress), progress)
     settings = problem.settings
     half = replace(problem, settings=replace(settings, time_limit=0.5 * settings.time_limit))
     try:
-        whole = _synthesise(half, progress)
-        if whole.proved:
-            return whole
-        short = whole.verdict.findings[0].message
+        whole = _sketched(half, progress)
+        verdict = proved(half, whole.done)[1]
+        if str(verdict.verdict) == "CERTIFIED":
+            return _completed(whole, progress)
+        short = verdict.findings[0].message
     except (SearchError, InfeasibleError) as error:
         whole, short = None, error.message
     found = largest_share(lambda share: _for_share(problem, share, progress))
     if found is not None:
-        return _reduced(problem, *found, short)
+        share, part = found
+        return _reduced(problem, share, _completed(part, progress), short)
     if whole is None:
         raise SearchError(f"no motion was found for any share of the start errors; for all of them: {short}")
-    return whole
+    return _completed(whole, progress)
 
 
-def _for_share(problem: Problem, share: float, progress: Progress) -> Synthesis | None:
-    """A proved synthesis for a share of the start errors; None when there is none."""
+@dataclass(frozen=True, eq=False)
+class _Sketch:
+    """A problem with its motion, of which nothing else has been worked out, and the time that took."""
+
+    problem: Problem
+    done: Moved
+    clock: _Clock
+
+
+def _sketched(problem: Problem, progress: Progress) -> _Sketch:
+    """A problem's motion; errors as of `synthesise`."""
+    clock = _Clock()
+    return _Sketch(problem, moved(problem, clock.lap, progress), clock)
+
+
+def _completed(sketch: _Sketch, progress: Progress) -> Synthesis:
+    """The synthesis that a motion is part of."""
+    problem, done, clock = sketch.problem, sketch.done, sketch.clock
+    progress("how much error the motion tolerates")
+    x, y = (0.5 * play for play in done.clearance.play)
+    measured = tolerated(done.under(problem, FINE), (x, y))
+    clock.lap("tolerances")
+    document, verdict = planned(problem, done, clock.lap, progress, measured)
+    return Synthesis(document, verdict, clock.laps)
+
+
+def _for_share(problem: Problem, share: float, progress: Progress) -> _Sketch | None:
+    """The motion for a share of the start errors, if it is proved; None when there is none."""
     settings = replace(problem.settings, time_limit=0.5 * problem.settings.time_limit / ATTEMPTS)
     part = replace(problem, start_box=share * problem.start_box, settings=settings)
     try:
-        found = _synthesise(part, lambda words: progress(f"{share:.0%} of the errors: {words}"))
+        found = _sketched(part, lambda words: progress(f"{share:.0%} of the errors: {words}"))
+        verdict = proved(part, found.done)[1]
     except (SearchError, InfeasibleError):
         return None
-    return found if found.proved else None
+    return found if str(verdict.verdict) == "CERTIFIED" else None
 
 
 def _reduced(problem: Problem, share: float, found: Synthesis, short: str) -> Synthesis:
@@ -128,18 +157,6 @@ def _reduced(problem: Problem, share: float, found: Synthesis, short: str) -> Sy
         },
     }
     return Synthesis(plan.sealed(document), verdict, found.seconds)
-
-
-def _synthesise(problem: Problem, progress: Progress) -> Synthesis:
-    """Solves a problem: every stage in turn, each a pure function of what came before."""
-    clock = _Clock()
-    done = moved(problem, clock.lap, progress)
-    progress("how much error the motion tolerates")
-    x, y = (0.5 * play for play in done.clearance.play)
-    measured = tolerated(done.under(problem, FINE), (x, y))
-    clock.lap("tolerances")
-    document, verdict = planned(problem, done, clock.lap, progress, measured)
-    return Synthesis(document, verdict, clock.laps)
 
 
 def moved(problem: Problem, lap: Callable[[str], None], progress: Progress = lambda _: None) -> Moved:

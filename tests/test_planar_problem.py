@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -182,16 +183,26 @@ def test_shares_below_a_step_are_told_apart_more_finely(percent: int) -> None:
 
 
 def test_a_plan_for_a_share_proves_nothing_for_all(slot: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
-    def pretended(problem: Problem, progress: synthesis.Progress) -> synthesis.Synthesis:
+    certified = Verdict("CERTIFIED", (), None, 0, None, ())
+
+    def sketched(problem: Problem, progress: synthesis.Progress) -> Any:
         share = float(problem.start_box[0] / slot.start_box[0])
         if share > 0.6 + 1e-9:
             raise SearchError(f"nothing for {share:.2f}")
-        document = {"verdict": "CERTIFIED", "diagnostics": {"graphs": []}}
-        return synthesis.Synthesis(document, Verdict("CERTIFIED", (), None, 0, None, ()), {})
+        return SimpleNamespace(done=None)
 
-    monkeypatch.setattr(synthesis, "_synthesise", pretended)
+    completed = []
+
+    def complete(sketch: Any, progress: synthesis.Progress) -> synthesis.Synthesis:
+        completed.append(sketch)
+        return synthesis.Synthesis({"verdict": "CERTIFIED", "diagnostics": {"graphs": []}}, certified, {})
+
+    monkeypatch.setattr(synthesis, "_sketched", sketched)
+    monkeypatch.setattr(synthesis, "proved", lambda problem, done: ({}, certified))
+    monkeypatch.setattr(synthesis, "_completed", complete)
     slot = replace(slot, settings=replace(slot.settings, reduce_errors=True))
     found = synthesis.synthesise(slot)
+    assert len(completed) == 1  # of the shares that were tried only the one that is given is worked out
     assert found.document["verdict"] == str(found.verdict.verdict) == str(NOT_PROVED)
     assert found.document["diagnostics"]["reduced"]["share"] == 0.6
     assert "60% of the start errors that the problem states; for all of them: nothing for 1.00" in str(
