@@ -27,6 +27,7 @@ from fmopt.values import Array
 _STEP = 1e-3  # m; off the plane in which a face ends: there the part has just entered, or is about to leave
 _WIDE = 10.0  # how much farther than its contacts are looked for a space at a critical pose reaches
 _CONTACTS = 40  # near a pose; states of more are not enumerated: their number grows like a power of that of contacts
+_STATES = 1000  # in one space, which are confirmed one by one; of more only free space is told
 _MANY = 300  # states that are written into a plan for one space; of more, those near the motion
 
 
@@ -52,7 +53,7 @@ class Scale:
 class Space:
     """A local contact space: its name, the pose (6,) that it belongs to, its states, and what was found of each.
 
-    Where there are too many contacts, or they lie awkwardly, states are not `enumerated`: free space is the only one.
+    Where there are too many contacts or states, or they lie awkwardly, states are not `enumerated`: only free space is.
     """
 
     name: str
@@ -136,7 +137,7 @@ def contact_spaces(assembly: Assembly, critical: Sequence[CriticalPose], scale: 
 def space_at(
     assembly: Assembly, name: str, pose: Pose, aside: Sequence[Pose], scale: Scale, wide: float = 1.0
 ) -> Space:
-    """Enumerates and confirms the contact states around a pose; of very many contacts only that space is free.
+    """Enumerates and confirms the contact states around a pose; of very many contacts or states, only free space.
 
     Where a contact could begin or end at the very pose, there is no telling which contacts count: then the space is
     that of the first pose aside of which this is not so.
@@ -163,13 +164,14 @@ def space_at(
 
 
 def _enumerated(space: LocalSpace) -> Faces | None:
-    """All faces of a space; None where there are too many contacts, or Qhull cannot tell nearly equal ones apart."""
+    """All faces of a space; None where there are too many of them or of contacts, or Qhull cannot tell them apart."""
     if len(space.contacts) > _CONTACTS:
         return None
     try:
-        return faces(space)
+        found = faces(space)
     except SolverError:
         return None
+    return found if len(found.points) <= _STATES else None
 
 
 def _free_alone(contacts: int) -> Faces:

@@ -125,6 +125,7 @@ def visited(assembly: Assembly, claims: Sequence[Claim], nominal: Sequence[Space
             before = visits[i - 1]
             at = _holding(spaces, visit.contacts, before.contacts, piece.start, scale)
             visits[i] = replace(visit, change="unexplained") if at is None else _held(visit, at, spaces)
+    added: dict[Piece, int] = {}
     for i, visit in enumerate(visits):
         last = i == len(visits) - 1
         piece = claims[-1 if last else max(visit.claim, 0)].piece
@@ -133,8 +134,10 @@ def visited(assembly: Assembly, claims: Sequence[Claim], nominal: Sequence[Space
                 visits[i] = _held(visits[i], at, spaces)
         if not visits[i].spaces:
             # Neither made nor left by making a contact: between two rims.
-            spaces.append(space_at(assembly, f"segment {visit.claim}", *_arrival(piece), scale))
-            visits[i] = _held(visit, len(spaces) - 1, spaces)
+            if piece not in added:
+                added[piece] = len(spaces)
+                spaces.append(space_at(assembly, f"segment {visit.claim}", *_arrival(piece), scale))
+            visits[i] = _held(visit, added[piece], spaces)
     return Visited(tuple(spaces), tuple(visits))
 
 
