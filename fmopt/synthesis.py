@@ -48,7 +48,7 @@ from fmopt.task.clearance import measured_clearance
 from fmopt.task.command import task_command
 from fmopt.task.problem import Problem
 from fmopt.uncertainty.error_set import ErrorSet
-from fmopt.verify import Verdict, verify
+from fmopt.verify import CERTIFIED, Verdict, verify
 
 Progress = Callable[[str], None]
 FINE = math.radians(1.0)
@@ -68,7 +68,7 @@ class Synthesis:
     @property
     def proved(self) -> bool:
         """Whether the plan is certified."""
-        return str(self.verdict.verdict) == "CERTIFIED"
+        return _certified(self.verdict)
 
 
 def synthesise(problem: Problem, progress: Progress = lambda _: None) -> Synthesis:
@@ -92,7 +92,7 @@ def synthesise(problem: Problem, progress: Progress = lambda _: None) -> Synthes
     try:
         whole = _sketched(half, progress)
         verdict = proved(half, whole.done)[1]
-        if str(verdict.verdict) == "CERTIFIED":
+        if _certified(verdict):
             return _completed(whole, progress)
         short = verdict.findings[0].message
     except (SearchError, InfeasibleError) as error:
@@ -141,7 +141,11 @@ def _for_share(problem: Problem, share: float, progress: Progress) -> _Sketch | 
         verdict = proved(part, found.done)[1]
     except (SearchError, InfeasibleError):
         return None
-    return found if str(verdict.verdict) == "CERTIFIED" else None
+    return found if _certified(verdict) else None
+
+
+def _certified(verdict: Verdict) -> bool:
+    return str(verdict.verdict) == CERTIFIED
 
 
 def _reduced(problem: Problem, share: float, found: Synthesis, short: str) -> Synthesis:

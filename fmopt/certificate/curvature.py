@@ -51,13 +51,13 @@ class Extent:
         half: half-widths (6,) of a box around the errors all along, m and rad.
     """
 
+    twist: Array
+    half: Array
+
     @staticmethod
     def beside(extents: Sequence[Extent]) -> Extent:
         """Several (n) as one, with twists and half-widths (n, 1, 6)."""
         return Extent(np.array([[e.twist] for e in extents]), np.array([[e.half] for e in extents]))
-
-    twist: Array
-    half: Array
 
     @property
     def turn(self) -> float:

@@ -162,7 +162,11 @@ class Forms:
 
     def over(self, start: Pose, goal: Pose) -> tuple[Rows, Rows]:
         """The rows at both ends of a piece of motion."""
-        both = self.rows(np.array([start.p, goal.p]), np.array([start.R, goal.R]))
+        return self.ends(np.array([start.p, goal.p]), np.array([start.R, goal.R]))
+
+    def ends(self, p: Array, R: Array) -> tuple[Rows, Rows]:
+        """The rows at both ends of pieces of motion, positions p (2, …, 3) and rotations R (2, …, 3, 3)."""
+        both = self.rows(p, R)
         return both.end(0), both.end(1)
 
     def at(self, pose: Pose) -> Rows:

@@ -97,8 +97,7 @@ class Course:
 
     def over(self, forms: Forms) -> tuple[Rows, Rows]:
         """Rows (n, k) at both ends."""
-        both = forms.rows(self.p, self.R)
-        return both.end(0), both.end(1)
+        return forms.ends(self.p, self.R)
 
 
 @dataclass(frozen=True, eq=False)
