@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from outlines import prism
 
 from fmopt.geometry.clearance import checked_clearance
-from fmopt.placement.entry import Entry, Shape, straight_entry, tilted_entry
+from fmopt.placement.entry import Entry, Shape, corner_walls, leading_corners, straight_entry, tilted_entry
 from fmopt.placement.shapes import funnel_depth, tilted_shapes
 from fmopt.se3 import Pose
 from fmopt.task.problem import Problem, load
@@ -72,6 +73,41 @@ def test_a_small_mouth_shares_its_room_between_opposite_walls() -> None:
         swing = 3e-3 * np.linalg.norm(problem.start_box[3:])
         for side in shape.room:
             assert problem.start_box[0] < side < width - problem.start_box[0] - swing
+
+
+SLENDER = {
+    "rectangle": [[30.0, 3.0], [-30.0, 3.0], [-30.0, -3.0], [30.0, -3.0]],
+    "bevelled": [
+        [20.0, 3.0],
+        [19.0, 4.0],
+        [-19.0, 4.0],
+        [-20.0, 3.0],
+        [-20.0, -3.0],
+        [-19.0, -4.0],
+        [19.0, -4.0],
+        [20.0, -3.0],
+    ],
+    "pencil": [[20.0, 0.0], [16.0, 4.0], [-20.0, 4.0], [-20.0, -4.0], [16.0, -4.0]],
+    "slanted": [[29.0, -4.0], [20.0, 4.0], [-20.0, 4.0], [-20.0, -4.0]],
+    "obround": [
+        [side * (6.0 + 6.0 * np.cos(turn)), side * 6.0 * np.sin(turn)]
+        for side in (1.0, -1.0)
+        for turn in np.radians(np.linspace(-90.0, 90.0, 9))
+    ],
+}
+
+
+@pytest.mark.parametrize("name", SLENDER)
+def test_every_corner_of_a_slender_outline_has_two_walls_at_an_angle(name: str, tmp_path: Path) -> None:
+    """The ends are short beside the sides; of the obround they are many sides that are shorter still."""
+    problem = prism(tmp_path, SLENDER[name], (0.1, 0.1))
+    for corner in leading_corners(problem.moving):
+        (one, on_one), (two, on_two) = corner_walls(problem.moving, corner)
+        assert abs(np.linalg.det(np.array([one, two]))) > 0.3
+        for normal, point in ((one, on_one), (two, on_two)):
+            assert (leading_corners(problem.moving)[:, :2] @ normal).min() == pytest.approx(normal @ point, abs=1e-12)
+            if name in ("rectangle", "bevelled"):
+                assert float(normal @ (corner[:2] - point)) < 2e-3
 
 
 def test_a_funnel_is_as_deep_as_its_sloped_faces() -> None:

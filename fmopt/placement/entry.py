@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from fmopt import se3
@@ -22,6 +23,7 @@ from fmopt.se3 import Pose
 from fmopt.values import Array
 
 _SHORT = 0.25  # of the longest side of the leading face, below which a side is no wall
+_NARROW = 0.1  # sine of the angle between two sides, below which they are opposite ones
 _ALIKE = 0.55  # cosine above which two sides are no corner
 # What the errors are multiplied with in the plane: how deep the corner goes in below a level.
 _LEVELS = (4.5, 5.5, 3.5, 7.0, 2.5)
@@ -286,7 +288,8 @@ def _between_walls(
 def corner_walls(moving: Part, corner: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """The sides of the leading face on both ways from a corner: inward normal (2,) and a point (2,) on each.
 
-    Short sides, such as chamfers, are passed over, and so are sides on until the two stand at an angle.
+    Short sides, such as chamfers, are passed over, and so are sides on until the two stand at an angle. What is short
+    is told by the longest side, of an outline so slender that two opposite sides are left by its width, or nothing is.
     """
     vertices = moving.polyhedron.vertices
     at = int(np.argmin(np.linalg.norm(vertices - corner, axis=1)))
@@ -296,13 +299,22 @@ def corner_walls(moving: Part, corner: Array) -> tuple[tuple[Array, Array], tupl
     along = np.roll(points, -1, axis=0) - points
     lengths = np.linalg.norm(along, axis=1)
     inward = np.column_stack([along[:, 1], -along[:, 0]]) / lengths[:, None]
-    long = np.flatnonzero(lengths > _SHORT * lengths.max())
-    first, last = 0, len(long) - 1
-    while inward[long[first]] @ inward[long[last]] > _ALIKE and first + 1 < last:
-        # The one from which it is less far to the corner goes on, so that of eight sides two at right angles are found.
-        first, last = (first, last - 1) if first + last >= len(long) - 1 else (first + 1, last)
-    one, two = long[first], long[last]
+    longest = int(lengths.argmax())
+    one, two = longest, longest
+    for size in (float(lengths[longest]), float(np.ptp(points @ inward[longest])), 0.0):
+        one, two = _at_an_angle(inward, np.flatnonzero(lengths > _SHORT * size))
+        if abs(float(np.linalg.det(inward[[one, two]]))) > _NARROW:
+            break
     return (inward[one], points[one]), (inward[two], points[two])
+
+
+def _at_an_angle(inward: Array, sides: NDArray[np.intp]) -> tuple[int, int]:
+    """The first and the last of some sides around a corner, of inward normals (n, 2), that stand at an angle."""
+    first, last = 0, len(sides) - 1
+    while inward[sides[first]] @ inward[sides[last]] > _ALIKE and first + 1 < last:
+        # The one from which it is less far to the corner goes on, so that of eight sides two at right angles are found.
+        first, last = (first, last - 1) if first + last >= len(sides) - 1 else (first + 1, last)
+    return int(sides[first]), int(sides[last])
 
 
 def _far_edge(moving: Part, corner: Array) -> tuple[Array, Array]:
