@@ -235,6 +235,12 @@ def strategy(
     return document if free is None else {**document, "jam_free": free.document()}
 
 
+def runs_against(problem: Problem, assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance) -> bool:
+    """Whether every piece of a motion runs against the contact that ends its move, so that it can be felt."""
+    guarded = (claim for claim in claims if claim.piece.making)
+    return all(_guarded(problem, assembly, claim, tolerance)[0].approaches for claim in guarded)
+
+
 def least_firm(problem: Problem, assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance) -> float:
     """The firmness of the least firm piece of a motion."""
     return _least(firmness, problem, assembly, claims, tolerance)

@@ -34,7 +34,7 @@ from fmopt.placement.motion import Reached
 from fmopt.placement.polish import Turns, polish
 from fmopt.placement.search import MoveSequence, best_sequences
 from fmopt.placement.sequence import Placed, Refinement, certified, refine
-from fmopt.placement.shapes import likely_shapes
+from fmopt.placement.shapes import likely_shapes, roomy_errors
 from fmopt.placement.share import ATTEMPTS, largest_share
 from fmopt.placement.socp import ClarabelSolver
 from fmopt.placement.states import Scale, contact_spaces
@@ -42,7 +42,7 @@ from fmopt.placement.step import Costs, Task
 from fmopt.placement.tolerated import Tolerated, tolerated
 from fmopt.placement.tune import Limits, deepened, tuned
 from fmopt.placement.visited import visited
-from fmopt.plan_record import Moved, Nominal, least_firm, least_steady, plan_document, proof_document
+from fmopt.plan_record import Moved, Nominal, least_firm, least_steady, plan_document, proof_document, runs_against
 from fmopt.se3 import Pose
 from fmopt.task.clearance import measured_clearance
 from fmopt.task.command import task_command
@@ -276,7 +276,8 @@ def motion(
     """
     moving, box, settings = problem.moving, problem.start_box, problem.settings
     deadline = time.monotonic() + settings.time_limit
-    costs = Costs.of(start_spread(moving, box), clearance.per_side, problem.plane is not None)
+    roomy = box if problem.plane is not None else roomy_errors(moving, clearance.per_side, box)
+    costs = Costs.of(start_spread(moving, roomy), clearance.per_side, problem.plane is not None)
     goal = Pose.from_vector(problem.goal)
     task = Task(assembly, goal, errors, tolerance, costs, 1.3 * settings.max_tilt)
 
@@ -288,7 +289,7 @@ def motion(
         tilted = planar_entries(moving, problem.fixed, box, problem.approach, settings.max_tilt)
     else:
         rate = problem.velocity_error.translation + problem.velocity_error.rotation
-        shapes = likely_shapes(moving, problem.fixed, clearance, box, rate, settings.max_tilt)
+        shapes = likely_shapes(moving, problem.fixed, clearance, roomy, rate, settings.max_tilt)
         tilted = ((entry_of(shape),) for shape in shapes)
     rounds = chain([straight] if straight else [], tilted)
     best: tuple[MoveSequence, Placed] | None = None
@@ -317,6 +318,8 @@ def motion(
             lap("entry")
             placed = placement(problem, assembly, found, errors, tolerance, clearance.per_side, progress)
             lap("placement")
+            if not runs_against(problem, assembly, placed.reached.claims, tolerance):
+                raise InfeasibleError("a piece of a turn leads away from the contact that is to end it at first")
         except SearchError as error:
             failure = failure or error
             break

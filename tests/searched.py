@@ -10,6 +10,7 @@ from fmopt.placement.entry import Entry, Shape, start_spread, tilted_entry
 from fmopt.placement.motion import Reached
 from fmopt.placement.search import search
 from fmopt.placement.sequence import certified
+from fmopt.placement.shapes import roomy_errors
 from fmopt.placement.step import Costs, Task
 from fmopt.plan_record import Moved
 from fmopt.se3 import Pose
@@ -21,14 +22,16 @@ from fmopt.uncertainty.error_set import ErrorSet
 
 def task_of(problem: Problem) -> Task:
     """What a problem's search is about."""
-    clearance = measured_clearance(problem)
+    clearance, box = measured_clearance(problem), problem.start_box
+    if problem.plane is None:
+        box = roomy_errors(problem.moving, clearance.per_side, box)
     rates = problem.velocity_error.translation, problem.velocity_error.rotation
     return Task(
         Assembly(problem.moving, problem.fixed),
         Pose.from_vector(problem.goal),
         ErrorSet.from_box(problem.start_box),
         Tolerance(rates, clearance.half_diagonal),
-        Costs.of(start_spread(problem.moving, problem.start_box), clearance.per_side, problem.plane is not None),
+        Costs.of(start_spread(problem.moving, box), clearance.per_side, problem.plane is not None),
         1.3 * problem.settings.max_tilt,
     )
 

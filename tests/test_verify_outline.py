@@ -27,6 +27,7 @@ CHANGES: dict[str, Callable[[Plan], Any]] = {
     "nominal ends elsewhere": lambda p: _last(p["nominal"]["nodes"], [0.0, 0.0, -0.029, 0.0, 0.0, 0.0]),
     "nominal times": lambda p: p["nominal"]["times"].reverse(),
     "interval missing": lambda p: p["nominal"]["intervals"].pop(0),
+    "interval of no length": lambda p: p["nominal"]["intervals"].insert(0, {**p["nominal"]["intervals"][0], "t1": 0.0}),
     "freedom of an interval": lambda p: p["nominal"]["intervals"][0].update(s=[1, 0, 0, 0, 0, 0]),
     "position row missing": lambda p: p["position_force"].pop(),
     "position row reversed": lambda p: p["position_force"][0].update(pa_start=p["position_force"][0]["pa_end"]),

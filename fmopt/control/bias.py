@@ -78,6 +78,11 @@ class GuardedMove(Value):
         """Wrench (6,) of a unit reaction of the new contacts, shared equally; zero where there are none."""
         return frozen(self.made.mean(axis=0) if len(self.made) else np.zeros(6))
 
+    @property
+    def approaches(self) -> bool:
+        """Whether the new contacts, if any, come nearer as it ends, so that their reaction can be felt."""
+        return not len(self.made) or bool(self.reaction @ self.displacement < 0.0)
+
     def length(self, rho: float) -> float:
         """‖V‖ in the metric of ρ, m."""
         return float(np.linalg.norm(self.displacement * twist_scale(rho)))
@@ -184,11 +189,13 @@ def steadiness(move: GuardedMove, rho: float, specification: Specification) -> f
 
     It counts while a part turns to its next contact. What such friction opens stays open: the load then lies on other
     contacts, which rub in other directions than those planned. Of moves that do not turn, hold nothing or meet nothing
-    it is 1, and 0 where friction opens a contact under any bias.
+    it is 1, and 0 where friction opens a contact under any bias, or the next contact does not come nearer.
     """
     V = move.direction(rho)
     if not len(move.held) or not len(move.made) or not _turns(V, rho):
         return 1.0
+    if not move.approaches:
+        return 0.0
     push = _Push(*_push(move, V, rho), Hold.NONE)
     x = _best(_program(move, V, rho, specification, push, _RUBBED))
     return 0.0 if x is None else float(x[-1]) / specification.contact_force
@@ -280,7 +287,7 @@ def _with_reserve(move: GuardedMove, program: _Program, rho: float) -> Array | N
 def _push(move: GuardedMove, V: Array, rho: float) -> tuple[Array, float]:
     """Unit wrench u (6,) along the motion, in the complement of the held wrenches, and its power u·V."""
     made, scale = move.reaction, twist_scale(rho)
-    if not made @ V < 0.0:
+    if not move.approaches:
         raise InfeasibleError(
             f"the move does not approach the contact that is to end it (w·V = {float(made @ V):.3g})",
             advice="choose a goal that makes the contact from its free side",

@@ -39,11 +39,33 @@ _AWAY, _LEAN = 1.3, 2.0
 _PLAY = 0.25  # of the play between the walls, which what the height is uncertain by is taken to be at least
 _BEYOND = 1.1  # of the errors that displace the corner, how far outside the mouth it touches the top
 _ROOMY = 4.0  # clearances a side that ways to enter tilted leave room for at least, as if the errors were that large
+_INSIDE = 0.115  # of the part's width that is inside the mouth at least where it is tilted the most
+_EACH = 0.25  # of these errors, what is along either axis and what is by turning at least
 _FAR = 40.0  # clearances a side that the start errors displace the tip by, from where parts are laid flat first
 _AT_ONCE = 2  # entries that go in at once are tried for each that touches the top first
 _RUN = 6  # shapes of one heading are tried before those of the next
 _BEST = math.radians(100.0)  # of the angles of corners, which of them goes in first
 _SAME = 1e-6  # of the part's width, by which a part that looks the same once turned may differ
+
+
+def roomy_errors(moving: Part, per_side: float, start_box: Array) -> Array:
+    """Half-widths (6,) of errors to leave room for: the start errors, widened where they are next to nothing.
+
+    A part that enters tilted goes through contacts a few clearances apart, however small its errors are.
+
+    Args:
+        moving: the moving part, tip centre at the origin.
+        per_side: clearance a side, m.
+        start_box: half-widths (6,) of the start error, m and rad.
+    """
+    tip, least = leading_corners(moving), _ROOMY * per_side
+    part, spread = _EACH * least, start_spread(moving, start_box)
+    wider = start_box * max(1.0, least / max(spread, 1e-3 * least))
+    wider = np.maximum(wider, part * np.array([1.0, 1.0, 0.0, 0.0, 0.0, 0.0]))
+    if swung_by(tip, wider) >= part:
+        return np.asarray(wider)
+    about = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 0.0])
+    return np.asarray(np.maximum(wider, about * part / swung_by(tip, about)))
 
 
 def likely_shapes(
@@ -59,19 +81,18 @@ def likely_shapes(
         moving: the moving part, tip centre at the origin.
         fixed: the fixed part.
         clearance: what was measured on them.
-        start_box: half-widths (6,) of the start error, m and rad.
+        start_box: half-widths (6,) of the errors to leave room for, such as `roomy_errors`, m and rad.
         rate: errors of velocity in translation and rotation together, as a share of the way.
         max_tilt: greatest tilt about each axis, rad.
     """
-    spread, least = start_spread(moving, start_box), _ROOMY * clearance.per_side
-    play, roomy = clearance.play, start_box * max(1.0, least / max(spread, 1e-3 * least))
+    spread, play = start_spread(moving, start_box), clearance.play
     funnel = funnel_depth(fixed), funnel_width(fixed)
     first = spread >= _FAR * clearance.per_side or next_to_round(moving)
 
     def towards(heading: float) -> Iterator[Shape]:
-        at_once, for_touching, for_flat = tee(tilted_shapes(moving, play, roomy, max_tilt, funnel[0], heading), 3)
-        touching = touching_shapes(for_touching, moving, roomy, rate, funnel[1])
-        flat = flat_shapes(for_flat, moving, play, roomy, rate, funnel)
+        at_once, for_touching, for_flat = tee(tilted_shapes(moving, play, start_box, max_tilt, funnel[0], heading), 3)
+        touching = touching_shapes(for_touching, moving, start_box, rate, funnel[1])
+        flat = flat_shapes(for_flat, moving, play, start_box, rate, funnel)
         others = _in_turn((at_once, _AT_ONCE), (touching, 1))
         return chain(flat, others) if first else chain(others, flat)
 
@@ -123,7 +144,8 @@ def tilted_shapes(
     The corner goes in by several times what its height is uncertain by, at several times its lateral error from the
     two walls next to it; unequally far from the two, so that it cannot meet both at once. Tilts about the two axes
     differ, so that no two edges come down level; turned between the two ways that level a face next to the corner with
-    the mouth, the corner is nearest to both walls, turned beyond them another edge is.
+    the mouth, the corner is nearest to both walls, turned beyond them another edge is. The less deep the corner goes
+    in, the less the part is tilted, so that as much of its edges is inside.
 
     Args:
         moving: the moving part, tip centre at the origin.
@@ -135,18 +157,20 @@ def tilted_shapes(
     """
     tip = leading_corners(moving)
     slack = 0.5 * min(play)
-    mouth = np.ptp((tip @ turned_axes(heading))[:, :2], axis=0) + np.asarray(play)
+    widths = np.ptp((tip @ turned_axes(heading))[:, :2], axis=0)
     for (deep, wide), share, tilts in _ways():
-        about = np.array(tilts) * max_tilt
-        shape = Shape(float(about[0]), float(about[1]), share * float(np.prod(about)), 0.0, (0.0, 0.0), heading=heading)
-        swing = swung_by(lowest(tip, shape)[None], start_box)
-        depth = deep * (float(start_box[2]) + swing) + 0.5 * slack
+        swing = swung_by(lowest(tip, Shape(*tilts, 0.0, 0.0, (0.0, 0.0), heading=heading))[None], start_box)
+        uncertain = float(start_box[2]) + swing
+        steepest = np.arctan((_ROUNDS[0][0] * uncertain + 0.5 * slack) / (_INSIDE * widths))
+        about = np.array(tilts) * np.minimum(max_tilt, steepest)
+        depth = deep * uncertain + 0.5 * slack
         wanted = np.array([wide, wide + 1.0]) * start_box[:2] + 2.0 * swing
         # No further than leaves the far walls as much room: beside the corner, the part is wider up there.
         least = start_box[:2] + swing
-        most = mouth - least - depth / np.tan(about)
-        room = np.minimum(wanted, least + np.array(_SHARED) * np.maximum(most - least, 0.0))
-        yield replace(shape, depth=funnel + depth, room=(float(room[0]), float(room[1])))
+        most = widths + np.asarray(play) - least - depth / np.tan(about)
+        x, y = np.minimum(wanted, least + np.array(_SHARED) * np.maximum(most - least, 0.0)).tolist()
+        turn = share * float(np.prod(about))
+        yield Shape(float(about[0]), float(about[1]), turn, funnel + depth, (x, y), heading=heading)
 
 
 def _ways() -> Iterator[tuple[tuple[float, float], float, tuple[float, float]]]:

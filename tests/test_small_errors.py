@@ -1,0 +1,52 @@
+"""Start errors next to nothing, along some axes or all: no harder to plan for than large ones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fmopt.placement.entry import leading_corners, start_spread, swung_by
+from fmopt.placement.shapes import roomy_errors, tilted_shapes
+from fmopt.synthesis import synthesise
+from fmopt.task.problem import load
+from fmopt.values import Array
+
+PROBLEM = load(Path(__file__).parent.parent / "problems" / "square_peg_100um.toml")
+CLEARANCE, PLAY = 1e-4, (2e-4, 2e-4)
+NONE, X_ALONE = np.zeros(6), np.array([1e-3, 0.0, 0.0, 0.0, 0.0, 0.0])
+SMALL = 1e-5 * np.array([1.0, 1.0, 0.0, 17.0, 17.0, 17.0])
+BOXES = {"none": NONE, "x alone": X_ALONE, "small": SMALL, "a fifth": 0.2 * PROBLEM.start_box}
+
+
+@pytest.mark.parametrize("name", BOXES)
+def test_a_plan_is_found_and_certified(name: str) -> None:
+    solved = synthesise(replace(PROBLEM, start_box=BOXES[name]))
+    assert solved.document["verdict"] == "CERTIFIED"
+    assert solved.verdict.margin is not None
+    assert solved.verdict.margin > 2e-5
+
+
+@pytest.mark.parametrize("name", BOXES)
+def test_room_is_left_for_more_than_the_errors(name: str) -> None:
+    box = BOXES[name]
+    room = roomy_errors(PROBLEM.moving, CLEARANCE, box)
+    assert (room >= box).all()
+    assert (room[:2] > 0.0).all()
+    assert start_spread(PROBLEM.moving, room) >= 2.0 * CLEARANCE * (1.0 - 1e-12)
+    assert swung_by(leading_corners(PROBLEM.moving), room) >= CLEARANCE * (1.0 - 1e-12)
+
+
+def test_no_more_room_is_left_for_large_errors_than_there_are() -> None:
+    assert np.array_equal(roomy_errors(PROBLEM.moving, CLEARANCE, PROBLEM.start_box), PROBLEM.start_box)
+
+
+@pytest.mark.parametrize("factor", [0.1, 0.3, 1.0])
+def test_some_of_the_edges_beside_the_leading_corner_is_inside(factor: float) -> None:
+    """Measured on the part: how far the outline that is below the mouth reaches along both axes."""
+    room = roomy_errors(PROBLEM.moving, CLEARANCE, factor * PROBLEM.start_box)
+    for shape in tilted_shapes(PROBLEM.moving, PLAY, room, np.radians(25.0)):
+        inside: Array = shape.depth / np.tan([shape.about_y, shape.about_x])
+        assert (inside > 0.06 * 0.02).all()
