@@ -9,7 +9,7 @@ import pytest
 from plan_mutations import changed
 
 from fmopt.plan import NOT_COVERED
-from fmopt.verify import NOT_PROVED, verify
+from fmopt.verify import CERTIFIED, NOT_PROVED, verify
 from fmopt.verify.document import NOT_COVERED as KNOWN
 
 Plan = dict[str, Any]
@@ -50,3 +50,26 @@ def test_changes_beside_the_segments_are_noticed(name: str, square_peg_plan: Pla
     verdict = verify(changed(square_peg_plan, CHANGES[name]))
     assert verdict.verdict == NOT_PROVED
     assert all("sha256" not in finding.what for finding in verdict.findings)
+
+
+def test_rounding_in_the_wrench_that_ends_a_move_is_no_change(square_peg_plan: Plan) -> None:
+    """Entries that cancel are rounding alone, and may be any small number."""
+    (wrench, k) = next(
+        (wrench, k)
+        for segment in square_peg_plan["segments"]
+        for wrench in [segment["hybrid"]["termination"]["wrench"]]
+        for k in range(3)
+        if abs(wrench[k]) < 1e-12 < max(map(abs, wrench))
+    )
+    number = next(
+        n for n, s in enumerate(square_peg_plan["segments"]) if s["hybrid"]["termination"]["wrench"] is wrench
+    )
+
+    def moved(by: float) -> Plan:
+        def change(plan: Plan) -> None:
+            plan["segments"][number]["hybrid"]["termination"]["wrench"][k] += by
+
+        return changed(square_peg_plan, change)
+
+    assert verify(moved(1e-13)).verdict == CERTIFIED
+    assert verify(moved(1e-8)).verdict == NOT_PROVED

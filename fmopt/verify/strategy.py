@@ -174,14 +174,17 @@ def _end(
         notes.add("termination.wrench", "the motion does not run against the contact that ends it")
     tube = stage.segment.tube
     travel = number(stage.motion.length) + math.hypot(*tube.box) + rho * tube.theta
-    for what, stated, value in (
-        *((f"termination.wrench[{k}]", hybrid.wrench[k], asked.termination_force * reaction[k]) for k in range(6)),
-        ("termination.threshold", hybrid.threshold, asked.termination_force),
-        ("termination.max_travel", hybrid.max_travel, travel),
-        ("termination.timeout", hybrid.timeout, 2.0 * hybrid.max_travel / max(hybrid.speed, 1e-9)),
-        ("speed", hybrid.speed, allowed_speed(hybrid, asked)),
+    # Entries of the wrench that cancel are known to a share of those that do not.
+    force = asked.termination_force
+    for what, stated, value, size in (
+        *((f"termination.wrench[{k}]", hybrid.wrench[k], force * reaction[k], force) for k in range(3)),
+        *((f"termination.wrench[{k}]", hybrid.wrench[k], force * reaction[k], force * rho) for k in range(3, 6)),
+        ("termination.threshold", hybrid.threshold, force, 0.0),
+        ("termination.max_travel", hybrid.max_travel, travel, 0.0),
+        ("termination.timeout", hybrid.timeout, 2.0 * hybrid.max_travel / max(hybrid.speed, 1e-9), 0.0),
+        ("speed", hybrid.speed, allowed_speed(hybrid, asked), 0.0),
     ):
-        if not abs(stated - value) <= RELATIVE * abs(value) + 1e-15:
+        if not abs(stated - value) <= RELATIVE * max(abs(value), size) + 1e-15:
             notes.add(what, f"is stated as {stated!r}, but follows as {value!r}")
 
 
