@@ -235,6 +235,10 @@ def test_steadiness_is_of_turns_to_new_contacts_and_falls_with_friction():
     assert steadiness(move(X_WALL, [0, -0.01, 0, 0, 0, 0], Y_WALL), RHO, SPECIFICATION) == 1.0
     assert steadiness(move(X_WALL, DOWN), RHO, SPECIFICATION) == 1.0
     assert steadiness(move([], DOWN, FLOOR), RHO, SPECIFICATION) == 1.0
+    assert given.approaches
+    away = replace(given, displacement=-given.displacement)
+    assert not away.approaches
+    assert steadiness(away, RHO, SPECIFICATION) == 0.0
 
 
 def test_bias_without_any_contact_is_none_and_with_a_first_one_is_a_push():
