@@ -11,7 +11,7 @@ from test_contact_parts import MID_DEPTH, block, peg, tilted
 from fmopt.contact.bounds import cell, touching
 from fmopt.contact.confirm import APART, RESIDUAL, Confirmation, Verdict, confirm
 from fmopt.contact.graph import ContactGraph, ContactState, contact_graph
-from fmopt.contact.meet import Neighbourhood, Poses, meet
+from fmopt.contact.meet import Neighbourhood, Poses, meet, project
 from fmopt.contact.primitive import near_contacts, vertex_face
 from fmopt.contact.space import faces, local_space
 from fmopt.contact.surface import Surfaces
@@ -150,7 +150,8 @@ def test_edges_that_are_level_at_a_pose_count_as_far_from_each_other() -> None:
     on = np.zeros((1, len(space.contacts)), dtype=bool)
     with np.errstate(all="raise"):
         short, measures = near.shortages(on, upright, 0.01), near.measured(on, upright)
-    for values in (short.size, short.slope, short.square, measures.others):
+        polished = project(near, ~on, upright, 6)
+    for values in (short.size, short.slope, short.square, measures.others, polished.p, polished.R):
         assert not np.isnan(values).any()
 
 

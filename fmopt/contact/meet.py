@@ -167,15 +167,9 @@ class Neighbourhood(Value):
         return np.asarray(-self.table.signs[number, None] * G[np.nonzero(which)[0], number])
 
     def _functions(self, poses: Poses) -> tuple[Array, Array, Array, Array]:
-        """Values and gradients at poses of the contacts, and of the bounds' contacts, shared ones evaluated once.
-
-        Edges that are level there cross nowhere: they count as far from each other.
-        """
+        """Values and gradients at poses of the contacts, and of the bounds' contacts, shared ones evaluated once."""
         joint, own, ends = self._joint
-        f, N = joint.over(poses.p, poses.R)
-        crossing = np.isfinite(N[..., -1])
-        if not crossing.all():
-            f, N = np.where(crossing, f, _FAR), np.where(crossing[..., None], N, 0.0)
+        f, N = _over(joint, poses)
         return f[:, own], N[:, own], f[:, ends], N[:, ends]
 
     @cached_property
@@ -199,6 +193,18 @@ class Neighbourhood(Value):
         """Which contact of the space begins at each bound, −1 for none, and where there is no bound."""
         names = {contact.id: i for i, contact in enumerate(self.space.contacts)}
         return [*(names.get(b.contact.id, -1) if b.sign > 0 else -1 for b in self.table.listed), -1, -1]
+
+
+def _over(surfaces: Surfaces, poses: Poses) -> tuple[Array, Array]:
+    """Values (n, k) and gradients (n, k, 6) at poses.
+
+    Edges that are level there cross nowhere: they count as far from each other.
+    """
+    f, N = surfaces.over(poses.p, poses.R)
+    crossing = np.isfinite(N[..., -1])
+    if not crossing.all():
+        f, N = np.where(crossing, f, _FAR), np.where(crossing[..., None], N, 0.0)
+    return f, N
 
 
 def _innermost(depth: Array, which: NDArray[np.intp]) -> tuple[Array, NDArray[np.intp]]:
@@ -308,7 +314,7 @@ def project(near: Neighbourhood, on: Bits, poses: Poses, rank: int | NDArray[np.
     scale = near.space.scale
     allowed = np.arange(6) < np.reshape(rank, (-1, 1))
     for _ in range(_POLISH):
-        f, N = near.surfaces.over(poses.p, poses.R)
+        f, N = _over(near.surfaces, poses)
         U, s, Vt = np.linalg.svd(np.where(on[..., None], N * scale, 0.0), full_matrices=False)
         used = allowed[:, : s.shape[1]] & (s > _FLAT * s[:, :1])
         along = np.einsum("nki,nk->ni", U, np.where(on, f, 0.0))
