@@ -40,10 +40,11 @@ def corners_of(rows: int, r: int, seed: int, bounded: bool) -> tuple[Array, Bits
 def test_subsets_and_closed_sets_are_the_same_faces(rows: int, r: int, bounded: bool) -> None:
     corners, incidence = corners_of(rows, r, seed=rows, bounded=bounded)
     active, dimensions, points = simple_faces(corners, incidence)
-    other, centres = closed_faces(corners, incidence)
-    order = ordered(other, r - other.sum(axis=1))
+    other, orders, centres = closed_faces(corners, incidence)
+    order = ordered(other, orders)
     assert np.array_equal(active, other[order])
     assert np.array_equal(dimensions, r - active.sum(axis=1))
+    assert np.array_equal(dimensions, orders[order])
     np.testing.assert_allclose(points, centres[order], atol=1e-12)
 
 
@@ -79,10 +80,10 @@ def test_different_rows_come_in_their_order_and_first() -> None:
 
 
 def test_numbers_too_large_to_hold_their_place_are_sorted_by_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    digits = np.array([[1, 5, 9], [2, 5, 9], [1, 5, 7]])
-    chosen = lattice._subsets(3)
+    digits = np.array([[1, 5, 9], [2, 5, 9], [1, 5, 7]], dtype=np.float64)
+    subsets = lattice._subsets(3)
     monkeypatch.setattr(lattice, "_TABLE", 0)
-    narrow, wide = (lattice._numbered(digits, chosen, base) for base in (10, 2**20 - 1))
+    narrow, wide = (lattice._numbered(digits, subsets, base) for base in (10, 2**20 - 1))
     for one, other in zip(narrow, wide, strict=True):
         assert np.array_equal(one, other)
 

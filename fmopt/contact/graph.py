@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from fmopt.contact.lattice import Bits
+from fmopt.contact.lattice import Numbers
 from fmopt.contact.polytope import Faces
 from fmopt.contact.space import LocalSpace
 from fmopt.values import Array, Value, frozen
+
+Item = TypeVar("Item")
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,23 +97,34 @@ class ContactGraph(Value):
 
 def contact_graph(space: LocalSpace, faces: Faces) -> ContactGraph:
     """The contact-state graph of a local space and its faces."""
-    names = [contact.id for contact in space.contacts]
-    contacts = [tuple(map(names.__getitem__, on)) for on in _listed(faces.active)]
+    n, names = len(faces.points), np.array([contact.id for contact in space.contacts], dtype=np.object_)
+    which, on = np.nonzero(faces.active)
+    contacts = _grouped(which, names[on].tolist(), n)
     ids = [f"s{i}" if held else "free" for i, held in enumerate(contacts)]
     states = ContactState.all_of(ids, contacts, faces.dimensions.tolist(), space.scale * faces.points)
-    below = _covers(faces)
-    fathers = _listed(np.ascontiguousarray(below.T))
-    return ContactGraph(space, states, tuple(map(tuple, _listed(below))), tuple(map(tuple, fathers)))
+    father, son = _covers(faces)
+    order = np.argsort(son, kind="stable")
+    sons, fathers = _grouped(father, son.tolist(), n), _grouped(son, father[order].tolist(), n)
+    return ContactGraph(space, states, sons, fathers)
 
 
-def _covers(faces: Faces) -> Bits:
-    """For each face (n, n) the faces one dimension lower whose active sets contain its own: covers in the lattice."""
-    active, d = faces.active.astype(np.float32), faces.dimensions.astype(np.int8)
-    return np.asarray((active @ active.T == active.sum(axis=1)[:, None]) & (d[None] == d[:, None] - 1))
+def _covers(faces: Faces) -> tuple[Numbers, Numbers]:
+    """Pairs of faces, the second one dimension lower and its active set containing the first's: the lattice's covers.
+
+    They come in order.
+    """
+    active, ends = faces.active.astype(np.float32), np.searchsorted(-faces.dimensions, np.arange(-6, 2))
+    size = active.sum(axis=1)[:, None]
+    pairs = []
+    for begin, middle, end in zip(ends, ends[1:], ends[2:], strict=False):
+        found = np.flatnonzero(active[begin:middle] @ active[middle:end].T == size[begin:middle])
+        pairs.append((found // max(1, end - middle) + begin, found % max(1, end - middle) + middle))
+    father, son = np.hstack(pairs)
+    return father, son
 
 
-def _listed(table: Bits) -> list[list[int]]:
-    """For each row of a table the columns that are true."""
-    ends = np.cumsum(np.count_nonzero(table, axis=1)).tolist()
-    columns: list[int] = (np.flatnonzero(table) % table.shape[1]).tolist()
-    return [columns[begin:end] for begin, end in pairwise((0, *ends))]
+def _grouped(groups: Numbers, listed: Sequence[Item], n: int) -> tuple[tuple[Item, ...], ...]:
+    """What is listed in each of n groups, those of the items in order."""
+    ends = np.bincount(groups, minlength=n).cumsum().tolist()
+    whole = tuple(listed)
+    return tuple([whole[begin:end] for begin, end in pairwise((0, *ends))])

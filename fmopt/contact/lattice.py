@@ -6,6 +6,7 @@ are the closed sets of incidences. Corners and points are in scaled units, like 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations
 from typing import Any
@@ -13,9 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.values import Array
+from fmopt.values import Array, Value
 
 _TABLE = 8  # possible subsets for each that there is, up to which a table is smaller work than sorting
+_ALONE = 2**17  # multiplications that BLAS does not share among threads
 _EXACT = 2**53  # whole numbers below are exact in floating point
 
 Bits = NDArray[np.bool_]
@@ -27,6 +29,21 @@ def _keys(bits: Bits) -> NDArray[np.uint64]:
     packed = np.zeros((len(bits), -(-bits.shape[1] // 64) * 8), dtype=np.uint8)
     packed[:, : -(-bits.shape[1] // 8)] = np.packbits(bits, axis=1)
     return packed.view(">u8").T.astype(np.uint64)
+
+
+def product(tall: Array, small: Array) -> Array:
+    """The matrix product (n, s) of rows (n, r) with (r, s), a few at a time.
+
+    So few that BLAS does not wake its threads, which then wait so busily that the memory given back meanwhile costs
+    more than the product.
+    """
+    rows = max(1, _ALONE // max(1, small.size))
+    if len(tall) <= rows:
+        return tall @ small
+    found = np.empty((len(tall), small.shape[1]))
+    for begin in range(0, len(tall), rows):
+        np.matmul(tall[begin : begin + rows], small, out=found[begin : begin + rows])
+    return found
 
 
 def ordered(active: Bits, dimensions: NDArray[np.intp]) -> NDArray[np.intp]:
@@ -54,28 +71,33 @@ def simple_faces(corners: Array, incidence: Bits) -> tuple[Bits, NDArray[np.intp
     """
     m, r = corners.shape
     columns = incidence.shape[1]
-    digits = np.nonzero(incidence)[1].reshape(m, r)
-    chosen = _subsets(r)
-    sizes = chosen.sum(axis=1)
+    digits = (np.flatnonzero(incidence) % columns).reshape(m, r)
+    subsets = _subsets(r)
     # Short subsets are numbered by a table of all that are possible, long ones by sorting those that there are.
-    short = int(np.count_nonzero((columns + 1.0) ** sizes <= _TABLE * m * len(chosen)))
-    parts = [_numbered(digits + 1, part, columns + 1) for part in (chosen[:short], chosen[short:]) if len(part)]
+    short = int(np.count_nonzero((columns + 1.0) ** subsets.sizes <= _TABLE * m * len(subsets.sizes)))
+    counted = (digits + 1).astype(np.float64)
+    parts = [_numbered(counted, part, columns + 1) for part in subsets.cut(short)]
     one, two = parts[0], parts[-1]
-    which, corner, subset = one
+    corner, subset = one[1:]
     if len(parts) > 1:
-        which = np.hstack([one[0], two[0] + np.int32(len(one[1]))])
-        corner, subset = np.append(one[1], two[1]), np.append(one[2], two[2] + short)
-    # One column more, for what is not chosen.
-    at = np.where(chosen[subset], digits[corner], columns)
-    at += (columns + 1) * np.arange(len(at))[:, None]
-    active = np.zeros((len(at), columns + 1), dtype=bool)
-    active.reshape(-1)[at] = True
-    dimensions = r - sizes[subset]
-    points = _means(corners, incidence[:, -1], which, len(at))
+        corner, subset = np.append(corner, two[1]), np.append(subset, two[2] + short)
+    active = _active(digits, subsets.left, corner, subset, columns)
+    dimensions = r - subsets.sizes[subset]
+    points = np.vstack([_means(corners, incidence[:, -1], which, len(on)) for which, on, _ in parts])
     if not incidence[:, -1].any():
         return active[:, : columns - 1], dimensions, points
     real = ~active[:, columns - 1]
     return active[real, : columns - 1], dimensions[real], points[real]
+
+
+def _active(digits: Numbers, left: Bits, corner: Numbers, subset: Numbers, columns: int) -> Bits:
+    """Rows (n, columns + 1) of faces, each by a corner and which subset of its rows it is; the last column is none."""
+    at = digits.take(corner, axis=0)
+    np.putmask(at, left.take(subset, axis=0), columns)
+    at += np.arange(0, (columns + 1) * len(at), columns + 1)[:, None]
+    active = np.zeros((len(at), columns + 1), dtype=bool)
+    active.reshape(-1)[at] = True
+    return active
 
 
 def numberable(rows: int, r: int) -> bool:
@@ -83,51 +105,78 @@ def numberable(rows: int, r: int) -> bool:
     return (rows + 1.0) ** r < _EXACT
 
 
+@dataclass(frozen=True, eq=False)
+class _Subsets(Value):
+    """Some of the subsets of r things, short ones first.
+
+    Attributes:
+        left: (s, r), what each leaves out.
+        sizes: (s,), how many each has.
+        behind: (r, s), how many of each come behind each thing.
+    """
+
+    left: Bits
+    sizes: NDArray[np.intp]
+    behind: NDArray[np.intp]
+
+    def cut(self, first: int) -> tuple[_Subsets, ...]:
+        """The first few and the others, or all where one of these has none."""
+        parts = (slice(first), slice(first, None))
+        found = [_Subsets(self.left[part], self.sizes[part], self.behind[:, part]) for part in parts]
+        return tuple(part for part in found if len(part.sizes))
+
+    def weights(self, base: int) -> Array:
+        """What the digits of a corner (r) are multiplied by (r, s) for the numbers that the subsets have to a base."""
+        return np.where(self.left.T, 0.0, float(base) ** self.behind)
+
+
 @lru_cache
-def _subsets(r: int) -> Bits:
-    """All subsets (2^r, r) of r things, short ones first."""
-    found = np.array([[j in some for j in range(r)] for n in range(r + 1) for some in combinations(range(r), n)])
-    found.setflags(write=False)
-    return found
+def _subsets(r: int) -> _Subsets:
+    """All subsets of r things."""
+    left = np.array([[j not in some for j in range(r)] for n in range(r + 1) for some in combinations(range(r), n)])
+    behind = np.cumsum(~left[:, ::-1], axis=1)[:, ::-1].T + left.T - 1
+    return _Subsets(left, r - left.sum(axis=1), behind)
 
 
-def _numbered(digits: Numbers, chosen: Bits, base: int) -> tuple[Numbers, Numbers, Numbers]:
+def _numbered(digits: Array, subsets: _Subsets, base: int) -> tuple[Numbers, Numbers, Numbers]:
     """Each subset of the digits of each corner by its number among the different ones, in order.
 
     Shorter ones come first. Written as numbers of as many digits, subsets have that order.
 
     Args:
-        digits: of each corner (m, r), in order, from 1 to less than the base.
-        chosen: the subsets (s, r).
+        digits: of each corner (m, r), in order, whole numbers from 1 to less than the base.
+        subsets: s of them.
         base: of the numbers.
 
     Returns:
         the numbers (m, s), and for each number a corner (n,) that has it and by which subset (n,).
     """
-    count, longest = len(digits) * len(chosen), int(chosen.sum(axis=1).max())
+    s = len(subsets.sizes)
+    count, longest = len(digits) * s, int(subsets.sizes[-1])
     bits = count.bit_length()
-    behind = np.cumsum(chosen[:, ::-1], axis=1)[:, ::-1] - 1
-    weights = np.where(chosen, float(base) ** behind, 0.0)
-    codes = (digits.astype(np.float64) @ weights.T).reshape(-1).astype(np.int64)
+    codes = product(digits, subsets.weights(base)).reshape(-1).astype(np.int64)
     if base**longest <= _TABLE * count:
         place = np.full(base**longest, -1, dtype=np.int32)
         place[codes] = np.arange(count, dtype=np.int32)
         found = np.flatnonzero(place >= 0)
-        first = place[found].astype(np.intp)
+        first = place.take(found)
         place[found] = np.arange(len(found), dtype=np.int32)
-        which = place[codes]
+        which = place.take(codes)
     else:
         if base**longest < 2 ** (63 - bits):
             # One sort of numbers that hold where they come from takes half the time of sorting indices.
-            listed = np.sort(codes << bits | np.arange(count))
-            order, listed = listed & (2**bits - 1), listed >> bits
+            codes <<= bits
+            codes |= np.arange(count)
+            codes.sort()
+            order = codes & (2**bits - 1)
+            codes >>= bits
         else:
             order = np.argsort(codes, kind="stable")
-            listed = codes[order]
-        new = np.append(True, listed[1:] != listed[:-1])
+            codes = codes[order]
+        new = np.append(True, codes[1:] != codes[:-1])
         which, first = np.empty(count, dtype=np.int32), order[new]
         which[order] = np.cumsum(new, dtype=np.int32) - np.int32(1)
-    return which.reshape(len(digits), -1), *np.divmod(first, len(chosen))
+    return which.reshape(-1, s), *np.divmod(first, s)
 
 
 def _means(corners: Array, rays: Bits, which: Numbers, n: int) -> Array:
@@ -141,37 +190,45 @@ def _means(corners: Array, rays: Bits, which: Numbers, n: int) -> Array:
     """
     from scipy.sparse import csc_array
 
-    total = np.zeros((n, corners.shape[1]))
     counted = np.column_stack([corners, np.ones(len(corners))])
-    for part in (~rays, rays) if rays.any() else (slice(None),):
-        faces, here = which[part], counted[part]
+
+    def mean(faces: Numbers, here: Array) -> Array:
         begins = np.arange(0, faces.size + 1, faces.shape[1], dtype=np.int32)
-        of_faces = csc_array((np.ones(faces.size), faces.reshape(-1), begins), shape=(n, len(here)))
-        sums = np.asarray(of_faces @ here)
-        total += sums[:, :-1] / np.maximum(sums[:, -1:], 1.0)
-    return total
+        sums = np.asarray(csc_array((np.ones(faces.size), faces.reshape(-1), begins), shape=(n, len(here))) @ here)
+        sums[:, :-1] /= np.maximum(sums[:, -1:], 1.0)
+        return sums[:, :-1]
+
+    return mean(which[~rays], counted[~rays]) + mean(which[rays], counted[rays]) if rays.any() else mean(which, counted)
 
 
-def closed_faces(corners: Array, incidence: Bits) -> tuple[Bits, Array]:
+def closed_faces(corners: Array, incidence: Bits) -> tuple[Bits, NDArray[np.intp], Array]:
     """Faces as all intersections of the rows' corner sets, by bit sets; arguments as of `simple_faces`.
 
+    Where a face has the most corners of all that lie on it, it is one dimension lower.
+
     Returns:
-        active rows (n, k), and a point in the relative interior of each face (n, r), in no particular order.
+        active rows (n, k), dimensions (n,), and a point in the relative interior of each face (n, r), in no order.
     """
     m = len(corners)
-    facets = {int.from_bytes(np.packbits(row, bitorder="little").tobytes(), "little") for row in incidence.T}
+    rows = [int.from_bytes(row.tobytes(), "little") for row in np.packbits(incidence.T, axis=1, bitorder="little")]
     known = {(1 << m) - 1}
-    for facet in facets:
-        known |= {face & facet for face in known}
+    for row in sorted(set(rows), key=int.bit_count, reverse=True):
+        if row not in known:  # else it is an intersection of others
+            known |= {face & row for face in known}
     known.discard(0)
-    width = (m + 7) // 8
-    packed = np.frombuffer(b"".join(face.to_bytes(width, "little") for face in known), dtype=np.uint8)
+    listed, width = list(known), (m + 7) // 8
+    packed = np.frombuffer(b"".join([face.to_bytes(width, "little") for face in listed]), dtype=np.uint8)
     members = np.unpackbits(packed.reshape(-1, width), axis=1, count=m, bitorder="little").astype(np.float64)
-    rays = incidence[:, -1]
-    members = members[(members[:, ~rays] > 0.0).any(axis=1)]
-    active = members @ (~incidence[:, :-1]).astype(np.float64) == 0.0
-    points = np.zeros((len(members), corners.shape[1]))
-    for part in (~rays, rays):
-        weight = members[:, part]
-        points += weight @ corners[part] / np.maximum(weight.sum(axis=1, keepdims=True), 1.0)
-    return active, points
+    shared, size = members @ incidence, members.sum(axis=1)[:, None]
+    largest = np.where(shared < size, shared, 0.0).argmax(axis=1).tolist()
+    place = {face: i for i, face in enumerate(listed)}
+    side = np.array([place.get(face & rows[j], i) for i, (face, j) in enumerate(zip(listed, largest, strict=True))])
+    at, dimensions = np.arange(len(listed)), np.zeros(len(listed), dtype=np.intp)
+    for _ in range(corners.shape[1]):
+        dimensions += side[at] != at
+        at = side[at]
+    r, rays = corners.shape[1], incidence[:, -1:]
+    sums = members @ np.hstack([corners * ~rays, corners * rays, ~rays, rays])
+    points = sums[:, :r] / np.maximum(sums[:, -2:-1], 1.0) + sums[:, r:-2] / np.maximum(sums[:, -1:], 1.0)
+    real = shared[:, -1] < size[:, 0]
+    return (shared == size)[real, :-1], dimensions[real], points[real]

@@ -10,12 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fmopt.contact.lattice import Bits, closed_faces, different, numberable, ordered, simple_faces
+from fmopt.contact.lattice import Bits, closed_faces, different, numberable, ordered, product, simple_faces
 from fmopt.errors import InfeasibleError, SolverError
 from fmopt.values import Array, Value
 
 INCIDENCE = 1e-8  # scaled units; a point this close to a unit half-space's plane lies on it
-_SQUARED = 1e-12  # singular values of unit rows below 1e-6 are zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +80,7 @@ def enumerate_vertices(normals: ArrayLike, offsets: ArrayLike) -> tuple[Array, B
     cut = _Cut.of(normals, offsets)
     if cut.rows.shape[1] == 0:
         return cut.interior[None], cut.everywhere[None], np.zeros(1, dtype=bool)
-    corners, incidence = _corners(cut.rows, cut.levels)
+    corners, incidence, _ = _corners(cut.rows, cut.levels)
     on = np.tile(cut.everywhere, (len(corners), 1))
     on[:, cut.real] = incidence[:, :-1]
     endless = incidence[:, -1]
@@ -129,7 +128,9 @@ class _Cut(Value):
 
     def points(self, inner: Array) -> Array:
         """Points (m, r) of the pointed polyhedron in the coordinates of the whole one (m, n)."""
-        return np.asarray(self.interior + inner @ self.axes.T)
+        found = product(inner, self.axes.T)
+        found += self.interior
+        return found
 
 
 def _interior(rows: Array, levels: Array) -> tuple[Array, Bits]:
@@ -184,67 +185,77 @@ def _pointed_faces(rows: Array, levels: Array) -> tuple[Bits, NDArray[np.intp], 
     k, r = rows.shape
     if r == 0:
         return np.zeros((1, k), dtype=bool), np.zeros(1, dtype=np.intp), np.zeros((1, 0))
-    corners, incidence = _corners(rows, levels)
-    first = first_equal(np.column_stack([rows, levels]))
-    kinds, group = np.unique(first, return_inverse=True)
-    distinct = incidence[:, [*kinds, k]]
+    corners, incidence, first = _corners(rows, levels)
+    kinds = np.flatnonzero(first == np.arange(k))
+    distinct = incidence if len(kinds) == k else incidence[:, [*kinds, k]]
     if numberable(distinct.shape[1], r) and bool(np.all(distinct.sum(axis=1) == r)):
         active, dimensions, points = simple_faces(corners, distinct)
-        return active if len(kinds) == k else active[:, group], dimensions, points
-    active, points = closed_faces(corners, incidence)
-    outer = np.einsum("ki,kj->kij", rows, rows).reshape(k, r * r)
-    gram = (active.astype(np.float64) @ outer).reshape(-1, r, r)
-    rank = np.sum(np.linalg.eigvalsh(gram) > _SQUARED, axis=1)
-    order = ordered(active, r - rank)
-    return active[order], (r - rank)[order], points[order]
+        return active if len(kinds) == k else active[:, np.searchsorted(kinds, first)], dimensions, points
+    active, dimensions, points = closed_faces(corners, incidence)
+    order = ordered(active, dimensions)
+    return active[order], dimensions[order], points[order]
 
 
-def _corners(rows: Array, levels: Array) -> tuple[Array, Bits]:
-    """Vertices and unit rays (m, r), and which rows hold each (m, k + 1); the last column is the row at infinity.
+def _corners(rows: Array, levels: Array) -> tuple[Array, Bits, NDArray[np.intp]]:
+    """Vertices and unit rays (m, r), which rows hold each (m, k + 1), and for each row (k,) the first equal to it.
+
+    The last column is the row at infinity.
 
     With s ≥ 0 homogenising, the polyhedron is the cone {(q, s): rows·q − levels s ≥ 0}; its rays are the facets of
     the convex hull of the rows, cut where (0, 1)·row = 1.
     """
     r = rows.shape[1]
-    dual = np.vstack([rows / -levels[:, None], np.zeros(r)])
+    dual = rows / -levels[:, None]
+    first = first_equal(dual)
     if r == 1:
-        equations = np.array([[1.0, -dual.max()], [-1.0, dual.min()]])
+        equations = np.array([[1.0, -dual.max(initial=0.0)], [-1.0, dual.min(initial=0.0)]])
     else:
-        equations = _hull(dual[np.unique(first_equal(dual))])
+        equations = _hull(dual[first == np.arange(len(dual))])
     # A hull facet n·u + b ≤ 0 is the cone's ray (q, s) = (−n, −b).
     s = -equations[:, r]
     finite = s > 1e-9
     corners = -equations[:, :r] / np.where(finite, s, 1.0)[:, None]
-    residual = corners @ rows.T
-    residual -= np.where(finite[:, None], levels, 0.0)
+    residual = product(corners, rows.T)
+    residual -= levels
+    residual[~finite] += levels
     tolerance = INCIDENCE * np.maximum(1.0, np.linalg.norm(corners, axis=1))
     incidence = np.empty((len(corners), len(rows) + 1), dtype=bool)
     np.less_equal(residual, tolerance[:, None], out=incidence[:, :-1])
     incidence[:, -1] = ~finite
     one = different(incidence)
-    return corners[one], incidence[one]
+    return corners[one], incidence[one], first
 
 
 def _hull(points: Array) -> Array:
-    """Facets (m, r + 1) of the convex hull of points (k, r); nearly degenerate ones with wide facets."""
-    from scipy.spatial import ConvexHull, QhullError
+    """Facets (m, r + 1) of the convex hull of 0 and points (k, r); nearly degenerate ones with wide facets.
 
+    Qhull is given the half-spaces points·x ≤ 1 that are dual to it: that way it does not cut facets into simplices.
+    """
+    from scipy.spatial import HalfspaceIntersection, QhullError
+
+    k, r = points.shape
+    half_spaces = np.zeros((k + 1, r + 1))
+    half_spaces[:k, :r], half_spaces[:, r] = points, -1.0
     failure: QhullError | None = None
-    for options in (None, "Qt Qx Q12"):
+    for options in (None, "Qx Q12"):
         try:
-            return np.asarray(ConvexHull(points, qhull_options=options).equations)
+            with np.errstate(divide="ignore", invalid="ignore"):  # where it has a ray
+                return np.asarray(HalfspaceIntersection(half_spaces, np.zeros(r), qhull_options=options).dual_equations)
         except QhullError as error:
             failure = failure or error
     reason = str(failure).strip().splitlines()[0]
-    raise SolverError(f"the faces of {len(points)} half-spaces could not be enumerated: {reason}")
+    raise SolverError(f"the faces of {k} half-spaces could not be enumerated: {reason}")
 
 
 def first_equal(rows: Array) -> NDArray[np.intp]:
     """For each row (n, k) the index (n,) of the first row equal to it within the incidence tolerance."""
-    if not len(rows):
-        return np.zeros(0, dtype=np.intp)
+    n, k = rows.shape
+    size = np.max(np.abs(rows), axis=1, initial=0.0)
+    along = np.sort(rows @ np.cos(np.arange(k)))
+    if not n or np.min(along[1:] - along[:-1], initial=np.inf) > k * INCIDENCE * size.max():
+        return np.arange(n)  # rows that are equal would be next to each other along any direction
     apart = np.max(np.abs(rows[:, None] - rows[None]), axis=2)
-    return np.asarray(np.argmax(apart <= INCIDENCE * np.max(np.abs(rows), axis=1), axis=1))
+    return np.asarray(np.argmax(apart <= INCIDENCE * size, axis=1))
 
 
 def _null_space(rows: Array) -> Array:
