@@ -125,5 +125,8 @@ def test_people_read_it(solved: tuple[Problem, Moved], found: Tolerated) -> None
     assert {row[0] for row in rates(document)} >= {"clearance on each side", "error x", "velocity error, rotation"}
     assert all("more: " in row[2] for row in rates(document))
     assert "What each tolerance costs" in tolerance_chapter(document)
+    none = {**document["diagnostics"]["tolerated"], "factor": 0.0, "start_box": [0.0] * 6}
+    words = tolerated_words({**document, "diagnostics": {"tolerated": none}})
+    assert words.startswith("This motion has no positive margin, however small the start errors. What ends it is move ")
     without = {**document, "diagnostics": {}}
     assert tolerated_words(without) == "" == tolerance_chapter(without)
