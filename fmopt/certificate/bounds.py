@@ -313,7 +313,7 @@ def _across(
 @remembered(_MEMORY)
 def _blocked(assembly: Assembly, edge: int, wall: int) -> tuple[tuple[Array, Array, tuple[Span, ...]], ...]:
     """Both ends of a fixed edge: end, direction inward, and the depths to which the edge's line goes on beyond it
-    within a piece's face in a wall's plane.
+    within a piece, or within a piece's face in a wall's plane.
 
     An edge that crosses the wall there would enter that piece, which the separations rule out.
     """
@@ -325,12 +325,11 @@ def _blocked(assembly: Assembly, edge: int, wall: int) -> tuple[tuple[Array, Arr
     for end, inward in ((c, u), (d, -u)):
         spans = []
         for normals, offsets in assembly.fixed_planes:
-            for n in range(len(normals)):
-                if assembly.agree(normals[n], offsets[n], face.normal, face.offset):
-                    others = np.arange(len(normals)) != n
-                    heights, rise = normals[others] @ end - offsets[others], -(normals[others] @ inward)
-                    if (heights <= NEAR).all():
-                        spans.append(_span(list(zip(-NEAR - heights, rise, strict=True))))
+            heights, rise = normals @ end - offsets, -(normals @ inward)
+            flush = [n for n in range(len(normals)) if assembly.agree(normals[n], offsets[n], face.normal, face.offset)]
+            for others in (np.ones(len(normals), dtype=bool), *(np.arange(len(normals)) != n for n in flush)):
+                if (heights[others] <= NEAR).all():
+                    spans.append(_span(list(zip(-NEAR - heights[others], rise[others], strict=True))))
         found.append((end, inward, tuple(span for span in spans if span[0] < span[1])))
     return tuple(found)
 

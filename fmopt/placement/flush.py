@@ -27,7 +27,9 @@ def described(
     """The contacts that make up what is held, along a piece: faces and edges stay in their walls, corners change.
 
     A vertex of a face or edge that lies in a wall touches where it is within the wall's face; an edge touches the
-    wall's rim where one of its ends does. A vertex that may or may not have passed the rim is listed with its edge.
+    wall's rim where one of its ends does. A vertex that may or may not have passed the rim is listed with its edge,
+    if that has an end which has; else it only counts once it has passed. Where several walls lie in one plane, each
+    holds what is before it.
     """
     kept = list(held)
     for wall in _walls(assembly, held):
@@ -47,7 +49,8 @@ class _Wall:
         number: of the face.
         flush: whether it is a face that lies in it.
         vertices: of the moving part that lie in the plane.
-        rims: convex edges of the face.
+        rims: edges of the face, the convex ones first.
+        convex: how many of these are convex; at the others another face begins.
         points: a point (r, 3) of each rim.
         inward: unit directions (r, 3) into the face across them.
     """
@@ -56,6 +59,7 @@ class _Wall:
     flush: bool
     vertices: NDArray[np.intp]
     rims: tuple[int, ...]
+    convex: int
     points: Array
     inward: Array
 
@@ -76,13 +80,24 @@ def _walls(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> tuple[_Wal
         else:
             own = np.array(sorted(i for i in there.points if i < len(body)), dtype=np.intp)
         if len(own) > 1 and len(face.loops) == 1:
-            rims = tuple(i for i, e in enumerate(fixed.edges) if number in e.faces and e.convex)
-            ends = fixed.vertices[[fixed.edges[i].vertices for i in rims]].reshape(-1, 2, 3)
-            inward = crossed(face.normal[None], ends[:, 1] - ends[:, 0])
-            centre = fixed.vertices[list(face.loops[0])].mean(axis=0)
-            inward *= (np.sign(np.vecdot(inward, centre - ends[:, 0])) / lengths(inward))[:, None]
-            found.append(_Wall(number, bool(there.flush), own, rims, ends[:, 0], inward))
+            found.append(_wall(assembly, number, bool(there.flush), own))
     return tuple(found)
+
+
+def _wall(assembly: Assembly, number: int, flush: bool, own: NDArray[np.intp]) -> _Wall:
+    """A fixed face with the vertices that lie in its plane."""
+    fixed = assembly.fixed.polyhedron
+    face = fixed.faces[number]
+    corners = fixed.vertices[list(face.loops[0])]
+    every = np.array([i for i, edge in enumerate(fixed.edges) if number in edge.faces])
+    ends = fixed.vertices[[fixed.edges[i].vertices for i in every]]
+    inward = crossed(face.normal[None], ends[:, 1] - ends[:, 0])
+    inward *= (np.sign(np.vecdot(inward, corners.mean(axis=0) - ends[:, 0])) / lengths(inward))[:, None]
+    convex = np.array([fixed.edges[i].convex for i in every])
+    # At a concave edge the face ends, but where it goes on beside that.
+    ending = (np.vecdot(inward, corners[:, None] - ends[:, 0]) >= -1e-9).all(axis=0)
+    order = np.concatenate([np.flatnonzero(convex), np.flatnonzero(ending & ~convex)])
+    return _Wall(number, flush, own, tuple(every[order].tolist()), int(convex.sum()), ends[order, 0], inward[order])
 
 
 def on_wall(assembly: Assembly, contact: PrimitiveContact, number: int) -> bool:
@@ -98,13 +113,21 @@ def _touching(assembly: Assembly, wall: _Wall, poses: tuple[Pose, Pose], errors:
     """Contacts between what lies in a wall and the wall, as the piece of motion has them."""
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     side = _sides(body.vertices[wall.vertices], wall, poses, errors)
-    inside = wall.vertices[(side >= 0).all(axis=1)].tolist()
-    found = [vertex_face(fixed, vertex, wall.number) for vertex in inside]
     place = {vertex: n for n, vertex in enumerate(wall.vertices.tolist())}
-    for i, edge in enumerate(body.edges):
-        if not edge.convex or any(vertex not in place for vertex in edge.vertices):
-            continue
-        ends = side[[place[vertex] for vertex in edge.vertices]]
+    edges = [
+        (i, [place[vertex] for vertex in edge.vertices])
+        for i, edge in enumerate(body.edges)
+        if edge.convex and all(vertex in place for vertex in edge.vertices)
+    ]
+    sure = side == 1
+    sure[:, wall.convex :] = side[:, wall.convex :] >= 0
+    joined = sure.copy()
+    for _, (a, b) in edges:
+        joined[a] |= sure[b] & (side[a] == 0)
+        joined[b] |= sure[a] & (side[b] == 0)
+    found = [vertex_face(fixed, vertex, wall.number) for vertex in wall.vertices[joined.all(axis=1)].tolist()]
+    for i, both in edges:
+        edge, ends = body.edges[i], side[both, : wall.convex]
         for r in np.flatnonzero((ends.max(axis=0) == 1) & (ends.min(axis=0) < 1)).tolist():
             if _meets(body.vertices[list(edge.vertices)], wall, r, poses[0]):
                 found.append(edge_edge(body, fixed, poses[0].R, i, wall.rims[r]))

@@ -217,17 +217,17 @@ def _along(u: Vector, k: Vector) -> Callable[[Pose], Distance]:
 
 
 def _blocked(assembly: Assembly, wall: Plane, end: Vector, inward: Vector, room: int) -> bool:
-    """Whether the fixed edge's line goes on, beyond its end, within a piece's face in the plane of `wall`.
+    """Whether the fixed edge's line goes on, beyond its end, within a piece, or its face in the plane of `wall`.
 
     An edge that crosses the wall there would enter that piece, which the separations rule out.
     """
     back = scaled(max(0, -room) + _BEYOND, inward)
     beyond = sub(end, back)
     for piece in assembly.fixed_pieces:
-        for face in piece.faces:
-            if not assembly.agree(face.plane, wall):
-                continue
-            others = [f.plane for f in piece.faces if f is not face]
+        planes = [face.plane for face in piece.faces]
+        flush = [plane for plane in planes if assembly.agree(plane, wall)]
+        for own in (None, *flush):
+            others = [plane for plane in planes if plane is not own]
             if all(p.height(end) <= NEAR for p in others) and all(p.height(beyond) < -NEAR for p in others):
                 return True
     return False
