@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import lru_cache
+from typing import assert_never
 
 import numpy as np
 from numpy.typing import NDArray
@@ -239,6 +240,25 @@ def _arc_angles(one: Array, other: Array) -> Array:
 
 def _size(vectors: Array) -> Array:
     return np.asarray(np.sqrt(np.vecdot(vectors, vectors)))
+
+
+def feature_distance(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> float:
+    """Distance between the two features of a contact at a pose, m: what touches is next to each other, too.
+
+    Bounds do not say that, as there are none where a face or an edge ends at a wall, or at the next one in its plane.
+    """
+    match contact.kind:
+        case Kind.VERTEX_FACE:
+            points = pose.apply(moving.vertices[list(contact.moving)])
+            return float(_distances_to_face(points, fixed.faces[contact.fixed_feature], fixed.vertices)[0])
+        case Kind.FACE_VERTEX:
+            points = (fixed.vertices[list(contact.fixed)] - pose.p) @ pose.R
+            return float(_distances_to_face(points, moving.faces[contact.moving_feature], moving.vertices)[0])
+        case Kind.EDGE_EDGE:
+            ends = pose.apply(moving.vertices[list(contact.moving)])
+            return float(_segment_distances(ends[None], fixed.vertices[list(contact.fixed)][None])[0, 0])
+        case _:
+            assert_never(contact.kind)
 
 
 def _distances_to_face(points: Array, face: Face, vertices: Array) -> Array:

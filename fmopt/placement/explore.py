@@ -15,7 +15,7 @@ from fmopt.certificate.knowledge import Assembly, aligned, flushes
 from fmopt.certificate.segment import Compliance
 from fmopt.contact.bounds import BoundTable
 from fmopt.contact.meet import Poses
-from fmopt.contact.primitive import Kind, PrimitiveContact, near_contacts
+from fmopt.contact.primitive import Kind, PrimitiveContact, feature_distance, near_contacts
 from fmopt.contact.surface import Surfaces
 from fmopt.errors import InfeasibleError
 from fmopt.placement.motion import Move, onto
@@ -23,6 +23,8 @@ from fmopt.se3 import Pose
 from fmopt.values import Array
 
 _TOUCH = 1e-9
+_BESIDE = 1e-6  # m; features that touch are no farther apart
+_ALIKE = 1e-12  # difference of unit normals that are parallel
 _SAMPLES = 24
 _ROUNDS = 50
 _TOGETHER = 1e-11
@@ -134,7 +136,7 @@ def _first_contact(assembly: Assembly, place: Place, freedom: Freedom, near: Seq
             # Of several that come together, to rounding, the last in the list counts: edges before vertices.
             if best is None or amount < best[0] + _TOGETHER * freedom.limit:
                 pose = there.pose(n)
-                if insides(assembly, [near[i]], pose)[0] > 10.0 * _TOUCH:
+                if _touching(assembly, [near[i]], pose):
                     best = amount, pose, near[i]
     if best is None or best[0] <= 0.0:
         return None
@@ -182,8 +184,8 @@ def _arrival(
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     value = Surfaces.of(near, body, fixed).values(goal)
     grazing = [c for c, f in zip(near, value, strict=True) if abs(f) <= 10.0 * _TOUCH and c not in place.held]
-    inside = insides(assembly, grazing, goal)
-    made = [c for c, depth in zip(grazing, inside, strict=True) if c == first or depth > 10.0 * _TOUCH]
+    touching = _touching(assembly, grazing, goal)
+    made = [c for c in grazing if c == first or c in touching]
     # Which of several that come together was met first is a matter of rounding: their order in the list decides.
     first = next((c for c in made if implied(assembly, place.held, c, first)), first)
     made = [first, *(c for c in made if c != first)]
@@ -200,6 +202,14 @@ def insides(assembly: Assembly, contacts: Sequence[PrimitiveContact], pose: Pose
     return np.where(crossing, BoundTable.of(contacts, body, fixed, pose).insides(pose), -np.inf)
 
 
+def _touching(assembly: Assembly, contacts: Sequence[PrimitiveContact], pose: Pose) -> list[PrimitiveContact]:
+    """Those of the contacts whose distance is gone at a pose that do touch there, inside their features."""
+    body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
+    inside = insides(assembly, contacts, pose) > 10.0 * _TOUCH
+    found = [contact for contact, within in zip(contacts, inside, strict=True) if within]
+    return [contact for contact in found if feature_distance(contact, body, fixed, pose) <= _BESIDE]
+
+
 def _independent(
     assembly: Assembly, place: Place, first: PrimitiveContact, made: Sequence[PrimitiveContact], goal: Pose
 ) -> bool:
@@ -210,24 +220,29 @@ def _independent(
 def implied(
     assembly: Assembly, held: Sequence[PrimitiveContact], first: PrimitiveContact, other: PrimitiveContact
 ) -> bool:
-    """Whether a contact is made exactly when `first` is, because flush faces fix the turn between the two."""
+    """Whether a contact is made exactly when `first` is, because flush faces fix the turn between the two.
+
+    Walls and rims of several holes may be met together, too: those that are parallel and as far from each other as what
+    meets them.
+    """
     if first.kind is not other.kind or first.kind is Kind.FACE_VERTEX:
         return False
     known = flushes(assembly, held)
     body, fixed = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron
     if first.kind is Kind.VERTEX_FACE:
-        if first.fixed != other.fixed:
+        one, two = (fixed.faces[c.fixed_feature] for c in (first, other))
+        if first.fixed != other.fixed and not bool((np.abs(one.normal - two.normal) <= _ALIKE).all()):
             return False
         image = aligned(known, body[first.moving[0]] - body[other.moving[0]])
-        normal = fixed.faces[first.fixed_feature].normal
-        return image is not None and bool(abs(float(normal @ image)) <= _TOUCH)
-    if first.fixed != other.fixed:
-        return False
+        return image is not None and bool(abs(float(one.normal @ image) - (one.offset - two.offset)) <= _TOUCH)
     (a, b), (c, d) = body[list(first.moving)], body[list(other.moving)]
-    e = fixed.vertices[list(first.fixed)]
+    (e, f), (g, h) = fixed.vertices[list(first.fixed)], fixed.vertices[list(other.fixed)]
     image = aligned(known, a - c)
     parallel = bool(np.linalg.norm(np.cross(b - a, d - c)) <= _TOUCH * float(np.linalg.norm(b - a)))
-    return parallel and image is not None and bool(np.linalg.norm(np.cross(image, e[1] - e[0])) <= _TOUCH * 0.1)
+    parallel = parallel and bool(np.linalg.norm(np.cross(f - e, h - g)) <= _TOUCH * float(np.linalg.norm(f - e)))
+    if not parallel or image is None:
+        return False
+    return bool(np.linalg.norm(np.cross(image - (e - g), f - e)) <= _TOUCH * 0.1)
 
 
 def pinned(assembly: Assembly, pose: Pose, held: Sequence[PrimitiveContact]) -> int:
