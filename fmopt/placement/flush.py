@@ -125,10 +125,13 @@ def _touching(assembly: Assembly, wall: _Wall, poses: tuple[Pose, Pose], errors:
     for _, (a, b) in edges:
         joined[a] |= sure[b] & (side[a] == 0)
         joined[b] |= sure[a] & (side[b] == 0)
-    found = [vertex_face(fixed, vertex, wall.number) for vertex in wall.vertices[joined.all(axis=1)].tolist()]
-    for i, both in edges:
-        edge, ends = body.edges[i], side[both, : wall.convex]
-        for r in np.flatnonzero((ends.max(axis=0) == 1) & (ends.min(axis=0) < 1)).tolist():
+    listed = joined.all(axis=1)
+    found = [vertex_face(fixed, vertex, wall.number) for vertex in wall.vertices[listed].tolist()]
+    # An edge crosses a rim all along where one end is beyond it, or as long as that end, which is listed, is.
+    crossing = (side == -1) | ((side == 0) & listed[:, None])
+    for i, (a, b) in edges:
+        edge, over = body.edges[i], (sure[a] & crossing[b]) | (sure[b] & crossing[a])
+        for r in np.flatnonzero(over[: wall.convex]).tolist():
             if _meets(body.vertices[list(edge.vertices)], wall, r, poses[0]):
                 found.append(edge_edge(body, fixed, poses[0].R, i, wall.rims[r]))
     return found
