@@ -11,14 +11,12 @@ from execution_model import execute
 from searched import certified_plan, tilted_motion
 
 from fmopt.certificate.knowledge import Assembly
-from fmopt.certificate.pair import facing
-from fmopt.certificate.piece import Piece
 from fmopt.contact.bounds import touching
 from fmopt.contact.primitive import Kind, PrimitiveContact, feature_distance, near_contacts, vertex_face
 from fmopt.placement.entry import Shape
 from fmopt.placement.explore import implied
 from fmopt.placement.flush import described
-from fmopt.se3 import Pose, exp
+from fmopt.se3 import Pose
 from fmopt.task.problem import load
 from fmopt.uncertainty.error_set import ErrorSet
 
@@ -74,24 +72,6 @@ def test_floors_are_met_at_once_where_they_are_equally_deep(height: float, met: 
     first, second = vertex_face(fixed, corners[0], floor), vertex_face(fixed, corners[1], other)
     assert implied(ASSEMBLY, pressed(10e-3)[1], first, second) == met
     assert not implied(ASSEMBLY, (), first, second)
-
-
-def test_a_leg_flush_with_one_that_is_held_may_come_down_along_its_wall() -> None:
-    """One leg of the key is in the frame, flat on a wall; the other, in the same plane, is still above the mouth."""
-    pose = Pose(np.array([1.8e-3, -5e-4, 20e-3]), exp(np.array([0.0, math.radians(4.9), 0.0])))
-    body, fixed = KEY.moving.polyhedron, KEY.fixed.polyhedron
-    assembly = Assembly(KEY.moving, KEY.fixed)
-    held = touching(near_contacts(body, fixed, pose, 2e-4, 1e-3), body, fixed, pose)
-    assert {contact.moving_feature for contact in held if contact.kind is Kind.VERTEX_FACE} == {12, 14}
-    pieces = [pose.apply(piece.vertices) for piece in assembly.moving.pieces]
-    free = [i for i, corners in enumerate(pieces) if corners[:, 0].max() < 0.0]  # the leg at negative x, and no more
-    walls = {j for j, piece in enumerate(assembly.fixed.pieces) if abs(piece.vertices[:, 1].max() + 15.5e-3) < 1e-9}
-    assert len(free) == len(walls) == 1
-    assert pieces[free[0]][:, 2].min() > 0.0
-    still = Piece(pose, pose, held, held, (), None, (0.0, 1.0))
-    beside = [(i, j, pair) for i, j, pair in facing(assembly, still).listed if i == free[0]]
-    assert not any(pair.touched for _, _, pair in beside)
-    assert {j for _, j, pair in beside if pair.state} == walls
 
 
 def test_edges_that_pass_a_rim_on_the_way_do_not_hold_the_part_there() -> None:

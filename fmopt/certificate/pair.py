@@ -7,10 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, NamedTuple
 
-import numpy as np
-
-from fmopt.certificate.assembly import NEAR, Assembly
-from fmopt.certificate.knowledge import facts
+from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.piece import Piece
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.polyhedron import Polyhedron
@@ -53,9 +50,9 @@ class Pair(NamedTuple):
         fixed: the fixed piece.
         held: contacts held between the two.
         opening: contacts being made or given up between the two.
-        state: all contacts held, for a pair that is touched by one or flush with one; else none.
-        left: all contacts given up, for such a pair; else none.
-        beside: the contact being made that counts and those given up, wherever, for such a pair; else none.
+        state: all contacts held, for a pair that is touched by one; else none.
+        left: all contacts given up, for a pair that is touched; else none.
+        beside: the contact being made that counts and those given up, wherever, for a pair that is touched; else none.
     """
 
     moving: Polyhedron
@@ -108,7 +105,7 @@ def _facing(
     for i, M in enumerate(assembly.moving.pieces):
         for j, F in enumerate(assembly.fixed.pieces):
             own, new = (touching(assembly, M, F, contacts) for contacts in (held, opening))
-            known = (held, left, beside) if own or new or _flush(assembly, M, F, held) else ((), (), ())
+            known = (held, left, beside) if own or new else ((), (), ())
             found.append((i, j, Pair(M, F, own, new, *known)))
     return Facing(tuple(found))
 
@@ -124,15 +121,6 @@ def touching(
     """The contacts that two pieces can have with each other: on a face plane or along an edge of each."""
     own, other = assembly.carried(moving), assembly.carried(fixed)
     return tuple(c for c in contacts if _between(c, own, other))
-
-
-def _flush(assembly: Assembly, moving: Polyhedron, fixed: Polyhedron, held: tuple[PrimitiveContact, ...]) -> bool:
-    """Whether contacts of other pieces hold a face of the moving piece flush in a wall's plane of the fixed one."""
-    known, carried = facts(assembly, held), assembly.carried(fixed)
-    numbers = {c.fixed_feature for c in held if c.kind is Kind.VERTEX_FACE and ("face", c.fixed_feature) in carried}
-    walls = [assembly.fixed.polyhedron.faces[number] for number in sorted(numbers)]
-    planes = [plane for wall in walls for plane in known.on(wall.normal, wall.offset).flush]
-    return any(np.count_nonzero(np.abs(moving.vertices @ n - c) <= NEAR) > 2 for n, c in planes)
 
 
 def _between(contact: PrimitiveContact, moving: Features, fixed: Features) -> bool:

@@ -45,7 +45,7 @@ def _fans(facing: Facing, places: tuple[int, ...]) -> Fans:
 def _candidates(assembly: Assembly, pair: Pair) -> tuple[Witness, ...]:
     """Planes of faces, and those along the two edges of the pair's edge–edge contacts."""
     own = [Witness("moving-face", face.loops[0], ()) for face in pair.moving.faces]
-    if not (pair.touched or pair.state):
+    if not pair.touched:
         return tuple(own)
     faces = [Witness("fixed-face", (), face.loops[0]) for face in pair.fixed.faces]
     return (*faces, *own, *_contact_edges(assembly, pair))
