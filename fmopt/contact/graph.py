@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any, TypeVar
 
@@ -98,14 +99,20 @@ class ContactGraph(Value):
 def contact_graph(space: LocalSpace, faces: Faces) -> ContactGraph:
     """The contact-state graph of a local space and its faces."""
     n, names = len(faces.points), np.array([contact.id for contact in space.contacts], dtype=np.object_)
-    which, on = np.nonzero(faces.active)
+    which, on = np.divmod(np.flatnonzero(faces.active), max(1, len(names)))
     contacts = _grouped(which, names[on].tolist(), n)
-    ids = [f"s{i}" if held else "free" for i, held in enumerate(contacts)]
+    ids = _ids(n) if contacts[0] else ("free", *_ids(n)[1:])
     states = ContactState.all_of(ids, contacts, faces.dimensions.tolist(), space.scale * faces.points)
     father, son = _covers(faces)
-    order = np.argsort(son, kind="stable")
+    order = np.argsort(son * n + father)
     sons, fathers = _grouped(father, son.tolist(), n), _grouped(son, father[order].tolist(), n)
     return ContactGraph(space, states, sons, fathers)
+
+
+@lru_cache
+def _ids(n: int) -> tuple[str, ...]:
+    """Names of as many states."""
+    return tuple(f"s{i}" for i in range(n))
 
 
 def _covers(faces: Faces) -> tuple[Numbers, Numbers]:

@@ -115,6 +115,8 @@ def faces(space: LocalSpace) -> Faces:
     """
     k = len(space.contacts)
     found = enumerate_faces(*space.half_spaces)
+    if not len(space.limits):
+        return found
     open_ = ~found.active[:, k:].any(axis=1)
     if not open_.any():
         raise InfeasibleError(
