@@ -125,7 +125,8 @@ def _covers(faces: Faces) -> tuple[Numbers, Numbers]:
     pairs = []
     for begin, middle, end in zip(ends, ends[1:], ends[2:], strict=False):
         found = np.flatnonzero(active[begin:middle] @ active[middle:end].T == size[begin:middle])
-        pairs.append((found // max(1, end - middle) + begin, found % max(1, end - middle) + middle))
+        of, below = np.divmod(found, max(1, end - middle))
+        pairs.append((of + begin, below + middle))
     father, son = np.hstack(pairs)
     return father, son
 

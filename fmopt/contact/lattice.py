@@ -77,10 +77,8 @@ def simple_faces(corners: Array, incidence: Bits) -> tuple[Bits, NDArray[np.intp
     short = int(np.count_nonzero((columns + 1.0) ** subsets.sizes <= _TABLE * m * len(subsets.sizes)))
     counted = (digits + 1).astype(np.float64)
     parts = [_numbered(counted, part, columns + 1) for part in subsets.cut(short)]
-    one, two = parts[0], parts[-1]
-    corner, subset = one[1:]
-    if len(parts) > 1:
-        corner, subset = np.append(corner, two[1]), np.append(subset, two[2] + short)
+    corner = np.concatenate([on for _, on, _ in parts])
+    subset = np.concatenate([which + begin for (_, _, which), begin in zip(parts, (0, short), strict=False)])
     active = _active(digits, subsets.left, corner, subset, columns)
     dimensions = r - subsets.sizes[subset]
     points = np.vstack([_means(corners, incidence[:, -1], which, len(on)) for which, on, _ in parts])

@@ -231,18 +231,17 @@ def implied(
     body, fixed = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron
     if first.kind is Kind.VERTEX_FACE:
         one, two = (fixed.faces[c.fixed_feature] for c in (first, other))
-        if first.fixed != other.fixed and not bool((np.abs(one.normal - two.normal) <= _ALIKE).all()):
+        if (np.abs(one.normal - two.normal) > _ALIKE).any():
             return False
         image = aligned(known, body[first.moving[0]] - body[other.moving[0]])
         return image is not None and bool(abs(float(one.normal @ image) - (one.offset - two.offset)) <= _TOUCH)
     (a, b), (c, d) = body[list(first.moving)], body[list(other.moving)]
     (e, f), (g, h) = fixed.vertices[list(first.fixed)], fixed.vertices[list(other.fixed)]
+    for one_way, other_way in ((b - a, d - c), (f - e, h - g)):
+        if np.linalg.norm(np.cross(one_way, other_way)) > _TOUCH * float(np.linalg.norm(one_way)):
+            return False
     image = aligned(known, a - c)
-    parallel = bool(np.linalg.norm(np.cross(b - a, d - c)) <= _TOUCH * float(np.linalg.norm(b - a)))
-    parallel = parallel and bool(np.linalg.norm(np.cross(f - e, h - g)) <= _TOUCH * float(np.linalg.norm(f - e)))
-    if not parallel or image is None:
-        return False
-    return bool(np.linalg.norm(np.cross(image - (e - g), f - e)) <= _TOUCH * 0.1)
+    return image is not None and bool(np.linalg.norm(np.cross(image - (e - g), f - e)) <= _TOUCH * 0.1)
 
 
 def pinned(assembly: Assembly, pose: Pose, held: Sequence[PrimitiveContact]) -> int:

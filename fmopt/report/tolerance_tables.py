@@ -24,13 +24,13 @@ def tolerated_words(plan: Plan) -> str:
     if not found:
         return ""
     box = [(name, value) for name, value in zip(AXES, found["start_box"], strict=True) if value > 0.0]
-    if found["factor"] > 0.0 and not box:
+    if found["factor"] <= 0.0:
+        words = "This motion has no positive margin, however small the start errors."
+    elif not box:
         return "The problem states no start error."
-    if found["factor"] > 0.0:
+    else:
         sizes = ", ".join(f"{name} ±{_size(name, value)}" for name, value in box)
         words = f"This motion keeps a positive margin up to {found['factor']:.3g} times the start errors: {sizes}."
-    else:
-        words = "This motion has no positive margin, however small the start errors."
     words += _end_words(plan, found.get("ends"))
     if verdict(plan).proved:
         return words + " Only the stated errors are certified; the larger ones are the planner's own figure."

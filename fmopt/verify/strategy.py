@@ -176,9 +176,9 @@ def _end(
     travel = number(stage.motion.length) + math.hypot(*tube.box) + rho * tube.theta
     # Entries of the wrench that cancel are known to a share of those that do not.
     force = asked.termination_force
+    sizes = (*[force] * 3, *[force * rho] * 3)
     for what, stated, value, size in (
-        *((f"termination.wrench[{k}]", hybrid.wrench[k], force * reaction[k], force) for k in range(3)),
-        *((f"termination.wrench[{k}]", hybrid.wrench[k], force * reaction[k], force * rho) for k in range(3, 6)),
+        *((f"termination.wrench[{k}]", hybrid.wrench[k], force * reaction[k], sizes[k]) for k in range(6)),
         ("termination.threshold", hybrid.threshold, force, 0.0),
         ("termination.max_travel", hybrid.max_travel, travel, 0.0),
         ("termination.timeout", hybrid.timeout, 2.0 * hybrid.max_travel / max(hybrid.speed, 1e-9), 0.0),
