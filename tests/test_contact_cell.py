@@ -1,5 +1,7 @@
 """Cells: around any free pose, the kept contacts alone tell collision from freedom; an independent test agrees."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from test_contact_parts import MID_DEPTH, block, peg
@@ -12,6 +14,9 @@ from fmopt.contact.space import faces, local_space
 from fmopt.contact.surface import Surfaces
 from fmopt.errors import InfeasibleError
 from fmopt.se3 import Pose, exp
+from fmopt.task.problem import load
+
+PROBLEMS = Path(__file__).parent.parent / "problems"
 
 PEG, BLOCK = peg(), block()
 HALF = 0.0101
@@ -123,6 +128,17 @@ def test_a_contact_that_a_touching_one_ends_is_not_kept_by_rounding() -> None:
         assert ("v2-f9",) in {s.contacts for s in contact_graph(space, faces(space)).states}
         kept.append([c.id for c in contacts])
     assert kept[0] == kept[1] == kept[2]
+
+
+def test_a_key_in_its_keyway_is_not_on_the_top_beside_it() -> None:
+    """The keyway is a notch of the hole's outline: told edge by edge, the top goes on over it."""
+    problem = load(PROBLEMS / "keyed_shaft.toml")
+    shaft, hub = problem.moving.polyhedron, problem.fixed.polyhedron
+    pose = Pose(np.array([0.0, 0.0, -1e-3]), np.eye(3))
+    near = near_contacts(shaft, hub, pose, 2e-3, 0.05)
+    kept, limits = cell(near, shaft, hub, pose, within=2e-3)
+    assert np.min(Surfaces.of(kept, shaft, hub).values(pose)) > 0.0
+    faces(local_space(kept, shaft, hub, pose, 1e-4, 0.014, limits, 1e-4, 0.002))
 
 
 def test_a_space_between_limits_without_extent_is_refused() -> None:

@@ -155,7 +155,8 @@ def cell(
     """The contacts that are within their bounds at a pose, and the bounds that have to stay as they are there.
 
     Where parts are open, as at the mouth of a hole, free space is no intersection of half-spaces. In the cell around a
-    pose in which no listed bound changes sign it is: the kept contacts' f ≥ 0 and nothing else.
+    pose in which no listed bound changes sign it is: the kept contacts' f ≥ 0 and nothing else. A contact that the free
+    pose violates is none: in a notch, a face told edge by edge seems to go on over the notch.
 
     Args:
         contacts: primitive contacts near the pose.
@@ -169,17 +170,19 @@ def cell(
     """
     table = BoundTable.of(contacts, moving, fixed, pose)
     g = dict(zip((bound.contact.id for bound in table.listed), table.surfaces.values(pose), strict=True))
+    unviolated = Surfaces.of(contacts, moving, fixed).values(pose) >= -INSIDE
 
     def depth(bound: Bound) -> float:
         return -bound.sign * float(g[bound.contact.id])
 
     kept, limits = [], dict[Bound, None]()
-    for contact, clauses in zip(contacts, table.clauses, strict=True):
+    for contact, clauses, may_be in zip(contacts, table.clauses, unviolated, strict=True):
         groups = [max(clause, key=lambda group: min(map(depth, group))) for clause in clauses]
         insides = [min(map(depth, group)) for group in groups]
         if min(insides, default=1.0) > INSIDE:
-            kept.append(contact)
-            limits.update(dict.fromkeys(bound for group in groups for bound in group))
+            if may_be:
+                kept.append(contact)
+                limits.update(dict.fromkeys(bound for group in groups for bound in group))
         else:
             outside = clauses[int(np.argmin(insides))]
             worst = (min(group, key=depth) for group in outside)
