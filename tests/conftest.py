@@ -8,11 +8,14 @@ from typing import Any
 
 import browser
 import pytest
+from hypothesis import settings
 
 from fmopt import plan
 
 ROOT = Path(__file__).parent.parent
 
+settings.register_profile("repeatable", derandomize=True)  # the same examples in every run
+settings.load_profile("repeatable")
 
 collect_ignore = [] if browser.PATH else ["test_browser.py"]  # tests/test_page_scripts.py checks its pages everywhere
 if not (ROOT.parent / "shared" / "parts").is_dir():
