@@ -19,7 +19,8 @@ from fmopt.execution.rotation import from_quaternions
 from fmopt.execution.trials import Trials, run
 from fmopt.guarded.moves import moves
 from fmopt.placement.begin import begin
-from fmopt.placement.entry import Shape, corner_turns, leading_corners, next_to_round, tilted_entry
+from fmopt.placement.corners import corner_turns, leading_corners, next_to_round
+from fmopt.placement.entry import Shape, tilted_entry
 from fmopt.placement.step import Task, follow, sons
 from fmopt.plan_record import Moved
 from fmopt.se3 import Pose

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmopt.placement.entry import leading_corners, start_spread, swung_by
+from fmopt.placement.corners import leading_corners
+from fmopt.placement.entry import start_spread, swung_by
 from fmopt.placement.shapes import roomy_errors, tilted_shapes
 from fmopt.synthesis import synthesise
 from fmopt.task.problem import load

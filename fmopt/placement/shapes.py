@@ -11,17 +11,8 @@ import numpy as np
 
 from fmopt.geometry.clearance import Clearance
 from fmopt.geometry.part import Part
-from fmopt.placement.entry import (
-    Shape,
-    corner_walls,
-    leading_corners,
-    lowest,
-    next_to_round,
-    outline,
-    start_spread,
-    swung_by,
-    turned_axes,
-)
+from fmopt.placement.corners import corner_turn, corner_walls, leading_corners, next_to_round, outline
+from fmopt.placement.entry import Shape, lowest, start_spread, swung_by, turned_axes
 from fmopt.values import Array
 
 _TILTS = ((0.8, 1.0), (1.0, 0.8))
@@ -43,6 +34,12 @@ _INSIDE = 0.115  # of the part's width that is inside the mouth at least where i
 _EACH = 0.25  # of these errors, what is along either axis and what is by turning at least
 _FAR = 40.0  # clearances a side that the start errors displace the tip by, from where parts are laid flat first
 _AT_ONCE = 2  # entries that go in at once are tried for each that touches the top first
+_OBTUSE = math.radians(55.0)  # corners that turn by less are held by two walls next to parallel
+# What such a corner goes in with: tilts about the wall that it is to be flush with and about the normal of that, as
+# shares of the largest; how deep, in errors of its height; how far turned from where the part's edge is parallel to the
+# wall, in errors of that; how far from that wall and the other, in lateral errors.
+_UNEVEN, _SHALLOW = ((0.4, 0.17), (0.4, 0.24), (0.9, 0.2)), (0.4, 0.3, 0.6)
+_ASKEW, _APART = (1.2, 2.0), ((1.5, 2.5), (1.7, 2.9))
 _RUN = 6  # shapes of one heading are tried before those of the next
 _BEST = math.radians(100.0)  # of the angles of corners, which of them goes in first
 _SAME = 1e-6  # of the part's width, by which a part that looks the same once turned may differ
@@ -75,7 +72,7 @@ def likely_shapes(
 
     The further errors are beyond the clearance, the more it is worth to lay the part flat: that is tried first or last.
     It is tried first, too, where the part is next to round: no corner of it then takes all freedoms away.
-    Of corners that differ each has its turn, with its walls as axes.
+    Of corners that differ each has its turn, with its walls as axes; `obtuse_shapes` are for those that turn by little.
 
     Args:
         moving: the moving part, tip centre at the origin.
@@ -89,40 +86,58 @@ def likely_shapes(
     funnel = funnel_depth(fixed), funnel_width(fixed)
     first = spread >= _FAR * clearance.per_side or next_to_round(moving)
 
-    def towards(heading: float) -> Iterator[Shape]:
+    def towards(heading: float, wall: int | None) -> Iterator[Shape]:
+        if wall is not None:
+            return obtuse_shapes(moving, start_box, max_tilt, funnel, heading, wall)
         at_once, for_touching, for_flat = tee(tilted_shapes(moving, play, start_box, max_tilt, funnel[0], heading), 3)
         touching = touching_shapes(for_touching, moving, start_box, rate, funnel[1])
         flat = flat_shapes(for_flat, moving, play, start_box, rate, funnel)
         others = _in_turn((at_once, _AT_ONCE), (touching, 1))
         return chain(flat, others) if first else chain(others, flat)
 
-    return _in_turn(*((towards(heading), _RUN) for heading in likely_headings(moving)))
+    return _in_turn(*((towards(*way), _RUN) for way in likely_headings(moving)))
 
 
-def likely_headings(moving: Part) -> tuple[float, ...]:
-    """Headings with which corners of the tip go in, rad: none first, then those that put a corner between its walls.
+def likely_headings(moving: Part) -> tuple[tuple[float, int | None], ...]:
+    """Headings with which corners of the tip go in, rad, and the wall that an obtuse one is to be flush with first.
 
-    Of those with which the part looks the same there is one only.
+    After none come those that put a corner between its walls. An obtuse corner has two, with one of its walls towards
+    −x (0) or −y (1), that from which the part reaches farther first. Of those with which the part looks the same there
+    is one only; with an obtuse corner, in a mirror, too.
     """
     loop = outline(leading_corners(moving))
-    hull, found = loop[:, :2], []
+    hull, found = loop[:, :2], list[tuple[float, float, float, int | None]]()
     for corner in loop:
         (one, _), (two, _) = corner_walls(moving, corner)
-        angle = math.pi - math.acos(float(np.clip(one @ two, -1.0, 1.0)))
-        inward = one + two
-        found.append((abs(angle - _BEST), math.atan2(inward[1], inward[0]) - 0.25 * math.pi))
-    headings: list[float] = [0.0]
-    for _, heading in sorted(found, key=lambda one: (round(one[0], 6), abs(one[1]))):
-        if not any(_looks_the_same(hull, heading - other) for other in headings):
-            headings.append(heading)
-    return tuple(headings)
+        turn = corner_turn(moving, corner)
+        unlike = round(abs(math.pi - turn - _BEST), 6)
+        if turn < _OBTUSE:
+            for wall, inward in enumerate((one, two)):
+                reach = round(float(np.ptp(hull @ inward)), 9)
+                found.append((unlike, -reach, _direction(inward) - 0.5 * math.pi * wall, wall))
+        else:
+            found.append((unlike, 0.0, _direction(one + two) - 0.25 * math.pi, None))
+    found.sort(key=lambda way: (*way[:2], way[3] or 0, abs(way[2])))
+    if all(wall is None for *_, wall in found):
+        found.insert(0, (0.0, 0.0, 0.0, None))
+    ways, seen = list[tuple[float, int | None]](), list[tuple[bool, Array]]()
+    for _, _, heading, first in found:
+        shown = hull @ turned_axes(heading)[:2, :2]
+        kind, sight = first is None, shown[:, ::-1] if first else shown
+        if not any(kind == other and _looks_the_same(sight, before) for other, before in seen):
+            ways.append((heading, first))
+            seen.append((kind, sight))
+    return tuple(ways)
 
 
-def _looks_the_same(hull: Array, angle: float) -> bool:
-    """Whether the corners (n, 2) of a convex outline turned about the origin are these corners."""
-    turned = hull @ turned_axes(angle)[:2, :2].T
-    apart = np.linalg.norm(turned[:, None] - hull[None], axis=2).min(axis=1)
-    return bool(apart.max() <= _SAME * float(np.ptp(hull)))
+def _direction(n: Array) -> float:
+    return math.atan2(n[1], n[0])
+
+
+def _looks_the_same(one: Array, other: Array) -> bool:
+    """Whether the corners (n, 2) of two outlines are the same."""
+    apart = np.linalg.norm(one[:, None] - other[None], axis=2).min(axis=1)
+    return bool(apart.max() <= _SAME * float(np.ptp(one)))
 
 
 def _in_turn(*runs: tuple[Iterator[Shape], int]) -> Iterator[Shape]:
@@ -200,6 +215,38 @@ def touching_shapes(
         depth = _TOUCHED[n // 2 % len(_TOUCHED)] * rate * way
         if depth < shape.depth:
             yield replace(shape, depth=depth, touch=(beyond, _RISE * way))
+
+
+def obtuse_shapes(
+    moving: Part, start_box: Array, max_tilt: float, funnel: tuple[float, float], heading: float, wall: int
+) -> Iterator[Shape]:
+    """Shapes for a corner that turns by so little that a part flush with one wall has little play towards the other.
+
+    The part is to be flush with the first wall before it meets the second, and to meet both well apart: so it is tilted
+    less along the wall, turned from it by little more than errors, and nearer to it. The corner touches the top first
+    and goes in less deep than the next one along the wall is above it.
+
+    Args:
+        moving: the moving part, tip centre at the origin.
+        start_box: half-widths (6,) of the start error, m and rad.
+        max_tilt: greatest tilt about each axis, rad.
+        funnel: how deep below the mouth the walls begin, and how far outside them the top does, m.
+        heading: turn about z of the axes that all this is about, rad.
+        wall: which wall the part is to be flush with first, the one towards −x (0) or −y (1) of these axes.
+    """
+    swing = swung_by(leading_corners(moving), start_box)
+    spread = start_spread(moving, start_box)
+    beyond = funnel[1] + _BEYOND * spread
+    for tilts, deep, askew, apart in product(_UNEVEN, _SHALLOW, _ASKEW, _APART):
+        first, second = (share * max_tilt for share in tilts)
+        near, far = (share * spread for share in apart)
+        touch = beyond, _RISE * (near + beyond)
+        turn = askew * float(start_box[5])
+        depth = funnel[0] + deep * swing
+        if wall:
+            yield Shape(second, first, first * second + turn, depth, (far, near), touch, heading=heading)
+        else:
+            yield Shape(first, second, -turn, depth, (near, far), touch, heading=heading)
 
 
 def flat_shapes(

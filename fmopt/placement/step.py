@@ -15,7 +15,8 @@ from fmopt.certificate.segment import Tolerance
 from fmopt.contact.primitive import PrimitiveContact, near_contacts
 from fmopt.contact.surface import Surfaces
 from fmopt.errors import InfeasibleError
-from fmopt.placement.entry import Entry, deeper, leading_corners, next_to_round, turned_axes
+from fmopt.placement.corners import leading_corners, next_to_round
+from fmopt.placement.entry import Entry, deeper, turned_axes
 from fmopt.placement.explore import Freedom, Place, freedoms, guarded, implied, neighbourhood, pinned
 from fmopt.placement.flush import described
 from fmopt.placement.motion import Move, Reached, unroll
