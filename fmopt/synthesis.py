@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
-from itertools import chain
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -22,14 +21,7 @@ from fmopt.knowledge.command import answer
 from fmopt.nominal.critical import critical_poses
 from fmopt.nominal.freedom import freedom, half_widths
 from fmopt.nominal.mapping import answered
-from fmopt.placement.entry import (
-    Entry,
-    Shape,
-    planar_entries,
-    start_spread,
-    straight_entry,
-    tilted_entry,
-)
+from fmopt.placement.entry import Entry, Shape, planar_entries, start_spread, straight_entry, tilted_entry
 from fmopt.placement.motion import Reached
 from fmopt.placement.polish import Turns, polish
 from fmopt.placement.search import MoveSequence, best_sequences
@@ -48,6 +40,7 @@ from fmopt.task.clearance import measured_clearance
 from fmopt.task.command import task_command
 from fmopt.task.problem import Problem
 from fmopt.uncertainty.error_set import ErrorSet
+from fmopt.values import Array
 from fmopt.verify import CERTIFIED, Verdict, verify
 
 Progress = Callable[[str], None]
@@ -281,17 +274,8 @@ def motion(
     goal = Pose.from_vector(problem.goal)
     task = Task(assembly, goal, errors, tolerance, costs, 1.3 * settings.max_tilt)
 
-    def entry_of(shape: Shape) -> Entry:
-        return tilted_entry(moving, clearance.play, problem.approach, shape)
-
-    straight = straight_entry(moving, clearance.play, box, problem.approach)
-    if problem.plane is not None:
-        tilted = planar_entries(moving, problem.fixed, box, problem.approach, settings.max_tilt)
-    else:
-        rate = problem.velocity_error.translation + problem.velocity_error.rotation
-        shapes = likely_shapes(moving, problem.fixed, clearance, roomy, rate, settings.max_tilt)
-        tilted = ((entry_of(shape),) for shape in shapes)
-    rounds = chain([straight] if straight else [], tilted)
+    entry_of = partial(tilted_entry, moving, clearance.play, problem.approach)
+    rounds = _rounds(problem, clearance, roomy, entry_of)
     best: tuple[MoveSequence, Placed] | None = None
     failure: FmoptError | None = None
 
@@ -332,6 +316,22 @@ def motion(
         assert failure is not None
         raise failure
     return best
+
+
+def _rounds(
+    problem: Problem, clearance: Clearance, roomy: Array, entry_of: Callable[[Shape], Entry]
+) -> Iterator[Sequence[Entry]]:
+    """Ways to begin, the likeliest first, several to be weighed against each other in each round."""
+    moving, box, tilt = problem.moving, problem.start_box, problem.settings.max_tilt
+    straight = straight_entry(moving, clearance.play, box, problem.approach)
+    if straight:
+        yield straight
+    if problem.plane is not None:
+        yield from planar_entries(moving, problem.fixed, box, problem.approach, tilt)
+    else:
+        rate = problem.velocity_error.translation + problem.velocity_error.rotation
+        for shape in likely_shapes(moving, problem.fixed, clearance, roomy, rate, tilt):
+            yield (entry_of(shape),)
 
 
 def placement(
