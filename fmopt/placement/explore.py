@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
@@ -113,6 +113,18 @@ def guarded(assembly: Assembly, place: Place, freedom: Freedom, near: Sequence[P
         return _first_contact(assembly, place, freedom, near)
     except InfeasibleError:
         return None
+
+
+def meetings(assembly: Assembly, place: Place, freedom: Freedom, near: Sequence[PrimitiveContact]) -> Iterator[Move]:
+    """The guarded move along a freedom, once for each contact of those that come together as the one that is met.
+
+    Which of them errors leave sure to be met is for the certificate to say. Arguments as of `guarded`.
+    """
+    last, met = list(near), set[PrimitiveContact]()
+    while (move := guarded(assembly, place, freedom, last)) is not None and move.making[0] not in met:
+        yield move
+        met.add(move.making[0])
+        last.sort(key=lambda contact: contact not in met)
 
 
 def _first_contact(assembly: Assembly, place: Place, freedom: Freedom, near: Sequence[PrimitiveContact]) -> Move | None:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from fmopt.contact.surface import Surfaces
 from fmopt.errors import InfeasibleError
 from fmopt.placement.corners import leading_corners, next_to_round
 from fmopt.placement.entry import Entry, deeper, turned_axes
-from fmopt.placement.explore import Freedom, Place, freedoms, guarded, implied, neighbourhood, pinned
+from fmopt.placement.explore import Freedom, Place, freedoms, implied, meetings, neighbourhood, pinned
 from fmopt.placement.flush import described
 from fmopt.placement.motion import Move, Reached, unroll
 from fmopt.se3 import Pose
@@ -299,10 +300,12 @@ def _freedoms(task: Task, node: Node) -> tuple[Freedom, ...]:
 
 
 def _along(task: Task, node: Node, freedom: Freedom, near: tuple[PrimitiveContact, ...]) -> Node | None:
-    move = guarded(task.assembly, node.place, freedom, near)
-    if move is None and freedom.name == "-z":
-        move = _straight_down(task, node.place, freedom.twist)
-    return None if move is None else son(task, node, move, freedom.name)
+    moves = meetings(task.assembly, node.place, freedom, near)
+    first = next(moves, None)
+    if first is None and freedom.name == "-z":
+        first = _straight_down(task, node.place, freedom.twist)
+    ways = moves if first is None else chain([first], moves)
+    return next((after for move in ways if (after := son(task, node, move, freedom.name)) is not None), None)
 
 
 def _straight_down(task: Task, place: Place, twist: Array) -> Move | None:
