@@ -65,12 +65,6 @@ def corner_walls(moving: Part, corner: Array) -> tuple[tuple[Array, Array], tupl
     return (inward[one], points[one]), (inward[two], points[two])
 
 
-def corner_turn(moving: Part, corner: Array) -> float:
-    """How far the outline turns at a corner, from the wall on one side of it to the one on the other, rad."""
-    (one, _), (two, _) = corner_walls(moving, corner)
-    return math.acos(float(np.clip(one @ two, -1.0, 1.0)))
-
-
 def far_edge(moving: Part, corner: Array) -> tuple[Array, Array]:
     """The long side around the tip that reaches farthest from a corner: that end (3,), and the other (3,).
 

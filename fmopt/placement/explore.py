@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import compress, groupby
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,11 +120,16 @@ def meetings(assembly: Assembly, place: Place, freedom: Freedom, near: Sequence[
 
     Which of them errors leave sure to be met is for the certificate to say. Arguments as of `guarded`.
     """
-    last, met = list(near), set[PrimitiveContact]()
-    while (move := guarded(assembly, place, freedom, last)) is not None and move.making[0] not in met:
-        yield move
-        met.add(move.making[0])
-        last.sort(key=lambda contact: contact not in met)
+    move = guarded(assembly, place, freedom, near)
+    if move is None:
+        return
+    yield move
+    table = Surfaces.of(near, assembly.moving.polyhedron, assembly.fixed.polyhedron)
+    closed = (table.values(place.pose) > 10.0 * _TOUCH) & (np.abs(table.values(move.goal)) <= 10.0 * _TOUCH)
+    for contact in _touching(assembly, [*compress(near, closed)], move.goal):
+        other = _arrival(assembly, place, move.goal, contact, near)
+        if contact not in move.making and other is not None and other.making[0] == contact:
+            yield other
 
 
 def _first_contact(assembly: Assembly, place: Place, freedom: Freedom, near: Sequence[PrimitiveContact]) -> Move | None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from fmopt.geometry.clearance import Clearance
 from fmopt.geometry.part import Part
-from fmopt.placement.corners import corner_turn, corner_walls, leading_corners, next_to_round, outline
+from fmopt.placement.corners import corner_walls, leading_corners, next_to_round, outline
 from fmopt.placement.entry import Shape, lowest, start_spread, swung_by, turned_axes
 from fmopt.values import Array
 
@@ -36,9 +36,9 @@ _FAR = 40.0  # clearances a side that the start errors displace the tip by, from
 _AT_ONCE = 2  # entries that go in at once are tried for each that touches the top first
 _OBTUSE = math.radians(55.0)  # corners that turn by less are held by two walls next to parallel
 # What such a corner goes in with: tilts about the wall that it is to be flush with and about the normal of that, as
-# shares of the largest; how deep, in errors of its height; how far turned from where the part's edge is parallel to the
-# wall, in errors of that; how far from that wall and the other, in lateral errors.
-_UNEVEN, _SHALLOW = ((0.4, 0.17), (0.4, 0.24), (0.9, 0.2)), (0.4, 0.3, 0.6)
+# shares of the largest; how deep, in plays between the walls; how far turned from where the part's edge is parallel to
+# the wall, in errors of angle; how far from that wall and the other, in lateral errors.
+_UNEVEN, _SHALLOW = ((0.4, 0.17), (0.4, 0.24), (0.9, 0.2)), (0.7, 1.25, 2.5)
 _ASKEW, _APART = (1.2, 2.0), ((1.5, 2.5), (1.7, 2.9))
 _RUN = 6  # shapes of one heading are tried before those of the next
 _BEST = math.radians(100.0)  # of the angles of corners, which of them goes in first
@@ -88,7 +88,7 @@ def likely_shapes(
 
     def towards(heading: float, wall: int | None) -> Iterator[Shape]:
         if wall is not None:
-            return obtuse_shapes(moving, start_box, max_tilt, funnel, heading, wall)
+            return obtuse_shapes(moving, play, start_box, max_tilt, funnel, heading, wall)
         at_once, for_touching, for_flat = tee(tilted_shapes(moving, play, start_box, max_tilt, funnel[0], heading), 3)
         touching = touching_shapes(for_touching, moving, start_box, rate, funnel[1])
         flat = flat_shapes(for_flat, moving, play, start_box, rate, funnel)
@@ -109,7 +109,7 @@ def likely_headings(moving: Part) -> tuple[tuple[float, int | None], ...]:
     hull, found = loop[:, :2], list[tuple[float, float, float, int | None]]()
     for corner in loop:
         (one, _), (two, _) = corner_walls(moving, corner)
-        turn = corner_turn(moving, corner)
+        turn = math.acos(float(np.clip(one @ two, -1.0, 1.0)))
         unlike = round(abs(math.pi - turn - _BEST), 6)
         if turn < _OBTUSE:
             for wall, inward in enumerate((one, two)):
@@ -218,7 +218,13 @@ def touching_shapes(
 
 
 def obtuse_shapes(
-    moving: Part, start_box: Array, max_tilt: float, funnel: tuple[float, float], heading: float, wall: int
+    moving: Part,
+    play: tuple[float, float],
+    start_box: Array,
+    max_tilt: float,
+    funnel: tuple[float, float],
+    heading: float,
+    wall: int,
 ) -> Iterator[Shape]:
     """Shapes for a corner that turns by so little that a part flush with one wall has little play towards the other.
 
@@ -228,21 +234,21 @@ def obtuse_shapes(
 
     Args:
         moving: the moving part, tip centre at the origin.
+        play: free travel (x, y) of the upright part between the walls, m.
         start_box: half-widths (6,) of the start error, m and rad.
         max_tilt: greatest tilt about each axis, rad.
         funnel: how deep below the mouth the walls begin, and how far outside them the top does, m.
         heading: turn about z of the axes that all this is about, rad.
         wall: which wall the part is to be flush with first, the one towards −x (0) or −y (1) of these axes.
     """
-    swing = swung_by(leading_corners(moving), start_box)
     spread = start_spread(moving, start_box)
     beyond = funnel[1] + _BEYOND * spread
     for tilts, deep, askew, apart in product(_UNEVEN, _SHALLOW, _ASKEW, _APART):
         first, second = (share * max_tilt for share in tilts)
         near, far = (share * spread for share in apart)
         touch = beyond, _RISE * (near + beyond)
-        turn = askew * float(start_box[5])
-        depth = funnel[0] + deep * swing
+        turn = askew * float(start_box[3:].max())
+        depth = funnel[0] + deep * min(play)
         if wall:
             yield Shape(second, first, first * second + turn, depth, (far, near), touch, heading=heading)
         else:
