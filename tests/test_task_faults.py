@@ -52,12 +52,6 @@ VALUES = [
         "wrong-unit",
         "'0.3 mm' is a length, not an angle; write a number, or text such as",
     ),
-    (
-        "termination_force = 2",
-        "termination_force = «16.1»",
-        "out-of-range",
-        "1.25 times 16.1 N, exceeds the contact force; lower it to 16 N at most, or raise contact_force",
-    ),
     ("height = 1", "height = «-5»", "negative", "-5 is negative; make it positive"),
     ("height = 1", "height = «0»", "zero", "0 is zero; make it positive"),
     ("height = 1", "height = «1e-12»", "out-of-range", "too small; keep it at least 1e-06 mm, and check the unit"),

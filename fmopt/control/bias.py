@@ -16,10 +16,11 @@ import numpy as np
 from fmopt.control.compliance import free_part, row_space, twist_scale
 from fmopt.errors import InfeasibleError, SolverError
 from fmopt.se3 import Pose
-from fmopt.task.problem import PUSHED, Specification
+from fmopt.task.problem import Specification
 from fmopt.values import Array, Value, frozen
 
 _CHECK = 1e-7  # N, by which a solver's answer may break a balance
+_SURE = 1.25  # times the threshold that the push alone can bring about
 _ROUNDS = 8  # in which forces and what they may take from the motion settle
 _SETTLED = 1e-3  # of that, which need not be there
 _PRESSED = 0.5  # of what the least force can be
@@ -239,7 +240,7 @@ def _program(
     along = push.power * b
     rows = [t - f, t - g, f - greatest, drag @ f - along, f.sum(axis=0) + b, g.sum(axis=0), torque, -torque]
     A = np.vstack([*rows, rubbed * t - r])
-    pressed = PUSHED * h * abs(float(move.reaction @ V))
+    pressed = _SURE * h * abs(float(move.reaction @ V))
     limits = np.concatenate([np.zeros(3 * m), [-pressed, F, F], [specification.torque_limit] * 6, np.zeros(len(r))])
     balance = spread @ (g - f) + basis @ (move.made / scale).T @ k
     taken = -(move.made @ V) @ k - along if push.hold is Hold.PUSH else k.sum(axis=0)

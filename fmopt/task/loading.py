@@ -23,7 +23,7 @@ from fmopt.task.command import PLANNED, attributes, is_round
 from fmopt.task.faults import checked
 from fmopt.task.mesh_source import MAX_MESH_BYTES
 from fmopt.task.model import Model, load_model, overrides_of
-from fmopt.task.problem import PUSHED, Attributes, Problem, Settings, Specification, VelocityError
+from fmopt.task.problem import Attributes, Problem, Settings, Specification, VelocityError
 from fmopt.task.sizes import refuse_far, refuse_wild
 from fmopt.task.sources import (
     Configuration,
@@ -43,7 +43,7 @@ from fmopt.task.sources import (
 from fmopt.task.tables import Reading, factors, in_words
 from fmopt.task.toml_source import Source, read, read_bytes
 from fmopt.task.tree import build_part, build_tree
-from fmopt.task.units import FORCE, LENGTH, did_you_mean
+from fmopt.task.units import LENGTH, did_you_mean
 from fmopt.values import Array
 
 T = TypeVar("T")
@@ -116,7 +116,6 @@ def _cross_checks(source: Source, file: files.ProblemFile, models: Mapping[str, 
         advice = "give [uncertainty.start]: errors of the peg's leading face against the hole"
         yield source.place(("uncertainty", "sources"), of_key=True).fault("conflict", message, advice)
     yield from _configuration_faults(source, sources)
-    yield from _force_faults(source, file.specification)
     yield from _impact_faults(source, file.specification)
     yield from _plane_faults(source, file, models)
     deepest = _deepest(file, models)
@@ -198,15 +197,6 @@ def _configuration_faults(source: Source, sources: files.Sources | None) -> Iter
 
 
 _IMPACT = ("impact_force", "apparent_mass", "contact_stiffness")
-
-
-def _force_faults(source: Source, table: files.Specification) -> Iterator[Fault]:
-    """A force that ends moves so large that no push may bring it about."""
-    wanted, most = table.termination_force, table.contact_force / PUSHED
-    if wanted > most:
-        message = f"the push that ends a move, {PUSHED:g} times {in_words(wanted, FORCE)}, exceeds the contact force"
-        advice = f"lower it to {in_words(most, FORCE)} at most, or raise contact_force"
-        yield source.place(("specification", "termination_force")).fault("out-of-range", message, advice)
 
 
 def _impact_faults(source: Source, table: files.Specification) -> Iterator[Fault]:

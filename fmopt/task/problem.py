@@ -22,10 +22,6 @@ if TYPE_CHECKING:
     from fmopt.se3 import Pose
 
 
-PUSHED = 1.25
-"""Times the force that ends a move, which the push of a move is able to bring about by itself, within contact force."""
-
-
 @dataclass(frozen=True)
 class Specification:
     """Greatest speed (m/s), contact force (N), torque limit (N·m), friction, and the force that ends a move (N).
