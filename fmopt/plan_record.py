@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -202,26 +202,42 @@ def _segments(
     poses = [claims[0].piece.start.vector(), *(claim.piece.goal.vector() for claim in claims)]
     found: list[dict[str, Any]] = []
     move = -1
-    for k, claim in enumerate(claims):
+    for k, (claim, bound) in enumerate(zip(claims, travel_bounds(claims, tolerance.rho), strict=True)):
         move += claim.piece.progress[0] == 0.0
         record = segment_record(claim, 0, move, poses[k], poses[k + 1])
-        hybrid = strategy(problem, assembly, claim, tolerance, ranges=ranges)
+        hybrid = strategy(problem, assembly, claim, tolerance, bound, ranges=ranges)
         found.append({**record, "hybrid": plan.clean(hybrid)})
     return found
 
 
+def travel_bounds(claims: Sequence[Claim], rho: float) -> list[float]:
+    """How much longer or shorter than planned the way to the end of each piece may be, m in the metric of ρ.
+
+    The certificate follows executions that go farther in each piece of a move alike. A robot goes all pieces as far as
+    planned but the last, for which the overtravel of all of them is left.
+    """
+    found, late = list[float](), 0.0
+    for claim in claims:
+        step = claim.advance
+        extent = step.ends.extent
+        late = step.overtravel * step.length + (late if claim.piece.progress[0] > 0.0 else 0.0)
+        found.append(max(float(np.linalg.norm(extent.offset)) + rho * extent.theta, late))
+    return found
+
+
 def strategy(
-    problem: Problem, assembly: Assembly, claim: Claim, tolerance: Tolerance, *, ranges: bool = False
+    problem: Problem, assembly: Assembly, claim: Claim, tolerance: Tolerance, bound: float, *, ranges: bool = False
 ) -> dict[str, Any]:
     """The control strategy of a piece as the plan file holds it, from the contacts that touch at its goal.
 
-    With `ranges` it tells the jam-free range of its applied wrench, where it holds contacts.
+    Its `bound` is the one of `travel_bounds`. With `ranges` it tells the jam-free range of its applied wrench, where it
+    holds contacts.
 
     Raises:
         InfeasibleError: no bias force holds the contacts.
     """
     piece = claim.piece
-    move, held, made = _guarded(problem, assembly, claim, tolerance)
+    move, held, made = _guarded(problem, assembly, claim, bound)
     approach = _approach(problem, claim, move, tolerance)
     specification = problem.specification if approach is None else slowed(problem.specification, approach)
     try:
@@ -237,8 +253,7 @@ def strategy(
 
 def runs_against(problem: Problem, assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance) -> bool:
     """Whether every piece of a motion runs against the contact that ends its move, so that it can be felt."""
-    guarded = (claim for claim in claims if claim.piece.making)
-    return all(_guarded(problem, assembly, claim, tolerance)[0].approaches for claim in guarded)
+    return all(move.approaches for _, move in _guarded_moves(problem, assembly, claims, tolerance))
 
 
 def least_firm(problem: Problem, assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance) -> float:
@@ -258,19 +273,27 @@ def _least(
     claims: Sequence[Claim],
     tolerance: Tolerance,
 ) -> float:
-    guarded = [claim for claim in claims if claim.piece.held and claim.piece.making]
-    moves = (_guarded(problem, assembly, claim, tolerance)[0] for claim in guarded)
-    return min((measure(move, tolerance.rho, problem.specification) for move in moves), default=1.0)
+    moves = _guarded_moves(problem, assembly, claims, tolerance)
+    guarded = (move for claim, move in moves if claim.piece.held)
+    return min((measure(move, tolerance.rho, problem.specification) for move in guarded), default=1.0)
+
+
+def _guarded_moves(
+    problem: Problem, assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance
+) -> Iterator[tuple[Claim, GuardedMove]]:
+    """The pieces of a motion that go to a contact, with their guarded moves."""
+    for claim, bound in zip(claims, travel_bounds(claims, tolerance.rho), strict=True):
+        if claim.piece.making:
+            yield claim, _guarded(problem, assembly, claim, bound)[0]
 
 
 def _guarded(
-    problem: Problem, assembly: Assembly, claim: Claim, tolerance: Tolerance
+    problem: Problem, assembly: Assembly, claim: Claim, bound: float
 ) -> tuple[GuardedMove, list[PrimitiveContact], list[PrimitiveContact]]:
     """The guarded move of a piece, and the contacts that it holds and makes."""
-    piece, extent = claim.piece, claim.advance.ends.extent
+    piece = claim.piece
     held, made = (_touching(problem, contacts, piece.goal) for contacts in (piece.held, piece.making))
     body, fixed = problem.moving.polyhedron, problem.fixed.polyhedron
-    bound = float(np.linalg.norm(extent.offset)) + tolerance.rho * extent.theta
     begun, done = piece.progress
     rest = (1.0 - done) / (done - begun) * claim.advance.length
     move = GuardedMove(

@@ -195,18 +195,21 @@ def execute(plan: Plan, count: int, seed: int, steps: int = 8, watch: Watch = la
     rng = np.random.default_rng(seed)
     scene, ledger = Scene(plan), Ledger()
     e = start_errors(np.array(plan["uncertainty"]["start_box"]), count, rng)
-    fickle, rate = rng.random((count, 1)) < 0.5, np.zeros((count, 6))
+    fickle, rate, late = rng.random((count, 1)) < 0.5, np.zeros((count, 6)), np.zeros(count)
     Tube(plan["segments"][0]["tube"], "start", scene.rho).check(ledger, -1, e)
     for k in range(len(plan["segments"])):
         piece = Piece(scene, k)
         rate = np.where(fickle | piece.first, drifts(piece, count, rng), rate)
-        e = _through(piece, ledger, e, rate * piece.length, steps, watch)
+        e, end = _through(piece, ledger, e, rate * piece.length, steps, watch)
+        late = (0.0 if piece.first else late) + (end - 1.0) * piece.length
+        bound = piece.said["hybrid"]["termination"]["max_travel"] - piece.length
+        ledger.require("neither longer nor shorter than stated", k, bound - np.abs(late) + ROUNDING)
         Tube(piece.said["tube"], "goal", scene.rho).check(ledger, k, e)
     return ledger
 
 
-def _through(piece: Piece, ledger: Ledger, e: Array, drift: Array, steps: int, watch: Watch) -> Array:
-    """Takes all executions through a piece; errors (n, 6) about its goal."""
+def _through(piece: Piece, ledger: Ledger, e: Array, drift: Array, steps: int, watch: Watch) -> tuple[Array, Array]:
+    """Takes all executions through a piece; errors (n, 6) about its goal, and ways (n,) as shares of the piece's."""
 
     def at(travel: Array) -> Poses:
         return piece.settled(e + travel[:, None] * drift, travel)
@@ -226,7 +229,7 @@ def _through(piece: Piece, ledger: Ledger, e: Array, drift: Array, steps: int, w
     if piece.last:
         _arrive(piece, ledger, poses)
         watch(piece, poses, True)
-    return piece.errors_at_goal(poses)
+    return piece.errors_at_goal(poses), end
 
 
 def _left(piece: Piece, at: Callable[[Array], Poses], e: Array, drift: Array) -> Callable[[Array], Array]:

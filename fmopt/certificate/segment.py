@@ -54,6 +54,7 @@ class Advance:
         length: length of the piece in the metric of ρ, m.
         approach: how much the contact being made comes nearer at least, whatever the error, m; infinite without one.
         departure: how much farther away the contacts given up get at least, m; infinite without any.
+        overtravel: how much longer or shorter the piece is at most until its move's contact is made, as a share of it.
     """
 
     ends: Ends
@@ -62,6 +63,7 @@ class Advance:
     length: float
     approach: float = np.inf
     departure: float = np.inf
+    overtravel: float = 0.0
 
 
 def advance(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Tolerance) -> Advance:
@@ -86,10 +88,10 @@ def advance(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Toler
         size = length(way.motion * ellipsoid.metric(tolerance.rho))
         basis = (*basis, Compliance(piece.made, way.motion / size))
     step = _Step(piece, way, layers, tolerance, errors, core)
-    extent, goal_set, slack = step.outcome(basis)
+    extent, goal_set, slack, overtravel = step.outcome(basis)
     ends = Ends(piece.start, piece.goal, errors, goal_set, extent, slack, core)
     nearer, farther = approach(tolerance, way, extent), departure(assembly, piece, tolerance, way, extent)
-    return Advance(ends, basis, way.motion, way.length, nearer, farther)
+    return Advance(ends, basis, way.motion, way.length, nearer, farther, overtravel)
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,25 +128,30 @@ class _Step:
         reach = float(np.abs(self.core @ way.seen).sum()) + length(way.seen @ self.start.growth_root)
         return reach / way.rate, cone(self.tolerance, way, way.seen) / way.rate
 
-    def _grown(self, half: Array) -> tuple[Array, Array, tuple[float, float, float]]:
-        """Thickness of contacts at both ends, and radii of the drift, for half-widths (6,) of all errors."""
+    def _grown(self, half: Array) -> tuple[Array, Array, tuple[float, float, float], float]:
+        """Thickness of contacts at both ends, radii of the drift and overtravel, for half-widths (6,) of all errors."""
         (t, r), theta, far = self._rates, length(half[3:]), self.way.length
         # Bounds of translation and angle with their drift, before contacts take it up.
         wide = length(half[:3]) + 2.0 * t * far, theta + 2.0 * r * far
         own, final = self.layers.thicknesses(half, wide)
-        return own, final, self._radii(theta, wide[1], final)
+        beyond = self._overtravel(wide[1], final)
+        return own, final, self._radii(theta, beyond), beyond
 
-    def _radii(self, theta: float, wide: float, thickness: Array) -> tuple[float, float, float]:
+    def _overtravel(self, wide: float, thickness: Array) -> float:
+        """How much longer or shorter the piece is at most, as a share of it; 0 where its move makes no contact."""
+        way = self.way
+        if self.piece.made is None:
+            return 0.0
+        late, eta = self._late
+        zeta = 0.75 * wide * way.turn * length(way.seen[3:]) / way.rate
+        rest = 1.0 - self.piece.share * (eta + zeta)
+        if rest < 0.5:
+            raise InfeasibleError("the velocity error could carry the part past the contact that it is to make")
+        return (self.piece.share * (late + eta) + float(self.layers.delay @ thickness)) / rest
+
+    def _radii(self, theta: float, beyond: float) -> tuple[float, float, float]:
         """Radii of the drift: of the translation, of the angle, and of the turn's second order (m, rad, rad)."""
-        way, beyond = self.way, 0.0
-        if self.piece.made is not None:
-            late, eta = self._late
-            zeta = 0.75 * wide * way.turn * length(way.seen[3:]) / way.rate
-            rest = 1.0 - self.piece.share * (eta + zeta)
-            if rest < 0.5:
-                raise InfeasibleError("the velocity error could carry the part past the contact that it is to make")
-            delay = float(self.layers.delay @ thickness)
-            beyond = (self.piece.share * (late + eta) + delay) / rest
+        way = self.way
         far = way.length * (1.0 + beyond)
         a, b = self._rates[0] * far, self._rates[1] * far
         swung = beyond * way.turn
@@ -179,7 +186,7 @@ class _Step:
 
     def _widths(self, half: Array) -> Array:
         """Half-widths (6,) of the box around the errors at both ends, computed with stated ones."""
-        own, final, radii = self._grown(half)
+        own, final, radii, _ = self._grown(half)
         core, goal = self._boxes
         start_dual, goal_dual = self._duals
         after = goal + goal_dual @ final + np.sqrt(self._squares(radii))
@@ -216,10 +223,10 @@ class _Step:
             trace = (s1 + s2) ** 2
         return np.asarray(np.array(total) @ D)
 
-    def outcome(self, basis: tuple[Compliance, ...]) -> tuple[Extent, ErrorSet, Array]:
-        """Extent, error set at the goal and slack columns (6, h) at the start."""
+    def outcome(self, basis: tuple[Compliance, ...]) -> tuple[Extent, ErrorSet, Array, float]:
+        """Extent, error set at the goal, slack columns (6, h) at the start, and overtravel."""
         half = self._settled()
-        own, final, (a, b, c) = self._grown(half)
+        own, final, (a, b, c), beyond = self._grown(half)
         core, growth, shape = self._carried
         P, weights = self.way.projector, ellipsoid.metric(self.tolerance.rho)
         for drift in (P * np.array([a, a, a, b, b, b]), P[:, 3:] * c):
@@ -230,4 +237,4 @@ class _Step:
             shape = ellipsoid.outer_sum(shape, np.sqrt(thick.shape[1]) * thick, weights)
         directions = np.array([c.direction for c in basis[: thick.shape[1]]]).reshape(-1, 6)
         goal = ErrorSet(shape, np.vstack([core, thick.T]), growth, thick.shape[1], directions)
-        return Extent(self.way.twist, half), goal, self.way.start_dual * own
+        return Extent(self.way.twist, half), goal, self.way.start_dual * own, beyond

@@ -212,13 +212,14 @@ def _tolerated(solved: Solved) -> dict[str, Scalar]:
 
 def _bias(solved: Solved) -> dict[str, Scalar]:
     """Whether every held contact can be held while the next is felt: the least normal force over all segments."""
-    from fmopt.plan_record import strategy
+    from fmopt.plan_record import strategy, travel_bounds
 
     moved = solved.moved
     least, push = float("inf"), 0.0
-    for claim in moved.placed.reached.claims:
+    claims = moved.placed.reached.claims
+    for claim, bound in zip(claims, travel_bounds(claims, moved.tolerance.rho), strict=True):
         try:
-            hybrid = strategy(solved.problem, moved.assembly, claim, moved.tolerance)
+            hybrid = strategy(solved.problem, moved.assembly, claim, moved.tolerance, bound)
         except InfeasibleError:
             return {"holds": False, "least_normal_force": 0.0}
         least = min([least, *(entry["force"] for entry in hybrid["normal_forces"])])

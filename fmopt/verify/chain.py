@@ -11,7 +11,7 @@ from fmopt.verify.errors import ErrorSet, from_box
 from fmopt.verify.findings import ALLOWANCE, Notes
 from fmopt.verify.knowledge import Facts
 from fmopt.verify.motion import Motion, Task
-from fmopt.verify.rational import ONE, Matrix, Row, Vector, add, fixed, over, vector
+from fmopt.verify.rational import ONE, Matrix, Row, Vector, add, fixed, over, times, vector
 from fmopt.verify.rows import pose
 from fmopt.verify.solids import Plane, same
 from fmopt.verify.stretch import Leg, check_fit
@@ -45,7 +45,8 @@ class Link:
 class Stage:
     """A segment with everything that its claims are derived from.
 
-    `coming_off` has the planes and body points that the contacts given up had put there, and those held do not.
+    `coming_off` has the planes and body points that the contacts given up had put there, and those held do not; `late`
+    is how much longer or shorter the way of its move may be up to its end, in the metric of ρ.
     """
 
     segment: Segment
@@ -56,6 +57,7 @@ class Stage:
     made: Touch | None
     leaving: tuple[Touch, ...]
     coming_off: tuple[tuple[Plane, Vector], ...]
+    late: int
 
 
 class Chain:
@@ -72,6 +74,7 @@ class Chain:
         self.link = Link(from_box(plan.start_box), (), (), None)
         self.previous: Segment | None = None
         self._legs: list[Leg] = []
+        self._late = 0
         self._facts: dict[tuple[int, tuple[str, ...]], Facts] = {}
 
     def follow(self, segment: Segment, notes: Notes) -> Stage:
@@ -117,9 +120,10 @@ class Chain:
         if made is not None and motion.made_direction is not None:
             notes.equal(f"direction of {made.id}", segment.basis[-1][1], motion.made_direction, _DIRECTION_FLOOR)
         self._fit(motion, s1 - s0, notes)
+        self._late = times(motion.overtravel, motion.length) + (self._late if s0 > 0 else 0)
         self._hand_on(segment, task, motion, goal_state)
         flat = self._coming_off(segment.move, state, leaving, start.R)
-        return Stage(segment, motion, facts, state, goal_state, made, leaving, flat)
+        return Stage(segment, motion, facts, state, goal_state, made, leaving, flat, self._late)
 
     def finish(self, notes: Notes) -> None:
         """Checks the end of the plan."""

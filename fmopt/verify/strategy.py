@@ -9,7 +9,8 @@ move, and the unit twist V, all about the part's reference point at the segment'
 - b u·V ≥ 1.25 h |w·V| + μ Σ fᵢ sᵢ, the push alone makes the contact felt against friction, sᵢ the sliding speeds;
 - nothing exceeds the specified forces;
 - position axes are the motions that the held contacts leave free, force axes the wrenches that they can take;
-- the move ends by the reaction of the contacts that it makes, or by its travel, which covers all its errors;
+- the move ends by the reaction of the contacts that it makes, or by its travel, which covers its errors and the
+  overtravel of its pieces;
 - contacts are met as softly as is asked for, see `impact`;
 - where it is said how far the applied wrench may turn before friction can balance it, that follows, see `jamming`.
 """
@@ -173,7 +174,7 @@ def _end(
     if made and not dot(reaction, V) < 0.0:
         notes.add("termination.wrench", "the motion does not run against the contact that ends it")
     tube = stage.segment.tube
-    travel = number(stage.motion.length) + math.hypot(*tube.box) + rho * tube.theta
+    travel = number(stage.motion.length) + max(math.hypot(*tube.box) + rho * tube.theta, number(stage.late))
     # Entries of the wrench that cancel are known to a share of those that do not.
     force = asked.termination_force
     sizes = (*[force] * 3, *[force * rho] * 3)
