@@ -278,6 +278,7 @@ def motion(
     rounds = _rounds(problem, clearance, roomy, entry_of)
     best: tuple[MoveSequence, Placed] | None = None
     failure: FmoptError | None = None
+    spare: tuple[MoveSequence, ...] = ()
 
     def told(names: str) -> None:
         progress(f"search: {names}")
@@ -295,7 +296,9 @@ def motion(
 
     while best is None or (best[1].margin <= 0.0 and time.monotonic() < deadline):
         try:
-            candidates = best_sequences(task, rounds, deadline, told, steady)
+            candidates = spare or best_sequences(task, rounds, deadline, told, steady)
+            if candidates[0].reached.margin > 0.0:
+                candidates, spare = candidates[:1], candidates[1:]
             lap("search")
             found = tuned(task, candidates, entry_of, clearance.per_side, Limits(deadline, TRIES), tuning, steady)
             found = deepened(task, found, entry_of, firm, Limits(deadline, TRIES))

@@ -73,7 +73,7 @@ def best_sequences(
     """The first sequence with a margin, or the first few that there are, that with most of it first.
 
     Where the first one with a margin is not steady, the first steady one in the next few rounds with half of its margin
-    is taken in its place.
+    is taken in its place; where there is none, those with a margin follow the first in the order in which they came.
 
     Args:
         task: parts, errors, goal and costs.
@@ -89,6 +89,7 @@ def best_sequences(
     first = found[0]
     if first.reached.margin <= 0.0 or steady(first):
         return found
+    others: list[MoveSequence] = []
     for entries in islice(rounds, _MORE):
         if time.monotonic() > deadline:
             break
@@ -98,7 +99,9 @@ def best_sequences(
             continue  # no sequence begins like this
         if other.reached.margin >= _WORTH * first.reached.margin and steady(other):
             return (other,)
-    return found
+        if other.reached.margin > 0.0:
+            others.append(other)
+    return (*found, *others)
 
 
 def _first_sequences(
