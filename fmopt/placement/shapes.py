@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import chain, islice, product, tee
+from typing import NamedTuple
 
 import numpy as np
 
@@ -98,15 +99,27 @@ def likely_shapes(
     return _in_turn(*((towards(*way), _RUN) for way in likely_headings(moving)))
 
 
-def likely_headings(moving: Part) -> tuple[tuple[float, int | None], ...]:
-    """Headings with which corners of the tip go in, rad, and the wall that an obtuse one is to be flush with first.
+class Way(NamedTuple):
+    """With which heading a corner of the tip goes in.
+
+    Args:
+        heading: turn about z of the axes that its tilts are about, rad.
+        wall: what an obtuse one is to be flush with first, the wall towards −x (0) or −y (1) of them; None for others.
+    """
+
+    heading: float
+    wall: int | None = None
+
+
+def likely_headings(moving: Part) -> tuple[Way, ...]:
+    """Headings with which corners of the tip go in.
 
     After none come those that put a corner between its walls. An obtuse corner has two, with one of its walls towards
     −x (0) or −y (1), that from which the part reaches farther first. Of those with which the part looks the same there
     is one only; with an obtuse corner, in a mirror, too.
     """
     loop = outline(leading_corners(moving))
-    hull, found = loop[:, :2], list[tuple[float, float, float, int | None]]()
+    hull, found = loop[:, :2], list[tuple[float, float, Way]]()
     for corner in loop:
         (one, _), (two, _) = corner_walls(moving, corner)
         turn = math.acos(float(np.clip(one @ two, -1.0, 1.0)))
@@ -114,18 +127,18 @@ def likely_headings(moving: Part) -> tuple[tuple[float, int | None], ...]:
         if turn < _OBTUSE:
             for wall, inward in enumerate((one, two)):
                 reach = round(float(np.ptp(hull @ inward)), 9)
-                found.append((unlike, -reach, _direction(inward) - 0.5 * math.pi * wall, wall))
+                found.append((unlike, -reach, Way(_direction(inward) - 0.5 * math.pi * wall, wall)))
         else:
-            found.append((unlike, 0.0, _direction(one + two) - 0.25 * math.pi, None))
-    found.sort(key=lambda way: (*way[:2], way[3] or 0, abs(way[2])))
-    if all(wall is None for *_, wall in found):
-        found.insert(0, (0.0, 0.0, 0.0, None))
-    ways, seen = list[tuple[float, int | None]](), list[tuple[bool, Array]]()
-    for _, _, heading, first in found:
-        shown = hull @ turned_axes(heading)[:2, :2]
-        kind, sight = first is None, shown[:, ::-1] if first else shown
+            found.append((unlike, 0.0, Way(_direction(one + two) - 0.25 * math.pi)))
+    found.sort(key=lambda one: (*one[:2], one[2].wall or 0, abs(one[2].heading)))
+    if all(way.wall is None for *_, way in found):
+        found.insert(0, (0.0, 0.0, Way(0.0)))
+    ways, seen = list[Way](), list[tuple[bool, Array]]()
+    for *_, way in found:
+        shown = hull @ turned_axes(way.heading)[:2, :2]
+        kind, sight = way.wall is None, shown[:, ::-1] if way.wall else shown
         if not any(kind == other and _looks_the_same(sight, before) for other, before in seen):
-            ways.append((heading, first))
+            ways.append(way)
             seen.append((kind, sight))
     return tuple(ways)
 
