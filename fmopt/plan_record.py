@@ -39,7 +39,7 @@ from fmopt.placement.search import MoveSequence
 from fmopt.placement.sequence import Placed
 from fmopt.placement.tolerated import Motion, Tolerated
 from fmopt.placement.visited import Visited
-from fmopt.se3 import Pose
+from fmopt.se3 import Pose, cross
 from fmopt.task.problem import Problem, Specification
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.uncertainty.planar import account as planar
@@ -345,4 +345,4 @@ def _level(contact: PrimitiveContact, body: Polyhedron, fixed: Polyhedron, pose:
         return False
     a, b = pose.apply(body.vertices[list(contact.moving)])
     c, d = fixed.vertices[list(contact.fixed)]
-    return bool(np.linalg.norm(np.cross(b - a, d - c)) < 1e-3 * np.linalg.norm(b - a) * np.linalg.norm(d - c))
+    return bool(np.linalg.norm(cross(b - a, d - c)) < 1e-3 * np.linalg.norm(b - a) * np.linalg.norm(d - c))

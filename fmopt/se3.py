@@ -32,6 +32,16 @@ def cross(a: Array, b: Array) -> Array:
     return np.asarray(found)
 
 
+def lengths(vectors: Array) -> Array:
+    """Euclidean lengths (…) of vectors (…, n) along the last axis."""
+    return np.asarray(np.sqrt(np.vecdot(vectors, vectors)))
+
+
+def length(vector: Array) -> float:
+    """Euclidean length of one vector (n,)."""
+    return math.sqrt(vector.dot(vector))
+
+
 def exp(r: ArrayLike) -> Array:
     """Rotation matrix (3, 3) of the rotation vector r (rad), Rodrigues' formula."""
     r = np.asarray(r, dtype=np.float64)

@@ -10,10 +10,9 @@ from fmopt import ellipsoid
 from fmopt.certificate.claim import Claim, stepped
 from fmopt.certificate.functions import contact_rows
 from fmopt.certificate.piece import Compliance, Piece
-from fmopt.certificate.rows import length
 from fmopt.certificate.segment import advance
 from fmopt.errors import InfeasibleError
-from fmopt.se3 import Pose, exp, log
+from fmopt.se3 import Pose, exp, length, log
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array
 

@@ -11,7 +11,6 @@ from execution_model import execute
 from searched import certified_plan, task_of, tilted_motion
 
 from fmopt import se3
-from fmopt.certificate.rows import length
 from fmopt.execution.program import planned
 from fmopt.execution.rig import Rig
 from fmopt.execution.robot import Robot
@@ -23,7 +22,7 @@ from fmopt.placement.corners import corner_turns, leading_corners, next_to_round
 from fmopt.placement.entry import Shape, tilted_entry
 from fmopt.placement.step import Task, follow, sons
 from fmopt.plan_record import Moved
-from fmopt.se3 import Pose
+from fmopt.se3 import Pose, length
 from fmopt.task.clearance import measured_clearance
 from fmopt.task.problem import Problem, load
 from fmopt.verify import verify

@@ -8,10 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
-from fmopt.certificate.rows import Mask, crossed, length, lengths
+from fmopt.certificate.rows import Mask
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.se3 import cross, length, lengths
 from fmopt.values import Array
 
 TOUCH = 1e-9  # m: two planes closer than this, wherever the parts can be, are the same
@@ -70,7 +71,7 @@ def _carried(part: Polyhedron, piece: Polyhedron) -> frozenset[tuple[str, int]]:
     edges = []
     for n, edge in enumerate(part.edges):
         a, b = part.vertices[list(edge.vertices)]
-        off = lengths(crossed(spans - a, (b - a) / length(b - a)))
+        off = lengths(cross(spans - a, (b - a) / length(b - a)))
         if (off <= TOUCH).all(axis=1).any():
             edges.append(n)
     planes = [(face.normal, face.offset) for face in piece.faces]
@@ -94,7 +95,7 @@ def same(a: Array, b: Array) -> bool:
 
 def on_line(points: Array, a: Array, direction: Array) -> Mask:
     """Which points (k, 3) lie on the line through a along a unit direction, to `NEAR`."""
-    return np.asarray(lengths(crossed(points - a, direction)) <= NEAR)
+    return np.asarray(lengths(cross(points - a, direction)) <= NEAR)
 
 
 def hinge(
@@ -143,7 +144,7 @@ def level(
             normal = body.faces[shared.pop()].normal
             a, b = body.vertices[list(other.moving)]
             c, d = fixed.vertices[list(other.fixed)]
-            away = crossed((b - a) / length(b - a), normal)
+            away = cross((b - a) / length(b - a), normal)
             reach = (body.vertices[list(contact.moving)] - a) @ away
             far = float(reach[int(np.argmax(np.abs(reach)))])
             return (d - c) / length(d - c), far * normal

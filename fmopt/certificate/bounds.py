@@ -9,10 +9,11 @@ import numpy as np
 
 from fmopt.certificate.assembly import NEAR, Assembly
 from fmopt.certificate.knowledge import held_on, other_rim, taken_turns
-from fmopt.certificate.rows import Forms, crossed, directions_along, faces_above, length, lengths, points_above, stacked
+from fmopt.certificate.rows import Forms, directions_along, faces_above, points_above, stacked
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.memory import remembered
+from fmopt.se3 import cross, length, lengths
 from fmopt.values import Array
 
 UNBOUNDED = 1.0  # m; the margin of a contact that nothing bounds
@@ -115,7 +116,7 @@ def _rims(assembly: Assembly, part: Polyhedron, face: int) -> tuple[_Rim, ...] |
     found = []
     for i, j in zip(loop, (*loop[1:], loop[0]), strict=True):
         p, q = part.vertices[i], part.vertices[j]
-        inward = crossed(normal, (q - p) / length(q - p))
+        inward = cross(normal, (q - p) / length(q - p))
         if (points @ inward - float(inward @ p) < -NEAR).any():
             return None
         behind = () if convex[frozenset((i, j))] else _swallowed(assembly, np.array([p, q]), inward)
@@ -129,7 +130,7 @@ def _holes(assembly: Assembly, part: Polyhedron, face: int) -> tuple[tuple[tuple
     normal, found = part.faces[face].normal, []
     for loop in part.faces[face].loops[1:]:
         points = part.vertices[list(loop)]
-        ways = crossed(normal, np.roll(points, -1, axis=0) - points)
+        ways = cross(normal, np.roll(points, -1, axis=0) - points)
         ways = ways / lengths(ways)[:, None]
         planes = [(way, float(way @ p)) for way, p in zip(ways, points, strict=True)]
         found.append(tuple((way, at) for way, at in planes if (points @ way <= at + NEAR).all()))

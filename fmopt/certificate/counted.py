@@ -13,22 +13,11 @@ from fmopt.certificate.assembly import NEAR, Assembly, hinge, level, on_line
 from fmopt.certificate.curvature import Extent
 from fmopt.certificate.knowledge import Facts, coming_off, facts, rising
 from fmopt.certificate.pair import Pair, Witness
-from fmopt.certificate.rows import (
-    Forms,
-    Mask,
-    crossed,
-    directions_along,
-    edges_apart,
-    faces_above,
-    length,
-    lengths,
-    points_above,
-    stacked,
-)
+from fmopt.certificate.rows import Forms, Mask, directions_along, edges_apart, faces_above, points_above, stacked
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.memory import remembered
-from fmopt.se3 import Pose
+from fmopt.se3 import Pose, cross, length, lengths
 from fmopt.values import Array
 
 _MEMORY = 4096
@@ -71,7 +60,7 @@ class Counted:
         if self.edges is None:
             return 1.0
         e_m, e_f = self.edges
-        sines = [length(crossed(pose.R @ e_m, e_f)) for pose in (start, goal)]
+        sines = [length(cross(pose.R @ e_m, e_f)) for pose in (start, goal)]
         return min(1.0, max(sines) + extent.theta + extent.turn)
 
     def counts(self, lower: Array) -> Mask:
@@ -161,16 +150,16 @@ def _edge_rows(assembly: Assembly, pair: Pair, witness: Witness, known: Facts) -
         # Heights are relative to the moving edge, which is on the plane or not below it.
         settled = on_line(M, a, e_m) | known.beside(M - a, e_f) | known.beside(M - b, e_f)
         settled |= _levelled(assembly, pair, (a, e_m), (c, e_f))
-        settled |= rising(known.turns, e_f, crossed(M - a, e_m))
-        upper = directions_along(e_f, crossed(M[~settled] - a, e_m))
+        settled |= rising(known.turns, e_f, cross(M - a, e_m))
+        upper = directions_along(e_f, cross(M[~settled] - a, e_m))
     else:
         upper = edges_apart(e_m, e_f, c, M)
     off = F[~on_line(F, c, e_f)]
-    parts = [upper, directions_along(-crossed(e_f, off - c), e_m)]
+    parts = [upper, directions_along(-cross(e_f, off - c), e_m)]
     always = count = len(upper) + len(off)
     behind = []
     for vertex, inward, n, offset in _turned_onto(assembly, pair, (a, e_m), (c, e_f)) if held else ():
-        parts += [directions_along(crossed(e_f, n)[None], e_m), points_above(vertex[None], inward, float(inward @ c))]
+        parts += [directions_along(cross(e_f, n)[None], e_m), points_above(vertex[None], inward, float(inward @ c))]
         behind.append((np.abs(off @ n - offset) <= NEAR) & ((off - c) @ inward >= -NEAR))
     count += 2 * len(behind)
     onto = tuple(
@@ -220,7 +209,7 @@ def _levelled(assembly: Assembly, pair: Pair, moving: Line, fixed: Line) -> Mask
             found = level(assembly, contact, (held,))
             if found is not None:
                 far = length(found[1])
-                normal, away = found[1] / far, crossed(moving[1], found[1] / far)
+                normal, away = found[1] / far, cross(moving[1], found[1] / far)
                 off = M - own[0]
                 reach = (body[list(contact.moving)] - own[0]) @ away
                 side = float(reach[int(np.argmax(np.abs(reach)))])

@@ -25,7 +25,8 @@ from typing import Any
 
 import numpy as np
 
-from fmopt.certificate.rows import Forms, Rows, crossed, length, lengths
+from fmopt.certificate.rows import Forms, Rows
+from fmopt.se3 import cross, length, lengths
 from fmopt.values import Array
 
 _EYE = np.eye(3)
@@ -128,7 +129,7 @@ class Swung:
     def of(turn: Array, arms: Array) -> Swung:
         """Points by their arms (2, v, 3) at both ends, under a turn τ (3,)."""
         ends = Turned.of(arms)
-        return Swung(ends, ends.size[0], lengths(crossed(turn, arms[0])))
+        return Swung(ends, ends.size[0], lengths(cross(turn, arms[0])))
 
     def by(self, angles: Array) -> Array:
         """Bounds (v,) of |ε × w| all along, for all ε in a box, by its half-widths (3,), rad."""
@@ -169,7 +170,7 @@ class Lever:
     def beside(self, normals: Array) -> Array:
         """Remainders (n, v) of the points over planes of unit normals (n, 3), m."""
         tilted = Turned.of(normals).by(self.extent.angles)
-        leaned = lengths(crossed(self.extent.twist[..., 3:], normals))
+        leaned = lengths(cross(self.extent.twist[..., 3:], normals))
         return np.asarray(tilted[..., None] * self.half[..., None, :] + leaned[..., None] * self.arc[..., None, :])
 
 
@@ -202,7 +203,7 @@ class Curvature:
         if self.bends is not None:
             push, turned = push[~self.forms.bilinear], turned[..., ~self.forms.bilinear, :]
         points = Swung.of(turn, turned)
-        return Turned.of(push), points, lengths(crossed(turn, push)) * points.arc
+        return Turned.of(push), points, lengths(cross(turn, push)) * points.arc
 
     def bound(self, half: Array) -> Array:
         """Bound (k,) of |f − (linear in the error, interpolated between the ends)|, m.
@@ -226,7 +227,7 @@ class Curvature:
     def power(self) -> Array:
         """How N·V, V the twist, changes with the error at the start, to first order: rows (k, 6)."""
         push, turn = self.forms.push, self.twist[3:]
-        found = np.hstack([np.zeros(push.shape), crossed(self.turned[0], crossed(push, turn))])
+        found = np.hstack([np.zeros(push.shape), cross(self.turned[0], cross(push, turn))])
         if self.bends is not None:
             found[self.forms.bilinear] = self.bends.power
         return found
@@ -284,10 +285,10 @@ class Bends:
         seen = lengths(slid)
         outer = w[..., :, None] * u[:, None, :] + beta[..., :, None] * y[..., None, :]
         G = np.trace(outer, axis1=-2, axis2=-1)[..., None, None] * _EYE - outer
-        pulled, carried = (crossed(turn, beta)[..., None, :] @ A)[..., 0, :], crossed(beta, slid)
+        pulled, carried = (cross(turn, beta)[..., None, :] @ A)[..., 0, :], cross(beta, slid)
         J, K = (np.concatenate([pulled, carried - _applied(H, turn)], axis=-1) for H in (G, np.swapaxes(G, -1, -2)))
         chord = 0.125 * np.abs(np.vecdot(J, twist)).max(axis=0) + tau**2 * (tau * size + 3.0 * seen) / 16.0
-        mixed = crossed(beta[..., None, :], np.swapaxes(A, -1, -2))
+        mixed = cross(beta[..., None, :], np.swapaxes(A, -1, -2))
         second, mixed = 0.5 * np.abs(G + np.swapaxes(G, -1, -2)), np.abs(np.swapaxes(mixed, -1, -2))
         turning, power = np.abs(J).sum(axis=0), K[0]
         return Bends(tau, size, np.abs(A), seen, second, mixed, turning, chord, power)

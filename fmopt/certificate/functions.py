@@ -7,19 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from fmopt.certificate.assembly import Assembly, hinge, level
-from fmopt.certificate.rows import (
-    Forms,
-    Rows,
-    directions_along,
-    edges_apart,
-    faces_above,
-    length,
-    points_above,
-    stacked,
-)
+from fmopt.certificate.rows import Forms, Rows, directions_along, edges_apart, faces_above, points_above, stacked
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.memory import remembered
-from fmopt.se3 import Pose
+from fmopt.se3 import Pose, length
 
 _MEMORY = 4096
 

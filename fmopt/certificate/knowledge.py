@@ -14,9 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fmopt.certificate.assembly import NEAR, Assembly, in_plane, on_line, same
-from fmopt.certificate.rows import Mask, crossed, length, lengths
+from fmopt.certificate.rows import Mask
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.memory import remembered
+from fmopt.se3 import cross, length, lengths
 from fmopt.values import Array
 
 __all__ = ["Assembly", "Facts", "Wall", "aligned", "facts", "flushes", "in_plane", "taken_turns"]
@@ -86,7 +87,7 @@ class Facts:
     def beside(self, vectors: Array, direction: Array) -> Mask:
         """Which body vectors (k, 3) are known to point along a unit direction of the world."""
         found, fixed = images(self.turns, vectors)
-        return np.asarray(fixed & (lengths(crossed(found, direction)) <= NEAR))
+        return np.asarray(fixed & (lengths(cross(found, direction)) <= NEAR))
 
 
 @remembered(_MEMORY)
@@ -150,7 +151,7 @@ def _turned_edge(known: Facts, held: Sequence[PrimitiveContact]) -> tuple[Array,
             if not set(contact.moving) <= known.on(face.normal, face.offset).points:
                 continue
             for n, w in known.turns:
-                there = _directed(face.normal, w, float(n @ e_m), crossed(e_f, face.normal))
+                there = _directed(face.normal, w, float(n @ e_m), cross(e_f, face.normal))
                 if there is not None:
                     return e_m, there
     return None
@@ -161,7 +162,7 @@ def _directed(normal: Array, w: Array, cosine: float, towards: Array) -> Array |
 
     None where the two are too near each other, or none or both point there.
     """
-    axis = crossed(normal, w)
+    axis = cross(normal, w)
     sine = length(axis)
     rest = 1.0 - (cosine / sine) ** 2 if sine**2 >= _STEEP else 0.0
     if rest < _STEEP:
@@ -249,7 +250,7 @@ def _grown(assembly: Assembly, wall: Wall, turns: list[tuple[Array, Array]]) -> 
     for a, direction in lines:
         on |= on_line(P, a, direction)
         for n, c in _planes(assembly, wall, a, direction):
-            if not any(length(crossed(n, known)) <= NEAR for known, _ in flush):
+            if not any(length(cross(n, known)) <= NEAR for known, _ in flush):
                 flush.append((n, c))
                 turns.append((n, -wall.normal))
     for n, c in flush:
@@ -278,10 +279,10 @@ def _planes(assembly: Assembly, wall: Wall, a: Array, direction: Array) -> list[
         size = length(off)
         if size <= _SHORT:
             continue
-        n = crossed(direction, off / size)
+        n = cross(direction, off / size)
         n = n / length(n)
         for face in assembly.moving.polyhedron.faces:
-            if length(crossed(n, face.normal)) <= NEAR and abs(float(face.normal @ P[i]) - face.offset) <= NEAR:
+            if length(cross(n, face.normal)) <= NEAR and abs(float(face.normal @ P[i]) - face.offset) <= NEAR:
                 found.append((face.normal, float(face.normal @ P[i])))
                 break
     return found
@@ -298,10 +299,10 @@ def images(known: Sequence[tuple[Array, Array]], vectors: Array) -> tuple[Array,
         fixed |= now
     for n, (b1, w1) in enumerate(known):
         for b2, w2 in known[:n]:
-            axis = crossed(b1, b2)
+            axis = cross(b1, b2)
             if float(axis @ axis) >= _STEEP and not fixed.all():
                 B = np.column_stack([b1, b2, axis])
-                W = np.column_stack([w1, w2, crossed(w1, w2)])
+                W = np.column_stack([w1, w2, cross(w1, w2)])
                 found[~fixed] = vectors[~fixed] @ np.linalg.solve(B.T, W.T)
                 fixed[:] = True
     return found, fixed

@@ -10,14 +10,13 @@ so that one gradient and one remainder formula serve them all: N = ∂f/∂(e, �
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.se3 import Pose
+from fmopt.se3 import Pose, cross, lengths
 from fmopt.values import Array
 
 Mask = NDArray[np.bool_]
@@ -25,25 +24,7 @@ Mask = NDArray[np.bool_]
 _NORMAL, _PUSH, _LEVER, _BODY, _ACROSS, _SHIFT = (slice(3 * k, 3 * k + 3) for k in range(6))
 _OFFSET, _SIGN, _REACH, _WIDTH = 18, 19, 20, 21
 _EYE = np.eye(3)
-_NEXT, _AFTER = np.array([1, 2, 0]), np.array([2, 0, 1])
 _TURN = np.cross(_EYE[:, None], _EYE[None])  # (a × b)_c = Σ _TURN[i, j, c] a_i b_j
-
-
-def crossed(a: Array, b: Array) -> Array:
-    """a × b along the last axis, for arrays that broadcast."""
-    found = a.take(_NEXT, -1) * b.take(_AFTER, -1)
-    found -= a.take(_AFTER, -1) * b.take(_NEXT, -1)
-    return np.asarray(found)
-
-
-def lengths(vectors: Array) -> Array:
-    """Euclidean lengths along the last axis."""
-    return np.asarray(np.sqrt(np.vecdot(vectors, vectors)))
-
-
-def length(vector: Array) -> float:
-    """Euclidean length of one vector."""
-    return math.sqrt(vector.dot(vector))
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +138,7 @@ class Forms:
         if self._curved:
             Rb, y = found[..., 10:13], found[..., 13:]
             f = f + np.vecdot(Rb, y)
-            N[..., 3:] += crossed(Rb, y)
+            N[..., 3:] += cross(Rb, y)
         return f, N, found[..., 7:]
 
     def over(self, start: Pose, goal: Pose) -> tuple[Rows, Rows]:
@@ -220,5 +201,5 @@ def edges_apart(e_m: Array, e_f: Array, q: Array, points: Array) -> Forms:
     The plane runs through the fixed edge (point q, unit e_f) and along the moving edge (unit body vector e_m).
     Written as (R e_m)·(e_f × (p − q)) + e_f·R(v × e_m): bilinear in the pose, linear in the rotation.
     """
-    k = crossed(points, e_m)
-    return _filled(len(points), push=e_f, lever=k, body=e_m, across=e_f, shift=-crossed(e_f, q))
+    k = cross(points, e_m)
+    return _filled(len(points), push=e_f, lever=k, body=e_m, across=e_f, shift=-cross(e_f, q))

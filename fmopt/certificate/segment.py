@@ -27,10 +27,10 @@ from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.curvature import Extent
 from fmopt.certificate.layers import Layers, layers_of
 from fmopt.certificate.piece import Compliance, Piece, Tolerance
-from fmopt.certificate.rows import length, lengths
 from fmopt.certificate.separation import Ends
 from fmopt.certificate.way import Way, approach, cone, departure, way_of
 from fmopt.errors import InfeasibleError
+from fmopt.se3 import length, lengths
 from fmopt.uncertainty.error_set import ErrorSet, Support
 from fmopt.values import Array
 

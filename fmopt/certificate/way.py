@@ -13,11 +13,11 @@ from fmopt.certificate.curvature import Curvature, Extent
 from fmopt.certificate.functions import contact_forms, made_form
 from fmopt.certificate.knowledge import coming_off
 from fmopt.certificate.piece import Piece, Tolerance
-from fmopt.certificate.rows import Forms, Rows, length, points_above
+from fmopt.certificate.rows import Forms, Rows, points_above
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import InfeasibleError
 from fmopt.memory import remembered
-from fmopt.se3 import Pose
+from fmopt.se3 import Pose, length
 from fmopt.values import Array
 
 LARGEST_TURN = 0.5  # rad; the bounds of the certificate hold for pieces that turn no farther

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from fmopt.contact.primitive import Kind, PrimitiveContact, convex_vertices, face_vertex, vertex_face
 from fmopt.contact.surface import Surfaces
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.se3 import Pose
+from fmopt.se3 import Pose, cross
 from fmopt.values import Array, Value
 
 
@@ -218,7 +218,7 @@ def _runs(polyhedron: Polyhedron, face: int, loop: tuple[int, ...], reflex: bool
     """Maximal runs of the loop's edges joined at reflex (or else at convex) corners."""
     points = polyhedron.vertices[list(loop)]
     ahead = np.roll(points, -1, axis=0) - points
-    bend = np.cross(np.roll(ahead, 1, axis=0), ahead) @ polyhedron.faces[face].normal
+    bend = cross(np.roll(ahead, 1, axis=0), ahead) @ polyhedron.faces[face].normal
     joins = (bend < 0.0) if reflex else (bend > 0.0)
     edges = list(zip(loop, loop[1:] + loop[:1], strict=True))
     start = int(np.argmin(joins))

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from fmopt.geometry.polyhedron import plane_basis
+from fmopt.se3 import cross
 from fmopt.values import Array
 
 _SIDES = 8
@@ -28,7 +29,7 @@ def friction_cone(normal: Array, arm: Array, friction: float, sides: int = _SIDE
     first, second = plane_basis(normal).T
     turns = 2.0 * math.pi * np.arange(sides) / sides
     forces = normal + friction * (np.cos(turns)[:, None] * first + np.sin(turns)[:, None] * second)
-    return np.hstack([forces, np.cross(arm, forces)])
+    return np.hstack([forces, cross(arm, forces)])
 
 
 def angle_between(one: Array, other: Array) -> float | None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.se3 import Pose
+from fmopt.se3 import Pose, cross
 from fmopt.values import Array
 
 
@@ -26,7 +26,7 @@ def contact_point(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedr
             a, b = pose.apply(moving.vertices[list(contact.moving)])
             q, r = fixed.vertices[list(contact.fixed)]
             # The point where the moving edge meets the plane through the fixed edge and the common normal.
-            across = np.cross(r - q, np.cross(b - a, r - q))
+            across = cross(r - q, cross(b - a, r - q))
             return np.asarray(a + (across @ (q - a)) / (across @ (b - a)) * (b - a))
         case _:
             assert_never(contact.kind)
@@ -42,7 +42,7 @@ def contact_normal(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhed
         case Kind.EDGE_EDGE:
             a, b = pose.apply(moving.vertices[list(contact.moving)])
             q, r = fixed.vertices[list(contact.fixed)]
-            m = np.cross(b - a, r - q)
+            m = cross(b - a, r - q)
             return np.asarray(m / np.linalg.norm(m))
         case _:
             assert_never(contact.kind)
@@ -51,4 +51,4 @@ def contact_normal(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhed
 def contact_wrench(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> Array:
     """The wrench (f, τ) (6,) on the moving part of a unit contact force, about its body origin, in N and N·m."""
     n = contact_normal(contact, moving, fixed, pose)
-    return np.concatenate([n, np.cross(contact_point(contact, moving, fixed, pose) - pose.p, n)])
+    return np.concatenate([n, cross(contact_point(contact, moving, fixed, pose) - pose.p, n)])

@@ -15,7 +15,7 @@ import numpy as np
 
 from fmopt.control.compliance import free_part, row_space, twist_scale
 from fmopt.errors import InfeasibleError, SolverError
-from fmopt.se3 import Pose
+from fmopt.se3 import Pose, cross
 from fmopt.task.problem import Specification
 from fmopt.values import Array, Value, frozen
 
@@ -302,7 +302,7 @@ def _push(move: GuardedMove, V: Array, rho: float) -> tuple[Array, float]:
 
 def _sliding(W: Array, arms: Array, V: Array) -> Array:
     """Velocities (m, 3) with which contact points slide along their faces for the unit twist V."""
-    velocity = V[:3] + np.cross(V[3:], arms)
+    velocity = V[:3] + cross(V[3:], arms)
     normals = W[:, :3]
     return np.asarray(velocity - np.sum(velocity * normals, axis=1, keepdims=True) * normals)
 
@@ -311,7 +311,7 @@ def _rubbing(sliding: Array, arms: Array) -> Array:
     """Wrenches (m, 6) of friction of coefficient 1 for a unit normal force on contacts that slide like this."""
     speeds = np.linalg.norm(sliding, axis=1, keepdims=True)
     against = -sliding / np.maximum(speeds, _STILL)
-    return np.hstack([against, np.cross(arms, against)])
+    return np.hstack([against, cross(arms, against)])
 
 
 def _best(program: _Program) -> Array | None:

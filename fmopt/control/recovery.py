@@ -30,7 +30,7 @@ from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.guarded.moves import NOISE
 from fmopt.placement.foreseen import Foreseen, foreseen, images_of
 from fmopt.plan import rounded_down
-from fmopt.se3 import Pose, log
+from fmopt.se3 import Pose, cross, log
 from fmopt.task.problem import Specification
 from fmopt.values import Array
 
@@ -153,7 +153,7 @@ def lowest(body: Polyhedron, segment: Mapping[str, Any], rho: float) -> float:
     surplus = max(0.0, float(segment["hybrid"]["termination"]["max_travel"]) - way) / max(way, 1e-30)
     reach = np.linalg.norm(body.vertices, axis=1)
     ends = np.stack([start.apply(body.vertices)[:, 2], goal.apply(body.vertices)[:, 2]])
-    fall = -(shift[2] + np.cross(turn, body.vertices @ goal.R.T)[:, 2])
+    fall = -(shift[2] + cross(turn, body.vertices @ goal.R.T)[:, 2])
     after = surplus * np.maximum(0.0, fall) + 0.5 * reach * (surplus * angle) ** 2
     tube = segment["tube"]
     errors = np.array([0.0, 0.0, tube["offset_box"][2], *tube["angle_box"]])

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.facets import Loop, place, polygon_faces
-from fmopt.se3 import Pose
+from fmopt.se3 import Pose, cross
 from fmopt.values import Array, Value, frozen
 
 
@@ -181,7 +181,7 @@ def plane_of(points: Array, loops: Sequence[Sequence[int]]) -> tuple[Array, floa
     area = np.zeros(3)
     for loop in loops:
         arms = points[list(loop)] - centre
-        area += np.sum(np.cross(arms, np.roll(arms, -1, axis=0)), axis=0)
+        area += np.sum(cross(arms, np.roll(arms, -1, axis=0)), axis=0)
     for axis in range(3):
         if np.all(corners[:, axis] == corners[0, axis]):
             normal = np.zeros(3)
@@ -197,9 +197,9 @@ def plane_of(points: Array, loops: Sequence[Sequence[int]]) -> tuple[Array, floa
 
 def plane_basis(normal: Array) -> Array:
     """Two unit columns (3, 2) that span the plane across `normal`, right-handed with it."""
-    u = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
+    u = cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
     u /= np.linalg.norm(u)
-    return np.column_stack([u, np.cross(normal, u)])
+    return np.column_stack([u, cross(normal, u)])
 
 
 def placed(polyhedron: Polyhedron, pose: Pose) -> Polyhedron:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fmopt.errors import PlanFormatError
-from fmopt.se3 import Pose
+from fmopt.se3 import Pose, cross
 from fmopt.values import Array, Value, frozen
 
 _PARALLEL = 1e-9  # sine between edges that fix no normal
@@ -65,7 +65,7 @@ class Contact(Value):
 
     def _crossing(self, moving: Array) -> tuple[Array, Array, float]:
         p, u, q, v = moving[0], moving[1] - moving[0], self.fixed[0], self.fixed[1] - self.fixed[0]
-        m = np.cross(u, v)
+        m = cross(u, v)
         size = float(np.linalg.norm(m))
         if size < _PARALLEL * float(np.linalg.norm(u) * np.linalg.norm(v)):
             raise PlanFormatError(f"the edges of contact {self.name} are parallel: it has no normal")
@@ -77,7 +77,7 @@ class Contact(Value):
     def wrench(self, pose: Pose) -> Array:
         """Reaction (6,) on the moving part for a unit normal force, about the moving frame's origin, axes of B."""
         point, normal, _ = self.touch(pose)
-        return np.concatenate([normal, np.cross(point - pose.p, normal)])
+        return np.concatenate([normal, cross(point - pose.p, normal)])
 
 
 def _nearest(p: Array, u: Array, q: Array, v: Array) -> tuple[float, float]:
@@ -119,7 +119,7 @@ class _Side:
 
     def _face_normal(self, loop: Sequence[int]) -> Array:
         points = self.vertices[list(loop)]
-        doubled = np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0)
+        doubled = cross(points, np.roll(points, -1, axis=0)).sum(axis=0)
         return np.asarray(doubled / np.linalg.norm(doubled))
 
 

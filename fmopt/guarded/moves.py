@@ -19,7 +19,7 @@ import numpy as np
 
 from fmopt.errors import PlanFormatError
 from fmopt.guarded.contacts import Contact, contacts
-from fmopt.se3 import Pose, hat
+from fmopt.se3 import Pose, cross, hat
 from fmopt.values import Array, Value, frozen
 
 NOISE = (0.05, 0.001)  # N and N·m, standard deviations of the filtered force signal that stops are made for
@@ -278,9 +278,9 @@ def _friction(move: Held, V: Array, place: float = 0.0) -> Array:
     """
     total = np.zeros(6)
     for force, (normal, arm) in move.points:
-        sliding = V[:3] + np.cross(V[3:], arm)
+        sliding = V[:3] + cross(V[3:], arm)
         sliding = sliding - (sliding @ normal) * normal
         size = float(np.hypot(np.linalg.norm(sliding), place * np.linalg.norm(V[3:])))
         rub = -force * sliding / size if size > 0.0 else np.zeros(3)
-        total += np.concatenate([rub, np.cross(arm, rub)])
+        total += np.concatenate([rub, cross(arm, rub)])
     return total

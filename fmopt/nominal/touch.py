@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.geometry.polyhedron import Face, Polyhedron, plane_basis
-from fmopt.se3 import Pose
+from fmopt.se3 import Pose, cross
 from fmopt.values import Array, Value
 
 Indices = NDArray[np.intp]
@@ -66,7 +66,7 @@ class Body(Value):
         n = polyhedron.normals[np.array([edge.faces for edge in polyhedron.edges])[convex]]
         tangents = _unit(np.sum(n[:, :1] * n[:, 1:], axis=2, keepdims=True) * n - n[:, ::-1])
         plates = [(face.normal, plate) for face in polyhedron.faces for plate in _plates(polyhedron, face)]
-        sides = [_unit(_cross(normal, np.roll(plate, -1, axis=0) - plate)) for normal, plate in plates]
+        sides = [_unit(cross(normal, np.roll(plate, -1, axis=0) - plate)) for normal, plate in plates]
         return Body(
             polyhedron.vertices,
             _padded(spokes),
@@ -96,7 +96,7 @@ class Linear(Value):
     def wrenches(self) -> Array:
         """Frictionless contact wrenches (n, 6) about p, N at f₀ = 0."""
         force = self.gradient[:, :3]
-        return np.concatenate([force, _cross(self.arm, force)], axis=1)
+        return np.concatenate([force, cross(self.arm, force)], axis=1)
 
 
 def candidates(moving: Body, fixed: Body, pose: Pose, half_widths: Array) -> list[Candidate]:
@@ -156,9 +156,9 @@ def _vertex_face(
     x = (p + arm)[:, None]
     return Linear(
         _dot(normal, x[:, 0] - fixed.corners[j, 0]),
-        np.concatenate([normal, _cross(arm, normal)], axis=1),
+        np.concatenate([normal, cross(arm, normal)], axis=1),
         _dot(inward, x - fixed.corners[j]),
-        np.concatenate([inward, _cross(arm[:, None], inward)], axis=2),
+        np.concatenate([inward, cross(arm[:, None], inward)], axis=2),
         np.repeat(0.5 * theta**2 * np.linalg.norm(arm, axis=1)[:, None], 2, axis=1),
         arm,
     )
@@ -172,9 +172,9 @@ def _face_vertex(
     corners = _turned(R, moving.corners[i])
     return Linear(
         _dot(normal, arm - corners[:, 0]),
-        np.concatenate([-normal, _cross(normal, arm)], axis=1),
+        np.concatenate([-normal, cross(normal, arm)], axis=1),
         _dot(inward, arm[:, None] - corners),
-        np.concatenate([-inward, _cross(inward, arm[:, None])], axis=2),
+        np.concatenate([-inward, cross(inward, arm[:, None])], axis=2),
         np.repeat(theta * (0.5 * theta * np.linalg.norm(arm, axis=1) + D)[:, None], 2, axis=1),
         arm,
     )
@@ -189,30 +189,30 @@ def _edge_edge(moving: Body, fixed: Body, i: Indices, j: Indices, p: Array, R: A
     flip = _outward(moving, fixed, R, i, j).sum(axis=1) < 0.0
     own[flip] = own[flip, ::-1]
     e, g = _unit(own[:, 1] - own[:, 0]), _unit(wall[:, 1] - wall[:, 0])
-    m = _cross(e, g)
+    m = cross(e, g)
     k = np.linalg.norm(m, axis=1)
     m /= k[:, None]
-    y, moment = _cross(g, -wall[:, 0]), _cross(own[:, 0], e)
+    y, moment = cross(g, -wall[:, 0]), cross(own[:, 0], e)
     distance = (_dot(e, y) + _dot(g, moment)) / k
-    across, beside = _cross(g, m), _cross(e, m)
+    across, beside = cross(g, m), cross(e, m)
     across *= np.sign(_dot(across, e))[:, None]
     beside *= np.sign(_dot(beside, g))[:, None]
     heights, rows = np.empty((len(k), 4)), np.empty((len(k), 4, 6))
     for end, sign in ((0, -1.0), (1, 1.0)):
         heights[:, end] = sign * _dot(across, own[:, end] - wall[:, 0])
-        rows[:, end] = sign * np.concatenate([across, _cross(own[:, end], across)], axis=1)
+        rows[:, end] = sign * np.concatenate([across, cross(own[:, end], across)], axis=1)
         heights[:, 2 + end] = sign * _dot(beside, wall[:, end] - own[:, 0])
-        rows[:, 2 + end] = sign * np.concatenate([-beside, _cross(beside, wall[:, end])], axis=1)
+        rows[:, 2 + end] = sign * np.concatenate([-beside, cross(beside, wall[:, end])], axis=1)
     reach = np.linalg.norm(np.concatenate([own, wall], axis=1), axis=2).max(axis=1)
     of_sides = 0.5 * theta**2 * reach + D * theta + (np.abs(distance) + D + theta * reach) * theta / k
     of_lines = 0.5 * theta**2 * (np.linalg.norm(moment, axis=1) + np.linalg.norm(y, axis=1)) + D * theta
     return Linear(
         distance,
-        np.concatenate([_cross(e, g), _cross(e, y) + _cross(moment, g)], axis=1) / k[:, None],
+        np.concatenate([cross(e, g), cross(e, y) + cross(moment, g)], axis=1) / k[:, None],
         heights,
         rows,
         np.column_stack([of_lines / k, of_sides]),
-        own[:, 0] + e * (_dot(_cross(wall[:, 0] - own[:, 0], g), m) / k)[:, None],
+        own[:, 0] + e * (_dot(cross(wall[:, 0] - own[:, 0], g), m) / k)[:, None],
     )
 
 
@@ -222,7 +222,7 @@ def _outward(moving: Body, fixed: Body, R: Array, i: Indices, j: Indices) -> Arr
     All of one sign when the edges can meet from outside; all zero for edges that are nearly parallel.
     """
     own, wall = moving.edges[i], fixed.edges[j]
-    m = _cross(_turned(R, _unit(own[:, 1] - own[:, 0])), _unit(wall[:, 1] - wall[:, 0]))
+    m = cross(_turned(R, _unit(own[:, 1] - own[:, 0])), _unit(wall[:, 1] - wall[:, 0]))
     size = np.linalg.norm(m, axis=1)[:, None]
     tangents = np.concatenate([_turned(R, moving.tangents[i]), -fixed.tangents[j]], axis=1)
     value = _dot(tangents, m[:, None]) / np.maximum(size, PARALLEL)
@@ -263,18 +263,6 @@ def _turned(R: Array, points: Array) -> Array:
     """Points (n, 3) or (n, k, 3), each turned by its own R (n, 3, 3) or by one R (3, 3)."""
     columns = np.swapaxes(R, -1, -2)
     return np.asarray(points @ columns if points.ndim == 3 or R.ndim == 2 else (points[:, None] @ columns)[:, 0])
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """a × b over the last axis, broadcast; several times faster than numpy's on short arrays."""
-    return np.stack(
-        [
-            a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1],
-            a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2],
-            a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0],
-        ],
-        axis=-1,
-    )
 
 
 def _dot(a: Array, b: Array) -> Array:

@@ -19,7 +19,7 @@ from fmopt.contact.primitive import Kind, PrimitiveContact, feature_distance, ne
 from fmopt.contact.surface import Surfaces
 from fmopt.errors import InfeasibleError
 from fmopt.placement.motion import Move, onto
-from fmopt.se3 import Pose
+from fmopt.se3 import Pose, cross
 from fmopt.values import Array
 
 _TOUCH = 1e-9
@@ -255,10 +255,10 @@ def implied(
     (a, b), (c, d) = body[list(first.moving)], body[list(other.moving)]
     (e, f), (g, h) = fixed.vertices[list(first.fixed)], fixed.vertices[list(other.fixed)]
     for one_way, other_way in ((b - a, d - c), (f - e, h - g)):
-        if np.linalg.norm(np.cross(one_way, other_way)) > _TOUCH * float(np.linalg.norm(one_way)):
+        if np.linalg.norm(cross(one_way, other_way)) > _TOUCH * float(np.linalg.norm(one_way)):
             return False
     image = aligned(known, a - c)
-    return image is not None and bool(np.linalg.norm(np.cross(image - (e - g), f - e)) <= _TOUCH * 0.1)
+    return image is not None and bool(np.linalg.norm(cross(image - (e - g), f - e)) <= _TOUCH * 0.1)
 
 
 def pinned(assembly: Assembly, pose: Pose, held: Sequence[PrimitiveContact]) -> int:

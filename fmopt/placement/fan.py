@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from fmopt.certificate.curvature import Lever
 from fmopt.certificate.pair import BEHIND, Pair, free_plane
-from fmopt.certificate.rows import crossed, lengths
 from fmopt.certificate.separation import Course, Separation
 from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.se3 import cross, lengths
 from fmopt.uncertainty.error_set import Support
 from fmopt.values import Array
 
@@ -181,7 +181,7 @@ class _Reached:
     def of(piece: Polyhedron, course: Course) -> _Reached:
         arms = piece.vertices @ np.swapaxes(course.R, -1, -2)
         columns = np.swapaxes(course.both.columns, -1, -2)[:, :, None]
-        moved = columns[..., :3] + crossed(columns[..., 3:], arms[..., None, :])
+        moved = columns[..., :3] + cross(columns[..., 3:], arms[..., None, :])
         vertices = arms + course.p[..., None, :]
         flat = moved.reshape(2, len(course.listed), -1, 3)
         return _Reached(Lever.of(course.extent, arms), course.both, vertices, np.swapaxes(flat, -1, -2))

@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from fmopt.certificate.assembly import Assembly, in_plane
 from fmopt.certificate.knowledge import facts
-from fmopt.certificate.rows import crossed, length, lengths
 from fmopt.contact.primitive import Kind, PrimitiveContact, edge_edge, vertex_face
 from fmopt.memory import remembered
-from fmopt.se3 import Pose
+from fmopt.se3 import Pose, cross, length, lengths
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array
 
@@ -91,7 +90,7 @@ def _wall(assembly: Assembly, number: int, flush: bool, own: NDArray[np.intp]) -
     corners = fixed.vertices[list(face.loops[0])]
     every = np.array([i for i, edge in enumerate(fixed.edges) if number in edge.faces])
     ends = fixed.vertices[[fixed.edges[i].vertices for i in every]]
-    inward = crossed(face.normal[None], ends[:, 1] - ends[:, 0])
+    inward = cross(face.normal[None], ends[:, 1] - ends[:, 0])
     inward *= (np.sign(np.vecdot(inward, corners.mean(axis=0) - ends[:, 0])) / lengths(inward))[:, None]
     convex = np.array([fixed.edges[i].convex for i in every])
     # At a concave edge the face ends, but where it goes on beside that.
@@ -142,7 +141,7 @@ def _sides(vertices: Array, wall: _Wall, poses: tuple[Pose, Pose], errors: Error
     arms = vertices @ np.array([pose.R.T for pose in poses])
     there = arms + np.array([pose.p for pose in poses])[:, None]
     depth = there @ wall.inward.T - np.vecdot(wall.inward, wall.points)
-    turning = crossed(arms[:, :, None], wall.inward)
+    turning = cross(arms[:, :, None], wall.inward)
     rows = np.concatenate([np.broadcast_to(wall.inward, turning.shape), turning], axis=-1)
     doubt = 1.2 * errors.support(rows).max(axis=0) + _DOUBT
     return np.where(depth.min(axis=0) > doubt, 1, np.where(depth.max(axis=0) < -doubt, -1, 0))

@@ -13,7 +13,7 @@ from fmopt import se3
 from fmopt.certificate.claim import Claim, claimed, stepped
 from fmopt.certificate.functions import contact_forms, contact_rows
 from fmopt.certificate.knowledge import Assembly
-from fmopt.certificate.rows import Forms, length
+from fmopt.certificate.rows import Forms
 from fmopt.certificate.segment import Advance, Compliance, Piece, Tolerance
 from fmopt.contact.meet import Poses
 from fmopt.contact.primitive import Kind, PrimitiveContact
@@ -21,7 +21,7 @@ from fmopt.errors import InfeasibleError
 from fmopt.memory import remembered
 from fmopt.placement.flush import described, on_wall
 from fmopt.placement.witness import choose_separations
-from fmopt.se3 import Pose
+from fmopt.se3 import Pose, length
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array
 

@@ -14,7 +14,7 @@ from typing import assert_never
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fmopt.se3 import Pose
+from fmopt.se3 import Pose, cross
 from fmopt.values import Array, Value, frozen
 
 
@@ -113,17 +113,17 @@ def _evaluate(kind: RowKind, c: Array, pose: Pose, X: Array) -> tuple[Array, Arr
     match kind:
         case RowKind.VERTEX_FACE:
             arm = one @ pose.R.T
-            return _dot(two, arm + pose.p) - c[:, 6], np.hstack([two, _cross(arm, two)])
+            return _dot(two, arm + pose.p) - c[:, 6], np.hstack([two, cross(arm, two)])
         case RowKind.FACE_VERTEX:
             n, reach = one @ pose.R.T, two - pose.p
-            return _dot(n, reach) - c[:, 6], np.hstack([-n, _cross(n, reach)])
+            return _dot(n, reach) - c[:, 6], np.hstack([-n, cross(n, reach)])
         case RowKind.EDGE_EDGE:
             e, arm = one @ pose.R.T, two @ pose.R.T
-            m, gap = _cross(e, three), pose.p + arm - four
+            m, gap = cross(e, three), pose.p + arm - four
             sine = np.sqrt(_dot(m, m))[:, None]
             m = m / sine
             along = (_dot(e, three) * _dot(gap, three) - _dot(gap, e))[:, None] / sine**2
-            return _dot(m, gap), np.hstack([m, _cross(arm + along * e, m)])
+            return _dot(m, gap), np.hstack([m, cross(arm + along * e, m)])
         case RowKind.PLANE:
             return c[:, :6] @ X - c[:, 6], c[:, :6]
         case _:
@@ -132,10 +132,3 @@ def _evaluate(kind: RowKind, c: Array, pose: Pose, X: Array) -> tuple[Array, Arr
 
 def _dot(a: Array, b: Array) -> Array:
     return np.asarray(np.einsum("ij,ij->i", a, b))
-
-
-def _cross(a: Array, b: Array) -> Array:
-    return np.asarray(a.take(_ONE, 1) * b.take(_TWO, 1) - a.take(_TWO, 1) * b.take(_ONE, 1))
-
-
-_ONE, _TWO = np.array([1, 2, 0]), np.array([2, 0, 1])

@@ -21,7 +21,7 @@ from fmopt.placement.entry import Entry, deeper, turned_axes
 from fmopt.placement.explore import Freedom, Place, freedoms, implied, meetings, neighbourhood, pinned
 from fmopt.placement.flush import described
 from fmopt.placement.motion import Move, Reached, unroll
-from fmopt.se3 import Pose
+from fmopt.se3 import Pose, cross
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array
 
@@ -231,7 +231,7 @@ def _given_up(task: Task, node: Node) -> Iterator[Node]:
         return
     moving, fixed = task.assembly.moving, task.assembly.fixed
     arm = place.pose.R @ place.pivot
-    spread = node.reached.errors.support(np.hstack([np.eye(3), np.cross(arm, np.eye(3))]))
+    spread = node.reached.errors.support(np.hstack([np.eye(3), cross(arm, np.eye(3))]))
     for inside in deeper(moving, fixed, place.pose, place.pivot, spread):
         after = son(task, node, Move(place.pose, inside, (), (), place.held), "leave")
         if after is not None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.pair import Facing, Pair, Witness
-from fmopt.certificate.rows import crossed, length, lengths
 from fmopt.certificate.separation import Candidates, Course, Separation
 from fmopt.contact.primitive import Kind
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.memory import remembered
 from fmopt.placement.fan import Fans
+from fmopt.se3 import cross, length, lengths
 from fmopt.values import Array
 
 _GRAZING = 2e-6
@@ -64,7 +64,7 @@ def _contact_edges(assembly: Assembly, pair: Pair) -> list[Witness]:
 def _edge_along(piece: Polyhedron, a: Array, b: Array) -> tuple[int, int]:
     """The piece's edge on the line through a and b, run from a towards b."""
     direction = (b - a) / length(b - a)
-    off = lengths(crossed(piece.vertices - a, direction))
+    off = lengths(cross(piece.vertices - a, direction))
     for edge in piece.edges:
         i, j = edge.vertices
         if max(off[i], off[j]) <= 1e-9:

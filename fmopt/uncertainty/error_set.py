@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fmopt import ellipsoid
+from fmopt.se3 import lengths
 from fmopt.values import Array, Value, frozen
 
 _NONE = np.zeros((0, 6))
@@ -87,7 +88,7 @@ class ErrorSet(Value):
 
     def half_widths(self, generators: Array) -> Array:
         """Half-widths (6,) of the box around generators (k, 6) and the growth, in m and rad."""
-        return np.asarray(np.abs(generators).sum(axis=0) + _lengths(self.growth_root))
+        return np.asarray(np.abs(generators).sum(axis=0) + lengths(self.growth_root))
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,8 +129,8 @@ class Support:
         first, second, third = self.cuts
         reach = np.add.reduce(np.abs(X[..., :first]), axis=-1)
         if second > first:
-            reach += _lengths(X[..., first:second])
-        reach = np.minimum(_lengths(X[..., second:third]), reach)
+            reach += lengths(X[..., first:second])
+        reach = np.minimum(lengths(X[..., second:third]), reach)
         if X.shape[-1] > third:
             reach += np.add.reduce(np.abs(X[..., third:]), axis=-1)
         return np.asarray(reach)
@@ -137,8 +138,3 @@ class Support:
     def __call__(self, N: Array) -> Array:
         """The bound (k,) along rows N (k, 6)."""
         return self.seen(N @ self.columns)
-
-
-def _lengths(vectors: Array) -> Array:
-    """Euclidean lengths along the last axis."""
-    return np.asarray(np.sqrt(np.vecdot(vectors, vectors)))
