@@ -205,7 +205,10 @@ def _segments(
     for k, (claim, bound) in enumerate(zip(claims, travel_bounds(claims, tolerance.rho), strict=True)):
         move += claim.piece.progress[0] == 0.0
         record = segment_record(claim, 0, move, poses[k], poses[k + 1])
-        hybrid = strategy(problem, assembly, claim, tolerance, bound, ranges=ranges)
+        try:
+            hybrid = strategy(problem, assembly, claim, tolerance, bound, ranges=ranges)
+        except InfeasibleError as error:
+            raise InfeasibleError(f"move {move + 1}: {error.message}", advice=error.advice) from error
         found.append({**record, "hybrid": plan.clean(hybrid)})
     return found
 
@@ -236,14 +239,10 @@ def strategy(
     Raises:
         InfeasibleError: no bias force holds the contacts.
     """
-    piece = claim.piece
     move, held, made = _guarded(problem, assembly, claim, bound)
     approach = _approach(problem, claim, move, tolerance)
     specification = problem.specification if approach is None else slowed(problem.specification, approach)
-    try:
-        hybrid = hybrid_strategy(move, tolerance.rho, specification)
-    except InfeasibleError as error:
-        raise InfeasibleError(f"segment to {piece.goal.vector()}: {error.message}", advice=error.advice) from error
+    hybrid = hybrid_strategy(move, tolerance.rho, specification)
     document = hybrid.document([c.id for c in held], [c.id for c in made])
     if approach is not None:
         document["impact"] = impact_record(specification, approach)

@@ -177,7 +177,8 @@ def drifts(piece: Piece, count: int, rng: np.random.Generator) -> Array:
     y = np.where(kind == 1, sign * np.eye(6)[rng.integers(6, size=count)], y)
     if piece.made is not None:
         y = np.where(kind == 2, sign * (rates * piece.way_row), y)
-    return np.asarray(y / np.linalg.norm(y, axis=1, keepdims=True) * rates)
+    size = np.linalg.norm(y, axis=1, keepdims=True)
+    return np.asarray(y / np.where(size > 0.0, size, 1.0) * rates)
 
 
 def execute(plan: Plan, count: int, seed: int, steps: int = 8, watch: Watch = lambda *_: None) -> Ledger:

@@ -28,7 +28,7 @@ studies = typer.Typer(cls=_Study, no_args_is_help=True, rich_markup_mode=None)
 app.add_typer(studies, name="study", help="Run a study over many problems, resumable; or report on its results.")
 
 
-@studies.command("run", epilog="Example: fmopt study problems/studies/square_peg.toml --jobs 2")
+@studies.command("run", epilog="Example: fmopt study problems/studies/square_peg_clearance.toml --jobs 2")
 def study_run(
     files: Annotated[list[Path], typer.Argument(help="Study files (TOML), one after the other.")],
     out: Annotated[Path | None, typer.Option("--out", help="Folder for the results; default: out/<study>.")] = None,

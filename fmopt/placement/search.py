@@ -28,6 +28,8 @@ from fmopt.placement.step import Costs, Node, Task, sons
 
 _LOOKS = 4
 _DIGITS, _PLACES = 9, 12  # of costs (1) and margins (m), decimals that tell one from another
+_SMALLER = "allow a larger tilt, lower the start errors"
+_BEGIN = _SMALLER + ", or begin at another start.height"
 _MORE, _WORTH = 16, 0.5  # further rounds for a steady sequence, and the share of the margin that it may cost
 
 
@@ -120,7 +122,7 @@ def _first_sequences(
         if len(found) >= _LOOKS or time.monotonic() > deadline:
             break
     if not found:
-        raise failure or SearchError("no way to begin is left", advice="allow a larger tilt, lower the start errors")
+        raise failure or SearchError("no way to begin is left", advice=_BEGIN)
     return tuple(sorted(found, key=lambda sequence: -round(sequence.reached.margin, _PLACES)))
 
 
@@ -169,7 +171,7 @@ def search(
         f"no sequence of contacts to the seated part was found among {expanded} states"
         + (", the time limit is used up" if late else "")
         + (f", the closest came after {' '.join(closest.names)}{shortfall(closest)}" if closest else ""),
-        advice="raise settings.time_limit" if late else "allow a larger tilt, lower the start errors",
+        advice="raise settings.time_limit" if late else _BEGIN if not expanded else _SMALLER,
         late=late,
     )
 

@@ -83,6 +83,8 @@ def likely_shapes(
         rate: errors of velocity in translation and rotation together, as a share of the way.
         max_tilt: greatest tilt about each axis, rad.
     """
+    if max_tilt <= 0.0:
+        return iter(())
     spread, play = start_spread(moving, start_box), clearance.play
     funnel = funnel_depth(fixed), funnel_width(fixed)
     first = spread >= _FAR * clearance.per_side or next_to_round(moving)

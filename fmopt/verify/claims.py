@@ -82,7 +82,7 @@ def _tube(stage: Stage, start: ErrorSet, notes: Notes) -> None:
         notes.at_least(f"offset_box[{axis}]", stated_width, half[axis], ALLOWANCE)
     for axis, stated_angle in enumerate(tube.angles):
         notes.at_least(f"angle_box[{axis}]", stated_angle, half[3 + axis], ALLOWANCE)
-    notes.at_least("offset_max", tube.offset, length(vector(tube.box)))
+    notes.at_least("offset_max", tube.offset, length(vector(tube.box)), ALLOWANCE)
     notes.at_least("theta_max", tube.theta, length((half[3], half[4], half[5])), ALLOWANCE)
 
 

@@ -225,7 +225,7 @@ def _hybrid(place: Reader, known: list[str]) -> Hybrid:
         end.at("wrench").numbers(6),
         end.at("threshold").number(0.0),
         end.at("max_travel").number(0.0),
-        end.at("timeout").number(0.0),
+        end.at("timeout").number(0.0, 1e12),
         _jam_free(place.at("jam_free")) if place.has("jam_free") else None,
         _impact(place.at("impact")) if place.has("impact") else None,
     )
