@@ -220,7 +220,7 @@ def _through(piece: Piece, ledger: Ledger, e: Array, drift: Array, steps: int, w
         if piece.first:
             early = piece.distance(at(0.0 * end)) - piece.said["margin"]
             ledger.require("not made before its move", piece.number, early + ROUNDING)
-        end = first_zero(_left(piece, at, e, drift), len(e), FARTHEST)
+        end = first_zero(_left(piece, at), len(e), FARTHEST)
         ledger.require("gets there", piece.number, FARTHEST - end)
         end = np.nan_to_num(end, nan=FARTHEST)
     for share in np.linspace(0.0, 1.0, steps + 1):
@@ -233,19 +233,21 @@ def _through(piece: Piece, ledger: Ledger, e: Array, drift: Array, steps: int, w
     return piece.errors_at_goal(poses), end
 
 
-def _left(piece: Piece, at: Callable[[Array], Poses], e: Array, drift: Array) -> Callable[[Array], Array]:
+def _left(piece: Piece, at: Callable[[Array], Poses]) -> Callable[[Array], Array]:
     """What is zero where the piece ends.
 
-    A move ends as it touches. Before, it goes on to its next piece as soon as its error along the way, seen through
-    the compliance, has shrunk in proportion to the way that it still has to go: progress is each execution's own.
+    A move ends as it touches. Before, progress is each execution's own: it goes on to its next piece as soon as its
+    error along the way, seen through the compliance, is what it would be had the piece been as long as planned, shrunk
+    in proportion to the way that is still to go.
     """
     if piece.last:
         return lambda travel: piece.touched(at(travel))
-    kept = 1.0 - piece.share
+    kept, twist = 1.0 - piece.share, np.concatenate([piece.delta, piece.omega])
 
     def left(travel: Array) -> Array:
-        error = piece.errors_at_goal(at(travel)) - kept * (e + travel[:, None] * drift)
-        return np.asarray(error @ piece.way_row)
+        error = piece.errors_at_goal(at(travel))
+        planned = error - (travel[:, None] - 1.0) * twist
+        return np.asarray((error - kept * planned) @ piece.way_row)
 
     return left
 
