@@ -65,6 +65,13 @@ VALUES = [
     ("height = 1", "height = «{ mm = 5 }»", "wrong-type", "a table stands where a length is asked for"),
     ("height = 1", "height = «2020-01-01»", "wrong-type", "a date or time stands where a length is asked for"),
     ("speed = 20", "speed = «1e9»", "out-of-range", "keep it at most 100000 mm/s"),
+    ("speed = 20", "speed = «1e-6»", "out-of-range", "keep it at least 0.001 mm/s"),
+    (
+        "termination_force = 2",
+        "termination_force = «20.5»",
+        "out-of-range",
+        "20.5 N on the contact that ends a move exceed the contact force; lower it to well below 20 N",
+    ),
     ("friction = 0.3", "friction = «-0.3»", "negative", "-0.3 is negative"),
     (
         "\nx = 0.3",

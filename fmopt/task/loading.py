@@ -43,7 +43,7 @@ from fmopt.task.sources import (
 from fmopt.task.tables import Reading, factors, in_words
 from fmopt.task.toml_source import Source, read, read_bytes
 from fmopt.task.tree import build_part, build_tree
-from fmopt.task.units import LENGTH, did_you_mean
+from fmopt.task.units import FORCE, LENGTH, did_you_mean
 from fmopt.values import Array
 
 T = TypeVar("T")
@@ -116,6 +116,7 @@ def _cross_checks(source: Source, file: files.ProblemFile, models: Mapping[str, 
         advice = "give [uncertainty.start]: errors of the peg's leading face against the hole"
         yield source.place(("uncertainty", "sources"), of_key=True).fault("conflict", message, advice)
     yield from _configuration_faults(source, sources)
+    yield from _force_faults(source, file.specification)
     yield from _impact_faults(source, file.specification)
     yield from _plane_faults(source, file, models)
     deepest = _deepest(file, models)
@@ -197,6 +198,15 @@ def _configuration_faults(source: Source, sources: files.Sources | None) -> Iter
 
 
 _IMPACT = ("impact_force", "apparent_mass", "contact_stiffness")
+
+
+def _force_faults(source: Source, table: files.Specification) -> Iterator[Fault]:
+    """A force that ends moves which no push within the contact force brings about."""
+    wanted, most = table.termination_force, table.contact_force
+    if wanted > most:
+        message = f"{in_words(wanted, FORCE)} on the contact that ends a move exceed the contact force"
+        advice = f"lower it to well below {in_words(most, FORCE)}, or raise contact_force"
+        yield source.place(("specification", "termination_force")).fault("out-of-range", message, advice)
 
 
 def _impact_faults(source: Source, table: files.Specification) -> Iterator[Fault]:

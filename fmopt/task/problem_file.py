@@ -220,7 +220,7 @@ class Specification(Table):
     friction: Friction
     """Coefficient of friction between the parts."""
     termination_force: Force
-    """Change of contact force that ends a guarded move."""
+    """Change of contact force that ends a guarded move; at most contact_force, and best well below."""
     impact_force: Force | None = None
     """Greatest force with which a contact that ends a move may be met, on top of the push; moves are slowed for it. It
     takes apparent_mass and contact_stiffness; not limited if not given."""
