@@ -296,6 +296,7 @@ def motion(
 
     while best is None or (best[1].margin <= 0.0 and time.monotonic() < deadline):
         try:
+            spare = spare if time.monotonic() < deadline else ()
             candidates = spare or best_sequences(task, rounds, deadline, told, steady)
             if candidates[0].reached.margin > 0.0:
                 candidates, spare = candidates[:1], candidates[1:]
