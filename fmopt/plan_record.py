@@ -202,7 +202,7 @@ def _segments(
     poses = [claims[0].piece.start.vector(), *(claim.piece.goal.vector() for claim in claims)]
     found: list[dict[str, Any]] = []
     move = -1
-    for k, (claim, bound) in enumerate(zip(claims, travel_bounds(claims, tolerance.rho), strict=True)):
+    for k, (claim, bound) in enumerate(bounded(claims, tolerance.rho)):
         move += claim.piece.progress[0] == 0.0
         record = segment_record(claim, 0, move, poses[k], poses[k + 1])
         try:
@@ -213,19 +213,18 @@ def _segments(
     return found
 
 
-def travel_bounds(claims: Sequence[Claim], rho: float) -> list[float]:
-    """How much longer or shorter than planned the way to the end of each piece may be, m in the metric of ρ.
+def bounded(claims: Sequence[Claim], rho: float) -> Iterator[tuple[Claim, float]]:
+    """With each piece how much longer or shorter than planned the way to its end may be, m in the metric of ρ.
 
     The certificate follows executions that go farther in each piece of a move alike. A robot goes all pieces as far as
     planned but the last, for which the overtravel of all of them is left.
     """
-    found, late = list[float](), 0.0
+    late = 0.0
     for claim in claims:
         step = claim.advance
         extent = step.ends.extent
         late = step.overtravel * step.length + (late if claim.piece.progress[0] > 0.0 else 0.0)
-        found.append(max(float(np.linalg.norm(extent.offset)) + rho * extent.theta, late))
-    return found
+        yield claim, max(float(np.linalg.norm(extent.offset)) + rho * extent.theta, late)
 
 
 def strategy(
@@ -233,7 +232,7 @@ def strategy(
 ) -> dict[str, Any]:
     """The control strategy of a piece as the plan file holds it, from the contacts that touch at its goal.
 
-    Its `bound` is the one of `travel_bounds`. With `ranges` it tells the jam-free range of its applied wrench, where it
+    Its `bound` is the one of `bounded`. With `ranges` it tells the jam-free range of its applied wrench, where it
     holds contacts.
 
     Raises:
@@ -281,7 +280,7 @@ def _guarded_moves(
     problem: Problem, assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance
 ) -> Iterator[tuple[Claim, GuardedMove]]:
     """The pieces of a motion that go to a contact, with their guarded moves."""
-    for claim, bound in zip(claims, travel_bounds(claims, tolerance.rho), strict=True):
+    for claim, bound in bounded(claims, tolerance.rho):
         if claim.piece.making:
             yield claim, _guarded(problem, assembly, claim, bound)[0]
 

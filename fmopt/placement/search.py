@@ -167,11 +167,12 @@ def search(
     if ready is not None:
         return _sequence(ready, front, expanded)
     late = time.monotonic() > deadline
+    advice = _SMALLER if expanded else _BEGIN
     raise SearchError(
         f"no sequence of contacts to the seated part was found among {expanded} states"
         + (", the time limit is used up" if late else "")
         + (f", the closest came after {' '.join(closest.names)}{shortfall(closest)}" if closest else ""),
-        advice="raise settings.time_limit" if late else _BEGIN if not expanded else _SMALLER,
+        advice="raise settings.time_limit" if late else advice,
         late=late,
     )
 

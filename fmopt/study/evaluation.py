@@ -212,12 +212,11 @@ def _tolerated(solved: Solved) -> dict[str, Scalar]:
 
 def _bias(solved: Solved) -> dict[str, Scalar]:
     """Whether every held contact can be held while the next is felt: the least normal force over all segments."""
-    from fmopt.plan_record import strategy, travel_bounds
+    from fmopt.plan_record import bounded, strategy
 
     moved = solved.moved
     least, push = float("inf"), 0.0
-    claims = moved.placed.reached.claims
-    for claim, bound in zip(claims, travel_bounds(claims, moved.tolerance.rho), strict=True):
+    for claim, bound in bounded(moved.placed.reached.claims, moved.tolerance.rho):
         try:
             hybrid = strategy(solved.problem, moved.assembly, claim, moved.tolerance, bound)
         except InfeasibleError:

@@ -21,6 +21,7 @@ from fmopt.se3 import Pose, exp
 from fmopt.task import problem_file as files
 from fmopt.task.command import PLANNED, attributes, is_round
 from fmopt.task.faults import checked
+from fmopt.task.forces import force_faults
 from fmopt.task.mesh_source import MAX_MESH_BYTES
 from fmopt.task.model import Model, load_model, overrides_of
 from fmopt.task.problem import Attributes, Problem, Settings, Specification, VelocityError
@@ -43,7 +44,7 @@ from fmopt.task.sources import (
 from fmopt.task.tables import Reading, factors, in_words
 from fmopt.task.toml_source import Source, read, read_bytes
 from fmopt.task.tree import build_part, build_tree
-from fmopt.task.units import FORCE, LENGTH, did_you_mean
+from fmopt.task.units import LENGTH, did_you_mean
 from fmopt.values import Array
 
 T = TypeVar("T")
@@ -116,8 +117,7 @@ def _cross_checks(source: Source, file: files.ProblemFile, models: Mapping[str, 
         advice = "give [uncertainty.start]: errors of the peg's leading face against the hole"
         yield source.place(("uncertainty", "sources"), of_key=True).fault("conflict", message, advice)
     yield from _configuration_faults(source, sources)
-    yield from _force_faults(source, file.specification)
-    yield from _impact_faults(source, file.specification)
+    yield from force_faults(source, file.specification)
     yield from _plane_faults(source, file, models)
     deepest = _deepest(file, models)
     if deepest is not None and file.goal.depth is not None and file.goal.depth > deepest:
@@ -195,28 +195,6 @@ def _configuration_faults(source: Source, sources: files.Sources | None) -> Iter
             message = "the three points lie on a line, a turn about it was not observed"
             place = source.place((*key, "observed", "points"))
             yield place.fault("bad-value", message, "give three points at the corners of a wide triangle")
-
-
-_IMPACT = ("impact_force", "apparent_mass", "contact_stiffness")
-
-
-def _force_faults(source: Source, table: files.Specification) -> Iterator[Fault]:
-    """A force that ends moves which no push within the contact force brings about."""
-    wanted, most = table.termination_force, table.contact_force
-    if wanted > most:
-        message = f"{in_words(wanted, FORCE)} on the contact that ends a move exceed the contact force"
-        advice = f"lower it to well below {in_words(most, FORCE)}, or raise contact_force"
-        yield source.place(("specification", "termination_force")).fault("out-of-range", message, advice)
-
-
-def _impact_faults(source: Source, table: files.Specification) -> Iterator[Fault]:
-    """A limit on impacts without what meets there, or the other way round."""
-    stated = [name for name in _IMPACT if getattr(table, name) is not None]
-    for name in _IMPACT if stated else ():
-        if name not in stated:
-            place = source.place(("specification",), of_key=True)
-            message, advice = "this key is missing", f"add {name!r} to [specification], or drop {stated[0]!r}"
-            yield replace(place, key=f"specification.{name}").fault("missing-key", message, advice)
 
 
 def _table(file: files.ProblemFile, side: str) -> files.Operand:
