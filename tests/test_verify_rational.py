@@ -125,6 +125,15 @@ def test_the_outer_sum_contains_the_sum(radii: list[float], n: list[float]) -> N
     assert outer_sum(NOTHING, B, metric(q.ONE)) == B
 
 
+def test_rounding_does_not_grow_in_a_sum() -> None:
+    rounding = diagonal([q.BLUR] * 6)
+    line = diagonal([q.times(q.fixed(1e-4), q.fixed(1e-4)), 0, 0, 0, 0, 0])
+    for total in (outer_sum(rounding, line, metric(q.ONE)), outer_sum(line, rounding, metric(q.ONE))):
+        along, across = (q.number(q.width(total, row_of(q.ONE if a == k else 0 for a in range(6)))) for k in (0, 1))
+        assert 1e-4 <= along < 1e-4 * (1.0 + 1e-14)
+        assert across < 1e-16
+
+
 def test_dual_columns_and_congruence() -> None:
     C = [q.row([1.0, 0.5, 0.0, 0.0, 2.0, 0.0]), q.row([0.0, 1.0, 0.25, 3.0, 0.0, 0.0])]
     N = [q.row([1.0, 0.0, 0.0, 0.0, 0.125, 0.0]), q.row([0.0, 0.5, 1.0, 0.0, 0.0, 1.0])]

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from fmopt.verify.rational import BITS, BLUR, ONE, Row, Square, inverse, over, root, row_dot, times
 
 SIX = range(6)
+_LEAST, _MOST = ONE >> 50, ONE << 50  # proportions of two ellipsoids, beyond which one is but rounding
 
 
 def row_of(values: Iterable[int]) -> Row:
@@ -107,13 +108,14 @@ def measure(v: Row, rho: int) -> int:
 def outer_sum(Q1: Square, Q2: Square, weights: Row) -> Square:
     """An ellipsoid around the sum of two: (1 + 1/p)Q₁ + (1 + p)Q₂, p = √tr Q₁/√tr Q₂ in the metric.
 
-    A summand without extent is left out. Both are blurred first: a factor may be large where a summand is small.
+    A summand without extent is left out. Both are blurred first: a factor may be large where a summand is small, though
+    not so large that what is but blur would count.
     """
     if Q1 == NOTHING or Q2 == NOTHING:
         return Q1 if Q2 == NOTHING else Q2
     Q1, Q2 = blurred(Q1), blurred(Q2)
     s1, s2 = (root(sum(times(weights[a], Q[a][a]) for a in SIX)) for Q in (Q1, Q2))
-    p = max(over(s1, s2), 1)
+    p = min(max(over(s1, s2), _LEAST), _MOST)
     # Rounded up, so that 1/α + 1/β ≤ 1 holds of the two factors whatever p is.
     alpha, beta = ONE + (ONE << BITS) // p + 1, ONE + p
     return square_of(
