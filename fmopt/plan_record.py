@@ -18,6 +18,7 @@ from fmopt.certificate.record import contact_record, part_record, segment_record
 from fmopt.certificate.segment import Tolerance
 from fmopt.contact.bounds import BoundTable
 from fmopt.contact.primitive import Kind, PrimitiveContact
+from fmopt.contact.surface import Surfaces
 from fmopt.contact.wrench import contact_point, contact_wrench
 from fmopt.control.bias import GuardedMove, firmness, steadiness
 from fmopt.control.decomposition import contact_forces, position_force
@@ -328,12 +329,17 @@ def _resisting(assembly: Assembly, held: Sequence[PrimitiveContact], claim: Clai
 
 
 def _touching(problem: Problem, contacts: tuple[PrimitiveContact, ...], pose: Pose) -> list[PrimitiveContact]:
-    """The contacts whose point lies on both features; of those listed because either may touch, the one that does."""
-    if not contacts:
-        return []
+    """The contacts whose point lies on both features; of those listed because either may touch, the one that does.
+
+    One that the part has yet to come to counts as if it touched where it is nearest now.
+    """
     body, fixed = problem.moving.polyhedron, problem.fixed.polyhedron
     clear = [c for c in contacts if not _level(c, body, fixed, pose)]
-    inside = BoundTable.of(clear, body, fixed, pose).insides(pose)
+    if not clear:
+        return []
+    f, N = Surfaces.of(clear, body, fixed).values_and_rows(pose)
+    closed = [Pose(pose.p - distance * row[:3], pose.R) for distance, row in zip(f, N, strict=True)]
+    inside = (BoundTable.of([c], body, fixed, at).insides(at)[0] for c, at in zip(clear, closed, strict=True))
     return [c for c, depth in zip(clear, inside, strict=True) if depth > -1e-9]
 
 

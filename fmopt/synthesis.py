@@ -25,8 +25,8 @@ from fmopt.placement.entry import Entry, Shape, planar_entries, start_spread, st
 from fmopt.placement.motion import Reached
 from fmopt.placement.polish import Turns, polish
 from fmopt.placement.search import MoveSequence, best_sequences
-from fmopt.placement.sequence import Placed, Refinement, certified, refine
-from fmopt.placement.shapes import likely_shapes, roomy_errors
+from fmopt.placement.sequence import Placed, Refinement, certified, in_plane, refine
+from fmopt.placement.shapes import likely_shapes, roomy_errors, roomy_in_plane
 from fmopt.placement.share import ATTEMPTS, largest_share
 from fmopt.placement.socp import ClarabelSolver
 from fmopt.placement.states import Scale, contact_spaces
@@ -269,8 +269,9 @@ def motion(
     """
     moving, box, settings = problem.moving, problem.start_box, problem.settings
     deadline = time.monotonic() + settings.time_limit
-    roomy = box if problem.plane is not None else roomy_errors(moving, clearance.per_side, box)
-    costs = Costs.of(start_spread(moving, roomy), clearance.per_side, problem.plane is not None)
+    planar, per_side = problem.plane is not None, clearance.per_side
+    roomy = roomy_in_plane(per_side, box) if planar else roomy_errors(moving, per_side, box)
+    costs = Costs.of(start_spread(moving, roomy), per_side, planar)
     goal = Pose.from_vector(problem.goal)
     task = Task(assembly, goal, errors, tolerance, costs, 1.3 * settings.max_tilt)
 
@@ -291,7 +292,6 @@ def motion(
 
     @cache
     def steady(found: MoveSequence) -> bool:
-        planar = problem.plane is not None
         return planar or least_steady(problem, assembly, found.reached.claims, tolerance) >= STEADY
 
     while best is None or (best[1].margin <= 0.0 and time.monotonic() < deadline):
@@ -301,10 +301,10 @@ def motion(
             if candidates[0].reached.margin > 0.0:
                 candidates, spare = candidates[:1], candidates[1:]
             lap("search")
-            found = tuned(task, candidates, entry_of, clearance.per_side, Limits(deadline, TRIES), tuning, steady)
+            found = tuned(task, candidates, entry_of, per_side, Limits(deadline, TRIES), tuning, steady)
             found = deepened(task, found, entry_of, firm, Limits(deadline, TRIES))
             lap("entry")
-            placed = placement(problem, assembly, found, errors, tolerance, clearance.per_side, progress)
+            placed = placement(problem, assembly, found, errors, tolerance, per_side, progress)
             lap("placement")
             if not runs_against(problem, assembly, placed.reached.claims, tolerance):
                 raise InfeasibleError("a piece of a turn leads away from the contact that is to end it at first")
@@ -331,7 +331,7 @@ def _rounds(
     if straight:
         yield straight
     if problem.plane is not None:
-        yield from planar_entries(moving, problem.fixed, box, problem.approach, tilt)
+        yield from planar_entries(moving, problem.fixed, roomy, problem.approach, tilt)
     else:
         rate = problem.velocity_error.translation + problem.velocity_error.rotation
         for shape in likely_shapes(moving, problem.fixed, clearance, roomy, rate, tilt):
@@ -368,13 +368,17 @@ def placement(
         placed = polish(assembly, placed, start, tolerance, FINE, clearance, "nlp", Turns(3, reach), told)
     else:
         placed = polish(assembly, placed, start, tolerance, FINE, clearance, "descent", Turns(3, reach), told)
-    best = placed
-    placed = certified(assembly, best.moves, start, tolerance, FINE, thorough=True)
+    best, planar = placed, problem.plane is not None
+
+    def whole(p: Placed) -> Placed:
+        moves = in_plane(assembly, p.moves) if planar else p.moves
+        return certified(assembly, moves, start, tolerance, FINE, thorough=True)
+
+    placed = whole(best)
     if placed.margin < best.margin:
         # What keeps the parts apart has more room than contacts have in their facets: poses on the way may hold both.
         others = [stage for stage in dict.fromkeys(stages) if stage is not best]
-        whole = [certified(assembly, p.moves, start, tolerance, FINE, thorough=True) for p in others]
-        placed = max([placed, *whole], key=lambda p: p.margin)
+        placed = max([placed, *map(whole, others)], key=lambda p: p.margin)
     if problem.settings.method == "dakin1993":
         claims = as_in_the_paper(assembly, placed.reached.claims, errors, tolerance)
         placed = Placed(placed.moves, replace(placed.reached, claims=claims))

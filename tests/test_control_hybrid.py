@@ -66,6 +66,14 @@ def test_axes_are_reciprocal_orthonormal_and_span_the_contacts(count):
         assert len(row_space(np.vstack([split.force, local]), RHO)) == len(split.force)
 
 
+@pytest.mark.parametrize("tilt", [1e-13, 1e-10, 3e-8])
+def test_axes_next_to_those_of_the_frame_are_not_taken_for_them(tilt):
+    W = np.array([[np.cos(tilt), np.sin(tilt), 0.0, 0.0, 0.0, 0.0]])
+    split = axes(W, RHO)
+    assert split.aligned == (6 if tilt < 1e-12 else 4)
+    assert np.abs(split.position @ W.T).max() < 1e-12
+
+
 def test_power_does_not_depend_on_the_frame():
     rng = np.random.default_rng(3)
     W, _, pose = random_contacts(rng, 4)

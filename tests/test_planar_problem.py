@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,19 +15,24 @@ import pytest
 from fmopt import synthesis
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Tolerance
-from fmopt.contact.primitive import Kind
+from fmopt.contact.primitive import Kind, PrimitiveContact, vertex_face
+from fmopt.contact.surface import Surfaces
 from fmopt.errors import InputError, SearchError
-from fmopt.geometry.clearance import checked_clearance
-from fmopt.placement.entry import planar_entries, start_spread
+from fmopt.placement.entry import Entry, planar_entries, start_spread
 from fmopt.placement.explore import IN_PLANE, freedoms
-from fmopt.placement.search import search
+from fmopt.placement.motion import Move, Reached
+from fmopt.placement.search import best_sequences, search
+from fmopt.placement.sequence import Placed, certified, in_plane
+from fmopt.placement.shapes import roomy_in_plane
 from fmopt.placement.share import ATTEMPTS, largest_share
 from fmopt.placement.step import Costs, Task
+from fmopt.plan_record import _touching
 from fmopt.se3 import Pose
 from fmopt.task.clearance import measured_clearance
 from fmopt.task.explain import explain, facts
 from fmopt.task.problem import Problem, load
 from fmopt.uncertainty.error_set import ErrorSet
+from fmopt.values import Array
 from fmopt.verify.findings import NOT_PROVED, Verdict
 
 ROOT = Path(__file__).parent.parent
@@ -37,6 +43,26 @@ NAMES = ("problems/mit_planar_slot.toml", "models/mit_planar_slot.toml", "models
 @pytest.fixture(scope="module")
 def slot() -> Problem:
     return load(ROOT / NAMES[0])
+
+
+def searched(slot: Problem, box: Array, roomy: Array) -> tuple[Task, Iterator[tuple[Entry, ...]]]:
+    """The search for start errors, and the ways to begin that leave room for as much as `roomy`."""
+    clearance = measured_clearance(slot)
+    rates = slot.velocity_error.translation, slot.velocity_error.rotation
+    costs = Costs.of(start_spread(slot.moving, roomy), clearance.per_side, True)
+    tolerance = Tolerance(rates, clearance.half_diagonal)
+    assembly, most = Assembly(slot.moving, slot.fixed), slot.settings.max_tilt
+    task = Task(assembly, Pose.from_vector(slot.goal), ErrorSet.from_box(box), tolerance, costs, 1.3 * most)
+    return task, planar_entries(slot.moving, slot.fixed, roomy, slot.approach, most)
+
+
+def distance(slot: Problem, contact: PrimitiveContact, pose: Pose) -> float:
+    return float(Surfaces.of([contact], slot.moving.polyhedron, slot.fixed.polyhedron).values(pose)[0])
+
+
+def thoroughly(task: Task, moves: Sequence[Move]) -> Placed:
+    start = Reached(task.start, (), ())
+    return certified(task.assembly, in_plane(task.assembly, moves), start, task.tolerance, synthesis.FINE, True)
 
 
 def faults(tmp_path: Path, file: str, old: str, new: str) -> list[Any]:
@@ -63,7 +89,7 @@ def test_the_slot_in_numbers(slot: Problem) -> None:
     levels = {round(float(x), 6): float(z) for x, z in np.abs(corners) if z < 0.1}
     assert levels[0.055509] == 0.0
     assert levels[0.031509] == pytest.approx(0.024)
-    clearance = checked_clearance(slot.moving, slot.fixed, Pose.from_vector(slot.goal), 0.15)
+    clearance = measured_clearance(slot)
     assert clearance.per_side == pytest.approx(0.000509, rel=1e-9)
     assert clearance.play[0] == pytest.approx(0.001018, rel=1e-9)
     assert math.isinf(clearance.play[1])
@@ -135,14 +161,9 @@ def test_freedoms_in_the_plane() -> None:
 
 
 def test_half_of_the_errors_are_taken_in_three_moves(slot: Problem) -> None:
-    clearance = checked_clearance(slot.moving, slot.fixed, Pose.from_vector(slot.goal), 0.15)
-    assembly, box = Assembly(slot.moving, slot.fixed), 0.5 * slot.start_box
-    rounds = planar_entries(slot.moving, slot.fixed, box, slot.approach, slot.settings.max_tilt)
-    costs = Costs.of(start_spread(slot.moving, box), clearance.per_side, True)
-    tolerance = Tolerance((slot.velocity_error.translation, slot.velocity_error.rotation), clearance.half_diagonal)
-    first = next(iter(rounds))[:1]
-    goal = Pose.from_vector(slot.goal)
-    found = search(Task(assembly, goal, ErrorSet.from_box(box), tolerance, costs, 1.0), first)
+    box = 0.5 * slot.start_box
+    task, rounds = searched(slot, box, box)
+    found = search(task, next(rounds)[:1])
     assert found.names == ("approach", "-x", "+ry", "-z")
     assert found.reached.margin > 1e-4
     assert all(np.abs(move.goal.vector()[[1, 3, 5]]).max() <= 1e-12 for move in found.moves)
@@ -151,6 +172,52 @@ def test_half_of_the_errors_are_taken_in_three_moves(slot: Problem) -> None:
     left = found.reached.errors.support(np.eye(6))
     assert left[0] < 1e-4
     assert left[4] < 1e-3
+
+
+@pytest.mark.parametrize("shares", [(0.0, 0.5), (1.0, 0.0), (0.0, 0.0), (0.1, 0.1)])
+def test_errors_of_next_to_nothing_are_taken_too(slot: Problem, shares: tuple[float, float]) -> None:
+    box = slot.start_box * np.array([shares[0], 0.0, 0.0, 0.0, shares[1], 0.0])
+    task, rounds = searched(slot, box, roomy_in_plane(measured_clearance(slot).per_side, box))
+    (found,) = best_sequences(task, rounds)
+    assert found.reached.margin > 2e-5
+    assert thoroughly(task, found.moves).margin > 2e-5
+
+
+def test_a_corner_that_slides_off_its_slope_is_not_held(slot: Problem) -> None:
+    """Held on past the end of the slope, its contact kept the search's margin at 961 µm."""
+    box = slot.start_box * np.array([5e-4, 0.0, 0.0, 0.0, 1.0, 0.0])
+    task, rounds = searched(slot, box, box)
+    next(rounds)
+    found = search(task, next(rounds))
+    assert found.names == ("approach", "-x", "+ry", "-z")
+    assert -1e-3 < found.reached.margin < 0.0
+    assert -1e-3 < thoroughly(task, found.moves).margin < 0.0
+
+
+def test_moves_are_put_back_into_the_plane(slot: Problem) -> None:
+    box = slot.start_box * np.array([0.0, 0.0, 0.0, 0.0, 0.5, 0.0])
+    task, rounds = searched(slot, box, roomy_in_plane(measured_clearance(slot).per_side, box))
+    (found,) = best_sequences(task, rounds)
+    off = np.array([0.0, 1e-10, 0.0, 3e-10, 0.0, -2e-10])
+    moves = [replace(move, goal=move.goal.moved(off)) for move in found.moves[:-1]]
+    flat = in_plane(task.assembly, [*moves, found.moves[-1]])
+    for move, original in zip(flat, found.moves, strict=True):
+        np.testing.assert_allclose(move.goal.vector(), original.goal.vector(), atol=1e-15)
+        assert not move.goal.vector()[[1, 3, 5]].any()
+
+
+def test_a_contact_yet_to_be_made_is_listed_where_it_will_be(slot: Problem) -> None:
+    """The end of the first piece of a move: the corner is 21 mm above the slope that it comes down to."""
+    body, fixed = slot.moving.polyhedron, slot.fixed.polyhedron
+    at = Pose.from_vector([0.0034919, 0.0, 0.0140875, 0.0, -0.6280714, 0.0])
+    slopes = [n for n, face in enumerate(fixed.faces) if 0.1 < face.normal[2] < 0.9]
+    corners = [vertex_face(fixed, 2, n) for n in slopes]
+    due = [c for c in corners if 0.02 < distance(slot, c, at) < 0.025]
+    assert len(due) == 1
+    assert _touching(slot, tuple(due), at) == due
+    high = at.moved([0.0, 0.0, 0.05, 0.0, 0.0, 0.0])
+    assert not _touching(slot, tuple(due), high)
+    assert body.vertices[2][2] == 0.0
 
 
 def test_largest_share() -> None:

@@ -18,7 +18,7 @@ from fmopt.values import Array, Value, frozen
 
 _RANK = 1e-6  # singular values of unit rows below this are zero
 _FREE = 1e-6  # of unit twists: a smaller part is none
-_ALIGNED = 1e-14  # squared sine between an axis of the frame and a space that still holds it
+_ALIGNED = 2e-12  # sine between an axis of the frame and a space that still holds it
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,8 +117,9 @@ def twists_in(frame: Pose, twists: Array, reference: Pose) -> Array:
 
 def _along_axes(basis: Array) -> NDArray[np.bool_]:
     """Which axes (6,) of the frame lie in the space of the orthonormal rows (r, 6), or at right angles to it."""
-    share = np.sum(basis**2, axis=0)
-    return np.asarray((share >= 1.0 - _ALIGNED) | (share <= _ALIGNED))
+    across = basis.T @ basis
+    off = np.linalg.norm([across, np.eye(6) - across], axis=1)
+    return np.asarray((off <= _ALIGNED).any(axis=0))
 
 
 def _orientations(wrenches: Array, body: Array) -> Iterator[Array]:

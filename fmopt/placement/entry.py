@@ -23,6 +23,7 @@ from fmopt.values import Array
 
 # What the errors are multiplied with in the plane: how deep the corner goes in below a level.
 _LEVELS = (4.5, 5.5, 3.5, 7.0, 2.5)
+_LEAST = 0.03  # of the part's width, which what its height is uncertain by is taken to be at least
 _ACROSS = 2.0  # times as far as along the edge that it comes down on, a part leans across it at least
 # The same for a corner once caught on a slope; where it goes in, as shares of the way from the middle to a wall.
 _DEEPER, _ASIDE = (2.6, 3.2, 4.5), (0.5, 0.0)
@@ -194,7 +195,7 @@ def planar_entries(
     error, angle = float(start_box[0]), float(start_box[4])
     for level, deep, share in product(levels, _LEVELS, (0.9, 0.8, 0.7, 1.0)):
         tilt = share * max_tilt
-        swing = -float(end[0]) * angle * math.cos(tilt) + float(start_box[2])
+        swing = max(-float(end[0]) * angle * math.cos(tilt) + float(start_box[2]), _LEAST * width)
         found = []
         for side in (-0.2, 0.0, 0.1):
             R = se3.exp([0.0, -tilt, 0.0])
@@ -222,8 +223,9 @@ def deeper(moving: Part, fixed: Part, pose: Pose, corner: Array, spread: Array) 
     width = float(np.ptp(tip[:, 0]))
     level = _levels(fixed, width)[0]
     side = math.copysign(0.5 * width, float(corner[0]))
+    height = max(float(spread[2]), _LEAST * width)
     for deep, share in product(_DEEPER, _ASIDE):
-        at = np.array([share * side, 0.0, level - deep * float(spread[2])])
+        at = np.array([share * side, 0.0, level - deep * height])
         yield Pose(at - pose.R @ corner, pose.R)
 
 

@@ -8,6 +8,7 @@ the true contact surfaces, everything is certified anew, and the step is taken o
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import takewhile
@@ -22,10 +23,11 @@ from fmopt.certificate.separation import Pair, Separation, pairs, row_bounds
 from fmopt.errors import InfeasibleError, SolverError
 from fmopt.placement.motion import Move, Reached, unroll
 from fmopt.placement.program import ConeProgram, Norm, Solver
-from fmopt.se3 import Pose
+from fmopt.se3 import Pose, exp
 from fmopt.values import Array
 
 _RANK = 1e-7
+_ALL, _IN_PLANE = np.ones(6), np.array([1.0, 0.0, 1.0, 0.0, 1.0, 0.0])
 
 
 @dataclass(frozen=True)
@@ -295,8 +297,32 @@ def _shifted(assembly: Assembly, moves: Sequence[Move], shift: Array) -> tuple[M
     return tuple(found)
 
 
-def onto_surfaces(assembly: Assembly, pose: Pose, move: Move) -> Pose:
+def in_plane(assembly: Assembly, moves: Sequence[Move]) -> tuple[Move, ...]:
+    """Moves in the plane of x and z, out of which rounding brings the goal poses that solvers place.
+
+    Raises:
+        InfeasibleError: see `onto_surfaces`.
+    """
+    at = moves[0].start
+    found = []
+    for move in moves[:-1]:
+        x, _, z = move.goal.p
+        turn = math.atan2(move.goal.R[0, 2], move.goal.R[0, 0])
+        flat = Pose(np.array([x, at.p[1], z]), exp([0.0, turn, 0.0]))
+        there = onto_surfaces(assembly, flat, move, _IN_PLANE)
+        found.append(replace(move, start=at, goal=there))
+        at = there
+    return (*found, replace(moves[-1], start=at))
+
+
+def onto_surfaces(assembly: Assembly, pose: Pose, move: Move, freedoms: Array = _ALL) -> Pose:
     """The nearest pose at which all contacts are exactly zero, by Gauss–Newton with the least turn.
+
+    Args:
+        assembly: the two parts.
+        pose: a pose near by.
+        move: the move that ends with the contacts.
+        freedoms: (6,), 1 for the components that may change and 0 for the others.
 
     Raises:
         InfeasibleError: no pose near by makes all of them.
@@ -304,11 +330,12 @@ def onto_surfaces(assembly: Assembly, pose: Pose, move: Move) -> Pose:
     contacts = (*move.held, *move.making)
     if not contacts:
         return pose
+    units = assembly.units * freedoms
     for _ in range(20):
         rows = contact_rows(assembly, contacts, contacts, pose)
         if np.abs(rows.f).max() < 1e-16:
             return pose
-        step = np.linalg.pinv(rows.N * assembly.units, rcond=1e-6) @ rows.f * assembly.units
+        step = np.linalg.pinv(rows.N * units, rcond=1e-6) @ rows.f * units
         pose = pose.moved(-step)
     if np.abs(contact_rows(assembly, contacts, contacts, pose).f).max() > 1e-13:
         raise InfeasibleError("a goal pose left the true surfaces of its contact state")

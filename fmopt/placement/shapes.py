@@ -66,6 +66,11 @@ def roomy_errors(moving: Part, per_side: float, start_box: Array) -> Array:
     return np.asarray(np.maximum(wider, about * part / swung_by(tip, about)))
 
 
+def roomy_in_plane(per_side: float, start_box: Array) -> Array:
+    """The same (6,) for a part that moves in the plane of x and z: a few clearances (m) along x at least."""
+    return np.asarray(np.maximum(start_box, _ROOMY * per_side * np.eye(6)[0]))
+
+
 def likely_shapes(
     moving: Part, fixed: Part, clearance: Clearance, start_box: Array, rate: float, max_tilt: float
 ) -> Iterator[Shape]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
@@ -13,12 +13,13 @@ import numpy as np
 from fmopt.certificate.functions import contact_rows
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Tolerance
+from fmopt.contact.bounds import INSIDE
 from fmopt.contact.primitive import PrimitiveContact, near_contacts
 from fmopt.contact.surface import Surfaces
 from fmopt.errors import InfeasibleError
 from fmopt.placement.corners import leading_corners, next_to_round
 from fmopt.placement.entry import Entry, deeper, turned_axes
-from fmopt.placement.explore import Freedom, Place, freedoms, implied, meetings, neighbourhood, pinned
+from fmopt.placement.explore import Freedom, Place, freedoms, implied, insides, meetings, neighbourhood, pinned
 from fmopt.placement.flush import described
 from fmopt.placement.motion import Move, Reached, unroll
 from fmopt.se3 import Pose, cross
@@ -201,9 +202,17 @@ def son(task: Task, node: Node, move: Move, name: str, thorough: bool = False) -
         return None
     cost += costs.signature * signature(task.assembly, move, task.tolerance, reached.errors)
     held = described(task.assembly, (*move.held, *move.making), move.goal, move.goal, reached.errors)
+    if _slid_off(task.assembly, held, move.goal):
+        return None
     place = Place(move.goal, held, reached.basis, node.place.pivot)
     rank = pinned(task.assembly, move.goal, held)
     return Node(node.entry, place, reached, (*node.moves, move), (*node.names, name), cost, rank)
+
+
+def _slid_off(assembly: Assembly, held: Sequence[PrimitiveContact], pose: Pose) -> bool:
+    """Whether a held contact is past the end of its facet; parallel edges have none to be past."""
+    inside = insides(assembly, held, pose)
+    return bool(((inside < -INSIDE) & np.isfinite(inside)).any())
 
 
 def sons(task: Task, node: Node) -> Iterator[Node]:
