@@ -38,6 +38,7 @@ __all__ = ["Advance", "Compliance", "Piece", "Tolerance", "advance"]
 
 _ROUNDS = 80
 _FAR = 0.5  # m or rad; errors as wide as this certify nothing
+_ALLOWANCE = 4e-15  # m or rad; what the independent check adds to the bounds of errors before it uses them
 _SETTLED = 2e-13  # relative rounding of the computed bounds of errors
 _TIGHT = 5e-11  # relative: bounds as near to the computed ones as the check asks
 _ABOVE = 1e-11  # stated bounds of errors exceed the computed ones by about this share
@@ -130,6 +131,7 @@ class _Step:
 
     def _grown(self, half: Array) -> tuple[Array, Array, tuple[float, float, float], float]:
         """Thickness of contacts at both ends, radii of the drift and overtravel, for half-widths (6,) of all errors."""
+        half = half + _ALLOWANCE
         (t, r), theta, far = self._rates, length(half[3:]), self.way.length
         # Bounds of translation and angle with their drift, before contacts take it up.
         wide = length(half[:3]) + 2.0 * t * far, theta + 2.0 * r * far
