@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from fmopt.desk.shipped import example as example
     from fmopt.desk.shipped import examples as examples
     from fmopt.desk.slider import slider as slider
+    from fmopt.errors import ChoiceError as ChoiceError
     from fmopt.errors import FmoptError as FmoptError
     from fmopt.errors import GeometryError as GeometryError
     from fmopt.errors import InfeasibleError as InfeasibleError
@@ -76,6 +77,7 @@ _HOMES = {
     "Plan": "fmopt.desk.plan",
     "Segment": "fmopt.desk.plan",
     "Drawing": "fmopt.desk.drawing",
+    "ChoiceError": "fmopt.errors",
     "FmoptError": "fmopt.errors",
     "GeometryError": "fmopt.errors",
     "InfeasibleError": "fmopt.errors",

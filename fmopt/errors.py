@@ -146,6 +146,12 @@ class ResourceError(FmoptError):
     exit_code = 4
 
 
+class ChoiceError(FmoptError):
+    """The name of a drawing, format or example that there is none of; the advice says which there are."""
+
+    exit_code = 2
+
+
 class SettingsError(FmoptError):
     """Settings of a simulation with which its result would say nothing."""
 

@@ -170,5 +170,5 @@ def test_shipped_problems_are_copied_and_never_overwritten(tmp_path: Path) -> No
         assert fmopt.load(tmp_path / "problems" / f"{name}.toml").sha256 == fmopt.load(fmopt.example(name)).sha256
     with pytest.raises(fmopt.ResourceError, match="is there already"):
         fmopt.copy_examples(tmp_path)
-    with pytest.raises(fmopt.ResourceError, match="choose from"):
+    with pytest.raises(fmopt.ChoiceError, match="choose from"):
         fmopt.example("round_peg")

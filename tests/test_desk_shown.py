@@ -43,16 +43,16 @@ def test_each_drawing_is_written_in_each_format_that_it_has(problem: fmopt.Probl
                 assert drawing.svg() == drawing.svg()
                 assert drawing.save(tmp_path / "x.png").read_bytes().startswith(b"\x89PNG")
             else:
-                with pytest.raises(fmopt.ResourceError, match=r"ends with \.html"):
+                with pytest.raises(fmopt.ChoiceError, match=r"ends with \.html"):
                     drawing.save(tmp_path / "x.svg")
-    with pytest.raises(fmopt.ResourceError, match=r"'\.pdf' is no format"):
+    with pytest.raises(fmopt.ChoiceError, match=r"'\.pdf' is no format"):
         fmopt.show(problem.fixed).save(tmp_path / "x.pdf")
 
 
 def test_what_has_no_drawing_says_so(problem: fmopt.Problem) -> None:
     with pytest.raises(fmopt.ResourceError, match="a float has no drawing"):
         fmopt.show(1.0)
-    with pytest.raises(fmopt.ResourceError, match="choose from parts, scene, diagrams"):
+    with pytest.raises(fmopt.ChoiceError, match="choose from parts, scene, diagrams"):
         fmopt.show(problem, "tube")
     with pytest.raises(fmopt.ResourceError, match="a Plan has no drawing"):
         fmopt.drawings(fmopt.Plan(bare_plan()))

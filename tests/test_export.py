@@ -488,6 +488,24 @@ def test_the_command_writes_each_format(square_peg_plan_file: Path, tmp_path: Pa
     assert all(Path(line).exists() for line in done.stdout.splitlines())
 
 
+@pytest.mark.parametrize("to", ["csv", "json", "urscript"])
+def test_a_dash_is_standard_output(
+    square_peg_plan_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, to: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    line = ["export", str(square_peg_plan_file), "--to", to, "--base", "0.4", "-0.1", "0.2", "0", "0", "0", "--out"]
+    assert CliRunner().invoke(app, [*line, str(tmp_path / "file")]).exit_code == 0
+    said = CliRunner().invoke(app, [*line, "-"])
+    assert said.stdout_bytes == Path("file").read_bytes()
+    assert not Path("-").exists()
+
+
+def test_a_folder_does_not_go_to_standard_output(square_peg_plan_file: Path) -> None:
+    line = ["export", str(square_peg_plan_file), "--to", "ros2", "--base", "0.4", "-0.1", "0.2", "0", "0", "0"]
+    done = CliRunner().invoke(app, [*line, "--out", "-"])
+    assert (done.exit_code, "--out has to be a folder" in done.output) == (2, True)
+
+
 @pytest.mark.parametrize(("to", "why"), [("urscript", "base"), ("ros2", "base"), ("krl", "'krl' is no format")])
 def test_the_command_says_what_is_missing(square_peg_plan_file: Path, to: str, why: str) -> None:
     done = CliRunner().invoke(app, ["export", str(square_peg_plan_file), "--to", to])

@@ -23,7 +23,9 @@ def export(
             "a table to look at and not to run.",
         ),
     ],
-    out: Annotated[Path | None, typer.Option("--out", help="File; for ros2 a folder.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="File, or - for standard output; for ros2 a folder.")
+    ] = None,
     base: Annotated[
         tuple[float, float, float, float, float, float] | None,
         typer.Option(
@@ -43,9 +45,11 @@ def export(
         written = write(file, to, out, base, rate)
     except ValueError as error:
         raise typer.BadParameter(str(error)) from error
-    if as_json:
+    if written.text:
+        typer.echo(written.text, nl=False)
+    elif as_json:
         typer.echo(json.dumps({"written": [str(path) for path in written.paths], "notes": list(written.notes)}))
-    elif not quiet:
+    if not (as_json or quiet):
         for path in written.paths:
             typer.echo(str(path))
         for note in written.notes:

@@ -9,7 +9,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fmopt.errors import ResourceError
+from fmopt.errors import ChoiceError, ResourceError
 from fmopt.plan import save
 from fmopt.report.shell import page, svg_source
 
@@ -52,7 +52,7 @@ class Drawing:
         """The drawing as a text of SVG, the same for the same value.
 
         Raises:
-            ResourceError: it moves, and is HTML alone.
+            ChoiceError: it moves, and is HTML alone.
         """
         from fmopt.report.drawing import drawn
 
@@ -62,7 +62,7 @@ class Drawing:
         """The drawing as the bytes of a PNG, at so many dots per inch.
 
         Raises:
-            ResourceError: it moves, and is HTML alone.
+            ChoiceError: it moves, and is HTML alone.
         """
         from fmopt.report.drawing import drawn
 
@@ -76,7 +76,8 @@ class Drawing:
         """Writes the drawing in the format that the file's name ends with: .svg, .png or .html.
 
         Raises:
-            ResourceError: the file cannot be written, or not in this format.
+            ChoiceError: there is no such format, or this drawing is not to be had in it.
+            ResourceError: the file cannot be written.
         """
         target = Path(path)
         match target.suffix.lower():
@@ -87,13 +88,13 @@ class Drawing:
             case ".html":
                 content = self.html().encode()
             case other:
-                raise ResourceError(f"{target}: {other!r} is no format", f"choose from {', '.join(SUFFIXES)}")
+                raise ChoiceError(f"{target}: {other!r} is no format", f"choose from {', '.join(SUFFIXES)}")
         save(content, target)
         return target
 
     def _painter(self, form: str) -> Callable[[Sheet], None]:
         if self.paint is None:
-            raise ResourceError(f"{self.name!r} moves, it is no {form}", "write it to a file that ends with .html")
+            raise ChoiceError(f"{self.name!r} moves, it is no {form}", "write it to a file that ends with .html")
         return self.paint
 
     def _body(self) -> str:
@@ -140,13 +141,14 @@ def show(value: Any, what: str | None = None) -> Drawing:
         what: which of `fmopt.drawings(value)`; the first when not given.
 
     Raises:
-        ResourceError: the value has no drawings, or none of this name.
+        ChoiceError: there is no drawing of this name.
+        ResourceError: the value has none at all.
     """
     found = drawings(value)
     if what is None:
         return next(iter(found.values()))
     if what not in found:
-        raise ResourceError(
+        raise ChoiceError(
             f"there is no drawing {what!r} of this {type(value).__name__}", f"choose from {', '.join(found)}"
         )
     return found[what]

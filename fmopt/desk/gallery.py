@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fmopt.desk.drawing import SUFFIXES, Drawing, drawings
-from fmopt.errors import InputError, ResourceError
+from fmopt.errors import ChoiceError, InputError
 from fmopt.task.toml_source import Source, read
 
 if TYPE_CHECKING:
@@ -63,7 +63,8 @@ def draw(file: Path, what: str | None, out: Path | None) -> bytes | Path:
         The file that was written, or the bytes.
 
     Raises:
-        ResourceError: there is no such drawing, or it cannot be written.
+        ChoiceError: there is no such drawing, or not in this format.
+        ResourceError: it cannot be written.
         FmoptError: the file cannot be read or drawn.
     """
     found = gallery(file)
@@ -71,7 +72,7 @@ def draw(file: Path, what: str | None, out: Path | None) -> bytes | Path:
     name = name if name in found else _SAID.get(name.lower(), name)
     if name not in found:
         advice = f"choose from {', '.join(found)}; fmopt show {file} --list says what each shows"
-        raise ResourceError(f"{file}: no drawing {name!r} of it", advice)
+        raise ChoiceError(f"{file}: no drawing {name!r} of it", advice)
     drawing = found[name]
     if out == STDIO:
         return (drawing.html() if drawing.paint is None else drawing.svg()).encode()

@@ -7,7 +7,7 @@ from os import PathLike
 from pathlib import Path
 
 import fmopt
-from fmopt.errors import ResourceError
+from fmopt.errors import ChoiceError, ResourceError
 
 _FOLDERS = ("models", "problems")
 
@@ -37,10 +37,10 @@ def example(name: str) -> Path:
         name: one of `fmopt.examples()`.
 
     Raises:
-        ResourceError: there is none of this name.
+        ChoiceError: there is none of this name.
     """
     if name not in examples():
-        raise ResourceError(f"no shipped problem is called {name!r}", f"choose from {', '.join(examples())}")
+        raise ChoiceError(f"no shipped problem is called {name!r}", f"choose from {', '.join(examples())}")
     return _root() / "problems" / f"{name}.toml"
 
 
