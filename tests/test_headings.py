@@ -25,6 +25,7 @@ from fmopt.plan_record import least_steady
 from fmopt.se3 import exp
 from fmopt.task.clearance import measured_clearance
 from fmopt.task.problem import Problem, load
+from fmopt.values import Array
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 KITE = Shape(0.34907, 0.43633, 0.06092, 0.001635, (0.003788, 0.004788), heading=0.25 * math.pi)
@@ -50,6 +51,19 @@ def test_one_heading_for_each_corner_that_differs(name: str, degrees: list[float
     found = [math.degrees(heading) for heading, _ in likely_headings(load(PROBLEMS / f"{name}.toml").moving)]
     assert sorted(round(one) % 360 for one in found) == sorted(one % 360 for one in degrees)
     assert found[0] == 0.0
+
+
+def test_errors_that_differ_along_the_axes_have_room_for_the_larger_in_turn(kite: Problem) -> None:
+    clearance, most = measured_clearance(kite), kite.settings.max_tilt
+    narrow = kite.start_box * np.array([1.0, 0.0, 1.0, 1.0, 1.0, 1.0])
+
+    def first(box: Array, count: int) -> list[Shape]:
+        shapes = likely_shapes(kite.moving, kite.fixed, clearance, box, 0.02, most)
+        return [*islice(shapes, count)]
+
+    found, even = first(narrow, 12), first(kite.start_box, 6)
+    assert found[1::2] == even
+    assert all(one != other for one, other in zip(found[::2], even, strict=True))
 
 
 def test_headings_take_turns(kite: Problem) -> None:

@@ -79,6 +79,8 @@ def likely_shapes(
     The further errors are beyond the clearance, the more it is worth to lay the part flat: that is tried first or last.
     It is tried first, too, where the part is next to round: no corner of it then takes all freedoms away.
     Of corners that differ each has its turn, with its walls as axes; `obtuse_shapes` are for those that turn by little.
+    Where the errors along x and y differ, shapes that leave room for the larger along both are tried in turn with those
+    that leave room for what there is: sides that are askew to both axes turn the one into the other.
 
     Args:
         moving: the moving part, tip centre at the origin.
@@ -90,6 +92,15 @@ def likely_shapes(
     """
     if max_tilt <= 0.0:
         return iter(())
+    even = np.array([*[start_box[:2].max()] * 2, *start_box[2:]])
+    boxes = (start_box,) if np.array_equal(even, start_box) else (start_box, even)
+    return _in_turn(*((_shapes(moving, fixed, clearance, box, rate, max_tilt), 1) for box in boxes))
+
+
+def _shapes(
+    moving: Part, fixed: Part, clearance: Clearance, start_box: Array, rate: float, max_tilt: float
+) -> Iterator[Shape]:
+    """Shapes that leave room for errors; the rest as of `likely_shapes`."""
     spread, play = start_spread(moving, start_box), clearance.play
     funnel = funnel_depth(fixed), funnel_width(fixed)
     first = spread >= _FAR * clearance.per_side or next_to_round(moving)
