@@ -8,14 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import fmopt
 from fmopt.placement.corners import leading_corners
 from fmopt.placement.entry import start_spread, swung_by
 from fmopt.placement.shapes import roomy_errors, tilted_shapes
 from fmopt.synthesis import synthesise
-from fmopt.task.problem import load
+from fmopt.task.problem import VelocityError, load
 from fmopt.values import Array
 
 PROBLEM = load(Path(__file__).parent.parent / "problems" / "square_peg_100um.toml")
+VELOCITY = ("uncertainty.velocity.translation", "uncertainty.velocity.rotation")
 CLEARANCE, PLAY = 1e-4, (2e-4, 2e-4)
 NONE, X_ALONE = np.zeros(6), np.array([1e-3, 0.0, 0.0, 0.0, 0.0, 0.0])
 SMALL = 1e-5 * np.array([1.0, 1.0, 0.0, 17.0, 17.0, 17.0])
@@ -28,6 +30,23 @@ def test_a_plan_is_found_and_certified(name: str) -> None:
     assert solved.document["verdict"] == "CERTIFIED"
     assert solved.verdict.margin is not None
     assert solved.verdict.margin > 2e-5
+
+
+def test_a_plan_is_certified_without_errors_of_velocity() -> None:
+    solved = synthesise(replace(PROBLEM, velocity_error=VelocityError(0.0, 0.0)))
+    assert solved.verdict.findings == ()
+    assert solved.document["verdict"] == "CERTIFIED"
+
+
+def test_a_plan_without_any_error_allows_for_rounding() -> None:
+    paths = (*(f"uncertainty.start.{axis}" for axis in ("x", "y", "rx", "ry", "rz")), *VELOCITY)
+    perfect = fmopt.load(fmopt.example("square_peg")).with_(dict.fromkeys(paths, 0.0))
+    np.testing.assert_array_equal(perfect.start_box, np.full(6, 1e-9))
+    assert [share.source for share in perfect.budget] == ["allowance for rounding, as no error is stated"]
+    plan = fmopt.solve(perfect)
+    assert (plan.verdict, plan.verify().findings) == ("CERTIFIED", ())
+    for axis in paths:
+        assert fmopt.load(fmopt.example("square_peg")).with_(dict.fromkeys({*paths} - {axis}, 0.0)).budget == ()
 
 
 @pytest.mark.parametrize("name", BOXES)

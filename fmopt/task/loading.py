@@ -48,6 +48,7 @@ from fmopt.task.units import LENGTH, did_you_mean
 from fmopt.values import Array
 
 T = TypeVar("T")
+_LEAST = 1e-9  # m and rad: the start error where none at all is stated, which rounding is small beside
 
 
 def load_problem(path: Path) -> Problem:
@@ -226,6 +227,8 @@ def _problem(source: Source, file: files.ProblemFile, models: Mapping[str, Model
     shares = _budget(file, sources, moving) if sources else ()
     if facets := _tessellation(models, parts):
         shares = (*(shares or (Contribution("as stated", "", _stated_box(file.uncertainty.start)),)), *facets)
+    if not shares and _perfect(file.uncertainty):
+        shares = (Contribution("allowance for rounding, as no error is stated", "", np.full(6, _LEAST)),)
     plane = _plane(file, models)
     if plane is not None:
         shares = tuple(share.in_plane() for share in shares)
@@ -317,6 +320,12 @@ def _budget(file: files.ProblemFile, sources: Sources, moving: Part) -> tuple[Co
     swing = radius * float(np.linalg.norm(upright[3:]))
     aside = 7.0 * float(upright[0]) + 3.0 * swing + radius * (1.0 - math.cos(lean))
     return budget(sources, height, aside, lean)
+
+
+def _perfect(stated: files.Uncertainty) -> bool:
+    """Whether no error is stated, neither of the start nor of the velocity."""
+    velocity = stated.velocity
+    return not (_stated_box(stated.start).any() or velocity.translation or velocity.rotation)
 
 
 def _tessellation(models: Mapping[str, Model], parts: Mapping[str, Part]) -> tuple[Contribution, ...]:
