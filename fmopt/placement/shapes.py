@@ -32,6 +32,7 @@ _PLAY = 0.25  # of the play between the walls, which what the height is uncertai
 _BEYOND = 1.1  # of the errors that displace the corner, how far outside the mouth it touches the top
 _ROOMY = 4.0  # clearances a side that ways to enter tilted leave room for at least, as if the errors were that large
 _INSIDE = 0.115  # of the part's width that is inside the mouth at least where it is tilted the most
+_TURNED = 0.06  # of the lateral errors, what errors of angle displace the tip by at least where errors are even
 _EACH = 0.25  # of these errors, what is along either axis and what is by turning at least
 _FAR = 40.0  # clearances a side that the start errors displace the tip by, from where parts are laid flat first
 _AT_ONCE = 2  # entries that go in at once are tried for each that touches the top first
@@ -71,6 +72,24 @@ def roomy_in_plane(per_side: float, start_box: Array) -> Array:
     return np.asarray(np.maximum(start_box, _ROOMY * per_side * np.eye(6)[0]))
 
 
+def evened(moving: Part, start_box: Array) -> Array:
+    """Half-widths (6,) of errors as large along x as along y, and turned by some of that, but for what is round.
+
+    A motion that takes them takes the smaller ones. Ways to begin that leave room for these alone may lead nowhere:
+    sides that are askew turn one lateral error into the other, and contacts and drift turn lateral errors into angles.
+
+    Args:
+        moving: the moving part, tip centre at the origin.
+        start_box: half-widths (6,) of the start error, m and rad.
+    """
+    lateral, tip = float(start_box[:2].max()), leading_corners(moving)
+    least = np.full(6, _TURNED * lateral / swung_by(tip, np.ones(6)))
+    least[:2], least[2] = lateral, 0.0
+    if next_to_round(moving):
+        least[5] = 0.0
+    return np.asarray(np.maximum(start_box, least))
+
+
 def likely_shapes(
     moving: Part, fixed: Part, clearance: Clearance, start_box: Array, rate: float, max_tilt: float
 ) -> Iterator[Shape]:
@@ -79,8 +98,7 @@ def likely_shapes(
     The further errors are beyond the clearance, the more it is worth to lay the part flat: that is tried first or last.
     It is tried first, too, where the part is next to round: no corner of it then takes all freedoms away.
     Of corners that differ each has its turn, with its walls as axes; `obtuse_shapes` are for those that turn by little.
-    Where the errors along x and y differ, shapes that leave room for the larger along both are tried in turn with those
-    that leave room for what there is: sides that are askew to both axes turn the one into the other.
+    Where errors are uneven, as of `evened`, shapes for them and for even ones take turns.
 
     Args:
         moving: the moving part, tip centre at the origin.
@@ -92,7 +110,7 @@ def likely_shapes(
     """
     if max_tilt <= 0.0:
         return iter(())
-    even = np.array([*[start_box[:2].max()] * 2, *start_box[2:]])
+    even = evened(moving, start_box)
     boxes = (start_box,) if np.array_equal(even, start_box) else (start_box, even)
     return _in_turn(*((_shapes(moving, fixed, clearance, box, rate, max_tilt), 1) for box in boxes))
 
