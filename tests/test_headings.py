@@ -15,10 +15,10 @@ from searched import certified_plan, task_of, tilted_motion
 from fmopt.contact.primitive import Kind
 from fmopt.placement.begin import begin
 from fmopt.placement.corners import leading_corners
-from fmopt.placement.entry import Entry, Shape, lowest, tilted_entry
+from fmopt.placement.entry import Entry, Shape, lowest, start_spread, swung_by, tilted_entry
 from fmopt.placement.explore import freedoms
 from fmopt.placement.search import MoveSequence, best_sequences, search
-from fmopt.placement.shapes import likely_headings, likely_shapes, tilted_shapes
+from fmopt.placement.shapes import ample, likely_headings, likely_shapes, tilted_shapes
 from fmopt.placement.step import Task, follow
 from fmopt.placement.tune import Limits, tuned
 from fmopt.plan_record import least_steady
@@ -61,9 +61,21 @@ def test_errors_that_differ_along_the_axes_have_room_for_the_larger_in_turn(kite
         shapes = likely_shapes(kite.moving, kite.fixed, clearance, box, 0.02, most)
         return [*islice(shapes, count)]
 
-    found, even = first(narrow, 12), first(kite.start_box, 6)
-    assert found[1::2] == even
-    assert all(one != other for one, other in zip(found[::2], even, strict=True))
+    found, wide = first(narrow, 16), first(kite.start_box, 5)
+    assert found[7::2] == wide
+    assert not {*found[:7], *found[8::2]} & {*wide}
+
+
+def test_ample_errors_are_even_turned_and_many_clearances(kite: Problem) -> None:
+    per_side, box = measured_clearance(kite).per_side, kite.start_box
+    assert np.array_equal(ample(kite.moving, per_side, box), box)
+    for shares in ([1.0, 0.0, 0.0, 1.0, 1.0, 1.0], [1.0, 1.0, 0.0, 0.0, 0.0, 0.0], [0.01] * 6):
+        wider = ample(kite.moving, per_side, box * np.array(shares))
+        assert (wider >= box * np.array(shares)).all()
+        assert wider[0] == wider[1]
+        assert start_spread(kite.moving, wider) >= 7.0 * per_side * (1.0 - 1e-12)
+        assert swung_by(leading_corners(kite.moving), wider) >= 0.06 * wider[0]
+        assert wider[2] == 0.0
 
 
 def test_headings_take_turns(kite: Problem) -> None:

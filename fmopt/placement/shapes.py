@@ -31,9 +31,10 @@ _AWAY, _LEAN = 1.3, 2.0
 _PLAY = 0.25  # of the play between the walls, which what the height is uncertain by is taken to be at least
 _BEYOND = 1.1  # of the errors that displace the corner, how far outside the mouth it touches the top
 _ROOMY = 4.0  # clearances a side that ways to enter tilted leave room for at least, as if the errors were that large
+_AMPLE = 7.0  # the same for the larger errors that are tried in turn with them
+_TURNED = 0.06  # of the lateral ones of these, what errors of angle displace the tip by at least
 _INSIDE = 0.115  # of the part's width that is inside the mouth at least where it is tilted the most
-_TURNED = 0.06  # of the lateral errors, what errors of angle displace the tip by at least where errors are even
-_EACH = 0.25  # of these errors, what is along either axis and what is by turning at least
+_EACH = 0.25  # of errors widened to so many clearances, what is along either axis and what is by turning at least
 _FAR = 40.0  # clearances a side that the start errors displace the tip by, from where parts are laid flat first
 _AT_ONCE = 2  # entries that go in at once are tried for each that touches the top first
 _OBTUSE = math.radians(55.0)  # corners that turn by less are held by two walls next to parallel
@@ -42,7 +43,7 @@ _OBTUSE = math.radians(55.0)  # corners that turn by less are held by two walls 
 # the wall, in errors of angle; how far from that wall and the other, in lateral errors.
 _UNEVEN, _SHALLOW = ((0.4, 0.17), (0.4, 0.24), (0.9, 0.2)), (0.7, 1.25, 2.5)
 _ASKEW, _APART = (1.2, 2.0), ((1.5, 2.5), (1.7, 2.9))
-_RUN = 6  # shapes of one heading are tried before those of the next
+_RUN = 6  # shapes of one heading are tried before those of the next, and before any for ample errors
 _BEST = math.radians(100.0)  # of the angles of corners, which of them goes in first
 _SAME = 1e-6  # of the part's width, by which a part that looks the same once turned may differ
 
@@ -72,22 +73,24 @@ def roomy_in_plane(per_side: float, start_box: Array) -> Array:
     return np.asarray(np.maximum(start_box, _ROOMY * per_side * np.eye(6)[0]))
 
 
-def evened(moving: Part, start_box: Array) -> Array:
-    """Half-widths (6,) of errors as large along x as along y, and turned by some of that, but for what is round.
+def ample(moving: Part, per_side: float, start_box: Array) -> Array:
+    """Half-widths (6,) of larger errors: as large along x as along y, turned by some of that, many clearances in all.
 
     A motion that takes them takes the smaller ones. Ways to begin that leave room for these alone may lead nowhere:
-    sides that are askew turn one lateral error into the other, and contacts and drift turn lateral errors into angles.
+    sides that are askew turn one lateral error into the other, contacts and drift turn lateral errors into angles.
 
     Args:
         moving: the moving part, tip centre at the origin.
+        per_side: clearance a side, m.
         start_box: half-widths (6,) of the start error, m and rad.
     """
-    lateral, tip = float(start_box[:2].max()), leading_corners(moving)
+    wider = start_box * max(1.0, _AMPLE * per_side / start_spread(moving, start_box))
+    lateral, tip = float(wider[:2].max()), leading_corners(moving)
     least = np.full(6, _TURNED * lateral / swung_by(tip, np.ones(6)))
     least[:2], least[2] = lateral, 0.0
-    if next_to_round(moving):
+    if next_to_round(moving):  # it turns about its axis as it likes
         least[5] = 0.0
-    return np.asarray(np.maximum(start_box, least))
+    return np.asarray(np.maximum(wider, least))
 
 
 def likely_shapes(
@@ -98,7 +101,8 @@ def likely_shapes(
     The further errors are beyond the clearance, the more it is worth to lay the part flat: that is tried first or last.
     It is tried first, too, where the part is next to round: no corner of it then takes all freedoms away.
     Of corners that differ each has its turn, with its walls as axes; `obtuse_shapes` are for those that turn by little.
-    Where errors are uneven, as of `evened`, shapes for them and for even ones take turns.
+    Where errors are uneven or small, the first few are for them; then shapes for `ample` ones take turns with
+    the others.
 
     Args:
         moving: the moving part, tip centre at the origin.
@@ -110,9 +114,11 @@ def likely_shapes(
     """
     if max_tilt <= 0.0:
         return iter(())
-    even = evened(moving, start_box)
-    boxes = (start_box,) if np.array_equal(even, start_box) else (start_box, even)
-    return _in_turn(*((_shapes(moving, fixed, clearance, box, rate, max_tilt), 1) for box in boxes))
+    own = _shapes(moving, fixed, clearance, start_box, rate, max_tilt)
+    wider = ample(moving, clearance.per_side, start_box)
+    if np.array_equal(wider, start_box):
+        return own
+    return chain(islice(own, _RUN), _in_turn((own, 1), (_shapes(moving, fixed, clearance, wider, rate, max_tilt), 1)))
 
 
 def _shapes(
