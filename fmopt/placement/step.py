@@ -14,13 +14,13 @@ from fmopt.certificate.functions import contact_rows
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Tolerance
 from fmopt.contact.bounds import INSIDE
-from fmopt.contact.primitive import PrimitiveContact, near_contacts
+from fmopt.contact.primitive import Kind, PrimitiveContact, near_contacts
 from fmopt.contact.surface import Surfaces
 from fmopt.errors import InfeasibleError
 from fmopt.placement.corners import leading_corners, next_to_round
 from fmopt.placement.entry import Entry, deeper, turned_axes
 from fmopt.placement.explore import Freedom, Place, freedoms, implied, insides, meetings, neighbourhood, pinned
-from fmopt.placement.flush import described
+from fmopt.placement.flush import described, on_wall
 from fmopt.placement.motion import Move, Reached, unroll
 from fmopt.se3 import Pose, cross
 from fmopt.uncertainty.error_set import ErrorSet
@@ -210,9 +210,23 @@ def son(task: Task, node: Node, move: Move, name: str, thorough: bool = False) -
 
 
 def _slid_off(assembly: Assembly, held: Sequence[PrimitiveContact], pose: Pose) -> bool:
-    """Whether a held contact is past the end of its facet; parallel edges have none to be past."""
+    """Whether a held contact is past the end of its facet.
+
+    Parallel edges have none to be past. Of a vertex and its edge, listed since either may touch, one has to be inside.
+    """
     inside = insides(assembly, held, pose)
-    return bool(((inside < -INSIDE) & np.isfinite(inside)).any())
+    past = np.isfinite(inside) & (inside < -INSIDE)
+    within = [c for c, gone in zip(held, past.tolist(), strict=True) if not gone]
+    outside = (c for c, gone in zip(held, past.tolist(), strict=True) if gone)
+    return any(not any(_instead(assembly, c, other) for other in within) for c in outside)
+
+
+def _instead(assembly: Assembly, one: PrimitiveContact, other: PrimitiveContact) -> bool:
+    """Whether two contacts are a vertex on a face and an edge that ends there, across a rim of the face."""
+    vertex, edge = (one, other) if one.kind is Kind.VERTEX_FACE else (other, one)
+    if vertex.kind is not Kind.VERTEX_FACE or edge.kind is not Kind.EDGE_EDGE:
+        return False
+    return vertex.moving_feature in edge.moving and on_wall(assembly, edge, vertex.fixed_feature)
 
 
 def sons(task: Task, node: Node) -> Iterator[Node]:
