@@ -9,9 +9,9 @@ the true contact surfaces, everything is certified anew, and the step is taken o
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from itertools import takewhile
+from itertools import pairwise, takewhile
 
 import numpy as np
 
@@ -284,35 +284,34 @@ def independent_rows(N: Array, units: Array) -> Array:
     return np.asarray(Vt[s > _RANK * s[0]] / units)
 
 
+def in_a_row(moves: Sequence[Move], start: Pose, goals: Iterable[Pose]) -> tuple[Move, ...]:
+    """The moves from another start to other goals, one for each; each begins where the one before ends."""
+    ways = pairwise((start, *goals))
+    return tuple(replace(move, start=at, goal=to) for move, (at, to) in zip(moves, ways, strict=True))
+
+
 def _shifted(assembly: Assembly, moves: Sequence[Move], shift: Array) -> tuple[Move, ...]:
     """The moves with their poses displaced and put back onto the true contact surfaces."""
-    at = moves[0].start.moved(shift[0])
-    found = []
-    for k, move in enumerate(moves):
-        there = move.goal if k == len(moves) - 1 else move.goal.moved(shift[k + 1])
-        if k < len(moves) - 1:
-            there = onto_surfaces(assembly, there, move)
-        found.append(replace(move, start=at, goal=there))
-        at = there
-    return tuple(found)
+    *placed, last = moves
+    goals = [onto_surfaces(assembly, move.goal.moved(shift[k]), move) for k, move in enumerate(placed, 1)]
+    return in_a_row(moves, moves[0].start.moved(shift[0]), (*goals, last.goal))
 
 
 def in_plane(assembly: Assembly, moves: Sequence[Move]) -> tuple[Move, ...]:
-    """Moves in the plane of x and z, out of which rounding brings the goal poses that solvers place.
+    """Moves in the plane of x and z, which placing their goals leaves: the programs are in space.
 
     Raises:
         InfeasibleError: see `onto_surfaces`.
     """
-    at = moves[0].start
-    found = []
-    for move in moves[:-1]:
-        x, _, z = move.goal.p
-        turn = math.atan2(move.goal.R[0, 2], move.goal.R[0, 0])
-        flat = Pose(np.array([x, at.p[1], z]), exp([0.0, turn, 0.0]))
-        there = onto_surfaces(assembly, flat, move, _IN_PLANE)
-        found.append(replace(move, start=at, goal=there))
-        at = there
-    return (*found, replace(moves[-1], start=at))
+    *placed, last = moves
+    start = moves[0].start
+
+    def flat(pose: Pose) -> Pose:
+        turn = math.atan2(pose.R[0, 2], pose.R[0, 0])
+        return Pose(np.array([pose.p[0], start.p[1], pose.p[2]]), exp([0.0, turn, 0.0]))
+
+    goals = [onto_surfaces(assembly, flat(move.goal), move, _IN_PLANE) for move in placed]
+    return in_a_row(moves, start, (*goals, last.goal))
 
 
 def onto_surfaces(assembly: Assembly, pose: Pose, move: Move, freedoms: Array = _ALL) -> Pose:

@@ -19,7 +19,7 @@ from fmopt.certificate.segment import Tolerance
 from fmopt.errors import InfeasibleError
 from fmopt.geometry.part import stretched
 from fmopt.placement.motion import Move, Reached, unroll
-from fmopt.placement.sequence import Placed, certified, onto_surfaces
+from fmopt.placement.sequence import Placed, certified, in_a_row, onto_surfaces
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array, Value, frozen
 
@@ -229,9 +229,4 @@ def _slimmer(motion: Motion, gap: float) -> Motion | None:
 
 def _put_back(assembly: Assembly, moves: Sequence[Move]) -> tuple[Move, ...]:
     """The moves with their goals on the surfaces of other parts."""
-    at, found = moves[0].start, []
-    for move in moves:
-        there = onto_surfaces(assembly, move.goal, move)
-        found.append(replace(move, start=at, goal=there))
-        at = there
-    return tuple(found)
+    return in_a_row(moves, moves[0].start, [onto_surfaces(assembly, move.goal, move) for move in moves])
