@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from os.path import normpath
 from pathlib import Path
@@ -48,7 +48,7 @@ from fmopt.task.units import LENGTH, did_you_mean
 from fmopt.values import Array
 
 T = TypeVar("T")
-_LEAST = 1e-9  # m and rad: the start error where none at all is stated, which rounding is small beside
+_LEAST = 1e-9  # m and rad: the least start error where velocity adds none, which rounding is small beside
 
 
 def load_problem(path: Path) -> Problem:
@@ -224,15 +224,14 @@ def _problem(source: Source, file: files.ProblemFile, models: Mapping[str, Model
     turned = Pose(np.zeros(3), exp([0.0, 0.0, -task.turn]))
     moving, trapezoid = rebased(parts[peg], turned), file.uncertainty.trapezoid
     sources = _sources(file.uncertainty.sources, parts) if file.uncertainty.sources else None
-    shares = _budget(file, sources, moving) if sources else ()
-    if facets := _tessellation(models, parts):
-        shares = (*(shares or (Contribution("as stated", "", _stated_box(file.uncertainty.start)),)), *facets)
-    if not shares and _perfect(file.uncertainty):
-        shares = (Contribution("allowance for rounding, as no error is stated", "", np.full(6, _LEAST)),)
+    stated = Contribution("as stated", "", _stated_box(file.uncertainty.start))
+    shares = _budget(file, sources, moving) if sources else (stated,)
+    shares = (*shares, *_tessellation(models, parts))
+    shares = (*shares, *_allowance(file.uncertainty.velocity, shares))
     plane = _plane(file, models)
     if plane is not None:
         shares = tuple(share.in_plane() for share in shares)
-    box = total(shares) if shares else _stated_box(file.uncertainty.start)
+    box = total(shares)
     refuse_wild(source, shares)
     refuse_far(source, box, (moving, parts[hole]))
     return Problem(
@@ -252,7 +251,7 @@ def _problem(source: Source, file: files.ProblemFile, models: Mapping[str, Model
         start_box=box,
         trapezoid=None if trapezoid is None else (trapezoid.ball, trapezoid.cone),
         sources=sources,
-        budget=shares,
+        budget=shares if sources or len(shares) > 1 else (),
         plane=plane,
         velocity_error=VelocityError(**file.uncertainty.velocity.model_dump()),
         specification=Specification(**file.specification.model_dump()),
@@ -322,10 +321,14 @@ def _budget(file: files.ProblemFile, sources: Sources, moving: Part) -> tuple[Co
     return budget(sources, height, aside, lean)
 
 
-def _perfect(stated: files.Uncertainty) -> bool:
-    """Whether no error is stated, neither of the start nor of the velocity."""
-    velocity = stated.velocity
-    return not (_stated_box(stated.start).any() or velocity.translation or velocity.rotation)
+def _allowance(velocity: files.Velocity, shares: Sequence[Contribution]) -> Iterator[Contribution]:
+    """What the start error lacks of the least one, unless the velocity's error adds to every direction anyway.
+
+    The error set of a plan must reach farther in each direction than rounding does, which its sums repeat.
+    """
+    lacking = np.maximum(_LEAST - total(shares), 0.0)
+    if lacking.any() and not (velocity.translation or velocity.rotation):
+        yield Contribution("allowance for rounding", "", lacking)
 
 
 def _tessellation(models: Mapping[str, Model], parts: Mapping[str, Part]) -> tuple[Contribution, ...]:
