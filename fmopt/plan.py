@@ -17,6 +17,7 @@ from typing import Any
 from fmopt.errors import PlanFormatError, ResourceError
 
 FORMAT = "fmopt.plan/1"
+STDIO = Path("-")  # standard input or output, in place of a file
 UNITS = {"length": "m", "angle": "rad", "force": "N", "torque": "N m", "time": "s"}
 FRAMES = {
     "B": "body frame of the fixed hollow feature: origin at the centre of its mouth, z out of the hole",
@@ -118,7 +119,7 @@ def read(path: Path) -> dict[str, Any]:
         PlanFormatError: it is no plan of this format.
     """
     try:
-        text = sys.stdin.read() if path == Path("-") else path.read_text(encoding="utf-8")
+        text = sys.stdin.read() if path == STDIO else path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         raise PlanFormatError(f"{path}: not UTF-8 text", "a plan is a JSON file that fmopt wrote") from error
     except OSError as error:

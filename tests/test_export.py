@@ -369,6 +369,14 @@ def test_samples_split_position_and_force_as_s_says(square_peg_plan: dict[str, A
     assert np.any(found.s == 2.0)
 
 
+def test_intervals_that_last_no_time_are_at_their_ends(square_peg_plan: dict[str, Any]) -> None:
+    whole = square_peg_plan["position_force"]
+    at = whole[-1]["t1"]
+    still = {**whole[-1], "t0": at, "pa_start": whole[-1]["pa_end"]}
+    found = samples({**square_peg_plan, "position_force": [*whole, still]}, 100.0)
+    np.testing.assert_array_equal(found.table, samples(square_peg_plan, 100.0).table)
+
+
 def test_the_json_holds_the_same_samples(square_peg_plan: dict[str, Any]) -> None:
     text = json.loads(json_text(square_peg_plan, 50.0))
     found = samples(square_peg_plan, 50.0)
@@ -497,6 +505,9 @@ def test_a_dash_is_standard_output(
     assert CliRunner().invoke(app, [*line, str(tmp_path / "file")]).exit_code == 0
     said = CliRunner().invoke(app, [*line, "-"])
     assert said.stdout_bytes == Path("file").read_bytes()
+    assert ("is not used" in said.stderr) == (to != "urscript")
+    assert CliRunner().invoke(app, [*line, "-", "--quiet"]).stderr == ""
+    assert CliRunner().invoke(app, [*line, "-", "--json"]).exit_code == 2
     assert not Path("-").exists()
 
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from fmopt import __version__
 
-STDIN = Path("-")
 EXIT = {"CERTIFIED": 0, "REFUTED": 1, "NOT_PROVED": 3}
 
 app = typer.Typer(

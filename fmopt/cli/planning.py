@@ -9,8 +9,9 @@ from typing import Annotated, Any
 
 import typer
 
-from fmopt.cli.app import EXIT, STDIN, Json, Quiet, app
+from fmopt.cli.app import EXIT, Json, Quiet, app
 from fmopt.errors import PlanFormatError, ResourceError
+from fmopt.plan import STDIO
 
 
 @app.command(epilog="Example: fmopt solve problems/square_peg.toml --report")
@@ -27,7 +28,7 @@ def solve(
     from fmopt.synthesis import synthesise
     from fmopt.task.problem import load
 
-    folder = out if out is not None else Path("out") / ("stdin" if file == STDIN else file.stem)
+    folder = out if out is not None else Path("out") / ("stdin" if file == STDIO else file.stem)
     problem = load(file)
     plan.prepare(folder)
     with Stages(quiet or as_json) as stages:
@@ -95,7 +96,7 @@ def verify(
     """Check a plan's certificate from its own geometry, in exact arithmetic, without the planner."""
     from fmopt import verify as independent
 
-    if file != STDIN and not file.is_file():
+    if file != STDIO and not file.is_file():
         what = "is no file" if file.exists() else "no such file"
         raise ResourceError(f"{file}: {what}", "give the plan.json of a solved problem")
     try:

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from fmopt.cli.app import Json, Quiet, app
+from fmopt.plan import STDIO
 
 
 @app.command(epilog="Example: fmopt export plan.json --to urscript --base 0.4 -0.1 0.2 0 0 0")
@@ -41,15 +42,17 @@ def export(
     """Write a plan as a program or bag for robots, or its nominal position/force trajectory as a table."""
     from fmopt.export.write import export as write
 
+    if as_json and out == STDIO:
+        raise typer.BadParameter("--json lists the files that were written, --out - writes none: leave one of them out")
     try:
         written = write(file, to, out, base, rate)
     except ValueError as error:
         raise typer.BadParameter(str(error)) from error
-    if written.text:
-        typer.echo(written.text, nl=False)
-    elif as_json:
+    if as_json:
         typer.echo(json.dumps({"written": [str(path) for path in written.paths], "notes": list(written.notes)}))
-    if not (as_json or quiet):
+        return
+    typer.echo(written.text, nl=False)
+    if not quiet:
         for path in written.paths:
             typer.echo(str(path))
         for note in written.notes:

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 from fmopt.desk.drawing import SUFFIXES, Drawing, drawings
 from fmopt.errors import ChoiceError, InputError
+from fmopt.plan import STDIO
 from fmopt.task.toml_source import Source, read
 
 if TYPE_CHECKING:
     from fmopt.geometry.part import Part
     from fmopt.knowledge.command import Answer
 
-STDIO = Path("-")  # standard input or output
 _SAID = {  # what people call drawings of a plan, beside their names
     "moves": "cut",
     "motion": "scene",

@@ -66,11 +66,10 @@ def samples(document: Mapping[str, Any], rate: float) -> Samples:
     count = int(np.floor((last - first) * rate * (1.0 - 1e-12))) + 1
     t = np.append(first + np.arange(count) / rate, last)
     inside = np.clip(np.searchsorted(starts, t, side="right") - 1, 0, len(rows) - 1)
-    share = [
-        (time - rows[i]["t0"]) / (rows[i]["t1"] - rows[i]["t0"]) for time, i in zip(t.tolist(), inside, strict=True)
-    ]
+    begun, length = t - starts[inside], np.array([row["t1"] - row["t0"] for row in rows])[inside]
+    share = np.divide(begun, length, out=np.ones(len(t)), where=length > 0.0)  # what lasts no time is at its end
     ends = np.array([[row["pa_start"], row["pa_end"]] for row in rows])[inside]
-    pa = ends[:, 0] + np.array(share)[:, None] * (ends[:, 1] - ends[:, 0])
+    pa = ends[:, 0] + share[:, None] * (ends[:, 1] - ends[:, 0])
     return Samples(
         t, np.array([row["s"] for row in rows])[inside], pa, np.array([row["fa"] for row in rows], dtype=float)[inside]
     )

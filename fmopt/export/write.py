@@ -11,7 +11,6 @@ from fmopt.export.cautions import base_pose, insertion_words, turning_words, ver
 from fmopt.guarded.moves import moves
 
 FORMATS = ("urscript", "ros2", "csv", "json")
-STDOUT = Path("-")
 _TABLES = ("csv", "json")
 _NAMES = {"urscript": "plan.script", "ros2": "ros2", "csv": "samples.csv", "json": "samples.json"}
 
@@ -48,11 +47,11 @@ def export(file: Path, to: str, out: Path | None, base: tuple[float, ...] | None
     if to not in FORMATS:
         raise ValueError(f"{to!r} is no format; choose from {', '.join(FORMATS)}")
     target = out if out is not None else file.parent / _NAMES[to]
-    if target.resolve() == file.resolve() and out != STDOUT:
+    if target.resolve() == file.resolve() and out != plan.STDIO:
         raise ValueError(f"--out is {file}, the plan itself, which would be lost")
     document = plan.read(file)
-    text = text_of(document, to, base, rate) if out == STDOUT else ""
-    paths = () if out == STDOUT else exported(document, to, target, base, rate)
+    text = text_of(document, to, base, rate) if out == plan.STDIO else ""
+    paths = () if out == plan.STDIO else exported(document, to, target, base, rate)
     if base is None or to in _TABLES:
         return Written(paths, () if base is None else (f"{to} is in the hole's frame: --base is not used",), text)
     notes = (*verdict_words(document), insertion_words(base_pose(base)), _turning(document, to))

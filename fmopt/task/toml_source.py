@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from fmopt.errors import Fault, InputError
+from fmopt.plan import STDIO
 
 Key = tuple[str | int, ...]
 
@@ -103,7 +104,7 @@ def read_bytes(path: Path, cited: Place, limit: int) -> bytes:
     Raises:
         InputError: no such file, no regular file, no permission, too large, or a name no file can have.
     """
-    if path == Path("-"):
+    if path == STDIO:
         content = _whole(sys.stdin)
         if len(content) > limit:
             raise InputError(cited.fault("file-size", f"more than {limit} bytes come in", "name a smaller file"))
