@@ -47,6 +47,7 @@ from fmopt.uncertainty.planar import account as planar
 from fmopt.values import Array
 
 _NEAR = 4.0  # bounds of its errors before its goal from where on a move is run as if it might meet its contacts
+_CLOSED = 1e-12  # m; contacts nearer than this touch
 
 
 @dataclass(frozen=True, eq=False)
@@ -338,9 +339,15 @@ def _touching(problem: Problem, contacts: tuple[PrimitiveContact, ...], pose: Po
     if not clear:
         return []
     f, N = Surfaces.of(clear, body, fixed).values_and_rows(pose)
-    closed = [Pose(pose.p - distance * row[:3], pose.R) for distance, row in zip(f, N, strict=True)]
-    inside = (BoundTable.of([c], body, fixed, at).insides(at)[0] for c, at in zip(clear, closed, strict=True))
-    return [c for c, depth in zip(clear, inside, strict=True) if depth > -1e-9]
+    closed = [([c for c, distance in zip(clear, f, strict=True) if abs(distance) <= _CLOSED], pose)]
+    for c, distance, row in zip(clear, f, N, strict=True):
+        if abs(distance) > _CLOSED:
+            closed.append(([c], Pose(pose.p - distance * row[:3], pose.R)))
+    found = set[PrimitiveContact]()
+    for together, at in closed:
+        inside = BoundTable.of(together, body, fixed, at).insides(at)
+        found.update(c for c, depth in zip(together, inside, strict=True) if depth > -1e-9)
+    return [c for c in clear if c in found]
 
 
 def _level(contact: PrimitiveContact, body: Polyhedron, fixed: Polyhedron, pose: Pose) -> bool:
