@@ -25,7 +25,7 @@ from fmopt.placement.entry import Entry, Shape, planar_entries, start_spread, st
 from fmopt.placement.motion import Reached
 from fmopt.placement.polish import Turns, polish
 from fmopt.placement.search import MoveSequence, best_sequences
-from fmopt.placement.sequence import Placed, Refinement, certified, in_plane, refine
+from fmopt.placement.sequence import Placed, Refinement, apart, better, certified, refine
 from fmopt.placement.shapes import likely_shapes, roomy_errors, roomy_in_plane
 from fmopt.placement.share import ATTEMPTS, largest_share
 from fmopt.placement.socp import ClarabelSolver
@@ -48,6 +48,8 @@ FINE = math.radians(1.0)
 TRIES = 40  # of entries, when one is varied
 STEADY = 0.05  # share of the contact force that presses what a part turns along, whatever friction turns it off
 FIRM = 0.05  # share of the contact force that presses all that a part slides along to its next contact
+
+_MOST = 0.5  # share of the margin that keeps the parts apart which the contacts' facets may cost
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +169,7 @@ def moved(problem: Problem, lap: Callable[[str], None], progress: Progress = lam
     progress("measuring the parts")
     clearance = measured_clearance(problem)
     rho = problem.settings.characteristic_length or clearance.half_diagonal
-    assembly = Assembly(problem.moving, problem.fixed)
+    assembly = Assembly(problem.moving, problem.fixed, planar=problem.plane is not None)
     tolerance = Tolerance((problem.velocity_error.translation, problem.velocity_error.rotation), rho)
     errors = ErrorSet.from_box(problem.start_box)
     lap("geometry")
@@ -269,9 +271,9 @@ def motion(
     """
     moving, box, settings = problem.moving, problem.start_box, problem.settings
     deadline = time.monotonic() + settings.time_limit
-    planar, per_side = problem.plane is not None, clearance.per_side
-    roomy = roomy_in_plane(per_side, box) if planar else roomy_errors(moving, per_side, box)
-    costs = Costs.of(start_spread(moving, roomy), per_side, planar)
+    per_side = clearance.per_side
+    roomy = roomy_in_plane(per_side, box) if assembly.planar else roomy_errors(moving, per_side, box)
+    costs = Costs.of(start_spread(moving, roomy), per_side)
     goal = Pose.from_vector(problem.goal)
     task = Task(assembly, goal, errors, tolerance, costs, 1.3 * settings.max_tilt)
 
@@ -292,7 +294,7 @@ def motion(
 
     @cache
     def steady(found: MoveSequence) -> bool:
-        return planar or least_steady(problem, assembly, found.reached.claims, tolerance) >= STEADY
+        return assembly.planar or least_steady(problem, assembly, found.reached.claims, tolerance) >= STEADY
 
     while best is None or (best[1].margin <= 0.0 and time.monotonic() < deadline):
         try:
@@ -306,8 +308,6 @@ def motion(
             lap("entry")
             placed = placement(problem, assembly, found, errors, tolerance, per_side, progress)
             lap("placement")
-            if not runs_against(problem, assembly, placed.reached.claims, tolerance):
-                raise InfeasibleError("a piece of a turn leads away from the contact that is to end it at first")
         except SearchError as error:
             failure = failure or error
             break
@@ -347,39 +347,50 @@ def placement(
     clearance: float,
     progress: Progress,
 ) -> Placed:
-    """All goal poses placed for the largest certified margin, by the method that the problem asks for."""
+    """All goal poses placed for the largest certified margin, by the method that the problem asks for.
+
+    Raises:
+        InfeasibleError: fine pieces cannot follow the motion, or no contact would be felt that ends one.
+    """
     start = Reached(errors, (), ())
     spread = start_spread(problem.moving, problem.start_box)
     reach = 0.5 * (spread + clearance)
-    placed = certified(assembly, found.moves, start, tolerance, FINE)
-    stages = [placed]
+    solver, settings = ClarabelSolver(), Refinement.of(spread, clearance)
 
     def told(margin: float) -> None:
         progress(f"placement: margin {1e6 * margin:.1f} um")
 
-    if problem.settings.placement == "socp+nlp":
+    def improved(placed: Placed) -> list[Placed]:
+        """What the method makes of a sequence, step by step."""
+        if problem.settings.placement == "descent":
+            return [polish(assembly, placed, start, tolerance, FINE, clearance, "descent", Turns(3, reach), told)]
         # The program is local: it starts where the search ended, and once more from poses in the middle of their room.
         centred = polish(assembly, placed, start, tolerance, FINE, clearance, "descent", Turns(1, reach), told)
-        solver, settings = ClarabelSolver(), Refinement.of(spread, clearance)
         begun = dict.fromkeys((placed, centred))  # where there was nothing to centre, one and the same
         refined = [refine(assembly, p, start, tolerance, FINE, solver, settings, told) for p in begun]
-        placed = max(refined, key=lambda p: p.margin)
-        stages += [centred, *refined]
-        placed = polish(assembly, placed, start, tolerance, FINE, clearance, "nlp", Turns(3, reach), told)
-    else:
-        placed = polish(assembly, placed, start, tolerance, FINE, clearance, "descent", Turns(3, reach), told)
-    best, planar = placed, problem.plane is not None
+        best = max(refined, key=lambda p: p.margin)
+        best = polish(assembly, best, start, tolerance, FINE, clearance, "nlp", Turns(3, reach), told)
+        return [centred, *refined, best]
 
-    def whole(p: Placed) -> Placed:
-        moves = in_plane(assembly, p.moves) if planar else p.moves
-        return certified(assembly, moves, start, tolerance, FINE, thorough=True)
-
-    placed = whole(best)
-    if placed.margin < best.margin:
-        # What keeps the parts apart has more room than contacts have in their facets: poses on the way may hold both.
-        others = [stage for stage in dict.fromkeys(stages) if stage is not best]
-        placed = max([placed, *map(whole, others)], key=lambda p: p.margin)
+    placed = certified(assembly, found.moves, start, tolerance, FINE)
+    stages, light = [placed, *improved(placed)], apart(placed)
+    if stages[-1].margin < _MOST * light.margin:
+        # What keeps the parts apart has more room than contacts have in their facets: the way to better poses may lead
+        # through some that only the former allows.
+        best = stages[-1]
+        for other in dict.fromkeys(improved(light)):
+            best = better(assembly, other.moves, best, start, tolerance, FINE, 0.0) or best
+        stages += improved(best)
+    best = _felt(problem, assembly, stages, tolerance)
     if problem.settings.method == "dakin1993":
-        claims = as_in_the_paper(assembly, placed.reached.claims, errors, tolerance)
-        placed = Placed(placed.moves, replace(placed.reached, claims=claims))
-    return placed
+        claims = as_in_the_paper(assembly, best.reached.claims, errors, tolerance)
+        best = replace(best, reached=replace(best.reached, claims=claims))
+    return best
+
+
+def _felt(problem: Problem, assembly: Assembly, found: Sequence[Placed], tolerance: Tolerance) -> Placed:
+    """Of sequences the one of largest margin of which every piece runs against the contact that ends its move."""
+    for placed in sorted(dict.fromkeys(found), key=lambda p: -p.margin):
+        if runs_against(problem, assembly, placed.reached.claims, tolerance):
+            return placed
+    raise InfeasibleError("a piece of a turn leads away from the contact that is to end it at first")

@@ -10,7 +10,7 @@ from fmopt.placement.entry import Entry, Shape, start_spread, tilted_entry
 from fmopt.placement.motion import Reached
 from fmopt.placement.search import search
 from fmopt.placement.sequence import certified
-from fmopt.placement.shapes import roomy_errors
+from fmopt.placement.shapes import roomy_errors, roomy_in_plane
 from fmopt.placement.step import Costs, Task
 from fmopt.plan_record import Moved
 from fmopt.se3 import Pose
@@ -23,15 +23,15 @@ from fmopt.uncertainty.error_set import ErrorSet
 def task_of(problem: Problem) -> Task:
     """What a problem's search is about."""
     clearance, box = measured_clearance(problem), problem.start_box
-    if problem.plane is None:
-        box = roomy_errors(problem.moving, clearance.per_side, box)
+    planar, per_side = problem.plane is not None, clearance.per_side
+    roomy = roomy_in_plane(per_side, box) if planar else roomy_errors(problem.moving, per_side, box)
     rates = problem.velocity_error.translation, problem.velocity_error.rotation
     return Task(
-        Assembly(problem.moving, problem.fixed),
+        Assembly(problem.moving, problem.fixed, planar=planar),
         Pose.from_vector(problem.goal),
         ErrorSet.from_box(problem.start_box),
         Tolerance(rates, clearance.half_diagonal),
-        Costs.of(start_spread(problem.moving, box), clearance.per_side, problem.plane is not None),
+        Costs.of(start_spread(problem.moving, roomy), per_side),
         1.3 * problem.settings.max_tilt,
     )
 
@@ -41,7 +41,7 @@ def motion_from(problem: Problem, entry: Entry) -> Moved:
     task = task_of(problem)
     found = search(task, [entry])
     start = Reached(task.start, (), ())
-    placed = certified(task.assembly, found.moves, start, task.tolerance, FINE, thorough=True)
+    placed = certified(task.assembly, found.moves, start, task.tolerance, FINE)
     return Moved(task.assembly, measured_clearance(problem), task.start, task.tolerance, found, placed)
 
 

@@ -21,10 +21,17 @@ NEAR = 1e-11  # m: points and lines of one part closer than this are the same
 
 @dataclass(frozen=True, eq=False)
 class Assembly:
-    """The two parts: the moving one in its body frame, the fixed one in the B-frame."""
+    """The two parts: the moving one in its body frame, the fixed one in the B-frame.
+
+    Args:
+        moving: the part that moves.
+        fixed: the other one.
+        planar: whether the moving part stays in the plane of x and z.
+    """
 
     moving: Part
     fixed: Part
+    planar: bool = False
 
     @cached_property
     def body_points(self) -> Array:
@@ -44,6 +51,11 @@ class Assembly:
     def units(self) -> Array:
         """Units of a displacement (6,): metres, and turns that move a point half a diameter of the part away by one."""
         return np.array([1.0, 1.0, 1.0, *[2.0 / self.moving.polyhedron.diameter] * 3])
+
+    @cached_property
+    def freedoms(self) -> Array:
+        """Which components (6,) of a displacement there may be, 1, and which not, 0."""
+        return np.array([1.0, 0.0, 1.0, 0.0, 1.0, 0.0]) if self.planar else np.ones(6)
 
     @cached_property
     def fixed_planes(self) -> tuple[tuple[Array, Array], ...]:

@@ -19,6 +19,7 @@ from fmopt.values import Array
 UNBOUNDED = 1.0  # m; the margin of a contact that nothing bounds
 _BEYOND = 1e-6  # m; how far beyond a blocked rim material must go on
 _SURELY = 1e-9  # m; what takes over is farther inside by this at least, that rounding does not decide
+_DIFFERENCE = 1e-8  # m
 _MEMORY = 512
 
 Span = tuple[float, float]
@@ -43,6 +44,19 @@ class Bounds:
     def margins(self, lower: Array) -> list[float]:
         """Margins of the contacts, m, from the lower bounds (k,) of the rows."""
         return [judge(lower) for judge in self.judges]
+
+    def slope(self, contact: int, lower: Array) -> Array:
+        """How the margin of a contact falls with the lower bounds (k,) of the rows, by differences; (k,)."""
+        judge, found = self.judges[contact], np.zeros(len(lower))
+        here = judge(lower)
+        for way in (-_DIFFERENCE, _DIFFERENCE):  # a least of several falls with each of them, a greatest only rises
+            for k in range(len(lower)):
+                beside = lower.copy()
+                beside[k] += way
+                found[k] = (judge(beside) - here) / way
+            if found.any():
+                break
+        return found
 
 
 @remembered(_MEMORY)

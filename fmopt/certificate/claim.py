@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
 from fmopt.certificate.assembly import Assembly
-from fmopt.certificate.bounds import bounds
+from fmopt.certificate.bounds import Bounds, bounds
 from fmopt.certificate.curvature import remainders
 from fmopt.certificate.functions import contact_forms, made_form, made_scale
 from fmopt.certificate.pair import Facing, facing
@@ -138,6 +138,11 @@ def _claim(
     return Claim(piece, step, separations, contacts, margin, clearance, binding, early)
 
 
+def without_facets(claim: Claim) -> Claim:
+    """The same claim without how far contacts stay inside their facets."""
+    return _claim(claim.piece, claim.advance, claim.separations, (), claim.early)
+
+
 def _contacts(assembly: Assembly, alike: Sequence[Stepped], course: Course) -> list[tuple[ContactClaim, ...]]:
     """What is claimed of the contacts of pieces of motion that hold the same ones."""
     held = alike[0][0].held
@@ -159,6 +164,30 @@ def _contacts(assembly: Assembly, alike: Sequence[Stepped], course: Course) -> l
             )
         )
     return found
+
+
+@dataclass(frozen=True, eq=False)
+class FacetRows:
+    """Rows that bound contacts at one end of a piece of motion, and their certified lower bounds (k,) there, m."""
+
+    end: int
+    table: Bounds
+    rows: Rows
+    lower: Array
+
+
+def facet_rows(assembly: Assembly, claim: Claim) -> Iterator[FacetRows]:
+    """What bounds the contacts of a piece of motion at both ends, for placements that want to move them."""
+    piece, ends = claim.piece, claim.advance.ends
+    table = bounds(assembly, piece.held, piece.held)
+    both = table.forms.over(ends.start, ends.goal)
+    rest = remainders(*both, ends.extent)
+    for end, rows in enumerate(both):
+        yield FacetRows(end, table, rows, rows.f - ends.supports[end](rows.N) - rest)
+    if piece.last and piece.making:
+        table = bounds(assembly, piece.making, piece.goal_contacts)
+        rows = table.forms.at(ends.goal)
+        yield FacetRows(1, table, rows, _at_goal(rows, ends))
 
 
 def _made(assembly: Assembly, piece: Piece, ends: Ends) -> list[float]:

@@ -181,7 +181,7 @@ def unroll(
     count = max(math.ceil(turn / step - 1e-9), 1)
     failure: InfeasibleError | None = None
     # Shorter pieces leave smaller remainders; but the last one must be longer than what errors make the touch differ.
-    for pieces in dict.fromkeys((count, 2 * count, -(-2 * count // 3), -(-count // 2), 4 * count, -(-count // 3))):
+    for pieces in dict.fromkeys((count, 2 * count, -(-2 * count // 3), -(-count // 2), 4 * count, -(-count // 3), 1)):
         try:
             return _unroll(assembly, move, reached, tolerance, pieces, thorough)
         except InfeasibleError as error:

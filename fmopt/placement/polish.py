@@ -12,7 +12,6 @@ from typing import Literal
 
 import numpy as np
 
-from fmopt.certificate.functions import contact_rows
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Tolerance
 from fmopt.certificate.separation import Separation, row_bounds
@@ -24,7 +23,7 @@ from fmopt.placement.descent import Descent, descend
 from fmopt.placement.motion import Move, Reached
 from fmopt.placement.nlp import place_on_surfaces, surface_placement
 from fmopt.placement.rows import Row, RowKind, evaluate, face_vertex, vertex_face
-from fmopt.placement.sequence import Placed, better, independent_rows, onto_surfaces, pairs_of
+from fmopt.placement.sequence import Placed, better, onto_surfaces, pairs_of, state_rows
 from fmopt.values import Array
 
 _GAIN = 1e-3  # of the clearance, the least gain that counts
@@ -112,7 +111,7 @@ def _one(
         return None
     try:
         X = _placed_pose(assembly, move, obstacles, metric, method, radius)
-        goal = onto_surfaces(assembly, move.goal.moved(X), move)
+        goal = onto_surfaces(assembly, move.goal.moved(X * assembly.freedoms), move)
         moves = list(placed.moves)
         moves[k] = replace(move, goal=goal)
         moves[k + 1] = replace(moves[k + 1], start=goal)
@@ -135,17 +134,13 @@ def _placed_pose(
             surfaces,
             obstacles.rows,
             metric=metric,
-            lower=-box,
-            upper=box,
+            lower=-box * assembly.freedoms,
+            upper=box * assembly.freedoms,
             weights=obstacles.scale,
             allowance=obstacles.allowance,
         )
         return place_on_surfaces(problem, np.zeros(6)).x[:6]
-    E = (
-        independent_rows(contact_rows(assembly, contacts, contacts, move.goal).N, assembly.units)
-        if contacts
-        else np.zeros((0, 6))
-    )
+    E = state_rows(assembly, contacts, move.goal)
     linear = placement(
         obstacles.N,
         obstacles.allowance - obstacles.f,

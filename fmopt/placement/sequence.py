@@ -8,26 +8,25 @@ the true contact surfaces, everything is certified anew, and the step is taken o
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, takewhile
 
 import numpy as np
 
-from fmopt.certificate.claim import Claim
+from fmopt.certificate.claim import Claim, facet_rows, without_facets
 from fmopt.certificate.functions import contact_rows, made_form, made_scale
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Tolerance
 from fmopt.certificate.separation import Pair, Separation, pairs, row_bounds
+from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import InfeasibleError, SolverError
 from fmopt.placement.motion import Move, Reached, unroll
 from fmopt.placement.program import ConeProgram, Norm, Solver
-from fmopt.se3 import Pose, exp
+from fmopt.se3 import Pose
 from fmopt.values import Array
 
 _RANK = 1e-7
-_ALL, _IN_PLANE = np.ones(6), np.array([1.0, 0.0, 1.0, 0.0, 1.0, 0.0])
 
 
 @dataclass(frozen=True)
@@ -47,11 +46,15 @@ class Refinement:
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """A sequence of moves with its claims, and what had been reached after each move."""
+    """A sequence of moves with its claims, and what had been reached after each move.
+
+    Where it is not `thorough`, nothing is claimed of how far contacts stay inside their facets.
+    """
 
     moves: tuple[Move, ...]
     reached: Reached
-    stages: tuple[Reached, ...] = ()
+    stages: tuple[Reached, ...]
+    thorough: bool
 
     @property
     def margin(self) -> float:
@@ -70,9 +73,9 @@ class _LinearRow:
 
 
 def certified(
-    assembly: Assembly, moves: Sequence[Move], start: Reached, tolerance: Tolerance, step: float, thorough: bool = False
+    assembly: Assembly, moves: Sequence[Move], start: Reached, tolerance: Tolerance, step: float, thorough: bool = True
 ) -> Placed:
-    """Certifies a sequence of moves from the start.
+    """Certifies a sequence of moves from the start, all that is claimed of them unless it is not `thorough`.
 
     Raises:
         InfeasibleError: a move is impossible.
@@ -80,7 +83,13 @@ def certified(
     stages = [start]
     for move in moves:
         stages.append(unroll(assembly, move, stages[-1], tolerance, step, thorough))
-    return Placed(tuple(moves), stages[-1], tuple(stages[1:]))
+    return Placed(tuple(moves), stages[-1], tuple(stages[1:]), thorough)
+
+
+def apart(placed: Placed) -> Placed:
+    """The same sequence without what is claimed of how far contacts stay inside their facets."""
+    stages = [replace(at, claims=tuple(without_facets(claim) for claim in at.claims)) for at in placed.stages]
+    return Placed(placed.moves, stages[-1], tuple(stages), thorough=False)
 
 
 def better(
@@ -109,12 +118,12 @@ def better(
     stages = [start, *than.stages[:shared]]
     try:
         for move in moves[len(stages) - 1 :]:
-            stages.append(unroll(assembly, move, stages[-1], tolerance, step, thorough=False))
+            stages.append(unroll(assembly, move, stages[-1], tolerance, step, than.thorough))
             if stages[-1].margin <= than.margin + by:
                 return None
     except InfeasibleError:
         return None
-    return Placed(tuple(moves), stages[-1], tuple(stages[1:]))
+    return Placed(tuple(moves), stages[-1], tuple(stages[1:]), than.thorough)
 
 
 def refine(
@@ -169,7 +178,7 @@ def _step(
         solution = solver.solve(_program(assembly, placed, rows, tolerance, radius))
     except (InfeasibleError, SolverError):
         return None
-    shift = solution.x[:-1].reshape(-1, 6)
+    shift = solution.x[:-1].reshape(-1, 6) * assembly.freedoms
     try:
         moves = _shifted(assembly, placed.moves, shift)
     except InfeasibleError:
@@ -201,6 +210,11 @@ def _claim_rows(assembly: Assembly, number: int, claim: Claim, rho: float, most:
                 value = float(at.f[k] - loss[k]) / rows.scale
                 drift = float(np.linalg.norm(at.N[k])) / rows.scale
                 found.append(_LinearRow(value, tuple((n, s / rows.scale) for n, s in slopes), drift, number))
+    for facet in facet_rows(assembly, claim) if claim.contacts else ():
+        for contact, margin in enumerate(facet.table.margins(facet.lower)):
+            if margin < most and (slope := facet.table.slope(contact, facet.lower)).any():
+                N, share = slope @ facet.rows.N, piece.progress[facet.end]
+                found.append(_LinearRow(margin, tuple(_slopes(number, share, N)), float(np.linalg.norm(N)), number))
     if claim.early is not None and piece.made is not None:
         row = made_form(assembly, piece.made, piece.held).at(piece.start)
         scale = made_scale(assembly, piece.made, piece.held, rho)
@@ -266,22 +280,20 @@ def _equalities(assembly: Assembly, moves: Sequence[Move], n: int) -> Array:
     blocks = [first]
     for k, move in enumerate(moves):
         contacts = (*move.held, *move.making)
-        if k == len(moves) - 1:
-            rows = np.eye(6)
-        elif contacts:
-            rows = independent_rows(contact_rows(assembly, contacts, contacts, move.goal).N, assembly.units)
-        else:
-            continue
+        rows = np.eye(6) if k == len(moves) - 1 else state_rows(assembly, contacts, move.goal)
         block = np.zeros((len(rows), n))
         block[:, 6 * (k + 1) : 6 * (k + 2)] = rows
         blocks.append(block)
     return np.vstack(blocks)
 
 
-def independent_rows(N: Array, units: Array) -> Array:
-    """A basis of the row space (r, 6), orthonormal in the units (6,) of displacements."""
-    _, s, Vt = np.linalg.svd(N * units, full_matrices=False)
-    return np.asarray(Vt[s > _RANK * s[0]] / units)
+def state_rows(assembly: Assembly, contacts: Sequence[PrimitiveContact], pose: Pose) -> Array:
+    """A basis (r, 6) of the displacements out of a contact state, orthonormal in the units of displacements."""
+    N = np.eye(6)[assembly.freedoms == 0.0]
+    if contacts:
+        N = np.vstack([contact_rows(assembly, contacts, contacts, pose).N, N])
+    _, s, Vt = np.linalg.svd(N * assembly.units, full_matrices=False)
+    return np.asarray(Vt[s > _RANK * s.max(initial=0.0)] / assembly.units)
 
 
 def in_a_row(moves: Sequence[Move], start: Pose, goals: Iterable[Pose]) -> tuple[Move, ...]:
@@ -297,31 +309,13 @@ def _shifted(assembly: Assembly, moves: Sequence[Move], shift: Array) -> tuple[M
     return in_a_row(moves, moves[0].start.moved(shift[0]), (*goals, last.goal))
 
 
-def in_plane(assembly: Assembly, moves: Sequence[Move]) -> tuple[Move, ...]:
-    """Moves in the plane of x and z, which placing their goals leaves: the programs are in space.
-
-    Raises:
-        InfeasibleError: see `onto_surfaces`.
-    """
-    *placed, last = moves
-    start = moves[0].start
-
-    def flat(pose: Pose) -> Pose:
-        turn = math.atan2(pose.R[0, 2], pose.R[0, 0])
-        return Pose(np.array([pose.p[0], start.p[1], pose.p[2]]), exp([0.0, turn, 0.0]))
-
-    goals = [onto_surfaces(assembly, flat(move.goal), move, _IN_PLANE) for move in placed]
-    return in_a_row(moves, start, (*goals, last.goal))
-
-
-def onto_surfaces(assembly: Assembly, pose: Pose, move: Move, freedoms: Array = _ALL) -> Pose:
+def onto_surfaces(assembly: Assembly, pose: Pose, move: Move) -> Pose:
     """The nearest pose at which all contacts are exactly zero, by Gauss–Newton with the least turn.
 
     Args:
         assembly: the two parts.
         pose: a pose near by.
         move: the move that ends with the contacts.
-        freedoms: (6,), 1 for the components that may change and 0 for the others.
 
     Raises:
         InfeasibleError: no pose near by makes all of them.
@@ -329,7 +323,7 @@ def onto_surfaces(assembly: Assembly, pose: Pose, move: Move, freedoms: Array = 
     contacts = (*move.held, *move.making)
     if not contacts:
         return pose
-    units = assembly.units * freedoms
+    units = assembly.units * assembly.freedoms
     for _ in range(20):
         rows = contact_rows(assembly, contacts, contacts, pose)
         if np.abs(rows.f).max() < 1e-16:

@@ -45,7 +45,6 @@ class Costs:
         coarse: greatest turn of one piece while searching, rad.
         states: most states that are expanded from one round of entries.
         greed: weight of the transitions still to come in the order of expansion, at least 1.
-        planar: whether motion stays in the plane of x and z.
     """
 
     reach: float
@@ -57,18 +56,12 @@ class Costs:
     coarse: float = 0.03
     states: int = 60
     greed: float = 1.8
-    planar: bool = False
 
     @classmethod
-    def of(cls, spread: float, clearance: float, planar: bool = False) -> Costs:
+    def of(cls, spread: float, clearance: float) -> Costs:
         """The costs for a start error that displaces the tip by up to `spread` and a clearance a side, both in m."""
         asymptote = -0.15 * spread - 0.5 * clearance
-        return cls(reach=7.0 * spread + 10.0 * clearance, asymptote=asymptote, scale=clearance, planar=planar)
-
-    @property
-    def upright(self) -> int:
-        """Freedoms that contacts have taken away when the part can only go up and down."""
-        return 2 if self.planar else 5
+        return cls(reach=7.0 * spread + 10.0 * clearance, asymptote=asymptote, scale=clearance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,10 +84,15 @@ class Task:
     costs: Costs
     max_turn: float
 
+    @property
+    def pinned_upright(self) -> int:
+        """Freedoms that contacts have taken away when the part can only go up and down."""
+        return 2 if self.assembly.planar else 5
+
     @cached_property
     def blunt(self) -> bool:
         """Whether the moving part is next to round, so that no corner of it takes all freedoms away."""
-        return not self.costs.planar and next_to_round(self.assembly.moving)
+        return not self.assembly.planar and next_to_round(self.assembly.moving)
 
     @property
     def final_rank(self) -> int:
@@ -107,7 +105,7 @@ class Task:
             return 1 + len(_IN)
         near = near_contacts(self.assembly.moving.polyhedron, self.assembly.fixed.polyhedron, self.goal, 1e-6, 1e-3)
         stops = [c for c in near if abs(contact_rows(self.assembly, [c], (), self.goal).f[0]) < 1e-9]
-        return self.costs.upright + (1 if stops else 0)
+        return self.pinned_upright + (1 if stops else 0)
 
     def seated(self, pose: Pose) -> bool:
         """Whether a pose is as deep as the goal."""
@@ -319,7 +317,7 @@ def follow(task: Task, node: Node, name: str) -> Node | None:
 
 def _freedoms(task: Task, node: Node) -> tuple[Freedom, ...]:
     depth = float(node.place.pose.p[2] - task.goal.p[2])
-    return freedoms(task.max_turn, depth, task.costs.reach, task.costs.planar, turned_axes(node.entry.heading))
+    return freedoms(task.max_turn, depth, task.costs.reach, task.assembly.planar, turned_axes(node.entry.heading))
 
 
 def _along(task: Task, node: Node, freedom: Freedom, near: tuple[PrimitiveContact, ...]) -> Node | None:
@@ -337,6 +335,6 @@ def _straight_down(task: Task, place: Place, twist: Array) -> Move | None:
     It needs contacts on all other freedoms, or none at all: then the errors have to fit into the clearance.
     """
     there = place.pose.moved(twist * float(place.pose.p[2] - task.goal.p[2]))
-    if not task.upright(there) or 0 < pinned(task.assembly, place.pose, place.held) < task.costs.upright:
+    if not task.upright(there) or 0 < pinned(task.assembly, place.pose, place.held) < task.pinned_upright:
         return None
     return Move(place.pose, there, place.held, ())

@@ -111,7 +111,7 @@ class Motion:
             InfeasibleError: a move is impossible.
         """
         start = Reached(ErrorSet.from_box(self.box), (), ())
-        return certified(self.assembly, self.moves, start, self.tolerance, self.turn, thorough=True)
+        return certified(self.assembly, self.moves, start, self.tolerance, self.turn)
 
     @cached_property
     def outcome(self) -> tuple[float | None, End]:
