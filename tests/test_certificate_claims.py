@@ -11,7 +11,7 @@ from peg_pieces import CLEAR, HALF, START_BOX, TOLERANCE, claims, moves, peg, se
 
 from fmopt import plan
 from fmopt.certificate.bounds import UNBOUNDED, bounds
-from fmopt.certificate.claim import claimed, stepped
+from fmopt.certificate.claim import claimed, facet_rows, stepped, without_facets
 from fmopt.certificate.counted import counted_rows
 from fmopt.certificate.functions import contact_rows
 from fmopt.certificate.pair import Witness, facing, free_plane, pairs
@@ -112,6 +112,44 @@ def test_row_bounds_are_what_the_separation_is_made_of() -> None:
         again = separation(peg().assembly, pair, found.witness, c.advance.ends)
         assert again.clearance == pytest.approx(found.clearance, rel=1e-12)
         assert found.margin <= found.clearance
+
+
+def test_facet_rows_are_what_the_contacts_margins_are_made_of() -> None:
+    for c in claims():
+        found: dict[str, list[float]] = {}
+        for facet in facet_rows(peg().assembly, c):
+            for contact, margin in zip(facet.contacts, facet.table.margins(facet.lower), strict=True):
+                found.setdefault(contact.id, []).append(margin)
+        assert {k.contact.id for k in c.contacts} == set(found)
+        for k in c.contacts:
+            assert k.margin <= min(found[k.contact.id]) + 1e-15
+
+
+def test_margins_of_contacts_change_as_their_slopes_say() -> None:
+    """Of 1 µm or 1 µrad against the slope, up to what the rows' curvature is."""
+    seen = 0
+    for c in claims():
+        for facet in facet_rows(peg().assembly, c):
+            pose = (c.advance.ends.start, c.advance.ends.goal)[facet.end]
+            for contact, margin in enumerate(facet.table.margins(facet.lower)):
+                slope = facet.table.slope(contact, facet.lower)
+                if abs(margin) == UNBOUNDED:
+                    continue
+                assert slope.any()
+                N = slope @ facet.rows.N
+                shift = -1e-6 * N / float(np.linalg.norm(N))
+                lower = facet.lower + facet.table.forms.at(pose.moved(shift)).f - facet.rows.f
+                change = facet.table.margins(lower)[contact] - margin
+                assert change == pytest.approx(float(N @ shift), abs=2e-8)
+                seen += 1
+    assert seen > 20
+
+
+def test_without_facets_a_claim_has_the_margin_of_what_keeps_the_parts_apart() -> None:
+    for c in claims():
+        light = without_facets(c)
+        assert light.contacts == ()
+        assert light.margin == min([s.margin for _, _, s in c.separations] + ([] if c.early is None else [c.early]))
 
 
 def test_the_chosen_plane_is_as_good_as_any_face() -> None:

@@ -20,6 +20,7 @@ UNBOUNDED = 1.0  # m; the margin of a contact that nothing bounds
 _BEYOND = 1e-6  # m; how far beyond a blocked rim material must go on
 _SURELY = 1e-9  # m; what takes over is farther inside by this at least, that rounding does not decide
 _DIFFERENCE = 1e-8  # m
+_STEEP = 100.0  # what changes faster jumps
 _MEMORY = 512
 
 Span = tuple[float, float]
@@ -46,7 +47,10 @@ class Bounds:
         return [judge(lower) for judge in self.judges]
 
     def slope(self, contact: int, lower: Array) -> Array:
-        """How the margin of a contact falls with the lower bounds (k,) of the rows, by differences; (k,)."""
+        """How the margin of a contact changes with the lower bounds (k,) of the rows, by differences; (k,).
+
+        Zero where it jumps, as another wall or contact takes over there.
+        """
         judge, found = self.judges[contact], np.zeros(len(lower))
         here = judge(lower)
         for way in (-_DIFFERENCE, _DIFFERENCE):  # a least of several falls with each of them, a greatest only rises
@@ -54,6 +58,7 @@ class Bounds:
                 beside = lower.copy()
                 beside[k] += way
                 found[k] = (judge(beside) - here) / way
+            found[np.abs(found) > _STEEP] = 0.0
             if found.any():
                 break
         return found

@@ -170,6 +170,7 @@ def _contacts(assembly: Assembly, alike: Sequence[Stepped], course: Course) -> l
 class FacetRows:
     """Rows that bound contacts at one end of a piece of motion, and their certified lower bounds (k,) there, m."""
 
+    contacts: tuple[PrimitiveContact, ...]
     end: int
     table: Bounds
     rows: Rows
@@ -183,11 +184,11 @@ def facet_rows(assembly: Assembly, claim: Claim) -> Iterator[FacetRows]:
     both = table.forms.over(ends.start, ends.goal)
     rest = remainders(*both, ends.extent)
     for end, rows in enumerate(both):
-        yield FacetRows(end, table, rows, rows.f - ends.supports[end](rows.N) - rest)
+        yield FacetRows(piece.held, end, table, rows, rows.f - ends.supports[end](rows.N) - rest)
     if piece.last and piece.making:
         table = bounds(assembly, piece.making, piece.goal_contacts)
         rows = table.forms.at(ends.goal)
-        yield FacetRows(1, table, rows, _at_goal(rows, ends))
+        yield FacetRows(piece.making, 1, table, rows, _at_goal(rows, ends))
 
 
 def _made(assembly: Assembly, piece: Piece, ends: Ends) -> list[float]:
