@@ -90,9 +90,9 @@ def _in_turn(tuning: _Tuning, gain: float) -> None:
 
 
 def _at_random(tuning: _Tuning) -> None:
-    """Varies all numbers together, as long as there is next to no margin."""
+    """Varies all numbers together, as long as there is next to no margin but one in sight."""
     rng, (least, width, greatest) = np.random.default_rng(0), _WIDTH
-    while tuning.open and tuning.slight:
+    while tuning.open and tuning.slight and not tuning.stuck:
         step = width * rng.normal(size=len(tuning.factors)) * tuning.factors
         gained = False
         while tuning.open and tuning.gains(step, 0.0):
@@ -151,7 +151,7 @@ class _Tuning:
         self._found, self._shape = found, found.entry.shape
         self._task, self._entry_of, self._clearance, self._limits = task, entry_of, clearance, limits
         self._progress, self._kept = progress, kept
-        self._tries = 0
+        self._margins: list[float] = []  # before each try
         self.best = found
         self.factors: Array = np.ones(len(self._shape.numbers))
 
@@ -161,15 +161,21 @@ class _Tuning:
         return self.best.reached.margin < _ENOUGH * self._clearance
 
     @property
+    def stuck(self) -> bool:
+        """Whether there is no margin, and as many tries as an entry may have brought none nearer."""
+        margin, recent = self.best.reached.margin, self._margins[-self._limits.tries :]
+        return margin <= 0.0 and len(recent) == self._limits.tries and margin < recent[0] + _GAIN * self._clearance
+
+    @property
     def open(self) -> bool:
         """Whether to go on."""
         most = self._limits.tries * (_PATIENCE if self.slight else 1)
         enough = self.best.reached.margin >= self._clearance
-        return self._tries < most and not enough and time.monotonic() < self._limits.deadline
+        return len(self._margins) < most and not enough and time.monotonic() < self._limits.deadline
 
     def gains(self, step: Array, gain: float) -> bool:
         """Takes a step of the factors if it adds more than a gain (m) to the margin and may be kept; whether it did."""
-        self._tries += 1
+        self._margins.append(self.best.reached.margin)
         factors = self.factors + step
         entry = self._entry_of(Shape.of(self._shape.numbers * factors, self._shape.heading))
         other = _from_entry(self._task, self._found, entry, self.best.reached.margin + gain)
