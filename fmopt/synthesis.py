@@ -25,7 +25,7 @@ from fmopt.placement.entry import Entry, Shape, planar_entries, start_spread, st
 from fmopt.placement.motion import Reached
 from fmopt.placement.polish import Turns, polish
 from fmopt.placement.search import MoveSequence, best_sequences
-from fmopt.placement.sequence import Placed, Refinement, apart, better, certified, refine
+from fmopt.placement.sequence import Placed, Refinement, better, certified, refine
 from fmopt.placement.shapes import likely_shapes, roomy_errors, roomy_in_plane
 from fmopt.placement.share import ATTEMPTS, largest_share
 from fmopt.placement.socp import ClarabelSolver
@@ -49,7 +49,7 @@ TRIES = 40  # of entries, when one is varied
 STEADY = 0.05  # share of the contact force that presses what a part turns along, whatever friction turns it off
 FIRM = 0.05  # share of the contact force that presses all that a part slides along to its next contact
 
-_MOST = 0.5  # share of the margin that keeps the parts apart which the contacts' facets may cost
+_WORTH = 0.9  # of a margin; a smaller one is given up for it
 
 
 @dataclass(frozen=True, eq=False)
@@ -361,27 +361,32 @@ def placement(
         progress(f"placement: margin {1e6 * margin:.1f} um")
 
     def improved(placed: Placed) -> list[Placed]:
-        """What the method makes of a sequence, step by step."""
+        """A sequence, and what the method makes of it step by step."""
         if problem.settings.placement == "descent":
-            return [polish(assembly, placed, start, tolerance, FINE, clearance, "descent", Turns(3, reach), told)]
+            return [
+                placed,
+                polish(assembly, placed, start, tolerance, FINE, clearance, "descent", Turns(3, reach), told),
+            ]
         # The program is local: it starts where the search ended, and once more from poses in the middle of their room.
         centred = polish(assembly, placed, start, tolerance, FINE, clearance, "descent", Turns(1, reach), told)
         begun = dict.fromkeys((placed, centred))  # where there was nothing to centre, one and the same
         refined = [refine(assembly, p, start, tolerance, FINE, solver, settings, told) for p in begun]
         best = max(refined, key=lambda p: p.margin)
         best = polish(assembly, best, start, tolerance, FINE, clearance, "nlp", Turns(3, reach), told)
-        return [centred, *refined, best]
+        return [placed, centred, *refined, best]
 
-    placed = certified(assembly, found.moves, start, tolerance, FINE)
-    stages, light = [placed, *improved(placed)], apart(placed)
-    if stages[-1].margin < _MOST * light.margin:
-        # What keeps the parts apart has more room than contacts have in their facets: the way to better poses may lead
-        # through some that only the former allows.
-        best = stages[-1]
-        for other in dict.fromkeys(improved(light)):
-            best = better(assembly, other.moves, best, start, tolerance, FINE, 0.0) or best
-        stages += improved(best)
-    best = _felt(problem, assembly, stages, tolerance)
+    *stages, apart = improved(certified(assembly, found.moves, start, tolerance, FINE, thorough=False))
+    whole = [certified(assembly, apart.moves, start, tolerance, FINE)]
+    if whole[0].margin < apart.margin:
+        # What keeps the parts apart has more room than contacts have in their facets: poses on the way may hold both.
+        for stage in dict.fromkeys(stages):
+            if (other := better(assembly, stage.moves, whole[-1], start, tolerance, FINE, 0.0)) is not None:
+                whole.append(other)
+    if whole[-1].margin < _WORTH * apart.margin:
+        # Placed for both, larger errors may be tolerated less: that has to be worth it.
+        again = improved(whole[-1])[-1]
+        whole += [again] if whole[-1].margin < _WORTH * again.margin else []
+    best = _felt(problem, assembly, whole, tolerance)
     if problem.settings.method == "dakin1993":
         claims = as_in_the_paper(assembly, best.reached.claims, errors, tolerance)
         best = replace(best, reached=replace(best.reached, claims=claims))
@@ -389,8 +394,8 @@ def placement(
 
 
 def _felt(problem: Problem, assembly: Assembly, found: Sequence[Placed], tolerance: Tolerance) -> Placed:
-    """Of sequences the one of largest margin of which every piece runs against the contact that ends its move."""
-    for placed in sorted(dict.fromkeys(found), key=lambda p: -p.margin):
+    """The last of some sequences of which every piece runs against the contact that ends its move."""
+    for placed in reversed(found):
         if runs_against(problem, assembly, placed.reached.claims, tolerance):
             return placed
     raise InfeasibleError("a piece of a turn leads away from the contact that is to end it at first")

@@ -11,7 +11,7 @@ from peg_pieces import CLEAR, HALF, START_BOX, TOLERANCE, claims, moves, peg, se
 
 from fmopt import plan
 from fmopt.certificate.bounds import UNBOUNDED, bounds
-from fmopt.certificate.claim import claimed, facet_rows, stepped, without_facets
+from fmopt.certificate.claim import claimed, facet_rows, stepped
 from fmopt.certificate.counted import counted_rows
 from fmopt.certificate.functions import contact_rows
 from fmopt.certificate.pair import Witness, facing, free_plane, pairs
@@ -143,13 +143,6 @@ def test_margins_of_contacts_change_as_their_slopes_say() -> None:
                 assert change == pytest.approx(float(N @ shift), abs=2e-8)
                 seen += 1
     assert seen > 20
-
-
-def test_without_facets_a_claim_has_the_margin_of_what_keeps_the_parts_apart() -> None:
-    for c in claims():
-        light = without_facets(c)
-        assert light.contacts == ()
-        assert light.margin == min([s.margin for _, _, s in c.separations] + ([] if c.early is None else [c.early]))
 
 
 def test_the_chosen_plane_is_as_good_as_any_face() -> None:

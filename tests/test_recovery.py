@@ -148,7 +148,7 @@ def test_the_plan_offers_to_back_off_and_to_try_again(square_peg_plan: Plan) -> 
     box = square_peg_plan["uncertainty"]["start_box"]
     assert said["covers"] == pytest.approx([3.0 * box[0], 3.0 * box[1], *box[2:]], rel=1e-15)
     # The peg ends on the floor of the hole, 10 mm above the underside of the block.
-    assert 0.009 < said["moves"][-1]["room"] < 0.01
+    assert 0.0085 < said["moves"][-1]["room"] < 0.01
 
 
 def test_every_error_that_is_covered_is_one_of_a_start(square_peg_plan: Plan) -> None:

@@ -138,11 +138,6 @@ def _claim(
     return Claim(piece, step, separations, contacts, margin, clearance, binding, early)
 
 
-def without_facets(claim: Claim) -> Claim:
-    """The same claim without how far contacts stay inside their facets."""
-    return _claim(claim.piece, claim.advance, claim.separations, (), claim.early)
-
-
 def _contacts(assembly: Assembly, alike: Sequence[Stepped], course: Course) -> list[tuple[ContactClaim, ...]]:
     """What is claimed of the contacts of pieces of motion that hold the same ones."""
     held = alike[0][0].held

@@ -14,7 +14,7 @@ from itertools import pairwise, takewhile
 
 import numpy as np
 
-from fmopt.certificate.claim import Claim, facet_rows, without_facets
+from fmopt.certificate.claim import Claim, facet_rows
 from fmopt.certificate.functions import contact_rows, made_form, made_scale
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Tolerance
@@ -84,12 +84,6 @@ def certified(
     for move in moves:
         stages.append(unroll(assembly, move, stages[-1], tolerance, step, thorough))
     return Placed(tuple(moves), stages[-1], tuple(stages[1:]), thorough)
-
-
-def apart(placed: Placed) -> Placed:
-    """The same sequence without what is claimed of how far contacts stay inside their facets."""
-    stages = [replace(at, claims=tuple(without_facets(claim) for claim in at.claims)) for at in placed.stages]
-    return Placed(placed.moves, stages[-1], tuple(stages), thorough=False)
 
 
 def better(
