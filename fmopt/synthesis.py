@@ -49,7 +49,7 @@ TRIES = 40  # of entries, when one is varied
 STEADY = 0.05  # share of the contact force that presses what a part turns along, whatever friction turns it off
 FIRM = 0.05  # share of the contact force that presses all that a part slides along to its next contact
 
-_WORTH = 0.9  # of a margin; a smaller one is given up for it
+_WORTH = 0.5  # of a margin; a smaller one is given up for it
 
 
 @dataclass(frozen=True, eq=False)
@@ -383,7 +383,7 @@ def placement(
             if (other := better(assembly, stage.moves, whole[-1], start, tolerance, FINE, 0.0)) is not None:
                 whole.append(other)
     if whole[-1].margin < _WORTH * apart.margin:
-        # Placed for both, larger errors may be tolerated less: that has to be worth it.
+        # Placed for both, moves are less purely along one freedom, which larger errors and robots tolerate less.
         again = improved(whole[-1])[-1]
         whole += [again] if whole[-1].margin < _WORTH * again.margin else []
     best = _felt(problem, assembly, whole, tolerance)
