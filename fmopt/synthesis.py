@@ -23,7 +23,7 @@ from fmopt.nominal.freedom import freedom, half_widths
 from fmopt.nominal.mapping import answered
 from fmopt.placement.entry import Entry, Shape, planar_entries, start_spread, straight_entry, tilted_entry
 from fmopt.placement.motion import Reached
-from fmopt.placement.polish import Turns, polish
+from fmopt.placement.polish import Method, Turns, polish
 from fmopt.placement.search import MoveSequence, best_sequences
 from fmopt.placement.sequence import Placed, Refinement, better, certified, refine
 from fmopt.placement.shapes import likely_shapes, roomy_errors, roomy_in_plane
@@ -48,7 +48,6 @@ FINE = math.radians(1.0)
 TRIES = 40  # of entries, when one is varied
 STEADY = 0.05  # share of the contact force that presses what a part turns along, whatever friction turns it off
 FIRM = 0.05  # share of the contact force that presses all that a part slides along to its next contact
-
 _WORTH = 0.5  # of a margin; a smaller one is given up for it
 
 
@@ -360,26 +359,24 @@ def placement(
     def told(margin: float) -> None:
         progress(f"placement: margin {1e6 * margin:.1f} um")
 
+    def polished(placed: Placed, method: Method, rounds: int) -> Placed:
+        return polish(assembly, placed, start, tolerance, FINE, clearance, method, Turns(rounds, reach), told)
+
     def improved(placed: Placed) -> list[Placed]:
         """A sequence, and what the method makes of it step by step."""
         if problem.settings.placement == "descent":
-            return [
-                placed,
-                polish(assembly, placed, start, tolerance, FINE, clearance, "descent", Turns(3, reach), told),
-            ]
+            return [placed, polished(placed, "descent", 3)]
         # The program is local: it starts where the search ended, and once more from poses in the middle of their room.
-        centred = polish(assembly, placed, start, tolerance, FINE, clearance, "descent", Turns(1, reach), told)
+        centred = polished(placed, "descent", 1)
         begun = dict.fromkeys((placed, centred))  # where there was nothing to centre, one and the same
         refined = [refine(assembly, p, start, tolerance, FINE, solver, settings, told) for p in begun]
-        best = max(refined, key=lambda p: p.margin)
-        best = polish(assembly, best, start, tolerance, FINE, clearance, "nlp", Turns(3, reach), told)
-        return [placed, centred, *refined, best]
+        return [placed, centred, *refined, polished(max(refined, key=lambda p: p.margin), "nlp", 3)]
 
     *stages, apart = improved(certified(assembly, found.moves, start, tolerance, FINE, thorough=False))
     whole = [certified(assembly, apart.moves, start, tolerance, FINE)]
     if whole[0].margin < apart.margin:
         # What keeps the parts apart has more room than contacts have in their facets: poses on the way may hold both.
-        for stage in dict.fromkeys(stages):
+        for stage in dict.fromkeys(stage for stage in stages if stage is not apart):
             if (other := better(assembly, stage.moves, whole[-1], start, tolerance, FINE, 0.0)) is not None:
                 whole.append(other)
     if whole[-1].margin < _WORTH * apart.margin:

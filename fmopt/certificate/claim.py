@@ -149,7 +149,8 @@ def _contacts(assembly: Assembly, alike: Sequence[Stepped], course: Course) -> l
     for n, (piece, step) in enumerate(alike):
         margins, rows, left = table.margins(inside[n]), goal.end(n), rest[n]
         if piece.last and piece.making:
-            margins += _made(assembly, piece, step.ends)
+            made = _made(assembly, piece, step.ends)
+            margins += made.table.margins(made.lower)
             rows, left = _with_made(assembly, piece, step.ends)
         contacts = (*held, *(piece.making if piece.last else ()))
         found.append(
@@ -181,15 +182,14 @@ def facet_rows(assembly: Assembly, claim: Claim) -> Iterator[FacetRows]:
     for end, rows in enumerate(both):
         yield FacetRows(piece.held, end, table, rows, rows.f - ends.supports[end](rows.N) - rest)
     if piece.last and piece.making:
-        table = bounds(assembly, piece.making, piece.goal_contacts)
-        rows = table.forms.at(ends.goal)
-        yield FacetRows(piece.making, 1, table, rows, _at_goal(rows, ends))
+        yield _made(assembly, piece, ends)
 
 
-def _made(assembly: Assembly, piece: Piece, ends: Ends) -> list[float]:
-    """How far the contacts made at the end of a piece stay inside their facets, m."""
+def _made(assembly: Assembly, piece: Piece, ends: Ends) -> FacetRows:
+    """What bounds the contacts made at the end of a piece."""
     table = bounds(assembly, piece.making, piece.goal_contacts)
-    return table.margins(_at_goal(table.forms.at(ends.goal), ends))
+    rows = table.forms.at(ends.goal)
+    return FacetRows(piece.making, 1, table, rows, _at_goal(rows, ends))
 
 
 def _with_made(assembly: Assembly, piece: Piece, ends: Ends) -> tuple[Rows, Array]:
