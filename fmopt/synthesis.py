@@ -26,7 +26,7 @@ from fmopt.placement.motion import Reached
 from fmopt.placement.polish import Method, Turns, polish
 from fmopt.placement.search import MoveSequence, best_sequences
 from fmopt.placement.sequence import Placed, Refinement, better, certified, refine
-from fmopt.placement.shapes import likely_shapes, roomy_errors, roomy_in_plane
+from fmopt.placement.shapes import likely_shapes, room
 from fmopt.placement.share import ATTEMPTS, largest_share
 from fmopt.placement.socp import ClarabelSolver
 from fmopt.placement.states import Scale, contact_spaces
@@ -268,10 +268,10 @@ def motion(
         SearchError: no sequence was found.
         InfeasibleError: some were found, none of which fine pieces can follow.
     """
-    moving, box, settings = problem.moving, problem.start_box, problem.settings
+    moving, settings = problem.moving, problem.settings
     deadline = time.monotonic() + settings.time_limit
     per_side = clearance.per_side
-    roomy = roomy_in_plane(per_side, box) if assembly.planar else roomy_errors(moving, per_side, box)
+    roomy = room(assembly, per_side, problem.start_box, problem.approach, tolerance)
     costs = Costs.of(start_spread(moving, roomy), per_side)
     goal = Pose.from_vector(problem.goal)
     task = Task(assembly, goal, errors, tolerance, costs, 1.3 * settings.max_tilt)

@@ -10,7 +10,7 @@ from fmopt.placement.entry import Entry, Shape, start_spread, tilted_entry
 from fmopt.placement.motion import Reached
 from fmopt.placement.search import search
 from fmopt.placement.sequence import certified
-from fmopt.placement.shapes import roomy_errors, roomy_in_plane
+from fmopt.placement.shapes import room
 from fmopt.placement.step import Costs, Task
 from fmopt.plan_record import Moved
 from fmopt.se3 import Pose
@@ -22,16 +22,17 @@ from fmopt.uncertainty.error_set import ErrorSet
 
 def task_of(problem: Problem) -> Task:
     """What a problem's search is about."""
-    clearance, box = measured_clearance(problem), problem.start_box
-    planar, per_side = problem.plane is not None, clearance.per_side
-    roomy = roomy_in_plane(per_side, box) if planar else roomy_errors(problem.moving, per_side, box)
+    clearance = measured_clearance(problem)
+    assembly = Assembly(problem.moving, problem.fixed, planar=problem.plane is not None)
     rates = problem.velocity_error.translation, problem.velocity_error.rotation
+    tolerance = Tolerance(rates, clearance.half_diagonal)
+    roomy = room(assembly, clearance.per_side, problem.start_box, problem.approach, tolerance)
     return Task(
-        Assembly(problem.moving, problem.fixed, planar=planar),
+        assembly,
         Pose.from_vector(problem.goal),
         ErrorSet.from_box(problem.start_box),
-        Tolerance(rates, clearance.half_diagonal),
-        Costs.of(start_spread(problem.moving, roomy), per_side),
+        tolerance,
+        Costs.of(start_spread(problem.moving, roomy), clearance.per_side),
         1.3 * problem.settings.max_tilt,
     )
 

@@ -10,6 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fmopt.certificate.assembly import Assembly
+from fmopt.certificate.segment import Tolerance
 from fmopt.geometry.clearance import Clearance
 from fmopt.geometry.part import Part
 from fmopt.placement.corners import corner_walls, leading_corners, next_to_round, outline
@@ -32,6 +34,7 @@ _PLAY = 0.25  # of the play between the walls, which what the height is uncertai
 _BEYOND = 1.1  # of the errors that displace the corner, how far outside the mouth it touches the top
 _ROOMY = 4.0  # clearances a side that ways to enter tilted leave room for at least, as if the errors were that large
 _AMPLE = 7.0  # the same for the larger errors that are tried in turn with them
+_DRIFTED = 0.7  # of how far the part may drift at most, in position and in angle, which hardly happens at once
 _TURNED = 0.06  # of the lateral ones of these, what errors of angle displace the tip by at least
 _INSIDE = 0.115  # of the part's width that is inside the mouth at least where it is tilted the most
 _EACH = 0.25  # of errors widened to so many clearances, what is along either axis and what is by turning at least
@@ -46,6 +49,25 @@ _ASKEW, _APART = (1.2, 2.0), ((1.5, 2.5), (1.7, 2.9))
 _RUN = 6  # shapes of one heading are tried before those of the next, and before any for ample errors
 _BEST = math.radians(100.0)  # of the angles of corners, which of them goes in first
 _SAME = 1e-6  # of the part's width, by which a part that looks the same once turned may differ
+
+
+def room(assembly: Assembly, per_side: float, start_box: Array, approach: float, tolerance: Tolerance) -> Array:
+    """Half-widths (6,) of the errors that ways to begin leave room for, wide enough for contacts some clearances apart.
+
+    They are those with which the part comes to the mouth: what it drifts by until then counts, too, where that is more
+    than a clearance.
+
+    Args:
+        assembly: the two parts.
+        per_side: clearance a side, m.
+        start_box: half-widths (6,) of the start error, m and rad.
+        approach: height above the mouth at the start, m.
+        tolerance: velocity error and metric.
+    """
+    t, r = tolerance.velocity_error
+    drift = approach * np.array([t, t, t, *[r / tolerance.rho] * 3]) * assembly.freedoms
+    met = start_box + _DRIFTED * drift if approach * max(t, r) > per_side else start_box
+    return roomy_in_plane(per_side, met) if assembly.planar else roomy_errors(assembly.moving, per_side, met)
 
 
 def roomy_errors(moving: Part, per_side: float, start_box: Array) -> Array:
