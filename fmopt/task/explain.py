@@ -61,7 +61,7 @@ def explain(problem: Problem, clearance: Clearance) -> str:
         "task": list(_task(problem)),
         "goal": [_goal(problem)],
         "clearance": list(_clearance(problem, clearance)),
-        "start": list(_start(problem)),
+        "start": [*_start(problem), *_drift(problem, clearance)],
         "motion": list(_motion(problem)),
         "settings": list(_settings(problem)),
     }
@@ -190,6 +190,17 @@ def _start(problem: Problem) -> Iterator[str]:
     if problem.trapezoid is not None:
         ball, cone = problem.trapezoid
         yield f"S(t) for a ball of {_mm(ball)} mm and a cone of {_deg(cone)} deg, for which nothing is proved"
+
+
+def _drift(problem: Problem, clearance: Clearance) -> Iterator[str]:
+    """How far velocity errors carry the part on its way down to the mouth, where that is more than a clearance."""
+    rate, rho = problem.velocity_error, problem.settings.characteristic_length or clearance.half_diagonal
+    if problem.approach * max(rate.translation, rate.rotation) > clearance.per_side:
+        slid, turned = problem.approach * rate.translation, problem.approach * rate.rotation / rho
+        yield (
+            f"beside that error it drifts by up to {_mm(slid)} mm and {_deg(turned)} deg on its way down; "
+            "a lower start.height has less of it"
+        )
 
 
 def _pose(P: Array) -> str:
