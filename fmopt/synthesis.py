@@ -36,7 +36,7 @@ from fmopt.placement.tune import Limits, deepened, tuned
 from fmopt.placement.visited import visited
 from fmopt.plan_record import Moved, Nominal, least_firm, least_steady, plan_document, proof_document, runs_against
 from fmopt.se3 import Pose
-from fmopt.task.clearance import measured_clearance
+from fmopt.task.clearance import characteristic_length, drift, measured_clearance
 from fmopt.task.command import task_command
 from fmopt.task.problem import Problem
 from fmopt.uncertainty.error_set import ErrorSet
@@ -167,7 +167,7 @@ def moved(problem: Problem, lap: Callable[[str], None], progress: Progress = lam
     """
     progress("measuring the parts")
     clearance = measured_clearance(problem)
-    rho = problem.settings.characteristic_length or clearance.half_diagonal
+    rho = characteristic_length(problem, clearance)
     assembly = Assembly(problem.moving, problem.fixed, planar=problem.plane is not None)
     tolerance = Tolerance((problem.velocity_error.translation, problem.velocity_error.rotation), rho)
     errors = ErrorSet.from_box(problem.start_box)
@@ -271,7 +271,7 @@ def motion(
     moving, settings = problem.moving, problem.settings
     deadline = time.monotonic() + settings.time_limit
     per_side = clearance.per_side
-    roomy = room(assembly, per_side, problem.start_box, problem.approach, tolerance)
+    roomy = room(assembly, per_side, problem.start_box, drift(problem, clearance))
     costs = Costs.of(start_spread(moving, roomy), per_side)
     goal = Pose.from_vector(problem.goal)
     task = Task(assembly, goal, errors, tolerance, costs, 1.3 * settings.max_tilt)

@@ -15,7 +15,7 @@ from fmopt.placement.step import Costs, Task
 from fmopt.plan_record import Moved
 from fmopt.se3 import Pose
 from fmopt.synthesis import FINE, planned
-from fmopt.task.clearance import measured_clearance
+from fmopt.task.clearance import characteristic_length, drift, measured_clearance
 from fmopt.task.problem import Problem
 from fmopt.uncertainty.error_set import ErrorSet
 
@@ -25,8 +25,8 @@ def task_of(problem: Problem) -> Task:
     clearance = measured_clearance(problem)
     assembly = Assembly(problem.moving, problem.fixed, planar=problem.plane is not None)
     rates = problem.velocity_error.translation, problem.velocity_error.rotation
-    tolerance = Tolerance(rates, clearance.half_diagonal)
-    roomy = room(assembly, clearance.per_side, problem.start_box, problem.approach, tolerance)
+    tolerance = Tolerance(rates, characteristic_length(problem, clearance))
+    roomy = room(assembly, clearance.per_side, problem.start_box, drift(problem, clearance))
     return Task(
         assembly,
         Pose.from_vector(problem.goal),

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from fmopt.desk.plan import Plan
 from fmopt.geometry.clearance import Clearance
 from fmopt.se3 import Pose
-from fmopt.task.clearance import measured_clearance
+from fmopt.task.clearance import characteristic_length, measured_clearance
 from fmopt.task.problem import Problem
 
 if TYPE_CHECKING:
@@ -150,4 +150,4 @@ def plan(problem: Problem, found: Moved, progress: Progress = lambda _: None) ->
 
 
 def _rho(problem: Problem) -> float:
-    return problem.settings.characteristic_length or clearance(problem).half_diagonal
+    return characteristic_length(problem, clearance(problem))

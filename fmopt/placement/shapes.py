@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from fmopt.certificate.assembly import Assembly
-from fmopt.certificate.segment import Tolerance
 from fmopt.geometry.clearance import Clearance
 from fmopt.geometry.part import Part
 from fmopt.placement.corners import corner_walls, leading_corners, next_to_round, outline
@@ -51,22 +50,18 @@ _BEST = math.radians(100.0)  # of the angles of corners, which of them goes in f
 _SAME = 1e-6  # of the part's width, by which a part that looks the same once turned may differ
 
 
-def room(assembly: Assembly, per_side: float, start_box: Array, approach: float, tolerance: Tolerance) -> Array:
+def room(assembly: Assembly, per_side: float, start_box: Array, drift: Array) -> Array:
     """Half-widths (6,) of the errors that ways to begin leave room for, wide enough for contacts some clearances apart.
 
-    They are those with which the part comes to the mouth: what it drifts by until then counts, too, where that is more
-    than a clearance.
+    They are those with which the part comes to the mouth: what it drifts by until then counts, too.
 
     Args:
         assembly: the two parts.
         per_side: clearance a side, m.
         start_box: half-widths (6,) of the start error, m and rad.
-        approach: height above the mouth at the start, m.
-        tolerance: velocity error and metric.
+        drift: how far velocity errors carry the part at most until it is at the mouth (6,), m and rad.
     """
-    t, r = tolerance.velocity_error
-    drift = approach * np.array([t, t, t, *[r / tolerance.rho] * 3]) * assembly.freedoms
-    met = start_box + _DRIFTED * drift if approach * max(t, r) > per_side else start_box
+    met = start_box + _DRIFTED * (drift * assembly.freedoms)
     return roomy_in_plane(per_side, met) if assembly.planar else roomy_errors(assembly.moving, per_side, met)
 
 

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from fmopt.errors import GeometryError
 from fmopt.geometry.clearance import Clearance, checked_clearance
 from fmopt.se3 import Pose
 from fmopt.task.problem import Problem
+from fmopt.values import Array
 
 _FAR = 10.0  # times the declared clearance: no tolerance, but another part or another unit
 
@@ -31,3 +34,19 @@ def measured_clearance(problem: Problem) -> Clearance:
                 "correct [clearance]",
             )
     return found
+
+
+def characteristic_length(problem: Problem, clearance: Clearance) -> float:
+    """The length ρ that weighs angles against lengths, m: stated, or half the diagonal of the mating section."""
+    return problem.settings.characteristic_length or clearance.half_diagonal
+
+
+def drift(problem: Problem, clearance: Clearance) -> Array:
+    """How far velocity errors carry the part at most on its way down to the mouth (6,), m and rad.
+
+    Zero where that is a clearance or less, next to which it does not count.
+    """
+    t, r = problem.velocity_error.translation, problem.velocity_error.rotation
+    if problem.approach * max(t, r) <= clearance.per_side:
+        return np.zeros(6)
+    return problem.approach * np.array([t, t, t, *[r / characteristic_length(problem, clearance)] * 3])

@@ -13,6 +13,7 @@ from fmopt.geometry.clearance import Clearance
 from fmopt.geometry.features import Feature
 from fmopt.geometry.part import Part
 from fmopt.knowledge.command import answer
+from fmopt.task.clearance import drift
 from fmopt.task.command import task_command
 from fmopt.task.problem import Problem
 from fmopt.values import Array
@@ -194,11 +195,10 @@ def _start(problem: Problem) -> Iterator[str]:
 
 def _drift(problem: Problem, clearance: Clearance) -> Iterator[str]:
     """How far velocity errors carry the part on its way down to the mouth, where that is more than a clearance."""
-    rate, rho = problem.velocity_error, problem.settings.characteristic_length or clearance.half_diagonal
-    if problem.approach * max(rate.translation, rate.rotation) > clearance.per_side:
-        slid, turned = problem.approach * rate.translation, problem.approach * rate.rotation / rho
+    far = drift(problem, clearance)
+    if far.any():
         yield (
-            f"beside that error it drifts by up to {_mm(slid)} mm and {_deg(turned)} deg on its way down; "
+            f"beside that error it drifts by up to {_mm(far[0])} mm and {_deg(far[3])} deg on its way down; "
             "a lower start.height has less of it"
         )
 
