@@ -17,7 +17,7 @@ PACKAGE = Path(fmopt.__file__).parent
 
 # From the ground up. A room sees every lower floor, never its own: rooms of one floor do not know each other.
 FLOORS: tuple[frozenset[str], ...] = (
-    frozenset({"errors", "values", "symbolic", "memory"}),
+    frozenset({"errors", "values", "symbolic", "memory", "compiled"}),
     frozenset({"se3", "ellipsoid", "plane"}),
     frozenset({"geometry", "plan"}),
     frozenset({"knowledge", "guarded"}),
@@ -41,17 +41,18 @@ ONLY: dict[str, frozenset[str]] = {
     "values": frozenset(),
     "symbolic": frozenset(),
     "memory": frozenset(),
+    "compiled": frozenset(),
     "plan": frozenset({"errors"}),
-    "plane": frozenset({"values", "errors"}),
+    "plane": frozenset({"compiled", "values", "errors"}),
     "knowledge": frozenset({"geometry", "se3", "values", "errors"}),
     "report": frozenset({"plan", "geometry", "se3", "values", "errors"}),
     "guarded": frozenset({"se3", "values", "errors"}),
     "execution": frozenset({"guarded", "plan", "se3", "values", "errors"}),
     "export": frozenset({"guarded", "plan", "se3", "values", "errors"}),
-    "nominal": frozenset({"knowledge", "geometry", "plane", "se3", "values", "errors"}),
+    "nominal": frozenset({"knowledge", "geometry", "plane", "se3", "compiled", "values", "errors"}),
     "uncertainty": frozenset({"ellipsoid", "plane", "se3", "symbolic", "values", "errors"}),
     "certificate": frozenset(
-        {"contact", "uncertainty", "geometry", "plan", "ellipsoid", "se3", "memory", "values", "errors"}
+        {"contact", "uncertainty", "geometry", "plan", "ellipsoid", "se3", "memory", "compiled", "values", "errors"}
     ),
     "console": frozenset({"report", "plan", "errors"}),
     APART: frozenset(),
@@ -73,6 +74,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
     ),
     "scipy": frozenset({"plane", "geometry", "contact", "nominal", "uncertainty", "placement", "control", "study"})
     | {"execution/grown.py", "execution/corners.py"},
+    "numba": frozenset({"compiled.py"}),
     "distributed": frozenset({"study/cluster.py"}),
     "polars": frozenset({"study/__init__.py", "study/outcome.py", "study/table.py", "desk/plan.py"}),
     "sympy": frozenset(
@@ -102,7 +104,9 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "typer": frozenset({"cli"}),
     "rich": frozenset({"console.py"}),
 }
-SOLVERS = {"numpy", "scipy", "casadi", "sympy", "matplotlib", "clarabel", "daqp", "cvxpy", "pydantic", "distributed"}
+SOLVERS = {"numpy", "numba", "scipy", "casadi", "sympy", "matplotlib", "clarabel", "daqp", "cvxpy", "pydantic"} | {
+    "distributed"
+}
 EVALUATORS = {"eval", "exec", "compile", "__import__"}
 PARSERS = {"lambdify", "sympify", "parse_expr"}
 
