@@ -20,27 +20,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from fmopt.certificate.rows import Forms, Rows
+from fmopt.certificate.tube import POWER, bend, left, left_over, varied
 from fmopt.se3 import cross, length, lengths
 from fmopt.values import Array
 
-_EYE = np.eye(3)
 _NEXT, _AFTER = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
 def _size(vectors: Array) -> Any:
     """The length of one vector as a float; of several (…, 3) lengths (…)."""
     return length(vectors) if vectors.ndim == 1 else lengths(vectors)
-
-
-def _applied(matrices: Array, vectors: Array) -> Array:
-    """Matrices (…, i, j) times vectors (…, j) or one for all."""
-    return np.asarray((matrices @ vectors[..., None])[..., 0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,29 +175,20 @@ class Curvature:
     Args:
         twist: V (6,) of the piece.
         forms: the rows.
-        turned: R k (2, k, 3) at both ends.
-        bends: of the bilinear rows, None without any.
+        turned: R k (k, 3) at the start.
+        lines: as `tube.bend` has them.
     """
 
     twist: Array
     forms: Forms
     turned: Array
-    bends: Bends | None
+    lines: Array
 
     @staticmethod
     def of(start: Rows, goal: Rows, twist: Array) -> Curvature:
         """The curvature of rows over a piece with a twist (6,)."""
-        bends = Bends.of(start, goal, twist) if start.bent.size else None
-        return Curvature(twist, start.forms, np.array([start.turned, goal.turned]), bends)
-
-    @cached_property
-    def _parts(self) -> tuple[Turned, Swung, Array]:
-        """Planes and points of the rows (m) without b, and what the nominal turn leaves of both (m,), m."""
-        push, turned, turn = self.forms.push, self.turned, self.twist[..., 3:]
-        if self.bends is not None:
-            push, turned = push[~self.forms.bilinear], turned[..., ~self.forms.bilinear, :]
-        points = Swung.of(turn, turned)
-        return Turned.of(push), points, lengths(cross(turn, push)) * points.arc
+        forms, ends = start.forms, (np.stack([start.turned, goal.turned]), np.stack([start.bent, goal.bent], axis=1))
+        return Curvature(twist, forms, start.turned, bend(forms.table, forms.places, *ends, twist))
 
     def bound(self, half: Array) -> Array:
         """Bound (k,) of |f − (linear in the error, interpolated between the ends)|, m.
@@ -211,25 +196,13 @@ class Curvature:
         Args:
             half: half-widths (6,) of a box around the errors.
         """
-        if self.bends is None:
-            return self._turning(half)
-        left, which = np.empty(self.turned.shape[1:-1]), self.forms.bilinear
-        left[..., which] = self.bends.bound(half)
-        if not which.all():
-            left[..., ~which] = self._turning(half)
-        return left
-
-    def _turning(self, half: Array) -> Array:
-        """The bounds (m,) of the rows without b."""
-        planes, points, arc = self._parts
-        return np.asarray(planes.by(half[..., 3:]) * points.left(half[..., 3:]) + arc)
+        return left(self.lines, length(self.twist[3:]), half)
 
     def power(self) -> Array:
         """How N·V, V the twist, changes with the error at the start, to first order: rows (k, 6)."""
         push, turn = self.forms.push, self.twist[3:]
-        found = np.hstack([np.zeros(push.shape), cross(self.turned[0], cross(push, turn))])
-        if self.bends is not None:
-            found[self.forms.bilinear] = self.bends.power
+        found = np.hstack([np.zeros(push.shape), cross(self.turned, cross(push, turn))])
+        found[self.forms.places] = self.lines[self.forms.places, POWER]
         return found
 
     def variation(self, half: Array, motion: Array) -> Array:
@@ -239,75 +212,12 @@ class Curvature:
             half: half-widths (6,) of a box around the errors.
             motion: v (6,).
         """
-        slide, spin, wander = length(motion[:3]), length(motion[3:]), length(half[3:]) + length(self.twist[3:])
-        left = wander * spin * self.forms.reach
-        if self.bends is not None:
-            moved = length(half[:3]) + length(self.twist[:3])
-            left[self.forms.bilinear] = wander * (spin * self.bends.size + slide) + moved * spin
-        return np.asarray(left)
-
-
-@dataclass(frozen=True, eq=False)
-class Bends:
-    """How bilinear rows (m) bend over a piece of motion.
-
-    Args:
-        turn: |τ|, rad.
-        size: |u||k| + |y|, the larger of both ends (m,), m.
-        felt: sizes of A (m, 3, 3).
-        seen: |AΔ| (m,), m.
-        second: sizes (2, m, 3, 3) of G at both ends.
-        mixed: sizes (2, m, 3, 3) of [β]× A at both ends.
-        turning: sizes of J (m, 6), both ends together.
-        chord: how far the nominal path is off its chord (m,), m.
-        power: how N·V, V the twist, changes with the error at the start (m, 6).
-    """
-
-    turn: float
-    size: Array
-    felt: Array
-    seen: Array
-    second: Array
-    mixed: Array
-    turning: Array
-    chord: Array
-    power: Array
-
-    @staticmethod
-    def of(start: Rows, goal: Rows, twist: Array) -> Bends:
-        """The bends of those rows that are bilinear, for a twist (6,)."""
-        forms, which = start.forms, start.forms.bilinear
-        u, A, turn = forms.push[which], forms.moves, twist[..., 3:]
-        w = np.array([start.turned[..., which, :], goal.turned[..., which, :]])
-        beta, y = np.stack([start.bent, goal.bent], axis=1)
-        size, tau = forms.reach[which] + lengths(y).max(axis=0), _size(turn)
-        slid = _applied(A, twist[..., :3])
-        seen = lengths(slid)
-        outer = w[..., :, None] * u[:, None, :] + beta[..., :, None] * y[..., None, :]
-        G = np.trace(outer, axis1=-2, axis2=-1)[..., None, None] * _EYE - outer
-        pulled, carried = (cross(turn, beta)[..., None, :] @ A)[..., 0, :], cross(beta, slid)
-        J, K = (np.concatenate([pulled, carried - _applied(H, turn)], axis=-1) for H in (G, np.swapaxes(G, -1, -2)))
-        chord = 0.125 * np.abs(np.vecdot(J, twist)).max(axis=0) + tau**2 * (tau * size + 3.0 * seen) / 16.0
-        mixed = cross(beta[..., None, :], np.swapaxes(A, -1, -2))
-        second, mixed = 0.5 * np.abs(G + np.swapaxes(G, -1, -2)), np.abs(np.swapaxes(mixed, -1, -2))
-        turning, power = np.abs(J).sum(axis=0), K[0]
-        return Bends(tau, size, np.abs(A), seen, second, mixed, turning, chord, power)
-
-    def bound(self, half: Array) -> Array:
-        """The remainders (m,), see `Curvature.bound`."""
-        offset, angles = half[..., :3], half[..., 3:]
-        theta, tau, size, seen = _size(angles), self.turn, self.size, self.seen
-        felt = lengths(_applied(self.felt, offset))
-        drawn = 0.5 * _applied(self.second, angles) + _applied(self.mixed, offset)
-        second = np.vecdot(drawn, angles).max(axis=0)
-        third = theta**2 * ((theta / 6.0 + 0.25 * tau) * size + 0.5 * felt + 0.25 * seen) + 0.5 * theta * tau * felt
-        third += 0.125 * tau * (theta * tau * size + tau * felt + 2.0 * theta * seen)
-        fine = second + self.chord + 0.25 * np.vecdot(self.turning, half) + third
-        coarse = (0.5 * theta**2 + tau**2 / 8.0 + 0.5 * tau * theta) * size
-        coarse += (theta + 0.5 * tau) * felt + (0.25 * tau + 0.5 * theta) * seen
-        return np.asarray(np.minimum(fine, coarse))
+        return varied(self.lines, self.twist, half, motion)
 
 
 def remainders(start: Rows, goal: Rows, extent: Extent) -> Array:
-    """The remainders (k,) of rows over a piece of motion, see `Curvature`."""
-    return Curvature.of(start, goal, extent.twist).bound(extent.half)
+    """The remainders (k,) of rows over a piece of motion, or (n, k) over several, see the module."""
+    twists, halves, forms = extent.twist.reshape(-1, 6), extent.half.reshape(-1, 6), start.forms
+    turned = np.stack([start.turned, goal.turned]).reshape(2, len(twists), len(forms), 3)
+    bent = np.stack([start.bent, goal.bent], axis=1).reshape(2, 2, len(twists), len(forms.places), 3)
+    return left_over(forms.table, forms.places, turned, bent, twists, halves).reshape(start.f.shape)

@@ -6,43 +6,33 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmopt.certificate.curvature import Curvature
 from fmopt.certificate.piece import Piece
 from fmopt.certificate.way import Way
 from fmopt.uncertainty.error_set import Support
 from fmopt.values import Array
 
+_NONE = np.zeros(2)
+
 
 @dataclass(frozen=True, eq=False)
 class Layers:
-    """The thickness of contact surfaces at both ends of a piece.
+    """What the thickness of contact surfaces at both ends of a piece is made up of.
 
     Args:
-        curvature: of the held basis' rows, and on the last piece of the row of the contact being made (r).
+        lines: how the held basis' rows bend, and on the last piece the row of the contact being made; see `tube`.
         held: how many are held, h.
         rest: what start set and nominal poses leave of the rows (r,), m.
-        residue: what rounding leaves of the made one under the projection, per m and per rad.
+        residue: what rounding leaves of the made one under the projection, per m and per rad (2,).
         goal_dual: T^G (6, r), dual to the rows at the goal.
         delay: how much farther the execution goes for each thickness (r,), as a share of the piece, 1/m.
     """
 
-    curvature: Curvature
+    lines: Array
     held: int
     rest: Array
-    residue: tuple[float, float]
+    residue: Array
     goal_dual: Array
     delay: Array
-
-    def thicknesses(self, half: Array, wide: tuple[float, float]) -> tuple[Array, Array]:
-        """Thickness at the start (h,) and at the goal (r,), m.
-
-        Args:
-            half: half-widths (6,) of the box around all errors.
-            wide: bounds of translation and angle with their drift, before contacts take it up.
-        """
-        final = self.curvature.bound(half) + self.rest
-        final[self.held :] += self.residue[0] * wide[0] + self.residue[1] * wide[1]
-        return final[: self.held], final
 
 
 def layers_of(piece: Piece, way: Way, start: Support) -> Layers:
@@ -59,6 +49,7 @@ def layers_of(piece: Piece, way: Way, start: Support) -> Layers:
     first, second = way.held
     ends = np.maximum(np.abs(first.f) + start(first.N), np.abs(second.f))
     if way.made is None or not piece.last:
-        return Layers(way.held_curvature, len(ends), ends, (0.0, 0.0), way.goal_dual, np.zeros(len(ends)))
+        return Layers(way.held_curvature.lines, len(ends), ends, _NONE, way.goal_dual, np.zeros(len(ends)))
     closing, rest = way.closing, np.append(ends, np.abs(way.made[1].f))
-    return Layers(closing.rows, len(ends), rest, closing.residue, closing.dual, np.abs(closing.progress))
+    lines = np.concatenate([way.held_curvature.lines, way.made_curvature.lines])
+    return Layers(lines, len(ends), rest, closing.residue, closing.dual, np.abs(closing.progress))

@@ -16,15 +16,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from fmopt.compiled import compiled
 from fmopt.se3 import Pose, cross, lengths
 from fmopt.values import Array
 
 Mask = NDArray[np.bool_]
+Places = NDArray[np.intp]
 
 _NORMAL, _PUSH, _LEVER, _BODY, _ACROSS, _SHIFT = (slice(3 * k, 3 * k + 3) for k in range(6))
 _OFFSET, _SIGN, _REACH, _WIDTH = 18, 19, 20, 21
-_EYE = np.eye(3)
-_TURN = np.cross(_EYE[:, None], _EYE[None])  # (a × b)_c = Σ _TURN[i, j, c] a_i b_j
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +82,9 @@ class Forms:
         return np.asarray((self.table[:, _BODY] != 0.0).any(axis=1))
 
     @cached_property
-    def _curved(self) -> bool:
-        return bool(self.bilinear.any())
+    def places(self) -> Places:
+        """Indices (m,) of those that are."""
+        return np.flatnonzero(self.bilinear)
 
     @property
     def push(self) -> Array:
@@ -95,51 +96,10 @@ class Forms:
         """|u||k| (k,), m."""
         return self.table[:, _REACH]
 
-    @cached_property
-    def moves(self) -> Array:
-        """The maps (m, 3, 3) from a translation to the change of σ p + a × p + s, of the m bilinear rows."""
-        T = self.table[self.bilinear]
-        return np.asarray(T[:, _SIGN, None, None] * _EYE + np.einsum("iac,ki->kca", _TURN, T[:, _ACROSS]))
-
-    @cached_property
-    def _linear(self) -> Array:
-        """What takes (R row by row, p, 1) (13,) to f, N and R k of each row, and to R b and y when one is bilinear.
-
-        All of these are linear in the pose but for (R b)·y in f and (R b) × y in the turns' part of N, with
-        y = σ p + a × p + s. Shape (13, 10 k) or (13, 16 k).
-        """
-        T, k, wide = self.table, len(self.table), 16 if self._curved else 10
-        found = np.zeros((13, k, wide))
-        turning = found[:9].reshape(3, 3, k, wide)
-        turning[..., 0] = np.einsum("ki,kj->ijk", T[:, _PUSH], T[:, _LEVER])
-        turning[..., 4:7] = np.einsum("aic,ki,kj->ajkc", _TURN, T[:, _PUSH], T[:, _LEVER])
-        turning[..., 7:10] = np.einsum("ac,kj->ajkc", _EYE, T[:, _LEVER])
-        found[9:12, :, 0], found[12, :, 0] = T[:, _NORMAL].T, -T[:, _OFFSET]
-        found[12, :, 1:4] = T[:, _NORMAL]
-        if self._curved:
-            along, turned = T[:, _SIGN, None, None] * _EYE, np.einsum("aic,ki->kac", _TURN, T[:, _ACROSS])
-            turning[..., 1:4] = np.einsum("kac,kj->ajkc", along + turned, T[:, _BODY])
-            turning[..., 10:13] = np.einsum("ac,kj->ajkc", _EYE, T[:, _BODY])
-            found[9:12, :, 13:] = np.moveaxis(along - turned, 1, 0)
-            found[12, :, 13:] = T[:, _SHIFT]
-        return found.reshape(13, k * wide)
-
     def along(self, p: Array, R: Array) -> tuple[Array, Array]:
         """Distances (e, k) and gradients (e, k, 6) at poses with positions p (e, 3) and rotations R (e, 3, 3)."""
-        f, N, _ = self._at(p, R)
+        f, N, _, _ = _at(self.table, self.places, p, R)
         return f, N
-
-    def _at(self, p: Array, R: Array) -> tuple[Array, Array, Array]:
-        """Values, gradients, and R k, then R b and y when one is bilinear (e, k, 3 or 9), of rows."""
-        at = np.empty((len(p), 13))
-        at[:, :9], at[:, 9:12], at[:, 12] = R.reshape(-1, 9), p, 1.0
-        found = (at @ self._linear).reshape(len(p), len(self.table), 16 if self._curved else 10)
-        f, N = found[..., 0], found[..., 1:7]
-        if self._curved:
-            Rb, y = found[..., 10:13], found[..., 13:]
-            f = f + np.vecdot(Rb, y)
-            N[..., 3:] += cross(Rb, y)
-        return f, N, found[..., 7:]
 
     def over(self, start: Pose, goal: Pose) -> tuple[Rows, Rows]:
         """The rows at both ends of a piece of motion."""
@@ -157,11 +117,62 @@ class Forms:
     def rows(self, p: Array, R: Array) -> Rows:
         """The rows at poses with positions p (…, 3) and rotations R (…, 3, 3), their axes leading."""
         lead = p.shape[:-1]
-        f, N, rest = (found.reshape(*lead, *found.shape[1:]) for found in self._at(p.reshape(-1, 3), R))
-        turned, bent = rest[..., :3], np.zeros((2, *lead, 0, 3))
-        if self._curved:
-            bent = np.moveaxis(rest[..., self.bilinear, 3:].reshape(*lead, -1, 2, 3), -2, 0)
-        return Rows(f, N, self, turned, bent)
+        found = _at(self.table, self.places, p.reshape(-1, 3), R.reshape(-1, 3, 3))
+        f, N, turned = (part.reshape(*lead, *part.shape[1:]) for part in found[:3])
+        return Rows(f, N, self, turned, found[3].reshape(2, *lead, -1, 3))
+
+
+@compiled
+def _at(table: Array, places: Places, p: Array, R: Array) -> tuple[Array, Array, Array, Array]:
+    """Values and gradients of rows at poses, and the vectors that turn; see `Rows`.
+
+    Args:
+        table: (k, 21), of the forms.
+        places: of the bilinear rows among them (m,).
+        p: positions (e, 3).
+        R: rotations (e, 3, 3).
+
+    Returns:
+        f (e, k), N (e, k, 6), R k (e, k, 3), and R b and y (2, e, m, 3) of the bilinear rows.
+    """
+    poses, k, m = len(p), len(table), len(places)
+    f, N, turned, bent = (
+        np.empty((poses, k)),
+        np.empty((poses, k, 6)),
+        np.empty((poses, k, 3)),
+        np.empty((2, poses, m, 3)),
+    )
+    for e in range(poses):
+        Q = R[e]
+        x, y, z = p[e, 0], p[e, 1], p[e, 2]
+        for i in range(k):
+            T = table[i]
+            for c in range(3):
+                N[e, i, c] = T[c]
+                turned[e, i, c] = Q[c, 0] * T[6] + Q[c, 1] * T[7] + Q[c, 2] * T[8]
+            w = turned[e, i]
+            f[e, i] = T[0] * x + T[1] * y + T[2] * z + (T[3] * w[0] + T[4] * w[1] + T[5] * w[2]) - T[18]
+            N[e, i, 3] = w[1] * T[5] - w[2] * T[4]
+            N[e, i, 4] = w[2] * T[3] - w[0] * T[5]
+            N[e, i, 5] = w[0] * T[4] - w[1] * T[3]
+        for j in range(m):
+            i = places[j]
+            T = table[i]
+            beta, v = bent[0, e, j], bent[1, e, j]
+            for c in range(3):
+                beta[c] = Q[c, 0] * T[9] + Q[c, 1] * T[10] + Q[c, 2] * T[11]
+            # y = σ p + a × p + s; N gains Aᵀ β = σ β − a × β for the translation, β × y for the rotation
+            v[0] = T[19] * x + (T[13] * z - T[14] * y) + T[15]
+            v[1] = T[19] * y + (T[14] * x - T[12] * z) + T[16]
+            v[2] = T[19] * z + (T[12] * y - T[13] * x) + T[17]
+            f[e, i] += beta[0] * v[0] + beta[1] * v[1] + beta[2] * v[2]
+            N[e, i, 0] += T[19] * beta[0] - (T[13] * beta[2] - T[14] * beta[1])
+            N[e, i, 1] += T[19] * beta[1] - (T[14] * beta[0] - T[12] * beta[2])
+            N[e, i, 2] += T[19] * beta[2] - (T[12] * beta[1] - T[13] * beta[0])
+            N[e, i, 3] += beta[1] * v[2] - beta[2] * v[1]
+            N[e, i, 4] += beta[2] * v[0] - beta[0] * v[2]
+            N[e, i, 5] += beta[0] * v[1] - beta[1] * v[0]
+    return f, N, turned, bent
 
 
 def stacked(*parts: Forms) -> Forms:

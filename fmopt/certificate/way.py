@@ -71,16 +71,20 @@ class Way:
         return Curvature.of(*self.held, self.twist)
 
     @cached_property
+    def made_curvature(self) -> Curvature:
+        """Of the row of the contact being made."""
+        assert self.made is not None
+        return Curvature.of(*self.made, self.twist)
+
+    @cached_property
     def closing(self) -> Closing:
         """What holds where the contact being made is."""
         assert self.made is not None
-        (first, second), (begin, end) = self.held, self.made
         C = np.vstack([self.directions, self.motion]).T
-        inverse = ellipsoid.coupling_inverse(np.vstack([second.N, end.N]), C)
-        left = end.N[0] @ self.projector
-        own = Curvature.of(begin, end, self.twist)
-        both = Curvature.of(first.beside(begin), second.beside(end), self.twist)
-        return Closing(own, both, C @ inverse, inverse[-1], (length(left[:3]), length(left[3:])))
+        end = self.made[1].N
+        inverse = ellipsoid.coupling_inverse(np.vstack([self.held[1].N, end]), C)
+        left = end[0] @ self.projector
+        return Closing(C @ inverse, inverse[-1], np.array([length(left[:3]), length(left[3:])]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,18 +92,14 @@ class Closing:
     """What holds at the contact being made, beside the h that are held.
 
     Args:
-        made: curvature of its row.
-        rows: curvature of all h + 1 rows.
-        dual: T^G (6, h + 1), dual to these at the goal.
+        dual: T^G (6, h + 1), dual to the rows of all at the goal.
         progress: how much farther the execution goes for each row's value (h + 1,), as a share of the piece, 1/m.
-        residue: what rounding leaves of its row under the projection, per m and per rad.
+        residue: what rounding leaves of the made one's row under the projection, per m and per rad (2,).
     """
 
-    made: Curvature
-    rows: Curvature
     dual: Array
     progress: Array
-    residue: tuple[float, float]
+    residue: Array
 
 
 def way_of(assembly: Assembly, piece: Piece, tolerance: Tolerance) -> Way:
@@ -134,7 +134,7 @@ def _way(
         raise InfeasibleError(f"a piece of motion turns by {turn:.3g} rad, goes {far:.3g} m", advice="split the move")
     C = np.frombuffer(twists).reshape(-1, 6)
     held = contact_forms(assembly, contacts, held_all).over(start, goal)
-    duals = [C.T @ ellipsoid.coupling_inverse(rows.N, C.T) if len(C) else C.T for rows in held]
+    duals = [C.T @ ellipsoid.coupling_inverse(rows.N, C.T) if len(C) else np.zeros((6, 0)) for rows in held]
     hold = np.eye(6) - duals[1] @ held[1].N
     v = hold @ V
     if contact is None:
@@ -162,7 +162,7 @@ def approach(tolerance: Tolerance, way: Way, extent: Extent) -> float:
     if way.made is None:
         return float(np.inf)
     first, second = (float(rows.N[0] @ way.motion) for rows in way.made)
-    return min(-first, -second) - _change(tolerance, way, extent, way.made[1], way.closing.made)
+    return min(-first, -second) - _change(tolerance, way, extent, way.made[1], way.made_curvature)
 
 
 def departure(assembly: Assembly, piece: Piece, tolerance: Tolerance, way: Way, extent: Extent) -> float:

@@ -1,0 +1,92 @@
+"""The compiled kernels of the error tube: as they are written, and as the plain formulas have them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fmopt import ellipsoid
+from fmopt.certificate import rows, tube
+from fmopt.certificate.rows import Forms, Places, edges_apart, faces_above, points_above, stacked
+from fmopt.se3 import Pose
+from fmopt.values import Array
+
+RHO = 0.014
+
+
+def written(kernel: Any) -> Any:
+    """A kernel as it is written, not compiled."""
+    return kernel.py_func
+
+
+def unit(rng: np.random.Generator, count: int) -> Array:
+    found = rng.normal(size=(count, 3))
+    return np.asarray(found / np.linalg.norm(found, axis=1)[:, None])
+
+
+def mixed(rng: np.random.Generator) -> Forms:
+    """Rows of all kinds."""
+    (e_m, e_f), points = unit(rng, 2), rng.uniform(-0.02, 0.02, (4, 3))
+    above, below = points_above(points, unit(rng, 4), 0.01), faces_above(unit(rng, 4), 0.01, points)
+    return stacked(above, edges_apart(e_m, e_f, points[0], points), below)
+
+
+def bent(seed: int) -> tuple[Array, Places, Array, Array, Array]:
+    """What `tube.bend` takes, of mixed rows along a piece of motion."""
+    rng = np.random.default_rng(seed)
+    forms, start = mixed(rng), Pose.from_vector(rng.uniform(-0.02, 0.02, 6))
+    twist = rng.uniform(-0.01, 0.01, 6)
+    first, second = forms.over(start, start.moved(twist))
+    turned, both = np.stack([first.turned, second.turned]), np.stack([first.bent, second.bent], axis=1)
+    return forms.table, forms.places, turned, both, twist
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_kernels_of_rows_do_what_is_written(seed: int) -> None:
+    table, places, turned, both, twist = bent(seed)
+    rng = np.random.default_rng(seed)
+    half, motion = rng.uniform(0.0, 0.01, 6), rng.normal(size=6)
+    lines = tube.bend(table, places, turned, both, twist)
+    np.testing.assert_allclose(lines, written(tube.bend)(table, places, turned, both, twist), rtol=1e-13, atol=1e-18)
+    turn = float(np.linalg.norm(twist[3:]))
+    np.testing.assert_allclose(tube.left(lines, turn, half), written(tube.left)(lines, turn, half), rtol=1e-13)
+    found = tube.varied(lines, twist, half, motion)
+    np.testing.assert_allclose(found, written(tube.varied)(lines, twist, half, motion), rtol=1e-13)
+    poses = [Pose.from_vector(rng.normal(size=6)) for _ in range(3)]
+    at = np.array([pose.p for pose in poses]), np.array([pose.R for pose in poses])
+    for compiled, plain in zip(rows._at(table, places, *at), written(rows._at)(table, places, *at), strict=True):
+        np.testing.assert_allclose(compiled, plain, rtol=1e-13, atol=1e-17)
+
+
+def test_several_pieces_at_once_leave_what_each_leaves() -> None:
+    table, places, turned, both, twist = bent(7)
+    halves = np.random.default_rng(7).uniform(0.0, 0.01, (3, 6))
+    many = (
+        np.repeat(turned[:, None], 3, axis=1),
+        np.repeat(both[:, :, None], 3, axis=2),
+        np.repeat(twist[None], 3, axis=0),
+    )
+    found = tube.left_over(table, places, *many, halves)
+    lines, turn = tube.bend(table, places, turned, both, twist), float(np.linalg.norm(twist[3:]))
+    np.testing.assert_array_equal(found, [tube.left(lines, turn, half) for half in halves])
+
+
+@pytest.mark.parametrize(("first", "second"), [(6, 6), (3, 2), (6, 0), (0, 4)])
+def test_sums_of_ellipsoids_are_those_of_the_plain_formula(first: int, second: int) -> None:
+    rng = np.random.default_rng(first)
+    F1, F2 = rng.normal(size=(6, first)), rng.normal(size=(6, second)) * 1e-3
+    found = tube._narrow(tube._sum(F1, F2, RHO))
+    expected = ellipsoid.outer_sum(F1, F2, ellipsoid.metric(RHO))
+    assert found.shape[1] <= 6
+    np.testing.assert_allclose(found @ found.T, expected @ expected.T, rtol=1e-12, atol=1e-18)
+    np.testing.assert_allclose(found, written(tube._narrow)(written(tube._sum)(F1, F2, RHO)), rtol=1e-12, atol=1e-18)
+
+
+def test_a_flat_ellipsoid_stays_flat_when_its_root_is_narrowed() -> None:
+    """Along a direction without extent the reach stays at rounding of the root, not of the shape matrix."""
+    F = np.random.default_rng(3).normal(size=(6, 14))
+    N = np.array([0.6, 0.0, 0.8, 0.0, 0.0, 0.0])
+    F -= np.outer(N, N @ F)
+    assert np.linalg.norm(N @ tube._narrow(F)) < 1e-14
