@@ -12,10 +12,12 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fmopt.compiled import compiled
 from fmopt.errors import InfeasibleError
 from fmopt.values import Array
 
 _SINGULAR = 1e-12
+_LARGE = 1e11  # inverses no larger than this are of matrices that are not singular
 _WIDTH = 18  # columns that a root may have while sums are taken
 
 
@@ -53,17 +55,72 @@ def coupling_inverse(N: ArrayLike, C: ArrayLike) -> Array:
     rows, columns = np.asarray(N, dtype=np.float64), np.asarray(C, dtype=np.float64)
     if rows.shape != columns.T.shape:
         raise ValueError(f"rows have shape {rows.shape}, directions {columns.shape}; expected (r, n) and (n, r)")
-    lengths, widths = np.sqrt(np.vecdot(rows, rows)), np.sqrt(np.vecdot(columns.T, columns.T))
-    if not (lengths.all() and widths.all()):
+    inverse, size = _inverse(np.ascontiguousarray(rows), np.ascontiguousarray(columns.T))
+    if math.isnan(size):
         raise ValueError("a contact row or a direction is zero")
-    unit = (rows / lengths[:, None]) @ (columns / widths)
-    smallest = float(np.linalg.svd(unit, compute_uv=False)[-1]) if len(rows) else 1.0
-    if smallest < _SINGULAR:
-        raise InfeasibleError(
-            f"the directions do not reach all contact rows (smallest singular value {smallest:.1e})",
-            advice="pass independent contact rows, and one direction for each that is not tangent to it",
-        )
-    return np.asarray(np.linalg.inv(unit) / np.outer(widths, lengths))
+    if size > _LARGE:
+        lengths, widths = np.sqrt(np.vecdot(rows, rows)), np.sqrt(np.vecdot(columns.T, columns.T))
+        smallest = float(np.linalg.svd((rows / lengths[:, None]) @ (columns / widths), compute_uv=False)[-1])
+        if smallest < _SINGULAR:
+            raise InfeasibleError(
+                f"the directions do not reach all contact rows (smallest singular value {smallest:.1e})",
+                advice="pass independent contact rows, and one direction for each that is not tangent to it",
+            )
+    return inverse
+
+
+@compiled
+def _inverse(rows: Array, directions: Array) -> tuple[Array, float]:
+    """(N C)⁻¹ (r, r) by Gauss and Jordan, and the Frobenius norm of that of unit rows and directions.
+
+    Args:
+        rows: N (r, n).
+        directions: Cᵀ (r, n).
+
+    Returns:
+        the inverse, and its size: infinite where a pivot vanishes, not a number where a row or a direction does.
+    """
+    r, n = rows.shape
+    work, inverse, lengths, widths = np.empty((r, r)), np.zeros((r, r)), np.zeros(r), np.zeros(r)
+    for i in range(r):
+        for c in range(n):
+            lengths[i] += rows[i, c] ** 2
+            widths[i] += directions[i, c] ** 2
+        if lengths[i] == 0.0 or widths[i] == 0.0:
+            return inverse, math.nan
+        lengths[i], widths[i], inverse[i, i] = math.sqrt(lengths[i]), math.sqrt(widths[i]), 1.0
+    for i in range(r):
+        for j in range(r):
+            along = 0.0
+            for c in range(n):
+                along += rows[i, c] * directions[j, c]
+            work[i, j] = along / (lengths[i] * widths[j])
+    for k in range(r):
+        pivot = k
+        for i in range(k + 1, r):
+            if abs(work[i, k]) > abs(work[pivot, k]):
+                pivot = i
+        head = work[pivot, k]
+        if head == 0.0:
+            return inverse, math.inf
+        for j in range(r):
+            work[k, j], work[pivot, j] = work[pivot, j], work[k, j]
+            inverse[k, j], inverse[pivot, j] = inverse[pivot, j], inverse[k, j]
+        for j in range(r):
+            work[k, j] /= head
+            inverse[k, j] /= head
+        for i in range(r):
+            if i != k:
+                share = work[i, k]
+                for j in range(r):
+                    work[i, j] -= share * work[k, j]
+                    inverse[i, j] -= share * inverse[k, j]
+    size = 0.0
+    for i in range(r):
+        for j in range(r):
+            size += inverse[i, j] ** 2
+            inverse[i, j] /= widths[i] * lengths[j]
+    return inverse, math.sqrt(size)
 
 
 def oblique_projector(N: ArrayLike, C: ArrayLike) -> tuple[Array, Array]:

@@ -142,9 +142,9 @@ def test_the_same_test_catches_drift_counted_over_the_commanded_way(
     drifting = [index for index in range(SEGMENTS) if max(segment(index).tolerance.velocity_error) > 0.0]
 
     def commanded(*arguments: Any) -> Any:
-        way, rest = arguments[7].copy(), arguments[9:]
+        way, rest = arguments[8].copy(), arguments[10:]
         way[3] = 0.0
-        return carried(*arguments[:7], way, np.zeros(6), *rest)  # nothing of the errors is seen along the way
+        return carried(*arguments[:8], way, np.zeros(6), *rest)  # nothing of the errors is seen along the way
 
     monkeypatch.setattr("fmopt.certificate.segment.carried", commanded)
 

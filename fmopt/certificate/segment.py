@@ -24,14 +24,13 @@ import numpy as np
 from fmopt import ellipsoid
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.curvature import Extent
-from fmopt.certificate.layers import layers_of
 from fmopt.certificate.piece import Compliance, Piece, Tolerance
 from fmopt.certificate.separation import Ends
 from fmopt.certificate.tube import LARGE, PAST, SETTLED, THICK, carried
 from fmopt.certificate.way import Way, approach, departure, way_of
 from fmopt.errors import InfeasibleError
 from fmopt.se3 import length
-from fmopt.uncertainty.error_set import ErrorSet, Support
+from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array
 
 __all__ = ["Advance", "Compliance", "Piece", "Tolerance", "advance"]
@@ -99,12 +98,13 @@ def _carried(
     Everything is evaluated with one box around all errors of the piece, such that the one computed with it is no wider.
     """
     core = errors.core(way.directions)
-    layers = layers_of(piece, way, Support.of(core, errors))
+    layers = way.closing if piece.made is not None and piece.last else way.on_the_way
     translation, rotation = tolerance.velocity_error
     code, half, thickness, beyond, generators, growth, shape = carried(
         layers.lines,
-        layers.rest,
-        layers.held,
+        layers.held.f,
+        layers.held.N,
+        layers.off,
         layers.residue,
         way.start_dual,
         layers.goal_dual,
@@ -123,5 +123,5 @@ def _carried(
         raise InfeasibleError(message, advice=advice)
     compliant = np.array([c.direction for c in basis[: len(thickness)]]).reshape(-1, 6)
     goal = ErrorSet(shape, generators, growth, len(thickness), compliant)
-    slack = way.start_dual * thickness[: layers.held]
+    slack = way.start_dual * thickness[: len(piece.basis)]
     return Ends(piece.start, piece.goal, errors, goal, Extent(way.twist, half), slack, core), beyond

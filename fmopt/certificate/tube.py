@@ -414,8 +414,9 @@ def _drifted(radii: tuple[float, float, float], drifts: Array) -> tuple[float, f
 @compiled
 def carried(
     lines: Array,
-    rest: Array,
-    held: int,
+    f: Array,
+    N: Array,
+    off: Array,
     residue: Array,
     start_dual: Array,
     goal_dual: Array,
@@ -433,8 +434,9 @@ def carried(
 
     Args:
         lines: how the rows of the contacts (r) bend; those held, and on the last piece the one being made.
-        rest: what start set and nominal poses leave of these rows (r,), m.
-        held: how many are held, h.
+        f: values (h,) of the rows of those held, h, at the start, m.
+        N: their gradients (h, 6).
+        off: sizes of the values (r,) at the goal, m.
         residue: what rounding leaves of the made one under the projection, per m and per rad (2,).
         start_dual: T^S (6, h).
         goal_dual: T^G (6, r).
@@ -458,6 +460,10 @@ def carried(
             for j in range(6):
                 image[k, i] += projector[i, j] * core[k, j]
     growth_there, shape_there = _mapped(projector, growth), _mapped(projector, shape)
+    held, rest = len(f), off.copy()
+    for k in range(held):
+        reach = min(_reach(N[k], core, growth), _reach(N[k], core[:0], shape))
+        rest[k] = max(abs(f[k]) + reach, rest[k])
     drifts, boxes = _spread(growth_there, projector, rho), np.empty((3, 6))
     for i in range(6):
         start, goal, width = 0.0, 0.0, 0.0

@@ -12,6 +12,7 @@ from fmopt.certificate.assembly import Assembly, hinge, level
 from fmopt.certificate.curvature import Curvature, Extent
 from fmopt.certificate.functions import contact_forms, made_form
 from fmopt.certificate.knowledge import coming_off
+from fmopt.certificate.layers import Layers
 from fmopt.certificate.piece import Piece, Tolerance
 from fmopt.certificate.rows import Forms, Rows, points_above
 from fmopt.contact.primitive import PrimitiveContact
@@ -77,29 +78,23 @@ class Way:
         return Curvature.of(*self.made, self.twist)
 
     @cached_property
-    def closing(self) -> Closing:
-        """What holds where the contact being made is."""
+    def on_the_way(self) -> Layers:
+        """The thickness of contact surfaces on pieces that do not end the move."""
+        first, second = self.held
+        lines, none = self.held_curvature.lines, np.zeros(len(first.f))
+        return Layers(lines, first, np.abs(second.f), np.zeros(2), self.goal_dual, none)
+
+    @cached_property
+    def closing(self) -> Layers:
+        """The same where the contact being made is."""
         assert self.made is not None
+        (first, second), end = self.held, self.made[1]
         C = np.vstack([self.directions, self.motion]).T
-        end = self.made[1].N
-        inverse = ellipsoid.coupling_inverse(np.vstack([self.held[1].N, end]), C)
-        left = end[0] @ self.projector
-        return Closing(C @ inverse, inverse[-1], np.array([length(left[:3]), length(left[3:])]))
-
-
-@dataclass(frozen=True, eq=False)
-class Closing:
-    """What holds at the contact being made, beside the h that are held.
-
-    Args:
-        dual: T^G (6, h + 1), dual to the rows of all at the goal.
-        progress: how much farther the execution goes for each row's value (h + 1,), as a share of the piece, 1/m.
-        residue: what rounding leaves of the made one's row under the projection, per m and per rad (2,).
-    """
-
-    dual: Array
-    progress: Array
-    residue: Array
+        inverse = ellipsoid.coupling_inverse(np.vstack([second.N, end.N]), C)
+        lines = np.concatenate([self.held_curvature.lines, self.made_curvature.lines])
+        left = end.N[0] @ self.projector
+        residue = np.array([length(left[:3]), length(left[3:])])
+        return Layers(lines, first, np.abs(np.append(second.f, end.f)), residue, C @ inverse, np.abs(inverse[-1]))
 
 
 def way_of(assembly: Assembly, piece: Piece, tolerance: Tolerance) -> Way:
