@@ -44,16 +44,19 @@ def length(vector: Array) -> float:
 
 def exp(r: ArrayLike) -> Array:
     """Rotation matrix (3, 3) of the rotation vector r (rad), Rodrigues' formula."""
-    r = np.asarray(r, dtype=np.float64)
-    angle = math.sqrt(float(r @ r))
-    K = hat(r)
+    x, y, z = np.asarray(r, dtype=np.float64).tolist()
+    angle = math.sqrt(x * x + y * y + z * z)
     if angle < 1e-4:
         a = 1.0 - angle**2 / 6.0
         b = 0.5 - angle**2 / 24.0
     else:
         a = math.sin(angle) / angle
         b = 2.0 * (math.sin(0.5 * angle) / angle) ** 2
-    return np.asarray(_EYE + a * K + b * (K @ K))
+    xy, yz, zx, ax, ay, az = b * x * y, b * y * z, b * z * x, a * x, a * y, a * z
+    xx, yy, zz = b * x * x, b * y * y, b * z * z
+    return np.array(
+        [[1.0 - (yy + zz), xy - az, zx + ay], [xy + az, 1.0 - (zz + xx), yz - ax], [zx - ay, yz + ax, 1.0 - (xx + yy)]]
+    )
 
 
 def turns(r: Array) -> Array:
@@ -68,19 +71,18 @@ def turns(r: Array) -> Array:
 def log(R: ArrayLike) -> Array:
     """Rotation vector (3,) in rad of the rotation matrix R, |r| ≤ π."""
     R = np.asarray(R, dtype=np.float64)
-    s = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    c = 0.5 * (np.trace(R) - 1.0)
-    sine = float(np.linalg.norm(s))
-    angle = float(np.arctan2(sine, c))
-    if angle < 1e-4:
-        return np.asarray(s * (1.0 + angle**2 / 6.0))
-    if sine > 1e-6:
-        return np.asarray(s * (angle / sine))
+    (a, b, c), (d, e, f), (g, h, i) = R.tolist()
+    x, y, z = 0.5 * (h - f), 0.5 * (c - g), 0.5 * (d - b)
+    sine = math.sqrt(x * x + y * y + z * z)
+    angle = math.atan2(sine, 0.5 * (a + e + i - 1.0))
+    if angle < 1e-4 or sine > 1e-6:
+        scale = 1.0 + angle**2 / 6.0 if angle < 1e-4 else angle / sine
+        return np.array([scale * x, scale * y, scale * z])
     # Near π the axis comes from the symmetric part, its sign from the small antisymmetric one.
     B = 0.5 * (R + np.eye(3))
     k = int(np.argmax(np.diag(B)))
     axis = B[:, k] / np.sqrt(B[k, k])
-    return np.asarray(axis * (angle if axis @ s >= 0.0 else -angle))
+    return np.asarray(axis * (angle if axis @ np.array([x, y, z]) >= 0.0 else -angle))
 
 
 def left_jacobian(r: ArrayLike) -> Array:
