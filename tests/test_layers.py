@@ -44,7 +44,7 @@ ONLY: dict[str, frozenset[str]] = {
     "compiled": frozenset(),
     "plan": frozenset({"errors"}),
     "plane": frozenset({"compiled", "values", "errors"}),
-    "knowledge": frozenset({"geometry", "se3", "values", "errors"}),
+    "knowledge": frozenset({"geometry", "se3", "memory", "values", "errors"}),
     "report": frozenset({"plan", "geometry", "se3", "values", "errors"}),
     "guarded": frozenset({"se3", "values", "errors"}),
     "execution": frozenset({"guarded", "plan", "se3", "values", "errors"}),

@@ -215,7 +215,7 @@ def test_switching_times_on_random_diagrams_are_those_of_a_search() -> None:
         own, other, leg = case
         triangles = [np.array(one.exterior.coords)[:3] for one in shapely.constrained_delaunay_triangles(other).geoms]
         expected = first_entry(loop(own), triangles, leg)
-        found = min((span.start for span in spans(polygon(loop(own)), polygon(loop(other)), leg)), default=np.inf)
+        found = min(spans(polygon(loop(own)), polygon(loop(other)), leg).start, default=np.inf)
         if expected == np.inf:
             assert found == np.inf
             missed += 1

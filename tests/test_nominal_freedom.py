@@ -4,12 +4,14 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
 from fmopt.errors import SolverError
 from fmopt.geometry.csg import Box, Cylinder, Difference, Placed
 from fmopt.geometry.part import part_of
 from fmopt.nominal import slack as slack_module
 from fmopt.nominal.freedom import freedom, half_widths
+from fmopt.nominal.touch import Linear
 from fmopt.nominal.trajectory import NominalTrajectory, insertion
 from fmopt.se3 import Pose
 
@@ -165,19 +167,25 @@ def test_every_stopped_motion_is_found_by_sampling_and_no_other(number):
     assert interval.s == s
 
 
-def test_a_solver_that_stops_is_reported(monkeypatch):
-    class Answer:
-        status, message, x = 4, "numerical difficulties", None
-
-    monkeypatch.setattr("scipy.optimize.linprog", lambda *_, **__: Answer())
-    with pytest.raises(SolverError, match="numerical difficulties"):
-        slack_module._maximin([(np.ones(3), np.ones((3, 6)))])
+def test_a_program_that_does_not_end_is_reported(monkeypatch):
+    monkeypatch.setattr(slack_module, "maximin", lambda c, _: np.full(len(c), np.nan))
+    empty = Linear(*(np.zeros((3, *shape)) for shape in ((), (6,), (4,), (4, 6), (2,), (3,))))
+    with pytest.raises(SolverError, match="did not end"):
+        slack_module.slack(empty, np.ones(6), 0.0, 1.0)
 
 
-def test_two_rows_agree_with_the_linear_program():
-    rng = np.random.default_rng(5)
-    c, d = rng.normal(size=(2, 200))
-    B, C = rng.normal(size=(2, 200, 6)) * (rng.random((2, 200, 6)) > 0.4)
-    exact = slack_module._two_rows(c, d, B, C)
-    blocks = [(np.array([c[i], d[i]]), np.array([B[i], C[i]])) for i in range(200)]
-    assert exact == pytest.approx(slack_module._maximin(blocks), abs=1e-9)
+@pytest.mark.parametrize("rows", [1, 2, 3, 5, 21])
+@pytest.mark.parametrize("ties", [False, True], ids=["any", "ties"])
+def test_the_simplex_method_agrees_with_the_linear_program(rows, ties):
+    """Also where rows repeat or leave several corners equally good; the bound where that is below 0."""
+    rng = np.random.default_rng(rows)
+    c, B = rng.normal(0.5, 1.0, (40, rows)), rng.normal(0.0, 0.5, (40, rows, 6)) * (rng.random((40, 1, 6)) > 0.3)
+    if ties:
+        c, B = np.round(np.repeat(c, 2, axis=1)), np.round(np.repeat(B, 2, axis=1))
+    found, cost = slack_module.maximin(c, B), [0.0] * 6 + [-1.0]
+    assert np.array_equal(found, slack_module.maximin.py_func(c, B))
+    for value, offsets, slopes in zip(found, c, B, strict=True):
+        A = np.column_stack([-slopes, np.ones(len(slopes))])
+        answer = linprog(cost, A_ub=A, b_ub=offsets, bounds=[(-1.0, 1.0)] * 6 + [(None, None)])
+        bound = np.min(offsets + np.abs(slopes).sum(axis=1))
+        assert value == pytest.approx(-answer.fun if bound >= 0.0 else bound, abs=1e-9)

@@ -171,13 +171,13 @@ def test_on_random_diagrams_the_switch_to_contact_is_where_samples_have_it(group
         if case is None or touches(case[0], case[1], case[2], 0.0, rng, 30):
             continue
         own, other, leg = case
-        found = list(spans(polygon(loop(own)), polygon(loop(other)), leg))
-        first = min((span.start for span in found), default=None)
+        found = spans(polygon(loop(own)), polygon(loop(other)), leg)
+        first = min(found.start, default=None)
         for share in np.linspace(0.0, 1.0, 9) if first is None else first * np.linspace(0.0, 1.0 - 1e-9, 5):
             assert not touches(own, other, leg, share, rng, 40)
-        long = max(found, key=lambda span: span.end - span.start, default=None)
-        if long is not None and long.end - long.start > 0.05:
-            assert touches(own, other, leg, 0.5 * (long.start + long.end), rng, 600)
+        start, end = max(zip(found.start, found.end, strict=True), key=np.ptp, default=(0.0, 0.0))
+        if end - start > 0.05:
+            assert touches(own, other, leg, 0.5 * (start + end), rng, 600)
             seen += 1
             soon += touches(own, other, leg, first + 0.02, rng, 400)
     assert seen >= 3
@@ -194,9 +194,9 @@ def test_a_smaller_cone_is_refuted_by_the_same_samples():
             continue
         own, other, leg = case
         small = Leg(leg.start, leg.travel, leg.radius, 0.3 * leg.half_angle, leg.size)
-        starts = [span.start for span in spans(polygon(loop(own)), polygon(loop(other)), small)]
-        if starts and min(starts) > 0.0:
-            refuted += touches(own, other, leg, min(starts), rng, 200)
+        first = min(spans(polygon(loop(own)), polygon(loop(other)), small).start, default=0.0)
+        if first > 0.0:
+            refuted += touches(own, other, leg, first, rng, 200)
     assert refuted >= 2
 
 

@@ -125,6 +125,16 @@ def test_balls_are_enclosed():
     assert not contains(Sphere(0.01, 12), points).all()
 
 
+def test_a_solid_with_nothing_round_encloses_itself_and_its_pieces_are_found_once():
+    block = Difference(Box((0.03, 0.03, 0.02)), (at(Box((0.01, 0.01, 0.03)), 0.0, 0.0, 0.01),))
+    assert enclosing(block) is block
+    assert pieces(enclosing(block)) is pieces(block)
+    assert enclosing(Difference(block, (Cylinder(0.002, 0.05, 12),))).tools[0] == Cylinder(0.002, 0.05, 12)
+    whole = enclosing(Union((block, Cylinder(0.002, 0.05, 12))))
+    assert whole.parts[0] is block
+    assert whole.parts[1].radius > 0.002
+
+
 def test_two_round_bodies_that_polygons_would_let_pass_meet():
     """Gap of the 16-gons 130 µm at their flats, of the circles 10 µm less than nothing."""
     one, other = Cylinder(0.01, 0.01, 16), at(Cylinder(0.01, 0.01, 16), 0.01999, 0, -0.02)

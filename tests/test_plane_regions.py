@@ -7,8 +7,11 @@ import math
 import numpy as np
 import pytest
 import shapely
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from fmopt.errors import GeometryError
+from fmopt.plane.arrangement import linked
 from fmopt.plane.boolean import difference, intersection, positive, union
 from fmopt.plane.component import components
 from fmopt.plane.conic import ConicArc, ellipse_arcs
@@ -200,3 +203,18 @@ def test_open_loops_are_refused() -> None:
         Region(((Segment((0.0, 0.0), (1.0, 0.0)), Segment((1.0, 0.0), (1.0, 1.0))),))
     with pytest.raises(GeometryError, match="has no bounding box"):
         _ = Region(()).box
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_linked_groups_are_the_components_of_the_graph_in_the_order_of_their_first_members(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    size = int(rng.integers(1, 40))
+    i, j = rng.integers(0, size, (2, int(rng.integers(0, size + 1))))
+    label, first = linked(i, j, size)
+    links = coo_matrix((np.ones(len(i)), (i, j)), shape=(size, size))
+    count, expected = connected_components(links, directed=False)
+    assert np.array_equal(label, expected)
+    assert np.array_equal(first, [np.flatnonzero(expected == k)[0] for k in range(count)])
+    written = linked.py_func(i, j, size)  # type: ignore[attr-defined]
+    assert np.array_equal(written[0], label)
+    assert np.array_equal(written[1], first)

@@ -12,7 +12,7 @@ import sympy
 
 from fmopt.geometry.csg import Box, Cone, Cylinder, Primitive, Prism, Sphere, Wedge
 from fmopt.nominal import symbolic_diagram as symbolic
-from fmopt.nominal.instance_section import instance_section
+from fmopt.nominal.instance_section import instance_sections
 from fmopt.nominal.symbolic_diagram import Ball, Shape, SymbolicCurve, any_pose, shape_of, symbolic_diagram
 from fmopt.plane.region import Region
 from fmopt.se3 import Pose, exp
@@ -88,7 +88,7 @@ def test_numbers_put_in_give_the_numeric_section(kind: str) -> None:
     met = 0
     for _ in range(3):
         pose = Pose(np.array([*rng.uniform(-0.3, 0.3, 2), rng.uniform(-0.6, 0.1)]), exp(rng.normal(size=3)))
-        region = instance_section(primitive, pose, 1)
+        region = instance_sections(primitive, pose)[0]
         curves = symbolic_diagram(shape, *posed(pose))
         assert bool(bounding(curves, values)) == (not region.empty)
         if not region.empty:
@@ -106,7 +106,7 @@ def test_orientation_and_place_as_symbols(kind: str) -> None:
     for _ in range(2):
         pose = Pose(np.array([*rng.uniform(-0.3, 0.3, 2), -0.2]), exp(rng.normal(size=3)))
         numbers = dict(zip((*R, *p), (*pose.R.ravel(), *pose.p), strict=True))
-        region = instance_section(primitive, pose, 1)
+        region = instance_sections(primitive, pose)[0]
         agree(curves, {**values, **numbers}, region)
 
 
@@ -116,7 +116,7 @@ def test_some_symbols_may_be_replaced_before_others() -> None:
     pose = Pose(np.array([0.1, -0.2, -0.3]), exp([0.5, 0.4, 0.3]))
     placed = {symbol: sympy.Float(number) for symbol, number in zip((*R, *p), (*pose.R.ravel(), *pose.p), strict=True)}
     curves = tuple(curve.substituted(placed) for curve in symbolic_diagram(shape, R, p))
-    agree(curves, values, instance_section(primitive, pose, 1))
+    agree(curves, values, instance_sections(primitive, pose)[0])
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -124,9 +124,9 @@ def test_upright_and_level_instances(kind: str) -> None:
     """The plane square to the axis, and the planes through the axis but for cones, whose apex is a corner."""
     primitive, shape, values = KINDS[kind]
     level = Pose(np.array([0.1, 0.2, -0.3]), np.eye(3))
-    agree(symbolic_diagram(shape, *posed(level)), values, instance_section(primitive, level, 1))
+    agree(symbolic_diagram(shape, *posed(level)), values, instance_sections(primitive, level)[0])
     lying = Pose(np.array([0.1, 0.2, -0.03]), np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]))
-    agree(symbolic_diagram(shape, *posed(lying)), values, instance_section(primitive, lying, 1))
+    agree(symbolic_diagram(shape, *posed(lying)), values, instance_sections(primitive, lying)[0])
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -134,7 +134,7 @@ def test_shapes_with_numbers(kind: str) -> None:
     primitive, _, _ = KINDS[kind]
     shape = shape_of(primitive)
     pose = Pose(np.array([0.05, -0.1, -0.25]), exp([0.4, 0.3, -0.2]))
-    agree(symbolic_diagram(shape, *posed(pose)), {}, instance_section(primitive, pose, 1))
+    agree(symbolic_diagram(shape, *posed(pose)), {}, instance_sections(primitive, pose)[0])
 
 
 def test_the_section_of_a_tilted_cylinder_in_symbols() -> None:

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.polyhedron import Polyhedron, convex_hull_polyhedron
+from fmopt.memory import remembered
 from fmopt.se3 import Pose
 from fmopt.values import Array, Value
 
@@ -199,7 +200,14 @@ def corners(primitive: Primitive) -> Array:
 
 def convex_polyhedron(primitive: Primitive, pose: Pose) -> Polyhedron:
     """The primitive, placed, as a convex polyhedron with its corners as vertices, exact to the bit when not turned."""
-    points = exact_pose(pose).apply(corners(primitive))
+    place = exact_pose(pose)
+    return _standing(primitive, tuple(place.p.tolist()), tuple(place.R.ravel().tolist()))
+
+
+@remembered(4)
+def _standing(primitive: Primitive, p: tuple[float, ...], R: tuple[float, ...]) -> Polyhedron:
+    """The primitive at p (3,) in m, turned by R (9,)."""
+    points = Pose(np.array(p), np.array(R).reshape(3, 3)).apply(corners(primitive))
     return convex_hull_polyhedron(points + 0.0)
 
 

@@ -30,6 +30,7 @@ from fmopt.geometry.csg import (
 )
 from fmopt.geometry.facets import place
 from fmopt.geometry.polyhedron import Polyhedron, from_faces, from_triangles
+from fmopt.memory import remembered
 from fmopt.se3 import Pose
 from fmopt.values import Array
 
@@ -41,6 +42,7 @@ _SLIVER = 1e-9  # of the volume of the piece that was cut
 _NOISE = 1e-13  # relative, of volumes
 
 
+@remembered(1)
 def pieces(solid: Solid) -> tuple[Polyhedron, ...]:
     """Convex polyhedra whose union is the solid; they overlap.
 

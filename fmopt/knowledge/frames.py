@@ -22,7 +22,8 @@ from fmopt.geometry.pieces import polyhedron
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.knowledge.axis import Intervals, across, clipped, length, on_axis
 from fmopt.knowledge.chain import moved
-from fmopt.knowledge.tree import Feature, ObjectTree
+from fmopt.knowledge.tree import Feature, FeatureClass, ObjectTree
+from fmopt.memory import remembered
 from fmopt.se3 import Pose
 from fmopt.values import Array
 
@@ -60,9 +61,15 @@ def check_frame(tree: ObjectTree, feature: Feature) -> None:
     Raises:
         TaskError: with the feature and the rule.
     """
-    span = feature.length
+    _check(feature, tree.name, tree.classes, tree.order)
+
+
+@remembered(1)
+def _check(feature: Feature, name: str, classes: tuple[FeatureClass, ...], order: tuple[str, ...]) -> None:
+    """Checks the frame of a feature of the object of these classes, wherever that is."""
+    tree, span = ObjectTree(name, Pose.identity(), classes, order), feature.length
     if span is None:
-        message = f"the feature {feature.name!r} of {tree.name!r} has no length and no mating frame"
+        message = f"the feature {feature.name!r} of {name!r} has no length and no mating frame"
         raise TaskError(message, feature.name, INSIDE, "give it a length, and a frame on its central line")
     body = moved(feature.body, feature.frame.inverse())
     whole = moved(tree.solid, feature.frame.inverse())

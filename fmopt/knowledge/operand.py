@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from fmopt.geometry.csg import Solid, Union
 from fmopt.knowledge.chain import moved
-from fmopt.knowledge.tree import Feature, ObjectTree
+from fmopt.knowledge.tree import Feature
 from fmopt.knowledge.workcell import Ref, Workcell
 from fmopt.se3 import Pose
 from fmopt.values import Value
@@ -49,25 +49,19 @@ def operand_of(workcell: Workcell, ref: Ref, group: tuple[str, ...], frame: Pose
     if not feature.hollow:
         # The moving operand keeps its solid neighbours only, [LeeHuang1985] appendix B: its operators are all +.
         members = tuple(r for r in members if not workcell.object(r.object).feature(r.feature).hollow)
-    into = frame.inverse()
-    return Operand(
-        ref,
-        feature,
-        members,
-        _together(
-            (workcell.object(name), [r.feature for r in members if r.object == name], into)
-            for name in dict.fromkeys(r.object for r in members)
-        ),
-        _together((workcell.object(name), list(workcell.object(name).order), into) for name in group),
-        frame,
-    )
+    all_of = {name: frozenset(workcell.object(name).order) for name in group}
+    some_of = {r.object: frozenset(m.feature for m in members if m.object == r.object) for r in members}
+    whole = _together(workcell, all_of, frame.inverse())
+    solid = whole if list(some_of.items()) == list(all_of.items()) else _together(workcell, some_of, frame.inverse())
+    return Operand(ref, feature, members, solid, whole, frame)
 
 
-def _together(parts: Iterable[tuple[ObjectTree, list[str], Pose]]) -> Solid:
+def _together(workcell: Workcell, features: Mapping[str, frozenset[str]], into: Pose) -> Solid:
     """The solid of some features of some objects, in the frame that `into` leads to; no material, no object."""
+    parts = [(workcell.object(name), names) for name, names in features.items()]
     solids = tuple(
         moved(tree.solid_of(names), into.compose(tree.frame))
-        for tree, names, into in parts
+        for tree, names in parts
         if any(not tree.feature(name).hollow for name in names)
     )
     return solids[0] if len(solids) == 1 else Union(solids)

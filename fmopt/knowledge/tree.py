@@ -7,7 +7,7 @@ regularised + and −. Bodies are held in the object's frame, so that no coordin
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator
 from dataclasses import astuple, dataclass, replace
 
 from fmopt.errors import GeometryError, TaskError
@@ -192,7 +192,7 @@ class ObjectTree(Value):
         """The solid of all features, in the object's frame."""
         return chain_solid(self.chain)
 
-    def solid_of(self, names: Sequence[str]) -> Solid:
+    def solid_of(self, names: Collection[str]) -> Solid:
         """The solid of some of the features, in the object's frame and in the object's order.
 
         Raises:

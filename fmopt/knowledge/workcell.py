@@ -177,9 +177,9 @@ def _touching(tree: ObjectTree, name: str) -> tuple[Ref, ...]:
     """The other features of an object whose bodies overlap or touch that of one."""
     if not name:
         return ()
-    bodies = pieces(tree.feature(name).body)
+    body = tree.feature(name).body
     return tuple(
         Ref(tree.name, other.name)
         for other in tree.features
-        if other.name != name and deepest(bodies, pieces(other.body)) >= -_TOUCH
+        if other.name != name and deepest(pieces(body), pieces(other.body)) >= -_TOUCH
     )

@@ -82,8 +82,8 @@ def _leg_events(
         passes = [(b[j] - a[i], j == entry) for i in (0, 1) for j in (0, 1)]
         inside = [z for z, _ in passes if min(p[2], q[2]) < z < max(p[2], q[2])]
         stops = sorted([*inside, p[2], q[2]])
-        probes = [p + (z - p[2]) / travel * (q - p) for z in [*stops, *(0.5 * (u + v) for u, v in pairwise(stops))]]
-        if min(abs(_gap(turned, own, fixed, wall, probe)) for probe in probes) > reach:
+        probes = (p + (z - p[2]) / travel * (q - p) for z in [*stops, *(0.5 * (u + v) for u, v in pairwise(stops))])
+        if all(abs(_gap(turned, own, fixed, wall, probe)) > reach for probe in probes):
             continue
         for z, at_entry in passes:
             share = (z - p[2]) / travel

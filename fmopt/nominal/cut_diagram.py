@@ -25,7 +25,7 @@ from fmopt.geometry.csg import (
     Wedge,
     exact_pose,
 )
-from fmopt.nominal.instance_section import Limit, instance_section
+from fmopt.nominal.instance_section import Limit, instance_sections
 from fmopt.plane.boolean import difference, intersection, union
 from fmopt.plane.region import Region
 from fmopt.se3 import Pose
@@ -44,15 +44,16 @@ def cut_diagram(solid: Solid, plane: Pose) -> Region:
         solid: a tree of instances.
         plane: pose of the section plane in the solid's frame.
     """
-    pose = exact_pose(exact_pose(plane).inverse())
-    if all(map(_same, _leaves(solid, pose, 1), _leaves(solid, pose, -1))):
-        return _section(solid, pose, 1)
-    return intersection(_section(solid, pose, 1), _section(solid, pose, -1))
+    above, below = zip(*_leaves(solid, exact_pose(exact_pose(plane).inverse())), strict=True)
+    if all(map(same, above, below)):
+        return _section(solid, iter(above))
+    return intersection(_section(solid, iter(above)), _section(solid, iter(below)))
 
 
 def section_limit(solid: Solid, plane: Pose, limit: Limit) -> Region:
     """The limit of the solid's sections as the plane comes from above (1, from its positive z) or from below (−1)."""
-    return _section(solid, exact_pose(exact_pose(plane).inverse()), limit)
+    leaves = _leaves(solid, exact_pose(exact_pose(plane).inverse()))
+    return _section(solid, (above if limit > 0 else below for above, below in leaves))
 
 
 def frame_planes(frame: Pose) -> dict[str, Pose]:
@@ -62,38 +63,43 @@ def frame_planes(frame: Pose) -> dict[str, Pose]:
     }
 
 
-def _leaves(solid: Solid, pose: Pose, limit: Limit) -> Iterator[Region]:
-    """The sections of all instances."""
-    match solid:
-        case Placed(inner, inner_pose):
-            yield from _leaves(inner, exact_pose(pose.compose(exact_pose(inner_pose))), limit)
-        case Union(parts):
-            for part in parts:
-                yield from _leaves(part, pose, limit)
-        case Difference(base, tools):
-            for part in (base, *tools):
-                yield from _leaves(part, pose, limit)
-        case _:
-            yield instance_section(solid, pose, limit)
-
-
-def _section(solid: Solid, pose: Pose, limit: Limit) -> Region:
+def _leaves(solid: Solid, pose: Pose) -> Iterator[tuple[Region, Region]]:
+    """Both limits of the sections of all instances, from left to right."""
     match solid:
         case Box() | Cylinder() | Cone() | Sphere() | Prism() | Wedge() | Hull():
-            return instance_section(solid, pose, limit)
+            yield instance_sections(solid, pose)
         case Placed(inner, inner_pose):
-            return _section(inner, exact_pose(pose.compose(exact_pose(inner_pose))), limit)
+            yield from _leaves(inner, exact_pose(pose.compose(exact_pose(inner_pose))))
         case Union(parts):
-            return union([_section(part, pose, limit) for part in parts])
+            for part in parts:
+                yield from _leaves(part, pose)
         case Difference(base, tools):
-            body = _section(base, pose, limit)
-            return difference(body, union([_section(tool, pose, limit) for tool in tools])) if not body.empty else body
+            for part in (base, *tools):
+                yield from _leaves(part, pose)
         case _:
             assert_never(solid)
 
 
-def _same(first: Region, second: Region) -> bool:
+def _section(solid: Solid, leaves: Iterator[Region]) -> Region:
+    """The section of a tree, of those of its instances."""
+    match solid:
+        case Box() | Cylinder() | Cone() | Sphere() | Prism() | Wedge() | Hull():
+            return next(leaves)
+        case Placed(inner, _):
+            return _section(inner, leaves)
+        case Union(parts):
+            return union([_section(part, leaves) for part in parts])
+        case Difference(base, tools):
+            body, cuts = _section(base, leaves), [_section(tool, leaves) for tool in tools]
+            return difference(body, union(cuts)) if not body.empty else body
+        case _:
+            assert_never(solid)
+
+
+def same(first: Region, second: Region) -> bool:
     """Whether two regions have the same curves to the bit."""
+    if first is second:
+        return True
     mine, other = first.curves, second.curves
     return len(mine) == len(other) and all(
         type(a) is type(b) and np.array_equal(a.point((0.0, 0.5, 1.0)), b.point((0.0, 0.5, 1.0)))

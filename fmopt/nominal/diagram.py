@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -72,12 +73,32 @@ class Diagram(Value):
     corners: tuple[Corner, ...]
     arcs: tuple[Arc, ...]
 
-    @property
+    @cached_property
     def size(self) -> float:
         """Largest distance of a feature from the origin, m."""
         points = [edge.start for edge in self.edges] + [corner.point for corner in self.corners]
         far = [float(np.linalg.norm(point)) for point in points]
         return max(far + [float(np.linalg.norm(arc.centre)) + arc.radius for arc in self.arcs], default=0.0)
+
+    @cached_property
+    def ends(self) -> Array:
+        """Where the edges start and end, (n, 2, 2) in m."""
+        return np.array([(edge.start, edge.end) for edge in self.edges]).reshape(-1, 2, 2)
+
+    @cached_property
+    def normals(self) -> Array:
+        """Unit outward normals (n, 2) of the edges."""
+        return np.array([edge.normal for edge in self.edges]).reshape(-1, 2)
+
+    @cached_property
+    def points(self) -> Array:
+        """The corners (n, 2) in m."""
+        return np.array([corner.point for corner in self.corners]).reshape(-1, 2)
+
+    @cached_property
+    def fans(self) -> Array:
+        """First normal and opening (n, 2) of the corners, rad."""
+        return np.array([(corner.first, corner.opening) for corner in self.corners]).reshape(-1, 2)
 
     @property
     def width(self) -> float:

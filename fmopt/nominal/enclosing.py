@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import assert_never
 
@@ -28,6 +29,8 @@ from fmopt.se3 import Pose
 def enclosing(solid: Solid, outward: bool = True) -> Solid:
     """The solid with polygons that contain its round instances; those that are taken away lie inside theirs.
 
+    Where nothing is round, that is the solid itself, whose pieces may be known.
+
     Args:
         solid: CSG tree.
         outward: False for the opposite, polygons inside the solid.
@@ -44,13 +47,20 @@ def enclosing(solid: Solid, outward: bool = True) -> Solid:
         case Box() | Prism() | Wedge() | Hull():
             return solid
         case Placed(inner, pose):
-            return Placed(enclosing(inner, outward), pose)
+            body = enclosing(inner, outward)
+            return solid if body is inner else Placed(body, pose)
         case Union(parts):
-            return Union(tuple(enclosing(part, outward) for part in parts))
+            bodies = tuple(enclosing(part, outward) for part in parts)
+            return solid if _same(bodies, parts) else Union(bodies)
         case Difference(base, tools):
-            return Difference(enclosing(base, outward), tuple(enclosing(tool, not outward) for tool in tools))
+            body, cuts = enclosing(base, outward), tuple(enclosing(tool, not outward) for tool in tools)
+            return solid if _same((body, *cuts), (base, *tools)) else Difference(body, cuts)
         case _:
             assert_never(solid)
+
+
+def _same(made: Sequence[Solid], parts: Sequence[Solid]) -> bool:
+    return all(one is other for one, other in zip(made, parts, strict=True))
 
 
 def grown(solid: Solid) -> float:

@@ -11,18 +11,16 @@ contact, so that where s = 0 no error in the box makes a contact of that degree.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fmopt.geometry.part import Part
-from fmopt.nominal.intervals import Bits, FreedomInterval, Stop, intervals
+from fmopt.nominal.intervals import FreedomInterval, Stops, intervals
 from fmopt.nominal.slack import slack
-from fmopt.nominal.touch import Body, Candidate, Indices, Linear, candidates, linear
+from fmopt.nominal.touch import Body, Indices, Linear, candidates, linear
 from fmopt.nominal.trajectory import NominalTrajectory
 from fmopt.values import Array, Value, frozen
 
@@ -46,11 +44,20 @@ class _Scene(Value):
         radius = np.linalg.norm(self.moving.vertices, axis=1).max()
         return max(float(np.linalg.norm(self.half_widths[:3]) + radius * np.linalg.norm(self.half_widths[3:])), 1e-6)
 
-    def linear(self, items: Sequence[Candidate], times: ArrayLike) -> Linear:
-        """The candidates linearised, each at its own time."""
-        poses = {t: self.path.pose(t) for t in np.unique(times).tolist()}
-        each = [poses[t] for t in np.broadcast_to(times, len(items)).tolist()]
-        return linear(items, self.moving, self.fixed, each, self.half_widths)
+    def linear(self, items: Indices, times: Array) -> Linear:
+        """The candidates (n, 3) linearised, each at its own time (n,)."""
+        return linear(items, self.moving, self.fixed, *self.path.frames(times), self.half_widths)
+
+    def candidates(self, times: Array) -> tuple[Indices, Indices]:
+        """What may touch at times (n,): which time (k,), and the candidate there (k, 3)."""
+        p, R = self.path.frames(times)
+        starts = np.flatnonzero(np.concatenate([[True], np.any(R[1:] != R[:-1], axis=(1, 2))]))
+        found = [
+            (a + at, items)
+            for a, b in pairwise([*starts.tolist(), len(times)])
+            for at, items in [candidates(self.moving, self.fixed, p[a:b], R[a], self.half_widths)]
+        ]
+        return np.concatenate([at for at, _ in found]), np.concatenate([items for _, items in found])
 
     def stops(self, made: Linear) -> Array:
         """Contact wrenches (n, 6) with the components that stop nothing set to 0.
@@ -64,10 +71,13 @@ class _Scene(Value):
         return np.where(np.abs(row) > least, row, 0.0)
 
 
-class _Run(NamedTuple):
-    item: Candidate
-    start: float
-    end: float
+@dataclass(frozen=True, eq=False)
+class _Runs(Value):
+    """Candidates (n, 3) that can touch from `start` to `end` (n,), s."""
+
+    items: Indices
+    start: Array
+    end: Array
 
 
 def half_widths(ball: float, cone: float) -> Array:
@@ -117,35 +127,31 @@ def _grid(scene: _Scene) -> Array:
     return _distinct(np.concatenate(found), _TIME * scene.path.duration)
 
 
-def _runs(scene: _Scene, grid: Array) -> tuple[list[_Run], float]:
-    """Each candidate with the stretches of time in which it can touch.
+def _runs(scene: _Scene, grid: Array) -> tuple[_Runs, float]:
+    """The stretches of time in which candidates can touch.
 
     All candidates get the largest remainder of any, so that what happens at one time keeps happening at one time.
 
     Returns:
         The stretches, and that remainder in m.
     """
-    near = [candidates(scene.moving, scene.fixed, scene.path.pose(float(t)), scene.half_widths) for t in grid]
-    made = [scene.linear(items, t) for items, t in zip(near, grid, strict=True)]
-    remainder = max(float(one.remainder[:, 0].max(initial=0.0)) for one in made)
-    on: dict[Candidate, Bits] = {}
-    for k, (items, one) in enumerate(zip(near, made, strict=True)):
-        touches = slack(one, scene.half_widths, remainder, scene.unit) >= _TOUCHING
-        for number in np.flatnonzero(touches):
-            on.setdefault(items[number], np.zeros(len(grid), dtype=bool))[k] = True
-    runs = []
-    for item in sorted(on):
-        edges = np.diff(np.concatenate([[0], on[item].astype(int), [0]]))
-        for first, last in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1, strict=True):
-            runs.append((item, int(first), int(last)))
-    items = [item for item, _, _ in runs for _ in range(2)]
-    inside = grid[[k for _, first, last in runs for k in (first, last)]]
-    outside = grid[[k for _, first, last in runs for k in (max(first - 1, 0), min(last + 1, len(grid) - 1))]]
-    ends = _switches(scene, items, outside, inside, remainder).reshape(-1, 2).tolist()
-    return [_Run(item, start, end) for (item, _, _), (start, end) in zip(runs, ends, strict=True)], remainder
+    at, items = scene.candidates(grid)
+    made = scene.linear(items, grid[at])
+    remainder = float(made.remainder[:, 0].max(initial=0.0))
+    touches = slack(made, scene.half_widths, remainder, scene.unit) >= _TOUCHING
+    some, which = np.unique(items[touches], axis=0, return_inverse=True)
+    on = np.zeros((len(some), len(grid) + 2), dtype=int)
+    on[which, at[touches] + 1] = 1
+    edges = np.diff(on, axis=1)
+    (row, first), (_, beyond) = np.nonzero(edges == 1), np.nonzero(edges == -1)
+    last, items = beyond - 1, some[row]
+    inside = np.concatenate([grid[first], grid[last]])
+    outside = np.concatenate([grid[np.maximum(first - 1, 0)], grid[np.minimum(last + 1, len(grid) - 1)]])
+    start, end = np.split(_switches(scene, np.tile(items, (2, 1)), outside, inside, remainder), 2)
+    return _Runs(items, start, end), remainder
 
 
-def _switches(scene: _Scene, items: Sequence[Candidate], off: Array, on: Array, remainder: float) -> Array:
+def _switches(scene: _Scene, items: Indices, off: Array, on: Array, remainder: float) -> Array:
     """Where touching begins between times without and times with it: all at once, false position and halving by turns.
 
     Returns:
@@ -153,7 +159,7 @@ def _switches(scene: _Scene, items: Sequence[Candidate], off: Array, on: Array, 
     """
 
     def value(which: Indices, times: Array) -> Array:
-        made = scene.linear([items[k] for k in which], times)
+        made = scene.linear(items[which], times)
         return slack(made, scene.half_widths, remainder, scene.unit) - _TOUCHING
 
     off, on, every = off.copy(), on.copy(), np.arange(len(items))
@@ -171,28 +177,43 @@ def _switches(scene: _Scene, items: Sequence[Candidate], off: Array, on: Array, 
     return on
 
 
-def _stops(scene: _Scene, grid: Array, runs: Sequence[_Run]) -> list[Stop]:
+def _stops(scene: _Scene, grid: Array, runs: _Runs) -> Stops:
     """What touching candidates stop, each cut where a component of its row changes sign."""
-    cells = []
-    for run in runs:
-        cuts = [run.start, *grid[(grid > run.start) & (grid < run.end)].tolist(), run.end]
-        cells += [(run.item, a, b) for a, b in pairwise(cuts)]
-    items = [item for item, _, _ in cells]
-    before, after = (scene.stops(scene.linear(items, np.array([cell[k] for cell in cells]))) for k in (1, 2))
-    split = []
-    for (item, a, b), turning in zip(cells, before * after < 0.0, strict=True):
-        cuts = sorted([a, *(_turn(scene, item, int(k), a, b) for k in np.flatnonzero(turning)), b])
-        split += [(item, start, end) for start, end in pairwise(cuts)]
-    middle = np.array([0.5 * (a + b) for _, a, b in split])
-    rows = scene.stops(scene.linear([item for item, _, _ in split], middle))
-    return [Stop(a, b, np.column_stack([row < 0.0, row > 0.0])) for (_, a, b), row in zip(split, rows, strict=True)]
+    cell, start, end = _cut(runs.start, runs.end, *_within(grid, runs))
+    items = runs.items[cell]
+    before, after = np.split(scene.stops(scene.linear(np.tile(items, (2, 1)), np.concatenate([start, end]))), 2)
+    turning, degree = np.nonzero(before * after < 0.0)
+    turned = [_turn(scene, items[c], int(k), start[c], end[c]) for c, k in zip(turning, degree, strict=True)]
+    cell, start, end = _cut(start, end, turning, np.array(turned))
+    rows = scene.stops(scene.linear(items[cell], 0.5 * (start + end)))
+    return Stops(start, end, np.stack([rows < 0.0, rows > 0.0], axis=2))
 
 
-def _turn(scene: _Scene, item: Candidate, degree: int, a: float, b: float) -> float:
+def _within(grid: Array, runs: _Runs) -> tuple[Indices, Array]:
+    """Which stretches (k,) hold which of the times (k,) inside."""
+    which, k = np.nonzero((grid > runs.start[:, None]) & (grid < runs.end[:, None]))
+    return which, grid[k]
+
+
+def _cut(start: Array, end: Array, which: Indices, times: Array) -> tuple[Indices, Array, Array]:
+    """Stretches from `start` to `end` (n,) cut at times (k,) within those in `which` (k,).
+
+    Returns:
+        The stretch that each part (n + k,) comes from, and where the part starts and ends.
+    """
+    whole = np.concatenate([np.arange(len(start)), which])
+    starts, ends = np.concatenate([start, times]), np.concatenate([end, times])
+    return np.sort(whole, kind="stable"), starts[np.lexsort((starts, whole))], ends[np.lexsort((ends, whole))]
+
+
+def _turn(scene: _Scene, item: Indices, degree: int, a: float, b: float) -> float:
     """When a component of the candidate's row changes its sign."""
     from scipy.optimize import brentq
 
-    return float(brentq(lambda t: scene.linear([item], t).wrenches[0, degree], a, b, xtol=1e-14))
+    def component(t: float) -> float:
+        return float(scene.linear(item[None], np.array([t])).wrenches[0, degree])
+
+    return float(brentq(component, a, b, xtol=1e-14))
 
 
 def _distinct(times: Array, tolerance: float) -> Array:

@@ -30,20 +30,21 @@ _STRAIGHT = 1e-15
 _LEAST_WEIGHT = 0.5
 
 
-def instance_section(primitive: Primitive, pose: Pose, limit: Limit) -> Region:
-    """The section by z = 0 of a primitive placed by `pose`, in x and y, as the plane comes from above (1) or below.
+def instance_sections(primitive: Primitive, pose: Pose) -> tuple[Region, Region]:
+    """The sections by z = 0 of a primitive placed by `pose`, in x and y, as the plane comes from above and from below.
 
-    Where the plane does not run in a face both limits are the section; where it does one is the face, one is empty.
+    Where the plane does not run in a face both are the section; where it does one is the face, one is empty.
     """
     match primitive:
         case Cylinder(radius, height, _):
-            return _round(Profile(radius, 0.0, height), pose, limit)
+            return _round(Profile(radius, 0.0, height), pose)
         case Cone(bottom, top, height, _):
-            return _round(Profile(bottom, (top - bottom) / height, height), pose, limit)
+            return _round(Profile(bottom, (top - bottom) / height, height), pose)
         case Sphere(radius, _):
-            return _ball(radius, pose)
+            ball = _ball(radius, pose)
+            return ball, ball
         case _:
-            return _polytope(exact_pose(pose).apply(corners(primitive)), limit)
+            return _polytope(exact_pose(pose).apply(corners(primitive)))
 
 
 @dataclass(frozen=True)
@@ -109,18 +110,20 @@ def _positive(lines: list[tuple[float, float]]) -> tuple[float, float]:
     return first, last
 
 
-def _round(profile: Profile, pose: Pose, limit: Limit) -> Region:
+def _round(profile: Profile, pose: Pose) -> tuple[Region, Region]:
     axis, base = pose.R[:, 2], pose.p
     reach = 2.0 * max(profile.radius(0.0), profile.radius(profile.height)) + profile.height
     if float(np.hypot(axis[0], axis[1])) * reach <= ON_PLANE:
         height = -base[2] * math.copysign(1.0, axis[2])
-        return _disc(profile, base[:2], float(height), limit if axis[2] > 0.0 else -limit)
+        above, below = (_disc(profile, base[:2], float(height), limit) for limit in (1, -1))
+        return (above, below) if axis[2] > 0.0 else (below, above)
     plane = slant(profile, pose)
     first, last = plane.span
-    if last - first <= ON_PLANE:
-        return Region(())
-    widest = max(math.prod(_roots(plane, s, reach)) for s in (first, 0.5 * (first + last), last))
-    return Region((tuple(_outline(plane, first, last, reach)),) if widest > ON_PLANE else ())
+    found = Region(())
+    if last - first > ON_PLANE:
+        widest = max(math.prod(_roots(plane, s, reach)) for s in (first, 0.5 * (first + last), last))
+        found = Region((tuple(_outline(plane, first, last, reach)),) if widest > ON_PLANE else ())
+    return found, found
 
 
 def _disc(profile: Profile, centre: Array, height: float, limit: int) -> Region:
@@ -188,21 +191,18 @@ def _branch(plane: Slant, first: float, last: float, sign: float, scale: float) 
     return ConicArc(start, shoulder, end, own / mixed)
 
 
-def _polytope(points: Array, limit: Limit) -> Region:
-    """The section of the convex hull of points (n, 3): the hull of where pairs of them straddle the plane."""
+def _polytope(points: Array) -> tuple[Region, Region]:
+    """The sections of the convex hull of points (n, 3): the hull of where pairs of them straddle the plane."""
     height = np.where(np.abs(points[:, 2]) <= ON_PLANE, 0.0, points[:, 2])
-    if not np.any(limit * height > 0.0):
-        return Region(())
     above, below = np.flatnonzero(height > 0.0), np.flatnonzero(height < 0.0)
     a, b = np.repeat(above, len(below)), np.tile(below, len(above))
     share = (height[a] / (height[a] - height[b]))[:, None]
     met = np.vstack([points[height == 0.0, :2], points[a, :2] + share * (points[b, :2] - points[a, :2])])
     outline = convex_outline(met)
-    return (
-        Region((tuple(Segment(p, q) for p, q in zip(outline, np.roll(outline, -1, axis=0), strict=True)),))
-        if len(outline)
-        else Region(())
-    )
+    found = nothing = Region(())
+    if len(outline):
+        found = Region((tuple(Segment(p, q) for p, q in zip(outline, np.roll(outline, -1, axis=0), strict=True)),))
+    return found if len(above) else nothing, found if len(below) else nothing
 
 
 def convex_outline(points: Array) -> Array:

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.values import Value
+from fmopt.values import Array, Value
 
 _AT_GOAL = 1e-11  # of T: what begins this late only the goal touches
 
@@ -26,15 +26,29 @@ class FreedomInterval:
 
 
 @dataclass(frozen=True, eq=False)
-class Stop(Value):
-    """Motions that are stopped from `start` to `end`, s: bits (6, 2), motion along each degree and against it."""
+class Stops(Value):
+    """Motions that are stopped for stretches of time, n of them.
 
-    start: float
-    end: float
+    Args:
+        start, end: (n,), s.
+        bits: (n, 6, 2), motion along each degree and against it.
+    """
+
+    start: Array
+    end: Array
     bits: Bits
 
 
-def intervals(stops: Sequence[Stop], duration: float, blur: float) -> tuple[FreedomInterval, ...]:
+def together(parts: Sequence[Stops]) -> Stops:
+    """All that several parts stop."""
+    return Stops(
+        np.concatenate([np.zeros(0), *(part.start for part in parts)]),
+        np.concatenate([np.zeros(0), *(part.end for part in parts)]),
+        np.concatenate([np.zeros((0, 6, 2), dtype=bool), *(part.bits for part in parts)]),
+    )
+
+
+def intervals(stops: Stops, duration: float, blur: float) -> tuple[FreedomInterval, ...]:
     """S on the cells between all ends, equal neighbours joined; at T also what touches there only.
 
     Args:
@@ -42,21 +56,21 @@ def intervals(stops: Sequence[Stop], duration: float, blur: float) -> tuple[Free
         duration: T, s.
         blur: s; ends nearer than this cannot be told apart: starts among them move to the first, ends to the last.
     """
-    ends = np.unique([0.0, duration, *(end for stop in stops for end in (stop.start, stop.end))])
-    group = np.concatenate([[0], np.cumsum(np.diff(ends) > blur)])
-    first = {t: float(ends[group == g].min()) for t, g in zip(ends.tolist(), group, strict=True)}
-    last = {t: float(ends[group == g].max()) for t, g in zip(ends.tolist(), group, strict=True)}
-    at_goal = duration * (1.0 - _AT_GOAL)
-    starts = [first[stop.start] if stop.start < at_goal else duration for stop in stops]
-    spans = [(start, last[stop.end], stop.bits) for start, stop in zip(starts, stops, strict=True)]
-    cuts = np.unique([0.0, duration, *(end for start, stop, _ in spans for end in (start, stop))])
-    joined: list[FreedomInterval] = []
-    for a, b in [*pairwise(cuts.tolist()), (duration, duration)]:
-        t = 0.5 * (a + b)
-        bits = np.any([bits for start, stop, bits in spans if start <= t <= stop] or [np.zeros((6, 2), bool)], axis=0)
-        s = tuple(2 if plus and minus else int(plus) - int(minus) for plus, minus in bits)
-        if joined and joined[-1].s == s:
-            joined[-1] = FreedomInterval(joined[-1].start, b, s)
-        else:
-            joined.append(FreedomInterval(a, b, s))
-    return tuple(joined)
+    ends = np.unique(np.concatenate([[0.0, duration], stops.start, stops.end]))
+    opens = np.concatenate([[True], np.diff(ends) > blur])
+    group = np.cumsum(opens) - 1
+    first, last = ends[opens], ends[np.append(opens[1:], True)]
+    late = stops.start >= duration * (1.0 - _AT_GOAL)
+    start = np.where(late, duration, first[group[np.searchsorted(ends, stops.start)]])
+    end = last[group[np.searchsorted(ends, stops.end)]]
+    cuts = np.unique(np.concatenate([[0.0, duration], start, end]))
+    cuts = np.append(cuts, duration)
+    t = 0.5 * (cuts[:-1] + cuts[1:])
+    on = (start[:, None] <= t) & (t <= end[:, None])
+    plus, minus = np.moveaxis((on.T.astype(int) @ stops.bits.reshape(-1, 12)).reshape(-1, 6, 2) > 0, 2, 0)
+    values = np.where(plus & minus, 2, plus.astype(int) - minus)
+    begins = np.flatnonzero(np.concatenate([[True], np.any(values[1:] != values[:-1], axis=1)]))
+    edges = np.append(cuts[begins], duration).tolist()
+    return tuple(
+        FreedomInterval(a, b, tuple(values[k].tolist())) for k, (a, b) in zip(begins, pairwise(edges), strict=True)
+    )

@@ -38,13 +38,3 @@ class Leg(Value):
             return np.zeros(0)
         q = -(b + math.copysign(math.sqrt(inside), b))
         return np.array([q / a, c / q] if q != 0.0 else [0.0])
-
-
-def turns_of(A: Array | float, B: Array | float, C: Array) -> Array:
-    """The two solutions (n, 2) of A cos ψ + B sin ψ = C between −π and π rad, nan where there is none."""
-    size = np.hypot(A, B) + np.zeros_like(C)
-    share = np.divide(C, size, out=np.full_like(C, np.nan), where=size > 0.0)
-    opening = np.arccos(np.where(np.abs(share) <= 1.0, share, np.nan))
-    middle = np.arctan2(B, A)
-    both = np.column_stack([middle - opening, middle + opening])
-    return np.asarray(both - 2.0 * math.pi * np.round(both / (2.0 * math.pi)))

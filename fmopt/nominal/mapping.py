@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fmopt.errors import GeometryError, InterferenceError
-from fmopt.geometry.csg import Placed, Solid, sagitta
+from fmopt.geometry.csg import Solid, sagitta
 from fmopt.geometry.pieces import pieces
+from fmopt.knowledge.chain import moved
 from fmopt.knowledge.command import Answer
-from fmopt.nominal.cut_diagram import cut_diagram, section_limit
+from fmopt.nominal.cut_diagram import cut_diagram, same, section_limit
 from fmopt.nominal.diagram import disc, of_region
 from fmopt.nominal.intervals import FreedomInterval
 from fmopt.nominal.orientation import expanded_over, frame, section_at
@@ -149,8 +150,8 @@ def plane_diagrams(
     """G, the sections of operand 1 and GE on the three planes (m); arguments as for `task_mapping`."""
     P = np.asarray(goal, dtype=np.float64)
     first = nearest_branch(np.asarray(start, dtype=np.float64)[3:], P[3:])
-    turned = Placed(moving, Pose(np.zeros(3), exp(P[3:])))
-    found = []
+    turned = moved(moving, Pose(np.zeros(3), exp(P[3:])))
+    found: list[PlaneDiagrams] = []
     for zone in zones(box):
         upright = zone.plane.v == 2
         # The plane of the mouth runs in a face of operand 2: the hole counts as it is just below.
@@ -161,7 +162,8 @@ def plane_diagrams(
         if upright and np.any(first != P[3:]):
             turning = expanded_over(G, moving, zone.plane, first, P[3:])
             starting = expanded(G, [section_at(moving, zone.plane, first)])
-        found.append(PlaneDiagrams(zone, G, sections, expanded(G, [seated]), turning, starting))
+        alike = (one.expanded for one in found if same(one.fixed, G) and same(one.sections[0][0], seated))
+        found.append(PlaneDiagrams(zone, G, sections, next(alike, None) or expanded(G, [seated]), turning, starting))
     return tuple(found)
 
 

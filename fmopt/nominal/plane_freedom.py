@@ -20,7 +20,7 @@ import numpy as np
 from fmopt.errors import GeometryError
 from fmopt.nominal.diagram import Diagram
 from fmopt.nominal.diagram_contact import spans
-from fmopt.nominal.intervals import FreedomInterval, Stop, intervals
+from fmopt.nominal.intervals import Bits, FreedomInterval, Stops, intervals, together
 from fmopt.nominal.leg import Leg
 from fmopt.nominal.trajectory import NominalTrajectory
 from fmopt.nominal.uncertainty_zone import Zone
@@ -69,7 +69,7 @@ def freedom_on_planes(
     Raises:
         GeometryError: operand 1 still turns, or has not the goal's orientation, after `free_until`.
     """
-    found: list[Stop] = []
+    found: list[Stops] = []
     for k in range(len(path.times) - 1):
         end = float(path.times[k + 1])
         if np.abs(path.nodes[k : k + 2, 3:] - path.nodes[-1, 3:]).max() > _SAME:
@@ -78,7 +78,7 @@ def freedom_on_planes(
             continue
         for view in views:
             found += _stops(view, path, k, _reach(views))
-    return intervals(found, path.duration, _BLUR * path.duration)
+    return intervals(together(found), path.duration, _BLUR * path.duration)
 
 
 def _refuse(end: float, free_until: float) -> None:
@@ -94,19 +94,20 @@ def _reach(views: Sequence[View]) -> tuple[float, float]:
     return max((zone.radius for zone in upright), default=0.0), max((zone.half_angle for zone in upright), default=0.0)
 
 
-def _stops(view: View, path: NominalTrajectory, k: int, reach: tuple[float, float]) -> Iterator[Stop]:
+def _stops(view: View, path: NominalTrajectory, k: int, reach: tuple[float, float]) -> Iterator[Stops]:
     plane, times = view.zone.plane, path.times[k : k + 2]
     a, b = path.nodes[k, [plane.u, plane.v]], path.nodes[k + 1, [plane.u, plane.v]]
     for one in view.moving:
         low, high = 0.0, 1.0
         if one.heights is not None:
             low, high = _within(one, path.nodes[k : k + 2, 2], reach)
-        leg = Leg(a, b - a, view.zone.radius, view.zone.half_angle, max(one.section.size, 1e-9))
-        for span in spans(one.section, view.fixed, leg) if low <= high else ():
-            start, end = max(span.start, low), min(span.end, high)
-            if start <= end:
-                t0, t1 = (float(times[0] + share * (times[1] - times[0])) for share in (start, end))
-                yield Stop(t0, t1, _bits(view, span.stops))
+        if low <= high:
+            leg = Leg(a, b - a, view.zone.radius, view.zone.half_angle, max(one.section.size, 1e-9))
+            found = spans(one.section, view.fixed, leg)
+            start, end = np.maximum(found.start, low), np.minimum(found.end, high)
+            on = start <= end
+            start, end = (times[0] + share[on] * (times[1] - times[0]) for share in (start, end))
+            yield Stops(start, end, _bits(view, found.stops[on]))
 
 
 def _within(one: Slice, z: np.ndarray, reach: tuple[float, float]) -> tuple[float, float]:
@@ -121,10 +122,10 @@ def _within(one: Slice, z: np.ndarray, reach: tuple[float, float]) -> tuple[floa
     return max(0.0, ends[0]), min(1.0, ends[1])
 
 
-def _bits(view: View, stops: tuple[bool, ...]) -> np.ndarray:
-    """Bits (6, 2) of the plane's stops: a counter-clockwise turn on x-z goes against rotation about y."""
+def _bits(view: View, stops: Bits) -> Bits:
+    """Bits (n, 6, 2) of the plane's stops (n, 6): a counter-clockwise turn on x-z goes against rotation about y."""
     plane = view.zone.plane
-    bits = np.zeros((6, 2), dtype=bool)
-    bits[plane.u], bits[plane.v] = stops[0:2], stops[2:4]
-    bits[plane.turn] = stops[4:6] if plane.sense > 0 else (stops[5], stops[4])
+    bits = np.zeros((len(stops), 6, 2), dtype=bool)
+    bits[:, plane.u], bits[:, plane.v] = stops[:, 0:2], stops[:, 2:4]
+    bits[:, plane.turn] = stops[:, 4:6] if plane.sense > 0 else stops[:, [5, 4]]
     return bits

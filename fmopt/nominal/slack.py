@@ -1,4 +1,4 @@
-"""Whether contact is possible within the box of pose errors: small linear programs, exact where two rows decide.
+"""Whether contact is possible within the box of pose errors: small linear programs, by the simplex method.
 
 Contact is possible when a candidate's bounds can hold with f ≤ 0 and also with f ≥ 0, that is, when
 
@@ -9,23 +9,27 @@ over |eᵢ| ≤ aᵢ is not negative.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+import math
 
 import numpy as np
+from numpy.typing import NDArray
 
+from fmopt.compiled import compiled
 from fmopt.errors import SolverError
 from fmopt.nominal.touch import Linear
 from fmopt.values import Array
 
-_TOLERANCE = 1e-10  # of the linear programs, in scaled units
+Indices = NDArray[np.intp]
+
+_SMALL = 1e-13  # a rate below which a variable is not worth moving, or does not move another
+_GREEDY = 40  # steps along the steepest variable; from then on the first that gains, which cannot go round in circles
+_MOST = 400  # steps
 
 
 def slack(made: Linear, half_widths: Array, remainder: float, unit: float) -> Array:
     """φ (n,) of linearised candidates with `remainder` (m) for the ρ of f, divided by `unit` (m).
 
-    With u = e / a the interval bound min_k (c_k + |B_k|₁) is φ itself when no other row can fall below it; two rows
-    are solved by the dual, which is piecewise linear in one variable; more by one linear program for all.
+    Where that is negative, its bound min_k (c_k + |B_k|₁), with u = e / a, may stand for it.
     """
     n, k = made.heights.shape
     c, B = np.empty((2, n, k + 1)), np.empty((2, n, k + 1, 6))
@@ -34,48 +38,136 @@ def slack(made: Linear, half_widths: Array, remainder: float, unit: float) -> Ar
         rows[:, 0], rows[:, 1:] = sign * made.gradient, made.rows
     c[:, :, 0] += remainder
     c[:, :, 1:] += made.remainder[:, 1:]
-    c, B = c / unit, B * half_widths / unit
-    c, B = c.reshape(2 * n, k + 1), B.reshape(2 * n, k + 1, 6)
-    reach = np.abs(B).sum(axis=2)
-    value = (c + reach).min(axis=1)
-    matters = c - reach < value[:, None]
-    matters[:, 1:] &= (c[:, 1:] != c[:, :-1]) | np.any(B[:, 1:] != B[:, :-1], axis=2)
-    rows = np.where(value >= 0.0, matters.sum(axis=1), 0)
-    two = np.flatnonzero(rows == 2)
-    if two.size:
-        first, second = np.nonzero(matters[two])[1].reshape(-1, 2).T
-        value[two] = _two_rows(c[two, first], c[two, second], B[two, first], B[two, second])
-    many = np.flatnonzero(rows > 2)
-    if many.size:
-        value[many] = _maximin([(c[i, matters[i]], B[i, matters[i]]) for i in many])
+    value = maximin((c / unit).reshape(2 * n, k + 1), (B * half_widths / unit).reshape(2 * n, k + 1, 6))
+    if np.any(np.isnan(value)):
+        raise SolverError("the touch programs did not end", "check the half-widths of the pose error")
     return np.asarray(value.reshape(2, n).min(axis=0))
 
 
-def _two_rows(c: Array, d: Array, B: Array, C: Array) -> Array:
-    """min over 0 ≤ λ ≤ 1 of λ c + (1 − λ) d + |λ B + (1 − λ) C|₁ for c, d (n,) and B, C (n, 6): least at a kink."""
-    fall = C - B
-    kinks = np.divide(C, fall, out=np.zeros_like(C), where=fall != 0.0)
-    share = np.clip(np.column_stack([kinks, np.zeros(len(c)), np.ones(len(c))]), 0.0, 1.0)[..., None]
-    blend = share[..., 0] * c[:, None] + (1.0 - share[..., 0]) * d[:, None]
-    return np.asarray((blend + np.abs(share * B[:, None] + (1.0 - share) * C[:, None]).sum(axis=2)).min(axis=1))
+@compiled
+def maximin(c: Array, B: Array) -> Array:
+    """max over |u| ≤ 1 of min_k (c_k + B_k·u), (n,), for c (n, k) and B (n, k, 6); its bound where that is negative.
+
+    Rows that no other can fall below, or that repeat the one before, are left out. nan where the method did not end.
+    """
+    count, rows = c.shape
+    found, reach = np.empty(count), np.empty(rows)
+    some, those = np.empty(rows), np.empty((rows, 6))
+    for i in range(count):
+        most = math.inf
+        for k in range(rows):
+            reach[k] = 0.0
+            for j in range(6):
+                reach[k] += abs(B[i, k, j])
+            most = min(most, c[i, k] + reach[k])
+        kept = 0
+        for k in range(rows):
+            if c[i, k] - reach[k] < most and not (k > 0 and _same(c[i], B[i], k)):
+                some[kept] = c[i, k]
+                for j in range(6):
+                    those[kept, j] = B[i, k, j]
+                kept += 1
+        found[i] = min(most, _highest(some, those, kept)) if most >= 0.0 and kept > 1 else most
+    return found
 
 
-def _maximin(blocks: Sequence[tuple[Array, Array]]) -> Array:
-    """max over |u| ≤ 1 of min_k (c_k + B_k·u) for each block (c (k,), B (k, 6)), through HiGHS."""
-    from scipy.optimize import linprog
-    from scipy.sparse import csr_array
+@compiled
+def _same(c: Array, B: Array, k: int) -> bool:
+    """Whether a row repeats the one before."""
+    apart = abs(c[k] - c[k - 1])
+    for j in range(6):
+        apart += abs(B[k, j] - B[k - 1, j])
+    return bool(apart == 0.0)
 
-    sizes = np.array([len(c) for c, _ in blocks])
-    columns = np.repeat(7 * np.arange(len(blocks)), sizes)[:, None] + np.arange(7)
-    values = np.hstack([-np.vstack([B for _, B in blocks]), np.ones((sizes.sum(), 1))])
-    A: Any = csr_array(
-        (values.ravel(), columns.ravel(), 7 * np.arange(sizes.sum() + 1)), shape=(sizes.sum(), 7 * len(blocks))
-    )
-    cost = np.tile([0.0] * 6 + [-1.0], len(blocks))
-    limits: Any = np.tile([[-1.0, 1.0]] * 6 + [[-np.inf, np.inf]], (len(blocks), 1))
-    options: Any = {"primal_feasibility_tolerance": _TOLERANCE, "dual_feasibility_tolerance": _TOLERANCE}
-    answer = linprog(cost, A_ub=A, b_ub=np.concatenate([c for c, _ in blocks]), bounds=limits, options=options)
-    if answer.status != 0:
-        raise SolverError(f"the touch programs stopped: {answer.message}", "check the half-widths of the pose error")
-    u = np.clip(np.asarray(answer.x).reshape(-1, 7)[:, :6], -1.0, 1.0)
-    return np.array([float(np.min(c + B @ x)) for (c, B), x in zip(blocks, u, strict=True)])
+
+@compiled
+def _highest(c: Array, B: Array, rows: int) -> float:
+    """max over |u| ≤ 1 of t = min_k (c_k + B_k·u) over the first rows, by the simplex method for bounded variables.
+
+    Variables lie between 0 and a limit: 0 to 5 are the ways of the u from where the bound of one row is reached, with
+    limit 2, the others the slacks s_k = c_k + B_k·u − t. Columns of T are the variables that are 0, and what is then
+    left; its rows are the others, in which t stands for the slack of the row that is lowest at first.
+    """
+    T, limit = np.empty((rows, 8)), np.full(6 + rows, np.inf)
+    free, kept = np.arange(7), np.arange(6, 6 + rows)
+    limit[:6] = 2.0
+    goal = _begun(c, B, rows, T)
+    free[6] = 6 + goal
+    for step in range(_MOST):
+        column = _entering(T, goal, free, step < _GREEDY)
+        if column < 0:
+            return float(T[goal, 7])
+        _moved(T, goal, column, free, kept, limit)
+    return math.nan
+
+
+@compiled
+def _begun(c: Array, B: Array, rows: int, T: Array) -> int:
+    """Fills T for the corner of |u| ≤ 1 where the lowest of all bounds is reached; returns the lowest row there."""
+    first, least = 0, math.inf
+    for k in range(rows):
+        most = c[k]
+        for j in range(6):
+            most += abs(B[k, j])
+        if most < least:
+            first, least = k, most
+    lowest = 0
+    for k in range(rows):
+        T[k, 6], T[k, 7] = 1.0, c[k]
+        for j in range(6):
+            T[k, j] = B[k, j] if B[first, j] < 0.0 else -B[k, j]
+            T[k, 7] -= T[k, j]
+        if T[k, 7] < T[lowest, 7]:
+            lowest = k
+    T[lowest, 6] = -1.0
+    for k in range(rows):
+        if k != lowest:
+            T[k, 7] -= T[lowest, 7]
+            for j in range(6):
+                T[k, j] -= T[lowest, j]
+    return lowest
+
+
+@compiled
+def _entering(T: Array, goal: int, free: Indices, greedy: bool) -> int:
+    """The column along which t grows most, or the first variable along which it does; −1 when there is none."""
+    best = -1
+    for j in range(7):
+        if T[goal, j] <= _SMALL:
+            continue
+        if best < 0 or (T[goal, j] > T[goal, best] if greedy else free[j] < free[best]):
+            best = j
+    return best
+
+
+@compiled
+def _moved(T: Array, goal: int, column: int, free: Indices, kept: Indices, limit: Array) -> None:
+    """Moves the variable of a column until it, or one that moves with it, is 0 or at its limit; these change places."""
+    step, row = limit[free[column]], -1
+    for i in range(len(T)):
+        if i == goal or abs(T[i, column]) <= _SMALL:
+            continue
+        room = T[i, 7] if T[i, column] < 0.0 else limit[kept[i]] - T[i, 7]
+        room = max(room, 0.0) / abs(T[i, column])
+        if room < step or (room == step and row >= 0 and kept[i] < kept[row]):
+            step, row = room, i
+    if row < 0:  # it is at its limit: what is left of that takes its place
+        for i in range(len(T)):
+            T[i, 7] += step * T[i, column]
+            T[i, column] = -T[i, column]
+        return
+    if T[row, column] > 0.0:  # likewise for the other
+        for j in range(8):
+            T[row, j] = -T[row, j]
+        T[row, 7] += limit[kept[row]]
+    rate = -T[row, column]
+    T[row, column] = -1.0
+    for j in range(8):
+        T[row, j] /= rate
+    for i in range(len(T)):
+        if i != row:
+            rate = T[i, column]
+            T[i, column] = 0.0
+            for j in range(8):
+                T[i, j] += rate * T[row, j]
+    free[column], kept[row] = kept[row], free[column]

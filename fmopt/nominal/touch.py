@@ -1,6 +1,7 @@
 """What the uncertain moving part could touch at nominal poses, linearised in the pose error.
 
-A candidate is a vertex and a convex piece of a face, or two convex edges that are not nearly parallel. With the error
+A candidate is a vertex and a convex piece of a face (kind 0), the same the other way round (kind 1), or two convex
+edges that are not nearly parallel (kind 2), each with the numbers of the two features in their bodies. With the error
 e = (d, δ) in a box |eᵢ| ≤ aᵢ the candidate's distance is f(e) = f₀ + N·e + o(e) and its bounds (inside the face, inside
 both edges) are rows gₖ(e) = cₖ + Bₖ·e + o(e) ≥ 0, with |o| ≤ ρ in closed form (θ = |a_δ|, D = |a_d|).
 """
@@ -9,27 +10,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.geometry.polyhedron import Face, Polyhedron, plane_basis
-from fmopt.se3 import Pose, cross
+from fmopt.se3 import cross
 from fmopt.values import Array, Value
 
 Indices = NDArray[np.intp]
+Bits = NDArray[np.bool_]
 
+_BLOCK = 2_000_000  # pairs of boxes looked at in one go
 PARALLEL = float(np.sin(np.radians(1.0)))  # edges closer in direction touch where one of them ends: at a vertex
-_KINDS = ("vertex-face", "face-vertex", "edge-edge")
-
-
-class Candidate(NamedTuple):
-    """A pair of features that could touch: its kind, the vertex, plate or edge of the moving and of the fixed body."""
-
-    kind: str
-    moving: int
-    fixed: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,49 +92,58 @@ class Linear(Value):
         return np.concatenate([force, cross(self.arm, force)], axis=1)
 
 
-def candidates(moving: Body, fixed: Body, pose: Pose, half_widths: Array) -> list[Candidate]:
+def candidates(moving: Body, fixed: Body, p: Array, R: Array, half_widths: Array) -> tuple[Indices, Indices]:
     """The candidates that come near enough within the box, and can meet from outside.
 
     Args:
         moving: in its body frame.
         fixed: in the B-frame.
-        pose: nominal pose of the moving body.
+        p: nominal positions (n, 3) of the moving body, m.
+        R: its orientation at all of them.
         half_widths: a (6,), m and rad.
+
+    Returns:
+        Which position (k,), and there the kind and the feature of the moving and of the fixed body (k, 3).
     """
     D, theta = float(np.linalg.norm(half_widths[:3])), float(np.linalg.norm(half_widths[3:]))
     tilt = theta + 1e-9
 
-    def near(one: Array, other: Array) -> tuple[Indices, Indices]:
+    def near(one: Array, other: Array) -> tuple[Indices, Indices, Indices]:
         grow = D + theta * np.linalg.norm(one, axis=2).max(axis=1)[:, None] + 1e-9
-        turned = pose.apply(one)
-        return _meeting((turned.min(axis=1) - grow, turned.max(axis=1) + grow), (other.min(axis=1), other.max(axis=1)))
+        turned = one @ R.T
+        box = turned.min(axis=1) - grow, turned.max(axis=1) + grow
+        return _meeting(box, (other.min(axis=1), other.max(axis=1)), p)
 
-    i, j = near(moving.vertices[:, None], fixed.corners)
-    meets = _dot(moving.spokes[i] @ pose.R.T, fixed.normals[j][:, None]).min(axis=1, initial=1.0) >= -tilt
-    found = [Candidate(_KINDS[0], int(a), int(b)) for a, b in zip(i[meets], j[meets], strict=True)]
-    i, j = near(moving.corners, fixed.vertices[:, None])
-    meets = _dot(fixed.spokes[j], (moving.normals[i] @ pose.R.T)[:, None]).min(axis=1, initial=1.0) >= -tilt
-    found += [Candidate(_KINDS[1], int(a), int(b)) for a, b in zip(i[meets], j[meets], strict=True)]
-    i, j = near(moving.edges, fixed.edges)
-    outward = _outward(moving, fixed, pose.R, i, j)
-    meets = np.minimum(-outward.min(axis=1, initial=1.0), outward.max(axis=1, initial=-1.0)) <= 2.0 * tilt
-    meets &= np.any(outward != 0.0, axis=1)
-    return found + [Candidate(_KINDS[2], int(a), int(b)) for a, b in zip(i[meets], j[meets], strict=True)]
+    def found(kind: int, meets: Bits, rows: tuple[Indices, Indices, Indices]) -> tuple[Indices, Indices]:
+        at, i, j = (row[meets] for row in rows)
+        return at, np.column_stack([np.full(len(at), kind), i, j])
+
+    vertices = near(moving.vertices[:, None], fixed.corners)
+    _, i, j = vertices
+    outside = _dot(moving.spokes[i] @ R.T, fixed.normals[j][:, None]).min(axis=1, initial=1.0) >= -tilt
+    faces = near(moving.corners, fixed.vertices[:, None])
+    _, i, j = faces
+    around = _dot(fixed.spokes[j], (moving.normals[i] @ R.T)[:, None]).min(axis=1, initial=1.0) >= -tilt
+    edges = near(moving.edges, fixed.edges)
+    _, i, j = edges
+    outward = _outward(moving, fixed, R, i, j)
+    crossed = np.minimum(-outward.min(axis=1, initial=1.0), outward.max(axis=1, initial=-1.0)) <= 2.0 * tilt
+    crossed &= np.any(outward != 0.0, axis=1)
+    parts = found(0, outside, vertices), found(1, around, faces), found(2, crossed, edges)
+    return np.concatenate([at for at, _ in parts]), np.concatenate([items for _, items in parts])
 
 
-def linear(items: Sequence[Candidate], moving: Body, fixed: Body, poses: Sequence[Pose], half_widths: Array) -> Linear:
-    """The n candidates linearised in the pose error, each at its own nominal pose."""
+def linear(items: Indices, moving: Body, fixed: Body, p: Array, R: Array, half_widths: Array) -> Linear:
+    """The candidates (n, 3) linearised in the pose error, each at its own nominal pose p (n, 3) and R (n, 3, 3)."""
     D, theta = float(np.linalg.norm(half_widths[:3])), float(np.linalg.norm(half_widths[3:]))
     n, k = len(items), max(4, moving.corners.shape[1], fixed.corners.shape[1])
     made = Linear(*(np.zeros((n, *shape)) for shape in ((), (6,), (k,), (k, 6), (2,), (3,))))
-    for kind, rows_of in zip(_KINDS, (_vertex_face, _face_vertex, _edge_edge), strict=True):
-        which = np.array([number for number, item in enumerate(items) if item.kind == kind], dtype=int)
+    for kind, rows_of in enumerate((_vertex_face, _face_vertex, _edge_edge)):
+        which = np.flatnonzero(items[:, 0] == kind)
         if not which.size:
             continue
-        i, j = np.array([items[number][1:] for number in which]).T
-        p = np.array([poses[number].p for number in which])
-        R = np.array([poses[number].R for number in which])
-        part = rows_of(moving, fixed, i, j, p, R, D, theta)
+        _, i, j = items[which].T
+        part = rows_of(moving, fixed, i, j, p[which], R[which], D, theta)
         pad = np.minimum(np.arange(k), part.heights.shape[1] - 1)
         made.distance[which], made.gradient[which], made.remainder[which] = part.distance, part.gradient, part.remainder
         made.heights[which], made.rows[which], made.arm[which] = part.heights[:, pad], part.rows[:, pad], part.arm
@@ -229,21 +231,32 @@ def _outward(moving: Body, fixed: Body, R: Array, i: Indices, j: Indices) -> Arr
     return np.where(size < PARALLEL, 0.0, value)
 
 
-def _meeting(one: tuple[Array, Array], other: tuple[Array, Array]) -> tuple[Indices, Indices]:
-    """Index pairs of the axis-parallel boxes (low, high) that overlap."""
-    meet = np.ones((len(one[0]), len(other[0])), dtype=bool)
+def _meeting(one: tuple[Array, Array], other: tuple[Array, Array], shifts: Array) -> tuple[Indices, Indices, Indices]:
+    """Which of the shifts (n, 3) of one, and the index pairs of the boxes (low, high) that overlap there."""
+    i, j = np.nonzero(_overlap(one[0][:, None] + shifts.min(axis=0), one[1][:, None] + shifts.max(axis=0), *other))
+    low, high, other = one[0][i], one[1][i], (other[0][j], other[1][j])
+    found = []
+    for rows in np.array_split(np.arange(len(shifts)), 1 + len(shifts) * len(i) // _BLOCK):
+        moves = shifts[rows, None]
+        at, pair = np.nonzero(_overlap(low + moves, high + moves, *other))
+        found.append((rows[at], i[pair], j[pair]))
+    at, i, j = (np.concatenate(column) for column in zip(*found, strict=True))
+    return at, i, j
+
+
+def _overlap(low: Array, high: Array, lower: Array, upper: Array) -> Bits:
+    """Whether boxes (…, 3) overlap."""
+    meet = np.ones(np.broadcast_shapes(low.shape, lower.shape)[:-1], dtype=bool)
     for axis in range(3):
-        meet &= one[0][:, None, axis] <= other[1][None, :, axis]
-        meet &= other[0][None, :, axis] <= one[1][:, None, axis]
-    i, j = np.nonzero(meet)
-    return i, j
+        meet &= (low[..., axis] <= upper[..., axis]) & (lower[..., axis] <= high[..., axis])
+    return meet
 
 
 def _plates(polyhedron: Polyhedron, face: Face) -> list[Array]:
     """Corners of the convex pieces of a face: itself, or the triangles of a polygon with holes or reflex corners."""
     outer = polyhedron.vertices[list(face.loops[0])]
     steps = np.roll(outer, -1, axis=0) - outer
-    if len(face.loops) == 1 and np.all(np.cross(np.roll(steps, 1, axis=0), steps) @ face.normal > 0.0):
+    if len(face.loops) == 1 and np.all(cross(np.roll(steps, 1, axis=0), steps) @ face.normal > 0.0):
         return [outer]
     from manifold3d import triangulate
 

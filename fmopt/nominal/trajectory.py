@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fmopt.errors import GeometryError
-from fmopt.se3 import Pose
+from fmopt.se3 import Pose, turns
 from fmopt.values import Array, Value, frozen
 
 
@@ -43,6 +43,11 @@ class NominalTrajectory(Value):
     def pose(self, t: float) -> Pose:
         """P(t) as a pose."""
         return Pose.from_vector(self.at(t))
+
+    def frames(self, times: Array) -> tuple[Array, Array]:
+        """Positions (n, 3) in m and rotation matrices (n, 3, 3) at times (n,)."""
+        P = np.stack([np.interp(times, self.times, self.nodes[:, axis]) for axis in range(6)], axis=-1)
+        return P[:, :3], turns(P[:, 3:])
 
 
 def insertion(start: ArrayLike, goal: ArrayLike, speed: float, rho: float, turned: float = 1.0) -> NominalTrajectory:

@@ -14,7 +14,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.plane.curve import Curve, Segment
+from fmopt.compiled import compiled
+from fmopt.plane.curve import Curve, Segment, boxes_of
 from fmopt.plane.meet import meet
 from fmopt.plane.winding import Table, simple
 from fmopt.values import Array
@@ -71,11 +72,6 @@ def arrange(curves: Sequence[Curve], operands: Sequence[int], tolerance: float) 
     return Arrangement(tuple(edges), vertices, edge_ends, right, right + passes)
 
 
-def boxes_of(curves: Sequence[Curve]) -> Array:
-    """Bounding boxes (n, 4): lower x, lower y, upper x, upper y."""
-    return np.array([np.concatenate(curve.box) for curve in curves]).reshape(-1, 4)
-
-
 def touching_boxes(boxes: Array, others: Array, margin: float) -> Integers:
     """Pairs (2, k) of rows of `boxes` and `others` whose boxes come within `margin` of each other, by an R-tree."""
     import shapely
@@ -83,6 +79,31 @@ def touching_boxes(boxes: Array, others: Array, margin: float) -> Integers:
     tree = shapely.STRtree(shapely.box(*others.T))
     grown = boxes + margin * np.array([-1.0, -1.0, 1.0, 1.0])
     return np.asarray(tree.query(shapely.box(*grown.T)), dtype=np.intp)
+
+
+@compiled
+def linked(i: Integers, j: Integers, size: int) -> tuple[Integers, Integers]:
+    """Groups of the numbers 0 to `size` − 1 that pairs (k,) link: the group of each number, the first of each group.
+
+    Groups are in the order of their first numbers.
+    """
+    before, label, first, count = np.arange(size), np.empty(size, dtype=np.intp), np.empty(size, dtype=np.intp), 0
+    for k in range(len(i)):
+        a, b = i[k], j[k]
+        while before[a] != a:
+            before[a] = before[before[a]]
+            a = before[a]
+        while before[b] != b:
+            before[b] = before[before[b]]
+            b = before[b]
+        before[max(a, b)] = min(a, b)
+    for k in range(size):
+        if before[k] == k:
+            label[k], first[count] = count, k
+            count += 1
+        else:
+            label[k] = label[before[k]]
+    return label, first[:count].copy()
 
 
 def _split(pieces: list[Curve], owners: list[int], tolerance: float) -> tuple[list[Curve], list[int]]:
@@ -153,18 +174,13 @@ def _foot(start: Array, along: Array, points: Array, tolerance: float) -> tuple[
 
 def _joined(parts: list[Curve], tolerance: float) -> tuple[Array, Integers]:
     """Vertices (n, 2), clusters of end points, and the vertices (m, 2) of each part's ends."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
     points = np.array([end for part in parts for end in (part.first, part.last)]).reshape(-1, 2)
     pairs = cKDTree(points).query_pairs(2.0 * tolerance, output_type="ndarray") if len(points) else np.zeros((0, 2))
-    i, j = pairs.astype(np.intp).T
-    size = len(points)
-    count, label = connected_components(coo_matrix((np.ones(len(i)), (i, j)), shape=(size, size)), directed=False)
-    first = np.full(count, size, dtype=np.intp)
-    np.minimum.at(first, label, np.arange(size))
-    return points[first], np.asarray(label, dtype=np.intp).reshape(-1, 2)
+    i, j = np.ascontiguousarray(pairs.T, dtype=np.intp)
+    label, first = linked(i, j, len(points))
+    return points[first], label.reshape(-1, 2)
 
 
 def _snapped(part: Curve, vertices: Array, ends: Integers) -> Curve:
@@ -250,17 +266,13 @@ def _ray_sums(table: Table, boxes: Array, points: Array, own: Integers, passes: 
 
 def _chains(edges: list[Curve], vertices: Array, ends: Integers) -> tuple[Integers, list[int]]:
     """The chain of each edge, linked head to tail where just two edges meet, and the longest edge of each chain."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
     size, n = len(edges), len(vertices)
     arriving, leaving = np.bincount(ends[:, 1], minlength=n), np.bincount(ends[:, 0], minlength=n)
     through = (arriving == 1) & (leaving == 1)
     into, out = np.full(n, -1), np.full(n, -1)
     into[ends[:, 1]], out[ends[:, 0]] = np.arange(size), np.arange(size)
-    links = (np.ones(int(through.sum())), (into[through], out[through]))
-    count, chain = connected_components(coo_matrix(links, shape=(size, size)), directed=False)
-    longest = np.full(count, -1, dtype=np.intp)
+    chain, first = linked(into[through], out[through], size)
+    longest = np.full(len(first), -1, dtype=np.intp)
     chords = np.linalg.norm(vertices[ends[:, 1]] - vertices[ends[:, 0]], axis=1)
     longest[chain[np.argsort(chords, kind="stable")]] = np.argsort(chords, kind="stable")
-    return np.asarray(chain, dtype=np.intp), longest.tolist()
+    return chain, longest.tolist()

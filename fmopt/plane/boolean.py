@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.errors import GeometryError
-from fmopt.plane.arrangement import Arrangement, Integers, arrange, boxes_of, tolerance_of, touching_boxes
-from fmopt.plane.curve import Arc, Curve, Segment
+from fmopt.plane.arrangement import Arrangement, Integers, arrange, linked, tolerance_of, touching_boxes
+from fmopt.plane.curve import Arc, Curve, Segment, boxes_of
 from fmopt.plane.region import Region
 from fmopt.values import Array
 
@@ -24,8 +24,8 @@ Inside: TypeAlias = Callable[[Integers], NDArray[np.bool_]]
 def union(regions: Sequence[Region]) -> Region:
     """The regularised union of any number of regions, by divide and conquer over groups that touch."""
     full = [region for region in regions if not region.empty]
-    if not full:
-        return Region(())
+    if len(full) < 2:
+        return full[0] if full else Region(())
     boxes = np.array([np.concatenate(region.box) for region in full])
     merged = [_divided([full[k] for k in group], boxes[group]) for group in _groups(boxes)]
     return Region(tuple(loop for region in merged for loop in region.loops))
@@ -58,14 +58,10 @@ def positive(curves: Sequence[Curve]) -> Region:
 
 def _groups(boxes: Array) -> list[Integers]:
     """Rows whose boxes touch, directly or through others, in groups."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
     i, j = touching_boxes(boxes, boxes, 1e-9 * float(np.max(np.abs(boxes))))
-    size = len(boxes)
-    count, label = connected_components(coo_matrix((np.ones(len(i)), (i, j)), shape=(size, size)), directed=False)
+    label, _ = linked(i, j, len(boxes))
     order = np.argsort(label, kind="stable")
-    return [np.asarray(rows, dtype=np.intp) for rows in np.split(order, np.cumsum(np.bincount(label))[: count - 1])]
+    return [np.asarray(rows, dtype=np.intp) for rows in np.split(order, np.cumsum(np.bincount(label))[:-1])]
 
 
 def _divided(regions: list[Region], boxes: Array) -> Region:

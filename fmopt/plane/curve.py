@@ -6,6 +6,7 @@ A curve runs over t in [0, 1]; the region it bounds lies on its left. Lengths in
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, TypeAlias
@@ -263,3 +264,10 @@ class Arc(Value):
 
 
 Curve: TypeAlias = Segment | Arc | ConicArc
+
+
+def boxes_of(curves: Sequence[Curve]) -> Array:
+    """Bounding boxes (n, 4) in m: lower x, lower y, upper x, upper y."""
+    corners = [(curve.start, curve.end) if isinstance(curve, Segment) else curve.box for curve in curves]
+    pairs = np.array(corners).reshape(-1, 2, 2)
+    return np.concatenate([pairs.min(axis=1), pairs.max(axis=1)], axis=1)

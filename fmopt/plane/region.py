@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fmopt.errors import GeometryError
-from fmopt.plane.curve import Curve, Segment, Side
+from fmopt.plane.curve import Curve, Segment, Side, boxes_of
 from fmopt.plane.meet import meet
 from fmopt.plane.winding import Table, simple
 from fmopt.values import Array, Value
@@ -71,8 +71,8 @@ class Region(Value):
             GeometryError: the region is empty.
         """
         self._require_points("bounding box")
-        lower, upper = zip(*(curve.box for curve in self.curves), strict=True)
-        return np.min(lower, axis=0), np.max(upper, axis=0)
+        boxes = boxes_of(self.curves)
+        return boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
 
     @property
     def size(self) -> float:
