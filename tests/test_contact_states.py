@@ -6,12 +6,12 @@ from collections import Counter
 import numpy as np
 import pytest
 from test_contact_cell import gap
-from test_contact_parts import MID_DEPTH, block, peg, tilted
+from test_contact_parts import MID_DEPTH, block, peg
 
 from fmopt.contact.bounds import cell, touching
 from fmopt.contact.confirm import APART, RESIDUAL, Confirmation, Verdict, confirm
 from fmopt.contact.graph import ContactGraph, ContactState, contact_graph
-from fmopt.contact.meet import Neighbourhood, Poses, meet, project
+from fmopt.contact.meet import Neighbourhood, Poses, meet
 from fmopt.contact.primitive import near_contacts, vertex_face
 from fmopt.contact.space import faces, local_space
 from fmopt.contact.surface import Surfaces
@@ -139,20 +139,6 @@ def test_refuted_states_are_not_found_from_anywhere(
     met = meet(near, on, Poses.around(graph.space.pose, starts), 0.01)
     at = near.measured(on, met.poses)
     assert not ((at.residual <= RESIDUAL) & (at.slack > APART) & (at.limits.min(axis=1) > 0.0)).any()
-
-
-def test_edges_that_are_level_at_a_pose_count_as_far_from_each_other() -> None:
-    pose = tilted((0.03, -0.05, 0.02))
-    listed = near_contacts(peg(), block(), pose, 10.0 * REACH, 0.05)
-    box = 10.0 * REACH, 10.0 * REACH / RHO
-    space = local_space(listed, peg(), block(), pose, CLEARANCE, RHO, np.zeros((0, 7)), *box)
-    near, upright = Neighbourhood.of(space, peg(), block()), Poses(pose.p[None], np.eye(3)[None])
-    on = np.zeros((1, len(space.contacts)), dtype=bool)
-    with np.errstate(all="raise"):
-        short, measures = near.shortages(on, upright, 0.01), near.measured(on, upright)
-        polished = project(near, ~on, upright, 6)
-    for values in (short.size, short.slope, short.square, measures.others, polished.p, polished.R):
-        assert not np.isnan(values).any()
 
 
 def handmade(graph: ContactGraph, contacts: tuple[str, ...], dimension: int, point: np.ndarray) -> Confirmation:

@@ -10,11 +10,15 @@ from typing import TypeAlias, assert_never
 import numpy as np
 from numpy.typing import NDArray
 
+from fmopt.contact.ends import Crossings, face_clauses
 from fmopt.contact.primitive import Kind, PrimitiveContact, convex_vertices, face_vertex, vertex_face
 from fmopt.contact.surface import Surfaces
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.se3 import Pose, cross
+from fmopt.memory import remembered
+from fmopt.se3 import Pose
 from fmopt.values import Array, Value
+
+_MEMORY, _SIDES = 1024, 16
 
 
 @dataclass(frozen=True)
@@ -44,23 +48,7 @@ def bounds(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, pos
         fixed: the fixed part.
         pose: a pose near the contact; it tells the sides of the edges' ends apart.
     """
-    match contact.kind:
-        case Kind.VERTEX_FACE:
-            vertex = contact.moving_feature
-            return tuple(
-                tuple(tuple(Bound(vertex_face(fixed, vertex, g), 1) for g in group) for group in clause)
-                for clause in _face_clauses(fixed, contact.fixed_feature)
-            )
-        case Kind.FACE_VERTEX:
-            vertex = contact.fixed_feature
-            return tuple(
-                tuple(tuple(Bound(face_vertex(moving, g, vertex), 1) for g in group) for group in clause)
-                for clause in _face_clauses(moving, contact.moving_feature)
-            )
-        case Kind.EDGE_EDGE:
-            return tuple(((bound,),) for bound in _end_bounds(contact, moving, fixed, pose))
-        case _:
-            assert_never(contact.kind)
+    return BoundTable.of((contact,), moving, fixed, pose).clauses[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,23 +71,8 @@ class BoundTable(Value):
     @staticmethod
     def of(contacts: Sequence[PrimitiveContact], moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> BoundTable:
         """The table of the contacts' bounds, told apart at a pose."""
-        clauses = tuple(bounds(contact, moving, fixed, pose) for contact in contacts)
-        groups = [[group for clause in of_contact for group in clause] for of_contact in clauses]
-        listed = tuple(dict.fromkeys(bound for of_contact in groups for group in of_contact for bound in group))
-        number = {bound: i for i, bound in enumerate(listed)}
-        sizes = (
-            max((len(of_contact) for of_contact in clauses), default=0),
-            max((len(clause) for of_contact in clauses for clause in of_contact), default=0),
-            max((len(group) for of_contact in groups for group in of_contact), default=0),
-        )
-        places = np.full((len(clauses), *sizes), len(listed), dtype=np.intp)
-        for i, of_contact in enumerate(clauses):
-            for j, clause in enumerate(of_contact):
-                places[i, j, len(clause) :] = len(listed) + 1
-                for n, group in enumerate(clause):
-                    places[i, j, n, : len(group)] = [number[bound] for bound in group]
-        places.setflags(write=False)
-        return BoundTable(clauses, listed, Surfaces.of([bound.contact for bound in listed], moving, fixed), places)
+        crossings = Crossings.of(contacts, moving, fixed)
+        return _table(crossings, crossings.sides(pose))
 
     @cached_property
     def signs(self) -> NDArray[np.intp]:
@@ -191,66 +164,85 @@ def cell(
     return tuple(kept), tuple(bound for bound in limits if depth(bound) <= within and bound not in held)
 
 
-def _face_clauses(polyhedron: Polyhedron, face: int) -> list[list[tuple[int, ...]]]:
-    """The region of a face as clauses of alternatives, each naming the faces across edges that bound together.
+@remembered(_SIDES)
+def _table(crossings: Crossings, sides: bytes) -> BoundTable:
+    """The bounds of contacts whose edges pass each other in this way, tabulated."""
+    clauses = _clauses(crossings, sides)
+    groups = [[group for clause in of_contact for group in clause] for of_contact in clauses]
+    listed = tuple(dict.fromkeys(bound for of_contact in groups for group in of_contact for bound in group))
+    number = {bound: i for i, bound in enumerate(listed)}
+    sizes = (
+        max((len(of_contact) for of_contact in clauses), default=0),
+        max((len(clause) for of_contact in clauses for clause in of_contact), default=0),
+        max((len(group) for of_contact in groups for group in of_contact), default=0),
+    )
+    places = np.full((len(clauses), *sizes), len(listed), dtype=np.intp)
+    for i, of_contact in enumerate(clauses):
+        for j, clause in enumerate(of_contact):
+            places[i, j, len(clause) :] = len(listed) + 1
+            for n, group in enumerate(clause):
+                places[i, j, n, : len(group)] = [number[bound] for bound in group]
+    places.setflags(write=False)
+    surfaces = Surfaces.of([bound.contact for bound in listed], *crossings.parts)
+    return BoundTable(clauses, listed, surfaces, places)
 
-    Edges that meet in a reflex corner are alternatives, others hold together: along the outer loop each run of edges
-    joined by reflex corners is a clause; round a hole the runs joined by convex corners are one clause's alternatives.
+
+def _clauses(crossings: Crossings, sides: bytes) -> tuple[tuple[Clause, ...], ...]:
+    """The bounds of each of the contacts."""
+    (moving, fixed), pairs = crossings.parts, zip(sides[::2], sides[1::2], strict=True)
+    found = list[tuple[Clause, ...]]()
+    for contact in crossings.contacts:
+        match contact.kind:
+            case Kind.VERTEX_FACE:
+                found.append(_vertex_clauses(fixed, contact.moving_feature, contact.fixed_feature))
+            case Kind.FACE_VERTEX:
+                found.append(_face_clauses(moving, contact.moving_feature, contact.fixed_feature))
+            case Kind.EDGE_EDGE:
+                found.append(_edge_clauses(contact, moving, fixed, next(pairs)))
+            case _:
+                assert_never(contact.kind)
+    return tuple(found)
+
+
+@remembered(_MEMORY)
+def _vertex_clauses(fixed: Polyhedron, vertex: int, face: int) -> tuple[Clause, ...]:
+    """The bounds of a moving vertex on a fixed face."""
+    return tuple(
+        tuple(tuple(Bound(vertex_face(fixed, vertex, g), 1) for g in group) for group in clause)
+        for clause in face_clauses(fixed, face)
+    )
+
+
+@remembered(_MEMORY)
+def _face_clauses(moving: Polyhedron, face: int, vertex: int) -> tuple[Clause, ...]:
+    """The bounds of a moving face on a fixed vertex."""
+    return tuple(
+        tuple(tuple(Bound(face_vertex(moving, g, vertex), 1) for g in group) for group in clause)
+        for clause in face_clauses(moving, face)
+    )
+
+
+def _edge_clauses(
+    contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, sides: tuple[int, int]
+) -> tuple[Clause, ...]:
+    """For each free end of the two edges, the end against that face of the other edge which it passes most steeply.
+
+    Args:
+        contact: of the edges.
+        moving: the part with the one edge.
+        fixed: the part with the other.
+        sides: how they pass each other, see `Crossings`.
     """
-    across = {
-        (f, *(edge.vertices if side == 0 else edge.vertices[::-1])): (edge.faces[1 - side] if edge.convex else None)
-        for edge in polyhedron.edges
-        for side, f in enumerate(edge.faces)
-    }
-    outer, *holes = polyhedron.faces[face].loops
-    clauses: list[list[tuple[int | None, ...]]] = [
-        [(across[face, a, b],) for a, b in run] for run in _runs(polyhedron, face, outer, reflex=True)
-    ]
-    clauses += [
-        [tuple(across[face, a, b] for a, b in run) for run in _runs(polyhedron, face, hole, reflex=False)]
-        for hole in holes
-    ]
-    bounded = [[tuple(g for g in group if g is not None) for group in clause] for clause in clauses]
-    return [list(dict.fromkeys(clause)) for clause in dict.fromkeys(map(tuple, bounded)) if all(clause)]
-
-
-def _runs(polyhedron: Polyhedron, face: int, loop: tuple[int, ...], reflex: bool) -> list[list[tuple[int, int]]]:
-    """Maximal runs of the loop's edges joined at reflex (or else at convex) corners."""
-    points = polyhedron.vertices[list(loop)]
-    ahead = np.roll(points, -1, axis=0) - points
-    bend = cross(np.roll(ahead, 1, axis=0), ahead) @ polyhedron.faces[face].normal
-    joins = (bend < 0.0) if reflex else (bend > 0.0)
-    edges = list(zip(loop, loop[1:] + loop[:1], strict=True))
-    start = int(np.argmin(joins))
-    runs: list[list[tuple[int, int]]] = []
-    for i in range(len(loop)):
-        k = (start + i) % len(loop)
-        if i > 0 and joins[k]:
-            runs[-1].append(edges[k])
-        else:
-            runs.append([edges[k]])
-    return runs
-
-
-def _end_bounds(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> list[Bound]:
-    """For each free end of the two edges, the end against that face of the other edge which it passes most steeply."""
     one, other = moving.edges[contact.moving_feature], fixed.edges[contact.fixed_feature]
-    ends = moving.vertices[list(contact.moving)] @ pose.R.T
-    e = ends[1] - ends[0]
-    a, b = fixed.vertices[list(contact.fixed)]
-    found: list[Bound] = []
-    slopes = [float(fixed.faces[f].normal @ e) for f in other.faces]
-    steep = int(np.argmax(np.abs(slopes)))
-    free = set(convex_vertices(moving).tolist())
-    for vertex, away in zip(contact.moving, (-1.0, 1.0), strict=True):
-        if vertex in free:
-            face = vertex_face(fixed, vertex, other.faces[steep])
-            found.append(Bound(face, 1 if away * slopes[steep] < 0.0 else -1))
-    slopes = [float(moving.faces[f].normal @ pose.R.T @ (b - a)) for f in one.faces]
-    steep = int(np.argmax(np.abs(slopes)))
-    free = set(convex_vertices(fixed).tolist())
-    for vertex, away in zip(contact.fixed, (-1.0, 1.0), strict=True):
-        if vertex in free:
-            face = face_vertex(moving, one.faces[steep], vertex)
-            found.append(Bound(face, 1 if away * slopes[steep] < 0.0 else -1))
-    return found
+    (passed, slope), (passing, turned) = (divmod(side, 3) for side in sides)
+    found = [
+        Bound(vertex_face(fixed, vertex, other.faces[passed]), 1 if away * (slope - 1) < 0 else -1)
+        for vertex, away in zip(contact.moving, (-1, 1), strict=True)
+        if vertex in convex_vertices(moving)
+    ]
+    found += [
+        Bound(face_vertex(moving, one.faces[passing], vertex), 1 if away * (turned - 1) < 0 else -1)
+        for vertex, away in zip(contact.fixed, (-1, 1), strict=True)
+        if vertex in convex_vertices(fixed)
+    ]
+    return tuple(((bound,),) for bound in found)

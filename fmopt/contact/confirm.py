@@ -13,8 +13,9 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from fmopt.contact.descent import Bits
 from fmopt.contact.graph import ContactGraph
-from fmopt.contact.meet import Bits, Measures, Met, Neighbourhood, Poses, meet, project
+from fmopt.contact.meet import Measures, Met, Neighbourhood, Poses, meet, project
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.se3 import Pose
 from fmopt.values import Array, Value
@@ -71,8 +72,7 @@ def confirm(graph: ContactGraph, moving: Polyhedron, fixed: Polyhedron) -> tuple
         fixed: the fixed part.
     """
     near = Neighbourhood.of(graph.space, moving, fixed)
-    names = [contact.id for contact in graph.space.contacts]
-    on = np.array([np.isin(names, state.contacts) for state in graph.states])
+    on = _contacts(graph)
     points = np.array([state.point for state in graph.states])
     facets = Poses.around(graph.space.pose, points)
     best = _Best.of(near, on, meet(near, on, facets, _ROOMS[0]))
@@ -86,6 +86,15 @@ def confirm(graph: ContactGraph, moving: Polyhedron, fixed: Polyhedron) -> tuple
         if int(best.found.sum()) == before:
             break
     return _verdicts(graph, near, on, best, facets)
+
+
+def _contacts(graph: ContactGraph) -> Bits:
+    """Which contacts of the space (k) each state (n) has: (n, k)."""
+    number = {contact.id: i for i, contact in enumerate(graph.space.contacts)}
+    on = np.zeros((len(graph.states), len(number)), dtype=np.bool_)
+    states = np.repeat(np.arange(len(on)), [len(state.contacts) for state in graph.states])
+    on[states, [number[c] for state in graph.states for c in state.contacts]] = True
+    return on
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,14 +152,14 @@ def _starts(
 def _verdicts(
     graph: ContactGraph, near: Neighbourhood, on: Bits, best: _Best, facets: Poses
 ) -> tuple[Confirmation, ...]:
-    unit = float(near.space.scale[0])
-    at = near.measured(on, best.poses)
+    unit, at = float(near.space.scale[0]), near.measured(on, best.poses)
+    poses, residuals = best.poses.each(), at.residual.tolist()
+    clearances, insides = (unit * at.clearance).tolist(), (unit * at.inside).tolist()
     against = _refuted(graph, near, on, best, facets)
     found = []
     for i, state in enumerate(graph.states):
-        verdict, by, pose, residual = against.get(i, (Verdict.CONFIRMED, "", best.poses.pose(i), float(at.residual[i])))
-        clearance, inside = float(at.others[i].min(initial=np.inf)), float(at.depths[i].min(initial=np.inf))
-        found.append(Confirmation(state.id, verdict, pose, unit * residual, unit * clearance, unit * inside, by))
+        verdict, by, pose, residual = against.get(i, (Verdict.CONFIRMED, "", poses[i], residuals[i]))
+        found.append(Confirmation(state.id, verdict, pose, unit * residual, clearances[i], insides[i], by))
     return tuple(found)
 
 
@@ -167,23 +176,22 @@ def _refuted(
     middle = project(near, own, start, 6 - np.array([graph.states[i].dimension for i in left], dtype=np.intp))
     joined = meet(near, own, start, 0.0)
     half, meeting, at = (near.measured(own, poses) for poses in (middle, joined.poses, best.poses.kept(left)))
-    found = {}
-    for n, i in enumerate(left):
+    middles, found = middle.each(), {}
+    for n, i in enumerate(left.tolist()):
         if half.residual[n] > RESIDUAL:
             by = _least(near, meeting, n)[1] if meeting.residual[n] <= RESIDUAL else ""
-            found[int(i)] = Verdict.SPLIT, by, middle.pose(n), float(half.residual[n])
+            found[i] = Verdict.SPLIT, by, middles[n], float(half.residual[n])
         else:
             verdict, by = _least(near, at, n) if best.settled[i] else (Verdict.UNDECIDED, "")
-            found[int(i)] = verdict, by, best.poses.pose(int(i)), float(at.residual[n])
+            found[i] = verdict, by, best.poses.pose(i), float(at.residual[n])
     return found
 
 
 def _least(near: Neighbourhood, at: Measures, i: int) -> tuple[Verdict, str]:
     """What has least room at a pose: another contact, the bound of an own one, or the limits of the local space."""
-    apart, deep = at.others[i].min(initial=np.inf), at.depths[i].min(initial=np.inf)
-    if at.limits[i].min(initial=np.inf) < min(apart, deep):
+    if at.limits[i].min(initial=np.inf) < at.slack[i]:
         return Verdict.UNDECIDED, ""
-    if apart <= deep:
+    if at.clearance[i] <= at.inside[i]:
         return Verdict.BLOCKED, near.space.contacts[int(np.argmin(at.others[i]))].id
     where = np.unravel_index(int(np.argmin(at.depths[i])), at.depths[i].shape)
     return Verdict.OUT_OF_BOUNDS, near.table.listed[int(at.binding[i][where])].contact.id

@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.memory import remembered
 from fmopt.se3 import Pose, cross
 from fmopt.values import Array, Value, frozen
 
-_MEMORY = 8192
+_MEMORY, _NUMBERS = 1024, 8192
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,13 +41,7 @@ class Surfaces(Value):
     @staticmethod
     def of(contacts: Sequence[PrimitiveContact], moving: Polyhedron, fixed: Polyhedron) -> Surfaces:
         """The table of the contacts between these parts."""
-        kinds = (Kind.VERTEX_FACE, Kind.FACE_VERTEX, Kind.EDGE_EDGE)
-        stacked = [[i for i, contact in enumerate(contacts) if contact.kind is kind] for kind in kinds]
-        rows = [[parameters(contacts[i], moving, fixed) for i in group] for group in stacked]
-        order = np.argsort(list(chain(*stacked)), kind="stable").astype(np.intp)
-        order.setflags(write=False)
-        tables = [frozen(np.reshape(row, (len(row), 12))) for row in rows]
-        return Surfaces(tuple(contacts), order, *tables)
+        return _surfaces(moving, fixed, tuple(contacts))
 
     def values(self, pose: Pose) -> Array:
         """Signed distances f (k,) in m; not a number where edges are parallel and cross in no one point."""
@@ -55,18 +50,29 @@ class Surfaces(Value):
     def heights(self, p: Array, R: Array) -> Array:
         """Signed distances f (…, k) at poses with positions p (…, 3), R (…, 3, 3); see `values`."""
         p, Rt = p[..., None, :], np.swapaxes(R, -1, -2)
-        v, n, offset = _point_normal(self.vertex_face)
-        g, w, level = _point_normal(self.face_vertex)
-        f = [_dot(n, v @ Rt + p) - offset, _dot(g @ Rt, w - p) - level]
-        a, u, e, q = _lines(self.edge_edge, R)
-        m = cross(a, e)
-        size = np.sqrt(_dot(m, m))
-        f.append(np.divide(_dot(m, p + u - q), size, out=np.full(size.shape, np.nan), where=size > 0.0))
-        return np.asarray(np.concatenate(f, axis=-1)[..., self.order])
+        f = []
+        if len(self.vertex_face):
+            v, n, offset = _point_normal(self.vertex_face)
+            f.append(_dot(n, v @ Rt + p) - offset)
+        if len(self.face_vertex):
+            g, w, level = _point_normal(self.face_vertex)
+            f.append(_dot(g @ Rt, w - p) - level)
+        if len(self.edge_edge):
+            a, u, e, q = _lines(self.edge_edge, Rt)
+            m = cross(a, e)
+            size = np.sqrt(_dot(m, m))
+            f.append(np.divide(_dot(m, p + u - q), size, out=np.full(size.shape, np.nan), where=size > 0.0))
+        return self._in_order(f, np.zeros((*R.shape[:-2], 0)), -1)
+
+    def _in_order(self, of_kinds: Sequence[Array], nothing: Array, axis: int) -> Array:
+        """What there is of each kind, in the order of the contacts along an axis; `nothing` without any."""
+        if len(of_kinds) < 2:
+            return of_kinds[0] if of_kinds else nothing
+        return np.concatenate(of_kinds, axis=axis).take(self.order, axis)
 
     def sines(self, pose: Pose) -> Array:
         """Sines (k,) of the angles between the edges of contacts; 1 where a vertex touches a face."""
-        a, _, e, _ = _lines(self.edge_edge, pose.R)
+        a, _, e, _ = _lines(self.edge_edge, pose.R.T)
         m = cross(a, e)
         others = np.ones(len(self.order) - len(m))
         return np.asarray(np.concatenate([others, np.sqrt(_dot(m, m))])[self.order])
@@ -81,27 +87,23 @@ class Surfaces(Value):
         vertex–face (n, Rv × n); face–vertex (−Rn, Rn × (w − p)); edge–edge (m, Rc × m) with c the point of the moving
         edge's line closest to the fixed line. Level edges have neither: nan.
         """
-        p = p[..., None, :]
-        v, n, offset = _point_normal(self.vertex_face)
-        arm = v @ np.swapaxes(R, -1, -2)
-        g, w, level = _point_normal(self.face_vertex)
-        h, reach = g @ np.swapaxes(R, -1, -2), w - p
-        a, u, e, q = _lines(self.edge_edge, R)
-        gap = p + u - q
-        cosine = _dot(a, e)
-        m = cross(a, e)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            m /= np.sqrt(_dot(m, m))[..., None]
-            along = (cosine * _dot(gap, e) - _dot(gap, a)) / (1.0 - cosine**2)
-            c = u + along[..., None] * a
-            turned = cross(c, m)
-        f = [_dot(n, arm + p) - offset, _dot(h, reach) - level, _dot(m, gap)]
-        N = [
-            _beside(np.broadcast_to(n, arm.shape), cross(arm, n)),
-            _beside(-h, cross(h, reach)),
-            _beside(m, turned),
-        ]
-        return np.concatenate(f, axis=-1)[..., self.order], np.concatenate(N, axis=-2)[..., self.order, :]
+        p, Rt = p[..., None, :], np.swapaxes(R, -1, -2)
+        found = list[tuple[Array, Array]]()
+        if len(self.vertex_face):
+            v, n, offset = _point_normal(self.vertex_face)
+            arm = v @ Rt
+            found.append((_dot(n, arm + p) - offset, _beside(np.broadcast_to(n, arm.shape), cross(arm, n))))
+        if len(self.face_vertex):
+            g, w, level = _point_normal(self.face_vertex)
+            h, reach = g @ Rt, w - p
+            found.append((_dot(h, reach) - level, _beside(-h, cross(h, reach))))
+        if len(self.edge_edge):
+            found.append(_edges(self.edge_edge, p, Rt))
+        none = np.zeros((*R.shape[:-2], 0))
+        return (
+            self._in_order([f for f, _ in found], none, -1),
+            self._in_order([N for _, N in found], none[..., None].repeat(6, axis=-1), -2),
+        )
 
 
 def values_and_rows(
@@ -111,7 +113,18 @@ def values_and_rows(
     return Surfaces.of(contacts, moving, fixed).values_and_rows(pose)
 
 
-@lru_cache(maxsize=_MEMORY)
+@remembered(_MEMORY)
+def _surfaces(moving: Polyhedron, fixed: Polyhedron, contacts: tuple[PrimitiveContact, ...]) -> Surfaces:
+    kinds = (Kind.VERTEX_FACE, Kind.FACE_VERTEX, Kind.EDGE_EDGE)
+    stacked = [[i for i, contact in enumerate(contacts) if contact.kind is kind] for kind in kinds]
+    rows = [[parameters(contacts[i], moving, fixed) for i in group] for group in stacked]
+    order = np.argsort(list(chain(*stacked)), kind="stable").astype(np.intp)
+    order.setflags(write=False)
+    tables = [frozen(np.reshape(row, (len(row), 12))) for row in rows]
+    return Surfaces(contacts, order, *tables)
+
+
+@lru_cache(maxsize=_NUMBERS)
 def parameters(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron) -> Array:
     """The twelve numbers (12,) of a contact's C-surface function.
 
@@ -137,10 +150,23 @@ def _point_normal(table: Array) -> tuple[Array, Array, Array]:
     return table[:, :3], table[:, 3:6], table[:, 6]
 
 
-def _lines(table: Array, R: Array) -> tuple[Array, Array, Array, Array]:
+def _lines(table: Array, Rt: Array) -> tuple[Array, Array, Array, Array]:
     """Turned moving directions and arms (…, k, 3), fixed directions and points (k, 3)."""
-    Rt = np.swapaxes(R, -1, -2)
     return table[:, :3] @ Rt, table[:, 3:6] @ Rt, table[:, 6:9], table[:, 9:]
+
+
+def _edges(table: Array, p: Array, Rt: Array) -> tuple[Array, Array]:
+    """Signed distances (…, k) and gradients (…, k, 6) of edges at poses with p (…, 1, 3) and transposed rotations."""
+    a, u, e, q = _lines(table, Rt)
+    gap = p + u - q
+    cosine = _dot(a, e)
+    m = cross(a, e)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        m /= np.sqrt(_dot(m, m))[..., None]
+        along = (cosine * _dot(gap, e) - _dot(gap, a)) / (1.0 - cosine**2)
+        c = u + along[..., None] * a
+        turned = cross(c, m)
+    return _dot(m, gap), _beside(m, turned)
 
 
 def _dot(a: Array, b: Array) -> Array:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import chain
 from typing import Any
 
@@ -64,8 +65,13 @@ class Space:
 
     def state(self, contacts: frozenset[str]) -> int | None:
         """The confirmed state with exactly these contacts, None without."""
-        index = self.graph.index(contacts)
+        index = self._places.get(contacts)
         return index if index is not None and self.found[index].verdict is Verdict.CONFIRMED else None
+
+    @cached_property
+    def _places(self) -> dict[frozenset[str], int]:
+        """The states by their contacts."""
+        return {frozenset(state.contacts): i for i, state in enumerate(self.graph.states)}
 
     def near(self, pose: Pose, scale: Scale) -> bool:
         """Whether a pose is as near as contacts are to the space's own pose, or to where it was linearised."""

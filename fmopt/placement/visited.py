@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -147,7 +148,7 @@ def _holding(
     """The first space near a pose in which the one state is a father of the other, with fewer contacts."""
     for i, space in enumerate(spaces):
         father, son = space.state(fewer), space.state(more)
-        if space.near(pose, scale) and father is not None and son is not None and son in space.graph.sons[father]:
+        if father is not None and son in space.graph.sons[father] and space.near(pose, scale):
             return i
     return None
 
@@ -190,9 +191,10 @@ def _touching(assembly: Assembly, pose: Pose, start: Pose) -> frozenset[str]:
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     near = near_contacts(body, fixed, pose, _NEAR, _TURNED)
     level = np.abs(Surfaces.of(near, body, fixed).values(pose)) <= INSIDE
-    inside = BoundTable.of(near, body, fixed, pose).insides(pose)
-    doubtful = [c for c, on, depth in zip(near, level, inside, strict=True) if on and abs(depth) <= INSIDE]
-    found = (*touching(near, body, fixed, pose), *touching(doubtful, body, fixed, start))
+    met = list(compress(near, level))
+    inside = BoundTable.of(met, body, fixed, pose).insides(pose)
+    doubtful = list(compress(met, np.abs(inside) <= INSIDE))
+    found = (*compress(met, inside > INSIDE), *touching(doubtful, body, fixed, start))
     return frozenset(contact.id for contact in found)
 
 

@@ -1,0 +1,454 @@
+"""Searches on C-surfaces, pose by pose, compiled: where what is short falls no further, and where contacts touch.
+
+What contacts and their bounds ask of a pose is told in `fmopt.contact.meet`; here is the arithmetic of it. The
+surfaces' functions are those of `fmopt.contact.surface`, written out for one pose.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmopt.compiled import compiled
+from fmopt.values import Array
+
+Bits = NDArray[np.bool_]
+Numbers = NDArray[np.int64]
+Vector: TypeAlias = tuple[float, float, float]
+
+_ROUNDS = 90
+_NOTHING = 1e-11  # scaled units; a shortage of no more is none
+_LEVEL = 1e-7  # slope of the shortage below which it cannot fall any further
+_PAUSE = 10  # rounds after which it is compared with what it was
+_DAMPING = 1e-2  # before the start, which is better than nothing, takes a tenth of it
+_FARTHEST = 8.0  # scaled units that one step may go
+_POLISH = 5
+_TOUCHING = 1e-12  # scaled units; contacts that are this near to touching are not moved nearer
+_FAR = 1.0  # m; how far from each other edges count that are level and cross nowhere
+_PARALLEL = 1e-16  # squared sine between edges that are level
+_FLAT = 1e-5  # relative size of a singular value that counts as none
+_SWEEPS = 16
+_SQUARE = 1e-15  # cosine between rows that are perpendicular
+
+
+class Functions(NamedTuple):
+    """The functions of k contacts of a local space, of l bounds that end them, and of the space's limits.
+
+    Attributes:
+        tables: a column for each C-surface of a kind, vertex–face, face–vertex and edge–edge, (12, …) each; see
+            `fmopt.contact.surface.parameters`. All surfaces together are numbered in that order.
+        own: (k,), the surface of each contact.
+        bounds: the surface of each bound (l,), the signs (l,), where they are in the clauses of each contact
+            (k, clauses, alternatives, bounds together), see `fmopt.contact.bounds.BoundTable`, and the contact that
+            begins at each bound (l + 2,), −1 for none.
+        limits: (7, w), a column of each limit's unit row and offset.
+        scale: (6,), scaled units in m and rad.
+        T: (3, 4), the pose at which local coordinates are zero: its rotation, and its position beside it in m.
+    """
+
+    tables: tuple[Array, Array, Array]
+    own: Numbers
+    bounds: tuple[Numbers, Numbers, Numbers, Numbers]
+    limits: Array
+    scale: Array
+    T: Array
+
+
+class _Work(NamedTuple):
+    """What is short at a pose: values f of all surfaces, which of them are asked to be elsewhere and how, x, beyond.
+
+    `asked` has a row for each that is: the surface, the sign and the shortage. `beyond` is how far the pose is beyond
+    each limit, ≤ 0.
+    """
+
+    f: Array
+    asked: Array
+    x: Array
+    beyond: Array
+
+
+@compiled
+def descended(at: Functions, on: Bits, T: Array, room: float) -> tuple[Array, Array, Bits]:
+    """Levenberg–Marquardt from each of n starts: poses (n, 3, 4), what is short there (n,), and whether that is final.
+
+    Args:
+        at: the functions.
+        on: (n, k), the contacts that are to touch.
+        T: (n, 3, 4), where to start: rotations, and positions beside them in m.
+        room: clearances by which everything else is to be away.
+    """
+    n, k = on.shape
+    found, size, final = np.zeros((n, 3, 4)), np.zeros(n), np.zeros(n, np.bool_)
+    surfaces = at.tables[0].shape[1] + at.tables[1].shape[1] + at.tables[2].shape[1]
+    work = _Work(np.zeros(surfaces), np.zeros((2 * k, 3)), np.zeros(6), np.zeros(at.limits.shape[1]))
+    slope, square, step, L, trial = np.zeros(6), np.zeros((6, 6)), np.zeros(6), np.zeros((6, 6)), np.zeros((3, 4))
+    for i in range(n):
+        damping, now, then = _DAMPING, np.inf, np.inf
+        _copy(T[i], trial)
+        for tried in range(_ROUNDS):
+            new, count = _short(at, on[i], trial, room, work)
+            better = new < now
+            damping = min(max((0.1 if better else 10.0) * damping, 1e-14), 1e8)
+            if better:
+                now = new
+                _copy(trial, found[i])
+                _pull(at.tables, at.scale, at.limits, trial, count, work.asked, work.beyond, work.x, slope, square)
+            final[i] = now <= _NOTHING or _length(slope) <= _LEVEL * now
+            if tried % _PAUSE == _PAUSE - 1:
+                # What it comes to after more pauses that take as large a share as the last.
+                left = now * (now / then) ** ((_ROUNDS - tried) / _PAUSE) if then < np.inf else 0.0
+                final[i] = final[i] or left > _NOTHING
+                then = now
+            if final[i]:
+                break
+            _solve(square, damping, slope, L, step)
+            _move(at.scale, step, found[i], trial)
+        size[i] = now
+    return found, size, final
+
+
+@compiled
+def projected(at: Functions, on: Bits, T: Array, rank: Numbers) -> Array:
+    """The nearest poses (n, 3, 4) where contacts touch, by Gauss–Newton with shortest scaled steps.
+
+    Args:
+        at: the functions.
+        on: (n, k), the contacts.
+        T: (n, 3, 4), where to start.
+        rank: (n,), how many singular directions a step may use.
+    """
+    n, k = on.shape
+    found = np.zeros((n, 3, 4))
+    rows, row, step, trial = np.zeros((6, 7)), np.zeros(7), np.zeros(6), np.zeros((3, 4))
+    for i in range(n):
+        _copy(T[i], trial)
+        for tried in range(_POLISH + 1):
+            _copy(trial, found[i])
+            worst = 0.0
+            for j in range(6):
+                for a in range(7):
+                    rows[j, a] = 0.0
+            for j in range(k):
+                if on[i, j]:
+                    row[6] = _surface(at.tables, at.own[j], trial, row)
+                    worst = max(worst, abs(row[6]))
+                    for a in range(6):
+                        row[a] *= at.scale[a]
+                    _rotate_in(rows, row)
+            if tried == _POLISH or worst <= _TOUCHING * at.scale[0]:
+                break
+            _shortest(rows, rank[i], step)
+            _move(at.scale, step, found[i], trial)
+    return found
+
+
+@compiled
+def heights(at: Functions, T: Array) -> Array:
+    """Signed distances (n, m) of all C-surfaces at poses (n, 3, 4), m; far where edges are level."""
+    found = np.zeros((len(T), at.tables[0].shape[1] + at.tables[1].shape[1] + at.tables[2].shape[1]))
+    for i in range(len(T)):
+        _heights(at.tables, T[i], found[i])
+    return found
+
+
+@compiled
+def _short(at: Functions, on: Bits, T: Array, room: float, work: _Work) -> tuple[float, int]:
+    """How much is short at a pose for a state with contacts `on` (k,), and how many surfaces are asked to be elsewhere.
+
+    These, and all else that `_pull` needs, are left in `work`.
+    """
+    f, asked, unit, count = work.f, work.asked, at.scale[0], 0
+    ends, signs, places, beginning = at.bounds
+    _heights(at.tables, T, f)
+    total = _exceed(at.limits, at.scale, at.T, T, work.x, work.beyond)
+    for i in range(len(on)):
+        number, height = at.own[i], f[at.own[i]]
+        if on[i]:
+            asked[count, 0], asked[count, 1], asked[count, 2] = number, 1.0, height / unit
+            total += asked[count, 2] ** 2
+            count += 1
+        elif height >= unit * room:
+            continue
+        inside, bound, ended = _innermost(ends, signs, places, beginning, i, f, on)
+        short = (inside if on[i] else max(-inside, height)) / unit - room
+        if short < 0.0 and (on[i] or not ended):
+            asked[count, 0], asked[count, 1], asked[count, 2] = number, 1.0, short
+            if on[i] or -inside > height:
+                asked[count, 0], asked[count, 1] = ends[bound], -signs[bound] if on[i] else signs[bound]
+            total += short**2
+            count += 1
+    return math.sqrt(total), count
+
+
+@compiled
+def _innermost(
+    ends: Numbers, signs: Numbers, places: Numbers, beginning: Numbers, i: int, f: Array, on: Bits
+) -> tuple[float, int, bool]:
+    """How far inside its bounds contact i is, m, which bound that is, and whether it ends where one of `on` begins."""
+    inside, bound, ended = np.inf, 0, False
+    for c in range(places.shape[1]):
+        best, which = -np.inf, 0
+        for a in range(places.shape[2]):
+            least, tight = np.inf, places[i, c, a, 0]
+            for n in range(places.shape[3]):
+                b = places[i, c, a, n]
+                depth = -signs[b] * f[ends[b]] if b < len(signs) else (np.inf if b == len(signs) else -np.inf)
+                if depth < least:
+                    least, tight = depth, b
+            if a == 0 or least > best:
+                best, which = least, tight
+        if best < inside:
+            inside, bound = best, which
+        ended = ended or (beginning[which] >= 0 and on[beginning[which]])
+    return inside, bound, ended
+
+
+@compiled
+def _exceed(limits: Array, scale: Array, T0: Array, T: Array, x: Array, beyond: Array) -> float:
+    """How far a pose is beyond each limit (w,) of the local space, ≤ 0, into `beyond`; returns the sum of squares."""
+    for i in range(3):
+        n, o = (i + 1) % 3, (i + 2) % 3
+        x[i] = (T[i, 3] - T0[i, 3]) / scale[i]
+        x[3 + i] = 0.0
+        for j in range(3):
+            x[3 + i] += 0.5 * (T[o, j] * T0[n, j] - T[n, j] * T0[o, j])
+    sine = min(_length(x[3:]), 1.0)
+    ratio = math.asin(sine) / sine if sine > 1e-6 else 1.0
+    total = 0.0
+    for i in range(3, 6):
+        x[i] *= ratio / scale[i]
+    for w in range(len(beyond)):
+        beyond[w] = -limits[6, w]
+    for i in range(6):
+        for w in range(len(beyond)):
+            beyond[w] += limits[i, w] * x[i]
+    for w in range(len(beyond)):
+        beyond[w] = min(beyond[w], 0.0)
+        total += beyond[w] ** 2
+    return total
+
+
+@compiled
+def _pull(
+    tables: tuple[Array, Array, Array],
+    scale: Array,
+    limits: Array,
+    T: Array,
+    count: int,
+    asked: Array,
+    beyond: Array,
+    row: Array,
+    slope: Array,
+    square: Array,
+) -> None:
+    """Jᵀr (6,) into `slope` and the lower half of JᵀJ (6, 6) into `square`, scaled, of what `_short` found."""
+    for a in range(6):
+        slope[a] = 0.0
+        for b in range(6):
+            square[a, b] = 0.0
+    for n in range(count):
+        _surface(tables, int(asked[n, 0]), T, row)
+        share = asked[n, 1] / scale[0]
+        for a in range(6):
+            row[a] *= share * scale[a]
+        _add(row, asked[n, 2], slope, square)
+    for w in range(len(beyond)):
+        if beyond[w] < 0.0:
+            for a in range(6):
+                row[a] = limits[a, w]
+            _add(row, beyond[w], slope, square)
+
+
+@compiled
+def _add(row: Array, r: float, slope: Array, square: Array) -> None:
+    for a in range(6):
+        slope[a] += row[a] * r
+        for b in range(a + 1):
+            square[a, b] += row[a] * row[b]
+
+
+@compiled
+def _solve(square: Array, damping: float, slope: Array, L: Array, step: Array) -> None:
+    """The step (6,) with (JᵀJ + damping) step = −Jᵀr, by Cholesky factors, shortened where it goes too far."""
+    for i in range(6):
+        step[i] = -slope[i]
+        for j in range(i):
+            L[i, j] = square[i, j]
+            for n in range(j):
+                L[i, j] -= L[i, n] * L[j, n]
+            L[i, j] /= L[j, j]
+            step[i] -= L[i, j] * step[j]
+        pivot = square[i, i] + damping
+        for n in range(i):
+            pivot -= L[i, n] ** 2
+        L[i, i] = math.sqrt(max(pivot, damping))
+        step[i] /= L[i, i]
+    for i in range(5, -1, -1):
+        for j in range(i + 1, 6):
+            step[i] -= L[j, i] * step[j]
+        step[i] /= L[i, i]
+    share = min(1.0, _FARTHEST / max(_length(step), _FARTHEST))
+    for i in range(6):
+        step[i] *= share
+
+
+@compiled
+def _rotate_in(rows: Array, row: Array) -> None:
+    """Adds a row (7,) to an upper triangle (6, 7) by rotations, so that sums of squares stay what they are."""
+    for j in range(6):
+        size = math.sqrt(rows[j, j] ** 2 + row[j] ** 2)
+        if size > 0.0:
+            c, s = rows[j, j] / size, row[j] / size
+            for n in range(j, 7):
+                rows[j, n], row[n] = c * rows[j, n] + s * row[n], c * row[n] - s * rows[j, n]
+
+
+@compiled
+def _shortest(rows: Array, rank: int, step: Array) -> None:
+    """The shortest step (6,) with A step = −f at least squares along the largest singular directions of A.
+
+    Rows of (A, f) (6, 7) are rotated until those of A are perpendicular, by one-sided Jacobi rotations; then they are
+    these directions.
+    """
+    size = np.zeros(6)
+    for _ in range(_SWEEPS):
+        square = True
+        for i in range(6):
+            for j in range(i + 1, 6):
+                a, b, c = 0.0, 0.0, 0.0
+                for n in range(6):
+                    a, b, c = a + rows[i, n] ** 2, b + rows[j, n] ** 2, c + rows[i, n] * rows[j, n]
+                if abs(c) > _SQUARE * math.sqrt(a * b):
+                    square = False
+                    turn = (b - a) / (2.0 * c)
+                    tangent = math.copysign(1.0, turn) / (abs(turn) + math.sqrt(1.0 + turn * turn))
+                    cosine = 1.0 / math.sqrt(1.0 + tangent * tangent)
+                    for n in range(7):
+                        x, y = rows[i, n], rows[j, n]
+                        rows[i, n], rows[j, n] = cosine * (x - tangent * y), cosine * (tangent * x + y)
+        if square:
+            break
+    largest = 0.0
+    for i in range(6):
+        step[i], size[i] = 0.0, _length(rows[i, :6])
+        largest = max(largest, size[i])
+    for i in range(6):
+        larger = 0
+        for j in range(6):
+            larger += size[j] > size[i] or (size[j] == size[i] and j < i)
+        if larger < rank and size[i] > _FLAT * largest:
+            for n in range(6):
+                step[n] -= rows[i, 6] * rows[i, n] / size[i] ** 2
+
+
+@compiled
+def _move(scale: Array, step: Array, T: Array, moved: Array) -> None:
+    """The pose at scaled local coordinates (6,) around another; see `fmopt.se3.turns`."""
+    w = (scale[3] * step[3], scale[4] * step[4], scale[5] * step[5])
+    square = _dot(w, w)
+    angle = max(math.sqrt(square), 1e-9)
+    a, b = math.sin(angle) / angle, 2.0 * (math.sin(0.5 * angle) / angle) ** 2
+    for j in range(3):
+        column = _column(T, 0, j)
+        aside, along = _cross(w, column), _dot(w, column)
+        for i in range(3):
+            moved[i, j] = (1.0 - b * square) * column[i] + a * aside[i] + b * along * w[i]
+        moved[j, 3] = T[j, 3] + scale[j] * step[j]
+
+
+@compiled
+def _copy(T: Array, copied: Array) -> None:
+    for i in range(3):
+        for j in range(4):
+            copied[i, j] = T[i, j]
+
+
+@compiled
+def _heights(tables: tuple[Array, Array, Array], T: Array, f: Array) -> None:
+    """Signed distances f of all C-surfaces at a pose, m; far where edges are level."""
+    p = _column(T, 0, 3)
+    one, two, three = tables
+    first, second = one.shape[1], two.shape[1]
+    for j in range(first):
+        f[j] = _dot(_column(one, 3, j), _sum(_turned(T, one, 0, j), 1.0, p)) - one[6, j]
+    for j in range(second):
+        f[first + j] = _dot(_turned(T, two, 0, j), _sum(_column(two, 3, j), -1.0, p)) - two[6, j]
+    for j in range(three.shape[1]):
+        m = _cross(_turned(T, three, 0, j), _column(three, 6, j))
+        gap = _sum(_sum(p, 1.0, _turned(T, three, 3, j)), -1.0, _column(three, 9, j))
+        square = _dot(m, m)
+        f[first + second + j] = _dot(m, gap) / math.sqrt(max(square, _PARALLEL)) if square > _PARALLEL else _FAR
+
+
+@compiled
+def _surface(tables: tuple[Array, Array, Array], number: int, T: Array, row: Array) -> float:
+    """The signed distance f of a C-surface at a pose, m, and its gradient into the row's first six numbers.
+
+    See `fmopt.contact.surface.Surfaces.over`; far, and with no gradient, where edges are level.
+    """
+    p = _column(T, 0, 3)
+    one, two, three = tables
+    first, second = one.shape[1], two.shape[1]
+    if number < first:
+        normal, arm = _column(one, 3, number), _turned(T, one, 0, number)
+        lever, f = normal, _dot(normal, _sum(arm, 1.0, p)) - one[6, number]
+    elif number < first + second:
+        j = number - first
+        arm, lever = _turned(T, two, 0, j), _sum(_column(two, 3, j), -1.0, p)
+        normal, f = (-arm[0], -arm[1], -arm[2]), _dot(arm, lever) - two[6, j]
+    else:
+        j = number - first - second
+        a, u, e = _turned(T, three, 0, j), _turned(T, three, 3, j), _column(three, 6, j)
+        m, gap = _cross(a, e), _sum(_sum(p, 1.0, u), -1.0, _column(three, 9, j))
+        square = _dot(m, m)
+        size = math.sqrt(max(square, _PARALLEL))
+        normal = lever = (m[0] / size, m[1] / size, m[2] / size)
+        arm, f = _sum(u, (_dot(a, e) * _dot(gap, e) - _dot(gap, a)) / size**2, a), _dot(normal, gap)
+        if square <= _PARALLEL:
+            normal, arm, f = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), _FAR
+    turning = _cross(arm, lever)
+    for n in range(3):
+        row[n], row[3 + n] = normal[n], turning[n]
+    return float(f)
+
+
+@compiled
+def _column(table: Array, n: int, j: int) -> Vector:
+    return table[n, j], table[n + 1, j], table[n + 2, j]
+
+
+@compiled
+def _turned(T: Array, table: Array, n: int, j: int) -> Vector:
+    """Three numbers of a column as a vector, turned as a pose does."""
+    x, y, z = table[n, j], table[n + 1, j], table[n + 2, j]
+    return (
+        T[0, 0] * x + T[0, 1] * y + T[0, 2] * z,
+        T[1, 0] * x + T[1, 1] * y + T[1, 2] * z,
+        T[2, 0] * x + T[2, 1] * y + T[2, 2] * z,
+    )
+
+
+@compiled
+def _sum(a: Vector, share: float, b: Vector) -> Vector:
+    return a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2]
+
+
+@compiled
+def _cross(a: Vector, b: Vector) -> Vector:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@compiled
+def _dot(a: Vector, b: Vector) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@compiled
+def _length(x: Array) -> float:
+    total = 0.0
+    for n in range(len(x)):
+        total += x[n] * x[n]
+    return math.sqrt(total)
