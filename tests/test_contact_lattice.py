@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
 
-from fmopt.contact import lattice
-from fmopt.contact.lattice import Bits, closed_faces, different, numberable, ordered, simple_faces
+from fmopt.contact.closed_sets import closed_sets
+from fmopt.contact.lattice import Bits, closed_faces, covers, distinct, ordered, simple_faces
 from fmopt.contact.polytope import enumerate_faces
+from fmopt.contact.subsets import subset_rows, subset_tree
 from fmopt.values import Array
 
 
@@ -48,15 +49,6 @@ def test_subsets_and_closed_sets_are_the_same_faces(rows: int, r: int, bounded: 
     np.testing.assert_allclose(points, centres[order], atol=1e-12)
 
 
-@pytest.mark.parametrize("table", [0, 10**9])
-def test_a_table_and_a_sort_number_alike(table: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    corners, incidence = corners_of(8, 4, seed=1, bounded=True)
-    found = simple_faces(corners, incidence)
-    monkeypatch.setattr(lattice, "_TABLE", table)
-    for one, other in zip(found, simple_faces(corners, incidence), strict=True):
-        assert np.array_equal(one, other)
-
-
 @pytest.mark.parametrize("seed", range(1, 5))
 def test_faces_follow_euler_and_come_in_order(seed: int) -> None:
     normals = np.random.default_rng(seed).normal(size=(24, 6))
@@ -73,21 +65,59 @@ def test_faces_follow_euler_and_come_in_order(seed: int) -> None:
 
 def test_different_rows_come_in_their_order_and_first() -> None:
     bits = np.random.default_rng(0).random((200, 70)) < 0.02
-    found = different(bits)
+    found = distinct(bits)
     listed = [tuple(row) for row in bits.tolist()]
     assert [listed[i] for i in found] == sorted(set(listed))
     assert all(listed.index(listed[i]) == i for i in found)
 
 
-def test_numbers_too_large_to_hold_their_place_are_sorted_by_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    digits = np.array([[1, 5, 9], [2, 5, 9], [1, 5, 7]], dtype=np.float64)
-    subsets = lattice._subsets(3)
-    monkeypatch.setattr(lattice, "_TABLE", 0)
-    narrow, wide = (lattice._numbered(digits, subsets, base) for base in (10, 2**20 - 1))
-    for one, other in zip(narrow, wide, strict=True):
-        assert np.array_equal(one, other)
+def subsets_of(incidence: Bits) -> list[tuple[int, ...]]:
+    """All subsets of the rows of each corner but those at infinity, by size and then in order."""
+    end = incidence.shape[1] - 1
+    held = [np.flatnonzero(row).tolist() for row in incidence]
+    found = {some for rows in held for size in range(len(rows) + 1) for some in combinations(rows, size)}
+    return sorted((some for some in found if end not in some), key=lambda some: (len(some), some))
 
 
-def test_numbers_that_would_not_be_exact_are_not_used() -> None:
-    assert numberable(200, 6)
-    assert not numberable(500, 6)
+@pytest.mark.parametrize(("m", "k", "r"), [(1, 5, 3), (40, 9, 2), (200, 12, 6), (50, 130, 7)])
+def test_the_tree_holds_every_subset_and_who_has_it(m: int, k: int, r: int) -> None:
+    rng = np.random.default_rng(k)
+    incidence = np.array([np.isin(np.arange(k + 1), rng.choice(k + 1, r, replace=False)) for _ in range(m)])
+    parents, columns, begins, rows = subset_tree(incidence, r)
+    active, sizes = subset_rows(parents, columns, k)
+    expected = subsets_of(incidence)
+    assert [tuple(np.flatnonzero(row).tolist()) for row in active] == expected
+    assert sizes.tolist() == [len(some) for some in expected]
+    for i, some in enumerate(expected):
+        assert rows[begins[i] : begins[i + 1]].tolist() == np.flatnonzero(incidence[:, some].all(axis=1)).tolist()
+
+
+@pytest.mark.parametrize(("m", "q"), [(1, 1), (12, 6), (64, 9), (150, 12), (300, 16)])
+def test_closed_sets_are_all_intersections(m: int, q: int) -> None:
+    incidence = np.random.default_rng(m).random((m, q)) < np.append(np.full(q - 1, 0.7), 0.0 if q < 9 else 0.2)
+    own = [frozenset(np.flatnonzero(column).tolist()) for column in incidence.T]
+    expected = {frozenset(range(m))}
+    for column in own:
+        expected |= {some & column for some in expected}
+    active, dimensions, begins, rows = closed_sets(incidence)
+    found = [frozenset(rows[begin:end].tolist()) for begin, end in pairwise(begins)]
+    assert len(found) == len(set(found))
+    assert set(found) == {some for some in expected if not some <= own[-1]}
+    for i, some in enumerate(found):
+        assert active[i].tolist() == [some <= column for column in own]
+        dimension, rest = -1, some
+        while rest:
+            smaller = (rest & column for column in own if rest & column < rest)
+            dimension, rest = dimension + 1, max(smaller, key=len, default=frozenset[int]())
+        assert dimensions[i] == dimension
+
+
+def test_covers_are_pairs_one_dimension_apart() -> None:
+    normals = np.random.default_rng(9).normal(size=(70, 4))
+    faces = enumerate_faces(normals, -np.linalg.norm(normals, axis=1))
+    sons, son, fathers, father = covers(faces.active, faces.dimensions)
+    more = faces.active @ faces.active.T.astype(np.float64) == faces.active.sum(axis=1)
+    expected = more & (faces.dimensions[:, None] + 1 == faces.dimensions)
+    for i in range(len(faces.points)):
+        assert son[sons[i] : sons[i + 1]].tolist() == np.flatnonzero(expected[:, i]).tolist()
+        assert father[fathers[i] : fathers[i + 1]].tolist() == np.flatnonzero(expected[i]).tolist()

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from fmopt.contact.lattice import Numbers
+from fmopt.contact.lattice import Numbers, covers, held
 from fmopt.contact.polytope import Faces
 from fmopt.contact.space import LocalSpace
 from fmopt.values import Array, Value, frozen
@@ -43,9 +43,12 @@ class ContactState(Value):
     ) -> tuple[ContactState, ...]:
         """Many states with their points (n, 6), which are checked and frozen together: a tenth of the time."""
         found = []
-        for name, held, dimension, point in zip(ids, contacts, dimensions, frozen(points, len(ids), 6), strict=True):
+        for name, touching, dimension, point in zip(
+            ids, contacts, dimensions, frozen(points, len(ids), 6), strict=True
+        ):
             state = object.__new__(ContactState)
-            state.__dict__.update(id=name, contacts=held, dimension=dimension, point=point)
+            own = state.__dict__
+            own["id"], own["contacts"], own["dimension"], own["point"] = name, touching, dimension, point
             found.append(state)
         return tuple(found)
 
@@ -99,14 +102,12 @@ class ContactGraph(Value):
 def contact_graph(space: LocalSpace, faces: Faces) -> ContactGraph:
     """The contact-state graph of a local space and its faces."""
     n, names = len(faces.points), np.array([contact.id for contact in space.contacts], dtype=np.object_)
-    which, on = np.divmod(np.flatnonzero(faces.active), max(1, len(names)))
-    contacts = _grouped(which, names[on].tolist(), n)
+    ends, rows = held(faces.active)
+    contacts = _cut(names[rows].tolist(), ends)
     ids = _ids(n) if contacts[0] else ("free", *_ids(n)[1:])
     states = ContactState.all_of(ids, contacts, faces.dimensions.tolist(), space.scale * faces.points)
-    father, son = _covers(faces)
-    order = np.argsort(son * n + father)
-    sons, fathers = _grouped(father, son.tolist(), n), _grouped(son, father[order].tolist(), n)
-    return ContactGraph(space, states, sons, fathers)
+    sons, son, fathers, father = covers(faces.active, faces.dimensions)
+    return ContactGraph(space, states, _cut(son.tolist(), sons), _cut(father.tolist(), fathers))
 
 
 @lru_cache
@@ -115,24 +116,7 @@ def _ids(n: int) -> tuple[str, ...]:
     return tuple(f"s{i}" for i in range(n))
 
 
-def _covers(faces: Faces) -> tuple[Numbers, Numbers]:
-    """Pairs of faces, the second one dimension lower and its active set containing the first's: the lattice's covers.
-
-    They come in order.
-    """
-    active, ends = faces.active.astype(np.float32), np.searchsorted(-faces.dimensions, np.arange(-6, 2))
-    size = active.sum(axis=1)[:, None]
-    pairs = []
-    for begin, middle, end in zip(ends, ends[1:], ends[2:], strict=False):
-        found = np.flatnonzero(active[begin:middle] @ active[middle:end].T == size[begin:middle])
-        of, below = np.divmod(found, max(1, end - middle))
-        pairs.append((of + begin, below + middle))
-    father, son = np.hstack(pairs)
-    return father, son
-
-
-def _grouped(groups: Numbers, listed: Sequence[Item], n: int) -> tuple[tuple[Item, ...], ...]:
-    """What is listed in each of n groups, those of the items in order."""
-    ends = np.bincount(groups, minlength=n).cumsum().tolist()
+def _cut(listed: Sequence[Item], ends: Numbers) -> tuple[tuple[Item, ...], ...]:
+    """A list in n pieces, by where they begin and the last one ends (n + 1,)."""
     whole = tuple(listed)
-    return tuple([whole[begin:end] for begin, end in pairwise((0, *ends))])
+    return tuple([whole[begin:end] for begin, end in pairwise(ends.tolist())])

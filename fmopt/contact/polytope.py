@@ -10,11 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fmopt.contact.lattice import Bits, closed_faces, different, numberable, ordered, product, simple_faces
+from fmopt.contact.lattice import Bits, closed_faces, distinct, ordered, simple_faces
+from fmopt.contact.planes import INCIDENCE, corners_of, pointed
 from fmopt.errors import InfeasibleError, SolverError
 from fmopt.values import Array, Value
-
-INCIDENCE = 1e-8  # scaled units; a point this close to a unit half-space's plane lies on it
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,11 +56,14 @@ def enumerate_faces(normals: ArrayLike, offsets: ArrayLike) -> Faces:
         InfeasibleError: the half-spaces have no common point.
     """
     cut = _Cut.of(normals, offsets)
-    active, dimensions, points = _pointed_faces(cut.rows, cut.levels)
-    if not cut.real.all():
-        within, active = active, np.empty((len(active), len(cut.real)), dtype=bool)
-        active[:], active[:, cut.real] = cut.everywhere, within
-    return Faces(active, dimensions + cut.lineality, cut.points(points), cut.lineality)
+    corners, incidence, simple = cut.corners()
+    if simple:
+        active, dimensions, points = simple_faces(corners, incidence)
+    else:
+        active, dimensions, points = closed_faces(corners, incidence)
+        order = ordered(active, dimensions)
+        active, dimensions, points = active[order], dimensions[order], points[order]
+    return Faces(cut.planes(active), dimensions + cut.lineality, points, cut.lineality)
 
 
 def enumerate_vertices(normals: ArrayLike, offsets: ArrayLike) -> tuple[Array, Bits, Bits]:
@@ -78,13 +80,8 @@ def enumerate_vertices(normals: ArrayLike, offsets: ArrayLike) -> tuple[Array, B
         InfeasibleError: the half-spaces have no common point.
     """
     cut = _Cut.of(normals, offsets)
-    if cut.rows.shape[1] == 0:
-        return cut.interior[None], cut.everywhere[None], np.zeros(1, dtype=bool)
-    corners, incidence, _ = _corners(cut.rows, cut.levels)
-    on = np.tile(cut.everywhere, (len(corners), 1))
-    on[:, cut.real] = incidence[:, :-1]
-    endless = incidence[:, -1]
-    return np.where(endless[:, None], corners @ cut.axes.T, cut.points(corners)), on, endless
+    corners, incidence, _ = cut.corners()
+    return corners, cut.planes(incidence[:, :-1]), incidence[:, -1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,9 +89,9 @@ class _Cut(Value):
     """A polyhedron cut down to a pointed, full-dimensional one around 0, orthogonal to its lines.
 
     Attributes:
-        rows: (q, r), unit normals that count there.
+        rows: (q, r), unit normals that count there, each of another plane.
         levels: (q,), negative.
-        real: (k,), which of all rows these are.
+        kinds: (k,), which of these each of all rows is equal to; −1 where none.
         everywhere: (k,), which of the others hold all of it.
         interior: (n,), the point that is 0.
         axes: (n, r), orthonormal, of its coordinates.
@@ -103,7 +100,7 @@ class _Cut(Value):
 
     rows: Array
     levels: Array
-    real: Bits
+    kinds: NDArray[np.intp]
     everywhere: Bits
     interior: Array
     axes: Array
@@ -113,23 +110,34 @@ class _Cut(Value):
     def of(normals: ArrayLike, offsets: ArrayLike) -> _Cut:
         """That of {x: normals·x ≥ offsets}; errors as of `enumerate_faces`."""
         rows = np.asarray(normals, dtype=np.float64)
-        size = np.linalg.norm(rows, axis=1)
+        size = np.sqrt((rows * rows).sum(axis=1))
         rows, levels = rows / size[:, None], np.asarray(offsets, dtype=np.float64) / size
         interior, equal = _interior(rows, levels)
         flat = _null_space(rows[equal])
-        reduced, slack = rows @ flat, levels - rows @ interior
-        length = np.linalg.norm(reduced, axis=1)
-        real = (length > 1e-7) & ~equal
-        basis = _row_space(reduced[real])
-        lineality = flat.shape[1] - basis.shape[1]
-        inner, left = reduced[real] @ basis / length[real, None], slack[real] / length[real]
-        everywhere = equal | (~real & (np.abs(slack) <= INCIDENCE))
-        return _Cut(inner, left, real, everywhere, interior, flat @ basis, lineality)
+        inner, slack, kinds, everywhere, axes = pointed(rows, levels, equal, interior, flat)
+        return _Cut(inner, slack, kinds, everywhere, interior, axes, flat.shape[1] - axes.shape[1])
 
-    def points(self, inner: Array) -> Array:
-        """Points (m, r) of the pointed polyhedron in the coordinates of the whole one (m, n)."""
-        found = product(inner, self.axes.T)
-        found += self.interior
+    def corners(self) -> tuple[Array, Bits, bool]:
+        """Vertices and unit rays in the coordinates of the whole polyhedron (m, n), in the order of what holds them.
+
+        Returns:
+            these, which rows hold each (m, q + 1), the last column being the row at infinity, and whether each corner
+            lies on just r of them.
+        """
+        if self.rows.shape[1] == 0:
+            return self.interior[None], np.zeros((1, 1), dtype=bool), True
+        equations = _hull(self.rows / -self.levels[:, None])
+        corners, incidence, simple = corners_of(equations, self.rows, self.levels)
+        order = distinct(incidence)
+        incidence = incidence[order]
+        return corners[order] @ self.axes.T + ~incidence[:, -1:] * self.interior, incidence, simple
+
+    def planes(self, on: Bits) -> Bits:
+        """Which of all planes hold faces or corners (m, k), by which rows do (m, q)."""
+        if len(self.levels) == len(self.kinds):
+            return on
+        real, found = self.kinds >= 0, np.tile(self.everywhere, (len(on), 1))
+        found[:, real] = on[:, self.kinds[real]]
         return found
 
 
@@ -137,7 +145,7 @@ def _interior(rows: Array, levels: Array) -> tuple[Array, Bits]:
     """A point in the relative interior, and which rows hold with equality everywhere."""
     equal = np.zeros(len(rows), dtype=bool)
     origin = np.zeros(rows.shape[1])
-    while not equal.all() and np.max(levels[~equal] - rows[~equal] @ origin) > -1e-3:
+    while not equal.all() and (rows @ origin - levels)[~equal].min() < 1e-3:
         origin, depth, multipliers = _deepest(rows, levels, equal)
         if depth < -INCIDENCE:
             raise InfeasibleError(
@@ -176,56 +184,6 @@ def _deepest(rows: Array, levels: Array, equal: Bits) -> tuple[Array, float, Arr
     return x[:n], float(x[n]), -result.ineqlin.marginals
 
 
-def _pointed_faces(rows: Array, levels: Array) -> tuple[Bits, NDArray[np.intp], Array]:
-    """Faces of a pointed {q: rows·q ≥ levels} with 0 strictly inside (levels < 0) and unit rows (k, r), in order.
-
-    Returns:
-        active rows (n, k), dimensions (n,), points (n, r).
-    """
-    k, r = rows.shape
-    if r == 0:
-        return np.zeros((1, k), dtype=bool), np.zeros(1, dtype=np.intp), np.zeros((1, 0))
-    corners, incidence, first = _corners(rows, levels)
-    kinds = np.flatnonzero(first == np.arange(k))
-    distinct = incidence if len(kinds) == k else incidence[:, [*kinds, k]]
-    if numberable(distinct.shape[1], r) and bool(np.all(distinct.sum(axis=1) == r)):
-        active, dimensions, points = simple_faces(corners, distinct)
-        return active if len(kinds) == k else active[:, np.searchsorted(kinds, first)], dimensions, points
-    active, dimensions, points = closed_faces(corners, incidence)
-    order = ordered(active, dimensions)
-    return active[order], dimensions[order], points[order]
-
-
-def _corners(rows: Array, levels: Array) -> tuple[Array, Bits, NDArray[np.intp]]:
-    """Vertices and unit rays (m, r), which rows hold each (m, k + 1), and for each row (k,) the first equal to it.
-
-    The last column is the row at infinity.
-
-    With s ≥ 0 homogenising, the polyhedron is the cone {(q, s): rows·q − levels s ≥ 0}; its rays are the facets of
-    the convex hull of the rows, cut where (0, 1)·row = 1.
-    """
-    r = rows.shape[1]
-    dual = rows / -levels[:, None]
-    first = first_equal(dual)
-    if r == 1:
-        equations = np.array([[1.0, -dual.max(initial=0.0)], [-1.0, dual.min(initial=0.0)]])
-    else:
-        equations = _hull(dual[first == np.arange(len(dual))])
-    # A hull facet n·u + b ≤ 0 is the cone's ray (q, s) = (−n, −b).
-    s = -equations[:, r]
-    finite = s > 1e-9
-    corners = -equations[:, :r] / np.where(finite, s, 1.0)[:, None]
-    residual = product(corners, rows.T)
-    residual -= levels
-    residual[~finite] += levels
-    tolerance = INCIDENCE * np.maximum(1.0, np.linalg.norm(corners, axis=1))
-    incidence = np.empty((len(corners), len(rows) + 1), dtype=bool)
-    np.less_equal(residual, tolerance[:, None], out=incidence[:, :-1])
-    incidence[:, -1] = ~finite
-    one = different(incidence)
-    return corners[one], incidence[one], first
-
-
 def _hull(points: Array) -> Array:
     """Facets (m, r + 1) of the convex hull of 0 and points (k, r); nearly degenerate ones with wide facets.
 
@@ -234,6 +192,8 @@ def _hull(points: Array) -> Array:
     from scipy.spatial import HalfspaceIntersection, QhullError
 
     k, r = points.shape
+    if r == 1:
+        return np.array([[1.0, -points.max(initial=0.0)], [-1.0, points.min(initial=0.0)]])
     half_spaces = np.zeros((k + 1, r + 1))
     half_spaces[:k, :r], half_spaces[:, r] = points, -1.0
     failure: QhullError | None = None
@@ -247,17 +207,6 @@ def _hull(points: Array) -> Array:
     raise SolverError(f"the faces of {k} half-spaces could not be enumerated: {reason}")
 
 
-def first_equal(rows: Array) -> NDArray[np.intp]:
-    """For each row (n, k) the index (n,) of the first row equal to it within the incidence tolerance."""
-    n, k = rows.shape
-    size = np.max(np.abs(rows), axis=1, initial=0.0)
-    along = np.sort(rows @ np.cos(np.arange(k)))
-    if not n or np.min(along[1:] - along[:-1], initial=np.inf) > k * INCIDENCE * size.max():
-        return np.arange(n)  # rows that are equal would be next to each other along any direction
-    apart = np.max(np.abs(rows[:, None] - rows[None]), axis=2)
-    return np.asarray(np.argmax(apart <= INCIDENCE * size, axis=1))
-
-
 def _null_space(rows: Array) -> Array:
     """Orthonormal columns spanning the vectors normal to all rows."""
     n = rows.shape[1]
@@ -265,11 +214,3 @@ def _null_space(rows: Array) -> Array:
         return np.eye(n)
     _, s, Vt = np.linalg.svd(rows)
     return np.asarray(Vt[int(np.sum(s > 1e-7)) :].T)
-
-
-def _row_space(rows: Array) -> Array:
-    """Orthonormal columns spanning the rows."""
-    if len(rows) == 0:
-        return np.zeros((rows.shape[1], 0))
-    _, s, Vt = np.linalg.svd(rows, full_matrices=False)
-    return np.asarray(Vt[: int(np.sum(s > 1e-7))].T)

@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike
 
 from fmopt.contact.bounds import Bound
 from fmopt.contact.lattice import Bits
-from fmopt.contact.polytope import Faces, enumerate_faces, enumerate_vertices, first_equal
+from fmopt.contact.planes import first_equal
+from fmopt.contact.polytope import Faces, enumerate_faces, enumerate_vertices
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.contact.surface import values_and_rows
 from fmopt.errors import InfeasibleError
