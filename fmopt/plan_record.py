@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -19,8 +20,8 @@ from fmopt.certificate.segment import Tolerance
 from fmopt.contact.bounds import BoundTable
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.contact.surface import Surfaces
-from fmopt.contact.wrench import contact_point, contact_wrench
-from fmopt.control.bias import GuardedMove, firmness, steadiness
+from fmopt.contact.wrench import contact_normal, contact_point
+from fmopt.control.bias import GuardedMove, firmness, steadiness, turns
 from fmopt.control.decomposition import contact_forces, position_force
 from fmopt.control.hand import hand_record
 from fmopt.control.hybrid import hybrid_strategy
@@ -41,7 +42,7 @@ from fmopt.placement.sequence import Placed
 from fmopt.placement.tolerated import Motion, Tolerated
 from fmopt.placement.visited import Visited
 from fmopt.se3 import Pose, cross
-from fmopt.task.problem import Problem, Specification
+from fmopt.task.problem import Problem
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.uncertainty.planar import account as planar
 from fmopt.values import Array
@@ -211,7 +212,7 @@ def _segments(
             hybrid = strategy(problem, assembly, claim, tolerance, bound, ranges=ranges)
         except InfeasibleError as error:
             raise InfeasibleError(f"move {move + 1}: {error.message}", advice=error.advice) from error
-        found.append({**record, "hybrid": plan.clean(hybrid)})
+        found.append({**record, "hybrid": hybrid})
     return found
 
 
@@ -253,38 +254,34 @@ def strategy(
 
 def runs_against(problem: Problem, assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance) -> bool:
     """Whether every piece of a motion runs against the contact that ends its move, so that it can be felt."""
-    return all(move.approaches for _, move in _guarded_moves(problem, assembly, claims, tolerance))
+    return all(move.approaches for move in _guarded_moves(problem, assembly, claims, tolerance))
 
 
 def least_firm(problem: Problem, assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance) -> float:
     """The firmness of the least firm piece of a motion."""
-    return _least(firmness, problem, assembly, claims, tolerance)
+    slides = _guarded_moves(problem, assembly, claims, tolerance, turning=False)
+    return min((firmness(move, tolerance.rho, problem.specification) for move in slides), default=1.0)
 
 
 def least_steady(problem: Problem, assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance) -> float:
     """The steadiness of the least steady piece of a motion."""
-    return _least(steadiness, problem, assembly, claims, tolerance)
+    turned = _guarded_moves(problem, assembly, claims, tolerance, turning=True)
+    return min((steadiness(move, tolerance.rho, problem.specification) for move in turned), default=1.0)
 
 
-def _least(
-    measure: Callable[[GuardedMove, float, Specification], float],
+def _guarded_moves(
     problem: Problem,
     assembly: Assembly,
     claims: Sequence[Claim],
     tolerance: Tolerance,
-) -> float:
-    moves = _guarded_moves(problem, assembly, claims, tolerance)
-    guarded = (move for claim, move in moves if claim.piece.held)
-    return min((measure(move, tolerance.rho, problem.specification) for move in guarded), default=1.0)
-
-
-def _guarded_moves(
-    problem: Problem, assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance
-) -> Iterator[tuple[Claim, GuardedMove]]:
-    """The pieces of a motion that go to a contact, with their guarded moves."""
+    turning: bool | None = None,
+) -> Iterator[GuardedMove]:
+    """The guarded moves of pieces that go to a contact; of those alone that hold some and turn, or that do not turn."""
     for claim, bound in bounded(claims, tolerance.rho):
-        if claim.piece.making:
-            yield claim, _guarded(problem, assembly, claim, bound)[0]
+        piece = claim.piece
+        asked = turning is None or (piece.held and turns(piece.start.local(piece.goal), tolerance.rho) == turning)
+        if piece.making and asked:
+            yield _guarded(problem, assembly, claim, bound)[0]
 
 
 def _guarded(
@@ -292,21 +289,30 @@ def _guarded(
 ) -> tuple[GuardedMove, list[PrimitiveContact], list[PrimitiveContact]]:
     """The guarded move of a piece, and the contacts that it holds and makes."""
     piece = claim.piece
-    held, made = (_touching(problem, contacts, piece.goal) for contacts in (piece.held, piece.making))
-    body, fixed = problem.moving.polyhedron, problem.fixed.polyhedron
+    touching = _touching(problem, tuple(dict.fromkeys((*piece.held, *piece.making))), piece.goal)
+    held, made = ([c for c in contacts if c in touching] for contacts in (piece.held, piece.making))
     begun, done = piece.progress
     rest = (1.0 - done) / (done - begun) * claim.advance.length
+    points, wrenches = _pushes(problem, held, piece.goal)
     move = GuardedMove(
         piece.goal,
         piece.start.local(piece.goal),
-        np.array([contact_wrench(c, body, fixed, piece.goal) for c in held]).reshape(-1, 6),
-        np.array([contact_point(c, body, fixed, piece.goal) for c in held]).reshape(-1, 3),
-        np.array([contact_wrench(c, body, fixed, piece.goal) for c in made]).reshape(-1, 6),
+        wrenches,
+        points,
+        _pushes(problem, made, piece.goal)[1],
         bound,
         _resisting(assembly, held, claim),
         rest < _NEAR * bound,
     )
     return move, held, made
+
+
+def _pushes(problem: Problem, contacts: Sequence[PrimitiveContact], pose: Pose) -> tuple[Array, Array]:
+    """The points (m, 3) of contacts and their wrenches (m, 6) for a unit normal force, at a pose of the moving part."""
+    parts = problem.moving.polyhedron, problem.fixed.polyhedron
+    points = np.array([contact_point(c, *parts, pose) for c in contacts]).reshape(-1, 3)
+    normals = np.array([contact_normal(c, *parts, pose) for c in contacts]).reshape(-1, 3)
+    return points, np.hstack([normals, cross(points - pose.p, normals)])
 
 
 def _approach(problem: Problem, claim: Claim, move: GuardedMove, tolerance: Tolerance) -> float | None:
@@ -324,12 +330,17 @@ def _approach(problem: Problem, claim: Claim, move: GuardedMove, tolerance: Tole
 def _resisting(assembly: Assembly, held: Sequence[PrimitiveContact], claim: Claim) -> Callable[[Array], float]:
     """How much work (J) normal forces of contacts may take from a piece of motion as errors at its goal turn them."""
     ends = claim.advance.ends
-    rows = contact_rows(assembly, held, (), ends.goal)
-    power = Curvature.of(rows, rows, ends.extent.twist).power() / np.linalg.norm(rows.N[:, :3], axis=1)[:, None]
-    return lambda forces: float(ends.goal_set.support(forces @ power))
+
+    @cache
+    def power() -> Array:
+        rows = contact_rows(assembly, held, (), ends.goal)
+        turned = Curvature.of(rows, rows, ends.extent.twist).power()
+        return np.asarray(turned / np.linalg.norm(rows.N[:, :3], axis=1)[:, None])
+
+    return lambda forces: float(ends.goal_set.support(forces @ power()))
 
 
-def _touching(problem: Problem, contacts: tuple[PrimitiveContact, ...], pose: Pose) -> list[PrimitiveContact]:
+def _touching(problem: Problem, contacts: tuple[PrimitiveContact, ...], pose: Pose) -> set[PrimitiveContact]:
     """The contacts whose point lies on both features; of those listed because either may touch, the one that does.
 
     One that the part has yet to come to counts as if it touched where it is nearest now.
@@ -337,7 +348,7 @@ def _touching(problem: Problem, contacts: tuple[PrimitiveContact, ...], pose: Po
     body, fixed = problem.moving.polyhedron, problem.fixed.polyhedron
     clear = [c for c in contacts if not _level(c, body, fixed, pose)]
     if not clear:
-        return []
+        return set()
     f, N = Surfaces.of(clear, body, fixed).values_and_rows(pose)
     closed = [([c for c, distance in zip(clear, f, strict=True) if abs(distance) <= _CLOSED], pose)]
     for c, distance, row in zip(clear, f, N, strict=True):
@@ -347,7 +358,7 @@ def _touching(problem: Problem, contacts: tuple[PrimitiveContact, ...], pose: Po
     for together, at in closed:
         inside = BoundTable.of(together, body, fixed, at).insides(at)
         found.update(c for c, depth in zip(together, inside, strict=True) if depth > -1e-9)
-    return [c for c in clear if c in found]
+    return found
 
 
 def _level(contact: PrimitiveContact, body: Polyhedron, fixed: Polyhedron, pose: Pose) -> bool:

@@ -9,7 +9,15 @@ import pytest
 from scipy.optimize import nnls
 
 from fmopt.control.bias import GuardedMove, Hold, firmness, steadiness
-from fmopt.control.compliance import axes, compliance_frame, row_space, twist_scale, twists_in, wrenches_in
+from fmopt.control.compliance import (
+    _orientations,
+    axes,
+    compliance_frame,
+    row_space,
+    twist_scale,
+    twists_in,
+    wrenches_in,
+)
 from fmopt.control.hybrid import hybrid_strategy
 from fmopt.errors import InfeasibleError, SolverError
 from fmopt.se3 import Pose
@@ -101,6 +109,20 @@ def test_flush_walls_keep_the_frame_of_b_with_all_freedoms_along_axes(held, forc
     assert split.aligned == 6
     assert np.array_equal(np.flatnonzero(np.abs(split.force).sum(axis=0)), forced)
     assert np.array_equal(np.count_nonzero(split.force, axis=1), np.ones(len(forced)))
+
+
+@pytest.mark.parametrize("count", range(1, 7))
+def test_the_frame_is_the_first_of_those_with_most_freedoms_along_axes(count):
+    rng = np.random.default_rng(count)
+    for flat in (True, False):
+        W, points, pose = random_contacts(rng, count)
+        if flat:
+            W, points = contacts(rng.permutation(np.array(X_WALL + Y_WALL + FLOOR))[:count], pose)
+        frames = [Pose(p, R) for p in (pose.p, *points) for R in _orientations(W, pose.R)]
+        most = [axes(wrenches_in(frame, W, pose), RHO).aligned for frame in frames]
+        first, found = frames[int(np.argmax(most))], compliance_frame(W, points, pose, RHO)
+        assert np.array_equal(found.p, first.p)
+        assert np.array_equal(found.R, first.R)
 
 
 def test_one_oblique_contact_turns_the_frame_to_its_normal_and_moves_it_to_its_point():
@@ -326,8 +348,11 @@ def test_a_solver_that_lies_is_caught(monkeypatch):
         def __init__(self, size):
             self.x = np.ones(size)
 
+    monkeypatch.setattr(
+        "daqp.solve", lambda _, c, M, *__, **___: (np.ones(len(c)), 0, 1, {"lam": np.zeros(sum(M.shape))})
+    )
     monkeypatch.setattr("scipy.optimize.linprog", lambda c, **_: Answer(len(c)))
-    with pytest.raises(SolverError, match="breaks its balance"):
+    with pytest.raises(SolverError, match="breaks its rows"):
         hybrid_strategy(move(X_WALL, DOWN, FLOOR), RHO, SPECIFICATION)
 
 

@@ -72,7 +72,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
         | {"certificate", "placement", "control", "synthesis", "report", "study", "guarded", "export", "execution"}
         | {"desk", "plan_record"}
     ),
-    "scipy": frozenset({"plane", "geometry", "contact", "nominal", "uncertainty", "placement", "control", "study"})
+    "scipy": frozenset({"plane", "geometry", "contact", "nominal", "uncertainty", "placement", "study"})
     | {"execution/grown.py", "execution/corners.py"},
     "numba": frozenset({"compiled.py"}),
     "distributed": frozenset({"study/cluster.py"}),
@@ -82,7 +82,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
     ),
     "casadi": frozenset({"symbolic.py", "contact/surface.py", "placement/formation.py"}),
     "clarabel": frozenset({"placement/socp.py"}),
-    "daqp": frozenset({"placement/lp.py", "placement/sqp.py", "control/friction_cones.py"}),
+    "daqp": frozenset({"placement/lp.py", "placement/sqp.py", "placement/vertex.py"}),
     "cvxpy": frozenset({"placement/program.py"}),
     "networkx": frozenset({"contact/graph.py"}),
     "manifold3d": frozenset({"geometry", "nominal/touch.py"}),

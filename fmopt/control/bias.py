@@ -9,13 +9,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 from itertools import chain, product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from fmopt.control.compliance import free_part, row_space, twist_scale
-from fmopt.errors import InfeasibleError, SolverError
-from fmopt.se3 import Pose, cross
+from fmopt.errors import InfeasibleError
+from fmopt.memory import remembered
+from fmopt.placement.vertex import least_vertex
+from fmopt.se3 import Pose, cross, length
 from fmopt.task.problem import Specification
 from fmopt.values import Array, Value, frozen
 
@@ -85,7 +87,12 @@ class GuardedMove(Value):
 
     def length(self, rho: float) -> float:
         """‖V‖ in the metric of ρ, m."""
-        return float(np.linalg.norm(self.displacement * twist_scale(rho)))
+        return length(self.displacement * twist_scale(rho))
+
+    @remembered(1)
+    def space(self, rho: float) -> Array:
+        """Orthonormal basis (r, 6) of the space of scaled wrenches that the held contacts span."""
+        return frozen(row_space(self.held, rho))
 
     def direction(self, rho: float) -> Array:
         """V / ‖V‖ (6,).
@@ -154,7 +161,7 @@ def bias_wrench(move: GuardedMove, V: Array, rho: float, specification: Specific
     push, along = np.zeros(6), 1.0
     if len(move.made):
         push, along = _push(move, V, rho)
-    turning = bool(len(move.made)) and _turns(V, rho)
+    turning = bool(len(move.made)) and turns(V, rho)
     away = [(_AWAY, Hold.NONE)] if turning and not move.near else []
     for rubbed, hold in chain(away, product((_RUBBED, 0.0) if turning else (0.0,), Hold)):
         x = _with_reserve(move, _program(move, V, rho, specification, _Push(push, along, hold), rubbed), rho)
@@ -176,7 +183,7 @@ def firmness(move: GuardedMove, rho: float, specification: Specification) -> flo
     bias holds all contacts.
     """
     V = move.direction(rho)
-    if not len(move.held) or not len(move.made) or _turns(V, rho):
+    if not len(move.held) or not len(move.made) or turns(V, rho):
         return 1.0
     try:
         return float(bias_wrench(move, V, rho, specification).normal_forces.min()) / specification.contact_force
@@ -192,7 +199,7 @@ def steadiness(move: GuardedMove, rho: float, specification: Specification) -> f
     it is 1, and 0 where friction opens a contact under any bias, or the next contact does not come nearer.
     """
     V = move.direction(rho)
-    if not len(move.held) or not len(move.made) or not _turns(V, rho):
+    if not len(move.held) or not len(move.made) or not turns(V, rho):
         return 1.0
     if not move.approaches:
         return 0.0
@@ -201,8 +208,9 @@ def steadiness(move: GuardedMove, rho: float, specification: Specification) -> f
     return 0.0 if x is None else float(x[-1]) / specification.contact_force
 
 
-def _turns(V: Array, rho: float) -> bool:
-    return rho * float(np.linalg.norm(V[3:])) > _TURNING
+def turns(displacement: Array, rho: float) -> bool:
+    """Whether a motion (6,) counts as a turn: by the share of turning in it, in the metric of ρ."""
+    return rho * length(displacement[3:]) > _TURNING * length(displacement * twist_scale(rho))
 
 
 class _Program(NamedTuple):
@@ -228,7 +236,7 @@ def _program(
     """The linear program of `bias_wrench` over x = (f, g, k, r, m, b, t), m the greatest of f; idle g stay at t."""
     W, m, n, mu = move.held, len(move.held), len(move.made), specification.friction
     h = specification.termination_force if n else 0.0
-    basis, scale = row_space(W, rho), twist_scale(rho)
+    basis, scale = move.space(rho), twist_scale(rho)
     spread = basis @ (W / scale).T
     sliding = _sliding(W, move.points - move.reference.p, V)
     drag = mu * np.linalg.norm(sliding, axis=1) * (n > 0)
@@ -293,7 +301,7 @@ def _push(move: GuardedMove, V: Array, rho: float) -> tuple[Array, float]:
             advice="choose a goal that makes the contact from its free side",
         )
     direction = V * scale
-    free = free_part(direction, row_space(move.held, rho))
+    free = free_part(direction, move.space(rho))
     if free is None:
         raise InfeasibleError("the move runs into a contact that it holds", advice="release the contact first")
     size = float(np.linalg.norm(free))
@@ -315,20 +323,9 @@ def _rubbing(sliding: Array, arms: Array) -> Array:
 
 
 def _best(program: _Program) -> Array | None:
-    """The best x, re-checked; None where there is none."""
-    from scipy.optimize import linprog
-
+    """The best x; None where there is none."""
     A, b, C, d = program
-    cost = np.zeros(A.shape[1])
+    cost, lower, upper = np.zeros(A.shape[1]), np.zeros(A.shape[1]), np.full(A.shape[1], np.inf)
     cost[-3:] = 1e-4, 1e-3, -1.0
-    limits: Any = [(0.0, None)] * (len(cost) - 1) + [(None, float(b.max()))]
-    answer = linprog(cost, A_ub=A, b_ub=b, A_eq=C, b_eq=d, bounds=limits)
-    if answer.status == 2:
-        return None
-    if answer.status != 0:
-        raise SolverError(f"the bias program stopped: {answer.message}", "check the specification's forces")
-    x = np.asarray(answer.x, dtype=np.float64)
-    short = max(float(np.max(A @ x - b)), float(np.max(np.abs(C @ x - d))))
-    if not short <= _CHECK:
-        raise SolverError(f"the bias program's answer breaks its balance by {short:.3g} N", "report this problem")
-    return x
+    lower[-1], upper[-1] = -np.inf, b.max()
+    return least_vertex(cost, (A, b), (C, d), (lower, upper))

@@ -7,13 +7,14 @@ that their wrenches span. [DakinPopplestone1993] section 3.1.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.se3 import Pose, hat
+from fmopt.se3 import Pose, cross, hat, length
 from fmopt.values import Array, Value, frozen
 
 _RANK = 1e-6  # singular values of unit rows below this are zero
@@ -67,7 +68,7 @@ def axes(wrenches: Array, rho: float) -> Axes:
     """
     basis = row_space(wrenches, rho)
     projector = basis.T @ basis
-    aligned, held = _along_axes(basis), np.diag(projector) > 0.5
+    aligned, held = _along_axes(projector), np.diag(projector) > 0.5
     forced, free, rest = np.flatnonzero(aligned & held), np.flatnonzero(aligned & ~held), np.flatnonzero(~aligned)
     inner = projector[np.ix_(rest, rest)]
     scale = twist_scale(rho)
@@ -88,16 +89,16 @@ def compliance_frame(wrenches: Array, points: Array, reference: Pose, rho: float
         reference: pose of the moving part.
         rho: characteristic length, m.
     """
-    orientations = list(_orientations(wrenches, reference.R))
+    orientations = np.array(list(_orientations(wrenches, reference.R)))
     best, most = Pose(reference.p, np.eye(3)), -1
     for origin in [reference.p, *points]:
-        for R in orientations:
-            frame = Pose(origin, R)
-            aligned = int(np.sum(_along_axes(row_space(wrenches_in(frame, wrenches, reference), rho))))
-            if aligned > most:
-                best, most = frame, aligned
-            if most == 6:
-                return best
+        basis = row_space(wrenches_in(Pose(origin, np.eye(3)), wrenches, reference), rho)
+        aligned = _along_axes(_turned(basis.T @ basis, orientations)).sum(axis=1)
+        first = int(aligned.argmax())
+        if aligned[first] > most:
+            best, most = Pose(origin, orientations[first]), int(aligned[first])
+        if most == 6:
+            break
     return best
 
 
@@ -115,52 +116,62 @@ def twists_in(frame: Pose, twists: Array, reference: Pose) -> Array:
     return np.hstack([moved @ frame.R, w @ frame.R])
 
 
-def _along_axes(basis: Array) -> NDArray[np.bool_]:
-    """Which axes (6,) of the frame lie in the space of the orthonormal rows (r, 6), or at right angles to it."""
-    across = basis.T @ basis
-    off = np.linalg.norm([across, np.eye(6) - across], axis=1)
-    return np.asarray((off <= _ALIGNED).any(axis=0))
+def _turned(projector: Array, orientations: Array) -> Array:
+    """A projector (6, 6) onto a space of scaled wrenches in the axes of other orientations (k, 3, 3): (k, 6, 6)."""
+    blocks = projector.reshape(2, 3, 2, 3).swapaxes(1, 2)
+    turned = orientations.swapaxes(1, 2)[:, None, None] @ blocks @ orientations[:, None, None]
+    return np.asarray(turned.swapaxes(2, 3).reshape(-1, 6, 6))
+
+
+def _along_axes(projector: Array) -> NDArray[np.bool_]:
+    """Which axes (…, 6) of the frame lie in the space that a projector (…, 6, 6) leaves, or at right angles to it."""
+    across = np.eye(6) - projector
+    off = np.minimum(np.vecdot(projector, projector), np.vecdot(across, across))
+    return np.asarray(off <= _ALIGNED**2)
 
 
 def _orientations(wrenches: Array, body: Array) -> Iterator[Array]:
     """Axes of B, of the body, and of contact normals, each normal standing for the axis of B that it is nearest to."""
     yield np.eye(3)
-    if not np.allclose(body, np.eye(3), rtol=0.0, atol=1e-12):
+    if np.abs(body - np.eye(3)).max() > 1e-12:
         yield body
     normals: list[Array] = []
     for force in wrenches[:, :3]:
-        size = float(np.linalg.norm(force))
+        size = length(force)
         if size > 0.0 and not any(abs(force @ n) > (1.0 - 1e-12) * size for n in normals):
             normals.append(force / size)
     for first in normals:
         for other in [*normals, *np.eye(3)]:
             second = other - (other @ first) * first
-            size = float(np.linalg.norm(second))
+            size = length(second)
             if size > 1e-3:
                 yield _near_axes(first, second / size)
 
 
 def _near_axes(first: Array, second: Array) -> Array:
     """The rotation with two of its columns along the orthonormal directions, places and signs chosen near to 1."""
-    k = int(np.argmax(np.abs(first)))
+    k = int(np.abs(first).argmax())
     j = (k + 1) % 3 if abs(second[(k + 1) % 3]) >= abs(second[(k + 2) % 3]) else (k + 2) % 3
     R = np.empty((3, 3))
-    R[:, k] = first * np.copysign(1.0, first[k])
-    R[:, j] = second * np.copysign(1.0, second[j])
-    R[:, 3 - k - j] = np.cross(R[:, k], R[:, j]) * (1.0 if (j - k) % 3 == 1 else -1.0)
+    R[:, k] = first * math.copysign(1.0, first[k])
+    R[:, j] = second * math.copysign(1.0, second[j])
+    R[:, 3 - k - j] = cross(R[:, k], R[:, j]) * (1.0 if (j - k) % 3 == 1 else -1.0)
     return R
 
 
 def _sparse(projector: Array) -> Array:
     """Orthonormal rows of the projector's range, from its reduced row echelon form with largest pivots."""
+    if not projector.size:
+        return projector
     values, vectors = np.linalg.eigh(projector)
     rows = vectors[:, values > 0.5].T.copy()
     for k in range(len(rows)):
         i, j = divmod(int(np.argmax(np.abs(rows[k:]))), rows.shape[1])
         rows[[k, k + i]] = rows[[k + i, k]]
         rows[k] /= rows[k, j]
-        others: NDArray[np.intp] = np.delete(np.arange(len(rows)), k)
-        rows[others] -= np.outer(rows[others, j], rows[k])
+        taken = rows[:, j].copy()
+        taken[k] = 0.0
+        rows -= np.outer(taken, rows[k])
     q, r = np.linalg.qr(rows.T)
     signed = (q * np.sign(np.diag(r))).T
     return np.where(np.abs(signed) < 1e-15, 0.0, signed)

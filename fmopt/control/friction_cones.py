@@ -15,20 +15,16 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmopt.control.compliance import twist_scale
+from fmopt.control.opening import nearest_opening
 from fmopt.geometry.polyhedron import plane_basis
 from fmopt.placement.program import ConeProgram, Norm
 from fmopt.placement.socp import ClarabelSolver
-from fmopt.se3 import hat
+from fmopt.se3 import cross, length
 from fmopt.values import Array, Value, frozen
 
-_RAYS = 8  # of each cone, to begin with
 _ROUNDS = 50
-_NONE = 1e30  # a bound that is none
-_SOLVED = 1  # flag of daqp
-_EXACT = 5e-10  # of the wrench, by which its rest may leave K*
 _SAME = 1e-9  # relative change that settles an iteration
 _NOTHING = 1e-3  # of the wrench: a smaller rest is none
 _OPEN = 1e-4  # of unit twists: contacts that none opens by more may wedge
@@ -59,11 +55,9 @@ class FrictionCones(Value):
     @staticmethod
     def of(wrenches: Array, arms: Array, rho: float, friction: float) -> FrictionCones:
         """Of contacts with unit normal wrenches (m, 6), at arms (m, 3) from the reference point, m."""
-        rows = []
-        for n, arm in zip(wrenches[:, :3], arms, strict=True):
-            point = np.hstack([np.eye(3), -hat(arm)]) / twist_scale(rho)
-            rows.append(friction * plane_basis(n).T @ point)
-        return FrictionCones(wrenches / twist_scale(rho), np.array(rows).reshape(-1, 2, 6), rho)
+        sides = np.array([plane_basis(n).T for n in wrenches[:, :3]]).reshape(-1, 2, 3)
+        rows = friction * np.concatenate([sides, cross(arms[:, None], sides)], axis=2)
+        return FrictionCones(wrenches / twist_scale(rho), rows / twist_scale(rho), rho)
 
     def opening(self, twist: Array) -> Array:
         """vₙ − μ |vₜ| (m,) at the contacts for a scaled twist (6,): none negative for one in K*."""
@@ -77,12 +71,11 @@ class FrictionCones(Value):
         Raises:
             SolverError: no solver settles it.
         """
-        twist = self._cut(wrench, 0.0)
-        if twist is None:
-            size = float(np.linalg.norm(wrench))
-            unit = self._opened(wrench / size, 1.0, 0.0)[:6]
+        twist, settled = nearest_opening(wrench, self.normal, self.tangent, 0.0)
+        if not settled:
+            unit = self._opened(wrench / length(wrench), 1.0, 0.0)[:6]
             twist = float(unit @ wrench) * unit
-        return twist if float(np.linalg.norm(twist)) > _NOTHING * float(np.linalg.norm(wrench)) else np.zeros(6)
+        return twist if length(twist) > _NOTHING * length(wrench) else np.zeros(6)
 
     def inner(self) -> Array | None:
         """The scaled unit twist (6,) that opens the least opened contact most; None where that is hardly any.
@@ -93,31 +86,11 @@ class FrictionCones(Value):
         Raises:
             SolverError: no solver settles it.
         """
-        twist = self._cut(np.zeros(6), 1.0)
-        if twist is None:
+        twist, settled = nearest_opening(np.zeros(6), self.normal, self.tangent, 1.0)
+        if not settled:
             twist = self._opened(np.zeros(6), 1.0, 1.0)[:6]
-        size = float(np.linalg.norm(twist))
+        size = length(twist)
         return twist / size if size > 0.0 and float(np.min(self.opening(twist / size))) > _OPEN else None
-
-    def _cut(self, wrench: Array, least: float) -> Array | None:
-        """The scaled twist (6,) nearest to a scaled wrench that opens each contact by `least`; None where none settles.
-
-        Each contact is asked for vₙ + μ e·vₜ ≥ least in a few directions e, then also against the sliding at contacts
-        that the answer does not open so far.
-        """
-        angles = np.arange(_RAYS) * (2.0 * math.pi / _RAYS)
-        turned = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        rays = (self.normal[:, None, :] + np.einsum("ri,mij->mrj", turned, self.tangent)).reshape(-1, 6)
-        for _ in range(_ROUNDS):
-            twist = _projected(wrench, rays, least)
-            if twist is None:
-                return None
-            size = max(float(np.linalg.norm(twist)), float(np.linalg.norm(wrench)))
-            closing = np.flatnonzero(self.opening(twist) < least - _EXACT * size)
-            if not len(closing):
-                return twist
-            rays = np.vstack([rays, self._against(twist, closing)])
-        return None
 
     def _opened(self, power: Array, longest: float, share: float) -> Array:
         """The scaled twist and t (7,) with the greatest power·v + share t, for |v| ≤ longest, t ≤ vₙ − μ |vₜ|, t ≤ 1.
@@ -138,13 +111,6 @@ class FrictionCones(Value):
         )
         return np.asarray(ClarabelSolver().solve(program).x)
 
-    def _against(self, twist: Array, contacts: NDArray[np.intp]) -> Array:
-        """Rays (k, 6) of contacts whose friction is against the sliding of a twist."""
-        sliding = self.tangent[contacts] @ twist
-        size = np.linalg.norm(sliding, axis=1, keepdims=True)
-        back = np.divide(-sliding, size, out=np.zeros_like(sliding), where=size > 0.0)
-        return np.asarray(self.normal[contacts] + np.einsum("ki,kij->kj", back, self.tangent[contacts]))
-
     def turn(self, a: Array, d: Array) -> Array | None:
         """The scaled twist (6,) of K* that keeps power on a cos θ + d sin θ from 0 up to the greatest θ, or nearly π.
 
@@ -156,21 +122,21 @@ class FrictionCones(Value):
         """
         first = best = self.rest(a)
         angle = 0.0
-        if not float(np.linalg.norm(first)) > _NOTHING:
+        if not length(first) > _NOTHING:
             return None
         for _ in range(_ROUNDS):
-            reached = plane_angle(best, a, d)
+            reached = float(plane_angle(best, a, d))
             if not reached > angle + _SAME or reached > math.pi - NEARLY:
                 break
             angle = reached
             further = self.rest(a * math.cos(angle) + d * math.sin(angle))
-            if not float(np.linalg.norm(further)) > _NOTHING:
+            if not length(further) > _NOTHING:
                 break
             if not float(further @ a) > 0.0:
-                lost = max(-float(further @ a), _NOTHING * float(np.linalg.norm(further)))
+                lost = max(-float(further @ a), _NOTHING * length(further))
                 return np.asarray(best + (1.0 - NEARLY) * float(best @ a) / lost * further)
             best = further
-        return np.asarray(best / np.linalg.norm(best) + 0.1 * NEARLY * first / np.linalg.norm(first))
+        return np.asarray(best / length(best) + 0.1 * NEARLY * first / length(first))
 
     def freeing(self, held: Array, along: Array) -> Array | None:
         """The scaled twist (6,) of K* that has power on held + b along for the least b; None where no b is free.
@@ -181,7 +147,7 @@ class FrictionCones(Value):
             SolverError: no solver settles them.
         """
         best, push = self.rest(along), math.inf
-        if not float(np.linalg.norm(best)) > _NOTHING:
+        if not length(best) > _NOTHING:
             return None
         for _ in range(_ROUNDS):
             needed = least_push(best, held, along)
@@ -190,7 +156,7 @@ class FrictionCones(Value):
             push = needed
             wrench = held + push * along
             further = self.rest(wrench)
-            steep = float(np.linalg.norm(further)) > _NOTHING * float(np.linalg.norm(wrench))
+            steep = length(further) > _NOTHING * length(wrench)
             if not (steep and float(further @ along) > 0.0):
                 break
             best = further
@@ -198,37 +164,25 @@ class FrictionCones(Value):
 
     def stated(self, twist: Array, inner: Array) -> Array:
         """A scaled twist (6,) as a plan states it: moved to the inside of K* by more than rounding can be, unscaled."""
-        unit = twist / float(np.linalg.norm(twist))
+        unit = twist / length(twist)
         inside = unit + _INSIDE / float(np.min(self.opening(inner))) * inner
         rounded = np.where(np.abs(inside) < 10.0 ** -(_DIGITS + 1), 0.0, inside) / twist_scale(self.rho)
         return np.array([float(f"{x:.{_DIGITS}g}") for x in rounded])
 
 
-def _projected(point: Array, rows: Array, least: float) -> Array | None:
-    """The nearest v (6,) to a point with rows·v ≥ least; None where there is none, or daqp goes in circles."""
-    import daqp
-
-    m = len(rows)
-    low, high, kinds = np.full(m, least), np.full(m, _NONE), np.zeros(m, dtype=np.int32)
-    settings = {"primal_tol": 1e-10, "dual_tol": 1e-12}
-    x, _, flag, _ = daqp.solve(np.eye(6), -point, np.ascontiguousarray(rows), high, low, kinds, **settings)
-    return np.array(x) if flag == _SOLVED else None
-
-
 def cone_angle(twist: Array, wrench: Array) -> float:
     """By what angle (rad) a scaled wrench (6,) may turn in any direction while a scaled twist (6,) has power on it."""
-    sine = float(twist @ wrench) / float(np.linalg.norm(twist) * np.linalg.norm(wrench))
-    return _rounded_down(math.asin(min(sine, 1.0)))
+    sine = float(twist @ wrench) / (length(twist) * length(wrench))
+    return float(_rounded_down(np.arcsin(min(sine, 1.0))))
 
 
-def plane_angle(twist: Array, a: Array, d: Array) -> float:
-    """Up to what angle θ (rad) a scaled twist (6,) has power on a cos θ + d sin θ, for orthogonal unit wrenches (6,).
+def plane_angle(twists: Array, a: Array, d: Array) -> Array:
+    """Up to what angles θ (…, rad) scaled twists (…, 6) have power on a cos θ + d sin θ, for orthogonal unit wrenches.
 
     With power on a, that is up to cot θ = −v·d / v·a; 0 without.
     """
-    if not float(twist @ a) > 0.0:
-        return 0.0
-    return _rounded_down(math.atan2(float(twist @ a), -float(twist @ d)))
+    ahead = twists @ a
+    return np.where(ahead > 0.0, _rounded_down(np.arctan2(ahead, -(twists @ d))), 0.0)
 
 
 def least_push(twist: Array, held: Array, along: Array) -> float:
@@ -239,5 +193,5 @@ def least_push(twist: Array, held: Array, along: Array) -> float:
     return max(push + _DOWN * max(abs(push), 1.0), 0.0)
 
 
-def _rounded_down(angle: float) -> float:
+def _rounded_down(angle: Array) -> Array:
     return angle * (1.0 - _DOWN) - _DOWN

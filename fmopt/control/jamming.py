@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from fmopt.control.bias import GuardedMove
-from fmopt.control.compliance import free_part, row_space, twist_scale
+from fmopt.control.compliance import free_part, twist_scale
 from fmopt.control.friction_cones import NEARLY, FrictionCones, cone_angle, least_push, plane_angle
 from fmopt.control.hybrid import HybridStrategy
 from fmopt.se3 import Pose, hat
@@ -80,7 +80,7 @@ def jam_free(move: GuardedMove, strategy: HybridStrategy, rho: float, specificat
         SolverError: the forces of the contacts do not settle.
     """
     scale = twist_scale(rho)
-    free = free_part(strategy.velocity * scale, row_space(move.held, rho))
+    free = free_part(strategy.velocity * scale, move.space(rho))
     if not len(move.held) or free is None:
         return None
     # Scaled, the unit twist is at once the unit wrench that pushes along it.
@@ -115,25 +115,28 @@ class _Proofs:
 
     def __init__(self, cones: FrictionCones, inner: Array) -> None:
         self.cones, self.inner = cones, inner
-        self.stated = [cones.stated(inner, inner)]
+        self.stated, self.scaled = list[Array](), np.zeros((0, 6))
+        self.add(inner)
 
     def add(self, twist: Array) -> None:
         """States another scaled twist."""
         self.stated.append(self.cones.stated(twist, self.inner))
+        self.scaled = np.vstack([self.scaled, self.stated[-1] * twist_scale(self.cones.rho)])
 
     def each(self, proved: Callable[[Array], float]) -> list[float]:
         """What each scaled twist proves."""
-        return [proved(twist * twist_scale(self.cones.rho)) for twist in self.stated]
+        return list(map(proved, self.scaled))
 
     def reach(self, a: Array, d: Array) -> float:
         """How far the unit wrench a may turn to d, rad."""
-        return max(self.each(lambda v: plane_angle(v, a, d)))
+        return float(plane_angle(self.scaled, a, d).max())
 
     def turn(self, a: Array, d: Array) -> None:
         """States what proves more of that, if there is more."""
-        if self.reach(a, d) < math.pi - NEARLY:
+        reached = self.reach(a, d)
+        if reached < math.pi - NEARLY:
             twist = self.cones.turn(a, d)
-            if twist is not None and plane_angle(twist, a, d) > self.reach(a, d) + _WORTH:
+            if twist is not None and plane_angle(twist, a, d) > reached + _WORTH:
                 self.add(twist)
 
 

@@ -30,11 +30,13 @@ from fmopt.contact.surface import Surfaces
 from fmopt.contact.wrench import contact_normal, contact_point, contact_wrench
 from fmopt.placement.explore import implied
 from fmopt.placement.step import modulo
+from fmopt.placement.vertex import least_vertex
 from fmopt.se3 import Pose
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array, Value, frozen
 
 LARGEST = 4.0  # factor of the start errors up to which contacts are looked for
+_SURELY = 1.001 * LARGEST  # up to which gaps may close at first sight
 _MOST = 4  # contacts that are told of each move
 _ALTERNATIVES = 16  # of bounds
 _OPEN = 1e-9  # m: a contact nearer than this touches
@@ -127,15 +129,16 @@ def foreseen(
     """
     best: dict[PrimitiveContact, _Met] = {}
     for claim, place in _places(claims, np.flatnonzero(box)):
-        for contact, gap, row in _near(assembly, claim, place, box):
+        for contact, gap, row in _near(assembly, claim, place):
             factors = sorted(met.factor for met in best.values())
             limit = min([LARGEST, *factors[_MOST - 1 : _MOST], *([best[contact].factor] if contact in best else [])])
-            if gap / max(float(np.abs(row @ place.images).sum()), 1e-30) >= limit:
+            r = row @ place.images
+            if gap / max(float(np.abs(r).sum()), 1e-30) >= limit or _comes_along(assembly, claim, contact):
                 continue
             rows = _bounding(assembly, contact, place)
-            factor = _factor(gap, row @ place.images, rows)
+            factor = _factor(gap, r, rows)
             if factor < limit:
-                best[contact] = _Met(factor, _alone(gap, row @ place.images, rows), claim, place, gap, row)
+                best[contact] = _Met(factor, _alone(gap, r, rows), claim, place, gap, row)
     ordered = sorted(best.items(), key=lambda item: (item[1].factor, item[0].id))
     return tuple(_foreseen(assembly, contact, met, friction, rho) for contact, met in ordered[:_MOST])
 
@@ -149,19 +152,17 @@ def _places(claims: Sequence[Claim], axes: NDArray[np.intp]) -> Iterator[tuple[C
         yield claim, _Place.of(ends.goal, ends.goal_set, axes)
 
 
-def _near(
-    assembly: Assembly, claim: Claim, place: _Place, box: Array
-) -> Iterator[tuple[PrimitiveContact, float, Array]]:
-    """Contacts near a place that are not planned, with distance (m) and gradient (6,), those that errors can change."""
+def _near(assembly: Assembly, claim: Claim, place: _Place) -> Iterator[tuple[PrimitiveContact, float, Array]]:
+    """Contacts near a place that are not planned, with distance (m) and gradient (6,), those that errors can close."""
     piece, size = claim.piece, LARGEST * np.abs(place.images).sum(axis=1)
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     planned = {*piece.held, *piece.goal_contacts, *piece.left}
     near = near_contacts(body, fixed, place.pose, float(np.linalg.norm(size[:3])), float(np.linalg.norm(size[3:])))
-    others = [c for c in near if c not in planned and not _comes_along(assembly, claim, c)]
+    others = [c for c in near if c not in planned]
     f, N = Surfaces.of(others, body, fixed).values_and_rows(place.pose)
-    for contact, gap, row in zip(others, f, N, strict=True):
-        if np.isfinite(gap) and gap > _OPEN:
-            yield contact, float(gap), row
+    closing = (f > _OPEN) & (f <= _SURELY * np.abs(N @ place.images).sum(axis=1))
+    for k in np.flatnonzero(closing):
+        yield others[k], float(f[k]), N[k]
 
 
 def _comes_along(assembly: Assembly, claim: Claim, contact: PrimitiveContact) -> bool:
@@ -202,20 +203,15 @@ def _factor(gap: float, r: Array, rows: Sequence[tuple[Array, Array]]) -> float:
 
 def _least(gap: float, r: Array, g: Array, B: Array) -> float:
     """The same where the rows (g, B) bound the contact."""
-    from scipy.optimize import linprog
-
     n, scale = len(r), 1.0 / gap
     beside = np.hstack([np.vstack([np.eye(n), -np.eye(n)]), -np.ones((2 * n, 1))])
     inside = np.hstack([scale * B, np.zeros((len(g), 1))])
-    answer: Any = linprog(
-        np.append(np.zeros(n), 1.0),
-        A_ub=np.vstack([beside, inside]),
-        b_ub=np.concatenate([np.zeros(2 * n), -scale * g]),
-        A_eq=np.append(scale * r, 0.0)[None],
-        b_eq=[-1.0],
-        bounds=[(-LARGEST, LARGEST)] * n + [(0.0, LARGEST)],
-    )
-    return float(answer.fun) if answer.status == 0 else math.inf
+    rows = np.vstack([beside, inside]), np.concatenate([np.zeros(2 * n), -scale * g])
+    most = np.full(n + 1, LARGEST)
+    cost = np.append(np.zeros(n), 1.0)
+    made = np.append(scale * r, 0.0)[None], np.array([-1.0])
+    x = least_vertex(cost, rows, made, (np.append(-most[:n], 0.0), most))
+    return math.inf if x is None else float(x[n])
 
 
 def _alone(gap: float, r: Array, rows: Sequence[tuple[Array, Array]]) -> tuple[float, str]:
