@@ -22,7 +22,7 @@ from fmopt.geometry.part import part_of
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.placement.begin import begin
 from fmopt.placement.entry import Entry, start_spread, straight_entry, tilted_entry
-from fmopt.placement.explore import Freedom, Place, guarded, neighbourhood
+from fmopt.placement.explore import Freedom, Near, Place, guarded, neighbourhood
 from fmopt.placement.search import _Frontier, best_sequences, search, shortfall
 from fmopt.placement.shapes import tilted_shapes
 from fmopt.placement.step import Costs, Task
@@ -88,13 +88,13 @@ def test_a_floor_exactly_at_the_end_of_the_way_down_is_met() -> None:
             straight = Freedom("-z", np.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0]), float(pose.p[2]) + depth)
             near = [
                 contact
-                for contact in neighbourhood(assembly, place, straight, 1e-3)
+                for contact in neighbourhood(assembly, place, straight, 1e-3).contacts
                 if contact.kind is Kind.VERTEX_FACE and contact.moving == (corner,)
             ]
             seated = pose.moved(straight.limit * straight.twist)
             above = [c for c in near if 0.0 < Surfaces.of([c], *polyhedra(assembly)).values(seated)[0] < 1e-15]
             short += len(above)
-            move = guarded(assembly, place, straight, near)
+            move = guarded(assembly, place, straight, Near.of(assembly, near))
             assert move is not None
             assert move.goal.p[2] == pytest.approx(-depth, abs=1e-15)
     assert short > 0  # rounding leaves some of these a little above the floor

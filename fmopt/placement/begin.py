@@ -8,7 +8,7 @@ import numpy as np
 
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.placement.entry import Entry, Leant
-from fmopt.placement.explore import Freedom, Place, guarded, insides, neighbourhood
+from fmopt.placement.explore import Freedom, Near, Place, guarded, insides, neighbourhood
 from fmopt.placement.motion import Move, Reached
 from fmopt.placement.step import Node, Task, son
 from fmopt.se3 import Pose
@@ -74,10 +74,10 @@ def _onto_top(task: Task, node: Node, freedom: Freedom, corners: Array) -> Node 
     vertices = assembly.moving.polyhedron.vertices
     near = [
         contact
-        for contact in neighbourhood(assembly, node.place, freedom, task.costs.reach)
+        for contact in neighbourhood(assembly, node.place, freedom, task.costs.reach).contacts
         if contact.kind is Kind.VERTEX_FACE and (corners == vertices[contact.moving_feature]).all(axis=1).any()
     ]
-    move = guarded(assembly, node.place, freedom, near)
+    move = guarded(assembly, node.place, freedom, Near.of(assembly, near))
     if move is None:
         return None
     spread = float(node.reached.errors.support(np.eye(2, 6)).max())
@@ -89,7 +89,7 @@ def _onto_top(task: Task, node: Node, freedom: Freedom, corners: Array) -> Node 
     best: Node | None = None
     tried: set[PrimitiveContact] = set()
     for _ in near:
-        move = guarded(assembly, node.place, freedom, near)
+        move = guarded(assembly, node.place, freedom, Near.of(assembly, near))
         if move is not None and move.making[0] not in tried:
             tried.add(move.making[0])
             after = son(task, node, move, freedom.name, thorough=True)

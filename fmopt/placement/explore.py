@@ -9,24 +9,23 @@ from itertools import compress, groupby
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt import se3
 from fmopt.certificate.functions import contact_rows
 from fmopt.certificate.knowledge import Assembly, aligned, flushes
 from fmopt.certificate.segment import Compliance
 from fmopt.contact.bounds import BoundTable
 from fmopt.contact.meet import Poses
 from fmopt.contact.primitive import Kind, PrimitiveContact, feature_distance, near_contacts
-from fmopt.contact.surface import Surfaces
+from fmopt.contact.surface import Surfaces, parameters
 from fmopt.errors import InfeasibleError
-from fmopt.placement.motion import Move, onto
-from fmopt.se3 import Pose, cross
+from fmopt.placement.keeping import along, distances, roots
+from fmopt.placement.motion import Move, held_by, kept
+from fmopt.se3 import Pose, cross, length
 from fmopt.values import Array
 
 _TOUCH = 1e-9
 _BESIDE = 1e-6  # m; features that touch are no farther apart
 _ALIKE = 1e-12  # difference of unit normals that are parallel
 _SAMPLES = 24
-_ROUNDS = 50
 _TOGETHER = 1e-11
 _PARALLEL = 1e-7  # sine of the angle between edges, up to which rounding decides where they cross
 IN_PLANE = ("x", "z", "ry")
@@ -76,29 +75,103 @@ class Place:
     pivot: Array
 
 
-def moved(assembly: Assembly, place: Place, freedom: Freedom, amounts: Array) -> Poses:
-    """The poses after motions along a freedom by amounts (n,), held contacts kept by their compliance.
+def _own(values: Array) -> Array:
+    """A copy such as kernels are compiled for."""
+    return np.array(values, order="C")
 
-    Raises:
-        InfeasibleError: the contacts cannot be kept.
+
+@dataclass(frozen=True, eq=False)
+class Near:
+    """Contacts that a move may meet.
+
+    Args:
+        surfaces: their functions.
+        tables: those, as kernels take them.
     """
-    X = amounts[:, None] * freedom.twist
-    R = se3.turns(X[:, 3:]) @ place.pose.R
-    there = Poses(place.pose.apply(place.pivot) + X[:, :3] - R @ place.pivot, R)
-    return onto(assembly, there, place.basis, place.held) if place.basis else there
+
+    surfaces: Surfaces
+    tables: tuple[Array, Array, Array]
+
+    @staticmethod
+    def of(assembly: Assembly, contacts: Sequence[PrimitiveContact]) -> Near:
+        """These contacts."""
+        found = Surfaces.of(contacts, assembly.moving.polyhedron, assembly.fixed.polyhedron)
+        return Near(found, (_own(found.vertex_face), _own(found.face_vertex), _own(found.edge_edge)))
+
+    @property
+    def contacts(self) -> tuple[PrimitiveContact, ...]:
+        """The contacts (k)."""
+        return self.surfaces.contacts
+
+    def distances(self, poses: Poses) -> Array:
+        """Signed distances (n, k) at poses (n), m; not a number where edges are parallel and cross in no one point."""
+        found = np.empty((len(poses.p), len(self.contacts)))
+        distances(self.tables, poses.p, poses.R, found)
+        return found[:, self.surfaces.order]
+
+    def at(self, pose: Pose) -> Array:
+        """Signed distances (k,) at a pose."""
+        return np.asarray(self.distances(Poses(pose.p[None].copy(), pose.R[None].copy()))[0])
 
 
-def neighbourhood(assembly: Assembly, place: Place, freedom: Freedom, reach: float) -> tuple[PrimitiveContact, ...]:
+@dataclass(frozen=True, eq=False)
+class _Course:
+    """A motion along a freedom, as kernels take it.
+
+    Args:
+        held: functions of the held contacts (r, 22) and their compliant twists (r, 6).
+        motion: rotation (3, 3), pivot (3,) in the body, the pivot (3,) and the twist (6,).
+    """
+
+    held: tuple[Array, Array]
+    motion: tuple[Array, Array, Array, Array]
+
+    @staticmethod
+    def of(assembly: Assembly, place: Place, freedom: Freedom) -> _Course:
+        """From a place along a freedom."""
+        pivot, at = place.pivot, place.pose.apply(place.pivot)
+        motion = _own(place.pose.R), _own(pivot), _own(at), _own(freedom.twist)
+        return _Course(held_by(assembly, place.basis, place.held), motion)
+
+    def after(self, amounts: Array) -> Poses:
+        """The poses after motions by amounts (n,), held contacts kept by their compliance.
+
+        Raises:
+            InfeasibleError: the contacts cannot be kept.
+        """
+        p, R = np.empty((len(amounts), 3)), np.empty((len(amounts), 3, 3))
+        kept(along(self.held, self.motion, amounts, p, R))
+        return Poses(p, R)
+
+    def meeting(self, near: Near, which: NDArray[np.intp], between: Array, values: Array) -> Array:
+        """Amounts (m,) at which distances vanish.
+
+        Args:
+            near: contacts.
+            which: m of them.
+            between: two amounts.
+            values: the distances (2, m) there, the first positive, the second not.
+
+        Raises:
+            InfeasibleError: the held contacts cannot be kept.
+        """
+        found, asked = np.empty(len(which)), near.surfaces.order[which]
+        kept(roots(self.held, self.motion, near.tables, asked, _own(between), _own(values), found))
+        return found
+
+
+def neighbourhood(assembly: Assembly, place: Place, freedom: Freedom, reach: float) -> Near:
     """The primitive contacts that a move along a freedom, or another of its kind and limit, may meet.
 
     A turn is not taken to bring parts nearer than `reach` (m) do.
     """
     turning = bool(freedom.twist[3:].any())
     near, angle = (reach, 1.2 * freedom.limit) if turning else (1.2 * freedom.limit, _STILL)
-    return near_contacts(assembly.moving.polyhedron, assembly.fixed.polyhedron, place.pose, near, angle)
+    body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
+    return Near.of(assembly, near_contacts(body, fixed, place.pose, near, angle))
 
 
-def guarded(assembly: Assembly, place: Place, freedom: Freedom, near: Sequence[PrimitiveContact]) -> Move | None:
+def guarded(assembly: Assembly, place: Place, freedom: Freedom, near: Near) -> Move | None:
     """The move along a freedom until the first new contact.
 
     None when it meets none, or two independent ones at once, or cannot keep the held contacts.
@@ -115,7 +188,7 @@ def guarded(assembly: Assembly, place: Place, freedom: Freedom, near: Sequence[P
         return None
 
 
-def meetings(assembly: Assembly, place: Place, freedom: Freedom, near: Sequence[PrimitiveContact]) -> Iterator[Move]:
+def meetings(assembly: Assembly, place: Place, freedom: Freedom, near: Near) -> Iterator[Move]:
     """The guarded move along a freedom, once for each contact of those that come together as the one that is met.
 
     Which of them errors leave sure to be met is for the certificate to say. Arguments as of `guarded`.
@@ -124,85 +197,48 @@ def meetings(assembly: Assembly, place: Place, freedom: Freedom, near: Sequence[
     if move is None:
         return
     yield move
-    table = Surfaces.of(near, assembly.moving.polyhedron, assembly.fixed.polyhedron)
-    closed = (table.values(place.pose) > 10.0 * _TOUCH) & (np.abs(table.values(move.goal)) <= 10.0 * _TOUCH)
-    for contact in _touching(assembly, [*compress(near, closed)], move.goal):
+    closed = (near.at(place.pose) > 10.0 * _TOUCH) & (np.abs(near.at(move.goal)) <= 10.0 * _TOUCH)
+    others = [contact for contact in compress(near.contacts, closed) if contact not in move.making]
+    for contact in _touching(assembly, others, move.goal):
         other = _arrival(assembly, place, move.goal, contact, near)
-        if contact not in move.making and other is not None and other.making[0] == contact:
+        if other is not None and other.making[0] == contact:
             yield other
 
 
-def _first_contact(assembly: Assembly, place: Place, freedom: Freedom, near: Sequence[PrimitiveContact]) -> Move | None:
-    body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
-    table = Surfaces.of(near, body, fixed)
+def _first_contact(assembly: Assembly, place: Place, freedom: Freedom, near: Near) -> Move | None:
+    course = _Course.of(assembly, place, freedom)
     # A floor that lies at the limit, as the goal's does, is met there, whatever rounding makes of it.
     amounts = np.append(np.linspace(0.0, freedom.limit, _SAMPLES + 1), freedom.limit + _TOUCH)
-    poses = moved(assembly, place, freedom, amounts)
-    values = table.heights(poses.p, poses.R)
-    open_now = values[0] > 10.0 * _TOUCH
-    closing = np.flatnonzero(open_now & (values[1:] <= 0.0).any(axis=0))
-    crossings = [(int(np.argmax(values[1:, i] <= 0.0)), int(i)) for i in closing]
-    best: tuple[float, Pose, PrimitiveContact] | None = None
-    for k, cell in groupby(sorted(crossings), lambda crossing: crossing[0]):
+    values = near.distances(course.after(amounts))
+    closed = values[1:] <= 0.0
+    closing = np.flatnonzero((values[0] > 10.0 * _TOUCH) & closed.any(axis=0))
+    crossings = sorted(zip(closed[:, closing].argmax(axis=0).tolist(), closing.tolist(), strict=True))
+    best: tuple[float, int, Pose] | None = None
+    for k, cell in groupby(crossings, lambda crossing: crossing[0]):
         if best is not None and amounts[k] > best[0]:
             break
         met = np.array([i for _, i in cell if values[k, i] > 0.0], dtype=np.intp)
-        roots = _roots(assembly, place, freedom, (table, met), amounts[k : k + 2], values[k : k + 2, met])
-        there = moved(assembly, place, freedom, roots)
-        for n, (amount, i) in enumerate(zip(roots.tolist(), met.tolist(), strict=True)):
+        found = course.meeting(near, met, amounts[k : k + 2], values[k : k + 2, met])
+        there = course.after(found)
+        for n in np.argsort(found, kind="stable").tolist():
+            amount, i = float(found[n]), int(met[n])
+            if best is not None and amount >= best[0] + _TOGETHER * freedom.limit:
+                break
             # Of several that come together, to rounding, the last in the list counts: edges before vertices.
-            if best is None or amount < best[0] + _TOGETHER * freedom.limit:
+            if best is None or i > best[1]:
                 pose = there.pose(n)
-                if _touching(assembly, [near[i]], pose):
-                    best = amount, pose, near[i]
+                if _touching(assembly, [near.contacts[i]], pose):
+                    best = amount, i, pose
     if best is None or best[0] <= 0.0:
         return None
-    return _arrival(assembly, place, *best[1:], near)
+    return _arrival(assembly, place, best[2], near.contacts[best[1]], near)
 
 
-def _roots(
-    assembly: Assembly,
-    place: Place,
-    freedom: Freedom,
-    met: tuple[Surfaces, NDArray[np.intp]],
-    between: Array,
-    values: Array,
-) -> Array:
-    """Amounts (m,) along a freedom at which distances vanish, by Anderson and Björck's method of false position.
-
-    Args:
-        assembly: the two parts.
-        place: where the move starts.
-        freedom: the direction.
-        met: functions of contacts, and which m of them.
-        between: two amounts.
-        values: the distances (2, m) there, the first positive, the second not.
-    """
-    table, which = met
-    a, b = np.repeat(between[:, None], len(which), axis=1)
-    fa, fb = values
-    for _ in range(_ROUNDS):
-        c = b - fb * (b - a) / (fb - fa)
-        there = moved(assembly, place, freedom, c)
-        f = table.heights(there.p, there.R)[np.arange(len(which)), which]
-        short = 1.0 - np.divide(f, fb, out=np.ones_like(f), where=fb != 0.0)
-        other = f * fb < 0.0
-        a, fa = np.where(other, b, a), np.where(other, fb, fa * np.where(short > 0.0, short, 0.5))
-        settled = (np.abs(c - b) <= 1e-16 + 1e-14 * np.abs(c)) | (f == 0.0)
-        b, fb = c, f
-        if settled.all():
-            break
-    return np.asarray(b)
-
-
-def _arrival(
-    assembly: Assembly, place: Place, goal: Pose, first: PrimitiveContact, near: Sequence[PrimitiveContact]
-) -> Move | None:
-    body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
-    value = Surfaces.of(near, body, fixed).values(goal)
-    grazing = [c for c, f in zip(near, value, strict=True) if abs(f) <= 10.0 * _TOUCH and c not in place.held]
-    touching = _touching(assembly, grazing, goal)
-    made = [c for c in grazing if c == first or c in touching]
+def _arrival(assembly: Assembly, place: Place, goal: Pose, first: PrimitiveContact, near: Near) -> Move | None:
+    pairs = zip(near.contacts, near.at(goal).tolist(), strict=True)
+    grazing = [c for c, f in pairs if abs(f) <= 10.0 * _TOUCH and c not in place.held]
+    touching = {first, *_touching(assembly, [c for c in grazing if c != first], goal)}
+    made = [c for c in grazing if c in touching]
     # Which of several that come together was met first is a matter of rounding: their order in the list decides.
     first = next((c for c in made if implied(assembly, place.held, c, first)), first)
     made = [first, *(c for c in made if c != first)]
@@ -215,16 +251,21 @@ def _arrival(
 def insides(assembly: Assembly, contacts: Sequence[PrimitiveContact], pose: Pose) -> Array:
     """How far within their features contacts (n,) lie, m; edges that have turned parallel cross nowhere."""
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
-    crossing = Surfaces.of(contacts, body, fixed).sines(pose) > _PARALLEL
-    return np.where(crossing, BoundTable.of(contacts, body, fixed, pose).insides(pose), -np.inf)
+    found = BoundTable.of(contacts, body, fixed, pose).insides(pose)
+    for n, contact in enumerate(contacts):
+        if contact.kind is Kind.EDGE_EDGE:
+            numbers = parameters(contact, body, fixed)
+            if length(cross(pose.R @ numbers[:3], numbers[6:9])) <= _PARALLEL:
+                found[n] = -np.inf
+    return found
 
 
 def _touching(assembly: Assembly, contacts: Sequence[PrimitiveContact], pose: Pose) -> list[PrimitiveContact]:
     """Those of the contacts whose distance is gone at a pose that do touch there, inside their features."""
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
-    inside = insides(assembly, contacts, pose) > 10.0 * _TOUCH
-    found = [contact for contact, within in zip(contacts, inside, strict=True) if within]
-    return [contact for contact in found if feature_distance(contact, body, fixed, pose) <= _BESIDE]
+    beside = [contact for contact in contacts if feature_distance(contact, body, fixed, pose) <= _BESIDE]
+    inside = insides(assembly, beside, pose) > 10.0 * _TOUCH if beside else ()
+    return [contact for contact, within in zip(beside, inside, strict=True) if within]
 
 
 def _independent(

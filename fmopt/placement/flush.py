@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fmopt.certificate.assembly import Assembly, in_plane
 from fmopt.certificate.knowledge import facts
 from fmopt.contact.primitive import Kind, PrimitiveContact, edge_edge, vertex_face
+from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.memory import remembered
-from fmopt.se3 import Pose, cross, length, lengths
+from fmopt.placement.rims import DOUBT, Edges, Rims, depths, pattern
+from fmopt.se3 import Pose, cross, lengths
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array
 
-_LEVEL = 1e-3  # sine of the angle at which an edge runs level with a rim
-_DOUBT = 3e-5  # m; a vertex nearer to a rim than its error and this is listed with its edge
 _MEMORY = 1024
 
 
@@ -30,14 +30,11 @@ def described(
     if that has an end which has; else it only counts once it has passed. Where several walls lie in one plane, each
     holds what is before it.
     """
-    kept = list(held)
-    for wall in _walls(assembly, held):
-        own = set(wall.vertices.tolist())
-        before = [c for c in kept if on_wall(assembly, c, wall.number) and (wall.flush or own >= set(c.moving))]
-        now = _touching(assembly, wall, (start, goal), errors)
-        if set(now) != set(before):
-            kept = [c for c in kept if c not in before] + now
-    return tuple(dict.fromkeys(kept))
+    known = _known(assembly, held)
+    if not known.walls:
+        return known.held
+    p, R = np.array([start.p, goal.p]), np.array([start.R, goal.R])
+    return _redescribed(known, tuple(_pattern(wall, p, R, errors) for wall in known.walls))
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,27 +44,38 @@ class _Wall:
     Args:
         number: of the face.
         flush: whether it is a face that lies in it.
-        vertices: of the moving part that lie in the plane.
-        rims: edges of the face, the convex ones first.
-        convex: how many of these are convex; at the others another face begins.
-        points: a point (r, 3) of each rim.
-        inward: unit directions (r, 3) into the face across them.
+        own: vertices of the moving part that lie in the plane.
+        vertices: where they are in the body (n, 3).
+        numbers: convex edges of the moving part between them.
+        edges: these and the convex rims, as kernels take them.
+        convex: convex edges of the face, the first of its rims; at the others another face begins.
+        rims: of the face, as kernels take them.
     """
 
     number: int
     flush: bool
-    vertices: NDArray[np.intp]
-    rims: tuple[int, ...]
-    convex: int
-    points: Array
-    inward: Array
+    own: frozenset[int]
+    vertices: Array
+    numbers: tuple[int, ...]
+    edges: Edges
+    convex: tuple[int, ...]
+    rims: Rims
+
+
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """Held contacts, each once, and the fixed faces that they press a face or an edge of the moving part on."""
+
+    assembly: Assembly
+    held: tuple[PrimitiveContact, ...]
+    walls: tuple[_Wall, ...]
 
 
 @remembered(_MEMORY)
-def _walls(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> tuple[_Wall, ...]:
-    """The fixed faces that held contacts press a face or an edge of the moving part on.
+def _known(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> _Known:
+    """What held contacts say of walls.
 
-    Not those with holes: their corners have to stay where they are.
+    Not of those with holes: their corners have to stay where they are.
     """
     body, fixed = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron
     known, found = facts(assembly, held), []
@@ -75,17 +83,18 @@ def _walls(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> tuple[_Wal
         there = known.on(face.normal, face.offset)
         if there.flush:
             normal, offset = there.flush[0]
-            own = np.flatnonzero(np.abs(body @ normal - offset) <= 1e-9)
+            own = tuple(np.flatnonzero(np.abs(body @ normal - offset) <= 1e-9).tolist())
         else:
-            own = np.array(sorted(i for i in there.points if i < len(body)), dtype=np.intp)
+            own = tuple(sorted(i for i in there.points if i < len(body)))
         if len(own) > 1 and len(face.loops) == 1:
             found.append(_wall(assembly, number, bool(there.flush), own))
-    return tuple(found)
+    return _Known(assembly, tuple(dict.fromkeys(held)), tuple(found))
 
 
-def _wall(assembly: Assembly, number: int, flush: bool, own: NDArray[np.intp]) -> _Wall:
+@remembered(_MEMORY)
+def _wall(assembly: Assembly, number: int, flush: bool, own: tuple[int, ...]) -> _Wall:
     """A fixed face with the vertices that lie in its plane."""
-    fixed = assembly.fixed.polyhedron
+    body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     face = fixed.faces[number]
     corners = fixed.vertices[list(face.loops[0])]
     every = np.array([i for i, edge in enumerate(fixed.edges) if number in edge.faces])
@@ -96,7 +105,22 @@ def _wall(assembly: Assembly, number: int, flush: bool, own: NDArray[np.intp]) -
     # At a concave edge the face ends, but where it goes on beside that.
     ending = (np.vecdot(inward, corners[:, None] - ends[:, 0]) >= -1e-9).all(axis=0)
     order = np.concatenate([np.flatnonzero(convex), np.flatnonzero(ending & ~convex)])
-    return _Wall(number, flush, own, tuple(every[order].tolist()), int(convex.sum()), ends[order, 0], inward[order])
+    pairs = [(i, edge.vertices) for i, edge in enumerate(body.edges) if edge.convex and set(edge.vertices) <= set(own)]
+    numbers, rims = tuple(i for i, _ in pairs), tuple(every[convex].tolist())
+    places = np.array([[own.index(vertex) for vertex in vertices] for _, vertices in pairs], dtype=np.intp)
+    edges = places.reshape(-1, 2), *_run(body, numbers), *_run(fixed, rims)
+    across = np.ascontiguousarray(ends[order, 0]), np.ascontiguousarray(inward[order])
+    return _Wall(number, flush, frozenset(own), body.vertices[list(own)], numbers, edges, rims, across)
+
+
+def _run(part: Polyhedron, edges: Sequence[int]) -> tuple[Array, Array]:
+    """Directions (e, 3) of edges, and sums (e, 3) of the normals of their faces."""
+    of_edges = [part.edges[i] for i in edges]
+    ends = part.vertices[[edge.vertices for edge in of_edges]].reshape(-1, 2, 3)
+    ahead = ends[:, 1] - ends[:, 0]
+    return ahead / lengths(ahead)[:, None], part.normals[[edge.faces for edge in of_edges]].reshape(-1, 2, 3).sum(
+        axis=1
+    )
 
 
 def on_wall(assembly: Assembly, contact: PrimitiveContact, number: int) -> bool:
@@ -108,53 +132,37 @@ def on_wall(assembly: Assembly, contact: PrimitiveContact, number: int) -> bool:
     return contact.kind is Kind.EDGE_EDGE and in_plane(fixed.vertices[list(contact.fixed)], face.normal, face.offset)
 
 
-def _touching(assembly: Assembly, wall: _Wall, poses: tuple[Pose, Pose], errors: ErrorSet) -> list[PrimitiveContact]:
-    """Contacts between what lies in a wall and the wall, as the piece of motion has them."""
+def _pattern(wall: _Wall, p: Array, R: Array, errors: ErrorSet) -> bytes:
+    """What touches a wall along a piece of motion between two poses, p (2, 3) and R (2, 3, 3), as a kernel finds it."""
+    shape = 2, len(wall.vertices), len(wall.rims[0])
+    depth, rows = np.empty(shape), np.empty((*shape, 6))
+    depths(wall.vertices, wall.rims, p, R, depth, rows)
+    doubt = 1.2 * errors.support(rows) + DOUBT
+    found = np.empty(len(wall.vertices) + len(wall.numbers) * len(wall.convex), dtype=np.uint8)
+    pattern(wall.vertices, wall.rims, wall.edges, p[0], R[0], depth, doubt, found)
+    return found.tobytes()
+
+
+@remembered(_MEMORY)
+def _redescribed(known: _Known, patterns: tuple[bytes, ...]) -> tuple[PrimitiveContact, ...]:
+    """What is held where this touches the walls: the same contacts, not just equal ones, whenever the same does."""
+    assembly, kept = known.assembly, list(known.held)
+    for wall, found in zip(known.walls, patterns, strict=True):
+        before = [c for c in kept if on_wall(assembly, c, wall.number) and (wall.flush or wall.own >= set(c.moving))]
+        now = _touching(assembly, wall, found)
+        if set(now) != set(before):
+            kept = [c for c in kept if c not in before] + now
+    return tuple(dict.fromkeys(kept))
+
+
+def _touching(assembly: Assembly, wall: _Wall, found: bytes) -> list[PrimitiveContact]:
+    """Contacts between what lies in a wall and the wall."""
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
-    side = _sides(body.vertices[wall.vertices], wall, poses, errors)
-    place = {vertex: n for n, vertex in enumerate(wall.vertices.tolist())}
-    edges = [
-        (i, [place[vertex] for vertex in edge.vertices])
-        for i, edge in enumerate(body.edges)
-        if edge.convex and all(vertex in place for vertex in edge.vertices)
-    ]
-    sure = side == 1
-    sure[:, wall.convex :] = side[:, wall.convex :] >= 0
-    joined = sure.copy()
-    for _, (a, b) in edges:
-        joined[a] |= sure[b] & (side[a] == 0)
-        joined[b] |= sure[a] & (side[b] == 0)
-    listed = joined.all(axis=1)
-    found = [vertex_face(fixed, vertex, wall.number) for vertex in wall.vertices[listed].tolist()]
-    # An edge crosses a rim all along where one end is beyond it, or as long as that end, which is listed, is.
-    crossing = (side == -1) | ((side == 0) & listed[:, None])
-    for i, (a, b) in edges:
-        edge, over = body.edges[i], (sure[a] & crossing[b]) | (sure[b] & crossing[a])
-        for r in np.flatnonzero(over[: wall.convex]).tolist():
-            if _meets(body.vertices[list(edge.vertices)], wall, r, poses[0]):
-                found.append(edge_edge(body, fixed, poses[0].R, i, wall.rims[r]))
-    return found
-
-
-def _sides(vertices: Array, wall: _Wall, poses: tuple[Pose, Pose], errors: ErrorSet) -> NDArray[np.intp]:
-    """Whether vertices (n, 3) in a wall are inside each of its rims for sure (1), outside (−1), or perhaps (0)."""
-    arms = vertices @ np.array([pose.R.T for pose in poses])
-    there = arms + np.array([pose.p for pose in poses])[:, None]
-    depth = there @ wall.inward.T - np.vecdot(wall.inward, wall.points)
-    turning = cross(arms[:, :, None], wall.inward)
-    rows = np.concatenate([np.broadcast_to(wall.inward, turning.shape), turning], axis=-1)
-    doubt = 1.2 * errors.support(rows).max(axis=0) + _DOUBT
-    return np.where(depth.min(axis=0) > doubt, 1, np.where(depth.max(axis=0) < -doubt, -1, 0))
-
-
-def _meets(ends: Array, wall: _Wall, rim: int, pose: Pose) -> bool:
-    """Whether an edge (2, 3) of the body in the wall's plane crosses a rim, rather than passing the face beside it."""
-    c, inward = wall.points[rim], wall.inward[rim]
-    a, b = pose.apply(ends)
-    rise = float((b - a) @ inward)
-    if abs(rise) <= _LEVEL * length(b - a):
-        return False
-    x = a + min(max(float((c - a) @ inward) / rise, 0.0), 1.0) * (b - a)
-    inside = np.vecdot(wall.inward, x - wall.points) > -_DOUBT
-    inside[rim] = True
-    return bool(inside.all())
+    own = sorted(wall.own)
+    contacts = [vertex_face(fixed, i, wall.number) for i, listed in zip(own, found, strict=False) if listed]
+    crossings = ((i, rim) for i in wall.numbers for rim in wall.convex)
+    for (i, rim), way in zip(crossings, found[len(own) :], strict=True):
+        if way:
+            across, ends = edge_edge(body, fixed, np.eye(3), i, rim), body.edges[i].vertices
+            contacts.append(replace(across, moving=ends if way == 2 else ends[::-1]))
+    return contacts

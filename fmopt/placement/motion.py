@@ -10,23 +10,23 @@ from itertools import pairwise
 import numpy as np
 
 from fmopt import se3
-from fmopt.certificate.claim import Claim, claimed, stepped
+from fmopt.certificate.claim import Claim, Stepped, claimed, stepped
 from fmopt.certificate.functions import contact_forms, contact_rows
 from fmopt.certificate.knowledge import Assembly
-from fmopt.certificate.rows import Forms
-from fmopt.certificate.segment import Advance, Compliance, Piece, Tolerance
+from fmopt.certificate.segment import Compliance, Piece, Tolerance
 from fmopt.contact.meet import Poses
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.errors import InfeasibleError
 from fmopt.memory import remembered
+from fmopt.placement import keeping
 from fmopt.placement.flush import described, on_wall
 from fmopt.placement.witness import choose_separations
 from fmopt.se3 import Pose, length
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array
 
-_NEWTON = 12
 _MEMORY = 128
+_LATEST = 2
 _SHOTS = 16
 _AIMED = 2e-15
 _RANK = 1e-6
@@ -72,22 +72,29 @@ def onto(assembly: Assembly, poses: Poses, basis: Sequence[Compliance], context:
     Raises:
         InfeasibleError: the contacts cannot be met near one of them.
     """
+    p, R = np.array(poses.p), np.array(poses.R)
+    kept(keeping.onto(*held_by(assembly, basis, context), p, R))
+    return Poses(p, R)
+
+
+def held_by(
+    assembly: Assembly, basis: Sequence[Compliance], context: Iterable[PrimitiveContact]
+) -> tuple[Array, Array]:
+    """The functions of a basis (r, 22) as kernels take them, and its compliant twists (r, 6)."""
     forms = contact_forms(assembly, tuple(c.contact for c in basis), tuple(context))
-    directions = np.array([c.direction for c in basis]).T
-    for _ in range(_NEWTON):
-        f, N = forms.along(poses.p, poses.R)
-        if np.abs(f).max(initial=0.0) < 1e-16:
-            return poses
-        try:
-            step = np.linalg.solve(N @ directions, f[..., None])[..., 0] @ directions.T
-        except np.linalg.LinAlgError as error:
-            raise InfeasibleError("contacts do not determine their compliant directions") from error
-        if not np.abs(step).max() < 0.1:
-            break
-        poses = poses.moved(-step)
-    if np.abs(forms.along(poses.p, poses.R)[0]).max(initial=0.0) < 1e-12:
-        return poses
-    raise InfeasibleError("contacts cannot be held along the move", advice="shorten the move")
+    return np.array(forms.table, order="C"), np.array([c.direction for c in basis]).reshape(-1, 6)
+
+
+def kept(state: int) -> None:
+    """Refuses what a kernel could not do.
+
+    Raises:
+        InfeasibleError: contacts could not be kept.
+    """
+    if state == keeping.SINGULAR:
+        raise InfeasibleError("contacts do not determine their compliant directions")
+    if state == keeping.LOST:
+        raise InfeasibleError("contacts cannot be held along the move", advice="shorten the move")
 
 
 def way(assembly: Assembly, move: Move, basis: Sequence[Compliance], count: int, shots: int) -> tuple[Pose, ...]:
@@ -115,50 +122,21 @@ def _way(
     assembly: Assembly, move: Move, contacts: tuple[PrimitiveContact, ...], twists: bytes, count: int, shots: int
 ) -> tuple[Pose, ...]:
     """See `way`: no error enters it, so that a move certified under other errors has the same; `twists` are bytes."""
-    directions = np.frombuffer(twists).reshape(-1, 6).T
-    forms = contact_forms(assembly, contacts, contacts)
-    twist, poses = move.start.local(move.goal), [move.start]
-    gives = [np.zeros(len(contacts))] * count
+    table = np.array(contact_forms(assembly, contacts, contacts).table, order="C")
+    C = np.frombuffer(twists).reshape(-1, 6).copy()
+    twist, gives = move.start.local(move.goal), np.zeros((count, len(contacts)))
+    p, R = np.empty((count + 1, 3)), np.empty((count + 1, 3, 3))
+    p[0], R[0] = move.start.p, move.start.R
     for shot in range(1, shots + 1):
-        poses = [move.start]
         # Where the last piece of the last shot would end does not matter: it ends at the goal.
-        for k in range(count if shot < shots else count - 1):
-            guess = gives[k if shot > 1 else max(k - 1, 0)]
-            there, gives[k] = _kept(forms, poses[-1], twist / count, directions, guess)
-            poses.append(there)
+        n = count + (shot < shots)
+        kept(keeping.repeated(table, C, twist / count, gives, shot == 1, p[:n], R[:n]))
         if shot < shots:
-            miss = np.concatenate([move.goal.p - poses[-1].p, se3.log(move.goal.R @ poses.pop().R.T)])
+            miss = np.concatenate([move.goal.p - p[-1], se3.log(move.goal.R @ R[-1].T)])
             if np.abs(miss).max() < _AIMED:
                 break
             twist = twist + miss
-    return (*poses, move.goal)
-
-
-def _kept(forms: Forms, pose: Pose, twist: Array, directions: Array, give: Array) -> tuple[Pose, Array]:
-    """The pose after one twist (6,) and as much compliance as keeps the contacts, added to the twist; and how much.
-
-    Args:
-        forms: functions of the contacts (r).
-        pose: where to start.
-        twist: the twist.
-        directions: of compliance (6, r).
-        give: a guess (r,) of how much.
-    """
-    for _ in range(_NEWTON):
-        X = twist + directions @ give
-        p, R = pose.p + X[:3], se3.exp(X[3:]) @ pose.R
-        (f,), (N,) = forms.along(p[None], R[None])
-        if np.abs(f).max(initial=0.0) < 1e-16:
-            return Pose(p, R), give
-        try:
-            give = give - np.linalg.solve(N @ directions, f)
-        except np.linalg.LinAlgError as error:
-            raise InfeasibleError("contacts do not determine their compliant directions") from error
-        if not np.abs(give).max() < 1.0:
-            break
-    if np.abs(f).max() < 1e-12:
-        return Pose(p, R), give
-    raise InfeasibleError("contacts cannot be held along the move", advice="shorten the move")
+    return (move.start, *(Pose(p[k], R[k]) for k in range(1, count)), move.goal)
 
 
 def unroll(
@@ -195,10 +173,41 @@ def unroll(
 def _unroll(
     assembly: Assembly, move: Move, reached: Reached, tolerance: Tolerance, count: int, thorough: bool
 ) -> Reached:
-    errors, steps = reached.errors, list[tuple[Piece, Advance]]()
+    steps, there = carried(assembly, move, reached, tolerance, count, thorough)
+    # What errors ask of the pieces is known by now: only where all can be followed is the rest worth its while.
+    claims = claimed(assembly, steps, tolerance, choose_separations, thorough)
+    return Reached(there.errors, there.basis, (*reached.claims, *claims))
+
+
+def carried(
+    assembly: Assembly, move: Move, reached: Reached, tolerance: Tolerance, count: int, thorough: bool
+) -> tuple[tuple[Stepped, ...], Reached]:
+    """Carries the errors through a move in so many pieces: these, and where it comes to with nothing claimed of them.
+
+    Arguments else as of `unroll`.
+
+    Raises:
+        InfeasibleError: a step is impossible.
+    """
     basis = tuple(c for c in reached.basis if c.contact not in move.left)
-    poses = way(assembly, move, basis, count, _SHOTS if thorough else 1)
-    for k, (at, to) in enumerate(pairwise(poses)):
+    shots = _SHOTS if thorough and count > 1 else 1
+    steps, errors, basis = _carried(reached.errors, assembly, move, basis, tolerance, count, shots)
+    return steps, Reached(errors, basis, reached.claims)
+
+
+@remembered(_LATEST)
+def _carried(
+    errors: ErrorSet,
+    assembly: Assembly,
+    move: Move,
+    basis: tuple[Compliance, ...],
+    tolerance: Tolerance,
+    count: int,
+    shots: int,
+) -> tuple[tuple[Stepped, ...], ErrorSet, tuple[Compliance, ...]]:
+    """The pieces of a move, and the errors and the basis at its end; what has been looked at may well be certified."""
+    steps = list[Stepped]()
+    for k, (at, to) in enumerate(pairwise(way(assembly, move, basis, count, shots))):
         share = (k / count, (k + 1) / count)
         held = described(assembly, move.held, at, to, errors)
         current = _carried_over(assembly, basis, held, to)
@@ -208,9 +217,7 @@ def _unroll(
         steps.append((piece, found))
         errors = found.ends.goal_set
         basis = found.basis if piece.last else current
-    # What errors ask of the pieces is known by now: only where all can be followed is the rest worth its while.
-    claims = claimed(assembly, steps, tolerance, choose_separations, thorough)
-    return Reached(errors, basis, (*reached.claims, *claims))
+    return tuple(steps), errors, basis
 
 
 def _carried_over(

@@ -62,6 +62,16 @@ class Placed:
         return self.reached.margin
 
 
+def claims_of_moves(claims: Sequence[Claim]) -> list[list[Claim]]:
+    """The claims of each move."""
+    found: list[list[Claim]] = []
+    for claim in claims:
+        if claim.piece.progress[0] == 0.0:
+            found.append([])
+        found[-1].append(claim)
+    return found
+
+
 @dataclass(frozen=True, eq=False)
 class _LinearRow:
     """A row that must stay positive: value with its allowance, and its slope in the displacements of two poses."""
@@ -143,12 +153,16 @@ def refine(
         progress: told the margin (m) after each gain.
     """
     best, radius = placed, settings.radius
+    program = _program(assembly, best, tolerance, settings.radius)
     for _ in range(settings.rounds):
-        if radius < settings.least_radius:
+        if program is None or radius < settings.least_radius:
             break
-        candidate = _step(assembly, best, start, tolerance, step, solver, radius, settings)
+        candidate = _step(
+            assembly, best, _within(program, tolerance.rho, radius), start, tolerance, step, solver, settings
+        )
         if candidate is not None:
             best, radius = candidate, min(2.0 * radius, 4.0 * settings.radius)
+            program = _program(assembly, best, tolerance, settings.radius)
             progress(best.margin)
         else:
             radius *= 0.35
@@ -158,18 +172,15 @@ def refine(
 def _step(
     assembly: Assembly,
     placed: Placed,
+    program: ConeProgram,
     start: Reached,
     tolerance: Tolerance,
     step: float,
     solver: Solver,
-    radius: float,
     settings: Refinement,
 ) -> Placed | None:
-    rows = _rows(assembly, placed, tolerance.rho, settings.radius)
-    if not rows:
-        return None
     try:
-        solution = solver.solve(_program(assembly, placed, rows, tolerance, radius))
+        solution = solver.solve(program)
     except (InfeasibleError, SolverError):
         return None
     shift = solution.x[:-1].reshape(-1, 6) * assembly.freedoms
@@ -182,12 +193,13 @@ def _step(
 
 def _rows(assembly: Assembly, placed: Placed, rho: float, near: float) -> list[_LinearRow]:
     """Every row that is within `near` (m) of binding, linear in the displacements of the moves' poses."""
-    found: list[_LinearRow] = []
-    number = -1
-    for claim in placed.reached.claims:
-        number += claim.piece.progress[0] == 0.0
-        found += _claim_rows(assembly, number, claim, rho, placed.margin + near)
-    return found
+    most = placed.margin + near
+    return [
+        row
+        for number, claims in enumerate(claims_of_moves(placed.reached.claims))
+        for claim in claims
+        for row in _claim_rows(assembly, number, claim, rho, most)
+    ]
 
 
 def _claim_rows(assembly: Assembly, number: int, claim: Claim, rho: float, most: float) -> list[_LinearRow]:
@@ -227,10 +239,14 @@ def _slopes(number: int, share: float, N: Array) -> list[tuple[int, Array]]:
     return [(n, weight * N) for n, weight in ((number, 1.0 - share), (number + 1, share)) if weight > 0.0]
 
 
-def _program(
-    assembly: Assembly, placed: Placed, rows: Sequence[_LinearRow], tolerance: Tolerance, radius: float
-) -> ConeProgram:
-    """Variables: displacements (6) of all poses from the start to the goal, then the margin t, which is maximised."""
+def _program(assembly: Assembly, placed: Placed, tolerance: Tolerance, near: float) -> ConeProgram | None:
+    """The program without a trust region, of the rows within `near` (m) of binding; None where there are none.
+
+    Variables: displacements (6) of all poses from the start to the goal, then the margin t, which is maximised.
+    """
+    rows = _rows(assembly, placed, tolerance.rho, near)
+    if not rows:
+        return None
     moves = placed.moves
     poses = len(moves) + 1
     n = 6 * poses + 1
@@ -250,21 +266,17 @@ def _program(
         W[r, row.move] = rate * min(row.drift, 1.0)
         h[r] = row.value + W[r, row.move] * here
     A = _equalities(assembly, moves, n)
-    lower = np.append(np.tile(-radius / scale, poses), -np.inf)
-    upper = np.append(np.tile(radius / scale, poses), np.inf)
-    units = np.append(np.tile(0.25 * radius / scale, poses), 0.25 * radius)
-    return ConeProgram.of(
-        np.append(np.zeros(n - 1), 1.0),
-        A=A,
-        b=np.zeros(len(A)),
-        G=G,
-        h=h,
-        W=W,
-        norms=tuple(norms),
-        lower=lower,
-        upper=upper,
-        units=units,
-    )
+    c = np.append(np.zeros(n - 1), 1.0)
+    return ConeProgram.of(c, A=A, b=np.zeros(len(A)), G=G, h=h, W=W, norms=tuple(norms))
+
+
+def _within(program: ConeProgram, rho: float, radius: float) -> ConeProgram:
+    """The program in a trust region (m, in the metric of ρ)."""
+    most = radius / np.array([1.0, 1.0, 1.0, *[rho] * 3])
+    poses = len(program.c) // 6
+    upper = np.append(np.tile(most, poses), np.inf)
+    units = np.append(np.tile(0.25 * most, poses), 0.25 * radius)
+    return replace(program, lower=-upper, upper=upper, units=units)
 
 
 def _equalities(assembly: Assembly, moves: Sequence[Move], n: int) -> Array:

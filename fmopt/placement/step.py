@@ -19,7 +19,7 @@ from fmopt.contact.surface import Surfaces
 from fmopt.errors import InfeasibleError
 from fmopt.placement.corners import leading_corners, next_to_round
 from fmopt.placement.entry import Entry, deeper, turned_axes
-from fmopt.placement.explore import Freedom, Place, freedoms, implied, insides, meetings, neighbourhood, pinned
+from fmopt.placement.explore import Freedom, Near, Place, freedoms, implied, insides, meetings, neighbourhood, pinned
 from fmopt.placement.flush import described, on_wall
 from fmopt.placement.motion import Move, Reached, unroll
 from fmopt.se3 import Pose, cross
@@ -232,7 +232,7 @@ def sons(task: Task, node: Node) -> Iterator[Node]:
     if task.blunt and node.place.held:
         yield from _told(task, node)
         return
-    near: dict[tuple[bool, float], tuple[PrimitiveContact, ...]] = {}
+    near: dict[tuple[bool, float], Near] = {}
     for freedom in _freedoms(task, node):
         kind = bool(freedom.twist[3:].any()), freedom.limit
         if task.blunt and (kind[0] or freedom.name in node.names):
@@ -320,7 +320,7 @@ def _freedoms(task: Task, node: Node) -> tuple[Freedom, ...]:
     return freedoms(task.max_turn, depth, task.costs.reach, task.assembly.planar, turned_axes(node.entry.heading))
 
 
-def _along(task: Task, node: Node, freedom: Freedom, near: tuple[PrimitiveContact, ...]) -> Node | None:
+def _along(task: Task, node: Node, freedom: Freedom, near: Near) -> Node | None:
     moves = meetings(task.assembly, node.place, freedom, near)
     first = next(moves, None)
     if first is None and freedom.name == "-z":

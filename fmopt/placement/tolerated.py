@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -18,13 +18,12 @@ from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Tolerance
 from fmopt.errors import InfeasibleError
 from fmopt.geometry.part import stretched
-from fmopt.placement.motion import Move, Reached, unroll
-from fmopt.placement.sequence import Placed, certified, in_a_row, onto_surfaces
+from fmopt.placement.factor import Trial, largest
+from fmopt.placement.motion import Move, Reached, carried, unroll
+from fmopt.placement.sequence import Placed, certified, claims_of_moves, in_a_row, onto_surfaces
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array, Value, frozen
 
-_LARGEST = 64.0
-_STEP = 1.0 / 64.0
 _SHARE = 0.02
 _START = ("x", "y", "z", "rx", "ry", "rz")
 
@@ -87,6 +86,26 @@ class Tolerated(Value):
 
 
 @dataclass(frozen=True, eq=False)
+class Outcome:
+    """What is certified of a motion, or of the moves that it begins with.
+
+    Args:
+        reached: where they have come to.
+        least: the claim of least margin of each.
+        reason: why the next one is impossible; empty where it is not, or was not looked at.
+    """
+
+    reached: Reached
+    least: tuple[Claim, ...] = ()
+    reason: str = ""
+
+    @property
+    def margins(self) -> tuple[float, ...]:
+        """Margins of the moves, m."""
+        return tuple(claim.margin for claim in self.least)
+
+
+@dataclass(frozen=True, eq=False)
 class Motion:
     """A motion that can be certified under other errors.
 
@@ -96,6 +115,7 @@ class Motion:
         box: half-widths (6,) of its start error, m and rad.
         tolerance: velocity error and metric.
         turn: greatest turn of one piece, rad.
+        known: all that is certified of it, where that has been found already; None where not.
     """
 
     assembly: Assembly
@@ -103,6 +123,16 @@ class Motion:
     box: Array
     tolerance: Tolerance
     turn: float
+    known: Reached | None = None
+
+    def under(self, errors: Array) -> Motion:
+        """The motion under start errors with other half-widths (6,)."""
+        return replace(self, box=errors, known=None)
+
+    @cached_property
+    def start(self) -> Reached:
+        """Where it starts."""
+        return Reached(ErrorSet.from_box(self.box), (), ())
 
     def placed(self) -> Placed:
         """The motion, certified for its errors.
@@ -110,32 +140,57 @@ class Motion:
         Raises:
             InfeasibleError: a move is impossible.
         """
-        start = Reached(ErrorSet.from_box(self.box), (), ())
-        return certified(self.assembly, self.moves, start, self.tolerance, self.turn)
+        return certified(self.assembly, self.moves, self.start, self.tolerance, self.turn)
 
     @cached_property
-    def outcome(self) -> tuple[float | None, End]:
-        """Least certified margin, m, None when a move is impossible; and what has it, or why a move is impossible."""
-        reached, of_moves = Reached(ErrorSet.from_box(self.box), (), ()), list[tuple[Claim, int]]()
-        for number, move in enumerate(self.moves):
-            before = len(reached.claims)
+    def begun(self) -> Outcome:
+        """What is certified of it, as far as the first move without a margin."""
+        if self.known is not None:
+            claims = claims_of_moves(self.known.claims)
+            return Outcome(self.known, tuple(min(of_move, key=_margin) for of_move in claims))
+        return self._followed(Outcome(self.start), beyond=False)
+
+    @cached_property
+    def outcome(self) -> Outcome:
+        """What is certified of it, as far as it is possible."""
+        return self._followed(self.begun, beyond=True)
+
+    def _followed(self, begun: Outcome, beyond: bool) -> Outcome:
+        """What is certified of it after the moves that it begins with; `beyond` the first without a margin, too."""
+        reached, least = begun.reached, begun.least
+        for move in () if begun.reason else self.moves[len(least) :]:
             try:
-                reached = unroll(self.assembly, move, reached, self.tolerance, self.turn, thorough=True)
+                after = unroll(self.assembly, move, reached, self.tolerance, self.turn, thorough=True)
             except InfeasibleError as error:
-                return None, End(number, "", error.message)
-            of_moves += [(claim, number) for claim in reached.claims[before:]]
-        claim, number = min(of_moves, key=lambda pair: pair[0].margin)
-        return claim.margin, End(number, claim.binding, "")
+                return Outcome(reached, least, error.message)
+            least = (*least, min(after.claims[len(reached.claims) :], key=_margin))
+            reached = after
+            if least[-1].margin <= 0.0 and not beyond:
+                break
+        return Outcome(reached, least, begun.reason)
 
     @property
     def margin(self) -> float | None:
         """Least certified margin, m; None when a move is impossible."""
-        return self.outcome[0]
+        return None if self.outcome.reason else min(self.outcome.margins)
 
-    @property
-    def holds(self) -> bool:
-        """Whether its margin is positive."""
-        return self.margin is not None and self.margin > 0.0
+    def bears(self, pieces: Sequence[int]) -> bool:
+        """Whether errors can be carried through its moves, in so many pieces each or in one; nothing is claimed."""
+        reached = self.start
+        for move, count in zip(self.moves, pieces, strict=True):
+            for number in dict.fromkeys((count, 1)):
+                try:
+                    reached = carried(self.assembly, move, reached, self.tolerance, number, thorough=True)[1]
+                    break
+                except InfeasibleError:
+                    continue
+            else:
+                return False
+        return True
+
+
+def _margin(claim: Claim) -> float:
+    return claim.margin
 
 
 def tolerated(motion: Motion, clearance: tuple[float, float]) -> Tolerated:
@@ -152,7 +207,11 @@ def tolerated(motion: Motion, clearance: tuple[float, float]) -> Tolerated:
 
 def what_fails(motion: Motion) -> End:
     """The inequality of least margin of a motion and the move that it belongs to, or why a move is impossible."""
-    return motion.outcome[1]
+    found = motion.outcome
+    if found.reason:
+        return End(len(found.least), "", found.reason)
+    number, claim = min(enumerate(found.least), key=lambda pair: pair[1].margin)
+    return End(number, claim.binding, "")
 
 
 def largest_factor(motion: Motion) -> float:
@@ -161,25 +220,23 @@ def largest_factor(motion: Motion) -> float:
 
 
 def factors(motion: Motion) -> tuple[float, Motion | None]:
-    """The largest factor at which the motion still has a margin, to 1/64, and the motion at the least without one.
+    """The largest factor at which the motion still has a margin, to 1/64, and the motion at the next one, without.
 
     There is none of the latter where a factor of 64 leaves a margin.
     """
-    failed: Motion | None = None
+    pieces = [len(claims) for claims in claims_of_moves(motion.begun.reached.claims)]
 
-    def holds(factor: float) -> bool:
-        nonlocal failed
-        tried = motion if factor == 1.0 else replace(motion, box=factor * motion.box)
-        failed = failed if tried.holds else tried
-        return tried.holds
+    @cache
+    def under(share: float) -> Motion:
+        return motion if share == 1.0 else motion.under(share * motion.box)
 
-    low, high = (1.0, 2.0) if holds(1.0) else (0.0, 1.0)
-    while 1.0 < high <= _LARGEST and holds(high):
-        low, high = high, 2.0 * high
-    while high - low > _STEP * max(low, _STEP) and low < _LARGEST:
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if holds(middle) else (low, middle)
-    return low, failed
+    def tried(share: float) -> Trial:
+        found = under(share).begun
+        return Trial(found.margins, not found.reason and min(found.margins) > 0.0)
+
+    # What errors ask of the pieces is seldom less than what there is room for, and takes half of the time.
+    share, beyond = largest(tried, lambda share: under(share).bears(pieces))
+    return share, None if beyond is None else under(beyond)
 
 
 def sensitivities(motion: Motion, clearance: tuple[float, float]) -> tuple[Sensitivity, ...]:
@@ -196,12 +253,12 @@ def sensitivities(motion: Motion, clearance: tuple[float, float]) -> tuple[Sensi
     for k, name in enumerate(_START):
         if motion.box[k] > 0.0:
             wider = motion.box * (1.0 + _SHARE * (np.arange(6) == k))
-            compared(f"start.{name}", float(motion.box[k]), replace(motion, box=wider))
+            compared(f"start.{name}", float(motion.box[k]), motion.under(wider))
     for k, name in enumerate(("translation", "rotation")):
         if rate[k] > 0.0:
             more = (rate[0] * (1.0 + _SHARE * (k == 0)), rate[1] * (1.0 + _SHARE * (k == 1)))
             tolerance = replace(motion.tolerance, velocity_error=more)
-            compared(f"velocity.{name}", rate[k], replace(motion, tolerance=tolerance))
+            compared(f"velocity.{name}", rate[k], replace(motion, tolerance=tolerance, known=None))
     sides = [side for side in clearance if np.isfinite(side)]
     if sides:
         slimmer = _slimmer(motion, _SHARE * min(sides))
@@ -221,7 +278,7 @@ def _slimmer(motion: Motion, gap: float) -> Motion | None:
         slim = stretched(motion.assembly.moving, (1.0 - gap / one, 1.0 - gap / other, 1.0))
         assembly = replace(motion.assembly, moving=slim)
         try:
-            return replace(motion, assembly=assembly, moves=_put_back(assembly, motion.moves))
+            return replace(motion, assembly=assembly, moves=_put_back(assembly, motion.moves), known=None)
         except InfeasibleError:
             continue
     return None

@@ -1,0 +1,108 @@
+"""The largest factor of all start errors that a motion stands, from as few certifications of it as that takes.
+
+Factors lie on a grid: between powers of two in steps of a 64th of the lower one, in 4096ths below 1/64. Where a motion
+stands a factor if and only if it stands all smaller ones, which of them are tried makes no difference to what is found.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+_OCTAVE = 64  # steps from one power of two to the next
+_MOST = 6 * _OCTAVE
+_LEAST = -7 * _OCTAVE  # nothing at all
+_PATIENCE = 3  # guesses in a row that leave more than half of what there was
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What a motion makes of a factor.
+
+    Args:
+        margins: of its moves, up to the first without one, or before the first that is impossible, m.
+        holds: whether all of its moves have a margin.
+    """
+
+    margins: tuple[float, ...]
+    holds: bool
+
+
+def factor(step: int) -> float:
+    """The factor of a step of the grid; step 0 is 1."""
+    if step < _LEAST + _OCTAVE:
+        return (step - _LEAST) / _OCTAVE**2
+    octave, rest = divmod(step, _OCTAVE)
+    return math.ldexp(1.0 + rest / _OCTAVE, octave)
+
+
+def largest(tried: Callable[[float], Trial], likely: Callable[[float], bool]) -> tuple[float, float | None]:
+    """The largest factor that holds and the next one on the grid, which does not; None in its place past 64.
+
+    The factor is 0 where the least of the grid does not hold.
+
+    Args:
+        tried: certifies the motion for a factor.
+        likely: whether a factor is likely to hold, which takes less to say: where to look first, no more.
+    """
+    found = _Tried(tried, {})
+    if not found.holds(0):
+        low, high = found.between(_LEAST, 0)
+        return factor(low), factor(high)
+    low, high = _doubled(0, lambda step: likely(factor(step)))
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if likely(factor(middle)) else (low, middle)
+    if low > 0 and not found.holds(low):
+        low, high = found.between(0, low)
+    elif high <= _MOST and found.holds(high):
+        low, high = found.between(*_doubled(high, found.holds))
+    return factor(low), factor(high) if high <= _MOST else None
+
+
+def _doubled(low: int, holds: Callable[[int], bool]) -> tuple[int, int]:
+    """A step that holds and a higher one that does not, from a first one that does, by powers of two."""
+    high = (low // _OCTAVE + 1) * _OCTAVE
+    while high <= _MOST and holds(high):
+        low, high = high, high + _OCTAVE
+    return (low, high) if low < _MOST else (_MOST, _MOST + 1)
+
+
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """The steps tried so far."""
+
+    certify: Callable[[float], Trial]
+    trials: dict[int, Trial]
+
+    def holds(self, step: int) -> bool:
+        """Whether the factor of a step holds."""
+        if step not in self.trials:
+            self.trials[step] = self.certify(factor(step))
+        return self.trials[step].holds
+
+    def between(self, low: int, high: int) -> tuple[int, int]:
+        """Two steps next to each other, between one that holds and one that does not, of which the same is true."""
+        slow, width = 0, high - low
+        while high - low > 1:
+            step = (low + high) // 2 if slow == _PATIENCE else self._guess(low, high)
+            low, high = (step, high) if self.holds(step) else (low, step)
+            slow, width = (slow + 1, width) if 2 * (high - low) > width and slow < _PATIENCE else (0, high - low)
+        return low, high
+
+    def _guess(self, low: int, high: int) -> int:
+        """The last step that holds, if the margin that is gone at the higher one falls evenly; else the middle."""
+        middle, margins = (low + high) // 2, self.trials[high].margins
+        move = len(margins) - 1
+        others = [step for step, trial in self.trials.items() if step != high and len(trial.margins) > move]
+        if not others or not margins or margins[move] > 0.0:
+            return middle
+        at = factor(high)
+        near = min(others, key=lambda step: abs(factor(step) - at))
+        slope = (self.trials[near].margins[move] - margins[move]) / (factor(near) - at)
+        if slope >= 0.0:
+            return middle
+        there = at - margins[move] / slope
+        guesses = (step for step in range(high - 1, low, -1) if factor(step) <= there)
+        return next(guesses, low + 1)

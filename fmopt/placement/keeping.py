@@ -1,0 +1,294 @@
+"""Kernels: poses along a motion that keep contacts by their compliance, and the distances of other contacts there.
+
+Functions of contacts to be kept come as tables of `certificate.rows.Forms` (r, 22), the distances of others as those of
+`contact.surface.Surfaces` (k, 12). A pose is shifted along the compliant twists until the functions vanish.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmopt.compiled import compiled
+from fmopt.values import Array
+
+_ROUNDS = 12
+_ZERO, _KEPT = 1e-16, 1e-12  # m or rad, what is no more than rounding, and what still counts as kept
+_ROOT_ROUNDS = 50
+KEPT, SINGULAR, LOST = 0, 1, 2
+
+
+@compiled
+def _turned(w: Array, R: Array) -> Array:
+    """exp([w]×) R for a rotation vector w (3,), rad."""
+    square = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
+    angle = math.sqrt(square)
+    if angle < 1e-4:
+        a, b = 1.0 - square / 6.0, 0.5 - square / 24.0
+    else:
+        a, b = math.sin(angle) / angle, 2.0 * (math.sin(0.5 * angle) / angle) ** 2
+    T, found = np.empty((3, 3)), np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            T[i, j] = b * w[i] * w[j]
+        T[i, i] += 1.0 - b * square
+    T[0, 1] -= a * w[2]
+    T[1, 0] += a * w[2]
+    T[0, 2] += a * w[1]
+    T[2, 0] -= a * w[1]
+    T[1, 2] -= a * w[0]
+    T[2, 1] += a * w[0]
+    for i in range(3):
+        for j in range(3):
+            found[i, j] = T[i, 0] * R[0, j] + T[i, 1] * R[1, j] + T[i, 2] * R[2, j]
+    return found
+
+
+@compiled
+def _functions(table: Array, p: Array, R: Array, f: Array, N: Array) -> float:
+    """Fills in values f (r,) and gradients N (r, 6) of functions at a pose, and returns the largest |f|."""
+    largest = 0.0
+    turned, b, y = np.empty(3), np.empty(3), np.empty(3)
+    for i in range(len(table)):
+        row, value = table[i], -table[i, 18]
+        for j in range(3):
+            turned[j] = R[j, 0] * row[6] + R[j, 1] * row[7] + R[j, 2] * row[8]
+            b[j] = R[j, 0] * row[9] + R[j, 1] * row[10] + R[j, 2] * row[11]
+        for j in range(3):
+            k, m = (j + 1) % 3, (j + 2) % 3
+            y[j] = row[19] * p[j] + row[12 + k] * p[m] - row[12 + m] * p[k] + row[15 + j]
+            value += row[j] * p[j] + row[3 + j] * turned[j] + b[j] * y[j]
+            N[i, j] = row[j] + row[19] * b[j] + b[k] * row[12 + m] - b[m] * row[12 + k]
+        for j in range(3):
+            k, m = (j + 1) % 3, (j + 2) % 3
+            N[i, 3 + j] = turned[k] * row[3 + m] - turned[m] * row[3 + k] + b[k] * y[m] - b[m] * y[k]
+        f[i] = value
+        largest = max(largest, abs(value))
+    return largest
+
+
+@compiled
+def _step(N: Array, C: Array, f: Array) -> bool:
+    """Puts the solution of (N Cᵀ) x = f, N (r, 6), twists C (r, 6), into f (r,); whether there is one."""
+    r = len(f)
+    A = np.empty((r, r))
+    for i in range(r):
+        for j in range(r):
+            total = 0.0
+            for k in range(6):
+                total += N[i, k] * C[j, k]
+            A[i, j] = total
+    for j in range(r):
+        most = j
+        for i in range(j + 1, r):
+            if abs(A[i, j]) > abs(A[most, j]):
+                most = i
+        if A[most, j] == 0.0:
+            return False
+        for k in range(r):
+            A[j, k], A[most, k] = A[most, k], A[j, k]
+        f[j], f[most] = f[most], f[j]
+        for i in range(j + 1, r):
+            share = A[i, j] / A[j, j]
+            for k in range(j + 1, r):
+                A[i, k] -= share * A[j, k]
+            f[i] -= share * f[j]
+    for j in range(r - 1, -1, -1):
+        for k in range(j + 1, r):
+            f[j] -= A[j, k] * f[k]
+        f[j] /= A[j, j]
+    return True
+
+
+@compiled
+def onto(table: Array, C: Array, p: Array, R: Array) -> int:
+    """Shifts poses p (n, 3), R (n, 3, 3) in place along twists C (r, 6), till functions (r) vanish, by Newton's method.
+
+    Returns:
+        `KEPT`, `SINGULAR` where the functions do not determine the shift, `LOST` where they do not come to vanish.
+    """
+    r = len(table)
+    f, N, X = np.empty(r), np.empty((r, 6)), np.empty(6)
+    for n in range(len(p)):
+        for _ in range(_ROUNDS):
+            if _functions(table, p[n], R[n], f, N) < _ZERO:
+                break
+            if not _step(N, C, f):
+                return SINGULAR
+            for k in range(6):
+                X[k] = 0.0
+                for i in range(r):
+                    X[k] -= C[i, k] * f[i]
+            if not np.abs(X).max() < 0.1:
+                break
+            p[n] += X[:3]
+            R[n] = _turned(X[3:], R[n])
+        if not _functions(table, p[n], R[n], f, N) < _KEPT:
+            return LOST
+    return KEPT
+
+
+@compiled
+def repeated(table: Array, C: Array, twist: Array, gives: Array, fresh: bool, p: Array, R: Array) -> int:
+    """Fills in poses p (n + 1, 3), R (n + 1, 3, 3) after the first: a twist each, and compliance that keeps contacts.
+
+    Args:
+        table: functions of the contacts (r).
+        C: their compliant twists (r, 6).
+        twist: of each piece.
+        gives: how much compliance there is in each (n, r), a guess at first, if not `fresh`.
+        fresh: whether each piece is to begin with what the one before it has found.
+        p: positions, the first given.
+        R: rotations, the first given.
+
+    Returns:
+        as of `onto`.
+    """
+    r = len(table)
+    f, N, X = np.empty(r), np.empty((r, 6)), np.empty(6)
+    for n in range(len(p) - 1):
+        give = gives[n]
+        if fresh and n > 0:
+            give[:] = gives[n - 1]
+        found = False
+        largest = 0.0
+        for _ in range(_ROUNDS):
+            for k in range(6):
+                X[k] = twist[k]
+                for i in range(r):
+                    X[k] += C[i, k] * give[i]
+            p[n + 1] = p[n] + X[:3]
+            R[n + 1] = _turned(X[3:], R[n])
+            largest = _functions(table, p[n + 1], R[n + 1], f, N)
+            found = largest < _ZERO
+            if found:
+                break
+            if not _step(N, C, f):
+                return SINGULAR
+            size = 0.0
+            for i in range(r):
+                give[i] -= f[i]
+                size = max(size, abs(give[i]))
+            if not size < 1.0:
+                break
+        if not found and not largest < _KEPT:
+            return LOST
+    return KEPT
+
+
+@compiled
+def _rotated(R: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """R v of one vector, number by number."""
+    return (
+        R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
+        R[1, 0] * x + R[1, 1] * y + R[1, 2] * z,
+        R[2, 0] * x + R[2, 1] * y + R[2, 2] * z,
+    )
+
+
+@compiled
+def _distance(tables: tuple[Array, Array, Array], i: int, p: Array, R: Array) -> float:
+    """Signed distance of contact i of a stack (k, 12) of vertex–face, face–vertex and edge–edge ones at a pose, m."""
+    vertices, faces, edges = tables
+    if i < len(vertices):
+        v = vertices[i]
+        x, y, z = _rotated(R, v[0], v[1], v[2])
+        return float(v[3] * (x + p[0]) + v[4] * (y + p[1]) + v[5] * (z + p[2]) - v[6])
+    i -= len(vertices)
+    if i < len(faces):
+        v = faces[i]
+        x, y, z = _rotated(R, v[0], v[1], v[2])
+        return float(x * (v[3] - p[0]) + y * (v[4] - p[1]) + z * (v[5] - p[2]) - v[6])
+    v = edges[i - len(faces)]
+    x, y, z = _rotated(R, v[0], v[1], v[2])
+    a, b, c = y * v[8] - z * v[7], z * v[6] - x * v[8], x * v[7] - y * v[6]
+    x, y, z = _rotated(R, v[3], v[4], v[5])
+    square = a * a + b * b + c * c
+    if square == 0.0:
+        return math.nan
+    gap = a * (p[0] + x - v[9]) + b * (p[1] + y - v[10]) + c * (p[2] + z - v[11])
+    return float(gap / math.sqrt(square))
+
+
+@compiled
+def along(
+    held: tuple[Array, Array], motion: tuple[Array, Array, Array, Array], amounts: Array, p: Array, R: Array
+) -> int:
+    """Fills in poses p (n, 3), R (n, 3, 3) after motions along a twist, contacts kept by their compliance.
+
+    Args:
+        held: functions of the contacts kept (r, 22) and their compliant twists (r, 6).
+        motion: rotation (3, 3) at the beginning, the body point (3,) about which it turns, where that is then (3,), and
+            the twist (6,).
+        amounts: of it (n,).
+        p: positions.
+        R: rotations.
+
+    Returns:
+        as of `onto`.
+    """
+    begin, pivot, at, twist = motion
+    for n in range(len(amounts)):
+        X = amounts[n] * twist
+        R[n] = _turned(X[3:], begin)
+        for j in range(3):
+            arm = R[n, j, 0] * pivot[0] + R[n, j, 1] * pivot[1] + R[n, j, 2] * pivot[2]
+            p[n, j] = at[j] + X[j] - arm
+    return onto(held[0], held[1], p, R) if len(held[0]) else KEPT
+
+
+@compiled
+def distances(tables: tuple[Array, Array, Array], p: Array, R: Array, found: Array) -> None:
+    """Fills in signed distances (n, k) of a stack of contacts at poses p (n, 3), R (n, 3, 3), m; nan of level edges."""
+    for n in range(found.shape[0]):
+        for i in range(found.shape[1]):
+            found[n, i] = _distance(tables, i, p[n], R[n])
+
+
+@compiled
+def roots(
+    held: tuple[Array, Array],
+    motion: tuple[Array, Array, Array, Array],
+    tables: tuple[Array, Array, Array],
+    which: NDArray[np.intp],
+    between: Array,
+    values: Array,
+    found: Array,
+) -> int:
+    """Fills in amounts (m,) at which distances vanish, by Anderson and Björck's method of false position.
+
+    Args:
+        held: as of `along`.
+        motion: as of `along`.
+        tables: a stack of contacts.
+        which: m of them.
+        between: two amounts.
+        values: the distances (2, m) there, the first positive, the second not.
+        found: the amounts.
+
+    Returns:
+        as of `onto`.
+    """
+    p, R, amount = np.empty((1, 3)), np.empty((1, 3, 3)), np.empty(1)
+    for n in range(len(which)):
+        a, b, fa, fb = between[0], between[1], values[0, n], values[1, n]
+        for _ in range(_ROOT_ROUNDS):
+            c = b - fb * (b - a) / (fb - fa)
+            amount[0] = c
+            state = along(held, motion, amount, p, R)
+            if state != KEPT:
+                return state
+            f = _distance(tables, which[n], p[0], R[0])
+            short = 1.0 - f / fb if fb != 0.0 else 0.0
+            if f * fb < 0.0:
+                a, fa = b, fb
+            else:
+                fa *= short if short > 0.0 else 0.5
+            settled = abs(c - b) <= 1e-16 + 1e-14 * abs(c) or f == 0.0
+            b, fb = c, f
+            if settled:
+                break
+        found[n] = b
+    return KEPT
