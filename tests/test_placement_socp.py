@@ -139,24 +139,24 @@ def test_persistent_solvers_return_the_bits_of_fresh_ones() -> None:
 def test_one_solver_serves_a_shape_and_threads_have_their_own() -> None:
     socp._local.__dict__.clear()
     problems = [random_placement(seed, rows=9, contacts=2) for seed in range(6)]
-    serial = [max_min_clearance(problem).x for problem in problems]
+    serial = [max_min_clearance(problem, socp.ClarabelSolver()).x for problem in problems]
     assert len(socp._local.solvers) == 1
     with ThreadPoolExecutor(2) as pool:
-        parallel = list(pool.map(lambda problem: max_min_clearance(problem).x, problems))
+        parallel = list(pool.map(lambda problem: max_min_clearance(problem, socp.ClarabelSolver()).x, problems))
     assert all(np.array_equal(one, other) for one, other in zip(serial, parallel, strict=True))
 
 
 @pytest.mark.parametrize("status", ["AlmostSolved", "MaxIterations", "NumericalError", "InsufficientProgress"])
 def test_every_status_but_solved_raises(status: str, monkeypatch: pytest.MonkeyPatch) -> None:
     problem = random_placement(3)
-    good = max_min_clearance(problem)
+    good = max_min_clearance(problem, socp.ClarabelSolver())
 
     def run(*_: object) -> tuple[object, object, str]:
         return good.x / problem.program().units, np.zeros(3), status
 
     monkeypatch.setattr(socp.ClarabelSolver, "_run", run)
     with pytest.raises(SolverError, match=status):
-        max_min_clearance(problem)
+        max_min_clearance(problem, socp.ClarabelSolver())
 
 
 def test_every_status_of_clarabel_is_in_the_table() -> None:

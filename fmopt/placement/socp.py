@@ -61,7 +61,7 @@ class ClarabelSolver:
         x = _onto(scaled, x)
         if scaled.slacks(x).min(initial=0.0) < -FEASIBLE or _box_slack(scaled, x) < -FEASIBLE:
             raise self._infeasible(program)
-        return certify(program, x * program.units, _duals(program, kept, z))
+        return certify(program, x * program.units, duals(program, kept, z))
 
     def proposed(self, program: ConeProgram) -> Array:
         """Where the solver stops, unchecked, for who looks after the rows; equalities have to be independent.
@@ -75,7 +75,7 @@ class ClarabelSolver:
         return np.asarray(x * program.units)
 
     def _run(self, scaled: ConeProgram, kept: Indices) -> tuple[Array, Array, str]:
-        M, rhs, cones = _standard_form(scaled, kept)
+        M, rhs, cones = standard_form(scaled, kept)
         q = np.append(-scaled.c, np.zeros(len(scaled.norms)))
         answer = _solver(self, M, cones, rhs, q).solve()
         return np.array(answer.x)[: len(scaled.c)], np.array(answer.z), str(answer.status)
@@ -86,7 +86,7 @@ class ClarabelSolver:
         x, z, status = self._run(relaxed.scaled(), none)
         if status != "Solved":
             return SolverError(f"infeasible as it seems, but the shortfall is unknown: Clarabel stopped with {status}")
-        proven = -certify(relaxed, x, _duals(relaxed, none, z)).bound
+        proven = -certify(relaxed, x, duals(relaxed, none, z)).bound
         if proven <= FEASIBLE:
             return SolverError(f"infeasible as it seems, but only a shortfall of {proven:.3g} scaled units is proven")
         shortfall = proven * program.size.objective
@@ -124,7 +124,7 @@ def _box_slack(scaled: ConeProgram, x: Array) -> float:
     return float(np.minimum(x - scaled.lower, scaled.upper - x).min())
 
 
-def _standard_form(scaled: ConeProgram, kept: Indices) -> tuple[Array, Array, tuple[int, ...]]:
+def standard_form(scaled: ConeProgram, kept: Indices) -> tuple[Array, Array, tuple[int, ...]]:
     """Clarabel's M v + s = rhs over v = (x, r), r_k ≥ |F_k x + g_k|: zero cone, non-negative cone, one cone a norm."""
     n, K, p, m = len(scaled.c), len(scaled.norms), len(kept), len(scaled.h)
     low, high = np.flatnonzero(np.isfinite(scaled.lower)), np.flatnonzero(np.isfinite(scaled.upper))
@@ -143,7 +143,7 @@ def _standard_form(scaled: ConeProgram, kept: Indices) -> tuple[Array, Array, tu
     return M, rhs, (p, flat - p, *(1 + stack.widths).tolist())
 
 
-def _duals(program: ConeProgram, kept: Indices, z: Array) -> Duals:
+def duals(program: ConeProgram, kept: Indices, z: Array) -> Duals:
     """Clarabel's multipliers of the scaled program, in the program's own units."""
     size = program.size
     p, m, width = len(kept), len(program.h), len(program.norms) + len(program.stacked.g)

@@ -1,4 +1,4 @@
-"""One placement by each route: persistent and fresh cone solvers, fresh CVXPY; one NLP, built and solved apart."""
+"""One placement by each route: interior points, Clarabel, fresh CVXPY; one NLP, built and solved apart."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from fmopt.placement import nlp, socp, sqp
 from fmopt.placement.clearance import max_min_clearance
+from fmopt.placement.cone_solver import ConeSolver
 from fmopt.placement.formation import Counts, formation_derivatives
 from fmopt.placement.lp import LinearSolver
 from fmopt.placement.nlp import place_on_surfaces
@@ -20,6 +21,11 @@ from fmopt.placement.program import ConeProgram, Norm, as_cvxpy
 GROWING = random_placement(0, rows=80, contacts=2, growth=0.02).program()
 VALUE = socp.ClarabelSolver().solve(GROWING).value
 STATE = ("tipx++", "tipx+-")
+
+
+@pytest.mark.benchmark(group="placement as SOCP")
+def test_socp_by_interior_points(benchmark: BenchmarkFixture) -> None:
+    assert benchmark(ConeSolver().solve, GROWING).value == pytest.approx(VALUE, rel=1e-7)
 
 
 @pytest.mark.benchmark(group="placement as SOCP")
@@ -76,7 +82,7 @@ def test_cone_program_by_clarabel_alone(benchmark: BenchmarkFixture, name: str) 
     benchmark.group = f"cone program, {name}"
     program = sequence_program(*SIZES[name])
     settings = socp.ClarabelSolver()
-    M, rhs, cones = socp._standard_form(program.scaled(), np.zeros(0, dtype=np.intp))
+    M, rhs, cones = socp.standard_form(program.scaled(), np.zeros(0, dtype=np.intp))
     q = np.append(-program.scaled().c, np.zeros(len(program.norms)))
     numbers = np.ascontiguousarray(M.T[M.T != 0.0])
     solver = socp._build(settings, M, cones, rhs, q)
@@ -91,7 +97,10 @@ def test_cone_program_by_clarabel_alone(benchmark: BenchmarkFixture, name: str) 
 @pytest.mark.parametrize("name", SIZES)
 def test_cone_program_of_one_size(benchmark: BenchmarkFixture, name: str) -> None:
     benchmark.group = f"cone program, {name}"
-    assert benchmark(socp.ClarabelSolver().solve, sequence_program(*SIZES[name])).duals is not None
+    program = sequence_program(*SIZES[name])
+    solution = benchmark(ConeSolver().solve, program)
+    assert solution.duals is not None
+    assert solution.value == pytest.approx(socp.ClarabelSolver().solve(program).value, rel=1e-7)
 
 
 @pytest.mark.parametrize("name", SIZES)
