@@ -42,7 +42,9 @@ def canonical(document: Mapping[str, Any]) -> str:
         PlanFormatError: a number is not finite.
     """
     try:
-        return json.dumps(document, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+        return json.dumps(
+            document, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False, check_circular=False
+        )
     except ValueError as error:
         raise PlanFormatError(f"the plan holds a number that JSON cannot: {error}") from error
 
@@ -60,15 +62,15 @@ def sealed(document: Mapping[str, Any]) -> dict[str, Any]:
 
 def clean(value: Any) -> Any:
     """Numbers, arrays and tuples as plain JSON values; minus zero becomes zero."""
+    if value is None or isinstance(value, (str, int)):
+        return value
+    if isinstance(value, (list, tuple)):
+        return [item + 0.0 if type(item) is float else clean(item) for item in value]
     if hasattr(value, "tolist"):
-        value = value.tolist()
+        return clean(value.tolist())
     if isinstance(value, Mapping):
-        return {key: clean(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [clean(item) for item in value]
-    if isinstance(value, float):
-        return value + 0.0
-    return value
+        return {key: item + 0.0 if type(item) is float else clean(item) for key, item in value.items()}
+    return value + 0.0 if isinstance(value, float) else value
 
 
 def prepare(folder: Path) -> None:

@@ -90,7 +90,7 @@ def proof_document(problem: Problem, done: Moved) -> dict[str, Any]:
     Raises:
         InfeasibleError: no bias force holds the contacts.
     """
-    return plan.sealed(plan.clean(_proof(problem, done)))
+    return dict(plan.clean(_proof(problem, done)))
 
 
 def _proof(problem: Problem, done: Moved, *, ranges: bool = False) -> dict[str, Any]:
@@ -173,7 +173,7 @@ def plan_document(
             **_in_the_plane(problem, nominal, claims),
         },
     }
-    return plan.sealed(plan.clean(document))
+    return dict(plan.clean(document))
 
 
 def _side(play: float) -> float | None:

@@ -66,7 +66,7 @@ V0_LEFT, V3_LEFT, T3_LEFT = vertex_on(V0, LEFT), vertex_on(V3, LEFT), vertex_on(
 
 def test_one_point_says_nothing_more(assembly: Assembly) -> None:
     known = facts(assembly, V0_LEFT)
-    assert known.on(LEFT).lines() == []
+    assert known.on(LEFT).lines() == ()
     assert not known.implies(V3_LEFT)
     assert known.not_below(LEFT, PEG.vertices, []) == {V0}
     assert known.not_below(FRONT, PEG.vertices, []) == set()

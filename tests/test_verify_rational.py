@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 from decimal import Decimal, localcontext
 from fractions import Fraction
 
@@ -12,7 +13,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fmopt.verify import rational as q
-from fmopt.verify.linear import NOTHING, congruent, diagonal, dual, metric, outer_sum, row_of, square_of
+from fmopt.verify.linear import (
+    NOTHING,
+    congruent,
+    diagonal,
+    dual,
+    metric,
+    outer_sum,
+    row_of,
+    spheres,
+    square_of,
+    weighted,
+)
 
 ULP = Fraction(1, q.ONE)
 floats = st.floats(-8.0, 8.0, allow_subnormal=False).filter(lambda x: x == 0.0 or abs(x) > 1e-30)
@@ -134,9 +146,39 @@ def test_rounding_does_not_grow_in_a_sum() -> None:
         assert across < 1e-16
 
 
+@given(st.lists(rows, min_size=6, max_size=6), rows, st.integers(1, 10**6))
+def test_symmetric_forms_are_the_plain_ones_but_for_rounding(A: list[list[float]], n: list[float], t: int) -> None:
+    M, N = square_of(q.row(r) for r in A), q.row(n)
+    Q = square_of([q.row_dot(a, b) for b in M] for a in M)
+    for map_, shape, found in (
+        (M, Q, congruent(M, Q)),
+        (M, diagonal([t] * 3 + [2 * t] * 3), weighted(t, spheres(M)[0], 2 * t, spheres(M)[1])),
+    ):
+        for a in range(6):
+            for b in range(6):
+                plain = sum(map_[a][i] * shape[i][j] * map_[b][j] for i in range(6) for j in range(6)) >> (2 * q.BITS)
+                assert abs(found[a][b] - plain) < 64
+                assert found[a][b] == found[b][a]
+    plain = sum(N[i] * Q[i][j] * N[j] for i in range(6) for j in range(6)) >> q.BITS
+    assert abs(q.width(Q, N) ** 2 - plain) <= (1 << (2 * q.BITS - 150)) + (plain >> 120)
+
+
+@given(st.integers(2, 6), st.integers(0, 10**6))
+def test_inverses_of_any_size_and_order_of_rows(n: int, seed: int) -> None:
+    pick = random.Random(seed)
+    A = [[q.fixed(pick.choice((0.0, 1.0, pick.uniform(-1.0, 1.0)))) for _ in range(n)] for _ in range(n)]
+    try:
+        B = q.inverse(A)
+    except q.ArithmeticRefusal:
+        return
+    for i in range(n):
+        for j in range(n):
+            assert abs(sum(A[i][k] * B[k][j] for k in range(n)) - (q.ONE**2 if i == j else 0)) <= n * q.ONE
+
+
 def test_dual_columns_and_congruence() -> None:
-    C = [q.row([1.0, 0.5, 0.0, 0.0, 2.0, 0.0]), q.row([0.0, 1.0, 0.25, 3.0, 0.0, 0.0])]
-    N = [q.row([1.0, 0.0, 0.0, 0.0, 0.125, 0.0]), q.row([0.0, 0.5, 1.0, 0.0, 0.0, 1.0])]
+    C = (q.row([1.0, 0.5, 0.0, 0.0, 2.0, 0.0]), q.row([0.0, 1.0, 0.25, 3.0, 0.0, 0.0]))
+    N = (q.row([1.0, 0.0, 0.0, 0.0, 0.125, 0.0]), q.row([0.0, 0.5, 1.0, 0.0, 0.0, 1.0]))
     columns, _ = dual(C, N)
     for i, n in enumerate(N):
         for j, c in enumerate(columns):
@@ -144,6 +186,6 @@ def test_dual_columns_and_congruence() -> None:
     double = diagonal([2 * q.ONE] * 6)
     assert congruent(double, double) == diagonal([8 * q.ONE] * 6)
     with pytest.raises(q.ArithmeticRefusal, match="not independent"):
-        dual([C[0], C[0]], N)
+        dual((C[0], C[0]), N)
     with pytest.raises(q.ArithmeticRefusal, match="hardly depend"):
-        dual([row_of(x >> 20 for x in C[0])], [N[0]])
+        dual((row_of(x >> 20 for x in C[0]),), (N[0],))

@@ -5,14 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from table_plan import box_body
 
 from fmopt.verify.covering import uncovered, volume
 from fmopt.verify.document import Body
 from fmopt.verify.overlap import overlap
-from fmopt.verify.rational import number
+from fmopt.verify.rational import Vector, cross, length, number
 from fmopt.verify.rows import pose
-from fmopt.verify.solids import Shape
+from fmopt.verify.solids import NEAR, SHORT, Shape, aligned, short, vanishes
 
 MM = 1e-3
 
@@ -119,3 +121,23 @@ def test_volume_of_a_box() -> None:
 def test_overlaps_have_a_common_point(x: tuple[float, ...], expected: bool) -> None:
     depth = overlap(box(-10, 10, -10, 10, -10, 10), box(-5, 5, -5, 5, -5, 5), pose(x), 1e-9)
     assert (depth > 0.0) is expected
+
+
+def vectors(size: int) -> st.SearchStrategy[Vector]:
+    """Vectors of about a size, in fixed point."""
+    return st.tuples(*(st.integers(-2 * size, 2 * size),) * 3)
+
+
+@given(vectors(NEAR), vectors(SHORT), vectors(NEAR), vectors(1 << 256))
+def test_small_vectors_are_told_by_their_squares_as_by_their_lengths(
+    near: Vector, far: Vector, u: Vector, v: Vector
+) -> None:
+    assert vanishes(near) == (length(near) <= NEAR)
+    assert short(far) == (length(far) <= SHORT)
+    assert aligned(u, v) == (length(cross(u, v)) <= NEAR)
+
+
+def test_vectors_at_the_limit_count_as_long() -> None:
+    assert vanishes((NEAR - 1, 0, 0))
+    assert not vanishes((NEAR, 0, 0))
+    assert length((NEAR - 1, 0, 0)) == NEAR

@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 from plan_mutations import claims, numbers
 
-from fmopt.verify import CERTIFIED, NOT_PROVED, findings, verify
+from fmopt.verify import CERTIFIED, NOT_PROVED, facets, findings, verify
+from fmopt.verify.rows import Function
 
 
 def test_the_untouched_plan_is_certified(square_peg_plan: dict[str, Any]) -> None:
@@ -22,6 +23,23 @@ def test_planner_and_check_agree_far_closer_than_is_asked(
     """The planner allows for what the check adds to bounds of errors; without that 5e-11 were between them."""
     monkeypatch.setattr(findings, "RELATIVE", 1e-11)
     assert verify(square_peg_plan).findings == ()
+
+
+def test_quick_bounds_are_never_closer_than_certified_ones(
+    square_peg_plan: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Bounds(facets._Way):
+        def quick(self, function: Function) -> tuple[int, int]:
+            found = super().quick(function)
+            nominal = self.nominal(function)
+            looked.append(function)
+            assert found[0] <= self.least(function) < nominal[0] <= nominal[1] < self.most(function) <= found[1]
+            return found
+
+    looked: list[Function] = []
+    monkeypatch.setattr(facets, "_Way", Bounds)
+    assert verify(square_peg_plan).verdict == CERTIFIED
+    assert len(looked) > 100
 
 
 def test_numbers_changed_for_the_worse_are_rejected(square_peg_plan: dict[str, Any]) -> None:

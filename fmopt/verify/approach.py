@@ -9,33 +9,36 @@ from __future__ import annotations
 from fmopt.verify.linear import seen
 from fmopt.verify.motion import Motion
 from fmopt.verify.rational import SLACK, length, row_dot, times
-from fmopt.verify.rows import Distance, size
+from fmopt.verify.remainder import size
+from fmopt.verify.rows import Distance, Function
 
 
 def approach(motion: Motion) -> int:
     """A lower bound, in fixed point, of how far the made contact comes nearer; positive: on every execution it does."""
-    if motion.made_rows is None:
+    if motion.made is None:
         return 0
-    start, goal = motion.made_rows
+    start, goal = motion.ends(motion.made)
     nearer = min(-row_dot(goal.N, motion.motion), -row_dot(start.N, motion.motion))
-    return nearer - _change(motion, start, goal) - SLACK
+    return nearer - _change(motion, motion.made) - SLACK
 
 
-def departure(motion: Motion, start: Distance, goal: Distance) -> int:
+def departure(motion: Motion, function: Function) -> int:
     """A lower bound, in fixed point, of how much a row grows along the piece; positive: on every execution it does."""
+    start, goal = motion.ends(function)
     farther = min(row_dot(goal.N, motion.motion), row_dot(start.N, motion.motion))
-    return farther - _change(motion, start, goal) - SLACK
+    return farther - _change(motion, function) - SLACK
 
 
-def _change(motion: Motion, start: Distance, goal: Distance) -> int:
+def _change(motion: Motion, function: Function) -> int:
     """By how much a row may grow more or less along the piece than at the nominal poses of its ends.
 
     The row turns along the piece; the velocity error adds to the motion; and the held rows turn as well, so that the
     motion inside them changes (their share counted twice, which covers the second order).
     """
+    start, goal = motion.ends(function)
     change = _turned(motion, start, goal) + times(motion.cone(seen(goal.N, motion.hold)), motion.length)
-    for s, g, column in zip(motion.held_start, motion.held_goal, motion.held_dual, strict=True):
-        change += 2 * times(abs(row_dot(goal.N, column)), _turned(motion, s, g))
+    for held, column in zip(motion.held, motion.held_dual, strict=True):
+        change += 2 * times(abs(row_dot(goal.N, column)), _turned(motion, *motion.ends(held)))
     return change
 
 
@@ -45,5 +48,5 @@ def _turned(motion: Motion, start: Distance, goal: Distance) -> int:
     angle = motion.task.theta + motion.extent.turn
     change = times(angle, times(size(start, goal), round_))
     if start.bend is not None:
-        change += times(angle, straight) + times(length(motion.task.box) + length(motion.extent.travel), round_)
+        change += times(angle, straight) + times(motion.extent.offset + length(motion.extent.travel), round_)
     return change

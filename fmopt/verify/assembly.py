@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 from fmopt.verify.covering import uncovered
 from fmopt.verify.document import Contact, Plan
 from fmopt.verify.rational import Vector, add, cross, dot, fixed, length, scaled, sub, times
-from fmopt.verify.rows import Distance, Pose, direction_along, edges_apart, face_above, point_above
+from fmopt.verify.rows import DirectionAlong, EdgesApart, FaceAbove, Function, PointAbove
 from fmopt.verify.solids import NEAR, Line, Plane, Shape, line, same
 
 
@@ -37,12 +38,12 @@ class Touch:
     face: int
     indices: tuple[tuple[int, ...], tuple[int, ...]]
 
-    @property
+    @cached_property
     def moving_line(self) -> Line:
         """The line of the moving edge."""
         return line(*self.moving)
 
-    @property
+    @cached_property
     def fixed_line(self) -> Line:
         """The line of the fixed edge."""
         return line(*self.fixed)
@@ -72,6 +73,16 @@ class Level(NamedTuple):
         off = sub(v, self.held.moving[0])
         side = dot(self.away, off)
         return abs(dot(self.normal, off)) <= NEAR and (side if self.far > 0 else -side) >= -NEAR
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What was worked out before: of the few contacts, lines and points of a plan the same is asked again and again."""
+
+    functions: dict[tuple[str, ...], Function] = field(default_factory=dict)
+    reaches: dict[Vector, int] = field(default_factory=dict)
+    holds: dict[tuple[Line, Vector], bool] = field(default_factory=dict)
+    spanned: dict[tuple[Line, Vector], Vector | None] = field(default_factory=dict)
 
 
 class Assembly:
@@ -112,8 +123,38 @@ class Assembly:
 
     def agree(self, a: Plane, b: Plane) -> bool:
         """Whether two planes are one, seen from the same side, to the touch tolerance wherever the parts can be."""
-        turn = length(sub(a.normal, b.normal))
-        return times(turn, self.radius) + abs(a.offset - b.offset) <= self.touch_tolerance
+        shift = abs(a.offset - b.offset)
+        if shift > self.touch_tolerance:
+            return False
+        turn = sub(a.normal, b.normal)
+        if any(times(abs(x), self.radius) > self.touch_tolerance for x in turn):
+            return False
+        return times(length(turn), self.radius) + shift <= self.touch_tolerance
+
+    @cached_property
+    def _found(self) -> _Found:
+        return _Found()
+
+    def reach(self, v: Vector) -> int:
+        """|v|, rounded up."""
+        found = self._found.reaches.get(v)
+        if found is None:
+            found = self._found.reaches[v] = length(v)
+        return found
+
+    def holds(self, l: Line, v: Vector) -> bool:
+        """Whether a point lies on a line, to `NEAR`."""
+        found = self._found.holds.get((l, v))
+        if found is None:
+            found = self._found.holds[l, v] = l.holds(v)
+        return found
+
+    def spanned(self, l: Line, v: Vector) -> Vector | None:
+        """A unit normal of the plane through a line and a point; None where the point is too near the line."""
+        found = self._found.spanned
+        if (l, v) not in found:
+            found[l, v] = l.spanned(v)
+        return found[l, v]
 
     def _resolve(self, contact: Contact) -> Touch | None:
         own = tuple(self.moving.vertices[i] for i in contact.moving)
@@ -183,8 +224,8 @@ class Assembly:
                 return Level(other, normal, away, far)
         return None
 
-    def made(self, touch: Touch, held: Sequence[Touch], X: Pose) -> Distance:
-        """The row that tells how far a contact is from being made, positive before.
+    def made(self, touch: Touch, held: Sequence[Touch]) -> Function:
+        """The function that tells how far a contact is from being made, positive before.
 
         A vertex that reaches a wall while its edge is held on a rim of that wall is as high over it as the edge rises
         from the crossing to the vertex: a part, in (0, 1), of the rise of the whole edge, which its direction tells.
@@ -194,26 +235,32 @@ class Assembly:
                 found = self.hinge(other, (touch,))
                 if found is not None and self.hinge(other, held) is None:
                     k = sub(found[1], found[2])
-                    return direction_along(X, found[0].normal, k, length(k))
-        return self.function(touch, held, X)
+                    return DirectionAlong(found[0].normal, k, length(k))
+        return self.function(touch, held)
 
-    def function(self, touch: Touch, together: Sequence[Touch], X: Pose) -> Distance:
-        """The row of a contact as an equality: zero exactly while it is held, positive before it is made."""
+    def function(self, touch: Touch, together: Sequence[Touch]) -> Function:
+        """The function of a contact as an equality: zero exactly while it is held, positive before it is made."""
+        key = (touch.id, *(t.id for t in together))
+        found = self._found.functions.get(key)
+        if found is None:
+            found = self._found.functions[key] = self._function(touch, together)
+        return found
+
+    def _function(self, touch: Touch, together: Sequence[Touch]) -> Function:
         if touch.kind == "vertex-face" and touch.plane is not None:
             v = touch.moving[0]
-            return point_above(X, v, length(v), touch.plane)
+            return PointAbove(touch.plane, v, length(v))
         if touch.kind == "face-vertex" and touch.plane is not None:
-            return face_above(X, touch.plane, touch.fixed[0])
+            return FaceAbove(touch.plane, touch.fixed[0])
         hinge = self.hinge(touch, together)
         if hinge is not None:
             k = sub(hinge[2], hinge[1])
-            return direction_along(X, hinge[0].normal, k, length(k))
+            return DirectionAlong(hinge[0].normal, k, length(k))
         level = self.level(touch, together)
         if level is not None:
-            return direction_along(
-                X, level.held.fixed_line.direction, scaled(level.far, level.normal), abs(level.far) + 2
-            )
-        return edges_apart(X, touch.moving_line, touch.fixed_line, touch.moving[0])
+            along, across = level.held.fixed_line.direction, scaled(level.far, level.normal)
+            return DirectionAlong(along, across, abs(level.far) + 2)
+        return EdgesApart(touch.moving_line, touch.fixed_line, touch.moving[0])
 
 
 def _distinct(*shapes: Shape) -> tuple[Vector, ...]:

@@ -244,13 +244,13 @@ class Chain:
         """Collects the pieces of a move that makes a contact; at its end they must fit together."""
         if motion.task.made is None:
             return
-        self._legs.append(Leg(motion.twist, progress, motion.overtravel, tuple(motion.directions), motion.hold))
+        self._legs.append(Leg(motion.twist, progress, motion.overtravel, motion.directions, motion.hold))
         if motion.task.last:
             check_fit(self._legs, notes)
             self._legs = []
 
     def _hand_on(self, segment: Segment, task: Task, motion: Motion, goal_state: Sequence[Touch]) -> None:
-        along = tuple(motion.directions)
+        along = motion.directions
         basis: Basis = task.held
         after = task.state
         if task.last:

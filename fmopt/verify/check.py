@@ -52,7 +52,7 @@ def verify(document: Mapping[str, Any], expected_sha256: str | None = None) -> V
     for flaw in assembly.flaws:
         notes.add("parts", flaw)
     check_outline(document, plan, notes)
-    check_recovery(document, plan, notes)
+    check_recovery(document, plan, (assembly.moving, assembly.fixed), notes)
     findings, margins, witness = _segments(plan, assembly)
     found = (*notes.found, *findings)
     verdict = REFUTED if witness is not None else NOT_PROVED if found else CERTIFIED

@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from fmopt.verify.approach import approach, departure
 from fmopt.verify.assembly import Assembly
 from fmopt.verify.chain import Stage
+from fmopt.verify.document import Numbers
 from fmopt.verify.errors import ErrorSet
 from fmopt.verify.facets import facet_margin
 from fmopt.verify.findings import ALLOWANCE, MARGIN_FLOOR, RELATIVE, Notes
-from fmopt.verify.rational import ArithmeticRefusal, Row, inverse, length, number, over, root, row, times, vector
-from fmopt.verify.rows import Distance, point_above
+from fmopt.verify.rational import (
+    ArithmeticRefusal,
+    Row,
+    Square,
+    inverse,
+    length,
+    number,
+    over,
+    root,
+    row,
+    times,
+    vector,
+)
+from fmopt.verify.rows import Distance, PointAbove
 from fmopt.verify.separation import Apart, Known, WitnessError, apart
 
 # What double arithmetic leaves of entries of shape matrices that should be zero, as radii in m and rad, and as a share.
@@ -70,13 +84,7 @@ def _tube(stage: Stage, start: ErrorSet, notes: Notes) -> None:
     for end, errors in (("start", start), ("goal", motion.goal_errors)):
         _generators(f"generators_{end}", tube.matrices[f"generators_{end}"], errors.generators, notes)
         for kind, Q in (("shape", errors.shape), ("growth", errors.growth)):
-            stated = tube.matrices[f"{kind}_{end}"]
-            radii = [number(root(Q[a][a])) for a in range(6)]
-            for a in range(6):
-                for b in range(6):
-                    floor = _SHAPE_FLOOR[a] * _SHAPE_FLOOR[b] + _ROUNDING * radii[a] * radii[b]
-                    floor += _SHAPE_SKEW[a] * radii[b] + _SHAPE_SKEW[b] * radii[a]
-                    notes.equal(f"{kind}_{end}[{a}][{b}]", [stated[a][b]], [Q[a][b]], floor)
+            _shape(f"{kind}_{end}", tube.matrices[f"{kind}_{end}"], Q, notes)
     half = motion.half
     for axis, stated_width in enumerate(tube.box):
         notes.at_least(f"offset_box[{axis}]", stated_width, half[axis], ALLOWANCE)
@@ -84,6 +92,18 @@ def _tube(stage: Stage, start: ErrorSet, notes: Notes) -> None:
         notes.at_least(f"angle_box[{axis}]", stated_angle, half[3 + axis], ALLOWANCE)
     notes.at_least("offset_max", tube.offset, length(vector(tube.box)), ALLOWANCE)
     notes.at_least("theta_max", tube.theta, length((half[3], half[4], half[5])), ALLOWANCE)
+
+
+def _shape(what: str, stated: Sequence[Numbers], Q: Square, notes: Notes) -> None:
+    radii = [number(root(Q[a][a])) for a in range(6)]
+    for a, (values, derived) in enumerate(zip(stated, Q, strict=True)):
+        least, skew, radius = _SHAPE_FLOOR[a], _SHAPE_SKEW[a], radii[a]
+        for b, (x, y) in enumerate(zip(values, derived, strict=True)):
+            floor = least * _SHAPE_FLOOR[b] + _ROUNDING * radius * radii[b]
+            floor += skew * radii[b] + _SHAPE_SKEW[b] * radius
+            value = number(y)
+            if abs(x - value) > RELATIVE * abs(value) + floor:
+                notes.add(f"{what}[{a}][{b}]", f"entry 0 is stated as {x!r}, but follows as {value!r}")
 
 
 def _generators(what: str, stated: tuple[tuple[float, ...], ...], derived: tuple[Row, ...], notes: Notes) -> None:
@@ -142,10 +162,11 @@ def _contacts(assembly: Assembly, stage: Stage, named: list[tuple[int, str]], no
         named.append((margin, touch.id))
         notes.at_most(f"margin of {touch.id}", stated.margin, margin)
         notes.positive(touch.id, margin)
-        start, goal = (assembly.function(touch, forms, X) for X in (motion.task.start, motion.task.goal))
+        function = assembly.function(touch, forms)
+        goal = motion.ends(function)[1]
         notes.equal(f"normal of {touch.id}", stated.normal, goal.N, _NORMAL_FLOOR)
         notes.equal(f"offset of {touch.id}", [stated.offset], [-goal.f], MARGIN_FLOOR)
-        notes.at_least(f"remainder of {touch.id}", stated.remainder, motion.rest(start, goal), ALLOWANCE)
+        notes.at_least(f"remainder of {touch.id}", stated.remainder, motion.rest(function), ALLOWANCE)
 
 
 def _before(assembly: Assembly, stage: Stage, named: list[tuple[int, str]], notes: Notes) -> None:
@@ -154,11 +175,11 @@ def _before(assembly: Assembly, stage: Stage, named: list[tuple[int, str]], note
     Its row then has one zero on every execution's way, at which the execution stops.
     """
     motion = stage.motion
-    if stage.made is None or motion.made_rows is None:
+    if stage.made is None or motion.made is None:
         return
     if stage.segment.progress[0] == 0.0:
-        first = motion.made_rows[0]
-        room = motion.at_start(*motion.made_rows)
+        first = motion.ends(motion.made)[0]
+        room = motion.at_start(motion.made)
         if not any(first.N[:3]) and first.bend is None:
             # A row that measures an angle: the way on an arm of ρ.
             room = over(times(room, motion.task.rho), first.reach)
@@ -171,12 +192,12 @@ def _before(assembly: Assembly, stage: Stage, named: list[tuple[int, str]], note
 
 def _after(assembly: Assembly, stage: Stage, notes: Notes) -> None:
     """That the contacts given up, touched when the move starts, open all along, and what lies flat with them."""
-    task = stage.motion.task
+    motion = stage.motion
     for touch in stage.leaving:
-        if departure(stage.motion, *(assembly.function(touch, (), X) for X in (task.start, task.goal))) <= 0:
+        if departure(motion, assembly.function(touch, ())) <= 0:
             notes.add(touch.id, "some executions may stay in touch with it, or touch it again, when it is to be left")
     for wall, v in stage.coming_off:
-        if departure(stage.motion, *(point_above(X, v, length(v), wall) for X in (task.start, task.goal))) <= 0:
+        if departure(motion, PointAbove(wall, v, length(v))) <= 0:
             notes.add("leaving", "a point that lies flat with the contacts that it gives up may fall again")
 
 
@@ -188,7 +209,7 @@ def _hybrid(stage: Stage, notes: Notes) -> None:
     floor = _TWIST_FLOOR / number(motion.length)
     notes.equal("velocity", hybrid.velocity, [over(x, motion.length) for x in motion.twist], floor)
     counts = len(hybrid.position_axes), len(hybrid.force_axes)
-    held = len(motion.contacts)
+    held = len(motion.held)
     if counts != (6 - held, held):
         notes.add("hybrid", f"has {counts[0]} position and {counts[1]} force axes for {held} independent contacts")
         return

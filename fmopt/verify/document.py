@@ -254,7 +254,9 @@ def digest(document: Mapping[str, Any]) -> str:
     """
     bare = {key: value for key, value in document.items() if key != "sha256"}
     try:
-        text = json.dumps(bare, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+        text = json.dumps(
+            bare, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False, check_circular=False
+        )
         return hashlib.sha256(text.encode()).hexdigest()
     except (TypeError, ValueError) as error:
         raise PlanError("", f"holds what is not JSON: {error}") from error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from operator import mul
 
 from fmopt.verify.document import Numbers
 from fmopt.verify.rational import number
@@ -11,12 +12,13 @@ from fmopt.verify.rational import number
 
 def doubles(v: Sequence[int]) -> Numbers:
     """The floats nearest to fixed-point numbers."""
-    return tuple(number(x) for x in v)
+    return tuple([number(x) for x in v])
 
 
 def dot(a: Sequence[float], b: Sequence[float]) -> float:
-    """a·b, rounded once."""
-    return math.fsum(x * y for x, y in zip(a, b, strict=True))
+    """a·b of vectors of one size, rounded once."""
+    assert len(a) == len(b)
+    return math.fsum(map(mul, a, b))
 
 
 def cross(a: Sequence[float], b: Sequence[float]) -> Numbers:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
 
 from fmopt.verify.linear import NOTHING, SIX, diagonal, row_of
 from fmopt.verify.rational import BLUR, Row, Square, fixed, root, spread, times, width
 
 
-class ErrorSet(NamedTuple):
+@dataclass(frozen=True)
+class ErrorSet:
     """Errors known from outside in two ways: inside Zonotope(core, thickness) ⊕ Ellipsoid(growth) and Ellipsoid(shape).
 
     Attributes:
@@ -24,18 +26,22 @@ class ErrorSet(NamedTuple):
     growth: Square
     shape: Square
 
-    @property
+    @cached_property
     def generators(self) -> tuple[Row, ...]:
         """All generators."""
         return self.core + self.thick
 
     def support(self, N: Row) -> int:
         """Bound of N·e over the set."""
-        return min(width(self.shape, N), spread(self.generators, N) + width(self.growth, N))
+        return self._support(self.generators, N)
 
     def core_support(self, N: Row) -> int:
         """Bound of N·e over the set without its thickness."""
-        return min(width(self.shape, N), spread(self.core, N) + width(self.growth, N))
+        return self._support(self.core, N)
+
+    def _support(self, generators: Sequence[Row], N: Row) -> int:
+        around, inside = width(self.shape, N), spread(generators, N)
+        return around if around <= inside else min(around, inside + width(self.growth, N))
 
     def half_widths(self, thick: Sequence[Row]) -> list[int]:
         """Half-widths (6,) of the box around core, this thickness and growth."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from itertools import islice
+from typing import NamedTuple
 
 from fmopt.verify.assembly import Assembly, Touch, middle
 from fmopt.verify.knowledge import other_rim, taken_turns
@@ -10,24 +12,55 @@ from fmopt.verify.motion import Motion
 from fmopt.verify.rational import (
     ONE,
     Vector,
-    cross,
+    add,
     dot,
     fixed,
-    length,
     neg,
     over,
     scaled,
     sub,
     times,
-    unit,
 )
-from fmopt.verify.rows import Distance, Pose, direction_along, face_above, point_above
+from fmopt.verify.rows import DirectionAlong, FaceAbove, Function, PointAbove
 from fmopt.verify.solids import NEAR, Plane, Shape, same
 
 UNBOUNDED = ONE  # the margin, 1 m, of a contact that nothing bounds
 _BEYOND = fixed(1e-6)
 _SURELY = fixed(1e-9)  # m: by how much what takes over is farther inside
-Least = Callable[[Callable[[Pose], Distance]], int]
+
+
+class _Way(NamedTuple):
+    """Where a contact is held: along a whole piece of motion, or just at its end, where it has been made."""
+
+    motion: Motion
+    whole: bool
+
+    def above(self, v: Vector, plane: Plane) -> PointAbove:
+        """How high a body point is above a plane."""
+        return PointAbove(plane, v, self.motion.assembly.reach(v))
+
+    def along(self, u: Vector, k: Vector) -> DirectionAlong:
+        """How far a body vector goes along a unit vector."""
+        return DirectionAlong(u, k, self.motion.assembly.reach(k) + 2)
+
+    def least(self, function: Function) -> int:
+        """Certified lower bound of a function."""
+        return self.motion.lowest(function) if self.whole else self.motion.at_goal(function)[0]
+
+    def most(self, function: Function) -> int:
+        """Certified upper bound of a function."""
+        return self.motion.highest(function) if self.whole else self.motion.at_goal(function)[1]
+
+    def nominal(self, function: Function) -> tuple[int, int]:
+        """The least and the greatest of a function's values at nominal poses, which `least` and `most` lie around."""
+        values = function.value(self.motion.task.start), function.value(self.motion.task.goal)
+        return (min(values), max(values)) if self.whole else (values[1], values[1])
+
+    def quick(self, function: Function) -> tuple[int, int]:
+        """What `least` is not below, and `most` not above, by the box around the errors."""
+        low, high = self.nominal(function)
+        blur = self.motion.blur(function)
+        return low - blur, high + blur
 
 
 def facet_margin(assembly: Assembly, touch: Touch, together: Sequence[Touch], motion: Motion, held: bool) -> int:
@@ -40,64 +73,38 @@ def facet_margin(assembly: Assembly, touch: Touch, together: Sequence[Touch], mo
         motion: the piece of motion.
         held: whether the contact is held along the piece; else it has just been made at the piece's end.
     """
-    task = motion.task
-
-    def least(function: Callable[[Pose], Distance]) -> int:
-        goal = function(task.goal)
-        return motion.lowest(function(task.start), goal) if held else motion.at_goal(goal)
-
+    way = _Way(motion, held)
     if touch.kind == "vertex-face":
-        return _in_face(assembly, touch, together, least)
+        return _in_face(assembly, touch, together, way)
     if touch.kind == "edge-edge":
-        return _in_edges(assembly, touch, together, least)
-    return _on_moving_face(assembly, touch, least)
-
-
-def _above(v: Vector, plane: Plane) -> Callable[[Pose], Distance]:
-    reach = length(v)
-    return lambda X: point_above(X, v, reach, plane)
-
-
-def _rims(shape: Shape, face: int) -> list[tuple[int, int, Plane]] | None:
-    """The edges around a face whose outline is convex, each with its inward plane; None for other faces."""
-    outline = shape.faces[face].loops[0]
-    rims = _across(shape, face, outline)
-    if any(rim.height(shape.vertices[k]) < -NEAR for _, _, rim in rims for k in outline):
-        return None
-    return rims
-
-
-def _across(shape: Shape, face: int, loop: Sequence[int]) -> list[tuple[int, int, Plane]]:
-    """The edges of a loop of a face, each with the plane across the face that has the face in front of it."""
-    planes = []
-    for i, j in zip(loop, (*loop[1:], loop[0]), strict=True):
-        p, q = shape.vertices[i], shape.vertices[j]
-        inward = cross(shape.faces[face].plane.normal, unit(sub(q, p)))
-        planes.append((i, j, Plane(inward, dot(inward, p))))
-    return planes
+        return _in_edges(assembly, touch, together, way)
+    return _on_moving_face(assembly, touch, way)
 
 
 def _beside(shape: Shape, face: int, loop: Sequence[int]) -> list[Plane]:
     """Planes across a face that have all of a hole behind them, each along one of its edges."""
-    planes = (plane for _, _, plane in _across(shape, face, loop))
+    planes = (plane for _, _, plane in shape.across(face, loop))
     return [plane for plane in planes if all(plane.height(shape.vertices[k]) <= NEAR for k in loop)]
 
 
-def _in_face(assembly: Assembly, touch: Touch, together: Sequence[Touch], least: Least) -> int:
+def _in_face(assembly: Assembly, touch: Touch, together: Sequence[Touch], way: _Way) -> int:
     v = touch.moving[0]
-    rims = _rims(assembly.fixed, touch.face)
+    rims = assembly.fixed.rims(touch.face)
     if rims is None:
         return -UNBOUNDED
     found = UNBOUNDED
     for i, j, rim in rims:
-        room = least(_above(v, rim))
+        above = way.above(v, rim)
+        if way.quick(above)[0] >= found:
+            continue
+        room = way.least(above)
         if room < found and not (
             _swallowed(assembly, touch.faces[0], (i, j), rim, room)
-            or _slips(assembly, touch, together, (i, j), rim, room, least)
+            or _slips(assembly, touch, together, (i, j), rim, room, way)
         ):
             found = room
     for hole in assembly.fixed.faces[touch.face].loops[1:]:
-        beyond = [least(_above(v, plane)) for plane in _beside(assembly.fixed, touch.face, hole)]
+        beyond = [way.least(way.above(v, plane)) for plane in _beside(assembly.fixed, touch.face, hole)]
         found = min(found, max(beyond, default=-UNBOUNDED))
     return found
 
@@ -111,10 +118,11 @@ def _swallowed(assembly: Assembly, wall: Plane, edge: tuple[int, int], rim: Plan
         return False
     back = scaled(max(0, -room) + _BEYOND, neg(rim.normal))
     ends = [assembly.fixed.vertices[k] for k in edge]
-    strip = [*ends, *((p[0] + back[0], p[1] + back[1], p[2] + back[2]) for p in ends)]
+    strip = [*ends, *(add(p, back) for p in ends)]
+    within = middle(strip)
     return any(
         all(face.plane.height(p) <= NEAR for face in piece.faces for p in strip)
-        and all(face.plane.height(middle(strip)) < -NEAR for face in piece.faces)
+        and all(face.plane.height(within) < -NEAR for face in piece.faces)
         for piece in assembly.fixed_pieces
     )
 
@@ -126,7 +134,7 @@ def _slips(
     rim_edge: tuple[int, int],
     rim: Plane,
     room: int,
-    least: Least,
+    way: _Way,
 ) -> bool:
     """Whether an edge held across the rim takes over when the vertex slips over it.
 
@@ -146,30 +154,59 @@ def _slips(
                 and same(partner.moving[0], far)
                 and assembly.agree(partner.faces[0], wall)
             ):
-                if least(_above(far, rim)) > max(room, 0) + _SURELY:
+                if way.least(way.above(far, rim)) > max(room, 0) + _SURELY:
                     return True
-            elif other_rim(assembly, other, partner, wall) and _more_proper(assembly, partner, other, wall, least):
+            elif other_rim(assembly, other, partner, wall) and _more_proper(assembly, partner, other, wall, way):
                 return True
     return False
 
 
-def _more_proper(assembly: Assembly, kept: Touch, waived: Touch, wall: Plane, least: Least) -> bool:
+def _more_proper(assembly: Assembly, kept: Touch, waived: Touch, wall: Plane, way: _Way) -> bool:
     """Whether one of two crossings of an edge with rims of a wall is certain, and more so than the other."""
-    return _sides(assembly, kept, wall, least) > max(_sides(assembly, waived, wall, least), 0) + _SURELY
+    return _sides(assembly, kept, wall, way) > max(_sides(assembly, waived, wall, way), 0) + _SURELY
 
 
-def _sides(assembly: Assembly, touch: Touch, along: Plane, least: Least) -> int:
+def _sides(assembly: Assembly, touch: Touch, along: Plane, way: _Way) -> int:
     """How far the ends of a moving edge stay on different sides of the face across its fixed edge from a wall."""
+    walls = [wall for wall in touch.faces if not assembly.agree(wall, along)]
     best = -UNBOUNDED
-    for wall in touch.faces:
-        if not assembly.agree(wall, along):
-            behind = Plane(neg(wall.normal), -wall.offset)
-            for a, b in (touch.moving, touch.moving[::-1]):
-                best = max(best, min(least(_above(a, behind)), least(_above(b, wall))))
+    for crossing in _crossings(touch, walls, way):
+        if crossing.most <= best:
+            break
+        best = max(best, crossing.sides(way))
     return best
 
 
-def _shared_wall(assembly: Assembly, touch: Touch, together: Sequence[Touch], least: Least) -> Plane | None:
+class _Crossing(NamedTuple):
+    """A moving edge from its end a behind a wall to its end b above it; `most` is what `sides` is below."""
+
+    most: int
+    wall: Plane
+    a: Vector
+    b: Vector
+
+    def sides(self, way: _Way) -> int:
+        """How far both ends stay on their sides."""
+        above = way.above(self.b, self.wall)
+        found = -way.most(way.above(self.a, self.wall))
+        return found if way.quick(above)[0] >= found else min(found, way.least(above))
+
+    def share(self, way: _Way) -> int:
+        """How much of the edge is behind the wall, at most."""
+        rise = way.least(way.along(self.wall.normal, sub(self.b, self.a)))
+        return min(ONE, over(-way.least(way.above(self.a, self.wall)), rise) + 1) if rise > 0 else ONE
+
+
+def _crossings(touch: Touch, walls: Sequence[Plane], way: _Way) -> list[_Crossing]:
+    """The ways in which a moving edge may cross walls, the most likely first."""
+    found = []
+    for wall in walls:
+        (a, low), (b, high) = ((v, way.nominal(way.above(v, wall))) for v in touch.moving)
+        found += [_Crossing(min(-low[1], high[0]), wall, a, b), _Crossing(min(-high[1], low[0]), wall, b, a)]
+    return sorted(found, key=lambda crossing: -crossing.most)
+
+
+def _shared_wall(assembly: Assembly, touch: Touch, together: Sequence[Touch], way: _Way) -> Plane | None:
     """The wall in which the edge lies whether or not it crosses here, when another contact warrants that."""
     shared = taken_turns(assembly, touch, together)
     if shared is None:
@@ -178,42 +215,54 @@ def _shared_wall(assembly: Assembly, touch: Touch, together: Sequence[Touch], le
     if all(any(same(end, p) for p in ends) for end in touch.moving):
         return shared
     rims = [t for t in together if other_rim(assembly, touch, t, shared)]
-    return shared if any(_more_proper(assembly, t, touch, shared, least) for t in rims) else None
+    return shared if any(_more_proper(assembly, t, touch, shared, way) for t in rims) else None
 
 
-def _in_edges(assembly: Assembly, touch: Touch, together: Sequence[Touch], least: Least) -> int:
-    c, d = touch.fixed
-    u = touch.fixed_line.direction
-    shared = _shared_wall(assembly, touch, together, least)
+def _in_edges(assembly: Assembly, touch: Touch, together: Sequence[Touch], way: _Way) -> int:
+    shared = _shared_wall(assembly, touch, together, way)
+    # In a shared wall the edge lies, and does not cross it.
+    walls = [wall for wall in touch.faces if shared is None or not assembly.agree(wall, shared)]
     best = -UNBOUNDED
-    for wall in touch.faces:
-        if shared is not None and assembly.agree(wall, shared):
-            continue  # the edge lies in this wall and does not cross it
-        for a, b in (touch.moving, touch.moving[::-1]):
-            k = sub(b, a)
-            sides = UNBOUNDED
-            share = ONE
-            if shared is None:
-                behind = Plane(neg(wall.normal), -wall.offset)
-                sides = min(least(_above(a, behind)), least(_above(b, wall)))
-                if sides <= best:
-                    continue
-                rise = least(_along(wall.normal, k))
-                if rise > 0:
-                    share = min(ONE, over(-least(_above(a, wall)), rise) + 1)
-            rooms = [sides]
-            for end, direction in ((c, u), (d, neg(u))):
-                room = least(_above(a, Plane(direction, dot(direction, end))))
-                room += min(0, times(share, least(_along(direction, k))) - 1)
-                if room < min(rooms) and not _blocked(assembly, wall, end, direction, room):
-                    rooms.append(room)
-            best = max(best, min(rooms))
+    for crossing in _crossings(touch, walls, way):
+        sides = UNBOUNDED
+        if shared is None:
+            if crossing.most <= best:
+                break
+            sides = crossing.sides(way)
+            if sides <= best:
+                continue
+        best = max(best, _within(assembly, touch, crossing, sides, way))
     return best
 
 
-def _along(u: Vector, k: Vector) -> Callable[[Pose], Distance]:
-    reach = length(k) + 2
-    return lambda X: direction_along(X, u, k, reach)
+def _within(assembly: Assembly, touch: Touch, crossing: _Crossing, sides: int, way: _Way) -> int:
+    """How far a crossing stays from the ends of the fixed edge, `sides` at most.
+
+    Args:
+        assembly: parts and contacts.
+        touch: the contact.
+        crossing: of its moving edge with a wall along the fixed edge.
+        sides: how far the moving edge's ends stay on their sides of the wall; `UNBOUNDED` where the edge lies in one.
+        way: where the contact is held.
+    """
+    (c, d), u = touch.fixed, touch.fixed_line.direction
+    a, k = crossing.a, sub(crossing.b, crossing.a)
+    start, onwards, far = way.above(a, Plane(u, dot(u, c))), way.along(u, k), dot(u, sub(d, c))
+    lies = sides == UNBOUNDED
+    certain = lies or way.nominal(way.above(a, crossing.wall))[1] <= 0  # then the share is in [0, 1]
+    near, nearer = way.quick(start), way.quick(onwards)
+    found = sides
+    if not certain or near[0] + min(0, nearer[0]) - 1 < found:
+        share = ONE if lies else crossing.share(way)
+        room = way.least(start) + min(0, times(share, way.least(onwards)) - 1)
+        if room < found and not _blocked(assembly, crossing.wall, c, u, room):
+            found = room
+    if not certain or far - near[1] - max(0, nearer[1]) - 1 < found:
+        share = ONE if lies else crossing.share(way)
+        room = far - way.most(start) + min(0, times(share, -way.most(onwards)) - 1)
+        if room < found and not _blocked(assembly, crossing.wall, d, neg(u), room):
+            found = room
+    return found
 
 
 def _blocked(assembly: Assembly, wall: Plane, end: Vector, inward: Vector, room: int) -> bool:
@@ -224,22 +273,16 @@ def _blocked(assembly: Assembly, wall: Plane, end: Vector, inward: Vector, room:
     back = scaled(max(0, -room) + _BEYOND, inward)
     beyond = sub(end, back)
     for piece in assembly.fixed_pieces:
-        planes = [face.plane for face in piece.faces]
-        flush = [plane for plane in planes if assembly.agree(plane, wall)]
-        for own in (None, *flush):
-            others = [plane for plane in planes if plane is not own]
-            if all(p.height(end) <= NEAR for p in others) and all(p.height(beyond) < -NEAR for p in others):
-                return True
+        planes = (face.plane for face in piece.faces)
+        outside = list(islice((p for p in planes if p.height(end) > NEAR or p.height(beyond) >= -NEAR), 2))
+        if not outside or (len(outside) == 1 and assembly.agree(outside[0], wall)):
+            return True
     return False
 
 
-def _on_moving_face(assembly: Assembly, touch: Touch, least: Least) -> int:
+def _on_moving_face(assembly: Assembly, touch: Touch, way: _Way) -> int:
     w = touch.fixed[0]
-    rims = _rims(assembly.moving, touch.face)
+    rims = assembly.moving.rims(touch.face)
     if rims is None or len(assembly.moving.faces[touch.face].loops) > 1:
         return -UNBOUNDED
-    return min(least(_body_row(rim, w)) for _, _, rim in rims)
-
-
-def _body_row(plane: Plane, w: Vector) -> Callable[[Pose], Distance]:
-    return lambda X: face_above(X, plane, w)
+    return min(way.least(FaceAbove(rim, w)) for _, _, rim in rims)

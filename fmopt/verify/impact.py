@@ -19,7 +19,7 @@ from fmopt.verify.assembly import Touch
 from fmopt.verify.document import Hybrid, Numbers, Specification
 from fmopt.verify.doubles import cross, dot, doubles
 from fmopt.verify.findings import RELATIVE, Notes
-from fmopt.verify.rational import sub, turned
+from fmopt.verify.rational import sub
 from fmopt.verify.rows import Pose
 
 _LEVEL = 1e-3  # sine of the angle below which edges fix no normal
@@ -80,7 +80,7 @@ def check_impact(
 
 def _met(touch: Touch, goal: Pose, V: Numbers, theta: float, error: Numbers, rho: float) -> float:
     """The greatest normal speed at which a contact can be met, for the unit twist V."""
-    arms = [doubles(turned(goal.R, v)) for v in touch.moving]
+    arms = [doubles(goal.turned(v)) for v in touch.moving]
     normal, turn = _normal(touch, goal, arms, theta)
     v, w = V[:3], V[3:]
     found = 0.0
@@ -99,7 +99,7 @@ def _normal(touch: Touch, goal: Pose, arms: Sequence[Numbers], theta: float) -> 
     if touch.kind == "vertex-face" and touch.plane is not None:
         return doubles(touch.plane.normal), 0.0
     if touch.kind == "face-vertex" and touch.plane is not None:
-        return doubles(turned(goal.R, touch.plane.normal)), math.asin(min(theta, 1.0))
+        return doubles(goal.turned(touch.plane.normal)), math.asin(min(theta, 1.0))
     own = tuple(x - y for x, y in zip(arms[1], arms[0], strict=True))
     other = doubles(sub(touch.fixed[1], touch.fixed[0]))
     m = cross(own, other)

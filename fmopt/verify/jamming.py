@@ -91,30 +91,38 @@ def _range(
     sine = max((dot(v, a) / math.hypot(*v) for v in twists), default=0.0)
     if stated.angle > 0.0 and not stated.angle <= math.asin(min(max(sine, 0.0), 1.0)) + _ROUNDING:
         notes.add("jam_free.angle", f"{stated.angle!r} rad do not follow from the twists")
+    powers = [(power, v) for v in twists if (power := dot(v, a)) > 0.0]
     for name, angles in stated.planes:
         if name not in directions:
             notes.add("jam_free.planes", f"{name!r} is nothing that the wrench could turn to")
             continue
-        for side, angle in zip((-1.0, 1.0), angles, strict=True):
-            if not angle <= _turned(a, [side * x for x in directions[name]], twists) + _ROUNDING:
+        for angle, proved in zip(angles, _turned(a, directions[name], powers), strict=True):
+            if not angle <= proved + _ROUNDING:
                 notes.add("jam_free.planes", f"{angle!r} rad to {name} do not follow from the twists")
 
 
-def _turned(a: Numbers, direction: Sequence[float], twists: Sequence[Numbers]) -> float:
-    """How far the unit wrench a turns to a direction while one of the twists keeps power on it, rad."""
+def _turned(a: Numbers, direction: Numbers, powers: Sequence[tuple[float, Numbers]]) -> tuple[float, float]:
+    """How far the unit wrench a turns from and to a direction while one of the twists keeps power on it, rad.
+
+    Args:
+        a: the wrench.
+        direction: the direction.
+        powers: twists that have power on the wrench, each after that power.
+    """
     part = dot(a, direction)
     d = [x - part * y for x, y in zip(direction, a, strict=True)]
     size = math.hypot(*d)
     if not size > _ROUNDING * math.hypot(*direction):
-        return 0.0
-    reached = [math.atan2(dot(v, a), -dot(v, d) / size) for v in twists if dot(v, a) > 0.0]
-    return max(reached, default=0.0)
+        return 0.0, 0.0
+    across = [(power, dot(v, d) / size) for power, v in powers]
+    away, to = ([math.atan2(power, side * x) for power, x in across] for side in (1.0, -1.0))
+    return max(away, default=0.0), max(to, default=0.0)
 
 
 def _directions(hybrid: Hybrid, along: Numbers, scale: Numbers, goal: Numbers) -> dict[str, Numbers]:
     """Scaled wrenches by their names; for a position axis the one that does most power on it."""
     frame, at = pose(hybrid.frame), pose(goal)
-    R, arm = [doubles(line) for line in frame.R], doubles(sub(frame.p, at.p))
+    R, arm = frame.in_doubles[1], doubles(sub(frame.p, at.p))
     found = {"push": along}
     for k, axis in enumerate(hybrid.position_axes):
         v, w = (tuple(dot(line, part) for line in R) for part in (axis[:3], axis[3:]))

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from fmopt.verify.assembly import Assembly, Touch
 from fmopt.verify.rational import (
@@ -20,7 +21,6 @@ from fmopt.verify.rational import (
     add,
     cross,
     dot,
-    fixed,
     length,
     neg,
     over,
@@ -31,9 +31,8 @@ from fmopt.verify.rational import (
     turned,
     unit,
 )
-from fmopt.verify.solids import NEAR, Line, Plane, line, on_line, parallel, same
+from fmopt.verify.solids import NEAR, Line, Plane, aligned, line, on_line, same, short, vanishes
 
-_SHORT = fixed(1e-6)  # m: what is nearer to a line than this spans no plane with it
 _STEEP = ONE >> 6
 _APART = ONE >> 4
 
@@ -47,15 +46,24 @@ class Wall:
         points: body points exactly on it.
         between: pairs of body points with an unknown point strictly between them on it.
         flush: body planes that lie in it.
+        looked: how many points, flushes and turns there were when conclusions were last looked for.
     """
 
     plane: Plane
     points: list[Vector] = field(default_factory=list)
     between: list[tuple[Vector, Vector]] = field(default_factory=list)
     flush: list[Plane] = field(default_factory=list)
+    looked: tuple[int, int, int] = (0, 0, 0)
+    _lines: tuple[int, int, tuple[Line, ...]] = (0, 0, ())
 
-    def lines(self) -> list[Line]:
+    def lines(self) -> tuple[Line, ...]:
         """Body lines in the wall: two points, or an end of an edge and a point within the edge."""
+        known = len(self.points), len(self.between)
+        if self._lines[:2] != known:
+            self._lines = *known, tuple(self._distinct())
+        return self._lines[2]
+
+    def _distinct(self) -> list[Line]:
         n = len(self.points)
         found = [line(self.points[i], self.points[j]) for i in range(n) for j in range(i)]
         for a, b in self.between:
@@ -93,12 +101,6 @@ def other_rim(assembly: Assembly, touch: Touch, other: Touch, wall: Plane) -> bo
         and set(other.indices[1]) != set(touch.indices[1])
         and any(assembly.agree(wall, face) for face in other.faces)
     )
-
-
-def _away(l: Line, p: Vector) -> Vector:
-    """The part of p − l across the line."""
-    d = sub(p, l.point)
-    return sub(d, scaled(dot(d, l.direction), l.direction))
 
 
 class Facts:
@@ -152,16 +154,19 @@ class Facts:
         """One round of conclusions; whether anything new came of it."""
         grown = False
         for wall in self.walls:
+            known = len(wall.points), len(wall.flush), len(self.turns)
+            if wall.looked == known:
+                continue
+            wall.looked = known
             lines = wall.lines()
             for l in lines:
                 grown |= self._planes(wall, l)
             for v in self.assembly.body_points:
-                known = (
-                    any(l.holds(v) for l in lines)
+                if (
+                    any(self.assembly.holds(l, v) for l in lines)
                     or any(abs(flush.height(v)) <= NEAR for flush in wall.flush)
-                    or any(self.level(wall.plane, v, p) for p in wall.points)
-                )
-                if known:
+                    or (self.turns and any(self.level(wall.plane, v, p) for p in wall.points))
+                ):
                     grown |= self._point(wall, v)
         return grown
 
@@ -170,23 +175,20 @@ class Facts:
         candidates = list(wall.points)
         for a, b in wall.between:
             # An unknown point between a and b is off the line, and in one plane with it, when just one end is on it.
-            if l.holds(a) != l.holds(b):
-                candidates.append(b if l.holds(a) else a)
+            if (on := self.assembly.holds(l, a)) != self.assembly.holds(l, b):
+                candidates.append(b if on else a)
         grown = False
         for p in candidates:
-            across = _away(l, p)
-            if length(across) <= _SHORT:
+            normal = self.assembly.spanned(l, p)
+            if normal is None or any(aligned(normal, known.normal) for known in wall.flush):
                 continue
-            normal = unit(cross(l.direction, unit(across)))
             if dot(turned(self.R, normal), wall.plane.normal) > 0:
                 normal = neg(normal)
             if -dot(turned(self.R, normal), wall.plane.normal) < ONE >> 1:
                 continue
-            flush = Plane(normal, dot(normal, p))
-            if not any(parallel(normal, known.normal) for known in wall.flush):
-                wall.flush.append(flush)
-                self.turns.append((normal, neg(wall.plane.normal)))
-                grown = True
+            wall.flush.append(Plane(normal, dot(normal, p)))
+            self.turns.append((normal, neg(wall.plane.normal)))
+            grown = True
         return grown
 
     def _turn_edge(self) -> bool:
@@ -212,9 +214,19 @@ class Facts:
 
     def image(self, w: Vector) -> Vector | None:
         """R w for a body vector whose image the flushes and turned edges fix, else None."""
+        key = len(self.turns), w
+        if key not in self._images:
+            self._images[key] = self._image(w)
+        return self._images[key]
+
+    @cached_property
+    def _images(self) -> dict[tuple[int, Vector], Vector | None]:
+        return {}
+
+    def _image(self, w: Vector) -> Vector | None:
         for n, m in self.turns:
             t = dot(n, w)
-            if length(sub(w, scaled(t, n))) <= NEAR:
+            if vanishes(sub(w, scaled(t, n))):
                 return scaled(t, m)
         for i, (n1, m1) in enumerate(self.turns):
             for n2, m2 in self.turns[:i]:
@@ -252,7 +264,7 @@ class Facts:
         if same(v, w):
             return True
         image = self.image(sub(v, w))
-        return image is not None and length(cross(image, direction)) <= NEAR
+        return image is not None and aligned(image, direction)
 
     def implies(self, touch: Touch) -> bool:
         """Whether a contact's function is zero because those of the held ones are."""
@@ -272,7 +284,7 @@ class Facts:
         return any(
             known.kind == "edge-edge"
             and on_line(known.fixed_line, touch.fixed_line)
-            and parallel(known.moving_line.direction, touch.moving_line.direction)
+            and aligned(known.moving_line.direction, touch.moving_line.direction)
             and self.beside(touch.moving[0], known.moving[0], touch.fixed_line.direction)
             for known in self.held
         )
@@ -325,12 +337,12 @@ def _directed(normal: Vector, w: Vector, cosine: int, nominal: Vector) -> Vector
 
 def _same_side(l: Line, v: Vector, p: Vector) -> bool:
     """Whether v lies in the half-plane that the line bounds and p spans."""
-    across = _away(l, p)
-    if length(across) <= _SHORT:
+    across = l.away(p)
+    if short(across):
         return False
-    u, d = unit(across), _away(l, v)
+    u, d = unit(across), l.away(v)
     t = dot(d, u)
-    return t > 0 and length(sub(d, scaled(t, u))) <= NEAR
+    return t > 0 and vanishes(sub(d, scaled(t, u)))
 
 
 def _beyond(z: Vector, v: Vector, p: Vector) -> bool:
@@ -340,4 +352,4 @@ def _beyond(z: Vector, v: Vector, p: Vector) -> bool:
     u = unit(sub(p, z))
     d = sub(v, z)
     t = dot(d, u)
-    return t > 0 and length(sub(d, scaled(t, u))) <= NEAR
+    return t > 0 and vanishes(sub(d, scaled(t, u)))

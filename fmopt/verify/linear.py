@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
+from operator import mul
 
 from fmopt.verify.rational import BITS, BLUR, ONE, Row, Square, inverse, over, root, row_dot, times
 
 SIX = range(6)
+_UPPER = [(a, b) for a in SIX for b in range(a, 6)]  # places on and above the diagonal
 _LEAST, _MOST = ONE >> 50, ONE << 50  # proportions of two ellipsoids, beyond which one is but rounding
 
 
@@ -18,8 +21,21 @@ def row_of(values: Iterable[int]) -> Row:
 
 def square_of(rows: Iterable[Iterable[int]]) -> Square:
     """Six rows as a matrix."""
-    a, b, c, d, e, f = (row_of(r) for r in rows)
+    a, b, c, d, e, f = [row_of(r) for r in rows]
     return (a, b, c, d, e, f)
+
+
+def symmetric(upper: Iterable[int]) -> Square:
+    """The symmetric matrix with these 21 entries on and above its diagonal, row by row."""
+    aa, ab, ac, ad, ae, af, bb, bc, bd, be, bf, cc, cd, ce, cf, dd, de, df, ee, ef, ff = upper
+    return (
+        (aa, ab, ac, ad, ae, af),
+        (ab, bb, bc, bd, be, bf),
+        (ac, bc, cc, cd, ce, cf),
+        (ad, bd, cd, dd, de, df),
+        (ae, be, ce, de, ee, ef),
+        (af, bf, cf, df, ef, ff),
+    )
 
 
 NO_ROW: Row = (0, 0, 0, 0, 0, 0)
@@ -28,69 +44,91 @@ NOTHING: Square = square_of([NO_ROW] * 6)
 
 def diagonal(entries: Sequence[int]) -> Square:
     """The matrix with these six diagonal entries."""
-    return square_of([entries[a] if a == b else 0 for b in SIX] for a in SIX)
+    return symmetric([entries[a] if a == b else 0 for a, b in _UPPER])
 
 
 def stretched(factor: int, g: Row) -> Row:
     """factor · g."""
-    return row_of((factor * x) >> BITS for x in g)
+    return row_of([(factor * x) >> BITS for x in g])
+
+
+def flipped(A: Square) -> Square:
+    """Aᵀ."""
+    return square_of(zip(*A, strict=True))
 
 
 def image(A: Square, g: Row) -> Row:
     """A g."""
-    return row_of(row_dot(r, g) for r in A)
+    a, b, c, d, e, f = g
+    return row_of([(a * u + b * v + c * w + d * x + e * y + f * z) >> BITS for u, v, w, x, y, z in A])
 
 
 def seen(n: Row, A: Square) -> Row:
     """Aᵀ n: the row n as it is felt before the map A."""
-    return row_of(sum(n[a] * A[a][b] for a in SIX) >> BITS for b in SIX)
+    return image(flipped(A), n)
 
 
 def congruent(A: Square, Q: Square) -> Square:
     """A Q Aᵀ for a symmetric Q."""
-    half = [image(A, q) for q in Q]
-    columns = [row_of(q[a] for q in half) for a in SIX]
-    return square_of([row_dot(r, c) for c in columns] for r in A)
+    if Q == NOTHING:
+        return NOTHING
+    half = flipped(square_of([image(A, q) for q in Q]))
+    return symmetric([row_dot(A[a], half[b]) for a, b in _UPPER])
+
+
+def spheres(A: Square) -> tuple[Square, Square]:
+    """A D Aᵀ with D = diag(1, 1, 1, 0, 0, 0) and with D = diag(0, 0, 0, 1, 1, 1)."""
+    columns = flipped(A)
+    return gram(columns[:3]), gram(columns[3:])
+
+
+def weighted(s: int, P: Square, t: int, Q: Square) -> Square:
+    """s P + t Q of symmetric P and Q."""
+    return symmetric([(s * P[a][b] + t * Q[a][b]) >> BITS for a, b in _UPPER])
 
 
 def gram(columns: Sequence[Row]) -> Square:
     """Σ c cᵀ."""
-    return square_of([sum(c[a] * c[b] for c in columns) >> BITS for b in SIX] for a in SIX)
+    return symmetric([sum([c[a] * c[b] for c in columns]) >> BITS for a, b in _UPPER])
 
 
 def blurred(Q: Square) -> Square:
-    """Q with its diagonal raised by more than rounding can have lowered it."""
-    return square_of([x + BLUR if a == b else x for b, x in enumerate(r)] for a, r in enumerate(Q))
+    """A symmetric Q with its diagonal raised by more than rounding can have lowered it."""
+    return symmetric([Q[a][b] + BLUR if a == b else Q[a][b] for a, b in _UPPER])
 
 
-def dual(directions: Sequence[Row], rows: Sequence[Row]) -> tuple[list[Row], list[list[int]]]:
+@lru_cache(maxsize=4)
+def dual(directions: tuple[Row, ...], rows: tuple[Row, ...]) -> tuple[tuple[Row, ...], tuple[tuple[int, ...], ...]]:
     """The columns of C (N C)⁻¹, and (N C)⁻¹, for directions C and rows N.
+
+    Where a piece of motion starts, they are those of the end of the piece before.
 
     Raises:
         ArithmeticRefusal: see `inverse`.
     """
     if not directions:
-        return [], []
+        return (), ()
     solved = inverse([[row_dot(n, c) for c in directions] for n in rows])
-    columns = [
-        row_of(sum(r[i] * c[a] for r, c in zip(solved, directions, strict=True)) >> BITS for a in SIX)
-        for i in range(len(rows))
-    ]
-    return columns, solved
+    along = list(zip(*directions, strict=True))
+    columns = [row_of([sum(map(mul, shares, c)) >> BITS for c in along]) for shares in zip(*solved, strict=True)]
+    return tuple(columns), tuple(tuple(r) for r in solved)
 
 
 def complement(columns: Sequence[Row], rows: Sequence[Row]) -> Square:
     """I − Σ cᵢ nᵢᵀ."""
+    if not columns:
+        return diagonal([ONE] * 6)
+    across = list(zip(*rows, strict=True))
     return square_of(
-        [(ONE if a == b else 0) - (sum(c[a] * n[b] for c, n in zip(columns, rows, strict=True)) >> BITS) for b in SIX]
-        for a in SIX
+        [(ONE if a == b else 0) - (sum(map(mul, shares, n)) >> BITS) for b, n in enumerate(across)]
+        for a, shares in enumerate(zip(*columns, strict=True))
     )
 
 
 def without(A: Square, column: Row, row: Row) -> Square:
     """A − c nᵀ."""
     return square_of(
-        [x - ((c * n) >> BITS) for x, n in zip(r, row, strict=True)] for r, c in zip(A, column, strict=True)
+        [[x - ((c * n) >> BITS) for x, n in zip(r, row, strict=True)] for r, c in zip(A, column, strict=True)]
     )
 
 
@@ -102,7 +140,7 @@ def metric(rho: int) -> Row:
 
 def measure(v: Row, rho: int) -> int:
     """√(|e|² + ρ²|ε|²)."""
-    return root(sum(times(w, times(x, x)) for w, x in zip(metric(rho), v, strict=True)))
+    return root(sum([times(w, times(x, x)) for w, x in zip(metric(rho), v, strict=True)]))
 
 
 def outer_sum(Q1: Square, Q2: Square, weights: Row) -> Square:
@@ -113,11 +151,9 @@ def outer_sum(Q1: Square, Q2: Square, weights: Row) -> Square:
     """
     if Q1 == NOTHING or Q2 == NOTHING:
         return Q1 if Q2 == NOTHING else Q2
-    Q1, Q2 = blurred(Q1), blurred(Q2)
-    s1, s2 = (root(sum(times(weights[a], Q[a][a]) for a in SIX)) for Q in (Q1, Q2))
+    s1, s2 = (root(sum([times(weights[a], Q[a][a] + BLUR) for a in SIX])) for Q in (Q1, Q2))
     p = min(max(over(s1, s2), _LEAST), _MOST)
     # Rounded up, so that 1/α + 1/β ≤ 1 holds of the two factors whatever p is.
     alpha, beta = ONE + (ONE << BITS) // p + 1, ONE + p
-    return square_of(
-        [(alpha * x + beta * y) >> BITS for x, y in zip(r1, r2, strict=True)] for r1, r2 in zip(Q1, Q2, strict=True)
-    )
+    blur = (alpha + beta) * BLUR
+    return symmetric([(alpha * Q1[a][b] + beta * Q2[a][b] + (blur if a == b else 0)) >> BITS for a, b in _UPPER])

@@ -7,23 +7,22 @@ at zero, and, when a contact m is being made, goes on until it touches. Measured
     e(s) = (1 − s)(ẽ₀ + Σ T^S_i t_i) + s (ẽ₁ + Σ T^G_i t_i),   |t_i| ≤ thickness_i,
 
 ẽ₀ in the start set without its old thickness, ẽ₁ = Π(ẽ₀ + drift), T^S and T^G dual to the contacts' rows at either
-end. A row's linear part is therefore bounded at the two ends, and its remainder by the formula of `rows`. Thickness is
+end. A row's linear part is therefore bounded at the two ends, and its remainder by `remainder`. Thickness is
 what a contact's own row leaves: its remainder, and its value at the nominal poses.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 from fmopt.verify.assembly import Assembly, Touch
 from fmopt.verify.errors import ErrorSet
 from fmopt.verify.linear import (
+    NO_ROW,
     blurred,
     complement,
     congruent,
-    diagonal,
     dual,
     gram,
     image,
@@ -32,11 +31,14 @@ from fmopt.verify.linear import (
     outer_sum,
     row_of,
     seen,
+    spheres,
     square_of,
     stretched,
+    weighted,
     without,
 )
 from fmopt.verify.rational import (
+    BITS,
     ONE,
     SLACK,
     ArithmeticRefusal,
@@ -55,7 +57,8 @@ from fmopt.verify.rational import (
     transposed,
     width,
 )
-from fmopt.verify.rows import Distance, Extent, Pose, coarse, remainder, size
+from fmopt.verify.remainder import Extent, coarse, remainder, size
+from fmopt.verify.rows import DirectionAlong, Distance, Function, PointAbove, Pose
 
 _HALF = ONE >> 1
 
@@ -108,6 +111,8 @@ class Motion:
     Attributes:
         twist: V = (Δ, ω).
         motion: the part of V inside the held contacts.
+        held, made: functions of the contacts held, and of the one being made, or None.
+        felt: the row of the contact being made at the goal, as errors inside the held contacts feel it.
         start_slack: thickness at the start, as generators.
         overtravel: bound of how much longer or shorter than V an execution's piece can be, as a share of V.
         goal_errors: error set at the end.
@@ -129,87 +134,164 @@ class Motion:
         if self.length < ONE >> 40:
             raise ArithmeticRefusal("a piece of motion goes nowhere")
         self.extent = Extent(turn, length(turn), travel, task.theta, task.angles, task.box)
+        self._ends: dict[Function, tuple[Distance, Distance]] = {}
+        self._nominal: dict[Function, int] = {}
+        self._rest: dict[Function, int] = {}
+        self._at_start: dict[Function, int] = {}
+        self._at_goal: dict[Function, int] = {}
+        self._lowest: dict[Function, int] = {}
+        self._blurs: dict[tuple[int, int, int], int] = {}
         self._hold()
         self._make()
         self._thicken()
         self.overtravel = self._overtravel()
         self._carry()
 
-    def rest(self, start: Distance, goal: Distance) -> int:
-        """The remainder of a row."""
-        return remainder(start, goal, self.extent)
+    def ends(self, function: Function) -> tuple[Distance, Distance]:
+        """A function's row at the start and at the goal."""
+        found = self._ends.get(function)
+        if found is None:
+            found = self._ends[function] = function.at(self.task.start), function.at(self.task.goal)
+        return found
 
-    def lowest(self, start: Distance, goal: Distance) -> int:
-        """Certified lower bound of a row over the piece."""
-        first = start.f - self.errors.core_support(start.N) - spread(self.start_slack, start.N)
-        second = goal.f - self.goal_errors.support(goal.N)
-        return min(first, second) - self.rest(start, goal) - SLACK
+    def rest(self, function: Function) -> int:
+        """The remainder of a function's row."""
+        found = self._rest.get(function)
+        if found is None:
+            found = self._rest[function] = remainder(*self.ends(function), self.extent)
+        return found
 
-    def at_start(self, start: Distance, goal: Distance) -> int:
-        """Certified lower bound of a row at the start of the piece."""
-        first = start.f - self.errors.core_support(start.N) - spread(self.start_slack, start.N)
-        return first - self.rest(start, goal) - SLACK
+    def nominal(self, function: Function) -> int:
+        """The lesser of a function's values at the nominal poses of both ends; `lowest` is less."""
+        found = self._nominal.get(function)
+        if found is None:
+            found = self._nominal[function] = min(function.value(self.task.start), function.value(self.task.goal))
+        return found
 
-    def at_goal(self, goal: Distance) -> int:
-        """Certified lower bound of a row when the piece has ended."""
-        return goal.f - self.goal_errors.support(goal.N) - remainder(goal, goal, self.extent.standing()) - SLACK
+    def lowest(self, function: Function) -> int:
+        """Certified lower bound of a function over the piece."""
+        found = self._lowest.get(function)
+        if found is None:
+            start, goal = self.ends(function)
+            if start.f <= goal.f:
+                found = start.f - self._first(function)
+                if goal.f - self._boxed(goal.N) < found:
+                    found = min(found, goal.f - self._second(function))
+            else:
+                found = goal.f - self._second(function)
+                if start.f - self._boxed(start.N) < found:
+                    found = min(found, start.f - self._first(function))
+            found = self._lowest[function] = found - self.rest(function) - SLACK
+        return found
 
-    def far(self, start: Distance, goal: Distance) -> int:
-        """A quick lower bound of a row, never above `lowest`: the errors' whole box instead of their sets."""
-        errors = self._offset + times(self.task.theta, size(start, goal))
-        return min(start.f, goal.f) - errors - coarse(start, goal, self.extent) - 2 * SLACK
+    def highest(self, function: Function) -> int:
+        """Certified upper bound of a function over the piece."""
+        start, goal = self.ends(function)
+        found = max(start.f + self._first(function), goal.f + self._second(function))
+        return found + self.rest(function) + SLACK
+
+    def at_start(self, function: Function) -> int:
+        """Certified lower bound of a function at the start of the piece."""
+        return self.ends(function)[0].f - self._first(function) - self.rest(function) - SLACK
+
+    def at_goal(self, function: Function) -> tuple[int, int]:
+        """Certified lower and upper bound of a function when the piece has ended."""
+        goal = self.ends(function)[1]
+        off = self._second(function) + remainder(goal, goal, self.extent.standing) + SLACK
+        return goal.f - off, goal.f + off
+
+    def _first(self, function: Function) -> int:
+        """By how much the errors at the start may change a function's linear part."""
+        found = self._at_start.get(function)
+        if found is None:
+            N = self.ends(function)[0].N
+            found = self._at_start[function] = self.errors.core_support(N) + spread(self.start_slack, N)
+        return found
+
+    def _second(self, function: Function) -> int:
+        """By how much the errors at the goal may change a function's linear part."""
+        found = self._at_goal.get(function)
+        if found is None:
+            found = self._at_goal[function] = self.goal_errors.support(self.ends(function)[1].N)
+        return found
+
+    def _boxed(self, N: Row) -> int:
+        """A quick bound of `_first` and `_second` by the box around all errors."""
+        (a, b, c, d, e, f), (u, v, w, x, y, z) = N, self.half
+        return ((abs(a) * u + abs(b) * v + abs(c) * w + abs(d) * x + abs(e) * y + abs(f) * z) >> BITS) + SLACK
+
+    def far(self, function: Function) -> int:
+        """A quick lower bound of a function: `lowest` is above it where the errors are in their stated box."""
+        return self.nominal(function) - self._blur(function, self.extent.offset, self.task.theta)
+
+    def blur(self, function: Function) -> int:
+        """A quick bound of what `lowest` and `at_goal` take off nominal values, by the derived box of the errors."""
+        offset, angle = self._reach
+        # A row that measures an angle is the same at all positions.
+        return self._blur(function, 0 if isinstance(function, DirectionAlong) else offset, angle)
 
     @cached_property
-    def _offset(self) -> int:
-        return length(self.task.box)
+    def _reach(self) -> tuple[int, int]:
+        """Bounds of |e| and |ε| over the errors of the piece."""
+        x, y, z, a, b, c = self.half
+        return length((x, y, z)), length((a, b, c))
 
-    def _rows(self, touches: Sequence[Touch], together: Sequence[Touch], X: Pose) -> list[Distance]:
-        return [self.assembly.function(t, together, X) for t in touches]
+    def _blur(self, function: Function, offset: int, angle: int) -> int:
+        """How much errors |e| ≤ offset and |ε| ≤ angle can take off a function, at most; |N·e| ≤ |e| + size |ε|."""
+        if isinstance(function, (PointAbove, DirectionAlong)):
+            key = function.reach, offset, angle
+            if key not in self._blurs:
+                shift = times(angle, function.reach) + times(self.extent.kappa, function.reach) + 9
+                self._blurs[key] = offset + shift + 2 * SLACK
+            return self._blurs[key]
+        start, goal = self.ends(function)
+        return offset + times(angle, size(start, goal)) + coarse(start, goal, self.extent) + 2 * SLACK
 
     def _hold(self) -> None:
-        """Rows of the held contacts, and the projection along their directions."""
+        """Functions of the held contacts, and the projection along their directions."""
         task = self.task
-        self.contacts = [t for t, _ in task.held]
-        self.directions = [c for _, c in task.held]
-        self.held_start = self._rows(self.contacts, task.state, task.start)
-        self.held_goal = self._rows(self.contacts, task.state, task.goal)
-        self.start_dual, _ = dual(self.directions, [d.N for d in self.held_start])
-        rows = [d.N for d in self.held_goal]
+        self.held = [self.assembly.function(t, task.state) for t, _ in task.held]
+        self.directions = tuple(c for _, c in task.held)
+        ends = [self.ends(function) for function in self.held]
+        self.start_dual, _ = dual(self.directions, tuple(start.N for start, _ in ends))
+        rows = tuple(goal.N for _, goal in ends)
         self.held_dual, _ = dual(self.directions, rows)
         self.hold = complement(self.held_dual, rows)
         self.motion = image(self.hold, self.twist)
 
     def _make(self) -> None:
-        """The row of the contact being made, its direction, and the projection Π along both."""
+        """The function of the contact being made, its direction, and the projection Π along both."""
         task = self.task
-        self.projector, self.rate = self.hold, 0
-        self.made_rows: tuple[Distance, Distance] | None = None
+        self.projector, self.rate, self.felt = self.hold, 0, NO_ROW
+        self.made: Function | None = None
         self.made_direction: Row | None = None
         if task.made is None:
             return
-        start, goal = (self.assembly.made(task.made, task.state, X) for X in (task.start, task.goal))
-        self.made_rows = start, goal
+        self.made = self.assembly.made(task.made, task.state)
+        goal = self.ends(self.made)[1]
         self.rate = -row_dot(goal.N, self.motion)
         if self.rate <= ONE >> 32:
             raise ArithmeticRefusal("the motion does not lead to the contact that it is to make")
         size = measure(self.motion, task.rho)
         self.made_direction = row_of(over(x, size) for x in self.motion)
         column = row_of(over(times(task.share, x), -self.rate) for x in self.motion)
-        self.projector = without(self.hold, column, seen(goal.N, self.hold))
+        self.felt = seen(goal.N, self.hold)
+        self.projector = without(self.hold, column, self.felt)
 
     def _thicken(self) -> None:
         """Thickness of the contact surfaces at both ends, and by how much it delays the touch (a share of V)."""
-        task, core = self.task, self.errors.core_support
-        self.start_thickness = [
-            self.rest(s, g) + max(abs(s.f) + core(s.N), abs(g.f)) + SLACK
-            for s, g in zip(self.held_start, self.held_goal, strict=True)
-        ]
+        self.start_thickness = []
+        for function in self.held:
+            start, goal = self.ends(function)
+            off = max(abs(start.f) + self.errors.core_support(start.N), abs(goal.f))
+            self.start_thickness.append(self.rest(function) + off + SLACK)
         self.thickness, self.goal_dual, self.delay = list(self.start_thickness), self.held_dual, 0
-        if self.made_rows is None or not task.last:
+        if self.made is None or not self.task.last:
             return
-        start, goal = self.made_rows
-        self.goal_dual, solved = dual([*self.directions, self.motion], [*(d.N for d in self.held_goal), goal.N])
-        self.thickness.append(self.rest(start, goal) + abs(goal.f) + self._left(goal.N) + SLACK)
+        goal = self.ends(self.made)[1]
+        rows = tuple(self.ends(function)[1].N for function in (*self.held, self.made))
+        self.goal_dual, solved = dual((*self.directions, self.motion), rows)
+        self.thickness.append(self.rest(self.made) + abs(goal.f) + self._left(goal.N) + SLACK)
         self.delay = sum(times(abs(c), t) for c, t in zip(solved[-1], self.thickness, strict=True)) + SLACK
 
     @property
@@ -224,16 +306,17 @@ class Motion:
     def _left(self, N: Row) -> int:
         """What the projected errors leave of a row: nothing but rounding when contacts are consistent."""
         left = seen(N, self.projector)
-        offset = self._offset + 2 * times(self.task.rates[0], self.length)
+        offset = self.extent.offset + 2 * times(self.task.rates[0], self.length)
         return times(length(left[:3]), offset) + times(length(left[3:]), self._wide) + 1
 
     def _carry(self) -> None:
         """The error set at the end, and the box around the errors of the whole piece."""
         weights = metric(self.task.rho)
         growth, shape = (congruent(self.projector, Q) for Q in (self.errors.growth, self.errors.shape))
-        for entries in self._drift():
-            if any(entries):
-                extra = congruent(self.projector, diagonal(entries))
+        straight, round_ = spheres(self.projector)
+        for a, b in self._drift():
+            if a or b:
+                extra = weighted(a, straight, b, round_)
                 growth, shape = outer_sum(growth, extra, weights), outer_sum(shape, extra, weights)
         self.start_slack = [stretched(t, c) for t, c in zip(self.start_thickness, self.start_dual, strict=True)]
         thick = tuple(stretched(t, c) for t, c in zip(self.thickness, self.goal_dual, strict=True))
@@ -256,9 +339,9 @@ class Motion:
         It makes up for the error of the start, for the drift (of the longer way), for what the extra turn adds to
         second order, and for the thickness: o = φ(o_start + η(1 + o) + ζ o) + delay, solved for o.
         """
-        if self.made_rows is None:
+        if self.made is None:
             return 0
-        N = seen(self.made_rows[1].N, self.hold)
+        N = self.felt
         eta = over(times(self.cone(N), self.length), self.rate) + 1
         zeta = over(times(times(self._wide, self.extent.turn), length(N[3:])) * 3 // 4, self.rate) + 1
         late = over(spread(self.errors.core, N) + width(self.errors.growth, N), self.rate) + 1
@@ -267,8 +350,8 @@ class Motion:
             raise ArithmeticRefusal("drift could carry the part past the contact that it is to make")
         return over(times(self.task.share, late + eta) + self.delay, rest) + 1
 
-    def _drift(self) -> tuple[list[int], list[int]]:
-        """Squared radii of the drift, and of what overtravel adds to it: log(eᵃeᵇ) against a + b.
+    def _drift(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Squared radii in e and in ε of the drift, and of what overtravel adds to it: log(eᵃeᵇ) against a + b.
 
         For |a| + |b| ≤ 1/2 the two differ by at most |a||b|(1 + |a| + |b|)/2.
         """
@@ -279,4 +362,4 @@ class Motion:
         if overtravel > ONE or wide + swung > _HALF:
             raise ArithmeticRefusal("errors are too large for the bounds of this check")
         c = times(times(wide, swung) >> 1, ONE + wide + swung) + 1 if swung else 0
-        return [times(a, a)] * 3 + [times(b, b)] * 3, [0] * 3 + [times(c, c)] * 3
+        return (times(a, a), times(b, b)), (0, times(c, c))

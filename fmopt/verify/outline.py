@@ -26,7 +26,7 @@ def check_outline(document: Any, plan: Plan, notes: Notes) -> None:
     Raises:
         PlanError: something has the wrong form.
     """
-    top = Reader(document, "")
+    top = Reader(document)
     if plan.not_covered != NOT_COVERED:
         notes.add("not_covered", "does not say what plans of this kind leave out")
     if top.has("nominal"):

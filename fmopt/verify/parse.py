@@ -55,7 +55,7 @@ def parse(document: Any) -> Plan:
     Raises:
         PlanError: something is missing, unknown, of the wrong type or out of range.
     """
-    top = Reader(document, "")
+    top = Reader(document)
     if not isinstance(document, dict):
         raise top.fail("must be an object")
     top.at("format").text([FORMAT])

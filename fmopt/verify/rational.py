@@ -21,6 +21,7 @@ BLUR = 1 << (BITS - 160)
 SLACK = 1 << (BITS - 75)
 _WIDE_BLUR = BLUR << BITS
 _LARGEST_INVERSE = ONE << 16
+_UNIT = 2.0**-BITS  # a power of two: products with it are not rounded
 
 Vector = tuple[int, int, int]
 Matrix = tuple[Vector, Vector, Vector]
@@ -37,12 +38,13 @@ class ArithmeticRefusal(ValueError):
 def fixed(x: float) -> int:
     """The float x in fixed point."""
     numerator, denominator = x.as_integer_ratio()
-    return (numerator << BITS) // denominator
+    # The denominator is a power of two: to divide by it is to shift.
+    return (numerator << BITS) >> (denominator.bit_length() - 1)
 
 
 def number(x: int) -> float:
     """The float nearest to a fixed-point number."""
-    return x / ONE
+    return float(x) * _UNIT
 
 
 def vector(x: Sequence[float]) -> Vector:
@@ -72,12 +74,16 @@ def root(x: int) -> int:
 
 def add(u: Vector, v: Vector) -> Vector:
     """u + v."""
-    return (u[0] + v[0], u[1] + v[1], u[2] + v[2])
+    a, b, c = u
+    x, y, z = v
+    return (a + x, b + y, c + z)
 
 
 def sub(u: Vector, v: Vector) -> Vector:
     """u − v."""
-    return (u[0] - v[0], u[1] - v[1], u[2] - v[2])
+    a, b, c = u
+    x, y, z = v
+    return (a - x, b - y, c - z)
 
 
 def neg(u: Vector) -> Vector:
@@ -87,21 +93,22 @@ def neg(u: Vector) -> Vector:
 
 def dot(u: Vector, v: Vector) -> int:
     """u·v."""
-    return (u[0] * v[0] + u[1] * v[1] + u[2] * v[2]) >> BITS
+    a, b, c = u
+    x, y, z = v
+    return (a * x + b * y + c * z) >> BITS
 
 
 def cross(u: Vector, v: Vector) -> Vector:
     """u × v."""
-    return (
-        (u[1] * v[2] - u[2] * v[1]) >> BITS,
-        (u[2] * v[0] - u[0] * v[2]) >> BITS,
-        (u[0] * v[1] - u[1] * v[0]) >> BITS,
-    )
+    a, b, c = u
+    x, y, z = v
+    return ((b * z - c * y) >> BITS, (c * x - a * z) >> BITS, (a * y - b * x) >> BITS)
 
 
 def length(u: Vector) -> int:
     """|u|, rounded up."""
-    return isqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]) + 1
+    a, b, c = u
+    return isqrt(a * a + b * b + c * c) + 1
 
 
 def scaled(s: int, u: Vector) -> Vector:
@@ -119,7 +126,9 @@ def unit(u: Vector) -> Vector:
 
 def turned(R: Matrix, v: Vector) -> Vector:
     """R v."""
-    return (dot(R[0], v), dot(R[1], v), dot(R[2], v))
+    (a, b, c), (d, e, f), (g, h, i) = R
+    x, y, z = v
+    return ((a * x + b * y + c * z) >> BITS, (d * x + e * y + f * z) >> BITS, (g * x + h * y + i * z) >> BITS)
 
 
 def transposed(R: Matrix) -> Matrix:
@@ -131,8 +140,7 @@ def transposed(R: Matrix) -> Matrix:
 def product(A: Matrix, B: Matrix) -> Matrix:
     """A B."""
     columns = transposed(B)
-    rows = [(dot(r, columns[0]), dot(r, columns[1]), dot(r, columns[2])) for r in A]
-    return (rows[0], rows[1], rows[2])
+    return (turned(columns, A[0]), turned(columns, A[1]), turned(columns, A[2]))
 
 
 def exponential(r: Vector) -> Matrix:
@@ -175,25 +183,32 @@ def logarithm(R: Matrix) -> Vector:
 
 def row_dot(g: Row, n: Row) -> int:
     """g·n for six numbers each."""
-    return (g[0] * n[0] + g[1] * n[1] + g[2] * n[2] + g[3] * n[3] + g[4] * n[4] + g[5] * n[5]) >> BITS
+    a, b, c, d, e, f = g
+    u, v, w, x, y, z = n
+    return (a * u + b * v + c * w + d * x + e * y + f * z) >> BITS
 
 
 def spread(generators: Sequence[Row], n: Row) -> int:
     """Σ|g·n| over generators, rounded up."""
     a, b, c, d, e, f = n
     total = 0
-    for g in generators:
-        total += abs(g[0] * a + g[1] * b + g[2] * c + g[3] * d + g[4] * e + g[5] * f)
+    for u, v, w, x, y, z in generators:
+        total += abs(u * a + v * b + w * c + x * d + y * e + z * f)
     return (total >> BITS) + 1
 
 
 def width(Q: Square, n: Row) -> int:
-    """√(nᵀ Q n), rounded up by at most √BLUR."""
+    """√(nᵀ Q n) of a symmetric Q, rounded up by at most √BLUR; what is below its diagonal counts by what is above."""
     a, b, c, d, e, f = n
-    total = 0
-    for q, x in zip(Q, n, strict=True):
-        if x:
-            total += ((q[0] * a + q[1] * b + q[2] * c + q[3] * d + q[4] * e + q[5] * f) >> BITS) * x
+    (aa, ab, ac, ad, ae, af), (_, bb, bc, bd, be, bf), (_, _, cc, cd, ce, cf) = Q[0], Q[1], Q[2]
+    dd, de, df, ee, ef, ff = Q[3][3], Q[3][4], Q[3][5], Q[4][4], Q[4][5], Q[5][5]
+    # In e, in ε, and between the two.
+    total = ((dd * d + ((de * e + df * f) << 1)) >> BITS) * d + ((ee * e + ((ef * f) << 1)) >> BITS) * e
+    total += ((ff * f) >> BITS) * f
+    if a or b or c:
+        total += ((aa * a + ((ab * b + ac * c + ad * d + ae * e + af * f) << 1)) >> BITS) * a
+        total += ((bb * b + ((bc * c + bd * d + be * e + bf * f) << 1)) >> BITS) * b
+        total += ((cc * c + ((cd * d + ce * e + cf * f) << 1)) >> BITS) * c
     return isqrt(max(total, 0) + _WIDE_BLUR) + 1
 
 
@@ -204,20 +219,30 @@ def inverse(A: Sequence[Sequence[int]]) -> list[list[int]]:
         ArithmeticRefusal: an entry of the inverse exceeds 2¹⁶, or there is none.
     """
     n = len(A)
-    M = [[*r, *(1 if i == j else 0 for j in range(n))] for i, r in enumerate(A)]
-    previous = 1
+    # The power of two that all entries share changes nothing but the last division.
+    shift = min((min(x & -x for x in r if x).bit_length() - 1 for r in A if any(r)), default=0)
+    M = [[x >> shift for x in r] for r in A]
+    order, previous = list(range(n)), 1
     for k in range(n):
         pivot = max(range(k, n), key=lambda i: abs(M[i][k]))
         if M[pivot][k] == 0:
             raise ArithmeticRefusal("contacts and directions are not independent")
         M[k], M[pivot] = M[pivot], M[k]
-        p, base = M[k][k], M[k]
+        order[k], order[pivot] = order[pivot], order[k]
+        base = M[k]
+        p = base[k]
         for i in range(n):
             if i != k:
                 factor = M[i][k]
                 M[i] = [(p * x - factor * y) // previous for x, y in zip(M[i], base, strict=True)]
+                # What was eliminated makes room for a column of the inverse.
+                M[i][k] = -factor
+        base[k] = previous
         previous = p
-    result = [[(x << (2 * BITS)) // M[i][i] for x in M[i][n:]] for i in range(n)]
+    result = [[0] * n for _ in range(n)]
+    for i, r in enumerate(M):
+        for k, x in zip(order, r, strict=True):
+            result[i][k] = (x << (2 * BITS - shift)) // previous
     if any(abs(x) > _LARGEST_INVERSE for r in result for x in r):
         raise ArithmeticRefusal("contacts hardly depend on their compliant directions")
     return result

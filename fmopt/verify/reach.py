@@ -31,16 +31,15 @@ class Contact(NamedTuple):
 
     def sliding(self, V: Numbers) -> float:
         """The speed at which the contact point slides along the contact for the twist V."""
-        turned = cross(V[3:], self.arm)
-        velocity = [v + w for v, w in zip(V[:3], turned, strict=True)]
-        normal = self.wrench[:3]
-        along = sum(v * n for v, n in zip(velocity, normal, strict=True))
-        return math.hypot(*(v - along * n for v, n in zip(velocity, normal, strict=True)))
+        u, v, w = cross(V[3:], self.arm)
+        x, y, z = V[0] + u, V[1] + v, V[2] + w
+        a, b, c = self.wrench[:3]
+        along = x * a + y * b + z * c
+        return math.hypot(x - along * a, y - along * b, z - along * c)
 
 
 def unit_wrench(touch: Touch, X: Pose) -> Contact:
     """The contact with its wrench at a pose."""
-    p = doubles(X.p)
     if touch.kind == "edge-edge":
         (a, b), (q, r) = (_placed(v, X) for v in touch.moving), (doubles(w) for w in touch.fixed)
         own, other = _sub(b, a), _sub(r, q)
@@ -56,7 +55,7 @@ def unit_wrench(touch: Touch, X: Pose) -> Contact:
         assert touch.plane is not None
         normal = tuple(-x for x in _turned(touch.plane.normal, X))
         point = doubles(touch.fixed[0])
-    arm = _sub(point, p)
+    arm = _sub(point, X.in_doubles[0])
     return Contact(point, arm, (*normal, *cross(arm, normal)))
 
 
@@ -65,7 +64,7 @@ def touching(assembly: Assembly, touch: Touch, X: Pose) -> float:
     if touch.kind == "vertex-face":
         return _inside(assembly.fixed, touch.face, _placed(touch.moving[0], X))
     if touch.kind == "face-vertex":
-        away = _sub(doubles(touch.fixed[0]), doubles(X.p))
+        away = _sub(doubles(touch.fixed[0]), X.in_doubles[0])
         return _inside(assembly.moving, touch.face, tuple(dot(doubles(line), away) for line in transposed(X.R)))
     (a, b), (q, r) = (_placed(v, X) for v in touch.moving), (doubles(w) for w in touch.fixed)
     own, other = _sub(b, a), _sub(r, q)
@@ -88,7 +87,7 @@ def _inside(shape: Shape, face: int, point: Numbers) -> float:
     u, v = (axis + 1) % 3, (axis + 2) % 3
     within, nearest = False, math.inf
     for loop in shape.faces[face].loops:
-        corners = [doubles(shape.vertices[i]) for i in loop]
+        corners = [shape.in_doubles[i] for i in loop]
         for a, b in zip(corners, (*corners[1:], corners[0]), strict=True):
             edge, off = _sub(b, a), _sub(point, a)
             share = min(max(dot(edge, off) / dot(edge, edge), 0.0), 1.0)
@@ -101,12 +100,14 @@ def _inside(shape: Shape, face: int, point: Numbers) -> float:
 
 def _turned(v: Sequence[int], X: Pose) -> Numbers:
     w = doubles(v)
-    return tuple(dot(doubles(line), w) for line in X.R)
+    return tuple([dot(line, w) for line in X.in_doubles[1]])
 
 
 def _placed(v: Sequence[int], X: Pose) -> Numbers:
-    return tuple(x + y for x, y in zip(_turned(v, X), doubles(X.p), strict=True))
+    a, b, c = _turned(v, X)
+    x, y, z = X.in_doubles[0]
+    return (a + x, b + y, c + z)
 
 
 def _sub(a: Numbers, b: Numbers) -> Numbers:
-    return tuple(x - y for x, y in zip(a, b, strict=True))
+    return tuple([x - y for x, y in zip(a, b, strict=True)])

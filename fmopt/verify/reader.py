@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import Any
 
 from fmopt.verify.document import Numbers, PlanError
@@ -12,9 +12,20 @@ from fmopt.verify.document import Numbers, PlanError
 class Reader:
     """A place in the document: takes values out of it and says where when they are wrong."""
 
-    def __init__(self, value: Any, path: str) -> None:
+    __slots__ = ("_above", "_step", "value")
+
+    def __init__(self, value: Any, above: Reader | None = None, step: str = "") -> None:
         self.value = value
-        self.path = path
+        self._above = above
+        self._step = step
+
+    @property
+    def path(self) -> str:
+        """Where in the document this is, such as "segments[2].tube"."""
+        if self._above is None:
+            return self._step
+        before = self._above.path
+        return f"{before}.{self._step}" if before and not self._step.startswith("[") else before + self._step
 
     def fail(self, message: str) -> PlanError:
         """The error that says what is wrong here."""
@@ -26,17 +37,20 @@ class Reader:
             raise self.fail("must be an object")
         if key not in self.value:
             raise self.fail(f"lacks the key {key!r}")
-        return Reader(self.value[key], f"{self.path}.{key}" if self.path else key)
+        return Reader(self.value[key], self, key)
 
     def has(self, key: str) -> bool:
         """Whether this is an object with the key."""
         return isinstance(self.value, dict) and key in self.value
 
-    def only(self, required: Iterable[str], optional: Iterable[str] = ()) -> Reader:
+    def only(self, required: Collection[str], optional: Iterable[str] = ()) -> Reader:
         """This object, which must have the required keys and no others than the optional ones."""
         for key in required:
-            self.at(key)
-        unknown = sorted(str(key) for key in set(self.value) - set(required) - set(optional))
+            if not self.has(key):
+                self.at(key)
+        if len(self.value) == len(required):
+            return self
+        unknown = sorted(str(key) for key in self.value.keys() - {*required, *optional})
         if unknown:
             raise self.fail(f"unknown key {unknown[0]!r}: what this check does not know it cannot vouch for")
         return self
@@ -47,7 +61,7 @@ class Reader:
             raise self.fail("must be a list")
         if len(self.value) < least or (exact is not None and len(self.value) != exact):
             raise self.fail(f"must have {f'{exact}' if exact is not None else f'at least {least}'} entries")
-        return [Reader(item, f"{self.path}[{i}]") for i, item in enumerate(self.value)]
+        return [Reader(item, self, f"[{i}]") for i, item in enumerate(self.value)]
 
     def number(self, low: float = -1e6, high: float = 1e6) -> float:
         """A finite number within limits."""
@@ -60,7 +74,14 @@ class Reader:
         return float(self.value)
 
     def numbers(self, count: int, low: float = -1e6, high: float = 1e6) -> Numbers:
-        """A list of exactly so many numbers, each within limits."""
+        """A list of exactly so many numbers, each within limits, which are finite."""
+        values = self.value
+        if isinstance(values, list) and len(values) == count:
+            for x in values:
+                if type(x) is not float or not low <= x <= high:
+                    break
+            else:
+                return tuple(values)
         return tuple(item.number(low, high) for item in self.items(exact=count))
 
     def matrix(self, rows: int | None) -> tuple[Numbers, ...]:

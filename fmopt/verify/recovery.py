@@ -38,11 +38,10 @@ from fmopt.verify.rational import (
     sub,
     times,
     transposed,
-    turned,
     vector,
 )
 from fmopt.verify.reader import Reader
-from fmopt.verify.rows import Pose, pose
+from fmopt.verify.rows import pose
 from fmopt.verify.solids import NEAR, Shape
 
 MOST = 64  # retries
@@ -56,13 +55,19 @@ class _Lift(NamedTuple):
     turn: float
 
 
-def check_recovery(document: Any, plan: Plan, notes: Notes) -> None:
+def check_recovery(document: Any, plan: Plan, parts: tuple[Shape, Shape], notes: Notes) -> None:
     """Judges the recovery that a plan offers; a plan without any is not judged.
+
+    Args:
+        document: the plan as JSON gives it.
+        plan: the same, parsed.
+        parts: its moving and its fixed part.
+        notes: takes what is wrong.
 
     Raises:
         PlanError: something has the wrong form.
     """
-    top = Reader(document, "")
+    top = Reader(document)
     if not top.has("recovery"):
         return
     place = top.at("recovery").only(("lift", "why", "retries", "covers", "moves", "not_covered"))
@@ -75,11 +80,11 @@ def check_recovery(document: Any, plan: Plan, notes: Notes) -> None:
         raise place.at("retries").fail(f"must have at most {MOST} entries")
     covers = place.at("covers").numbers(6, 0.0, 8.0)
     try:
-        _check_moves(place.at("moves"), plan, lift, len(retries), notes)
+        _check_moves(place.at("moves"), plan, parts[0], lift, len(retries), notes)
         if lift is not None:
-            _check_lift(lift, plan, notes)
+            _check_lift(lift, parts[1], notes)
         if lift is not None and retries:
-            _check_carrying(lift, plan, notes)
+            _check_carrying(lift, plan, parts, notes)
     except ArithmeticRefusal as error:
         notes.add("recovery", str(error))
     if retries and lift is None:
@@ -107,14 +112,14 @@ def underside(shape: Shape) -> int:
     return max(heights, default=min(v[2] for v in shape.vertices))
 
 
-def _check_lift(lift: _Lift, plan: Plan, notes: Notes) -> None:
-    highest = underside(Shape(plan.fixed.body))
+def _check_lift(lift: _Lift, part: Shape, notes: Notes) -> None:
+    highest = underside(part)
     if lift.above < highest:
         short = number(highest - lift.above)
         notes.add("recovery.lift.above", f"a face of the fixed part looks down {micrometres(short)} above it", short)
 
 
-def _check_moves(place: Reader, plan: Plan, lift: _Lift | None, retries: int, notes: Notes) -> None:
+def _check_moves(place: Reader, plan: Plan, part: Shape, lift: _Lift | None, retries: int, notes: Notes) -> None:
     """That each move backs off only where the part stays above what it could be lifted into."""
     entries = place.items()
     numbers = sorted({segment.move for segment in plan.segments})
@@ -129,7 +134,6 @@ def _check_moves(place: Reader, plan: Plan, lift: _Lift | None, retries: int, no
     if [entry.at("move").integer() for entry in entries] != numbers:
         notes.add("recovery.moves", "must have one entry for each move, in order")
         return
-    shape = Shape(plan.moving.body)
     for entry in entries:
         move = entry.at("move").integer()
         offered, what = entry.at("back_off").flag(), f"recovery.moves[{move}]"
@@ -138,7 +142,7 @@ def _check_moves(place: Reader, plan: Plan, lift: _Lift | None, retries: int, no
                 notes.add(what, "backs off although the plan has no lift")
             continue
         pieces = [s for s in plan.segments if s.move == move]
-        room = min(lowest(shape, s, plan.rho) for s in pieces) - lift.above - SLACK
+        room = min(lowest(part, s, plan.rho) for s in pieces) - lift.above - SLACK
         stated = entry.at("room").number()
         if fixed(stated) > room:
             notes.add(what, f"{micrometres(stated)} of room are stated, only {micrometres(number(room))} follow")
@@ -157,38 +161,37 @@ def lowest(shape: Shape, segment: Segment, rho: float) -> int:
     most = fixed(segment.hybrid.max_travel) if segment.hybrid is not None else way
     surplus = over(max(0, most - way), max(way, 1))
     further = times(surplus, length(turn))
+    angle, farther = times(length(turn), length(turn)), times(further, further)
+    down, tilts = fixed(segment.tube.box[2]), vector(segment.tube.angles)
     found = []
     for v, reach in zip(shape.vertices, shape.lengths, strict=True):
-        bow = times(reach, times(length(turn), length(turn))) >> 3
-        fall = -(shift[2] + cross(turn, turned(goal.R, v))[2])
-        after = times(surplus, max(0, fall)) + (times(reach, times(further, further)) >> 1)
-        sunk = max(_sunk(X, v, reach, segment.tube.box[2], segment.tube.angles) for X in (start, goal))
+        bow = times(reach, angle) >> 3
+        fall = -(shift[2] + cross(turn, goal.turned(v))[2])
+        after = times(surplus, max(0, fall)) + (times(reach, farther) >> 1)
+        sunk = max(_sunk(X.turned(v), reach, down, tilts) for X in (start, goal))
         ends = (start.apply(v)[2], goal.apply(v)[2])
         found.append(min(min(ends) - bow, ends[1] - after) - sunk)
     return min(found)
 
 
-def _sunk(X: Pose, v: Vector, reach: int, down: float, angles: Sequence[float]) -> int:
-    """By how much errors of at most so much in height and angle may lower a point of the part.
+def _sunk(w: Vector, reach: int, down: int, tilts: Vector) -> int:
+    """By how much errors of at most so much in height and angle may lower a point of the part, at w = R v.
 
-    Turned by ε, w = R v goes by ε × w and |ε|² |w| / 2 at most beyond.
+    Turned by ε, it goes by ε × w and |ε|² |w| / 2 at most beyond.
     """
-    w = turned(X.R, v)
-    a, b, c = (fixed(angle) for angle in angles)
-    return fixed(down) + times(a, abs(w[1])) + times(b, abs(w[0])) + (times(reach, dot((a, b, c), (a, b, c))) >> 1) + 4
+    return down + times(tilts[0], abs(w[1])) + times(tilts[1], abs(w[0])) + (times(reach, dot(tilts, tilts)) >> 1) + 4
 
 
-def _check_carrying(lift: _Lift, plan: Plan, notes: Notes) -> None:
+def _check_carrying(lift: _Lift, plan: Plan, parts: tuple[Shape, Shape], notes: Notes) -> None:
     """That the part is above the fixed part as it is turned back, shifted and lowered to a start pose."""
-    shape = Shape(plan.moving.body)
-    top = max(v[2] for v in Shape(plan.fixed.body).vertices)
+    shape, top = parts[0], max(v[2] for v in parts[1].vertices)
     first = pose(plan.segments[0].start)
     angles = plan.start_box[3:]
     least, sums = fixed(math.cos(lift.turn)), []
     for segment in plan.segments:
         for X in (pose(segment.start), pose(segment.goal)):
-            R = product(X.R, transposed(first.R))
-            sums.append((R[0][0] + R[1][1] + R[2][2] - ONE) >> 1)
+            trace = sum(dot(line, other) for line, other in zip(X.R, first.R, strict=True))
+            sums.append((trace - ONE) >> 1)
     if min(sums) < least:
         notes.add("recovery.lift.turn", "a pose of the plan is turned further from the start")
     theta = fixed(lift.turn)
@@ -202,7 +205,7 @@ def _check_carrying(lift: _Lift, plan: Plan, notes: Notes) -> None:
     if min(heights) > lift.clear:
         notes.add("recovery.lift.clear", "is below the start")
     sunk = [
-        _sunk(first, v, reach, plan.start_box[2], angles)
+        _sunk(first.turned(v), reach, fixed(plan.start_box[2]), tilts)
         for v, reach in zip(shape.vertices, shape.lengths, strict=True)
     ]
     begun = min(height - loss for height, loss in zip(heights, sunk, strict=True)) - top - SLACK

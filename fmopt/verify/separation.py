@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from fmopt.verify.assembly import Assembly, Level, Touch
@@ -22,14 +22,11 @@ from fmopt.verify.rational import (
     scaled,
     sub,
     times,
-    turned,
     unit,
     vector,
 )
-from fmopt.verify.rows import Distance, Pose, direction_along, edges_apart, face_above, point_above
-from fmopt.verify.solids import NEAR, Line, Plane, Shape, line, on_line
-
-Function = Callable[[Pose], Distance]
+from fmopt.verify.rows import DirectionAlong, Distance, EdgesApart, FaceAbove, Function, PointAbove
+from fmopt.verify.solids import NEAR, Line, Plane, Shape, line, on_line, vanishes
 
 
 class WitnessError(ValueError):
@@ -96,28 +93,28 @@ def apart(assembly: Assembly, M: Shape, F: Shape, witness: Witness, motion: Moti
         functions = _fixed_plane_rows(assembly, M, F, witness, known)
     if not functions:
         raise WitnessError("every row is excused")
-    task = motion.task
-    rows = [(function(task.start), function(task.goal)) for function in functions]
-    clearance = min(min(s.f, g.f) for s, g in rows)
-    margin, tightest = least(motion, rows)
+    clearance = min([motion.nominal(function) for function in functions])
+    margin, tightest = least(motion, functions)
     if scale != ONE:
         margin, clearance = over(margin, scale), over(clearance, scale)
     return Apart(margin, clearance, tightest)
 
 
-def least(motion: Motion, rows: Sequence[tuple[Distance, Distance]]) -> tuple[int, tuple[Distance, Distance] | None]:
-    """The least certified bound of rows; rows that the errors' box keeps far away are not looked at closely."""
-    quick = sorted(((motion.far(s, g), k) for k, (s, g) in enumerate(rows)))
-    margin: int | None = None
-    tightest = None
-    for far, k in quick:
-        if margin is not None and far >= margin:
+def least(motion: Motion, functions: Sequence[Function]) -> tuple[int, tuple[Distance, Distance]]:
+    """The least certified bound of functions, with the row of the one that has it.
+
+    Those that the errors' box keeps far away are not looked at closely.
+    """
+    quick = sorted([(motion.far(function), k) for k, function in enumerate(functions)])
+    tightest = functions[quick[0][1]]
+    margin = motion.lowest(tightest)
+    for far, k in quick[1:]:
+        if far >= margin:
             break
-        found = motion.lowest(*rows[k])
-        if margin is None or found < margin:
-            margin, tightest = found, rows[k]
-    assert margin is not None
-    return margin, tightest
+        found = motion.lowest(functions[k])
+        if found < margin:
+            margin, tightest = found, functions[k]
+    return margin, motion.ends(tightest)
 
 
 def _face(shape: Shape, loop: tuple[int, ...]) -> int:
@@ -125,10 +122,6 @@ def _face(shape: Shape, loop: tuple[int, ...]) -> int:
     if found is None:
         raise WitnessError("names no face of the piece")
     return found
-
-
-def _point_row(v: Vector, reach: int, plane: Plane) -> Function:
-    return lambda X: point_above(X, v, reach, plane)
 
 
 def _fixed_plane_rows(assembly: Assembly, M: Shape, F: Shape, witness: Witness, known: Known) -> list[Function]:
@@ -144,19 +137,15 @@ def _fixed_plane_rows(assembly: Assembly, M: Shape, F: Shape, witness: Witness, 
         plane = F.supporting(_face(F, witness.fixed))
         done = known.facts.not_below(plane, M.vertices, known.above(assembly, plane))
     kept = [k for k in range(len(M.vertices)) if k not in done]
-    return [_point_row(M.vertices[k], M.lengths[k], plane) for k in kept]
+    return [PointAbove(plane, M.vertices[k], M.lengths[k]) for k in kept]
 
 
 def _moving_face_rows(assembly: Assembly, M: Shape, F: Shape, witness: Witness, known: Known) -> list[Function]:
     plane = M.supporting(_face(M, witness.moving))
     touching = [t for t in known.all if t.kind == "face-vertex"]
     on = [t.fixed[0] for t in touching if t.plane is not None and assembly.agree(t.plane, plane)]
-    kept = [w for w in F.vertices if not any(length(sub(w, x)) <= NEAR for x in on)]
-
-    def row(w: Vector) -> Function:
-        return lambda X: face_above(X, plane, w)
-
-    return [row(w) for w in kept]
+    kept = [w for w in F.vertices if not any(vanishes(sub(w, x)) for x in on)]
+    return [FaceAbove(plane, w) for w in kept]
 
 
 def _edge_rows(
@@ -178,37 +167,30 @@ def _edge_rows(
             and not any(level.settles(v) for level in levels)
             and not known.facts.rises(base.direction, cross(sub(v, a), moving.direction))
         )
-        functions += [_relative(base.direction, cross(sub(v, a), moving.direction)) for v in kept]
+        functions += [_relative(assembly, base.direction, cross(sub(v, a), moving.direction)) for v in kept]
     else:
-        functions += [_over(moving, base, v) for v in kept]
+        functions += [EdgesApart(moving, base, v) for v in kept]
     below = {k for k, w in enumerate(F.vertices) if base.holds(w)}
     if any(held for held in anchors):
         for v, inward, wall in _turned_onto(assembly, known, moving, base):
-            if _outside(motion, moving, base, wall):
-                functions.append(_point_row(v, length(v), inward))
+            if _outside(assembly, motion, moving, base, wall):
+                functions.append(PointAbove(inward, v, assembly.reach(v)))
                 below |= {
                     k for k, w in enumerate(F.vertices) if abs(wall.height(w)) <= NEAR and inward.height(w) >= -NEAR
                 }
     for k, w in enumerate(F.vertices):
         if k not in below:
-            functions.append(_relative(neg(cross(base.direction, sub(w, base.point))), moving.direction))
+            functions.append(_relative(assembly, neg(cross(base.direction, sub(w, base.point))), moving.direction))
     return functions, _scale(motion, moving, base)
 
 
-def _over(moving: Line, base: Line, v: Vector) -> Function:
-    return lambda X: edges_apart(X, moving, base, v)
-
-
-def _relative(u: Vector, k: Vector) -> Function:
-    reach = times(length(u), length(k)) + 2
-    return lambda X: direction_along(X, u, k, reach)
+def _relative(assembly: Assembly, u: Vector, k: Vector) -> DirectionAlong:
+    return DirectionAlong(u, k, times(assembly.reach(u), assembly.reach(k)) + 2)
 
 
 def _scale(motion: Motion, moving: Line, base: Line) -> int:
     """An upper bound of |R e_m × e_f|, at most 1."""
-    sines = [
-        length(cross(turned(X.R, moving.direction), base.direction)) for X in (motion.task.start, motion.task.goal)
-    ]
+    sines = [length(cross(X.turned(moving.direction), base.direction)) for X in (motion.task.start, motion.task.goal)]
     return min(ONE, max(sines) + motion.task.theta + motion.extent.turn)
 
 
@@ -260,7 +242,6 @@ def _turned_onto(assembly: Assembly, known: Known, moving: Line, base: Line) -> 
         yield touch.moving[0], Plane(inward, dot(inward, base.point)), wall
 
 
-def _outside(motion: Motion, moving: Line, base: Line, wall: Plane) -> bool:
+def _outside(assembly: Assembly, motion: Motion, moving: Line, base: Line, wall: Plane) -> bool:
     """Whether the witness plane's normal R e_m × e_f has a positive part along the wall's, over the whole piece."""
-    row = _relative(cross(base.direction, wall.normal), moving.direction)
-    return motion.lowest(row(motion.task.start), row(motion.task.goal)) > 0
+    return motion.lowest(_relative(assembly, cross(base.direction, wall.normal), moving.direction)) > 0

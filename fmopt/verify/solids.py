@@ -6,9 +6,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import NamedTuple
 
-from fmopt.verify.document import Body
+from fmopt.verify.document import Body, Numbers
+from fmopt.verify.doubles import doubles
 from fmopt.verify.rational import (
+    BITS,
     ZERO3,
     Vector,
     add,
@@ -23,10 +26,11 @@ from fmopt.verify.rational import (
 )
 
 NEAR = fixed(1e-11)  # m: points, lines and planes of one part closer than this are the same
+SHORT = fixed(1e-6)  # m: what is nearer to a line than this spans no plane with it
+_NEAR_SQUARED = NEAR * NEAR
 
 
-@dataclass(frozen=True)
-class Plane:
+class Plane(NamedTuple):
     """The plane normal·x = offset, unit normal."""
 
     normal: Vector
@@ -34,11 +38,12 @@ class Plane:
 
     def height(self, point: Vector) -> int:
         """Signed distance of a point."""
-        return dot(self.normal, point) - self.offset
+        (a, b, c), offset = self
+        x, y, z = point
+        return ((a * x + b * y + c * z) >> BITS) - offset
 
 
-@dataclass(frozen=True)
-class Line:
+class Line(NamedTuple):
     """The line through `point` along the unit vector `direction`."""
 
     point: Vector
@@ -46,7 +51,38 @@ class Line:
 
     def holds(self, point: Vector) -> bool:
         """Whether a point lies on the line, to `NEAR`."""
-        return length(cross(sub(point, self.point), self.direction)) <= NEAR
+        return aligned(sub(point, self.point), self.direction)
+
+    def away(self, point: Vector) -> Vector:
+        """The part of a point's offset across the line."""
+        d = sub(point, self.point)
+        return sub(d, scaled(dot(d, self.direction), self.direction))
+
+    def spanned(self, point: Vector) -> Vector | None:
+        """A unit normal of the plane through the line and a point; None where the point is too near the line."""
+        across = self.away(point)
+        return None if short(across) else unit(cross(self.direction, unit(across)))
+
+
+def short(u: Vector) -> bool:
+    """Whether a vector is no longer than `SHORT`."""
+    a, b, c = u
+    return a * a + b * b + c * c < SHORT * SHORT
+
+
+def vanishes(u: Vector) -> bool:
+    """Whether a vector is no longer than `NEAR`."""
+    a, b, c = u
+    # Rounded up as `length` is, it is that where its square is below the square of NEAR.
+    return -NEAR < a < NEAR and -NEAR < b < NEAR and -NEAR < c < NEAR and a * a + b * b + c * c < _NEAR_SQUARED
+
+
+def aligned(u: Vector, v: Vector) -> bool:
+    """Whether u × v is no longer than `NEAR`."""
+    a, b, c = u
+    x, y, z = v
+    across = (b * z - c * y) >> BITS
+    return -NEAR < across < NEAR and vanishes((across, (c * x - a * z) >> BITS, (a * y - b * x) >> BITS))
 
 
 def line(a: Vector, b: Vector) -> Line:
@@ -87,6 +123,7 @@ class Shape:
     def __init__(self, body: Body) -> None:
         self.vertices = tuple(vector(v) for v in body.vertices)
         self.faces = tuple(Face(loops, self._plane(loops)) for loops in body.faces)
+        self._rims: dict[int, list[tuple[int, int, Plane]] | None] = {}
 
     def _plane(self, loops: tuple[tuple[int, ...], ...]) -> Plane:
         total = ZERO3
@@ -105,6 +142,11 @@ class Shape:
     def lengths(self) -> tuple[int, ...]:
         """The distance of each vertex from the origin."""
         return tuple(length(v) for v in self.vertices)
+
+    @cached_property
+    def in_doubles(self) -> tuple[Numbers, ...]:
+        """The floats nearest to the vertices."""
+        return tuple(doubles(v) for v in self.vertices)
 
     @cached_property
     def edge_faces(self) -> dict[tuple[int, int], int]:
@@ -133,6 +175,24 @@ class Shape:
                 if outer[k:] + outer[:k] == loop:
                     return n
         return None
+
+    def across(self, face: int, loop: Sequence[int]) -> list[tuple[int, int, Plane]]:
+        """The edges of a loop of a face, each with the plane across the face that has the face in front of it."""
+        planes = []
+        for i, j in zip(loop, (*loop[1:], loop[0]), strict=True):
+            p, q = self.vertices[i], self.vertices[j]
+            inward = cross(self.faces[face].plane.normal, unit(sub(q, p)))
+            planes.append((i, j, Plane(inward, dot(inward, p))))
+        return planes
+
+    def rims(self, face: int) -> list[tuple[int, int, Plane]] | None:
+        """The edges around a face whose outline is convex, each with its inward plane; None for other faces."""
+        if face not in self._rims:
+            outline = self.faces[face].loops[0]
+            rims = self.across(face, outline)
+            cut = any(rim.height(self.vertices[k]) < -NEAR for _, _, rim in rims for k in outline)
+            self._rims[face] = None if cut else rims
+        return self._rims[face]
 
     def supporting(self, face: int) -> Plane:
         """The plane of a face moved out until no vertex is beyond it."""
@@ -170,14 +230,4 @@ def _around(loop: tuple[int, ...]) -> Iterator[tuple[int, int]]:
 
 def on_line(a: Line, b: Line) -> bool:
     """Whether two lines are the same, over half a metre to `NEAR`."""
-    return a.holds(b.point) and parallel(a.direction, b.direction)
-
-
-def parallel(u: Vector, v: Vector) -> bool:
-    """Whether two unit vectors are parallel or opposite, to `NEAR` per metre."""
-    return length(cross(u, v)) <= NEAR
-
-
-def along(a: Vector, t: int, u: Vector) -> Vector:
-    """a + t u."""
-    return add(a, scaled(t, u))
+    return aligned(a.direction, b.direction) and a.holds(b.point)

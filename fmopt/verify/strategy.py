@@ -61,7 +61,7 @@ def check_strategy(
     if held is None or made is None:
         return
     scale = (1.0, 1.0, 1.0, rho, rho, rho)
-    rank = len(stage.motion.contacts)
+    rank = len(stage.motion.held)
     basis = _span([_divided(c.wrench, scale) for c in held], rank)
     if len(basis) != rank:
         notes.add("normal_forces", f"the contacts pressed stop {len(basis)} freedoms, those held {rank}")
@@ -104,7 +104,7 @@ def _axes(hybrid: Hybrid, held: Sequence[Contact], stage: Stage, scale: Numbers,
     then the position axes span all that is left free, and the force axes all that the held contacts can take.
     """
     frame, goal = pose(hybrid.frame), pose(stage.segment.goal)
-    R, arm = [doubles(line) for line in frame.R], doubles(sub(frame.p, goal.p))
+    R, arm = frame.in_doubles[1], doubles(sub(frame.p, goal.p))
     origins = [(0.0, 0.0, 0.0), *(c.arm for c in held)]
     if min(math.dist(arm, origin) for origin in origins) > _EXACT:
         notes.add("frame", "its origin is neither the part's reference point nor a contact point")
@@ -219,5 +219,5 @@ def _rest(vector: Numbers, rows: Sequence[Numbers]) -> Numbers:
     """What is left of a vector when its parts along orthonormal rows are taken off, one after the other."""
     for row in rows:
         part = dot(row, vector)
-        vector = tuple(x - part * y for x, y in zip(vector, row, strict=True))
+        vector = tuple([x - part * y for x, y in zip(vector, row, strict=True)])
     return vector
