@@ -13,10 +13,11 @@ from fmopt import plan
 from fmopt.certificate.bounds import UNBOUNDED, bounds
 from fmopt.certificate.claim import claimed, facet_rows, stepped
 from fmopt.certificate.counted import counted_rows
+from fmopt.certificate.course import Course
 from fmopt.certificate.functions import contact_rows
 from fmopt.certificate.pair import Witness, facing, free_plane, pairs
 from fmopt.certificate.record import contact_record, part_record, segment_record
-from fmopt.certificate.separation import Course, row_bounds, separation
+from fmopt.certificate.separation import row_bounds, separation
 from fmopt.contact.primitive import face_vertex
 from fmopt.errors import InfeasibleError
 from fmopt.placement.witness import choose_separations
@@ -154,7 +155,7 @@ def test_the_chosen_plane_is_as_good_as_any_face() -> None:
             assert again.margin == pytest.approx(found.margin, rel=1e-12)
             faces = [Witness("moving-face", face.loops[0], ()) for face in pair.moving.faces]
             if not pair.touched:
-                faces += [free_plane(pair, face.normal) for face in pair.fixed.faces]
+                faces += [free_plane(face.normal.tolist(), face.offset) for face in pair.fixed.faces]
             for face in faces:
                 if len(counted_rows(peg().assembly, pair, face).forms):
                     other = separation(peg().assembly, pair, face, c.advance.ends)

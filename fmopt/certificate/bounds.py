@@ -26,8 +26,11 @@ _MEMORY = 512
 Span = tuple[float, float]
 """An open interval of depths, m."""
 
-Judge = Callable[[Array], float]
-"""The margin of a contact, m, from the lower bounds (k,) of all rows."""
+Lower = Sequence[float]
+"""The lower bounds (k,) of all rows, m and rad: plain numbers, of which few are looked at."""
+
+Judge = Callable[[Lower], float]
+"""The margin of a contact, m, from the lower bounds of all rows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,20 +47,21 @@ class Bounds:
 
     def margins(self, lower: Array) -> list[float]:
         """Margins of the contacts, m, from the lower bounds (k,) of the rows."""
-        return [judge(lower) for judge in self.judges]
+        numbers = lower.tolist()
+        return [judge(numbers) for judge in self.judges]
 
     def slope(self, contact: int, lower: Array) -> Array:
         """How the margin of a contact changes with the lower bounds (k,) of the rows, by differences; (k,).
 
         Zero where it jumps, as another wall or contact takes over there.
         """
-        judge, found = self.judges[contact], np.zeros(len(lower))
-        here = judge(lower)
+        judge, numbers, found = self.judges[contact], lower.tolist(), np.zeros(len(lower))
+        here = judge(numbers)
         for way in (-_DIFFERENCE, _DIFFERENCE):  # a least of several falls with each of them, a greatest only rises
-            for k in range(len(lower)):
-                beside = lower.copy()
-                beside[k] += way
-                found[k] = (judge(beside) - here) / way
+            for k, number in enumerate(lower.tolist()):
+                numbers[k] = number + way
+                found[k] = (judge(numbers) - here) / way
+                numbers[k] = number
             found[np.abs(found) > _STEEP] = 0.0
             if found.any():
                 break
@@ -81,29 +85,49 @@ def bounds(
         contacts: held, or just made.
         together: all contacts held with them.
     """
-    rows = _Questions([])
+    rows = _Questions([], [], [])
     judges = tuple(_judge(assembly, contact, together, rows) for contact in contacts)
-    return Bounds(stacked(*rows.asked), judges)
+    return Bounds(rows.forms(), judges)
+
+
+_Asked = tuple[int, Array, Array, float]
+"""The number of a row with two vectors and an offset."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Questions:
-    """Rows asked for, one form each, while a table of bounds is built."""
+    """Rows asked for while a table of bounds is built: of body points, of directions, and of world points."""
 
-    asked: list[Forms]
+    points: list[_Asked]
+    directions: list[_Asked]
+    faces: list[_Asked]
 
-    def _ask(self, form: Forms) -> int:
-        self.asked.append(form)
-        return len(self.asked) - 1
+    def _ask(self, kind: list[_Asked], a: Array, b: Array, offset: float) -> int:
+        number = len(self.points) + len(self.directions) + len(self.faces)
+        kind.append((number, a, b, offset))
+        return number
 
     def above(self, v: Array, normal: Array, offset: float) -> int:
-        return self._ask(points_above(v[None], normal, offset))
+        return self._ask(self.points, v, normal, offset)
 
     def along(self, u: Array, k: Array) -> int:
-        return self._ask(directions_along(u[None], k))
+        return self._ask(self.directions, u, k, 0.0)
 
     def beneath(self, normal: Array, offset: float, w: Array) -> int:
-        return self._ask(faces_above(normal, offset, w[None]))
+        return self._ask(self.faces, w, normal, offset)
+
+    def forms(self) -> Forms:
+        """All rows by their numbers."""
+        numbers, parts = list[int](), list[Forms]()
+        for kind in (self.points, self.directions, self.faces):
+            if kind:
+                which, a, b, offsets = (np.array(column) for column in zip(*kind, strict=True))
+                numbers += which.tolist()
+                if kind is self.points:
+                    parts.append(points_above(a, b, offsets))
+                else:
+                    parts.append(directions_along(a, b) if kind is self.directions else faces_above(b, offsets, a))
+        return Forms(stacked(*parts).table[np.argsort(numbers)])
 
 
 def _judge(
@@ -176,10 +200,10 @@ def _in_face(
         for planes in _holes(assembly, fixed, contact.fixed_feature)
     ]
 
-    def judge(lower: Array) -> float:
-        found = min((float(lower[beyond].max(initial=-UNBOUNDED)) for beyond in holes), default=UNBOUNDED)
+    def judge(lower: Lower) -> float:
+        found = min((max([-UNBOUNDED, *(lower[k] for k in beyond)]) for beyond in holes), default=UNBOUNDED)
         for room, swallowed, slips in asked:
-            value = float(lower[room])
+            value = lower[room]
             if value < found and not (_within(swallowed, value) or slips(lower, value)):
                 found = value
         return found
@@ -193,7 +217,7 @@ def _slips(
     together: Sequence[PrimitiveContact],
     rim: _Rim,
     rows: _Questions,
-) -> Callable[[Array, float], bool]:
+) -> Callable[[Lower, float], bool]:
     """Whether an edge held across a rim takes over when the vertex, this far from it, slips over it.
 
     That edge has its other end on the same wall, farther inside the rim, or properly crosses another rim of the wall;
@@ -212,7 +236,7 @@ def _slips(
                 if other_rim(assembly, other, kept, wall):
                     crossings.append((_sides(assembly, kept, wall, rows), _sides(assembly, other, wall, rows)))
 
-    def slips(lower: Array, room: float) -> bool:
+    def slips(lower: Lower, room: float) -> bool:
         return any(lower[k] > max(room, 0.0) + _SURELY for k in far) or any(
             kept(lower) > max(waived(lower), 0.0) + _SURELY for kept, waived in crossings
         )
@@ -231,7 +255,7 @@ def _sides(assembly: Assembly, contact: PrimitiveContact, along: int, rows: _Que
             for a, b in (contact.moving, contact.moving[::-1]):
                 below = rows.above(body[a], -face.normal, -face.offset)
                 asked.append((below, rows.above(body[b], face.normal, face.offset)))
-    return lambda lower: max(float(min(lower[below], lower[above])) for below, above in asked)
+    return lambda lower: max(min(lower[below], lower[above]) for below, above in asked)
 
 
 def _within(spans: Sequence[Span], room: float) -> bool:
@@ -278,7 +302,7 @@ def _in_edges(
         for ends in (contact.moving, contact.moving[::-1]):
             crossings.append((number, _across(assembly, contact, number, ends, rows)))
 
-    def judge(lower: Array) -> float:
+    def judge(lower: Lower) -> float:
         shared = lies_in(lower)
         return max(across(lower, shared is not None) for number, across in crossings if number != shared)
 
@@ -287,7 +311,7 @@ def _in_edges(
 
 def _lying_in(
     assembly: Assembly, contact: PrimitiveContact, together: Sequence[PrimitiveContact], rows: _Questions
-) -> Callable[[Array], int | None]:
+) -> Callable[[Lower], int | None]:
     """The wall in which a moving edge lies whether or not it crosses here, when another contact warrants that."""
     shared = taken_turns(assembly, contact, together)
     if shared is None:
@@ -301,7 +325,7 @@ def _lying_in(
 
 def _across(
     assembly: Assembly, contact: PrimitiveContact, number: int, ends: tuple[int, ...], rows: _Questions
-) -> Callable[[Array, bool], float]:
+) -> Callable[[Lower, bool], float]:
     """How far an edge that runs from below a wall to above it crosses within both edges.
 
     The result takes the lower bounds, and whether the edge lies in the other wall and need not cross at all.
@@ -315,14 +339,14 @@ def _across(
         for end, way, blocked in _blocked(assembly, contact.fixed_feature, number)
     ]
 
-    def margin(lower: Array, lies: bool) -> float:
+    def margin(lower: Lower, lies: bool) -> float:
         found, share = UNBOUNDED, 1.0
         if not lies:
-            found = min(float(lower[below]), float(lower[above]))
+            found = min(lower[below], lower[above])
             if lower[rise] > 0.0:
-                share = min(1.0, -float(lower[depth]) / float(lower[rise]))
+                share = min(1.0, -lower[depth] / lower[rise])
         for room, turned, blocked in rooms:
-            value = float(lower[room]) + min(0.0, share * float(lower[turned]))
+            value = lower[room] + min(0.0, share * lower[turned])
             if value < found and not _within(blocked, value):
                 found = value
         return found
@@ -360,4 +384,4 @@ def _on_moving_face(assembly: Assembly, contact: PrimitiveContact, rows: _Questi
         return lambda lower: -UNBOUNDED
     w = assembly.fixed.polyhedron.vertices[contact.fixed[0]]
     asked = [rows.beneath(rim.inward, rim.offset, w) for rim in rims]
-    return lambda lower: float(min(lower[asked]))
+    return lambda lower: min(lower[k] for k in asked)

@@ -8,12 +8,11 @@ from itertools import groupby
 
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.bounds import Bounds, bounds
-from fmopt.certificate.curvature import remainders
+from fmopt.certificate.course import AtEnd, Course, Heights
 from fmopt.certificate.functions import contact_forms, made_form, made_scale
 from fmopt.certificate.pair import Facing, facing
-from fmopt.certificate.rows import Rows
 from fmopt.certificate.segment import Advance, Piece, Tolerance, advance
-from fmopt.certificate.separation import Course, Ends, Separation, lower_bounds
+from fmopt.certificate.separation import Separation
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import InfeasibleError
 from fmopt.uncertainty.error_set import ErrorSet
@@ -99,16 +98,23 @@ def claimed(
     """
     found: list[Claim] = []
     # Of pieces of motion one after the other under the same contacts the same is asked: at once.
-    for listed, group in groupby(steps, lambda step: facing(assembly, step[0])):
+    for _, group in groupby(steps, lambda step: _contacts_of(step[0])):
         alike = list(group)
+        listed = facing(assembly, alike[0][0])
         course = Course.of([step.ends for _, step in alike])
         contacts = _contacts(assembly, alike, course) if thorough else [()] * len(alike)
-        for (piece, step), planes, own in zip(alike, choose(assembly, listed, course), contacts, strict=True):
+        chosen = choose(assembly, listed, course)
+        for n, ((piece, step), planes, own) in enumerate(zip(alike, chosen, contacts, strict=True)):
             early = None
             if piece.made is not None and piece.progress[0] == 0.0:
-                early = _before(assembly, piece, step, tolerance.rho)
+                early = _before(assembly, piece, piece.made, course.piece(n), tolerance.rho)
             found.append(_claim(piece, step, _separated(listed, planes), own, early))
     return found
+
+
+def _contacts_of(piece: Piece) -> tuple[object, ...]:
+    """The contacts that decide what is asked of a piece of motion: those held, made and given up."""
+    return piece.held, piece.goal_contacts, piece.made, piece.left
 
 
 def _separated(listed: Facing, planes: Sequence[Separation | None]) -> tuple[tuple[int, int, Separation], ...]:
@@ -140,25 +146,20 @@ def _claim(
 
 def _contacts(assembly: Assembly, alike: Sequence[Stepped], course: Course) -> list[tuple[ContactClaim, ...]]:
     """What is claimed of the contacts of pieces of motion that hold the same ones."""
-    held = alike[0][0].held
+    held, making = alike[0][0].held, alike[0][0].making
     table = bounds(assembly, held, held)
-    inside = lower_bounds(*course.over(table.forms), course)
-    start, goal = course.over(contact_forms(assembly, held, held))
-    rest = remainders(start, goal, course.extent)
+    inside, own = course.over(table.forms).lower, course.over(contact_forms(assembly, held, held))
     found = []
-    for n, (piece, step) in enumerate(alike):
-        margins, rows, left = table.margins(inside[n]), goal.end(n), rest[n]
-        if piece.last and piece.making:
-            made = _made(assembly, piece, step.ends)
+    for n, (piece, _) in enumerate(alike):
+        contacts, margins, rows, at = held, table.margins(inside[n]), own, n
+        if piece.last and making:
+            only = course.piece(n)
+            contacts, rows, at = (*held, *making), _with_made(assembly, piece, only), 0
+            made = _made(assembly, piece, only)
             margins += made.table.margins(made.lower)
-            rows, left = _with_made(assembly, piece, step.ends)
-        contacts = (*held, *(piece.making if piece.last else ()))
-        found.append(
-            tuple(
-                ContactClaim(c, "held" if c in held else "made", N, -float(f), float(r), margin)
-                for c, N, f, r, margin in zip(contacts, rows.N, rows.f, left, margins, strict=True)
-            )
-        )
+        roles = ("held" if k < len(held) else "made" for k in range(len(contacts)))
+        listed = (contacts, roles, rows.N[1, at], (-rows.f[1, at]).tolist(), rows.rest[at].tolist(), margins)
+        found.append(tuple(ContactClaim(*each) for each in zip(*listed, strict=True)))
     return found
 
 
@@ -169,48 +170,37 @@ class FacetRows:
     contacts: tuple[PrimitiveContact, ...]
     end: int
     table: Bounds
-    rows: Rows
+    rows: AtEnd
     lower: Array
 
 
 def facet_rows(assembly: Assembly, claim: Claim) -> Iterator[FacetRows]:
     """What bounds the contacts of a piece of motion at both ends, for placements that want to move them."""
-    piece, ends = claim.piece, claim.advance.ends
+    piece, course = claim.piece, Course.of((claim.advance.ends,))
     table = bounds(assembly, piece.held, piece.held)
-    both = table.forms.over(ends.start, ends.goal)
-    rest = remainders(*both, ends.extent)
-    for end, rows in enumerate(both):
-        yield FacetRows(piece.held, end, table, rows, rows.f - ends.supports[end](rows.N) - rest)
+    rows = course.over(table.forms)
+    for end in (0, 1):
+        yield FacetRows(piece.held, end, table, rows.end(end), rows.bounds[end, 0])
     if piece.last and piece.making:
-        yield _made(assembly, piece, ends)
+        yield _made(assembly, piece, course)
 
 
-def _made(assembly: Assembly, piece: Piece, ends: Ends) -> FacetRows:
+def _made(assembly: Assembly, piece: Piece, course: Course) -> FacetRows:
     """What bounds the contacts made at the end of a piece."""
     table = bounds(assembly, piece.making, piece.goal_contacts)
-    rows = table.forms.at(ends.goal)
-    return FacetRows(piece.making, 1, table, rows, _at_goal(rows, ends))
+    rows = course.ended().over(table.forms)
+    return FacetRows(piece.making, 1, table, rows.end(1), rows.bounds[1, 0])
 
 
-def _with_made(assembly: Assembly, piece: Piece, ends: Ends) -> tuple[Rows, Array]:
-    """Rows (k) at the goal of all contacts held there, and their remainders (k,), m."""
-    forms = contact_forms(assembly, (*piece.held, *piece.making), piece.goal_contacts)
-    start, goal = forms.over(ends.start, ends.goal)
-    return goal, remainders(start, goal, ends.extent)
+def _with_made(assembly: Assembly, piece: Piece, course: Course) -> Heights:
+    """Rows of all contacts held at the goal of a piece."""
+    return course.over(contact_forms(assembly, (*piece.held, *piece.making), piece.goal_contacts))
 
 
-def _at_goal(rows: Rows, ends: Ends) -> Array:
-    """Certified lower bound (k,) of rows when the piece has ended."""
-    return rows.f - ends.supports[1](rows.N) - remainders(rows, rows, ends.extent.standing())
-
-
-def _before(assembly: Assembly, piece: Piece, step: Advance, rho: float) -> float:
+def _before(assembly: Assembly, piece: Piece, made: PrimitiveContact, course: Course, rho: float) -> float:
     """How far from touching the contact to be made still is when the move starts.
 
     Where its row measures an angle (see `made_form`), this is the way on an arm of ρ.
     """
-    assert piece.made is not None
-    ends = step.ends
-    start, goal = made_form(assembly, piece.made, piece.held).over(ends.start, ends.goal)
-    room = float((start.f - ends.supports[0](start.N) - remainders(start, goal, ends.extent))[0])
-    return room * made_scale(assembly, piece.made, piece.held, rho)
+    rows = course.over(made_form(assembly, made, piece.held))
+    return float(rows.bounds[0, 0, 0]) * made_scale(assembly, made, piece.held, rho)

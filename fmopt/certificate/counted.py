@@ -5,13 +5,14 @@ That depends on the contacts alone, not on poses, and is worked out once for eac
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from fmopt.certificate.assembly import NEAR, Assembly, hinge, level, on_line
 from fmopt.certificate.curvature import Extent
-from fmopt.certificate.knowledge import Facts, coming_off, facts, rising
+from fmopt.certificate.knowledge import Facts, Wall, coming_off, facts, rising
 from fmopt.certificate.pair import Pair, Witness
 from fmopt.certificate.rows import Forms, Mask, directions_along, edges_apart, faces_above, points_above, stacked
 from fmopt.contact.primitive import Kind, PrimitiveContact
@@ -21,9 +22,6 @@ from fmopt.se3 import Pose, cross, length, lengths
 from fmopt.values import Array
 
 _MEMORY = 4096
-
-Line = tuple[Array, Array]
-"""A point and a unit direction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +61,14 @@ class Counted:
         sines = [length(cross(pose.R @ e_m, e_f)) for pose in (start, goal)]
         return min(1.0, max(sines) + extent.theta + extent.turn)
 
+    @property
+    def surely(self) -> Mask:
+        """Which rows (k,) count whatever the errors are."""
+        which = np.arange(len(self.forms)) < self.always
+        for onto in self.onto:
+            which &= ~onto.behind
+        return which
+
     def counts(self, lower: Array) -> Mask:
         """Which rows count, given the lower bounds (k,) of all."""
         which = np.arange(len(lower)) < self.always
@@ -77,33 +83,54 @@ def counted_rows(assembly: Assembly, pair: Pair, witness: Witness) -> Counted:
     """The rows of a witness that contacts do not settle."""
     if witness.plane is not None:
         return _all(points_above(pair.moving.vertices, np.array(witness.plane[:3]), witness.plane[3]))
-    return _of_pieces(assembly, pair, witness)
+    return rows_along(assembly, pair, (witness,))[0]
 
 
 @remembered(_MEMORY)
-def _of_pieces(assembly: Assembly, pair: Pair, witness: Witness) -> Counted:
-    M, F = pair.moving.vertices, pair.fixed.vertices
-    if witness.kind == "fixed-face":
-        n = _normal(pair.fixed, witness.fixed)
-        offset = float((F @ n).max())
-        settled = facts(assembly, pair.state).not_below(n, offset, M, _above(assembly, pair, n, offset))
-        return _all(points_above(M[~settled], n, offset))
-    if witness.kind == "moving-face":
-        n = _normal(pair.moving, witness.moving)
-        offset = float((M @ n).max())
-        return _all(faces_above(n, offset, F[~_touched(assembly, pair, n, offset)]))
-    return _edge_rows(assembly, pair, witness, facts(assembly, pair.state))
+def rows_along(assembly: Assembly, pair: Pair, witnesses: tuple[Witness, ...]) -> tuple[Counted, ...]:
+    """The counted rows of several witnesses along faces or edges of a pair."""
+    known, walls = facts(assembly, pair.state), coming_off(assembly, pair.state, pair.left)
+    over, beneath = _over(pair.fixed, pair.moving), _beneath(pair.moving, pair.fixed)
+    found = []
+    for witness in witnesses:
+        if witness.kind == "fixed-face":
+            n, offset, forms = over[witness.fixed]
+            settled = known.not_below(n, offset, pair.moving.vertices, _above(assembly, pair, walls, n, offset))
+            found.append(_all(Forms(forms.table[~settled])))
+        elif witness.kind == "moving-face":
+            n, offset, forms = beneath[witness.moving]
+            found.append(_all(Forms(forms.table[~_touched(assembly, pair, n, offset)])))
+        else:
+            found.append(_edge_rows(assembly, pair, witness, known))
+    return tuple(found)
+
+
+Faces = dict[tuple[int, ...], tuple[Array, float, Forms]]
+"""By the outline of each face of a piece its normal, how far out it is, and the rows of another piece's vertices."""
+
+
+@remembered(_MEMORY)
+def _over(fixed: Polyhedron, moving: Polyhedron) -> Faces:
+    """Vertices of a moving piece over the faces of a fixed one."""
+    found = {}
+    for face in fixed.faces:
+        offset = float((fixed.vertices @ face.normal).max())
+        found[face.loops[0]] = face.normal, offset, points_above(moving.vertices, face.normal, offset)
+    return found
+
+
+@remembered(_MEMORY)
+def _beneath(moving: Polyhedron, fixed: Polyhedron) -> Faces:
+    """Vertices of a fixed piece over the faces of a moving one."""
+    found = {}
+    for face in moving.faces:
+        offset = float((moving.vertices @ face.normal).max())
+        found[face.loops[0]] = face.normal, offset, faces_above(face.normal, offset, fixed.vertices)
+    return found
 
 
 def _all(forms: Forms) -> Counted:
     return Counted(forms, len(forms))
-
-
-def _normal(piece: Polyhedron, loop: tuple[int, ...]) -> Array:
-    for face in piece.faces:
-        if face.loops[0] == loop:
-            return face.normal
-    raise KeyError(loop)
 
 
 def _contacts(pair: Pair) -> tuple[PrimitiveContact, ...]:
@@ -111,9 +138,8 @@ def _contacts(pair: Pair) -> tuple[PrimitiveContact, ...]:
     return (*pair.state, *pair.beside)
 
 
-def _above(assembly: Assembly, pair: Pair, normal: Array, offset: float) -> Array:
+def _above(assembly: Assembly, pair: Pair, walls: Sequence[Wall], normal: Array, offset: float) -> Array:
     """Body points (m, 3) that do not cross a fixed plane: of contacts not yet made, or given up, or flat with these."""
-    walls = coming_off(assembly, pair.state, pair.left)
     kept = [i for wall in walls if assembly.agree(wall.normal, wall.offset, normal, offset) for i in wall.points]
     for contact in pair.beside:
         if contact.kind is Kind.VERTEX_FACE:
@@ -141,24 +167,59 @@ def _touched(assembly: Assembly, pair: Pair, normal: Array, offset: float) -> Ma
     return done
 
 
+@dataclass(frozen=True, eq=False)
+class _Edge:
+    """An edge of a piece, run from one end to the other.
+
+    Args:
+        ends: both ends (2, 3), m.
+        along: unit direction (3,).
+        arms: (v − a) × e for all vertices v of the piece (k, 3), a the first end and e the direction, m.
+        on: which vertices (k,) lie on its line.
+        points: the vertices of the part, by their numbers, that do.
+    """
+
+    ends: Array
+    along: Array
+    arms: Array
+    on: Mask
+    points: frozenset[int]
+
+
+@remembered(_MEMORY)
+def _edge(piece: Polyhedron, part: Polyhedron, ends: tuple[int, ...]) -> _Edge:
+    a, b = piece.vertices[list(ends)]
+    along = (b - a) / length(b - a)
+    arms = cross(piece.vertices - a, along)
+    points = frozenset(np.flatnonzero(on_line(part.vertices, a, along)).tolist())
+    return _Edge(np.array([a, b]), along, arms, lengths(arms) <= NEAR, points)
+
+
+def _meet(contact: PrimitiveContact, moving: _Edge, fixed: _Edge) -> bool:
+    """Whether a contact is one of just these two edges."""
+    of_edges = contact.kind is Kind.EDGE_EDGE
+    return of_edges and moving.points.issuperset(contact.moving) and fixed.points.issuperset(contact.fixed)
+
+
 def _edge_rows(assembly: Assembly, pair: Pair, witness: Witness, known: Facts) -> Counted:
     M, F = pair.moving.vertices, pair.fixed.vertices
-    (a, b), (c, d) = M[list(witness.moving)], F[list(witness.fixed)]
-    e_m, e_f = (b - a) / length(b - a), (d - c) / length(d - c)
-    held, made = _anchored(assembly, pair, (a, e_m), (c, e_f))
+    moving = _edge(pair.moving, assembly.moving.polyhedron, witness.moving)
+    fixed = _edge(pair.fixed, assembly.fixed.polyhedron, witness.fixed)
+    (a, b), e_m, c, e_f = moving.ends, moving.along, fixed.ends[0], fixed.along
+    held, made = _anchored(assembly, pair, moving, fixed)
     if held or made:
         # Heights are relative to the moving edge, which is on the plane or not below it.
-        settled = on_line(M, a, e_m) | known.beside(M - a, e_f) | known.beside(M - b, e_f)
-        settled |= _levelled(assembly, pair, (a, e_m), (c, e_f))
-        settled |= rising(known.turns, e_f, cross(M - a, e_m))
-        upper = directions_along(e_f, cross(M[~settled] - a, e_m))
+        settled = moving.on | known.beside(M - a, e_f) | known.beside(M - b, e_f)
+        settled |= _levelled(assembly, pair, moving, fixed)
+        settled |= rising(known.turns, e_f, moving.arms)
+        upper = directions_along(e_f, moving.arms[~settled])
     else:
         upper = edges_apart(e_m, e_f, c, M)
-    off = F[~on_line(F, c, e_f)]
-    parts = [upper, directions_along(-cross(e_f, off - c), e_m)]
+    off = F[~fixed.on]
+    parts = [upper, directions_along(fixed.arms[~fixed.on], e_m)]
     always = count = len(upper) + len(off)
     behind = []
-    for vertex, inward, n, offset in _turned_onto(assembly, pair, (a, e_m), (c, e_f)) if held else ():
+    for vertex, inward, n, offset in _turned_onto(assembly, pair, moving, fixed) if held else ():
         parts += [directions_along(cross(e_f, n)[None], e_m), points_above(vertex[None], inward, float(inward @ c))]
         behind.append((np.abs(off @ n - offset) <= NEAR) & ((off - c) @ inward >= -NEAR))
     count += 2 * len(behind)
@@ -174,63 +235,57 @@ def _within(mask: Mask, at: int, count: int) -> Mask:
     return wide
 
 
-def _anchored(assembly: Assembly, pair: Pair, moving: Line, fixed: Line) -> tuple[bool, bool]:
+def _anchored(assembly: Assembly, pair: Pair, moving: _Edge, fixed: _Edge) -> tuple[bool, bool]:
     """Whether a contact of just these two edges is held, and whether one is made or given up on the plane's side."""
     body, world = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron.vertices
     held = made = False
     for contact in _contacts(pair):
-        if contact.kind is not Kind.EDGE_EDGE:
-            continue
-        own, other = body[list(contact.moving)], world[list(contact.fixed)]
-        if not (on_line(own, *moving).all() and on_line(other, *fixed).all()):
+        if not _meet(contact, moving, fixed):
             continue
         if contact in pair.state:
             held = True
         elif hinge(assembly, contact, pair.state) is None:
-            made |= float((own[1] - own[0]) @ moving[1]) * float((other[1] - other[0]) @ fixed[1]) > 0.0
+            own, other = body[list(contact.moving)], world[list(contact.fixed)]
+            made |= float((own[1] - own[0]) @ moving.along) * float((other[1] - other[0]) @ fixed.along) > 0.0
     return held, made
 
 
-def _levelled(assembly: Assembly, pair: Pair, moving: Line, fixed: Line) -> Mask:
+def _levelled(assembly: Assembly, pair: Pair, moving: _Edge, fixed: _Edge) -> Mask:
     """Vertices (n,) of the moving piece on a face that a second edge holds level with the fixed edge, or will.
 
     In the plane of both edges the face's heights are those of the fixed edge over the face, seen from the moving edge.
     """
-    body, world = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron.vertices
-    M = pair.moving.vertices
+    body, M = assembly.moving.polyhedron.vertices, pair.moving.vertices
     done = np.zeros(len(M), dtype=np.bool_)
     for held in pair.state:
-        if held.kind is not Kind.EDGE_EDGE:
-            continue
-        own, other = body[list(held.moving)], world[list(held.fixed)]
-        if not (on_line(own, *moving).all() and on_line(other, *fixed).all()):
+        if not _meet(held, moving, fixed):
             continue
         for contact in _contacts(pair):
             found = level(assembly, contact, (held,))
             if found is not None:
                 far = length(found[1])
-                normal, away = found[1] / far, cross(moving[1], found[1] / far)
-                off = M - own[0]
-                reach = (body[list(contact.moving)] - own[0]) @ away
+                normal, away = found[1] / far, cross(moving.along, found[1] / far)
+                at = body[held.moving[0]]
+                off = M - at
+                reach = (body[list(contact.moving)] - at) @ away
                 side = float(reach[int(np.argmax(np.abs(reach)))])
                 done |= (np.abs(off @ normal) <= NEAR) & (np.sign(side) * (off @ away) >= -NEAR)
     return done
 
 
-def _turned_onto(assembly: Assembly, pair: Pair, moving: Line, fixed: Line) -> list[tuple[Array, Array, Array, float]]:
+def _turned_onto(
+    assembly: Assembly, pair: Pair, moving: _Edge, fixed: _Edge
+) -> list[tuple[Array, Array, Array, float]]:
     """Ends of the moving edge that lie on a wall along the fixed edge: (body vertex, inward in the wall, its plane)."""
     body, world = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron.vertices
-    c, e_f = fixed
-    found = []
+    c, e_f, found = fixed.ends[0], fixed.along, []
     for contact in _contacts(pair):
-        if contact.kind is not Kind.VERTEX_FACE:
+        if contact.kind is not Kind.VERTEX_FACE or contact.moving[0] not in moving.points:
             continue
-        vertex = body[contact.moving[0]]
         wall = assembly.fixed.polyhedron.faces[contact.fixed_feature]
-        along = abs(float(wall.normal @ e_f)) <= NEAR and abs(float(wall.normal @ c) - wall.offset) <= NEAR
-        if along and on_line(vertex[None], *moving)[0]:
+        if abs(float(wall.normal @ e_f)) <= NEAR and abs(float(wall.normal @ c) - wall.offset) <= NEAR:
             inward = world[list(contact.fixed)].mean(axis=0) - c
             for axis in (e_f, wall.normal):
                 inward = inward - axis * float(axis @ inward)
-            found.append((vertex, inward / length(inward), wall.normal, wall.offset))
+            found.append((body[contact.moving[0]], inward / length(inward), wall.normal, wall.offset))
     return found

@@ -61,6 +61,7 @@ def made_form(assembly: Assembly, made: PrimitiveContact, held: tuple[PrimitiveC
     return contact_forms(assembly, (made,), held)
 
 
+@remembered(_MEMORY)
 def made_scale(assembly: Assembly, made: PrimitiveContact, held: tuple[PrimitiveContact, ...], rho: float) -> float:
     """What makes a margin of `made_form`, m: 1 for a distance; a direction's angle counts on an arm of ρ."""
     found = made_form(assembly, made, held).at(Pose(np.zeros(3), np.eye(3)))

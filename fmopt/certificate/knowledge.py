@@ -71,9 +71,9 @@ class Facts:
             return np.zeros(len(vertices), dtype=np.bool_)
         raised = list(above)
         raised += [v for p in above for v in vertices[level(self.turns, normal, vertices - p)]]
-        known = [*P[sorted(wall.points)], *raised]
-        done = np.array([any(same(v, p) for p in known) for v in vertices], dtype=np.bool_)
-        for a, direction in _lines(P, wall.points, wall.between):
+        known = np.array([*P[sorted(wall.points)], *raised]).reshape(-1, 3)
+        done = np.asarray((np.abs(vertices[:, None] - known).max(axis=2) <= NEAR).any(axis=1))
+        for a, direction in _lines(self.assembly, wall.points, wall.between):
             done |= on_line(vertices, a, direction)
             for p in raised:
                 done |= _same_side(vertices, a, direction, p)
@@ -86,6 +86,8 @@ class Facts:
 
     def beside(self, vectors: Array, direction: Array) -> Mask:
         """Which body vectors (k, 3) are known to point along a unit direction of the world."""
+        if not self.turns:
+            return np.zeros(len(vectors), dtype=np.bool_)
         found, fixed = images(self.turns, vectors)
         return np.asarray(fixed & (lengths(cross(found, direction)) <= NEAR))
 
@@ -229,22 +231,25 @@ def _note(
     walls.append(Wall(plane.normal, plane.offset, frozenset(points), pairs, ()))
 
 
-def _lines(P: Array, points: frozenset[int], between: Sequence[tuple[int, int]]) -> list[tuple[Array, Array]]:
+@remembered(_MEMORY)
+def _lines(
+    assembly: Assembly, points: frozenset[int], between: tuple[tuple[int, int], ...]
+) -> tuple[tuple[Array, Array], ...]:
     """Body lines (point, unit direction) in a wall: two points, or an end of an edge and a point within the edge."""
-    ends = sorted(points)
+    P, ends = assembly.body_points, sorted(points)
     pairs = [(i, j) for n, i in enumerate(ends) for j in ends[:n]]
     pairs += [(a, b) for a, b in between if a in points or b in points]
     distinct: list[tuple[Array, Array]] = []
     for i, j in pairs:
         if not any(on_line(P[[i, j]], a, direction).all() for a, direction in distinct):
             distinct.append((P[i], (P[j] - P[i]) / length(P[j] - P[i])))
-    return distinct
+    return tuple(distinct)
 
 
 def _grown(assembly: Assembly, wall: Wall, turns: list[tuple[Array, Array]]) -> Wall:
     """One round of conclusions about a wall, the same when there are none; new flush faces are added to `turns`."""
     P = assembly.body_points
-    lines = _lines(P, wall.points, wall.between)
+    lines = _lines(assembly, wall.points, wall.between)
     flush = list(wall.flush)
     on = np.zeros(len(P), dtype=np.bool_)
     for a, direction in lines:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, NamedTuple
@@ -12,7 +12,6 @@ from fmopt.certificate.piece import Piece
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.memory import remembered
-from fmopt.values import Array
 
 BEHIND = 1e-15  # m; how far in front of the fixed piece a free plane is put, against rounding
 _MEMORY = 2048
@@ -128,7 +127,6 @@ def _between(contact: PrimitiveContact, moving: Features, fixed: Features) -> bo
     return (one, contact.moving_feature) in moving and (other, contact.fixed_feature) in fixed
 
 
-def free_plane(pair: Pair, normal: Array) -> Witness:
-    """The plane of a unit normal (3,) in front of the fixed piece."""
-    offset = float((pair.fixed.vertices @ normal).max()) + BEHIND
-    return Witness("plane", (), (), (float(normal[0]), float(normal[1]), float(normal[2]), offset))
+def free_plane(normal: Sequence[float], offset: float) -> Witness:
+    """The plane of a unit normal (3) just in front of a fixed piece that reaches out to an offset, m."""
+    return Witness("plane", (), (), (normal[0], normal[1], normal[2], offset + BEHIND))

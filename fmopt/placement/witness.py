@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from fmopt.certificate.assembly import Assembly
+from fmopt.certificate.candidates import Block, Candidates
+from fmopt.certificate.course import Course
 from fmopt.certificate.pair import Facing, Pair, Witness
-from fmopt.certificate.separation import Candidates, Course, Separation
+from fmopt.certificate.separation import Separation
 from fmopt.contact.primitive import Kind
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.memory import remembered
-from fmopt.placement.fan import Fans
+from fmopt.placement.fan import Fans, fans
 from fmopt.se3 import cross, length, lengths
-from fmopt.values import Array
 
 _GRAZING = 2e-6
 _MEMORY = 2048
@@ -22,24 +25,41 @@ def choose_separations(assembly: Assembly, facing: Facing, course: Course) -> li
     Pieces in touch are kept apart by a plane that the contacts themselves lie in; others by any plane through an edge
     of the fixed piece, or by a face of the moving one.
     """
-    found = _tables(assembly, facing).best(course, _GRAZING)
-    for moving, places in facing.apart:
-        for row, planes in zip(found, _fans(facing, places).best(moving, course), strict=True):
-            for n, plane in zip(places, planes, strict=True):
-                other = row[n]
-                if plane.clearance >= -_GRAZING and (other is None or other.margin < plane.margin):
-                    row[n] = plane
-    return found
+    table = _tables(assembly, facing)
+    least = np.full((len(course.motion.twist), len(facing.listed)), -np.inf)
+    free = [(places, _fans(facing, places).best(course)) for _, places in facing.apart]
+    for places, planes in free:
+        least[:, places] = np.where(planes.clearances >= -_GRAZING, planes.margins, -np.inf)
+    found = table.best(course, least, _GRAZING)
+    chosen = [
+        [
+            Separation(table.witnesses[n], margin, clearance) if n >= 0 else None
+            for n, margin, clearance in zip(*row, strict=True)
+        ]
+        for row in zip(*(each.tolist() for each in found), strict=True)
+    ]
+    for places, planes in free:
+        for k, row in enumerate(chosen):
+            for m, n in enumerate(places):
+                if row[n] is None and least[k, n] > -np.inf:
+                    row[n] = planes.separation(k, m)
+    return chosen
 
 
 @remembered(_MEMORY)
 def _tables(assembly: Assembly, facing: Facing) -> Candidates:
-    return Candidates.of(assembly, ((pair, _candidates(assembly, pair)) for _, _, pair in facing.listed))
+    return Candidates.of([_block(assembly, pair) for _, _, pair in facing.listed])
+
+
+@remembered(_MEMORY)
+def _block(assembly: Assembly, pair: Pair) -> Block:
+    return Block.of(assembly, pair, _candidates(assembly, pair))
 
 
 @remembered(_MEMORY)
 def _fans(facing: Facing, places: tuple[int, ...]) -> Fans:
-    return Fans.of([facing.listed[n][2] for n in places])
+    pairs = [facing.listed[n][2] for n in places]
+    return fans(pairs[0].moving, tuple(pair.fixed for pair in pairs))
 
 
 def _candidates(assembly: Assembly, pair: Pair) -> tuple[Witness, ...]:
@@ -55,14 +75,16 @@ def _contact_edges(assembly: Assembly, pair: Pair) -> list[Witness]:
     found = []
     for contact in (*pair.held, *pair.opening):
         if contact.kind is Kind.EDGE_EDGE:
-            moving = _edge_along(pair.moving, *assembly.moving.polyhedron.vertices[list(contact.moving)])
-            fixed = _edge_along(pair.fixed, *assembly.fixed.polyhedron.vertices[list(contact.fixed)])
+            moving = _edge_along(pair.moving, assembly.moving.polyhedron, contact.moving)
+            fixed = _edge_along(pair.fixed, assembly.fixed.polyhedron, contact.fixed)
             found.append(Witness("edges", moving, fixed))
     return list(dict.fromkeys(found))
 
 
-def _edge_along(piece: Polyhedron, a: Array, b: Array) -> tuple[int, int]:
-    """The piece's edge on the line through a and b, run from a towards b."""
+@remembered(_MEMORY)
+def _edge_along(piece: Polyhedron, part: Polyhedron, ends: tuple[int, ...]) -> tuple[int, int]:
+    """The piece's edge on the line through two vertices of its part, run from the first towards the second."""
+    a, b = part.vertices[list(ends)]
     direction = (b - a) / length(b - a)
     off = lengths(cross(piece.vertices - a, direction))
     for edge in piece.edges:
