@@ -21,6 +21,7 @@ from fmopt.knowledge.command import answer
 from fmopt.nominal.critical import critical_poses
 from fmopt.nominal.freedom import freedom, half_widths
 from fmopt.nominal.mapping import answered
+from fmopt.placement.cone_solver import ConeSolver
 from fmopt.placement.entry import Entry, Shape, planar_entries, start_spread, straight_entry, tilted_entry
 from fmopt.placement.motion import Reached
 from fmopt.placement.polish import Method, Turns, polish
@@ -28,7 +29,6 @@ from fmopt.placement.search import MoveSequence, best_sequences
 from fmopt.placement.sequence import Placed, Refinement, better, certified, refine
 from fmopt.placement.shapes import likely_shapes, room
 from fmopt.placement.share import ATTEMPTS, largest_share
-from fmopt.placement.socp import ClarabelSolver
 from fmopt.placement.states import Scale, contact_spaces
 from fmopt.placement.step import Costs, Task
 from fmopt.placement.tolerated import Tolerated, tolerated
@@ -358,7 +358,7 @@ def placement(
     start = Reached(errors, (), ())
     spread = start_spread(problem.moving, problem.start_box)
     reach = 0.5 * (spread + clearance)
-    solver, settings = ClarabelSolver(), Refinement.of(spread, clearance)
+    solver, settings = ConeSolver(), Refinement.of(spread, clearance)
 
     def told(margin: float) -> None:
         progress(f"placement: margin {1e6 * margin:.1f} um")
