@@ -1,28 +1,62 @@
 """Numeric kernels: plain loops over arrays of a few numbers, which Numba compiles when they are first called.
 
 What is compiled stays beside the source, or in the user's cache, for later processes. Numba looks at the file of a
-kernel alone to tell whether that is still valid: kernels call only kernels of their own file.
+kernel alone to tell whether that is still valid: kernels call only what is in their own file.
 """
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
-from typing import ParamSpec, TypeVar, cast
+from typing import Any, ParamSpec, TypeVar, cast
 
 from numba import njit
+from numba.core import event
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
+_SETTINGS: dict[str, Any] = {"error_model": "numpy"}
+
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
-    """A kernel: a function of numbers and contiguous arrays, compiled; `py_func` is the function as it is written.
+    """A kernel: a function of numbers and arrays, compiled. The function as it is written is its attribute py_func.
 
     Where no folder for what is compiled can be written to, each process compiles anew.
     """
-    settings = {"error_model": "numpy"}
     try:
-        kernel = njit(cache=True, **settings)(function)
+        kernel = njit(cache=True, **_SETTINGS)(function)
     except RuntimeError:  # no folder to keep it in
-        kernel = njit(**settings)(function)
+        kernel = njit(**_SETTINGS)(function)
     return cast("Callable[P, R]", kernel)
+
+
+def part(function: Callable[P, R]) -> Callable[P, R]:
+    """What kernels of the same file call: compiled with them."""
+    return cast("Callable[P, R]", njit(**_SETTINGS)(function))
+
+
+class _Compiling(event.Listener):  # type: ignore[misc]
+    """How long this process has been compiling, s."""
+
+    def __init__(self) -> None:
+        self.seconds, self._depth, self._since = 0.0, 0, 0.0
+
+    def on_start(self, event: Any) -> None:
+        if self._depth == 0:
+            self._since = time.monotonic()
+        self._depth += 1
+
+    def on_end(self, event: Any) -> None:
+        self._depth -= 1
+        if self._depth == 0:
+            self.seconds += time.monotonic() - self._since
+
+
+_compiling = _Compiling()
+event.register("numba:compile", _compiling)
+
+
+def clock() -> float:
+    """Seconds since some moment, but for those spent on compiling kernels, which time limits do not count."""
+    return time.monotonic() - _compiling.seconds

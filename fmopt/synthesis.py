@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -15,6 +14,7 @@ from fmopt import plan
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.paper import as_in_the_paper
 from fmopt.certificate.segment import Tolerance
+from fmopt.compiled import clock
 from fmopt.errors import FmoptError, InfeasibleError, SearchError
 from fmopt.geometry.clearance import Clearance
 from fmopt.knowledge.command import answer
@@ -235,10 +235,10 @@ def _checked(document: dict[str, Any]) -> tuple[dict[str, Any], Verdict]:
 class _Clock:
     def __init__(self) -> None:
         self.laps: dict[str, float] = {}
-        self._last = time.perf_counter()
+        self._last = clock()
 
     def lap(self, name: str) -> None:
-        now = time.perf_counter()
+        now = clock()
         self.laps[name] = self.laps.get(name, 0.0) + now - self._last
         self._last = now
 
@@ -273,7 +273,7 @@ def motion(
         InfeasibleError: some were found, none of which fine pieces can follow.
     """
     moving, settings = problem.moving, problem.settings
-    deadline = time.monotonic() + settings.time_limit
+    deadline = clock() + settings.time_limit
     per_side = clearance.per_side
     roomy = room(assembly, per_side, problem.start_box, drift(problem, clearance))
     costs = Costs.of(start_spread(moving, roomy), per_side)
@@ -299,9 +299,9 @@ def motion(
     def steady(found: MoveSequence) -> bool:
         return assembly.planar or least_steady(problem, assembly, found.reached.claims, tolerance) >= STEADY
 
-    while best is None or (best[1].margin <= 0.0 and time.monotonic() < deadline):
+    while best is None or (best[1].margin <= 0.0 and clock() < deadline):
         try:
-            spare = spare if time.monotonic() < deadline else ()
+            spare = spare if clock() < deadline else ()
             candidates = spare or best_sequences(task, rounds, deadline, told, steady)
             if candidates[0].reached.margin > 0.0:
                 candidates, spare = candidates[:1], candidates[1:]

@@ -22,7 +22,7 @@ def frozen(values: ArrayLike, *shape: int | None, name: str = "array") -> Array:
     Raises:
         ValueError: the shape differs, or a number is not finite.
     """
-    array = np.array(values, dtype=np.float64)
+    array = np.array(values, dtype=np.float64, order="C")
     if shape and array.shape != shape:
         fits = (n in (None, m) for n, m in zip(shape, array.shape, strict=True))
         if array.ndim != len(shape) or not all(fits):

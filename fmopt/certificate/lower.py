@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.compiled import compiled
+from fmopt.compiled import compiled, part
 from fmopt.values import Array
 
 Mask = NDArray[np.bool_]
@@ -68,33 +68,33 @@ class Witnesses(NamedTuple):
     behind: Mask
 
 
-@compiled
+@part
 def _cross(a: Vector, b: Vector) -> Vector:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@compiled
+@part
 def _dot(a: Vector, b: Vector) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@compiled
+@part
 def _size(a: Vector) -> float:
     return math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
 
 
-@compiled
+@part
 def _beside(scale: float, a: Vector, b: Vector) -> Vector:
     """Scale · a + b."""
     return scale * a[0] + b[0], scale * a[1] + b[1], scale * a[2] + b[2]
 
 
-@compiled
+@part
 def _three(array: Array, n: int, first: int) -> Vector:
     return array[n, first], array[n, first + 1], array[n, first + 2]
 
 
-@compiled
+@part
 def _turned(R: Array, e: int, n: int, a: Vector) -> Vector:
     """R a at an end."""
     return (
@@ -104,7 +104,7 @@ def _turned(R: Array, e: int, n: int, a: Vector) -> Vector:
     )
 
 
-@compiled
+@part
 def _value(table: Array, k: int, bilinear: bool, p: Array, R: Array, e: int, n: int, N: Array, X: Array) -> float:
     """The value of row k at an end; its gradient goes to N[e] (6,), and R k, R b and y to X[e] (9,)."""
     at, u = (p[e, n, 0], p[e, n, 1], p[e, n, 2]), _three(table, k, 3)
@@ -124,7 +124,7 @@ def _value(table: Array, k: int, bilinear: bool, p: Array, R: Array, e: int, n: 
     return float(found)
 
 
-@compiled
+@part
 def _reach(N: Array, columns: Array, cuts: Places, e: int, n: int) -> float:
     """How far errors reach along N[e] (6,)."""
     spread, growth, shape, slack = 0.0, 0.0, 0.0, 0.0
@@ -142,7 +142,7 @@ def _reach(N: Array, columns: Array, cuts: Places, e: int, n: int) -> float:
     return min(math.sqrt(shape), spread + math.sqrt(growth)) + slack
 
 
-@compiled
+@part
 def _swung(v: Vector, angles: Vector, theta: float) -> float:
     """Bound of |ε × v| for all ε in a box of half-widths `angles`, |ε| ≤ θ."""
     x, y, z = abs(v[0]), abs(v[1]), abs(v[2])
@@ -150,7 +150,7 @@ def _swung(v: Vector, angles: Vector, theta: float) -> float:
     return min(_size(sides), theta * _size(v))
 
 
-@compiled
+@part
 def _straight(table: Array, k: int, X: Array, twist: Array, half: Array, n: int) -> float:
     """The remainder of a row without b."""
     turn, angles, u = _three(twist, n, 3), _three(half, n, 3), _three(table, k, 3)
@@ -161,7 +161,7 @@ def _straight(table: Array, k: int, X: Array, twist: Array, half: Array, n: int)
     return _swung(u, angles, theta) * left + _size(_cross(turn, u)) * (0.125 * swept)
 
 
-@compiled
+@part
 def _drawn(u: Vector, a: Vector, sign: float, w: Vector, b: Vector, y: Vector, offset: Vector, angles: Vector) -> float:
     """The most of a bilinear row's Hessian at an end: ½ ε·G ε and ε·[β]× A d over the box of the errors."""
     trace, found = _dot(u, w) + _dot(b, y), 0.0
@@ -176,7 +176,7 @@ def _drawn(u: Vector, a: Vector, sign: float, w: Vector, b: Vector, y: Vector, o
     return found
 
 
-@compiled
+@part
 def _bent(table: Array, k: int, X: Array, twist: Array, half: Array, n: int) -> float:
     """The remainder of a bilinear row."""
     move, turn, u = _three(twist, n, 0), _three(twist, n, 3), _three(table, k, 3)
@@ -230,7 +230,7 @@ def over(rows: Functions, motion: Motion) -> tuple[Array, Array, Array, Array]:
     return f, N, reach, rest
 
 
-@compiled
+@part
 def _bounds(
     table: Array,
     k: int,
@@ -252,7 +252,7 @@ def _bounds(
     return min(start, goal), least - rest
 
 
-@compiled
+@part
 def _scales(edges: Array, motion: Motion, n: int, found: Array) -> None:
     """What all margins are divided by: upper bounds, at most 1, of the lengths of the witnesses' normals."""
     turning, R = _size(_three(motion.half, n, 3)) + _size(_three(motion.twist, n, 3)), motion.R
@@ -265,7 +265,7 @@ def _scales(edges: Array, motion: Motion, n: int, found: Array) -> None:
             found[w] = min(1.0, max(_size(start), _size(goal)) + turning)
 
 
-@compiled
+@part
 def _room(
     table: Array,
     bilinear: Mask,
@@ -290,7 +290,7 @@ def _room(
     return found
 
 
-@compiled
+@part
 def _count(
     w: int, rows: Functions, witnesses: Witnesses, motion: Motion, n: int, which: Mask, N: Array, X: Array
 ) -> None:
@@ -308,7 +308,7 @@ def _count(
                     which[i] &= not witnesses.behind[o, i]
 
 
-@compiled
+@part
 def _margin(
     w: int,
     rows: Functions,
@@ -334,7 +334,7 @@ def _margin(
     return margin, clearance
 
 
-@compiled
+@part
 def _widest(rooms: Array) -> int:
     found = 0
     for i in range(1, len(rooms)):

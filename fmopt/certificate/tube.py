@@ -17,7 +17,7 @@ import math
 import numpy as np
 
 from fmopt.certificate.rows import Places
-from fmopt.compiled import compiled
+from fmopt.compiled import compiled, part
 from fmopt.values import Array
 
 _BENT = 61
@@ -36,12 +36,12 @@ SETTLED, PAST, LARGE, THICK = range(4)
 contact surfaces are too thick."""
 
 
-@compiled
+@part
 def _length(x: float, y: float, z: float) -> float:
     return math.sqrt(x * x + y * y + z * z)
 
 
-@compiled
+@part
 def _turned(v: Array, at: int, angles: Array) -> float:
     """Bound of |ε × v| for all ε in a box of half-widths (3,), v by the sizes of its components and its length."""
     x, y, z = v[at], v[at + 1], v[at + 2]
@@ -50,12 +50,12 @@ def _turned(v: Array, at: int, angles: Array) -> float:
     return bound
 
 
-@compiled
+@part
 def _sizes(x: float, y: float, z: float, out: Array, at: int) -> None:
     out[at], out[at + 1], out[at + 2], out[at + 3] = abs(x), abs(y), abs(z), _length(x, y, z)
 
 
-@compiled
+@part
 def _bend_plain(row: Array, first: Array, second: Array, twist: Array, out: Array) -> None:
     """The line of a row without b, from R k at both ends."""
     u, v, w = row[3], row[4], row[5]
@@ -68,7 +68,7 @@ def _bend_plain(row: Array, first: Array, second: Array, twist: Array, out: Arra
     out[15] = 0.125 * out[14] * _length(b * w - c * v, c * u - a * w, a * v - b * u)
 
 
-@compiled
+@part
 def _bend_bilinear(row: Array, turned: Array, bent: Array, twist: Array, out: Array) -> None:
     """The line of a bilinear row, from R k (2, 3) and R b and y (2, 2, 3) at both ends."""
     a, b, c, sign = row[12], row[13], row[14], row[19]
@@ -142,7 +142,7 @@ def bend(table: Array, places: Places, turned: Array, bent: Array, twist: Array)
     return found
 
 
-@compiled
+@part
 def _left_plain(line: Array, angles: Array) -> float:
     theta = _length(angles[0], angles[1], angles[2])
     most = max(_turned(line, 6, angles), _turned(line, 10, angles)) + 0.5 * theta * line[14]
@@ -150,7 +150,7 @@ def _left_plain(line: Array, angles: Array) -> float:
     return found
 
 
-@compiled
+@part
 def _left_bilinear(line: Array, turn: float, half: Array) -> float:
     angles, size, seen = half[3:], line[1], line[2]
     theta, felt, second, turning = _length(half[3], half[4], half[5]), 0.0, 0.0, 0.0
@@ -233,7 +233,7 @@ def varied(lines: Array, twist: Array, half: Array, motion: Array) -> Array:
     return found
 
 
-@compiled
+@part
 def _reach(N: Array, generators: Array, growth: Array) -> float:
     """How far generators (k, 6) and an ellipsoid with a root (6, g), added up, reach along a row (6,)."""
     total, square = 0.0, 0.0
@@ -250,7 +250,7 @@ def _reach(N: Array, generators: Array, growth: Array) -> float:
     return total + math.sqrt(square)
 
 
-@compiled
+@part
 def _spread(growth: Array, projector: Array, rho: float) -> Array:
     """Diagonals (6,) and, last, traces of the carried growth, and of unit drifts in translation and angle, (3, 7)."""
     found = np.zeros((3, 7))
@@ -265,7 +265,7 @@ def _spread(growth: Array, projector: Array, rho: float) -> Array:
     return found
 
 
-@compiled
+@part
 def _scaled(F: Array, a: float, b: float) -> Array:
     """A root (6, 6) whose first three columns are a times those of another, the others b times."""
     found = np.empty((6, 6))
@@ -275,7 +275,7 @@ def _scaled(F: Array, a: float, b: float) -> Array:
     return found
 
 
-@compiled
+@part
 def _mapped(P: Array, F: Array) -> Array:
     """P F (6, k)."""
     found = np.zeros((6, F.shape[1]))
@@ -286,7 +286,7 @@ def _mapped(P: Array, F: Array) -> Array:
     return found
 
 
-@compiled
+@part
 def _trace(F: Array, rho: float) -> float:
     """The trace of the shape matrix of a root (6, k) in the metric of ρ."""
     found = 0.0
@@ -297,7 +297,7 @@ def _trace(F: Array, rho: float) -> float:
     return found
 
 
-@compiled
+@part
 def _sum(F1: Array, F2: Array, rho: float) -> Array:
     """Root of the ellipsoid of least trace around the sum of two; see `ellipsoid.outer_sum`."""
     s1, s2 = math.sqrt(_trace(F1, rho)), math.sqrt(_trace(F2, rho))
@@ -315,7 +315,7 @@ def _sum(F1: Array, F2: Array, rho: float) -> Array:
     return found
 
 
-@compiled
+@part
 def _narrow(F: Array) -> Array:
     """A root (6, k) of the same ellipsoid as F (6, m) with k ≤ 6, by Householder reflections of Fᵀ."""
     m = F.shape[1]
@@ -350,7 +350,7 @@ def _narrow(F: Array) -> Array:
     return found
 
 
-@compiled
+@part
 def _grown(
     half: Array,
     lines: Array,
@@ -394,7 +394,7 @@ def _grown(
     return SETTLED, final, beyond, (a, b, 0.5 * (theta + b) * swung * (1.0 + theta + b + swung))
 
 
-@compiled
+@part
 def _drifted(radii: tuple[float, float, float], drifts: Array) -> tuple[float, float, float]:
     """How the growth is made up of the carried one and of unit drifts, in squares; see `_sum` and `_spread`."""
     a, b, c = radii

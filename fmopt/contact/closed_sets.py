@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.compiled import compiled
+from fmopt.compiled import compiled, part
 
 Words = NDArray[np.uint64]
 Numbers = NDArray[np.integer[Any]]
@@ -18,7 +18,7 @@ _BYTES, _GOLDEN = np.uint64(0x0101010101010101), np.uint64(0x9E3779B97F4A7C15)
 _TWO, _FOUR, _TOP, _HALF = np.uint64(2), np.uint64(4), np.uint64(56), np.uint64(32)
 
 
-@compiled
+@part
 def _ones(word: np.uint64) -> np.int64:
     """How many bits are set."""
     x = word - ((word >> _ONE) & _EVEN)
@@ -26,7 +26,7 @@ def _ones(word: np.uint64) -> np.int64:
     return np.int64((((x + (x >> _FOUR)) & _NIBBLES) * _BYTES) >> _TOP)
 
 
-@compiled
+@part
 def _slot(number: int, sets: Words, slots: Numbers) -> np.int64:
     """Where one of some sets (n, w) is in the table of those before it, or may be put.
 
@@ -47,7 +47,7 @@ def _slot(number: int, sets: Words, slots: Numbers) -> np.int64:
     return slot
 
 
-@compiled
+@part
 def _crossed(column: Words, sets: Words, slots: Numbers, n: int) -> int:
     """Adds the intersections of the first n sets (…, w) with a set (w,) to these; how many there are then.
 
@@ -74,7 +74,7 @@ def _crossed(column: Words, sets: Words, slots: Numbers, n: int) -> int:
     return n
 
 
-@compiled
+@part
 def _intersections(columns: Words, sizes: Numbers, m: int) -> tuple[Words, Numbers, int]:
     """All intersections of some sets (q, w) of m numbers and so many in each (q,), none empty, first all numbers.
 
@@ -104,7 +104,7 @@ def _intersections(columns: Words, sizes: Numbers, m: int) -> tuple[Words, Numbe
     return sets, slots, n
 
 
-@compiled
+@part
 def _below(sets: Words, slots: Numbers, n: int, columns: Words, active: NDArray[np.bool_], sizes: Numbers) -> Numbers:
     """For each of n sets its largest intersection with a column's that is smaller (n,), itself where that is empty.
 

@@ -12,7 +12,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.compiled import compiled
+from fmopt.compiled import compiled, part
 from fmopt.values import Array
 
 Bits = NDArray[np.bool_]
@@ -154,7 +154,7 @@ def heights(at: Functions, T: Array) -> Array:
     return found
 
 
-@compiled
+@part
 def _short(at: Functions, on: Bits, T: Array, room: float, work: _Work) -> tuple[float, int]:
     """How much is short at a pose for a state with contacts `on` (k,), and how many surfaces are asked to be elsewhere.
 
@@ -183,7 +183,7 @@ def _short(at: Functions, on: Bits, T: Array, room: float, work: _Work) -> tuple
     return math.sqrt(total), count
 
 
-@compiled
+@part
 def _innermost(
     ends: Numbers, signs: Numbers, places: Numbers, beginning: Numbers, i: int, f: Array, on: Bits
 ) -> tuple[float, int, bool]:
@@ -206,7 +206,7 @@ def _innermost(
     return inside, bound, ended
 
 
-@compiled
+@part
 def _exceed(limits: Array, scale: Array, T0: Array, T: Array, x: Array, beyond: Array) -> float:
     """How far a pose is beyond each limit (w,) of the local space, ≤ 0, into `beyond`; returns the sum of squares."""
     for i in range(3):
@@ -231,7 +231,7 @@ def _exceed(limits: Array, scale: Array, T0: Array, T: Array, x: Array, beyond: 
     return total
 
 
-@compiled
+@part
 def _pull(
     tables: tuple[Array, Array, Array],
     scale: Array,
@@ -262,7 +262,7 @@ def _pull(
             _add(row, beyond[w], slope, square)
 
 
-@compiled
+@part
 def _add(row: Array, r: float, slope: Array, square: Array) -> None:
     for a in range(6):
         slope[a] += row[a] * r
@@ -270,7 +270,7 @@ def _add(row: Array, r: float, slope: Array, square: Array) -> None:
             square[a, b] += row[a] * row[b]
 
 
-@compiled
+@part
 def _solve(square: Array, damping: float, slope: Array, L: Array, step: Array) -> None:
     """The step (6,) with (JᵀJ + damping) step = −Jᵀr, by Cholesky factors, shortened where it goes too far."""
     for i in range(6):
@@ -295,7 +295,7 @@ def _solve(square: Array, damping: float, slope: Array, L: Array, step: Array) -
         step[i] *= share
 
 
-@compiled
+@part
 def _rotate_in(rows: Array, row: Array) -> None:
     """Adds a row (7,) to an upper triangle (6, 7) by rotations, so that sums of squares stay what they are."""
     for j in range(6):
@@ -306,7 +306,7 @@ def _rotate_in(rows: Array, row: Array) -> None:
                 rows[j, n], row[n] = c * rows[j, n] + s * row[n], c * row[n] - s * rows[j, n]
 
 
-@compiled
+@part
 def _shortest(rows: Array, rank: int, step: Array) -> None:
     """The shortest step (6,) with A step = −f at least squares along the largest singular directions of A.
 
@@ -344,7 +344,7 @@ def _shortest(rows: Array, rank: int, step: Array) -> None:
                 step[n] -= rows[i, 6] * rows[i, n] / size[i] ** 2
 
 
-@compiled
+@part
 def _move(scale: Array, step: Array, T: Array, moved: Array) -> None:
     """The pose at scaled local coordinates (6,) around another; see `fmopt.se3.turns`."""
     w = (scale[3] * step[3], scale[4] * step[4], scale[5] * step[5])
@@ -359,14 +359,14 @@ def _move(scale: Array, step: Array, T: Array, moved: Array) -> None:
         moved[j, 3] = T[j, 3] + scale[j] * step[j]
 
 
-@compiled
+@part
 def _copy(T: Array, copied: Array) -> None:
     for i in range(3):
         for j in range(4):
             copied[i, j] = T[i, j]
 
 
-@compiled
+@part
 def _heights(tables: tuple[Array, Array, Array], T: Array, f: Array) -> None:
     """Signed distances f of all C-surfaces at a pose, m; far where edges are level."""
     p = _column(T, 0, 3)
@@ -383,7 +383,7 @@ def _heights(tables: tuple[Array, Array, Array], T: Array, f: Array) -> None:
         f[first + second + j] = _dot(m, gap) / math.sqrt(max(square, _PARALLEL)) if square > _PARALLEL else _FAR
 
 
-@compiled
+@part
 def _surface(tables: tuple[Array, Array, Array], number: int, T: Array, row: Array) -> float:
     """The signed distance f of a C-surface at a pose, m, and its gradient into the row's first six numbers.
 
@@ -415,12 +415,12 @@ def _surface(tables: tuple[Array, Array, Array], number: int, T: Array, row: Arr
     return float(f)
 
 
-@compiled
+@part
 def _column(table: Array, n: int, j: int) -> Vector:
     return table[n, j], table[n + 1, j], table[n + 2, j]
 
 
-@compiled
+@part
 def _turned(T: Array, table: Array, n: int, j: int) -> Vector:
     """Three numbers of a column as a vector, turned as a pose does."""
     x, y, z = table[n, j], table[n + 1, j], table[n + 2, j]
@@ -431,22 +431,22 @@ def _turned(T: Array, table: Array, n: int, j: int) -> Vector:
     )
 
 
-@compiled
+@part
 def _sum(a: Vector, share: float, b: Vector) -> Vector:
     return a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2]
 
 
-@compiled
+@part
 def _cross(a: Vector, b: Vector) -> Vector:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@compiled
+@part
 def _dot(a: Vector, b: Vector) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@compiled
+@part
 def _length(x: Array) -> float:
     total = 0.0
     for n in range(len(x)):

@@ -12,7 +12,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.compiled import compiled
+from fmopt.compiled import compiled, part
 from fmopt.values import Array
 
 Bits = NDArray[np.bool_]
@@ -157,7 +157,7 @@ def segment_distance(a: Vector, b: Vector, c: Vector, d: Vector) -> float:
     return least
 
 
-@compiled
+@part
 def arc_distance(x: Vector, a: Vector, b: Vector) -> float:
     """Distance of a unit vector from the cone of two unit generators, 1 at most."""
     xa, xb, ab = _dot(x, a), _dot(x, b), _dot(a, b)
@@ -172,7 +172,7 @@ def arc_distance(x: Vector, a: Vector, b: Vector) -> float:
     return found
 
 
-@compiled
+@part
 def arc_angle(a: Vector, b: Vector, c: Vector, d: Vector) -> float:
     """Least angle between the great-circle arcs from a to b and from c to d, rad; π/2 when more."""
     ends = min(arc_distance(a, c, d), arc_distance(b, c, d))
@@ -187,7 +187,7 @@ def arc_angle(a: Vector, b: Vector, c: Vector, d: Vector) -> float:
     return math.asin(min(ends, 1.0))
 
 
-@compiled
+@part
 def _from_cone(away: Array, arcs: Array, x: Vector) -> float:
     """Distance of a unit vector from the cone of a vertex' normals, 1 at most.
 
@@ -203,12 +203,12 @@ def _from_cone(away: Array, arcs: Array, x: Vector) -> float:
     return least
 
 
-@compiled
+@part
 def _vector(rows: Array, i: int) -> Vector:
     return rows[i, 0], rows[i, 1], rows[i, 2]
 
 
-@compiled
+@part
 def _turned(T: Array, v: Vector) -> Vector:
     return (
         T[0, 0] * v[0] + T[0, 1] * v[1] + T[0, 2] * v[2],
@@ -217,7 +217,7 @@ def _turned(T: Array, v: Vector) -> Vector:
     )
 
 
-@compiled
+@part
 def _turned_back(T: Array, v: Vector) -> Vector:
     return (
         T[0, 0] * v[0] + T[1, 0] * v[1] + T[2, 0] * v[2],
@@ -226,21 +226,21 @@ def _turned_back(T: Array, v: Vector) -> Vector:
     )
 
 
-@compiled
+@part
 def _sum(a: Vector, share: float, b: Vector) -> Vector:
     return a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2]
 
 
-@compiled
+@part
 def _cross(a: Vector, b: Vector) -> Vector:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@compiled
+@part
 def _dot(a: Vector, b: Vector) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@compiled
+@part
 def _length(a: Vector) -> float:
     return math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.compiled import compiled
+from fmopt.compiled import compiled, part
 from fmopt.values import Array
 
 INCIDENCE = 1e-8  # scaled units; a point this close to a unit half-space's plane lies on it
@@ -75,7 +75,7 @@ def first_equal(rows: Array) -> NDArray[np.intp]:
     return first
 
 
-@compiled
+@part
 def row_space(rows: Array) -> Array:
     """Orthonormal columns (n, r) spanning the rows (k, n), the axes where these span everything.
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.compiled import compiled
+from fmopt.compiled import compiled, part
 
 Places = NDArray[np.uint32]
 
@@ -77,7 +77,7 @@ def subset_tree(incidence: NDArray[np.bool_], r: int) -> tuple[Places, Places, P
     return parents[:n], columns[:n], begins[: n + 1], rows
 
 
-@compiled
+@part
 def _digits(incidence: NDArray[np.bool_], r: int) -> tuple[Places, Places, int]:
     """The columns that hold in each row but for the last one, from place row << shift on: r at most.
 

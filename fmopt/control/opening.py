@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.compiled import compiled
+from fmopt.compiled import compiled, part
 from fmopt.values import Array
 
 Places = NDArray[np.intp]
@@ -58,7 +58,7 @@ def nearest_opening(wrench: Array, normal: Array, tangent: Array, least: float) 
     return twist, False
 
 
-@compiled
+@part
 def nearest(point: Array, rows: Array, count: int, least: float, twist: Array, held: Places, force: Array) -> bool:
     """Moves a twist to the nearest one to a point with rows·v ≥ least, from the nearest for rows that are held already.
 
@@ -108,7 +108,7 @@ def nearest(point: Array, rows: Array, count: int, least: float, twist: Array, h
     return False
 
 
-@compiled
+@part
 def _split(
     rows: Array, row: int, held: Places, number: int, basis: Array, mixed: Array, free: Array, back: Array
 ) -> None:
@@ -136,13 +136,13 @@ def _split(
         back[j] /= mixed[j, j]
 
 
-@compiled
+@part
 def _ray(normal: Array, tangent: Array, contact: int, x: float, y: float, rows: Array, place: int) -> None:
     """What a twist opens a contact by against sliding to a side (x, y), as a row."""
     for k in range(6):
         rows[place, k] = normal[contact, k] + x * tangent[contact, 0, k] + y * tangent[contact, 1, k]
 
 
-@compiled
+@part
 def _dot(a: Array, b: Array) -> float:
     return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5])

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.compiled import compiled
+from fmopt.compiled import compiled, part
 from fmopt.nominal.leg import Leg
 from fmopt.values import Array, Value
 
@@ -92,7 +92,7 @@ def possible(
     return rows[:count].copy(), shares[:count].copy()
 
 
-@compiled
+@part
 def _near(c: Array, m: Array, start: Array, travel: Array, radius: float, size: float) -> bool:
     """Whether a leg comes within reach of a pair in both coordinates."""
     longest = max(math.sqrt(m[0, 0] ** 2 + m[0, 1] ** 2), math.sqrt(m[1, 0] ** 2 + m[1, 1] ** 2))
@@ -105,7 +105,7 @@ def _near(c: Array, m: Array, start: Array, travel: Array, radius: float, size: 
     return True
 
 
-@compiled
+@part
 def _crossings(
     c: Array, m: Array, force: Array, turns: Array, start: Array, travel: Array, r: float, cuts: Array
 ) -> int:
@@ -143,7 +143,7 @@ def _crossings(
     return found
 
 
-@compiled
+@part
 def _level(nx: float, ny: float, level: float, start: Array, travel: Array, cuts: Array, found: int) -> int:
     """Adds the share at which n·Φ₀ has a value."""
     rate = nx * travel[0] + ny * travel[1]
@@ -152,7 +152,7 @@ def _level(nx: float, ny: float, level: float, start: Array, travel: Array, cuts
     return _added((level - (nx * start[0] + ny * start[1])) / rate, cuts, found)
 
 
-@compiled
+@part
 def _circle(x: float, y: float, radius: float, start: Array, travel: Array, cuts: Array, found: int) -> int:
     """Adds the shares at which Φ₀ is on a circle about (x, y)."""
     dx, dy = start[0] - x, start[1] - y
@@ -167,13 +167,13 @@ def _circle(x: float, y: float, radius: float, start: Array, travel: Array, cuts
     return _added(c / q, cuts, _added(q / a, cuts, found))
 
 
-@compiled
+@part
 def _added(share: float, cuts: Array, found: int) -> int:
     """Adds a share of the leg."""
     return _sorted_in(share, cuts, found) if 0.0 < share < 1.0 else found
 
 
-@compiled
+@part
 def _sorted_in(value: float, values: Array, found: int) -> int:
     """Puts a number where it belongs among so many ascending ones."""
     k = found
@@ -184,14 +184,14 @@ def _sorted_in(value: float, values: Array, found: int) -> int:
     return found + 1
 
 
-@compiled
+@part
 def _across(x: float, y: float) -> tuple[float, float]:
     """The unit vector a quarter turn on from a direction."""
     length = math.sqrt(x * x + y * y)
     return -y / length, x / length
 
 
-@compiled
+@part
 def _ends(c: Array, m: Array, turn: float) -> tuple[float, float, float, float]:
     """P₀ and P₁ at a turn."""
     cosine, sine = math.cos(turn), math.sin(turn)
@@ -203,7 +203,7 @@ def _ends(c: Array, m: Array, turn: float) -> tuple[float, float, float, float]:
     )
 
 
-@compiled
+@part
 def _met(c: Array, m: Array, turns: Array, point: Array, radius: float, size: float, slack: float) -> bool:
     """Whether the ball about a point (2,) meets the line for an allowed turn: between breaks, or with slack at them."""
     if turns[0] == turns[1]:
@@ -218,7 +218,7 @@ def _met(c: Array, m: Array, turns: Array, point: Array, radius: float, size: fl
     return False
 
 
-@compiled
+@part
 def _meets(c: Array, m: Array, turn: float, point: Array, radius: float, size: float, slack: float) -> bool:
     """Whether the ball about a point (2,) meets the line at a turn."""
     ax, ay, bx, by = _ends(c, m, turn)
@@ -231,7 +231,7 @@ def _meets(c: Array, m: Array, turn: float, point: Array, radius: float, size: f
     return bool(level <= (_ROUNDING * size + slack) * math.sqrt(nx * nx + ny * ny))
 
 
-@compiled
+@part
 def _breaks(c: Array, m: Array, turns: Array, point: Array, r: float) -> Array:
     """First and last turn allowed, and those between at which the answer for a point (2,) may change, ascending."""
     breaks = np.empty(_MOST_TURNS)
@@ -255,7 +255,7 @@ def _breaks(c: Array, m: Array, turns: Array, point: Array, r: float) -> Array:
     return breaks[:found]
 
 
-@compiled
+@part
 def _turns_of(A: float, B: float, C: float, turns: Array, breaks: Array, found: int) -> int:
     """Adds the two solutions of A cos ψ + B sin ψ = C, no less and no more than the turns allowed."""
     size = math.hypot(A, B)

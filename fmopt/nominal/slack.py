@@ -14,7 +14,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.compiled import compiled
+from fmopt.compiled import compiled, part
 from fmopt.errors import SolverError
 from fmopt.nominal.touch import Linear
 from fmopt.values import Array
@@ -71,7 +71,7 @@ def maximin(c: Array, B: Array) -> Array:
     return found
 
 
-@compiled
+@part
 def _same(c: Array, B: Array, k: int) -> bool:
     """Whether a row repeats the one before."""
     apart = abs(c[k] - c[k - 1])
@@ -80,7 +80,7 @@ def _same(c: Array, B: Array, k: int) -> bool:
     return bool(apart == 0.0)
 
 
-@compiled
+@part
 def _highest(c: Array, B: Array, rows: int) -> float:
     """max over |u| ≤ 1 of t = min_k (c_k + B_k·u) over the first rows, by the simplex method for bounded variables.
 
@@ -101,7 +101,7 @@ def _highest(c: Array, B: Array, rows: int) -> float:
     return math.nan
 
 
-@compiled
+@part
 def _begun(c: Array, B: Array, rows: int, T: Array) -> int:
     """Fills T for the corner of |u| ≤ 1 where the lowest of all bounds is reached; returns the lowest row there."""
     first, least = 0, math.inf
@@ -128,7 +128,7 @@ def _begun(c: Array, B: Array, rows: int, T: Array) -> int:
     return lowest
 
 
-@compiled
+@part
 def _entering(T: Array, goal: int, free: Indices, greedy: bool) -> int:
     """The column along which t grows most, or the first variable along which it does; −1 when there is none."""
     best = -1
@@ -140,7 +140,7 @@ def _entering(T: Array, goal: int, free: Indices, greedy: bool) -> int:
     return best
 
 
-@compiled
+@part
 def _moved(T: Array, goal: int, column: int, free: Indices, kept: Indices, limit: Array) -> None:
     """Moves the variable of a column until it, or one that moves with it, is 0 or at its limit; these change places."""
     step, row = limit[free[column]], -1

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.certificate.lower import Motion
-from fmopt.compiled import compiled
+from fmopt.compiled import compiled, part
 from fmopt.values import Array
 
 SHARES = 9  # planes tried through an edge in each pass
@@ -66,22 +66,22 @@ class Reached(NamedTuple):
     turn: Array
 
 
-@compiled
+@part
 def _cross(a: Vector, b: Vector) -> Vector:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@compiled
+@part
 def _dot(a: Vector, b: Vector) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@compiled
+@part
 def _size(a: Vector) -> float:
     return math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
 
 
-@compiled
+@part
 def _swung(a: Vector, angles: Vector) -> float:
     """Bound of |ε × a| for all ε in a box of half-widths `angles`."""
     x, y, z = abs(a[0]), abs(a[1]), abs(a[2])
@@ -89,12 +89,12 @@ def _swung(a: Vector, angles: Vector) -> float:
     return min(_size(sides), _size(angles) * _size(a))
 
 
-@compiled
+@part
 def _three(array: Array, n: int) -> Vector:
     return array[n, 0], array[n, 1], array[n, 2]
 
 
-@compiled
+@part
 def _arm(R: Array, v: Vector) -> Vector:
     return (
         R[0, 0] * v[0] + R[0, 1] * v[1] + R[0, 2] * v[2],
@@ -103,7 +103,7 @@ def _arm(R: Array, v: Vector) -> Vector:
     )
 
 
-@compiled
+@part
 def _reached(body: Array, motion: Motion) -> Reached:
     """How far vertices (v, 3) of the moving piece reach."""
     pieces, count, columns = motion.p.shape[1], len(body), motion.columns
@@ -130,7 +130,7 @@ def _reached(body: Array, motion: Motion) -> Reached:
     return Reached(vertices, moved, motion.cuts, tilted, arc, angles, turns)
 
 
-@compiled
+@part
 def _offset(normal: Vector, corners: Array, m: int) -> tuple[float, Vector]:
     """The largest n·v over the vertices of a fixed piece, and that vertex."""
     found, at, (x, y, z) = -np.inf, 0, normal
@@ -141,7 +141,7 @@ def _offset(normal: Vector, corners: Array, m: int) -> tuple[float, Vector]:
     return found, (corners[m, at, 0], corners[m, at, 1], corners[m, at, 2])
 
 
-@compiled
+@part
 def _nominal(normal: Vector, vertices: Array, n: int) -> tuple[float, Vector]:
     """The least n·v over the vertices of the moving piece without errors, and that vertex."""
     found, end, at, (x, y, z) = np.inf, 0, 0, normal
@@ -153,7 +153,7 @@ def _nominal(normal: Vector, vertices: Array, n: int) -> tuple[float, Vector]:
     return found, (vertices[end, n, 0, at], vertices[end, n, 1, at], vertices[end, n, 2, at])
 
 
-@compiled
+@part
 def _lower(normal: Vector, reached: Reached, n: int, work: Array) -> float:
     """The certified lower bound of n·v over all vertices v, m."""
     vertices, moved, cuts, tilted, arc, angles, turn = reached
@@ -183,7 +183,7 @@ def _lower(normal: Vector, reached: Reached, n: int, work: Array) -> float:
     return found
 
 
-@compiled
+@part
 def _between(arcs: Array, k: int, low: float, high: float, share: int) -> Vector:
     """The unit normal that parts arc k at a share between two."""
     w = low + (high - low) * (share / (SHARES - 1))
@@ -214,7 +214,7 @@ class Kept(NamedTuple):
     margin: Array
 
 
-@compiled
+@part
 def _hopeful(edges: Edges, reached: Reached, work: Array) -> NDArray[np.bool_]:
     """Which of all normals may have the largest margin of a pair in some piece of motion."""
     found, nominal = np.zeros(len(edges.normals), dtype=np.bool_), np.empty(len(edges.normals))
@@ -235,7 +235,7 @@ def _hopeful(edges: Edges, reached: Reached, work: Array) -> NDArray[np.bool_]:
     return found
 
 
-@compiled
+@part
 def _roomiest(room: Array, first: int, last: int, found: Places) -> None:
     """The edges with the largest rooms, the first ones of equal ones first."""
     left = np.ones(len(room), dtype=np.bool_)
@@ -247,7 +247,7 @@ def _roomiest(room: Array, first: int, last: int, found: Places) -> None:
         left[found[j]] = False
 
 
-@compiled
+@part
 def _first(edges: Edges, reached: Reached, work: Array) -> Kept:
     """The roomiest edges of each pair, by the planes that all edges share."""
     hopeful, count, pairs = _hopeful(edges, reached, work), len(reached.turn), len(edges.corners)
@@ -282,7 +282,7 @@ def _first(edges: Edges, reached: Reached, work: Array) -> Kept:
     return kept
 
 
-@compiled
+@part
 def _narrow(edges: Edges, vertices: Array, kept: Kept, rooms: Array) -> tuple[NDArray[np.bool_], bool]:
     """Looks between the neighbours of the best planes, and at the room (n, m, e, shares) of those in between, or more.
 
@@ -314,7 +314,7 @@ def _narrow(edges: Edges, vertices: Array, kept: Kept, rooms: Array) -> tuple[ND
     return found, some
 
 
-@compiled
+@part
 def _refine(
     edges: Edges, reached: Reached, kept: Kept, rooms: Array, hopeful: NDArray[np.bool_], last: bool, work: Array
 ) -> None:

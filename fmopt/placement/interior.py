@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.compiled import compiled
+from fmopt.compiled import compiled, part
 from fmopt.values import Array
 
 _BACK = 0.99  # of the way to the border of the cone
@@ -76,7 +76,7 @@ def optimum(
     return v, z, False
 
 
-@compiled
+@part
 def _newton(
     rows: Rows,
     cones: Cones,
@@ -121,7 +121,7 @@ def _newton(
     return sigma, slope
 
 
-@compiled
+@part
 def _direction(
     rows: Rows,
     cones: Cones,
@@ -149,7 +149,7 @@ def _direction(
     _weight(dz, cones, scaling)
 
 
-@compiled
+@part
 def _cones(flat: int, widths: Indices) -> Cones:
     """Where cones of these widths lie, after the orthant."""
     begins, ends = np.empty_like(widths), np.empty_like(widths)
@@ -161,7 +161,7 @@ def _cones(flat: int, widths: Indices) -> Cones:
     return flat, begins, ends
 
 
-@compiled
+@part
 def _rows(M: Array) -> Rows:
     """The numbers of M that are not zero, row by row."""
     m, n = M.shape
@@ -178,7 +178,7 @@ def _rows(M: Array) -> Rows:
     return starts, columns[:k], numbers[:k]
 
 
-@compiled
+@part
 def _times(rows: Rows, v: Array, out: Array) -> None:
     """out ← M v."""
     starts, columns, numbers = rows
@@ -189,7 +189,7 @@ def _times(rows: Rows, v: Array, out: Array) -> None:
         out[i] = total
 
 
-@compiled
+@part
 def _add_transposed(rows: Rows, z: Array, out: Array) -> None:
     """out ← out + Mᵀ z."""
     starts, columns, numbers = rows
@@ -198,14 +198,14 @@ def _add_transposed(rows: Rows, z: Array, out: Array) -> None:
             out[columns[k]] += numbers[k] * z[i]
 
 
-@compiled
+@part
 def _add(x: Array, factor: float, y: Array) -> None:
     """x ← x + factor y."""
     for i in range(len(x)):
         x[i] += factor * y[i]
 
 
-@compiled
+@part
 def _dot(x: Array, y: Array) -> float:
     total = 0.0
     for i in range(len(x)):
@@ -213,7 +213,7 @@ def _dot(x: Array, y: Array) -> float:
     return total
 
 
-@compiled
+@part
 def _most(x: Array) -> float:
     most = 0.0
     for i in range(len(x)):
@@ -221,7 +221,7 @@ def _most(x: Array) -> float:
     return most
 
 
-@compiled
+@part
 def _length(s: Array, i: int, j: int) -> float:
     total = 0.0
     for r in range(i, j):
@@ -229,14 +229,14 @@ def _length(s: Array, i: int, j: int) -> float:
     return math.sqrt(total)
 
 
-@compiled
+@part
 def _lorentz(s: Array, i: int, j: int) -> float:
     """s₀² − |s₁|² of the cone in rows i to j, as a product, which stays exact near the border."""
     tip, length = float(s[i]), _length(s, i + 1, j)
     return (tip - length) * (tip + length)
 
 
-@compiled
+@part
 def _begin(s: Array, z: Array, cones: Cones) -> None:
     """Raises s into the cone, and sets z on its axis."""
     flat, begins, ends = cones
@@ -247,7 +247,7 @@ def _begin(s: Array, z: Array, cones: Cones) -> None:
         s[i], z[i] = max(s[i], _BEGIN + _length(s, i + 1, ends[k])), _BEGIN
 
 
-@compiled
+@part
 def _scale(s: Array, z: Array, cones: Cones, scaling: Scaling) -> bool:
     """Sets the scaling of s and z; False where one of them left the cone."""
     flat, begins, ends = cones
@@ -273,7 +273,7 @@ def _scale(s: Array, z: Array, cones: Cones, scaling: Scaling) -> bool:
     return True
 
 
-@compiled
+@part
 def _turn(x: Array, i: int, j: int, w: Array, sign: float, scale: float, out: Array) -> None:
     """W x of the cone in rows i to j, with η as scale; W⁻¹ x with the sign −1 and 1/η."""
     along = 0.0
@@ -287,7 +287,7 @@ def _turn(x: Array, i: int, j: int, w: Array, sign: float, scale: float, out: Ar
         out[r] = scale * (x[r] + factor * w[r])
 
 
-@compiled
+@part
 def _weight(x: Array, cones: Cones, scaling: Scaling) -> None:
     """x ← W⁻² x."""
     flat, begins, ends = cones
@@ -299,7 +299,7 @@ def _weight(x: Array, cones: Cones, scaling: Scaling) -> None:
             _turn(x, begins[k], ends[k], w, -1.0, 1.0 / eta[k], x)
 
 
-@compiled
+@part
 def _bent(s: Array, z: Array, ds: Array, dz: Array, mu: float, cones: Cones, scaling: Scaling, target: Array) -> None:
     """target ← W u − s, with W z ∘ u = mu e − W⁻¹ds ∘ W dz; ds and dz are used up."""
     flat, begins, ends = cones
@@ -325,7 +325,7 @@ def _bent(s: Array, z: Array, ds: Array, dz: Array, mu: float, cones: Cones, sca
             target[r] -= s[r]
 
 
-@compiled
+@part
 def _reach(s: Array, ds: Array, cones: Cones) -> float:
     """How far s can go along ds inside the cone."""
     flat, begins, ends = cones
@@ -347,7 +347,7 @@ def _reach(s: Array, ds: Array, cones: Cones) -> float:
     return far
 
 
-@compiled
+@part
 def _factor(rows: Rows, cones: Cones, scaling: Scaling, U: Array) -> None:
     """The upper triangle U with UᵀU = MᵀW⁻²M; on its diagonal the inverse of what stands there."""
     starts, columns, numbers = rows
@@ -372,7 +372,7 @@ def _factor(rows: Rows, cones: Cones, scaling: Scaling, U: Array) -> None:
     _cholesky(U)
 
 
-@compiled
+@part
 def _add_square(rows: Rows, i: int, weight: float, U: Array) -> None:
     """Adds weight m mᵀ of row m = M[i] to the upper triangle U."""
     starts, columns, numbers = rows
@@ -382,7 +382,7 @@ def _add_square(rows: Rows, i: int, weight: float, U: Array) -> None:
             U[a, columns[r]] += factor * numbers[r]
 
 
-@compiled
+@part
 def _cholesky(U: Array) -> None:
     n = len(U)
     used = np.empty(n, dtype=np.intp)
@@ -408,7 +408,7 @@ def _cholesky(U: Array) -> None:
                 U[i, used[b]] -= factor * U[k, used[b]]
 
 
-@compiled
+@part
 def _solve(U: Array, x: Array) -> None:
     """x ← (UᵀU)⁻¹ x, U with the inverse of its diagonal."""
     n = len(x)

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.compiled import compiled
+from fmopt.compiled import compiled, part
 from fmopt.values import Array
 
 _ROUNDS = 12
@@ -20,16 +20,16 @@ _ROOT_ROUNDS = 50
 KEPT, SINGULAR, LOST = 0, 1, 2
 
 
-@compiled
-def _turned(w: Array, R: Array) -> Array:
-    """exp([w]×) R for a rotation vector w (3,), rad."""
+@part
+def _turn(w: Array, R: Array, found: Array) -> None:
+    """Puts exp([w]×) R, for a rotation vector w (3,), rad, into `found`, which may be R."""
     square = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
     angle = math.sqrt(square)
     if angle < 1e-4:
         a, b = 1.0 - square / 6.0, 0.5 - square / 24.0
     else:
         a, b = math.sin(angle) / angle, 2.0 * (math.sin(0.5 * angle) / angle) ** 2
-    T, found = np.empty((3, 3)), np.empty((3, 3))
+    T = np.empty((3, 3))
     for i in range(3):
         for j in range(3):
             T[i, j] = b * w[i] * w[j]
@@ -40,13 +40,13 @@ def _turned(w: Array, R: Array) -> Array:
     T[2, 0] -= a * w[1]
     T[1, 2] -= a * w[0]
     T[2, 1] += a * w[0]
-    for i in range(3):
-        for j in range(3):
-            found[i, j] = T[i, 0] * R[0, j] + T[i, 1] * R[1, j] + T[i, 2] * R[2, j]
-    return found
+    for j in range(3):
+        x, y, z = R[0, j], R[1, j], R[2, j]
+        for i in range(3):
+            found[i, j] = T[i, 0] * x + T[i, 1] * y + T[i, 2] * z
 
 
-@compiled
+@part
 def _functions(table: Array, p: Array, R: Array, f: Array, N: Array) -> float:
     """Fills in values f (r,) and gradients N (r, 6) of functions at a pose, and returns the largest |f|."""
     largest = 0.0
@@ -69,7 +69,7 @@ def _functions(table: Array, p: Array, R: Array, f: Array, N: Array) -> float:
     return largest
 
 
-@compiled
+@part
 def _step(N: Array, C: Array, f: Array) -> bool:
     """Puts the solution of (N Cᵀ) x = f, N (r, 6), twists C (r, 6), into f (r,); whether there is one."""
     r = len(f)
@@ -117,14 +117,17 @@ def onto(table: Array, C: Array, p: Array, R: Array) -> int:
                 break
             if not _step(N, C, f):
                 return SINGULAR
+            size = 0.0
             for k in range(6):
                 X[k] = 0.0
                 for i in range(r):
                     X[k] -= C[i, k] * f[i]
-            if not np.abs(X).max() < 0.1:
+                size = max(size, abs(X[k]))
+            if not size < 0.1:
                 break
-            p[n] += X[:3]
-            R[n] = _turned(X[3:], R[n])
+            for k in range(3):
+                p[n, k] += X[k]
+            _turn(X[3:], R[n], R[n])
         if not _functions(table, p[n], R[n], f, N) < _KEPT:
             return LOST
     return KEPT
@@ -151,7 +154,8 @@ def repeated(table: Array, C: Array, twist: Array, gives: Array, fresh: bool, p:
     for n in range(len(p) - 1):
         give = gives[n]
         if fresh and n > 0:
-            give[:] = gives[n - 1]
+            for i in range(r):
+                give[i] = gives[n - 1, i]
         found = False
         largest = 0.0
         for _ in range(_ROUNDS):
@@ -159,8 +163,9 @@ def repeated(table: Array, C: Array, twist: Array, gives: Array, fresh: bool, p:
                 X[k] = twist[k]
                 for i in range(r):
                     X[k] += C[i, k] * give[i]
-            p[n + 1] = p[n] + X[:3]
-            R[n + 1] = _turned(X[3:], R[n])
+            for k in range(3):
+                p[n + 1, k] = p[n, k] + X[k]
+            _turn(X[3:], R[n], R[n + 1])
             largest = _functions(table, p[n + 1], R[n + 1], f, N)
             found = largest < _ZERO
             if found:
@@ -178,7 +183,7 @@ def repeated(table: Array, C: Array, twist: Array, gives: Array, fresh: bool, p:
     return KEPT
 
 
-@compiled
+@part
 def _rotated(R: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
     """R v of one vector, number by number."""
     return (
@@ -188,7 +193,7 @@ def _rotated(R: Array, x: float, y: float, z: float) -> tuple[float, float, floa
     )
 
 
-@compiled
+@part
 def _distance(tables: tuple[Array, Array, Array], i: int, p: Array, R: Array) -> float:
     """Signed distance of contact i of a stack (k, 12) of vertex–face, face–vertex and edge–edge ones at a pose, m."""
     vertices, faces, edges = tables
@@ -230,9 +235,11 @@ def along(
         as of `onto`.
     """
     begin, pivot, at, twist = motion
+    X = np.empty(6)
     for n in range(len(amounts)):
-        X = amounts[n] * twist
-        R[n] = _turned(X[3:], begin)
+        for k in range(6):
+            X[k] = amounts[n] * twist[k]
+        _turn(X[3:], begin, R[n])
         for j in range(3):
             arm = R[n, j, 0] * pivot[0] + R[n, j, 1] * pivot[1] + R[n, j, 2] * pivot[2]
             p[n, j] = at[j] + X[j] - arm

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.compiled import compiled
+from fmopt.compiled import compiled, part
 from fmopt.values import Array
 
 DOUBT = 3e-5  # m; a vertex nearer to a rim than its error and this is listed with its edge
@@ -50,7 +50,7 @@ def depths(vertices: Array, rims: Rims, p: Array, R: Array, depth: Array, rows: 
                 depth[end, i, r] = total
 
 
-@compiled
+@part
 def _meets(a: Array, b: Array, rims: Rims, rim: int) -> bool:
     """Whether an edge from a to b (3,) in a wall's plane crosses a rim, rather than passing the face beside it."""
     points, inward = rims
@@ -71,7 +71,7 @@ def _meets(a: Array, b: Array, rims: Rims, rim: int) -> bool:
     return True
 
 
-@compiled
+@part
 def _forward(edges: Edges, e: int, r: int, R: Array) -> bool:
     """Whether (R e_moving) × e_fixed points out of the fixed part as edge and rim run."""
     _, own, own_normals, other, other_normals = edges

@@ -15,11 +15,11 @@ from __future__ import annotations
 import heapq
 import math
 import re
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 
+from fmopt.compiled import clock
 from fmopt.errors import SearchError
 from fmopt.placement.begin import begin
 from fmopt.placement.entry import Entry
@@ -80,7 +80,7 @@ def best_sequences(
     Args:
         task: parts, errors, goal and costs.
         rounds: ways to begin, several to be weighed against each other in each; the rest stay for another call.
-        deadline: `time.monotonic()` at which to stop with what there is.
+        deadline: `clock()` at which to stop with what there is.
         progress: told what is being looked at.
         steady: whether friction leaves all contacts of a sequence closed.
 
@@ -93,7 +93,7 @@ def best_sequences(
         return found
     others: list[MoveSequence] = []
     for entries in islice(rounds, _MORE):
-        if time.monotonic() > deadline:
+        if clock() > deadline:
             break
         try:
             other = search(task, entries, deadline, progress)
@@ -119,7 +119,7 @@ def _first_sequences(
         else:
             if found[-1].reached.margin > 0.0:
                 return (found[-1],)
-        if len(found) >= _LOOKS or time.monotonic() > deadline:
+        if len(found) >= _LOOKS or clock() > deadline:
             break
     if not found:
         raise failure or SearchError("no way to begin is left", advice=_BEGIN)
@@ -137,7 +137,7 @@ def search(
     Args:
         task: parts, errors, goal and costs.
         entries: ways to begin.
-        deadline: `time.monotonic()` at which to stop, after the first state at the earliest.
+        deadline: `clock()` at which to stop, after the first state at the earliest.
         progress: told what is being looked at.
 
     Raises:
@@ -151,7 +151,7 @@ def search(
     closest: Node | None = None
     ready: Node | None = None  # what there is when time runs out
     expanded = 0
-    while expanded < task.costs.states and (expanded == 0 or time.monotonic() <= deadline):
+    while expanded < task.costs.states and (expanded == 0 or clock() <= deadline):
         node = front.pop()
         if node is None:
             break
@@ -166,7 +166,7 @@ def search(
                 ready = son if ready is None else min(son, ready, key=lambda n: n.cost)
     if ready is not None:
         return _sequence(ready, front, expanded)
-    late = time.monotonic() > deadline
+    late = clock() > deadline
     advice = _SMALLER if expanded else _BEGIN
     raise SearchError(
         f"no sequence of contacts to the seated part was found among {expanded} states"

@@ -6,12 +6,12 @@ every piece of the motion has for margin, and a pattern search over them needs n
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fmopt.compiled import clock
 from fmopt.placement.begin import begin
 from fmopt.placement.entry import Entry, Shape
 from fmopt.placement.search import MoveSequence
@@ -27,7 +27,7 @@ _WIDTH, _WIDER, _NARROWER = (0.01, 0.1, 0.3), 1.3, 0.95  # of random steps: leas
 
 @dataclass(frozen=True)
 class Limits:
-    """Until when (`time.monotonic()`) an entry is varied, and how often it may be tried, at most.
+    """Until when (`clock()`) an entry is varied, and how often it may be tried, at most.
 
     An entry with next to no margin is tried ten times as often.
     """
@@ -122,7 +122,7 @@ def deepened(
     if shape is None or found.reached.margin <= 0.0:
         return found
     for _ in range(limits.tries):
-        if enough(best) or time.monotonic() >= limits.deadline:
+        if enough(best) or clock() >= limits.deadline:
             break
         factor += _STEPS[0]
         other = _from_entry(
@@ -171,7 +171,7 @@ class _Tuning:
         """Whether to go on."""
         most = self._limits.tries * (_PATIENCE if self.slight else 1)
         enough = self.best.reached.margin >= self._clearance
-        return len(self._margins) < most and not enough and time.monotonic() < self._limits.deadline
+        return len(self._margins) < most and not enough and clock() < self._limits.deadline
 
     def gains(self, step: Array, gain: float) -> bool:
         """Takes a step of the factors if it adds more than a gain (m) to the margin and may be kept; whether it did."""
