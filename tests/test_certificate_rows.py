@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from fmopt.certificate.curvature import Curvature, Extent, Lever, remainders
-from fmopt.certificate.rows import Forms, directions_along, edges_apart, faces_above, points_above, stacked
+from fmopt.certificate.curvature import Curvature, Extent
+from fmopt.certificate.rows import Forms, Rows, directions_along, edges_apart, faces_above, points_above, stacked
 from fmopt.se3 import Pose, exp, turns
 from fmopt.values import Array
 
@@ -70,6 +70,11 @@ def moved(rng: np.random.Generator, start: Pose, turn: float) -> tuple[Pose, Arr
     return start.moved(twist), twist
 
 
+def remainders(start: Rows, goal: Rows, extent: Extent) -> Array:
+    """What the linear picture of rows (k) leaves over a piece of motion."""
+    return Curvature.of(start, goal, extent.twist).bound(extent.half)
+
+
 def excesses(kind: str, turn: float, half: Array, seed: int) -> Array:
     """|f − linear prediction| over the remainder, for corners of a box of errors, on a piece; (samples, rows)."""
     rng = np.random.default_rng(seed)
@@ -123,9 +128,6 @@ def test_mixed_rows_have_the_remainders_that_each_has_alone() -> None:
     extent = Extent(twist, half)
     alone = np.concatenate([remainders(*part.over(start, goal), extent) for part in parts])
     np.testing.assert_allclose(remainders(*stacked(*parts).over(start, goal), extent), alone, rtol=1e-12)
-    first, second = stacked(*parts[:2]).over(start, goal), stacked(*parts[2:]).over(start, goal)
-    joined = Curvature.of(first[0].beside(second[0]), first[1].beside(second[1]), twist)
-    np.testing.assert_allclose(joined.bound(half), alone, rtol=1e-12)
 
 
 def test_a_row_does_not_feel_turns_about_its_own_normal() -> None:
@@ -145,17 +147,6 @@ def test_where_two_edges_touch_the_second_derivatives_cancel() -> None:
     lengths_alone = 0.5 * 0.05**2 * (row.forms.reach + np.linalg.norm(row.bent[1], axis=1))
     assert row.f == pytest.approx(0.0, abs=1e-15)
     assert (remainders(row, row, Extent(np.zeros(6), half)) < 0.2 * lengths_alone).all()
-
-
-def test_points_over_planes_have_the_remainders_of_their_rows() -> None:
-    rng = np.random.default_rng(10)
-    points, normals, start = rng.uniform(-0.03, 0.03, (5, 3)), unit(rng, 4), pose(rng)
-    goal, twist = moved(rng, start, 0.04)
-    extent = Extent(twist, box((0.06, 0.02, 0.01)))
-    found = Lever.of(extent, points @ np.array([start.R.T, goal.R.T])).beside(normals)
-    for normal, remainder in zip(normals, found, strict=True):
-        rows = points_above(points, normal, 0.0)
-        np.testing.assert_allclose(remainder, remainders(*rows.over(start, goal), extent), rtol=1e-12)
 
 
 @pytest.mark.parametrize("kind", KINDS)

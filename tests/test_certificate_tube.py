@@ -60,19 +60,6 @@ def test_kernels_of_rows_do_what_is_written(seed: int) -> None:
         np.testing.assert_allclose(compiled, plain, rtol=1e-13, atol=1e-17)
 
 
-def test_several_pieces_at_once_leave_what_each_leaves() -> None:
-    table, places, turned, both, twist = bent(7)
-    halves = np.random.default_rng(7).uniform(0.0, 0.01, (3, 6))
-    many = (
-        np.repeat(turned[:, None], 3, axis=1),
-        np.repeat(both[:, :, None], 3, axis=2),
-        np.repeat(twist[None], 3, axis=0),
-    )
-    found = tube.left_over(table, places, *many, halves)
-    lines, turn = tube.bend(table, places, turned, both, twist), float(np.linalg.norm(twist[3:]))
-    np.testing.assert_array_equal(found, [tube.left(lines, turn, half) for half in halves])
-
-
 @pytest.mark.parametrize(("first", "second"), [(6, 6), (3, 2), (6, 0), (0, 4)])
 def test_sums_of_ellipsoids_are_those_of_the_plain_formula(first: int, second: int) -> None:
     rng = np.random.default_rng(first)

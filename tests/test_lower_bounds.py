@@ -6,7 +6,7 @@ from peg_pieces import claims, peg
 from test_certificate_rows import KINDS, box, forms, moved, pose
 
 from fmopt.certificate.course import Course
-from fmopt.certificate.curvature import Extent, remainders
+from fmopt.certificate.curvature import Curvature
 from fmopt.certificate.lower import Functions, Motion, Witnesses, best, over
 from fmopt.certificate.rows import Forms, points_above, stacked
 from fmopt.placement.arcs import SHARES
@@ -36,8 +36,8 @@ def plain(rows: Forms, pieces: Motion) -> tuple[Array, Array, Array, Array]:
     start, goal = rows.ends(p, R)
     supports = Support(np.swapaxes(columns, -1, -2), (int(cuts[0]), int(cuts[1]), int(cuts[2])))
     N = np.array([start.N, goal.N])
-    rest = remainders(start, goal, Extent(twist[:, None], half[:, None]))
-    return np.array([start.f, goal.f]), N, supports(N), rest
+    each = (Curvature.of(start.end(n), goal.end(n), twist[n]).bound(half[n]) for n in range(PIECES))
+    return np.array([start.f, goal.f]), N, supports(N), np.array(list(each))
 
 
 @pytest.mark.parametrize("seed", range(4))

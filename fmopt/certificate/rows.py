@@ -51,17 +51,6 @@ class Rows:
         """Those at poses k, of rows at several with a leading axis."""
         return Rows(self.f[k], self.N[k], self.forms, self.turned[k], self.bent[:, k])
 
-    def kept(self, which: Mask) -> Rows:
-        """The rows of a mask (k,)."""
-        bent, forms = self.bent[..., which[self.forms.bilinear], :], Forms(self.forms.table[which])
-        return Rows(self.f[..., which], self.N[..., which, :], forms, self.turned[..., which, :], bent)
-
-    def beside(self, other: Rows) -> Rows:
-        """These rows and others at the same pose."""
-        both = (self.f, other.f), (self.N, other.N), (self.turned, other.turned)
-        f, N, turned = (np.concatenate(pair) for pair in both)
-        return Rows(f, N, stacked(self.forms, other.forms), turned, np.concatenate([self.bent, other.bent], axis=1))
-
 
 @dataclass(frozen=True, eq=False)
 class Forms:

@@ -193,25 +193,6 @@ def left(lines: Array, turn: float, half: Array) -> Array:
 
 
 @compiled
-def left_over(table: Array, places: Places, turned: Array, bent: Array, twists: Array, halves: Array) -> Array:
-    """What the linear picture of rows leaves over each of several pieces (n, k), m.
-
-    Args:
-        table: (k, 21), of the forms.
-        places: of the bilinear rows among them (m,).
-        turned: R k (2, n, k, 3) at both ends, m.
-        bent: R b and y (2, 2, n, m, 3), each at both ends.
-        twists: of the pieces (n, 6).
-        halves: half-widths (n, 6) of boxes around the errors, m and rad.
-    """
-    found = np.empty((len(twists), len(table)))
-    for n in range(len(twists)):
-        lines = bend(table, places, turned[:, n], bent[:, :, n], twists[n])
-        found[n] = left(lines, _length(twists[n, 3], twists[n, 4], twists[n, 5]), halves[n])
-    return found
-
-
-@compiled
 def varied(lines: Array, twist: Array, half: Array, motion: Array) -> Array:
     """Bounds (k,) of how much N·v may differ between poses of a piece, errors included, m.
 

@@ -104,18 +104,6 @@ class Support:
     cuts: tuple[int, int, int]
 
     @staticmethod
-    def beside(*supports: Support) -> Support:
-        """Several supports (n) with as many columns each, some zero: columns (n, 6, k), bounds (n, …)."""
-        parts = [np.split(support.columns, support.cuts, axis=1) for support in supports]
-        widths = [max(part.shape[1] for part in column) for column in zip(*parts, strict=True)]
-        ends = np.cumsum(widths).tolist()
-        columns = np.zeros((len(parts), 6, ends[-1]))
-        for n, split in enumerate(parts):
-            for part, end, width in zip(split, ends, widths, strict=True):
-                columns[n, :, end - width : end - width + part.shape[1]] = part
-        return Support(columns, (ends[0], ends[1], ends[2]))
-
-    @staticmethod
     def of(generators: Array, errors: ErrorSet, slack: Array | None = None) -> Support:
         """The support of generators (k, 6) with the ellipsoids of a set, and of slack columns (6, s) on top."""
         parts = [generators.T, errors.growth_root, errors.shape_root]
