@@ -131,7 +131,7 @@ def junk(plan: Plan, count: int, seed: int) -> Iterator[Plan]:
 def _noticeable(matrix: list[list[float]], a: int, b: int) -> bool:
     """Whether 1e-9 of an entry of a shape matrix stands out from the rounding of double arithmetic."""
     radii = [max(matrix[k][k], 0.0) ** 0.5 for k in range(6)]
-    floor, skew = [1e-11] * 3 + [3e-9] * 3, [1e-17] * 3 + [1e-15] * 3
+    floor, skew = [1e-10] * 3 + [2e-8] * 3, [1e-17] * 3 + [1e-15] * 3
     noise = floor[a] * floor[b] + 2e-12 * radii[a] * radii[b] + skew[a] * radii[b] + skew[b] * radii[a]
     return STEP * abs(matrix[a][b]) > 2.0 * noise + 2e-10 * abs(matrix[a][b])
 

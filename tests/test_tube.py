@@ -17,7 +17,7 @@ from fmopt.certificate.tube import carried
 from fmopt.contact.primitive import Kind
 from fmopt.errors import InfeasibleError
 from fmopt.se3 import Pose
-from fmopt.uncertainty.error_set import ErrorSet
+from fmopt.uncertainty.error_set import ErrorSet, Support
 from fmopt.values import Array
 
 SAMPLES = 100_000
@@ -105,7 +105,9 @@ def leaves(made: Segment, pool: Pool, goal: Goal = sound) -> bool:
         return True
     share, some = rng.random(2000), slice(0, 2000)
     between = executions(made, start[:, some], drift[:, some], share)
-    begun = made.outcome.ends.supports[0](rows)[:, None]
+    step = made.outcome.ends
+    assert step.core is not None
+    begun = Support.of(step.core, step.start_set, step.slack)(rows)[:, None]
     return bool((rows @ between > (1.0 - share) * begun + share * reach[:, None] + ROUNDING).any())
 
 

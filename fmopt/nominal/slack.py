@@ -30,6 +30,9 @@ def slack(made: Linear, half_widths: Array, remainder: float, unit: float) -> Ar
     """φ (n,) of linearised candidates with `remainder` (m) for the ρ of f, divided by `unit` (m).
 
     Where that is negative, its bound min_k (c_k + |B_k|₁), with u = e / a, may stand for it.
+
+    Raises:
+        SolverError: a program did not end.
     """
     n, k = made.heights.shape
     c, B = np.empty((2, n, k + 1)), np.empty((2, n, k + 1, 6))
