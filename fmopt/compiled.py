@@ -37,14 +37,16 @@ def part(function: Callable[P, R]) -> Callable[P, R]:
 
 
 class _Compiling(event.Listener):  # type: ignore[misc]
-    """How long this process has been compiling, s."""
+    """How long this process has been compiling, s, and who is told when it begins to."""
 
     def __init__(self) -> None:
-        self.seconds, self._depth, self._since = 0.0, 0, 0.0
+        self.seconds, self.told, self._depth, self._since = 0.0, list[Callable[[str], None]](), 0, 0.0
 
     def on_start(self, event: Any) -> None:
         if self._depth == 0:
             self._since = time.monotonic()
+            for tell in self.told:
+                tell("compiling kernels, which takes about a minute the first time")
         self._depth += 1
 
     def on_end(self, event: Any) -> None:
@@ -55,6 +57,11 @@ class _Compiling(event.Listener):  # type: ignore[misc]
 
 _compiling = _Compiling()
 event.register("numba:compile", _compiling)
+
+
+def announce(tell: Callable[[str], None]) -> None:
+    """Has somebody told, from now on, when this process begins to compile."""
+    _compiling.told.append(tell)
 
 
 def clock() -> float:

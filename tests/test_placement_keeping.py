@@ -99,6 +99,20 @@ def test_level_edges_have_no_distance() -> None:
         assert np.isnan(found).all()
 
 
+def test_edges_that_turn_level_jump_from_side_to_side_where_they_do() -> None:
+    edge = np.array([[1.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, -1.0]])
+    tables, free = (np.zeros((0, 12)), np.zeros((0, 12)), edge), (np.zeros((0, 21)), np.zeros((0, 6)))
+    motion = np.eye(3), np.zeros(3), np.zeros(3), np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+    between, p, R, values = np.array([-0.5, 0.5]), np.empty((2, 3)), np.empty((2, 3, 3)), np.empty((2, 1))
+    assert keeping.along(free, motion, between, p, R) == KEPT
+    keeping.distances(tables, p, R, values)
+    ends = values if values[0] > 0.0 else values[::-1].copy()
+    for kernel in both(keeping.roots):
+        found = np.empty(1)
+        assert kernel(free, motion, tables, np.array([0]), between, ends, found) == KEPT
+        assert found[0] == 0.0
+
+
 @pytest.mark.parametrize("seed", [0, 1, 2, 4])
 def test_a_motion_turns_about_its_pivot_and_ends_where_a_distance_vanishes(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -24,6 +24,7 @@ def solve(
 ) -> None:
     """Plan an insertion, check the certificate, write plan.json."""
     from fmopt import plan
+    from fmopt.compiled import announce
     from fmopt.console import Stages, print_solved
     from fmopt.synthesis import synthesise
     from fmopt.task.problem import load
@@ -32,6 +33,7 @@ def solve(
     problem = load(file)
     plan.prepare(folder)
     with Stages(quiet or as_json) as stages:
+        announce(stages)
         result = synthesise(problem, stages)
     plan.write(result.document, folder / "plan.json")
     timings = json.dumps(result.seconds, indent=1) + "\n"

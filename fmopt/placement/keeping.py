@@ -264,7 +264,7 @@ def roots(
     values: Array,
     found: Array,
 ) -> int:
-    """Fills in amounts (m,) at which distances vanish, by Anderson and Björck's method of false position.
+    """Fills in amounts (m,) at which distances vanish or jump, by Anderson and Björck's method of false position.
 
     Args:
         held: as of `along`.
@@ -288,6 +288,9 @@ def roots(
             if state != KEPT:
                 return state
             f = _distance(tables, which[n], p[0], R[0])
+            if math.isnan(f):  # edges that turn level jump from one side to the other: they do so here
+                b = c
+                break
             short = 1.0 - f / fb if fb != 0.0 else 0.0
             if f * fb < 0.0:
                 a, fa = b, fb
