@@ -40,7 +40,7 @@ class Motion(NamedTuple):
 
 
 class Functions(NamedTuple):
-    """Rows as functions of the pose: the table (k, 22) of `Forms`, and which rows (k,) are bilinear."""
+    """Rows as functions of the pose: the table (k, 21) of `Forms`, and which rows (k,) are bilinear."""
 
     table: Array
     bilinear: Mask

@@ -119,7 +119,7 @@ class _Course:
     """A motion along a freedom, as kernels take it.
 
     Args:
-        held: functions of the held contacts (r, 22) and their compliant twists (r, 6).
+        held: functions of the held contacts (r, 21) and their compliant twists (r, 6).
         motion: rotation (3, 3), pivot (3,) in the body, the pivot (3,) and the twist (6,).
     """
 

@@ -1,6 +1,6 @@
 """Kernels: poses along a motion that keep contacts by their compliance, and the distances of other contacts there.
 
-Functions of contacts to be kept come as tables of `certificate.rows.Forms` (r, 22), the distances of others as those of
+Functions of contacts to be kept come as tables of `certificate.rows.Forms` (r, 21), the distances of others as those of
 `contact.surface.Surfaces` (k, 12). A pose is shifted along the compliant twists until the functions vanish.
 """
 
@@ -224,7 +224,7 @@ def along(
     """Fills in poses p (n, 3), R (n, 3, 3) after motions along a twist, contacts kept by their compliance.
 
     Args:
-        held: functions of the contacts kept (r, 22) and their compliant twists (r, 6).
+        held: functions of the contacts kept (r, 21) and their compliant twists (r, 6).
         motion: rotation (3, 3) at the beginning, the body point (3,) about which it turns, where that is then (3,), and
             the twist (6,).
         amounts: of it (n,).

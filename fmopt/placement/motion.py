@@ -80,7 +80,7 @@ def onto(assembly: Assembly, poses: Poses, basis: Sequence[Compliance], context:
 def held_by(
     assembly: Assembly, basis: Sequence[Compliance], context: Iterable[PrimitiveContact]
 ) -> tuple[Array, Array]:
-    """The functions of a basis (r, 22) as kernels take them, and its compliant twists (r, 6)."""
+    """The functions of a basis (r, 21) as kernels take them, and its compliant twists (r, 6)."""
     forms = contact_forms(assembly, tuple(c.contact for c in basis), tuple(context))
     return np.array(forms.table, order="C"), np.array([c.direction for c in basis]).reshape(-1, 6)
 

@@ -17,7 +17,8 @@ def doubles(v: Sequence[int]) -> Numbers:
 
 def dot(a: Sequence[float], b: Sequence[float]) -> float:
     """a·b of vectors of one size, rounded once."""
-    assert len(a) == len(b)
+    if len(a) != len(b):
+        raise ValueError(f"vectors of {len(a)} and {len(b)} numbers have no product")
     return math.fsum(map(mul, a, b))
 
 
