@@ -1,7 +1,8 @@
 """Numeric kernels: plain loops over arrays of a few numbers, which Numba compiles when they are first called.
 
 What is compiled stays beside the source, or in the user's cache, for later processes. Numba looks at the file of a
-kernel alone to tell whether that is still valid: kernels call only what is in their own file.
+kernel alone to tell whether that is still valid: kernels call only what is in their own file, and take named tuples of
+that file alone.
 """
 
 from __future__ import annotations

@@ -12,6 +12,7 @@ import pytest
 
 from fmopt import compiled
 
+PROBLEM = Path(__file__).parent.parent / "problems" / "lee_huang_peg.toml"
 KERNEL = """
 from fmopt.compiled import announce, compiled, part
 
@@ -68,3 +69,19 @@ def test_the_clock_stands_still_while_something_is_compiled_and_only_then() -> N
     assert compiled.clock() - began < 0.2
     time.sleep(0.2)
     assert compiled.clock() - began >= 0.2
+
+
+def test_no_kernel_reaches_beyond_its_arrays() -> None:
+    """Compiled, kernels do not look where they read and write; as they are written, Python does."""
+    code = (
+        "import sys\nfrom fmopt.synthesis import synthesise\nfrom fmopt.task.problem import load\n"
+        "print(synthesise(load(sys.argv[1])).document['sha256'])"
+    )
+    found = []
+    for written in ("0", "1"):
+        environment = {**os.environ, "NUMBA_DISABLE_JIT": written}
+        words = [sys.executable, "-c", code, str(PROBLEM)]
+        done = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=900, check=False)
+        assert done.returncode == 0, done.stderr
+        found.append(done.stdout)
+    assert found[0] == found[1]

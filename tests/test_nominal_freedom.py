@@ -174,6 +174,14 @@ def test_a_program_that_does_not_end_is_reported(monkeypatch):
         slack_module.slack(empty, np.ones(6), 0.0, 1.0)
 
 
+def test_a_program_that_takes_too_many_steps_is_not_a_number(monkeypatch):
+    monkeypatch.setattr(slack_module, "_MOST", 1)
+    monkeypatch.setattr(slack_module, "_highest", slack_module._highest.py_func)
+    rng = np.random.default_rng(0)
+    found = slack_module.maximin.py_func(rng.normal(0.5, 1.0, (40, 9)), rng.normal(0.0, 0.5, (40, 9, 6)))
+    assert np.isnan(found).any()
+
+
 @pytest.mark.parametrize("rows", [1, 2, 3, 5, 21])
 @pytest.mark.parametrize("ties", [False, True], ids=["any", "ties"])
 def test_the_simplex_method_agrees_with_the_linear_program(rows, ties):

@@ -40,7 +40,7 @@ def test_poses_are_put_back_along_the_twists_until_the_functions_vanish(seed: in
     for kernel in both(keeping.onto):
         p, R = np.array([X.p for X in off]), np.array([X.R for X in off])
         assert kernel(held.table, C, p, R) == KEPT
-        assert np.abs(held.along(p, R)[0]).max() < 1e-15
+        assert np.abs(held.rows(p, R).f).max() < 1e-15
         for n, X in enumerate(off):
             there = X
             for _ in range(8):
@@ -75,7 +75,7 @@ def test_pieces_share_a_twist_but_for_the_compliance(seed: int) -> None:
                 there = Pose(p[n], R[n]).moved(twist + C.T @ gives[n])
                 assert p[n + 1] == pytest.approx(there.p, abs=1e-16)
                 assert R[n + 1] == pytest.approx(there.R, abs=1e-15)
-            assert np.abs(held.along(p, R)[0]).max(initial=0.0) < 1e-15
+            assert np.abs(held.rows(p, R).f).max(initial=0.0) < 1e-15
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -125,7 +125,7 @@ def test_a_motion_turns_about_its_pivot_and_ends_where_a_distance_vanishes(seed:
     p, R = np.empty((5, 3)), np.empty((5, 3, 3))
     for kernel in both(keeping.along):
         assert kernel((held.table, C), motion, amounts, p, R) == KEPT
-        assert np.abs(held.along(p, R)[0]).max(initial=0.0) < 1e-15
+        assert np.abs(held.rows(p, R).f).max(initial=0.0) < 1e-15
         for n, amount in enumerate(amounts if not seed % 3 else amounts[:1]):
             turned = turns(amount * twist[None, 3:])[0] @ here.R
             assert R[n] == pytest.approx(turned, abs=1e-15)

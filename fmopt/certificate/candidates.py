@@ -43,6 +43,8 @@ class Candidates:
     @staticmethod
     def of(blocks: Sequence[Block]) -> Candidates:
         """The witnesses of several pairs."""
+        if not all(block.counted for block in blocks):
+            raise ValueError("a pair of pieces has no plane that could keep it apart")
         counted = [rows for block in blocks for rows in block.counted]
         begins = np.cumsum([0, *(len(rows.forms) for rows in counted)])
         ends = np.cumsum([0, *(len(block.counted) for block in blocks)]).tolist()

@@ -85,11 +85,6 @@ class Forms:
         """|u||k| (k,), m."""
         return self.table[:, _REACH]
 
-    def along(self, p: Array, R: Array) -> tuple[Array, Array]:
-        """Distances (e, k) and gradients (e, k, 6) at poses with positions p (e, 3) and rotations R (e, 3, 3)."""
-        f, N, _, _ = _at(self.table, self.places, p, R)
-        return f, N
-
     def over(self, start: Pose, goal: Pose) -> tuple[Rows, Rows]:
         """The rows at both ends of a piece of motion."""
         return self.ends(np.array([start.p, goal.p]), np.array([start.R, goal.R]))

@@ -21,7 +21,7 @@ from fmopt.se3 import Pose, cross, length
 from fmopt.task.problem import Specification
 from fmopt.values import Array, Value, frozen
 
-_CHECK = 1e-7  # N, by which a solver's answer may break a balance
+_CHECK = 1e-7  # N; a force that is no more than what a solver may be off by
 _SURE = 1.25  # times the threshold that the push alone can bring about
 _ROUNDS = 8  # in which forces and what they may take from the motion settle
 _SETTLED = 1e-3  # of that, which need not be there

@@ -70,7 +70,10 @@ def maximin(c: Array, B: Array) -> Array:
                 for j in range(6):
                     those[kept, j] = B[i, k, j]
                 kept += 1
-        found[i] = min(most, _highest(some, those, kept)) if most >= 0.0 and kept > 1 else most
+        found[i] = most
+        if most >= 0.0 and kept > 1:
+            value = _highest(some, those, kept)
+            found[i] = value if math.isnan(value) else min(most, value)
     return found
 
 

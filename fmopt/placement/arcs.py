@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.certificate.lower import Motion
 from fmopt.compiled import compiled, part
 from fmopt.values import Array
 
@@ -22,6 +21,8 @@ _REFINED = 6  # edges of a pair that are looked at more closely
 
 Places = NDArray[np.intp]
 Vector = tuple[float, float, float]
+Moving = tuple[Array, Array, Array, Places, Array, Array]
+"""Pieces of motion (n), as `fmopt.certificate.lower.Motion` lists them."""
 
 
 class Edges(NamedTuple):
@@ -104,20 +105,21 @@ def _arm(R: Array, v: Vector) -> Vector:
 
 
 @part
-def _reached(body: Array, motion: Motion) -> Reached:
+def _reached(body: Array, motion: Moving) -> Reached:
     """How far vertices (v, 3) of the moving piece reach."""
-    pieces, count, columns = motion.p.shape[1], len(body), motion.columns
+    p, R, columns, cuts, twist, half = motion
+    pieces, count = p.shape[1], len(body)
     vertices, moved = np.empty((2, pieces, 3, count)), np.empty((2, pieces, columns.shape[2], 3, count))
     tilted, arc = np.empty((pieces, count)), np.empty((pieces, count))
-    angles, turns = motion.half[:, 3:], motion.twist[:, 3:]
+    angles, turns = half[:, 3:], twist[:, 3:]
     for n in range(pieces):
         box, turn = _three(angles, n), _three(turns, n)
         for v in range(count):
-            start, goal = _arm(motion.R[0, n], _three(body, v)), _arm(motion.R[1, n], _three(body, v))
+            start, goal = _arm(R[0, n], _three(body, v)), _arm(R[1, n], _three(body, v))
             for e in range(2):
                 x = start if e == 0 else goal
                 for i in range(3):
-                    vertices[e, n, i, v] = x[i] + motion.p[e, n, i]
+                    vertices[e, n, i, v] = x[i] + p[e, n, i]
                 for c in range(columns.shape[2]):
                     C = columns[e, n, c]
                     moving = _cross((C[3], C[4], C[5]), x)
@@ -127,7 +129,7 @@ def _reached(body: Array, motion: Motion) -> Reached:
             most = max(_swung(start, box), _swung(goal, box)) + 0.5 * _size(box) * swept
             tilted[n, v] = 0.5 * (min(most, _size(box) * _size(start)) + swept)
             arc[n, v] = 0.125 * swept
-    return Reached(vertices, moved, motion.cuts, tilted, arc, angles, turns)
+    return Reached(vertices, moved, cuts, tilted, arc, angles, turns)
 
 
 @part
@@ -341,7 +343,7 @@ def _refine(
 
 
 @compiled
-def best(edges: Edges, body: Array, motion: Motion) -> tuple[Array, Array, Array, Array]:
+def best(edges: Edges, body: Array, motion: Moving) -> tuple[Array, Array, Array, Array]:
     """For each pair (m) the plane with the largest certified margin over pieces of motion (n).
 
     No margin exceeds its plane's room, its clearance without errors: only planes with more of that than the best

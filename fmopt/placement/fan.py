@@ -53,7 +53,8 @@ class Fans:
 
     def best(self, course: Course) -> FreePlanes:
         """For each fixed piece the plane with the largest certified margin over pieces of motion."""
-        normals, offsets, margins, clearances = best(self.edges, self.body, course.motion)
+        p, R, columns, cuts, twist, half = course.motion
+        normals, offsets, margins, clearances = best(self.edges, self.body, (p, R, columns, cuts, twist, half))
         return FreePlanes(normals, offsets, margins - BEHIND, clearances - BEHIND)
 
 

@@ -65,6 +65,8 @@ def _functions(table: Array, p: Array, R: Array, f: Array, N: Array) -> float:
             k, m = (j + 1) % 3, (j + 2) % 3
             N[i, 3 + j] = turned[k] * row[3 + m] - turned[m] * row[3 + k] + b[k] * y[m] - b[m] * y[k]
         f[i] = value
+        if math.isnan(value):
+            return math.inf
         largest = max(largest, abs(value))
     return largest
 

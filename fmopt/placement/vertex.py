@@ -66,6 +66,8 @@ def _daqp(
     if flag != _OPTIMAL:
         return None
     lam = np.asarray(info["lam"])
+    if not np.isfinite(x).all() or not np.isfinite(lam).all():
+        return None
     reached = np.concatenate([x, M @ x])
     at = np.where(lam > 0.0, upper, np.where(lam < 0.0, lower, 0.0))
     apart = max(np.abs(cost + lam[:n] + lam[n:] @ M).max(), abs(cost @ x + lam @ at))
@@ -84,9 +86,11 @@ def _highs(
     if answer.status == 2:
         return None
     if answer.status != 0:
-        raise SolverError(f"HiGHS stopped: {answer.message}")
+        raise SolverError(
+            f"a linear program stopped: {answer.message}", "check the specification's forces and the errors"
+        )
     x = np.asarray(answer.x, dtype=np.float64)
     short = max((A @ x - b).max(initial=0.0), np.abs(C @ x - d).max(initial=0.0))
     if not short <= _CHECK:
-        raise SolverError(f"the answer of a linear program breaks its rows by {short:.3g}")
+        raise SolverError(f"the answer of a linear program breaks its rows by {short:.3g}", "report this problem")
     return x
