@@ -104,8 +104,9 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "typer": frozenset({"cli"}),
     "rich": frozenset({"console.py"}),
 }
-SOLVERS = {"numpy", "numba", "scipy", "casadi", "sympy", "matplotlib", "clarabel", "daqp", "cvxpy", "pydantic"} | {
-    "distributed"
+SOLVERS = {
+    *("numpy", "numba", "scipy", "casadi", "sympy", "matplotlib"),
+    *("clarabel", "daqp", "cvxpy", "pydantic", "distributed"),
 }
 EVALUATORS = {"eval", "exec", "compile", "__import__"}
 PARSERS = {"lambdify", "sympify", "parse_expr"}
