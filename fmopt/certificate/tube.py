@@ -392,6 +392,63 @@ def _drifted(radii: tuple[float, float, float], drifts: Array) -> tuple[float, f
     return x, y, z
 
 
+@part
+def _boxes(core: Array, image: Array, growth: Array) -> Array:
+    """Half-widths (3, 6): of the start set without thickness, of its carried core alone, and to begin with.
+
+    What errors are at the start is a good first guess, and too wide where the motion takes much of their growth away.
+    """
+    found = np.empty((3, 6))
+    for i in range(6):
+        start, goal, width = 0.0, 0.0, 0.0
+        for k in range(len(core)):
+            start, goal = start + abs(core[k, i]), goal + abs(image[k, i])
+        for k in range(growth.shape[1]):
+            width += growth[i, k] * growth[i, k]
+        width = math.sqrt(width)
+        found[0, i], found[1, i], found[2, i] = start + width, goal, max(start, goal) + width
+    return found
+
+
+@part
+def _widths(
+    final: Array,
+    held: int,
+    radii: tuple[float, float, float],
+    boxes: Array,
+    drifts: Array,
+    start_dual: Array,
+    goal_dual: Array,
+) -> Array:
+    """Half-widths (6,) of the box around the errors at both ends."""
+    x, y, z = _drifted(radii, drifts)
+    found = np.empty(6)
+    for i in range(6):
+        own, drifted = boxes[0, i], math.sqrt(x * drifts[0, i] + y * drifts[1, i] + z * drifts[2, i])
+        after = boxes[1, i] + drifted
+        for k in range(held):
+            own += abs(start_dual[i, k]) * final[k]
+        for k in range(len(final)):
+            after += abs(goal_dual[i, k]) * final[k]
+        found[i] = max(own, after)
+    return found
+
+
+@part
+def _raised(half: Array, wider: Array) -> tuple[bool, bool]:
+    """Raises half-widths (6,) to those computed with them; whether any was short, and whether all are tight."""
+    short, close, tight = False, True, True
+    for i in range(6):
+        short = short or wider[i] > half[i] * (1.0 - _SETTLED)
+        close = close and wider[i] <= half[i] * (1.0 + 10.0 * _ABOVE)
+        tight = tight and half[i] <= wider[i] * (1.0 + _TIGHT)
+    for i in range(6):
+        if wider[i] > half[i] * (1.0 - _SETTLED):
+            # Close to the fixed point a little is added, that rounding does not matter.
+            half[i] = max(half[i], wider[i]) * (1.0 + _ABOVE if close else 1.0)
+    return short, tight
+
+
 @compiled
 def carried(
     lines: Array,
@@ -445,55 +502,25 @@ def carried(
     for k in range(held):
         reach = min(_reach(N[k], core, growth), _reach(N[k], core[:0], shape))
         rest[k] = max(abs(f[k]) + reach, rest[k])
-    drifts, boxes = _spread(growth_there, projector, rho), np.empty((3, 6))
-    for i in range(6):
-        start, goal, width = 0.0, 0.0, 0.0
-        for k in range(len(core)):
-            start, goal = start + abs(core[k, i]), goal + abs(image[k, i])
-        for k in range(growth.shape[1]):
-            width += growth[i, k] * growth[i, k]
-        width = math.sqrt(width)
-        # What errors are at the start is a good first guess, and too wide where the motion takes much of their growth
-        # away: then from below.
-        boxes[0, i], boxes[1, i], boxes[2, i] = start + width, goal, max(start, goal) + width
+    drifts, boxes = _spread(growth_there, projector, rho), _boxes(core, image, growth)
     late = (0.0, 0.0)
     if way[2] > 0.0:
         leaning = _length(seen[0], seen[1], seen[2]) * rates[0], way[3] * rates[1]
         late = (_reach(seen, core, growth) / way[2], math.hypot(leaning[0], leaning[1]) * way[0] / way[2])
     radii, code, final, beyond, half = (0.0, 0.0, 0.0), THICK, rest, 0.0, np.empty(6)
     for attempt in range(2):
-        for i in range(6):
+        for i in range(6):  # at first from what is likely; where that is not tight, from below
             half[i] = boxes[2, i] if attempt == 0 else max(boxes[0, i], boxes[1, i])
         code, tight = THICK, False
         for _ in range(_ROUNDS):
             code, final, beyond, radii = _grown(half, lines, rest, held, residue, delay, way, late, rates)
             if code != SETTLED:
                 break
-            x, y, z = _drifted(radii, drifts)
-            short, close, tight = False, True, True
-            wider = np.empty(6)
-            for i in range(6):
-                own, after = (
-                    boxes[0, i],
-                    boxes[1, i] + math.sqrt(x * drifts[0, i] + y * drifts[1, i] + z * drifts[2, i]),
-                )
-                for k in range(held):
-                    own += abs(start_dual[i, k]) * final[k]
-                for k in range(len(final)):
-                    after += abs(goal_dual[i, k]) * final[k]
-                wider[i] = max(own, after)
-                short = short or wider[i] > half[i] * (1.0 - _SETTLED)
-                close = close and wider[i] <= half[i] * (1.0 + 10.0 * _ABOVE)
-                tight = tight and half[i] <= wider[i] * (1.0 + _TIGHT)
+            short, tight = _raised(half, _widths(final, held, radii, boxes, drifts, start_dual, goal_dual))
             if not short:
                 break
-            code, widest = THICK, 0.0
-            for i in range(6):
-                if wider[i] > half[i] * (1.0 - _SETTLED):
-                    # Close to the fixed point a little is added, that rounding does not matter.
-                    half[i] = max(half[i], wider[i]) * (1.0 + _ABOVE if close else 1.0)
-                widest = max(widest, half[i])
-            if widest > _FAR:
+            code = THICK
+            if max(half[0], half[1], half[2], half[3], half[4], half[5]) > _FAR:
                 break
         if code != SETTLED or tight:
             break
