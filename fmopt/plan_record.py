@@ -37,7 +37,7 @@ from fmopt.nominal.diagram_record import diagnostics
 from fmopt.nominal.intervals import FreedomInterval
 from fmopt.nominal.mapping import Mapping
 from fmopt.nominal.trajectory import NominalTrajectory
-from fmopt.placement.search import MoveSequence
+from fmopt.placement.search import Searched
 from fmopt.placement.sequence import Placed
 from fmopt.placement.tolerated import Motion, Tolerated
 from fmopt.placement.visited import Visited
@@ -70,7 +70,7 @@ class Moved:
     clearance: Clearance
     errors: ErrorSet
     tolerance: Tolerance
-    found: MoveSequence
+    found: Searched
     placed: Placed
 
     def under(self, problem: Problem, turn: float) -> Motion:
@@ -128,7 +128,7 @@ def _proof(problem: Problem, done: Moved, *, ranges: bool = False) -> dict[str, 
             "gap": found.cost - found.lower_bound,
             "states_expanded": found.expanded,
             "moves": found.names,
-            "heading": found.entry.heading,
+            "heading": found.heading,
         },
     }
 

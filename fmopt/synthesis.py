@@ -2,53 +2,32 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache, partial
 from typing import Any
 
 import numpy as np
 
 from fmopt import plan
 from fmopt.certificate.knowledge import Assembly
-from fmopt.certificate.paper import as_in_the_paper
 from fmopt.certificate.segment import Tolerance
 from fmopt.compiled import clock
-from fmopt.errors import FmoptError, InfeasibleError, SearchError
-from fmopt.geometry.clearance import Clearance
+from fmopt.errors import InfeasibleError, SearchError
 from fmopt.knowledge.command import answer
+from fmopt.motion import FINE, Progress, motion
 from fmopt.nominal.critical import critical_poses
 from fmopt.nominal.freedom import freedom, half_widths
 from fmopt.nominal.mapping import answered
-from fmopt.placement.cone_solver import ConeSolver
-from fmopt.placement.entry import Entry, Shape, planar_entries, start_spread, straight_entry, tilted_entry
-from fmopt.placement.motion import Reached
-from fmopt.placement.polish import Method, Turns, polish
-from fmopt.placement.search import MoveSequence, best_sequences
-from fmopt.placement.sequence import Placed, Refinement, better, certified, refine
-from fmopt.placement.shapes import likely_shapes, room
 from fmopt.placement.share import ATTEMPTS, largest_share
 from fmopt.placement.states import Scale, contact_spaces
-from fmopt.placement.step import Costs, Task
 from fmopt.placement.tolerated import Tolerated, tolerated
-from fmopt.placement.tune import Limits, deepened, tuned
 from fmopt.placement.visited import visited
-from fmopt.plan_record import Moved, Nominal, least_firm, least_steady, plan_document, proof_document, runs_against
-from fmopt.se3 import Pose
-from fmopt.task.clearance import characteristic_length, drift, measured_clearance
+from fmopt.plan_record import Moved, Nominal, plan_document, proof_document
+from fmopt.task.clearance import characteristic_length, measured_clearance
 from fmopt.task.command import task_command
 from fmopt.task.problem import Problem
 from fmopt.uncertainty.error_set import ErrorSet
-from fmopt.values import Array
 from fmopt.verify import CERTIFIED, Verdict, verify
-
-Progress = Callable[[str], None]
-FINE = math.radians(1.0)
-TRIES = 40  # of entries, when one is varied
-STEADY = 0.05  # share of the contact force that presses what a part turns along, whatever friction turns it off
-FIRM = 0.05  # share of the contact force that presses all that a part slides along to its next contact
-_WORTH = 0.5  # of a margin; a smaller one is given up for it
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,148 +234,3 @@ def nominal_motion(problem: Problem, errors: ErrorSet, rho: float) -> Nominal:
     critical = critical_poses(problem.moving, problem.fixed, made.path, max(reach, 1e-3))
     freedoms = freedom(problem.moving, problem.fixed, made.path, box)
     return Nominal(made.path, critical, freedoms, found, made)
-
-
-def motion(
-    problem: Problem,
-    assembly: Assembly,
-    clearance: Clearance,
-    errors: ErrorSet,
-    tolerance: Tolerance,
-    lap: Callable[[str], None],
-    progress: Progress,
-) -> tuple[MoveSequence, Placed]:
-    """A sequence of contact states with its goal poses placed: the first whose margin is positive, else the best.
-
-    Raises:
-        SearchError: no sequence was found.
-        InfeasibleError: some were found, none of which fine pieces can follow.
-    """
-    moving, settings = problem.moving, problem.settings
-    deadline = clock() + settings.time_limit
-    per_side = clearance.per_side
-    roomy = room(assembly, per_side, problem.start_box, drift(problem, clearance))
-    costs = Costs.of(start_spread(moving, roomy), per_side)
-    goal = Pose.from_vector(problem.goal)
-    task = Task(assembly, goal, errors, tolerance, costs, 1.3 * settings.max_tilt)
-
-    entry_of = partial(tilted_entry, moving, clearance.play, problem.approach)
-    rounds = _rounds(problem, clearance, roomy, entry_of)
-    best: tuple[MoveSequence, Placed] | None = None
-    failure: FmoptError | None = None
-    spare: tuple[MoveSequence, ...] = ()
-
-    def told(names: str) -> None:
-        progress(f"search: {names}")
-
-    def tuning(margin: float) -> None:
-        progress(f"entry: margin {1e6 * margin:.1f} um")
-
-    def firm(found: MoveSequence) -> bool:
-        return least_firm(problem, assembly, found.reached.claims, tolerance) >= FIRM
-
-    @cache
-    def steady(found: MoveSequence) -> bool:
-        return assembly.planar or least_steady(problem, assembly, found.reached.claims, tolerance) >= STEADY
-
-    while best is None or (best[1].margin <= 0.0 and clock() < deadline):
-        try:
-            spare = spare if clock() < deadline else ()
-            candidates = spare or best_sequences(task, rounds, deadline, told, steady)
-            if candidates[0].reached.margin > 0.0:
-                candidates, spare = candidates[:1], candidates[1:]
-            lap("search")
-            found = tuned(task, candidates, entry_of, per_side, Limits(deadline, TRIES), tuning, steady)
-            found = deepened(task, found, entry_of, firm, Limits(deadline, TRIES))
-            lap("entry")
-            placed = placement(problem, assembly, found, errors, tolerance, per_side, progress)
-            lap("placement")
-        except SearchError as error:
-            failure = failure or error
-            break
-        except InfeasibleError as error:
-            failure = error  # what the search's coarse pieces allow, the fine ones may not
-            continue
-        if best is None or placed.margin > best[1].margin:
-            best = found, placed
-    if best is None:
-        assert failure is not None
-        raise failure
-    return best
-
-
-def _rounds(
-    problem: Problem, clearance: Clearance, roomy: Array, entry_of: Callable[[Shape], Entry]
-) -> Iterator[Sequence[Entry]]:
-    """Ways to begin, the likeliest first, several to be weighed against each other in each round."""
-    moving, box, tilt = problem.moving, problem.start_box, problem.settings.max_tilt
-    straight = straight_entry(moving, clearance.play, box, problem.approach)
-    if straight:
-        yield straight
-    if problem.plane is not None:
-        yield from planar_entries(moving, problem.fixed, roomy, problem.approach, tilt)
-    else:
-        rate = problem.velocity_error.translation + problem.velocity_error.rotation
-        for shape in likely_shapes(moving, problem.fixed, clearance, roomy, rate, tilt):
-            yield (entry_of(shape),)
-
-
-def placement(
-    problem: Problem,
-    assembly: Assembly,
-    found: MoveSequence,
-    errors: ErrorSet,
-    tolerance: Tolerance,
-    clearance: float,
-    progress: Progress,
-) -> Placed:
-    """All goal poses placed for the largest certified margin, by the method that the problem asks for.
-
-    Raises:
-        InfeasibleError: fine pieces cannot follow the motion, or no contact would be felt that ends one.
-    """
-    start = Reached(errors, (), ())
-    spread = start_spread(problem.moving, problem.start_box)
-    reach = 0.5 * (spread + clearance)
-    solver, settings = ConeSolver(), Refinement.of(spread, clearance)
-
-    def told(margin: float) -> None:
-        progress(f"placement: margin {1e6 * margin:.1f} um")
-
-    def polished(placed: Placed, method: Method, rounds: int) -> Placed:
-        return polish(assembly, placed, start, tolerance, FINE, clearance, method, Turns(rounds, reach), told)
-
-    def improved(placed: Placed) -> list[Placed]:
-        """A sequence, and what the method makes of it step by step."""
-        if problem.settings.placement == "descent":
-            return [placed, polished(placed, "descent", 3)]
-        # The program is local: it starts where the search ended, and once more from poses in the middle of their room.
-        centred = polished(placed, "descent", 1)
-        begun = dict.fromkeys((placed, centred))  # where there was nothing to centre, one and the same
-        refined = [refine(assembly, p, start, tolerance, FINE, solver, settings, told) for p in begun]
-        return [placed, centred, *refined, polished(max(refined, key=lambda p: p.margin), "nlp", 3)]
-
-    *stages, apart = improved(certified(assembly, found.moves, start, tolerance, FINE, thorough=False))
-    whole = [certified(assembly, apart.moves, start, tolerance, FINE)]
-    if whole[0].margin < apart.margin:
-        # What keeps the parts apart has more room than contacts have in their facets: poses on the way may hold both.
-        for stage in dict.fromkeys(stage for stage in stages if stage is not apart):
-            if (other := better(assembly, stage.moves, whole[-1], start, tolerance, FINE, 0.0)) is not None:
-                whole.append(other)
-    if whole[-1].margin < _WORTH * apart.margin:
-        # Placed for both, moves are less purely along one freedom, which larger errors and robots tolerate less.
-        again = improved(whole[-1])[-1]
-        whole += [again] if whole[-1].margin < _WORTH * again.margin else []
-    best = _felt(problem, assembly, whole, tolerance)
-    if problem.settings.method == "dakin1993":
-        claims = as_in_the_paper(assembly, best.reached.claims, errors, tolerance)
-        best = replace(best, reached=replace(best.reached, claims=claims))
-    return best
-
-
-def _felt(problem: Problem, assembly: Assembly, found: Sequence[Placed], tolerance: Tolerance) -> Placed:
-    """The last of some sequences of which every piece runs against the contact that ends its move."""
-    for placed in reversed(found):
-        if runs_against(problem, assembly, placed.reached.claims, tolerance):
-            return placed
-    raise InfeasibleError("a piece of a turn leads away from the contact that is to end it at first")

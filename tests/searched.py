@@ -6,6 +6,7 @@ from typing import Any
 
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Tolerance
+from fmopt.motion import FINE
 from fmopt.placement.entry import Entry, Shape, start_spread, tilted_entry
 from fmopt.placement.motion import Reached
 from fmopt.placement.search import search
@@ -14,7 +15,7 @@ from fmopt.placement.shapes import room
 from fmopt.placement.step import Costs, Task
 from fmopt.plan_record import Moved
 from fmopt.se3 import Pose
-from fmopt.synthesis import FINE, planned
+from fmopt.synthesis import planned
 from fmopt.task.clearance import characteristic_length, drift, measured_clearance
 from fmopt.task.problem import Problem
 from fmopt.uncertainty.error_set import ErrorSet
@@ -43,7 +44,7 @@ def motion_from(problem: Problem, entry: Entry) -> Moved:
     found = search(task, [entry])
     start = Reached(task.start, (), ())
     placed = certified(task.assembly, found.moves, start, task.tolerance, FINE)
-    return Moved(task.assembly, measured_clearance(problem), task.start, task.tolerance, found, placed)
+    return Moved(task.assembly, measured_clearance(problem), task.start, task.tolerance, found.searched, placed)
 
 
 def certified_plan(problem: Problem, motion: Moved) -> dict[str, Any]:

@@ -27,6 +27,7 @@ FLOORS: tuple[frozenset[str], ...] = (
     frozenset({"placement"}),
     frozenset({"control"}),
     frozenset({"plan_record"}),
+    frozenset({"motion"}),
     frozenset({"synthesis"}),
     frozenset({"study"}),
     frozenset({"desk"}),
@@ -61,7 +62,7 @@ ONLY: dict[str, frozenset[str]] = {
 CALLERS: dict[str, frozenset[str]] = {
     APART: frozenset({"synthesis", "desk", "cli"}),
     "report": frozenset({"study", "desk", "console", "cli"}),
-    "task": frozenset({"control", "plan_record", "synthesis", "study", "desk", "cli"}),
+    "task": frozenset({"control", "plan_record", "motion", "synthesis", "study", "desk", "cli"}),
     "export": frozenset({"desk", "cli"}),
     "execution": frozenset({"study", "desk", "cli"}),
 }

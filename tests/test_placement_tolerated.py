@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from fmopt.errors import InfeasibleError
+from fmopt.motion import FINE
 from fmopt.placement.tolerated import Motion, Tolerated, largest_factor, tolerated, what_fails
 from fmopt.plan_record import Moved
 from fmopt.report.tolerance_tables import rates, tolerance_chapter, tolerated_words
-from fmopt.synthesis import FINE, moved, planned
+from fmopt.synthesis import moved, planned
 from fmopt.task.problem import Problem, load
 
 PROBLEMS = Path(__file__).parent.parent / "problems"

@@ -1,13 +1,17 @@
-"""The same plan for the same parts, however their models are written: in metres, shifted, or turned in their files."""
+"""The same plan for the same parts, however their models are written, and for their images in a mirror.
+
+Models may be in metres, shifted, or turned in their files; mirror images have no symmetry that would make them alike.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import pytest
+from outlines import prism
 
 from fmopt.synthesis import synthesise
-from fmopt.task.problem import load
+from fmopt.task.problem import Problem, load
 
 ROOT = Path(__file__).parent.parent
 
@@ -67,7 +71,12 @@ def margins(folder: Path, unit: str = "mm", at: tuple[float, float, float] = (0,
         (folder / f"{name}.toml").write_text(model.format(unit=unit, turn=turn, **numbers))
     problem = (ROOT / "problems" / "square_peg_100um.toml").read_text().replace("../models/", "")
     (folder / "problem.toml").write_text(problem)
-    document = synthesise(load(folder / "problem.toml")).document
+    return certified(load(folder / "problem.toml"))
+
+
+def certified(problem: Problem) -> list[float]:
+    """The margin of each segment of the plan."""
+    document = synthesise(problem).document
     assert document["verdict"] == "CERTIFIED"
     return [segment["margin"] for segment in document["segments"]]
 
@@ -76,3 +85,18 @@ def test_how_the_models_are_written_does_not_matter(tmp_path: Path) -> None:
     plain = margins(tmp_path)
     for written in ({"unit": "m"}, {"at": (100, -50, 30)}, {"turn": 90}, {"turn": 37}):
         assert margins(tmp_path, **written) == pytest.approx(plain, rel=1e-9)  # type: ignore[arg-type]
+
+
+def test_images_in_a_mirror_get_the_same_plan(tmp_path: Path) -> None:
+    outline = [(-10.0, -8.0), (10.0, -8.0), (10.0, 4.0), (-10.0, 9.0)]
+    images = {  # of which all eight are made
+        "plain": outline,
+        "mirrored": [(-x, y) for x, y in reversed(outline)],
+        "exchanged": [(y, x) for x, y in reversed(outline)],
+    }
+    found = {}
+    for name, corners in images.items():
+        (tmp_path / name).mkdir()
+        found[name] = certified(prism(tmp_path / name, [list(corner) for corner in corners], (0.1, 0.1)))
+    assert found["mirrored"] == pytest.approx(found["plain"], rel=1e-9)
+    assert found["exchanged"] == pytest.approx(found["plain"], rel=1e-9)

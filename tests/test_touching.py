@@ -14,11 +14,12 @@ from searched import certified_plan, tilted_motion
 from fmopt.certificate.bounds import bounds
 from fmopt.contact.primitive import vertex_face
 from fmopt.geometry.clearance import Clearance
+from fmopt.motion import FINE
 from fmopt.placement.entry import Shape, tilted_entry
 from fmopt.placement.shapes import funnel_depth, funnel_width, tilted_shapes, touching_shapes
 from fmopt.plan_record import Moved
 from fmopt.se3 import Pose, length, log
-from fmopt.synthesis import FINE, moved
+from fmopt.synthesis import moved
 from fmopt.task.clearance import measured_clearance
 from fmopt.task.problem import Problem, load
 

@@ -9,7 +9,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import lru_cache
 from typing import assert_never
 
 import numpy as np
@@ -30,7 +29,6 @@ from fmopt.se3 import Pose, cross
 from fmopt.values import Array
 
 PARALLEL = math.radians(1.0)  # rad; edges closer than this in direction have no edge–edge contact
-_MEMORY = 256
 _CONTACTS = 4096
 
 
@@ -99,12 +97,12 @@ def _crossing(
     m = cross(own.directions[ones] @ R.T, other.directions[others])
     outward = other.between[others] - own.between[ones] @ R.T
     along = (np.vecdot(m, outward) > 0.0).tolist()
-    return [_crossed(moving, fixed, i, j, on) for (i, j), on in zip(pairs, along, strict=True)]
+    return [crossed(moving, fixed, i, j, on) for (i, j), on in zip(pairs, along, strict=True)]
 
 
 @remembered(_CONTACTS)
-def _crossed(moving: Polyhedron, fixed: Polyhedron, one: int, other: int, along: bool) -> PrimitiveContact:
-    """The contact of a moving edge, run along or the other way, across a fixed one."""
+def crossed(moving: Polyhedron, fixed: Polyhedron, one: int, other: int, along: bool) -> PrimitiveContact:
+    """The contact of a moving edge, run along or the other way, across a fixed one; see `edge_edge`."""
     ends = moving.edges[one].vertices if along else moving.edges[one].vertices[::-1]
     return PrimitiveContact(f"e{one}-e{other}", Kind.EDGE_EDGE, ends, fixed.edges[other].vertices, one, other)
 
@@ -132,7 +130,7 @@ class _Features:
     walls: Walls
 
 
-@lru_cache(maxsize=_MEMORY)
+@remembered(1)
 def _features(polyhedron: Polyhedron) -> _Features:
     ends = np.array([edge.vertices for edge in polyhedron.edges], dtype=np.intp)
     beside = polyhedron.normals[[edge.faces for edge in polyhedron.edges]]
@@ -204,7 +202,7 @@ def _pairs(
     return list(zip(first[one].tolist(), (other if second is None else second[other]).tolist(), strict=True))
 
 
-@lru_cache(maxsize=_MEMORY)
+@remembered(1)
 def convex_vertices(polyhedron: Polyhedron) -> frozenset[int]:
     """The vertices all of whose edges are convex."""
     return frozenset(_features(polyhedron).vertices.tolist())

@@ -55,6 +55,30 @@ class MoveSequence:
     lower_bound: float
     expanded: int
 
+    @property
+    def searched(self) -> Searched:
+        """What is said of the search."""
+        return Searched(self.entry.heading, self.names, self.cost, self.lower_bound, self.expanded)
+
+
+@dataclass(frozen=True)
+class Searched:
+    """What is said of the search for a sequence.
+
+    Args:
+        heading: turn about z of the axes that moves go along and about, rad.
+        names: the freedom of each move.
+        cost: of the sequence.
+        lower_bound: no sequence from the same entries costs less.
+        expanded: states looked at.
+    """
+
+    heading: float
+    names: tuple[str, ...]
+    cost: float
+    lower_bound: float
+    expanded: int
+
 
 @dataclass(order=True)
 class _Open:
@@ -110,19 +134,19 @@ def _first_sequences(
     task: Task, rounds: Iterator[Sequence[Entry]], deadline: float, progress: Callable[[str], None]
 ) -> tuple[MoveSequence, ...]:
     found: list[MoveSequence] = []
-    failure: SearchError | None = None
+    failures: list[SearchError] = []
     for entries in rounds:
         try:
             found.append(search(task, entries, deadline, progress))
         except SearchError as error:
-            failure = error
+            failures = [error.with_traceback(None)]  # which would hold on to this frame, and all that is in it
         else:
             if found[-1].reached.margin > 0.0:
                 return (found[-1],)
         if len(found) >= _LOOKS or clock() > deadline:
             break
     if not found:
-        raise failure or SearchError("no way to begin is left", advice=_BEGIN)
+        raise failures.pop() if failures else SearchError("no way to begin is left", advice=_BEGIN)
     return tuple(sorted(found, key=lambda sequence: -round(sequence.reached.margin, _PLACES)))
 
 

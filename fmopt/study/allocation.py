@@ -16,11 +16,12 @@ from typing import Any
 import numpy as np
 
 from fmopt.errors import InfeasibleError, SearchError
+from fmopt.motion import FINE
 from fmopt.placement.sequence import Placed
 from fmopt.plan_record import Moved
 from fmopt.study.cheapest import Cheapest, cheapest
 from fmopt.study.tolerances import Question
-from fmopt.synthesis import FINE, moved, planned, proved
+from fmopt.synthesis import moved, planned, proved
 from fmopt.task.problem import Problem
 from fmopt.task.tables import in_words
 from fmopt.task.units import ANGLE, LENGTH, Dimension

@@ -204,8 +204,8 @@ def _margins(solved: Solved) -> dict[str, Scalar]:
 
 def _tolerated(solved: Solved) -> dict[str, Scalar]:
     """The largest factor of the whole start box at which this motion, moved alike, is still certified."""
+    from fmopt.motion import FINE
     from fmopt.placement.tolerated import largest_factor
-    from fmopt.synthesis import FINE
 
     return {"tolerated_factor": largest_factor(solved.moved.under(solved.problem, FINE))}
 

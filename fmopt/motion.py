@@ -1,0 +1,244 @@
+"""The motion of a problem: searched, its way to begin varied, its goal poses placed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from itertools import chain, islice, repeat, tee
+
+from fmopt.certificate.knowledge import Assembly
+from fmopt.certificate.paper import as_in_the_paper
+from fmopt.certificate.segment import Tolerance
+from fmopt.compiled import clock
+from fmopt.errors import FmoptError, InfeasibleError, SearchError
+from fmopt.geometry.clearance import Clearance
+from fmopt.placement.attitude import Image, images
+from fmopt.placement.cone_solver import ConeSolver
+from fmopt.placement.entry import Entry, Shape, planar_entries, start_spread, straight_entry, tilted_entry
+from fmopt.placement.motion import Reached
+from fmopt.placement.polish import Method, Turns, polish
+from fmopt.placement.search import MoveSequence, Searched, best_sequences
+from fmopt.placement.sequence import Placed, Refinement, better, certified, refine
+from fmopt.placement.shapes import likely_shapes, room
+from fmopt.placement.step import Costs, Task
+from fmopt.placement.tune import Limits, deepened, tuned
+from fmopt.plan_record import least_firm, least_steady, runs_against
+from fmopt.se3 import Pose
+from fmopt.task.clearance import characteristic_length, drift
+from fmopt.task.problem import Problem
+from fmopt.uncertainty.error_set import ErrorSet
+from fmopt.values import Array
+
+Progress = Callable[[str], None]
+FINE = math.radians(1.0)
+TRIES = 40  # of entries, when one is varied
+STEADY = 0.05  # share of the contact force that presses what a part turns along, whatever friction turns it off
+FIRM = 0.05  # share of the contact force that presses all that a part slides along to its next contact
+_LIKELY = 32  # ways to begin that are tried in each attitude before the rest are
+_WORTH = 0.5  # of a margin; a smaller one is given up for it
+
+
+def motion(
+    problem: Problem,
+    assembly: Assembly,
+    clearance: Clearance,
+    errors: ErrorSet,
+    tolerance: Tolerance,
+    lap: Callable[[str], None],
+    progress: Progress,
+) -> tuple[Searched, Placed]:
+    """A sequence of contact states with its goal poses placed, found in the attitude that its parts are planned for.
+
+    Where the likeliest ways to begin leave no margin there, those of the other attitudes are tried, then the rest.
+
+    Args:
+        problem: the task.
+        assembly: its parts.
+        clearance: as measured on them.
+        errors: at the start.
+        tolerance: velocity error and metric.
+        lap: told which stage has ended.
+        progress: told what is being done.
+
+    Raises:
+        SearchError: no sequence was found.
+        InfeasibleError: some were found, none of which fine pieces can follow.
+    """
+    deadline = clock() + problem.settings.time_limit
+    best: tuple[Image, Searched, Placed] | None = None
+    failures: list[FmoptError] = []
+    stood = (_Stood.of(problem, image, clearance) for image in images(assembly, problem.start_box))
+    first, again = tee(stood)
+    for here, most in chain(zip(first, repeat(_LIKELY)), zip(again, repeat(None))):
+        try:
+            found, placed = here.motion(islice(here.rounds, most), deadline, lap, progress)
+        except (SearchError, InfeasibleError) as error:
+            failures.append(error.with_traceback(None))
+        else:
+            best = (here.image, found, placed) if best is None or placed.margin > best[2].margin else best
+        if (best is not None and best[2].margin > 0.0) or clock() >= deadline:
+            break
+    if best is None:
+        failures.sort(key=lambda error: isinstance(error, InfeasibleError))
+        raise failures.pop(0)
+    image, found, placed = best
+    moves = image.own_moves(placed.moves)
+    own = certified(assembly, moves, Reached(errors, (), ()), tolerance, FINE)
+    return image.own_search(found), _by_method(problem, assembly, own, errors, tolerance)
+
+
+@dataclass(frozen=True, eq=False)
+class _Stood:
+    """A problem in one attitude, with what its search is about, and the ways to begin that are left."""
+
+    image: Image
+    problem: Problem
+    clearance: Clearance
+    task: Task
+    entry_of: Callable[[Shape], Entry]
+    rounds: Iterator[Sequence[Entry]]
+
+    @staticmethod
+    def of(problem: Problem, image: Image, clearance: Clearance) -> _Stood:
+        """The problem as an image of its parts poses it."""
+        parts, clearance = image.assembly, image.clearance(clearance)
+        goal, box = image.goal(problem.goal), image.attitude.of_widths(problem.start_box)
+        problem = replace(problem, moving=parts.moving, fixed=parts.fixed, goal=goal, start_box=box)
+        rates = problem.velocity_error.translation, problem.velocity_error.rotation
+        tolerance = Tolerance(rates, characteristic_length(problem, clearance))
+        roomy = room(parts, clearance.per_side, box, drift(problem, clearance))
+        costs = Costs.of(start_spread(parts.moving, roomy), clearance.per_side)
+        turn = 1.3 * problem.settings.max_tilt
+        task = Task(parts, Pose.from_vector(goal), ErrorSet.from_box(box), tolerance, costs, turn)
+        entry_of = partial(tilted_entry, parts.moving, clearance.play, problem.approach)
+        return _Stood(image, problem, clearance, task, entry_of, _rounds(problem, clearance, roomy, entry_of))
+
+    def motion(
+        self, rounds: Iterator[Sequence[Entry]], deadline: float, lap: Callable[[str], None], progress: Progress
+    ) -> tuple[Searched, Placed]:
+        """What `motion` finds for some ways to begin: the first sequence whose margin is positive, else the best."""
+        problem, task = self.problem, self.task
+        assembly, tolerance, per_side = task.assembly, task.tolerance, self.clearance.per_side
+        best: tuple[MoveSequence, Placed] | None = None
+        failures: list[FmoptError] = []
+        spare: tuple[MoveSequence, ...] = ()
+
+        def told(names: str) -> None:
+            progress(f"search: {names}")
+
+        def tuning(margin: float) -> None:
+            progress(f"entry: margin {1e6 * margin:.1f} um")
+
+        def firm(found: MoveSequence) -> bool:
+            return least_firm(problem, assembly, found.reached.claims, tolerance) >= FIRM
+
+        @cache
+        def steady(found: MoveSequence) -> bool:
+            return assembly.planar or least_steady(problem, assembly, found.reached.claims, tolerance) >= STEADY
+
+        while best is None or (best[1].margin <= 0.0 and clock() < deadline):
+            try:
+                spare = spare if clock() < deadline else ()
+                candidates = spare or best_sequences(task, rounds, deadline, told, steady)
+                if candidates[0].reached.margin > 0.0:
+                    candidates, spare = candidates[:1], candidates[1:]
+                lap("search")
+                found = tuned(task, candidates, self.entry_of, per_side, Limits(deadline, TRIES), tuning, steady)
+                found = deepened(task, found, self.entry_of, firm, Limits(deadline, TRIES))
+                lap("entry")
+                placed = placement(problem, assembly, found, task.start, tolerance, per_side, progress)
+                lap("placement")
+            except SearchError as error:
+                failures = failures or [error.with_traceback(None)]
+                break
+            except InfeasibleError as error:  # what the search's coarse pieces allow, the fine ones may not
+                failures = [error.with_traceback(None)]
+                continue
+            if best is None or placed.margin > best[1].margin:
+                best = found, placed
+        if best is None:
+            raise failures.pop()
+        return best[0].searched, best[1]
+
+
+def _rounds(
+    problem: Problem, clearance: Clearance, roomy: Array, entry_of: Callable[[Shape], Entry]
+) -> Iterator[Sequence[Entry]]:
+    """Ways to begin, the likeliest first, several to be weighed against each other in each round."""
+    moving, box, tilt = problem.moving, problem.start_box, problem.settings.max_tilt
+    straight = straight_entry(moving, clearance.play, box, problem.approach)
+    if straight:
+        yield straight
+    if problem.plane is not None:
+        yield from planar_entries(moving, problem.fixed, roomy, problem.approach, tilt)
+    else:
+        rate = problem.velocity_error.translation + problem.velocity_error.rotation
+        for shape in likely_shapes(moving, problem.fixed, clearance, roomy, rate, tilt):
+            yield (entry_of(shape),)
+
+
+def placement(
+    problem: Problem,
+    assembly: Assembly,
+    found: MoveSequence,
+    errors: ErrorSet,
+    tolerance: Tolerance,
+    clearance: float,
+    progress: Progress,
+) -> Placed:
+    """All goal poses placed for the largest certified margin, by the method that the problem asks for.
+
+    Raises:
+        InfeasibleError: fine pieces cannot follow the motion, or no contact would be felt that ends one.
+    """
+    start = Reached(errors, (), ())
+    spread = start_spread(problem.moving, problem.start_box)
+    reach = 0.5 * (spread + clearance)
+    solver, settings = ConeSolver(), Refinement.of(spread, clearance)
+
+    def told(margin: float) -> None:
+        progress(f"placement: margin {1e6 * margin:.1f} um")
+
+    def polished(placed: Placed, method: Method, rounds: int) -> Placed:
+        return polish(assembly, placed, start, tolerance, FINE, clearance, method, Turns(rounds, reach), told)
+
+    def improved(placed: Placed) -> list[Placed]:
+        """A sequence, and what the method makes of it step by step."""
+        if problem.settings.placement == "descent":
+            return [placed, polished(placed, "descent", 3)]
+        # The program is local: it starts where the search ended, and once more from poses in the middle of their room.
+        centred = polished(placed, "descent", 1)
+        begun = dict.fromkeys((placed, centred))  # where there was nothing to centre, one and the same
+        refined = [refine(assembly, p, start, tolerance, FINE, solver, settings, told) for p in begun]
+        return [placed, centred, *refined, polished(max(refined, key=lambda p: p.margin), "nlp", 3)]
+
+    *stages, apart = improved(certified(assembly, found.moves, start, tolerance, FINE, thorough=False))
+    whole = [certified(assembly, apart.moves, start, tolerance, FINE)]
+    if whole[0].margin < apart.margin:
+        # What keeps the parts apart has more room than contacts have in their facets: poses on the way may hold both.
+        for stage in dict.fromkeys(stage for stage in stages if stage is not apart):
+            if (other := better(assembly, stage.moves, whole[-1], start, tolerance, FINE, 0.0)) is not None:
+                whole.append(other)
+    if whole[-1].margin < _WORTH * apart.margin:
+        # Placed for both, moves are less purely along one freedom, which larger errors and robots tolerate less.
+        again = improved(whole[-1])[-1]
+        whole += [again] if whole[-1].margin < _WORTH * again.margin else []
+    return _by_method(problem, assembly, _felt(problem, assembly, whole, tolerance), errors, tolerance)
+
+
+def _by_method(problem: Problem, assembly: Assembly, placed: Placed, errors: ErrorSet, tolerance: Tolerance) -> Placed:
+    """A sequence with the claims of the method that the problem asks for."""
+    if problem.settings.method != "dakin1993":
+        return placed
+    claims = as_in_the_paper(assembly, placed.reached.claims, errors, tolerance)
+    return replace(placed, reached=replace(placed.reached, claims=claims))
+
+
+def _felt(problem: Problem, assembly: Assembly, found: Sequence[Placed], tolerance: Tolerance) -> Placed:
+    """The last of some sequences of which every piece runs against the contact that ends its move."""
+    for placed in reversed(found):
+        if runs_against(problem, assembly, placed.reached.claims, tolerance):
+            return placed
+    raise InfeasibleError("a piece of a turn leads away from the contact that is to end it at first")

@@ -1,0 +1,259 @@
+"""The attitude in which parts are planned for, so that a plan depends on their shapes alone and not on their files.
+
+What moves one part into another moves their mirror image in, mirrored; so it is with a quarter turn about the axis of
+the insertion. Of the eight images that parts have under reflections and quarter turns, one is planned for, the same
+for all of them; what is found is turned back. In that image vertices and faces come in the order of coordinates, and
+these are rounded far below what any clearance depends on: neither the order of what a file lists, nor the rounding of
+units and frames decides anything then.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import assert_never
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from fmopt.certificate.assembly import Assembly
+from fmopt.contact.primitive import Kind, PrimitiveContact, crossed, face_vertex, vertex_face
+from fmopt.geometry.clearance import Clearance
+from fmopt.geometry.part import Part
+from fmopt.geometry.polyhedron import Polyhedron, from_faces
+from fmopt.placement.motion import Move
+from fmopt.placement.search import Searched
+from fmopt.placement.sequence import in_a_row, onto_surfaces
+from fmopt.se3 import Pose
+from fmopt.values import Array
+
+_DECIMALS = 14  # of lengths in m and of numbers without a unit
+_SAME = 1e-9  # what tells images apart, relative to the part
+_LONG = 0.1  # moment from which a part is longer one way than the other, which is along x then
+# What ranks images, the largest first: powers of x, y and z whose moments count, then directions (rad from y) in which
+# the part reaches farthest, for shapes so regular that their moments do not differ.
+_MOMENTS = (
+    *((2, 1, 0), (2, 0, 0), (1, 0, 0), (0, 1, 0), (3, 0, 0), (0, 3, 0), (1, 2, 0), (1, 1, 0), (3, 1, 0)),
+    *((2, 1, 1), (2, 0, 1), (1, 0, 1), (0, 1, 1), (1, 1, 1), (3, 1, 1)),
+)
+_REACHES = (0.0, 0.3, 0.7, 1.0, 1.3)
+_MIRRORED = frozenset(("y", "rx", "rz"))  # freedoms that have the other sign in a mirror, once x points as before
+
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class Attitude:
+    """One of the eight images.
+
+    Args:
+        axes: x and y of the image, and z, as rows (3, 3) in the parts' own axes.
+    """
+
+    axes: Array
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether the image is one in a mirror."""
+        return bool(np.linalg.det(self.axes) < 0.0)
+
+    def of_pose(self, pose: Pose) -> Pose:
+        """The image of a pose."""
+        return Pose(self.axes @ pose.p, self.axes @ pose.R @ self.axes.T)
+
+    def of_widths(self, box: Array) -> Array:
+        """The image of half-widths (6,), or of two, one for x and one for y (2,)."""
+        swap = np.abs(self.axes).argmax(axis=1)
+        return np.asarray(box[swap[:2]] if len(box) == 2 else box[np.append(swap, 3 + swap)])
+
+    @property
+    def back(self) -> Attitude:
+        """The attitude of the parts as their image sees them."""
+        return Attitude(self.axes.T)
+
+
+@dataclass(frozen=True, eq=False)
+class _Numbers:
+    """Of a part's image, which vertex (n,), face (m,) and edge (e,) of the part each of its own is."""
+
+    vertices: Indices
+    faces: Indices
+    edges: Indices
+
+
+@dataclass(frozen=True, eq=False)
+class Image:
+    """Two parts in an attitude.
+
+    Args:
+        attitude: the attitude.
+        own: the parts themselves.
+        assembly: their images.
+        moving, fixed: what of the parts is what of their images.
+    """
+
+    attitude: Attitude
+    own: Assembly
+    assembly: Assembly
+    moving: _Numbers
+    fixed: _Numbers
+
+    def clearance(self, found: Clearance) -> Clearance:
+        """What was measured on the parts, as it is of their images, but for the place and the faces."""
+        x, y = self.attitude.of_widths(np.asarray(found.play)).round(_DECIMALS).tolist()
+        per_side, half = round(found.per_side, _DECIMALS), round(found.half_diagonal, _DECIMALS)
+        return replace(found, per_side=per_side, play=(x, y), half_diagonal=half)
+
+    def goal(self, pose: Array) -> Array:
+        """The image of the seated pose (6,)."""
+        return np.asarray(self.attitude.of_pose(Pose.from_vector(pose)).vector().round(_DECIMALS) + 0.0)
+
+    def own_moves(self, moves: Sequence[Move]) -> tuple[Move, ...]:
+        """The moves of the images as moves of the parts themselves, which end on these parts' own surfaces.
+
+        Raises:
+            InfeasibleError: one ends off the surfaces of its contacts.
+        """
+        back = self.attitude.back
+        turned = [
+            replace(
+                move,
+                start=back.of_pose(move.start),
+                goal=back.of_pose(move.goal),
+                held=self.own_contacts(move.held),
+                making=self.own_contacts(move.making),
+                left=self.own_contacts(move.left),
+            )
+            for move in moves
+        ]
+        return in_a_row(turned, turned[0].start, [onto_surfaces(self.own, move.goal, move) for move in turned])
+
+    def own_search(self, found: Searched) -> Searched:
+        """What is said of the search, in the parts' own axes."""
+        c, s = math.cos(found.heading), math.sin(found.heading)
+        x, y, _ = self.attitude.axes.T @ np.array([c, s, 0.0])
+        names = tuple(map(_in_mirror, found.names)) if self.attitude.mirrored else found.names
+        return replace(found, heading=math.atan2(y, x), names=names)
+
+    def own_contacts(self, contacts: Iterable[PrimitiveContact]) -> tuple[PrimitiveContact, ...]:
+        """Contacts of the images as those of the parts themselves."""
+        return tuple(self._own_contact(contact) for contact in contacts)
+
+    def _own_contact(self, contact: PrimitiveContact) -> PrimitiveContact:
+        body, fixed = self.own.moving.polyhedron, self.own.fixed.polyhedron
+        one, other = contact.moving_feature, contact.fixed_feature
+        match contact.kind:
+            case Kind.VERTEX_FACE:
+                return vertex_face(fixed, int(self.moving.vertices[one]), int(self.fixed.faces[other]))
+            case Kind.FACE_VERTEX:
+                return face_vertex(body, int(self.moving.faces[one]), int(self.fixed.vertices[other]))
+            case Kind.EDGE_EDGE:
+                one, other = int(self.moving.edges[one]), int(self.fixed.edges[other])
+                along = tuple(self.moving.vertices[list(contact.moving)].tolist()) == body.edges[one].vertices
+                with_fixed = tuple(self.fixed.vertices[list(contact.fixed)].tolist()) == fixed.edges[other].vertices
+                return crossed(body, fixed, one, other, along ^ (not with_fixed) ^ self.attitude.mirrored)
+            case _:
+                assert_never(contact.kind)
+
+
+def _in_mirror(name: str) -> str:
+    sign, axis = name[:1], name[1:]
+    return ("-" if sign == "+" else "+") + axis if axis in _MIRRORED and sign in "+-" else name
+
+
+def images(own: Assembly, box: Array) -> Iterator[Image]:
+    """The images of two parts that differ, the one to plan for first.
+
+    Args:
+        own: the two parts.
+        box: half-widths (6,) of the start error, which shape the image as well.
+    """
+    attitudes = all_attitudes(own.planar)
+    ranks = np.array([_rank(own, box, attitude) for attitude in attitudes])
+    left = list(range(len(attitudes)))
+    while left:
+        first = left
+        for n in range(ranks.shape[1]):
+            most = ranks[first, n].max()
+            first = [k for k in first if ranks[k, n] >= most - _SAME]
+        found = attitudes[first[0]]
+        left = [k for k in left if not _alike(own, box, attitudes[k], found)]
+        yield image_in(own, found)
+
+
+def _alike(own: Assembly, box: Array, one: Attitude, other: Attitude) -> bool:
+    """Whether two images are the same."""
+    if np.any(np.abs(one.of_widths(box) - other.of_widths(box)) > _SAME * box.max()):
+        return False
+    for part in (own.moving, own.fixed):
+        points = part.polyhedron.vertices
+        apart, _ = KDTree(points @ other.axes.T).query(points @ one.axes.T)
+        if np.max(apart) > _SAME * part.polyhedron.diameter:
+            return False
+    return True
+
+
+def all_attitudes(planar: bool) -> list[Attitude]:
+    """All attitudes, the parts' own first; in the plane of x and z that and its mirror image."""
+    x, y, z = np.eye(3)
+    if planar:
+        return [Attitude(np.array([sign * x, y, z]) + 0.0) for sign in (1.0, -1.0)]
+    pairs = product(((x, y), (y, x)), (1.0, -1.0), (1.0, -1.0))
+    return [Attitude(np.array([a * one, b * other, z]) + 0.0) for (one, other), a, b in pairs]
+
+
+def _rank(own: Assembly, box: Array, attitude: Attitude) -> Array:
+    """Numbers that tell an image from others; lengths count relative to the part."""
+    found = list[float]()
+    for part in (own.moving, own.fixed):
+        points = part.polyhedron.vertices @ attitude.axes.T
+        x, y, z = points.T / np.abs(points).max()
+        long = float(np.mean(x * x - y * y))
+        found += [long if abs(long) > _LONG else 0.0]
+        found += [float(np.mean(x**a * y**b * z**c)) for a, b, c in _MOMENTS]
+        found += [float(np.max(math.sin(angle) * x + math.cos(angle) * y)) for angle in _REACHES]
+    return np.append(found, attitude.of_widths(box) / max(box.max(), 1e-12))
+
+
+def image_in(own: Assembly, attitude: Attitude) -> Image:
+    """The image of two parts in an attitude."""
+    (moving, of_moving), (fixed, of_fixed) = (_turned(part, attitude) for part in (own.moving, own.fixed))
+    return Image(attitude, own, Assembly(moving, fixed, own.planar), of_moving, of_fixed)
+
+
+def _turned(part: Part, attitude: Attitude) -> tuple[Part, _Numbers]:
+    body, numbers = _in_order(part.polyhedron, attitude)
+    pieces = sorted((_in_order(piece, attitude)[0] for piece in part.pieces), key=lambda piece: piece.vertices.tolist())
+    features = tuple(replace(feature, frame=attitude.of_pose(feature.frame)) for feature in part.features)
+    return replace(part, polyhedron=body, pieces=tuple(pieces), features=features), numbers
+
+
+def _in_order(body: Polyhedron, attitude: Attitude) -> tuple[Polyhedron, _Numbers]:
+    """The image of a polyhedron, vertices and faces in the order of their coordinates, and where each comes from."""
+    points = _rounded(body.vertices @ attitude.axes.T)
+    order = np.lexsort(points.T[::-1])
+    place = np.argsort(order)
+    way = -1 if attitude.mirrored else 1
+    loops = []
+    for face in body.faces:
+        outer, *holes = (_from_least(place[list(loop)].tolist()[::way]) for loop in face.loops)
+        loops.append((outer, *sorted(holes)))
+    faces = sorted(range(len(loops)), key=loops.__getitem__)
+    planes = [(_rounded(attitude.axes @ body.faces[k].normal), round(body.faces[k].offset, _DECIMALS)) for k in faces]
+    image = from_faces(points[order], [loops[k] for k in faces], planes)
+    known = {frozenset(edge.vertices): k for k, edge in enumerate(body.edges)}
+    edges = [known[frozenset(order[list(edge.vertices)].tolist())] for edge in image.edges]
+    return image, _Numbers(order, np.array(faces, dtype=np.intp), np.array(edges, dtype=np.intp))
+
+
+def _rounded(numbers: Array) -> Array:
+    return np.asarray(numbers.round(_DECIMALS) + 0.0)
+
+
+def _from_least(loop: list[int]) -> tuple[int, ...]:
+    """A loop, begun at its least vertex."""
+    k = loop.index(min(loop))
+    return (*loop[k:], *loop[:k])
