@@ -14,6 +14,7 @@ from fmopt.certificate.segment import Tolerance
 from fmopt.compiled import clock
 from fmopt.errors import InfeasibleError, SearchError
 from fmopt.knowledge.command import answer
+from fmopt.memory import few_collections
 from fmopt.motion import FINE, Progress, motion
 from fmopt.nominal.critical import critical_poses
 from fmopt.nominal.freedom import freedom, half_widths
@@ -44,6 +45,7 @@ class Synthesis:
         return _certified(self.verdict)
 
 
+@few_collections()
 def synthesise(problem: Problem, progress: Progress = lambda _: None) -> Synthesis:
     """Solves a problem, or as much of its start errors as there is a plan for where its settings ask for that.
 
@@ -139,6 +141,7 @@ def _reduced(problem: Problem, share: float, found: Synthesis, short: str) -> Sy
     return Synthesis(plan.sealed(document), verdict, found.seconds)
 
 
+@few_collections()
 def moved(problem: Problem, lap: Callable[[str], None], progress: Progress = lambda _: None) -> Moved:
     """Measures the parts and finds the motion; errors as of `synthesise`.
 
@@ -158,6 +161,7 @@ def moved(problem: Problem, lap: Callable[[str], None], progress: Progress = lam
     return Moved(assembly, clearance, errors, tolerance, found, placed)
 
 
+@few_collections()
 def planned(
     problem: Problem,
     done: Moved,

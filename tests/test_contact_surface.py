@@ -70,7 +70,7 @@ def test_sympy_casadi_and_numpy_agree(fixed: Polyhedron, contacts: tuple[Primiti
     X = np.array([1e-4, -2e-4, 3e-4, 0.02, -0.03, 0.01])
     f, _ = values_and_rows(contacts, PEG, fixed, pose.moved(X))
     function = surfaces_function([contact.kind for contact in contacts])
-    numbers = np.column_stack([parameters(contact, PEG, fixed) for contact in contacts])
+    numbers = np.column_stack([parameters(PEG, fixed, contact) for contact in contacts])
     np.testing.assert_allclose(function(X, reference_vector(pose), numbers).full().ravel(), f, rtol=0.0, atol=1e-16)
     symbols = sympy.symbols("X:6")
     for contact, value in zip(contacts, f, strict=True):
@@ -82,7 +82,7 @@ def test_sympy_casadi_and_numpy_agree(fixed: Polyhedron, contacts: tuple[Primiti
 def test_casadi_jacobian_at_the_reference_is_the_row() -> None:
     fixed, contacts, pose = CASES[0]
     X = casadi.SX.sym("X", 6)
-    numbers = np.column_stack([parameters(contact, PEG, fixed) for contact in contacts])
+    numbers = np.column_stack([parameters(PEG, fixed, contact) for contact in contacts])
     f = surfaces_function([contact.kind for contact in contacts])(X, reference_vector(pose), numbers)
     jacobian = casadi.Function("jacobian", [X], [casadi.jacobian(f, X)])
     _, N = values_and_rows(contacts, PEG, fixed, pose)

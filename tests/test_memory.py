@@ -10,9 +10,11 @@ from pathlib import Path
 
 from study_problems import straight
 
-from fmopt.memory import remembered
+from fmopt.memory import few_collections, remembered
 from fmopt.synthesis import moved
 from fmopt.task.problem import load
+
+ROOT = Path(__file__).parent.parent
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +40,31 @@ def test_once_for_each_object_and_arguments() -> None:
 
 
 def test_nothing_holds_on_to_a_problem_that_was_solved(tmp_path: Path) -> None:
-    done = moved(load(straight(tmp_path)), lambda _: None)
-    parts = [weakref.ref(done.assembly), weakref.ref(done.placed)]
-    del done
+    problems = (load(straight(tmp_path)), load(ROOT / "problems" / "factory_rect_8mm_tight_300um.toml"))
     gc.collect()
-    assert [part() for part in parts] == [None, None]
+    gc.disable()  # nothing waits for that
+    try:
+        for problem in problems:
+            done = moved(problem, lambda _: None)
+            parts = [weakref.ref(done.assembly), weakref.ref(done.placed)]
+            del done
+            assert [part() for part in parts] == [None, None]
+    finally:
+        gc.enable()
+
+
+def test_collections_are_as_before_once_they_were_few() -> None:
+    before = gc.get_threshold()
+    with few_collections():
+        assert min(gc.get_threshold()) >= min(before)
+        assert gc.get_threshold()[0] > before[0]
+        with few_collections():
+            pass
+        assert gc.get_threshold()[0] > before[0]
+    assert gc.get_threshold() == before
+    gc.set_threshold(0)
+    try:
+        with few_collections():
+            assert gc.get_threshold()[0] == 0
+    finally:
+        gc.set_threshold(*before)

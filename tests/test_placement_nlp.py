@@ -64,7 +64,7 @@ def test_numbers_of_primitive_contacts_are_rows_as_they_stand() -> None:
     pose = Pose.from_vector([0.025, 0.02, 0.039, 0.2, 0.3, 0.4])
     contacts = near_contacts(moving, fixed, pose, 0.03, 0.3)
     assert len({contact.kind for contact in contacts}) == 3
-    rows = [Row(RowKind(contact.kind.value), parameters(contact, moving, fixed)) for contact in contacts]
+    rows = [Row(RowKind(contact.kind.value), parameters(moving, fixed, contact)) for contact in contacts]
     for one, other in zip(
         evaluate(rows, pose, np.zeros(6)), values_and_rows(contacts, moving, fixed, pose), strict=True
     ):

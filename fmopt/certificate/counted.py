@@ -90,7 +90,7 @@ def counted_rows(assembly: Assembly, pair: Pair, witness: Witness) -> Counted:
 def rows_along(assembly: Assembly, pair: Pair, witnesses: tuple[Witness, ...]) -> tuple[Counted, ...]:
     """The counted rows of several witnesses along faces or edges of a pair."""
     known, walls = facts(assembly, pair.state), coming_off(assembly, pair.state, pair.left)
-    over, beneath = _over(pair.fixed, pair.moving), _beneath(pair.moving, pair.fixed)
+    over, beneath = _over(pair.moving, pair.fixed), _beneath(pair.moving, pair.fixed)
     found = []
     for witness in witnesses:
         if witness.kind == "fixed-face":
@@ -110,7 +110,7 @@ Faces = dict[tuple[int, ...], tuple[Array, float, Forms]]
 
 
 @remembered(_MEMORY)
-def _over(fixed: Polyhedron, moving: Polyhedron) -> Faces:
+def _over(moving: Polyhedron, fixed: Polyhedron) -> Faces:
     """Vertices of a moving piece over the faces of a fixed one."""
     found = {}
     for face in fixed.faces:

@@ -10,13 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from weakref import ref
 
 import numpy as np
 
 from fmopt.certificate.assembly import NEAR, Assembly, in_plane, on_line, same
 from fmopt.certificate.rows import Mask
 from fmopt.contact.primitive import Kind, PrimitiveContact
-from fmopt.memory import remembered
+from fmopt.memory import remembered, there
 from fmopt.se3 import cross, length, lengths
 from fmopt.values import Array
 
@@ -44,14 +45,19 @@ class Facts:
     """What held contacts say exactly.
 
     Args:
-        assembly: the two parts.
+        owner: the two parts, which have their facts with them: these do not hold on to them.
         walls: fixed planes with what is known to lie in them.
         turns: body directions, normals of flush faces first, with the world directions that they are turned onto.
     """
 
-    assembly: Assembly
+    owner: ref[Assembly]
     walls: tuple[Wall, ...]
     turns: tuple[tuple[Array, Array], ...]
+
+    @property
+    def assembly(self) -> Assembly:
+        """The two parts."""
+        return there(self.owner)
 
     def on(self, normal: Array, offset: float) -> Wall:
         """What is known of a plane."""
@@ -111,7 +117,7 @@ def facts(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> Facts:
     while True:
         grown = [_grown(assembly, wall, turns) for wall in walls]
         if all(new is old for new, old in zip(grown, walls, strict=True)):
-            known = Facts(assembly, tuple(walls), tuple(turns))
+            known = Facts(ref(assembly), tuple(walls), tuple(turns))
             beside = _turned_edge(known, held)
             if beside is None:
                 return known

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache
 from itertools import chain
 from typing import Any, assert_never
 
@@ -117,15 +117,15 @@ def values_and_rows(
 def _surfaces(moving: Polyhedron, fixed: Polyhedron, contacts: tuple[PrimitiveContact, ...]) -> Surfaces:
     kinds = (Kind.VERTEX_FACE, Kind.FACE_VERTEX, Kind.EDGE_EDGE)
     stacked = [[i for i, contact in enumerate(contacts) if contact.kind is kind] for kind in kinds]
-    rows = [[parameters(contacts[i], moving, fixed) for i in group] for group in stacked]
+    rows = [[parameters(moving, fixed, contacts[i]) for i in group] for group in stacked]
     order = np.argsort(list(chain(*stacked)), kind="stable").astype(np.intp)
     order.setflags(write=False)
     tables = [frozen(np.reshape(row, (len(row), 12))) for row in rows]
     return Surfaces(contacts, order, *tables)
 
 
-@lru_cache(maxsize=_NUMBERS)
-def parameters(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron) -> Array:
+@remembered(_NUMBERS)
+def parameters(moving: Polyhedron, fixed: Polyhedron, contact: PrimitiveContact) -> Array:
     """The twelve numbers (12,) of a contact's C-surface function.
 
     vertex–face: body point v, normal n, offset n·a, zeros; face–vertex: body normal n, point w, body offset, zeros;
@@ -225,7 +225,7 @@ def surface_expression(
     surface = symbolic_surface(contact.kind)
     T = rotation(sympy.Matrix(X[3:])) * sympy.Matrix(reference.R.tolist())
     P = sympy.Matrix(reference.p.tolist()) + sympy.Matrix(X[:3])
-    numbers = parameters(contact, moving, fixed).tolist()
+    numbers = parameters(moving, fixed, contact).tolist()
     return surface.expression.subs(
         dict(zip((*surface.p, *surface.R, *surface.parameters), (*P, *T, *numbers), strict=True)), simultaneous=True
     )

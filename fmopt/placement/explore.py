@@ -254,7 +254,7 @@ def insides(assembly: Assembly, contacts: Sequence[PrimitiveContact], pose: Pose
     found = BoundTable.of(contacts, body, fixed, pose).insides(pose)
     for n, contact in enumerate(contacts):
         if contact.kind is Kind.EDGE_EDGE:
-            numbers = parameters(contact, body, fixed)
+            numbers = parameters(body, fixed, contact)
             if length(cross(pose.R @ numbers[:3], numbers[6:9])) <= _PARALLEL:
                 found[n] = -np.inf
     return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from weakref import ref
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from fmopt.certificate.assembly import Assembly, in_plane
 from fmopt.certificate.knowledge import facts
 from fmopt.contact.primitive import Kind, PrimitiveContact, edge_edge, vertex_face
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.memory import remembered
+from fmopt.memory import remembered, there
 from fmopt.placement.rims import DOUBT, Edges, Rims, depths, pattern
 from fmopt.se3 import Pose, cross, lengths
 from fmopt.uncertainty.error_set import ErrorSet
@@ -66,7 +67,7 @@ class _Wall:
 class _Known:
     """Held contacts, each once, and the fixed faces that they press a face or an edge of the moving part on."""
 
-    assembly: Assembly
+    owner: ref[Assembly]  # which has this with it
     held: tuple[PrimitiveContact, ...]
     walls: tuple[_Wall, ...]
 
@@ -88,7 +89,7 @@ def _known(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> _Known:
             own = tuple(sorted(i for i in there.points if i < len(body)))
         if len(own) > 1 and len(face.loops) == 1:
             found.append(_wall(assembly, number, bool(there.flush), own))
-    return _Known(assembly, tuple(dict.fromkeys(held)), tuple(found))
+    return _Known(ref(assembly), tuple(dict.fromkeys(held)), tuple(found))
 
 
 @remembered(_MEMORY)
@@ -146,7 +147,7 @@ def _pattern(wall: _Wall, p: Array, R: Array, errors: ErrorSet) -> bytes:
 @remembered(_MEMORY)
 def _redescribed(known: _Known, patterns: tuple[bytes, ...]) -> tuple[PrimitiveContact, ...]:
     """What is held where this touches the walls: the same contacts, not just equal ones, whenever the same does."""
-    assembly, kept = known.assembly, list(known.held)
+    assembly, kept = there(known.owner), list(known.held)
     for wall, found in zip(known.walls, patterns, strict=True):
         before = [c for c in kept if on_wall(assembly, c, wall.number) and (wall.flush or wall.own >= set(c.moving))]
         now = _touching(assembly, wall, found)

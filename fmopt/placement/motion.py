@@ -25,7 +25,6 @@ from fmopt.se3 import Pose, length
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array
 
-_MEMORY = 128
 _LATEST = 2
 _SHOTS = 16
 _AIMED = 2e-15
@@ -114,12 +113,12 @@ def way(assembly: Assembly, move: Move, basis: Sequence[Compliance], count: int,
     if count == 1:
         return move.start, move.goal
     directions = np.array([c.direction for c in basis]).reshape(-1, 6)
-    return _way(assembly, move, tuple(c.contact for c in basis), directions.tobytes(), count, shots)
+    return _way(move, assembly, tuple(c.contact for c in basis), directions.tobytes(), count, shots)
 
 
-@remembered(_MEMORY)
+@remembered(_LATEST)
 def _way(
-    assembly: Assembly, move: Move, contacts: tuple[PrimitiveContact, ...], twists: bytes, count: int, shots: int
+    move: Move, assembly: Assembly, contacts: tuple[PrimitiveContact, ...], twists: bytes, count: int, shots: int
 ) -> tuple[Pose, ...]:
     """See `way`: no error enters it, so that a move certified under other errors has the same; `twists` are bytes."""
     table = np.array(contact_forms(assembly, contacts, contacts).table, order="C")
@@ -157,17 +156,16 @@ def unroll(
     """
     turn = length(se3.log(move.goal.R @ move.start.R.T))
     count = max(math.ceil(turn / step - 1e-9), 1)
-    failure: InfeasibleError | None = None
+    failures: list[InfeasibleError] = []
     # Shorter pieces leave smaller remainders; but the last one must be longer than what errors make the touch differ.
     for pieces in dict.fromkeys((count, 2 * count, -(-2 * count // 3), -(-count // 2), 4 * count, -(-count // 3), 1)):
         try:
             return _unroll(assembly, move, reached, tolerance, pieces, thorough)
         except InfeasibleError as error:
-            failure = failure or error
+            failures.append(error.with_traceback(None))  # which would hold on to this frame, and all that is in it
             if turn == 0.0:
                 break
-    assert failure is not None
-    raise failure
+    raise failures.pop(0)
 
 
 def _unroll(
@@ -191,15 +189,15 @@ def carried(
     """
     basis = tuple(c for c in reached.basis if c.contact not in move.left)
     shots = _SHOTS if thorough and count > 1 else 1
-    steps, errors, basis = _carried(reached.errors, assembly, move, basis, tolerance, count, shots)
+    steps, errors, basis = _carried(move, reached.errors, assembly, basis, tolerance, count, shots)
     return steps, Reached(errors, basis, reached.claims)
 
 
 @remembered(_LATEST)
 def _carried(
+    move: Move,
     errors: ErrorSet,
     assembly: Assembly,
-    move: Move,
     basis: tuple[Compliance, ...],
     tolerance: Tolerance,
     count: int,

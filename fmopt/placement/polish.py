@@ -128,7 +128,7 @@ def _placed_pose(
     box = radius / metric.sigma
     if method == "nlp":
         body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
-        surfaces = [Row(RowKind(c.kind.value), parameters(c, body, fixed)) for c in contacts]
+        surfaces = [Row(RowKind(c.kind.value), parameters(body, fixed, c)) for c in contacts]
         problem = surface_placement(
             move.goal,
             surfaces,
@@ -185,7 +185,7 @@ def _obstacles(assembly: Assembly, placed: Placed, k: int, near: float, idle: fl
             made = claim.piece.made
             assert made is not None
             surface = Row(
-                RowKind(made.kind.value), parameters(made, assembly.moving.polyhedron, assembly.fixed.polyhedron)
+                RowKind(made.kind.value), parameters(assembly.moving.polyhedron, assembly.fixed.polyhedron, made)
             )
             value, slope = evaluate([surface], claim.piece.start, np.zeros(6))
             rows.append(surface)
