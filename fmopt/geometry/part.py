@@ -15,7 +15,7 @@ from fmopt.geometry.features import Feature, in_frame
 from fmopt.geometry.mating import found_features
 from fmopt.geometry.mesh import Imported
 from fmopt.geometry.pieces import pieces, polyhedron
-from fmopt.geometry.polyhedron import Polyhedron, placed, scaled
+from fmopt.geometry.polyhedron import Polyhedron, placed, rounded, scaled
 from fmopt.se3 import Pose
 from fmopt.values import Value
 
@@ -126,17 +126,17 @@ def rebased(part: Part, pose: Pose) -> Part:
     inward = exact_pose(pose).inverse()
     return replace(
         part,
-        polyhedron=placed(part.polyhedron, inward),
-        pieces=tuple(placed(piece, inward) for piece in part.pieces),
+        polyhedron=rounded(placed(part.polyhedron, inward)),
+        pieces=tuple(rounded(placed(piece, inward)) for piece in part.pieces),
         features=tuple(in_frame(feature, pose) for feature in part.features),
     )
 
 
 def stretched(part: Part, factors: Sequence[float]) -> Part:
-    """The part stretched along its axes by positive factors (3,); its features stay where they are."""
+    """The part stretched along its axes by positive factors (3,), `rounded`; its features stay where they are."""
     return replace(
         part,
-        polyhedron=scaled(part.polyhedron, factors),
-        pieces=tuple(scaled(piece, factors) for piece in part.pieces),
+        polyhedron=rounded(scaled(part.polyhedron, factors)),
+        pieces=tuple(rounded(scaled(piece, factors)) for piece in part.pieces),
         chord_error=max(factors) * part.chord_error,
     )

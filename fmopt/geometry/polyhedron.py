@@ -19,6 +19,8 @@ from fmopt.geometry.facets import Loop, place, polygon_faces
 from fmopt.se3 import Pose, cross
 from fmopt.values import Array, Value, frozen
 
+_DECIMALS = 14  # of coordinates in m, once rounded
+
 
 @dataclass(frozen=True, eq=False)
 class Face(Value):
@@ -210,6 +212,11 @@ def placed(polyhedron: Polyhedron, pose: Pose) -> Polyhedron:
 def scaled(polyhedron: Polyhedron, factors: Sequence[float]) -> Polyhedron:
     """The polyhedron stretched along the axes by positive factors (3,)."""
     return _with_vertices(polyhedron, polyhedron.vertices * np.asarray(factors))
+
+
+def rounded(polyhedron: Polyhedron) -> Polyhedron:
+    """The polyhedron with coordinates rounded to 10 fm, which frames and units differ by once they are turned about."""
+    return _with_vertices(polyhedron, polyhedron.vertices.round(_DECIMALS) + 0.0)
 
 
 def _with_vertices(polyhedron: Polyhedron, points: Array) -> Polyhedron:

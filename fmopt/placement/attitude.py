@@ -2,15 +2,15 @@
 
 What moves one part into another moves their mirror image in, mirrored; so it is with a quarter turn about the axis of
 the insertion. Of the eight images that parts have under reflections and quarter turns, one is planned for, the same
-for all of them; what is found is turned back. In that image vertices and faces come in the order of coordinates, and
-these are rounded far below what any clearance depends on: neither the order of what a file lists, nor the rounding of
-units and frames decides anything then.
+for all of them; what is found is turned back. In that image vertices, faces and pieces come in the order of
+coordinates, so that the order in which a file lists them decides nothing. The images of parts whose coordinates are the
+same to the bit, as those of parts in their frames are once rounded, are the same to the bit.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import assert_never
@@ -26,7 +26,6 @@ from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import Polyhedron, from_faces
 from fmopt.placement.motion import Move
 from fmopt.placement.search import Searched
-from fmopt.placement.sequence import in_a_row, onto_surfaces
 from fmopt.se3 import Pose
 from fmopt.values import Array
 
@@ -111,25 +110,12 @@ class Image:
         """The image of the seated pose (6,)."""
         return np.asarray(self.attitude.of_pose(Pose.from_vector(pose)).vector().round(_DECIMALS) + 0.0)
 
-    def own_moves(self, moves: Sequence[Move]) -> tuple[Move, ...]:
-        """The moves of the images as moves of the parts themselves, which end on these parts' own surfaces.
-
-        Raises:
-            InfeasibleError: one ends off the surfaces of its contacts.
-        """
-        back = self.attitude.back
-        turned = [
-            replace(
-                move,
-                start=back.of_pose(move.start),
-                goal=back.of_pose(move.goal),
-                held=self.own_contacts(move.held),
-                making=self.own_contacts(move.making),
-                left=self.own_contacts(move.left),
-            )
-            for move in moves
-        ]
-        return in_a_row(turned, turned[0].start, [onto_surfaces(self.own, move.goal, move) for move in turned])
+    def own_moves(self, moves: Iterable[Move]) -> tuple[Move, ...]:
+        """The moves of the images as moves of the parts themselves."""
+        back, own = self.attitude.back.of_pose, self.own_contacts
+        return tuple(
+            Move(back(move.start), back(move.goal), own(move.held), own(move.making), own(move.left)) for move in moves
+        )
 
     def own_search(self, found: Searched) -> Searched:
         """What is said of the search, in the parts' own axes."""
@@ -233,7 +219,7 @@ def _turned(part: Part, attitude: Attitude) -> tuple[Part, _Numbers]:
 
 def _in_order(body: Polyhedron, attitude: Attitude) -> tuple[Polyhedron, _Numbers]:
     """The image of a polyhedron, vertices and faces in the order of their coordinates, and where each comes from."""
-    points = _rounded(body.vertices @ attitude.axes.T)
+    points = body.vertices @ attitude.axes.T + 0.0
     order = np.lexsort(points.T[::-1])
     place = np.argsort(order)
     way = -1 if attitude.mirrored else 1
@@ -242,15 +228,10 @@ def _in_order(body: Polyhedron, attitude: Attitude) -> tuple[Polyhedron, _Number
         outer, *holes = (_from_least(place[list(loop)].tolist()[::way]) for loop in face.loops)
         loops.append((outer, *sorted(holes)))
     faces = sorted(range(len(loops)), key=loops.__getitem__)
-    planes = [(_rounded(attitude.axes @ body.faces[k].normal), round(body.faces[k].offset, _DECIMALS)) for k in faces]
-    image = from_faces(points[order], [loops[k] for k in faces], planes)
+    image = from_faces(points[order], [loops[k] for k in faces])
     known = {frozenset(edge.vertices): k for k, edge in enumerate(body.edges)}
     edges = [known[frozenset(order[list(edge.vertices)].tolist())] for edge in image.edges]
     return image, _Numbers(order, np.array(faces, dtype=np.intp), np.array(edges, dtype=np.intp))
-
-
-def _rounded(numbers: Array) -> Array:
-    return np.asarray(numbers.round(_DECIMALS) + 0.0)
 
 
 def _from_least(loop: list[int]) -> tuple[int, ...]:
