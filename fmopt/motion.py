@@ -81,12 +81,17 @@ def motion(
         if (best is not None and best[2].margin > 0.0) or clock() >= deadline:
             break
     if best is None:
-        failures.sort(key=lambda error: isinstance(error, InfeasibleError))
+        failures.sort(key=_telling)
         raise failures.pop(0)
     image, found, placed = best
     moves = image.own_moves(placed.moves)
     own = certified(assembly, moves, Reached(errors, (), ()), tolerance, FINE)
     return image.own_search(found), _by_method(problem, assembly, own, errors, tolerance)
+
+
+def _telling(error: FmoptError) -> int:
+    """Which of the failures of some attempts is told: that time was up, that nothing was found, that it did not do."""
+    return 2 if not isinstance(error, SearchError) else 0 if error.late else 1
 
 
 @dataclass(frozen=True, eq=False)
