@@ -64,29 +64,28 @@ def motion(
 
     Raises:
         SearchError: no sequence was found.
-        InfeasibleError: some were found, none of which fine pieces can follow.
+        InfeasibleError: some were found in each attempt, none of which fine pieces can follow.
     """
     deadline = clock() + problem.settings.time_limit
-    best: tuple[Image, Searched, Placed] | None = None
+    best: tuple[Searched, Placed] | None = None
     failures: list[FmoptError] = []
     stood = (_Stood.of(problem, image, clearance) for image in images(assembly, problem.start_box))
     first, again = tee(stood)
     for here, most in chain(zip(first, repeat(_LIKELY)), zip(again, repeat(None))):
         try:
             found, placed = here.motion(islice(here.rounds, most), deadline, lap, progress)
+            own = certified(assembly, here.image.own_moves(placed.moves), Reached(errors, (), ()), tolerance, FINE)
+            own = _by_method(problem, assembly, own, errors, tolerance)
         except (SearchError, InfeasibleError) as error:
             failures.append(error.with_traceback(None))
         else:
-            best = (here.image, found, placed) if best is None or placed.margin > best[2].margin else best
-        if (best is not None and best[2].margin > 0.0) or clock() >= deadline:
+            best = (here.image.own_search(found), own) if best is None or own.margin > best[1].margin else best
+        if (best is not None and best[1].margin > 0.0) or clock() >= deadline:
             break
     if best is None:
         failures.sort(key=_telling)
         raise failures.pop(0)
-    image, found, placed = best
-    moves = image.own_moves(placed.moves)
-    own = certified(assembly, moves, Reached(errors, (), ()), tolerance, FINE)
-    return image.own_search(found), _by_method(problem, assembly, own, errors, tolerance)
+    return best
 
 
 def _telling(error: FmoptError) -> int:
@@ -146,7 +145,7 @@ class _Stood:
         while best is None or (best[1].margin <= 0.0 and clock() < deadline):
             try:
                 spare = spare if clock() < deadline else ()
-                candidates = spare or best_sequences(task, rounds, deadline, told, steady)
+                candidates = spare or best_sequences(task, rounds, deadline, told, steady, self.rounds)
                 if candidates[0].reached.margin > 0.0:
                     candidates, spare = candidates[:1], candidates[1:]
                 lap("search")

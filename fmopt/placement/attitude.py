@@ -3,15 +3,16 @@
 What moves one part into another moves their mirror image in, mirrored; so it is with a quarter turn about the axis of
 the insertion. Of the eight images that parts have under reflections and quarter turns, one is planned for, the same
 for all of them; what is found is turned back. In that image vertices, faces and pieces come in the order of
-coordinates, so that the order in which a file lists them decides nothing. The images of parts whose coordinates are the
-same to the bit, as those of parts in their frames are once rounded, are the same to the bit.
+coordinates. The images of parts whose coordinates are the same to the bit, as those of parts in their frames are once
+rounded, are the same to the bit. Into which pieces a part comes apart may still hang on the order of its tools.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 from typing import assert_never
 
@@ -30,6 +31,7 @@ from fmopt.se3 import Pose
 from fmopt.values import Array
 
 _DECIMALS = 14  # of lengths in m and of numbers without a unit
+_ORDERED = 12  # decimals of coordinates in m that order them
 _SAME = 1e-9  # what tells images apart, relative to the part
 _LONG = 0.1  # moment from which a part is longer one way than the other, which is along x then
 # What ranks images, the largest first: powers of x, y and z whose moments count, then directions (rad from y) in which
@@ -42,6 +44,7 @@ _REACHES = (0.0, 0.3, 0.7, 1.0, 1.3)
 _MIRRORED = frozenset(("y", "rx", "rz"))  # freedoms that have the other sign in a mirror, once x points as before
 
 Indices = NDArray[np.intp]
+Loops = tuple[tuple[int, ...], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +168,7 @@ def images(own: Assembly, box: Array) -> Iterator[Image]:
         for n in range(ranks.shape[1]):
             most = ranks[first, n].max()
             first = [k for k in first if ranks[k, n] >= most - _SAME]
-        found = attitudes[first[0]]
+        found = attitudes[max(first, key=partial(_whole, own, attitudes)) if len(first) > 1 else first[0]]
         left = [k for k in left if not _alike(own, box, attitudes[k], found)]
         yield image_in(own, found)
 
@@ -175,11 +178,20 @@ def _alike(own: Assembly, box: Array, one: Attitude, other: Attitude) -> bool:
     if np.any(np.abs(one.of_widths(box) - other.of_widths(box)) > _SAME * box.max()):
         return False
     for part in (own.moving, own.fixed):
-        points = part.polyhedron.vertices
-        apart, _ = KDTree(points @ other.axes.T).query(points @ one.axes.T)
-        if np.max(apart) > _SAME * part.polyhedron.diameter:
+        body = part.polyhedron
+        apart, place = KDTree(body.vertices @ other.axes.T).query(body.vertices @ one.axes.T)
+        if np.max(apart) > _SAME * np.abs(body.vertices).max():
+            return False
+        faces = {frozenset(face.vertices) for face in body.faces}
+        if faces != {frozenset(np.asarray(place)[list(face)].tolist()) for face in faces}:
             return False
     return True
+
+
+def _whole(own: Assembly, attitudes: Sequence[Attitude], number: int) -> list[tuple[list[list[float]], list[Loops]]]:
+    """What ranks images whose ranks are the same otherwise: all of their vertices and faces, in order."""
+    bodies = [_in_order(part.polyhedron, attitudes[number])[0] for part in (own.moving, own.fixed)]
+    return [(_in_places(body), [face.loops for face in body.faces]) for body in bodies]
 
 
 def all_attitudes(planar: bool) -> list[Attitude]:
@@ -212,7 +224,7 @@ def image_in(own: Assembly, attitude: Attitude) -> Image:
 
 def _turned(part: Part, attitude: Attitude) -> tuple[Part, _Numbers]:
     body, numbers = _in_order(part.polyhedron, attitude)
-    pieces = sorted((_in_order(piece, attitude)[0] for piece in part.pieces), key=lambda piece: piece.vertices.tolist())
+    pieces = sorted((_in_order(piece, attitude)[0] for piece in part.pieces), key=_in_places)
     features = tuple(replace(feature, frame=attitude.of_pose(feature.frame)) for feature in part.features)
     return replace(part, polyhedron=body, pieces=tuple(pieces), features=features), numbers
 
@@ -220,7 +232,7 @@ def _turned(part: Part, attitude: Attitude) -> tuple[Part, _Numbers]:
 def _in_order(body: Polyhedron, attitude: Attitude) -> tuple[Polyhedron, _Numbers]:
     """The image of a polyhedron, vertices and faces in the order of their coordinates, and where each comes from."""
     points = body.vertices @ attitude.axes.T + 0.0
-    order = np.lexsort(points.T[::-1])
+    order = np.lexsort(points.round(_ORDERED).T[::-1])
     place = np.argsort(order)
     way = -1 if attitude.mirrored else 1
     loops = []
@@ -232,6 +244,10 @@ def _in_order(body: Polyhedron, attitude: Attitude) -> tuple[Polyhedron, _Number
     known = {frozenset(edge.vertices): k for k, edge in enumerate(body.edges)}
     edges = [known[frozenset(order[list(edge.vertices)].tolist())] for edge in image.edges]
     return image, _Numbers(order, np.array(faces, dtype=np.intp), np.array(edges, dtype=np.intp))
+
+
+def _in_places(body: Polyhedron) -> list[list[float]]:
+    return list(body.vertices.round(_ORDERED).tolist())
 
 
 def _from_least(loop: list[int]) -> tuple[int, ...]:

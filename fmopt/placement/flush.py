@@ -81,14 +81,14 @@ def _known(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> _Known:
     body, fixed = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron
     known, found = facts(assembly, held), []
     for number, face in enumerate(fixed.faces):
-        there = known.on(face.normal, face.offset)
-        if there.flush:
-            normal, offset = there.flush[0]
+        wall = known.on(face.normal, face.offset)
+        if wall.flush:
+            normal, offset = wall.flush[0]
             own = tuple(np.flatnonzero(np.abs(body @ normal - offset) <= 1e-9).tolist())
         else:
-            own = tuple(sorted(i for i in there.points if i < len(body)))
+            own = tuple(sorted(i for i in wall.points if i < len(body)))
         if len(own) > 1 and len(face.loops) == 1:
-            found.append(_wall(assembly, number, bool(there.flush), own))
+            found.append(_wall(assembly, number, bool(wall.flush), own))
     return _Known(ref(assembly), tuple(dict.fromkeys(held)), tuple(found))
 
 

@@ -95,6 +95,7 @@ def best_sequences(
     deadline: float = math.inf,
     progress: Callable[[str], None] = lambda _: None,
     steady: Callable[[MoveSequence], bool] = lambda _: True,
+    more: Iterator[Sequence[Entry]] | None = None,
 ) -> tuple[MoveSequence, ...]:
     """The first sequence with a margin, or the first few that there are, that with most of it first.
 
@@ -107,6 +108,7 @@ def best_sequences(
         deadline: `clock()` at which to stop with what there is.
         progress: told what is being looked at.
         steady: whether friction leaves all contacts of a sequence closed.
+        more: the rounds to look for a steady one in; the same ones if not given.
 
     Raises:
         SearchError: no round has a sequence.
@@ -116,7 +118,7 @@ def best_sequences(
     if first.reached.margin <= 0.0 or steady(first):
         return found
     others: list[MoveSequence] = []
-    for entries in islice(rounds, _MORE):
+    for entries in islice(more or rounds, _MORE):
         if clock() > deadline:
             break
         try:
