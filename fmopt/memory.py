@@ -15,7 +15,7 @@ R = TypeVar("R")
 P = ParamSpec("P")
 _PLACE = "_remembered"
 _lock = Lock()
-_before: list[tuple[int, int, int]] = []  # what was set, once more for each that runs
+_before: list[tuple[int, int, int]] = []  # what was set before, for each that runs
 _COLLECTED = (20_000, 10, 50)  # new objects, and collections of the younger ones, before the next collection
 
 
@@ -75,14 +75,12 @@ def few_collections() -> Iterator[None]:
     What is remembered goes without that, as soon as nobody has its object.
     """
     with _lock:
-        if not _before:
-            _before.append(gc.get_threshold())
-            gc.set_threshold(*(max(pair) if min(pair) else 0 for pair in zip(_before[0], _COLLECTED, strict=True)))
-        _before.append(_before[0])
+        _before.append(_before[0] if _before else gc.get_threshold())
+        gc.set_threshold(*(max(pair) if min(pair) else 0 for pair in zip(_before[0], _COLLECTED, strict=True)))
     try:
         yield
     finally:
         with _lock:
-            _before.pop()
-            if len(_before) == 1:
-                gc.set_threshold(*_before.pop())
+            before = _before.pop()
+            if not _before:
+                gc.set_threshold(*before)

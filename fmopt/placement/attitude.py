@@ -10,7 +10,7 @@ rounded, are the same to the bit. Into which pieces a part comes apart may still
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -160,16 +160,18 @@ def images(own: Assembly, box: Array) -> Iterator[Image]:
         own: the two parts.
         box: half-widths (6,) of the start error, which shape the image as well.
     """
-    attitudes = all_attitudes(own.planar)
-    ranks = np.array([_rank(own, box, attitude) for attitude in attitudes])
-    left = list(range(len(attitudes)))
+    left: list[Attitude] = []
+    for attitude in all_attitudes(own.planar):
+        if not any(_alike(own, box, attitude, other) for other in left):
+            left.append(attitude)
+    ranks = {attitude: _rank(own, box, attitude) for attitude in left}
     while left:
         first = left
-        for n in range(ranks.shape[1]):
-            most = ranks[first, n].max()
-            first = [k for k in first if ranks[k, n] >= most - _SAME]
-        found = attitudes[max(first, key=partial(_whole, own, attitudes)) if len(first) > 1 else first[0]]
-        left = [k for k in left if not _alike(own, box, attitudes[k], found)]
+        for n in range(len(ranks[first[0]])):
+            most = max(ranks[attitude][n] for attitude in first)
+            first = [attitude for attitude in first if ranks[attitude][n] >= most - _SAME]
+        found = max(first, key=partial(_whole, own)) if len(first) > 1 else first[0]
+        left.remove(found)
         yield image_in(own, found)
 
 
@@ -188,9 +190,9 @@ def _alike(own: Assembly, box: Array, one: Attitude, other: Attitude) -> bool:
     return True
 
 
-def _whole(own: Assembly, attitudes: Sequence[Attitude], number: int) -> list[tuple[list[list[float]], list[Loops]]]:
+def _whole(own: Assembly, attitude: Attitude) -> list[tuple[list[list[float]], list[Loops]]]:
     """What ranks images whose ranks are the same otherwise: all of their vertices and faces, in order."""
-    bodies = [_in_order(part.polyhedron, attitudes[number])[0] for part in (own.moving, own.fixed)]
+    bodies = [_in_order(part.polyhedron, attitude)[0] for part in (own.moving, own.fixed)]
     return [(_in_places(body), [face.loops for face in body.faces]) for body in bodies]
 
 
