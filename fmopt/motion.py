@@ -109,13 +109,14 @@ class _Stood:
         """The problem as an image of its parts poses it."""
         parts, clearance = image.assembly, image.clearance(clearance)
         goal, box = image.goal(problem.goal), image.attitude.of_widths(problem.start_box)
-        problem = replace(problem, moving=parts.moving, fixed=parts.fixed, goal=goal, start_box=box)
+        framing = image.attitude.of_framing(problem.framing)
+        problem = replace(problem, moving=parts.moving, fixed=parts.fixed, goal=goal, start_box=box, framing=framing)
         rates = problem.velocity_error.translation, problem.velocity_error.rotation
         tolerance = Tolerance(rates, characteristic_length(problem, clearance))
         roomy = room(parts, clearance.per_side, box, drift(problem, clearance))
         costs = Costs.of(start_spread(parts.moving, roomy), clearance.per_side)
         turn = 1.3 * problem.settings.max_tilt
-        task = Task(parts, Pose.from_vector(goal), ErrorSet.from_box(box), tolerance, costs, turn)
+        task = Task(parts, Pose.from_vector(goal), ErrorSet.of(box, framing), tolerance, costs, turn)
         entry_of = partial(tilted_entry, parts.moving, clearance.play, problem.approach)
         return _Stood(image, problem, clearance, task, entry_of, _rounds(problem, clearance, roomy, entry_of))
 

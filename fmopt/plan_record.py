@@ -77,7 +77,7 @@ class Moved:
         """The same moves under the errors of a problem, with pieces that turn so far (rad) at most."""
         rates = problem.velocity_error.translation, problem.velocity_error.rotation
         moves, tolerance = self.placed.moves, Tolerance(rates, self.tolerance.rho)
-        return Motion(self.assembly, moves, problem.start_box, tolerance, turn)
+        return Motion(self.assembly, moves, problem.start_box, tolerance, turn, problem.framing)
 
 
 def proof_document(problem: Problem, done: Moved) -> dict[str, Any]:
@@ -110,6 +110,7 @@ def _proof(problem: Problem, done: Moved, *, ranges: bool = False) -> dict[str, 
             "start_box": problem.start_box,
             "velocity_error": tolerance.velocity_error,
             "rho": tolerance.rho,
+            **_frames(problem, done.errors),
         },
         "specification": problem.specification.record(),
         "goal": segments[-1]["goal"],
@@ -131,6 +132,15 @@ def _proof(problem: Problem, done: Moved, *, ranges: bool = False) -> dict[str, 
             "heading": found.heading,
         },
     }
+
+
+def _frames(problem: Problem, errors: ErrorSet) -> dict[str, Any]:
+    """In which frames the start errors are fixed, where not all of them are in the world."""
+    if errors.linkage is None:
+        return {}
+    boxes = zip(("hole", "hand", "world"), problem.framing.parts(problem.start_box), strict=True)
+    sources = [{"frame": frame, "box": box} for frame, box in boxes if box.any()]
+    return {"sources": sources}
 
 
 def plan_document(

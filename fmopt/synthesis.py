@@ -155,7 +155,7 @@ def moved(problem: Problem, lap: Callable[[str], None], progress: Progress = lam
     rho = characteristic_length(problem, clearance)
     assembly = Assembly(problem.moving, problem.fixed, planar=problem.plane is not None)
     tolerance = Tolerance((problem.velocity_error.translation, problem.velocity_error.rotation), rho)
-    errors = ErrorSet.from_box(problem.start_box)
+    errors = ErrorSet.of(problem.start_box, problem.framing)
     lap("geometry")
     found, placed = motion(problem, assembly, clearance, errors, tolerance, lap, progress)
     return Moved(assembly, clearance, errors, tolerance, found, placed)

@@ -197,7 +197,7 @@ class Builder:
         o = mp.mpf(0)
         if made:
             rate = -dot(NG, v)
-            eta = mp.sqrt(lt**2 * dot(NG[:3], NG[:3]) + lr**2 * dot(NG[3:], NG[3:])) * L / rate
+            eta = (lt * mp.norm(NG[:3]) + lr * mp.norm(NG[3:])) * L / rate
             zeta = mp.mpf(3) / 4 * (theta + 2 * lr * L) * tau * mp.sqrt(dot(NG[3:], NG[3:])) / rate
             late = mp.fsum(abs(dot(g, NG)) for g in self.errors.core)
             late = (late + mp.sqrt((NG.T * self.errors.growth * NG)[0])) / rate
@@ -205,7 +205,7 @@ class Builder:
         a, b = lt * L * (1 + o), lr * L * (1 + o)
         c = (theta + b) * o * tau / 2 * (1 + theta + b + o * tau)
         growth, shape = Pi * self.errors.growth * Pi.T, Pi * self.errors.shape * Pi.T
-        for radii in ([a**2] * 3 + [b**2] * 3, [0] * 3 + [c**2] * 3):
+        for radii in ([a**2] * 3 + [0] * 3, [0] * 3 + [(b + c) ** 2] * 3):
             extra = Pi * mp.diag(radii) * Pi.T
             growth, shape = outer_sum(growth, extra), outer_sum(shape, extra)
         return Set([Pi * g for g in self.errors.core], [], growth, shape)

@@ -38,7 +38,7 @@ def basis_of(move: int) -> tuple[Compliance, ...]:
 
 
 def run(rng: np.random.Generator, extreme: bool) -> Execution:
-    """One execution of all moves: start error in the box, drift in its cone, contacts kept, stopped as it touches."""
+    """One execution of all moves: start error in the box, drift on its bounds, contacts kept, stopped as it touches."""
     box = np.array(START_BOX)
     error = box * (rng.choice([-1.0, 1.0], 6) if extreme else rng.uniform(-1.0, 1.0, 6))
     ends, poses = [], []
@@ -51,10 +51,8 @@ def run(rng: np.random.Generator, extreme: bool) -> Execution:
 def move_through(number: int, way: Way, error: Array, rng: np.random.Generator, poses: list[tuple[int, Pose]]) -> Array:
     """The error about the move's goal, for an error about its start."""
     basis = basis_of(number)
-    u = rng.normal(size=6)
-    cone = (
-        u / length(u) * np.array([TOLERANCE.velocity_error[0]] * 3 + [TOLERANCE.velocity_error[1] / TOLERANCE.rho] * 3)
-    )
+    shift, turn = (part / length(part) for part in rng.normal(size=(2, 3)))
+    cone = np.append(shift * TOLERANCE.velocity_error[0], turn * TOLERANCE.velocity_error[1] / TOLERANCE.rho)
     drifted = np.zeros(6)
     pieces = pieces_of(way, basis)
     made = way.made

@@ -51,7 +51,11 @@ def test_kernels_of_rows_do_what_is_written(seed: int) -> None:
     lines = tube.bend(table, places, turned, both, twist)
     np.testing.assert_allclose(lines, written(tube.bend)(table, places, turned, both, twist), rtol=1e-13, atol=1e-18)
     turn = float(np.linalg.norm(twist[3:]))
-    np.testing.assert_allclose(tube.left(lines, turn, half), written(tube.left)(lines, turn, half), rtol=1e-13)
+    links = np.append(rng.uniform(0.0, 0.01, 4), 0.1)
+    coupling = tube.coupled(links, half, turn)
+    np.testing.assert_allclose(coupling, written(tube.coupled)(links, half, turn), rtol=1e-13)
+    found, said = (left(lines, turn, half, coupling) for left in (tube.left, written(tube.left)))
+    np.testing.assert_allclose(found, said, rtol=1e-13)
     found = tube.varied(lines, twist, half, motion)
     np.testing.assert_allclose(found, written(tube.varied)(lines, twist, half, motion), rtol=1e-13)
     poses = [Pose.from_vector(rng.normal(size=6)) for _ in range(3)]

@@ -18,7 +18,7 @@ PACKAGE = Path(fmopt.__file__).parent
 # From the ground up. A room sees every lower floor, never its own: rooms of one floor do not know each other.
 FLOORS: tuple[frozenset[str], ...] = (
     frozenset({"errors", "values", "symbolic", "memory", "compiled"}),
-    frozenset({"se3", "ellipsoid", "plane"}),
+    frozenset({"se3", "ellipsoid", "plane", "framing"}),
     frozenset({"geometry", "plan"}),
     frozenset({"knowledge", "guarded"}),
     frozenset({"execution", "export", "contact", "task", "report"}),
@@ -51,7 +51,7 @@ ONLY: dict[str, frozenset[str]] = {
     "execution": frozenset({"guarded", "plan", "se3", "values", "errors"}),
     "export": frozenset({"guarded", "plan", "se3", "values", "errors"}),
     "nominal": frozenset({"knowledge", "geometry", "plane", "se3", "compiled", "values", "errors"}),
-    "uncertainty": frozenset({"ellipsoid", "plane", "se3", "symbolic", "values", "errors"}),
+    "uncertainty": frozenset({"ellipsoid", "framing", "plane", "se3", "symbolic", "values", "errors"}),
     "certificate": frozenset(
         {"contact", "uncertainty", "geometry", "plan", "ellipsoid", "se3", "memory", "compiled", "values", "errors"}
     ),

@@ -27,17 +27,20 @@ def motion(rng: np.random.Generator) -> Motion:
     columns = rng.normal(size=(2, PIECES, COLUMNS, 6)) * 1e-3
     twist = np.array([twist for _, _, twist in poses])
     half = np.array([box(tuple(rng.uniform(0.0, 0.05, 3).tolist())) for _ in range(PIECES)])
-    return Motion(p, R, columns, np.array(CUTS), twist, half)
+    return Motion(p, R, columns, np.array(CUTS), twist, half, rng.uniform(0.0, 1e-4, (PIECES, 2)))
 
 
 def plain(rows: Forms, pieces: Motion) -> tuple[Array, Array, Array, Array]:
     """What `over` finds, from each formula's own place."""
-    p, R, columns, cuts, twist, half = pieces
+    p, R, columns, cuts, twist, half, coupling = pieces
     start, goal = rows.ends(p, R)
     supports = Support(np.swapaxes(columns, -1, -2), (int(cuts[0]), int(cuts[1]), int(cuts[2])))
     N = np.array([start.N, goal.N])
-    each = (Curvature.of(start.end(n), goal.end(n), twist[n]).bound(half[n]) for n in range(PIECES))
-    return np.array([start.f, goal.f]), N, supports(N), np.array(list(each))
+    bends = [Curvature.of(start.end(n), goal.end(n), twist[n]) for n in range(PIECES)]
+    rest = [
+        bent.bound(half[n]) + coupling[n] @ [np.ones(len(N[0, n])), bent.lines[:, 1]] for n, bent in enumerate(bends)
+    ]
+    return np.array([start.f, goal.f]), N, supports(N), np.array(rest)
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -64,23 +64,23 @@ class Course:
         R = np.array([ends.start.R for ends in listed] + [ends.goal.R for ends in listed])
         twist = np.array([ends.extent.twist for ends in listed])
         half = np.array([ends.extent.half for ends in listed])
-        n = len(listed)
+        n, coupling = len(listed), np.array([ends.extent.coupling for ends in listed])
         shapes = p.reshape(2, n, 3), R.reshape(2, n, 3, 3), columns.reshape(2, n, *columns.shape[1:])
-        return Course(Motion(*shapes, cuts, twist, half))
+        return Course(Motion(*shapes, cuts, twist, half, coupling))
 
     def piece(self, n: int) -> Course:
         """One of the pieces."""
-        p, R, columns, cuts, twist, half = self.motion
+        p, R, columns, cuts, twist, half, coupling = self.motion
         if len(twist) == 1:
             return self
         only = np.array([n])
-        return Course(Motion(p[:, only], R[:, only], columns[:, only], cuts, twist[only], half[only]))
+        return Course(Motion(p[:, only], R[:, only], columns[:, only], cuts, twist[only], half[only], coupling[only]))
 
     def ended(self) -> Course:
         """The same pieces when they have ended, without the motion."""
-        p, R, columns, cuts, twist, half = self.motion
+        p, R, columns, cuts, twist, half, coupling = self.motion
         goal = np.array([1, 1])
-        return Course(Motion(p[goal], R[goal], columns[goal], cuts, np.zeros_like(twist), half))
+        return Course(Motion(p[goal], R[goal], columns[goal], cuts, np.zeros_like(twist), half, coupling))
 
     def over(self, forms: Forms) -> Heights:
         """Rows (k) over all pieces."""

@@ -16,13 +16,14 @@ of third order have closed bounds. A bound by lengths alone serves where it is b
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from fmopt.certificate.rows import Forms, Rows
 from fmopt.certificate.tube import POWER, bend, left, varied
 from fmopt.se3 import cross, length
+from fmopt.uncertainty.error_set import UNCOUPLED
 from fmopt.values import Array
 
 
@@ -33,10 +34,12 @@ class Extent:
     Args:
         twist: V = (Δ, τ) (6,) of the nominal motion, m and rad.
         half: half-widths (6,) of a box around the errors all along, m and rad.
+        coupling: what the linear picture leaves of errors in different frames (2,), at most, m and rad.
     """
 
     twist: Array
     half: Array
+    coupling: Array = field(default_factory=lambda: UNCOUPLED)
 
     @property
     def turn(self) -> float:
@@ -82,12 +85,12 @@ class Curvature:
         return Curvature(twist, forms, start.turned, bend(forms.table, forms.places, *ends, twist))
 
     def bound(self, half: Array) -> Array:
-        """Bound (k,) of |f − (linear in the error, interpolated between the ends)|, m.
+        """Bound (k,) of |f − (linear in the error, interpolated between the ends)|, m, errors in one frame.
 
         Args:
             half: half-widths (6,) of a box around the errors.
         """
-        return left(self.lines, length(self.twist[3:]), half)
+        return left(self.lines, length(self.twist[3:]), half, UNCOUPLED)
 
     def power(self) -> Array:
         """How N·V, V the twist, changes with the error at the start, to first order: rows (k, 6)."""

@@ -29,6 +29,7 @@ class Motion(NamedTuple):
         cuts: where generators, growth and shape end among them (3,).
         twist: (n, 6), m and rad.
         half: half-widths (n, 6) of the box around the errors, m and rad.
+        coupling: what the linear picture leaves of errors in different frames (n, 2), m and rad.
     """
 
     p: Array
@@ -37,6 +38,7 @@ class Motion(NamedTuple):
     cuts: Places
     twist: Array
     half: Array
+    coupling: Array
 
 
 class Functions(NamedTuple):
@@ -205,6 +207,17 @@ def _bent(table: Array, k: int, X: Array, twist: Array, half: Array, n: int) -> 
     return float(min(second + chord + 0.25 * turning + third, coarse))
 
 
+@part
+def _left(table: Array, k: int, bent: bool, X: Array, motion: Motion, n: int) -> float:
+    """The remainder of row k over a piece of motion."""
+    twist, half, coupling = motion.twist, motion.half, motion.coupling
+    size = table[k, 20]
+    if bent:
+        size += max(_size(_three(X, 0, 6)), _size(_three(X, 1, 6)))
+    found = _bent(table, k, X, twist, half, n) if bent else _straight(table, k, X, twist, half, n)
+    return float(found + coupling[n, 0] + coupling[n, 1] * size)
+
+
 @compiled
 def over(rows: Functions, motion: Motion) -> tuple[Array, Array, Array, Array]:
     """Rows (k) over pieces of motion (n).
@@ -213,7 +226,7 @@ def over(rows: Functions, motion: Motion) -> tuple[Array, Array, Array, Array]:
         at both ends values (2, n, k) and gradients (2, n, k, 6), how far errors reach along these (2, n, k); and the
         remainders (n, k). In m and m/rad.
     """
-    (p, R, columns, cuts, twist, half), (table, bilinear) = motion, rows
+    p, R, columns, cuts, (table, bilinear) = motion.p, motion.R, motion.columns, motion.cuts, rows
     n, k = p.shape[1], len(table)
     f, N, reach, rest = np.empty((2, n, k)), np.empty((2, n, k, 6)), np.empty((2, n, k)), np.empty((n, k))
     slope, X = np.empty((2, 6)), np.zeros((2, 9))
@@ -225,8 +238,7 @@ def over(rows: Functions, motion: Motion) -> tuple[Array, Array, Array, Array]:
                 reach[e, piece, row] = _reach(slope, columns, cuts, e, piece)
                 for i in range(6):
                     N[e, piece, row, i] = slope[e, i]
-            left = _bent(table, row, X, twist, half, piece) if bent else _straight(table, row, X, twist, half, piece)
-            rest[piece, row] = left
+            rest[piece, row] = _left(table, row, bent, X, motion, piece)
     return f, N, reach, rest
 
 
@@ -235,21 +247,16 @@ def _bounds(
     table: Array,
     k: int,
     bent: bool,
-    p: Array,
-    R: Array,
-    columns: Array,
-    cuts: Places,
-    twist: Array,
-    half: Array,
+    motion: Motion,
     n: int,
     N: Array,
     X: Array,
 ) -> tuple[float, float]:
     """The least value of row k without errors, and with them."""
+    p, R, columns, cuts = motion.p, motion.R, motion.columns, motion.cuts
     start, goal = _value(table, k, bent, p, R, 0, n, N, X), _value(table, k, bent, p, R, 1, n, N, X)
     least = min(start - _reach(N, columns, cuts, 0, n), goal - _reach(N, columns, cuts, 1, n))
-    rest = _bent(table, k, X, twist, half, n) if bent else _straight(table, k, X, twist, half, n)
-    return min(start, goal), least - rest
+    return min(start, goal), least - _left(table, k, bent, X, motion, n)
 
 
 @part
@@ -295,14 +302,14 @@ def _count(
     w: int, rows: Functions, witnesses: Witnesses, motion: Motion, n: int, which: Mask, N: Array, X: Array
 ) -> None:
     """Which rows of a witness count, given their lower bounds."""
-    (table, bilinear), (p, R, columns, cuts, twist, half) = rows, motion
+    table, bilinear = rows
     first, count = witnesses.begins[w], witnesses.begins[w + 1] - witnesses.begins[w]
     for k in range(count):
         which[k] = k < witnesses.always[w]
     for o in range(len(witnesses.onto)):
         if witnesses.onto[o, 0] == w:
             k = first + witnesses.onto[o, 1]
-            if _bounds(table, k, bilinear[k], p, R, columns, cuts, twist, half, n, N, X)[1] > 0.0:
+            if _bounds(table, k, bilinear[k], motion, n, N, X)[1] > 0.0:
                 which[witnesses.onto[o, 2]] = True
                 for i in range(count):
                     which[i] &= not witnesses.behind[o, i]
@@ -323,11 +330,11 @@ def _margin(
 ) -> tuple[float, float]:
     """Margin and clearance of a witness; of one that cannot have a margin of `least`, some margin below that."""
     _count(w, rows, witnesses, motion, n, which, N, X)
-    (table, bilinear), (p, R, columns, cuts, twist, half), first = rows, motion, witnesses.begins[w]
+    (table, bilinear), first = rows, witnesses.begins[w]
     margin, clearance = np.inf, np.inf
     for k in range(first, witnesses.begins[w + 1]):
         if which[k - first]:
-            nominal, lower = _bounds(table, k, bilinear[k], p, R, columns, cuts, twist, half, n, N, X)
+            nominal, lower = _bounds(table, k, bilinear[k], motion, n, N, X)
             margin, clearance = min(margin, lower / scale), min(clearance, nominal / scale)
             if margin < least:
                 break

@@ -1,7 +1,7 @@
 """One piece of motion with its errors: how the error set moves on, and what is certified along the way.
 
 The moving part goes from pose S to pose G. A real execution starts at an error e₀ of the start set, moves along the
-commanded direction with a velocity error inside its cone, keeps the held contacts (the compliant directions give way)
+commanded direction with a velocity error within its bounds, keeps the held contacts (the compliant directions give way)
 and, when a contact m is being made, goes on until it touches. Measured on its own way, at every fraction s,
 
     e(s) = (1 − s)(ẽ₀ + Σ T^S_i tᵢ) + s (ẽ₁ + Σ T^G_i tᵢ),   |tᵢ| ≤ thicknessᵢ,
@@ -16,6 +16,7 @@ touches late has then gone farther in each of them alike, whichever piece it was
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -26,10 +27,10 @@ from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.curvature import Extent
 from fmopt.certificate.piece import Compliance, Piece, Tolerance
 from fmopt.certificate.separation import Ends
-from fmopt.certificate.tube import LARGE, PAST, SETTLED, THICK, carried
+from fmopt.certificate.tube import LARGE, PAST, SETTLED, THICK, carried, coupled
 from fmopt.certificate.way import Way, approach, departure, way_of
 from fmopt.errors import InfeasibleError
-from fmopt.se3 import length
+from fmopt.se3 import exp, length
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array
 
@@ -86,7 +87,8 @@ def advance(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Toler
         basis = (*basis, Compliance(piece.made, way.motion / size))
     ends, overtravel = _carried(piece, way, basis, errors, tolerance)
     extent = ends.extent
-    nearer, farther = approach(tolerance, way, extent), departure(assembly, piece, tolerance, way, extent)
+    nearer = approach(tolerance, way, extent, errors.linkage)
+    farther = departure(assembly, piece, tolerance, way, extent, errors.linkage)
     return Advance(ends, basis, way.motion, way.length, nearer, farther, overtravel)
 
 
@@ -97,7 +99,14 @@ def _carried(
 
     Everything is evaluated with one box around all errors of the piece, such that the one computed with it is no wider.
     """
-    core = errors.core(way.directions)
+    core, linkage = errors.core(way.directions), errors.linkage
+    moved, shape_moved, links = core, errors.shape_root, np.zeros(5)
+    if linkage is not None:
+        by = linkage.moves(way.travel, exp(way.twist[3:]), len(core))
+        root = math.sqrt(linkage.linked) * by.T
+        moved, shape_moved = core + by, ellipsoid.outer_sum(shape_moved, root, ellipsoid.metric(tolerance.rho))
+        links = linkage.links(piece.start.p, piece.goal.p)
+        linkage = linkage.begun(piece.start.p).turned(exp(way.twist[3:]))
     layers = way.closing if piece.made is not None and piece.last else way.on_the_way
     translation, rotation = tolerance.velocity_error
     code, half, thickness, beyond, generators, growth, shape = carried(
@@ -115,6 +124,9 @@ def _carried(
         core,
         errors.growth_root,
         errors.shape_root,
+        moved,
+        shape_moved,
+        links,
         (translation, rotation / tolerance.rho),
         tolerance.rho,
     )
@@ -122,6 +134,7 @@ def _carried(
         message, advice = _IMPOSSIBLE[code]
         raise InfeasibleError(message, advice=advice)
     compliant = np.array([c.direction for c in basis[: len(thickness)]]).reshape(-1, 6)
-    goal = ErrorSet(shape, generators, growth, len(thickness), compliant)
+    goal = ErrorSet(shape, generators, growth, len(thickness), compliant, linkage)
+    extent = Extent(way.twist, half, coupled(links, half, way.turn))
     slack = way.start_dual * thickness[: len(piece.basis)]
-    return Ends(piece.start, piece.goal, errors, goal, Extent(way.twist, half), slack, core), beyond
+    return Ends(piece.start, piece.goal, errors, goal, extent, slack, core), beyond

@@ -177,18 +177,20 @@ def _left_bilinear(line: Array, turn: float, half: Array) -> float:
 
 
 @compiled
-def left(lines: Array, turn: float, half: Array) -> Array:
+def left(lines: Array, turn: float, half: Array, coupling: Array) -> Array:
     """What the linear picture of rows leaves over a piece (k,), m.
 
     Args:
         lines: of the rows (k, _BENT).
         turn: |τ| of the piece, rad.
         half: half-widths (6,) of a box around the errors, m and rad.
+        coupling: what the linear picture leaves of errors in different frames (2,), m and rad.
     """
     found = np.empty(len(lines))
     for i in range(len(lines)):
         line = lines[i]
         found[i] = _left_plain(line, half[3:]) if line[0] == 0.0 else _left_bilinear(line, turn, half)
+        found[i] += coupling[0] + coupling[1] * line[1]
     return found
 
 
@@ -211,6 +213,39 @@ def varied(lines: Array, twist: Array, half: Array, motion: Array) -> Array:
             found[i] = wander * spin * lines[i, 1]
         else:
             found[i] = wander * (spin * lines[i, 1] + slide) + moved * spin
+    return found
+
+
+@part
+def _coupled(links: Array, offset: float, angle: float, turn: float) -> tuple[float, float]:
+    """What the linear picture leaves of errors in different frames, m and rad; see `uncertainty.linkage`.
+
+    Args:
+        links: sizes of h_p, h, g_p and g_r, and P (5,), m and rad.
+        offset: bound of the translation, m.
+        angle: bound of the angle, rad.
+        turn: of the piece, rad.
+    """
+    shift, askew, off, slant, travel = links[0], links[1], links[2], links[3], links[4]
+    moved, a, arc = offset + shift + askew * travel + off, angle + askew + slant, turn * turn / 8.0
+    c = a + slant
+    straight = 0.5 * askew * askew * travel + askew * (moved + off) + (a + arc) * off
+    return straight, 0.5 * a * slant * (1.0 + c) + 0.5 * askew * c * (1.0 + askew + c) + arc * slant
+
+
+@compiled
+def coupled(links: Array, half: Array, turn: float) -> Array:
+    """What the linear picture leaves of errors in different frames (2,), m and rad.
+
+    Args:
+        links: sizes of h_p, h, g_p and g_r, and P (5,), m and rad; all zero where errors are fixed in one frame.
+        half: half-widths (6,) of a box around the errors, m and rad.
+        turn: of the piece, rad.
+    """
+    found = np.zeros(2)
+    if links[0] + links[1] + links[2] + links[3] > 0.0:
+        offset, angle = _length(half[0], half[1], half[2]), _length(half[3], half[4], half[5])
+        found[0], found[1] = _coupled(links, offset, angle, turn)
     return found
 
 
@@ -342,12 +377,13 @@ def _grown(
     way: Array,
     late: tuple[float, float],
     rates: tuple[float, float],
-) -> tuple[int, Array, float, tuple[float, float, float]]:
+    links: Array,
+) -> tuple[int, Array, float, tuple[float, float], Array]:
     """What follows from half-widths (6,) of all errors.
 
     Returns:
-        how it ends, thickness of the contacts at the goal (r,), overtravel, and radii of the drift: of the translation,
-        of the angle, and of the turn's second order (m, rad, rad).
+        how it ends, thickness of the contacts at the goal (r,), overtravel, radii of the drift, of the translation and
+        of the angle with the turn's second order (m, rad), and what the linear picture leaves of different frames (2,).
     """
     far, turn, rate, leaning, share = way[0], way[1], way[2], way[3], way[4]
     box = np.empty(6)
@@ -356,14 +392,15 @@ def _grown(
     theta = _length(box[3], box[4], box[5])
     # Bounds of translation and angle with their drift, before contacts take it up.
     wide, wider = _length(box[0], box[1], box[2]) + 2.0 * rates[0] * far, theta + 2.0 * rates[1] * far
-    final = left(lines, turn, box)
+    coupling = coupled(links, box, turn)
+    final = left(lines, turn, box, coupling)
     for i in range(len(final)):
         final[i] += rest[i] if i < held else rest[i] + residue[0] * wide + residue[1] * wider
-    beyond, nothing = 0.0, (0.0, 0.0, 0.0)
+    beyond, nothing = 0.0, (0.0, 0.0)
     if rate > 0.0:
         room = 1.0 - share * (late[1] + 0.75 * wider * turn * leaning / rate)
         if room < 0.5:
-            return PAST, final, beyond, nothing
+            return PAST, final, beyond, nothing, coupling
         delayed = 0.0
         for i in range(len(final)):
             delayed += delay[i] * final[i]
@@ -371,17 +408,17 @@ def _grown(
     gone = far * (1.0 + beyond)
     a, b, swung = rates[0] * gone, rates[1] * gone, beyond * turn
     if beyond > 1.0 or theta + b + swung > _FAR:
-        return LARGE, final, beyond, nothing
-    return SETTLED, final, beyond, (a, b, 0.5 * (theta + b) * swung * (1.0 + theta + b + swung))
+        return LARGE, final, beyond, nothing, coupling
+    return SETTLED, final, beyond, (a, b + 0.5 * (theta + b) * swung * (1.0 + theta + b + swung)), coupling
 
 
 @part
-def _drifted(radii: tuple[float, float, float], drifts: Array) -> tuple[float, float, float]:
+def _drifted(radii: tuple[float, float], drifts: Array) -> tuple[float, float, float]:
     """How the growth is made up of the carried one and of unit drifts, in squares; see `_sum` and `_spread`."""
-    a, b, c = radii
+    a, b = radii
     x, y, z, trace = 1.0, 0.0, 0.0, drifts[0, 6]
     for step in range(2):
-        slid, turned = (a * a, b * b) if step == 0 else (0.0, c * c)
+        slid, turned = (a * a, 0.0) if step == 0 else (0.0, b * b)
         s1, s2 = math.sqrt(trace), math.sqrt(slid * drifts[1, 6] + turned * drifts[2, 6])
         if s1 == 0.0:
             x, y, z = 0.0, slid, turned
@@ -414,11 +451,12 @@ def _boxes(core: Array, image: Array, growth: Array) -> Array:
 def _widths(
     final: Array,
     held: int,
-    radii: tuple[float, float, float],
+    radii: tuple[float, float],
     boxes: Array,
     drifts: Array,
     start_dual: Array,
     goal_dual: Array,
+    coupling: Array,
 ) -> Array:
     """Half-widths (6,) of the box around the errors at both ends."""
     x, y, z = _drifted(radii, drifts)
@@ -430,7 +468,7 @@ def _widths(
             own += abs(start_dual[i, k]) * final[k]
         for k in range(len(final)):
             after += abs(goal_dual[i, k]) * final[k]
-        found[i] = max(own, after)
+        found[i] = max(own, after) + coupling[i // 3]
     return found
 
 
@@ -465,6 +503,9 @@ def carried(
     core: Array,
     growth: Array,
     shape: Array,
+    moved: Array,
+    moved_shape: Array,
+    links: Array,
     rates: tuple[float, float],
     rho: float,
 ) -> tuple[int, Array, Array, float, Array, Array, Array]:
@@ -485,6 +526,9 @@ def carried(
         core: generators (k, 6) of the start set without its old thickness.
         growth: root (6, g) of its growth.
         shape: root (6, s) of its shape.
+        moved: the generators (k, 6) as the motion alone would carry them on, before contacts take errors up.
+        moved_shape: root (6, s′) of the shape, likewise.
+        links: sizes of the errors in different frames (5,), see `coupled`.
         rates: velocity errors per unit of length, in translation and in angle (1/m).
         rho: ρ, m.
 
@@ -496,8 +540,8 @@ def carried(
     for k in range(len(core)):
         for i in range(6):
             for j in range(6):
-                image[k, i] += projector[i, j] * core[k, j]
-    growth_there, shape_there = _mapped(projector, growth), _mapped(projector, shape)
+                image[k, i] += projector[i, j] * moved[k, j]
+    growth_there, shape_there = _mapped(projector, growth), _mapped(projector, moved_shape)
     held, rest = len(f), off.copy()
     for k in range(held):
         reach = min(_reach(N[k], core, growth), _reach(N[k], core[:0], shape))
@@ -506,17 +550,19 @@ def carried(
     late = (0.0, 0.0)
     if way[2] > 0.0:
         leaning = _length(seen[0], seen[1], seen[2]) * rates[0], way[3] * rates[1]
-        late = (_reach(seen, core, growth) / way[2], math.hypot(leaning[0], leaning[1]) * way[0] / way[2])
-    radii, code, final, beyond, half = (0.0, 0.0, 0.0), THICK, rest, 0.0, np.empty(6)
+        late = (_reach(seen, moved, growth) / way[2], (leaning[0] + leaning[1]) * way[0] / way[2])
+    radii, code, final, beyond, half = (0.0, 0.0), THICK, rest, 0.0, np.empty(6)
     for attempt in range(2):
         for i in range(6):  # at first from what is likely; where that is not tight, from below
             half[i] = boxes[2, i] if attempt == 0 else max(boxes[0, i], boxes[1, i])
         code, tight = THICK, False
         for _ in range(_ROUNDS):
-            code, final, beyond, radii = _grown(half, lines, rest, held, residue, delay, way, late, rates)
+            code, final, beyond, radii, coupling = _grown(
+                half, lines, rest, held, residue, delay, way, late, rates, links
+            )
             if code != SETTLED:
                 break
-            short, tight = _raised(half, _widths(final, held, radii, boxes, drifts, start_dual, goal_dual))
+            short, tight = _raised(half, _widths(final, held, radii, boxes, drifts, start_dual, goal_dual, coupling))
             if not short:
                 break
             code = THICK
@@ -527,8 +573,8 @@ def carried(
     generators = np.empty((len(core) + len(final), 6))
     if code != SETTLED:
         return code, half, final, beyond, generators, growth_there, shape_there
-    a, b, c = radii
-    for more in (_scaled(projector, a, b), _scaled(projector, 0.0, c)):
+    a, b = radii
+    for more in (_scaled(projector, a, 0.0), _scaled(projector, 0.0, b)):
         growth_there, shape_there = _sum(growth_there, more, rho), _sum(shape_there, more, rho)
     thick = np.empty((6, len(final)))
     for i in range(6):

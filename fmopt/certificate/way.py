@@ -18,7 +18,8 @@ from fmopt.certificate.rows import Forms, Rows, points_above
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import InfeasibleError
 from fmopt.memory import remembered
-from fmopt.se3 import Pose, length
+from fmopt.se3 import Pose, length, lengths
+from fmopt.uncertainty.linkage import Linkage
 from fmopt.values import Array
 
 LARGEST_TURN = 0.5  # rad; the bounds of the certificate hold for pieces that turn no farther
@@ -146,10 +147,10 @@ def _way(
 def cone(tolerance: Tolerance, way: Way, N: Array) -> float:
     """How far the velocity error can move a row (6,) along the piece, m."""
     t, r = tolerance.velocity_error[0], tolerance.velocity_error[1] / tolerance.rho
-    return length(np.array([t, t, t, r, r, r]) * N) * way.length
+    return (t * length(N[:3]) + r * length(N[3:])) * way.length
 
 
-def approach(tolerance: Tolerance, way: Way, extent: Extent) -> float:
+def approach(tolerance: Tolerance, way: Way, extent: Extent, linkage: Linkage | None) -> float:
     """Lower bound of how much nearer the contact being made comes along a piece, at every error in the bounds, m.
 
     An execution stops when it first touches: that needs the distance to fall all along. Infinite when nothing is made.
@@ -157,10 +158,12 @@ def approach(tolerance: Tolerance, way: Way, extent: Extent) -> float:
     if way.made is None:
         return float(np.inf)
     first, second = (float(rows.N[0] @ way.motion) for rows in way.made)
-    return min(-first, -second) - _change(tolerance, way, extent, way.made[1], way.made_curvature)
+    return min(-first, -second) - _change(tolerance, way, extent, linkage, way.made[1], way.made_curvature)
 
 
-def departure(assembly: Assembly, piece: Piece, tolerance: Tolerance, way: Way, extent: Extent) -> float:
+def departure(
+    assembly: Assembly, piece: Piece, tolerance: Tolerance, way: Way, extent: Extent, linkage: Linkage | None
+) -> float:
     """Lower bound of how much farther away the contacts given up get along a piece, at every error in the bounds, m.
 
     They are touched when the move starts: where their distances rise all along, none of them is touched again. So are
@@ -171,30 +174,42 @@ def departure(assembly: Assembly, piece: Piece, tolerance: Tolerance, way: Way, 
         InfeasibleError: a contact given up meets another one of its edge or face that stays held.
     """
     least = float(np.inf)
+
+    def opening(form: Forms) -> float:
+        """Lower bound of how much a row (1) grows along the piece, m."""
+        rows = form.over(piece.start, piece.goal)
+        first, second = (float(end.N[0] @ way.motion) for end in rows)
+        curvature = Curvature.of(*rows, way.twist)
+        return min(first, second) - _change(tolerance, way, extent, linkage, rows[1], curvature)
+
     for contact in piece.left:
         if hinge(assembly, contact, piece.held) is not None or level(assembly, contact, piece.held) is not None:
             raise InfeasibleError(f"contact {contact.id} cannot be given up without those that it turns about")
-        least = min(least, _opening(tolerance, way, extent, contact_forms(assembly, (contact,), ()), piece))
+        least = min(least, opening(contact_forms(assembly, (contact,), ())))
     for wall in coming_off(assembly, piece.held, piece.left):
         for i in sorted(wall.points):
             point = points_above(assembly.body_points[[i]], wall.normal, wall.offset)
-            least = min(least, _opening(tolerance, way, extent, point, piece))
+            least = min(least, opening(point))
     return least
 
 
-def _opening(tolerance: Tolerance, way: Way, extent: Extent, form: Forms, piece: Piece) -> float:
-    """Lower bound of how much a row (1) grows along a piece, m."""
-    rows = form.over(piece.start, piece.goal)
-    first, second = (float(end.N[0] @ way.motion) for end in rows)
-    return min(first, second) - _change(tolerance, way, extent, rows[1], Curvature.of(*rows, way.twist))
-
-
-def _change(tolerance: Tolerance, way: Way, extent: Extent, row: Rows, curvature: Curvature) -> float:
+def _change(
+    tolerance: Tolerance, way: Way, extent: Extent, linkage: Linkage | None, row: Rows, curvature: Curvature
+) -> float:
     """By how much a row (1) may grow more or less along a piece than at the nominal poses of its ends, m.
 
     The row turns along the piece; the velocity error adds to the motion; and the held rows turn as well, so that the
-    motion inside them changes (their share counted twice, which covers the second order).
+    motion inside them changes (their share counted twice, which covers the second order). In a hole that is askew by h
+    all motion is seen turned by it, and a part that is off by g in the hand swings by its turn across g.
     """
     N = row.N[0]
     turned, held = (bends.variation(extent.half, way.motion) for bends in (curvature, way.held_curvature))
-    return float(turned[0]) + cone(tolerance, way, N @ way.hold) + 2.0 * float(np.abs(N @ way.goal_dual) @ held)
+    change = float(turned[0]) + cone(tolerance, way, N @ way.hold) + 2.0 * float(np.abs(N @ way.goal_dual) @ held)
+    if linkage is None:
+        return change
+    _, askew, off, _ = linkage.sizes.tolist()
+    seen, drift = N @ way.hold, np.multiply(tolerance.velocity_error, way.length)
+    slid = length(way.motion[:3]) + 2.0 * float(held @ lengths(way.goal_dual[:3].T)) + float(drift[0])
+    spun = length(way.motion[3:]) + 2.0 * float(held @ lengths(way.goal_dual[3:].T)) + float(drift[1]) / tolerance.rho
+    linked = length(seen[:3]) * (askew * slid + off * spun) + length(seen[3:]) * askew * spun
+    return change + float(linked)

@@ -47,7 +47,7 @@ def start_errors(problem: Problem) -> ErrorSet:
     """The set of start errors (d, δ), m and rad, as it is carried along the motion."""
     from fmopt.uncertainty.error_set import ErrorSet
 
-    return ErrorSet.from_box(problem.start_box)
+    return ErrorSet.of(problem.start_box, problem.framing)
 
 
 def nominal(problem: Problem) -> Nominal:

@@ -21,7 +21,7 @@ _REFINED = 6  # edges of a pair that are looked at more closely
 
 Places = NDArray[np.intp]
 Vector = tuple[float, float, float]
-Moving = tuple[Array, Array, Array, Places, Array, Array]
+Moving = tuple[Array, Array, Array, Places, Array, Array, Array]
 """Pieces of motion (n), as `fmopt.certificate.lower.Motion` lists them."""
 
 
@@ -54,6 +54,7 @@ class Reached(NamedTuple):
         cuts: where generators, growth and shape end among the columns (3,).
         tilted: what errors that turn a plane leave at each vertex (n, v), per their size, m.
         arc: what the nominal turn leaves there (n, v), m.
+        linked: what the linear picture leaves there of errors in different frames (n, v), m.
         angles: half-widths (n, 3) of the box around the angle errors, rad.
         turn: nominal turns (n, 3), rad.
     """
@@ -63,6 +64,7 @@ class Reached(NamedTuple):
     cuts: Places
     tilted: Array
     arc: Array
+    linked: Array
     angles: Array
     turn: Array
 
@@ -107,11 +109,11 @@ def _arm(R: Array, v: Vector) -> Vector:
 @part
 def _reached(body: Array, motion: Moving) -> Reached:
     """How far vertices (v, 3) of the moving piece reach."""
-    p, R, columns, cuts, twist, half = motion
+    p, R, columns, cuts, twist, half, coupling = motion
     pieces, count = p.shape[1], len(body)
     vertices, moved = np.empty((2, pieces, 3, count)), np.empty((2, pieces, columns.shape[2], 3, count))
     tilted, arc = np.empty((pieces, count)), np.empty((pieces, count))
-    angles, turns = half[:, 3:], twist[:, 3:]
+    angles, turns, linked = half[:, 3:], twist[:, 3:], np.empty((pieces, count))
     for n in range(pieces):
         box, turn = _three(angles, n), _three(turns, n)
         for v in range(count):
@@ -129,7 +131,8 @@ def _reached(body: Array, motion: Moving) -> Reached:
             most = max(_swung(start, box), _swung(goal, box)) + 0.5 * _size(box) * swept
             tilted[n, v] = 0.5 * (min(most, _size(box) * _size(start)) + swept)
             arc[n, v] = 0.125 * swept
-    return Reached(vertices, moved, cuts, tilted, arc, angles, turns)
+            linked[n, v] = coupling[n, 0] + coupling[n, 1] * _size(_three(body, v))
+    return Reached(vertices, moved, cuts, tilted, arc, linked, angles, turns)
 
 
 @part
@@ -158,7 +161,7 @@ def _nominal(normal: Vector, vertices: Array, n: int) -> tuple[float, Vector]:
 @part
 def _lower(normal: Vector, reached: Reached, n: int, work: Array) -> float:
     """The certified lower bound of n·v over all vertices v, m."""
-    vertices, moved, cuts, tilted, arc, angles, turn = reached
+    vertices, moved, cuts, tilted, arc, linked, angles, turn = reached
     (x, y, z), count = normal, vertices.shape[3]
     for v in range(count):
         work[4, v] = np.inf
@@ -181,7 +184,7 @@ def _lower(normal: Vector, reached: Reached, n: int, work: Array) -> float:
             work[4, v] = min(work[4, v], height - reach)
     tilt, lean, found = _swung(normal, _three(angles, n)), _size(_cross(_three(turn, n), normal)), np.inf
     for v in range(count):
-        found = min(found, work[4, v] - (tilt * tilted[n, v] + lean * arc[n, v]))
+        found = min(found, work[4, v] - (tilt * tilted[n, v] + lean * arc[n, v]) - linked[n, v])
     return found
 
 

@@ -22,6 +22,7 @@ from scipy.spatial import KDTree
 
 from fmopt.certificate.assembly import Assembly
 from fmopt.contact.primitive import Kind, PrimitiveContact, crossed, face_vertex, vertex_face
+from fmopt.framing import Framing
 from fmopt.geometry.clearance import Clearance
 from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import Polyhedron, from_faces
@@ -61,6 +62,10 @@ class Attitude:
     def mirrored(self) -> bool:
         """Whether the image is one in a mirror."""
         return bool(np.linalg.det(self.axes) < 0.0)
+
+    def of_framing(self, framing: Framing) -> Framing:
+        """Where errors are fixed, in the image's axes."""
+        return replace(framing, hole=self.of_widths(framing.hole), hand=self.of_widths(framing.hand))
 
     def of_pose(self, pose: Pose) -> Pose:
         """The image of a pose."""

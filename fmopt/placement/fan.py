@@ -53,8 +53,9 @@ class Fans:
 
     def best(self, course: Course) -> FreePlanes:
         """For each fixed piece the plane with the largest certified margin over pieces of motion."""
-        p, R, columns, cuts, twist, half = course.motion
-        normals, offsets, margins, clearances = best(self.edges, self.body, (p, R, columns, cuts, twist, half))
+        p, R, columns, cuts, twist, half, coupling = course.motion
+        motion = p, R, columns, cuts, twist, half, coupling
+        normals, offsets, margins, clearances = best(self.edges, self.body, motion)
         return FreePlanes(normals, offsets, margins - BEHIND, clearances - BEHIND)
 
 

@@ -17,6 +17,7 @@ from fmopt.certificate.claim import Claim
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Tolerance
 from fmopt.errors import InfeasibleError
+from fmopt.framing import IN_THE_WORLD, Framing
 from fmopt.geometry.part import stretched
 from fmopt.placement.factor import Trial, largest
 from fmopt.placement.motion import Move, Reached, carried, unroll
@@ -115,6 +116,7 @@ class Motion:
         box: half-widths (6,) of its start error, m and rad.
         tolerance: velocity error and metric.
         turn: greatest turn of one piece, rad.
+        framing: where its start error is fixed.
         known: all that is certified of it, where that has been found already; None where not.
     """
 
@@ -123,6 +125,7 @@ class Motion:
     box: Array
     tolerance: Tolerance
     turn: float
+    framing: Framing = IN_THE_WORLD
     known: Reached | None = None
 
     def under(self, errors: Array) -> Motion:
@@ -132,7 +135,7 @@ class Motion:
     @cached_property
     def start(self) -> Reached:
         """Where it starts."""
-        return Reached(ErrorSet.from_box(self.box), (), ())
+        return Reached(ErrorSet.of(self.box, self.framing), (), ())
 
     def placed(self) -> Placed:
         """The motion, certified for its errors.

@@ -135,7 +135,7 @@ def _with_motion(question: Question, done: Moved, motions: int, progress: Callab
     placed = _certified(done, problem)
     if isinstance(placed, str):
         raise InfeasibleError(f"with the answer rounded down, {placed}", advice="lower the digits, or state low")
-    errors = ErrorSet.from_box(problem.start_box)
+    errors = ErrorSet.of(problem.start_box, problem.framing)
     same = replace(done, errors=errors, tolerance=done.under(problem, FINE).tolerance, placed=placed)
     progress("checking the same motion")
     document, _ = planned(problem, same, lambda _: None)

@@ -30,6 +30,7 @@ from fmopt.task.sources import (
     Configuration,
     Contribution,
     Deviation,
+    Frame,
     Handling,
     Known,
     ObservedPoints,
@@ -37,6 +38,7 @@ from fmopt.task.sources import (
     Sources,
     body_width,
     budget,
+    framing,
     least_altitude,
     start_box,
     total,
@@ -48,6 +50,7 @@ from fmopt.task.units import LENGTH, did_you_mean
 from fmopt.values import Array
 
 T = TypeVar("T")
+_SIDES: dict[str, Frame] = {"moving": "hand", "fixed": "hole"}
 _LEAST = 1e-9  # m and rad: the least start error where velocity adds none, which rounding is small beside
 
 
@@ -224,13 +227,14 @@ def _problem(source: Source, file: files.ProblemFile, models: Mapping[str, Model
     turned = Pose(np.zeros(3), exp([0.0, 0.0, -task.turn]))
     moving, trapezoid = rebased(parts[peg], turned), file.uncertainty.trapezoid
     sources = _sources(file.uncertainty.sources, parts) if file.uncertainty.sources else None
-    stated = Contribution("as stated", "", _stated_box(file.uncertainty.start))
+    stated = Contribution("as stated", "", _stated_box(file.uncertainty.start), _stated_frame(file.uncertainty.start))
     shares = _budget(file, sources, moving) if sources else (stated,)
     shares = (*shares, *_tessellation(models, parts))
     shares = (*shares, *_allowance(file.uncertainty.velocity, shares))
     plane = _plane(file, models)
     if plane is not None:
         shares = tuple(share.in_plane() for share in shares)
+    shares = tuple(_seen(share, exchanged) for share in shares)
     box = total(shares)
     refuse_wild(source, shares)
     refuse_far(source, box, (moving, parts[hole]))
@@ -249,6 +253,7 @@ def _problem(source: Source, file: files.ProblemFile, models: Mapping[str, Model
         declared_clearance=(file.clearance.x, file.clearance.y or 0.0),
         approach=file.start.height,
         start_box=box,
+        framing=framing(shares),
         trapezoid=None if trapezoid is None else (trapezoid.ball, trapezoid.cone),
         sources=sources,
         budget=shares if sources or len(shares) > 1 else (),
@@ -334,10 +339,24 @@ def _allowance(velocity: files.Velocity, shares: Sequence[Contribution]) -> Iter
 def _tessellation(models: Mapping[str, Model], parts: Mapping[str, Part]) -> tuple[Contribution, ...]:
     """What the facets of imported parts add to the position errors: how far the true surfaces lie from them, as ε_v."""
     return tuple(
-        Contribution(f"{side} part, facets of its mesh", "ε_v", np.repeat([parts[side].chord_error, 0.0], 3))
+        Contribution(
+            f"{side} part, facets of its mesh", "ε_v", np.repeat([parts[side].chord_error, 0.0], 3), _SIDES[side]
+        )
         for side, model in models.items()
         if model.file.mesh is not None and parts[side].chord_error > 0.0
     )
+
+
+def _stated_frame(box: files.Box | None) -> Frame:
+    return "world" if box is None else box.frame
+
+
+def _seen(share: Contribution, exchanged: bool) -> Contribution:
+    """A contribution as the parts see it: with the hole in the hand it is the peg that stands in the world."""
+    if not exchanged:
+        return share
+    frame: Frame = "hole" if share.frame == "hand" else "hand"
+    return replace(share, frame=frame)
 
 
 def _stated_box(box: files.Box | None) -> Array:

@@ -10,6 +10,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from fmopt.framing import Framing
 from fmopt.task.sources import Contribution, Sources
 from fmopt.values import Array, Value, frozen
 
@@ -111,6 +112,7 @@ class Problem(Value):
         declared_clearance: on each side along x and y of the B-frame, m.
         approach: height of the tilted part's lowest point above the mouth at the start, m.
         start_box: half-widths (6,) of the start error in local coordinates (d, δ), m and rad.
+        framing: which share of it is fixed in the hole, in the hand, and in the world.
         trapezoid: radius of the ball (m) and half-angle of the cone (rad) of S(t); None for those of the start error.
         sources: where the start box comes from; None when the file gives it outright.
         budget: what each source contributes to the start box; none when the file gives it outright.
@@ -134,6 +136,7 @@ class Problem(Value):
     declared_clearance: tuple[float, float]
     approach: float
     start_box: Array
+    framing: Framing
     trapezoid: tuple[float, float] | None
     sources: Sources | None
     budget: tuple[Contribution, ...]

@@ -102,6 +102,9 @@ class Start(Table):
 class Box(Table):
     """Half-widths of the error in the tilted start pose: shift of the leading face's centre, rotation about it."""
 
+    frame: Literal["world", "hole", "hand"] = "world"
+    """Where the error is fixed: in the world (the robot's own), in the hole (the fixture's, which is askew), or in the
+    hand (the grasp's, which turns with the part)."""
     x: Distance
     y: Distance | None = None
     """Left out in a planar problem, as rx and rz."""

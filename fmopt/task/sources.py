@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias, assert_never
+from typing import Any, Literal, TypeAlias, assert_never
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fmopt.framing import Framing
 from fmopt.values import Array, Value, frozen
 
 Point: TypeAlias = tuple[float, float, float]
+Frame: TypeAlias = Literal["world", "hole", "hand"]
+"""Where an error is fixed: in the world, or turning with the fixed part or with the moving one."""
 _QUARTER = 0.5 * math.pi
 
 
@@ -96,21 +99,23 @@ class Sources:
 
 @dataclass(frozen=True)
 class Share:
-    """What one source adds to a position (m) and to an orientation (rad)."""
+    """What one source adds to a position (m) and to an orientation (rad), and where it is fixed."""
 
     source: str
     symbol: str
     position: float
     angle: float = 0.0
+    frame: Frame = "world"
 
 
 @dataclass(frozen=True, eq=False)
 class Contribution(Value):
-    """What one source adds to the half-widths (6,) of the start box, m and rad."""
+    """What one source adds to the half-widths (6,) of the start box, m and rad, and where it is fixed."""
 
     source: str
     symbol: str
     box: Array
+    frame: Frame = "world"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "box", frozen(self.box, 6, name="contribution"))
@@ -121,7 +126,18 @@ class Contribution(Value):
 
     def record(self) -> dict[str, Any]:
         """As in the plan's diagnostics."""
-        return {"source": self.source, "symbol": self.symbol, "contribution": self.box.tolist()}
+        said = {"source": self.source, "symbol": self.symbol, "contribution": self.box.tolist()}
+        return {**said, "frame": self.frame}
+
+
+def framing(contributions: Sequence[Contribution]) -> Framing:
+    """Which shares of the start box that contributions make are fixed where."""
+    box = total(contributions)
+    safe = np.where(box > 0.0, box, 1.0)
+    hole, hand = (
+        np.minimum(total([c for c in contributions if c.frame == frame]) / safe, 1.0) for frame in ("hole", "hand")
+    )
+    return Framing(hole, np.minimum(hand, 1.0 - hole))
 
 
 def start_box(sources: Sources, height: float, aside: float = 0.0, lean: float = 0.0) -> Array:
@@ -176,31 +192,32 @@ def _levers(shares: Sequence[Share], levers: tuple[float, float, float]) -> list
     for share in shares:
         x, z, turn = (lever * share.angle / angle if angle else 0.0 for lever in levers)
         box = [share.position + x, share.position + x, share.position + z, turn, turn, turn]
-        found.append(Contribution(share.source, share.symbol, np.array(box)))
+        found.append(Contribution(share.source, share.symbol, np.array(box), share.frame))
     return found
 
 
 def _fixed_shares(sources: Sources) -> list[Share]:
     if sources.measurement is not None:
-        return [Share("fixed part, measured", "ε_m", sources.measurement)]
+        return [Share("fixed part, measured", "ε_m", sources.measurement, frame="hole")]
     placed = configuration_shares(sources.configuration, (0.0, 0.0, 0.0))
-    return [Share("fixed part, shape", "ε_v", sources.shape), *_named("fixed part, ", placed)]
+    shape = Share("fixed part, shape", "ε_v", sources.shape, frame="hole")
+    return [shape, *_named("fixed part, ", placed, "hole")]
 
 
 def _held_shares(sources: Sources) -> list[Share]:
     robot, slide = sources.robot, sources.slide
     before = configuration_shares(sources.feeder, (0.0, 0.0, sources.grasp_height))
     return [
-        *_named("moving part before the grasp, ", before),
-        Share("robot, grasping", "ε_pr, ε_φr", robot.position, robot.angle),
-        Share("slide in the gripper", "ε_td, ε_φd", slide.position, slide.angle),
-        Share("robot, inserting", "ε_pr, ε_φr", robot.position, robot.angle),
-        Share("moving part, shape", "ε_v", sources.shape),
+        *_named("moving part before the grasp, ", before, "hand"),
+        Share("robot, grasping", "ε_pr, ε_φr", robot.position, robot.angle, "hand"),
+        Share("slide in the gripper", "ε_td, ε_φd", slide.position, slide.angle, "hand"),
+        Share("robot, inserting", "ε_pr, ε_φr", robot.position, robot.angle, "world"),
+        Share("moving part, shape", "ε_v", sources.shape, frame="hand"),
     ]
 
 
-def _named(prefix: str, shares: Sequence[Share]) -> list[Share]:
-    return [replace(share, source=prefix + share.source) for share in shares]
+def _named(prefix: str, shares: Sequence[Share], frame: Frame) -> list[Share]:
+    return [replace(share, source=prefix + share.source, frame=frame) for share in shares]
 
 
 def configuration_shares(configuration: Configuration, at: Point) -> list[Share]:

@@ -9,10 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fmopt import ellipsoid
+from fmopt.framing import Framing
 from fmopt.se3 import lengths
+from fmopt.uncertainty.linkage import Linkage
 from fmopt.values import Array, Value, frozen
 
 _NONE = np.zeros((0, 6))
+UNCOUPLED = frozen(np.zeros(2))
+"""What the linear picture leaves of errors that are all fixed in the world: nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +35,7 @@ class ErrorSet(Value):
         growth_root: root (6, b).
         thick: how many generators, the last ones, are thickness.
         compliant: twists (r, 6) along which the contacts of that thickness give way.
+        linkage: how the first generators move on with the part; None where all stay as they are.
     """
 
     shape_root: Array
@@ -38,6 +43,7 @@ class ErrorSet(Value):
     growth_root: Array
     thick: int = 0
     compliant: Array = field(default_factory=lambda: _NONE)
+    linkage: Linkage | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "shape_root", frozen(ellipsoid.narrow(self.shape_root, 6), 6, None, name="shape"))
@@ -50,6 +56,13 @@ class ErrorSet(Value):
         """The box |eᵢ| ≤ aᵢ, half-widths a (6,) in m and rad; exact in its zonotope."""
         a = frozen(half_widths, 6, name="half-widths")
         return ErrorSet(ellipsoid.box_root(a), np.diag(a)[a > 0.0], np.zeros((6, 0)))
+
+    @staticmethod
+    def of(half_widths: ArrayLike, framing: Framing) -> ErrorSet:
+        """The box of start errors with half-widths (6,) in m and rad, each share of it fixed where the framing says."""
+        a = frozen(half_widths, 6, name="half-widths")
+        generators, linkage = Linkage.of(a, framing)
+        return ErrorSet(ellipsoid.box_root(a), generators, np.zeros((6, 0)), linkage=linkage)
 
     @staticmethod
     def from_ellipsoid(shape: Array) -> ErrorSet:

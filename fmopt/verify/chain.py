@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from fmopt.verify.assembly import Assembly, Touch
 from fmopt.verify.document import Plan, Segment
-from fmopt.verify.errors import ErrorSet, from_box
+from fmopt.verify.errors import ErrorSet, start_errors
 from fmopt.verify.findings import ALLOWANCE, Notes
 from fmopt.verify.knowledge import Facts
 from fmopt.verify.motion import Motion, Task
@@ -71,7 +71,7 @@ class Chain:
     def __init__(self, plan: Plan, assembly: Assembly) -> None:
         self.plan = plan
         self.assembly = assembly
-        self.link = Link(from_box(plan.start_box), (), (), None)
+        self.link = Link(start_errors(plan), (), (), None)
         self.previous: Segment | None = None
         self._legs: list[Leg] = []
         self._late = 0
@@ -238,7 +238,7 @@ class Chain:
         directions = [c for _, c in held]
         if all(c in directions for c in self.link.thick_along):
             return errors
-        return ErrorSet(errors.core + errors.thick, (), errors.growth, errors.shape)
+        return ErrorSet(errors.core + errors.thick, (), errors.growth, errors.shape, errors.linkage)
 
     def _fit(self, motion: Motion, progress: int, notes: Notes) -> None:
         """Collects the pieces of a move that makes a contact; at its end they must fit together."""

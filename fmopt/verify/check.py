@@ -26,8 +26,8 @@ def verify(document: Mapping[str, Any], expected_sha256: str | None = None) -> V
 
     Everything else that the plan states is derived again, in exact arithmetic with stated rounding, and compared.
 
-    Executions. The controller follows the commanded pieces of a move one after the other, off by the start error and by
-    a velocity error inside the stated cone, while held contacts are kept by giving way along the compliant directions.
+    Executions. The controller follows the commanded pieces of a move one after the other, off by the start error and
+    a velocity error in the stated bounds, while held contacts are kept by giving way along the compliant directions.
     It stops as the contact that the move makes is touched: the piece in which that happens is cut short, and only the
     last piece is ever lengthened. The error sets stretch all pieces of a move alike instead; `stretch` demands that
     the two agree, to first order and up to the small amounts that the verdict's text states as not covered.

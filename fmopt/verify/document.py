@@ -15,8 +15,8 @@ NOT_COVERED = (
     "friction, jamming and wedging beyond the choice of bias wrenches",
     "compliance and dynamics of the robot: that held contacts stay held under the bias wrench",
     "shape and size deviations of the parts other than those in the stated errors",
-    "whether the real errors lie in the stated set; they are taken as constant in the B-frame along a move, apart from "
-    "the velocity error",
+    "whether the real errors lie in the stated set, each fixed in the frame that is stated of it, apart from the "
+    "velocity error",
 )
 
 
@@ -206,6 +206,7 @@ class Plan:
     start_box: Numbers
     velocity_error: Numbers
     rho: float
+    sources: tuple[tuple[str, Numbers], ...]
     specification: Specification
     goal: Numbers
     touch: float

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from fmopt.verify.linear import NOTHING, SIX, diagonal, row_of
+from fmopt.verify.document import Plan
+from fmopt.verify.linear import NOTHING, SIX, diagonal
+from fmopt.verify.linkage import Linkage, linkage_of
 from fmopt.verify.rational import BLUR, Row, Square, fixed, root, spread, times, width
 
 
@@ -19,12 +21,14 @@ class ErrorSet:
         thick: generators of the thickness of the last piece's contact surfaces.
         growth: shape matrix (6, 6).
         shape: shape matrix (6, 6).
+        linkage: how the first generators of the core move on with the part; None where all stay as they are.
     """
 
     core: tuple[Row, ...]
     thick: tuple[Row, ...]
     growth: Square
     shape: Square
+    linkage: Linkage | None = None
 
     @cached_property
     def generators(self) -> tuple[Row, ...]:
@@ -49,10 +53,10 @@ class ErrorSet:
         return [sum(abs(g[a]) for g in gens) + root(self.growth[a][a] + BLUR) for a in SIX]
 
 
-def from_box(half_widths: Sequence[float]) -> ErrorSet:
-    """The box |eₐ| ≤ half-width; its ellipsoid is stretched by the root of the number of axes."""
-    a = [fixed(x) for x in half_widths]
+def start_errors(plan: Plan) -> ErrorSet:
+    """The start box |eₐ| ≤ half-width of a plan; its ellipsoid is stretched by the root of the number of axes."""
+    a = [fixed(x) for x in plan.start_box]
     axes = [k for k in SIX if a[k] > 0]
-    core = tuple(row_of(a[k] if j == k else 0 for j in SIX) for k in axes)
     shape = diagonal([len(axes) * times(x, x) + (BLUR if x else 0) for x in a]) if axes else NOTHING
-    return ErrorSet(core, (), NOTHING, shape)
+    core, linkage = linkage_of(plan)
+    return ErrorSet(core, (), NOTHING, shape, linkage)

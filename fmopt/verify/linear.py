@@ -82,9 +82,9 @@ def spheres(A: Square) -> tuple[Square, Square]:
     return gram(columns[:3]), gram(columns[3:])
 
 
-def weighted(s: int, P: Square, t: int, Q: Square) -> Square:
-    """s P + t Q of symmetric P and Q."""
-    return symmetric([(s * P[a][b] + t * Q[a][b]) >> BITS for a, b in _UPPER])
+def magnified(s: int, P: Square) -> Square:
+    """s P of a symmetric P."""
+    return symmetric([(s * P[a][b]) >> BITS for a, b in _UPPER])
 
 
 def gram(columns: Sequence[Row]) -> Square:

@@ -1,14 +1,16 @@
 """One piece of motion: how the error set is carried through it, re-derived from the plan's own statements.
 
-The model. From an error e₀ the execution runs along the commanded twist with a drift inside the stated cone (an
-ellipsoid that grows with the distance travelled), gives way along the compliant directions so that held contacts stay
-at zero, and, when a contact m is being made, goes on until it touches. Measured on its own way, at every fraction s
+The model. From an error e₀ the execution runs along the commanded twist with a drift inside the stated bounds (a ball
+of translations and a ball of turns, both at once, which grow with the distance travelled), gives way along the
+compliant directions so that held contacts stay at zero, and, when a contact m is being made, goes on until it touches.
+Errors that are fixed in the hole or in the hand move on with the part, see `linkage`. Measured on its own way, at every
+fraction s
 
     e(s) = (1 − s)(ẽ₀ + Σ T^S_i t_i) + s (ẽ₁ + Σ T^G_i t_i),   |t_i| ≤ thickness_i,
 
-ẽ₀ in the start set without its old thickness, ẽ₁ = Π(ẽ₀ + drift), T^S and T^G dual to the contacts' rows at either
-end. A row's linear part is therefore bounded at the two ends, and its remainder by `remainder`. Thickness is
-what a contact's own row leaves: its remainder, and its value at the nominal poses.
+ẽ₀ in the start set without its old thickness, ẽ₁ = Π(ẽ₀ + what frames and drift add), T^S and T^G dual to the
+contacts' rows at either end. A row's linear part is therefore bounded at the two ends, and its remainder by
+`remainder`. Thickness is what a contact's own row leaves: its remainder, and its value at the nominal poses.
 """
 
 from __future__ import annotations
@@ -26,6 +28,7 @@ from fmopt.verify.linear import (
     dual,
     gram,
     image,
+    magnified,
     measure,
     metric,
     outer_sum,
@@ -34,7 +37,6 @@ from fmopt.verify.linear import (
     spheres,
     square_of,
     stretched,
-    weighted,
     without,
 )
 from fmopt.verify.rational import (
@@ -44,12 +46,10 @@ from fmopt.verify.rational import (
     ArithmeticRefusal,
     Row,
     Vector,
-    dot,
     length,
     logarithm,
     over,
     product,
-    root,
     row_dot,
     spread,
     sub,
@@ -141,6 +141,7 @@ class Motion:
         self._at_goal: dict[Function, int] = {}
         self._lowest: dict[Function, int] = {}
         self._blurs: dict[tuple[int, int, int], int] = {}
+        self._move_on()
         self._hold()
         self._make()
         self._thicken()
@@ -158,7 +159,8 @@ class Motion:
         """The remainder of a function's row."""
         found = self._rest.get(function)
         if found is None:
-            found = self._rest[function] = remainder(*self.ends(function), self.extent)
+            ends = self.ends(function)
+            found = self._rest[function] = remainder(*ends, self.extent) + self._coupled(size(*ends))
         return found
 
     def nominal(self, function: Function) -> int:
@@ -197,7 +199,8 @@ class Motion:
     def at_goal(self, function: Function) -> tuple[int, int]:
         """Certified lower and upper bound of a function when the piece has ended."""
         goal = self.ends(function)[1]
-        off = self._second(function) + remainder(goal, goal, self.extent.standing) + SLACK
+        off = self._second(function) + remainder(goal, goal, self.extent.standing) + self._coupled(size(goal, goal))
+        off += SLACK
         return goal.f - off, goal.f + off
 
     def _first(self, function: Function) -> int:
@@ -242,10 +245,30 @@ class Motion:
             key = function.reach, offset, angle
             if key not in self._blurs:
                 shift = times(angle, function.reach) + times(self.extent.kappa, function.reach) + 9
-                self._blurs[key] = offset + shift + 2 * SLACK
+                self._blurs[key] = offset + shift + self._coupled(function.reach) + 2 * SLACK
             return self._blurs[key]
         start, goal = self.ends(function)
-        return offset + times(angle, size(start, goal)) + coarse(start, goal, self.extent) + 2 * SLACK
+        far = size(start, goal)
+        return offset + times(angle, far) + coarse(start, goal, self.extent) + self._coupled(far) + 2 * SLACK
+
+    def _move_on(self) -> None:
+        """The generators as the motion alone carries them on, and the ellipsoid around everything likewise."""
+        task, linkage, core = self.task, self.errors.linkage, self.errors.core
+        self.linkage, self.moved, self.moved_shape, self.coupling = linkage, core, self.errors.shape, (0, 0)
+        if linkage is None:
+            return
+        turn = product(task.goal.R, transposed(task.start.R))
+        ends = task.start.p, task.goal.p
+        self.coupling = linkage.left(self.extent.offset, task.theta, ends, self.extent.turn)
+        by = linkage.moves(self.extent.travel, turn, len(core))
+        self.moved = tuple(row_of(x + y for x, y in zip(g, d, strict=True)) for g, d in zip(core, by, strict=True))
+        around = square_of([linkage.linked * x for x in r] for r in gram(by))
+        self.moved_shape = outer_sum(self.errors.shape, around, metric(task.rho))
+        self.linkage = linkage.turned(turn)
+
+    def _coupled(self, far: int) -> int:
+        """What errors that are fixed in different frames may add to a row of this size beyond its linear part."""
+        return self.coupling[0] + times(self.coupling[1], far) + 1
 
     def _hold(self) -> None:
         """Functions of the held contacts, and the projection along their directions."""
@@ -312,26 +335,26 @@ class Motion:
     def _carry(self) -> None:
         """The error set at the end, and the box around the errors of the whole piece."""
         weights = metric(self.task.rho)
-        growth, shape = (congruent(self.projector, Q) for Q in (self.errors.growth, self.errors.shape))
+        growth, shape = (congruent(self.projector, Q) for Q in (self.errors.growth, self.moved_shape))
         straight, round_ = spheres(self.projector)
-        for a, b in self._drift():
-            if a or b:
-                extra = weighted(a, straight, b, round_)
+        for square, ball in zip(self._drift(), (straight, round_), strict=True):
+            if square:
+                extra = magnified(square, ball)
                 growth, shape = outer_sum(growth, extra, weights), outer_sum(shape, extra, weights)
         self.start_slack = [stretched(t, c) for t, c in zip(self.start_thickness, self.start_dual, strict=True)]
         thick = tuple(stretched(t, c) for t, c in zip(self.thickness, self.goal_dual, strict=True))
         if thick:
             around = square_of([len(thick) * x for x in r] for r in gram(thick))
             shape = outer_sum(shape, around, weights)
-        core = tuple(image(self.projector, g) for g in self.errors.core)
-        self.goal_errors = ErrorSet(core, thick, blurred(growth), blurred(shape))
+        core = tuple(image(self.projector, g) for g in self.moved)
+        self.goal_errors = ErrorSet(core, thick, blurred(growth), blurred(shape), self.linkage)
         ends = self.errors.half_widths(self.start_slack), self.goal_errors.half_widths(thick)
-        self.half = [max(a, b) for a, b in zip(*ends, strict=True)]
+        self.half = [max(a, b) + self.coupling[k // 3] for k, (a, b) in enumerate(zip(*ends, strict=True))]
 
     def cone(self, N: Row) -> int:
         """How fast the velocity error can move a row, per unit of travel."""
         t, r = self.task.rates[0], self._angular_rate
-        return root(times(times(t, t), dot(N[:3], N[:3])) + times(times(r, r), dot(N[3:], N[3:])))
+        return times(t, length(N[:3])) + times(r, length(N[3:])) + 2
 
     def _overtravel(self) -> int:
         """How much longer than V, as a share of it, the way to the touch can be for any error.
@@ -344,14 +367,14 @@ class Motion:
         N = self.felt
         eta = over(times(self.cone(N), self.length), self.rate) + 1
         zeta = over(times(times(self._wide, self.extent.turn), length(N[3:])) * 3 // 4, self.rate) + 1
-        late = over(spread(self.errors.core, N) + width(self.errors.growth, N), self.rate) + 1
+        late = over(spread(self.moved, N) + width(self.errors.growth, N), self.rate) + 1
         rest = ONE - times(self.task.share, eta + zeta)
         if rest < _HALF:
             raise ArithmeticRefusal("drift could carry the part past the contact that it is to make")
         return over(times(self.task.share, late + eta) + self.delay, rest) + 1
 
-    def _drift(self) -> tuple[tuple[int, int], tuple[int, int]]:
-        """Squared radii in e and in ε of the drift, and of what overtravel adds to it: log(eᵃeᵇ) against a + b.
+    def _drift(self) -> tuple[int, int]:
+        """Squared radii of the drift in e, and in ε with what overtravel adds to it: log(eᵃeᵇ) against a + b.
 
         For |a| + |b| ≤ 1/2 the two differ by at most |a||b|(1 + |a| + |b|)/2.
         """
@@ -362,4 +385,4 @@ class Motion:
         if overtravel > ONE or wide + swung > _HALF:
             raise ArithmeticRefusal("errors are too large for the bounds of this check")
         c = times(times(wide, swung) >> 1, ONE + wide + swung) + 1 if swung else 0
-        return (times(a, a), times(b, b)), (0, times(c, c))
+        return times(a, a), times(b + c, b + c)

@@ -45,6 +45,7 @@ _TUBE = {
 _HYBRID = {
     "frame", "position_axes", "force_axes", "velocity", "speed", "bias_wrench", "push", "normal_forces", "termination",
 }  # fmt: skip
+FRAMES = ("hole", "hand", "world")
 _KINDS = ("vertex-face", "face-vertex", "edge-edge")
 _WITNESSES = ("fixed-face", "moving-face", "edges", "plane")
 
@@ -66,7 +67,7 @@ def parse(document: Any) -> Plan:
     known = [c.id for c in contacts]
     if len(set(known)) != len(known):
         raise top.at("contacts").fail("repeats an id")
-    uncertainty = top.at("uncertainty").only(("start_box", "velocity_error", "rho"))
+    uncertainty = top.at("uncertainty").only(("start_box", "velocity_error", "rho"), ("sources",))
     sizes = len(moving.pieces), len(fixed.pieces)
     return Plan(
         top.at("problem").only(("sha256",), ("title",)).at("sha256").text(),
@@ -78,11 +79,29 @@ def parse(document: Any) -> Plan:
         uncertainty.at("start_box").numbers(6, 0.0, 0.5),
         uncertainty.at("velocity_error").numbers(2, 0.0, 1.0),
         uncertainty.at("rho").number(2.0**-10, 16.0),
+        _framed(uncertainty),
         _specification(top.at("specification")),
         _pose(top.at("goal")),
         top.at("touch_tolerance").number(0.0, LARGEST_TOLERANCE),
         tuple(item.text() for item in top.at("not_covered").items()),
     )
+
+
+def _framed(place: Reader) -> tuple[tuple[str, Numbers], ...]:
+    """The boxes of start errors by the frame that they are fixed in; none where all are fixed in the world."""
+    if not place.has("sources"):
+        return ()
+    found = []
+    for item in place.at("sources").items(1):
+        item.only(("frame", "box"))
+        found.append((item.at("frame").text(FRAMES), item.at("box").numbers(6, 0.0, 0.5)))
+    if len({frame for frame, _ in found}) != len(found):
+        raise place.at("sources").fail("repeats a frame")
+    by_axis = zip(*(box for _, box in found), strict=True)
+    for whole, parts in zip(place.at("start_box").numbers(6), by_axis, strict=True):
+        if abs(math.fsum(parts) - whole) > 1e-12 * whole:
+            raise place.at("sources").fail("do not add up to the start box")
+    return tuple(found)
 
 
 def _pose(place: Reader) -> Numbers:
