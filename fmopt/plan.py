@@ -9,30 +9,48 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from fmopt.errors import PlanFormatError, ResourceError
-
-FORMAT = "fmopt.plan/1"
-STDIO = Path("-")  # standard input or output, in place of a file
-UNITS = {"length": "m", "angle": "rad", "force": "N", "torque": "N m", "time": "s"}
-FRAMES = {
-    "B": "body frame of the fixed hollow feature: origin at the centre of its mouth, z out of the hole",
-    "moving": "origin at the centre of the leading face of the moving feature, z back into the part",
-    "pose": "(x, y, z, r): origin of the moving frame in B, and the rotation vector r",
-    "error": "(e, eps) about a nominal pose (p, R): the real pose is p + e, exp([eps]x) R",
-    "wrench": "(force, torque about the moving frame's origin), in axes of B",
-}
-NOT_COVERED = (
-    "friction, jamming and wedging beyond the choice of bias wrenches",
-    "compliance and dynamics of the robot: that held contacts stay held under the bias wrench",
-    "shape and size deviations of the parts other than those in the stated errors",
-    "whether the real errors lie in the stated set, each fixed in the frame that is stated of it, apart from the "
-    "velocity error",
+from fmopt.verify.accounts import (
+    CriticalPoint,
+    Foreseen,
+    Interval,
+    Lift,
+    MoveRecovery,
+    Nominal,
+    PositionForce,
+    Recovery,
+    Search,
 )
+from fmopt.verify.document import (
+    Body,
+    Contact,
+    ContactClaim,
+    Hybrid,
+    JamFree,
+    Part,
+    Plan,
+    Segment,
+    Separation,
+    Specification,
+    Tube,
+    Witness,
+)
+from fmopt.verify.file import content, decoded
+from fmopt.verify.form import FORMAT, FRAMES, NOT_COVERED, UNITS, Numbers, PlanError
+from fmopt.verify.parse import parse
+
+__all__ = [
+    "FORMAT", "FRAMES", "NOT_COVERED", "STDIO", "UNITS", "Body", "Contact", "ContactClaim", "CriticalPoint", "Foreseen",
+    "Hybrid", "Interval", "JamFree", "Lift", "MoveRecovery", "Nominal", "Numbers", "Part", "Plan", "PositionForce",
+    "Recovery", "Search", "Segment", "Separation", "Specification", "Tube", "Witness", "canonical", "clean", "digest",
+    "parsed", "prepare", "read", "read_document", "rounded_down", "save", "sealed", "write",
+]  # fmt: skip
+
+STDIO = Path("-")  # standard input or output, in place of a file
 
 
 def canonical(document: Mapping[str, Any]) -> str:
@@ -113,31 +131,45 @@ def save(content: bytes, path: Path) -> None:
         raise ResourceError(f"{path}: {error.strerror or error}", "choose another folder with --out") from error
 
 
-def read(path: Path) -> dict[str, Any]:
+def read(path: Path) -> Plan:
     """Reads a plan file, "-" for standard input.
 
     Raises:
         ResourceError: the file cannot be read.
-        PlanFormatError: it is no plan of this format.
+        PlanFormatError: it is no plan of this format; says where in it, and what is wrong.
+    """
+    return parsed(read_document(path), str(path))
+
+
+def parsed(document: Any, name: str = "") -> Plan:
+    """The plan of a JSON document.
+
+    Raises:
+        PlanFormatError: it is none.
     """
     try:
-        text = sys.stdin.read() if path == STDIO else path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise PlanFormatError(f"{path}: not UTF-8 text", "a plan is a JSON file that fmopt wrote") from error
+        return parse(document)
+    except PlanError as error:
+        raise _refused(name, error) from error
+
+
+def read_document(path: Path) -> dict[str, Any]:
+    """Reads a plan file as the JSON object that it is, "-" for standard input.
+
+    Raises:
+        ResourceError: the file cannot be read.
+        PlanFormatError: it is no JSON object.
+    """
+    try:
+        return decoded(content(path))
+    except PlanError as error:
+        raise _refused(str(path), error) from error
     except OSError as error:
         raise ResourceError(f"{path}: {error.strerror or error}", "give the plan.json of a solved problem") from error
-    try:
-        document = json.loads(text, parse_constant=_refuse)
-    except (ValueError, RecursionError) as error:
-        raise PlanFormatError(f"{path}: no JSON document: {error}", "a plan is a JSON file that fmopt wrote") from error
-    if not isinstance(document, dict) or document.get("format") != FORMAT:
-        found = document.get("format") if isinstance(document, dict) else type(document).__name__
-        raise PlanFormatError(f"{path}: format {found!r} is not {FORMAT!r}", "solve the problem with this version")
-    return document
 
 
-def _refuse(name: str) -> float:
-    raise ValueError(f"{name} is no number of a plan")
+def _refused(name: str, error: PlanError) -> PlanFormatError:
+    return PlanFormatError(f"{name}: {error}" if name else str(error), "give a plan.json that fmopt solve wrote")
 
 
 def rounded_down(value: float) -> float:

@@ -42,4 +42,4 @@ def square_peg_plan_file(tmp_path_factory: pytest.TempPathFactory, worker_id: st
 @pytest.fixture(scope="session")
 def square_peg_plan(square_peg_plan_file: Path) -> dict[str, Any]:
     """The plan of problems/square_peg.toml. It is shared: copy it before changing anything in it."""
-    return plan.read(square_peg_plan_file)
+    return plan.read_document(square_peg_plan_file)

@@ -214,7 +214,6 @@ def _strategies(plan: Plan, at: Callable[..., Plan]) -> Iterator[tuple[str, Plan
     yield "contact not pressed", on(lambda h: h["normal_forces"].pop(), pressing)
     yield "contact pulled", on(lambda h: h["normal_forces"][0].update(force=-1.0), pressing)
     yield "push backwards", on(lambda h: h.update(push=-h["push"]), making)
-    yield "strategy left out", at(lambda s: s.pop("hybrid"), making)
     yield "termination reversed", end(making, wrench=[-x for x in stop["wrench"]])
     yield "termination at nothing", end(making, contacts=[])
     yield "travel cut", end(making, max_travel=0.5 * stop["max_travel"])

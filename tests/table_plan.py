@@ -14,7 +14,7 @@ from typing import Any
 
 import mpmath as mp
 
-from fmopt.plan import NOT_COVERED
+from fmopt.plan import FRAMES, NOT_COVERED, UNITS
 
 mp.mp.dps = 50
 RHO = 0.014
@@ -22,6 +22,7 @@ RATES = (0.01, 0.01)
 START_BOX = (3e-4, 3e-4, 2e-4, 5e-3, 5e-3, 5e-3)
 TILT = (0.2, -0.15, 0.02)
 TOP = 8  # vertices of the table
+CLEARANCE = {"declared_clearance": [1e-3, 1e-3], "measured_clearance": 1e-3}
 CONTROL = {"speed": 0.01, "contact_force": 20.0, "torque_limit": 1.0, "friction": 0.3, "termination_force": 2.0}
 
 
@@ -307,6 +308,7 @@ class Builder:
             ],
             "force_axes": [[0.0, 0.0, 1.0, 0.0, 0.0, 0.0]] if held else [],
             "velocity": [float(x) for x in unit], "bias_wrench": [float(x) for x in bias], "push": float(b),
+            "stays": "push",
             "normal_forces": [{"contact": name, "force": float(f)}] if held else [],
             "termination": {
                 "contacts": [name] if made else [],
@@ -347,11 +349,14 @@ def table_plan() -> dict[str, Any]:
     return sealed(
         {
             "format": "fmopt.plan/1",
+            "fmopt_version": "1.0",
+            "units": UNITS,
+            "frames": FRAMES,
             "problem": {"title": "cube on a table", "sha256": "ab" * 32},
             "verdict": "CERTIFIED",
             "parts": {
-                "moving": {"name": "cube", **builder.cube, "pieces": [builder.cube]},
-                "fixed": {"name": "table", **table, "pieces": [left, right]},
+                "moving": {"name": "cube", **builder.cube, "pieces": [builder.cube], **CLEARANCE},
+                "fixed": {"name": "table", **table, "pieces": [left, right], **CLEARANCE},
             },
             "contacts": [
                 {

@@ -462,7 +462,7 @@ def test_a_fresh_process_writes_the_same_bytes(square_peg_plan_file: Path, tmp_p
     command = [sys.executable, "-m", "fmopt", "solve", PROBLEM, "--out", str(tmp_path / "out"), "--report", "--json"]
     environment = {**os.environ, "PYTHONHASHSEED": "4711"}
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=540)
-    document = plan.read(tmp_path / "out" / "plan.json")
+    document = plan.read_document(tmp_path / "out" / "plan.json")
     assert (done.returncode, done.stderr) == (EXIT[document["verdict"]], "")
     assert json.loads(done.stdout)["verdict"] == document["verdict"]
     assert (tmp_path / "out" / "plan.json").read_bytes() == square_peg_plan_file.read_bytes()

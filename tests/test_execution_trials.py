@@ -194,7 +194,7 @@ def test_the_command_tells_and_keeps_the_summary(square_peg_plan_file: Path, wri
     found = json.loads(ran.stdout)
     seated = sum(json.loads(line)["success"] for line in written.read_text().splitlines()[1:])
     assert found["inside"]["successes"] == seated >= 2
-    assert found["contact_force"] == plan.read(square_peg_plan_file)["specification"]["contact_force"]
+    assert found["contact_force"] == plan.read_document(square_peg_plan_file)["specification"]["contact_force"]
     assert json.loads((tmp_path / "summary.json").read_text()) == found
     told = CliRunner().invoke(app, arguments).stdout
     low, high = (100.0 * share for share in wilson(seated, 4))

@@ -536,7 +536,7 @@ def test_the_command_says_which_way_is_in(square_peg_plan_file: Path, tmp_path: 
 
 
 def test_the_command_says_how_fast_the_part_turns(square_peg_plan_file: Path, tmp_path: Path) -> None:
-    rows = plan.read(square_peg_plan_file)["segments"]
+    rows = plan.read_document(square_peg_plan_file)["segments"]
     fastest = max(row["hybrid"]["speed"] * np.linalg.norm(row["hybrid"]["velocity"][3:]) for row in rows)
     line = ["export", str(square_peg_plan_file), "--base", "0.4", "-0.1", "0.2", "0", "0", "0"]
     for to, file in (("urscript", tmp_path / "urscript"), ("ros2", tmp_path / "ros2" / "segments.yaml")):

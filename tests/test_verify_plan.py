@@ -112,6 +112,16 @@ REFUSED: list[tuple[str, Callable[[Plan], Any], str]] = [
     ("missing key", lambda p: p.pop("goal"), "lacks the key 'goal'"),
     ("unknown segment key", _segment(lambda s: s.update(trust_me=True)), r"segments\[0\]: unknown key 'trust_me'"),
     ("missing segment key", _segment(lambda s: s.pop("tube")), r"segments\[0\]: lacks the key 'tube'"),
+    ("missing strategy", _segment(lambda s: s.pop("hybrid")), r"segments\[0\]: lacks the key 'hybrid'"),
+    ("other units", lambda p: p["units"].update(length="mm"), "units.length: must be one of m, not 'mm'"),
+    ("other frames", lambda p: p["frames"].update(B="the robot's base"), "frames.B: must be one of"),
+    ("unused vertex", lambda p: p["parts"]["fixed"]["vertices"].append([0, 0, 0]), "vertex 8 belongs to no face"),
+    ("text of two lines", lambda p: p["problem"].update(title="a\nb"), "problem.title: must be one line"),
+    ("text that turns", lambda p: p["problem"].update(title="a\u202eb"), r"control character U\+202E"),
+    ("half a character", lambda p: p["problem"].update(title="a\ud800"), r"control character U\+D800"),
+    ("long text", lambda p: p["problem"].update(title="a" * 1001), "at most 1000 characters"),
+    ("version with code", lambda p: p.update(fmopt_version="1\nmovej"), "fmopt_version: must be a version"),
+    ("name with code", lambda p: p["contacts"][0].update(id="v0;f5"), r"contacts\[0\].id: must be a name"),
     ("no segments", lambda p: p.update(segments=[]), "segments: must have at least 1"),
     ("text for number", _segment(lambda s: s.update(margin="1")), r"segments\[0\]\.margin: must be a number"),
     ("flag for number", _segment(lambda s: s.update(margin=True)), r"segments\[0\]\.margin: must be a number"),
@@ -149,7 +159,7 @@ def test_what_is_no_plan_is_refused_with_its_place(plan: Plan, change: Callable[
 def test_special_numbers_are_refused(plan: Plan, value: float) -> None:
     mutant = copy.deepcopy(plan)
     mutant["segments"][0]["margin"] = value
-    with pytest.raises(PlanError, match="not JSON"):
+    with pytest.raises(PlanError, match="must be a finite number"):
         verify(mutant)
 
 
@@ -163,7 +173,7 @@ def test_deep_nesting_is_refused(plan: Plan) -> None:
     deep: Any = 0
     for _ in range(100_000):
         deep = [deep]
-    with pytest.raises(PlanError, match="nested too deeply"):
+    with pytest.raises(PlanError, match="search: must be an object"):
         verify({**plan, "search": deep})
 
 

@@ -317,7 +317,7 @@ def read(path: str | PathLike[str]) -> Plan:
         ResourceError: the file cannot be read.
         PlanFormatError: it is no plan of this format.
     """
-    return Plan(files.read(Path(path)))
+    return Plan(files.read_document(Path(path)))
 
 
 def _line(segment: Segment) -> dict[str, Any]:

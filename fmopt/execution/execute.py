@@ -32,7 +32,7 @@ def execute(
         FmoptError: the plan cannot be read or run, the extra is missing, or the results cannot be written.
     """
     ENGINES[trials.engine].library()
-    document = plan.read(file)
+    document = plan.read_document(file)
     plan.prepare(folder)
     found = {"verdict": document["verdict"], **_summed(document, trials, folder / "trials.jsonl", workers, advance)}
     plan.save((json.dumps(found, indent=1) + "\n").encode(), folder / "summary.json")
@@ -60,7 +60,7 @@ def compare(
     plan.prepare(folder)
     rows = []
     for file in files:
-        document, parts = plan.read(file), {}
+        document, parts = plan.read_document(file), {}
         for method in METHODS:
             kept = folder / f"{document['sha256'][:12]}_{method}.jsonl"
             found = _summed(document, Trials(trials, seed=seed, method=method), kept, workers, advance)

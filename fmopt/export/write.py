@@ -49,7 +49,7 @@ def export(file: Path, to: str, out: Path | None, base: tuple[float, ...] | None
     target = out if out is not None else file.parent / _NAMES[to]
     if target.resolve() == file.resolve() and out != plan.STDIO:
         raise ValueError(f"--out is {file}, the plan itself, which would be lost")
-    document = plan.read(file)
+    document = plan.read_document(file)
     text = text_of(document, to, base, rate) if out == plan.STDIO else ""
     paths = () if out == plan.STDIO else exported(document, to, target, base, rate)
     if base is None or to in _TABLES:

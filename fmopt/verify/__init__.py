@@ -4,9 +4,10 @@ It trusts poses, bases and witnesses of a plan as choices, and derives again wha
 remainders, error sets and knowledge of held contacts are written here a second time, from the same definitions.
 """
 
-from fmopt.verify.check import verify
-from fmopt.verify.document import PlanError, load
+from fmopt.verify.check import judge, verify
+from fmopt.verify.file import load
 from fmopt.verify.findings import CERTIFIED, NOT_PROVED, REFUTED, Finding, Verdict, Witness, describe
+from fmopt.verify.form import PlanError
 
 __all__ = [
     "CERTIFIED",
@@ -17,6 +18,7 @@ __all__ = [
     "Verdict",
     "Witness",
     "describe",
+    "judge",
     "load",
     "verify",
 ]

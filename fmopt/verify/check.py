@@ -39,7 +39,15 @@ def verify(document: Mapping[str, Any], expected_sha256: str | None = None) -> V
     Raises:
         PlanError: the document is no plan.
     """
-    plan = parse(document)
+    return judge(parse(document), expected_sha256)
+
+
+def judge(plan: Plan, expected_sha256: str | None = None) -> Verdict:
+    """Checks a plan that was read, as `verify` does.
+
+    Raises:
+        PlanError: its parts are no solids that arithmetic can take.
+    """
     try:
         assembly = Assembly(plan)
     except ArithmeticRefusal as error:
@@ -51,8 +59,8 @@ def verify(document: Mapping[str, Any], expected_sha256: str | None = None) -> V
         notes.add("problem", "the plan belongs to another problem")
     for flaw in assembly.flaws:
         notes.add("parts", flaw)
-    check_outline(document, plan, notes)
-    check_recovery(document, plan, (assembly.moving, assembly.fixed), notes)
+    check_outline(plan, notes)
+    check_recovery(plan, (assembly.moving, assembly.fixed), notes)
     findings, margins, witness = _segments(plan, assembly)
     found = (*notes.found, *findings)
     verdict = REFUTED if witness is not None else NOT_PROVED if found else CERTIFIED

@@ -1,38 +1,14 @@
-"""What the check takes from a plan file, and reading the file."""
+"""A plan as values, which every command, exporter, report and engine takes: read once, by `parse`."""
 
 from __future__ import annotations
 
-import hashlib
-import json
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
-FORMAT = "fmopt.plan/1"
-NOT_COVERED = (
-    "friction, jamming and wedging beyond the choice of bias wrenches",
-    "compliance and dynamics of the robot: that held contacts stay held under the bias wrench",
-    "shape and size deviations of the parts other than those in the stated errors",
-    "whether the real errors lie in the stated set, each fixed in the frame that is stated of it, apart from the "
-    "velocity error",
-)
+from fmopt.verify.accounts import CriticalPoint, Nominal, PositionForce, Recovery, Search
+from fmopt.verify.form import FORMAT, NOT_COVERED, Numbers, PlanError
 
-
-class PlanError(ValueError):
-    """A document that is no plan: says where in it, and what is wrong."""
-
-    def __init__(self, path: str, message: str) -> None:
-        super().__init__(f"{path or 'plan'}: {message}")
-        self.path = path
-        self.message = message
-
-    def __reduce__(self) -> tuple[type[PlanError], tuple[str, str]]:
-        return type(self), (self.path, self.message)
-
-
-Numbers = tuple[float, ...]
+__all__ = ["FORMAT", "NOT_COVERED", "Numbers", "PlanError"]
 
 
 @dataclass(frozen=True)
@@ -45,10 +21,13 @@ class Body:
 
 @dataclass(frozen=True)
 class Part:
-    """A part: its surface and its convex pieces."""
+    """A part: its surface, its convex pieces, its name, and the clearance a side declared (in x, y) and measured, m."""
 
     body: Body
     pieces: tuple[Body, ...]
+    name: str
+    declared_clearance: tuple[float, float]
+    measured_clearance: float
 
 
 @dataclass(frozen=True)
@@ -138,6 +117,7 @@ class Hybrid:
         pressed: held contacts with the normal forces that balance the rest of it.
         felt: contacts that end the move.
         wrench, threshold, max_travel, timeout: when the move ends.
+        stays: what the held contacts stay closed under: "push", "stop" or "none".
         jam_free: directions in which the bias cannot be balanced; None where nothing is claimed.
         impact: normal speed of the contact met for a unit twist, and its force; None where none is limited.
     """
@@ -155,6 +135,7 @@ class Hybrid:
     threshold: float
     max_travel: float
     timeout: float
+    stays: str
     jam_free: JamFree | None = None
     impact: tuple[float, float] | None = None
 
@@ -189,15 +170,39 @@ class Segment:
     tube: Tube
     separations: tuple[Separation, ...]
     contacts: tuple[ContactClaim, ...]
-    hybrid: Hybrid | None
+    hybrid: Hybrid
     leaving: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Everything of a plan file that the check rests on."""
+    """A plan.
 
+    Attributes:
+        verdict: its own: CERTIFIED, NOT_PROVED or REFUTED.
+        title, problem: of the problem that it is for, and that problem's SHA-256.
+        version: of the program that wrote it.
+        sha256, digest_holds: its seal, and whether it is that of the document.
+        moving, fixed: the parts.
+        contacts: every primitive contact that segments name.
+        segments: the motion.
+        start_box: half-widths (6,) of the start errors, m and rad.
+        velocity_error: shares of translation and of rotation.
+        rho: characteristic length, m.
+        sources: boxes of the start errors by the frame that they are fixed in; none where all are in the world.
+        specification: what was asked for.
+        goal: pose (6,).
+        touch: how far apart parts are taken to touch, m.
+        not_covered: what it leaves out.
+        search: how the sequence of moves was found.
+        nominal, critical_points, position_force, recovery: what it tells besides; none of it in a bare proof.
+    """
+
+    verdict: str
+    title: str
     problem: str
+    version: str
+    sha256: str
     digest_holds: bool
     moving: Part
     fixed: Part
@@ -211,55 +216,13 @@ class Plan:
     goal: Numbers
     touch: float
     not_covered: tuple[str, ...]
+    search: Search | None = None
+    nominal: Nominal | None = None
+    critical_points: tuple[CriticalPoint, ...] | None = None
+    position_force: tuple[PositionForce, ...] | None = None
+    recovery: Recovery | None = None
 
-
-def load(path: str | Path) -> dict[str, Any]:
-    """Reads a plan file, "-" for standard input; special numbers and repeated keys are refused.
-
-    Raises:
-        PlanError: the file cannot be read, or is no JSON object.
-    """
-    try:
-        text = sys.stdin.read() if str(path) == "-" else Path(path).read_text(encoding="utf-8")
-        document = json.loads(text, parse_constant=_no_constant, object_pairs_hook=_no_repetition)
-    except PlanError:
-        raise
-    except (OSError, UnicodeDecodeError) as error:
-        raise PlanError("", f"cannot be read: {error}") from error
-    except ValueError as error:
-        raise PlanError("", f"no JSON: {error}") from error
-    except RecursionError as error:
-        raise PlanError("", "nested too deeply") from error
-    if not isinstance(document, dict):
-        raise PlanError("", "must be a JSON object")
-    return document
-
-
-def _no_constant(name: str) -> float:
-    raise PlanError("", f"holds {name}, which is no number")
-
-
-def _no_repetition(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) != len(pairs):
-        keys = [key for key, _ in pairs]
-        raise PlanError("", f"repeats the key {next(k for k in keys if keys.count(k) > 1)!r}")
-    return found
-
-
-def digest(document: Mapping[str, Any]) -> str:
-    """SHA-256 of the document without its key `sha256`, in canonical JSON.
-
-    Raises:
-        PlanError: the document holds something that is not JSON.
-    """
-    bare = {key: value for key, value in document.items() if key != "sha256"}
-    try:
-        text = json.dumps(
-            bare, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False, check_circular=False
-        )
-        return hashlib.sha256(text.encode()).hexdigest()
-    except (TypeError, ValueError) as error:
-        raise PlanError("", f"holds what is not JSON: {error}") from error
-    except RecursionError as error:
-        raise PlanError("", "nested too deeply") from error
+    @property
+    def parts(self) -> dict[str, Part]:
+        """The parts by side, "moving" and "fixed"."""
+        return {"moving": self.moving, "fixed": self.fixed}

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 
 from fmopt.verify.document import Plan
 from fmopt.verify.linear import NO_ROW, row_of
-from fmopt.verify.parse import FRAMES
+from fmopt.verify.parse import FIXED_IN
 from fmopt.verify.rational import (
     ONE,
     ZERO3,
@@ -98,7 +98,7 @@ def linkage_of(plan: Plan) -> tuple[tuple[Row, ...], Linkage | None]:
     rows: list[Row] = []
     hole: list[Vector] = []
     hand: list[Row] = []
-    for frame in FRAMES:
+    for frame in FIXED_IN:
         for k, width in enumerate(boxes.get(frame, ())):
             if width > 0.0:
                 g = row_of(fixed(width) if j == k else 0 for j in range(6))

@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Collection, Iterable
 from typing import Any
 
-from fmopt.verify.document import Numbers, PlanError
+from fmopt.verify.form import Numbers, PlanError
+from fmopt.verify.keys import Fields
+
+MOST = 4096  # entries of a list, where nothing else is said
+LONGEST = 1000  # characters of a text
+# Control characters, those that turn the direction of writing, separators of lines, halves of characters.
+_UNSEEN = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff\ud800-\udfff]")
+_LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+\[\]/ -]{0,63}", re.ASCII)
+_HEX = re.compile(r"[0-9a-f]{64}", re.ASCII)
 
 
 class Reader:
@@ -43,25 +52,39 @@ class Reader:
         """Whether this is an object with the key."""
         return isinstance(self.value, dict) and key in self.value
 
-    def only(self, required: Collection[str], optional: Iterable[str] = ()) -> Reader:
+    def only(self, required: Fields | Collection[str], optional: Iterable[str] = ()) -> Reader:
         """This object, which must have the required keys and no others than the optional ones."""
-        for key in required:
-            if not self.has(key):
-                self.at(key)
-        if len(self.value) == len(required):
-            return self
-        unknown = sorted(str(key) for key in self.value.keys() - {*required, *optional})
-        if unknown:
-            raise self.fail(f"unknown key {unknown[0]!r}: what this check does not know it cannot vouch for")
+        known = required.known if isinstance(required, Fields) else {*required, *optional}
+        names = required.required if isinstance(required, Fields) else required
+        if not isinstance(self.value, dict):
+            raise self.fail("must be an object")
+        for key in names:
+            if key not in self.value:
+                raise self.fail(f"lacks the key {key!r}")
+        if len(self.value) > len(names):
+            unknown = min((str(key) for key in self.value.keys() - known), default=None)
+            if unknown is not None:
+                raise self.fail(f"unknown key {unknown[:40]!r}: what this check does not know it cannot vouch for")
         return self
 
-    def items(self, least: int = 0, exact: int | None = None) -> list[Reader]:
-        """The places of a list's entries, which must be at least so many, or exactly."""
+    def items(self, least: int = 0, exact: int | None = None, most: int = MOST) -> list[Reader]:
+        """The places of a list's entries, which must be at least and at most so many, or exactly."""
         if not isinstance(self.value, list | tuple):
             raise self.fail("must be a list")
         if len(self.value) < least or (exact is not None and len(self.value) != exact):
             raise self.fail(f"must have {f'{exact}' if exact is not None else f'at least {least}'} entries")
+        if len(self.value) > most:
+            raise self.fail(f"must have at most {most} entries")
         return [Reader(item, self, f"[{i}]") for i, item in enumerate(self.value)]
+
+    def maybe(self, key: str) -> Reader | None:
+        """The place of a key of this object; None where it is not there."""
+        return self.at(key) if self.has(key) else None
+
+    def filled(self, key: str) -> Reader | None:
+        """The place of a key of this object, which must be there; None where it holds null."""
+        place = self.at(key)
+        return None if place.value is None else place
 
     def number(self, low: float = -1e6, high: float = 1e6) -> float:
         """A finite number within limits."""
@@ -88,12 +111,12 @@ class Reader:
         """Rows of six numbers; any number of them without `rows`."""
         return tuple(item.numbers(6) for item in self.items(exact=rows))
 
-    def integer(self, end: int = 10**6) -> int:
-        """A whole number from 0 to below `end`."""
+    def integer(self, end: int = 10**6, low: int = 0) -> int:
+        """A whole number from `low` to below `end`."""
         if isinstance(self.value, bool) or not isinstance(self.value, int):
             raise self.fail("must be a whole number")
-        if not 0 <= self.value < end:
-            raise self.fail(f"must lie between 0 and {end - 1}")
+        if not low <= self.value < end:
+            raise self.fail(f"must lie between {low} and {end - 1}")
         return self.value
 
     def indices(self, end: int, least: int = 0, exact: int | None = None) -> tuple[int, ...]:
@@ -104,11 +127,32 @@ class Reader:
         return found
 
     def text(self, allowed: Iterable[str] | None = None) -> str:
-        """A text, one of those allowed if they are given."""
+        """A text of one line, one of those allowed if they are given."""
         if not isinstance(self.value, str):
             raise self.fail("must be text")
-        if allowed is not None and self.value not in allowed:
-            raise self.fail(f"must be one of {', '.join(allowed)}, not {self.value[:40]!r}")
+        if allowed is not None:
+            if self.value not in allowed:
+                words = ", ".join(word or '""' for word in [*allowed][:20])
+                raise self.fail(f"must be one of {words}, not {self.value[:40]!r}")
+            return self.value
+        if len(self.value) > LONGEST:
+            raise self.fail(f"must be at most {LONGEST} characters long")
+        if (unseen := _UNSEEN.search(self.value)) is not None:
+            raise self.fail(f"must be one line of text, without the control character U+{ord(unseen.group()):04X}")
+        return self.value
+
+    def label(self) -> str:
+        """A name: up to 64 letters and digits, and signs that end no text anywhere."""
+        if not isinstance(self.value, str):
+            raise self.fail("must be text")
+        if _LABEL.fullmatch(self.value) is None:
+            raise self.fail(f"must be a name of letters and digits, not {self.value[:40]!r}")
+        return self.value
+
+    def sha256(self) -> str:
+        """A SHA-256 in hexadecimal digits."""
+        if not isinstance(self.value, str) or _HEX.fullmatch(self.value) is None:
+            raise self.fail("must be 64 hexadecimal digits")
         return self.value
 
     def flag(self) -> bool:

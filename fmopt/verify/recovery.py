@@ -18,10 +18,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from fmopt.verify.document import Numbers, Plan, Segment
+from fmopt.verify.accounts import Lift, MoveRecovery
+from fmopt.verify.document import Plan, Segment
 from fmopt.verify.findings import Notes, micrometres
+from fmopt.verify.form import Numbers
 from fmopt.verify.rational import (
     ONE,
     SLACK,
@@ -40,13 +42,10 @@ from fmopt.verify.rational import (
     transposed,
     vector,
 )
-from fmopt.verify.reader import Reader
 from fmopt.verify.rows import pose
 from fmopt.verify.solids import NEAR, Shape
 
-MOST = 64  # retries
 _UPRIGHT = ONE >> 20  # faces lean over by less than this where they may count as vertical
-_ORDERS = ("early", "late")
 
 
 class _Lift(NamedTuple):
@@ -55,49 +54,33 @@ class _Lift(NamedTuple):
     turn: float
 
 
-def check_recovery(document: Any, plan: Plan, parts: tuple[Shape, Shape], notes: Notes) -> None:
+def check_recovery(plan: Plan, parts: tuple[Shape, Shape], notes: Notes) -> None:
     """Judges the recovery that a plan offers; a plan without any is not judged.
 
     Args:
-        document: the plan as JSON gives it.
-        plan: the same, parsed.
+        plan: the plan.
         parts: its moving and its fixed part.
         notes: takes what is wrong.
-
-    Raises:
-        PlanError: something has the wrong form.
     """
-    top = Reader(document)
-    if not top.has("recovery"):
+    recovery = plan.recovery
+    if recovery is None:
         return
-    place = top.at("recovery").only(("lift", "why", "retries", "covers", "moves", "not_covered"))
-    place.at("why").text()
-    for item in place.at("not_covered").items():
-        item.text()
-    lift = None if place.at("lift").value is None else _lift(place.at("lift"))
-    retries = [item.numbers(6, -4.0, 4.0) for item in place.at("retries").items()]
-    if len(retries) > MOST:
-        raise place.at("retries").fail(f"must have at most {MOST} entries")
-    covers = place.at("covers").numbers(6, 0.0, 8.0)
+    lift = None if recovery.lift is None else _lift(recovery.lift)
     try:
-        _check_moves(place.at("moves"), plan, parts[0], lift, len(retries), notes)
+        _check_moves(recovery.moves, plan, parts[0], lift, notes)
         if lift is not None:
             _check_lift(lift, parts[1], notes)
-        if lift is not None and retries:
+        if lift is not None and recovery.retries:
             _check_carrying(lift, plan, parts, notes)
     except ArithmeticRefusal as error:
         notes.add("recovery", str(error))
-    if retries and lift is None:
+    if recovery.retries and lift is None:
         notes.add("recovery.retries", "are offered without a lift that brings the part back to the start")
-    _check_covering(plan.start_box, retries, covers, notes)
+    _check_covering(plan.start_box, recovery.retries, recovery.covers, notes)
 
 
-def _lift(place: Reader) -> _Lift:
-    place.only(("direction", "above", "clear", "turn"))
-    if place.at("direction").numbers(3) != (0.0, 0.0, 1.0):
-        raise place.at("direction").fail("must be the z of the hole's frame")
-    turn = place.at("turn").number(0.0, 0.5 * math.pi)
-    return _Lift(fixed(place.at("above").number(-4.0, 4.0)), fixed(place.at("clear").number(-8.0, 8.0)), turn)
+def _lift(stated: Lift) -> _Lift:
+    return _Lift(fixed(stated.above), fixed(stated.clear), stated.turn)
 
 
 def underside(shape: Shape) -> int:
@@ -119,34 +102,27 @@ def _check_lift(lift: _Lift, part: Shape, notes: Notes) -> None:
         notes.add("recovery.lift.above", f"a face of the fixed part looks down {micrometres(short)} above it", short)
 
 
-def _check_moves(place: Reader, plan: Plan, part: Shape, lift: _Lift | None, retries: int, notes: Notes) -> None:
+def _check_moves(entries: Sequence[MoveRecovery], plan: Plan, part: Shape, lift: _Lift | None, notes: Notes) -> None:
     """That each move backs off only where the part stays above what it could be lifted into."""
-    entries = place.items()
-    numbers = sorted({segment.move for segment in plan.segments})
-    for entry in entries:
-        entry.only(("move", "back_off", "room", "first", "order"))
-        order = entry.at("order").only(_ORDERS)
-        for key in _ORDERS:
-            if len(order.at(key).indices(max(retries, 1))) != retries:
-                raise order.at(key).fail("must name each retry once")
-        for item in entry.at("first").items():
-            item.only(("kind", "moving", "fixed", "factor", "axis", "axis_factor", "wrench", "angle", "told"))
-    if [entry.at("move").integer() for entry in entries] != numbers:
+    pieces: dict[int, list[Segment]] = {}
+    for segment in plan.segments:
+        pieces.setdefault(segment.move, []).append(segment)
+    if [entry.move for entry in entries] != sorted(pieces):
         notes.add("recovery.moves", "must have one entry for each move, in order")
         return
     for entry in entries:
-        move = entry.at("move").integer()
-        offered, what = entry.at("back_off").flag(), f"recovery.moves[{move}]"
+        what = f"recovery.moves[{entry.move}]"
         if lift is None:
-            if offered or entry.at("room").value is not None:
+            if entry.back_off or entry.room is not None:
                 notes.add(what, "backs off although the plan has no lift")
             continue
-        pieces = [s for s in plan.segments if s.move == move]
-        room = min(lowest(part, s, plan.rho) for s in pieces) - lift.above - SLACK
-        stated = entry.at("room").number()
-        if fixed(stated) > room:
-            notes.add(what, f"{micrometres(stated)} of room are stated, only {micrometres(number(room))} follow")
-        if offered != (stated > 0.0):
+        if entry.room is None:
+            notes.add(what, "does not say how much room it has")
+            continue
+        room = min(lowest(part, s, plan.rho) for s in pieces[entry.move]) - lift.above - SLACK
+        if fixed(entry.room) > room:
+            notes.add(what, f"{micrometres(entry.room)} of room are stated, only {micrometres(number(room))} follow")
+        if entry.back_off != (entry.room > 0.0):
             notes.add(what, "backs off where it has no room, or does not where it has")
 
 
@@ -158,7 +134,7 @@ def lowest(shape: Shape, segment: Segment, rho: float) -> int:
     start, goal = pose(segment.start), pose(segment.goal)
     shift, turn = sub(goal.p, start.p), logarithm(product(goal.R, transposed(start.R)))
     way = length((length(shift), times(fixed(rho), length(turn)), 0))
-    most = fixed(segment.hybrid.max_travel) if segment.hybrid is not None else way
+    most = fixed(segment.hybrid.max_travel)
     surplus = over(max(0, most - way), max(way, 1))
     further = times(surplus, length(turn))
     angle, farther = times(length(turn), length(turn)), times(further, further)

@@ -52,9 +52,6 @@ def check_strategy(
         notes: takes what is wrong.
     """
     hybrid = stage.segment.hybrid
-    if hybrid is None:
-        notes.add("hybrid", "the segment has no control strategy")
-        return
     held = _listed(assembly, stage, "normal_forces", [name for name, _ in hybrid.pressed], stage.state, notes)
     new = [t for t in stage.goal_state if t.id not in stage.segment.state]
     made = _listed(assembly, stage, "termination.contacts", list(hybrid.felt), new, notes)

@@ -1,0 +1,216 @@
+"""From JSON to the segments of a plan, with their claims and their control."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from fmopt.verify.document import (
+    ContactClaim,
+    Hybrid,
+    JamFree,
+    Numbers,
+    Part,
+    Segment,
+    Separation,
+    Tube,
+    Witness,
+)
+from fmopt.verify.keys import Fields, fields
+from fmopt.verify.reader import MOST, Reader
+
+STAYS = ("push", "stop", "none")
+_SEGMENT = fields(
+    "segments[]",
+    proved="move state goal_state progress start goal clearance margin binding_contact leaving",
+    commentary="critical_point",
+    objects="basis tube separations contacts hybrid",
+    optional=("leaving",),
+)
+_BASIS = fields("segments[].basis[]", proved="contact direction made")
+_TUBE = fields(
+    "segments[].tube",
+    proved="shape_start shape_goal generators_start generators_goal growth_start growth_goal theta_max offset_max "
+    "offset_box angle_box",
+)
+_SEPARATION = fields("segments[].separations[]", proved="moving_piece fixed_piece margin", objects="witness")
+_WITNESS = fields(
+    "segments[].separations[].witness", proved="kind moving fixed normal offset", optional=("normal", "offset")
+)
+_CLAIM = fields("segments[].contacts[]", proved="id role normal offset remainder margin")
+_HYBRID = fields(
+    "segments[].hybrid",
+    proved="frame position_axes force_axes velocity speed bias_wrench push stays",
+    objects="normal_forces termination jam_free impact",
+    optional=("jam_free", "impact"),
+)
+_FORCE = fields("segments[].hybrid.normal_forces[]", proved="contact force")
+_TERMINATION = fields("segments[].hybrid.termination", proved="contacts wrench threshold max_travel timeout")
+_JAM_FREE = fields("segments[].hybrid.jam_free", proved="push least_push angle twists", objects="planes")
+_PLANE = fields("segments[].hybrid.jam_free.planes[]", proved="towards angles")
+_IMPACT = fields("segments[].hybrid.impact", proved="approach force")
+SEGMENT_FIELDS: tuple[Fields, ...] = (
+    _SEGMENT, _BASIS, _TUBE, _SEPARATION, _WITNESS, _CLAIM, _HYBRID, _FORCE, _TERMINATION, _JAM_FREE, _PLANE, _IMPACT,
+)  # fmt: skip
+_SIZES = {"vertex-face": (1, 3), "face-vertex": (3, 1), "edge-edge": (2, 2)}  # vertices; 3 or more of a face
+_WITNESSES = ("fixed-face", "moving-face", "edges", "plane")
+
+
+def pose(place: Reader) -> Numbers:
+    """A pose (6,) within the room of a plan."""
+    found = place.numbers(6, -8.0, 8.0)
+    if math.hypot(*found[3:]) > 6.5:
+        raise place.fail("a rotation vector must not be longer than a full turn")
+    return found
+
+
+def feature_pair(
+    place: Reader, side: Fields, moving: Part, fixed: Part
+) -> tuple[str, tuple[int, ...], tuple[int, ...]]:
+    """The kind of a primitive contact, and the vertices of its features."""
+    kind = place.at("kind").text(_SIZES)
+    own = place.at("moving").only(side).at("vertices").indices(len(moving.body.vertices), 1)
+    other = place.at("fixed").only(side).at("vertices").indices(len(fixed.body.vertices), 1)
+    for indices, size in zip((own, other), _SIZES[kind], strict=True):
+        if len(indices) < size or (size < 3 and len(indices) != size):
+            raise place.fail(f"a {kind} contact has other numbers of vertices")
+    return kind, own, other
+
+
+def _ids(place: Reader, known: Iterable[str]) -> tuple[str, ...]:
+    found = tuple(item.text(known) for item in place.items())
+    if len(set(found)) != len(found):
+        raise place.fail("repeats a contact")
+    return found
+
+
+def read_segment(place: Reader, known: Iterable[str], moving: Part, fixed: Part) -> Segment:
+    """A segment.
+
+    Args:
+        place: where it stands.
+        known: ids of the plan's contacts.
+        moving, fixed: the parts.
+
+    Raises:
+        PlanError: it has another form.
+    """
+    place.only(_SEGMENT)
+    progress = place.at("progress").numbers(2, 0.0, 1.0)
+    if not progress[0] < progress[1]:
+        raise place.at("progress").fail("must increase")
+    basis = []
+    for item in place.at("basis").items():
+        item.only(_BASIS)
+        direction = item.at("direction").numbers(6, -4096.0, 4096.0)
+        basis.append((item.at("contact").text(known), direction, item.at("made").flag()))
+    claims = place.at("contacts").items()
+    separations = place.at("separations").items(most=max(MOST, len(moving.pieces) * len(fixed.pieces)))
+    return Segment(
+        place.at("critical_point").integer(),
+        place.at("move").integer(),
+        _ids(place.at("state"), known),
+        _ids(place.at("goal_state"), known),
+        (progress[0], progress[1]),
+        pose(place.at("start")),
+        pose(place.at("goal")),
+        place.at("clearance").number(),
+        place.at("margin").number(),
+        place.at("binding_contact").label(),
+        tuple(basis),
+        _tube(place.at("tube")),
+        tuple(_separation(item, moving, fixed) for item in separations),
+        tuple(_claim(item, known) for item in claims),
+        _hybrid(place.at("hybrid"), known),
+        _ids(place.at("leaving"), known) if place.has("leaving") else (),
+    )
+
+
+def _tube(place: Reader) -> Tube:
+    place.only(_TUBE)
+    matrices: dict[str, tuple[Numbers, ...]] = {
+        f"{kind}_{end}": place.at(f"{kind}_{end}").matrix(None if kind == "generators" else 6)
+        for kind in ("shape", "generators", "growth")
+        for end in ("start", "goal")
+    }
+    theta, offset = place.at("theta_max").number(0.0, 1.0), place.at("offset_max").number(0.0, 1.0)
+    box, angles = (place.at(key).numbers(3, 0.0, 1.0) for key in ("offset_box", "angle_box"))
+    return Tube(matrices, theta, offset, box, angles)
+
+
+def _separation(place: Reader, moving: Part, fixed: Part) -> Separation:
+    place.only(_SEPARATION)
+    i = place.at("moving_piece").integer(len(moving.pieces))
+    j = place.at("fixed_piece").integer(len(fixed.pieces))
+    witness = place.at("witness").only(_WITNESS)
+    kind = witness.at("kind").text(_WITNESSES)
+    witness.only(("kind", "moving", "fixed"), ("normal", "offset") if kind == "plane" else ())
+    counts = {"fixed-face": (0, None), "moving-face": (None, 0), "edges": (2, 2), "plane": (0, 0)}[kind]
+    own, other = (
+        witness.at(key).indices(len(part.pieces[n].vertices), 0, count)
+        for key, part, n, count in zip(("moving", "fixed"), (moving, fixed), (i, j), counts, strict=True)
+    )
+    normal: Numbers = (0.0, 0.0, 0.0)
+    offset = 0.0
+    if kind == "plane":
+        normal, offset = witness.at("normal").numbers(3, -2.0, 2.0), witness.at("offset").number(-16.0, 16.0)
+    return Separation(i, j, Witness(kind, own, other, normal, offset), place.at("margin").number())
+
+
+def _claim(place: Reader, known: Iterable[str]) -> ContactClaim:
+    place.only(_CLAIM)
+    return ContactClaim(
+        place.at("id").text(known),
+        place.at("role").text(("held", "made")),
+        place.at("normal").numbers(6),
+        place.at("offset").number(),
+        place.at("remainder").number(),
+        place.at("margin").number(),
+    )
+
+
+def _hybrid(place: Reader, known: Iterable[str]) -> Hybrid:
+    place.only(_HYBRID)
+    end = place.at("termination").only(_TERMINATION)
+    forces = [item.only(_FORCE) for item in place.at("normal_forces").items()]
+    return Hybrid(
+        place.at("frame").numbers(6),
+        place.at("position_axes").matrix(None),
+        place.at("force_axes").matrix(None),
+        place.at("velocity").numbers(6),
+        place.at("speed").number(0.0),
+        place.at("bias_wrench").numbers(6),
+        place.at("push").number(),
+        tuple((item.at("contact").text(known), item.at("force").number()) for item in forces),
+        _ids(end.at("contacts"), known),
+        end.at("wrench").numbers(6),
+        end.at("threshold").number(0.0),
+        end.at("max_travel").number(0.0),
+        end.at("timeout").number(0.0, 1e12),
+        place.at("stays").text(STAYS),
+        _jam_free(place.at("jam_free")) if place.has("jam_free") else None,
+        _impact(place.at("impact")) if place.has("impact") else None,
+    )
+
+
+def _impact(place: Reader) -> tuple[float, float]:
+    place.only(_IMPACT)
+    return place.at("approach").number(0.0), place.at("force").number(0.0)
+
+
+def _jam_free(place: Reader) -> JamFree:
+    place.only(_JAM_FREE)
+    planes = []
+    for item in place.at("planes").items(most=64):
+        away, to = item.only(_PLANE).at("angles").numbers(2, 0.0, math.pi)
+        planes.append((item.at("towards").label(), (away, to)))
+    if len({name for name, _ in planes}) != len(planes):
+        raise place.at("planes").fail("repeats a plane")
+    least = place.filled("least_push")
+    return JamFree(
+        place.at("push").number(0.0),
+        None if least is None else least.number(0.0),
+        place.at("angle").number(0.0, math.pi),
+        tuple(planes),
+        place.at("twists").matrix(None),
+    )
