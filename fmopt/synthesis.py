@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from fmopt.placement.share import ATTEMPTS, largest_share
 from fmopt.placement.states import Scale, contact_spaces
 from fmopt.placement.tolerated import Tolerated, tolerated
 from fmopt.placement.visited import visited
+from fmopt.plan import Plan
 from fmopt.plan_record import Moved, Nominal, plan_document, proof_document
 from fmopt.task.clearance import characteristic_length, measured_clearance
 from fmopt.task.command import task_command
@@ -38,6 +40,11 @@ class Synthesis:
     document: dict[str, Any]
     verdict: Verdict
     seconds: dict[str, float]
+
+    @cached_property
+    def plan(self) -> Plan:
+        """The plan, read back from the document."""
+        return plan.parsed(self.document)
 
     @property
     def proved(self) -> bool:

@@ -30,12 +30,12 @@ NO_STRATEGY = {
     "position_axes": [],
     "force_axes": [],
     "velocity": [0.0] * 6,
-    "speed": 0.0,
+    "speed": 2.0,
     "bias_wrench": [0.0] * 6,
     "push": 0.0,
     "stays": "push",
     "normal_forces": [],
-    "termination": {"contacts": [], "wrench": [0.0] * 6, "threshold": 0.0, "max_travel": 0.0, "timeout": 0.0},
+    "termination": {"contacts": [], "wrench": [0.0] * 6, "threshold": 2.0, "max_travel": 0.0, "timeout": 0.0},
 }
 OF_CONTROL = {"velocity", "hybrid", "normal_forces", "frame", "speed"}
 FORCES = ("speed", "contact_force", "torque_limit", "friction", "termination_force")

@@ -18,6 +18,7 @@ from fmopt.errors import InputError
 from fmopt.execution.program import planned
 from fmopt.execution.robot import Robot
 from fmopt.guarded.moves import moves
+from fmopt.plan import parsed
 from fmopt.report.control_tables import hybrid_table
 from fmopt.se3 import Pose, exp
 from fmopt.task.clearance import measured_clearance
@@ -226,10 +227,10 @@ def test_what_runs_a_plan_runs_slowed_segments_slower(
     square_peg_plan: dict[str, Any], soft_plan: dict[str, Any]
 ) -> None:
     robot = Robot()
-    plain, soft = planned(square_peg_plan, robot), planned(soft_plan, robot)
+    plain, soft = planned(parsed(square_peg_plan), robot), planned(parsed(soft_plan), robot)
     rates = [s["hybrid"]["speed"] / ASKED.speed for s in soft_plan["segments"]]
     assert min(rates) < 0.25
-    for fast, slow, row, rate in zip(plain.steps, soft.steps, moves(soft_plan), rates, strict=True):
+    for fast, slow, row, rate in zip(plain.steps, soft.steps, moves(parsed(soft_plan)), rates, strict=True):
         assert np.all(np.abs(slow.twist) <= np.abs(row.twist) * (1.0 + 1e-12))
         assert np.linalg.norm(slow.twist[:3]) <= np.linalg.norm(fast.twist[:3]) * (1.0 + 1e-12)
         # Moves that the robot turns more slowly than the plan has time to spare.

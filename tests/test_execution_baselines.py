@@ -17,6 +17,7 @@ from fmopt.execution.grown import grown
 from fmopt.execution.program import DONE, FAILED
 from fmopt.execution.robot import Robot
 from fmopt.execution.trials import Trials, run
+from fmopt.plan import parsed
 
 
 def exact(document: dict[str, Any], error: float = 0.0) -> dict[str, Any]:
@@ -27,7 +28,7 @@ def exact(document: dict[str, Any], error: float = 0.0) -> dict[str, Any]:
 
 @pytest.mark.parametrize("name", BASELINES)
 def test_steps_lead_to_steps_and_to_the_end(square_peg_plan: dict[str, Any], name: str) -> None:
-    program = BASELINES[name](square_peg_plan, Robot())
+    program = BASELINES[name](parsed(square_peg_plan), Robot())
     seen: set[int] = set()
     ahead = {0}
     while ahead:
@@ -40,13 +41,13 @@ def test_steps_lead_to_steps_and_to_the_end(square_peg_plan: dict[str, Any], nam
 
 @pytest.mark.parametrize(("name", "error"), [("push", 5e-5), ("spiral", 2e-4), ("tilt", 5e-4)])
 def test_each_method_seats_a_part_that_is_not_far_off(square_peg_plan: dict[str, Any], name: str, error: float) -> None:
-    [record] = run(exact(square_peg_plan, error), Trials(1, method=name), [0])
+    [record] = run(parsed(exact(square_peg_plan, error)), Trials(1, method=name), [0])
     assert record["reasons"] == []
     assert record["departures"] == []
 
 
 def test_the_tilt_starts_with_one_corner_in_the_hole_whatever_the_error(square_peg_plan: dict[str, Any]) -> None:
-    task, program = Task.of(square_peg_plan), tilt(square_peg_plan, Robot())
+    task, program = Task.of(parsed(square_peg_plan)), tilt(parsed(square_peg_plan), Robot())
     corner = program.start.apply(np.array([[-task.half[0], -task.half[1], 0.0]]))[0]
     walls = np.array(task.half) + task.fit.clearance
     error = np.array(square_peg_plan["uncertainty"]["start_box"])[:2]
@@ -59,20 +60,20 @@ def test_the_tilt_starts_with_one_corner_in_the_hole_whatever_the_error(square_p
 def test_an_interference_of_10_micrometres_keeps_the_part_out(square_peg_plan: dict[str, Any], method: str) -> None:
     document = square_peg_plan if method == "plan" else exact(square_peg_plan, 2e-5)
     growth = document["parts"]["moving"]["measured_clearance"] + 1e-5
-    [record] = run(document, Trials(1, method=method, growth=growth), [0])
+    [record] = run(parsed(document), Trials(1, method=method, growth=growth), [0])
     assert not record["success"]
     assert record["offset"][2] > 0.9 * -square_peg_plan["goal"][2]
 
 
 @pytest.mark.parametrize("offset", [-3e-3, 3e-3])
 def test_a_start_far_beyond_what_the_plan_allows_for_fails(square_peg_plan: dict[str, Any], offset: float) -> None:
-    [record] = run(square_peg_plan, Trials(1, offset=offset), [0])
+    [record] = run(parsed(square_peg_plan), Trials(1, offset=offset), [0])
     assert record["reasons"][0] == "stopped on the way"
 
 
 def test_growing_moves_the_sides_out_and_nothing_else(square_peg_plan: dict[str, Any]) -> None:
     before = np.array(square_peg_plan["parts"]["moving"]["pieces"][0]["vertices"])
-    after = np.array(grown(square_peg_plan, 1e-4)["parts"]["moving"]["pieces"][0]["vertices"])
+    after = np.array(grown(parsed(square_peg_plan), 1e-4).moving.pieces[0].vertices)
     assert len(after) == len(before) == 8
     for low, high, sides in ((before.min(0), after.min(0), -1.0), (before.max(0), after.max(0), 1.0)):
         assert high - low == pytest.approx([sides * 1e-4, sides * 1e-4, 0.0], abs=1e-12)

@@ -23,6 +23,7 @@ from fmopt.execution.mujoco_engine import MUJOCO
 from fmopt.execution.robot import Robot
 from fmopt.execution.rotation import quaternions
 from fmopt.execution.trials import ENGINES, Trials, run, run_all
+from fmopt.plan import parsed
 from fmopt.values import Array
 
 Plan = dict[str, Any]
@@ -32,12 +33,12 @@ BOX = np.array([[x, y, z] for x in (-0.01, 0.01) for y in (-0.01, 0.01) for z in
 
 @pytest.fixture(scope="module")
 def records(square_peg_plan: Plan) -> list[Any]:
-    return run(square_peg_plan, THREE, range(3))
+    return run(parsed(square_peg_plan), THREE, range(3))
 
 
 def setup(document: Plan, time_step: float | None = None) -> Setup:
     clearance = float(document["parts"]["moving"]["measured_clearance"])
-    return Setup(document, clearance, Robot(), 0.3, time_step)
+    return Setup(parsed(document), clearance, Robot(), 0.3, time_step)
 
 
 def placed(document: Plan, shifts: Array, name: str) -> Engine:
@@ -54,19 +55,19 @@ def test_the_plan_seats_the_peg_in_a_second_engine(records: list[Any]) -> None:
 
 
 def test_a_trial_is_its_seed_and_number_in_every_company(square_peg_plan: Plan, records: list[Any]) -> None:
-    [alone] = run(square_peg_plan, THREE, [2])
+    [alone] = run(parsed(square_peg_plan), THREE, [2])
     assert json.dumps(alone) == json.dumps(records[2])
 
 
 def test_an_interference_of_10_micrometres_keeps_the_part_out(square_peg_plan: Plan) -> None:
     growth = square_peg_plan["parts"]["moving"]["measured_clearance"] + 1e-5
-    [record] = run(square_peg_plan, Trials(1, growth=growth, recovery=False, engine="drake"), [0])
+    [record] = run(parsed(square_peg_plan), Trials(1, growth=growth, recovery=False, engine="drake"), [0])
     assert not record["success"]
     assert record["offset"][2] > 0.9 * -square_peg_plan["goal"][2]
 
 
 def test_a_start_far_beyond_what_the_plan_allows_for_fails(square_peg_plan: Plan) -> None:
-    [record] = run(square_peg_plan, Trials(1, offset=3e-3, recovery=False, engine="drake"), [0])
+    [record] = run(parsed(square_peg_plan), Trials(1, offset=3e-3, recovery=False, engine="drake"), [0])
     assert record["reasons"][0] == "stopped on the way"
 
 
@@ -144,10 +145,10 @@ def test_a_contact_query_that_gives_up_is_asked_again_beside(square_peg_plan: Pl
 def test_files_name_the_engine_and_are_not_gone_on_with_by_another(square_peg_plan: Plan, tmp_path: Path) -> None:
     for name, other in (("drake", "mujoco"), ("mujoco", "drake")):
         file = tmp_path / f"{name}.jsonl"
-        running._keep(file, running._head(square_peg_plan, Trials(0, engine=name)), {})
-        assert run_all(square_peg_plan, Trials(0, engine=name), file, 1, lambda _: None) == []
+        running._keep(file, running._head(parsed(square_peg_plan), Trials(0, engine=name)), {})
+        assert run_all(parsed(square_peg_plan), Trials(0, engine=name), file, 1, lambda _: None) == []
         with pytest.raises(ResourceError, match="holds trials with another engine; choose another folder"):
-            run_all(square_peg_plan, Trials(0, engine=other), file, 1, lambda _: None)
+            run_all(parsed(square_peg_plan), Trials(0, engine=other), file, 1, lambda _: None)
     assert json.loads((tmp_path / "drake.jsonl").read_text())["engine"] == "drake"
     # Files that were written before there was a choice go on.
     assert "engine" not in json.loads((tmp_path / "mujoco.jsonl").read_text())

@@ -26,6 +26,7 @@ from fmopt.execution.summary import lines, summary
 from fmopt.execution.trials import Noise, Trials, draw
 from fmopt.guarded.contacts import contacts
 from fmopt.guarded.moves import moves
+from fmopt.plan import parsed
 from fmopt.se3 import Pose
 from fmopt.values import Array
 
@@ -37,7 +38,7 @@ ASIDE = np.array([3e-4, -2e-4, 0.0])
 
 
 def recovery_of(document: Plan) -> Recovery:
-    found = Recovery.of(document)
+    found = Recovery.of(parsed(document))
     assert found is not None
     return found
 
@@ -53,15 +54,15 @@ class Bench:
 
     def __init__(self, document: Plan, attempts: int = 1, recovery: bool = True) -> None:
         self.document, self.attempts, robot = document, attempts, Robot()
-        self.fit, self.robot, self.program = Fit.of(document), robot, planned(document, robot)
+        self.fit, self.robot, self.program = Fit.of(parsed(document)), robot, planned(parsed(document), robot)
         physics = Physics.of_fit(self.fit.clearance, robot.period)
-        self.model = compiled(scene(document, physics, robot.mass, robot.inertia, 0.3))
+        self.model = compiled(scene(parsed(document), physics, robot.mass, robot.inertia, 0.3))
         self.recovery = recovery_of(document) if recovery else None
         self.seen: list[tuple[bool, Array]] = []
 
     def run(self, numbers: Sequence[int]) -> list[Log]:
         """The logs of trials with these numbers, whose noise is their own."""
-        known, rows = contacts(self.document), moves(self.document)
+        known, rows = contacts(parsed(self.document)), moves(parsed(self.document))
         start = np.hstack([self.program.start.p, quaternions(self.program.start.vector()[3:])])
         poses = np.tile(start, (len(numbers), 1))
 
@@ -182,27 +183,29 @@ def test_heights_are_those_of_the_commanded_pose(square_peg_plan: Plan) -> None:
 
 
 def test_plans_without_retries_have_nothing_to_try(square_peg_plan: Plan) -> None:
-    assert Recovery.of({k: v for k, v in square_peg_plan.items() if k != "recovery"}) is None
-    for change in ({"lift": None}, {"retries": []}):
-        assert Recovery.of({**square_peg_plan, "recovery": {**square_peg_plan["recovery"], **change}}) is None
+    plan = parsed(square_peg_plan)
+    assert plan.recovery is not None
+    assert Recovery.of(replace(plan, recovery=None)) is None
+    assert Recovery.of(replace(plan, recovery=replace(plan.recovery, lift=None))) is None
+    assert Recovery.of(replace(plan, recovery=replace(plan.recovery, retries=()))) is None
     broken = copy.deepcopy(square_peg_plan)
     del broken["recovery"]["moves"][0]["order"]
-    with pytest.raises(PlanFormatError, match="recovery cannot be read: KeyError"):
-        Recovery.of(broken)
+    with pytest.raises(PlanFormatError, match=r"recovery.moves\[0\]: lacks the key 'order'"):
+        parsed(broken)
 
 
 def test_errors_that_only_retries_cover_are_drawn_where_they_are(square_peg_plan: Plan) -> None:
-    program, wanted = planned(square_peg_plan, Robot()), Trials(5, 60, seed=8, covered=True)
+    plan, wanted = parsed(square_peg_plan), Trials(5, 60, seed=8, covered=True)
+    program = planned(plan, Robot())
     box = np.array(square_peg_plan["uncertainty"]["start_box"])
-    draws = [draw(square_peg_plan, program, wanted, n) for n in range(65)]
+    draws = [draw(plan, program, wanted, n) for n in range(65)]
     assert max(one.size for one in draws[:5]) <= 1.0 < min(one.size for one in draws[5:])
     errors = np.array([one.start for one in draws[5:]])
     assert (np.abs(errors) <= square_peg_plan["recovery"]["covers"]).all()
     assert (np.abs(errors[:, :2]) > box[:2]).any(axis=1).all()
-    assert np.array_equal(draw(square_peg_plan, program, wanted, 40).start, draws[40].start)
-    plain = {k: v for k, v in square_peg_plan.items() if k != "recovery"}
+    assert np.array_equal(draw(plan, program, wanted, 40).start, draws[40].start)
     with pytest.raises(PlanFormatError, match="no retries"):
-        draw(plain, program, wanted, 6)
+        draw(replace(plan, recovery=None), program, wanted, 6)
 
 
 def test_summaries_tell_what_trying_again_has_gained() -> None:

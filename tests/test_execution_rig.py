@@ -20,6 +20,7 @@ from fmopt.execution.rig import Rig
 from fmopt.execution.robot import Robot
 from fmopt.execution.rotation import between, from_quaternions, product, quaternions
 from fmopt.execution.scene import compiled, engine, scene
+from fmopt.plan import parsed
 from fmopt.se3 import Pose, exp, log
 from fmopt.task.problem import load
 from fmopt.values import Array
@@ -42,7 +43,7 @@ TURNED = np.array(
 
 def test_the_engines_defaults_are_refused_with_every_reason(square_peg_plan: dict[str, Any]) -> None:
     with pytest.raises(SettingsError) as caught:
-        scene(square_peg_plan, Physics(**DEFAULTS), 1.0, 1e-3, 0.3)  # type: ignore[arg-type]
+        scene(parsed(square_peg_plan), Physics(**DEFAULTS), 1.0, 1e-3, 0.3)  # type: ignore[arg-type]
     for words in ("give way over 0.02 s", "impedance from 0.9", "impratio 1", "pyramidal friction cones"):
         assert words in caught.value.message
     assert caught.value.exit_code == 2
@@ -64,7 +65,7 @@ def test_each_setting_that_lies_is_refused(change: dict[str, Any], words: str) -
 def test_the_scene_has_the_plans_pieces_where_they_are(square_peg_plan: dict[str, Any]) -> None:
     mujoco = engine()
 
-    model = compiled(scene(square_peg_plan, Physics(), 1.0, 1e-3, 0.3))
+    model = compiled(scene(parsed(square_peg_plan), Physics(), 1.0, 1e-3, 0.3))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     for side in ("fixed", "moving"):
@@ -112,7 +113,7 @@ def test_contacts_are_as_hard_as_the_clearance_asks_for_whatever_the_step(cleara
 def test_a_velocity_error_is_a_share_of_the_speed_that_is_run(square_peg_plan: dict[str, Any]) -> None:
     """A free part that is led half a millimetre up drifts as far off its way at a quarter of the speed."""
     robot = Robot()
-    program = planned(square_peg_plan, robot)
+    program = planned(parsed(square_peg_plan), robot)
     error = 0.05 * program.speed * np.array([1.0, 0.0, 0.0, 0.0, 1.0 / program.rho, 0.0])
     off = {pace: _drifted(square_peg_plan, program, robot, pace, error) for pace in (1.0, 0.25)}
     for name, whole, part in zip("pr", off[1.0], off[0.25], strict=True):
@@ -126,7 +127,7 @@ def _drifted(plan: dict[str, Any], program: Program, robot: Robot, pace: float, 
     up = np.array([0.0, 0.0, pace * program.speed, 0.0, 0.0, 0.0])
     free = Step("up", 0, Pose.identity(), np.eye(6), up, np.zeros((2, 6)), 0.0005, 10.0, 20.0, DONE, DONE)
     alone = replace(program, steps=(free,))
-    model = compiled(scene(plan, Physics(), robot.mass, robot.inertia, program.friction))
+    model = compiled(scene(parsed(plan), Physics(), robot.mass, robot.inertia, program.friction))
     start = program.start.vector()
     p, q = start[None, :3], quaternions(start[None, 3:])
     rig = Rig(MujocoEngine(model, (p, q)), alone, robot, error[None, None], lambda: np.zeros((1, 6)))
@@ -164,8 +165,8 @@ def test_no_more_pushes_than_is_felt_where_the_plan_says_that_its_push_would_pry
     document, robot = copy.deepcopy(square_peg_plan), Robot()
     for segment in document["segments"]:
         segment["hybrid"]["stays"] = stays
-    program = planned(document, robot)
-    model = compiled(scene(document, Physics(), robot.mass, robot.inertia, program.friction))
+    program = planned(parsed(document), robot)
+    model = compiled(scene(parsed(document), Physics(), robot.mass, robot.inertia, program.friction))
     start = program.start.vector()
     moves = 1 + max(step.move for step in program.steps)
     starts = start[None, :3], quaternions(start[None, 3:])

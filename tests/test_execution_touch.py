@@ -10,6 +10,7 @@ import pytest
 from fmopt.execution.robot import Robot
 from fmopt.execution.touch import Signal, contact_told
 from fmopt.execution.trials import Trials, run
+from fmopt.plan import parsed
 
 FORCE, SURE = 4.0, 12.0  # N
 FREE = Signal(*(np.array([value]) for value in (0.3, 0.2, 1.0, 1.0, 1.0)))
@@ -36,5 +37,5 @@ def test_what_counts_as_a_contact(change: dict[str, float], felt: bool) -> None:
 
 def test_a_last_contact_that_the_part_pivots_about_is_felt(square_peg_plan: dict[str, Any]) -> None:
     """Trials in which the part once slipped past the wall that was to end its turn upright, and their neighbours."""
-    records = run(square_peg_plan, Trials(100, seed=2211, recovery=False), [3, 4, 5, 64, 65, 66])
+    records = run(parsed(square_peg_plan), Trials(100, seed=2211, recovery=False), [3, 4, 5, 64, 65, 66])
     assert all(record["success"] and not record["departures"] for record in records)

@@ -25,6 +25,7 @@ from fmopt.execution.rig import Event, Rig
 from fmopt.execution.robot import Robot
 from fmopt.execution.summary import failures, lines, summary, wilson
 from fmopt.execution.trials import Noise, Trials, draw, run_all
+from fmopt.plan import parsed
 from fmopt.se3 import Pose
 
 FOUR = Trials(4, seed=1)
@@ -49,14 +50,15 @@ def test_nothing_is_known_without_trials() -> None:
 
 
 def test_draws_are_of_their_numbers_alone_and_of_their_size(square_peg_plan: dict[str, Any]) -> None:
-    program = planned(square_peg_plan, Robot())
+    plan = parsed(square_peg_plan)
+    program = planned(plan, Robot())
     wanted = Trials(40, 40, reach=2.0, seed=3)
     box = np.array(square_peg_plan["uncertainty"]["start_box"])
-    draws = [draw(square_peg_plan, program, wanted, n) for n in range(80)]
-    again = draw(square_peg_plan, program, wanted, 57)
+    draws = [draw(plan, program, wanted, n) for n in range(80)]
+    again = draw(plan, program, wanted, 57)
     assert np.array_equal(again.start, draws[57].start)
     assert np.array_equal(again.drift, draws[57].drift)
-    assert not np.array_equal(draw(square_peg_plan, program, Trials(40, 40, seed=4), 57).start, again.start)
+    assert not np.array_equal(draw(plan, program, Trials(40, 40, seed=4), 57).start, again.start)
     for n, one in enumerate(draws):
         share = np.abs(one.start[box > 0.0] / box[box > 0.0]).max()
         assert one.size == pytest.approx(share, rel=1e-12)
@@ -78,7 +80,7 @@ def test_noise_of_a_trial_does_not_depend_on_its_company() -> None:
 def written(square_peg_plan: dict[str, Any], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The file of four trials of the plan."""
     file = tmp_path_factory.mktemp("trials") / "trials.jsonl"
-    run_all(square_peg_plan, FOUR, file, 1, lambda _: None)
+    run_all(parsed(square_peg_plan), FOUR, file, 1, lambda _: None)
     return file
 
 
@@ -95,7 +97,7 @@ def test_the_plan_seats_the_peg_as_planned(written: Path) -> None:
 def test_a_run_goes_on_to_the_same_bytes(square_peg_plan: dict[str, Any], written: Path, tmp_path: Path) -> None:
     (tmp_path / "part.jsonl").write_text("".join(written.read_text().splitlines(keepends=True)[:4]))
     told: list[int] = []
-    run_all(square_peg_plan, FOUR, tmp_path / "part.jsonl", 1, told.append)
+    run_all(parsed(square_peg_plan), FOUR, tmp_path / "part.jsonl", 1, told.append)
     assert (tmp_path / "part.jsonl").read_text() == written.read_text()
     assert told == [3, 1]
 
@@ -112,26 +114,26 @@ def test_more_trials_go_on_with_those_that_are_there(
         return [record(n, 0.5 if n < trials.inside else 1.5) for n in numbers]
 
     monkeypatch.setattr(running, "run", made)
-    records = run_all(square_peg_plan, Trials(6, 2, seed=1), file, 1, lambda _: None)
+    records = run_all(parsed(square_peg_plan), Trials(6, 2, seed=1), file, 1, lambda _: None)
     assert asked == [[4, 5, 6, 7]]
     assert [json.dumps(one, sort_keys=True) for one in records[:4]] == written.read_text().splitlines()[1:]
-    assert run_all(square_peg_plan, Trials(6, 3, seed=1), file, 1, lambda _: None)[:8] == records
+    assert run_all(parsed(square_peg_plan), Trials(6, 3, seed=1), file, 1, lambda _: None)[:8] == records
     assert asked[1:] == [[8]]
     kept = file.read_bytes()
     for inside, beyond in ((5, 4), (7, 3), (9, 0), (6, 2)):
         with pytest.raises(ResourceError, match=f"--trials {inside} --beyond {beyond} does not ask for, of --trials 6"):
-            run_all(square_peg_plan, Trials(inside, beyond, seed=1), file, 1, lambda _: None)
+            run_all(parsed(square_peg_plan), Trials(inside, beyond, seed=1), file, 1, lambda _: None)
     assert file.read_bytes() == kept
 
 
 def test_a_file_of_other_trials_is_not_gone_on_with(square_peg_plan: dict[str, Any], tmp_path: Path) -> None:
-    run_all(square_peg_plan, Trials(0, seed=1), tmp_path / "t.jsonl", 1, lambda _: None)
+    run_all(parsed(square_peg_plan), Trials(0, seed=1), tmp_path / "t.jsonl", 1, lambda _: None)
     running._keep(tmp_path / "t.jsonl", {"seed": 2}, {})
     with pytest.raises(ResourceError, match="another plan, reach, seed"):
-        run_all(square_peg_plan, Trials(0, seed=1), tmp_path / "t.jsonl", 1, lambda _: None)
+        run_all(parsed(square_peg_plan), Trials(0, seed=1), tmp_path / "t.jsonl", 1, lambda _: None)
     (tmp_path / "t.jsonl").write_text("what?\n")
     with pytest.raises(ResourceError, match="no file of trials"):
-        run_all(square_peg_plan, Trials(0, seed=1), tmp_path / "t.jsonl", 1, lambda _: None)
+        run_all(parsed(square_peg_plan), Trials(0, seed=1), tmp_path / "t.jsonl", 1, lambda _: None)
 
 
 def test_an_interrupt_tells_how_to_go_on(
@@ -142,7 +144,7 @@ def test_an_interrupt_tells_how_to_go_on(
 
     monkeypatch.setattr(running, "run", interrupted)
     with pytest.raises(ResourceError, match="interrupted after 0 of 3") as caught:
-        run_all(square_peg_plan, Trials(3), tmp_path / "t.jsonl", 1, lambda _: None)
+        run_all(parsed(square_peg_plan), Trials(3), tmp_path / "t.jsonl", 1, lambda _: None)
     assert "again" in caught.value.advice
 
 
@@ -215,7 +217,7 @@ def test_the_command_names_the_missing_extra_in_one_line(
 
 
 def test_a_replay_is_the_trial_and_moves(square_peg_plan: dict[str, Any], written: Path, tmp_path: Path) -> None:
-    record = replay(square_peg_plan, FOUR, 2, tmp_path / "trial.gif")
+    record = replay(parsed(square_peg_plan), FOUR, 2, tmp_path / "trial.gif")
     assert json.loads(json.dumps(record)) == json.loads(written.read_text().splitlines()[3])
     with Image.open(tmp_path / "trial.gif") as picture:
         every = ImageSequence.Iterator(picture)

@@ -47,7 +47,7 @@ ONLY: dict[str, frozenset[str]] = {
     "plane": frozenset({"compiled", "values", "errors"}),
     "knowledge": frozenset({"geometry", "se3", "memory", "values", "errors"}),
     "report": frozenset({"plan", "geometry", "se3", "values", "errors"}),
-    "guarded": frozenset({"se3", "values", "errors"}),
+    "guarded": frozenset({"plan", "se3", "values", "errors"}),
     "execution": frozenset({"guarded", "plan", "se3", "values", "errors"}),
     "export": frozenset({"guarded", "plan", "se3", "values", "errors"}),
     "nominal": frozenset({"knowledge", "geometry", "plane", "se3", "compiled", "values", "errors"}),

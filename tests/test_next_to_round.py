@@ -21,6 +21,7 @@ from fmopt.placement.begin import begin
 from fmopt.placement.corners import corner_turns, leading_corners, next_to_round
 from fmopt.placement.entry import Shape, tilted_entry
 from fmopt.placement.step import Task, follow, sons
+from fmopt.plan import parsed
 from fmopt.plan_record import Moved
 from fmopt.se3 import Pose, length
 from fmopt.task.clearance import measured_clearance
@@ -128,7 +129,7 @@ def test_its_plan_keeps_its_promises(plan: dict[str, Any]) -> None:
 
 
 def test_the_engine_carries_it_out_with_the_contacts_of_the_plan(plan: dict[str, Any]) -> None:
-    found = run(plan, Trials(6, seed=11), range(6))
+    found = run(parsed(plan), Trials(6, seed=11), range(6))
     assert [trial["reasons"] for trial in found] == [[]] * 6
     assert [trial["departures"] for trial in found] == [[]] * 6
 
@@ -146,7 +147,7 @@ def test_a_turn_in_many_pieces_goes_as_far_as_it_is_to(plan: dict[str, Any]) -> 
         if step >= 0 and rig.program.steps[step].move in (number, number + 1):
             seen.append(Pose(rig.qpos[0, :3], from_quaternions(rig.qpos[0, 3:])))
 
-    run(plan, Trials(1, seed=1), [0], look=look)
+    run(parsed(plan), Trials(1, seed=1), [0], look=look)
     turned = length(se3.log(seen[-1].R @ seen[0].R.T))
     assert turned == pytest.approx(length(se3.log(ended.R @ begun.R.T)), abs=1e-3)
 
@@ -154,7 +155,7 @@ def test_a_turn_in_many_pieces_goes_as_far_as_it_is_to(plan: dict[str, Any]) -> 
 def test_a_touch_has_way_enough_to_be_felt(plan: dict[str, Any]) -> None:
     """Where errors use all of a move's travel up, the servo's spring still has to give way until the force is there."""
     robot = Robot()
-    for step, move in zip(planned(plan, robot).steps, moves(plan), strict=True):
+    for step, move in zip(planned(parsed(plan), robot).steps, moves(parsed(plan)), strict=True):
         if move.stop is not None and move.last:
             assert step.travel == pytest.approx(move.stop.max_travel + 2.0 * move.stop.force / robot.stiffness)
         elif move.stop is None:

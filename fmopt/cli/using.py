@@ -169,7 +169,7 @@ def _replay(file: Path, wanted: Any, number: int, folder: Path) -> None:
         raise typer.BadParameter(f"trial {number} of {wanted.inside + wanted.beyond}", param_hint="--replay")
     plan.prepare(folder)
     picture = folder / f"trial_{number}.gif"
-    record = replay(plan.read_document(file), wanted, number, picture)
+    record = replay(plan.read(file), wanted, number, picture)
     typer.echo(f"{picture}: {'seated' if record['success'] else ', '.join(record['reasons'])}")
 
 

@@ -7,7 +7,7 @@ clearance a side and errors of up to 1 mm and 1°, and is given with its constan
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +16,7 @@ import numpy as np
 from fmopt.execution.outcome import Fit
 from fmopt.execution.program import DONE, FAILED, Program, Step
 from fmopt.execution.robot import Robot
+from fmopt.plan import Plan
 from fmopt.se3 import Pose, exp
 from fmopt.values import Array
 
@@ -45,15 +46,18 @@ class Task:
     limits: tuple[float, float]
 
     @staticmethod
-    def of(document: Mapping[str, Any]) -> Task:
+    def of(plan: Plan) -> Task:
         """Of a plan; its moves are not looked at."""
-        vertices = np.asarray(document["parts"]["moving"]["vertices"], dtype=np.float64)
+        vertices = np.array(plan.moving.body.vertices)
         leading = vertices[vertices[:, 2] < vertices[:, 2].min() + 1e-6]
-        box = np.asarray(document["uncertainty"]["start_box"], dtype=np.float64)
-        specification = document["specification"]
-        limits = (max(PUSH, float(specification["contact_force"])), float(specification["torque_limit"]))
+        limits = (max(PUSH, plan.specification.contact_force), plan.specification.torque_limit)
         half = np.abs(leading[:, :2]).max(axis=0)
-        return Task(Fit.of(document), (float(half[0]), float(half[1])), float(np.hypot(*box[:2])), limits)
+        return Task(
+            Fit.of(plan),
+            (float(half[0]), float(half[1])),
+            float(np.hypot(plan.start_box[0], plan.start_box[1])),
+            limits,
+        )
 
     def program(self, name: str, start: Pose, steps: tuple[Step, ...]) -> Program:
         """A program without friction to make up for."""
@@ -110,27 +114,27 @@ def _upright(task: Task) -> Pose:
     return Pose(np.array([*task.middle, HEIGHT]), np.eye(3))
 
 
-def push(document: Mapping[str, Any], robot: Robot) -> Program:
+def push(plan: Plan, robot: Robot) -> Program:
     """Straight down on soft springs."""
-    task = Task.of(document)
+    task = Task.of(plan)
     return task.program("push", _upright(task), (_down(0, task, "xyzabc", SOFT, (0.0, 0.0, 0.0)),))
 
 
-def spiral(document: Mapping[str, Any], robot: Robot) -> Program:
+def spiral(plan: Plan, robot: Robot) -> Program:
     """Pressed on the mouth, the part follows a spiral until it drops, and is pushed down.
 
     Pressing lays its face flat on the mouth, so that the tilt is gone; yaw is held.
     """
-    task = Task.of(document)
+    task = Task.of(plan)
     pitch, turns = PITCH * task.fit.clearance, 1.2 * task.reach / (PITCH * task.fit.clearance)
     angle = 2.0 * np.pi * np.sqrt(np.linspace(0.0, 1.0, max(int(24 * turns), 8))) * turns
     points = pitch * angle[:, None] / (2.0 * np.pi) * np.column_stack([np.cos(angle), np.sin(angle)])
     return _search("spiral", task, points)
 
 
-def dither(document: Mapping[str, Any], robot: Robot) -> Program:
+def dither(plan: Plan, robot: Robot) -> Program:
     """As the spiral, but to random places in the disc that the start error spans."""
-    task, random = Task.of(document), np.random.default_rng(0)
+    task, random = Task.of(plan), np.random.default_rng(0)
     angle, radius = random.uniform(0.0, 2.0 * np.pi, DITHERS), 1.2 * task.reach * np.sqrt(random.uniform(size=DITHERS))
     return _search("dither", task, radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)]))
 
@@ -155,12 +159,12 @@ def _felt(axis: int) -> dict[str, Any]:
     return {"gain": np.eye(6)[axis], "force": TOUCH}
 
 
-def tilt(document: Mapping[str, Any], robot: Robot) -> Program:
+def tilt(plan: Plan, robot: Robot) -> Program:
     """Four phases: down with one corner in the hole, to both walls, upright against them, down.
 
     Yaw is left free from the walls on, and the last of the tilt too.
     """
-    task = Task.of(document)
+    task = Task.of(plan)
     turn = TILT * np.array([1.0, -1.0, 0.0]) / np.sqrt(2.0)
     corner = exp(turn) @ np.array([-task.half[0], -task.half[1], 0.0])
     inside = 2.0 * task.reach + task.fit.clearance
@@ -180,7 +184,7 @@ def tilt(document: Mapping[str, Any], robot: Robot) -> Program:
     return task.program("tilt", start, steps)
 
 
-BASELINES: dict[str, Callable[[Mapping[str, Any], Robot], Program]] = {
+BASELINES: dict[str, Callable[[Plan, Robot], Program]] = {
     "push": push,
     "spiral": spiral,
     "dither": dither,

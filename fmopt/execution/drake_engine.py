@@ -157,8 +157,8 @@ def _put(setup: Setup) -> Put:
     inertia = UnitInertia.TriaxiallySymmetric(robot.gyration**2)
     part = plant.AddRigidBody("part", SpatialInertia(robot.mass, np.zeros(3), inertia))
     material = _material(setup, physics.contact[0])
-    _register(plant, plant.world_body(), "fixed", pieces(setup.document, "fixed"), material)
-    corners = [corner for piece in pieces(setup.document, "moving") for corner in with_corners(piece)]
+    _register(plant, plant.world_body(), "fixed", pieces(setup.plan, "fixed"), material)
+    corners = [corner for piece in pieces(setup.plan, "moving") for corner in with_corners(piece)]
     _register(plant, part, "moving", corners, material)
     plant.Finalize()
     return partial(DrakeEngine, builder.Build())

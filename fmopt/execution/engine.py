@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 from fmopt.execution.robot import Robot
+from fmopt.plan import Plan
 from fmopt.values import Array
 
 THROWN = 5e-5  # m, by which contacts do not deepen in one time step; more is a fault of the engine's collision
@@ -46,14 +47,14 @@ class Setup:
     """What a scene is made of.
 
     Args:
-        document: plan; its parts are used.
+        plan: its parts are used.
         clearance: a side, m, which says how hard contacts have to be.
         robot: whose apparent mass and period it is.
         friction: coefficient.
         time_step: s; None for what the clearance asks for.
     """
 
-    document: Mapping[str, Any]
+    plan: Plan
     clearance: float
     robot: Robot
     friction: float

@@ -32,9 +32,9 @@ def execute(
         FmoptError: the plan cannot be read or run, the extra is missing, or the results cannot be written.
     """
     ENGINES[trials.engine].library()
-    document = plan.read_document(file)
+    read = plan.read(file)
     plan.prepare(folder)
-    found = {"verdict": document["verdict"], **_summed(document, trials, folder / "trials.jsonl", workers, advance)}
+    found = {"verdict": read.verdict, **_summed(read, trials, folder / "trials.jsonl", workers, advance)}
     plan.save((json.dumps(found, indent=1) + "\n").encode(), folder / "summary.json")
     return found
 
@@ -60,19 +60,19 @@ def compare(
     plan.prepare(folder)
     rows = []
     for file in files:
-        document, parts = plan.read_document(file), {}
+        read, parts = plan.read(file), {}
         for method in METHODS:
-            kept = folder / f"{document['sha256'][:12]}_{method}.jsonl"
-            found = _summed(document, Trials(trials, seed=seed, method=method), kept, workers, advance)
+            kept = folder / f"{read.sha256[:12]}_{method}.jsonl"
+            found = _summed(read, Trials(trials, seed=seed, method=method), kept, workers, advance)
             parts[method] = found["inside"]
-        rows.append({"title": document["problem"]["title"], "plan": document["sha256"], "methods": parts})
+        rows.append({"title": read.title, "plan": read.sha256, "methods": parts})
     plan.save((json.dumps(rows, indent=1) + "\n").encode(), folder / "comparison.json")
     return rows
 
 
 def _summed(
-    document: dict[str, Any], trials: Trials, file: Path, workers: int | None, advance: Callable[[int], None]
+    read: plan.Plan, trials: Trials, file: Path, workers: int | None, advance: Callable[[int], None]
 ) -> dict[str, Any]:
-    records = run_all(document, trials, file, workers or len(os.sched_getaffinity(0)), advance)
-    asked = float(document["specification"]["contact_force"])
-    return {"plan": document["sha256"], "trials": len(records), "contact_force": asked, **summary(records)}
+    records = run_all(read, trials, file, workers or len(os.sched_getaffinity(0)), advance)
+    asked = read.specification.contact_force
+    return {"plan": read.sha256, "trials": len(records), "contact_force": asked, **summary(records)}

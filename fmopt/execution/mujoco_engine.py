@@ -85,7 +85,7 @@ class MujocoEngine:
 
 def _put(setup: Setup) -> Put:
     physics, robot = Physics.of_fit(setup.clearance, setup.robot.period, setup.time_step), setup.robot
-    model = compiled(scene(setup.document, physics, robot.mass, robot.inertia, setup.friction))
+    model = compiled(scene(setup.plan, physics, robot.mass, robot.inertia, setup.friction))
     return partial(MujocoEngine, model)
 
 

@@ -13,6 +13,7 @@ from fmopt.execution.rig import Event, Rig
 from fmopt.execution.rotation import between, from_quaternions, quaternions
 from fmopt.guarded.contacts import Contact
 from fmopt.guarded.moves import Move
+from fmopt.plan import Plan
 from fmopt.se3 import Pose
 
 SHARE = 0.2  # of the clearance, that the physics may penetrate and the part overshoot
@@ -34,14 +35,11 @@ class Fit:
     loose: float
 
     @staticmethod
-    def of(document: Mapping[str, Any]) -> Fit:
+    def of(plan: Plan) -> Fit:
         """The fit of a plan; `loose` is what its own error sets leave open of the depth, m."""
-        goal = Pose.from_vector(document["goal"])
-        clearance = float(document["parts"]["moving"]["measured_clearance"])
-        box = document["segments"][-1]["tube"]["offset_box"]
-        ended = bool(document["segments"][-1]["hybrid"]["termination"]["contacts"])
-        rho = float(document["uncertainty"]["rho"])
-        return Fit(clearance, -float(goal.p[2]), rho, goal, 0.0 if ended else float(box[2]))
+        goal, last = Pose.from_vector(plan.goal), plan.segments[-1]
+        loose = 0.0 if last.hybrid.felt else last.tube.box[2]
+        return Fit(plan.moving.measured_clearance, -float(goal.p[2]), plan.rho, goal, loose)
 
 
 @dataclass(frozen=True)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
-from fmopt.errors import PlanFormatError
 from fmopt.execution.robot import Robot
 from fmopt.guarded.moves import Move, moves, to_frame
+from fmopt.plan import Plan
 from fmopt.se3 import Pose
 from fmopt.values import Array, Value, frozen
 
@@ -98,32 +97,29 @@ class Program(Value):
     limits: tuple[float, float]
 
 
-def planned(document: Mapping[str, Any], robot: Robot) -> Program:
+def planned(plan: Plan, robot: Robot) -> Program:
     """The program of a plan: its segments, moves ended by their contacts.
 
     Where a contact is not felt, the program fails; what a plan says to do then, `attempt` does.
 
     Args:
-        document: plan.
+        plan: the plan.
         robot: what it can push with.
 
     Raises:
         PlanFormatError: the plan cannot be run.
     """
-    rows = moves(document)
-    try:
-        specification, rho = document["specification"], float(document["uncertainty"]["rho"])
-        limits = float(specification["contact_force"]), float(specification["torque_limit"])
-        speed, friction = float(specification["speed"]), float(specification["friction"])
-        pushes = [float(row["hybrid"]["push"]) for row in document["segments"]]
-    except (KeyError, TypeError, ValueError) as error:
-        raise PlanFormatError(f"the plan cannot be run: {type(error).__name__}: {error}") from error
-    pushes = [robot.surplus * push if move.stop else limits[0] for push, move in zip(pushes, rows, strict=True)]
+    rows, asked = moves(plan), plan.specification
+    limits = asked.contact_force, asked.torque_limit
+    pushes = [
+        robot.surplus * segment.hybrid.push if move.stop else limits[0]
+        for segment, move in zip(plan.segments, rows, strict=True)
+    ]
     steps: list[Step] = []
     for i, row in enumerate(rows):
         spent = steps[-1].timeout if i and rows[i - 1].number == row.number else 0.0
-        steps.append(_step(rows, i, rho, pushes[i], spent, robot))
-    return Program("plan", rows[0].start, rho, speed, tuple(steps), friction, limits)
+        steps.append(_step(rows, i, plan.rho, pushes[i], spent, robot))
+    return Program("plan", rows[0].start, plan.rho, asked.speed, tuple(steps), asked.friction, limits)
 
 
 def _step(rows: Sequence[Move], index: int, rho: float, push: float, spent: float, robot: Robot) -> Step:

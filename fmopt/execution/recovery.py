@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.errors import PlanFormatError
 from fmopt.execution.rotation import between, from_quaternions, product, quaternions
+from fmopt.plan import Plan
 from fmopt.se3 import Pose
 from fmopt.values import Array, Value, frozen
 
@@ -54,30 +53,18 @@ class Recovery(Value):
             object.__setattr__(self, name, frozen(getattr(self, name), None, 3, name=name))
 
     @staticmethod
-    def of(document: Mapping[str, Any]) -> Recovery | None:
-        """The recovery of a plan; None where it has none, or nothing to try.
-
-        Raises:
-            PlanFormatError: it cannot be read.
-        """
-        said = document.get("recovery")
-        try:
-            if said is None or said["lift"] is None or not said["retries"]:
-                return None
-            points = np.asarray(document["parts"]["moving"]["vertices"], dtype=np.float64)
-            box = np.asarray(document["uncertainty"]["start_box"], dtype=np.float64)
-            reach = float(np.linalg.norm(points, axis=1).max())
-            sunk = box[2] + reach * (box[3] + box[4] + 0.5 * float(box[3:] @ box[3:]))
-            lift, shifts = said["lift"], [offset[:3] for offset in said["retries"]]
-            orders = tuple({key: tuple(move["order"][key]) for key in (EARLY, LATE)} for move in said["moves"])
-            heights = float(lift["above"]), float(lift["clear"]), float(lift["turn"])
-            start = Pose.from_vector(document["segments"][0]["start"])
-            return Recovery(*heights, float(sunk), np.asarray(shifts), orders, start, points)
-        except (KeyError, IndexError, TypeError, ValueError) as error:
-            raise PlanFormatError(
-                f"the plan's recovery cannot be read: {type(error).__name__}: {error}",
-                "give a plan.json that fmopt solve wrote",
-            ) from error
+    def of(plan: Plan) -> Recovery | None:
+        """The recovery of a plan; None where it has none, or nothing to try."""
+        said = plan.recovery
+        if said is None or said.lift is None or not said.retries:
+            return None
+        points, box = np.array(plan.moving.body.vertices), np.array(plan.start_box)
+        reach = float(np.linalg.norm(points, axis=1).max())
+        sunk = box[2] + reach * (box[3] + box[4] + 0.5 * float(box[3:] @ box[3:]))
+        shifts = np.array(said.retries)[:, :3]
+        orders = tuple({EARLY: move.early, LATE: move.late} for move in said.moves)
+        start = Pose.from_vector(plan.segments[0].start)
+        return Recovery(said.lift.above, said.lift.clear, said.lift.turn, float(sunk), shifts, orders, start, points)
 
     def next(self, move: int, felt: str, tried: Sequence[int]) -> int | None:
         """The shift to try after a move failed; None when all have been tried."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from fmopt.execution.rig import Rig
 from fmopt.execution.robot import Robot
 from fmopt.execution.scene import compiled, engine, scene
 from fmopt.execution.trials import Trials, run
+from fmopt.plan import Plan
 from fmopt.values import Array
 
 FRAMES = 20  # a second of the trial
@@ -24,11 +24,11 @@ SIZE = (480, 360)
 AWAY = 3.8  # distance of the camera, in sizes of the moving part
 
 
-def replay(document: Mapping[str, Any], trials: Trials, number: int, file: Path) -> dict[str, Any]:
+def replay(planned: Plan, trials: Trials, number: int, file: Path) -> dict[str, Any]:
     """Runs one trial again and writes it as a GIF.
 
     Args:
-        document: plan.
+        planned: the plan.
         trials: what was run.
         number: the trial.
         file: for the picture.
@@ -50,18 +50,18 @@ def replay(document: Mapping[str, Any], trials: Trials, number: int, file: Path)
             poses.append(np.array(rig.qpos[0]))
         ticks += 1
 
-    [record] = run(document, trials, [number], look=look)
-    plan.save(_gif(_frames(document, poses)), file)
+    [record] = run(planned, trials, [number], look=look)
+    plan.save(_gif(_frames(planned, poses)), file)
     return dict(record)
 
 
-def _frames(document: Mapping[str, Any], poses: list[Array]) -> list[Any]:
+def _frames(planned: Plan, poses: list[Array]) -> list[Any]:
     """Pictures of poses (7,) of the part, position and quaternion."""
     mujoco, robot = engine(), Robot()
-    model = compiled(scene(document, Physics(), robot.mass, robot.inertia, 0.0))
+    model = compiled(scene(planned, Physics(), robot.mass, robot.inertia, 0.0))
     data, camera = mujoco.MjData(model), mujoco.MjvCamera()
     camera.azimuth, camera.elevation = 35.0, -20.0
-    size = float(np.ptp(np.asarray(document["parts"]["moving"]["vertices"])[:, 2]))
+    size = float(np.ptp(np.array(planned.moving.body.vertices)[:, 2]))
     camera.distance, camera.lookat = AWAY * size, np.array([0.0, 0.0, 0.0])
     pictures = []
     try:

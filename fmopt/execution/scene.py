@@ -7,13 +7,14 @@ moving part is one free body about its reference point, with the apparent mass o
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from fmopt.errors import PlanFormatError, ResourceError
+from fmopt.errors import ResourceError
 from fmopt.execution.physics import Physics
+from fmopt.plan import Plan
 from fmopt.values import Array
 
 CONTACTS = 16  # contacts that a sensor reports
@@ -49,22 +50,21 @@ _SCENE = """\
 """
 
 
-def scene(document: Mapping[str, Any], physics: Physics, mass: float, inertia: float, friction: float) -> str:
+def scene(plan: Plan, physics: Physics, mass: float, inertia: float, friction: float) -> str:
     """The scene as MJCF.
 
     Args:
-        document: plan; its parts are used.
+        plan: its parts are used.
         physics: trusted settings.
         mass: apparent mass of robot and part, kg.
         inertia: about each axis through the moving frame's origin, kg·m².
         friction: coefficient.
 
     Raises:
-        PlanFormatError: the plan's parts cannot be read.
         SettingsError: the settings cannot be trusted.
     """
     physics.trusted()
-    found = {side: pieces(document, side) for side in ("fixed", "moving")}
+    found = {side: pieces(plan, side) for side in ("fixed", "moving")}
     meshes = [_mesh(f"{side}{i}", vertices) for side in found for i, vertices in enumerate(found[side])]
     return _SCENE.format(
         step=physics.time_step,
@@ -83,16 +83,9 @@ def scene(document: Mapping[str, Any], physics: Physics, mass: float, inertia: f
     )
 
 
-def pieces(document: Mapping[str, Any], side: str) -> list[Array]:
-    """The vertices (v, 3) of the convex pieces of a plan's "fixed" or "moving" part, m.
-
-    Raises:
-        PlanFormatError: they cannot be read.
-    """
-    try:
-        return [np.asarray(one["vertices"], dtype=np.float64) for one in document["parts"][side]["pieces"]]
-    except (KeyError, TypeError, ValueError) as error:
-        raise PlanFormatError(f"the plan's parts cannot be read: {type(error).__name__}: {error}") from error
+def pieces(plan: Plan, side: str) -> list[Array]:
+    """The vertices (v, 3) of the convex pieces of a plan's "fixed" or "moving" part, m."""
+    return [np.array(piece.vertices) for piece in plan.parts[side].pieces]
 
 
 def engine() -> Any:

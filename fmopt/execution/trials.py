@@ -30,9 +30,10 @@ from fmopt.execution.robot import Robot
 from fmopt.execution.rotation import product, quaternions
 from fmopt.guarded.contacts import contacts
 from fmopt.guarded.moves import moves
+from fmopt.plan import Plan
 from fmopt.values import Array
 
-METHODS: dict[str, Callable[[Mapping[str, Any], Robot], Program]] = {"plan": planned, **BASELINES}
+METHODS: dict[str, Callable[[Plan, Robot], Program]] = {"plan": planned, **BASELINES}
 ENGINES: dict[str, Maker] = {"mujoco": MUJOCO, "drake": DRAKE}
 CHUNK = 125  # trials that run together; more make each cheaper, fewer are lost by an interruption
 _FEWEST = 10  # trials that are worth a process
@@ -81,24 +82,24 @@ class Draw:
     drift: Array
 
 
-def draw(document: Mapping[str, Any], program: Program, trials: Trials, number: int) -> Draw:
+def draw(what: Plan, program: Program, trials: Trials, number: int) -> Draw:
     """The errors of trial `number`, and the generator's stream of it.
 
     Raises:
         PlanFormatError: errors are asked for that retries cover, and there are none.
     """
     random = np.random.default_rng([trials.seed, number])
-    box = np.asarray(document["uncertainty"]["start_box"], dtype=np.float64)
+    box = np.array(what.start_box)
     share = random.uniform(-1.0, 1.0, 6)
     if number >= trials.inside and trials.covered:
-        factors = _covered(document, box)
+        factors = _covered(what, box)
         share *= factors
         while np.abs(share[box > 0.0]).max() <= 1.0:
             share = factors * random.uniform(-1.0, 1.0, 6)
     elif number >= trials.inside:
         share *= random.uniform(1.0, trials.reach) / float(np.abs(share[box > 0.0]).max())
     size = float(np.abs(share[box > 0.0]).max(initial=0.0))
-    t, r = (float(value) for value in document["uncertainty"]["velocity_error"])
+    t, r = what.velocity_error
     count = max(step.move for step in program.steps) + 1
     drift = np.hstack(
         [t * program.speed * _ball(random, count), r * program.speed / program.rho * _ball(random, count)]
@@ -108,10 +109,9 @@ def draw(document: Mapping[str, Any], program: Program, trials: Trials, number: 
     return Draw(start, size, drift)
 
 
-def _covered(document: Mapping[str, Any], box: Array) -> Array:
+def _covered(what: Plan, box: Array) -> Array:
     """What a plan's retries cover, as factors (6,) of its start box."""
-    said = document.get("recovery")
-    covers = box if said is None else np.asarray(said["covers"], dtype=np.float64)
+    covers = box if what.recovery is None else np.array(what.recovery.covers)
     if not (covers > box).any():
         raise PlanFormatError("the plan has no retries that cover more than its set", "leave out --covered")
     return np.asarray(np.where(box > 0.0, covers / np.where(box > 0.0, box, 1.0), 1.0))
@@ -139,7 +139,7 @@ class Noise:
 
 
 def run(
-    document: Mapping[str, Any],
+    what: Plan,
     trials: Trials,
     numbers: Sequence[int],
     robot: Robot | None = None,
@@ -148,7 +148,7 @@ def run(
     """Runs some trials together.
 
     Args:
-        document: plan.
+        what: the plan.
         trials: what is to be run.
         numbers: which of them.
         robot: what runs them.
@@ -162,14 +162,14 @@ def run(
         ResourceError: the extra is missing.
     """
     robot = robot or Robot()
-    program = METHODS[trials.method](document, robot)
+    program = METHODS[trials.method](what, robot)
     is_plan = program.name == "plan"
-    rows, known, fit = moves(document) if is_plan else (), contacts(document), Fit.of(document)
-    friction = float(document["specification"]["friction"]) if trials.friction is None else trials.friction
-    parts = grown(document, trials.growth) if trials.growth else document
+    rows, known, fit = moves(what) if is_plan else (), contacts(what), Fit.of(what)
+    friction = what.specification.friction if trials.friction is None else trials.friction
+    parts = grown(what, trials.growth) if trials.growth else what
     put = ENGINES[trials.engine].scene(Setup(parts, fit.clearance, robot, friction, trials.time_step))
-    draws = [draw(document, program, trials, number) for number in numbers]
-    recovery = Recovery.of(document) if is_plan and trials.recovery else None
+    draws = [draw(what, program, trials, number) for number in numbers]
+    recovery = Recovery.of(what) if is_plan and trials.recovery else None
     course = Course(recovery, rows, known, fit, look)
 
     def rig(starts: tuple[Array, Array], which: Sequence[int], attempt: int) -> Rig:
@@ -194,13 +194,11 @@ def _drifts(draws: Sequence[Draw]) -> Array:
     return np.stack([one.drift for one in draws], axis=1)
 
 
-def run_all(
-    document: Mapping[str, Any], trials: Trials, file: Path, workers: int, advance: Callable[[int], None]
-) -> list[Any]:
+def run_all(what: Plan, trials: Trials, file: Path, workers: int, advance: Callable[[int], None]) -> list[Any]:
     """Runs what the file does not hold yet, and keeps each chunk as it is done.
 
     Args:
-        document: plan.
+        what: the plan.
         trials: what is to be run.
         file: of records, one JSON object a line, the first naming plan and trials.
         workers: processes.
@@ -210,14 +208,14 @@ def run_all(
         ResourceError: the file is of other trials or cannot be written, the extra is missing, or the run was
             interrupted.
     """
-    head = _head(document, trials)
+    head = _head(what, trials)
     done = _kept(file, head)
     advance(len(done))
     missing = [n for n in range(trials.inside + trials.beyond) if n not in done]
     size = min(max(-(-len(missing) // workers), _FEWEST), CHUNK)
     chunks = [missing[k : k + size] for k in range(0, len(missing), size)]
     try:
-        for records in _carried_out(document, trials, chunks, workers):
+        for records in _carried_out(what, trials, chunks, workers):
             done.update({record["trial"]: record for record in records})
             _keep(file, head, done)
             advance(len(records))
@@ -227,17 +225,15 @@ def run_all(
     return [done[number] for number in sorted(done)]
 
 
-def _carried_out(
-    document: Mapping[str, Any], trials: Trials, chunks: Sequence[Sequence[int]], workers: int
-) -> Iterator[list[Any]]:
+def _carried_out(what: Plan, trials: Trials, chunks: Sequence[Sequence[int]], workers: int) -> Iterator[list[Any]]:
     if workers == 1 or len(chunks) < 2:
-        yield from (run(document, trials, chunk) for chunk in chunks)
+        yield from (run(what, trials, chunk) for chunk in chunks)
         return
     import multiprocessing
     from concurrent.futures import ProcessPoolExecutor, as_completed
 
     with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        running = [pool.submit(run, document, trials, chunk) for chunk in chunks]
+        running = [pool.submit(run, what, trials, chunk) for chunk in chunks]
         try:
             for future in as_completed(running):
                 yield future.result()
@@ -245,12 +241,12 @@ def _carried_out(
             pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _head(document: Mapping[str, Any], trials: Trials) -> dict[str, Any]:
+def _head(what: Plan, trials: Trials) -> dict[str, Any]:
     """What a file of trials begins with; it names the engine where that is another than of files that name none."""
     said = asdict(trials)
     if trials.engine == Trials.engine:
         del said["engine"]
-    return {"plan": document["sha256"], **said}
+    return {"plan": what.sha256, **said}
 
 
 def _kept(file: Path, head: Mapping[str, Any]) -> dict[int, Any]:

@@ -57,7 +57,7 @@ def export(document: Mapping[str, Any], base: Pose, rate: float, folder: Path) -
         PlanFormatError: a segment cannot be run, its force axes fit no frame, or the rate is no rate for it.
         ResourceError: the extra is missing, the bag exists, or a file cannot be written.
     """
-    rows = moves(document)
+    rows = moves(plan.parsed(document))
     check_rate(rate, sum(move.duration for move in rows))
     rho = float(document["uncertainty"]["rho"])
     frames = [task_frame(move, rho) for move in rows]

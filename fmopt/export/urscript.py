@@ -17,6 +17,7 @@ import numpy as np
 from fmopt.export.cautions import failing_words, insertion_words, turning_words, verdict_words
 from fmopt.export.frame import TaskFrame, task_frame
 from fmopt.guarded.moves import Move, moves
+from fmopt.plan import parsed
 from fmopt.se3 import Pose
 from fmopt.values import Array
 
@@ -179,7 +180,7 @@ def program(document: Mapping[str, Any], base: Pose, settings: Settings | None =
     settings = settings or Settings()
     rho, speed = float(document["uncertainty"]["rho"]), float(document["specification"]["speed"])
     most = settings.most * float(document["specification"]["contact_force"])
-    rows = moves(document)
+    rows = moves(parsed(document))
     lines = [_head(document, rows, base, settings), _functions(settings), "def fmopt_insert():"]
     lines += _indented(_beginning(base.compose(rows[0].start), speed, settings))
     for index, move in enumerate(rows):

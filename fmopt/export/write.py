@@ -62,7 +62,7 @@ def _turning(document: Mapping[str, Any], to: str) -> str:
     """The greatest turning rate of what was written."""
     from fmopt.export.urscript import commanded
 
-    rows = moves(document)
+    rows = moves(plan.parsed(document))
     return turning_words(commanded(rows) if to == "urscript" else [m.twist for m in rows], [m.number for m in rows])
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from fmopt.errors import PlanFormatError
+from fmopt.plan import Body, Plan
+from fmopt.plan import Contact as Row
 from fmopt.se3 import Pose, cross
 from fmopt.values import Array, Value, frozen
 
@@ -86,28 +87,27 @@ def _nearest(p: Array, u: Array, q: Array, v: Array) -> tuple[float, float]:
     return float(s), float(t)
 
 
-def contacts(document: Mapping[str, Any]) -> dict[str, Contact]:
+def contacts(plan: Plan) -> dict[str, Contact]:
     """The contacts of a plan by their names.
 
     Raises:
-        PlanFormatError: the plan's contacts or parts cannot be read.
+        PlanFormatError: a face of a part has no normal.
     """
+    sides = {side: _Side(part.body) for side, part in plan.parts.items()}
     try:
-        sides = {side: _Side(document["parts"][side]) for side in ("moving", "fixed")}
-        return {row["id"]: _contact(row, sides) for row in document["contacts"]}
-    except (KeyError, IndexError, TypeError, ValueError) as error:
+        return {contact.id: _contact(contact, sides) for contact in plan.contacts}
+    except ValueError as error:
         raise PlanFormatError(
-            f"the plan's contacts cannot be read: {type(error).__name__}: {error}",
-            "give a plan.json that fmopt solve wrote",
+            f"the plan's contacts cannot be taken: {error}", "give a plan.json that fmopt solve wrote"
         ) from error
 
 
 class _Side:
     """Vertices of a part, and the faces that share some of them."""
 
-    def __init__(self, part: Mapping[str, Any]) -> None:
-        self.vertices = np.asarray(part["vertices"], dtype=np.float64)
-        self.faces: Sequence[Sequence[Sequence[int]]] = part["faces"]
+    def __init__(self, body: Body) -> None:
+        self.vertices = np.array(body.vertices, dtype=np.float64)
+        self.faces = body.faces
 
     def normal(self, indices: Sequence[int]) -> Array:
         """Sum of the unit normals of the faces that hold all these vertices on one loop; 0 for a single vertex."""
@@ -120,11 +120,14 @@ class _Side:
     def _face_normal(self, loop: Sequence[int]) -> Array:
         points = self.vertices[list(loop)]
         doubled = cross(points, np.roll(points, -1, axis=0)).sum(axis=0)
-        return np.asarray(doubled / np.linalg.norm(doubled))
+        size = float(np.linalg.norm(doubled))
+        if not size > 0.0:
+            raise ValueError(f"a face with vertices {list(loop)[:3]} has no normal")
+        return np.asarray(doubled / size)
 
 
-def _contact(row: Mapping[str, Any], sides: Mapping[str, _Side]) -> Contact:
-    indices = {side: [int(k) for k in row[side]["vertices"]] for side in sides}
+def _contact(row: Row, sides: Mapping[str, _Side]) -> Contact:
+    indices = {"moving": list(row.moving), "fixed": list(row.fixed)}
     points = {side: sides[side].vertices[indices[side]] for side in sides}
     normals = {side: sides[side].normal(indices[side]) for side in sides}
-    return Contact(row["id"], row["kind"], points["moving"], points["fixed"], normals["moving"], normals["fixed"])
+    return Contact(row.id, row.kind, points["moving"], points["fixed"], normals["moving"], normals["fixed"])

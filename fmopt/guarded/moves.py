@@ -1,4 +1,4 @@
-"""The guarded moves of a plan file as whoever runs them needs them: what to servo, what to press, when to stop.
+"""The guarded moves of a plan as whoever runs them needs them: what to servo, what to press, when to stop.
 
 A move ends when its new contacts press, and the sensor has to tell their normal force k from what the held contacts do
 meanwhile: their normal forces change, their friction opposes the sliding or does not, and their places are known no
@@ -13,12 +13,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from fmopt.errors import PlanFormatError
 from fmopt.guarded.contacts import Contact, contacts
+from fmopt.plan import Hybrid, Plan, Segment
 from fmopt.se3 import Pose, cross, hat
 from fmopt.values import Array, Value, frozen
 
@@ -122,26 +123,21 @@ def from_frame(frame: Pose, wrench: Array, origin: Array) -> Array:
     return np.concatenate([force, torque + force @ hat(frame.p - origin).T], axis=-1)
 
 
-def moves(document: Mapping[str, Any]) -> tuple[Move, ...]:
+def moves(plan: Plan) -> tuple[Move, ...]:
     """The segments of a plan in their order.
 
     Raises:
-        PlanFormatError: a key is missing or of another kind, or a bias presses where nothing is held.
+        PlanFormatError: a segment cannot be run: it goes nowhere, or a bias presses where nothing is held.
     """
     found: list[Move] = []
-    place = "the plan"
-    try:
-        rho, rows = float(document["uncertainty"]["rho"]), list(document["segments"])
-        known, budget = contacts(document), _budget(document)
-        for i, row in enumerate(rows):
-            place = f"segment {i} of the plan"
-            last = i + 1 == len(rows) or int(row["move"]) != int(rows[i + 1]["move"])
-            found.append(_move(i, row, last, rho, known, budget))
-    except (KeyError, IndexError, TypeError, ValueError) as error:
-        words = f"{error} is missing" if isinstance(error, KeyError) else str(error)
-        raise PlanFormatError(f"{place} cannot be run: {words}", _ADVICE) from error
-    if not found:
-        raise PlanFormatError("the plan has no segments to run", _ADVICE)
+    known, rows = contacts(plan), plan.segments
+    budget = Budget(NOISE, max(plan.start_box[:3]), plan.specification.friction)
+    for i, row in enumerate(rows):
+        last = i + 1 == len(rows) or row.move != rows[i + 1].move
+        try:
+            found.append(_move(i, row, last, plan.rho, known, budget))
+        except ValueError as error:
+            raise PlanFormatError(f"segment {i} of the plan cannot be run: {error}", _ADVICE) from error
     return tuple(found)
 
 
@@ -159,54 +155,49 @@ class Held(NamedTuple):
     points: tuple[tuple[float, tuple[Array, Array]], ...]
 
 
-def _budget(document: Mapping[str, Any]) -> Budget:
-    place = max(float(value) for value in document["uncertainty"]["start_box"][:3])
-    return Budget(NOISE, place, float(document["specification"]["friction"]))
-
-
 def _point(contact: Contact, pose: Pose) -> tuple[Array, Array]:
     point, normal, _ = contact.touch(pose)
     return normal, point - pose.p
 
 
-def _move(
-    index: int, row: Mapping[str, Any], last: bool, rho: float, known: Mapping[str, Contact], budget: Budget
-) -> Move:
-    start, goal = Pose.from_vector(row["start"]), Pose.from_vector(row["goal"])
-    hybrid = row["hybrid"]
-    frame = Pose.from_vector(hybrid["frame"])
-    V, speed = frozen(hybrid["velocity"], 6), float(hybrid["speed"])
-    force_axes = np.reshape(np.asarray(hybrid["force_axes"], dtype=np.float64), (-1, 6))
+def _move(index: int, row: Segment, last: bool, rho: float, known: Mapping[str, Contact], budget: Budget) -> Move:
+    start, goal = Pose.from_vector(row.start), Pose.from_vector(row.goal)
+    hybrid = row.hybrid
+    frame = Pose.from_vector(hybrid.frame)
+    V = frozen(hybrid.velocity, 6)
+    force_axes = np.reshape(np.array(hybrid.force_axes, dtype=np.float64), (-1, 6))
     held = from_frame(frame, force_axes, goal.p)
-    bias, push = frozen(hybrid["bias_wrench"], 6), float(hybrid["push"])
     scale = np.array([1.0, 1.0, 1.0, rho, rho, rho])
-    free = _free(held, V, rho)
-    size = float(np.linalg.norm(free * scale))
-    hold = bias - (push / size) * free * scale**2 if push > 0.0 else bias
+    hold = frozen(hybrid.bias, 6)
+    if hybrid.push > 0.0:
+        free = _free(held, V, rho)
+        size = float(np.linalg.norm(free * scale))
+        if not size > 0.0:
+            raise ValueError("it pushes along a motion that its held contacts stop")
+        hold = hold - (hybrid.push / size) * free * scale**2
     _refuse_unheld(index, hold, held, rho)
-    forces = [(known[entry["contact"]], float(entry["force"])) for entry in hybrid["normal_forces"]]
+    forces = [(known[contact], force) for contact, force in hybrid.pressed]
     change = _pressing(_shifted(forces, start), start) - _pressing(forces, goal)
     length = float(np.linalg.norm(start.local(goal) * scale))
-    points = tuple((force, _point(contact, goal)) for contact, force in forces)
-    stop = _stop(hybrid["termination"], Held(points), V, budget, hybrid.get("stays", "push") != "push")
+    points = Held(tuple((force, _point(contact, goal)) for contact, force in forces))
     return Move(
         index,
-        int(row["move"]),
+        row.move,
         last,
         start,
         goal,
         length,
-        length / speed,
-        V * speed,
+        length / hybrid.speed,
+        V * hybrid.speed,
         frame,
-        np.asarray(hybrid["position_axes"], dtype=np.float64),
+        np.array(hybrid.position_axes, dtype=np.float64),
         force_axes,
         hold,
         hold + change,
-        _friction(Held(points), V, budget.place),
-        stop,
-        tuple(row["state"]),
-        tuple(row["goal_state"]),
+        _friction(points, V, budget.place),
+        _stop(hybrid, points, V, budget),
+        row.state,
+        row.goal_state,
     )
 
 
@@ -245,19 +236,19 @@ def _refuse_unheld(index: int, hold: Array, held: Array, rho: float) -> None:
         )
 
 
-def _stop(termination: Mapping[str, Any], move: Held, V: Array, budget: Budget, gentle: bool) -> Stop | None:
+def _stop(hybrid: Hybrid, move: Held, V: Array, budget: Budget) -> Stop | None:
     """The rule of this module."""
-    wrench, h = frozen(termination["wrench"], 6) / float(termination["threshold"]), float(termination["threshold"])
-    if not np.any(wrench):
+    if not any(hybrid.wrench):
         return None
+    h, wrench = hybrid.threshold, frozen(hybrid.wrench, 6) / hybrid.threshold
     noise = np.repeat(np.square(budget.noise), 3)
     moment = np.diag(noise) + sum((_moment(f, *at, budget) for f, at in move.points), start=np.zeros((6, 6)))
     solved = np.linalg.solve(moment, wrench)
     gain = np.asarray(solved / float(wrench @ solved))
     rubbed = budget.friction * abs(float(gain @ _friction(move, V)))
     force = h + rubbed + 3.0 * float(np.sqrt(gain**2 @ noise))
-    travel, timeout = float(termination["max_travel"]), float(termination["timeout"])
-    return Stop(gain, wrench, force, h, travel, timeout, tuple(termination["contacts"]), gentle)
+    gentle = hybrid.stays != "push"
+    return Stop(gain, wrench, force, h, hybrid.max_travel, hybrid.timeout, hybrid.felt, gentle)
 
 
 def _moment(force: float, normal: Array, arm: Array, budget: Budget) -> Array:

@@ -18,6 +18,7 @@ import numpy as np
 from fmopt.errors import InfeasibleError, SearchError
 from fmopt.motion import FINE
 from fmopt.placement.sequence import Placed
+from fmopt.plan import parsed
 from fmopt.plan_record import Moved
 from fmopt.study.cheapest import Cheapest, cheapest
 from fmopt.study.tolerances import Question
@@ -170,11 +171,12 @@ def _anew(problem: Problem, progress: Callable[[str], None]) -> tuple[Moved | No
     try:
         done = moved(problem, lambda _: None, progress)
         document, verdict = proved(problem, done)
+        margin = min(segment.margin for segment in parsed(document).segments)
     except SearchError:
         return None, "NOT_FOUND", None
     except InfeasibleError as error:
         return None, f"INFEASIBLE ({error.message})", None
-    return done, str(verdict.verdict), float(min(segment["margin"] for segment in document["segments"]))
+    return done, str(verdict.verdict), margin
 
 
 def _down(value: float, dimension: Dimension) -> float:

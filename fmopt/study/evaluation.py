@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 from fmopt import plan
 from fmopt.errors import FmoptError, InfeasibleError, InputError, InterferenceError, SearchError
+from fmopt.plan import Plan
 from fmopt.study.batch import Run
 from fmopt.study.store import Row, Scalar
 from fmopt.study.targets import assigned, canonical_digest
@@ -96,6 +97,11 @@ class Solved:
         return _given(self._written)
 
     @cached_property
+    def plan(self) -> Plan:
+        """The same, read back; errors as of `document`."""
+        return plan.parsed(self.document)
+
+    @cached_property
     def _written(self) -> dict[str, Any] | NoAnswer:
         from fmopt.synthesis import planned, proved
 
@@ -178,27 +184,28 @@ def _clearance(solved: Solved) -> dict[str, Scalar]:
 
 
 def _plan(solved: Solved) -> dict[str, Scalar]:
-    document = solved.document
+    found, search = solved.plan, solved.moved.found
     return {
-        "verdict": document["verdict"],
-        "moves": len(document["search"]["moves"]),
-        "segments": len(document["segments"]),
-        "cost": document["search"]["cost"],
-        "lower_bound": document["search"]["lower_bound"],
+        "verdict": found.verdict,
+        "moves": len(search.names),
+        "segments": len(found.segments),
+        "cost": search.cost,
+        "lower_bound": search.lower_bound,
     }
 
 
 def _margins(solved: Solved) -> dict[str, Scalar]:
     from fmopt.report.naming import binding_label
 
-    least = min(solved.document["segments"], key=lambda segment: float(segment["margin"]))
+    found = solved.plan
+    least = min(found.segments, key=lambda segment: segment.margin)
     return {
-        "verdict": solved.document["verdict"],
-        "margin": least["margin"],
-        "nominal_clearance": least["clearance"],
-        "binding_contact": least["binding_contact"],
-        "binding_words": binding_label(solved.document, least["binding_contact"]),
-        "binding_move": least["move"] + 1,
+        "verdict": found.verdict,
+        "margin": least.margin,
+        "nominal_clearance": least.clearance,
+        "binding_contact": least.binding,
+        "binding_words": binding_label(solved.document, least.binding),
+        "binding_move": least.move + 1,
     }
 
 
@@ -231,11 +238,11 @@ def _execution(solved: Solved) -> dict[str, Scalar]:
     from fmopt.execution.trials import Trials, run
     from fmopt.study.statistics import share
 
-    records = run(solved.document, Trials(TRIALS), range(TRIALS))
+    records = run(solved.plan, Trials(TRIALS), range(TRIALS))
     successes = sum(bool(record["success"]) for record in records)
     found = share(successes, TRIALS)
     return {
-        "verdict": solved.document["verdict"],
+        "verdict": solved.plan.verdict,
         "trials": TRIALS,
         "successes": successes,
         "success": found.value,

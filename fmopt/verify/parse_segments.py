@@ -19,6 +19,8 @@ from fmopt.verify.document import (
 from fmopt.verify.keys import Fields, fields
 from fmopt.verify.reader import MOST, Reader
 
+SLOWEST = 1e-9  # m/s
+LEAST_FORCE = 1e-9  # N, that ends a move
 STAYS = ("push", "stop", "none")
 _SEGMENT = fields(
     "segments[]",
@@ -178,13 +180,13 @@ def _hybrid(place: Reader, known: Iterable[str]) -> Hybrid:
         place.at("position_axes").matrix(None),
         place.at("force_axes").matrix(None),
         place.at("velocity").numbers(6),
-        place.at("speed").number(0.0),
+        place.at("speed").number(SLOWEST),
         place.at("bias_wrench").numbers(6),
         place.at("push").number(),
         tuple((item.at("contact").text(known), item.at("force").number()) for item in forces),
         _ids(end.at("contacts"), known),
         end.at("wrench").numbers(6),
-        end.at("threshold").number(0.0),
+        end.at("threshold").number(LEAST_FORCE),
         end.at("max_travel").number(0.0),
         end.at("timeout").number(0.0, 1e12),
         place.at("stays").text(STAYS),
