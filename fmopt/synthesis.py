@@ -137,6 +137,7 @@ def _reduced(problem: Problem, share: float, found: Synthesis, short: str) -> Sy
     """A plan for a share of the start errors, which proves nothing for all of them, and says so."""
     words = f"it is certified for {share:.0%} of the start errors that the problem states; for all of them: {short}"
     verdict = found.verdict.unless([words])
+    verdict = replace(verdict, stated=str(verdict.verdict))
     document = {
         **found.document,
         "verdict": str(verdict.verdict),
@@ -219,7 +220,10 @@ def _checked(document: dict[str, Any]) -> tuple[dict[str, Any], Verdict]:
     """The sealed plan with its verdict, which the independent check gives."""
     hoped = plan.sealed({**document, "verdict": CERTIFIED})
     verdict = verify(hoped)
-    return hoped if _certified(verdict) else plan.sealed({**document, "verdict": str(verdict.verdict)}), verdict
+    if _certified(verdict):
+        return hoped, verdict
+    stated = str(verdict.verdict)
+    return plan.sealed({**document, "verdict": stated}), replace(verdict, stated=stated)
 
 
 class _Clock:

@@ -5,13 +5,16 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from fmopt.cli.app import EXIT, Json, Quiet, app
 from fmopt.errors import PlanFormatError, ResourceError
-from fmopt.plan import STDIO
+from fmopt.plan import STDIO, Plan
+
+if TYPE_CHECKING:
+    from fmopt.verify import Verdict
 
 
 @app.command(epilog="Example: fmopt solve problems/square_peg.toml --report")
@@ -41,10 +44,10 @@ def solve(
     if report:
         _write_report(result.document, folder)
     if as_json:
-        typer.echo(json.dumps(_summary(result.document, result.verdict, folder)))
+        typer.echo(json.dumps(_summary(result.plan, result.verdict, folder)))
     elif not quiet:
         print_solved(result.document, result.verdict, folder, report)
-    raise typer.Exit(EXIT[result.document["verdict"]])
+    raise typer.Exit(EXIT[result.plan.verdict])
 
 
 def _write_report(document: dict[str, Any], folder: Path) -> None:
@@ -58,23 +61,23 @@ def _write_report(document: dict[str, Any], folder: Path) -> None:
     plan.save(report_page(document, drawn).encode(), folder / "report.html")
 
 
-def _summary(document: dict[str, Any], verdict: Any, folder: Path) -> dict[str, Any]:
-    least = min(segment["margin"] for segment in document["segments"])
+def _summary(plan: Plan, verdict: Verdict, folder: Path) -> dict[str, Any]:
     return {
         **_findings(verdict),
-        **_margins(document),
-        "verdict": document["verdict"],
-        "margin" if document["verdict"] == "CERTIFIED" else "computed_margin": least,
-        "segments": len(document["segments"]),
-        "moves": document["search"]["moves"],
+        **_margins(plan),
+        "verdict": plan.verdict,
+        "margin" if plan.verdict == "CERTIFIED" else "computed_margin": min(s.margin for s in plan.segments),
+        "segments": len(plan.segments),
+        "moves": list(plan.search.moves) if plan.search is not None else [],
         "plan": str(folder / "plan.json"),
     }
 
 
-def _findings(verdict: Any) -> dict[str, Any]:
+def _findings(verdict: Verdict) -> dict[str, Any]:
     """A verdict as JSON: every finding in words and as data, the collision when there is one."""
     return {
         "verdict": str(verdict.verdict),
+        "stated_verdict": verdict.stated,
         "findings": [str(finding) for finding in verdict.findings],
         "details": [asdict(finding) for finding in verdict.findings],
         "collision": None if verdict.witness is None else asdict(verdict.witness),
@@ -82,10 +85,14 @@ def _findings(verdict: Any) -> dict[str, Any]:
     }
 
 
-def _margins(document: dict[str, Any]) -> dict[str, Any]:
+def _margins(plan: Plan) -> dict[str, Any]:
     """What each segment states, in m; stated, not proved, unless the verdict is CERTIFIED."""
-    keys = ("move", "margin", "clearance", "binding_contact")
-    return {"segment_margins": [{key: segment[key] for key in keys} for segment in document["segments"]]}
+    return {
+        "segment_margins": [
+            {"move": s.move, "margin": s.margin, "clearance": s.clearance, "binding_contact": s.binding}
+            for s in plan.segments
+        ]
+    }
 
 
 @app.command(epilog="Example: fmopt verify out/square_peg/plan.json --problem problems/square_peg.toml")
@@ -96,25 +103,24 @@ def verify(
     quiet: Quiet = False,
 ) -> None:
     """Check a plan's certificate from its own geometry, in exact arithmetic, without the planner."""
+    from fmopt import plan
     from fmopt import verify as independent
 
     if file != STDIO and not file.is_file():
         what = "is no file" if file.exists() else "no such file"
         raise ResourceError(f"{file}: {what}", "give the plan.json of a solved problem")
+    read = plan.read(file)
     try:
-        document = independent.load(file)
-        verdict = independent.verify(document)
-        if problem is not None:
-            from fmopt.task.agreement import disagreements
-            from fmopt.task.problem import load
-
-            verdict = verdict.unless(disagreements(load(problem), document))
+        verdict = independent.judge(read)
     except independent.PlanError as error:
         raise PlanFormatError(f"{file}: {error}", "give a plan.json that fmopt solve wrote") from error
-    except OSError as error:
-        raise ResourceError(f"{file}: {error.strerror or error}", "give the plan.json of a solved problem") from error
+    if problem is not None:
+        from fmopt.task.agreement import disagreements
+        from fmopt.task.problem import load
+
+        verdict = verdict.unless(disagreements(load(problem), read))
     if as_json:
-        typer.echo(json.dumps({**_findings(verdict), **_margins(document)}))
+        typer.echo(json.dumps({**_findings(verdict), **_margins(read)}))
     elif not quiet:
         for line in independent.describe(verdict):
             typer.echo(line)

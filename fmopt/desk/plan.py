@@ -134,7 +134,7 @@ class Plan:
             return found
         from fmopt.task.agreement import disagreements
 
-        return found.unless(disagreements(problem, self.document))
+        return found.unless(disagreements(problem, files.parsed(self.document)))
 
     def execute(
         self,

@@ -57,6 +57,8 @@ def judge(plan: Plan, expected_sha256: str | None = None) -> Verdict:
         notes.add("sha256", "the document is not the one that was sealed")
     if expected_sha256 is not None and plan.problem != expected_sha256:
         notes.add("problem", "the plan belongs to another problem")
+    if plan.verdict != CERTIFIED:
+        notes.add("verdict", f"the plan itself does not claim to be certified, but says {plan.verdict}")
     for flaw in assembly.flaws:
         notes.add("parts", flaw)
     check_outline(plan, notes)
@@ -65,7 +67,7 @@ def judge(plan: Plan, expected_sha256: str | None = None) -> Verdict:
     found = (*notes.found, *findings)
     verdict = REFUTED if witness is not None else NOT_PROVED if found else CERTIFIED
     least = min(margins) if len(margins) == len(plan.segments) else None
-    return Verdict(verdict, found, witness, len(plan.segments), least, plan.not_covered)
+    return Verdict(verdict, found, witness, len(plan.segments), least, plan.not_covered, plan.verdict)
 
 
 def _segments(plan: Plan, assembly: Assembly) -> tuple[list[Finding], list[float], Witness | None]:

@@ -67,6 +67,7 @@ class Verdict:
         witness: for REFUTED, where the parts collide.
         segments: number of segments in the plan.
         margin: least re-derived margin of all segments that could be re-derived, m; None without any.
+        stated: the plan's own verdict.
         not_covered: what the plan says that it does not cover.
     """
 
@@ -76,6 +77,7 @@ class Verdict:
     segments: int
     margin: float | None
     not_covered: tuple[str, ...]
+    stated: str = CERTIFIED
 
     def unless(self, differences: Sequence[str]) -> Verdict:
         """The same, but not CERTIFIED where the plan differs from the problem that it is held against."""
@@ -151,7 +153,8 @@ def micrometres(x: float) -> str:
 
 def describe(verdict: Verdict) -> list[str]:
     """The verdict as lines of text, with what it does not cover."""
-    lines = [f"verdict: {verdict.verdict} ({verdict.segments} segments)"]
+    own = "" if verdict.stated == verdict.verdict else f"; the plan's own verdict is {verdict.stated}"
+    lines = [f"verdict: {verdict.verdict} ({verdict.segments} segments){own}"]
     if verdict.margin is not None and verdict.verdict == CERTIFIED:
         lines.append(f"least margin: {micrometres(verdict.margin)}")
     if verdict.witness is not None:

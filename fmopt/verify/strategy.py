@@ -11,6 +11,7 @@ move, and the unit twist V, all about the part's reference point at the segment'
 - position axes are the motions that the held contacts leave free, force axes the wrenches that they can take;
 - the move ends by the reaction of the contacts that it makes, or by its travel, which covers its errors and the
   overtravel of its pieces;
+- held contacts stay closed under what the strategy says they do, see `staying`;
 - contacts are met as softly as is asked for, see `impact`;
 - where it is said how far the applied wrench may turn before friction can balance it, that follows, see `jamming`.
 """
@@ -30,6 +31,7 @@ from fmopt.verify.jamming import check_jam_free
 from fmopt.verify.rational import number, sub
 from fmopt.verify.reach import Contact, touching, unit_wrench
 from fmopt.verify.rows import pose
+from fmopt.verify.staying import check_stays
 
 _SURE = 1.25  # times the threshold that the push alone must bring about
 _EXACT = 1e-11  # relative: what double arithmetic may leave of an equality between forces or axes
@@ -66,6 +68,8 @@ def check_strategy(
     V = tuple(number(x) / number(stage.motion.length) for x in stage.motion.twist)
     _axes(hybrid, held, stage, scale, notes)
     _bias(hybrid, held, made, V, basis, scale, asked, notes)
+    u = tuple(x * s for x, s in zip(_along(V, basis, scale), scale, strict=True))
+    check_stays(hybrid, (held, made), V, dot(u, V), (basis, scale), asked, notes)
     _end(hybrid, made, V, stage, rho, asked, notes)
     theta = stage.segment.tube.theta + math.hypot(*(number(x) for x in stage.motion.twist[3:]))
     check_impact(hybrid, new, pose(stage.segment.goal), V, theta, error, rho, asked, notes)
