@@ -87,7 +87,6 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "cvxpy": frozenset({"placement/program.py"}),
     "networkx": frozenset({"contact/graph.py"}),
     "manifold3d": frozenset({"geometry", "nominal/touch.py"}),
-    "trimesh": frozenset({"geometry/mesh.py"}),
     "OCP": frozenset({"geometry/step.py"}),
     "shapely": frozenset({"plane", "geometry", "knowledge", "uncertainty/planar", "report"}),
     "matplotlib": frozenset({"report", "study/figures.py", "desk"}),

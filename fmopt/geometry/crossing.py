@@ -6,11 +6,14 @@ from typing import TypeAlias
 
 import numpy as np
 
+from fmopt.errors import GeometryError
 from fmopt.geometry.facets import Indices
 from fmopt.values import Array
 
 Crossing: TypeAlias = tuple[int, int, Array]
 _AT_ONCE = 100_000  # pairs of triangles looked at together
+_ROWS = 200  # triangles whose neighbours are looked for together
+_MOST_PAIRS = 10_000_000  # of triangles whose boxes meet: a mesh that is no heap has some dozens for each triangle
 
 
 def first_crossing(points: Array, triangles: Indices, tol: float) -> Crossing | None:
@@ -25,6 +28,9 @@ def first_crossing(points: Array, triangles: Indices, tol: float) -> Crossing | 
 
     Returns:
         Indices of the triangle and of the one whose edge passes through it, and the place (3,) in m.
+
+    Raises:
+        GeometryError: the triangles lie in heaps.
     """
     corners = points[triangles]
     one, other = _near(corners)
@@ -43,9 +49,16 @@ def _near(corners: Array) -> tuple[Indices, Indices]:
 
     low, high = corners.min(axis=1), corners.max(axis=1)
     flat = box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])
-    one, other = STRtree(flat).query(flat)
-    meet = (one != other) & (low[one, 2] <= high[other, 2]) & (low[other, 2] <= high[one, 2])
-    one, other = one[meet], other[meet]
+    tree, pairs, seen = STRtree(flat), [np.zeros((2, 0), dtype=np.int64)], 0
+    for start in range(0, len(flat), _ROWS):
+        one, other = tree.query(flat[start : start + _ROWS])
+        one += start
+        meet = (one != other) & (low[one, 2] <= high[other, 2]) & (low[other, 2] <= high[one, 2])
+        pairs.append(np.array([one[meet], other[meet]]))
+        seen += len(one)
+        if seen > _MOST_PAIRS:
+            raise GeometryError(f"too many of the {len(flat)} triangles lie over each other", "export the mesh coarser")
+    one, other = np.hstack(pairs)
     order = np.lexsort((other, one))
     return one[order], other[order]
 

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from fmopt.errors import GeometryError
 from fmopt.values import Array
 
+MAX_FACES = 2_000  # what is planned with them takes a time that grows by their square, at least
+_MOST_PAIRS = 20_000_000  # of vertices near each other: more than any honest mesh has
 _FOLD = 100.0  # slivers up to this many tolerances high may lie folded back in their face's plane
 
 Indices = NDArray[np.int64]
@@ -39,7 +41,8 @@ def polygon_faces(
         numbers: what to call each triangle (m,) in an error; its index if not given.
 
     Raises:
-        GeometryError: the mesh is open or its triangles disagree about orientation, naming a triangle and an edge.
+        GeometryError: the mesh is open or its triangles disagree about orientation, naming a triangle and an edge; or
+            there are more than `MAX_FACES`.
     """
     called = np.arange(len(triangles)) if numbers is None else numbers
     mesh = _Mesh(vertices, triangles, _across(vertices, triangles, called))
@@ -59,12 +62,19 @@ def merged_vertices(points: Array, triangles: Indices, reach: float) -> tuple[Ar
 
     Returns:
         The points (k, 3), the triangles (j, 3) over them, and which of the triangles given (j,) these are.
+
+    Raises:
+        GeometryError: the vertices lie in heaps.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
-    pairs = cKDTree(points).query_pairs(reach, output_type="ndarray")
+    tree = cKDTree(points)
+    if tree.count_neighbors(tree, reach) > 2 * _MOST_PAIRS:
+        message = f"too many of the {len(points)} vertices lie within {1e3 * reach:.3g} mm of each other"
+        raise GeometryError(message, "export the mesh again: its points must be spread over its surface")
+    pairs = tree.query_pairs(reach, output_type="ndarray")
     links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
     group = connected_components(links, directed=False)[1]
     first = np.unique(group, return_index=True)[1]
@@ -129,6 +139,9 @@ def _regions(mesh: _Mesh, normals: Array, heights: Array, tol: float) -> Indices
             region[seed] = _over_longest_side(mesh, region, int(seed))
         if region[seed] >= 0:
             continue
+        if count == MAX_FACES:
+            message = f"the {len(region)} triangles make more than {MAX_FACES} faces"
+            raise GeometryError(message, "export it coarser: curved surfaces with fewer facets")
         near = np.abs(mesh.vertices @ normals[seed] - offsets[seed]) <= tol
         region[seed] = count
         front = [int(seed)]

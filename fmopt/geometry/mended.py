@@ -17,6 +17,7 @@ from fmopt.geometry.polyhedron import plane_basis
 from fmopt.values import Array, Value, frozen
 
 _BAND = 0.05  # of a loop's size: as far apart as this, two loops run along each other
+_MOST_GAPS = 100  # beyond which nothing is plain to see
 _MOST = 0.45  # of the whole surface: gaps beyond this are no gaps
 
 
@@ -55,6 +56,8 @@ def patches(points: Array, triangles: Indices, tol: float) -> tuple[Patch, ...]:
         tol: points this close to a plane lie in it, m.
     """
     gaps = _gaps(triangles)
+    if len(gaps) > _MOST_GAPS:
+        return ()
     made = []
     while gaps:
         first = gaps.pop(0)

@@ -4,28 +4,29 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
-from fmopt.errors import GeometryError, ResourceError
+from fmopt.errors import GeometryError
 from fmopt.geometry.crossing import Crossing, first_crossing
 from fmopt.geometry.facets import Indices, merged_vertices, place
 from fmopt.geometry.mended import Patch, patches
+from fmopt.geometry.mesh_file import read_triangles
 from fmopt.geometry.polyhedron import Polyhedron, from_triangles
 from fmopt.geometry.roundness import chord_error
 from fmopt.values import Array, Value
 
 Unit = Literal["m", "dm", "cm", "mm", "um", "in"]
 
-FORMATS = ("stl", "obj", "ply")
 _PER_METRE: dict[Unit, float] = {"m": 1.0, "dm": 10.0, "cm": 100.0, "mm": 1e3, "um": 1e6, "in": 1.0 / 0.0254}
 _MERGE = 1e-7  # of the diameter: vertices this close are one
 _FLAT = 1e-6  # of the diameter: triangles this close to a plane are coplanar
 _COARSE = 1e-4  # of the diameter: coordinates that are multiples of more than this are meant, not rounded
+_MOST_LOOSE = 5_000  # open edges: more are no rims of gaps
+_MOST_SPLITS = 100  # times that triangles are split at the rims of gaps
 _MENDED = -1  # what triangles that no file holds are called
 
 
@@ -120,36 +121,6 @@ def extents(path: Path) -> tuple[float, float, float]:
     return float(x), float(y), float(z)
 
 
-def read_triangles(path: Path) -> tuple[Array, Indices]:
-    """Points (n, 3) and triangles (m, 3) of a mesh file as they stand there.
-
-    Raises:
-        ResourceError: there is no such file.
-        GeometryError: no mesh format, unreadable, or empty.
-    """
-    import trimesh
-
-    kind = path.suffix.lower().removeprefix(".")
-    if kind not in FORMATS:
-        advice = "use .stl, .obj or .ply, or .step with the extra step"
-        raise GeometryError(f"{path}: {path.suffix or 'a name without suffix'} is no mesh format", advice)
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise ResourceError(f"cannot read mesh {path}: {error.strerror}", "check the path") from error
-    try:
-        mesh = trimesh.load_mesh(BytesIO(data), file_type=kind, process=False)
-        points, triangles = np.array(mesh.vertices, dtype=np.float64), np.array(mesh.faces, dtype=np.int64)
-    except (ValueError, LookupError, AttributeError, TypeError) as error:
-        raise GeometryError(f"{path} is no readable {kind.upper()} file: {error}", "export it again") from error
-    if not len(triangles):
-        raise GeometryError(f"{path} holds no triangles", "export the solid, not a drawing or a point cloud")
-    if not np.isfinite(points).all():
-        bad = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
-        raise GeometryError(f"{path}: vertex {bad} is not finite", "export it again")
-    return points, triangles
-
-
 def _left_out(points: Array, triangles: Indices, kept: Indices) -> list[str]:
     lost = np.setdiff1d(np.arange(len(triangles)), kept)
     if not len(lost):
@@ -171,18 +142,20 @@ def _sewn(points: Array, triangles: Indices, numbers: Indices, reach: float) -> 
     """Triangles with an open edge are split at the vertices that lie on it, as where a rim was subdivided on one side.
 
     Only vertices of open edges within `reach` of the edge count, so that the surface stays where it is. The parts of
-    a triangle keep its number.
+    a triangle keep its number. Where there are too many to be a rim, the surface is left as open as it is.
     """
-    while True:
+    for _ in range(_MOST_SPLITS):
         sides = {(int(t[k]), int(t[(k + 1) % 3])): (i, k) for i, t in enumerate(triangles) for k in range(3)}
         loose = [side for side in sides if side[::-1] not in sides]
+        if len(loose) > _MOST_LOOSE:
+            break
         rim = np.unique(np.array(loose, dtype=np.int64))
         splits: dict[int, tuple[int, list[int]]] = {}
         for a, b in loose:
             if between := _between(points, a, b, rim, reach):
                 splits.setdefault(sides[a, b][0], (sides[a, b][1], between))
-        if not splits:
-            return triangles, numbers
+        if not 0 < sum(len(between) for _, between in splits.values()) <= _MOST_LOOSE:
+            break
         kept = [triangle for i, triangle in enumerate(triangles.tolist()) if i not in splits]
         called = [number for i, number in enumerate(numbers.tolist()) if i not in splits]
         for i, (k, between) in splits.items():
@@ -191,6 +164,7 @@ def _sewn(points: Array, triangles: Indices, numbers: Indices, reach: float) -> 
             kept.extend(parts)
             called.extend([int(numbers[i])] * len(parts))
         triangles, numbers = np.array(kept, dtype=np.int64), np.array(called, dtype=np.int64)
+    return triangles, numbers
 
 
 def _between(points: Array, a: int, b: int, candidates: Indices, reach: float) -> list[int]:
