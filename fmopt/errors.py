@@ -69,6 +69,14 @@ class GeometryError(FmoptError):
     exit_code = 2
 
 
+class SizeError(GeometryError):
+    """A part so large or so small that its unit must be wrong; `size` in metres."""
+
+    def __init__(self, message: str, size: float, advice: str = "") -> None:
+        super().__init__(message, advice)
+        self.size = size
+
+
 class InterferenceError(FmoptError):
     """The parts overlap when assembled: no motion exists.
 

@@ -128,7 +128,13 @@ def test_every_name_in_backticks_leads_somewhere() -> None:
     everywhere = defined(trees)
     schema = (PACKAGE.parent / "pyproject.toml").read_text(encoding="utf-8")
     extras = set(re.findall(r"^(\w+) = \[", schema, re.MULTILINE))
-    rooms = ("verify/parse.py", "verify/parse_segments.py", "verify/parse_accounts.py", "plan_record.py", "placement/visited.py")
+    rooms = (
+        "verify/parse.py",
+        "verify/parse_segments.py",
+        "verify/parse_accounts.py",
+        "plan_record.py",
+        "placement/visited.py",
+    )
     keys = set().union(*(words_of(trees[Path(room)]) for room in rooms))  # of the plan file
     dead, seen = [], 0
     for file, tree in trees.items():

@@ -12,6 +12,7 @@ import numpy as np
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.crossing import Crossing, first_crossing
+from fmopt.geometry.extent import require_plausible
 from fmopt.geometry.facets import Indices, merged_vertices, place
 from fmopt.geometry.mended import Patch, patches
 from fmopt.geometry.mesh_file import read_triangles
@@ -63,9 +64,11 @@ def load_mesh(path: Path | str, unit: Unit) -> Imported:
 
     Raises:
         ResourceError: there is no such file.
+        SizeError: too large or too small for a part, as where the unit is another one.
         GeometryError: unreadable, open, inside out or crossing itself; names the triangle, the edge, the place.
     """
     points, triangles = read_triangles(Path(path))
+    require_plausible(points / _PER_METRE[unit])
     try:
         mesh = mesh_polyhedron(points / _PER_METRE[unit], triangles)
     except GeometryError as error:

@@ -12,6 +12,7 @@ from fmopt.se3 import Pose
 from fmopt.task.problem import Problem
 from fmopt.values import Array
 
+LEAST_LEVER = 2.0**-10  # m: what the check of a plan takes
 _FAR = 10.0  # times the declared clearance: no tolerance, but another part or another unit
 
 
@@ -37,8 +38,11 @@ def measured_clearance(problem: Problem) -> Clearance:
 
 
 def characteristic_length(problem: Problem, clearance: Clearance) -> float:
-    """The length ρ that weighs angles against lengths, m: stated, or half the diagonal of the mating section."""
-    return problem.settings.characteristic_length or clearance.half_diagonal
+    """The length ρ that weighs angles against lengths, m: stated, or half the diagonal of the mating section.
+
+    Of a small section, the least that the check of a plan takes.
+    """
+    return problem.settings.characteristic_length or max(clearance.half_diagonal, LEAST_LEVER)
 
 
 def drift(problem: Problem, clearance: Clearance) -> Array:

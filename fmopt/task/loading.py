@@ -25,7 +25,7 @@ from fmopt.task.forces import force_faults
 from fmopt.task.mesh_source import MAX_MESH_BYTES
 from fmopt.task.model import Model, load_model, overrides_of
 from fmopt.task.problem import Attributes, Problem, Settings, Specification, VelocityError
-from fmopt.task.sizes import refuse_far, refuse_wild
+from fmopt.task.sizes import refuse_far, refuse_reaching, refuse_wild
 from fmopt.task.sources import (
     Configuration,
     Contribution,
@@ -218,7 +218,7 @@ def _deepest(file: files.ProblemFile, models: Mapping[str, Model]) -> float | No
 def _problem(source: Source, file: files.ProblemFile, models: Mapping[str, Model]) -> Problem:
     exchanged = _is_exchanged(file, models)
     peg, hole = ("fixed", "moving") if exchanged else ("moving", "fixed")
-    parts = _parts(file, models)
+    refuse_reaching(source, parts := _parts(file, models))
     depth = file.goal.depth or _deepest(file, models) or 0.0
     trees = _trees(models)
     begin, grasp = _start(file, exchanged), Pose.from_vector([*file.grasp.at, *file.grasp.turn])

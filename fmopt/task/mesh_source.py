@@ -6,9 +6,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fmopt.errors import Fault, GeometryError, InputError, ResourceError
+from fmopt.errors import Fault, GeometryError, InputError, ResourceError, SizeError
 from fmopt.memory import remembered
 from fmopt.task.model_file import MatingFeature, Mesh, ModelFile
+from fmopt.task.sizes import implausible
 from fmopt.task.toml_source import Source, read_bytes
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ def imported(source: Source, mesh: Mesh) -> Imported:
     """The mesh of a model file, in m; features, part and tree of one model are made of one reading.
 
     Raises:
-        InputError: it cannot be read or bounds no solid; at its place in the model file.
+        InputError: it cannot be read, bounds no solid or is of no plausible size; at its place in the model file.
         ResourceError: a STEP file without the extra that reads it.
     """
     place = source.place(("mesh", "file"))
@@ -72,6 +73,9 @@ def imported(source: Source, mesh: Mesh) -> Imported:
         from fmopt.geometry.mesh import load_mesh
 
         return load_mesh(path, mesh.unit or "mm")
+    except SizeError as error:
+        key = ("mesh", "file" if mesh.unit is None else "unit")
+        raise InputError(implausible(source, key, mesh.unit, error)) from error
     except GeometryError as error:
         raise InputError(place.fault("geometry", error.message, error.advice)) from error
 

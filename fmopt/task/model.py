@@ -6,13 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from fmopt.errors import Fault, InputError
+from fmopt.errors import Fault, InputError, SizeError
 from fmopt.task.faults import checked
 from fmopt.task.mesh_source import mesh_faults, with_features
 from fmopt.task.model_file import ModelFile, Profile
+from fmopt.task.sizes import implausible
 from fmopt.task.tables import Reading, factors
 from fmopt.task.toml_source import Key, Place, Source, read
-from fmopt.task.tree import tree_faults
+from fmopt.task.tree import part_reach, tree_faults
 from fmopt.task.units import Quantity, QuantityError, did_you_mean
 
 
@@ -53,7 +54,9 @@ def load_model(path: Path, cited: Place, overrides: Mapping[str, Override]) -> t
     faults += more
     if file is not None:
         faults += _cross_checks(source, file)
-        if file.mesh is not None and not file.features and not faults:
+        if file.mesh is None and not faults:
+            faults += _size_faults(source, file)
+        elif file.mesh is not None and not file.features and not faults:
             file = with_features(source, file)
     return (Model(source, file) if file is not None and not faults else None), faults
 
@@ -143,6 +146,17 @@ def _cross_checks(source: Source, file: ModelFile) -> list[Fault]:
                 place = source.place(("features", name, "solids", i))
                 faults.append(place.fault("unknown-solid", f"there is no solid {solid!r}", advice))
     return faults
+
+
+def _size_faults(source: Source, file: ModelFile) -> list[Fault]:
+    """A part of an implausible size."""
+    from fmopt.geometry.extent import require_plausible
+
+    try:
+        require_plausible(part_reach(source, file))
+    except SizeError as error:
+        return [implausible(source, ("units", "length"), file.units.length, error)]
+    return []
 
 
 def _profile_faults(source: Source, file: ModelFile, profile: Profile) -> list[Fault]:

@@ -8,12 +8,13 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import Field
 
 from fmopt.task.tables import (
+    Beside,
     Distance,
     Duration,
     File,
     Force,
     Friction,
-    Length,
+    Lever,
     Mass,
     Measured,
     Name,
@@ -21,6 +22,7 @@ from fmopt.task.tables import (
     ParameterName,
     Ratio,
     Rotation,
+    Shift,
     Speed,
     Stiffness,
     Table,
@@ -28,6 +30,7 @@ from fmopt.task.tables import (
     Title,
     Torque,
     Vector,
+    Way,
 )
 from fmopt.task.units import ANGLE, LENGTH
 
@@ -90,9 +93,9 @@ class Clearance(Table):
 class Start(Table):
     """Where the motion starts: above the mouth, beside the axis and tilted as the plan chooses."""
 
-    height: Length
+    height: Way
     """Height of the tilted part's lowest point above the mouth; the start error holds in that pose."""
-    at: Vector | None = None
+    at: tuple[Beside, Beside, Beside] | None = None
     """Where the nominal trajectory P(t) begins: the moving feature's origin in the fixed feature's frame; not given:
     on the axis, the peg's leading face at `height`."""
     turn: Rotation = (0.0, 0.0, 0.0)
@@ -105,10 +108,10 @@ class Box(Table):
     frame: Literal["world", "hole", "hand"] = "world"
     """Where the error is fixed: in the world (the robot's own), in the hole (the fixture's, which is askew), or in the
     hand (the grasp's, which turns with the part)."""
-    x: Distance
-    y: Distance | None = None
+    x: Shift
+    y: Shift | None = None
     """Left out in a planar problem, as rx and rz."""
-    z: Distance
+    z: Shift
     rx: Tilt | None = None
     ry: Tilt
     rz: Tilt | None = None
@@ -242,7 +245,7 @@ class Settings(Table):
     """How goal poses are placed; "descent" is the paper's steepest descent, for comparison."""
     max_tilt: Tilt = Field(default_factory=lambda: math.radians(12.0))
     """Greatest tilt about each of x and y in which the part starts, 12 deg if not given; moves may turn it further."""
-    characteristic_length: Length | None = None
+    characteristic_length: Lever | None = None
     """Length that makes rotation comparable with translation; half the diagonal of the mating section if not given."""
     reduce_errors: bool = False
     """Whether to plan for the largest share of the start errors for which there is a plan, in steps of 5 %, where there

@@ -7,12 +7,15 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, assert_never
 
+import numpy as np
+
 from fmopt.errors import Fault, GeometryError, InputError, TaskError
 from fmopt.se3 import Pose
 from fmopt.task import model_file as files
 from fmopt.task.mesh_source import deviation, imported
 from fmopt.task.toml_source import Key, Place, Source
 from fmopt.task.units import did_you_mean
+from fmopt.values import Array
 
 if TYPE_CHECKING:
     from fmopt.geometry import csg
@@ -91,6 +94,19 @@ def _reachable(root: str, references: dict[str, list[tuple[Key, str]]]) -> set[s
             found.add(name)
             waiting.extend(target for _, target in references[name])
     return found
+
+
+def part_reach(source: Source, file: files.ModelFile) -> Array:
+    """Points (n, 3) in m whose bounding box holds the part of a checked model file with solids or a profile.
+
+    Raises:
+        InputError: a solid has no volume; at its place in the file.
+    """
+    from fmopt.geometry.extent import reach
+
+    if file.profile is None:
+        return reach(_solid(source, file, file.part or ""))
+    return np.array([(x, 0.0, z) for polygon in file.profile.polygons for x, z in polygon])
 
 
 def build_part(source: Source, file: files.ModelFile) -> Part:

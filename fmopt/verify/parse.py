@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import Any
 
 from fmopt.verify.document import Body, Contact, Part, Plan, Specification
 from fmopt.verify.file import digest
-from fmopt.verify.form import FORMAT, FRAMES, UNITS, VERDICTS
+from fmopt.verify.form import FORMAT, FRAMES, UNITS, VERDICTS, Numbers
 from fmopt.verify.keys import Fields, fields
 from fmopt.verify.parse_accounts import (
     ACCOUNT_FIELDS,
@@ -36,9 +37,7 @@ _TOP = fields(
 _PROBLEM = fields("problem", compared="sha256", commentary="title")
 _UNITS = fields("units", proved=" ".join(UNITS))
 _FRAMES = fields("frames", proved=" ".join(FRAMES))
-_UNCERTAINTY = fields(
-    "uncertainty", compared="start_box velocity_error rho", objects="sources", optional=("sources",)
-)
+_UNCERTAINTY = fields("uncertainty", compared="start_box velocity_error rho", objects="sources", optional=("sources",))
 _SOURCE = fields("uncertainty.sources[]", compared="frame box")
 _SPECIFICATION = fields(
     "specification",
