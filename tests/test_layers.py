@@ -87,7 +87,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "cvxpy": frozenset({"placement/program.py"}),
     "networkx": frozenset({"contact/graph.py"}),
     "manifold3d": frozenset({"geometry", "nominal/touch.py"}),
-    "OCP": frozenset({"geometry/step.py"}),
+    "OCP": frozenset({"geometry/step_kernel.py"}),
     "shapely": frozenset({"plane", "geometry", "knowledge", "uncertainty/planar", "report"}),
     "matplotlib": frozenset({"report", "study/figures.py", "desk"}),
     "mpl_toolkits": frozenset({"report/surface_view.py"}),

@@ -171,7 +171,7 @@ def test_step_files_that_cannot_be_used_say_why(folder: Path, monkeypatch: pytes
     with pytest.raises(fmopt.InputError, match=r"plate\.toml:8:8: geometry: .*no readable STEP file"):
         load(folder / "problem.toml")
     (folder / "plate.step").write_text(whole)
-    monkeypatch.setitem(sys.modules, "OCP.STEPControl", None)
+    monkeypatch.setitem(sys.modules, "OCP", None)
     with pytest.raises(fmopt.ResourceError, match=r"need the extra step; install fmopt\[step\], or export the part as"):
         load(folder / "problem.toml")
 

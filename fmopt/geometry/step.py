@@ -1,26 +1,37 @@
-"""STEP files: plane faces exactly, curved ones as facets no further from them than stated."""
+"""STEP files: plane faces exactly, curved ones as facets no further from them than stated.
+
+The CAD kernel reads them in a process of its own, see `step_kernel`: what breaks it down does not break this one.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import json
+import os
+import signal
+import subprocess
+import sys
+from contextlib import suppress
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from fmopt.errors import GeometryError, ResourceError
-from fmopt.geometry.facets import Indices
+from fmopt.errors import FmoptError, GeometryError, ResourceError, SizeError
+from fmopt.geometry.extent import require_plausible
 from fmopt.geometry.mesh import Imported, mesh_polyhedron
-from fmopt.values import Array
-
-if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Shape
+from fmopt.geometry.mesh_file import MAX_TRIANGLES
 
 DEVIATION = 1e-5  # m: how finely curved faces are cut into facets where nothing else is asked for
 _MILLIMETRE = 1e-3
-_COARSEST = 0.5  # rad between neighbouring facets
-_INSIDE = np.array([[1, 1, 1], [1.5, 1.5, 0], [0, 1.5, 1.5], [1.5, 0, 1.5]]) / 3.0  # where facets are held to surfaces
+_SECONDS = 300.0  # by the clock; the process has less of the processor
+_AGAIN = "export it again, as AP203, AP214 or AP242; or export the part as STL"
+_OUTSIDE = {signal.SIGKILL, signal.SIGTERM, signal.SIGHUP}  # what others send
+_CODE = (
+    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
+    "from fmopt.geometry.step_kernel import main; main(sys.argv[2:])"
+)
 
 
 def load_step(path: Path, deviation: float = DEVIATION) -> Imported:
@@ -35,100 +46,88 @@ def load_step(path: Path, deviation: float = DEVIATION) -> Imported:
         deviation: how far facets may lie from curved faces, m, positive.
 
     Raises:
-        ResourceError: there is no such file, or the extra `step` is not installed.
-        GeometryError: unreadable, no solid or several, or one whose boundary does not close.
+        ResourceError: there is no such file, or the extra `step` is not installed, or no process can be started.
+        SizeError: too large or too small for a part.
+        GeometryError: unreadable, no solid or several, or one whose boundary does not close; or reading it breaks the
+            CAD kernel down, or takes more time or memory than there is for it.
     """
     if not path.is_file():
         raise ResourceError(f"cannot read {path}: there is no such file", "check the path")
-    shape = _solid(path)
-    points, triangles, off = _facets(shape, deviation)
+    if find_spec("OCP") is None:
+        advice = "install fmopt[step], or export the part as STL"
+        raise ResourceError(f"{path}: STEP files need the extra step", advice)
     try:
-        mesh = mesh_polyhedron(_MILLIMETRE * points, triangles)
+        answer = _answer(path, deviation)
+        points, triangles, off = _facets(answer)
+        require_plausible(points)
+        mesh = mesh_polyhedron(points, triangles)
+    except SizeError:
+        raise
     except GeometryError as error:
         raise GeometryError(f"{path}: {error.message}", error.advice) from error
     return replace(mesh, chord_error=0.0 if off is None else max(deviation, off))
 
 
-def _solid(path: Path) -> TopoDS_Shape:
+def _facets(answer: dict[str, Any]) -> tuple[Any, Any, float | None]:
+    """Points (n, 3) in m, triangles (m, 3), and how far they are from curved faces, m; None if none is."""
+    if "message" in answer:
+        raise GeometryError(answer["message"], answer["advice"])
+    points = _MILLIMETRE * np.array(answer["points"], dtype=np.float64).reshape(-1, 3)
+    triangles = np.array(answer["triangles"], dtype=np.int64).reshape(-1, 3)
+    if len(triangles) > MAX_TRIANGLES:
+        raise GeometryError(f"it becomes {len(triangles)} facets", "give a larger 'deviation'")
+    if not np.isfinite(points).all() or triangles.min() < 0 or triangles.max() >= len(points):
+        raise GeometryError("the CAD kernel makes no surface of it", _AGAIN)
+    off = answer["off"]
+    return points, triangles, None if off is None else _MILLIMETRE * off
+
+
+def _answer(path: Path, deviation: float) -> dict[str, Any]:
+    """What the process says that reads the file.
+
+    Raises:
+        ResourceError: it cannot be started, or was ended from outside.
+        GeometryError: it breaks down on the file, or comes to no end.
+    """
+    watched, life = os.pipe()
+    asked = [str(path.resolve()), repr(deviation / _MILLIMETRE), str(watched), str(os.getpid())]
     try:
-        from OCP.IFSelect import IFSelect_ReturnStatus
-        from OCP.Message import Message
-        from OCP.STEPControl import STEPControl_Reader
-        from OCP.TopAbs import TopAbs_ShapeEnum
-    except ImportError as error:
-        advice = "install fmopt[step], or export the part as STL"
-        raise ResourceError(f"{path}: STEP files need the extra step", advice) from error
-    messenger = Message.DefaultMessenger_s()
-    for printer in list(messenger.Printers()):
-        messenger.RemovePrinter(printer)
-    reader = STEPControl_Reader()
-    if reader.ReadFile(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone or not reader.TransferRoots():
-        raise GeometryError(f"{path} is no readable STEP file", "export it again, as AP203, AP214 or AP242")
-    solids = list(_inside(reader.OneShape(), TopAbs_ShapeEnum.TopAbs_SOLID))
-    if len(solids) != 1:
-        advice = "export one part on its own" if solids else "export the solid, not its surfaces"
-        raise GeometryError(f"{path} holds {len(solids) or 'no'} solids", advice)
-    return solids[0]
+        process = subprocess.Popen(
+            [sys.executable, "-c", _CODE, json.dumps(sys.path), *asked],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            pass_fds=(watched,),
+            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+        )
+    except OSError as error:
+        os.close(life)
+        raise ResourceError(f"{path}: no process can be started to read it: {error.strerror}", "free memory") from error
+    finally:
+        os.close(watched)
+    try:
+        told, said = process.communicate(timeout=_SECONDS)
+    except subprocess.TimeoutExpired:
+        raise GeometryError(f"the CAD kernel has not read it in {_SECONDS:g} s", _AGAIN) from None
+    finally:
+        with suppress(ProcessLookupError):
+            process.kill()
+        process.wait()
+        os.close(life)
+    if process.returncode == 0:
+        answer: dict[str, Any] = json.loads(told)
+        return answer
+    raise _ending(path, process.returncode, said)
 
 
-def _inside(shape: TopoDS_Shape, kind: Any) -> Iterator[Any]:
-    from OCP.TopExp import TopExp_Explorer
-
-    explorer = TopExp_Explorer(shape, kind)
-    while explorer.More():
-        yield explorer.Current()
-        explorer.Next()
-
-
-def _facets(shape: TopoDS_Shape, deviation: float) -> tuple[Array, Indices, float | None]:
-    """Points (n, 3) in mm, outward triangles (m, 3), and how far they are from curved faces, m; None if none is."""
-    from OCP.BRepAdaptor import BRepAdaptor_Surface
-    from OCP.BRepMesh import BRepMesh_IncrementalMesh
-    from OCP.GeomAbs import GeomAbs_SurfaceType
-    from OCP.TopAbs import TopAbs_ShapeEnum
-    from OCP.TopoDS import TopoDS
-
-    BRepMesh_IncrementalMesh(shape, deviation / _MILLIMETRE, False, _COARSEST, False)
-    points, triangles, off, count = [], [], [], 0
-    for found in _inside(shape, TopAbs_ShapeEnum.TopAbs_FACE):
-        face = TopoDS.Face(found)
-        corners, sides, places = _mesh_of(face)
-        surface = BRepAdaptor_Surface(face)
-        if surface.GetType() != GeomAbs_SurfaceType.GeomAbs_Plane:
-            off.append(_MILLIMETRE * _distance(surface, corners[sides], places[sides]))
-        points.append(corners)
-        triangles.append(sides + count)
-        count += len(corners)
-    return np.vstack(points), np.vstack(triangles), max(off, default=None)
-
-
-def _mesh_of(face: Any) -> tuple[Array, Indices, Array]:
-    """Corners (n, 3) in mm of a face's facets, the facets (m, 3) seen from outside, and the corners' parameters."""
-    from OCP.BRep import BRep_Tool
-    from OCP.TopAbs import TopAbs_Orientation
-    from OCP.TopLoc import TopLoc_Location
-
-    location = TopLoc_Location()
-    mesh = BRep_Tool.Triangulation_s(face, location)
-    if mesh is None:
-        raise GeometryError("a face of the STEP file has no facets", "heal the solid where it was made")
-    move = location.Transformation()
-    nodes = [mesh.Node(i).Transformed(move) for i in range(1, mesh.NbNodes() + 1)]
-    corners = np.array([(node.X(), node.Y(), node.Z()) for node in nodes])
-    sides = np.array([mesh.Triangle(i).Get() for i in range(1, mesh.NbTriangles() + 1)], dtype=np.int64) - 1
-    places = np.array([(uv.X(), uv.Y()) for uv in (mesh.UVNode(i) for i in range(1, mesh.NbNodes() + 1))])
-    reversed_ = face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED
-    return corners, sides[:, ::-1] if reversed_ else sides, places
-
-
-def _distance(surface: Any, facets: Array, places: Array) -> float:
-    """Largest distance in mm of a surface from facets (m, 3, 3), at the middles of facets and of their edges."""
-    normal = np.cross(facets[:, 1] - facets[:, 0], facets[:, 2] - facets[:, 0])
-    size = np.linalg.norm(normal, axis=1)
-    normal = normal[size > 0.0] / size[size > 0.0, None]
-    largest = 0.0
-    for weights in _INSIDE:
-        for (u, v), corner, across in zip(weights @ places[size > 0.0], facets[size > 0.0, 0], normal, strict=True):
-            point = surface.Value(float(u), float(v))
-            largest = max(largest, abs(float(across @ (np.array([point.X(), point.Y(), point.Z()]) - corner))))
-    return largest
+def _ending(path: Path, code: int, said: bytes) -> FmoptError:
+    """The error of a process that did not answer."""
+    if code > 0:
+        last = said[-2000:].decode(errors="replace").strip().split("\n")[-1]
+        return FmoptError(f"{path}: the process that reads it ended with exit code {code}: {last}")
+    name = signal.Signals(-code).name
+    if -code in _OUTSIDE:
+        return ResourceError(f"{path}: the process that reads it was ended by {name}", "free memory, and try again")
+    if -code == signal.SIGXCPU:
+        return GeometryError("the CAD kernel comes to no end with it", _AGAIN)
+    return GeometryError(f"the CAD kernel breaks down on it ({name})", _AGAIN)
