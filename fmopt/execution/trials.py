@@ -31,6 +31,7 @@ from fmopt.execution.rotation import product, quaternions
 from fmopt.guarded.contacts import contacts
 from fmopt.guarded.moves import moves
 from fmopt.plan import Plan
+from fmopt.se3 import Pose
 from fmopt.values import Array
 
 METHODS: dict[str, Callable[[Plan, Robot], Program]] = {"plan": planned, **BASELINES}
@@ -106,7 +107,28 @@ def draw(what: Plan, program: Program, trials: Trials, number: int) -> Draw:
     )
     start = share * box
     start[0] += trials.offset
-    return Draw(start, size, drift)
+    return Draw(start, size, drift + _askew(what, program, share))
+
+
+def _askew(what: Plan, program: Program, share: Array) -> Array:
+    """What errors that are fixed in the hole and in the hand add to the velocity of each move (m, 6), at full speed.
+
+    In a hole that is askew by h every motion is seen turned by it; a part that is off by g in the hand swings by ω × g.
+    Errors of a trial have the same share in all of their frames, and the sign that adds them up.
+    """
+    boxes = dict(what.sources)
+    none = (0.0,) * 6
+    hole, hand = share * boxes.get("hole", none), share * boxes.get("hand", none)
+    first = {segment.move: segment for segment in reversed(what.segments)}
+    found = np.zeros((max(step.move for step in program.steps) + 1, 6))
+    for step in reversed(program.steps):
+        size = float(np.linalg.norm(step.twist * np.repeat([1.0, program.rho], 3)))
+        if size > 0.0:
+            v, w = np.reshape(step.twist * program.speed / size, (2, 3))
+            here = Pose.from_vector(first[step.move].start) if step.move in first else program.start
+            off = here.R @ program.start.R.T @ hand[:3]
+            found[step.move] = np.concatenate([np.cross(hole[3:], v) + np.cross(w, off), np.cross(hole[3:], w)])
+    return found
 
 
 def _covered(what: Plan, box: Array) -> Array:
