@@ -185,6 +185,9 @@ def _start(problem: Problem) -> Iterator[str]:
             f"error {origin}: +-{_mm(x)}, {_mm(y)}, {_mm(z)} mm along x, y, z; "
             f"+-{_deg(rx)}, {_deg(ry)}, {_deg(rz)} deg about them"
         )
+    if not problem.framing.still and not problem.budget:
+        where = "hole, which is askew by it" if problem.framing.hole.any() else "hand, so that it turns with the part"
+        yield f"error fixed in the {where}"
     yield from _sources(problem)
     if problem.sources is not None:
         yield f"grasped {_mm(problem.sources.grasp_height)} mm above the leading face"
@@ -215,7 +218,7 @@ def _sources(problem: Problem) -> Iterator[str]:
         x, turn = float(share.box[0]), float(share.box[4])
         parts = f"{x / across if across else 0.0:.0%} and {turn / angle if angle else 0.0:.0%}"
         name = f"{share.source} ({share.symbol})" if share.symbol else share.source
-        yield f"{name}: {_mm(x)} mm along x, {_deg(turn)} deg ({parts})"
+        yield f"{name}: {_mm(x)} mm along x, {_deg(turn)} deg ({parts}), fixed in the {share.frame}"
 
 
 def _motion(problem: Problem) -> Iterator[str]:
