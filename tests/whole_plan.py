@@ -61,4 +61,7 @@ def whole_plan() -> dict[str, Any]:
     segments[0] = {**segments[0], "hybrid": hybrid, "leaving": []}
     limits = {"impact_force": 10.0, "apparent_mass": 2.0, "contact_stiffness": 1e5}
     specification = {**plan["specification"], **limits}
-    return sealed({**plan, **told, "segments": segments, "specification": specification})
+    box = plan["uncertainty"]["start_box"]
+    uncertainty = {**plan["uncertainty"], "sources": [{"frame": "world", "box": box}]}
+    whole = {"segments": segments, "specification": specification, "uncertainty": uncertainty}
+    return sealed({**plan, **told, **whole})
