@@ -34,6 +34,11 @@ CHANGES: dict[str, Callable[[Plan], Any]] = {
     "reaction reversed": lambda p: p["position_force"][-1].update(fa=[-x for x in p["position_force"][-1]["fa"]]),
     "reaction on a free axis": lambda p: p["position_force"][0]["fa"].__setitem__(2, 5.0),
     "reaction too large": lambda p: p["position_force"][-1]["fa"].__setitem__(0, 1e3),
+    "wrench applied the wrong way": lambda p: p["position_force"][-1].update(applied=p["position_force"][-1]["fa"]),
+    "natural constraint elsewhere": lambda p: p["position_force"][-1]["pn_end"].__setitem__(0, 1e-3),
+    "move without a name": lambda p: p["search"]["moves"].pop(),
+    "states confirmed": lambda p: p["critical_points"][0].update(states_confirmed=0),
+    "verdict of its own": lambda p: p.update(verdict="NOT_PROVED"),
     "either sign": lambda p: p["position_force"][-1].update(either_sign=[]),
     "critical point that is none": lambda p: p["segments"][0].update(critical_point=99),
     "lower bound above the cost": lambda p: p["search"].update(lower_bound=p["search"]["cost"] + 1.0),
@@ -50,6 +55,31 @@ def test_changes_beside_the_segments_are_noticed(name: str, square_peg_plan: Pla
     verdict = verify(changed(square_peg_plan, CHANGES[name]))
     assert verdict.verdict == NOT_PROVED
     assert all("sha256" not in finding.what for finding in verdict.findings)
+
+
+def test_what_held_contacts_stay_closed_under_is_derived(square_peg_plan: Plan) -> None:
+    """Where a held contact opens as the next one is felt, a plan must not say that it stays closed under more."""
+    weaker = {"push": "stop", "stop": "none"}
+    for k, segment in enumerate(square_peg_plan["segments"]):
+        stays = segment["hybrid"]["stays"]
+        if stays in weaker and segment["hybrid"]["termination"]["contacts"]:
+            claim = changed(square_peg_plan, lambda p, k=k, s=stays: p["segments"][k]["hybrid"].update(stays=weaker[s]))
+            assert verify(claim).verdict == CERTIFIED
+            break
+    refuted = 0
+    for k in (k for k, s in enumerate(square_peg_plan["segments"]) if s["hybrid"]["stays"] != "push"):
+        more = changed(square_peg_plan, lambda p, k=k: p["segments"][k]["hybrid"].update(stays="push"))
+        found = verify(more).findings
+        assert [(f.segment, f.what) for f in found] in ([], [(k, "stays")])
+        refuted += len(found)
+    assert refuted > 3
+
+
+def test_a_plan_that_does_not_claim_it_is_not_certified(square_peg_plan: Plan) -> None:
+    found = verify(changed(square_peg_plan, lambda p: p.update(verdict="NOT_PROVED")))
+    assert (found.verdict, found.stated) == (NOT_PROVED, "NOT_PROVED")
+    assert [f.what for f in found.findings] == ["verdict"]
+    assert any("does not claim to be certified" in line for line in found.lines())
 
 
 def test_rounding_in_the_wrench_that_ends_a_move_is_no_change(square_peg_plan: Plan) -> None:

@@ -7,6 +7,7 @@ with the segments, because people and controllers read them.
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -63,7 +64,9 @@ def _row(what: str, row: PositionForce, nominal: Nominal, most: float, notes: No
     """One row of Pa(t) and Fa(t): Γ(S, P), Ω(S), and the S of the interval that it lies in."""
     s = row.interval.s
     middle = 0.5 * (row.interval.start + row.interval.end)
-    if not any(span.start <= middle <= span.end and s == span.s for span in nominal.intervals):
+    at = bisect_left(nominal.intervals, middle, key=lambda span: span.end)
+    # One that is an instant at the end has the next one's s as well as its own.
+    if not any(s == span.s and span.start <= middle <= span.end for span in nominal.intervals[at : at + 2]):
         notes.add(what, "has another s than the nominal interval that it lies in")
     for t, end, pa, pn in (
         (row.interval.start, "start", row.pa_start, row.pn_start),
@@ -85,11 +88,9 @@ def _row(what: str, row: PositionForce, nominal: Nominal, most: float, notes: No
 
 
 def _at(t: float, nodes: Sequence[Numbers], times: Sequence[float]) -> list[float]:
-    for (a, b), (p, q) in zip(pairwise(times), pairwise(nodes), strict=True):
-        if t <= b or b == times[-1]:
-            share = (t - a) / (b - a)
-            return [x + share * (y - x) for x, y in zip(p, q, strict=True)]
-    raise AssertionError
+    i = min(max(bisect_left(times, t), 1), len(times) - 1)
+    share = (t - times[i - 1]) / (times[i] - times[i - 1])
+    return [x + share * (y - x) for x, y in zip(nodes[i - 1], nodes[i], strict=True)]
 
 
 def _critical(points: Sequence[CriticalPoint], plan: Plan, notes: Notes) -> None:

@@ -74,6 +74,8 @@ def parse(document: Any) -> Plan:
     known = dict.fromkeys(c.id for c in contacts)
     if len(known) != len(contacts):
         raise top.at("contacts").fail("repeats an id")
+    if len({(c.kind, c.moving, c.fixed) for c in contacts}) != len(contacts):
+        raise top.at("contacts").fail("has a contact under two ids")
     uncertainty, problem = top.at("uncertainty").only(_UNCERTAINTY), top.at("problem").only(_PROBLEM)
     search, nominal, recovery = top.maybe("search"), top.maybe("nominal"), top.maybe("recovery")
     critical, rows = top.maybe("critical_points"), top.maybe("position_force")

@@ -17,7 +17,7 @@ from fmopt.verify.document import (
     Witness,
 )
 from fmopt.verify.keys import Fields, fields
-from fmopt.verify.reader import MOST, Reader
+from fmopt.verify.reader import Reader
 
 SLOWEST = 1e-9  # m/s
 LEAST_FORCE = 1e-9  # N, that ends a move
@@ -55,6 +55,7 @@ SEGMENT_FIELDS: tuple[Fields, ...] = (
     _SEGMENT, _BASIS, _TUBE, _SEPARATION, _WITNESS, _CLAIM, _HYBRID, _FORCE, _TERMINATION, _JAM_FREE, _PLANE, _IMPACT,
 )  # fmt: skip
 _SIZES = {"vertex-face": (1, 3), "face-vertex": (3, 1), "edge-edge": (2, 2)}  # vertices; 3 or more of a face
+_MANY = 256  # generators of an error set, twists that prove a range
 _WITNESSES = ("fixed-face", "moving-face", "edges", "plane")
 
 
@@ -102,12 +103,12 @@ def read_segment(place: Reader, known: Iterable[str], moving: Part, fixed: Part)
     if not progress[0] < progress[1]:
         raise place.at("progress").fail("must increase")
     basis = []
-    for item in place.at("basis").items():
+    for item in place.at("basis").items(most=6):
         item.only(_BASIS)
         direction = item.at("direction").numbers(6, -4096.0, 4096.0)
         basis.append((item.at("contact").text(known), direction, item.at("made").flag()))
     claims = place.at("contacts").items()
-    separations = place.at("separations").items(most=max(MOST, len(moving.pieces) * len(fixed.pieces)))
+    separations = place.at("separations").items(most=2 * len(moving.pieces) * len(fixed.pieces))
     return Segment(
         place.at("critical_point").integer(),
         place.at("move").integer(),
@@ -131,7 +132,7 @@ def read_segment(place: Reader, known: Iterable[str], moving: Part, fixed: Part)
 def _tube(place: Reader) -> Tube:
     place.only(_TUBE)
     matrices: dict[str, tuple[Numbers, ...]] = {
-        f"{kind}_{end}": place.at(f"{kind}_{end}").matrix(None if kind == "generators" else 6)
+        f"{kind}_{end}": place.at(f"{kind}_{end}").matrix(None if kind == "generators" else 6, _MANY)
         for kind in ("shape", "generators", "growth")
         for end in ("start", "goal")
     }
@@ -177,8 +178,8 @@ def _hybrid(place: Reader, known: Iterable[str]) -> Hybrid:
     forces = [item.only(_FORCE) for item in place.at("normal_forces").items()]
     return Hybrid(
         place.at("frame").numbers(6),
-        place.at("position_axes").matrix(None),
-        place.at("force_axes").matrix(None),
+        place.at("position_axes").matrix(None, 6),
+        place.at("force_axes").matrix(None, 6),
         place.at("velocity").numbers(6),
         place.at("speed").number(SLOWEST),
         place.at("bias_wrench").numbers(6),
@@ -214,5 +215,5 @@ def _jam_free(place: Reader) -> JamFree:
         None if least is None else least.number(0.0),
         place.at("angle").number(0.0, math.pi),
         tuple(planes),
-        place.at("twists").matrix(None),
+        place.at("twists").matrix(None, _MANY),
     )

@@ -107,9 +107,9 @@ class Reader:
                 return tuple(values)
         return tuple(item.number(low, high) for item in self.items(exact=count))
 
-    def matrix(self, rows: int | None) -> tuple[Numbers, ...]:
-        """Rows of six numbers; any number of them without `rows`."""
-        return tuple(item.numbers(6) for item in self.items(exact=rows))
+    def matrix(self, rows: int | None, most: int = MOST) -> tuple[Numbers, ...]:
+        """Rows of six numbers; at most so many of them without `rows`."""
+        return tuple(item.numbers(6) for item in self.items(exact=rows, most=most))
 
     def integer(self, end: int = 10**6, low: int = 0) -> int:
         """A whole number from `low` to below `end`."""
