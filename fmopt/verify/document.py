@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from fmopt.verify.accounts import CriticalPoint, Nominal, PositionForce, Recovery, Search
+from fmopt.verify.diagnostics import Diagnostics
 from fmopt.verify.form import FORMAT, NOT_COVERED, Numbers, PlanError
 
 __all__ = ["FORMAT", "NOT_COVERED", "Numbers", "PlanError"]
@@ -196,6 +197,7 @@ class Plan:
         not_covered: what it leaves out.
         search: how the sequence of moves was found.
         nominal, critical_points, position_force, recovery: what it tells besides; none of it in a bare proof.
+        diagnostics: what it tells of how it was found; likewise.
     """
 
     verdict: str
@@ -221,6 +223,7 @@ class Plan:
     critical_points: tuple[CriticalPoint, ...] | None = None
     position_force: tuple[PositionForce, ...] | None = None
     recovery: Recovery | None = None
+    diagnostics: Diagnostics | None = None
 
     @property
     def parts(self) -> dict[str, Part]:

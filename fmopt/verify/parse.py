@@ -18,6 +18,7 @@ from fmopt.verify.parse_accounts import (
     read_recovery,
     read_search,
 )
+from fmopt.verify.parse_diagnostics import DIAGNOSTIC_FIELDS, read_diagnostics
 from fmopt.verify.parse_segments import SEGMENT_FIELDS, feature_pair, pose, read_segment
 from fmopt.verify.reader import Reader
 
@@ -53,7 +54,7 @@ _CONTACT = fields("contacts[]", proved="id kind", objects="moving fixed")
 _SIDE = fields("contacts[].*", proved="vertices")
 FIELDS: tuple[Fields, ...] = (
     _TOP, _PROBLEM, _UNITS, _FRAMES, _UNCERTAINTY, _SOURCE, _SPECIFICATION, _PARTS, _PART, _PIECE, _CONTACT, _SIDE,
-    *SEGMENT_FIELDS, *ACCOUNT_FIELDS,
+    *SEGMENT_FIELDS, *ACCOUNT_FIELDS, *DIAGNOSTIC_FIELDS,
 )  # fmt: skip
 
 
@@ -79,6 +80,7 @@ def parse(document: Any) -> Plan:
     uncertainty, problem = top.at("uncertainty").only(_UNCERTAINTY), top.at("problem").only(_PROBLEM)
     search, nominal, recovery = top.maybe("search"), top.maybe("nominal"), top.maybe("recovery")
     critical, rows = top.maybe("critical_points"), top.maybe("position_force")
+    diagnostics = top.maybe("diagnostics")
     return Plan(
         verdict=top.at("verdict").text(VERDICTS),
         title=problem.at("title").text(),
@@ -102,6 +104,7 @@ def parse(document: Any) -> Plan:
         critical_points=None if critical is None else read_critical_points(critical),
         position_force=None if rows is None else read_position_force(rows),
         recovery=None if recovery is None else read_recovery(recovery, moving, fixed),
+        diagnostics=None if diagnostics is None else read_diagnostics(diagnostics),
         digest_holds=top.at("sha256").value == digest(document),
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from itertools import pairwise
 
 from fmopt.verify.accounts import (
     CriticalPoint,
@@ -24,7 +25,7 @@ from fmopt.verify.reader import Reader
 LARGEST_NUMBER_OF_RETRIES = 64
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 _MOVE_NAME = re.compile(r"[+-]r?[xyz]|[a-z]{1,16}", re.ASCII)
-_STATE_VERDICTS = ("confirmed", "blocked", "out_of_bounds", "split", "undecided")
+STATE_VERDICTS = ("confirmed", "blocked", "out_of_bounds", "split", "undecided")
 _NOMINAL = fields("nominal", commentary="nodes times", objects="intervals")
 _INTERVAL = fields("nominal.intervals[]", commentary="t0 t1 s")
 _ROW = fields("position_force[]", commentary="t0 t1 s pa_start pa_end pn_start pn_end fa fa_sign applied either_sign")
@@ -49,11 +50,14 @@ def read_nominal(place: Reader) -> Nominal:
     """The nominal trajectory."""
     place.only(_NOMINAL)
     times = tuple(item.number(0.0) for item in place.at("times").items(2))
-    intervals = tuple(_interval(item.only(_INTERVAL)) for item in place.at("intervals").items(1))
-    return Nominal(place.at("nodes").matrix(None), times, intervals)
+    intervals = tuple(read_interval(item.only(_INTERVAL)) for item in place.at("intervals").items(1))
+    if any(a > b for a, b in pairwise(times)) or not times[-1] > 0.0:
+        raise place.at("times").fail("must not go back")
+    return Nominal(place.at("nodes").matrix(len(times)), times, intervals)
 
 
-def _interval(place: Reader) -> Interval:
+def read_interval(place: Reader) -> Interval:
+    """An interval of S(t)."""
     s = tuple(item.integer(3, low=-1) for item in place.at("s").items(exact=6))
     return Interval(place.at("t0").number(0.0), place.at("t1").number(0.0), s)
 
@@ -69,7 +73,7 @@ def _row(place: Reader) -> PositionForce:
         place.at(key).numbers(6) for key in ("pa_start", "pa_end", "pn_start", "pn_end", "fa", "applied")
     )
     either = place.at("either_sign").indices(6)
-    return PositionForce(_interval(place), pa_start, pa_end, pn_start, pn_end, fa, applied, either)
+    return PositionForce(read_interval(place), pa_start, pa_end, pn_start, pn_end, fa, applied, either)
 
 
 def read_critical_points(place: Reader) -> tuple[CriticalPoint, ...]:
@@ -79,7 +83,7 @@ def read_critical_points(place: Reader) -> tuple[CriticalPoint, ...]:
 
 def _critical(place: Reader) -> CriticalPoint:
     dimensions = place.at("states_by_dimension").only((), map(str, range(7)))
-    verdicts = place.at("states_by_verdict").only(_STATE_VERDICTS)
+    verdicts = place.at("states_by_verdict").only(STATE_VERDICTS)
     return CriticalPoint(
         place.at("name").label(),
         place.at("pose").numbers(6),
@@ -87,7 +91,7 @@ def _critical(place: Reader) -> CriticalPoint:
         place.at("enumerated").flag(),
         {k: dimensions.at(str(k)).integer() for k in range(7) if dimensions.has(str(k))},
         place.at("states_confirmed").integer(),
-        {name: verdicts.at(name).integer() for name in _STATE_VERDICTS},
+        {name: verdicts.at(name).integer() for name in STATE_VERDICTS},
     )
 
 
