@@ -120,7 +120,7 @@ def _settled(chain: Chain, segment: Segment, said: Document) -> tuple[Chain, Sta
             said["basis"][-1]["direction"] = notes.values[f"direction of {made.id}"]
         half = [number(x) for x in stage.motion.half]
         tube = segment.tube
-        if all(abs(x - y) <= 2e-12 * y + 1e-16 for x, y in zip((*tube.box, *tube.angles), half, strict=True)):
+        if all(abs(x - y) <= 1e-15 for x, y in zip((*tube.box, *tube.angles), half, strict=True)):
             break
         box, angles = (half[0], half[1], half[2]), (half[3], half[4], half[5])
         segment = replace(
