@@ -3,16 +3,18 @@
 It knows the plan file only: no row, remainder or bound of the planner. Held contacts are kept by Newton's method along
 the compliant directions that the plan states, a contact is made where its exact function has its first zero, and every
 further piece starts from the pose that was really reached. Errors are (e, ε): the real pose is p̄ + e, exp([ε]×) R̄
-about the nominal one, and the error that a piece starts with stays constant but for drift and compliance.
+about the nominal one. The error that a piece starts with stays constant but for drift, compliance, and what a source
+that is fixed in the hole or in the hand makes of it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from execution_errors import Fixed, Sources, drifts, sources_of, start_errors
 from execution_geometry import Array, Poses, Scene, gaps, hats, rotations, vectors
 from execution_promises import Ledger, Tube, Witness
 
@@ -157,31 +159,14 @@ def first_zero(f: Callable[[Array], Array], count: int, farthest: float) -> Arra
     return b
 
 
-def start_errors(box: Array, count: int, rng: np.random.Generator) -> Array:
-    """Errors (n, 6) in the start box: two in five at its corners, one on its edges, one on its faces, one inside."""
-    inside, corner = rng.uniform(-1.0, 1.0, (count, 6)), rng.choice([-1.0, 1.0], (count, 6))
-    one = np.eye(6, dtype=bool)[rng.choice(np.flatnonzero(box), count)]
-    kind = rng.integers(5, size=(count, 1))
-    pushed = (kind < 2) | ((kind == 2) & ~one) | ((kind == 3) & one)
-    return np.asarray(np.where(pushed, corner, inside) * box)
-
-
-def drifts(piece: Piece, count: int, rng: np.random.Generator) -> Array:
-    """Velocity errors (n, 6) over the whole piece, on the bound of the stated cone.
-
-    A third in any direction, a third along one axis, a third straight along the way to the contact being made.
-    """
-    rates = np.repeat(piece.scene.plan["uncertainty"]["velocity_error"], 3) / np.repeat([1.0, piece.scene.rho], 3)
-    y = rng.normal(size=(count, 6))
-    sign, kind = rng.choice([-1.0, 1.0], (count, 1)), rng.integers(3, size=(count, 1))
-    y = np.where(kind == 1, sign * np.eye(6)[rng.integers(6, size=count)], y)
-    if piece.made is not None:
-        y = np.where(kind == 2, sign * (rates * piece.way_row), y)
-    size = np.linalg.norm(y, axis=1, keepdims=True)
-    return np.asarray(y / np.where(size > 0.0, size, 1.0) * rates)
-
-
-def execute(plan: Plan, count: int, seed: int, steps: int = 8, watch: Watch = lambda *_: None) -> Ledger:
+def execute(
+    plan: Plan,
+    count: int,
+    seed: int,
+    steps: int = 8,
+    watch: Watch = lambda *_: None,
+    sources: Sources | None = None,
+) -> Ledger:
     """Runs executions of a plan and checks everything that it promises on the way.
 
     In half of them the velocity error keeps its direction for a move, in the others only for a piece.
@@ -192,16 +177,18 @@ def execute(plan: Plan, count: int, seed: int, steps: int = 8, watch: Watch = la
         seed: of the random numbers.
         steps: poses looked at in every piece, besides its start.
         watch: shown the poses in every piece, and whether a move ends there.
+        sources: boxes of start errors, each with the frame in which it is fixed; the plan's where none are given.
     """
     rng = np.random.default_rng(seed)
     scene, ledger = Scene(plan), Ledger()
-    e = start_errors(np.array(plan["uncertainty"]["start_box"]), count, rng)
+    piece = Piece(scene, 0)
+    e, fixed = start_errors(sources_of(plan) if sources is None else sources, piece, count, rng)
     fickle, rate, late = rng.random((count, 1)) < 0.5, np.zeros((count, 6)), np.zeros(count)
     Tube(plan["segments"][0]["tube"], "start", scene.rho).check(ledger, -1, e)
     for k in range(len(plan["segments"])):
         piece = Piece(scene, k)
         rate = np.where(fickle | piece.first, drifts(piece, count, rng), rate)
-        e, end = _through(piece, ledger, e, rate * piece.length, steps, watch)
+        e, end = _through(piece, ledger, _Course(e, rate * piece.length, fixed), steps, watch)
         late = (0.0 if piece.first else late) + (end - 1.0) * piece.length
         bound = piece.said["hybrid"]["termination"]["max_travel"] - piece.length
         ledger.require("neither longer nor shorter than stated", k, bound - np.abs(late) + ROUNDING)
@@ -209,18 +196,31 @@ def execute(plan: Plan, count: int, seed: int, steps: int = 8, watch: Watch = la
     return ledger
 
 
-def _through(piece: Piece, ledger: Ledger, e: Array, drift: Array, steps: int, watch: Watch) -> tuple[Array, Array]:
+class _Course(NamedTuple):
+    """What executions bring to a piece: errors (n, 6) at its start, drift (n, 6) over it, and their sources."""
+
+    start: Array
+    drift: Array
+    fixed: Fixed
+
+    def errors(self, piece: Piece, travel: Array) -> Array:
+        """Errors (n, 6) at a travel (n,), before contacts take them up."""
+        return self.start + travel[:, None] * self.drift + self.fixed.change(piece, travel)
+
+
+def _through(piece: Piece, ledger: Ledger, course: _Course, steps: int, watch: Watch) -> tuple[Array, Array]:
     """Takes all executions through a piece; errors (n, 6) about its goal, and ways (n,) as shares of the piece's."""
 
     def at(travel: Array) -> Poses:
-        return piece.settled(e + travel[:, None] * drift, travel)
+        return piece.settled(course.errors(piece, travel), travel)
 
-    end = np.ones(len(e))
+    count = len(course.start)
+    end = np.ones(count)
     if piece.made is not None:
         if piece.first:
             early = piece.distance(at(0.0 * end)) - piece.said["margin"]
             ledger.require("not made before its move", piece.number, early + ROUNDING)
-        end = first_zero(_left(piece, at), len(e), FARTHEST)
+        end = first_zero(_left(piece, at), count, FARTHEST)
         ledger.require("gets there", piece.number, FARTHEST - end)
         end = np.nan_to_num(end, nan=FARTHEST)
     for share in np.linspace(0.0, 1.0, steps + 1):

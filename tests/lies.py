@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from random import Random
 from typing import Any
 
@@ -74,7 +75,7 @@ def centre(points: list[Point]) -> Point:
 def normal(vertices: list[Point], loop: list[int]) -> Point:
     """The unit normal of a loop (Newell)."""
     total, a = [0.0] * 3, vertices[loop[0]]
-    for i, j in zip(loop[1:], loop[2:], strict=False):
+    for i, j in pairwise(loop[1:]):
         total = plus(total, cross(minus(vertices[i], a), minus(vertices[j], a)))
     return unit(total)
 
@@ -82,3 +83,7 @@ def normal(vertices: list[Point], loop: list[int]) -> Point:
 def around(loop: list[int]) -> Iterator[tuple[int, int]]:
     """The edges of a loop."""
     return zip(loop, [*loop[1:], loop[0]], strict=True)
+
+
+def named(oracle: str, settled: bool, *tells: Any) -> tuple[Lie, ...]:
+    return tuple(Lie(tell.__name__.replace("_", " "), oracle, tell, settled) for tell in tells)

@@ -24,7 +24,7 @@ from fmopt.verify.errors import ErrorSet
 from fmopt.verify.findings import Notes
 from fmopt.verify.parse import parse
 from fmopt.verify.rational import SLACK, ArithmeticRefusal, fixed, number
-from fmopt.verify.recovery import lowest, underside
+from fmopt.verify.recovery import check_recovery, lowest, underside
 from fmopt.verify.separation import Known, WitnessError, apart
 from fmopt.verify.strategy import check_strategy
 
@@ -279,3 +279,7 @@ def _recovery(document: Document, plan: Plan, assembly: Assembly) -> None:
             room = min(lowest(assembly.moving, s, plan.rho) for s in pieces) - above - SLACK
             entry["room"] = min(entry["room"], below(room))
             entry["back_off"] = entry["room"] > 0.0
+    check_recovery(document, parse(document), (assembly.moving, assembly.fixed), notes := Heard(None))
+    if notes.found:
+        # A plan may go without.
+        del document["recovery"]
