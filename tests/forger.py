@@ -1,7 +1,6 @@
 """Forges plans: tells a lie of them and derives every other number anew, so that nothing but the lie is wrong.
 
-python forger.py --count 10000 --seed 0 --problems ../problems PLAN..., to forge at length, random mutants among them:
-every plan takes its share. A plan's problem is the file of its name, plan.json that of its folder's.
+See forging.py for how to do so at length.
 """
 
 from __future__ import annotations
