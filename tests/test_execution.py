@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from execution_geometry import Convex, Touch, gaps, rotations, vectors
-from execution_model import execute, first_zero
+from execution_errors import Fixed, drifts, start_errors
+from execution_geometry import Convex, Scene, Touch, gaps, rotations, vectors
+from execution_model import Piece, execute, first_zero
 
 from fmopt.synthesis import synthesise
 from fmopt.task.problem import load
@@ -69,6 +70,51 @@ def test_a_faster_drift_is_noticed(square_peg_plan: dict[str, Any]) -> None:
     plan = copy.deepcopy(square_peg_plan)
     plan["uncertainty"]["velocity_error"] = [5.0 * x for x in plan["uncertainty"]["velocity_error"]]
     assert "tube" in {check for check, _ in execute(plan, 20, seed=1, steps=1).broken}
+
+
+def _errors(plan: dict[str, Any], frame: str) -> tuple[Piece, np.ndarray, Fixed]:
+    """A piece of a plan that turns, and errors of one source where it starts."""
+    scene = Scene(plan)
+    pieces = [Piece(scene, k) for k in range(len(plan["segments"]))]
+    piece = max(pieces, key=lambda piece: float(np.linalg.norm(piece.omega)))
+    box = [2e-4, 3e-4, 1e-4, 0.02, 0.01, 0.03]
+    return piece, *start_errors([(frame, box)], piece, 50, np.random.default_rng(1))
+
+
+@pytest.mark.parametrize("frame", ["world", "hole", "hand"])
+def test_errors_move_as_what_they_are_fixed_in(square_peg_plan: dict[str, Any], frame: str) -> None:
+    """Against motions composed outright: of the world, before the way, or behind it."""
+    piece, e, fixed = _errors(square_peg_plan, frame)
+    travel = np.linspace(0.0, 1.3, 50)
+    p, R = piece.poses(e + fixed.change(piece, travel), travel)
+    way, turned = travel[:, None] * piece.delta, rotations(travel[:, None] * piece.omega) @ piece.R
+    if frame == "world":
+        wanted = piece.p + way + e[:, :3], rotations(e[:, 3:]) @ turned
+    elif frame == "hole":
+        askew = rotations(e[:, 3:])
+        wanted = piece.p + e[:, :3] + (askew @ way[:, :, None])[:, :, 0], askew @ turned
+    else:
+        grip = e.reshape(-1, 2, 3) @ piece.R[0]
+        wanted = piece.p + way + (turned @ grip[:, 0, :, None])[:, :, 0], turned @ rotations(grip[:, 1])
+    assert p == pytest.approx(wanted[0], abs=1e-15)
+    assert pytest.approx(wanted[1], abs=1e-12) == R
+
+
+def test_errors_are_drawn_on_the_boundary_of_what_is_stated(square_peg_plan: dict[str, Any]) -> None:
+    piece, _, _ = _errors(square_peg_plan, "world")
+    boxes = np.array([[1e-4, 2e-4, 0.0, 0.01, 0.0, 0.02], [2e-4, 1e-4, 1e-4, 0.0, 0.0, 0.01]])
+    rng = np.random.default_rng(0)
+    alone, _ = start_errors([("hole", boxes[0].tolist())], piece, 400, rng)
+    scaled = np.abs(alone[:, boxes[0] > 0.0]) / boxes[0][boxes[0] > 0.0]
+    assert scaled.max(axis=1) == pytest.approx(1.0)
+    total, _ = start_errors([("hole", boxes[0].tolist()), ("hand", boxes[1].tolist())], piece, 400, rng)
+    whole = boxes.sum(axis=0)
+    assert (np.abs(total) <= whole * (1.0 + 1e-12)).all()
+    assert (np.abs(total)[:, whole > 0.0] / whole[whole > 0.0]).min(axis=1).max() == pytest.approx(1.0)
+    rates = square_peg_plan["uncertainty"]["velocity_error"]
+    drawn = drifts(piece, 400, rng) * np.repeat([1.0, piece.scene.rho], 3)
+    for part, rate in enumerate(rates):
+        assert np.linalg.norm(drawn[:, 3 * part : 3 * part + 3], axis=1) == pytest.approx(rate)
 
 
 @pytest.mark.parametrize(
