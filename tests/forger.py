@@ -17,7 +17,7 @@ import lies_problem
 import lies_said
 import lies_solids
 from execution_model import execute
-from lies import CONSTRUCTION, PROBLEM, Document, Lie
+from lies import COMMENTARY, CONSTRUCTION, PROBLEM, Document, Lie
 from restate import restated
 from table_plan import sealed
 
@@ -94,7 +94,9 @@ class Court:
             return Judged(accepted, "false of its problem" if accepted else "", took)
         if accepted and oracle == CONSTRUCTION:
             return Judged(True, "false by construction", took)
-        return Judged(accepted, self._refutation(plan) if accepted else "", took)
+        if not accepted or oracle == COMMENTARY:
+            return Judged(accepted, "", took)
+        return Judged(accepted, self._refutation(plan), took)
 
     def _refutation(self, plan: Document) -> str:
         """What an execution of a plan on its own geometry does that the plan rules out; empty where none does."""

@@ -28,6 +28,7 @@ from plan_mutations import claims, junk, numbers
 
 from fmopt.cli import entry
 from fmopt.verify import PlanError
+from fmopt.verify.parse import parse
 
 SLOWER, LEAST = 10.0, 0.05  # times its original's check, which counts as this many seconds at least
 INTERNAL = 70
@@ -166,7 +167,7 @@ def problem_of(plan: Path, problems: Path) -> Differences | None:
     if not files:
         return None
     problem = load(files[0])
-    return lambda document: disagreements(problem, document)
+    return lambda document: disagreements(problem, parse(document))
 
 
 def main() -> int:

@@ -14,6 +14,7 @@ SIDES = ("moving", "fixed")
 CONSTRUCTION = "construction"  # it is false whatever else holds
 PROBLEM = "problem"  # it is false of the problem, and may be true of another one
 SAMPLING = "sampling"  # executions tell
+COMMENTARY = "commentary"  # nobody vouches for it: the table of keys says so
 
 
 @dataclass(frozen=True)
@@ -22,7 +23,7 @@ class Lie:
 
     Attributes:
         name: in a few words.
-        oracle: who can tell that a plan with it is false: `CONSTRUCTION`, `PROBLEM` or `SAMPLING`.
+        oracle: who can tell that a plan with it is false: one of the constants above.
         tell: alters a plan in place by numbers drawn; False where the plan has nothing of the kind to lie about.
         settled: whether the dependent numbers are derived anew.
         base: the plan that it is told of, where it needs one of its own.

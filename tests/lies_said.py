@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from random import Random
 from typing import Any
 
-from lies import CONSTRUCTION, Document, drawn, named
+from lies import COMMENTARY, CONSTRUCTION, Document, drawn, named
 
 
 def not_covered(plan: Document, rng: Random) -> bool:
@@ -105,13 +105,13 @@ def _controls(plan: Document) -> Iterator[Any]:
             yield segment["hybrid"]
 
 
-def other_stays(plan: Document, rng: Random) -> bool:
-    """A move that is said to go on where it stops, or the other way round."""
-    told = [hybrid for hybrid in _controls(plan) if "stays" in hybrid]
+def surer_contacts(plan: Document, rng: Random) -> bool:
+    """Held contacts that are said to stay closed under more than they do."""
+    told = [hybrid for hybrid in _controls(plan) if hybrid.get("stays", "push") != "push"]
     if not told:
         return False
     hybrid = rng.choice(told)
-    hybrid["stays"] = rng.choice([x for x in ("push", "stop", "none") if x != hybrid["stays"]])
+    hybrid["stays"] = "push" if hybrid["stays"] == "stop" else rng.choice(("push", "stop"))
     return True
 
 
@@ -234,8 +234,9 @@ def shrunk_sets(plan: Document, rng: Random) -> bool:
 
 
 LIES = (
-    *named(CONSTRUCTION, False, not_covered, more_room, wider_cover, moved_retry, lower_lift, other_first_touch),
-    *named(CONSTRUCTION, False, other_stays, wider_jam_free, other_applied, other_reaction, other_way),
-    *named(CONSTRUCTION, False, other_gap, other_sequence, shrunk_sets),
+    *named(CONSTRUCTION, False, not_covered, more_room, wider_cover, moved_retry, lower_lift),
+    *named(CONSTRUCTION, False, surer_contacts, wider_jam_free, other_applied, other_reaction, other_way),
+    *named(CONSTRUCTION, False, other_gap, shrunk_sets),
+    *named(COMMENTARY, False, other_first_touch, other_sequence),
     *named(CONSTRUCTION, True, pulled_contact, weaker_push, stronger_bias),
 )

@@ -30,6 +30,7 @@ from fmopt.verify.strategy import check_strategy
 
 Document = dict[str, Any]
 _ROUNDS = 40
+_WEAKER = ("push", "stop", "none")
 _FOLLOWS = re.compile(r"(?:entry (\d+) )?is stated as .*, but (?:follows as|up to) (\S+?)(?: follow)?$")
 
 
@@ -257,6 +258,8 @@ def _mended(hybrid: Document, notes: Notes, assembly: Assembly, stage: Stage, rh
         elif finding.what in ("frame", "position_axes", "force_axes", "hybrid"):
             restated_axes(hybrid, assembly, stage, rho)
             changed = True
+        elif finding.what == "stays" and hybrid["stays"] != _WEAKER[-1]:
+            hybrid["stays"], changed = _WEAKER[_WEAKER.index(hybrid["stays"]) + 1], True
         elif finding.what in ("normal_forces", "termination.contacts"):
             changed |= touching_names(hybrid, assembly, stage)
     return changed
@@ -279,7 +282,7 @@ def _recovery(document: Document, plan: Plan, assembly: Assembly) -> None:
             room = min(lowest(assembly.moving, s, plan.rho) for s in pieces) - above - SLACK
             entry["room"] = min(entry["room"], below(room))
             entry["back_off"] = entry["room"] > 0.0
-    check_recovery(document, parse(document), (assembly.moving, assembly.fixed), notes := Heard(None))
+    check_recovery(parse(document), (assembly.moving, assembly.fixed), notes := Heard(None))
     if notes.found:
         # A plan may go without.
         del document["recovery"]

@@ -19,6 +19,7 @@ from table_plan import table_plan
 from fmopt.task.agreement import disagreements
 from fmopt.task.problem import load
 from fmopt.verify import CERTIFIED, PlanError, verify
+from fmopt.verify.parse import parse
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 Plan = dict[str, Any]
@@ -32,7 +33,7 @@ def table() -> Plan:
 @pytest.fixture(scope="module")
 def square_peg_differences() -> Differences:
     problem = load(PROBLEMS / "square_peg.toml")
-    return lambda plan: disagreements(problem, plan)
+    return lambda plan: disagreements(problem, parse(plan))
 
 
 def _nothing(plan: Plan) -> None:
