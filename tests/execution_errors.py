@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from execution_geometry import Array, rotations
+from execution_geometry import Array, Poses, cross, rotations
 
 if TYPE_CHECKING:
     from execution_model import Piece
@@ -17,24 +17,33 @@ Sources = Sequence[tuple[str, Sequence[float]]]
 
 @dataclass(frozen=True)
 class Fixed:
-    """Errors of executions by the frame in which their source is fixed: how they change as the part moves.
-
-    A hole that is askew turns the whole way: e(t) = e(0) + (exp([ε]×) − 1)(p̄(t) − p̄(0)), ε constant. What is fixed in
-    the hand turns with the part, e and ε alike. What is fixed in the world stays.
+    """Errors of executions that are fixed in the hole or in the hand.
 
     Attributes:
-        askew: turns of the hole about where the motion starts, as matrices less the identity (n, 3, 3).
-        grip: errors (n, 2, 3) of the hand in the part's frame: e and ε.
+        origin: where the motion starts (3,), about which the hole is turned.
+        hole: shifts and turns (n, 6) of the hole, as the part is seen in its frame.
+        hand: shifts and turns (n, 6) of the part in the hand, in the part's frame.
     """
 
-    askew: Array
-    grip: Array
+    origin: Array
+    hole: Array
+    hand: Array
 
-    def change(self, piece: Piece, travel: Array) -> Array:
-        """By how much errors (n, 6) have changed since a piece began, at a travel (n,), as shares of it."""
-        turned = rotations(travel[:, None] * piece.omega) @ piece.R - piece.R
-        e, eps = (self.grip @ turned.transpose(0, 2, 1)).transpose(1, 0, 2)
-        return np.hstack([(self.askew @ piece.delta) * travel[:, None] + e, eps])
+    def seen(self, poses: Poses) -> Poses:
+        """Poses in the hole's frame of what is held as it is: H⁻¹ · X · G."""
+        p, R = poses
+        askew = rotations(self.hole[:, 3:])
+        p = p + np.einsum("nij,nj->ni", R, self.hand[:, :3]) - self.origin
+        p = self.origin + self.hole[:, :3] + np.einsum("nij,nj->ni", askew, p)
+        return p, askew @ R @ rotations(self.hand[:, 3:])
+
+    def summed(self, world: Array, nominal: Poses) -> Array:
+        """Errors (n, 6) of all sources about a nominal pose, as error sets add them up: to first order."""
+        turn = self.hole[:, 3:]
+        swung = self.hole[:, :3] + cross(turn, np.broadcast_to(nominal[0][0] - self.origin, turn.shape))
+        return np.asarray(
+            world + np.hstack([swung, turn]) + (self.hand.reshape(-1, 2, 3) @ nominal[1][0].T).reshape(-1, 6)
+        )
 
 
 def sources_of(plan: dict[str, Any]) -> Sources:
@@ -44,13 +53,13 @@ def sources_of(plan: dict[str, Any]) -> Sources:
     return [(source["frame"], source["box"]) for source in stated]
 
 
-def start_errors(sources: Sources, piece: Piece, count: int, rng: np.random.Generator) -> tuple[Array, Fixed]:
-    """Errors (n, 6) on the boundary of the sources' boxes, as they are where the first piece starts.
+def start_errors(sources: Sources, start: Poses, count: int, rng: np.random.Generator) -> tuple[Array, Fixed]:
+    """Errors (n, 6) of the world, and the others, on the boundary of the sources' boxes where the motion starts.
 
     Three in five lie at corners, one on edges, one on faces. In half of the executions all sources err alike, so that
     corners of the sum are reached, too.
     """
-    total, by_frame = np.zeros((count, 6)), {frame: np.zeros((count, 6)) for frame in ("world", "hole", "hand")}
+    by_frame = {frame: np.zeros((count, 6)) for frame in ("world", "hole", "hand")}
     alike, common = rng.random((count, 1)) < 0.5, rng.choice([-1.0, 1.0], (count, 6))
     for frame, stated in sources:
         box = np.array(stated)
@@ -60,9 +69,9 @@ def start_errors(sources: Sources, piece: Piece, count: int, rng: np.random.Gene
         kind = rng.integers(5, size=(count, 1))
         pushed = (kind < 3) | ((kind == 3) & ~one) | ((kind == 4) & one)
         drawn = np.where(pushed, corner, inside) * box
-        total, by_frame[frame] = total + drawn, by_frame[frame] + drawn
-    askew = rotations(by_frame["hole"][:, 3:]) - np.eye(3)
-    return total, Fixed(askew, by_frame["hand"].reshape(-1, 2, 3) @ piece.R[0])
+        by_frame[frame] = by_frame[frame] + drawn
+    grip = (by_frame["hand"].reshape(-1, 2, 3) @ start[1][0]).reshape(-1, 6)
+    return by_frame["world"], Fixed(start[0][0], by_frame["hole"], grip)
 
 
 def drifts(piece: Piece, count: int, rng: np.random.Generator) -> Array:

@@ -2,9 +2,9 @@
 
 It knows the plan file only: no row, remainder or bound of the planner. Held contacts are kept by Newton's method along
 the compliant directions that the plan states, a contact is made where its exact function has its first zero, and every
-further piece starts from the pose that was really reached. Errors are (e, ε): the real pose is p̄ + e, exp([ε]×) R̄
-about the nominal one. The error that a piece starts with stays constant but for drift, compliance, and what a source
-that is fixed in the hole or in the hand makes of it.
+further piece starts from the pose that was really reached. With a hole that is askew by H and a grasp that is off by G
+the real pose is H⁻¹ · (C ⊕ κ) · G for the commanded one C; κ = (e, ε) takes it to p̄ + e, exp([ε]×) R̄, and stays what it
+is where a piece starts but for drift and compliance.
 """
 
 from __future__ import annotations
@@ -81,11 +81,15 @@ class Piece:
         turned = poses[1] @ self.goal[1].transpose(0, 2, 1)
         return np.hstack([poses[0] - self.goal[0], vectors(turned)])
 
-    def settled(self, base: Array, travel: Array) -> Poses:
-        """Real poses with the held contacts at zero, their errors moved along the compliant directions only."""
+    def settled(self, base: Array, travel: Array, fixed: Fixed) -> tuple[Poses, Poses]:
+        """Commanded poses with what the world adds (κ), and real ones, the held contacts at zero.
+
+        κ is moved along the compliant directions only.
+        """
         e = base.copy()
         for _ in range(20):
-            p, R = self.poses(e, travel)
+            commanded = self.poses(e, travel)
+            p, R = fixed.seen(commanded)
             if not self.held:
                 break
             f = np.stack([t.value(p, R) for t in self.held], axis=1)
@@ -98,7 +102,7 @@ class Piece:
             )
             rows = np.stack([t.row(p, R) for t in self.held], axis=1)
             e = e - np.linalg.solve(rows @ moved, f[:, :, None])[:, :, 0] @ self.directions.T
-        return p, R
+        return commanded, (p, R)
 
     @cached_property
     def way_row(self) -> Array:
@@ -182,9 +186,9 @@ def execute(
     rng = np.random.default_rng(seed)
     scene, ledger = Scene(plan), Ledger()
     piece = Piece(scene, 0)
-    e, fixed = start_errors(sources_of(plan) if sources is None else sources, piece, count, rng)
+    e, fixed = start_errors(sources_of(plan) if sources is None else sources, (piece.p, piece.R), count, rng)
     fickle, rate, late = rng.random((count, 1)) < 0.5, np.zeros((count, 6)), np.zeros(count)
-    Tube(plan["segments"][0]["tube"], "start", scene.rho).check(ledger, -1, e)
+    Tube(plan["segments"][0]["tube"], "start", scene.rho).check(ledger, -1, fixed.summed(e, (piece.p, piece.R)))
     for k in range(len(plan["segments"])):
         piece = Piece(scene, k)
         rate = np.where(fickle | piece.first, drifts(piece, count, rng), rate)
@@ -192,27 +196,27 @@ def execute(
         late = (0.0 if piece.first else late) + (end - 1.0) * piece.length
         bound = piece.said["hybrid"]["termination"]["max_travel"] - piece.length
         ledger.require("neither longer nor shorter than stated", k, bound - np.abs(late) + ROUNDING)
-        Tube(piece.said["tube"], "goal", scene.rho).check(ledger, k, e)
+        Tube(piece.said["tube"], "goal", scene.rho).check(ledger, k, fixed.summed(e, piece.goal))
     return ledger
 
 
 class _Course(NamedTuple):
-    """What executions bring to a piece: errors (n, 6) at its start, drift (n, 6) over it, and their sources."""
+    """What executions bring to a piece: κ (n, 6) at its start, its drift (n, 6) over it, and the other sources."""
 
     start: Array
     drift: Array
     fixed: Fixed
 
-    def errors(self, piece: Piece, travel: Array) -> Array:
-        """Errors (n, 6) at a travel (n,), before contacts take them up."""
-        return self.start + travel[:, None] * self.drift + self.fixed.change(piece, travel)
+    def at(self, piece: Piece, travel: Array) -> tuple[Poses, Poses]:
+        """Commanded poses with κ, and real ones, at a travel (n,)."""
+        return piece.settled(self.start + travel[:, None] * self.drift, travel, self.fixed)
 
 
 def _through(piece: Piece, ledger: Ledger, course: _Course, steps: int, watch: Watch) -> tuple[Array, Array]:
-    """Takes all executions through a piece; errors (n, 6) about its goal, and ways (n,) as shares of the piece's."""
+    """Takes all executions through a piece; κ (n, 6) about its goal, and ways (n,) as shares of the piece's."""
 
     def at(travel: Array) -> Poses:
-        return piece.settled(course.errors(piece, travel), travel)
+        return course.at(piece, travel)[1]
 
     count = len(course.start)
     end = np.ones(count)
@@ -224,13 +228,13 @@ def _through(piece: Piece, ledger: Ledger, course: _Course, steps: int, watch: W
         ledger.require("gets there", piece.number, FARTHEST - end)
         end = np.nan_to_num(end, nan=FARTHEST)
     for share in np.linspace(0.0, 1.0, steps + 1):
-        poses = at(share * end)
+        commanded, poses = course.at(piece, share * end)
         _look(piece, ledger, poses)
         watch(piece, poses, False)
     if piece.last:
         _arrive(piece, ledger, poses)
         watch(piece, poses, True)
-    return piece.errors_at_goal(poses), end
+    return piece.errors_at_goal(commanded), end
 
 
 def _left(piece: Piece, at: Callable[[Array], Poses]) -> Callable[[Array], Array]:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from random import Random
 from typing import Any
 
-from lies import COMMENTARY, CONSTRUCTION, Document, drawn, named
+from lies import COMMENTARY, CONSTRUCTION, SAMPLING, Document, drawn, named
 
 
 def not_covered(plan: Document, rng: Random) -> bool:
@@ -235,8 +235,9 @@ def shrunk_sets(plan: Document, rng: Random) -> bool:
 
 LIES = (
     *named(CONSTRUCTION, False, not_covered, more_room, wider_cover, moved_retry, lower_lift),
-    *named(CONSTRUCTION, False, surer_contacts, wider_jam_free, other_applied, other_reaction, other_way),
+    *named(CONSTRUCTION, False, wider_jam_free, other_applied, other_reaction, other_way),
     *named(CONSTRUCTION, False, other_gap, shrunk_sets),
     *named(COMMENTARY, False, other_first_touch, other_sequence),
+    *named(SAMPLING, False, surer_contacts),
     *named(CONSTRUCTION, True, pulled_contact, weaker_push, stronger_bias),
 )
