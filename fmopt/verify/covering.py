@@ -1,153 +1,108 @@
-"""That convex pieces make up a part: no piece sticks out of it, and nothing of it is left over.
+"""That convex pieces make up a part: the two agree as sets, which is decided exactly.
 
-A solid is held as its faces, a face as directed segments (a chain: sums of segments count, not their order). Clipping
-a solid by a half-space clips every segment, closes every face along the cut, and closes the solid by a cap made of the
-same cuts reversed. Volume is linear in chains, so that clipping is right for solids with holes and re-entrant corners
-as well. Proven are two equations between volumes, to `TOLERANCE`: part ∩ piece = piece for every piece, and union of
-the pieces = part; a skin thinner than about 10⁻¹⁵ m of the part's surface would go unnoticed.
+Each piece stands for two bodies of half-spaces, one a little larger than its hull and one a little smaller (see
+`halfspaces`). Of the larger ones, the boundary of their union is in what is left of the faces of each without the
+inside of all others. Where none of that meets the part's surface or is inside the part, and every shell of the surface
+has a vertex inside one of them, they cover the part: else their boundary would divide the inside of the part between
+them and what is not covered, and had an area there. The part then is nowhere farther than `DEVIATION` from the hulls.
+
+Nothing of a piece sticks out where the part's surface does not meet the smaller body, and one point of that is inside.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from fmopt.verify.rational import Vector, add, cross, dot, fixed, sub
-from fmopt.verify.solids import Plane, Shape
+from fmopt.verify.halfspaces import Cell, Hull
+from fmopt.verify.lattice import FINENESS, HalfSpace, Place, TooMuchWork, Work, apart, bounds, common, elevation, place
+from fmopt.verify.solids import Shape
+from fmopt.verify.surface import Surface
 
-Segment = tuple[Vector, Vector]
-Chain = list[Segment]
-TOLERANCE = fixed(1e-17)  # m³: a cube of 2 µm
-_SLIVER = fixed(1e-22)
-_LARGEST_WORK = 40_000
-
-
-class _TooManyCells(Exception):
-    pass
-
-
-def _chains(shape: Shape) -> list[Chain]:
-    v = shape.vertices
-    return [
-        [(v[i], v[j]) for loop in face.loops for i, j in zip(loop, (*loop[1:], loop[0]), strict=True)]
-        for face in shape.faces
-    ]
-
-
-def volume(solid: Sequence[Chain]) -> int:
-    """The volume, m³: one third of Σ x·A over the faces."""
-    total = 0
-    for face in solid:
-        if face:
-            base = face[0][0]
-            area = (0, 0, 0)
-            for p, q in face:
-                area = add(area, cross(sub(p, base), sub(q, base)))
-            total += dot(base, area)
-    return total // 6
-
-
-def clip(solid: Sequence[Chain], plane: Plane) -> list[Chain]:
-    """The part of a solid behind a plane."""
-    kept: list[Chain] = []
-    cap: Chain = []
-    heights: dict[Vector, int] = {}
-    for face in solid:
-        inside: Chain = []
-        exits: list[Vector] = []
-        entries: list[Vector] = []
-        for p, q in face:
-            h = heights.get(p)
-            if h is None:
-                h = heights[p] = plane.height(p)
-            g = heights.get(q)
-            if g is None:
-                g = heights[q] = plane.height(q)
-            if h <= 0 and g <= 0:
-                inside.append((p, q))
-            elif h <= 0 or g <= 0:
-                cut = _cut(p, q, h, g)
-                if h <= 0:
-                    inside.append((p, cut))
-                    exits.append(cut)
-                else:
-                    inside.append((cut, q))
-                    entries.append(cut)
-        for out, back in zip(exits, entries, strict=True):
-            inside.append((out, back))
-            cap.append((back, out))
-        if inside:
-            kept.append(inside)
-    if cap:
-        kept.append(cap)
-    return kept
-
-
-def _cut(p: Vector, q: Vector, h: int, g: int) -> Vector:
-    if (p, h) > (q, g):
-        p, q, h, g = q, p, g, h
-    d = h - g
-    return (
-        p[0] + (q[0] - p[0]) * h // d,
-        p[1] + (q[1] - p[1]) * h // d,
-        p[2] + (q[2] - p[2]) * h // d,
-    )
-
-
-def _behind(plane: Plane) -> Plane:
-    n = plane.normal
-    return Plane((-n[0], -n[1], -n[2]), -plane.offset)
-
-
-def _apart(a: Shape, b: Shape) -> bool:
-    return any(
-        max(v[k] for v in a.vertices) <= min(w[k] for w in b.vertices)
-        or max(w[k] for w in b.vertices) <= min(v[k] for v in a.vertices)
-        for k in range(3)
-    )
-
-
-def _left_over(solid: list[Chain], others: Sequence[Shape], work: list[int]) -> int:
-    """The volume of a convex solid outside all of the other pieces."""
-    if not others:
-        return volume(solid)
-    total = 0
-    first, rest = others[0], others[1:]
-    for face in first.faces:
-        work[0] += 1
-        if work[0] > _LARGEST_WORK:
-            raise _TooManyCells
-        outside = clip(solid, _behind(face.plane))
-        if volume(outside) > _SLIVER:
-            total += _left_over(outside, rest, work)
-            solid = clip(solid, face.plane)
-            if volume(solid) <= _SLIVER:
-                break
-    return total
+# Steps that may be taken: what parts take is about the square of their number of vertices.
+_LEAST_STEPS = 20_000
+_MOST_STEPS = 10_000_000
+_SHARE = 8
 
 
 def uncovered(part: Shape, pieces: Sequence[Shape]) -> Iterator[str]:
-    """What keeps the pieces from being the part."""
-    whole = _chains(part)
-    size = volume(whole)
-    if size <= 0:
-        yield "the surface is inside out or encloses nothing"
-    for n, piece in enumerate(pieces):
-        own = volume(_chains(piece))
-        if own <= _SLIVER:
-            yield f"piece {n} has no volume"
-        inside = whole
-        for face in piece.faces:
-            inside = clip(inside, face.plane)
-        if abs(volume(inside) - own) > TOLERANCE:
-            yield f"piece {n} sticks out of the part by {(own - volume(inside)) / (1 << 256) * 1e9:.3g} mm³"
-    work = [0]
+    """What keeps the faces of a part from being the surface of a solid, and its pieces from being that solid."""
+    size = sum(len(shape.vertices) + len(shape.faces) for shape in (part, *pieces))
+    work = Work(min(_MOST_STEPS, _LEAST_STEPS + _SHARE * size * size))
     try:
-        union = sum(
-            _left_over(_chains(piece), [p for p in pieces[:n] if not _apart(piece, p)], work)
-            for n, piece in enumerate(pieces)
-        )
-    except _TooManyCells:
-        yield "the pieces overlap in too many ways to be summed up"
-        return
-    if abs(union - size) > TOLERANCE:
-        yield f"the pieces leave {(size - union) / (1 << 256) * 1e9:.3g} mm³ of the part uncovered"
+        surface = Surface(part, work)
+        if surface.flaws:
+            yield from surface.flaws
+            return
+        hulls = [Hull(piece, work) for piece in pieces]
+        flaws = [f"piece {n}: {flaw}" for n, hull in enumerate(hulls) for flaw in hull.flaws()]
+        yield from flaws
+        if not flaws:
+            yield from (f"piece {n} sticks out of the part" for n in _sticking_out(surface, hulls, work))
+            at = _open(surface, hulls, work)
+            if at is not None:
+                yield f"the pieces leave the part uncovered at {_told(at)}"
+    except TooMuchWork:
+        yield "the part and its pieces take too many steps to compare"
+
+
+def _sticking_out(surface: Surface, hulls: Sequence[Hull], work: Work) -> Iterator[int]:
+    """The pieces that the surface meets, or that are outside of it."""
+    corners = [tuple(place(p) for p in surface.corners(t)) for t in range(len(surface.triangles))]
+    for n, hull in enumerate(hulls):
+        work.spend(len(corners))
+        near = (t for t, box in enumerate(surface.boxes) if not apart(box, hull.box))
+        if any(common(corners[t], hull.inner) for t in near) or not surface.holds(hull.middle):
+            yield n
+
+
+def _open(surface: Surface, hulls: Sequence[Hull], work: Work) -> Place | None:
+    """A place inside the part, or on its surface, that the pieces leave uncovered; None where there is none."""
+    for shell in surface.shells:
+        start = place(surface.points[surface.triangles[shell[0]][0]])
+        if not any(all(elevation(space, start) < 0 for space in hull.outer) for hull in hulls):
+            return start
+    corners = [tuple(place(p) for p in surface.corners(t)) for t in range(len(surface.triangles))]
+    for n, hull in enumerate(hulls):
+        others = [other for m, other in enumerate(hulls) if m != n and not apart(other.box, hull.box)]
+        for face in hull.cells:
+            for cell in _left_of(face, others, work):
+                work.spend(len(corners))
+                if _meets(surface, corners, cell) or surface.holds(cell.corners[0]):
+                    return cell.corners[0]
+    return None
+
+
+def _left_of(face: Cell, others: Sequence[Hull], work: Work) -> list[Cell]:
+    """What of a face is in none of the other bodies."""
+    cells = [face]
+    box = bounds(face.corners)
+    for other in others:
+        if apart(box, other.box):
+            continue
+        work.spend(len(cells) * len(other.outer))
+        cells = [left for cell in cells for left in cell.without(other.outer)]
+        if not cells:
+            break
+    return cells
+
+
+def _meets(surface: Surface, corners: Sequence[Sequence[Place]], cell: Cell) -> bool:
+    """Whether the surface has a point of a cell."""
+    box = bounds(cell.corners)
+    return any(
+        _across(cell.corners, surface.planes[t]) and common(corners[t], cell.spaces)
+        for t, other in enumerate(surface.boxes)
+        if not apart(box, other)
+    )
+
+
+def _across(corners: Sequence[Place], plane: HalfSpace) -> bool:
+    """Whether places are not all on one side of a plane."""
+    heights = [elevation(plane, p) for p in corners]
+    return min(heights) <= 0 <= max(heights)
+
+
+def _told(p: Place) -> str:
+    """A place in words, in mm."""
+    unit = p[3] << FINENESS
+    return "({:.6g}, {:.6g}, {:.6g}) mm".format(*(1e3 * (x / unit) for x in p[:3]))
