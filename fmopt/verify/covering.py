@@ -20,8 +20,8 @@ from fmopt.verify.surface import Surface
 
 # Steps that may be taken: what parts take is about the square of their number of vertices.
 _LEAST_STEPS = 20_000
-_MOST_STEPS = 10_000_000
-_SHARE = 8
+_MOST_STEPS = 20_000_000
+_SHARE = 4
 
 
 def uncovered(part: Shape, pieces: Sequence[Shape]) -> Iterator[str]:

@@ -29,9 +29,9 @@ from fmopt.verify.lattice import (
 from fmopt.verify.rational import ONE
 from fmopt.verify.solids import Shape
 
-DEVIATION = ONE // 10**12  # m: how far a part may reach beyond the hulls of its pieces
-SHIFT = 1 << (FINENESS - 45)  # 3·10⁻¹⁴ m: more than piece and part differ by where they agree but for rounding
-_NEXT = (1 << FINENESS) * 9 // (16 * 10**12)  # along each axis, a little less than DEVIATION/√3
+DEVIATION = ONE // 10**11  # m: how far a part may reach beyond the hulls of its pieces
+SHIFT = 1 << (FINENESS - 47)  # 7·10⁻¹⁵ m: more than piece and part differ by where they agree but for rounding
+_NEXT = (1 << FINENESS) * 9 // (16 * 10**11)  # along each axis, a little less than DEVIATION/√3
 _ROOM = 1 << (FINENESS - 10)  # 1 mm
 _PRECISION = 64  # bits of a normal
 
@@ -150,7 +150,7 @@ class Hull:
         if not self.cells or not all(self._by_vertex(p) for cell in self.cells for p in cell.corners):
             yield "its faces meet elsewhere than in its vertices"
         elif any(elevation(space, self.middle) >= 0 for space in self.inner):
-            yield "is too thin to have an inside"
+            yield "it is too thin to have an inside"
 
     def _by_vertex(self, p: Place) -> bool:
         x, y, z, w = p
