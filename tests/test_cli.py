@@ -16,8 +16,8 @@ import pytest
 
 from fmopt import __version__, plan
 from fmopt.cli import EXIT, main
-from fmopt.task.agreement import disagreements
-from fmopt.task.problem import load
+from fmopt.verify.parse import parse
+from fmopt.verify.problem import differences
 
 ROOT = Path(__file__).parent.parent
 PROBLEM, PEG, BLOCK = "problems/square_peg.toml", "models/square_peg.toml", "models/square_hole_block.toml"
@@ -350,7 +350,7 @@ CHANGES: list[tuple[Callable[[dict[str, Any]], Any], str]] = [
     (lambda p: p["uncertainty"].update(velocity_error=[0.001, 0.001]), "another velocity error"),
     (lambda p: p["goal"].__setitem__(2, -0.02), "another depth"),
     (lambda p: p["specification"].update(friction=0.0), "another specification"),
-    (lambda p: p["parts"]["moving"]["vertices"][0].__setitem__(0, 0.0), "another moving part"),
+    (lambda p: p["parts"]["moving"]["pieces"][0]["vertices"][0].__setitem__(0, 0.0), "another moving part"),
     (lambda p: p["parts"]["fixed"].update(declared_clearance=[1.0, 1.0]), "declared clearance of the fixed part"),
 ]
 
@@ -359,12 +359,11 @@ CHANGES: list[tuple[Callable[[dict[str, Any]], Any], str]] = [
 def test_a_plan_is_held_against_its_problem_number_by_number(
     square_peg_plan: dict[str, Any], change: Callable[[dict[str, Any]], Any], words: str
 ) -> None:
-    problem = load(ROOT / PROBLEM)
-    assert disagreements(problem, square_peg_plan) == []
+    assert differences(parse(square_peg_plan), ROOT / PROBLEM) == []
     changed = copy.deepcopy(square_peg_plan)
     change(changed)
-    (told,) = disagreements(problem, changed)
-    assert words in told
+    told = differences(parse(changed), ROOT / PROBLEM)
+    assert words in told[0]
 
 
 def test_verify_refutes_a_plan_that_ends_in_the_wall(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fmopt.cli.app import EXIT, Json, Quiet, app
-from fmopt.errors import PlanFormatError, ResourceError
+from fmopt.errors import Fault, InputError, PlanFormatError, ResourceError
 from fmopt.plan import STDIO, Plan
 
 if TYPE_CHECKING:
@@ -105,6 +105,7 @@ def verify(
     """Check a plan's certificate from its own geometry, in exact arithmetic, without the planner."""
     from fmopt import plan
     from fmopt import verify as independent
+    from fmopt.verify.problem import ProblemError, differences
 
     if file != STDIO and not file.is_file():
         what = "is no file" if file.exists() else "no such file"
@@ -112,13 +113,12 @@ def verify(
     read = plan.read(file)
     try:
         verdict = independent.judge(read)
+        if problem is not None:
+            verdict = verdict.unless(differences(read, problem))
+    except ProblemError as error:
+        raise InputError(Fault(error.file, 1, 1, error.key, "problem", error.message)) from error
     except independent.PlanError as error:
         raise PlanFormatError(f"{file}: {error}", "give a plan.json that fmopt solve wrote") from error
-    if problem is not None:
-        from fmopt.task.agreement import disagreements
-        from fmopt.task.problem import load
-
-        verdict = verdict.unless(disagreements(load(problem), read))
     if as_json:
         typer.echo(json.dumps({**_findings(verdict), **_margins(read)}))
     elif not quiet:

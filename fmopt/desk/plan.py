@@ -10,12 +10,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fmopt import plan as files
-from fmopt.errors import PlanFormatError, ResourceError
+from fmopt.desk.problem import Problem
+from fmopt.errors import Fault, InputError, PlanFormatError, ResourceError
 from fmopt.report.moves import Move, characteristic_length, moves, smallest_margin
 from fmopt.report.moves import verdict as spoken
 from fmopt.se3 import Pose
 from fmopt.task import problem as task
 from fmopt.verify import PlanError, Verdict, verify
+from fmopt.verify.document import Plan as Checked
+from fmopt.verify.problem import ProblemError, differences
 
 if TYPE_CHECKING:
     import polars
@@ -132,9 +135,7 @@ class Plan:
             raise PlanFormatError(str(error), "solve the problem with this version") from error
         if problem is None:
             return found
-        from fmopt.task.agreement import disagreements
-
-        return found.unless(disagreements(problem, files.parsed(self.document)))
+        return found.unless(_differences(files.parsed(self.document), problem))
 
     def execute(
         self,
@@ -342,3 +343,27 @@ def _line(segment: Segment) -> dict[str, Any]:
         "timeout": ending.get("timeout"),
         **poses,
     }
+
+
+def _differences(plan: Checked, problem: task.Problem) -> list[str]:
+    """What a plan states otherwise than a problem: than its document, and than what was put in its place since.
+
+    Raises:
+        InputError: the document or one of its models cannot be read.
+    """
+    data = problem.source.data if isinstance(problem, Problem) else None
+    try:
+        found = differences(plan, problem.path, data)
+    except ProblemError as error:
+        raise InputError(Fault(error.file, 1, 1, error.key, "problem", error.message)) from error
+    velocity = problem.velocity_error
+    pairs = (
+        ("start errors", plan.start_box, problem.start_box.tolist(), 1e-12),
+        ("velocity error", plan.velocity_error, (velocity.translation, velocity.rotation), 1e-12),
+        ("declared clearance", plan.moving.declared_clearance, problem.declared_clearance, 1e-12),
+        ("depth", plan.goal[2:3], problem.goal[2:3].tolist(), 1e-6),
+    )
+    for what, stated, wanted, off in pairs:
+        if not found and max(abs(a - b) for a, b in zip(stated, wanted, strict=True)) > off:
+            found.append(f"the plan is for another {what} than the problem in memory, which is not that of its file")
+    return found

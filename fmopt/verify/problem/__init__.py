@@ -1,0 +1,6 @@
+"""A second reading of problem files, by the standard library alone: what a plan's claims rest on besides the plan."""
+
+from fmopt.verify.problem.compare import differences
+from fmopt.verify.problem.tables import ProblemError
+
+__all__ = ["ProblemError", "differences"]

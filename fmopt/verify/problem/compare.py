@@ -1,0 +1,155 @@
+"""Whether a plan is of a problem as its files stand now: everything that its claims rest on, held against them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from fmopt.verify.document import Part, Plan
+from fmopt.verify.problem.problem import Problem, load_problem
+from fmopt.verify.problem.section import half_diagonals
+from fmopt.verify.problem.solids import Comparison, Unbounded, of_piece
+from fmopt.verify.problem.sources import total
+from fmopt.verify.rational import ArithmeticRefusal, number, vector
+from fmopt.verify.rows import pose
+
+SAME = 1e-12  # m, rad: between numbers that went the same way
+SEATED = 1e-6  # m, rad: walls of rounded numbers seat a part a little off the pose of its goal
+STARTED = 1e-9  # m: between the lowest point at the start and the height that it has by the problem
+SIDES = ("moving", "fixed")
+
+
+def differences(plan: Plan, path: Path, data: Mapping[str, Any] | None = None) -> list[str]:
+    """What a plan states otherwise than the problem of a file, in words with place and both values; none if they agree.
+
+    Args:
+        plan: of a form that the check accepts.
+        path: the problem file.
+        data: what it holds, where that is something else by now.
+
+    Raises:
+        ProblemError: the problem or one of its files cannot be read.
+    """
+    return list(_differences(plan, load_problem(path, data)))
+
+
+def _differences(plan: Plan, problem: Problem) -> Iterator[str]:
+    if plan.problem != problem.sha256:
+        yield (
+            "problem.sha256: the plan belongs to another problem, or the problem's files have changed since: "
+            f"{plan.problem[:12]}… stands where the files give {problem.sha256[:12]}…"
+        )
+    yield from _task(plan, problem)
+    yield from _errors(plan, problem)
+    for side in SIDES:
+        yield from _part(plan.parts[side], problem, side)
+
+
+def _task(plan: Plan, problem: Problem) -> Iterator[str]:
+    """Goal, start and specification."""
+    stated, wanted = plan.goal[2], -problem.depth
+    if abs(stated - wanted) > SEATED:
+        yield f"goal: the plan ends at another depth: z is {stated!r} m, by the problem {wanted!r} m"
+    if max(map(abs, plan.goal[3:])) > SEATED:
+        yield f"goal: the plan ends in another orientation: {list(plan.goal[3:])} rad, by the problem 0"
+    begin = pose(plan.segments[0].start)
+    lowest = min(number(begin.apply(vector(corner))[2]) for corner in plan.moving.body.vertices)
+    if abs(lowest - problem.approach) > STARTED:
+        yield (
+            f"segments[0].start: the part's lowest point starts {lowest!r} m above the mouth, by the problem "
+            f"{problem.approach!r} m"
+        )
+    own, given = _specification(plan), problem.specification
+    for name in dict.fromkeys((*given, *own)):
+        if not _equal(own.get(name), given.get(name)):
+            yield (
+                f"specification.{name}: the plan is for another specification: {own.get(name)!r} stands where the "
+                f"problem gives {given.get(name)!r}"
+            )
+
+
+def _specification(plan: Plan) -> dict[str, float]:
+    own = plan.specification
+    found = {
+        "speed": own.speed,
+        "contact_force": own.contact_force,
+        "torque_limit": own.torque_limit,
+        "friction": own.friction,
+        "termination_force": own.termination_force,
+    }
+    names = ("impact_force", "apparent_mass", "contact_stiffness")
+    return found if own.impact is None else found | dict(zip(names, own.impact, strict=True))
+
+
+def _errors(plan: Plan, problem: Problem) -> Iterator[str]:
+    """Start errors, velocity errors, and the length that weighs rotation."""
+    corners = {side: plan.parts[side].body.vertices for side in SIDES}
+    boxes = problem.start_boxes(corners["moving"], corners["fixed"], {})
+    wanted = total(boxes)
+    if not _same(plan.start_box, wanted):
+        share = _share(plan.start_box, wanted)
+        part = "" if share is None else f", {share:.0%} of them"
+        yield (
+            f"uncertainty.start_box: the plan is for other start errors{part}: {list(plan.start_box)} stands where the "
+            f"problem gives {list(wanted)}"
+        )
+    if not _same(plan.velocity_error, problem.velocity_error):
+        yield (
+            f"uncertainty.velocity_error: the plan is for another velocity error: {list(plan.velocity_error)} stands "
+            f"where the problem gives {list(problem.velocity_error)}"
+        )
+    stated = problem.characteristic_length
+    pieces = [plan.parts[side].pieces for side in SIDES]
+    lengths = (stated,) if stated is not None else half_diagonals(pieces[0], pieces[1], problem.depth)
+    if not any(abs(plan.rho - length) <= SAME for length in lengths):
+        wanted_ = " or ".join(dict.fromkeys(f"{length!r} m" for length in lengths)) or "none"
+        yield (
+            f"uncertainty.rho: the plan weighs rotation by another length: {plan.rho!r} m stands where the problem "
+            f"gives {wanted_}"
+        )
+
+
+def _share(stated: Sequence[float], wanted: Sequence[float]) -> float | None:
+    """The share of the problem's errors that a plan states, where it is one and the same for all of them."""
+    shares = [a / b for a, b in zip(stated, wanted, strict=True) if b]
+    if not shares or any(a for a, b in zip(stated, wanted, strict=True) if not b):
+        return None
+    return shares[0] if max(shares) - min(shares) <= 1e-9 else None
+
+
+def _part(part: Part, problem: Problem, side: str) -> Iterator[str]:
+    """The set that a part's pieces are together, and its declared clearance."""
+    if not _same(part.declared_clearance, problem.declared_clearance):
+        yield (
+            f"parts.{side}.declared_clearance: the plan states another declared clearance: "
+            f"{list(part.declared_clearance)} stands where the problem gives {list(problem.declared_clearance)}"
+        )
+    try:
+        tree = problem.tree(side)
+        if tree is None:
+            yield f"parts.{side}: the part was not compared with its mesh"
+            return
+        comparison = Comparison(tree, [of_piece(piece) for piece in part.pieces])
+        reaching, missing = comparison.outside(), comparison.uncovered()
+    except (Unbounded, ArithmeticRefusal) as error:
+        yield f"parts.{side}: the part was not compared with its model: {error}"
+        return
+    if reaching is not None:
+        yield (
+            f"parts.{side}.pieces[{reaching[0]}]: the plan is for another {side} part: at {reaching[1]} of its frame "
+            f"the piece has material, the model {problem.model(side).name!r} has none"
+        )
+    if missing is not None:
+        yield (
+            f"parts.{side}.pieces: the plan is for another {side} part: at {missing} of its frame the model "
+            f"{problem.model(side).name!r} has material, no piece has"
+        )
+
+
+def _same(a: Sequence[float], b: Sequence[float], off: float = SAME) -> bool:
+    return len(a) == len(b) and all(abs(x - y) <= off for x, y in zip(a, b, strict=True))
+
+
+def _equal(a: float | None, b: float | None) -> bool:
+    return a == b or (a is not None and b is not None and abs(a - b) <= SAME * max(abs(a), abs(b)))

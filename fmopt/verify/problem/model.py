@@ -1,0 +1,172 @@
+"""Model files: the solids of a part in its model frame, or its mesh, and the features by which it mates."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from os.path import normpath
+from pathlib import Path
+
+from fmopt.verify.problem.quantities import ANGLE, LENGTH, Quantity
+from fmopt.verify.problem.shapes import SHAPES, Convex, extruded, polygon_of, shape
+from fmopt.verify.problem.tables import Table, parameters, read
+
+MOST_INSTANCES = 1000
+_ZERO = (0.0, 0.0, 0.0)
+_FEATURE = ("kind", "at", "turn", "length", "through", "classification", "solids")
+_PER_METRE = {"m": 1.0, "cm": 100.0, "mm": 1e3, "um": 1e6, "in": 1.0 / 0.0254}
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A node of the tree of solids: a convex one, or a union or a difference of others, moved.
+
+    Attributes:
+        name: in the file.
+        convex: the convex solid, None for the others.
+        first: what a union joins, or the base of a difference.
+        minus: what a difference takes away; empty for a union.
+        at, turn: where its origin is put, and its rotation vector.
+    """
+
+    name: str
+    convex: Convex | None
+    first: tuple[Solid, ...] = ()
+    minus: tuple[Solid, ...] = ()
+    at: tuple[float, ...] = _ZERO
+    turn: tuple[float, ...] = _ZERO
+
+
+@dataclass(frozen=True)
+class Feature:
+    """A peg or hole: its kind, its frame in the model's, its length, and the named solids it is made of."""
+
+    kind: str
+    at: tuple[float, ...]
+    turn: tuple[float, ...]
+    length: float
+    solids: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """A mesh file: its name in the model file, numbers a metre (None for STEP), and the stated deviation in m."""
+
+    name: str
+    path: Path
+    per_metre: float | None
+    deviation: float | None
+
+
+@dataclass(frozen=True)
+class Model:
+    """A model with its parameters bound: solids, or a mesh; `planar` for a profile."""
+
+    table: Table
+    name: str
+    solid: Solid | None
+    mesh: Mesh | None
+    planar: bool
+    features: Mapping[str, Feature]
+
+
+def load_model(operand: Table, overrides: Mapping[str, Quantity]) -> Model:
+    """The model that a table of a problem names.
+
+    Raises:
+        ProblemError: it cannot be read.
+    """
+    path = Path(normpath(operand.file.parent / operand.text("model")))
+    file = read(path, operand, "model").only(
+        *("name", "description", "units", "parameters", "part", "solids", "mesh", "profile", "features")
+    )
+    cited = operand.table("parameters") if operand.has("parameters") else operand
+    file = parameters(file, overrides, cited)
+    given = [key for key in ("solids", "mesh", "profile") if file.has(key) and file.value(key)]
+    if len(given) != 1:
+        raise file.error(given[-1] if given else "solids", "a model has solids, a mesh or a profile, one of these")
+    features = _features(file)
+    solid, mesh = None, None
+    if given == ["solids"]:
+        solid = _Tree(file.table("solids")).solid(file.text("part"))
+    elif given == ["profile"]:
+        solid = _profile(file.table("profile").only("polygons"), file.text("name"), features)
+    else:
+        mesh = _mesh(file.table("mesh").only("file", "unit", "deviation"))
+    return Model(file, file.text("name"), solid, mesh, given == ["profile"], features)
+
+
+def _features(file: Table) -> dict[str, Feature]:
+    if not file.has("features"):
+        return {}
+    tables, found = file.table("features"), {}
+    for name in tables.data:
+        table = tables.table(name).only(*_FEATURE)
+        table.flag("through")
+        found[name] = Feature(
+            table.text("kind", ("solid", "hollow")),
+            table.vector("at"),
+            table.vector("turn", ANGLE, _ZERO),
+            table.number("length", LENGTH, 1e-9),
+            tuple(table.names_of("solids")) if table.has("solids") else (),
+        )
+    return found
+
+
+def _mesh(table: Table) -> Mesh:
+    path = table.file.parent / table.text("file")
+    step = path.suffix.lower() in (".step", ".stp")
+    if step and table.has("unit"):
+        raise table.error("unit", "a STEP file says its unit itself")
+    scale = None if step else _PER_METRE[table.text("unit", tuple(_PER_METRE))]
+    return Mesh(table.text("file"), path, scale, table.maybe("deviation", LENGTH))
+
+
+def _profile(table: Table, name: str, features: Mapping[str, Feature]) -> Solid:
+    items = table.items("polygons", 1, 256)
+    polygons = [polygon_of(table, f"polygons[{i}]", item) for i, item in enumerate(items)]
+    moving = all(feature.kind == "solid" for feature in features.values())
+    if moving and len(polygons) > 1:
+        raise table.error("polygons", "what moves in a plane is one convex polygon")
+    bodies = tuple(Solid(name, convex) for convex in extruded(polygons, moving=moving))
+    return bodies[0] if len(bodies) == 1 else Solid(name, None, bodies)
+
+
+class _Tree:
+    """The named solids of a file, followed from one to those that it is made of."""
+
+    def __init__(self, tables: Table) -> None:
+        self._tables = tables
+        self._count = 0
+
+    def solid(self, name: str, above: tuple[str, ...] = ()) -> Solid:
+        """The solid of that name, with all that it is made of.
+
+        Raises:
+            ProblemError: one is missing or wrong, made of itself, or there are too many.
+        """
+        self._count += 1
+        if name in above or len(above) > 100:
+            raise self._tables.error(name, "is made of itself")
+        if self._count > MOST_INSTANCES:
+            raise self._tables.error(name, f"there are more than {MOST_INSTANCES} instances of solids")
+        table = self._tables.table(name)
+        kind = table.text("shape", (*SHAPES, "union", "difference"))
+        at, turn = table.vector("at", default=_ZERO), table.vector("turn", ANGLE, _ZERO)
+        within = (*above, name)
+        if kind == "union":
+            parts = table.only("shape", "at", "turn", "of").names_of("of")
+            return Solid(name, None, tuple(self.solid(part, within) for part in parts), (), at, turn)
+        if kind == "difference":
+            tools = table.only("shape", "at", "turn", "of", "minus").names_of("minus")
+            base = (self.solid(table.text("of"), within),)
+            return Solid(name, None, base, tuple(self.solid(tool, within) for tool in tools), at, turn)
+        return Solid(name, shape(table.only("shape", "at", "turn", *SHAPES[kind]), kind), (), (), at, turn)
+
+
+def overrides_of(operand: Table) -> dict[str, Quantity]:
+    """The parameters that a problem gives for a model."""
+    if not operand.has("parameters"):
+        return {}
+    given = replace(operand.table("parameters"), names=None)
+    return {name: given.quantity(name, raw) for name, raw in given.data.items()}
