@@ -351,7 +351,7 @@ CHANGES: list[tuple[Callable[[dict[str, Any]], Any], str]] = [
     (lambda p: p["goal"].__setitem__(2, -0.02), "another depth"),
     (lambda p: p["specification"].update(friction=0.0), "another specification"),
     (lambda p: p["parts"]["moving"]["pieces"][0]["vertices"][0].__setitem__(0, 0.0), "another moving part"),
-    (lambda p: p["parts"]["fixed"].update(declared_clearance=[1.0, 1.0]), "declared clearance of the fixed part"),
+    (lambda p: p["parts"]["fixed"].update(declared_clearance=[1.0, 1.0]), "parts.fixed.declared_clearance"),
 ]
 
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import copy
-import json
-import math
 import shutil
 import subprocess
 import sys
@@ -104,7 +102,7 @@ def scaled(side: str, factor: float) -> Change:
 
 
 def without_a_piece(plan: dict[str, Any]) -> None:
-    del plan["parts"]["fixed"]["pieces"][1]
+    plan["parts"]["fixed"]["pieces"][0] = plan["parts"]["fixed"]["pieces"][1]
 
 
 LIES: dict[str, tuple[Change, str]] = {
@@ -139,7 +137,7 @@ LIES: dict[str, tuple[Change, str]] = {
     "a shorter peg": (shifted("moving", 0, 2, -1e-6), "the model 'square_peg' has material, no piece has"),
     "a skin of 1 nm": (shifted("moving", 0, 0, 1e-9), "parts.moving.pieces[0]: the plan is for another moving part"),
     "a piece less": (without_a_piece, "parts.fixed.pieces: the plan is for another fixed part"),
-    "a wider hole": (shifted("fixed", 0, 0, -1e-6), "for another fixed part"),
+    "a wider hole": (shifted("fixed", 2, 0, -1e-6), "for another fixed part"),
     "units": (scaled("moving", 1.001), "for another moving part"),
 }
 
@@ -154,13 +152,6 @@ def test_everything_that_a_claim_rests_on_is_compared(square_peg_plan: dict[str,
 
 def test_a_true_plan_differs_in_nothing(square_peg_plan: dict[str, Any]) -> None:
     assert differences(parse(square_peg_plan), PEG) == []
-
-
-EDITS = {
-    "x = 0.3": ("x = 0.31", "uncertainty.start_box"),
-    "depth = 30": ("depth = 29", "goal"),
-    "friction = ": ("friction = 0.01 + 0", "specification"),
-}
 
 
 @pytest.fixture
@@ -226,10 +217,10 @@ def test_solids_that_are_made_of_themselves_and_files_without_end(files: Path) -
     end = model.read_text()[model.read_text().index("[features") :]
     loop = f'{begin}[solids.peg]\nshape = "union"\nof = ["peg"]\n{end}'
     model.write_text(loop)
-    with pytest.raises(ProblemError, match="is made of itself|there is no"):
+    with pytest.raises(ProblemError, match=r"is made of itself|this key is missing"):
         load_problem(problem)
     model.write_text(f"{begin}x = {'[' * 4000}{']' * 4000}\n{end}")
-    with pytest.raises(ProblemError, match="nested|no TOML|unknown"):
+    with pytest.raises(ProblemError, match=r"nested|no TOML"):
         load_problem(problem)
     model.write_bytes(b"name = 1\n" * 200_000)
     with pytest.raises(ProblemError, match="more than 1000000 bytes"):
@@ -259,12 +250,27 @@ def test_units_are_those_that_the_planner_knows() -> None:
         assert dimension == (kind.length, kind.mass, kind.time, kind.angle), name
 
 
+HEAVY = ("numpy", "scipy", "casadi", "pydantic", "manifold3d", "trimesh", "shapely", "pint", "tree_sitter")
+
+
 def test_the_check_of_a_problem_loads_no_numerics(square_peg_plan_file: Path) -> None:
     code = (
-        "import sys\nfrom fmopt.cli import main\n"
-        f"code = main(['verify', {str(square_peg_plan_file)!r}, '--problem', {str(PEG)!r}, '--quiet'])\n"
-        "heavy = ('numpy', 'scipy', 'casadi', 'pydantic', 'manifold3d', 'trimesh', 'shapely', 'pint', 'tree_sitter')\n"
-        "print(code, [name for name in heavy if name in sys.modules])\n"
+        "import sys\nfrom pathlib import Path\nfrom fmopt import verify\nfrom fmopt.verify.parse import parse\n"
+        "from fmopt.verify.problem import differences\n"
+        f"document = verify.load({str(square_peg_plan_file)!r})\n"
+        f"verdict = verify.verify(document).unless(differences(parse(document), Path({str(PEG)!r})))\n"
+        f"print(verdict.verdict, [name for name in {HEAVY!r} if name in sys.modules])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "CERTIFIED []\n"
+
+
+def test_nor_does_the_command_but_for_what_the_command_line_itself_is_made_of(square_peg_plan_file: Path) -> None:
+    arguments = ["fmopt", "verify", str(square_peg_plan_file), "--problem", str(PEG), "--quiet"]
+    code = (
+        f"import sys\nfrom fmopt.cli import main\nsys.argv = {arguments!r}\n"
+        "try:\n    code = main()\nexcept SystemExit as end:\n    code = end.code\n"
+        f"print(code, [name for name in {HEAVY!r} if name in sys.modules and name != 'pydantic'])\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "0 []\n"
@@ -290,13 +296,12 @@ def test_the_problem_costs_little_beside_the_plan(square_peg_plan: dict[str, Any
     assert time.process_time() - middle < 0.5 * (middle - begin) + 0.05
 
 
-def test_a_turned_problem_keeps_its_digest_and_its_sums(files: Path) -> None:
+@pytest.mark.parametrize("told", ['turn = "free"', ""])
+def test_a_round_peg_is_turned_as_the_start_has_it(files: Path, told: str) -> None:
     problem = files / "problems" / "factory_round_8mm_tight.toml"
-    edited(problem, "[start]", "[start]\nturn = [0, 0, 30]\n#")
-    edited(problem, "height = ", "height = ") if "height" in problem.read_text() else None
-    text = problem.read_text().replace("#\nheight", "height")
-    problem.write_text(text)
+    edited(problem, 'turn = "free"', told)
+    edited(problem, "[start]", "[start]\nturn = [0.1, 0.2, 30]")
     theirs, read = load(problem), load_problem(problem)
     assert read.turn == pytest.approx(theirs.task.turn, abs=1e-12)
-    assert read.turn == pytest.approx(math.radians(30.0), abs=1e-12)
-    assert json.dumps(read.sha256) == json.dumps(theirs.sha256)
+    assert read.turn > 0.5
+    assert read.sha256 == theirs.sha256

@@ -35,13 +35,13 @@ def differences(plan: Plan, path: Path, data: Mapping[str, Any] | None = None) -
 
 
 def _differences(plan: Plan, problem: Problem) -> Iterator[str]:
+    found = [*_task(plan, problem), *_errors(plan, problem)]  # first, as they say best which key of a file is wrong
     if plan.problem != problem.sha256:
         yield (
             "problem.sha256: the plan belongs to another problem, or the problem's files have changed since: "
             f"{plan.problem[:12]}… stands where the files give {problem.sha256[:12]}…"
         )
-    yield from _task(plan, problem)
-    yield from _errors(plan, problem)
+    yield from found
     for side in SIDES:
         yield from _part(plan.parts[side], problem, side)
 

@@ -45,7 +45,7 @@ def _units() -> dict[str, tuple[Fraction, Dimension]]:
     inch = Fraction(254, 10000)
     found |= dict.fromkeys(("in", "inch", "inches"), (inch, LENGTH))
     found |= dict.fromkeys(("ft", "foot", "feet"), (12 * inch, LENGTH))
-    found |= dict.fromkeys(("thou", "mil"), (inch / 1000, LENGTH))
+    found |= {"thou": (inch / 1000, LENGTH)}
     found |= dict.fromkeys(("micron", "microns"), (Fraction(1, 10**6), LENGTH))
     found |= dict.fromkeys(("deg", "degree", "degrees", "°"), (_DEGREE, ANGLE))
     found |= dict.fromkeys(("arcmin", "arcminute", "arcminutes"), (_DEGREE / 60, ANGLE))
