@@ -15,7 +15,7 @@ from fmopt.certificate.claim import Claim
 from fmopt.certificate.curvature import Curvature
 from fmopt.certificate.functions import contact_rows
 from fmopt.certificate.knowledge import Assembly
-from fmopt.certificate.record import contact_record, part_record, segment_record
+from fmopt.certificate.record import contact_record, exact_parts, part_record, segment_record
 from fmopt.certificate.segment import Tolerance
 from fmopt.contact.bounds import BoundTable
 from fmopt.contact.primitive import Kind, PrimitiveContact
@@ -99,6 +99,7 @@ def _proof(problem: Problem, done: Moved, *, ranges: bool = False) -> dict[str, 
     segments = _segments(problem, done.assembly, claims, tolerance, ranges=ranges)
     contacts = {c.id: c for claim in claims for c in (*claim.piece.held, *claim.piece.goal_contacts)}
     declared, clearance = problem.declared_clearance, done.clearance.per_side
+    own, other = exact_parts(done.assembly, contacts.values())
     return {
         "format": plan.FORMAT,
         "fmopt_version": __version__,
@@ -117,8 +118,8 @@ def _proof(problem: Problem, done: Moved, *, ranges: bool = False) -> dict[str, 
         "touch_tolerance": 1e-9,
         "not_covered": plan.NOT_COVERED,
         "parts": {
-            "moving": part_record(problem.moving, declared, clearance),
-            "fixed": part_record(problem.fixed, declared, clearance),
+            "moving": part_record(problem.moving, declared, clearance, own),
+            "fixed": part_record(problem.fixed, declared, clearance, other),
         },
         "contacts": [contact_record(contacts[name]) for name in sorted(contacts)],
         "segments": segments,

@@ -22,6 +22,7 @@ from fmopt.task.problem import Problem, load
 from fmopt.values import Array
 from fmopt.verify.knowledge import Facts
 from fmopt.verify.rational import ONE, vector
+from fmopt.verify.turns import Turn
 
 ROOT = Path(__file__).parent.parent
 SHAPE = Shape(0.4363, 0.2094, 0.0463, 0.000867, (0.00454, 0.00562), (0.0019, 0.000387))
@@ -101,7 +102,7 @@ def test_what_rises_does_so_however_the_part_is_turned(n: Array, w: Array, norma
 @given(directions(), directions(), directions(), st.integers(0, 10**6))
 def test_the_check_knows_the_same(n: Array, w: Array, normal: Array, seed: int) -> None:
     known = Facts.__new__(Facts)
-    known.turns = [(vector(n), vector(w))]
+    known.turns, known._wholes = [Turn(vector(n), vector(w), vector(n), vector(w), None)], (1, None)
     vectors = np.random.default_rng(seed).normal(size=(40, 3))
     found = rising([(n, w)], normal, vectors)
     assert [known.rises(vector(normal), vector(v)) for v in vectors] == found.tolist()

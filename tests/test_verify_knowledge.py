@@ -7,9 +7,9 @@ from test_verify_solids import box, pocket
 
 from fmopt.verify.assembly import Assembly, Touch
 from fmopt.verify.knowledge import Facts
-from fmopt.verify.rational import fixed, vector
+from fmopt.verify.rational import Vector, fixed, vector
 from fmopt.verify.rows import pose
-from fmopt.verify.solids import Plane, same
+from fmopt.verify.solids import Plane
 
 MM = 1e-3
 PEG = box(-10, 10, -10, 10, 0, 40)
@@ -22,6 +22,10 @@ FLOOR = Plane(vector((0.0, 0.0, 1.0)), fixed(-30 * MM))
 
 def point(x: float, y: float, z: float) -> tuple[int, int, int]:
     return vector((x * MM, y * MM, z * MM))
+
+
+def same(a: Vector, b: Vector) -> bool:
+    return all(abs(x - y) <= fixed(1e-30) for x, y in zip(a, b, strict=True))
 
 
 def corner(x: int, y: int, z: int) -> int:
@@ -39,8 +43,6 @@ def assembly() -> Assembly:
     made = Assembly.__new__(Assembly)
     made.moving, made.fixed = PEG, BLOCK
     made.moving_pieces, made.fixed_pieces = (PEG,), ()
-    made.touch_tolerance = fixed(1e-9)
-    made.radius = PEG.radius + BLOCK.radius
     made.body_points = PEG.vertices
     made.touches = {}
     made.flaws = []
@@ -66,7 +68,7 @@ V0_LEFT, V3_LEFT, T3_LEFT = vertex_on(V0, LEFT), vertex_on(V3, LEFT), vertex_on(
 
 def test_one_point_says_nothing_more(assembly: Assembly) -> None:
     known = facts(assembly, V0_LEFT)
-    assert known.on(LEFT).lines() == ()
+    assert known.on(LEFT).lines(assembly) == ()
     assert not known.implies(V3_LEFT)
     assert known.not_below(LEFT, PEG.vertices, []) == {V0}
     assert known.not_below(FRONT, PEG.vertices, []) == set()
@@ -99,9 +101,10 @@ def test_three_points_make_a_flush(assembly: Assembly, third: Touch) -> None:
     known = facts(assembly, V0_LEFT, A, third)
     assert known.not_below(LEFT, PEG.vertices, []) == {V0, T0, V3, T3}
     assert len(known.turns) == 1
-    body, world = known.turns[0]
-    assert same(body, vector((-1.0, 0.0, 0.0)))
-    assert same(world, vector((-1.0, 0.0, 0.0)))
+    turn = known.turns[0]
+    assert turn.body == turn.world == vector((-1.0, 0.0, 0.0))
+    assert turn.onto is not None
+    assert all(exact[0] < 0 and exact[1:] == (0, 0) for exact in (turn.exact, turn.onto))
     assert known.implies(T3_LEFT)
     assert not known.implies(vertex_on(V1, FRONT))
 
@@ -147,7 +150,9 @@ def test_parallel_edges_against_one_rim_come_together(assembly: Assembly) -> Non
     assert facts(assembly, V0_LEFT, A, V3_LEFT, first).implies(second)
 
 
-def test_planes_that_differ_by_more_than_the_tolerance_are_two(assembly: Assembly) -> None:
-    known = facts(assembly, V0_LEFT)
-    assert known.not_below(Plane(LEFT.normal, LEFT.offset + fixed(2e-9)), PEG.vertices, []) == set()
-    assert assembly.agree(LEFT, Plane(LEFT.normal, LEFT.offset + fixed(5e-10)))
+@pytest.mark.parametrize("off", [2e-9, 5e-10, 1e-10, 1e-13])
+def test_planes_that_differ_at_all_are_two(assembly: Assembly, off: float) -> None:
+    beside = Plane(LEFT.normal, LEFT.offset + fixed(off))
+    assert facts(assembly, V0_LEFT).not_below(beside, PEG.vertices, []) == set()
+    assert not assembly.agree(LEFT, beside)
+    assert assembly.agree(LEFT, LEFT)

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from solid_bodies import SLABS, box, pocket, shape, with_box
 
 from fmopt.verify.overlap import overlap
-from fmopt.verify.rational import Vector, cross, length
+from fmopt.verify.rational import Vector, length
 from fmopt.verify.rows import pose
-from fmopt.verify.solids import NEAR, SHORT, aligned, short, vanishes
+from fmopt.verify.solids import SHORT, short
 
 
 def test_a_pocketed_block_and_its_slabs_close() -> None:
@@ -32,8 +32,9 @@ def test_convexity_of_edges() -> None:
 def test_open_and_twisted_surfaces_are_named() -> None:
     vertices, faces = with_box(([], []), (0.0, 0.0, 0.0), (0.01, 0.01, 0.01), inside_out=False)
     assert any("do not close" in flaw for flaw in shape(vertices, faces[:-1]).flaws())
-    vertices[0][2] = 1e-9
-    assert any("not flat" in flaw for flaw in shape(vertices, faces).flaws())
+    for off in (1e-9, 1e-13, 5e-324 * 2.0**900):
+        vertices[0][2] = off
+        assert any("not flat" in flaw for flaw in shape(vertices, faces).flaws())
 
 
 @pytest.mark.parametrize(
@@ -51,21 +52,6 @@ def test_overlaps_have_a_common_point(x: tuple[float, ...], expected: bool) -> N
     assert (depth > 0.0) is expected
 
 
-def vectors(size: int) -> st.SearchStrategy[Vector]:
-    """Vectors of about a size, in fixed point."""
-    return st.tuples(*(st.integers(-2 * size, 2 * size),) * 3)
-
-
-@given(vectors(NEAR), vectors(SHORT), vectors(NEAR), vectors(1 << 256))
-def test_small_vectors_are_told_by_their_squares_as_by_their_lengths(
-    near: Vector, far: Vector, u: Vector, v: Vector
-) -> None:
-    assert vanishes(near) == (length(near) <= NEAR)
+@given(st.tuples(*(st.integers(-2 * SHORT, 2 * SHORT),) * 3))
+def test_short_vectors_are_told_by_their_squares_as_by_their_lengths(far: Vector) -> None:
     assert short(far) == (length(far) <= SHORT)
-    assert aligned(u, v) == (length(cross(u, v)) <= NEAR)
-
-
-def test_vectors_at_the_limit_count_as_long() -> None:
-    assert vanishes((NEAR - 1, 0, 0))
-    assert not vanishes((NEAR, 0, 0))
-    assert length((NEAR - 1, 0, 0)) == NEAR

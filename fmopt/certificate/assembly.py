@@ -15,8 +15,8 @@ from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.se3 import cross, length, lengths
 from fmopt.values import Array
 
-TOUCH = 1e-9  # m: two planes closer than this, wherever the parts can be, are the same
-NEAR = 1e-11  # m: points and lines of one part closer than this are the same
+TOUCH = 1e-9  # m: features of a part and of its pieces closer than this are the same
+NEAR = 1e-12  # m: what is incident but for this is so in exact coordinates, on which the proof rests, see `record`
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,9 +72,9 @@ class Assembly:
         return self._carried[piece]
 
     def agree(self, normal: Array, offset: float, other: Array, other_offset: float) -> bool:
-        """Whether two planes are one, seen from the same side."""
+        """Whether two planes are one, seen from the same side, wherever the parts can be."""
         turn = length(normal - other)
-        return turn * self.radius + abs(offset - other_offset) <= TOUCH
+        return turn * self.radius + abs(offset - other_offset) <= NEAR
 
 
 def _carried(part: Polyhedron, piece: Polyhedron) -> frozenset[tuple[str, int]]:

@@ -2,25 +2,55 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
+from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.claim import Claim, ContactClaim
 from fmopt.certificate.separation import Ends, Separation
-from fmopt.contact.primitive import PrimitiveContact
+from fmopt.contact.primitive import Kind, PrimitiveContact
+from fmopt.geometry.exact import Exact, exact_vertices, facing_directions
 from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.plan import clean, rounded_down
 
 
-def part_record(part: Part, declared: tuple[float, float], measured: float) -> dict[str, Any]:
-    """A part as the plan file holds it, with the clearance a side that was declared and measured (m)."""
-    shapes = {**_shape(part.polyhedron), "pieces": [_shape(piece) for piece in part.pieces]}
+def part_record(
+    part: Part, declared: tuple[float, float], measured: float, exact: Mapping[int, Exact] | None = None
+) -> dict[str, Any]:
+    """A part as the plan file holds it, with the clearance a side that was declared and measured (m).
+
+    Vertices whose exact coordinates are no floats have these beside them, as fractions.
+    """
+    shapes: dict[str, Any] = {**_shape(part.polyhedron), "pieces": [_shape(piece) for piece in part.pieces]}
+    if exact:
+        shapes["exact"] = [{"vertex": n, "at": [str(x) for x in exact[n]]} for n in sorted(exact)]
     record: dict[str, Any] = clean(
         {"name": part.name, **shapes, "declared_clearance": declared, "measured_clearance": measured}
     )
     return record
+
+
+def exact_parts(assembly: Assembly, contacts: Iterable[PrimitiveContact]) -> tuple[dict[int, Exact], dict[int, Exact]]:
+    """Exact coordinates of vertices of the moving and of the fixed part that are not in their faces' planes in floats.
+
+    Walls that contacts are on are made exactly parallel to the faces that lie flat in them, which they are but for
+    rounding: else a part could not lie in two of them at once, as it does.
+
+    Raises:
+        GeometryError: there are none next to the floats.
+    """
+    moving, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
+    walls = set[int]()
+    for contact in contacts:
+        if contact.kind is Kind.VERTEX_FACE:
+            walls.add(contact.fixed_feature)
+        elif contact.kind is Kind.EDGE_EDGE:
+            walls.update(fixed.edges[contact.fixed_feature].faces)
+    own = exact_vertices(moving)
+    return own, exact_vertices(fixed, facing_directions(moving, own, fixed, sorted(walls)))
 
 
 def _shape(body: Polyhedron) -> dict[str, Any]:

@@ -41,7 +41,7 @@ NOT_COVERED = (
     "friction against the lift",
 )
 _UPRIGHT = 2.0**-20  # faces lean over by less than this where they may count as vertical
-_FLAT = 1e-11  # m, by which a vertical face may lean over
+_FLAT = 1e-12  # m, by which a vertical face may lean over
 _OVERTURN = 0.15  # rad by which a part may be turned further than planned, and still be turned back
 _SPARE = 1e-3  # m that the part is lifted higher than it need be
 _SLACK = 1e-9  # m and rad by which figures are stated on the safe side

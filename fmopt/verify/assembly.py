@@ -9,9 +9,10 @@ from typing import NamedTuple
 
 from fmopt.verify.covering import uncovered
 from fmopt.verify.document import Contact, Plan
-from fmopt.verify.rational import Vector, add, cross, dot, fixed, length, scaled, sub, times
+from fmopt.verify.incidence import Incidence
+from fmopt.verify.rational import Vector, add, cross, dot, length, scaled, sub
 from fmopt.verify.rows import DirectionAlong, EdgesApart, FaceAbove, Function, PointAbove
-from fmopt.verify.solids import NEAR, Line, Plane, Shape, line, same
+from fmopt.verify.solids import DEVIATION, Line, Plane, line
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class Touch:
         return line(*self.fixed)
 
 
-class Level(NamedTuple):
+class Rim(NamedTuple):
     """A face of the moving part, one edge of which is held on a rim, and how another edge meets it.
 
     Attributes:
@@ -68,11 +69,12 @@ class Level(NamedTuple):
         """Whether a body point is on the face, on the side of the other edge.
 
         Over the plane of the edge held and the rim its height is a part, not negative, of what `Assembly.function`
-        measures.
+        measures. A vertex of a piece may be off that half of the face by `DEVIATION`: nothing is concluded from it but
+        that it is no lower than by so much, since the body is rigid.
         """
         off = sub(v, self.held.moving[0])
         side = dot(self.away, off)
-        return abs(dot(self.normal, off)) <= NEAR and (side if self.far > 0 else -side) >= -NEAR
+        return abs(dot(self.normal, off)) <= DEVIATION and (side if self.far > 0 else -side) >= -DEVIATION
 
 
 @dataclass(frozen=True)
@@ -81,33 +83,24 @@ class _Found:
 
     functions: dict[tuple[str, ...], Function] = field(default_factory=dict)
     reaches: dict[Vector, int] = field(default_factory=dict)
-    holds: dict[tuple[Line, Vector], bool] = field(default_factory=dict)
-    spanned: dict[tuple[Line, Vector], Vector | None] = field(default_factory=dict)
 
 
-class Assembly:
+class Assembly(Incidence):
     """The parts, their convex pieces and the contacts of a plan.
 
     Attributes:
-        moving, fixed: surfaces of the parts.
-        moving_pieces, fixed_pieces: convex pieces.
         touches: contacts by id.
         flaws: what is wrong with parts, pieces or contacts.
     """
 
     def __init__(self, plan: Plan) -> None:
-        self.moving, self.fixed = Shape(plan.moving.body), Shape(plan.fixed.body)
-        self.moving_pieces = tuple(Shape(piece) for piece in plan.moving.pieces)
-        self.fixed_pieces = tuple(Shape(piece) for piece in plan.fixed.pieces)
-        self.touch_tolerance = fixed(plan.touch)
-        self.radius = self.moving.radius + self.fixed.radius
-        self.body_points = _distinct(self.moving, *self.moving_pieces)
+        super().__init__(plan.moving, plan.fixed)
         self.touches: dict[str, Touch] = {}
-        self.flaws = list(self._solids())
+        self.flaws = [*self._solids(), *self.blurred(plan.touch)]
         for contact in plan.contacts:
             found = self._resolve(contact)
             if found is None:
-                self.flaws.append(f"contact {contact.id} names no convex edge or whole face of the parts")
+                self.flaws.append(f"contact {contact.id} names no convex edge or whole plane face of the parts")
             else:
                 self.touches[contact.id] = found
 
@@ -118,18 +111,8 @@ class Assembly:
         ):
             flaws = list(part.flaws())
             for n, piece in enumerate(pieces):
-                flaws += [f"piece {n}: {flaw}" for flaw in (*piece.flaws(), *piece.bulges())]
+                flaws += [f"piece {n}: {flaw}" for flaw in piece.bulges()]
             yield from (f"{name} part: {flaw}" for flaw in flaws or uncovered(part, pieces))
-
-    def agree(self, a: Plane, b: Plane) -> bool:
-        """Whether two planes are one, seen from the same side, to the touch tolerance wherever the parts can be."""
-        shift = abs(a.offset - b.offset)
-        if shift > self.touch_tolerance:
-            return False
-        turn = sub(a.normal, b.normal)
-        if any(times(abs(x), self.radius) > self.touch_tolerance for x in turn):
-            return False
-        return times(length(turn), self.radius) + shift <= self.touch_tolerance
 
     @cached_property
     def _found(self) -> _Found:
@@ -141,20 +124,6 @@ class Assembly:
         if found is None:
             found = self._found.reaches[v] = length(v)
         return found
-
-    def holds(self, l: Line, v: Vector) -> bool:
-        """Whether a point lies on a line, to `NEAR`."""
-        found = self._found.holds.get((l, v))
-        if found is None:
-            found = self._found.holds[l, v] = l.holds(v)
-        return found
-
-    def spanned(self, l: Line, v: Vector) -> Vector | None:
-        """A unit normal of the plane through a line and a point; None where the point is too near the line."""
-        found = self._found.spanned
-        if (l, v) not in found:
-            found[l, v] = l.spanned(v)
-        return found[l, v]
 
     def _resolve(self, contact: Contact) -> Touch | None:
         own = tuple(self.moving.vertices[i] for i in contact.moving)
@@ -178,6 +147,8 @@ class Assembly:
             if sides is None or not (self.fixed.convex(*contact.fixed) and self.moving.convex(*contact.moving)):
                 return None
             faces = tuple(self.fixed.faces[k].plane for k in sides)
+        if not all(self.agree(p, p) for p in (*faces, *([plane] if plane is not None else []))):
+            return None
         return Touch(contact.id, contact.kind, own, other, plane, faces, face, (contact.moving, contact.fixed))
 
     def hinge(self, touch: Touch, together: Sequence[Touch]) -> tuple[Plane, Vector, Vector] | None:
@@ -194,11 +165,11 @@ class Assembly:
             if any(self.agree(other.plane, face) for face in touch.faces):
                 a, b = touch.moving
                 for one, two in ((a, b), (b, a)):
-                    if same(one, other.moving[0]):
+                    if one == other.moving[0]:
                         return other.plane, one, two
         return None
 
-    def level(self, touch: Touch, together: Sequence[Touch]) -> Level | None:
+    def level(self, touch: Touch, together: Sequence[Touch]) -> Rim | None:
         """What tells that an edge meets a rim on which an edge of the same body face, listed before it, is held.
 
         The plane of that face has a point of the rim already, from the edge held: its other lines meet the rim exactly
@@ -221,7 +192,7 @@ class Assembly:
                 normal = self.moving.faces[shared.pop()].plane.normal
                 away = cross(other.moving_line.direction, normal)
                 far = max((dot(away, sub(v, other.moving[0])) for v in touch.moving), key=abs)
-                return Level(other, normal, away, far)
+                return Rim(other, normal, away, far)
         return None
 
     def made(self, touch: Touch, held: Sequence[Touch]) -> Function:
@@ -261,13 +232,6 @@ class Assembly:
             along, across = level.held.fixed_line.direction, scaled(level.far, level.normal)
             return DirectionAlong(along, across, abs(level.far) + 2)
         return EdgesApart(touch.moving_line, touch.fixed_line, touch.moving[0])
-
-
-def _distinct(*shapes: Shape) -> tuple[Vector, ...]:
-    found: list[Vector] = []
-    for shape in shapes:
-        found += [v for v in shape.vertices if not any(same(v, w) for w in found)]
-    return tuple(found)
 
 
 def outward(plane: Plane, a: Vector, b: Vector) -> int:

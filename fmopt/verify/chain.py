@@ -13,8 +13,9 @@ from fmopt.verify.knowledge import Facts
 from fmopt.verify.motion import Motion, Task
 from fmopt.verify.rational import ONE, Matrix, Row, Vector, add, fixed, over, times, vector
 from fmopt.verify.rows import pose
-from fmopt.verify.solids import Plane, same
+from fmopt.verify.solids import Plane
 from fmopt.verify.stretch import Leg, check_fit
+from fmopt.verify.turns import LARGEST_ERROR
 
 Basis = tuple[tuple[Touch, Row], ...]
 _DIRECTION_FLOOR = 1e-11
@@ -116,6 +117,8 @@ class Chain:
             (fixed(self.plan.velocity_error[0]), fixed(self.plan.velocity_error[1])),
             fixed(self.plan.rho),
         )
+        if task.theta >= LARGEST_ERROR and any(turn.level for turn in (*basis_facts.turns, *facts.turns)):
+            raise Broken("may turn so far that an edge in a wall is not known by its nominal direction")
         motion = Motion(self.assembly, task, errors)
         if made is not None and motion.made_direction is not None:
             notes.equal(f"direction of {made.id}", segment.basis[-1][1], motion.made_direction, _DIRECTION_FLOOR)
@@ -214,7 +217,7 @@ class Chain:
             (wall.plane, v)
             for wall in self._known(move, leaving, R).walls
             for v in wall.points
-            if not any(same(v, p) for p in kept.on(wall.plane).points)
+            if v not in kept.on(wall.plane).points
         )
 
     def _nothing_lost(self, before: set[str], after: Sequence[Touch], R: Matrix) -> None:

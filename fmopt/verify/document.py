@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from fmopt.verify.accounts import CriticalPoint, Nominal, PositionForce, Recovery, Search
 from fmopt.verify.diagnostics import Diagnostics
@@ -14,10 +14,14 @@ __all__ = ["FORMAT", "NOT_COVERED", "Numbers", "PlanError"]
 
 @dataclass(frozen=True)
 class Body:
-    """A polyhedron as the plan states it: vertices and faces, each a tuple of vertex loops."""
+    """A polyhedron as the plan states it: vertices and faces, each a tuple of vertex loops.
+
+    `exact` has the vertices whose coordinates are no floats, each as integers (x, y, z, w) for (x, y, z)/w.
+    """
 
     vertices: tuple[Numbers, ...]
     faces: tuple[tuple[tuple[int, ...], ...], ...]
+    exact: Mapping[int, tuple[int, int, int, int]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from fmopt.verify.rational import (
     times,
 )
 from fmopt.verify.rows import DirectionAlong, FaceAbove, Function, PointAbove
-from fmopt.verify.solids import NEAR, Plane, Shape, same
+from fmopt.verify.solids import DEVIATION, ROUNDING, Plane, Shape
 
 UNBOUNDED = ONE  # the margin, 1 m, of a contact that nothing bounds
 _BEYOND = fixed(1e-6)
@@ -82,9 +82,13 @@ def facet_margin(assembly: Assembly, touch: Touch, together: Sequence[Touch], mo
 
 
 def _beside(shape: Shape, face: int, loop: Sequence[int]) -> list[Plane]:
-    """Planes across a face that have all of a hole behind them, each along one of its edges."""
-    planes = (plane for _, _, plane in shape.across(face, loop))
-    return [plane for plane in planes if all(plane.height(shape.vertices[k]) <= NEAR for k in loop)]
+    """Planes across a face that have all of a hole behind them, each along one of its edges or next to it."""
+    found = []
+    for _, _, plane in shape.across(face, loop):
+        beyond = max(plane.height(shape.vertices[k]) for k in loop)
+        if beyond <= DEVIATION:
+            found.append(Plane(plane.normal, plane.offset + max(0, beyond)))
+    return found
 
 
 def _in_face(assembly: Assembly, touch: Touch, together: Sequence[Touch], way: _Way) -> int:
@@ -116,15 +120,23 @@ def _swallowed(assembly: Assembly, wall: Plane, edge: tuple[int, int], rim: Plan
     """
     if assembly.fixed.convex(*edge):
         return False
-    back = scaled(max(0, -room) + _BEYOND, neg(rim.normal))
+    far = max(0, -room) + _BEYOND
+    back = scaled(far, neg(rim.normal))
     ends = [assembly.fixed.vertices[k] for k in edge]
     strip = [*ends, *(add(p, back) for p in ends)]
-    within = middle(strip)
-    return any(
-        all(face.plane.height(p) <= NEAR for face in piece.faces for p in strip)
-        and all(face.plane.height(within) < -NEAR for face in piece.faces)
-        for piece in assembly.fixed_pieces
-    )
+    return any(all(_behind(face.plane, strip, far) for face in piece.faces) for piece in assembly.fixed_pieces)
+
+
+def _behind(plane: Plane, strip: Sequence[Vector], far: int) -> bool:
+    """Whether a strip is behind a face of a piece: its two ends, and the same so far on.
+
+    Where the face is off the ends by `DEVIATION`, the strip goes down from it by a sixteenth at least, so that it is
+    behind after sixteen times as much.
+    """
+    heights = [plane.height(p) for p in strip]
+    if max(heights) <= ROUNDING:
+        return plane.height(middle(strip)) < -ROUNDING
+    return max(heights[:2]) <= DEVIATION and max(heights[2:]) <= -(far >> 4)
 
 
 def _slips(
@@ -145,15 +157,11 @@ def _slips(
     for other in together:
         if other.kind != "edge-edge" or set(other.indices[1]) != set(rim_edge):
             continue
-        if not any(same(v, end) for end in other.moving):
+        if v not in other.moving:
             continue
-        far = other.moving[1] if same(v, other.moving[0]) else other.moving[0]
+        far = other.moving[1] if v == other.moving[0] else other.moving[0]
         for partner in together:
-            if (
-                partner.kind == "vertex-face"
-                and same(partner.moving[0], far)
-                and assembly.agree(partner.faces[0], wall)
-            ):
+            if partner.kind == "vertex-face" and partner.moving[0] == far and assembly.agree(partner.faces[0], wall):
                 if way.least(way.above(far, rim)) > max(room, 0) + _SURELY:
                     return True
             elif other_rim(assembly, other, partner, wall) and _more_proper(assembly, partner, other, wall, way):
@@ -212,7 +220,7 @@ def _shared_wall(assembly: Assembly, touch: Touch, together: Sequence[Touch], wa
     if shared is None:
         return None
     ends = [t.moving[0] for t in together if t.kind == "vertex-face" and assembly.agree(t.faces[0], shared)]
-    if all(any(same(end, p) for p in ends) for end in touch.moving):
+    if all(end in ends for end in touch.moving):
         return shared
     rims = [t for t in together if other_rim(assembly, touch, t, shared)]
     return shared if any(_more_proper(assembly, t, touch, shared, way) for t in rims) else None
@@ -270,13 +278,17 @@ def _blocked(assembly: Assembly, wall: Plane, end: Vector, inward: Vector, room:
 
     An edge that crosses the wall there would enter that piece, which the separations rule out.
     """
-    back = scaled(max(0, -room) + _BEYOND, inward)
-    beyond = sub(end, back)
+    far = max(0, -room) + _BEYOND
+    beyond = sub(end, scaled(far, inward))
     for piece in assembly.fixed_pieces:
-        planes = (face.plane for face in piece.faces)
-        outside = list(islice((p for p in planes if p.height(end) > NEAR or p.height(beyond) >= -NEAR), 2))
-        if not outside or (len(outside) == 1 and assembly.agree(outside[0], wall)):
+        faces = enumerate(piece.faces)
+        outside = list(islice((n for n, face in faces if not _behind(face.plane, (end, end, beyond, beyond), far)), 2))
+        if not outside:
             return True
+        if len(outside) == 1:
+            backed = assembly.backed(assembly.fixed, piece, outside[0])
+            if backed is not None and assembly.agree(backed.wall, wall):
+                return True
     return False
 
 

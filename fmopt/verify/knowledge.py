@@ -14,27 +14,23 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from fmopt.verify.assembly import Assembly, Touch
+from fmopt.verify.exact import height, parallel, turned_over
+from fmopt.verify.incidence import Flush
 from fmopt.verify.rational import (
     ONE,
     Matrix,
     Vector,
-    add,
-    cross,
     dot,
     length,
     neg,
-    over,
-    root,
     scaled,
     sub,
     times,
     turned,
     unit,
 )
-from fmopt.verify.solids import NEAR, Line, Plane, aligned, line, on_line, same, short, vanishes
-
-_STEEP = ONE >> 6
-_APART = ONE >> 4
+from fmopt.verify.solids import DEVIATION, ROUNDING, Line, Plane, line, short
+from fmopt.verify.turns import Turn, about, cancel, crossing, directed, image_of, steep
 
 
 @dataclass
@@ -52,27 +48,25 @@ class Wall:
     plane: Plane
     points: list[Vector] = field(default_factory=list)
     between: list[tuple[Vector, Vector]] = field(default_factory=list)
-    flush: list[Plane] = field(default_factory=list)
+    flush: list[Flush] = field(default_factory=list)
     looked: tuple[int, int, int] = (0, 0, 0)
     _lines: tuple[int, int, tuple[Line, ...]] = (0, 0, ())
 
-    def lines(self) -> tuple[Line, ...]:
+    def lines(self, assembly: Assembly) -> tuple[Line, ...]:
         """Body lines in the wall: two points, or an end of an edge and a point within the edge."""
         known = len(self.points), len(self.between)
         if self._lines[:2] != known:
-            self._lines = *known, tuple(self._distinct())
+            self._lines = *known, tuple(self._distinct(assembly))
         return self._lines[2]
 
-    def _distinct(self) -> list[Line]:
+    def _distinct(self, assembly: Assembly) -> list[Line]:
         n = len(self.points)
-        found = [line(self.points[i], self.points[j]) for i in range(n) for j in range(i)]
-        for a, b in self.between:
-            if any(same(p, a) or same(p, b) for p in self.points):
-                found.append(line(a, b))
+        pairs = [(self.points[i], self.points[j]) for i in range(n) for j in range(i)]
+        pairs += [(a, b) for a, b in self.between if a in self.points or b in self.points]
         distinct: list[Line] = []
-        for candidate in found:
-            if not any(on_line(candidate, known) for known in distinct):
-                distinct.append(candidate)
+        for a, b in pairs:
+            if not any(assembly.holds(known, a) and assembly.holds(known, b) for known in distinct):
+                distinct.append(line(a, b))
         return distinct
 
 
@@ -87,7 +81,7 @@ def taken_turns(assembly: Assembly, touch: Touch, held: Sequence[Touch]) -> Plan
         ends = [
             other.moving[0] for other in held if other.kind == "vertex-face" and assembly.agree(face, other.faces[0])
         ]
-        on = [end for end in touch.moving if any(same(end, p) for p in ends)]
+        on = [end for end in touch.moving if end in ends]
         if len(on) == 2 or (on and any(other_rim(assembly, touch, other, face) for other in held)):
             return face
     return None
@@ -117,7 +111,8 @@ class Facts:
         self.held = tuple(held)
         self.R = R
         self.walls: list[Wall] = []
-        self.turns: list[tuple[Vector, Vector]] = []
+        self.turns: list[Turn] = []
+        self._wholes: tuple[int, tuple[Turn, Turn] | None] = (0, None)
         for touch in held:
             if touch.kind == "vertex-face":
                 self._point(self._wall(touch.faces[0]), touch.moving[0])
@@ -145,7 +140,7 @@ class Facts:
 
     @staticmethod
     def _point(wall: Wall, v: Vector) -> bool:
-        if any(same(v, p) for p in wall.points):
+        if v in wall.points:
             return False
         wall.points.append(v)
         return True
@@ -158,13 +153,13 @@ class Facts:
             if wall.looked == known:
                 continue
             wall.looked = known
-            lines = wall.lines()
+            lines = wall.lines(self.assembly)
             for l in lines:
                 grown |= self._planes(wall, l)
             for v in self.assembly.body_points:
-                if (
+                if v not in wall.points and (
                     any(self.assembly.holds(l, v) for l in lines)
-                    or any(abs(flush.height(v)) <= NEAR for flush in wall.flush)
+                    or any(height(flush.exact, self.assembly.point(v)) == 0 for flush in wall.flush)
                     or (self.turns and any(self.level(wall.plane, v, p) for p in wall.points))
                 ):
                     grown |= self._point(wall, v)
@@ -179,15 +174,17 @@ class Facts:
                 candidates.append(b if on else a)
         grown = False
         for p in candidates:
-            normal = self.assembly.spanned(l, p)
-            if normal is None or any(aligned(normal, known.normal) for known in wall.flush):
+            flush = self.assembly.spanned(l, p)
+            if flush is None or any(parallel(flush.exact, known.exact) for known in wall.flush):
                 continue
-            if dot(turned(self.R, normal), wall.plane.normal) > 0:
-                normal = neg(normal)
-            if -dot(turned(self.R, normal), wall.plane.normal) < ONE >> 1:
+            towards = dot(turned(self.R, flush.plane.normal), wall.plane.normal)
+            if towards > 0:
+                flush = Flush(Plane(neg(flush.plane.normal), -flush.plane.offset), turned_over(flush.exact))
+            if abs(towards) < ONE >> 1:
                 continue
-            wall.flush.append(Plane(normal, dot(normal, p)))
-            self.turns.append((normal, neg(wall.plane.normal)))
+            wall.flush.append(flush)
+            against = turned_over(self.assembly.exact(wall.plane))
+            self.turns.append(Turn(flush.plane.normal, neg(wall.plane.normal), flush.exact[:3], against[:3], None))
             grown = True
         return grown
 
@@ -200,71 +197,92 @@ class Facts:
         for touch in self.held:
             if touch.kind != "edge-edge":
                 continue
-            u = touch.moving_line.direction
-            if self.image(u) is not None:
+            u, exact = touch.moving_line.direction, self.assembly.way(*touch.moving)
+            if any(parallel(turn.exact, exact) for turn in self.turns) or self._whole is not None:
                 continue
             for plane in touch.faces:
                 if all(self._on_wall(plane, v) for v in touch.moving):
-                    for n, w in self.turns:
-                        there = _directed(plane.normal, w, dot(n, u), turned(self.R, u))
+                    for turn in self.turns:
+                        there = directed(plane.normal, turn.world, dot(turn.body, u), turned(self.R, u))
                         if there is not None:
-                            self.turns.append((u, there))
+                            normal = self.assembly.exact(plane)[:3]
+                            self.turns.append(Turn(u, there, exact, crossing(normal, turn, exact, there), normal))
                             return True
         return False
 
+    @property
+    def _whole(self) -> tuple[Turn, Turn] | None:
+        """Two turns that together say how the whole body is turned, the first that do."""
+        known = len(self.turns)
+        if self._wholes[0] != known:
+            pairs = ((self.turns[i], self.turns[j]) for i in range(known) for j in range(i))
+            self._wholes = known, next((pair for pair in pairs if steep(*pair)), None)
+        return self._wholes[1]
+
     def image(self, w: Vector) -> Vector | None:
-        """R w for a body vector whose image the flushes and turned edges fix, else None."""
-        key = len(self.turns), w
-        if key not in self._images:
-            self._images[key] = self._image(w)
-        return self._images[key]
+        """R w for a body vector when the flushes and turned edges say how the whole body is turned, else None."""
+        pair = self._whole
+        if pair is None:
+            return None
+        found = self._images.get(w)
+        if found is None:
+            found = self._images[w] = image_of(*pair, w)
+        return found
 
     @cached_property
-    def _images(self) -> dict[tuple[int, Vector], Vector | None]:
-        return {}
+    def _images(self) -> dict[Vector, Vector]:
+        return {}  # the two turns stay the first that there are
 
-    def _image(self, w: Vector) -> Vector | None:
-        for n, m in self.turns:
-            t = dot(n, w)
-            if vanishes(sub(w, scaled(t, n))):
-                return scaled(t, m)
-        for i, (n1, m1) in enumerate(self.turns):
-            for n2, m2 in self.turns[:i]:
-                axis, turned_axis = cross(n1, n2), cross(m1, m2)
-                sine = dot(axis, axis)
-                if sine < _STEEP:
-                    continue
-                g = dot(n1, n2)
-                x, y = dot(n1, w), dot(n2, w)
-                alpha, beta = over(x - times(g, y), sine), over(y - times(g, x), sine)
-                gamma = over(dot(axis, w), sine)
-                return add(add(scaled(alpha, m1), scaled(beta, m2)), scaled(gamma, turned_axis))
-        return None
+    def keeps(self, normal: Vector, d: Vector) -> bool:
+        """Whether a body direction is known to be level with planes of a normal, both given exactly.
+
+        It is decided and not measured: either the direction is one that is turned onto one level with them, or the two
+        turned directions that it is made of, and the one across them, cancel exactly.
+        """
+        if not any(d) or any(parallel(turn.exact, d) and turn.keeps(normal) for turn in self.turns):
+            return True
+        pair = self._whole
+        return pair is not None and cancel(*pair, normal, d)
 
     def level(self, plane: Plane, v: Vector, w: Vector) -> bool:
-        """Whether two body points are known to be equally high over a plane."""
-        image = self.image(sub(v, w))
-        return image is not None and abs(dot(plane.normal, image)) <= NEAR
+        """Whether two body points are known to be equally high over a wall."""
+        key = len(self.turns), plane, v, w
+        found = self._levels.get(key)
+        if found is None:
+            image = self.image(sub(v, w))
+            far = image is not None and abs(dot(plane.normal, image)) > ROUNDING
+            found = not far and self.keeps(self.assembly.exact(plane)[:3], self.assembly.way(w, v))
+            self._levels[key] = found
+        return found
+
+    @cached_property
+    def _levels(self) -> dict[tuple[int, Plane, Vector, Vector], bool]:
+        return {}
 
     def rises(self, normal: Vector, d: Vector) -> bool:
         """Whether a body vector d cannot fall along a unit normal, by one known direction or by all of them.
 
-        The vector keeps its part along the direction: it rises by that part's height less all of the rest.
+        The vector keeps its part along the direction: it rises by that part's height less all of the rest. What the
+        arithmetic is off by, `ROUNDING`, is allowed: what is taken off the rows that are left is more.
         """
-        for n, w in self.turns:
-            along, rise = dot(n, d), dot(w, normal)
-            rest = times(length(sub(d, scaled(along, n))), length(sub(normal, scaled(rise, w))))
-            if times(along, rise) - rest >= -NEAR:
+        for turn in self.turns:
+            along, rise = dot(turn.body, d), dot(turn.world, normal)
+            rest = times(length(sub(d, scaled(along, turn.body))), length(sub(normal, scaled(rise, turn.world))))
+            if times(along, rise) - rest >= -ROUNDING:
                 return True
         image = self.image(d)
-        return image is not None and dot(normal, image) >= -NEAR
+        return image is not None and dot(normal, image) >= -ROUNDING
 
-    def beside(self, v: Vector, w: Vector, direction: Vector) -> bool:
-        """Whether the vector from w to v is known to point along a world direction."""
-        if same(v, w):
+    def beside(self, v: Vector, w: Vector, base: Line) -> bool:
+        """Whether the vector from w to v is known to point along a world line."""
+        d = self.assembly.way(w, v)
+        if not any(d):
             return True
-        image = self.image(sub(v, w))
-        return image is not None and aligned(image, direction)
+        along = self.assembly.way(base.point, base.far)
+        for turn in self.turns:
+            if turn.onto is not None and parallel(turn.exact, d) and parallel(turn.onto, along):
+                return True
+        return self._whole is not None and all(self.keeps(normal, d) for normal in about(along))
 
     def implies(self, touch: Touch) -> bool:
         """Whether a contact's function is zero because those of the held ones are."""
@@ -272,42 +290,48 @@ class Facts:
             return True
         if touch.kind == "vertex-face":
             return self._on_wall(touch.faces[0], touch.moving[0])
+        assembly = self.assembly
         if touch.kind == "face-vertex":
             assert touch.plane is not None
+            own, w = assembly.exact(touch.plane), assembly.point(touch.fixed[0])
             return any(
-                abs(wall.plane.height(touch.fixed[0])) <= NEAR
-                and any(self.assembly.agree(flush, touch.plane) for flush in wall.flush)
+                height(assembly.exact(wall.plane), w) == 0 and any(flush.exact == own for flush in wall.flush)
                 for wall in self.walls
             )
         if any(self._on_wall(plane, a) and self._on_wall(plane, b) for plane in touch.faces for a, b in [touch.moving]):
             return True
         return any(
             known.kind == "edge-edge"
-            and on_line(known.fixed_line, touch.fixed_line)
-            and aligned(known.moving_line.direction, touch.moving_line.direction)
-            and self.beside(touch.moving[0], known.moving[0], touch.fixed_line.direction)
+            and assembly.one_line(known.fixed_line, touch.fixed_line)
+            and parallel(assembly.way(*known.moving), assembly.way(*touch.moving))
+            and self.beside(touch.moving[0], known.moving[0], touch.fixed_line)
             for known in self.held
         )
 
     def _on_wall(self, plane: Plane, v: Vector) -> bool:
-        return any(same(v, p) for p in self.on(plane).points)
+        return v in self.on(plane).points
 
-    def not_below(self, plane: Plane, vertices: Sequence[Vector], above: Iterable[Vector]) -> set[int]:
-        """Which body points are on or above a plane, given some points known to be on or above it.
+    def not_below(self, wall_plane: Plane, vertices: Sequence[Vector], above: Iterable[Vector]) -> set[int]:
+        """Which body points are on or above a wall, given some vertices known to be on or above it.
 
         On a line in the wall every point is zero; on a body plane hinged there all points on the side of one that is
-        not below are not below; nor are points beyond such a one, seen from a point in the wall.
+        not below are not below; nor are points beyond such a one, seen from a point in the wall. The points, lines and
+        planes that are known to be there are exact. The body points asked for may be vertices of pieces, off them by
+        `DEVIATION`: as the body is rigid they are below the wall by no more than that, and nothing follows from them.
         """
-        wall = self.on(plane)
+        wall = self.on(wall_plane)
         raised = list(above)
-        raised += [v for v in vertices if any(self.level(plane, v, p) for p in raised)]
-        lines = wall.lines()
+        if self.turns and raised:
+            raised += [v for v in self.assembly.body_points if any(self.level(wall_plane, v, p) for p in raised)]
+        lines = wall.lines(self.assembly)
+        known = (*wall.points, *raised)
         done = set()
         for n, v in enumerate(vertices):
             if (
-                any(same(v, p) for p in (*wall.points, *raised))
-                or any(l.holds(v) for l in lines)
-                or any(abs(flush.height(v)) <= NEAR for flush in wall.flush)
+                v in known
+                or any(near(sub(v, p)) for p in known)
+                or any(near(l.away(v)) for l in lines)
+                or any(abs(flush.plane.height(v)) <= DEVIATION for flush in wall.flush)
                 or any(_same_side(l, v, p) for l in lines for p in raised)
                 or any(_beyond(z, v, p) for z in wall.points for p in raised)
             ):
@@ -315,41 +339,27 @@ class Facts:
         return done
 
 
-def _directed(normal: Vector, w: Vector, cosine: int, nominal: Vector) -> Vector | None:
-    """The unit direction level with a plane and at a known angle to w that is nearly a nominal one.
-
-    None where the nominal one is neither of the two that there are, or they are too near each other.
-    """
-    axis = cross(normal, w)
-    square = dot(axis, axis)
-    if square < _STEEP:
-        return None
-    rest = ONE - over(times(cosine, cosine), square)
-    if rest < _STEEP:
-        return None
-    along = scaled(over(cosine, square), sub(w, scaled(dot(normal, w), normal)))
-    aside = scaled(root(over(rest, square)), axis)
-    for there in (add(along, aside), sub(along, aside)):
-        if length(sub(there, nominal)) < _APART:
-            return there
-    return None
+def near(offset: Vector) -> bool:
+    """Whether an offset is no longer than `DEVIATION`."""
+    a, b, c = offset
+    return abs(a) <= DEVIATION and abs(b) <= DEVIATION and abs(c) <= DEVIATION and length(offset) <= DEVIATION
 
 
 def _same_side(l: Line, v: Vector, p: Vector) -> bool:
-    """Whether v lies in the half-plane that the line bounds and p spans."""
+    """Whether v lies in the half-plane that the line bounds and p spans, up to `DEVIATION`."""
     across = l.away(p)
     if short(across):
         return False
     u, d = unit(across), l.away(v)
     t = dot(d, u)
-    return t > 0 and vanishes(sub(d, scaled(t, u)))
+    return t > 0 and near(sub(d, scaled(t, u)))
 
 
 def _beyond(z: Vector, v: Vector, p: Vector) -> bool:
-    """Whether v lies on the ray from z through p."""
-    if same(z, p):
+    """Whether v lies on the ray from z through p, up to `DEVIATION`."""
+    if z == p:
         return False
     u = unit(sub(p, z))
     d = sub(v, z)
     t = dot(d, u)
-    return t > 0 and vanishes(sub(d, scaled(t, u)))
+    return t > 0 and near(sub(d, scaled(t, u)))

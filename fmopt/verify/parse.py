@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 from typing import Any
 
 from fmopt.verify.document import Body, Contact, Part, Plan, Specification
@@ -25,6 +26,8 @@ from fmopt.verify.reader import Reader
 LARGEST_TOLERANCE = 1e-9  # m
 LARGEST_NUMBER_OF_PIECES = 400
 FIXED_IN = ("hole", "hand", "world")  # of errors, in the order of their generators
+_FRACTION = re.compile(r"(-?[0-9]+)(?:/([1-9][0-9]*))?", re.ASCII)
+_LONGEST_FRACTION = 800
 _VERSION = re.compile(r"[0-9A-Za-z][0-9A-Za-z.+-]{0,39}", re.ASCII)
 _TOP = fields(
     "",
@@ -47,14 +50,19 @@ _SPECIFICATION = fields(
 )
 _PARTS = fields("parts", objects="moving fixed")
 _PART = fields(
-    "parts.*", compared="vertices faces declared_clearance", commentary="name measured_clearance", objects="pieces"
+    "parts.*",
+    compared="vertices faces declared_clearance",
+    commentary="name measured_clearance",
+    objects="pieces exact",
+    optional=("exact",),
 )
+_EXACT = fields("parts.*.exact[]", proved="vertex at")
 _PIECE = fields("parts.*.pieces[]", proved="vertices faces")
 _CONTACT = fields("contacts[]", proved="id kind", objects="moving fixed")
 _SIDE = fields("contacts[].*", proved="vertices")
 FIELDS: tuple[Fields, ...] = (
-    _TOP, _PROBLEM, _UNITS, _FRAMES, _UNCERTAINTY, _SOURCE, _SPECIFICATION, _PARTS, _PART, _PIECE, _CONTACT, _SIDE,
-    *SEGMENT_FIELDS, *ACCOUNT_FIELDS, *DIAGNOSTIC_FIELDS,
+    _TOP, _PROBLEM, _UNITS, _FRAMES, _UNCERTAINTY, _SOURCE, _SPECIFICATION, _PARTS, _PART, _EXACT, _PIECE, _CONTACT,
+    _SIDE, *SEGMENT_FIELDS, *ACCOUNT_FIELDS, *DIAGNOSTIC_FIELDS,
 )  # fmt: skip
 
 
@@ -144,7 +152,34 @@ def _part(place: Reader) -> Part:
         pieces.append(piece)
     x, y = place.at("declared_clearance").numbers(2, 0.0)
     measured = place.at("measured_clearance").number()
-    return Part(_body(place), tuple(pieces), place.at("name").text(), (x, y), measured)
+    body = _body(place)
+    body = replace(body, exact=_exact(place, len(body.vertices)))
+    return Part(body, tuple(pieces), place.at("name").text(), (x, y), measured)
+
+
+def _exact(place: Reader, count: int) -> dict[int, tuple[int, int, int, int]]:
+    """The vertices whose coordinates are fractions and no floats, as integers (x, y, z, w) for (x, y, z)/w."""
+    found: dict[int, tuple[int, int, int, int]] = {}
+    for item in place.at("exact").items(most=count) if place.has("exact") else ():
+        item.only(_EXACT)
+        n = item.at("vertex").integer(count)
+        if n in found:
+            raise item.fail("repeats a vertex")
+        x, y, z = (_fraction(value) for value in item.at("at").items(exact=3))
+        w = math.lcm(x[1], y[1], z[1])
+        found[n] = (x[0] * (w // x[1]), y[0] * (w // y[1]), z[0] * (w // z[1]), w)
+    return found
+
+
+def _fraction(place: Reader) -> tuple[int, int]:
+    """Numerator and denominator, in lowest terms, of a fraction written as "-3/4"."""
+    text = place.value
+    match = _FRACTION.fullmatch(text) if isinstance(text, str) and len(text) <= _LONGEST_FRACTION else None
+    if match is None:
+        raise place.fail(f'must be a fraction such as "-3/4" of at most {_LONGEST_FRACTION} characters')
+    p, q = int(match[1]), int(match[2] or 1)
+    shared = math.gcd(p, q)
+    return p // shared, q // shared
 
 
 def _contact(place: Reader, moving: Part, fixed: Part) -> Contact:

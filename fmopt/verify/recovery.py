@@ -43,7 +43,7 @@ from fmopt.verify.rational import (
     vector,
 )
 from fmopt.verify.rows import pose
-from fmopt.verify.solids import NEAR, Shape
+from fmopt.verify.solids import DEVIATION, Shape
 
 _UPRIGHT = ONE >> 20  # faces lean over by less than this where they may count as vertical
 
@@ -84,12 +84,15 @@ def _lift(stated: Lift) -> _Lift:
 
 
 def underside(shape: Shape) -> int:
-    """The height of the highest point of faces that look down; those that lean over by less than `NEAR` do not."""
+    """The height of the highest point of faces that look down; those that lean over by `DEVIATION` do not.
+
+    Going straight up, a part enters what leans over by no more than that.
+    """
     heights = []
     for face in shape.faces:
         levels = [shape.vertices[i][2] for loop in face.loops for i in loop]
         leaning = -face.plane.normal[2]
-        vertical = leaning <= _UPRIGHT and times(leaning, max(levels) - min(levels)) <= NEAR
+        vertical = leaning <= _UPRIGHT and times(leaning, max(levels) - min(levels)) <= DEVIATION
         if leaning > 0 and not vertical:
             heights.append(max(levels))
     return max(heights, default=min(v[2] for v in shape.vertices))

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from fmopt.verify.assembly import Assembly, Level, Touch
+from fmopt.verify.assembly import Assembly, Rim, Touch
 from fmopt.verify.document import Witness
-from fmopt.verify.knowledge import Facts
+from fmopt.verify.exact import height
+from fmopt.verify.knowledge import Facts, near
 from fmopt.verify.motion import Motion
 from fmopt.verify.rational import (
     ONE,
@@ -26,7 +27,7 @@ from fmopt.verify.rational import (
     vector,
 )
 from fmopt.verify.rows import DirectionAlong, Distance, EdgesApart, FaceAbove, Function, PointAbove
-from fmopt.verify.solids import NEAR, Line, Plane, Shape, line, on_line, vanishes
+from fmopt.verify.solids import DEVIATION, Line, Plane, Shape, line
 
 
 class WitnessError(ValueError):
@@ -134,27 +135,33 @@ def _fixed_plane_rows(assembly: Assembly, M: Shape, F: Shape, witness: Witness, 
         n = unit(normal)
         plane = Plane(n, max(over(fixed(witness.offset), size), *(dot(n, w) for w in F.vertices)))
     else:
-        plane = F.supporting(_face(F, witness.fixed))
-        done = known.facts.not_below(plane, M.vertices, known.above(assembly, plane))
+        face = _face(F, witness.fixed)
+        plane, backed = F.supporting(face), assembly.backed(assembly.fixed, F, face)
+        if backed is not None:
+            done = known.facts.not_below(backed.wall, M.vertices, known.above(assembly, backed.wall))
+            plane = backed.cover if done else plane
     kept = [k for k in range(len(M.vertices)) if k not in done]
     return [PointAbove(plane, M.vertices[k], M.lengths[k]) for k in kept]
 
 
 def _moving_face_rows(assembly: Assembly, M: Shape, F: Shape, witness: Witness, known: Known) -> list[Function]:
-    plane = M.supporting(_face(M, witness.moving))
-    touching = [t for t in known.all if t.kind == "face-vertex"]
-    on = [t.fixed[0] for t in touching if t.plane is not None and assembly.agree(t.plane, plane)]
-    kept = [w for w in F.vertices if not any(vanishes(sub(w, x)) for x in on)]
+    face = _face(M, witness.moving)
+    plane, backed = M.supporting(face), assembly.backed(assembly.moving, M, face)
+    on: list[Vector] = []
+    if backed is not None:
+        touching = [t for t in known.all if t.kind == "face-vertex" and t.plane is not None]
+        on = [t.fixed[0] for t in touching if t.plane is not None and assembly.agree(t.plane, backed.wall)]
+        plane = backed.cover if on else plane
+    kept = [w for w in F.vertices if not any(near(sub(w, x)) for x in on)]
     return [FaceAbove(plane, w) for w in kept]
 
 
 def _edge_rows(
     assembly: Assembly, M: Shape, F: Shape, witness: Witness, motion: Motion, known: Known
 ) -> tuple[list[Function], int]:
-    a, b = (M.vertices[i] for i in witness.moving)
-    c, d = (F.vertices[i] for i in witness.fixed)
-    moving, base = line(a, b), line(c, d)
-    anchors = list(_anchors(known, moving, base))
+    moving, base = _lines(known, [M.vertices[i] for i in witness.moving], [F.vertices[i] for i in witness.fixed])
+    a, b = moving.point, moving.far
+    anchors = list(_anchors(assembly, known, moving, base))
     functions: list[Function] = []
     kept = M.vertices
     if anchors:
@@ -162,21 +169,24 @@ def _edge_rows(
         kept = tuple(
             v
             for v in M.vertices
-            if not moving.holds(v)
-            and not any(known.facts.beside(v, p, base.direction) for p in (a, b))
+            if not near(moving.away(v))
+            and not any(known.facts.beside(v, p, base) for p in (a, b))
             and not any(level.settles(v) for level in levels)
             and not known.facts.rises(base.direction, cross(sub(v, a), moving.direction))
         )
         functions += [_relative(assembly, base.direction, cross(sub(v, a), moving.direction)) for v in kept]
     else:
         functions += [EdgesApart(moving, base, v) for v in kept]
-    below = {k for k, w in enumerate(F.vertices) if base.holds(w)}
+    below = {k for k, w in enumerate(F.vertices) if near(base.away(w))}
     if any(held for held in anchors):
         for v, inward, wall in _turned_onto(assembly, known, moving, base):
             if _outside(assembly, motion, moving, base, wall):
                 functions.append(PointAbove(inward, v, assembly.reach(v)))
+                # A vertex of the piece that is off the wall by so much is in front of the witness plane by no more.
                 below |= {
-                    k for k, w in enumerate(F.vertices) if abs(wall.height(w)) <= NEAR and inward.height(w) >= -NEAR
+                    k
+                    for k, w in enumerate(F.vertices)
+                    if abs(wall.height(w)) <= DEVIATION and inward.height(w) >= -DEVIATION
                 }
     for k, w in enumerate(F.vertices):
         if k not in below:
@@ -194,12 +204,39 @@ def _scale(motion: Motion, moving: Line, base: Line) -> int:
     return min(ONE, max(sines) + motion.task.theta + motion.extent.turn)
 
 
-def _anchors(known: Known, moving: Line, base: Line) -> Iterator[bool]:
+def _lines(known: Known, own: Sequence[Vector], other: Sequence[Vector]) -> tuple[Line, Line]:
+    """The lines of the edges of pieces that a witness runs along: those of edges of the parts that touch there, if any.
+
+    The edge of a piece may be off that of its part by `DEVIATION`; the witness plane runs along the part's then, and
+    vertices of the piece are on it up to that.
+    """
+    moving, base = line(*own), line(*other)
+    for touch in known.all:
+        if touch.kind == "edge-edge":
+            one, two = touch.moving_line, touch.fixed_line
+            if all(near(one.away(v)) for v in own) and all(near(two.away(w)) for w in other):
+                return _along(one, moving), _along(two, base)
+    return moving, base
+
+
+def _along(found: Line, asked: Line) -> Line:
+    """A line, run through the way that another one is."""
+    return found if dot(found.direction, asked.direction) > 0 else line(found.far, found.point)
+
+
+def _between(assembly: Assembly, touch: Touch, moving: Line, base: Line) -> bool:
+    """Whether a contact is one of just these two edges."""
+    return (
+        touch.kind == "edge-edge"
+        and assembly.one_line(touch.moving_line, moving)
+        and assembly.one_line(touch.fixed_line, base)
+    )
+
+
+def _anchors(assembly: Assembly, known: Known, moving: Line, base: Line) -> Iterator[bool]:
     """Contacts of just these two edges: True for a held one, False for one being made or given up."""
     for touch in known.all:
-        if touch.kind != "edge-edge":
-            continue
-        if not (on_line(touch.moving_line, moving) and on_line(touch.fixed_line, base)):
+        if not _between(assembly, touch, moving, base):
             continue
         held = touch in known.facts.held
         same_side = dot(touch.moving_line.direction, moving.direction) * dot(touch.fixed_line.direction, base.direction)
@@ -208,10 +245,10 @@ def _anchors(known: Known, moving: Line, base: Line) -> Iterator[bool]:
             yield held
 
 
-def _levels(assembly: Assembly, known: Known, moving: Line, base: Line) -> Iterator[Level]:
+def _levels(assembly: Assembly, known: Known, moving: Line, base: Line) -> Iterator[Rim]:
     """Faces along the moving edge, held on the fixed one, that another edge holds level with it, or will."""
     for held in known.facts.held:
-        if held.kind != "edge-edge" or not (on_line(held.moving_line, moving) and on_line(held.fixed_line, base)):
+        if not _between(assembly, held, moving, base):
             continue
         for touch in known.all:
             level = assembly.level(touch, (held,))
@@ -226,10 +263,11 @@ def _turned_onto(assembly: Assembly, known: Known, moving: Line, base: Line) -> 
     wall is behind the plane.
     """
     for touch in known.all:
-        if touch.kind != "vertex-face" or not moving.holds(touch.moving[0]):
+        if touch.kind != "vertex-face" or not assembly.holds(moving, touch.moving[0]):
             continue
         wall = touch.faces[0]
-        if abs(wall.height(base.point)) > NEAR or abs(dot(wall.normal, base.direction)) > NEAR:
+        exact = assembly.exact(wall)
+        if any(height(exact, assembly.point(w)) for w in (base.point, base.far)):
             continue
         total: Vector = (0, 0, 0)
         for w in touch.fixed:

@@ -5,16 +5,28 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import NamedTuple
 
 from fmopt.verify.document import Body, Numbers
 from fmopt.verify.doubles import doubles
+from fmopt.verify.exact import (
+    Level,
+    area,
+    height,
+    inner,
+    outer,
+    point,
+    rounded,
+    through,
+    turned_over,
+    unit_of,
+    way,
+)
 from fmopt.verify.rational import (
     BITS,
-    ZERO3,
+    ONE,
+    ArithmeticRefusal,
     Vector,
-    add,
     cross,
     dot,
     fixed,
@@ -25,9 +37,9 @@ from fmopt.verify.rational import (
     vector,
 )
 
-NEAR = fixed(1e-11)  # m: points, lines and planes of one part closer than this are the same
-SHORT = fixed(1e-6)  # m: what is nearer to a line than this spans no plane with it
-_NEAR_SQUARED = NEAR * NEAR
+ROUNDING = ONE >> 150  # more than the arithmetic's own error of a height, and less than SLACK
+DEVIATION = fixed(1e-12)  # m: how far vertices of pieces may be off the planes of the part that they stand for
+SHORT = fixed(1e-6)  # m: what is nearer to a line than this is not taken to span a plane with it
 
 
 class Plane(NamedTuple):
@@ -44,24 +56,16 @@ class Plane(NamedTuple):
 
 
 class Line(NamedTuple):
-    """The line through `point` along the unit vector `direction`."""
+    """The line from `point` along the unit vector `direction`, through `far`."""
 
     point: Vector
     direction: Vector
-
-    def holds(self, point: Vector) -> bool:
-        """Whether a point lies on the line, to `NEAR`."""
-        return aligned(sub(point, self.point), self.direction)
+    far: Vector
 
     def away(self, point: Vector) -> Vector:
         """The part of a point's offset across the line."""
         d = sub(point, self.point)
         return sub(d, scaled(dot(d, self.direction), self.direction))
-
-    def spanned(self, point: Vector) -> Vector | None:
-        """A unit normal of the plane through the line and a point; None where the point is too near the line."""
-        across = self.away(point)
-        return None if short(across) else unit(cross(self.direction, unit(across)))
 
 
 def short(u: Vector) -> bool:
@@ -70,68 +74,53 @@ def short(u: Vector) -> bool:
     return a * a + b * b + c * c < SHORT * SHORT
 
 
-def vanishes(u: Vector) -> bool:
-    """Whether a vector is no longer than `NEAR`."""
-    a, b, c = u
-    # Rounded up as `length` is, it is that where its square is below the square of NEAR.
-    return -NEAR < a < NEAR and -NEAR < b < NEAR and -NEAR < c < NEAR and a * a + b * b + c * c < _NEAR_SQUARED
-
-
-def aligned(u: Vector, v: Vector) -> bool:
-    """Whether u × v is no longer than `NEAR`."""
-    a, b, c = u
-    x, y, z = v
-    across = (b * z - c * y) >> BITS
-    return -NEAR < across < NEAR and vanishes((across, (c * x - a * z) >> BITS, (a * y - b * x) >> BITS))
-
-
 def line(a: Vector, b: Vector) -> Line:
     """The line from a to b."""
-    return Line(a, unit(sub(b, a)))
-
-
-def same(a: Vector, b: Vector) -> bool:
-    """Whether two points coincide, to `NEAR`."""
-    return abs(a[0] - b[0]) <= NEAR and abs(a[1] - b[1]) <= NEAR and abs(a[2] - b[2]) <= NEAR
-
-
-def area_vector(points: Sequence[Vector]) -> Vector:
-    """Twice the area of a closed loop, along its normal (Newell)."""
-    total = ZERO3
-    base = points[0]
-    for p, q in pairwise(points[1:]):
-        total = add(total, cross(sub(p, base), sub(q, base)))
-    return total
+    return Line(a, unit(sub(b, a)), b)
 
 
 @dataclass(frozen=True)
 class Face:
-    """A face: its loops of vertex indices, and its plane with the outward normal."""
+    """A face: its loops of vertex indices, its plane with the outward normal, and that exactly where it is flat."""
 
     loops: tuple[tuple[int, ...], ...]
     plane: Plane
+    exact: Level | None
 
 
 class Shape:
-    """A polyhedron in fixed point.
+    """A polyhedron, exactly and in fixed point.
 
     Attributes:
-        vertices: points, m.
+        points: vertices exactly.
+        vertices: the same in fixed point, m: where the plan states none other, these are the points themselves.
         faces: faces with their planes.
     """
 
     def __init__(self, body: Body) -> None:
-        self.vertices = tuple(vector(v) for v in body.vertices)
-        self.faces = tuple(Face(loops, self._plane(loops)) for loops in body.faces)
+        stated = tuple(vector(v) for v in body.vertices)
+        self.points = tuple(body.exact.get(i) or point(v) for i, v in enumerate(stated))
+        self.vertices = tuple(rounded(self.points[i]) if i in body.exact else v for i, v in enumerate(stated))
+        self.deviation = max((length(sub(self.vertices[i], stated[i])) for i in body.exact), default=0)
+        if self.deviation > DEVIATION:
+            raise ArithmeticRefusal("exact coordinates are not those stated as floats")
+        self.faces = tuple(self._face(loops) for loops in body.faces)
         self._rims: dict[int, list[tuple[int, int, Plane]] | None] = {}
 
-    def _plane(self, loops: tuple[tuple[int, ...], ...]) -> Plane:
-        total = ZERO3
-        for loop in loops:
-            total = add(total, area_vector([self.vertices[i] for i in loop]))
-        normal = unit(scaled_up(total))
-        outer = [dot(normal, self.vertices[i]) for i in loops[0]]
-        return Plane(normal, sum(outer) // len(outer))
+    def _face(self, loops: tuple[tuple[int, ...], ...]) -> Face:
+        normal = area(self.vertices, loops)
+        exact = through(self.points[i] for i in loops[0])
+        if exact is None or not any(normal):
+            raise ArithmeticRefusal("a face has no area")
+        turn = inner(exact, normal)
+        if turn == 0 or any(height(exact, self.points[i]) for loop in loops for i in loop):
+            return Face(loops, self._plane(unit_of(normal), loops[0]), None)
+        exact = exact if turn > 0 else turned_over(exact)
+        return Face(loops, self._plane(unit_of(exact), loops[0]), exact)
+
+    def _plane(self, normal: Vector, loop: tuple[int, ...]) -> Plane:
+        offsets = [dot(normal, self.vertices[i]) for i in loop]
+        return Plane(normal, sum(offsets) // len(offsets))
 
     @cached_property
     def radius(self) -> int:
@@ -163,8 +152,8 @@ class Shape:
         faces = self.edge(i, j)
         if faces is None:
             return False
-        n, m = (self.faces[k].plane.normal for k in faces)
-        return dot(cross(n, m), sub(self.vertices[j], self.vertices[i])) > 0
+        n, m = (self.faces[k].exact or self.faces[k].plane.normal for k in faces)
+        return inner(outer(n, m), way(self.points[i], self.points[j])) > 0
 
     def face_of(self, loop: tuple[int, ...]) -> int | None:
         """The face whose outer loop this is, from whichever vertex it starts."""
@@ -190,7 +179,8 @@ class Shape:
         if face not in self._rims:
             outline = self.faces[face].loops[0]
             rims = self.across(face, outline)
-            cut = any(rim.height(self.vertices[k]) < -NEAR for _, _, rim in rims for k in outline)
+            # A point in front of all of them is in the face whatever dents it has: it sees the whole outline.
+            cut = any(rim.height(self.vertices[k]) < -DEVIATION for _, _, rim in rims for k in outline)
             self._rims[face] = None if cut else rims
         return self._rims[face]
 
@@ -199,35 +189,31 @@ class Shape:
         normal = self.faces[face].plane.normal
         return Plane(normal, max(dot(normal, v) for v in self.vertices))
 
-    def flaws(self) -> Iterator[str]:
+    def open_edges(self) -> Iterator[str]:
         """What keeps the faces from being a closed surface seen from outside."""
         edges = [edge for face in self.faces for loop in face.loops for edge in _around(loop)]
         if len(set(edges)) != len(edges) or any((j, i) not in self.edge_faces for i, j in edges):
             yield "the faces do not close: an edge is not shared by exactly two of them"
         for n, face in enumerate(self.faces):
-            if any(abs(face.plane.height(self.vertices[i])) > NEAR for loop in face.loops for i in loop):
-                yield f"face {n} is not flat"
+            normal = area(self.vertices, face.loops)
             for k, loop in enumerate(face.loops):
-                turn = dot(face.plane.normal, scaled_up(area_vector([self.vertices[i] for i in loop])))
-                if (turn > 0) != (k == 0):
+                if (inner(normal, area(self.vertices, [loop])) > 0) != (k == 0):
                     yield f"loop {k} of face {n} runs the wrong way round"
 
+    def flaws(self) -> Iterator[str]:
+        """What keeps the faces from being a closed surface of plane faces, each vertex exactly in the planes of its."""
+        yield from self.open_edges()
+        yield from (f"face {n} is not flat" for n, face in enumerate(self.faces) if face.exact is None)
+
     def bulges(self) -> Iterator[str]:
-        """What keeps the polyhedron from being convex."""
+        """What keeps a piece from being the convex hull of its vertices, up to `DEVIATION`."""
+        yield from self.open_edges()
         for n, face in enumerate(self.faces):
-            if any(face.plane.height(v) > NEAR for v in self.vertices):
+            if any(face.plane.height(v) > DEVIATION for v in self.vertices):
                 yield f"face {n} has material on both sides"
-
-
-def scaled_up(u: Vector) -> Vector:
-    """A vector times 2²⁰: areas of small faces are no length to normalise."""
-    return (u[0] << 20, u[1] << 20, u[2] << 20)
+            if any(face.plane.height(self.vertices[i]) < -DEVIATION for i in face.loops[0]):
+                yield f"face {n} is not flat"
 
 
 def _around(loop: tuple[int, ...]) -> Iterator[tuple[int, int]]:
     return zip(loop, (*loop[1:], loop[0]), strict=True)
-
-
-def on_line(a: Line, b: Line) -> bool:
-    """Whether two lines are the same, over half a metre to `NEAR`."""
-    return aligned(a.direction, b.direction) and a.holds(b.point)
