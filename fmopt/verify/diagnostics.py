@@ -128,11 +128,12 @@ class Hand:
 
 @dataclass(frozen=True)
 class Contribution:
-    """What a source adds to the half-widths (6,) of the start errors, m and rad."""
+    """What a source adds to the half-widths (6,) of the start errors, m and rad, and where that is fixed."""
 
     source: str
     symbol: str
     box: Numbers
+    frame: str
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ NOT_COVERED = (
     "whether the real errors lie in the stated set, each fixed in the frame that is stated of it, apart from the "
     "velocity error",
 )
+FIXED_IN = ("hole", "hand", "world")  # of errors, in the order of their generators
 VERDICTS = ("CERTIFIED", "NOT_PROVED", "REFUTED")
 
 Numbers = tuple[float, ...]

@@ -19,8 +19,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from fmopt.verify.document import Plan
+from fmopt.verify.form import FIXED_IN
 from fmopt.verify.linear import NO_ROW, row_of
-from fmopt.verify.parse import FIXED_IN
 from fmopt.verify.rational import (
     ONE,
     ZERO3,

@@ -9,7 +9,7 @@ from typing import Any
 
 from fmopt.verify.document import Body, Contact, Part, Plan, Specification
 from fmopt.verify.file import digest
-from fmopt.verify.form import FORMAT, FRAMES, UNITS, VERDICTS, Numbers
+from fmopt.verify.form import FIXED_IN, FORMAT, FRAMES, UNITS, VERDICTS, Numbers
 from fmopt.verify.keys import Fields, fields
 from fmopt.verify.parse_accounts import (
     ACCOUNT_FIELDS,
@@ -25,7 +25,6 @@ from fmopt.verify.reader import Reader
 
 LARGEST_TOLERANCE = 1e-9  # m
 LARGEST_NUMBER_OF_PIECES = 400
-FIXED_IN = ("hole", "hand", "world")  # of errors, in the order of their generators
 _FRACTION = re.compile(r"(-?[0-9]+)(?:/([1-9][0-9]*))?", re.ASCII)
 _LONGEST_FRACTION = 800
 _VERSION = re.compile(r"[0-9A-Za-z][0-9A-Za-z.+-]{0,39}", re.ASCII)

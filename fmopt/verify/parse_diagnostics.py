@@ -18,6 +18,7 @@ from fmopt.verify.diagnostics import (
     Tolerated,
     Visit,
 )
+from fmopt.verify.form import FIXED_IN
 from fmopt.verify.keys import Fields, fields
 from fmopt.verify.parse_accounts import STATE_VERDICTS, read_interval
 from fmopt.verify.parse_planar import PLANAR_FIELDS, points, read_planar
@@ -46,7 +47,7 @@ _DIAGRAM = fields(
 _ZONE = fields(f"{_WHERE}.diagrams[].zone", commentary="radius half_angle")
 _POSE = fields(f"{_WHERE}.diagrams[].poses[]", commentary="name time centre line ball cone edges trapezoid")
 _FREEDOM = fields(f"{_WHERE}.freedom_on_planes[]", commentary="t0 t1 s")
-_SHARE = fields(f"{_WHERE}.budget[]", commentary="source symbol contribution")
+_SHARE = fields(f"{_WHERE}.budget[]", commentary="source symbol contribution frame")
 _CLEARANCE = fields(f"{_WHERE}.clearance", commentary="measured")
 _HAND = fields(f"{_WHERE}.hand", commentary="grasped standing exchanged", objects="segments")
 _HAND_MOVE = fields(f"{_WHERE}.hand.segments[]", commentary="start goal velocity bias_wrench")
@@ -159,7 +160,8 @@ def _pose(place: Reader) -> DiagramPose:
 def _contribution(place: Reader) -> Contribution:
     place.only(_SHARE)
     box = place.at("contribution").numbers(6, 0.0, 4.0)
-    return Contribution(place.at("source").text(), place.at("symbol").text(), box)
+    frame = place.at("frame").text(FIXED_IN)
+    return Contribution(place.at("source").text(), place.at("symbol").text(), box, frame)
 
 
 def _hand(place: Reader) -> Hand:
