@@ -39,6 +39,18 @@ CHANGES: dict[str, Callable[[Plan], Any]] = {
     "move without a name": lambda p: p["search"]["moves"].pop(),
     "states confirmed": lambda p: p["critical_points"][0].update(states_confirmed=0),
     "verdict of its own": lambda p: p.update(verdict="NOT_PROVED"),
+    "start left out": lambda p: p["diagnostics"]["sequence"].pop(0),
+    "sequence turned round": lambda p: p["diagnostics"]["sequence"].reverse(),
+    "contact made elsewhere": lambda p: p["diagnostics"]["sequence"][1].update(segment=0),
+    "contact that is not made": lambda p: p["diagnostics"]["sequence"][1].update(change="passed"),
+    "state of another name": lambda p: p["diagnostics"]["sequence"][1]["in"][0].update(state="free"),
+    "state of other contacts": lambda p: p["diagnostics"]["sequence"][2]["contacts"].pop(),
+    "graph left out": lambda p: p["diagnostics"]["graphs"].pop(),
+    "another critical point": lambda p: p["segments"][5].update(critical_point=0),
+    "errors tolerated": lambda p: p["diagnostics"]["tolerated"].update(factor=9.0),
+    "certified for a share": lambda p: p["diagnostics"].update(
+        reduced={"share": 1.0, "stated_start_box": p["uncertainty"]["start_box"], "short": "no time"}
+    ),
     "either sign": lambda p: p["position_force"][-1].update(either_sign=[]),
     "critical point that is none": lambda p: p["segments"][0].update(critical_point=99),
     "lower bound above the cost": lambda p: p["search"].update(lower_bound=p["search"]["cost"] + 1.0),

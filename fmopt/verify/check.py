@@ -17,6 +17,7 @@ from fmopt.verify.rational import ArithmeticRefusal, Row, add, exponential, numb
 from fmopt.verify.recovery import check_recovery
 from fmopt.verify.rows import Distance, Pose, pose
 from fmopt.verify.strategy import check_strategy
+from fmopt.verify.visits import check_diagnostics
 
 Failed = tuple[tuple[int, int, tuple[Distance, Distance] | None], ...]
 
@@ -62,6 +63,7 @@ def judge(plan: Plan, expected_sha256: str | None = None) -> Verdict:
     for flaw in assembly.flaws:
         notes.add("parts", flaw)
     check_outline(plan, notes)
+    check_diagnostics(plan, notes)
     check_recovery(plan, (assembly.moving, assembly.fixed), notes)
     findings, margins, witness = _segments(plan, assembly)
     found = (*notes.found, *findings)
