@@ -12,9 +12,11 @@ import pytest
 from execution_errors import drifts, start_errors
 from execution_geometry import Convex, Scene, Touch, gaps, rotations, vectors
 from execution_model import Piece, execute, first_zero
+from restate import restated
 
 from fmopt.synthesis import synthesise
 from fmopt.task.problem import load
+from fmopt.verify import verify
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 
@@ -70,6 +72,17 @@ def test_a_faster_drift_is_noticed(square_peg_plan: dict[str, Any]) -> None:
     plan = copy.deepcopy(square_peg_plan)
     plan["uncertainty"]["velocity_error"] = [5.0 * x for x in plan["uncertainty"]["velocity_error"]]
     assert "tube" in {check for check, _ in execute(plan, 20, seed=1, steps=1).broken}
+
+
+@pytest.mark.parametrize("shares", [{"hole": 1.0}, {"hand": 1.0}, {"hole": 0.4, "hand": 0.3, "world": 0.3}])
+def test_errors_of_hole_and_hand_keep_every_promise(square_peg_plan: dict[str, Any], shares: dict[str, float]) -> None:
+    plan = copy.deepcopy(square_peg_plan)
+    box = np.array(plan["uncertainty"]["start_box"])
+    boxes = {frame: (share * box).tolist() for frame, share in shares.items()}
+    plan["uncertainty"]["sources"] = [{"frame": frame, "box": stated} for frame, stated in boxes.items()]
+    plan = restated(plan)
+    assert verify(plan).findings == ()
+    assert execute(plan, 40, seed=2, steps=4).broken == {}
 
 
 def _turning(plan: dict[str, Any]) -> Piece:
