@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 from fmopt.verify.document import Body, Part
 from fmopt.verify.exact import Level, Point, level, outer, parallel, point, unit_of, way
+from fmopt.verify.halfspaces import DEVIATION as COVERED
 from fmopt.verify.rational import Vector, dot, fixed
 from fmopt.verify.solids import DEVIATION, Line, Plane, Shape, short
 
