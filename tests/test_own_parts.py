@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mesh_files import at, plate, rounded, stl_text, triangles_of, write_stl
+from step_files import write_step
 
 import fmopt
 from fmopt.geometry.csg import Box, Cylinder, Difference, Placed
@@ -93,18 +94,6 @@ def edit(file: Path, old: str, new: str) -> None:
     text = file.read_text()
     assert old in text
     file.write_text(text.replace(old, new))
-
-
-def write_step(path: Path, shape: Any) -> None:
-    from OCP.Message import Message
-    from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
-
-    messenger = Message.DefaultMessenger_s()
-    for printer in list(messenger.Printers()):
-        messenger.RemovePrinter(printer)
-    writer = STEPControl_Writer()
-    writer.Transfer(shape, STEPControl_StepModelType.STEPControl_AsIs)
-    writer.Write(str(path))
 
 
 def step_block(tool: Any = None) -> Any:

@@ -26,7 +26,7 @@ from fmopt.se3 import Pose
 from fmopt.values import Array
 
 LARGEST = 4.0  # m: what the check of a plan takes
-SMALLEST = 1e-5  # m
+SMALLEST = 1e-4  # m
 
 
 def reach(solid: Solid, pose: Pose | None = None) -> Array:
@@ -52,7 +52,7 @@ def require_plausible(points: Array) -> None:
         points: (n, 3), m.
 
     Raises:
-        SizeError: they extend over more than 4 m along an axis, or over less than 10 µm along all of them.
+        SizeError: they extend over more than 4 m along an axis, or over less than 0.1 mm along all of them.
     """
     size = float(np.max(np.ptp(points, axis=0)))
     if not SMALLEST <= size <= LARGEST:

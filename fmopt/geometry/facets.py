@@ -70,17 +70,27 @@ def merged_vertices(points: Array, triangles: Indices, reach: float) -> tuple[Ar
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
-    tree = cKDTree(points)
+    distinct, which = _distinct(points)
+    tree = cKDTree(points[distinct])
     if tree.count_neighbors(tree, reach) > 2 * _MOST_PAIRS:
         message = f"too many of the {len(points)} vertices lie within {1e3 * reach:.3g} mm of each other"
         raise GeometryError(message, "export the mesh again: its points must be spread over its surface")
     pairs = tree.query_pairs(reach, output_type="ndarray")
-    links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
+    links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(distinct), len(distinct)))
     group = connected_components(links, directed=False)[1]
-    first = np.unique(group, return_index=True)[1]
-    merged = group[triangles].astype(np.int64)
+    first = distinct[np.unique(group, return_index=True)[1]]
+    merged = group[which][triangles].astype(np.int64)
     alive = np.all(merged != np.roll(merged, 1, axis=1), axis=1)
     return points[first], merged[alive], np.flatnonzero(alive)
+
+
+def _distinct(points: Array) -> tuple[Indices, Indices]:
+    """The first of each set of equal points (k,), in their order, and for every point (n,) which of these it is."""
+    first, which = np.unique(points, axis=0, return_index=True, return_inverse=True)[1:]
+    order = np.argsort(first)
+    rank = np.empty(len(order), dtype=np.int64)
+    rank[order] = np.arange(len(order))
+    return first[order], rank[which.ravel()]
 
 
 def place(point: Sequence[float] | Array) -> str:

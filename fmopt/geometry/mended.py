@@ -56,8 +56,6 @@ def patches(points: Array, triangles: Indices, tol: float) -> tuple[Patch, ...]:
         tol: points this close to a plane lie in it, m.
     """
     gaps = _gaps(triangles)
-    if len(gaps) > _MOST_GAPS:
-        return ()
     made = []
     while gaps:
         first = gaps.pop(0)
@@ -76,6 +74,7 @@ def patches(points: Array, triangles: Indices, tol: float) -> tuple[Patch, ...]:
 
 
 def _gaps(triangles: Indices) -> list[_Gap]:
+    """The gaps of a mesh; none where they are too many."""
     sides: dict[tuple[int, int], int] = {}
     for number, triangle in enumerate(triangles.tolist()):
         for k in range(3):
@@ -85,8 +84,10 @@ def _gaps(triangles: Indices) -> list[_Gap]:
     following = dict(missing.keys())
     if len(following) != len(missing):
         return []
-    found = []
+    found = list[_Gap]()
     while following:
+        if len(found) == _MOST_GAPS:
+            return []
         start = min(following)
         loop = [start]
         while (ahead := following.pop(loop[-1], start)) != start:

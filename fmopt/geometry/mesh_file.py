@@ -152,6 +152,8 @@ def _stl(data: bytes) -> _Surface:
 
 
 def _binary_stl(data: bytes, count: int) -> _Surface:
+    if count > MAX_TRIANGLES:
+        raise _Damage(f"there are {count} triangles, more than {MAX_TRIANGLES}", "the header", _COARSER)
     surface = _Surface()
     for number in range(count):
         at = 84 + 50 * number

@@ -10,7 +10,6 @@ import os
 import signal
 import subprocess
 import sys
-from contextlib import suppress
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -90,9 +89,28 @@ def _answer(path: Path, deviation: float) -> dict[str, Any]:
         GeometryError: it breaks down on the file, or comes to no end.
     """
     watched, life = os.pipe()
+    try:
+        with _process(path, deviation, watched) as process:
+            os.close(watched)
+            try:
+                told, said = process.communicate(timeout=_SECONDS)
+            except subprocess.TimeoutExpired:
+                raise GeometryError(f"the CAD kernel has not read it in {_SECONDS:g} s", _AGAIN) from None
+            finally:
+                process.kill()
+    finally:
+        os.close(life)
+    if process.returncode == 0:
+        answer: dict[str, Any] = json.loads(told)
+        return answer
+    raise _ending(path, process.returncode, said)
+
+
+def _process(path: Path, deviation: float, watched: int) -> subprocess.Popen[bytes]:
+    """The process that reads the file, and ends when the other end of the pipe `watched` is closed."""
     asked = [str(path.resolve()), repr(deviation / _MILLIMETRE), str(watched), str(os.getpid())]
     try:
-        process = subprocess.Popen(
+        return subprocess.Popen(
             [sys.executable, "-c", _CODE, json.dumps(sys.path), *asked],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
@@ -101,23 +119,8 @@ def _answer(path: Path, deviation: float) -> dict[str, Any]:
             env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
         )
     except OSError as error:
-        os.close(life)
-        raise ResourceError(f"{path}: no process can be started to read it: {error.strerror}", "free memory") from error
-    finally:
         os.close(watched)
-    try:
-        told, said = process.communicate(timeout=_SECONDS)
-    except subprocess.TimeoutExpired:
-        raise GeometryError(f"the CAD kernel has not read it in {_SECONDS:g} s", _AGAIN) from None
-    finally:
-        with suppress(ProcessLookupError):
-            process.kill()
-        process.wait()
-        os.close(life)
-    if process.returncode == 0:
-        answer: dict[str, Any] = json.loads(told)
-        return answer
-    raise _ending(path, process.returncode, said)
+        raise ResourceError(f"{path}: no process can be started to read it: {error.strerror}", "free memory") from error
 
 
 def _ending(path: Path, code: int, said: bytes) -> FmoptError:
