@@ -13,7 +13,7 @@ from fmopt.errors import GeometryError
 from fmopt.values import Array
 
 MAX_FACES = 2_000  # what is planned with them takes a time that grows by their square, at least
-_MOST_PAIRS = 20_000_000  # of vertices near each other: more than any honest mesh has
+_MOST_PAIRS = 2_000_000  # of vertices near each other: more than any honest mesh has
 _FOLD = 100.0  # slivers up to this many tolerances high may lie folded back in their face's plane
 
 Indices = NDArray[np.int64]
@@ -71,11 +71,8 @@ def merged_vertices(points: Array, triangles: Indices, reach: float) -> tuple[Ar
     from scipy.spatial import cKDTree
 
     distinct, which = _distinct(points)
-    tree = cKDTree(points[distinct])
-    if tree.count_neighbors(tree, reach) > 2 * _MOST_PAIRS:
-        message = f"too many of the {len(points)} vertices lie within {1e3 * reach:.3g} mm of each other"
-        raise GeometryError(message, "export the mesh again: its points must be spread over its surface")
-    pairs = tree.query_pairs(reach, output_type="ndarray")
+    _refuse_heaps(points[distinct], reach)
+    pairs = cKDTree(points[distinct]).query_pairs(reach, output_type="ndarray")
     links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(distinct), len(distinct)))
     group = connected_components(links, directed=False)[1]
     first = distinct[np.unique(group, return_index=True)[1]]
@@ -91,6 +88,16 @@ def _distinct(points: Array) -> tuple[Indices, Indices]:
     rank = np.empty(len(order), dtype=np.int64)
     rank[order] = np.arange(len(order))
     return first[order], rank[which.ravel()]
+
+
+def _refuse_heaps(points: Array, reach: float) -> None:
+    """Refuses points (n, 3) of which too many lie within `reach`, to go by cells of that size."""
+    if reach > 0.0:
+        cells = np.floor((points - points.min(axis=0)) / reach)
+        count = np.unique(cells, axis=0, return_counts=True)[1].astype(np.float64)
+        if count @ count - len(points) > _MOST_PAIRS:
+            message = f"too many of the {len(points)} vertices lie within {1e3 * reach:.3g} mm of each other"
+            raise GeometryError(message, "export the mesh again: its points must be spread over its surface")
 
 
 def place(point: Sequence[float] | Array) -> str:
