@@ -27,7 +27,7 @@ _MERGE = 1e-7  # of the diameter: vertices this close are one
 _FLAT = 1e-6  # of the diameter: triangles this close to a plane are coplanar
 _COARSE = 1e-4  # of the diameter: coordinates that are multiples of more than this are meant, not rounded
 _MOST_LOOSE = 5_000  # open edges: more are no rims of gaps
-_MOST_SPLITS = 100  # times that triangles are split at the rims of gaps
+_MOST_SPLITS = 10  # times that triangles are split at the rims of gaps
 _MENDED = -1  # what triangles that no file holds are called
 
 
