@@ -6,9 +6,9 @@ import mpmath as mp
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from solid_bodies import shape
 from table_plan import box_body
 from test_verify_knowledge import LEFT, PEG, V0, V3, V3_LEFT, A, assembly, facts, same, vertex_on
-from test_verify_solids import shape
 
 from fmopt.verify.assembly import Assembly, Touch
 from fmopt.verify.exact import (
@@ -137,7 +137,7 @@ def notched(along: float, off: float) -> Shape:
     """The peg with a vertex of no face beside v0, so far up its edge and so far off that."""
     body = box_body((-0.01, -0.01, 0.0), (0.01, 0.01, 0.04))
     x, y, z = body["vertices"][V0]
-    return shape({**body, "vertices": [*body["vertices"], [x + off, y, z + along]]})
+    return shape([*body["vertices"], [x + off, y, z + along]], body["faces"])
 
 
 def with_peg(assembly: Assembly, peg: Shape) -> Assembly:
@@ -188,7 +188,7 @@ def beside_on(peg: Shape, k: int) -> Touch:
 def test_a_corner_off_a_flush_is_not_in_its_wall(assembly: Assembly, off: float) -> None:
     body = box_body((-0.01, -0.01, 0.0), (0.01, 0.01, 0.04))
     body["vertices"][V3][0] += off
-    peg = shape(body)
+    peg = shape(body["vertices"], body["faces"])
     third = Touch("v3", "vertex-face", (peg.vertices[V3],), (), LEFT, (LEFT,), 0, ((V3,), ()))
     known = facts(with_peg(assembly, peg), vertex_on(V0, LEFT), A, third)
     top = next(k for k, v in enumerate(peg.vertices) if same(v, PEG.vertices[V3 + 1]))
@@ -199,7 +199,7 @@ def test_a_corner_off_a_flush_is_not_in_its_wall(assembly: Assembly, off: float)
 @pytest.mark.parametrize("off", [1e-10, 1e-13, 1e-16])
 def test_walls_that_nearly_coincide_are_two(assembly: Assembly, off: float) -> None:
     body = box_body((-0.01 + off, -0.02, -0.03), (0.01, 0.02, 0.0))
-    other = next(f.plane for f in shape(body).faces if f.plane.normal[0] < 0)
+    other = next(f.plane for f in shape(body["vertices"], body["faces"]).faces if f.plane.normal[0] < 0)
     beside = Plane(neg(other.normal), -other.offset)
     assembly._levels[beside] = level((1, 0, 0), point((fixed(-0.01 + off), 0, 0)))
     assert not assembly.agree(LEFT, beside)

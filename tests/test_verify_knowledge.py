@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from test_verify_solids import box, pocket
+from solid_bodies import box, pocket, shape
 
 from fmopt.verify.assembly import Assembly, Touch
 from fmopt.verify.knowledge import Facts
@@ -13,7 +13,7 @@ from fmopt.verify.solids import Plane
 
 MM = 1e-3
 PEG = box(-10, 10, -10, 10, 0, 40)
-BLOCK = pocket()
+BLOCK = shape(*pocket())
 LEFT = Plane(vector((1.0, 0.0, 0.0)), fixed(-10 * MM))  # wall of the hole at x = −10 mm
 FRONT = Plane(vector((0.0, 1.0, 0.0)), fixed(-10 * MM))
 TOP = Plane(vector((0.0, 0.0, 1.0)), 0)

@@ -4,7 +4,7 @@ Whatever is concluded rests on exact incidence: of vertices, and of the lines an
 Pieces of a part have vertices that were cut, and may be off the part's planes and lines by `DEVIATION`. Of those it is
 asked only at the end of a chain of conclusions whether they are on one side of a plane. A rigid body keeps distances:
 what is no farther than that from a point that is on or above a plane is below it by no more. This loss is not handed
-on, and together with what the parts deviate by it is within the touch tolerance.
+on, and together with what the parts deviate by, and their pieces from them, it is within the touch tolerance.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class Incidence:
         points = all(self._points[v] == p for v, p in self._vertices())
         if not points or any(self._levels[plane] != exact for plane, exact in self._walls()):
             yield "vertices or faces lie too close together to be told apart"
-        if self.moving.deviation + self.fixed.deviation + _LOSSES * DEVIATION > fixed(touch):
+        if self.moving.deviation + self.fixed.deviation + 2 * COVERED + _LOSSES * DEVIATION > fixed(touch):
             yield "parts and pieces deviate from what is proved of them by more than the touch tolerance"
 
     def agree(self, a: Plane, b: Plane) -> bool:
