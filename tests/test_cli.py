@@ -338,6 +338,44 @@ def test_verify_agrees_with_the_plans_verdict(
     assert fmopt("verify", square_peg_plan_file, "--quiet") == Outcome(done.code, "", "")
 
 
+def test_verify_tells_that_a_plan_does_not_claim_to_be_certified(
+    fmopt: Command, square_peg_plan: dict[str, Any], tmp_path: Path
+) -> None:
+    """Every number of it follows, as where it is certified for a share of the stated errors, and it says so itself."""
+    plan.write(plan.sealed({**square_peg_plan, "verdict": "NOT_PROVED"}), tmp_path / "plan.json")
+    done = fmopt("verify", tmp_path / "plan.json")
+    assert done.code == 3
+    assert "plan: verdict: the plan itself does not claim to be certified, but says NOT_PROVED" in done.out
+    told = json.loads(fmopt("verify", tmp_path / "plan.json", "--json").out)
+    assert (told["verdict"], told["stated_verdict"]) == ("NOT_PROVED", "NOT_PROVED")
+    altered = copy.deepcopy(square_peg_plan)
+    altered["segments"][0]["margin"] *= 2.0
+    plan.write(plan.sealed(altered), tmp_path / "plan.json")
+    done = fmopt("verify", tmp_path / "plan.json")
+    assert done.out.startswith("verdict: NOT_PROVED (")
+    assert "; the plan's own verdict is CERTIFIED" in done.out
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["verify", "FILE"],
+        ["show", "FILE", "--list"],
+        ["export", "FILE", "--to", "csv", "--out", "-"],
+        ["export", "FILE", "--to", "urscript", "--base", "0", "0", "0", "0", "0", "0", "--out", "-"],
+        ["execute", "FILE", "--trials", "1"],
+        ["compare", "FILE", "--trials", "1"],
+    ],
+    ids=["verify", "show", "csv", "urscript", "execute", "compare"],
+)
+def test_what_lacks_a_key_is_no_plan_for_any_command(fmopt: Command, tmp_path: Path, command: list[str]) -> None:
+    file = tmp_path / "plan.json"
+    file.write_text('{"format": "fmopt.plan/1"}')
+    done = fmopt(*(str(file) if word == "FILE" else word for word in command))
+    assert (done.code, done.out) == (2, "")
+    assert f"{file}: plan: lacks the key 'verdict'" in done.err
+
+
 def test_verify_with_another_problem_is_not_proved(fmopt: Command, square_peg_plan_file: Path) -> None:
     done = fmopt("verify", square_peg_plan_file, "--problem", ROOT / "problems" / "factory_rect_8mm_tight.toml")
     assert done.code == 3

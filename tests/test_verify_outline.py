@@ -25,7 +25,7 @@ def _last(values: list[Any], value: Any) -> None:
 
 CHANGES: dict[str, Callable[[Plan], Any]] = {
     "nominal ends elsewhere": lambda p: _last(p["nominal"]["nodes"], [0.0, 0.0, -0.029, 0.0, 0.0, 0.0]),
-    "nominal times": lambda p: p["nominal"]["times"].reverse(),
+    "nominal times": lambda p: p["nominal"]["times"].__setitem__(0, 1e-3),
     "interval missing": lambda p: p["nominal"]["intervals"].pop(0),
     "interval of no length": lambda p: p["nominal"]["intervals"].insert(0, {**p["nominal"]["intervals"][0], "t1": 0.0}),
     "freedom of an interval": lambda p: p["nominal"]["intervals"][0].update(s=[1, 0, 0, 0, 0, 0]),
@@ -37,6 +37,8 @@ CHANGES: dict[str, Callable[[Plan], Any]] = {
     "wrench applied the wrong way": lambda p: p["position_force"][-1].update(applied=p["position_force"][-1]["fa"]),
     "natural constraint elsewhere": lambda p: p["position_force"][-1]["pn_end"].__setitem__(0, 1e-3),
     "move without a name": lambda p: p["search"]["moves"].pop(),
+    "move of another name": lambda p: p["search"]["moves"].__setitem__(1, "+x"),
+    "another heading": lambda p: p["search"].update(heading=2.0),
     "states confirmed": lambda p: p["critical_points"][0].update(states_confirmed=0),
     "verdict of its own": lambda p: p.update(verdict="NOT_PROVED"),
     "start left out": lambda p: p["diagnostics"]["sequence"].pop(0),

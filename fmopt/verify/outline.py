@@ -12,9 +12,12 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from fmopt.verify.accounts import CriticalPoint, Interval, Nominal, PositionForce, Search
-from fmopt.verify.document import Plan
+from fmopt.verify.document import Plan, Segment
+from fmopt.verify.doubles import dot, doubles
 from fmopt.verify.findings import Notes
 from fmopt.verify.form import NOT_COVERED, Numbers
+from fmopt.verify.rational import ArithmeticRefusal, logarithm, product, sub, transposed
+from fmopt.verify.rows import pose
 
 _SAME = 1e-12  # m, rad, s: stated twice, from one number
 _FOLLOWS = 1e-9  # m, rad: interpolated again
@@ -106,8 +109,32 @@ def _search(search: Search, plan: Plan, notes: Notes) -> None:
     cost, bound = search.cost, search.lower_bound
     if bound > cost or abs(cost - bound - search.gap) > _SAME * max(cost, 1.0):
         notes.add("search", "its gap is not the difference of cost and lower bound, or the bound exceeds the cost")
-    if len(search.moves) != len({segment.move for segment in plan.segments}):
+    moves: dict[int, list[Segment]] = {}
+    for segment in plan.segments:
+        moves.setdefault(segment.move, []).append(segment)
+    if sorted(moves) != list(range(len(search.moves))):
         notes.add("search.moves", "does not name each move of the segments once")
+        return
+    for move, name in enumerate(search.moves):
+        try:
+            agrees = name[0] not in "+-" or _along(name, search.heading, moves[move])
+        except ArithmeticRefusal as error:
+            notes.add(f"search.moves[{move}]", str(error))
+            return
+        if not agrees:
+            notes.add(f"search.moves[{move}]", f"does not go along or about {name}, its axes turned by the heading")
+
+
+def _along(name: str, heading: float, pieces: Sequence[Segment]) -> bool:
+    """Whether a move goes mostly along an axis, or turns mostly about it, in the direction of its sign."""
+    way = [0.0] * 3
+    for piece in pieces:
+        start, goal = pose(piece.start), pose(piece.goal)
+        step = logarithm(product(goal.R, transposed(start.R))) if name[1] == "r" else sub(goal.p, start.p)
+        way = [x + y for x, y in zip(way, doubles(step), strict=True)]
+    c, s = math.cos(heading), math.sin(heading)
+    axis = {"x": (c, s, 0.0), "y": (-s, c, 0.0), "z": (0.0, 0.0, 1.0)}[name[-1]]
+    return dot(way, axis) * (1.0 if name[0] == "+" else -1.0) > 0.5 * math.hypot(*way)
 
 
 def _apart(a: Sequence[float], b: Sequence[float]) -> float:
