@@ -29,6 +29,7 @@ from plan_mutations import claims, junk, numbers
 from fmopt.cli import entry
 from fmopt.verify import PlanError
 from fmopt.verify.parse import parse
+from fmopt.verify.problem import differences
 
 SLOWER, LEAST = 10.0, 0.05  # times its original's check, which counts as this many seconds at least
 INTERNAL = 70
@@ -159,15 +160,9 @@ def called(words: list[str]) -> tuple[int, str]:
 
 def problem_of(plan: Path, problems: Path) -> Differences | None:
     """What a plan states otherwise than the problem of its name; None where there is none."""
-    from fmopt.task.agreement import disagreements
-    from fmopt.task.problem import load
-
     name = plan.parent.name if plan.name == "plan.json" else plan.stem
     files = sorted(problems.rglob(f"{name}.toml"))
-    if not files:
-        return None
-    problem = load(files[0])
-    return lambda document: disagreements(problem, parse(document))
+    return (lambda document: differences(parse(document), files[0])) if files else None
 
 
 def main() -> int:

@@ -16,10 +16,9 @@ from lies_edge import edge_plan
 from restate import restated
 from table_plan import table_plan
 
-from fmopt.task.agreement import disagreements
-from fmopt.task.problem import load
 from fmopt.verify import CERTIFIED, PlanError, verify
 from fmopt.verify.parse import parse
+from fmopt.verify.problem import differences
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 Plan = dict[str, Any]
@@ -32,8 +31,7 @@ def table() -> Plan:
 
 @pytest.fixture(scope="module")
 def square_peg_differences() -> Differences:
-    problem = load(PROBLEMS / "square_peg.toml")
-    return lambda plan: disagreements(problem, parse(plan))
+    return lambda plan: differences(parse(plan), PROBLEMS / "square_peg.toml")
 
 
 def _nothing(plan: Plan) -> None:
