@@ -27,7 +27,7 @@ from fmopt.verify.problem.problem import Problem, load_problem
 from fmopt.verify.problem.quantities import LENGTH, UNITS, NoQuantity, Quantity, evaluate
 from fmopt.verify.problem.section import half_diagonals
 from fmopt.verify.problem.solids import Comparison, of_piece
-from fmopt.verify.problem.sources import total
+from fmopt.verify.problem.sources import Boxed, by_frame, total
 
 ROOT = Path(__file__).parent.parent
 SHIPPED = sorted((ROOT / "problems").glob("*.toml"))
@@ -44,16 +44,23 @@ def sides(problem: PlannersProblem) -> dict[str, PlannersPart]:
     return {"moving": problem.moving, "fixed": problem.fixed}
 
 
-def boxes(read: Problem, problem: PlannersProblem) -> tuple[float, ...]:
+def boxes(read: Problem, problem: PlannersProblem) -> list[Boxed]:
     corners = {side: body(part.polyhedron).vertices for side, part in sides(problem).items()}
-    return total(read.start_boxes(corners["moving"], corners["fixed"], {}))
+    return read.start_boxes(corners["moving"], corners["fixed"], {})
+
+
+def assert_same_errors(read: Problem, problem: PlannersProblem) -> None:
+    found = boxes(read, problem)
+    assert total(found) == pytest.approx(problem.start_box.tolist(), abs=1e-13)
+    framed = zip(("hole", "hand", "world"), problem.framing.parts(problem.start_box), strict=True)
+    assert by_frame(found) == {frame: pytest.approx(box.tolist(), abs=1e-13) for frame, box in framed}
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
 def test_both_readings_of_a_shipped_problem_agree(path: Path) -> None:
     problem, read = load(path), load_problem(path)
     assert read.sha256 == problem.sha256
-    assert boxes(read, problem) == pytest.approx(problem.start_box.tolist(), abs=1e-13)
+    assert_same_errors(read, problem)
     assert read.velocity_error == (problem.velocity_error.translation, problem.velocity_error.rotation)
     assert read.specification == problem.specification.record()
     assert read.declared_clearance == problem.declared_clearance
@@ -111,6 +118,10 @@ LIES: dict[str, tuple[Change, str]] = {
     "a share of the errors": (
         lambda p: p["uncertainty"].update(start_box=[0.1 * x for x in p["uncertainty"]["start_box"]]),
         "for other start errors, 10% of them:",
+    ),
+    "another frame": (
+        lambda p: p["uncertainty"].update(sources=[{"frame": "hole", "box": p["uncertainty"]["start_box"]}]),
+        "takes other errors for fixed in the hole",
     ),
     "velocity error": (lambda p: p["uncertainty"].update(velocity_error=[0.001, 0.001]), "another velocity error"),
     "length that weighs rotation": (
@@ -294,6 +305,55 @@ def test_the_problem_costs_little_beside_the_plan(square_peg_plan: dict[str, Any
     middle = time.process_time()
     differences(parse(square_peg_plan), PEG)
     assert time.process_time() - middle < 0.5 * (middle - begin) + 0.05
+
+
+SOURCES = """
+[uncertainty.sources]
+shape = 0.01
+configuration = { known = 0.02 }
+feeder = { observed = { points = [[10, 0, 2], [-10, 5, 0], [0, -12, 30]], deviation = 0.03 }, placed = [
+  { robot = { position = 0.01, angle = 0.02 }, at = [1, 2, 3] },
+  { robot = { position = 0.02 }, slide = { position = 0.001, angle = 0.003 } } ] }
+robot = { position = 0.01, angle = 0.01 }
+grasp = { position = 0.01, angle = 0.03, height = 20 }
+"""
+OTHERS = {
+    "known": SOURCES,
+    "measured": SOURCES.replace("shape = 0.01", "measurement = 0.02"),
+    "placed": SOURCES.replace("{ known = 0.02 }", "{ placed = [{ robot = { position = 0.1, angle = 0.1 } }] }"),
+    "about": SOURCES.replace("{ known = 0.02 }", "{ position = 0.1, angle = 0.2, about = [30, 2, 1] }"),
+    "in the hand": '[uncertainty.start]\nframe = "hand"\nx = 0.3\ny = 0.2\nz = 0.1\nrx = 0.1\nry = 0.2\nrz = 0.3\n',
+}
+
+
+@pytest.mark.parametrize("kind", OTHERS)
+def test_every_kind_of_source_comes_to_the_same_errors(files: Path, kind: str) -> None:
+    file = files / "problems" / "square_peg.toml"
+    text = file.read_text()
+    begin, end = text.index("[uncertainty.start]"), text.index("[uncertainty.velocity]")
+    file.write_text(text[:begin] + OTHERS[kind] + text[end:])
+    assert_same_errors(load_problem(file), load(file))
+
+
+def test_errors_below_rounding_are_raised_and_an_exchanged_problem_turns_its_frames(files: Path) -> None:
+    file = files / "problems" / "square_peg.toml"
+    text = file.read_text()
+    text = text.replace("translation = 0.01", "translation = 0").replace("rotation = 0.01", "rotation = 0")
+    file.write_text(text)
+    assert_same_errors(load_problem(file), load(file))
+    text = text.replace("models/square_peg", "models/x").replace("models/square_hole_block", "models/square_peg")
+    text = text.replace("models/x", "models/square_hole_block").replace('feature = "peg"', 'feature = "x"')
+    text = text.replace('feature = "hole"', 'feature = "peg"').replace('feature = "x"', 'feature = "hole"')
+    file.write_text(text)
+    problem, read = load(file), load_problem(file)
+    assert read.exchanged
+    assert problem.task.exchanged
+    assert_same_errors(read, problem)
+    for side, part in sides(problem).items():
+        tree = read.tree(side)
+        assert tree is not None
+        comparison = Comparison(tree, [of_piece(body(piece)) for piece in part.pieces])
+        assert (comparison.outside(), comparison.uncovered()) == (None, None)
 
 
 @pytest.mark.parametrize("told", ['turn = "free"', ""])

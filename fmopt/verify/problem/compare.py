@@ -10,12 +10,13 @@ from fmopt.verify.document import Part, Plan
 from fmopt.verify.problem.problem import Problem, load_problem
 from fmopt.verify.problem.section import half_diagonals
 from fmopt.verify.problem.solids import Comparison, Unbounded, of_piece
-from fmopt.verify.problem.sources import total
+from fmopt.verify.problem.sources import WORLD, by_frame, total
 from fmopt.verify.rational import ArithmeticRefusal, number, vector
 from fmopt.verify.rows import pose
 
 SAME = 1e-12  # m, rad: between numbers that went the same way
 SEATED = 1e-6  # m, rad: walls of rounded numbers seat a part a little off the pose of its goal
+LEAST_LEVER = 2.0**-10  # m: what ρ is at least, where the problem does not state it
 STARTED = 1e-9  # m: between the lowest point at the start and the height that it has by the problem
 SIDES = ("moving", "fixed")
 
@@ -94,6 +95,7 @@ def _errors(plan: Plan, problem: Problem) -> Iterator[str]:
             f"uncertainty.start_box: the plan is for other start errors{part}: {list(plan.start_box)} stands where the "
             f"problem gives {list(wanted)}"
         )
+    yield from _frames(plan, by_frame(boxes))
     if not _same(plan.velocity_error, problem.velocity_error):
         yield (
             f"uncertainty.velocity_error: the plan is for another velocity error: {list(plan.velocity_error)} stands "
@@ -101,13 +103,26 @@ def _errors(plan: Plan, problem: Problem) -> Iterator[str]:
         )
     stated = problem.characteristic_length
     pieces = [plan.parts[side].pieces for side in SIDES]
-    lengths = (stated,) if stated is not None else half_diagonals(pieces[0], pieces[1], problem.depth)
+    halves = half_diagonals(pieces[0], pieces[1], problem.depth) if stated is None else ()
+    lengths = [max(half, LEAST_LEVER) for half in halves] if stated is None else [stated]
     if not any(abs(plan.rho - length) <= SAME for length in lengths):
         wanted_ = " or ".join(dict.fromkeys(f"{length!r} m" for length in lengths)) or "none"
         yield (
             f"uncertainty.rho: the plan weighs rotation by another length: {plan.rho!r} m stands where the problem "
             f"gives {wanted_}"
         )
+
+
+def _frames(plan: Plan, wanted: Mapping[str, Sequence[float]]) -> Iterator[str]:
+    """In which frame each part of the start errors is fixed."""
+    stated = dict(plan.sources) or {WORLD: plan.start_box}
+    for frame, box in wanted.items():
+        own = stated.get(frame, (0.0,) * 6)
+        if not _same(own, box):
+            yield (
+                f"uncertainty.sources: the plan takes other errors for fixed in the {frame}: {list(own)} stands where "
+                f"the problem gives {list(box)}"
+            )
 
 
 def _share(stated: Sequence[float], wanted: Sequence[float]) -> float | None:

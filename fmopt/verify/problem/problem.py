@@ -24,7 +24,7 @@ from fmopt.verify.problem.quantities import (
     Dimension,
 )
 from fmopt.verify.problem.solids import Frame, Tree, frame, tree_of
-from fmopt.verify.problem.sources import TILT, WORLD, Boxed, Point, Pose, Sources, total
+from fmopt.verify.problem.sources import HAND, HOLE, TILT, WORLD, Boxed, Point, Pose, Sources, total
 from fmopt.verify.problem.tables import LARGEST_MESH, ProblemError, Table, read, read_bytes, with_units
 from fmopt.verify.rational import dot, number, vector
 
@@ -206,7 +206,7 @@ class Problem:
 
         Args:
             moving, fixed: corners of the parts in their mating frames, m.
-            chords: how far the true surfaces lie from the facets of meshes, by side, m.
+            chords: how far the true surfaces lie from the facets of meshes, by the side that the file gives them, m.
         """
         table = self.table.table("uncertainty").only("start", "sources", "trapezoid", "velocity")
         if table.has("start") == table.has("sources"):
@@ -218,23 +218,29 @@ class Problem:
             found = sources.boxes(self._pose(sources, moving))
         else:
             found = [self._stated(table.table("start"))]
-        found += [Boxed(frame_, (off, off, off, 0.0, 0.0, 0.0)) for frame_, off in chords.items() if off > 0.0]
+        found += [
+            Boxed(HAND if side == "moving" else HOLE, (off, off, off, 0.0, 0.0, 0.0))
+            for side, off in chords.items()
+            if off > 0.0
+        ]
         lacking = tuple(max(_LEAST - half, 0.0) for half in total(found))
         if any(lacking) and not any(self.velocity_error):
             found.append(Boxed(WORLD, lacking))
         if self.planar:
             kept = (1.0, 0.0, 1.0, 0.0, 1.0, 0.0)
             found = [Boxed(b.frame, tuple(x * k for x, k in zip(b.box, kept, strict=True))) for b in found]
-        return found
+        # With the hole in the hand, it is the peg that stands in the world.
+        return [Boxed(HOLE if b.frame == HAND else HAND, b.box) for b in found] if self.exchanged else found
 
     def _stated(self, table: Table) -> Boxed:
-        table.only("x", "y", "z", "rx", "ry", "rz")
+        table.only("frame", "x", "y", "z", "rx", "ry", "rz")
+        frame_ = table.text("frame", (WORLD, HOLE, HAND)) if table.has("frame") else WORLD
         lengths = [table.maybe(axis, LENGTH) for axis in ("x", "y", "z")]
         angles = [table.maybe(axis, ANGLE, 0.0, TILT) for axis in ("rx", "ry", "rz")]
         for name, value, asked in zip(("x", "y", "z", "rx", "ry", "rz"), (*lengths, *angles), "101010", strict=True):
             if value is None and (asked == "1" or not self.planar):
                 raise table.error(name, "this key is missing")
-        return Boxed(WORLD, tuple(value or 0.0 for value in (*lengths, *angles)))
+        return Boxed(frame_, tuple(value or 0.0 for value in (*lengths, *angles)))
 
     def _pose(self, sources: Sources, moving: Sequence[Point]) -> Pose:
         """Where the part may start at most: leaning by 1.3 times the tilts, a few errors beside the axis."""

@@ -137,6 +137,11 @@ def deviation(table: Table) -> tuple[float, float]:
     return table.number("position", LENGTH), table.maybe("angle", ANGLE, 0.0, TILT) or 0.0
 
 
+def by_frame(boxes: Sequence[Boxed]) -> dict[str, tuple[float, ...]]:
+    """The boxes (6,) that these add up to in each of the three frames."""
+    return {frame: total([boxed for boxed in boxes if boxed.frame == frame]) for frame in (HOLE, HAND, WORLD)}
+
+
 def total(boxes: Sequence[Boxed]) -> tuple[float, ...]:
     """The box (6,) that all of these add up to."""
     return tuple(math.fsum(boxed.box[axis] for boxed in boxes) for axis in range(6))
