@@ -26,7 +26,7 @@ from fmopt.verify.problem import ProblemError, differences
 from fmopt.verify.problem.problem import Problem, load_problem
 from fmopt.verify.problem.quantities import LENGTH, UNITS, NoQuantity, Quantity, evaluate
 from fmopt.verify.problem.section import half_diagonals
-from fmopt.verify.problem.solids import Comparison, of_piece
+from fmopt.verify.problem.solids import Comparison, of_piece, tree_of
 from fmopt.verify.problem.sources import Boxed, by_frame, total
 
 ROOT = Path(__file__).parent.parent
@@ -49,6 +49,13 @@ def boxes(read: Problem, problem: PlannersProblem) -> list[Boxed]:
     return read.start_boxes(corners["moving"], corners["fixed"], {})
 
 
+def assert_same_solid(read: Problem, side: str, part: PlannersPart) -> None:
+    solid = read.model(side).solid
+    assert solid is not None
+    comparison = Comparison(tree_of(solid, read.frame(side)), [of_piece(body(piece)) for piece in part.pieces])
+    assert (comparison.outside(), comparison.uncovered()) == (None, None)
+
+
 def assert_same_errors(read: Problem, problem: PlannersProblem) -> None:
     found = boxes(read, problem)
     assert total(found) == pytest.approx(problem.start_box.tolist(), abs=1e-13)
@@ -64,14 +71,12 @@ def test_both_readings_of_a_shipped_problem_agree(path: Path) -> None:
     assert read.velocity_error == (problem.velocity_error.translation, problem.velocity_error.rotation)
     assert read.specification == problem.specification.record()
     assert read.declared_clearance == problem.declared_clearance
+    assert read.depth is not None
     assert (-read.depth, read.approach) == (problem.goal[2], problem.approach)
     assert read.turn == pytest.approx(problem.task.turn, abs=1e-15)
     assert read.exchanged == problem.task.exchanged
     for side, part in sides(problem).items():
-        tree = read.tree(side)
-        assert tree is not None
-        comparison = Comparison(tree, [of_piece(body(piece)) for piece in part.pieces])
-        assert (comparison.outside(), comparison.uncovered()) == (None, None)
+        assert_same_solid(read, side, part)
 
 
 @pytest.mark.parametrize("name", ["square_peg", "factory_round_8mm_tight", "bilba_chamfered_60", "kite_prism"])
@@ -350,10 +355,7 @@ def test_errors_below_rounding_are_raised_and_an_exchanged_problem_turns_its_fra
     assert problem.task.exchanged
     assert_same_errors(read, problem)
     for side, part in sides(problem).items():
-        tree = read.tree(side)
-        assert tree is not None
-        comparison = Comparison(tree, [of_piece(body(piece)) for piece in part.pieces])
-        assert (comparison.outside(), comparison.uncovered()) == (None, None)
+        assert_same_solid(read, side, part)
 
 
 @pytest.mark.parametrize("told", ['turn = "free"', ""])

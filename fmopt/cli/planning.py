@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,6 +16,7 @@ from fmopt.plan import STDIO, Plan
 
 if TYPE_CHECKING:
     from fmopt.verify import Verdict
+    from fmopt.verify.problem import Given
 
 
 @app.command(epilog="Example: fmopt solve problems/square_peg.toml --report")
@@ -81,6 +83,7 @@ def _findings(verdict: Verdict) -> dict[str, Any]:
         "findings": [str(finding) for finding in verdict.findings],
         "details": [asdict(finding) for finding in verdict.findings],
         "collision": None if verdict.witness is None else asdict(verdict.witness),
+        "taken_from_the_planner": list(verdict.taken),
         "not_covered": list(verdict.not_covered),
     }
 
@@ -105,7 +108,7 @@ def verify(
     """Check a plan's certificate from its own geometry, in exact arithmetic, without the planner."""
     from fmopt import plan
     from fmopt import verify as independent
-    from fmopt.verify.problem import ProblemError, differences
+    from fmopt.verify.problem import ProblemError, held
 
     if file != STDIO and not file.is_file():
         what = "is no file" if file.exists() else "no such file"
@@ -114,7 +117,8 @@ def verify(
     try:
         verdict = independent.judge(read)
         if problem is not None:
-            verdict = verdict.unless(differences(read, problem))
+            beside = held(read, problem, None, lambda: _given(problem))
+            verdict = verdict.unless(beside.differences, beside.remarks)
     except ProblemError as error:
         raise InputError(Fault(error.file, 1, 1, error.key, "problem", error.message)) from error
     except independent.PlanError as error:
@@ -125,6 +129,14 @@ def verify(
         for line in independent.describe(verdict):
             typer.echo(line)
     raise typer.Exit(EXIT[str(verdict.verdict)])
+
+
+def _given(problem: Path) -> Mapping[str, Given]:
+    """The parts of a problem as the planner reads them, for those that come as STEP files."""
+    from fmopt.desk.given import given
+    from fmopt.task.problem import load
+
+    return given(load(problem))
 
 
 @app.command(epilog="Example: fmopt check problems/square_peg.toml")

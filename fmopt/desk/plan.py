@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fmopt import plan as files
+from fmopt.desk.given import given
 from fmopt.desk.problem import Problem
 from fmopt.errors import Fault, InputError, PlanFormatError, ResourceError
 from fmopt.report.moves import Move, characteristic_length, moves, smallest_margin
@@ -18,7 +19,7 @@ from fmopt.se3 import Pose
 from fmopt.task import problem as task
 from fmopt.verify import PlanError, Verdict, verify
 from fmopt.verify.document import Plan as Checked
-from fmopt.verify.problem import ProblemError, differences
+from fmopt.verify.problem import Held, ProblemError, held
 
 if TYPE_CHECKING:
     import polars
@@ -135,7 +136,8 @@ class Plan:
             raise PlanFormatError(str(error), "solve the problem with this version") from error
         if problem is None:
             return found
-        return found.unless(_differences(files.parsed(self.document), problem))
+        beside = _held(files.parsed(self.document), problem)
+        return found.unless(beside.differences, beside.remarks)
 
     def execute(
         self,
@@ -345,17 +347,19 @@ def _line(segment: Segment) -> dict[str, Any]:
     }
 
 
-def _differences(plan: Checked, problem: task.Problem) -> list[str]:
-    """What a plan states otherwise than a problem: than its document, and than what was put in its place since.
+def _held(plan: Checked, problem: task.Problem) -> Held:
+    """A plan held against the document of a problem, and against what was put in its place since.
 
     Raises:
         InputError: the document or one of its models cannot be read.
     """
     data = problem.source.data if isinstance(problem, Problem) else None
     try:
-        found = differences(plan, problem.path, data)
+        found = held(plan, problem.path, data, lambda: given(problem))
     except ProblemError as error:
         raise InputError(Fault(error.file, 1, 1, error.key, "problem", error.message)) from error
+    if found.differences:
+        return found
     velocity = problem.velocity_error
     pairs = (
         ("start errors", plan.start_box, problem.start_box.tolist(), 1e-12),
@@ -363,7 +367,9 @@ def _differences(plan: Checked, problem: task.Problem) -> list[str]:
         ("declared clearance", plan.moving.declared_clearance, problem.declared_clearance, 1e-12),
         ("depth", plan.goal[2:3], problem.goal[2:3].tolist(), 1e-6),
     )
-    for what, stated, wanted, off in pairs:
-        if not found and max(abs(a - b) for a, b in zip(stated, wanted, strict=True)) > off:
-            found.append(f"the plan is for another {what} than the problem in memory, which is not that of its file")
-    return found
+    words = [
+        f"the plan is for another {what} than the problem in memory, which is not that of its file"
+        for what, stated, wanted, off in pairs
+        if max(abs(a - b) for a, b in zip(stated, wanted, strict=True)) > off
+    ]
+    return Held(tuple(words), found.remarks)

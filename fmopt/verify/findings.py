@@ -69,6 +69,7 @@ class Verdict:
         margin: least re-derived margin of all segments that could be re-derived, m; None without any.
         stated: the plan's own verdict.
         not_covered: what the plan says that it does not cover.
+        taken: what of the problem was taken as the planner has it.
     """
 
     verdict: str
@@ -78,9 +79,17 @@ class Verdict:
     margin: float | None
     not_covered: tuple[str, ...]
     stated: str = CERTIFIED
+    taken: tuple[str, ...] = ()
 
-    def unless(self, differences: Sequence[str]) -> Verdict:
-        """The same, but not CERTIFIED where the plan differs from the problem that it is held against."""
+    def unless(self, differences: Sequence[str], remarks: Sequence[str] = ()) -> Verdict:
+        """The same, but not CERTIFIED where the plan differs from the problem that it is held against.
+
+        Args:
+            differences: each in words.
+            remarks: what of the problem was taken as the planner has it, each in words.
+        """
+        if remarks:
+            return replace(self, taken=(*self.taken, *remarks)).unless(differences)
         if not differences:
             return self
         found = (*self.findings, *(Finding(None, "problem", 0.0, text) for text in differences))
@@ -178,5 +187,6 @@ def describe(verdict: Verdict) -> list[str]:
     lines.append(
         "not derived again: S(t) of the nominal trajectory, contact states, the measured clearance, search costs"
     )
+    lines += [f"taken as the planner has it: {text}" for text in verdict.taken]
     lines += [f"not covered, says the plan: {text}" for text in verdict.not_covered]
     return lines

@@ -39,13 +39,17 @@ class Solid:
 
 @dataclass(frozen=True)
 class Feature:
-    """A peg or hole: its kind, its frame in the model's, its length, and the named solids it is made of."""
+    """A peg or hole: its kind, its frame in the model's, its length, and the named solids it is made of.
+
+    One that is `found` on a mesh has no frame and no length here.
+    """
 
     kind: str
     at: tuple[float, ...]
     turn: tuple[float, ...]
     length: float
     solids: tuple[str, ...]
+    found: bool = False
 
 
 @dataclass(frozen=True)

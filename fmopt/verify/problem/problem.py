@@ -75,8 +75,11 @@ class Problem:
         return other[side] if self.exchanged else side
 
     def _feature(self, side: str) -> Feature:
-        features = self.models[side].features
-        if self.names[side] not in features:
+        features, name = self.models[side].features, self.names[side]
+        if not features and self.models[side].mesh is not None:
+            # Found on the mesh by the planner, which calls pegs "peg" and holes "hole".
+            return Feature("hollow" if name.startswith("hole") else "solid", _ZERO, _ZERO, math.inf, (), found=True)
+        if name not in features:
             raise self.table.table(side).error("feature", f"the model has no feature {self.names[side]!r}")
         return features[self.names[side]]
 
@@ -104,12 +107,12 @@ class Problem:
         return hashlib.sha256(text.encode()).hexdigest()
 
     @cached_property
-    def depth(self) -> float:
-        """How far the peg's leading face goes below the mouth, m."""
+    def depth(self) -> float | None:
+        """How far the peg's leading face goes below the mouth, m; None where features that were found decide it."""
         goal = self.table.table("goal")
         deepest = min(self.feature(side).length for side in ("moving", "fixed"))
         if goal.value("depth") in ("full", "free"):
-            return deepest
+            return None if any(self.feature(side).found for side in ("moving", "fixed")) else deepest
         depth = goal.number("depth", LENGTH, _LEAST)
         if depth > deepest:
             raise goal.error("depth", f"is deeper than hole and peg allow, {deepest!r} m")
@@ -159,11 +162,6 @@ class Problem:
         inward = frame(feature.at, feature.turn).inverse
         return frame(_ZERO, (0.0, 0.0, self.turn)).after(inward) if side == "moving" and self.turn else inward
 
-    def tree(self, side: str) -> Tree | None:
-        """The set of a side's solids in its mating frame; None for a mesh."""
-        solid = self.model(side).solid
-        return None if solid is None else tree_of(solid, self.frame(side))
-
     @cached_property
     def approach(self) -> float:
         """Height of the tilted part's lowest point above the mouth at the start, m."""
@@ -206,7 +204,7 @@ class Problem:
 
         Args:
             moving, fixed: corners of the parts in their mating frames, m.
-            chords: how far the true surfaces lie from the facets of meshes, by the side that the file gives them, m.
+            chords: how far the true surfaces lie from the facets of meshes, by side of the plan, m.
         """
         table = self.table.table("uncertainty").only("start", "sources", "trapezoid", "velocity")
         if table.has("start") == table.has("sources"):
@@ -219,7 +217,7 @@ class Problem:
         else:
             found = [self._stated(table.table("start"))]
         found += [
-            Boxed(HAND if side == "moving" else HOLE, (off, off, off, 0.0, 0.0, 0.0))
+            Boxed(HAND if self._given(side) == "moving" else HOLE, (off, off, off, 0.0, 0.0, 0.0))
             for side, off in chords.items()
             if off > 0.0
         ]
@@ -268,7 +266,7 @@ def load_problem(path: Path, data: Mapping[str, Any] | None = None) -> Problem:
         models[side] = load_model(operand, overrides_of(operand))
         names[side] = operand.text("feature")
     found = Problem(table, models, names)
-    if all(models[side].features for side in models):
+    if not any(found.feature(side).found for side in models):
         kinds = {found.feature(side).kind for side in ("moving", "fixed")}
         if len(kinds) == 1:
             raise table.table("moving").error("feature", f"both features are {kinds.pop()}")

@@ -1,0 +1,151 @@
+"""Whether the parts of a plan are those of the models: solids as sets, meshes as surfaces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+from fmopt.verify.document import Body, Part
+from fmopt.verify.problem.meshes import NoMesh, Triangle, triangles
+from fmopt.verify.problem.model import Mesh
+from fmopt.verify.problem.problem import Problem
+from fmopt.verify.problem.solids import Comparison, Frame, Unbounded, of_piece, tree_of
+from fmopt.verify.problem.surface import COARSE, FLAT, chord_error, compared, diameter, seated
+from fmopt.verify.problem.tables import LARGEST_MESH, read_bytes
+from fmopt.verify.rational import ArithmeticRefusal, number
+
+_SAME = 1e-12  # m: between coordinates that went the same way
+
+
+@dataclass(frozen=True)
+class Given:
+    """A part as the planner's reader has it from a file that the check cannot read, in its mating frame.
+
+    Attributes:
+        body: its surface.
+        chord: how far the true surface lies from it, m.
+    """
+
+    body: Body
+    chord: float
+
+
+Reader = Callable[[], Mapping[str, Given]]
+
+
+@dataclass(frozen=True)
+class Chord:
+    """How far the true surface of a mesh may lie from its facets, m: at least, and at most."""
+
+    least: float = 0.0
+    most: float = 0.0
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A part beside its model: differences and remarks in words, and what its facets add to the errors."""
+
+    differences: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+    chord: Chord = Chord()
+
+
+def part_beside_its_model(part: Part, problem: Problem, side: str, reader: Reader | None) -> Compared:
+    """A part of a plan held against its model.
+
+    Args:
+        part: of the plan.
+        problem: the problem.
+        side: of the plan, "moving" or "fixed".
+        reader: what the planner makes of files that the check cannot read, by side; None to leave them out.
+
+    Raises:
+        ProblemError: a mesh cannot be read.
+    """
+    model = problem.model(side)
+    try:
+        if model.solid is not None:
+            tree = tree_of(model.solid, problem.frame(side))
+            comparison = Comparison(tree, [of_piece(piece) for piece in part.pieces])
+            return Compared(tuple(_differences(comparison, side, model.name)))
+        if model.mesh is not None and model.mesh.per_metre is not None:
+            return _beside_mesh(part, problem, side, model.mesh, model.mesh.per_metre)
+    except (Unbounded, ArithmeticRefusal) as error:
+        return Compared((f"parts.{side}: the part was not compared with its model: {error}",))
+    if reader is None:
+        name = model.mesh.name if model.mesh is not None else ""
+        return Compared((f"parts.{side}: the part was not compared with {name}: the check reads no STEP files",))
+    return _beside_given(part, side, reader()[side])
+
+
+def _differences(comparison: Comparison, side: str, name: str) -> Iterator[str]:
+    reaching, missing = comparison.outside(), comparison.uncovered()
+    if reaching is not None:
+        yield (
+            f"parts.{side}.pieces[{reaching[0]}]: the plan is for another {side} part: at {reaching[1]} of its frame "
+            f"the piece has material, the model {name!r} has none"
+        )
+    if missing is not None:
+        yield (
+            f"parts.{side}.pieces: the plan is for another {side} part: at {missing} of its frame the model "
+            f"{name!r} has material, no piece has"
+        )
+
+
+def _beside_given(part: Part, side: str, given: Given) -> Compared:
+    """A part beside the same part as the planner's reader has it from a STEP file."""
+    same = part.body.faces == given.body.faces and len(part.body.vertices) == len(given.body.vertices)
+    if not same or not all(
+        abs(x - y) <= _SAME
+        for a, b in zip(part.body.vertices, given.body.vertices, strict=True)
+        for x, y in zip(a, b, strict=True)
+    ):
+        found = f"parts.{side}: the plan is for another {side} part: its vertices or faces are not those of its file"
+        return Compared((found,), (), Chord(given.chord, given.chord))
+    words = f"the {side} part was held against its STEP file by way of the planner's reader"
+    return Compared((), (words,), Chord(given.chord, given.chord))
+
+
+def _beside_mesh(part: Part, problem: Problem, side: str, mesh: Mesh, per_metre: float) -> Compared:
+    table = problem.model(side).table.table("mesh")
+    content = read_bytes(mesh.path, table, "file", LARGEST_MESH)
+    try:
+        found = triangles(content, mesh.path.suffix.lower().removeprefix("."), per_metre)
+    except NoMesh as error:
+        raise table.error("file", f"{mesh.name} {error}") from None
+    remarks: tuple[str, ...] = ()
+    if problem.feature(side).found:
+        words = f"the frame in which the {side} part mates is the planner's choice, as its model declares no features"
+        placed, remarks = seated(found, part.body), (words,)
+    else:
+        at = problem.frame(side)
+        placed = iter([[_moved(triangle, at) for triangle in found]])
+    flaw = "no frame puts its corners on those of the part"
+    for candidate in placed:
+        surface = compared(candidate, part.body)
+        if surface.flaw is None:
+            return Compared((), remarks, _chord(part.body, mesh, surface.off))
+        flaw = surface.flaw
+    told = f"parts.{side}: the plan is for another {side} part than the mesh {mesh.name}: {flaw}"
+    return Compared((told,), remarks, _chord(part.body, mesh, 0.0))
+
+
+def _moved(triangle: Triangle, at: Frame) -> Triangle:
+    rows = [[number(x) for x in row] for row in at.R]
+    shift = [number(x) for x in at.p]
+    found = []
+    for p in triangle:
+        x, y, z = (sum(a * b for a, b in zip(row, p, strict=True)) + s for row, s in zip(rows, shift, strict=True))
+        found.append((x, y, z))
+    return found[0], found[1], found[2]
+
+
+def _chord(body: Body, mesh: Mesh, off: float) -> Chord:
+    """What the facets of a mesh add to the errors: as stated or estimated, and how far they were put from the file's.
+
+    The estimate is of the part's facets, which the mesh's differ from by rounding.
+    """
+    span = diameter(body)
+    stated = mesh.deviation
+    base = chord_error(body) * (1.0 - 1e-3) if stated is None else stated
+    return Chord(base + max(off - 2.0 * FLAT * span, 0.0), base * (1.0 + 3e-3) + COARSE * span)
