@@ -119,7 +119,7 @@ class Hull:
     Attributes:
         points: its vertices on the lattice.
         loops: of its faces.
-        outer, inner: half-spaces of the faces, beyond the outermost vertex and behind it.
+        outer, inner: half-spaces of the faces, beyond the outermost vertex and behind the innermost of the face.
     """
 
     def __init__(self, shape: Shape, work: Work) -> None:
@@ -133,11 +133,11 @@ class Hull:
             a, b, c = _short(area(self.points, loops))
             out = isqrt(a * a + b * b + c * c) + 1
             heights = [a * x + b * y + c * z for x, y, z in self.points]
-            top = max(heights)
-            if any(heights[i] < top - SHIFT * out for loop in loops for i in loop):
+            top, lowest = max(heights), min(heights[i] for loop in loops for i in loop)
+            if top - lowest > _NEXT * out:
                 self._bent.append(n)
             self.outer.append((a, b, c, top + SHIFT * out))
-            self.inner.append((a, b, c, top - SHIFT * out))
+            self.inner.append((a, b, c, lowest - SHIFT * out))
 
     def flaws(self) -> Iterator[str]:
         """What keeps the half-spaces from being the hull of the vertices, but for `DEVIATION`."""
@@ -169,11 +169,14 @@ class Hull:
     def cells(self) -> list[Cell]:
         """The boundary of what the outer half-spaces hold; cut off 1 mm from the vertices where it goes on."""
         found = []
-        for plane in self.outer:
+        used = [{i for loop in loops for i in loop} for loops in self.loops]
+        for n, plane in enumerate(self.outer):
             cell: Cell | None = self._wide(plane)
-            for space in self.outer:
-                if space is not plane and cell is not None:
-                    cell = cell.behind(space)
+            # Faces around this one leave few corners for the others to be compared with.
+            beside = [k for k in range(len(used)) if k != n and not used[k].isdisjoint(used[n])]
+            for k in (*beside, *(k for k in range(len(used)) if k != n and used[k].isdisjoint(used[n]))):
+                if cell is not None:
+                    cell = cell.behind(self.outer[k])
             if cell is not None:
                 found.append(cell)
         return found
