@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
+
+from fmopt.escape import one_line
+
+if TYPE_CHECKING:
+    from fmopt.plan import Plan
 
 _WIDE = 120  # columns that the whole table of moves needs
 
@@ -37,7 +44,7 @@ class Stages:
     def __call__(self, doing: str) -> None:
         """Says what is being done."""
         if self._status is not None:
-            self._status.update(doing)
+            self._status.update(_shown(doing))
 
 
 class Runs:
@@ -52,9 +59,9 @@ class Runs:
         from rich.progress import BarColumn, Progress, TextColumn
 
         console = Console(stderr=True)
-        columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[words]}"))
+        columns = (TextColumn("{task.description}", markup=False), BarColumn(), TextColumn("{task.fields[words]}"))
         self._bar = None if silent or not console.is_terminal else Progress(*columns, console=console)
-        self._task = None if self._bar is None else self._bar.add_task(title, total=None, words="")
+        self._task = None if self._bar is None else self._bar.add_task(one_line(title), total=None, words="")
 
     def __enter__(self) -> Runs:
         if self._bar is not None:
@@ -117,7 +124,7 @@ def print_compared(rows: list[dict[str, Any]]) -> None:
     """Prints the table of `fmopt compare`: a row a fit, a column a method."""
     table = Table("fit", *rows[0]["methods"])
     for row in rows:
-        table.add_row(row["title"], *(_compared(part) for part in row["methods"].values()))
+        table.add_row(_shown(row["title"]), *(_compared(part) for part in row["methods"].values()))
     Console(width=max(Console().width, 100)).print(table)
 
 
@@ -127,47 +134,55 @@ def _compared(part: dict[str, Any]) -> str:
     return f"{100.0 * part['share']:.1f} %\n{low:.1f} to {high:.1f} %" + (f"\n{seconds:.1f} s" if seconds else "")
 
 
-def print_solved(document: dict[str, Any], verdict: Any, folder: Path, report: bool) -> None:
-    """Prints the outcome of `fmopt solve`."""
-    from fmopt.report.jamming_tables import jamming_words
+def print_solved(plan: Plan, findings: Sequence[str], folder: Path, report: bool) -> None:
+    """Prints the outcome of `fmopt solve`: the plan, and the first findings where it is not certified."""
     from fmopt.report.moves import summary_rows
+
+    console = Console(highlight=False)
+    head, *rows = summary_rows(plan)
+    if console.width < _WIDE:
+        head, rows = (head[0], head[1], head[5]), [(row[0], row[1], row[5]) for row in rows]
+    table = Table(title=_shown(plan.title), title_justify="left")
+    for name in head:
+        table.add_column(name, justify="right" if "margin" in name or "clearance" in name else "left")
+    for row in rows:
+        table.add_row(*map(_shown, row))
+    console.print(table)
+    for words in _solved_words(plan, findings):
+        console.print(_shown(words))
+    console.print(_shown(f"wrote {folder / 'plan.json'}" + (f", {folder / 'report.html'}" if report else "")))
+
+
+def _solved_words(plan: Plan, findings: Sequence[str]) -> Iterator[str]:
+    """What is said of a plan below its table, line by line."""
+    from fmopt.report.jamming_tables import jamming_words
     from fmopt.report.naming import binding_words
     from fmopt.report.recovery_tables import recovery_words
     from fmopt.report.sections import clearance_words
     from fmopt.report.tolerance_tables import rates, tolerated_words
     from fmopt.report.tube_view import ends_words
 
-    console = Console(highlight=False)
-    certified = document["verdict"] == "CERTIFIED"
-    head, *rows = summary_rows(document)
-    if console.width < _WIDE:
-        head, rows = (head[0], head[1], head[5]), [(row[0], row[1], row[5]) for row in rows]
-    table = Table(title=document["problem"]["title"], title_justify="left")
-    for name in head:
-        table.add_column(name, justify="right" if "margin" in name or "clearance" in name else "left")
-    for row in rows:
-        table.add_row(*row)
-    console.print(table)
-    sides = [f"{kind} {clearance_words(document, kind)}" for kind in ("measured", "declared")]
-    console.print(f"clearance a side: {'; '.join(sides)}")
-    least = min(document["segments"], key=lambda segment: float(segment["margin"]))
-    margin = f"{1e6 * float(least['margin']):.2f} µm ({binding_words(document, least['binding_contact'])})"
-    if certified:
-        console.print(f"CERTIFIED: least margin {margin}, checked independently")
+    sides = [f"{kind} {clearance_words(plan, kind)}" for kind in ("measured", "declared")]
+    yield f"clearance a side: {'; '.join(sides)}"
+    least = min(plan.segments, key=lambda segment: segment.margin)
+    margin = f"{1e6 * least.margin:.2f} µm ({binding_words(plan, least.binding)})"
+    if plan.verdict == "CERTIFIED":
+        yield f"CERTIFIED: least margin {margin}, checked independently"
     else:
-        console.print(f"{document['verdict']}: least computed margin {margin}, not proved")
-        for finding in verdict.findings[:5]:
-            console.print(f"  {finding}", markup=False)
-    for words in (
-        ends_words(document),
-        jamming_words(document),
-        tolerated_words(document),
-        "; ".join(": ".join((row[0], row[2])) for row in rates(document)[:4]),
-        " ".join(recovery_words(document)),
-    ):
-        if words:
-            console.print(words, markup=False)
-    for note in document.get("diagnostics", {}).get("imported", ()):
-        console.print(note, markup=False)
-    console.print("not covered: " + "; ".join(document["not_covered"]), markup=False)
-    console.print(f"wrote {folder / 'plan.json'}" + (f", {folder / 'report.html'}" if report else ""), markup=False)
+        yield f"{plan.verdict}: least computed margin {margin}, not proved"
+        yield from (f"  {finding}" for finding in findings[:5])
+    said = (
+        ends_words(plan),
+        jamming_words(plan),
+        tolerated_words(plan),
+        "; ".join(": ".join((row[0], row[2])) for row in rates(plan)[:4]),
+        " ".join(recovery_words(plan)),
+    )
+    yield from filter(None, said)
+    yield from () if plan.diagnostics is None else plan.diagnostics.imported
+    yield "not covered: " + "; ".join(plan.not_covered)
+
+
+def _shown(words: str) -> Text:
+    """Words that may come from a file, on one line and without markup, so that nothing in them steers the terminal."""
+    return Text(one_line(words))

@@ -25,6 +25,20 @@ from fmopt.verify.accounts import (
     Recovery,
     Search,
 )
+from fmopt.verify.diagnostics import (
+    Boundary,
+    Curve,
+    Diagnostics,
+    Diagram,
+    Phase,
+    Planar,
+    PlanarSegment,
+    Polyline,
+    Slice,
+    Surface,
+    Tolerated,
+    ToleratedEnd,
+)
 from fmopt.verify.document import (
     Body,
     Contact,
@@ -42,12 +56,17 @@ from fmopt.verify.document import (
 from fmopt.verify.file import content, decoded
 from fmopt.verify.form import FORMAT, FRAMES, NOT_COVERED, UNITS, Numbers, PlanError
 from fmopt.verify.parse import parse
+from fmopt.verify.parse_diagnostics import read_diagram
+from fmopt.verify.parse_planar import read_boundary, read_surface
+from fmopt.verify.reader import Reader
 
 __all__ = [
-    "FORMAT", "FRAMES", "NOT_COVERED", "STDIO", "UNITS", "Body", "Contact", "ContactClaim", "CriticalPoint", "Foreseen",
-    "Hybrid", "Interval", "JamFree", "Lift", "MoveRecovery", "Nominal", "Numbers", "Part", "Plan", "PositionForce",
-    "Recovery", "Search", "Segment", "Separation", "Specification", "Tube", "Witness", "canonical", "clean", "digest",
-    "parsed", "prepare", "read", "read_document", "rounded_down", "save", "sealed", "write",
+    "FORMAT", "FRAMES", "NOT_COVERED", "STDIO", "UNITS", "Body", "Boundary", "Contact", "ContactClaim", "CriticalPoint",
+    "Curve", "Diagnostics", "Diagram", "Foreseen", "Hybrid", "Interval", "JamFree", "Lift", "MoveRecovery", "Nominal",
+    "Numbers", "Part", "Phase", "Plan", "Planar", "PlanarSegment", "Polyline", "PositionForce", "Recovery", "Search",
+    "Segment", "Separation", "Slice", "Specification", "Surface", "Tolerated", "ToleratedEnd", "Tube", "Witness",
+    "boundary", "canonical", "clean", "diagram", "digest", "parsed", "prepare", "read", "read_document", "rounded_down",
+    "save", "sealed", "surface", "write",
 ]  # fmt: skip
 
 STDIO = Path("-")  # standard input or output, in place of a file
@@ -151,6 +170,21 @@ def parsed(document: Any, name: str = "") -> Plan:
         return parse(document)
     except PlanError as error:
         raise _refused(name, error) from error
+
+
+def diagram(record: Mapping[str, Any]) -> Diagram:
+    """A cut-diagram as `fmopt.nominal.diagram_record` makes it, as a plan would hold it."""
+    return read_diagram(Reader(clean(record)))
+
+
+def boundary(record: Mapping[str, Any]) -> Boundary:
+    """A set as `fmopt.uncertainty.planar.record.boundary_record` makes it, as a plan would hold it."""
+    return read_boundary(Reader(clean(record)))
+
+
+def surface(record: Mapping[str, Any]) -> Surface:
+    """Configurations as `fmopt.uncertainty.planar.record.surface_record` makes them, as a plan would hold them."""
+    return read_surface(Reader(clean(record)))
 
 
 def read_document(path: Path) -> dict[str, Any]:

@@ -17,7 +17,7 @@ PACKAGE = Path(fmopt.__file__).parent
 
 # From the ground up. A room sees every lower floor, never its own: rooms of one floor do not know each other.
 FLOORS: tuple[frozenset[str], ...] = (
-    frozenset({"errors", "values", "symbolic", "memory", "compiled"}),
+    frozenset({"errors", "values", "symbolic", "memory", "compiled", "escape"}),
     frozenset({"se3", "ellipsoid", "plane", "framing"}),
     frozenset({"geometry", "plan"}),
     frozenset({"knowledge", "guarded"}),
@@ -43,6 +43,7 @@ ONLY: dict[str, frozenset[str]] = {
     "symbolic": frozenset(),
     "memory": frozenset(),
     "compiled": frozenset(),
+    "escape": frozenset(),
     "plan": frozenset({"errors", "verify"}),
     "plane": frozenset({"compiled", "values", "errors"}),
     "knowledge": frozenset({"geometry", "se3", "memory", "values", "errors"}),
@@ -55,7 +56,7 @@ ONLY: dict[str, frozenset[str]] = {
     "certificate": frozenset(
         {"contact", "uncertainty", "geometry", "plan", "ellipsoid", "se3", "memory", "compiled", "values", "errors"}
     ),
-    "console": frozenset({"report", "plan", "errors"}),
+    "console": frozenset({"report", "plan", "escape", "errors"}),
     APART: frozenset(),
 }
 # Rooms that only these may import.

@@ -44,23 +44,23 @@ def solve(
     timings = json.dumps(result.seconds, indent=1) + "\n"
     plan.save(timings.encode(), folder / "timings.json")
     if report:
-        _write_report(result.document, folder)
+        _write_report(result.plan, folder)
     if as_json:
         typer.echo(json.dumps(_summary(result.plan, result.verdict, folder)))
     elif not quiet:
-        print_solved(result.document, result.verdict, folder, report)
+        print_solved(result.plan, [*map(str, result.verdict.findings)], folder, report)
     raise typer.Exit(EXIT[result.plan.verdict])
 
 
-def _write_report(document: dict[str, Any], folder: Path) -> None:
+def _write_report(found: Plan, folder: Path) -> None:
     from fmopt import plan
     from fmopt.report.figures import figures
     from fmopt.report.page import report_page
 
-    drawn = figures(document)
+    drawn = figures(found)
     for name, svg in drawn.items():
         plan.save(svg.encode(), folder / "figures" / f"{name}.svg")
-    plan.save(report_page(document, drawn).encode(), folder / "report.html")
+    plan.save(report_page(found, drawn).encode(), folder / "report.html")
 
 
 def _summary(plan: Plan, verdict: Verdict, folder: Path) -> dict[str, Any]:

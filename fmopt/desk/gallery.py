@@ -96,7 +96,7 @@ def _tasks(file: Path) -> dict[str, Drawing]:
     from fmopt.report import diagram_view
     from fmopt.task.assembly import carried_out, load_assembly
 
-    size = diagram_view.size({"diagnostics": {"diagrams": ("x–z", "y–z", "x–y")}})
+    size = diagram_view.paper(3)
     found = {}
     for step in carried_out(load_assembly(file)):
         task = step.answer.task
@@ -108,8 +108,9 @@ def _tasks(file: Path) -> dict[str, Drawing]:
 def _paint_task(found: Answer, sheet: Any) -> None:
     from fmopt.nominal.diagram_record import records
     from fmopt.nominal.mapping import answered
+    from fmopt.plan import diagram
     from fmopt.report import diagram_view
 
     mapping = answered(found, [0.0] * 6, _RHO)
     drawn = records(mapping, float(-mapping.path.nodes[-1, 2]) or _RHO)
-    diagram_view.paint({"diagnostics": {"diagrams": drawn}}, sheet)
+    diagram_view.paint([diagram(record) for record in drawn], sheet)

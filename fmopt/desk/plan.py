@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import InitVar, dataclass, field
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -13,7 +13,7 @@ from fmopt import plan as files
 from fmopt.desk.given import given
 from fmopt.desk.problem import Problem
 from fmopt.errors import Fault, InputError, PlanFormatError, ResourceError
-from fmopt.report.moves import Move, characteristic_length, moves, smallest_margin
+from fmopt.report.moves import Move, moves, smallest_margin
 from fmopt.report.moves import verdict as spoken
 from fmopt.se3 import Pose
 from fmopt.task import problem as task
@@ -45,12 +45,12 @@ class Segment:
         state: ids of the contacts held on the way.
         goal_state: ids of those held at its end.
         leaving: ids of those held until its move began, which the move gives up.
-        margin: what is left of its tightest inequality, m; None where the plan states none.
-        clearance: gap that the nominal motion leaves, m; None where the plan states none.
+        margin: what is left of its tightest inequality, m.
+        clearance: gap that the nominal motion leaves, m.
         binds: what the margin is of, in words.
-        hybrid: the control strategy, as in the plan file: frame, axes, velocity, bias, termination, jam-free range.
+        hybrid: the control strategy: frame, axes, velocity, bias, what ends the move, jam-free range.
         rho: characteristic length, m, that makes turns comparable with lengths.
-        record: all of it as the plan file holds it, SI units.
+        record: all that the plan file holds of it, SI units.
     """
 
     number: int
@@ -60,12 +60,12 @@ class Segment:
     state: tuple[str, ...]
     goal_state: tuple[str, ...]
     leaving: tuple[str, ...]
-    margin: float | None
-    clearance: float | None
+    margin: float
+    clearance: float
     binds: str
-    hybrid: Mapping[str, Any]
+    hybrid: files.Hybrid
     rho: float
-    record: Mapping[str, Any]
+    record: files.Segment
 
     def _repr_html_(self) -> str:
         from fmopt.desk.sheets import segment_sheet
@@ -84,25 +84,35 @@ class Plan:
     Args:
         document: the plan file, `fmopt.plan/1`. It is sealed: once something in it is changed, nothing is proved.
         seconds: how long the stages took, by name; empty for a plan that was read.
+        name: of its file, for who has to be told that it is none.
+        stated: what the document states, as values.
+
+    Raises:
+        PlanFormatError: the document is no plan; says where in it, and what is wrong.
     """
 
     document: Mapping[str, Any]
     seconds: Mapping[str, float] = field(default_factory=dict)
+    name: InitVar[str] = ""
+    stated: files.Plan = field(init=False)
+
+    def __post_init__(self, name: str) -> None:
+        object.__setattr__(self, "stated", files.parsed(self.document, name))
 
     @property
     def verdict(self) -> str:
         """CERTIFIED, REFUTED or NOT_PROVED, as the plan says; `verify` checks it."""
-        return str(self.document["verdict"])
+        return self.stated.verdict
 
     @property
     def proved(self) -> bool:
         """Whether the plan says CERTIFIED, is as it was sealed, and states positive margins only."""
-        return spoken(self.document).proved
+        return spoken(self.stated).proved
 
     @property
-    def margin(self) -> float | None:
-        """Least margin of all segments, m; None where none is stated."""
-        return smallest_margin(self.document)
+    def margin(self) -> float:
+        """Least margin of all segments, m."""
+        return smallest_margin(self.stated)
 
     @cached_property
     def segments(self) -> tuple[Segment, ...]:
@@ -113,7 +123,7 @@ class Plan:
     @cached_property
     def moves(self) -> tuple[Move, ...]:
         """The moves, in order; a move that turns far has several segments."""
-        return moves(self.document)
+        return moves(self.stated)
 
     def verify(self, problem: task.Problem | None = None) -> Verdict:
         """Checks the certificate from the plan's own geometry, in exact arithmetic, without the planner.
@@ -230,7 +240,7 @@ class Plan:
         """The figures of the plan's report by name, each with title, description, `svg()` and `png()`."""
         from fmopt.report.figures import catalogue
 
-        return catalogue(self.document)
+        return catalogue(self.stated)
 
     def scene(self) -> Drawing:
         """The motion in three dimensions, to be turned and played, offline."""
@@ -256,32 +266,32 @@ class Plan:
         from fmopt.report.figures import figures
         from fmopt.report.page import report_page
 
-        files.save(report_page(self.document, figures(self.document)).encode(), Path(path))
+        files.save(report_page(self.stated, figures(self.stated)).encode(), Path(path))
         return Path(path)
 
-    def _segment(self, number: int, move: int, piece: Mapping[str, Any]) -> Segment:
+    def _segment(self, number: int, move: int, piece: files.Segment) -> Segment:
         from fmopt.report.naming import binding_words
 
         return Segment(
             number=number,
             move=move,
-            start=Pose.from_vector(piece["start"]),
-            goal=Pose.from_vector(piece["goal"]),
-            state=tuple(piece["state"]),
-            goal_state=tuple(piece["goal_state"]),
-            leaving=tuple(piece.get("leaving", ())),
-            margin=piece.get("margin"),
-            clearance=piece.get("clearance"),
-            binds=binding_words(self.document, str(piece.get("binding_contact") or "")),
-            hybrid=piece.get("hybrid", {}),
-            rho=characteristic_length(self.document),
+            start=Pose.from_vector(piece.start),
+            goal=Pose.from_vector(piece.goal),
+            state=piece.state,
+            goal_state=piece.goal_state,
+            leaving=piece.leaving,
+            margin=piece.margin,
+            clearance=piece.clearance,
+            binds=binding_words(self.stated, piece.binding),
+            hybrid=piece.hybrid,
+            rho=self.stated.rho,
             record=piece,
         )
 
     def __str__(self) -> str:
-        margin = "" if self.margin is None else f", least margin {1e6 * self.margin:.1f} µm"
+        margin = f", least margin {1e6 * self.margin:.1f} µm"
         margin = margin if self.proved else margin.replace("least", "not proved: least computed")
-        return f"{self.document['problem']['title']}: {self.verdict}, {len(self.moves)} moves{margin}"
+        return f"{self.stated.title}: {self.verdict}, {len(self.moves)} moves{margin}"
 
     def __repr__(self) -> str:
         return f"<fmopt.Plan {self}>"
@@ -320,14 +330,16 @@ def read(path: str | PathLike[str]) -> Plan:
         ResourceError: the file cannot be read.
         PlanFormatError: it is no plan of this format.
     """
-    return Plan(files.read_document(Path(path)))
+    return Plan(files.read_document(Path(path)), name=str(path))
 
 
 def _line(segment: Segment) -> dict[str, Any]:
-    ending = segment.hybrid.get("termination", {})
+    hybrid, piece = segment.hybrid, segment.record
     names = ("x", "y", "z", "rx", "ry", "rz")
     poses = {
-        f"{end}_{n}": float(v) for end in ("start", "goal") for n, v in zip(names, segment.record[end], strict=True)
+        f"{end}_{name}": value
+        for end, pose in (("start", piece.start), ("goal", piece.goal))
+        for name, value in zip(names, pose, strict=True)
     }
     return {
         "segment": segment.number,
@@ -338,11 +350,11 @@ def _line(segment: Segment) -> dict[str, Any]:
         "margin": segment.margin,
         "clearance": segment.clearance,
         "binds": segment.binds,
-        "speed": segment.hybrid.get("speed"),
-        "push": segment.hybrid.get("push"),
-        "threshold": ending.get("threshold"),
-        "max_travel": ending.get("max_travel"),
-        "timeout": ending.get("timeout"),
+        "speed": hybrid.speed,
+        "push": hybrid.push,
+        "threshold": hybrid.threshold,
+        "max_travel": hybrid.max_travel,
+        "timeout": hybrid.timeout,
         **poses,
     }
 

@@ -43,16 +43,14 @@ def problem_sheet(problem: Problem) -> str:
 
 def plan_sheet(plan: Plan) -> str:
     """A plan: verdict in words, moves, and the motion in three dimensions."""
-    found = spoken(plan.document)
-    head, *rows = summary_rows(plan.document)
+    found = spoken(plan.stated)
+    head, *rows = summary_rows(plan.stated)
     margins = [move.margin for move in plan.moves]
-    stated = [margin for margin in margins if margin is not None]
-    worst = margins.index(min(stated)) if stated else -1
+    worst = margins.index(min(margins))
     kinds = "".join("n" if name in ("move", "travel", "turn") or "margin" in name else "." for name in head)
-    moving = plan.scene()._repr_html_() if plan.moves else ""
     return _sheet(
-        f"<p><strong>{escape(found.word)}</strong>: {escape(plan.document['problem']['title'])}<br>"
-        f"{escape(found.sentence)}</p>{table('Moves', head, rows, kinds, worst)}{moving}"
+        f"<p><strong>{escape(found.word)}</strong>: {escape(plan.stated.title)}<br>"
+        f"{escape(found.sentence)}</p>{table('Moves', head, rows, kinds, worst)}{plan.scene()._repr_html_()}"
     )
 
 
@@ -63,15 +61,13 @@ def segment_sheet(segment: Segment) -> str:
         ("to", pose_words(segment.goal.vector())),
         ("keeps", ", ".join(segment.state) or "nothing"),
         ("ends with", ", ".join(segment.goal_state) or "nothing"),
-        ("margin", "none stated" if segment.margin is None else f"{1e6 * segment.margin:.2f} µm, {segment.binds}"),
+        ("margin", f"{1e6 * segment.margin:.2f} µm, {segment.binds}"),
     ]
-    if segment.hybrid:
-        names = ("position axes", "force axes", "velocity", "bias wrench", "end")
-        last = segment.record.get("progress", (0.0, 1.0))[1] == 1.0
-        rows += zip(names, hybrid_cells(segment.record, last, segment.rho), strict=True)
-    if segment.hybrid.get("jam_free"):
+    names = ("position axes", "force axes", "velocity", "bias wrench", "end")
+    rows += zip(names, hybrid_cells(segment.record, segment.record.progress[1] == 1.0, segment.rho), strict=True)
+    if segment.hybrid.jam_free is not None:
         of_jamming = ("push", "cannot jam within", "narrow ranges")
-        rows += zip(of_jamming, jamming_cells(segment.record, segment.rho), strict=True)
+        rows += zip(of_jamming, jamming_cells(segment.hybrid, segment.hybrid.jam_free, segment.rho), strict=True)
     return _sheet(table(f"segments[{segment.number}], of move {segment.move}", ("", ""), rows))
 
 

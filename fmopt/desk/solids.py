@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.plan import Body
+from fmopt.plan import Part as StatedPart
 
 
-def part_data(part: Part) -> dict[str, Any]:
-    """A part as a plan holds it: vertices (m) and faces, and those of its convex pieces."""
-    return {"name": part.name, **body_data(part.polyhedron), "pieces": [body_data(piece) for piece in part.pieces]}
+def stated_part(part: Part) -> StatedPart:
+    """A part as a plan would state it, without clearances."""
+    pieces = tuple(_body(piece) for piece in part.pieces)
+    return StatedPart(_body(part.polyhedron), pieces, part.name, (0.0, 0.0), 0.0)
 
 
-def body_data(body: Polyhedron) -> dict[str, Any]:
-    """A polyhedron as a plan holds it: vertices in m, faces as loops of indices, the outer one first."""
-    return {"vertices": body.vertices.tolist(), "faces": [[list(loop) for loop in face.loops] for face in body.faces]}
+def _body(body: Polyhedron) -> Body:
+    vertices = tuple(map(tuple, body.vertices.tolist()))
+    return Body(vertices, tuple(tuple(tuple(loop) for loop in face.loops) for face in body.faces))
 
 
 def middle(part: Part) -> float:
@@ -34,4 +35,4 @@ def turning(part: Part) -> str:
     """A part alone in three dimensions, as a fragment of HTML."""
     from fmopt.report.scene import part_scene
 
-    return part_scene(part_data(part))
+    return part_scene(stated_part(part))

@@ -51,7 +51,7 @@ def carried_out(plan: Plan, wanted: Wanted, folder: Path | None, workers: int | 
     """Trials of a plan; see `fmopt.desk.plan.Plan.execute`."""
     from fmopt.execution.execute import execute
 
-    name = f"trials-{str(plan.document['sha256'])[:12]}"
+    name = f"trials-{plan.stated.sha256[:12]}"
     other = "" if wanted.engine == type(wanted).engine else f"-{wanted.engine}"
     there = folder if folder is not None else Path("out") / f"{name}{other}"
     files.write(plan.document, there / "plan.json")

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from fmopt.uncertainty.error_set import ErrorSet
 
 _SCENE, _STILL = (8.2, 8.0), (8.2, 6.5)  # inches
-_PLANES = ("x–z", "y–z", "x–y")
 
 
 def views_of(value: Any) -> dict[str, Drawing]:
@@ -35,11 +34,10 @@ def _plan(plan: Plan) -> Iterable[Drawing]:
     from fmopt.report.figures import catalogue
     from fmopt.report.scene import scene
 
-    parts = plan.document["parts"]
-    title = f"{parts['moving']['name']} going into {parts['fixed']['name']}, to be turned and played"
-    if plan.document.get("segments") or plan.document.get("nominal", {}).get("nodes"):
-        yield Drawing("scene", title, title, _SCENE, fragment=partial(scene, plan.document))
-    yield from map(figure_drawing, catalogue(plan.document).values())
+    stated = plan.stated
+    title = f"{stated.moving.name} going into {stated.fixed.name}, to be turned and played"
+    yield Drawing("scene", title, title, _SCENE, fragment=partial(scene, stated))
+    yield from map(figure_drawing, catalogue(stated).values())
 
 
 def figure_drawing(figure: Figure) -> Drawing:
@@ -57,42 +55,43 @@ def _problem(problem: Problem) -> Iterable[Drawing]:
         "diagrams",
         diagram_view.TITLE,
         f"{title}: cut-diagrams G and GE on three planes.",
-        diagram_view.size({"diagnostics": {"diagrams": _PLANES}}),
+        diagram_view.paper(3),
         paint=partial(_paint_diagrams, problem),
     )
 
 
 def _seating(problem: Problem) -> str:
     """The parts with the nominal trajectory straight down, which no plan has confirmed."""
-    from fmopt.desk.solids import part_data
-    from fmopt.report.scene import scene
+    from fmopt.desk.solids import stated_part
+    from fmopt.report.scene import seating
 
-    nodes = [problem.start.tolist(), problem.goal.tolist()]
-    parts = {"moving": part_data(problem.moving), "fixed": part_data(problem.fixed)}
-    return scene({"parts": parts, "nominal": {"nodes": nodes}, "segments": []})
+    nodes = [tuple(pose.tolist()) for pose in (problem.start, problem.goal)]
+    return seating(stated_part(problem.moving), stated_part(problem.fixed), nodes)
 
 
 def _paint_diagrams(problem: Problem, sheet: Any) -> None:
     from fmopt.desk.stages import nominal
     from fmopt.nominal.diagram_record import records
+    from fmopt.plan import diagram
     from fmopt.report import diagram_view
 
     found = records(nominal(problem).planes, problem.peg.length)
-    diagram_view.paint({"diagnostics": {"diagrams": found}}, sheet)
+    diagram_view.paint([diagram(record) for record in found], sheet)
 
 
 def _diagrams(mapping: Diagrams) -> Iterable[Drawing]:
     from fmopt.nominal.diagram_record import records
+    from fmopt.plan import diagram
     from fmopt.report import diagram_view
 
     length = float(-mapping.path.nodes[-1, 2]) or 0.01
-    plan = {"diagnostics": {"diagrams": records(mapping, length)}}
+    found = [diagram(record) for record in records(mapping, length)]
     yield Drawing(
         "diagrams",
         diagram_view.TITLE,
-        diagram_view.alt(plan),
-        diagram_view.size(plan),
-        paint=partial(diagram_view.paint, plan),
+        diagram_view.alt(found),
+        diagram_view.size(found),
+        paint=partial(diagram_view.paint, found),
     )
 
 

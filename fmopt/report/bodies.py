@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fmopt.geometry.polyhedron import Polyhedron, from_faces, placed
 from fmopt.geometry.section import section
+from fmopt.plan import Body, Part, Plan
 from fmopt.se3 import Pose
 from fmopt.values import Array
 
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 _SLIT = 1e-10  # m: rounding leaves slits between the sections of neighbouring pieces
 
 
-def body_of(record: Mapping[str, Any]) -> Polyhedron:
+def body_of(body: Body) -> Polyhedron:
     """The polyhedron of a part or piece of a plan."""
-    return from_faces(record["vertices"], record["faces"])
+    return from_faces(body.vertices, body.faces)
 
 
-def pieces_of(part: Mapping[str, Any]) -> tuple[Polyhedron, ...]:
-    """The convex pieces of a part of a plan; the part itself where none are listed."""
-    return tuple(body_of(piece) for piece in part.get("pieces") or (part,))
+def pieces_of(part: Part) -> tuple[Polyhedron, ...]:
+    """The convex pieces of a part of a plan."""
+    return tuple(body_of(piece) for piece in part.pieces)
 
 
 def upright_plane(azimuth: float) -> Pose:
@@ -41,13 +41,11 @@ def upright_plane(azimuth: float) -> Pose:
 CUTS = {"x–z": upright_plane(0.0), "y–z": upright_plane(0.5 * math.pi)}
 
 
-def contact_place(plan: Mapping[str, Any], contact: str, pose: Pose) -> Array:
+def contact_place(plan: Plan, contact: str, pose: Pose) -> Array:
     """Where a contact touches (3,), m: its vertex, or the point of the moving edge nearest to the fixed one."""
-    record = next(c for c in plan["contacts"] if c["id"] == contact)
-    moving, fixed = (
-        np.array([plan["parts"][side]["vertices"][i] for i in record[side]["vertices"]]) for side in ("moving", "fixed")
-    )
-    moving = pose.apply(moving)
+    record = next(c for c in plan.contacts if c.id == contact)
+    moving = pose.apply(np.array([plan.moving.body.vertices[i] for i in record.moving]))
+    fixed = np.array([plan.fixed.body.vertices[i] for i in record.fixed])
     if len(moving) == 1 or len(fixed) == 1:
         return np.asarray((moving if len(moving) == 1 else fixed)[0])
     e, f, d = moving[1] - moving[0], fixed[1] - fixed[0], fixed[0] - moving[0]

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fmopt.plan import Plan
 from fmopt.report.drawing import BLUE, GREY, INK, PALE, RUST, WIDTH
 from fmopt.report.naming import AXES, degrees, millimetres
 from fmopt.report.tables import table
@@ -30,35 +30,33 @@ _FILLS = (  # face, hatch: told apart in black and white, too
 )
 
 
-def shares(plan: Mapping[str, Any]) -> list[tuple[str, Array]]:
+def shares(plan: Plan) -> list[tuple[str, Array]]:
     """Sources with what each adds to the half-widths (6,), m and rad; those that add nothing are left out."""
-    listed = plan.get("diagnostics", {}).get("budget", ())
-    found = []
-    for item in listed:
-        value = item.get("contribution")
-        if isinstance(value, Sequence) and len(value) == 6 and any(value):
-            symbol = f" ({item['symbol']})" if item.get("symbol") else ""
-            found.append((f"{item.get('source')}{symbol}", np.array(value, dtype=np.float64)))
-    return found
+    listed = () if plan.diagnostics is None else plan.diagnostics.budget
+    return [
+        (f"{item.source} ({item.symbol})" if item.symbol else item.source, np.array(item.box, dtype=np.float64))
+        for item in listed
+        if any(item.box)
+    ]
 
 
-def has(plan: Mapping[str, Any]) -> bool:
+def has(plan: Plan) -> bool:
     """Whether the plan states a budget."""
     return bool(shares(plan))
 
 
-def size(plan: Mapping[str, Any]) -> tuple[float, float]:
+def size(plan: Plan) -> tuple[float, float]:
     """Width and height in inches."""
     return WIDTH, 0.9 + 0.36 * len(_bars(plan)) + 0.19 * math.ceil(len(shares(plan)) / 2)
 
 
-def alt(plan: Mapping[str, Any]) -> str:
+def alt(plan: Plan) -> str:
     """What is to be seen, for who cannot see it."""
     words = [f"{names}: " + ", ".join(parts) for names, _, parts in _bars(plan)]
     return "Parts of the start error by source. " + "; ".join(words) + "."
 
 
-def budget_table(plan: Mapping[str, Any]) -> str:
+def budget_table(plan: Plan) -> str:
     """One row per source and one for the sum."""
     listed = shares(plan)
     if not listed:
@@ -80,7 +78,7 @@ def _percent(part: float, whole: float) -> str:
     return f"{100.0 * part / whole:.3g} %" if whole else "0 %"
 
 
-def _bars(plan: Mapping[str, Any]) -> list[tuple[str, Array, list[str]]]:
+def _bars(plan: Plan) -> list[tuple[str, Array, list[str]]]:
     """Axes that have the same budget as one bar: their names with the sum, shares of 1, and the shares in words."""
     listed = shares(plan)
     boxes = np.array([box for _, box in listed]).reshape(-1, 6)
@@ -103,7 +101,7 @@ def _bars(plan: Mapping[str, Any]) -> list[tuple[str, Array, list[str]]]:
     return bars
 
 
-def paint(plan: Mapping[str, Any], figure: Figure) -> None:
+def paint(plan: Plan, figure: Figure) -> None:
     """One bar of 100 % for each axis, or axes alike, in parts by source."""
     axes = figure.subplots()
     listed, bars = shares(plan), _bars(plan)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fmopt.plan import Plan
 from fmopt.report.bodies import CUTS, contact_place, extent, pieces_of, section_of, upright_plane
 from fmopt.report.drawing import BLUE, INK, PALE, RUST, WIDTH
 from fmopt.report.moves import moves
@@ -75,21 +76,20 @@ class _Gap:
         return self.side * (self.wall - self.flank)
 
 
-def size(plan: Mapping[str, Any]) -> tuple[float, float]:
+def size(plan: Plan) -> tuple[float, float]:
     """Width and height in inches."""
     return WIDTH, _rows(plan) * (_HEADS + _ROW) + 0.05 + (_GAPS if _all_gaps(plan) else 0.0)
 
 
-def alt(plan: Mapping[str, Any]) -> str:
+def alt(plan: Plan) -> str:
     """What is to be seen, for who cannot see it."""
-    parts, gaps = plan["parts"], _all_gaps(plan)
-    words = f"Sections of {parts['moving']['name']} and {parts['fixed']['name']} through the mating axis: "
+    words = f"Sections of {plan.moving.name} and {plan.fixed.name} through the mating axis: "
     words += "; ".join(f"{end.name}, {end.plane}, lean {_degrees(end.lean)}" for end in move_ends(plan)) + "."
-    said = [f"{'left' if gap.side < 0 else 'right'} in {plane} {_width(gap)}" for plane, gap in gaps]
+    said = [f"{'left' if gap.side < 0 else 'right'} in {plane} {_width(gap)}" for plane, gap in _all_gaps(plan)]
     return words + (f" Gaps in the goal pose: {', '.join(said)}." if said else "")
 
 
-def paint(plan: Mapping[str, Any], figure: Figure) -> None:
+def paint(plan: Plan, figure: Figure) -> None:
     """A section for each move's end; below them the gaps in the seated pose, magnified across."""
     gaps, ends = _all_gaps(plan), move_ends(plan)
     figure.set_layout_engine("none")  # by hand: half the time
@@ -124,7 +124,7 @@ def _window(drawn: Sequence[tuple[MultiPolygon, MultiPolygon]]) -> tuple[Array, 
     return 0.5 * (low + high), float(np.max((high - low) * 1.06 / _PANEL))
 
 
-def _rows(plan: Mapping[str, Any]) -> int:
+def _rows(plan: Plan) -> int:
     return -(-len(move_ends(plan)) // _COLUMNS)
 
 
@@ -143,14 +143,14 @@ def _head(end: End) -> list[tuple[str, dict[str, Any]]]:
     ]
 
 
-def sections(plan: Mapping[str, Any], end: End) -> tuple[MultiPolygon, MultiPolygon]:
+def sections(plan: Plan, end: End) -> tuple[MultiPolygon, MultiPolygon]:
     """The sections of the moving and the fixed part in the plane in which the part leans, m."""
     plane = upright_plane(end.azimuth)
-    moving, fixed = (pieces_of(plan["parts"][side]) for side in ("moving", "fixed"))
+    moving, fixed = (pieces_of(part) for part in (plan.moving, plan.fixed))
     return section_of(moving, end.pose, plane), section_of(fixed, Pose.identity(), plane)
 
 
-def _section_panel(axes: Axes, plan: Mapping[str, Any], end: End, peg: MultiPolygon, block: MultiPolygon) -> None:
+def _section_panel(axes: Axes, plan: Plan, end: End, peg: MultiPolygon, block: MultiPolygon) -> None:
     _fill(axes, block, facecolor=PALE, edgecolor="#999999", hatch="////", linewidth=0)
     _outline(axes, block, color=INK, linewidth=0.8)
     _fill(axes, peg, facecolor=BLUE, alpha=0.15, linewidth=0)
@@ -161,18 +161,12 @@ def _section_panel(axes: Axes, plan: Mapping[str, Any], end: End, peg: MultiPoly
         axes.plot(*(1e3 * np.array(places)).T, "o", markersize=4.0, color=RUST, markeredgecolor="white", clip_on=False)
 
 
-def move_ends(plan: Mapping[str, Any]) -> list[End]:
-    """The start and the end of every move; the nodes of the nominal trajectory where a plan has no moves."""
-    run = moves(plan)
-    if not run:
-        nodes = plan.get("nominal", {}).get("nodes", ())
-        return [End(f"node {k}", Pose.from_vector(node), ()) for k, node in enumerate(nodes)]
-    known = {contact["id"] for contact in plan.get("contacts", ())}
-    found = [End("start", Pose.from_vector(run[0].segments[0]["start"]), ())]
-    for move in run:
-        made = tuple(name for name in move.new if name in known)
-        found.append(End(f"end of move {move.number}", Pose.from_vector(move.segments[-1]["goal"]), made))
-    return found
+def move_ends(plan: Plan) -> list[End]:
+    """The start and the end of every move."""
+    ends = [
+        End(f"end of move {move.number}", Pose.from_vector(move.segments[-1].goal), move.new) for move in moves(plan)
+    ]
+    return [End("start", Pose.from_vector(plan.segments[0].start), ()), *ends]
 
 
 def _fill(axes: Axes, shape: MultiPolygon, **style: Any) -> None:
@@ -191,16 +185,14 @@ def _outline(axes: Axes, shape: MultiPolygon, **style: Any) -> None:
             axes.plot(*(1e3 * np.asarray(loop.coords)).T, **style)
 
 
-def _all_gaps(plan: Mapping[str, Any]) -> list[tuple[str, _Gap]]:
-    ends = move_ends(plan)
-    if not ends:
-        return []
-    return [(plane, gap) for plane in CUTS for gap in _gaps(plan, ends[-1].pose, CUTS[plane])]
+def _all_gaps(plan: Plan) -> list[tuple[str, _Gap]]:
+    seated = Pose.from_vector(plan.segments[-1].goal)
+    return [(plane, gap) for plane in CUTS for gap in _gaps(plan, seated, CUTS[plane])]
 
 
-def _gaps(plan: Mapping[str, Any], pose: Pose, plane: Pose) -> list[_Gap]:
+def _gaps(plan: Plan, pose: Pose, plane: Pose) -> list[_Gap]:
     """The gaps on both sides at the middle of the engaged heights; none where the parts are not side by side."""
-    moving, fixed = (pieces_of(plan["parts"][side]) for side in ("moving", "fixed"))
+    moving, fixed = (pieces_of(part) for part in (plan.moving, plan.fixed))
     peg, block = section_of(moving, pose, plane), section_of(fixed, Pose.identity(), plane)
     if peg.is_empty or block.is_empty:
         return []

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from fmopt.plan import Plan
 from fmopt.report import (
     budget_view,
     cut_view,
@@ -55,32 +56,28 @@ class Figure:
         return self.svg()
 
 
-def figures(plan: Mapping[str, Any]) -> dict[str, str]:
+def figures(plan: Plan) -> dict[str, str]:
     """The figures of a plan as texts of SVG, by name, in the order of a report."""
     return {name: figure.svg() for name, figure in catalogue(plan).items()}
 
 
-def catalogue(plan: Mapping[str, Any]) -> dict[str, Figure]:
+def catalogue(plan: Plan) -> dict[str, Figure]:
     """The figures that the plan has the data for, not yet drawn, by name, in the order of a report."""
-    chosen = []
-    if plan.get("segments") or trajectory_view.has(plan):
-        chosen.append(_of("cut", cut_view, plan))
-    if plan.get("segments"):
-        for number, graph in enumerate(graph_view.graphs(plan), start=1):
-            chosen.append(_of("states" if number == 1 else f"states-{number}", graph_view, graph))
-        chosen.append(_of("margin", margin_view, plan))
-    if tube_view.error_sets(plan):
-        chosen.append(_of("tube", tube_view, plan))
+    chosen = [_of("cut", cut_view, plan)]
+    for number, graph in enumerate(graph_view.graphs(plan), start=1):
+        chosen.append(_of("states" if number == 1 else f"states-{number}", graph_view, graph))
+    chosen += [_of("margin", margin_view, plan), _of("tube", tube_view, plan)]
     if budget_view.has(plan):
         chosen.append(_of("budget", budget_view, plan))
     if planar_view.has(plan):
         chosen.append(_of("sets", planar_view, plan))
     if surface_view.has(plan):
         chosen.append(_of("surfaces", surface_view, plan))
-    if diagram_view.diagrams(plan):
-        chosen.append(_of("diagrams", diagram_view, plan))
-    if trajectory_view.has(plan):
-        chosen.append(_of("trajectory", trajectory_view, plan))
+    if diagrams := diagram_view.diagrams(plan):
+        chosen.append(_of("diagrams", diagram_view, diagrams))
+    if plan.nominal is not None:
+        course = trajectory_view.Course(plan.nominal, plan.position_force or ())
+        chosen.append(_of("trajectory", trajectory_view, course))
     return {figure.name: figure for figure in chosen}
 
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fmopt.plan import Plan
 from fmopt.report.drawing import GREY, INK, PALE, RUST, WIDTH
 from fmopt.report.moves import states
 from fmopt.values import Array
@@ -41,25 +42,23 @@ class StateGraph:
         return tuple((i, j) for i, sons in enumerate(self.sons) for j in sons)
 
 
-def graphs(plan: Mapping[str, Any]) -> tuple[StateGraph, ...]:
+def graphs(plan: Plan) -> tuple[StateGraph, ...]:
     """The graphs that the plan carries and that have chosen states; else the chain of its own states."""
-    found = []
-    for record in plan.get("diagnostics", {}).get("graphs", ()):
-        listed = record.get("states", ())
-        if listed and record.get("chosen"):
-            found.append(
-                StateGraph(
-                    name=str(record.get("critical_point", "")),
-                    contacts=tuple(tuple(state.get("contacts", ())) for state in listed),
-                    dimensions=tuple(int(state["dimension"]) for state in listed),
-                    sons=tuple(tuple(sons) for sons in record.get("sons") or [()] * len(listed)),
-                    chosen=tuple(record["chosen"]),
-                )
-            )
+    found = [
+        StateGraph(
+            name=graph.critical_point,
+            contacts=tuple(state.contacts for state in graph.states),
+            dimensions=tuple(state.dimension for state in graph.states),
+            sons=graph.sons,
+            chosen=graph.chosen,
+        )
+        for graph in (() if plan.diagnostics is None else plan.diagnostics.graphs)
+        if graph.chosen
+    ]
     return tuple(found) or (_chain(plan),)
 
 
-def _chain(plan: Mapping[str, Any]) -> StateGraph:
+def _chain(plan: Plan) -> StateGraph:
     chain = states(plan)
     last = len(chain) - 1
     return StateGraph(

@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from typing import Any
 
 import numpy as np
 
-from fmopt.plan import digest
+from fmopt.plan import Numbers, Plan, Segment
 from fmopt.report.naming import binding_words, contact_words, quantity, spoken_axis, touched_words
 from fmopt.se3 import Pose
 from fmopt.values import Array
-
-Plan = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
 class Verdict:
     """What may be said of a plan: whether it is proved, the one word for it, and a sentence.
 
-    A plan whose digest does not fit its content, or with a margin that is missing or not positive, is not proved,
-    whatever it says of itself.
+    A plan whose digest does not fit its content, or with a margin that is not positive, is not proved, whatever it says
+    of itself.
     """
 
     proved: bool
@@ -45,20 +41,20 @@ class Move:
         travel: way of the moving part's reference point, m.
         turn: angle turned, rad.
         clearance: smallest over the pieces, m.
-        margin: smallest that a piece states, m; None where none does.
+        margin: smallest over the pieces, m.
         binding: what the smallest margin is of, as the plan names it.
     """
 
     number: int
-    segments: tuple[Plan, ...]
+    segments: tuple[Segment, ...]
     state: tuple[str, ...]
     goal_state: tuple[str, ...]
     left: tuple[str, ...]
     made: str | None
     travel: float
     turn: float
-    clearance: float | None
-    margin: float | None
+    clearance: float
+    margin: float
     binding: str
 
     @property
@@ -70,70 +66,59 @@ class Move:
 
 def moves(plan: Plan) -> tuple[Move, ...]:
     """The moves of a plan, in order."""
-    pieces = plan.get("segments", ())
-    runs = [tuple(run) for _, run in groupby(pieces, key=lambda s: s.get("move", s.get("critical_point")))]
+    runs = [tuple(run) for _, run in groupby(plan.segments, key=lambda piece: piece.move)]
     return tuple(_move(number, run) for number, run in enumerate(runs, start=1))
 
 
-def _move(number: int, run: tuple[Plan, ...]) -> Move:
-    turned = [turn_of(piece) for piece in run]
-    stated = [float(piece["margin"]) for piece in run if piece.get("margin") is not None]
-    worst = min(run, key=lambda piece: math.inf if piece.get("margin") is None else piece["margin"])
-    clearances = [piece["clearance"] for piece in run if piece.get("clearance") is not None]
-    made = [entry["contact"] for entry in run[-1].get("basis", ()) if entry.get("made")]
-    state, goal = tuple(run[0].get("state", ())), tuple(run[-1].get("goal_state", ()))
+def _move(number: int, run: tuple[Segment, ...]) -> Move:
+    worst = min(run, key=lambda piece: piece.margin)
+    made = [contact for contact, _, is_made in run[-1].basis if is_made]
+    state, goal = run[0].state, run[-1].goal_state
     new = [contact for contact in goal if contact not in state]
     return Move(
         number=number,
         segments=run,
         state=state,
         goal_state=goal,
-        left=tuple(run[0].get("leaving", ())),
-        made=(made or new or [None])[0],
+        left=run[0].leaving,
+        made=next(iter(made or new), None),
         travel=sum(float(np.linalg.norm(way_of(piece))) for piece in run),
-        turn=sum(float(np.linalg.norm(angle)) for angle in turned),
-        clearance=min(clearances, default=None),
-        margin=min(stated, default=None),
-        binding=str(worst.get("binding_contact") or ""),
+        turn=sum(float(np.linalg.norm(turn_of(piece))) for piece in run),
+        clearance=min(piece.clearance for piece in run),
+        margin=worst.margin,
+        binding=worst.binding,
     )
 
 
-def way_of(piece: Plan) -> Array:
+def way_of(piece: Segment) -> Array:
     """Way (3,) of the reference point along a piece, m."""
-    return np.asarray(piece["goal"][:3], dtype=np.float64) - np.asarray(piece["start"][:3], dtype=np.float64)
+    return np.asarray(piece.goal[:3], dtype=np.float64) - np.asarray(piece.start[:3], dtype=np.float64)
 
 
-def turn_of(piece: Plan) -> Array:
+def turn_of(piece: Segment) -> Array:
     """Rotation vector (3,) in rad, axes of B, that turns a piece's start into its goal."""
-    return Pose.from_vector(piece["start"]).local(Pose.from_vector(piece["goal"]))[3:]
+    return turn_between(piece.start, piece.goal)
 
 
-def characteristic_length(plan: Plan) -> float:
-    """ρ of the plan in m, which makes angles comparable with lengths; 10 mm where it states none."""
-    return float(plan.get("uncertainty", {}).get("rho") or 0.01)
+def turn_between(start: Numbers, goal: Numbers) -> Array:
+    """Rotation vector (3,) in rad, axes of B, that turns one pose (6,) into another."""
+    return Pose.from_vector(start).local(Pose.from_vector(goal))[3:]
 
 
-def smallest_margin(plan: Plan) -> float | None:
-    """The smallest margin that a piece of the plan states, m; None where none does."""
-    return min(_stated_margins(plan), default=None)
-
-
-def _stated_margins(plan: Plan) -> list[float]:
-    return [float(piece["margin"]) for piece in plan.get("segments", ()) if piece.get("margin") is not None]
+def smallest_margin(plan: Plan) -> float:
+    """The smallest margin of all pieces, m."""
+    return min(piece.margin for piece in plan.segments)
 
 
 def verdict(plan: Plan) -> Verdict:
     """The verdict in words; proved only where the plan says CERTIFIED, is intact and its margins are positive."""
     margin = smallest_margin(plan)
-    intact = "sha256" not in plan or digest(plan) == plan["sha256"]
-    said = plan.get("verdict")
-    if not intact:
+    if not plan.digest_holds:
         return Verdict(False, "Not proved", "The plan was changed after it was sealed: its digest does not fit.")
-    if said == "REFUTED":
+    if plan.verdict == "REFUTED":
         words = "The independent check found a pose within the stated errors at which the plan fails."
         return Verdict(False, "Refuted", words + _shortfall(margin))
-    complete = len(_stated_margins(plan)) == len(plan.get("segments", ()))
-    if said == "CERTIFIED" and complete and margin is not None and margin > 0.0:
+    if plan.verdict == "CERTIFIED" and margin > 0.0:
         words = (
             "Every motion whose errors lie in the stated set makes the planned contacts in the planned order and ends "
             f"in the goal pose. Smallest certified margin: {quantity(margin)}."
@@ -143,9 +128,7 @@ def verdict(plan: Plan) -> Verdict:
     return Verdict(False, "Not proved", words + _shortfall(margin))
 
 
-def _shortfall(margin: float | None) -> str:
-    if margin is None:
-        return ""
+def _shortfall(margin: float) -> str:
     if margin <= 0.0:
         return f" Largest shortfall: {quantity(-margin)}."
     return f" Smallest computed margin, not proved: {quantity(margin)}."
@@ -156,17 +139,15 @@ def margin_name(plan: Plan) -> str:
     return "certified margin" if verdict(plan).proved else "computed margin, not proved"
 
 
-def margin_words(margin: float | None) -> str:
+def margin_words(margin: float) -> str:
     """A margin with its unit; a negative one is called a shortfall."""
-    if margin is None:
-        return "none stated"
     return quantity(margin) if margin > 0.0 else f"shortfall {quantity(-margin)}"
 
 
-def margin_claim(plan: Plan, margin: float | None) -> str:
+def margin_claim(plan: Plan, margin: float) -> str:
     """A margin and what it may be called, in one phrase."""
-    if margin is None or margin <= 0.0:
-        return margin_words(margin) if margin is not None else "no margin stated"
+    if margin <= 0.0:
+        return margin_words(margin)
     between = " " if verdict(plan).proved else ": "
     return f"{margin_name(plan)}{between}{quantity(margin)}"
 
@@ -186,13 +167,13 @@ def move_words(plan: Plan, move: Move) -> str:
 
 
 def _motion_words(plan: Plan, move: Move) -> str:
-    start, goal = (Pose.from_vector(move.segments[i][end]) for i, end in ((0, "start"), (-1, "goal")))
+    start, goal = (Pose.from_vector(pose) for pose in (move.segments[0].start, move.segments[-1].goal))
     step = start.local(goal)
     way, angle = float(np.linalg.norm(step[:3])), float(np.linalg.norm(step[3:]))
     verb = "slide" if move.state else "move freely"
     turned = f"{math.degrees(angle):.2f}° about {spoken_axis(step[3:])}" if math.degrees(angle) >= 0.01 else ""
     gone = f"{1e3 * way:.2f} mm in {spoken_axis(step[:3], always_signed=True)}" if way >= 1e-5 else ""
-    if characteristic_length(plan) * angle > way and turned:
+    if plan.rho * angle > way and turned:
         return f"turn {turned}" + (f", going {gone}" if gone else "")
     if not gone:
         return "stay"
@@ -222,13 +203,13 @@ def states(plan: Plan) -> list[tuple[tuple[str, ...], int]]:
     chain: list[tuple[tuple[str, ...], int]] = []
     for move in moves(plan):
         if not chain:
-            chain.append((move.state, 6 - _rank(move.segments[0].get("basis", ()), held_only=True)))
+            chain.append((move.state, 6 - _rank(move.segments[0], held_only=True)))
         if move.left:
-            chain.append((move.state, 6 - _rank(move.segments[0].get("basis", ()), held_only=True)))
+            chain.append((move.state, 6 - _rank(move.segments[0], held_only=True)))
         if move.goal_state != move.state:
-            chain.append((move.goal_state, 6 - _rank(move.segments[-1].get("basis", ()), held_only=False)))
+            chain.append((move.goal_state, 6 - _rank(move.segments[-1], held_only=False)))
     return chain
 
 
-def _rank(basis: Sequence[Plan], held_only: bool) -> int:
-    return sum(not (held_only and entry.get("made")) for entry in basis)
+def _rank(piece: Segment, held_only: bool) -> int:
+    return sum(not (held_only and made) for _, _, made in piece.basis)

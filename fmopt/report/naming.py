@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
+from fmopt.plan import Body, Contact, Foreseen, Part, Plan
 from fmopt.values import Array
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
@@ -17,10 +17,8 @@ _SLIGHT = 0.005  # of the greatest component of a direction
 _ALONG = 0.94  # cosine within which a direction is called by one axis
 
 
-def quantity(length: float | None) -> str:
+def quantity(length: float) -> str:
     """A length with the unit that suits it: µm below a millimetre."""
-    if length is None:
-        return "–"
     size = abs(length)
     if 0.0 < size < 1e-9:
         return "below 0.001 µm"
@@ -60,38 +58,40 @@ def spoken_axis(vector: Array, always_signed: bool = False) -> str:
     return ", ".join(words[:-1]) + " and " + words[-1] if len(words) > 1 else words[0]
 
 
-def contact_words(plan: Mapping[str, Any], contact: str) -> str:
+def contact_words(plan: Plan, contact: str) -> str:
     """A contact in words, the moving part's feature first: "side edge e0 touches rim edge e8 (x = −10.1 mm)"."""
-    record = next((c for c in plan.get("contacts", ()) if c.get("id") == contact), None)
+    record = next((c for c in plan.contacts if c.id == contact), None)
     if record is None:
         return f"contact {contact} is made"
     own, other = (*contact.split("-", 1), "")[:2] if "-" in contact else (contact, contact)
     return meeting_words(plan, record, f" {own}", f" {other}")
 
 
-def meeting_words(plan: Mapping[str, Any], record: Mapping[str, Any], own: str = "", other: str = "") -> str:
+def meeting_words(plan: Plan, record: Contact | Foreseen, own: str = "", other: str = "") -> str:
     """What touches what, by the vertices of both sides, with names for the two: "corner touches wall (y = 10 mm)"."""
-    moving, fixed = (plan["parts"][side] for side in ("moving", "fixed"))
-    tip = _points(moving, record["moving"]["vertices"])
-    wall = _points(fixed, record["fixed"]["vertices"])
-    return f"{_moving_words(moving, tip)}{own} touches {_fixed_words(wall)}{other}{_place(wall)}"
+    tip, wall = _points(plan.moving, record.moving), _points(plan.fixed, record.fixed)
+    return f"{_moving_words(plan.moving, tip)}{own} touches {_fixed_words(wall)}{other}{_place(wall)}"
 
 
-def touched_words(plan: Mapping[str, Any], contact: str) -> str:
+def touched_words(plan: Plan, contact: str) -> str:
     """The fixed part's feature of a contact in words: "wall f2"."""
-    record = next((c for c in plan.get("contacts", ()) if c.get("id") == contact), None)
+    record = next((c for c in plan.contacts if c.id == contact), None)
     if record is None:
         return f"contact {contact}"
-    wall = _points(plan["parts"]["fixed"], record["fixed"]["vertices"])
+    wall = _points(plan.fixed, record.fixed)
     return f"{_fixed_words(wall)} {contact.partition('-')[2]}"
 
 
-def _points(part: Mapping[str, Any], vertices: Sequence[int]) -> Array:
-    return np.array([part["vertices"][i] for i in vertices], dtype=np.float64)
+def _points(part: Part, vertices: Sequence[int]) -> Array:
+    return np.array([part.body.vertices[i] for i in vertices], dtype=np.float64)
 
 
-def _moving_words(part: Mapping[str, Any], points: Array) -> str:
-    lowest = min(vertex[2] for vertex in part["vertices"])
+def _vertices(body: Body) -> Array:
+    return np.array(body.vertices, dtype=np.float64)
+
+
+def _moving_words(part: Part, points: Array) -> str:
+    lowest = min(vertex[2] for vertex in part.body.vertices)
     leading = bool(np.all(points[:, 2] <= lowest + _SAME))
     kind = {1: "corner", 2: "edge"}.get(len(points), "face")
     if kind == "edge" and np.all(np.abs(points[0, :2] - points[1, :2]) <= _SAME):
@@ -127,53 +127,53 @@ def _place(points: Array) -> str:
     return f" ({values})" if values else ""
 
 
-def binding_words(plan: Mapping[str, Any], binding: str) -> str:
+def binding_words(plan: Plan, binding: str) -> str:
     """What a margin is of, in words; the names are those of the plan's `binding_contact`."""
     pair = re.fullmatch(r"(?:pieces )?(\d+)[/-](\d+)", binding)
     if pair:
-        sides = zip(("moving", "fixed"), pair.groups(), strict=True)
-        return " against ".join(_piece_words(plan["parts"][side], int(number)) for side, number in sides)
+        sides = zip((plan.moving, plan.fixed), pair.groups(), strict=True)
+        return " against ".join(_piece_words(part, int(number)) for part, number in sides)
     early = re.fullmatch(r"(\S+) too early", binding)
     if early:
         return f"contact {early[1]} must not be made too early"
-    if any(contact.get("id") == binding for contact in plan.get("contacts", ())):
+    if any(contact.id == binding for contact in plan.contacts):
         return f"bounds of contact {binding}"
     return binding or "–"
 
 
-def binding_label(plan: Mapping[str, Any], binding: str) -> str:
+def binding_label(plan: Plan, binding: str) -> str:
     """The same in two or three words, for figures."""
     pair = re.fullmatch(r"(?:pieces )?(\d+)[/-](\d+)", binding)
     if pair:
-        return f"against {_side_words(plan['parts']['fixed'], int(pair[2]))}"
+        return f"against {_side_words(plan.fixed, int(pair[2]))}"
     early = re.fullmatch(r"(\S+) too early", binding)
     if early:
         return f"{early[1]} made too early"
     return f"bounds of {binding}" if binding else "nothing"
 
 
-def _side_words(part: Mapping[str, Any], number: int) -> str:
+def _side_words(part: Part, number: int) -> str:
     """Where a convex piece of the fixed part lies, seen from the hole: "the −x side", "the floor"."""
-    pieces = part.get("pieces", ())
+    pieces = part.pieces
     if len(pieces) < 2 or number >= len(pieces):
-        return str(part["name"])
-    points = np.array(pieces[number]["vertices"], dtype=np.float64)
+        return part.name
+    points = _vertices(pieces[number])
     low, high = points.min(axis=0), points.max(axis=0)
     gaps = {"−x": -high[0], "+x": low[0], "−y": -high[1], "+y": low[1]}
     side = max(gaps, key=lambda name: float(gaps[name]))
     return f"the {side} side" if gaps[side] > 0.0 else "the floor" if high[2] < -_SAME else f"piece {number}"
 
 
-def _piece_words(part: Mapping[str, Any], number: int) -> str:
+def _piece_words(part: Part, number: int) -> str:
     """A convex piece by the part's name and, where there are several, the axis on which it is a slice of the part."""
-    pieces = part.get("pieces", ())
+    pieces = part.pieces
     if len(pieces) < 2 or number >= len(pieces):
-        return str(part["name"])
-    whole, piece = (np.array(body["vertices"], dtype=np.float64) for body in (part, pieces[number]))
+        return part.name
+    whole, piece = (_vertices(body) for body in (part.body, pieces[number]))
     low, high = piece.min(axis=0), piece.max(axis=0)
     axis = int(np.argmin((high - low) / np.ptp(whole, axis=0)))
     span = f"{AXES[axis]} {millimetres(low[axis])} to {millimetres(high[axis])} mm"
-    return f"{part['name']} piece {number} ({span})"
+    return f"{part.name} piece {number} ({span})"
 
 
 def pose_words(pose: Sequence[float]) -> str:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from html import escape
-from typing import Any
 
+from fmopt.plan import Plan
 from fmopt.report import control_tables, sections
 from fmopt.report.budget_view import budget_table
 from fmopt.report.figures import catalogue
 from fmopt.report.jamming_tables import jamming_table
-from fmopt.report.moves import Verdict, smallest_margin, verdict
+from fmopt.report.moves import Verdict, verdict
 from fmopt.report.planar_tables import possible_contacts
 from fmopt.report.recovery_tables import recovery_chapter
 from fmopt.report.scene import resource, scene
@@ -18,11 +18,11 @@ from fmopt.report.shell import chaptered, figure, page
 from fmopt.report.tolerance_tables import tolerance_chapter
 
 
-def report_page(plan: Mapping[str, Any], figures: Mapping[str, str]) -> str:
+def report_page(plan: Plan, figures: Mapping[str, str]) -> str:
     """The report: verdict first, then the motion, why it holds, what it tolerates, and what was not checked.
 
     Args:
-        plan: a plan document.
+        plan: the plan.
         figures: its figures as SVG by name, as `fmopt.report.figures.figures` gives them; those left out are not shown.
 
     Returns:
@@ -30,7 +30,7 @@ def report_page(plan: Mapping[str, Any], figures: Mapping[str, str]) -> str:
     """
     found = verdict(plan)
     shown = _shown(plan, figures)
-    title = str(plan.get("problem", {}).get("title") or "insertion")
+    title = plan.title or "insertion"
     chapters = [
         ("motion", "The motion", scene(plan) + shown.get("cut", "")),
         ("moves", "The moves", sections.move_table(plan)),
@@ -50,38 +50,36 @@ def report_page(plan: Mapping[str, Any], figures: Mapping[str, str]) -> str:
     return page(f"{title}: {found.word.lower()}", resource("page.css"), body, scripts=True)
 
 
-def _verdict_box(plan: Mapping[str, Any], found: Verdict) -> str:
+def _verdict_box(plan: Plan, found: Verdict) -> str:
     kind = "proved" if found.proved else "unproved"
     limits = ' Under the assumptions listed in <a href="#limits">what was not checked</a>.' if found.proved else ""
     text = f'<div class="verdict {kind}">\n<p class="word">{escape(found.word)}</p>\n'
     text += f"<p>{escape(found.sentence)}{limits}</p>\n"
-    margin = smallest_margin(plan)
-    if margin is not None:
-        text += f"<p>{escape(sections.worst_move(plan))}</p>\n"
+    text += f"<p>{escape(sections.worst_move(plan))}</p>\n"
     text += f'<p>{escape(sections.asked_words(plan))} More under <a href="#asked">what was asked</a>.</p>\n'
     return text + "</div>"
 
 
-def _budget(plan: Mapping[str, Any], shown: Mapping[str, str]) -> str:
+def _budget(plan: Plan, shown: Mapping[str, str]) -> str:
     """Where the start errors come from, what becomes of them on the way, and what they take of the clearance."""
     sources = budget_table(plan) + shown.get("budget", "")
     return sources + sections.error_table(plan) + shown.get("tube", "") + sections.taken(plan)
 
 
-def _plane(plan: Mapping[str, Any], shown: Mapping[str, str]) -> str:
+def _plane(plan: Plan, shown: Mapping[str, str]) -> str:
     return possible_contacts(plan) + shown.get("sets", "") + shown.get("surfaces", "")
 
 
-def _states(plan: Mapping[str, Any], shown: Mapping[str, str]) -> str:
+def _states(plan: Plan, shown: Mapping[str, str]) -> str:
     drawings = "".join(shown[name] for name in shown if name == "states" or name.startswith("states-"))
     return sections.why(plan) + drawings + sections.contact_table(plan) + sections.critical_table(plan)
 
 
-def _nominal(plan: Mapping[str, Any], shown: Mapping[str, str]) -> str:
+def _nominal(plan: Plan, shown: Mapping[str, str]) -> str:
     return shown.get("diagrams", "") + shown.get("trajectory", "") + control_tables.force_table(plan)
 
 
-def _shown(plan: Mapping[str, Any], figures: Mapping[str, str]) -> dict[str, str]:
+def _shown(plan: Plan, figures: Mapping[str, str]) -> dict[str, str]:
     """The figures as pictures with what they show in words."""
     drawn = {name: drawing for name, drawing in catalogue(plan).items() if name in figures}
     return {name: figure(figures[name], d.alt, d.title, d.size) for name, d in drawn.items()}

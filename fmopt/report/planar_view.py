@@ -1,16 +1,17 @@
 """Planar sets of possible contact: where uncertain features may be, and which configurations they may touch at.
 
-Drawn from plain data, as the plan's diagnostics hold it: arcs in the colour of the circle that they lie on.
+Drawn as the plan's diagnostics hold them: arcs in the colour of the circle that they lie on.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fmopt.plan import Boundary, Curve, Plan
 from fmopt.report.drawing import BLUE, GREY, INK, RUST, WIDTH
 from fmopt.values import Array
 
@@ -31,81 +32,83 @@ CARRIERS: dict[str, tuple[str, Any, str]] = {
 }
 
 
-def has(plan: Mapping[str, Any]) -> bool:
+def has(plan: Plan) -> bool:
     """Whether the plan is planar and holds such sets."""
     return bool(_sets(plan))
 
 
-def _sets(plan: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    return list(plan.get("diagnostics", {}).get("planar", {}).get("sets", ()))
+def _sets(plan: Plan) -> tuple[Boundary, ...]:
+    planar = None if plan.diagnostics is None else plan.diagnostics.planar
+    return () if planar is None else planar.sets
 
 
-def size(plan: Mapping[str, Any]) -> tuple[float, float]:
+def size(plan: Plan) -> tuple[float, float]:
     """Width and height in inches."""
     return sets_size(_sets(plan))
 
 
-def sets_size(sets: Sequence[Mapping[str, Any]]) -> tuple[float, float]:
+def sets_size(sets: Sequence[Boundary]) -> tuple[float, float]:
     """Width and height in inches for this many sets."""
     return WIDTH, 0.75 + 2.35 * math.ceil(len(sets) / _PER_ROW)
 
 
-def alt(plan: Mapping[str, Any]) -> str:
+def alt(plan: Plan) -> str:
     """What is to be seen, for who cannot see it."""
-    return "Boundaries of planar uncertainty sets: " + "; ".join(_said(record) for record in _sets(plan)) + "."
+    return "Boundaries of planar uncertainty sets: " + "; ".join(_said(found) for found in _sets(plan)) + "."
 
 
-def _said(record: Mapping[str, Any]) -> str:
-    points = np.vstack([piece_points(piece) for loop in record["loops"] for piece in loop] or [np.zeros((1, 2))])
+def _said(found: Boundary) -> str:
+    pieces = [piece for loop in found.loops for piece in loop]
+    points = np.vstack([piece_points(piece) for piece in pieces] or [np.zeros((1, 2))])
     x, y = 1e3 * np.ptp(points, axis=0)
-    arcs = sum("arc" in piece for loop in record["loops"] for piece in loop)
-    lines = sum("line" in piece for loop in record["loops"] for piece in loop)
-    return f"{record['name']}, {x:.4g} by {y:.4g} mm, {arcs} arcs, {lines} lines"
+    arcs = sum(piece.arc is not None for piece in pieces)
+    lines = sum(piece.line is not None for piece in pieces)
+    return f"{found.name}, {x:.4g} by {y:.4g} mm, {arcs} arcs, {lines} lines"
 
 
-def paint(plan: Mapping[str, Any], figure: Figure) -> None:
+def paint(plan: Plan, figure: Figure) -> None:
     """A panel for each set of the plan."""
     paint_sets(_sets(plan), figure, "z")
 
 
-def paint_sets(sets: Sequence[Mapping[str, Any]], figure: Figure, upright: str = "y") -> None:
-    """A panel for each set, from records as `fmopt.uncertainty.planar.record` makes them; m in, mm drawn.
+def paint_sets(sets: Sequence[Boundary], figure: Figure, upright: str = "y") -> None:
+    """A panel for each set; `fmopt.plan.boundary` reads what `fmopt.uncertainty.planar.record` makes. m in, mm drawn.
 
     `upright` is what the plane's second axis is called: z in a plan.
     """
     rows = math.ceil(len(sets) / _PER_ROW)
     grid = figure.subplots(rows, _PER_ROW, squeeze=False).ravel()
-    used = {piece["on"] for record in sets for loop in record["loops"] for piece in loop}
-    for record, axes in zip(sets, grid, strict=False):
-        _panel(axes, record)
+    used = {piece.on for found in sets for loop in found.loops for piece in loop}
+    for found, axes in zip(sets, grid, strict=False):
+        _panel(axes, found)
         axes.set_ylabel(f"{upright}, mm", fontsize=7.5)
     for axes in grid[len(sets) :]:
         axes.set_visible(False)
     _legend(figure, used)
 
 
-def _panel(axes: Axes, record: Mapping[str, Any]) -> None:
-    for loop in record["loops"]:
+def _panel(axes: Axes, found: Boundary) -> None:
+    for loop in found.loops:
         edge = np.vstack([piece_points(piece)[:-1] for piece in loop])
         axes.fill(*(1e3 * edge.T), facecolor="#f2f2f2", edgecolor="none", zorder=0)
         for piece in loop:
-            colour, dashes, _ = CARRIERS[piece["on"]]
+            colour, dashes, _ = CARRIERS[piece.on]
             axes.plot(*(1e3 * piece_points(piece).T), color=colour, linestyle=dashes, linewidth=1.8)
-    nominal = 1e3 * np.array(record.get("nominal", ())).reshape(-1, 2)
+    nominal = 1e3 * np.array(found.nominal).reshape(-1, 2)
     if len(nominal):
         axes.plot(*nominal.T, color=GREY, linestyle=":", linewidth=1.4, marker="o", markersize=3.0)
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.08)
-    axes.set_title(record["name"], fontsize=8.5)
+    axes.set_title(found.name, fontsize=8.5)
     axes.tick_params(labelsize=7.0)
     axes.set_xlabel("x, mm", fontsize=7.5)
 
 
-def piece_points(piece: Mapping[str, Any], step: float = 0.03) -> Array:
+def piece_points(piece: Curve, step: float = 0.03) -> Array:
     """Points (k, 2) along a piece of a boundary, arcs in steps of at most `step` rad, m."""
-    if "line" in piece:
-        return np.array(piece["line"], dtype=np.float64).reshape(2, 2)
-    x, y, radius, start, sweep = piece["arc"]
+    if piece.line is not None:
+        return np.array(piece.line, dtype=np.float64).reshape(2, 2)
+    x, y, radius, start, sweep = piece.arc or (0.0,) * 5
     angles = start + np.linspace(0.0, sweep, max(math.ceil(abs(sweep) / step), 2) + 1)
     return np.column_stack([x + radius * np.cos(angles), y + radius * np.sin(angles)])
 

@@ -3,37 +3,35 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from html import escape
-from typing import Any
 
+from fmopt.plan import MoveRecovery, Plan, Recovery
 from fmopt.report.naming import AXES, meeting_words, millimetres
 from fmopt.report.tables import table
-
-Plan = Mapping[str, Any]
 
 
 def recovery_words(plan: Plan) -> list[str]:
     """What to do when a move fails, in a sentence or two; nothing where the plan does not say."""
-    found = plan.get("recovery")
-    if not found:
+    found = plan.recovery
+    if found is None:
         return []
-    if found["lift"] is None:
-        return [f"When a move fails there is no way back that is known to be free: {found['why']}."]
-    lifted = [move["move"] + 1 for move in found["moves"] if move["back_off"]]
-    others = [move["move"] + 1 for move in found["moves"] if not move["back_off"]]
+    if found.lift is None:
+        return [f"When a move fails there is no way back that is known to be free: {found.why}."]
+    lifted = [move.move + 1 for move in found.moves if move.back_off]
+    others = [move.move + 1 for move in found.moves if not move.back_off]
     words = f"When a move fails the part can be lifted straight out of the hole in {_listed('move', lifted)}"
     if others:
         words += (
             f", in {_listed('move', others)} only while the part's lowest point lies above "
-            f"z = {millimetres(found['lift']['above'])} mm"
+            f"z = {millimetres(found.lift.above)} mm"
         )
     said = [f"{words}."]
-    if not found["retries"]:
-        return [*said, f"It is not to be tried again: {found['why']}."]
-    box, covers = plan["uncertainty"]["start_box"], found["covers"]
+    if not found.retries:
+        return [*said, f"It is not to be tried again: {found.why}."]
+    box, covers = plan.start_box, found.covers
     wider = [f"{axis} ±{millimetres(covers[k])} mm" for k, axis in enumerate(AXES[:2]) if covers[k] > box[k]]
-    count = sum(any(shift) for shift in found["retries"])
+    count = sum(any(shift) for shift in found.retries)
     if not count:
         return [*said, "It may be tried again from the same start."]
     return [*said, f"Tried again from {count} starts aside, the plan holds for start errors of {', '.join(wider)}."]
@@ -54,11 +52,11 @@ def _listed(noun: str, numbers: Sequence[int]) -> str:
 
 def recovery_chapter(plan: Plan) -> str:
     """What errors do first and what then, as HTML; nothing where the plan does not say."""
-    found = plan.get("recovery")
-    if not found:
+    found = plan.recovery
+    if found is None:
         return ""
     text = "".join(f"<p>{escape(words)}</p>\n" for words in recovery_words(plan))
-    rows = [row for move in found["moves"] for row in _rows(plan, move)]
+    rows = [row for move in found.moves for row in _rows(plan, move)]
     note = (
         "Figures of the planner, of first order: by which factor all start errors have to grow, or one alone, for a "
         "contact that is not planned to become possible. The angle is between its friction cone and that of the "
@@ -66,36 +64,36 @@ def recovery_chapter(plan: Plan) -> str:
     )
     head = ("move", "contact", "all errors", "one alone", "angle", "felt apart")
     text += f"<p>{note}</p>\n" + table("Contacts that errors would make first", head, rows, "n.nnn.")
-    if found["retries"]:
+    if found.retries:
         text += table("Shifts of the start, in mm", ("number", "x", "y"), _shifts(found), "nnn")
         text += table("In which order they are tried", ("move", "felt too early", "not felt"), _orders(found), "n..")
-    items = "\n".join(f"<li>{escape(str(words))}</li>" for words in found["not_covered"])
+    items = "\n".join(f"<li>{escape(words)}</li>" for words in found.not_covered)
     return f"{text}<p>Not covered:</p>\n<ul>\n{items}\n</ul>\n"
 
 
-def _rows(plan: Plan, move: Plan) -> list[tuple[str, ...]]:
-    number = str(move["move"] + 1)
-    if not move["first"]:
+def _rows(plan: Plan, move: MoveRecovery) -> list[tuple[str, ...]]:
+    number = str(move.move + 1)
+    if not move.first:
         return [(number, "none found", "–", "–", "–", "–")]
     return [
         (
             number,
             meeting_words(plan, first),
-            f"{first['factor']:.3g}",
-            f"{first['axis']}: {first['axis_factor']:.3g}" if first["axis"] else "–",
-            "–" if first["angle"] is None else f"{math.degrees(first['angle']):.1f}°",
-            "yes" if first["told"] else "no",
+            f"{first.factor:.3g}",
+            "–" if first.axis_factor is None else f"{first.axis}: {first.axis_factor:.3g}",
+            "–" if first.angle is None else f"{math.degrees(first.angle):.1f}°",
+            "yes" if first.told else "no",
         )
-        for first in move["first"]
+        for first in move.first
     ]
 
 
-def _shifts(found: Plan) -> list[tuple[str, ...]]:
-    return [(str(k + 1), *(millimetres(v) for v in shift[:2])) for k, shift in enumerate(found["retries"])]
+def _shifts(found: Recovery) -> list[tuple[str, ...]]:
+    return [(str(k + 1), *(millimetres(v) for v in shift[:2])) for k, shift in enumerate(found.retries)]
 
 
-def _orders(found: Plan) -> list[tuple[str, ...]]:
+def _orders(found: Recovery) -> list[tuple[str, ...]]:
     return [
-        (str(move["move"] + 1), *(", ".join(str(k + 1) for k in move["order"][felt]) for felt in ("early", "late")))
-        for move in found["moves"]
+        (str(move.move + 1), *(", ".join(str(k + 1) for k in order) for order in (move.early, move.late)))
+        for move in found.moves
     ]

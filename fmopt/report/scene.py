@@ -10,6 +10,7 @@ import html
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from hashlib import sha256
 from importlib.resources import files
 from itertools import pairwise
@@ -20,8 +21,9 @@ import numpy as np
 from fmopt.geometry.pieces import clip
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.geometry.section import section
+from fmopt.plan import Numbers, Part, Plan, Segment
 from fmopt.report.bodies import body_of, pieces_of
-from fmopt.report.moves import Move, margin_claim, move_words, moves, turn_of
+from fmopt.report.moves import Move, margin_claim, move_words, moves, turn_between
 from fmopt.se3 import Pose
 from fmopt.values import Array
 
@@ -43,15 +45,32 @@ def embedded(value: Any) -> str:
     return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
 
 
-def scene(plan: Mapping[str, Any]) -> str:
-    """The viewer as a fragment of HTML; empty where the plan has no motion."""
-    data = scene_data(plan)
-    return _viewer(data, _label(plan), "") if data["path"] else ""
+@dataclass(frozen=True)
+class Leg:
+    """A piece of the way that is shown: poses (6,) at its ends, the contacts held, made at its end, and its share."""
+
+    move: int
+    start: Numbers
+    goal: Numbers
+    held: tuple[str, ...] = ()
+    made: tuple[str, ...] = ()
+    share: tuple[float, float] = (0.0, 1.0)
 
 
-def part_scene(part: Mapping[str, Any]) -> str:
-    """A part of a plan alone, as a fragment of HTML: it can be turned and cut open, and nothing moves."""
-    body, stock, quarter = body_of(part), pieces_of(part), (1, -1)
+def scene(plan: Plan) -> str:
+    """The viewer as a fragment of HTML."""
+    return _viewer(scene_data(plan), _label(plan.moving, plan.fixed), "")
+
+
+def seating(moving: Part, fixed: Part, nodes: Sequence[Numbers]) -> str:
+    """A viewer of two parts on a nominal way, poses (6,) with straight lines between, as a fragment of HTML."""
+    legs = [Leg(k, a, b) for k, (a, b) in enumerate(pairwise(nodes))]
+    return _viewer(_data(moving, fixed, legs), _label(moving, fixed), "")
+
+
+def part_scene(part: Part) -> str:
+    """A part alone, as a fragment of HTML: it can be turned and cut open, and nothing moves."""
+    body, stock, quarter = body_of(part.body), pieces_of(part), (1, -1)
     nothing: dict[str, Any] = {"polygons": [], "lines": []}
     data = {
         "moving": nothing,
@@ -59,11 +78,11 @@ def part_scene(part: Mapping[str, Any]) -> str:
         "open": _opened(body, stock, quarter),
         "quarter": list(quarter),
         "azimuth": _into(quarter),
-        "path": [_leg({"start": [0.0] * 6, "goal": [0.0] * 6}, 0)],
+        "path": [_leg(Leg(0, (0.0,) * 6, (0.0,) * 6))],
         "moves": [],
         "contacts": {},
     }
-    return _viewer(data, f"Picture in three dimensions of {part['name']}", " scene-still")
+    return _viewer(data, f"Picture in three dimensions of {part.name}", " scene-still")
 
 
 def _viewer(data: Mapping[str, Any], label: str, kind: str) -> str:
@@ -78,60 +97,62 @@ def _viewer(data: Mapping[str, Any], label: str, kind: str) -> str:
     )
 
 
-def _label(plan: Mapping[str, Any]) -> str:
-    parts = plan["parts"]
-    return f"Picture in three dimensions of {parts['moving']['name']} going into {parts['fixed']['name']}"
+def _label(moving: Part, fixed: Part) -> str:
+    return f"Picture in three dimensions of {moving.name} going into {fixed.name}"
 
 
-def scene_data(plan: Mapping[str, Any]) -> dict[str, Any]:
+def scene_data(plan: Plan) -> dict[str, Any]:
     """What the viewer shows, lengths in mm: polygons and lines of both parts, the path, the moves in words."""
     run = moves(plan)
-    pieces = [(piece, k) for k, move in enumerate(run) for piece in move.segments] or _nominal_legs(plan)
-    moving, fixed = body_of(plan["parts"]["moving"]), body_of(plan["parts"]["fixed"])
-    stock = pieces_of(plan["parts"]["fixed"])
-    quarter, azimuth = _opening(pieces)
+    data = _data(plan.moving, plan.fixed, [_leg_of(piece, k) for k, move in enumerate(run) for piece in move.segments])
     return {
-        "moving": {"polygons": _skin(moving, pieces_of(plan["parts"]["moving"])), "lines": _rounded(_creases(moving))},
-        "fixed": {"polygons": _skin(fixed, stock), "lines": _rounded(_creases(fixed))},
-        "open": _opened(fixed, stock, quarter),
+        **data,
+        "moves": [_caption(plan, move) for move in run],
+        "contacts": {c.id: [_places(plan.moving, c.moving), _places(plan.fixed, c.fixed)] for c in plan.contacts},
+    }
+
+
+def _data(moving: Part, fixed: Part, legs: Sequence[Leg]) -> dict[str, Any]:
+    """What the viewer shows of two parts on a way without moves."""
+    peg, block, stock = body_of(moving.body), body_of(fixed.body), pieces_of(fixed)
+    quarter, azimuth = _opening(legs)
+    return {
+        "moving": {"polygons": _skin(peg, pieces_of(moving)), "lines": _rounded(_creases(peg))},
+        "fixed": {"polygons": _skin(block, stock), "lines": _rounded(_creases(block))},
+        "open": _opened(block, stock, quarter),
         "quarter": list(quarter),
         "azimuth": azimuth,
-        "path": [_leg(piece, number) for piece, number in pieces],
-        "moves": [_caption(plan, move) for move in run],
-        "contacts": {
-            c["id"]: [_places(plan, "moving", c), _places(plan, "fixed", c)] for c in plan.get("contacts", ())
-        },
+        "path": [_leg(leg) for leg in legs],
+        "moves": [],
+        "contacts": {},
     }
 
 
-def _nominal_legs(plan: Mapping[str, Any]) -> list[tuple[Mapping[str, Any], int]]:
-    nodes = plan.get("nominal", {}).get("nodes", ())
-    return [({"start": a, "goal": b}, k) for k, (a, b) in enumerate(pairwise(nodes))]
+def _leg_of(piece: Segment, move: int) -> Leg:
+    new = tuple(contact for contact in piece.goal_state if contact not in piece.state)
+    return Leg(move, piece.start, piece.goal, piece.state, new, piece.progress)
 
 
-def _leg(piece: Mapping[str, Any], move: int) -> dict[str, Any]:
-    start = Pose.from_vector(piece["start"])
-    new = [c for c in piece.get("goal_state", ()) if c not in piece.get("state", ())]
-    share = piece.get("progress", (0.0, 1.0))
+def _leg(leg: Leg) -> dict[str, Any]:
+    start = Pose.from_vector(leg.start)
     return {
-        "move": move,
-        "span": [float(value) for value in share],
-        "p": _rounded([piece["start"][:3], piece["goal"][:3]]),
+        "move": leg.move,
+        "span": list(leg.share),
+        "p": _rounded([leg.start[:3], leg.goal[:3]]),
         "R": np.round(start.R, 9).tolist(),
-        "w": np.round(turn_of(piece), 9).tolist(),
-        "held": list(piece.get("state", ())),
-        "made": new,
+        "w": np.round(turn_between(leg.start, leg.goal), 9).tolist(),
+        "held": list(leg.held),
+        "made": list(leg.made),
     }
 
 
-def _caption(plan: Mapping[str, Any], move: Move) -> dict[str, str]:
+def _caption(plan: Plan, move: Move) -> dict[str, str]:
     held = ", ".join(move.state) or "nothing"
     return {"words": move_words(plan, move), "held": held, "margin": margin_claim(plan, move.margin)}
 
 
-def _places(plan: Mapping[str, Any], side: str, contact: Mapping[str, Any]) -> list[list[float]]:
-    vertices = plan["parts"][side]["vertices"]
-    points: list[list[float]] = _rounded([vertices[i] for i in contact[side]["vertices"]])
+def _places(part: Part, vertices: Sequence[int]) -> list[list[float]]:
+    points: list[list[float]] = _rounded([part.body.vertices[i] for i in vertices])
     return points
 
 
@@ -140,20 +161,20 @@ def _rounded(points: Any) -> Any:
     return (np.round(1e3 * np.asarray(points, dtype=np.float64), _ROUND) + 0.0).tolist()
 
 
-def _open_quarter(pieces: Sequence[tuple[Mapping[str, Any], int]]) -> tuple[int, int]:
+def _open_quarter(legs: Sequence[Leg]) -> tuple[int, int]:
     """Signs (x, y) of the quarter to take away: the one that the goal leans away from, so that its walls are seen."""
-    goal = pieces[-1][0]["goal"] if pieces else (0.0, 0.0)
+    goal = legs[-1].goal if legs else (0.0, 0.0)
     return (1 if goal[0] <= 0.0 else -1, 1 if goal[1] < 0.0 else -1)
 
 
-def _opening(pieces: Sequence[tuple[Mapping[str, Any], int]]) -> tuple[tuple[int, int], float]:
+def _opening(legs: Sequence[Leg]) -> tuple[tuple[int, int], float]:
     """The quarter to take away, and the azimuth of the first view, rad: across the greatest lean where there is one.
 
     The line of sight is level with the axis about which the part leans, turned by at most 20°, into the quarter so that
     both walls of the cut are seen.
     """
-    quarter = _open_quarter(pieces)
-    axes = [Pose.from_vector(piece[end]).R[:, 2] for piece, _ in pieces for end in ("start", "goal")]
+    quarter = _open_quarter(legs)
+    axes = [Pose.from_vector(pose).R[:, 2] for leg in legs for pose in (leg.start, leg.goal)]
     lean = max((axis[:2] for axis in axes), key=lambda across: float(np.linalg.norm(across)), default=np.zeros(2))
     size = float(np.linalg.norm(lean))
     if size < _LEANS:

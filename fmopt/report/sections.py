@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from html import escape
-from typing import Any
 
 import numpy as np
 
-from fmopt.plan import digest
+from fmopt.plan import FORMAT, FRAMES, UNITS, Part, Plan
 from fmopt.report.moves import (
     margin_claim,
     margin_name,
@@ -32,15 +31,13 @@ from fmopt.report.naming import (
 from fmopt.report.tables import table
 from fmopt.report.tube_view import ends_words, error_sets
 
-Plan = Mapping[str, Any]
-
 
 def asked(plan: Plan) -> str:
     """Parts, clearances, start errors, goal."""
-    parts = [_part_row(side, plan["parts"][side]) for side in ("moving", "fixed")]
+    parts = [_part_row(side, part) for side, part in plan.parts.items()]
     text = table("Parts", ("part", "name", "extent, mm", "faces", "convex pieces"), parts, "...nn")
-    if notes := plan.get("diagnostics", {}).get("imported"):
-        items = "\n".join(f"<li>{escape(str(note))}</li>" for note in notes)
+    if plan.diagnostics is not None and plan.diagnostics.imported:
+        items = "\n".join(f"<li>{escape(note)}</li>" for note in plan.diagnostics.imported)
         text += f"<p>Of the parts that came as meshes:</p>\n<ul>\n{items}\n</ul>\n"
     text += table("The task", ("", ""), _task_rows(plan))
     return text
@@ -48,60 +45,46 @@ def asked(plan: Plan) -> str:
 
 def asked_words(plan: Plan) -> str:
     """Parts, clearances and start errors in two sentences."""
-    parts = plan["parts"]
-    words = f"Asked for: {parts['moving']['name']} into {parts['fixed']['name']}"
     sides = [f"{kind} {text}" for kind in ("declared", "measured") if (text := clearance_words(plan, kind))]
+    words = f"Asked for: {plan.moving.name} into {plan.fixed.name}"
     words += f"; clearance on each side {', '.join(sides)}." if sides else "."
-    box = plan.get("uncertainty", {}).get("start_box")
-    return words if not box else f"{words} Start error {_box_words(box)}."
+    return f"{words} Start error {_box_words(plan.start_box)}."
 
 
 def clearance_words(plan: Plan, kind: str) -> str:
     """The declared or measured clearance on each side along x and y; where a plan has only the least, that one."""
-    part = plan["parts"]["fixed"]
-    declared, value = part.get("declared_clearance"), part.get(f"{kind}_clearance")
-    if kind == "measured":
-        value = plan.get("diagnostics", {}).get("clearance", {}).get("measured", value)
-    if value is None:
-        return ""
-    if isinstance(value, int | float):
-        return f"{millimetres(value)} mm" + (" where it is least" if declared is not None else "")
+    if kind == "measured" and plan.diagnostics is None:
+        return f"{millimetres(plan.fixed.measured_clearance)} mm where it is least"
+    value: tuple[float | None, ...] = plan.fixed.declared_clearance
+    if kind == "measured" and plan.diagnostics is not None:
+        value = plan.diagnostics.measured_clearance
     stated = [(v, axis) for v, axis in zip(value, AXES, strict=False) if v]
     return ", ".join(f"{millimetres(v)} mm along {axis}" for v, axis in stated)
 
 
-def _part_row(side: str, part: Plan) -> tuple[str, ...]:
-    extent = " × ".join(millimetres(width) for width in np.ptp(np.array(part["vertices"], dtype=np.float64), axis=0))
-    return side, str(part["name"]), extent, str(len(part["faces"])), str(len(part.get("pieces", ())) or 1)
+def _part_row(side: str, part: Part) -> tuple[str, ...]:
+    widths = np.ptp(np.array(part.body.vertices, dtype=np.float64), axis=0)
+    extent = " × ".join(millimetres(width) for width in widths)
+    return side, part.name, extent, str(len(part.body.faces)), str(len(part.pieces))
 
 
 def _task_rows(plan: Plan) -> list[tuple[str, str]]:
-    part, run = plan["parts"]["fixed"], moves(plan)
-    uncertainty = plan.get("uncertainty", {})
-    rows = []
-    if plan.get("goal"):
-        rows.append(("goal pose", pose_words(plan["goal"])))
-    if run:
-        rows.append(("nominal start pose", pose_words(run[0].segments[0]["start"])))
+    part, box = plan.fixed, plan.start_box
+    rows = [("goal pose", pose_words(plan.goal)), ("nominal start pose", pose_words(plan.segments[0].start))]
     for kind in ("declared", "measured"):
         if words := clearance_words(plan, kind):
             rows.append((f"{kind} clearance on each side", words))
-    if uncertainty.get("start_box"):
-        box = uncertainty["start_box"]
-        rows.append(("start error, half-widths", _box_words(box)))
-        clearance = part.get("measured_clearance") or part.get("declared_clearance")
-        if clearance is not None and max(map(abs, box[:2])) > float(np.min(clearance)):
-            rows.append(("what follows", "the start error is larger than the clearance: contacts have to shrink it"))
-    reduced = plan.get("diagnostics", {}).get("reduced")
-    if reduced:
-        box = _box_words(reduced["stated_start_box"])
-        rows.append(("start error that the problem states", f"{box}: the plan is for {reduced['share']:.0%} of it"))
-        rows.append(("for all of it", str(reduced["short"])))
-    if uncertainty.get("velocity_error"):
-        across, turning = (f"{100.0 * share:.3g} %" for share in uncertainty["velocity_error"])
-        rows.append(("velocity error", f"{across} in translation, {turning} in rotation"))
-    if uncertainty.get("rho"):
-        rows.append(("characteristic length ρ", f"{millimetres(uncertainty['rho'])} mm"))
+    rows.append(("start error, half-widths", _box_words(box)))
+    if max(box[:2]) > (part.measured_clearance or min(part.declared_clearance)):
+        rows.append(("what follows", "the start error is larger than the clearance: contacts have to shrink it"))
+    reduced = None if plan.diagnostics is None else plan.diagnostics.reduced
+    if reduced is not None:
+        stated = _box_words(reduced.stated_start_box)
+        rows.append(("start error that the problem states", f"{stated}: the plan is for {reduced.share:.0%} of it"))
+        rows.append(("for all of it", reduced.short))
+    across, turning = (f"{100.0 * share:.3g} %" for share in plan.velocity_error)
+    rows.append(("velocity error", f"{across} in translation, {turning} in rotation"))
+    rows.append(("characteristic length ρ", f"{millimetres(plan.rho)} mm"))
     return rows
 
 
@@ -114,8 +97,7 @@ def _box_words(box: Sequence[float]) -> str:
 
 def worst_move(plan: Plan) -> str:
     """Where the smallest margin lies, in a sentence."""
-    run = [move for move in moves(plan) if move.margin is not None]
-    worst = min(run, key=lambda move: float(move.margin or 0.0))
+    worst = min(moves(plan), key=lambda move: move.margin)
     where = f"It lies in move {worst.number}" if verdict(plan).proved else f"Move {worst.number} is the tightest"
     return f"{where}: {move_words(plan, worst)}. What binds: {binding_words(plan, worst.binding)}."
 
@@ -136,13 +118,10 @@ def move_table(plan: Plan) -> str:
         )
         for move in run
     ]
-    stated = [k for k, move in enumerate(run) if move.margin is not None]
-    worst = min(stated, key=lambda k: float(run[k].margin or 0.0), default=-1)
+    worst = min(range(len(run)), key=lambda k: run[k].margin)
     pieces = sum(len(move.segments) for move in run)
     words = f"{len(run)} moves in {pieces} pieces; a move that turns far is checked piece by piece."
-    said = (f"<p>{words}</p>\n" if run else "<p>The plan has no moves.</p>\n") + table(
-        "Moves, in order", head, rows, "n...nn", worst
-    )
+    said = f"<p>{words}</p>\n" + table("Moves, in order", head, rows, "n...nn", worst)
     ending = unguarded_words(plan)
     return f"{said}<p>{escape(ending)}</p>\n" if ending else said
 
@@ -167,37 +146,33 @@ def unguarded_words(plan: Plan) -> str:
 
 def why(plan: Plan) -> str:
     """What the search says of the sequence."""
-    search, chain = plan.get("search", {}), states(plan)
-    text = ""
-    if chain:
-        ends = f"from {chain[0][1]} freedoms to {chain[-1][1]}"
-        text = f"<p>The motion goes through {len(chain)} contact states, {ends}.</p>\n"
-    if not search.get("states_expanded"):
+    search, chain = plan.search, states(plan)
+    ends = f"from {chain[0][1]} freedoms to {chain[-1][1]}"
+    text = f"<p>The motion goes through {len(chain)} contact states, {ends}.</p>\n"
+    if search is None or not search.states_expanded:
         return text + "<p>The plan states no search: nothing is said of how this sequence compares with others.</p>\n"
-    gap, bound = search.get("gap"), search.get("lower_bound")
     rows = [
-        ("objective", _plain(search.get("objective"))),
-        ("cost of this sequence", _plain(search.get("cost"))),
-        ("lower bound over all sequences", _plain(bound)),
-        ("gap", _plain(gap)),
-        ("states expanded", _plain(search.get("states_expanded"))),
+        ("objective", search.objective),
+        ("cost of this sequence", _plain(search.cost)),
+        ("lower bound over all sequences", _plain(search.lower_bound)),
+        ("gap", _plain(search.gap)),
+        ("states expanded", str(search.states_expanded)),
     ]
-    if search.get("moves"):
-        rows.append(("moves, by name", ", ".join(str(name) for name in search["moves"])))
-    if gap is not None:
-        none = gap <= 1e-9 * abs(search.get("cost") or 0.0)
-        best = "no sequence is cheaper" if none else f"no sequence is cheaper by more than {_plain(gap)}"
-        text += f"<p>By the objective of the search, {escape(best)}.</p>\n"
+    if search.moves:
+        rows.append(("moves, by name", ", ".join(search.moves)))
+    none = search.gap <= 1e-9 * abs(search.cost)
+    best = "no sequence is cheaper" if none else f"no sequence is cheaper by more than {_plain(search.gap)}"
+    text += f"<p>By the objective of the search, {escape(best)}.</p>\n"
     return text + table("The search", ("", ""), rows)
 
 
-def _plain(value: Any) -> str:
-    return signed(value, ".6g") if isinstance(value, float) else "–" if value is None else str(value)
+def _plain(value: float) -> str:
+    return signed(value, ".6g")
 
 
 def contact_table(plan: Plan) -> str:
     """What the ids of the contacts mean."""
-    rows = [(str(c["id"]), str(c["kind"]), contact_words(plan, c["id"])) for c in plan.get("contacts", ())]
+    rows = [(c.id, c.kind, contact_words(plan, c.id)) for c in plan.contacts]
     caption = "Contacts by id (v vertex, e edge, f face), the moving part's feature first"
     return table(
         caption,
@@ -217,19 +192,13 @@ _VERDICTS = {
 def critical_table(plan: Plan) -> str:
     """The critical points and what was found there."""
     rows = []
-    for number, point in enumerate(plan.get("critical_points", ())):
-        pose, pcs = point.get("pose"), point.get("pcs", ())
-        counts = point.get("states_by_dimension", {})
-        listed = counts.items() if isinstance(counts, Mapping) else enumerate(counts)
-        by_dimension = ", ".join(
-            f"{n} of dimension {d}" for d, n in sorted(listed, key=lambda item: -int(item[0])) if n
-        )
-        contacts = str(pcs) if isinstance(pcs, int) else str(len(pcs))
-        name = str(point.get("name") or number)
-        sure = _plain(point.get("states_confirmed"))
-        other = point.get("states_by_verdict", {})
-        sure += "".join(f"; {n} {_VERDICTS[name]}" for name, n in other.items() if n and name in _VERDICTS)
-        rows.append((name, pose_words(pose) if pose else "–", contacts, by_dimension or "–", sure))
+    for point in plan.critical_points or ():
+        counts = sorted(point.states_by_dimension.items(), reverse=True)
+        by_dimension = ", ".join(f"{n} of dimension {d}" for d, n in counts if n)
+        sure = str(point.states_confirmed)
+        other = point.states_by_verdict.items()
+        sure += "".join(f"; {n} {_VERDICTS[name]}" for name, n in other if n and name in _VERDICTS)
+        rows.append((point.name, pose_words(point.pose), str(len(point.contacts)), by_dimension or "–", sure))
     head = ("critical point", "pose", "primitive contacts", "contact states", "confirmed on the true surfaces")
     return table(
         "Contact spaces, at the critical points of the nominal trajectory and where contacts are made",
@@ -241,10 +210,7 @@ def critical_table(plan: Plan) -> str:
 
 def margin_words_of(plan: Plan) -> str:
     """What the figure of the margins shows, with the smallest one."""
-    run = [move for move in moves(plan) if move.margin is not None]
-    if not run:
-        return ""
-    worst = min(run, key=lambda move: float(move.margin or 0.0))
+    worst = min(moves(plan), key=lambda move: move.margin)
     words = (
         "The clearance is that of the nominal motion; the margin is what is left of it when every error in the set, "
         "the curvature of the contact surfaces and the drift of the velocity have taken their part. Smallest: "
@@ -271,7 +237,6 @@ def taken(plan: Plan) -> str:
     rows = [
         (str(move.number), quantity(move.clearance), quantity(move.clearance - move.margin), margin_words(move.margin))
         for move in moves(plan)
-        if move.clearance is not None and move.margin is not None
     ]
     head = ("move", "smallest clearance", "difference", margin_name(plan))
     return table("What errors and curvature take of the clearance", head, rows, "nnnn")
@@ -279,20 +244,19 @@ def taken(plan: Plan) -> str:
 
 def not_covered(plan: Plan) -> str:
     """What the plan says was not checked."""
-    items = "\n".join(f"<li>{escape(str(words))}</li>" for words in plan.get("not_covered", ()))
+    items = "\n".join(f"<li>{escape(words)}</li>" for words in plan.not_covered)
     return f"<ul>\n{items}\n</ul>\n" if items else "<p>The plan does not say what was not checked.</p>\n"
 
 
 def provenance(plan: Plan) -> str:
     """Versions, digests, units and frames, and how to check again."""
-    problem, stated = plan.get("problem", {}), plan.get("sha256")
-    fits = "" if stated is None else " (fits this plan)" if digest(plan) == stated else " (does not fit this plan)"
+    fits = "fits this plan" if plan.digest_holds else "does not fit this plan"
     rows = [
-        ("made by", f"fmopt {plan.get('fmopt_version', '–')}, plan format {plan.get('format', '–')}"),
-        ("problem", f"{problem.get('title', '–')}, SHA-256 {problem.get('sha256', '–')}"),
-        ("plan", f"SHA-256 {stated or 'none: the plan is not sealed'}{fits}"),
-        ("units", ", ".join(f"{name} in {unit}" for name, unit in sorted(plan.get("units", {}).items())) or "–"),
-        *((f"frame: {name}", str(words)) for name, words in sorted(plan.get("frames", {}).items())),
+        ("made by", f"fmopt {plan.version}, plan format {FORMAT}"),
+        ("problem", f"{plan.title}, SHA-256 {plan.problem}"),
+        ("plan", f"SHA-256 {plan.sha256} ({fits})"),
+        ("units", ", ".join(f"{name} in {unit}" for name, unit in sorted(UNITS.items()))),
+        *((f"frame: {name}", words) for name, words in sorted(FRAMES.items())),
     ]
     text = "<p>Anyone can check the plan again without the planner: <code>fmopt verify plan.json</code>.</p>\n"
     return text + table("Provenance", ("", ""), rows)

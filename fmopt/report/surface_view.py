@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fmopt.plan import Plan, Slice, Surface
 from fmopt.report.drawing import BLUE, RUST, WIDTH
 from fmopt.report.planar_view import piece_points
 
@@ -20,16 +21,17 @@ _ROW = 2.75  # inches
 TITLE = "CU of basic contacts over φ, and the nominal C-surface inside"
 
 
-def _surfaces(plan: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    return list(plan.get("diagnostics", {}).get("planar", {}).get("surfaces", ()))
+def _surfaces(plan: Plan) -> tuple[Surface, ...]:
+    planar = None if plan.diagnostics is None else plan.diagnostics.planar
+    return () if planar is None else planar.surfaces
 
 
-def has(plan: Mapping[str, Any]) -> bool:
+def has(plan: Plan) -> bool:
     """Whether the plan is planar and holds such surfaces."""
     return bool(_surfaces(plan))
 
 
-def size(plan: Mapping[str, Any]) -> tuple[float, float]:
+def size(plan: Plan) -> tuple[float, float]:
     """Width and height in inches."""
     return paper(len(_surfaces(plan)))
 
@@ -39,22 +41,22 @@ def paper(count: int) -> tuple[float, float]:
     return WIDTH, 0.35 + _ROW * math.ceil(count / _COLUMNS)
 
 
-def alt(plan: Mapping[str, Any]) -> str:
+def alt(plan: Plan) -> str:
     """What is to be seen, for who cannot see it."""
     words = []
     for surface in _surfaces(plan):
-        low, high = (math.degrees(surface["slices"][k]["phi"]) for k in (0, -1))
-        words.append(f"{surface['contact']}, {surface['kind']}, φ from {low:.4g} to {high:.4g}°")
+        low, high = (math.degrees(surface.slices[k].phi) for k in (0, -1))
+        words.append(f"{surface.contact}, {surface.kind}, φ from {low:.4g} to {high:.4g}°")
     return "Configurations at which contacts are possible, as slices over φ: " + "; ".join(words) + "."
 
 
-def paint(plan: Mapping[str, Any], figure: Figure) -> None:
+def paint(plan: Plan, figure: Figure) -> None:
     """The surfaces of the plan side by side."""
     paint_surfaces(_surfaces(plan), figure, "z")
 
 
-def paint_surfaces(surfaces: Sequence[Mapping[str, Any]], figure: Figure, upright: str = "y") -> None:
-    """A body for each record, as `uncertainty.planar.record.surface_record` makes them; drawn in mm and °.
+def paint_surfaces(surfaces: Sequence[Surface], figure: Figure, upright: str = "y") -> None:
+    """A body for each surface; `fmopt.plan.surface` reads what `uncertainty.planar.record` makes. Drawn in mm and °.
 
     `upright` is what the plane's second axis is called: z in a plan.
     """
@@ -66,9 +68,9 @@ def paint_surfaces(surfaces: Sequence[Mapping[str, Any]], figure: Figure, uprigh
     for k, surface in enumerate(surfaces):
         left, top = (k % _COLUMNS) / _COLUMNS, 1.0 - (k // _COLUMNS) * row
         axes: Any = figure.add_axes((left + 0.01, top - row, 0.46, 0.95 * row), projection="3d")
-        _slices(axes, surface["slices"])
-        _nominal(axes, surface["slices"])
-        name = f"CU of {surface['contact']}, {surface['kind']}"
+        _slices(axes, surface.slices)
+        _nominal(axes, surface.slices)
+        name = f"CU of {surface.contact}, {surface.kind}"
         figure.text(left + 0.04, top - 0.07 * row, name, fontweight="bold", fontsize=9.0)
         for axis, label, pad in (
             (axes.xaxis, "x, mm", 0.0),
@@ -84,15 +86,15 @@ def paint_surfaces(surfaces: Sequence[Mapping[str, Any]], figure: Figure, uprigh
     _legend(figure)
 
 
-def _slices(axes: Any, slices: Sequence[Mapping[str, Any]]) -> None:
+def _slices(axes: Any, slices: Sequence[Slice]) -> None:
     """Each slice as a translucent face with its outline: together the skin of the body."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     faces = []
     for part in slices:
-        for loop in part["loops"]:
+        for loop in part.boundary.loops:
             edge = 1e3 * np.vstack([piece_points(piece, 0.15)[:-1] for piece in loop])
-            faces.append(np.column_stack([edge, np.full(len(edge), math.degrees(part["phi"]))]))
+            faces.append(np.column_stack([edge, np.full(len(edge), math.degrees(part.phi))]))
     skin = Poly3DCollection(faces, facecolor=BLUE, edgecolor=BLUE, alpha=0.1, linewidth=0.6)
     skin.set_edgecolor((0.106, 0.31, 0.541, 0.6))
     axes.add_collection3d(skin)
@@ -103,12 +105,12 @@ def _slices(axes: Any, slices: Sequence[Mapping[str, Any]]) -> None:
         setter(low, high)
 
 
-def _nominal(axes: Any, slices: Sequence[Mapping[str, Any]]) -> None:
+def _nominal(axes: Any, slices: Sequence[Slice]) -> None:
     """The nominal C-surface, ruled by one segment a slice."""
     ruled = [
-        np.column_stack([1e3 * np.array(part["nominal"]), np.full(2, math.degrees(part["phi"]))])
+        np.column_stack([1e3 * np.array(part.boundary.nominal), np.full(2, math.degrees(part.phi))])
         for part in slices
-        if len(part["nominal"]) == 2
+        if len(part.boundary.nominal) == 2
     ]
     if len(ruled) > 1:
         x, y, z = np.moveaxis(np.array(ruled), -1, 0)

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from html import escape
-from typing import Any
 
+from fmopt.plan import Plan, Tolerated, ToleratedEnd
 from fmopt.report.moves import verdict
 from fmopt.report.naming import AXES, binding_words, degrees, millimetres, signed
 from fmopt.report.tables import table
 
-Plan = Mapping[str, Any]
 _ONE = {"start": (1e-4, math.radians(0.1)), "velocity": (0.01, 0.01), "clearance": (1e-5, 1e-5)}
 _WORDS = {"clearance": "clearance on each side"}
 _LARGE = 9.95e-5  # m: from here on whole micrometres are said
@@ -20,43 +18,46 @@ _LEAST = 5e-9  # m: smaller changes of the margin are called none
 
 def tolerated_words(plan: Plan) -> str:
     """How far all start errors may grow together, in a sentence; nothing where the plan does not say."""
-    found = plan.get("diagnostics", {}).get("tolerated")
-    if not found:
+    found = _tolerated(plan)
+    if found is None:
         return ""
-    box = [(name, value) for name, value in zip(AXES, found["start_box"], strict=True) if value > 0.0]
-    if found["factor"] <= 0.0:
+    box = [(name, value) for name, value in zip(AXES, found.start_box, strict=True) if value > 0.0]
+    if found.factor <= 0.0:
         words = "This motion has no positive margin, however small the start errors."
     elif not box:
         return "The problem states no start error."
     else:
         sizes = ", ".join(f"{name} ±{_size(name, value)}" for name, value in box)
-        words = f"This motion keeps a positive margin up to {found['factor']:.3g} times the start errors: {sizes}."
-    words += _end_words(plan, found.get("ends"))
+        words = f"This motion keeps a positive margin up to {found.factor:.3g} times the start errors: {sizes}."
+    words += _end_words(plan, found.end)
     if verdict(plan).proved:
         return words + " Only the stated errors are certified; the larger ones are the planner's own figure."
     return words + " That is the planner's own figure, and not proved."
 
 
-def _end_words(plan: Plan, end: Plan | None) -> str:
+def _tolerated(plan: Plan) -> Tolerated | None:
+    return None if plan.diagnostics is None else plan.diagnostics.tolerated
+
+
+def _end_words(plan: Plan, end: ToleratedEnd | None) -> str:
     """What fails first beyond that, as a sentence."""
     if end is None:
         return ""
-    return f" What ends it is move {end['move'] + 1}: {end['reason'] or binding_words(plan, str(end['binding']))}."
+    return f" What ends it is move {end.move + 1}: {end.reason or binding_words(plan, end.binding)}."
 
 
 def rates(plan: Plan) -> list[tuple[str, str, str]]:
     """For each tolerance its name, its value and what one more step of it does to the margin, the costliest first."""
-    listed = plan.get("diagnostics", {}).get("tolerated", {}).get("sensitivities", ())
+    found = _tolerated(plan)
     rows = []
-    for entry in listed:
-        kind, _, axis = str(entry["name"]).partition(".")
+    for entry in () if found is None else found.sensitivities:
+        kind, _, axis = entry.name.partition(".")
         turns = axis.startswith("r") and kind == "start"
         one = _ONE[kind][turns]
-        change = entry["change"]
-        if change is None:
+        if entry.change is None:
             gain, words = -math.inf, "the motion fails"
         else:
-            gain = float(change) / float(entry["step"]) * one
+            gain = entry.change / entry.step * one
             words = (
                 "no change"
                 if abs(gain) < _LEAST
@@ -64,7 +65,7 @@ def rates(plan: Plan) -> list[tuple[str, str, str]]:
             )
         step = {"start": "0.1°" if turns else "0.1 mm", "velocity": "1 %", "clearance": "0.01 mm"}[kind]
         name = _WORDS.get(kind, f"{'error' if kind == 'start' else 'velocity error,'} {axis}")
-        rows.append((-abs(gain), (name, _value(kind, axis, float(entry["value"])), f"{step} more: {words}")))
+        rows.append((-abs(gain), (name, _value(kind, axis, entry.value), f"{step} more: {words}")))
     return [row for _, row in sorted(rows, key=lambda pair: pair[0])]
 
 

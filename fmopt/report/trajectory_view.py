@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fmopt.plan import Nominal, PositionForce
 from fmopt.report.drawing import BLUE, GREY, INK, RUST, WIDTH
 from fmopt.report.naming import AXES
 from fmopt.values import Array
@@ -28,38 +29,41 @@ _NEAR = 0.12  # of the duration, labels nearer than this are one
 _SCALE = (1e3, 1e3, 1e3, math.degrees(1.0), math.degrees(1.0), math.degrees(1.0))
 
 
-def has(plan: Mapping[str, Any]) -> bool:
-    """Whether the plan holds a nominal trajectory."""
-    return len(plan.get("nominal", {}).get("nodes", ())) > 1
+@dataclass(frozen=True)
+class Course:
+    """A nominal trajectory, with the rows of Pa(t) and Fa(t) where a plan has them."""
+
+    nominal: Nominal
+    forces: tuple[PositionForce, ...] = ()
 
 
-def size(plan: Mapping[str, Any]) -> tuple[float, float]:
+def size(course: Course) -> tuple[float, float]:
     """Width and height in inches."""
     return WIDTH, 6.6
 
 
-def alt(plan: Mapping[str, Any]) -> str:
+def alt(course: Course) -> str:
     """What is to be seen, for who cannot see it."""
     said = []
-    for start, end, s in _intervals(plan):
-        bound = [f"{axis} {STOPS[code]}" for axis, code in zip(AXES, s, strict=True) if code]
-        said.append(f"{start:.3g} to {end:.3g} s: {', '.join(bound) or 'all free'}")
-    forces = ", and position and reaction force Pa and Fa" if plan.get("position_force") else ""
+    for item in course.nominal.intervals:
+        bound = [f"{axis} {STOPS[code]}" for axis, code in zip(AXES, item.s, strict=True) if code]
+        said.append(f"{item.start:.3g} to {item.end:.3g} s: {', '.join(bound) or 'all free'}")
+    forces = ", and position and reaction force Pa and Fa" if course.forces else ""
     return f"Nominal trajectory P(t) per axis with the bands of S(t){forces}. S by time: {'; '.join(said)}."
 
 
-def paint(plan: Mapping[str, Any], figure: Figure) -> None:
+def paint(course: Course, figure: Figure) -> None:
     """A row per axis: position on the left with S(t) as bands, reaction force on the right where there is one."""
-    forces = plan.get("position_force", ())
+    forces = course.forces
     columns = 2 if forces else 1
     figure.set_layout_engine("none")  # by hand: a fifth of the time
     room = {"left": 0.09, "right": 0.985, "top": 0.945, "bottom": 0.145, "hspace": 0.3, "wspace": 0.24}
     grid = figure.subplots(6, columns, squeeze=False, sharex=True, gridspec_kw=room)
     for axis, row in enumerate(grid):
-        _bands(row[0], plan, axis)
-        _position(row[0], plan, axis)
+        _bands(row[0], course.nominal, axis)
+        _position(row[0], course, axis)
         if forces:
-            _bands(row[1], plan, axis)
+            _bands(row[1], course.nominal, axis)
             _force(row[1], forces, axis)
     grid[0, 0].set_title(
         "position P(t), Pa(t), and S(t)" if forces else "nominal position P(t) and freedoms S(t)", pad=14.0
@@ -68,19 +72,15 @@ def paint(plan: Mapping[str, Any], figure: Figure) -> None:
         grid[0, 1].set_title("reaction Fa(t); applied: −Fa(t)", pad=14.0)
     for axes in grid[-1]:
         axes.set_xlabel("time, s")
-    _switches(grid, plan)
+    _switches(grid, course.nominal)
     figure.align_ylabels()
     _legend(figure, bool(forces))
 
 
-def _intervals(plan: Mapping[str, Any]) -> list[tuple[float, float, Sequence[int]]]:
-    return [(item["t0"], item["t1"], item["s"]) for item in plan.get("nominal", {}).get("intervals", ())]
-
-
-def _bands(axes: Axes, plan: Mapping[str, Any], axis: int) -> None:
+def _bands(axes: Axes, nominal: Nominal, axis: int) -> None:
     """Bands over the whole height; an interval too short to be seen is drawn as a line."""
-    duration = float(plan["nominal"]["times"][-1])
-    for start, end, code in _runs(plan, axis):
+    duration = nominal.times[-1]
+    for start, end, code in _runs(nominal, axis):
         style = _BANDS.get(code)
         if style and end - start > _SHORT * duration:
             axes.axvspan(start, end, linewidth=0, zorder=0, **style)
@@ -88,23 +88,23 @@ def _bands(axes: Axes, plan: Mapping[str, Any], axis: int) -> None:
             axes.axvline(0.5 * (start + end), color=style["edgecolor"], linewidth=2.5, zorder=0)
 
 
-def _runs(plan: Mapping[str, Any], axis: int) -> list[tuple[float, float, int]]:
+def _runs(nominal: Nominal, axis: int) -> list[tuple[float, float, int]]:
     """The stretches of time over which one value of S stays the same."""
     found: list[tuple[float, float, int]] = []
-    for start, end, s in _intervals(plan):
-        code = int(s[axis])
+    for item in nominal.intervals:
+        code = item.s[axis]
         if found and found[-1][2] == code:
-            found[-1] = (found[-1][0], end, code)
+            found[-1] = (found[-1][0], item.end, code)
         else:
-            found.append((start, end, code))
+            found.append((item.start, item.end, code))
     return found
 
 
-def _switches(grid: Any, plan: Mapping[str, Any]) -> None:
+def _switches(grid: Any, nominal: Nominal) -> None:
     """A thin line where S changes, its time above the first row, unless it is too near another."""
-    duration = float(plan["nominal"]["times"][-1])
+    duration = nominal.times[-1]
     last = -math.inf
-    for start, _, _ in _intervals(plan)[1:]:
+    for start in (item.start for item in nominal.intervals[1:]):
         for axes in (axes for row in grid for axes in row):
             axes.axvline(start, color=GREY, linewidth=0.5, zorder=1)
         if start - last > _NEAR * duration:
@@ -114,31 +114,32 @@ def _switches(grid: Any, plan: Mapping[str, Any]) -> None:
             last = start
 
 
-def _position(axes: Axes, plan: Mapping[str, Any], axis: int) -> None:
-    nominal = plan["nominal"]
-    values = _SCALE[axis] * np.array(nominal["nodes"], dtype=np.float64)[:, axis]
-    axes.plot(nominal["times"], values, color=INK, linewidth=1.2)
+def _position(axes: Axes, course: Course, axis: int) -> None:
+    nominal = course.nominal
+    values = _SCALE[axis] * np.array(nominal.nodes, dtype=np.float64)[:, axis]
+    axes.plot(nominal.times, values, color=INK, linewidth=1.2)
     everything = [values]
-    for item in plan.get("position_force", ()):
-        if int(item["s"][axis]) != 0:
+    for item in course.forces:
+        if item.interval.s[axis] != 0:
             continue  # Γ is 0 there, and not a position: the axis is servoed in force
-        ends = _SCALE[axis] * np.array([item["pa_start"][axis], item["pa_end"][axis]], dtype=np.float64)
-        axes.plot([item["t0"], item["t1"]], ends, color=BLUE, linewidth=1.6, linestyle="--")
+        ends = _SCALE[axis] * np.array([item.pa_start[axis], item.pa_end[axis]], dtype=np.float64)
+        axes.plot([item.interval.start, item.interval.end], ends, color=BLUE, linewidth=1.6, linestyle="--")
         everything.append(ends)
     _limits(axes, np.concatenate(everything), 1e-3)
     axes.set_ylabel(f"{AXES[axis]}, {'mm' if axis < 3 else '°'}")
 
 
-def _force(axes: Axes, forces: Sequence[Mapping[str, Any]], axis: int) -> None:
+def _force(axes: Axes, forces: tuple[PositionForce, ...], axis: int) -> None:
     """Steps of Fa; where the sign depends on which side touches, both signs."""
     everything = []
     for item in forces:
-        value = float(item["fa"][axis])
-        either = {AXES.index(a) if isinstance(a, str) else int(a) for a in item.get("either_sign", ())}
-        signs = (1.0, -1.0) if axis in either and value else (1.0,)
+        value = item.fa[axis]
+        signs = (1.0, -1.0) if axis in item.either_sign and value else (1.0,)
         for sign in signs:
             style = ":" if len(signs) > 1 else "-"
-            axes.plot([item["t0"], item["t1"]], [sign * value] * 2, color=RUST, linewidth=1.6, linestyle=style)
+            axes.plot(
+                [item.interval.start, item.interval.end], [sign * value] * 2, color=RUST, linewidth=1.6, linestyle=style
+            )
             everything.append(sign * value)
     axes.axhline(0.0, color=GREY, linewidth=0.5, zorder=1)
     _limits(axes, np.array(everything), 1e-3)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fmopt.plan import Plan
 from fmopt.report.drawing import BLUE, INK, WIDTH
 from fmopt.report.moves import moves
 from fmopt.report.naming import AXES, pose_words
@@ -57,47 +57,42 @@ class ErrorSet(Value):
         return np.asarray(np.minimum(sum_, np.sqrt(np.maximum(np.diag(self.shape), 0.0))))
 
 
-def error_sets(plan: Mapping[str, Any]) -> list[ErrorSet]:
+def error_sets(plan: Plan) -> list[ErrorSet]:
     """The set at the start and at the end of every move."""
-    run = [move for move in moves(plan) if all(piece.get("tube") for piece in move.segments)]
-    found = []
-    for name, tube, end in [
-        *(("start", move.segments[0]["tube"], "start") for move in run[:1]),
-        *((f"move {move.number}", move.segments[-1]["tube"], "goal") for move in run),
-    ]:
-        shape = tube[f"shape_{end}"]
-        growth = tube.get(f"growth_{end}", shape)
-        found.append(ErrorSet(name, tube.get(f"generators_{end}", []), growth, shape))
-    return found
+    ends = [
+        ("start", plan.segments[0].tube.matrices, "start"),
+        *((f"move {move.number}", move.segments[-1].tube.matrices, "goal") for move in moves(plan)),
+    ]
+    return [
+        ErrorSet(name, np.array(of[f"generators_{end}"]), np.array(of[f"growth_{end}"]), np.array(of[f"shape_{end}"]))
+        for name, of, end in ends
+    ]
 
 
-def ends_words(plan: Mapping[str, Any]) -> str:
-    """Where the motion begins, and what is left of the errors at its end, in a sentence; nothing without a tube."""
-    sets = error_sets(plan)
-    if not sets:
-        return ""
-    half = sets[-1].half_widths()
+def ends_words(plan: Plan) -> str:
+    """Where the motion begins, and what is left of the errors at its end, in a sentence."""
+    half = error_sets(plan)[-1].half_widths()
     left = [
         f"{axis} ±{float(_SCALE[k] * half[k]):.2g}{'°' if k > 2 else ' mm'}"
         for k, axis in enumerate(AXES)
         if half[k] > _LITTLE
     ]
-    words = f"It begins at {pose_words(plan['segments'][0]['start'])}, the lowest point above the mouth, and "
+    words = f"It begins at {pose_words(plan.segments[0].start)}, the lowest point above the mouth, and "
     return words + (f"ends with errors of up to {', '.join(left)}." if left else "ends with no error to speak of.")
 
 
-def size(plan: Mapping[str, Any]) -> tuple[float, float]:
+def size(plan: Plan) -> tuple[float, float]:
     """Width and height in inches."""
     return WIDTH, 4.7 * max(1, math.ceil(len(error_sets(plan)) / _PER_ROW))
 
 
-def alt(plan: Mapping[str, Any]) -> str:
+def alt(plan: Plan) -> str:
     """What is to be seen, for who cannot see it."""
     said = [f"{errors.name} {_largest(errors.half_widths())}" for errors in error_sets(plan)]
     return f"Cross-sections of the set of errors. Largest half-widths: {'; '.join(said)}."
 
 
-def paint(plan: Mapping[str, Any], figure: Figure) -> None:
+def paint(plan: Plan, figure: Figure) -> None:
     """A column per move's end, a row per plane; one scale in a row, so that shrinking is seen as shrinking."""
     sets = error_sets(plan)
     blocks = [sets[k : k + _PER_ROW] for k in range(0, len(sets), _PER_ROW)]

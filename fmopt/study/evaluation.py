@@ -204,7 +204,7 @@ def _margins(solved: Solved) -> dict[str, Scalar]:
         "margin": least.margin,
         "nominal_clearance": least.clearance,
         "binding_contact": least.binding,
-        "binding_words": binding_label(solved.document, least.binding),
+        "binding_words": binding_label(found, least.binding),
         "binding_move": least.move + 1,
     }
 

@@ -147,7 +147,7 @@ class Sensitivity:
 
 
 @dataclass(frozen=True)
-class End:
+class ToleratedEnd:
     """What fails first as start errors grow: in which move, the inequality without margin, or why it is impossible."""
 
     move: int
@@ -162,7 +162,7 @@ class Tolerated:
     factor: float
     start_box: Numbers
     sensitivities: tuple[Sensitivity, ...]
-    end: End | None
+    end: ToleratedEnd | None
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ from fmopt.verify.diagnostics import (
     Diagnostics,
     Diagram,
     DiagramPose,
-    End,
     Graph,
     Hand,
     HandMove,
@@ -16,6 +15,7 @@ from fmopt.verify.diagnostics import (
     Sensitivity,
     State,
     Tolerated,
+    ToleratedEnd,
     Visit,
 )
 from fmopt.verify.form import FIXED_IN
@@ -200,9 +200,9 @@ def _sensitivity(place: Reader) -> Sensitivity:
     )
 
 
-def _end(place: Reader) -> End:
+def _end(place: Reader) -> ToleratedEnd:
     place.only(_END)
-    return End(place.at("move").integer(), place.at("binding").text(), place.at("reason").text())
+    return ToleratedEnd(place.at("move").integer(), place.at("binding").text(), place.at("reason").text())
 
 
 def _reduced(place: Reader) -> Reduced:

@@ -17,6 +17,7 @@ from fmopt.verify.keys import Fields, fields
 from fmopt.verify.reader import MOST, Reader
 
 PHASES = ("gross", "fine", "blocked")
+CARRIERS = ("r_M", "r_m", "g_M", "g_m", "n", "line")
 CONTACT_KINDS = ("type-1", "type-2")
 _WHERE = "diagnostics.planar"
 _PLANAR = fields(_WHERE, objects="deviations nominal agreement segments carry sets surfaces")
@@ -103,7 +104,7 @@ def _curve(place: Reader) -> Curve:
     if (line is None) == (arc is None):
         raise place.fail("must be either a line or an arc")
     return Curve(
-        place.at("on").label(),
+        place.at("on").text(CARRIERS),
         None if line is None else line.numbers(4),
         None if arc is None else arc.numbers(5),
     )

@@ -1,0 +1,40 @@
+"""Text from outside, written into a text of another language so that nothing of it is read as that language.
+
+One function for each place; none of them trusts that a reader has refused anything before.
+"""
+
+from __future__ import annotations
+
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")  # what spreadsheets take for the beginning of a formula
+
+
+def one_line(text: str) -> str:
+    """Text on one line, for comments: all that is not printable is written as its code, as line breaks of any kind."""
+    return "".join(letter if letter.isprintable() else _code(letter) for letter in text)
+
+
+def urscript_string(text: str) -> str:
+    """A string of URScript, with its quotes; the language has no escapes, so that quotes become apostrophes."""
+    return '"' + one_line(text).replace('"', "'").replace("\\", "/") + '"'
+
+
+def yaml_string(text: str) -> str:
+    """A scalar or key of YAML, in double quotes; reads back as the same text."""
+    quoted = text.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + "".join(letter if letter.isprintable() else _code(letter, "\\U") for letter in quoted) + '"'
+
+
+def csv_text(text: str) -> str:
+    """A text for a cell of a table, which no spreadsheet takes for a formula; who writes the table puts the quotes."""
+    line = one_line(text)
+    return "'" + line if text.lstrip().startswith(_FORMULA) or text.startswith(_FORMULA) else line
+
+
+def csv_comment(text: str) -> str:
+    """Text for the rest of a line of a table that begins with #: to a spreadsheet all of the line is one cell."""
+    return one_line(text).translate(dict.fromkeys(map(ord, ",;|\"'"), " "))
+
+
+def _code(letter: str, long: str = "\\u") -> str:
+    number = ord(letter)
+    return f"\\u{number:04x}" if number < 0x10000 else f"{long}{number:08x}"
