@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from fmopt.plan import FORMAT, sealed
+from fmopt.plan import FORMAT, FRAMES, NOT_COVERED, UNITS, Plan, parsed, sealed
 
 SHAPE = [[4e-8 if i == j and i < 2 else 1e-6 if i == j else 0.0 for j in range(6)] for i in range(6)]
 TUBE = {
@@ -14,6 +14,8 @@ TUBE = {
     "growth_goal": [[1e-10 if i == j else 0.0 for j in range(6)] for i in range(6)],
     "theta_max": 1e-3,
     "offset_max": 2e-4,
+    "offset_box": [2e-4] * 3,
+    "angle_box": [1e-3] * 3,
 }
 
 
@@ -49,40 +51,58 @@ def segment(move: int, start: list[float], goal: list[float], **more: Any) -> di
         "tube": TUBE,
         "separations": [],
         "contacts": [],
+        "hybrid": hybrid(),
         **more,
     }
 
 
 def hybrid() -> dict[str, Any]:
     return {
+        "push": 5.0,
+        "stays": "none",
+        "normal_forces": [],
         "frame": [0.0] * 6,
         "position_axes": [[0, 1, 0, 0, 0, 0]],
         "force_axes": [[1, 0, 0, 0, 0, 0]],
         "velocity": [-1, 0, 0, 0, 0, 0],
         "speed": 0.02,
         "bias_wrench": [-5, 0, 0, 0, 0.1, 0],
-        "termination": {"wrench": [1, 0, 0, 0, 0, 0], "threshold": 2.0, "max_travel": 0.0013, "timeout": 3.0},
+        "termination": {
+            "contacts": ["v0-f5"],
+            "wrench": [1, 0, 0, 0, 0, 0],
+            "threshold": 2.0,
+            "max_travel": 0.0013,
+            "timeout": 3.0,
+        },
     }
 
 
-def cube_plan(verdict: str = "CERTIFIED", margin: float | None = 4.2e-5, **more: Any) -> dict[str, Any]:
+def diagnostics(**more: Any) -> dict[str, Any]:
+    """What a plan tells of how it was found, nothing of it filled in but the clearance and what is given."""
+    empty: dict[str, Any] = {key: [] for key in ("graphs", "sequence", "diagrams", "freedom_on_planes", "budget")}
+    return {**empty, "clearance": {"measured": [1e-4, 1e-4]}, **more}
+
+
+def cube_plan(verdict: str = "CERTIFIED", margin: float = 4.2e-5, **more: Any) -> dict[str, Any]:
     """The plan, sealed; `margin` is that of the last piece."""
-    down = segment(0, [0.001, 0, 0.003, 0, 0, 0], [0.001, 0, 0.001, 0, 0, 0])
+    still = {**hybrid(), "termination": {**hybrid()["termination"], "contacts": [], "wrench": [0.0] * 6}}
+    down = segment(0, [0.001, 0, 0.003, 0, 0, 0], [0.001, 0, 0.001, 0, 0, 0], hybrid=still)
     made = {"goal_state": ["v0-f5"], "basis": [{"contact": "v0-f5", "direction": [-1, 0, 0, 0, 0, 0], "made": True}]}
-    near = segment(1, down["goal"], [0.0005, 0, 0.001, 0, 0.002, 0], progress=[0.0, 0.5], hybrid=hybrid(), **made)
+    near = segment(1, down["goal"], [0.0005, 0, 0.001, 0, 0.002, 0], progress=[0.0, 0.5], **made)
     last = [-0.0001, 0, 0.001, 0, 0.004, 0]
-    touch = segment(1, near["goal"], last, progress=[0.5, 1.0], margin=margin, hybrid=hybrid(), **made)
+    touch = segment(1, near["goal"], last, progress=[0.5, 1.0], margin=margin, **made)
+    clearance = {"declared_clearance": [1e-4, 1e-4], "measured_clearance": 1e-4}
     cube = box((-5, -5, 0), (5, 5, 10))
     plan = {
         "format": FORMAT,
         "fmopt_version": "0.0",
         "problem": {"title": "cube to a wall", "sha256": "0" * 64},
-        "units": {"length": "m"},
-        "frames": {"B": "on the floor"},
+        "units": UNITS,
+        "frames": FRAMES,
         "verdict": verdict,
         "parts": {
-            "moving": {"name": "cube", **cube, "pieces": [cube]},
-            "fixed": {"name": "bracket", **bracket(), "declared_clearance": [1e-4, 1e-4], "measured_clearance": 1e-4},
+            "moving": {"name": "cube", **cube, "pieces": [cube], **clearance},
+            "fixed": {"name": "bracket", **bracket(), **clearance},
         },
         "contacts": [
             {"id": "v0-f5", "kind": "vertex-face", "moving": {"vertices": [0]}, "fixed": {"vertices": [4, 3, 9, 10]}}
@@ -92,27 +112,39 @@ def cube_plan(verdict: str = "CERTIFIED", margin: float | None = 4.2e-5, **more:
             "times": [0, 1],
             "intervals": [{"t0": 0, "t1": 1, "s": [-1, 0, 1, 2, 0, 0]}, {"t0": 1, "t1": 1, "s": [2, 0, -1, 2, 2, 2]}],
         },
-        "critical_points": [{"pose": [0.0] * 6, "pcs": ["v0-f5"], "states_by_dimension": {"6": 1, "5": 2}}],
+        "critical_points": [
+            {"name": "mouth", "pose": [0.0] * 6, "pcs": ["v0-f5"], "enumerated": True}
+            | {"states_by_dimension": {"6": 1, "5": 2}, "states_confirmed": 1}
+            | {"states_by_verdict": {"confirmed": 1, "blocked": 1, "out_of_bounds": 0, "split": 0, "undecided": 1}}
+        ],
         "segments": [down, near, touch],
         "position_force": [
             {"t0": 0, "t1": 1, "s": [-1, 0, 1, 2, 0, 0], "pa_start": [0, 0, 0.003, 0, 0, 0], "pa_end": [0.0] * 6}
-            | {"fa": [5, 0, 0, 0.1, 0, 0], "fa_sign": "reaction", "either_sign": ["rx"]}
+            | {"pn_start": [0.0] * 6, "pn_end": [0.0] * 6, "applied": [-5, 0, 0, -0.1, 0, 0]}
+            | {"fa": [5, 0, 0, 0.1, 0, 0], "fa_sign": "reaction", "either_sign": [3]}
         ],
-        "search": {"objective": "transitions", "cost": 1.0, "lower_bound": 1.0, "gap": 0.0, "states_expanded": 2},
+        "search": {"objective": "transitions", "cost": 1.0, "lower_bound": 1.0, "gap": 0.0, "states_expanded": 2}
+        | {"moves": ["approach", "-x"], "heading": 0.0},
+        "specification": {"speed": 0.02, "contact_force": 5.0, "torque_limit": 1.0, "friction": 0.3}
+        | {"termination_force": 2.0},
+        "touch_tolerance": 1e-9,
         "uncertainty": {"start_box": [3e-4, 3e-4, 0, 0, 0, 0.005], "velocity_error": [0.01, 0.02], "rho": 0.01},
         "goal": last,
-        "not_covered": ["friction"],
+        "not_covered": list(NOT_COVERED),
         **more,
     }
     return sealed(plan)
 
 
 def bare_plan() -> dict[str, Any]:
-    """A plan of which only the parts are filled in."""
-    full = cube_plan("NOT_PROVED")
-    empty = ("contacts", "critical_points", "segments", "position_force", "not_covered")
-    plan = {key: [] if key in empty else full[key] for key in full if key not in ("sha256", "uncertainty", "goal")}
-    return sealed({**plan, "nominal": {}, "search": {}})
+    """A plan that tells nothing but its motion."""
+    besides = ("nominal", "critical_points", "position_force", "search", "sha256")
+    return sealed({key: value for key, value in cube_plan("NOT_PROVED").items() if key not in besides})
+
+
+def cube(verdict: str = "CERTIFIED", margin: float = 4.2e-5, **more: Any) -> Plan:
+    """The plan as values."""
+    return parsed(cube_plan(verdict, margin, **more))
 
 
 def with_graph() -> dict[str, Any]:
@@ -123,5 +155,12 @@ def with_graph() -> dict[str, Any]:
         {"id": "s2", "contacts": ["v0-f4"], "dimension": 5},
         {"id": "s3", "contacts": ["v0-f5", "v0-f4"], "dimension": 4},
     ]
-    graph = {"critical_point": "mouth", "states": states, "sons": [[1, 2], [3], [3], []], "chosen": [0, 1]}
-    return cube_plan(diagnostics={"graphs": [graph], "budget": [{"source": "robot", "contribution": [1e-4] * 6}]})
+    graph: dict[str, Any] = {
+        "critical_point": "mouth",
+        "states": states,
+        "sons": [[1, 2], [3], [3], []],
+        "chosen": [0, 1],
+    }
+    graph["verdicts"] = ["confirmed"] * 4
+    budget = [{"source": "robot", "symbol": "", "contribution": [1e-4] * 6}]
+    return cube_plan(diagnostics=diagnostics(graphs=[graph], budget=budget))

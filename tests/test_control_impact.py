@@ -158,7 +158,7 @@ def test_a_slowed_plan_is_certified_and_tells_what_was_slowed(soft_plan: dict[st
     met = [s["hybrid"]["impact"] for s in soft_plan["segments"] if "impact" in s["hybrid"]]
     assert max(impact["force"] for impact in met) == pytest.approx(2.0, rel=1e-9)
     slow = {s["move"] + 1 for s in soft_plan["segments"] if s["hybrid"]["speed"] < 0.0199}
-    page = hybrid_table(soft_plan)
+    page = hybrid_table(parsed(soft_plan))
     assert slow
     assert all(f"move {number} to" in page for number in slow)
     assert "met with at most 2" in page

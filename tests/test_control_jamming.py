@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from fmopt.control.compliance import twist_scale
 from fmopt.control.friction_cones import FrictionCones, cone_angle, least_push, plane_angle
 from fmopt.control.hybrid import HybridStrategy, hybrid_strategy
 from fmopt.control.jamming import JamFree, jam_free
+from fmopt.plan import parsed
 from fmopt.report.jamming_tables import jamming_table, jamming_words
 from fmopt.se3 import Pose
 from fmopt.task.problem import Specification
@@ -262,15 +264,16 @@ def test_ranges_that_say_too_much_are_rejected(square_peg_plan: dict[str, Any]) 
 
 
 def test_the_report_tells_the_worst_piece_of_every_move(square_peg_plan: dict[str, Any]) -> None:
-    page = jamming_table(square_peg_plan)
+    plan = parsed(square_peg_plan)
+    page = jamming_table(plan)
     held = {s["move"] for s in square_peg_plan["segments"] if s["hybrid"].get("jam_free")}
     assert page.count("<tr>") == 1 + len(held)
     assert "friction can take" in page
     stated = [s["hybrid"]["jam_free"] for s in square_peg_plan["segments"] if s["hybrid"].get("jam_free")]
     free = [item["angle"] for item in stated if item["angle"] > 0.0]
-    words = jamming_words(square_peg_plan)
+    words = jamming_words(plan)
     assert f"of {len(free)} of {len(stated)} pieces that hold contacts" in words
     assert f"turned by up to {math.degrees(min(free)):.2g}°" in words
     assert "e-0" not in words + page
     assert ("may jam" in words) == (len(free) < len(stated))
-    assert jamming_table({**square_peg_plan, "segments": square_peg_plan["segments"][:1]}) == ""
+    assert jamming_table(replace(plan, segments=plan.segments[:1])) == ""

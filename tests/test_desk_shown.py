@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from report_plans import bare_plan, cube_plan
+from report_plans import cube_plan
 
 import fmopt
 
@@ -54,8 +54,8 @@ def test_what_has_no_drawing_says_so(problem: fmopt.Problem) -> None:
         fmopt.show(1.0)
     with pytest.raises(fmopt.ChoiceError, match="choose from parts, scene, diagrams"):
         fmopt.show(problem, "tube")
-    with pytest.raises(fmopt.ResourceError, match="a Plan has no drawing"):
-        fmopt.drawings(fmopt.Plan(bare_plan()))
+    with pytest.raises(fmopt.PlanFormatError, match="lacks the key 'problem'"):
+        fmopt.Plan({"format": "fmopt.plan/1"})
 
 
 STUDY = """title = "clearances"

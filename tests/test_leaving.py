@@ -18,6 +18,7 @@ from fmopt.certificate.piece import Piece
 from fmopt.certificate.segment import advance
 from fmopt.errors import InfeasibleError
 from fmopt.placement.entry import planar_entries
+from fmopt.plan import parsed
 from fmopt.plan_record import Moved
 from fmopt.report.moves import move_words, moves
 from fmopt.task.problem import Problem, load
@@ -81,8 +82,9 @@ def test_the_state_after_it_is_a_father_of_the_one_before(plan: dict[str, Any]) 
 
 
 def test_in_words(plan: dict[str, Any]) -> None:
-    (move,) = (m for m in moves(plan) if m.left)
-    assert move_words(plan, move).endswith("away from sloped face f12")
+    found = parsed(plan)
+    (move,) = (m for m in moves(found) if m.left)
+    assert move_words(found, move).endswith("away from sloped face f12")
 
 
 Change = Callable[[dict[str, Any]], Any]

@@ -1,6 +1,5 @@
 """Figure 2's task whole, from the problem file to Pa(t) and Fa(t), and its relatives: blind, square, stepped."""
 
-import json
 from functools import cache
 from pathlib import Path
 
@@ -14,11 +13,14 @@ from fmopt.knowledge.command import answer
 from fmopt.nominal.diagram_record import records
 from fmopt.nominal.freedom import freedom, half_widths
 from fmopt.nominal.mapping import answered, plane_diagrams, task_mapping
+from fmopt.plan import clean, diagram
 from fmopt.report import diagram_view, trajectory_view
 from fmopt.report.drawing import drawn
 from fmopt.se3 import Pose, exp
 from fmopt.task.command import task_command
 from fmopt.task.problem import load
+from fmopt.verify.parse_accounts import read_nominal, read_position_force
+from fmopt.verify.reader import Reader
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 SPEED, RHO = 0.02, 0.014
@@ -246,26 +248,24 @@ def test_the_figures_show_all_parts_of_the_mapping():
     problem, _, made = figure_two()
     rows = position_force(made.path, made.freedoms, contact_forces(problem.specification, RHO))
     intervals = [{"t0": one.start, "t1": one.end, "s": list(one.s)} for one in made.freedoms]
-    plan = {
-        "nominal": {"nodes": made.path.nodes.tolist(), "times": made.path.times.tolist(), "intervals": intervals},
-        "position_force": [row.document() for row in rows],
-        "diagnostics": {"diagrams": records(made, 0.05)},
-    }
-    plan = json.loads(json.dumps(plan, allow_nan=False))
-    for view in (diagram_view, trajectory_view):
-        text = drawn(lambda figure, view=view: view.paint(plan, figure), view.size(plan)).decode()
-        again = drawn(lambda figure, view=view: view.paint(plan, figure), view.size(plan)).decode()
+    nominal = {"nodes": made.path.nodes, "times": made.path.times, "intervals": intervals}
+    forces = read_position_force(Reader(clean([row.document() for row in rows])))
+    course = trajectory_view.Course(read_nominal(Reader(clean(nominal))), forces)
+    found = [diagram(record) for record in records(made, 0.05)]
+    for view, shown in ((diagram_view, found), (trajectory_view, course)):
+        text = drawn(lambda figure, view=view, shown=shown: view.paint(shown, figure), view.size(shown)).decode()
+        again = drawn(lambda figure, view=view, shown=shown: view.paint(shown, figure), view.size(shown)).decode()
         assert text == again
         assert "<image" not in text  # vectors only
-    words = diagram_view.alt(plan)
+    words = diagram_view.alt(found)
     assert words.count("ball 100 µm") == 3
     assert "cone 0.5°" in words
-    (xz, _, xy) = plan["diagnostics"]["diagrams"]
-    assert [pose["name"] for pose in xz["poses"]] == ["start", "first contact", "goal"]
-    touching = xz["poses"][1]
-    right = np.array(touching["edges"][0])  # at first contact the trapezoid's edge runs over the corner of GE
+    (xz, _, xy) = found
+    assert [pose.name for pose in xz.poses] == ["start", "first contact", "goal"]
+    touching = xz.poses[1]
+    right = np.array(touching.edges[0])  # at first contact the trapezoid's edge runs over the corner of GE
     corner = np.array([radii()[1] - radii()[0], 0.0])
     along = (right[1] - right[0]) / np.linalg.norm(right[1] - right[0])
     off = corner - right[0]
     assert abs(along[0] * off[1] - along[1] * off[0]) < 1e-6  # the paper's edge is a (1/cos s − 1) short
-    assert xy["poses"][0]["line"][0] == xy["poses"][0]["line"][1]  # seen from above the line is a point
+    assert xy.poses[0].line[0] == xy.poses[0].line[1]  # seen from above the line is a point

@@ -19,6 +19,7 @@ from fmopt.certificate.segment import advance
 from fmopt.execution.trials import Trials, run
 from fmopt.placement.entry import Shape, tilted_entry
 from fmopt.placement.shapes import flat_shapes, tilted_shapes
+from fmopt.plan import parsed
 from fmopt.plan_record import Moved
 from fmopt.report.moves import move_words, moves
 from fmopt.task.clearance import measured_clearance
@@ -112,7 +113,8 @@ def test_the_engine_carries_it_out_with_the_contacts_of_the_plan(plan: dict[str,
 
 
 def test_in_words(plan: dict[str, Any]) -> None:
-    words = [move_words(plan, move) for move in moves(plan)[:5]]
+    found = parsed(plan)
+    words = [move_words(found, move) for move in moves(found)[:5]]
     assert words[0].endswith("until leading corner v6 touches top face f5 (z = 0 mm)")
     assert words[1].startswith("turn ")
     assert words[3].endswith("in +z away from top face f5")

@@ -126,9 +126,9 @@ def test_a_foreign_mesh_and_a_step_file_become_a_certified_plan(folder: Path) ->
     plan = fmopt.solve(problem)
     assert plan.verdict == "CERTIFIED"
     assert plan.verify(problem).verdict == "CERTIFIED"
-    notes = plan.document["diagnostics"]["imported"]
+    notes = plan.stated.diagnostics.imported
     assert len(notes) == 2
-    assert all(note.startswith("found: [features.") and f"<li>{note}</li>" in asked(plan.document) for note in notes)
+    assert all(note.startswith("found: [features.") and f"<li>{note}</li>" in asked(plan.stated) for note in notes)
 
 
 def test_plane_faces_of_a_step_file_are_exact_and_curved_ones_as_stated(folder: Path) -> None:

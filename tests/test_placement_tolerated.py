@@ -12,6 +12,7 @@ import pytest
 from fmopt.errors import InfeasibleError
 from fmopt.motion import FINE
 from fmopt.placement.tolerated import Motion, Tolerated, largest_factor, tolerated, what_fails
+from fmopt.plan import parsed
 from fmopt.plan_record import Moved
 from fmopt.report.tolerance_tables import rates, tolerance_chapter, tolerated_words
 from fmopt.synthesis import moved, planned
@@ -119,15 +120,17 @@ def test_a_slimmer_peg_gains_what_the_clearance_does(solved: tuple[Problem, Move
 
 
 def test_people_read_it(solved: tuple[Problem, Moved], found: Tolerated) -> None:
-    document, _ = planned(*solved, lambda _: None, measured=found)
-    words = tolerated_words(document)
+    plan = parsed(planned(*solved, lambda _: None, measured=found)[0])
+    words = tolerated_words(plan)
     assert f"up to {found.factor:.3g} times the start errors" in words
     assert "only the stated errors are certified" in words.lower()
-    assert {row[0] for row in rates(document)} >= {"clearance on each side", "error x", "velocity error, rotation"}
-    assert all("more: " in row[2] for row in rates(document))
-    assert "What each tolerance costs" in tolerance_chapter(document)
-    none = {**document["diagnostics"]["tolerated"], "factor": 0.0, "start_box": [0.0] * 6}
-    words = tolerated_words({**document, "diagnostics": {"tolerated": none}})
+    assert {row[0] for row in rates(plan)} >= {"clearance on each side", "error x", "velocity error, rotation"}
+    assert all("more: " in row[2] for row in rates(plan))
+    assert "What each tolerance costs" in tolerance_chapter(plan)
+    assert plan.diagnostics is not None
+    assert plan.diagnostics.tolerated is not None
+    none = replace(plan.diagnostics.tolerated, factor=0.0, start_box=(0.0,) * 6)
+    words = tolerated_words(replace(plan, diagnostics=replace(plan.diagnostics, tolerated=none)))
     assert words.startswith("This motion has no positive margin, however small the start errors. What ends it is move ")
-    without = {**document, "diagnostics": {}}
+    without = replace(plan, diagnostics=None)
     assert tolerated_words(without) == "" == tolerance_chapter(without)

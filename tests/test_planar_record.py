@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
+from report_plans import cube, diagnostics
 
+from fmopt.plan import boundary, surface
 from fmopt.report import planar_view, surface_view
 from fmopt.report.drawing import drawn
 from fmopt.report.planar_tables import possible_contacts
@@ -19,6 +22,7 @@ from fmopt.uncertainty.planar.contact import CU, Kind, Range
 from fmopt.uncertainty.planar.profile import Profile
 from fmopt.uncertainty.planar.record import contact_records, surface_record
 from fmopt.uncertainty.sources import Deviations
+from fmopt.verify.diagnostics import Agreement, Planar
 
 RANGE, SURE = Range(-0.6, 0.9), Range(-0.4, 0.7)
 EDGE = {"1": [[0.02, 0.0], [-0.02, 0.005]], "A": [[-0.015, -0.02], [0.025, -0.02]], "B": [[0.01, -0.02], [0.04, -0.02]]}
@@ -33,7 +37,7 @@ def contact(name: str) -> CU:
 
 
 def points(record: dict[str, Any]) -> np.ndarray:
-    return np.vstack([planar_view.piece_points(piece) for loop in record["loops"] for piece in loop])
+    return np.vstack([planar_view.piece_points(piece) for loop in boundary(record).loops for piece in loop])
 
 
 @pytest.mark.parametrize("name", EDGE)
@@ -44,7 +48,7 @@ def test_records_draw_the_boundary(name: str) -> None:
     assert np.abs(shape.core_distance(points(records[-1])) - shape.radius).max() <= 1e-9 * shape.size
     # The curves run on from one another, and round what is possible without deviations.
     for record in records:
-        for loop in record["loops"]:
+        for loop in boundary(record).loops:
             ends = [planar_view.piece_points(piece)[[0, -1]] for piece in loop]
             for (_, last), (first, _) in zip(ends, [*ends[1:], ends[0]], strict=True):
                 assert np.hypot(*(last - first)) <= 1e-9
@@ -73,23 +77,28 @@ def test_surfaces_hold_their_nominal_surface_where_it_exists() -> None:
     for part in record["slices"]:
         assert bool(part["nominal"]) is bool(SURE.contains(part["phi"]))
         shape = cu.at(part["phi"])
-        assert np.abs(shape.core_distance(points(part)) - shape.radius).max() <= 1e-9 * shape.size
+        edge = points({key: part[key] for key in ("name", "loops", "nominal")})
+        assert np.abs(shape.core_distance(edge) - shape.radius).max() <= 1e-9 * shape.size
 
 
 def test_figures_are_drawn_in_the_colours_of_the_circles() -> None:
-    sets = [record for name in EDGE for record in contact_records(contact(name), 0.3, (0.0, 0.0))]
+    sets = tuple(boundary(one) for name in EDGE for one in contact_records(contact(name), 0.3, (0.0, 0.0)))
     picture = drawn(partial(planar_view.paint_sets, sets), planar_view.sets_size(sets)).decode()
-    used = {piece["on"] for record in sets for loop in record["loops"] for piece in loop}
+    used = {piece.on for found in sets for loop in found.loops for piece in loop}
     assert used == set(planar_view.CARRIERS)
     for colour, _, _ in planar_view.CARRIERS.values():
         assert colour in picture
-    surfaces = [surface_record(contact(name), 6) for name in ("1", "A")]
-    plan = {"diagnostics": {"planar": {"sets": sets, "surfaces": surfaces}}}
+    surfaces = tuple(surface(surface_record(contact(name), 6)) for name in ("1", "A"))
+    agreement = Agreement(1.0, 0.0, 0.0, 0.0, True, "they agree")
+    planar = Planar(1e-3, 0.1, (), agreement, (), 1e-3, None, sets, surfaces)
+    told_of = cube(diagnostics=diagnostics()).diagnostics
+    assert told_of is not None
+    plan = replace(cube(), diagnostics=replace(told_of, planar=planar))
     assert drawn(partial(surface_view.paint, plan), surface_view.size(plan)).startswith(b"<?xml")
     assert "Ul of edge 0, case A" in planar_view.alt(plan)
     assert "type-2, φ from -34.38 to 51.57°" in surface_view.alt(plan)
-    assert not planar_view.has({})
-    assert not surface_view.has({})
+    assert not planar_view.has(cube())
+    assert not surface_view.has(cube())
 
 
 def told(aside: float = 2e-3, stopped_from: float = 1.0) -> dict[str, Any]:
@@ -142,22 +151,13 @@ def test_account_tells_how_high_to_carry() -> None:
 
 
 def test_the_chapter_names_contacts_and_the_agreement() -> None:
-    segment = {
-        "clearance": 1e-3,
-        "margin": 1e-4,
-        "binding_contact": "pieces 0/0",
-        "start": [0.0] * 6,
-        "goal": [0.0] * 6,
-    }
-    segment |= {"start": [0.0] * 6, "goal": [0.0] * 6}
-    segments = [{**segment, "move": k, "state": [], "goal_state": [], "progress": [0.0, 1.0]} for k in range(2)]
-    page = possible_contacts({"segments": segments, "diagnostics": {"planar": told()}})
+    page = possible_contacts(cube(diagnostics=diagnostics(planar=told())))
     assert "S(t) stops motions only where the sets allow a contact" in page
     assert "by up to 2 mm" in page
     assert "meets nothing" in page
     assert "v0-e" in page
-    assert possible_contacts({"segments": segments}) == ""
-    lifted = possible_contacts({"segments": segments, "diagnostics": {"planar": told(aside=0.012)}})
+    assert possible_contacts(cube()) == ""
+    lifted = possible_contacts(cube(diagnostics=diagnostics(planar=told(aside=0.012))))
     assert "it has to be lifted by 2." in lifted
 
 

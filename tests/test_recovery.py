@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from fmopt.export.urscript import program
 from fmopt.geometry.csg import Box, Difference, Hull, Placed, Prism, Solid, Union, frustum
 from fmopt.geometry.pieces import pieces, polyhedron
 from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.plan import parsed
 from fmopt.report.recovery_tables import recovery_chapter, recovery_words
 from fmopt.se3 import Pose, exp
 from fmopt.verify import PlanError, verify
@@ -276,24 +278,26 @@ def test_coverings_are_compared_exactly(square_peg_plan: Plan) -> None:
 
 
 def test_people_are_told_what_to_do(square_peg_plan: Plan) -> None:
-    said = square_peg_plan["recovery"]
-    [lifted, again] = recovery_words(square_peg_plan)
+    plan = parsed(square_peg_plan)
+    said = plan.recovery
+    assert said is not None
+    [lifted, again] = recovery_words(plan)
     assert lifted == "When a move fails the part can be lifted straight out of the hole in moves 1 to 7."
     assert again == "Tried again from 8 starts aside, the plan holds for start errors of x ±0.9 mm, y ±0.9 mm."
-    page = recovery_chapter(square_peg_plan)
-    firsts = [first for move in said["moves"] for first in move["first"]]
+    page = recovery_chapter(plan)
+    firsts = [first for move in said.moves for first in move.first]
     assert page.count(" touches ") == len(firsts) > 5
-    assert all(f"{first['factor']:.3g}" in page for first in firsts)
-    moves = [{**move, "back_off": k not in (2, 6)} for k, move in enumerate(said["moves"])]
-    through = {**square_peg_plan, "recovery": {**said, "moves": moves, "retries": [], "why": "it is <so>"}}
+    assert all(f"{first.factor:.3g}" in page for first in firsts)
+    moves = tuple(replace(move, back_off=k not in (2, 6)) for k, move in enumerate(said.moves))
+    through = replace(plan, recovery=replace(said, moves=moves, retries=(), why="it is <so>"))
     lifted, again = recovery_words(through)
     assert "in moves 1, 2 and 4 to 6, in moves 3 and 7 only while" in lifted
     assert "lies above z = −40 mm." in lifted
     assert again == "It is not to be tried again: it is <so>."
     assert "it is &lt;so&gt;" in recovery_chapter(through)
-    undercut = {**square_peg_plan, "recovery": {**said, "lift": None, "why": "it cannot"}}
+    undercut = replace(plan, recovery=replace(said, lift=None, why="it cannot"))
     assert recovery_words(undercut) == ["When a move fails there is no way back that is known to be free: it cannot."]
-    assert recovery_words({**square_peg_plan, "recovery": None}) == []
+    assert recovery_words(replace(plan, recovery=None)) == []
 
 
 def test_exported_programs_tell_which_way_is_out(square_peg_plan: Plan) -> None:

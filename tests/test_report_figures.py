@@ -1,13 +1,15 @@
 """Figures: the same bytes every time, whole, legible, nothing clipped; outlines are those of the sets they show."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from report_plans import bare_plan, cube_plan, with_graph
+from report_plans import bare_plan, cube, cube_plan, diagnostics, with_graph
 
+from fmopt.plan import Contact, parsed
 from fmopt.report import budget_view
 from fmopt.report.bodies import contact_place
 from fmopt.report.cut_view import alt as cut_alt
@@ -23,13 +25,13 @@ NAMES = ["cut", "states", "margin", "tube", "budget", "trajectory"]
 
 @pytest.fixture(scope="module")
 def drawings() -> dict[str, Figure]:
-    return catalogue(with_graph())
+    return catalogue(parsed(with_graph()))
 
 
 def test_every_figure_of_a_whole_plan_is_there(drawings: dict[str, Figure]) -> None:
     assert list(drawings) == NAMES
     assert all(figure.title and figure.alt for figure in drawings.values())
-    assert figures(bare_plan()) == {}
+    assert list(figures(parsed(bare_plan()))) == ["cut", "states", "margin", "tube"]
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -38,7 +40,7 @@ def test_a_figure_is_the_same_every_time_and_has_something_on_it(drawings: dict[
     root = ElementTree.fromstring(text)
     assert root.tag.endswith("svg")
     assert len(root.findall(".//{*}path")) > 10
-    assert catalogue(with_graph())[name].svg() == text
+    assert catalogue(parsed(with_graph()))[name].svg() == text
     assert "<dc:date>" not in text
 
 
@@ -79,7 +81,7 @@ def test_drawing_leaves_the_users_settings_alone() -> None:
     import matplotlib
 
     before = dict(matplotlib.rcParams)
-    catalogue(cube_plan())["states"].svg()
+    catalogue(cube())["states"].svg()
     assert dict(matplotlib.rcParams) == before
 
 
@@ -103,34 +105,35 @@ def test_the_outline_of_a_flat_set_is_flat() -> None:
 
 
 def test_half_widths_take_the_smaller_bound() -> None:
-    start, *ends = error_sets(cube_plan())
+    start, *ends = error_sets(cube())
     assert [errors.name for errors in ends] == ["move 1", "move 2"]
     np.testing.assert_allclose(start.half_widths(), [1e-4, 1e-4, 0.0, 0.0, 0.0, 1e-4], rtol=1e-12)
     np.testing.assert_allclose(ends[1].half_widths()[:2], [1e-5, 1.1e-4], rtol=1e-12)
 
 
 def test_a_plan_without_a_graph_shows_the_chain_of_its_states() -> None:
-    (chain,) = graphs(cube_plan())
+    (chain,) = graphs(cube())
     assert (chain.name, chain.dimensions, chain.sons, chain.chosen) == ("", (6, 5), ((1,), ()), (0, 1))
-    (graph,) = graphs(with_graph())
+    (graph,) = graphs(parsed(with_graph()))
     assert graph.name == "mouth"
     assert graph.links == ((0, 1), (0, 2), (1, 3), (2, 3))
 
 
 def test_the_cut_view_tells_the_gaps() -> None:
-    words = cut_alt(cube_plan())
+    words = cut_alt(cube())
     assert words.endswith("Gaps in the goal pose: left in x–z 20 µm.")
     upright = cube_plan()
     upright["segments"][-1]["goal"][4] = 0.0
-    assert cut_alt(upright).endswith("left in x–z touching.")
+    assert cut_alt(parsed(upright)).endswith("left in x–z touching.")
 
 
 @pytest.mark.parametrize("towards", [0.0, 0.3, 0.5 * np.pi, 2.0, 3.0])
 def test_the_cut_is_in_the_plane_in_which_the_part_leans(towards: float) -> None:
     """Leaning by an angle in the plane of the cut, the part's flanks are drawn at that angle, wherever it leans."""
-    plan = cube_plan()
+    document = cube_plan()
     lean = 0.2
-    plan["segments"][-1]["goal"][3:] = [-lean * np.sin(towards), lean * np.cos(towards), 0.0]
+    document["segments"][-1]["goal"][3:] = [-lean * np.sin(towards), lean * np.cos(towards), 0.0]
+    plan = parsed(document)
     end = move_ends(plan)[-1]
     assert end.lean == pytest.approx(lean)
     assert np.sin(end.azimuth - towards) == pytest.approx(0.0, abs=1e-12)
@@ -143,14 +146,13 @@ def test_the_cut_is_in_the_plane_in_which_the_part_leans(towards: float) -> None
 
 
 def test_a_contact_is_where_its_features_meet() -> None:
-    plan = cube_plan()
-    end = Pose.from_vector(plan["segments"][-1]["goal"])
+    plan = cube()
+    end = Pose.from_vector(plan.segments[-1].goal)
     touching = contact_place(plan, "v0-f5", end)
     assert touching[0] == pytest.approx(-0.0051, abs=3e-5)
-    edges = {"id": "e-e", "moving": {"vertices": [0, 4]}, "fixed": {"vertices": [2, 8]}}
-    plan["contacts"].append(edges)
-    a, b = end.apply(np.array([plan["parts"]["moving"]["vertices"][k] for k in (0, 4)]))
-    c, d = (np.array(plan["parts"]["fixed"]["vertices"][k]) for k in (2, 8))
+    plan = replace(plan, contacts=(*plan.contacts, Contact("e-e", "edge-edge", (0, 4), (2, 8))))
+    a, b = end.apply(np.array([plan.moving.body.vertices[k] for k in (0, 4)]))
+    c, d = (np.array(plan.fixed.body.vertices[k]) for k in (2, 8))
     at = contact_place(plan, "e-e", end)
     shares = np.linspace(0.0, 1.0, 2001)[:, None]
     gaps = [np.min(np.linalg.norm(np.cross(a + s * (b - a) - c, d - c), axis=-1)) for s in shares]
@@ -160,7 +162,8 @@ def test_a_contact_is_where_its_features_meet() -> None:
 def test_the_budget_adds_up_and_names_its_sources() -> None:
     boxes = {"robot": [3e-4, 3e-4, 1e-4, 0.01, 0.01, 0.01], "slide": [1e-4, 1e-4, 0.0, 0.0, 0.0, 0.0]}
     listed = [{"source": name, "symbol": "ε", "contribution": box} for name, box in boxes.items()]
-    plan = cube_plan(diagnostics={"budget": [*listed, {"source": "nothing", "contribution": [0.0] * 6}]})
+    nothing = {"source": "nothing", "symbol": "", "contribution": [0.0] * 6}
+    plan = cube(diagnostics=diagnostics(budget=[*listed, nothing]))
     assert [name for name, _ in budget_view.shares(plan)] == ["robot (ε)", "slide (ε)"]
     text = budget_view.alt(plan)
     assert "x, y  ±0.4 mm: robot (ε) 75 %, slide (ε) 25 %" in text
@@ -168,5 +171,5 @@ def test_the_budget_adds_up_and_names_its_sources() -> None:
     shown = budget_view.budget_table(plan)
     assert "0.3 (75 %)" in shown
     assert '<th scope="row">sum</th><td class="number">0.4</td>' in shown
-    assert not budget_view.has(cube_plan())
-    assert budget_view.budget_table(cube_plan()) == ""
+    assert not budget_view.has(cube())
+    assert budget_view.budget_table(cube()) == ""
