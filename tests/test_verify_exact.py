@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+from typing import Any
+
 import mpmath as mp
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from solid_bodies import shape
-from table_plan import box_body
+from table_plan import box_body, sealed, table_plan
 from test_verify_knowledge import LEFT, PEG, V0, V3, V3_LEFT, A, assembly, facts, same, vertex_on
 
+from fmopt.verify import CERTIFIED, NOT_PROVED, PlanError, verify
 from fmopt.verify.assembly import Assembly, Touch
 from fmopt.verify.exact import (
     Point,
@@ -208,3 +212,57 @@ def test_walls_that_nearly_coincide_are_two(assembly: Assembly, off: float) -> N
     )
     assert len(known.walls) == 2
     assert known.on(LEFT).lines(assembly) == ()
+
+
+@pytest.fixture(scope="module")
+def honest() -> dict[str, Any]:
+    return table_plan()
+
+
+def with_exact(plan: dict[str, Any], *at: str, vertex: int = 0) -> dict[str, Any]:
+    """The plan with exact coordinates of a vertex of the table, which is at (−0.05, −0.05, −0.02)."""
+    fixed_part = {**plan["parts"]["fixed"], "exact": [{"vertex": vertex, "at": list(at)}]}
+    return sealed({**plan, "parts": {**plan["parts"], "fixed": fixed_part}})
+
+
+def as_stated(plan: dict[str, Any]) -> list[str]:
+    return [str(Fraction(x)) for x in plan["parts"]["fixed"]["vertices"][0]]
+
+
+def test_exact_coordinates_may_be_those_of_the_floats(honest: dict[str, Any]) -> None:
+    verdict = verify(with_exact(honest, *as_stated(honest)))
+    assert verdict.verdict == CERTIFIED
+    assert verdict.margin == verify(honest).margin
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("off", [Fraction(1, 10**30), Fraction(1, 10**13)])
+def test_exact_coordinates_off_a_face_are_refused(honest: dict[str, Any], axis: int, off: Fraction) -> None:
+    at = as_stated(honest)
+    at[axis] = str(Fraction(at[axis]) + off)
+    verdict = verify(with_exact(honest, *at))
+    assert verdict.verdict == NOT_PROVED
+    assert any("is not flat" in finding.message for finding in verdict.findings)
+
+
+@pytest.mark.parametrize("off", [Fraction(1, 10**11), Fraction(1), Fraction(10**500)])
+def test_exact_coordinates_far_from_the_floats_are_refused(honest: dict[str, Any], off: Fraction) -> None:
+    at = as_stated(honest)
+    at[2] = str(Fraction(at[2]) + off)
+    with pytest.raises(PlanError, match="exact coordinates are not those stated"):
+        verify(with_exact(honest, *at))
+
+
+@pytest.mark.parametrize("text", ["", "1/0", "0.5", "1e3", "+1", "1/-2", "١", "1/2\n", " 1", "1" * 900, "1/02", None])
+def test_what_is_no_fraction_is_refused(honest: dict[str, Any], text: Any) -> None:
+    with pytest.raises(PlanError, match=r"exact\[0\]\.at\[0\]: must be a fraction"):
+        verify(with_exact(honest, text, "0", "0"))
+
+
+def test_a_vertex_has_one_exact_place(honest: dict[str, Any]) -> None:
+    twice = with_exact(honest, *as_stated(honest))
+    twice["parts"]["fixed"]["exact"] *= 2
+    with pytest.raises(PlanError, match="repeats a vertex"):
+        verify(sealed(twice))
+    with pytest.raises(PlanError, match=r"exact\[0\]\.vertex"):
+        verify(with_exact(honest, *as_stated(honest), vertex=8))
