@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from fmopt import output
 from fmopt.errors import PlanFormatError, ResourceError
 from fmopt.verify.accounts import (
     CriticalPoint,
@@ -110,44 +111,14 @@ def clean(value: Any) -> Any:
     return value + 0.0 if isinstance(value, float) else value
 
 
-def prepare(folder: Path) -> None:
-    """Makes a folder for results, before the work is done that would go there.
-
-    Raises:
-        ResourceError: it cannot be made or written to.
-    """
-    probe = folder / ".fmopt"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise ResourceError(f"{folder}: {error.strerror or error}", "choose another folder with --out") from error
-
-
 def write(document: Mapping[str, Any], path: Path) -> None:
-    """Writes a plan, whole or not at all: to a file beside it first, then over it.
+    """Writes a plan, whole or not at all.
 
     Raises:
         ResourceError: the file cannot be written.
     """
     text = json.dumps(document, sort_keys=True, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    save(text.encode(), path)
-
-
-def save(content: bytes, path: Path) -> None:
-    """Writes a file, whole or not at all.
-
-    Raises:
-        ResourceError: the file cannot be written.
-    """
-    partial = path.with_name(path.name + ".part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial.write_bytes(content)
-        partial.replace(path)
-    except OSError as error:
-        raise ResourceError(f"{path}: {error.strerror or error}", "choose another folder with --out") from error
+    output.save(text.encode(), path)
 
 
 def read(path: Path) -> Plan:

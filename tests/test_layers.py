@@ -18,6 +18,7 @@ PACKAGE = Path(fmopt.__file__).parent
 # From the ground up. A room sees every lower floor, never its own: rooms of one floor do not know each other.
 FLOORS: tuple[frozenset[str], ...] = (
     frozenset({"errors", "values", "symbolic", "memory", "compiled", "escape"}),
+    frozenset({"output"}),
     frozenset({"se3", "ellipsoid", "plane", "framing"}),
     frozenset({"geometry", "plan"}),
     frozenset({"knowledge", "guarded"}),
@@ -44,13 +45,14 @@ ONLY: dict[str, frozenset[str]] = {
     "memory": frozenset(),
     "compiled": frozenset(),
     "escape": frozenset(),
-    "plan": frozenset({"errors", "verify"}),
+    "output": frozenset({"errors"}),
+    "plan": frozenset({"output", "errors", "verify"}),
     "plane": frozenset({"compiled", "values", "errors"}),
     "knowledge": frozenset({"geometry", "se3", "memory", "values", "errors"}),
     "report": frozenset({"plan", "geometry", "se3", "values", "errors"}),
     "guarded": frozenset({"plan", "se3", "values", "errors"}),
-    "execution": frozenset({"guarded", "plan", "se3", "values", "errors"}),
-    "export": frozenset({"guarded", "plan", "se3", "values", "errors"}),
+    "execution": frozenset({"guarded", "plan", "output", "se3", "values", "errors"}),
+    "export": frozenset({"guarded", "plan", "output", "se3", "values", "errors"}),
     "nominal": frozenset({"knowledge", "geometry", "plane", "se3", "compiled", "values", "errors"}),
     "uncertainty": frozenset({"ellipsoid", "framing", "plane", "se3", "symbolic", "values", "errors"}),
     "certificate": frozenset(

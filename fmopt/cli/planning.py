@@ -28,7 +28,7 @@ def solve(
     quiet: Quiet = False,
 ) -> None:
     """Plan an insertion, check the certificate, write plan.json."""
-    from fmopt import plan
+    from fmopt import output, plan
     from fmopt.compiled import announce
     from fmopt.console import Stages, print_solved
     from fmopt.synthesis import synthesise
@@ -36,13 +36,13 @@ def solve(
 
     folder = out if out is not None else Path("out") / ("stdin" if file == STDIO else file.stem)
     problem = load(file)
-    plan.prepare(folder)
+    output.prepare(folder)
     with Stages(quiet or as_json) as stages:
         announce(stages)
         result = synthesise(problem, stages)
     plan.write(result.document, folder / "plan.json")
     timings = json.dumps(result.seconds, indent=1) + "\n"
-    plan.save(timings.encode(), folder / "timings.json")
+    output.save(timings.encode(), folder / "timings.json")
     if report:
         _write_report(result.plan, folder)
     if as_json:
@@ -53,14 +53,14 @@ def solve(
 
 
 def _write_report(found: Plan, folder: Path) -> None:
-    from fmopt import plan
+    from fmopt import output
     from fmopt.report.figures import figures
     from fmopt.report.page import report_page
 
     drawn = figures(found)
     for name, svg in drawn.items():
-        plan.save(svg.encode(), folder / "figures" / f"{name}.svg")
-    plan.save(report_page(found, drawn).encode(), folder / "report.html")
+        output.save(svg.encode(), folder / "figures" / f"{name}.svg")
+    output.save(report_page(found, drawn).encode(), folder / "report.html")
 
 
 def _summary(plan: Plan, verdict: Verdict, folder: Path) -> dict[str, Any]:

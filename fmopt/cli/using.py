@@ -162,12 +162,12 @@ def execute(
 
 
 def _replay(file: Path, wanted: Any, number: int, folder: Path) -> None:
-    from fmopt import plan
+    from fmopt import output, plan
     from fmopt.execution.replay import replay
 
     if number >= wanted.inside + wanted.beyond:
         raise typer.BadParameter(f"trial {number} of {wanted.inside + wanted.beyond}", param_hint="--replay")
-    plan.prepare(folder)
+    output.prepare(folder)
     picture = folder / f"trial_{number}.gif"
     record = replay(plan.read(file), wanted, number, picture)
     typer.echo(f"{picture}: {'seated' if record['success'] else ', '.join(record['reasons'])}")

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fmopt.errors import ChoiceError, ResourceError
-from fmopt.plan import save
+from fmopt.output import save
 from fmopt.report.shell import page, svg_source
 
 if TYPE_CHECKING:

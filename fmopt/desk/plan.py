@@ -9,6 +9,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fmopt import output
 from fmopt import plan as files
 from fmopt.desk.given import given
 from fmopt.desk.problem import Problem
@@ -266,7 +267,7 @@ class Plan:
         from fmopt.report.figures import figures
         from fmopt.report.page import report_page
 
-        files.save(report_page(self.stated, figures(self.stated)).encode(), Path(path))
+        output.save(report_page(self.stated, figures(self.stated)).encode(), Path(path))
         return Path(path)
 
     def _segment(self, number: int, move: int, piece: files.Segment) -> Segment:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import shutil
 from os import PathLike
 from pathlib import Path
 
 import fmopt
+from fmopt import output
 from fmopt.errors import ChoiceError, ResourceError
 
 _FOLDERS = ("models", "problems")
@@ -66,10 +66,6 @@ def copy_examples(folder: str | PathLike[str]) -> tuple[Path, ...]:
     there = [str(copy) for _, copy in pairs if copy.exists()]
     if there:
         raise ResourceError(f"{there[0]} is there already", "choose an empty folder with --out")
-    try:
-        for file, copy in pairs:
-            copy.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(file, copy)
-    except OSError as error:
-        raise ResourceError(f"{target}: {error.strerror or error}", "choose another folder with --out") from error
+    for file, copy in pairs:
+        output.save(file.read_bytes(), copy)
     return tuple(copy for _, copy in pairs)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from fmopt import plan
+from fmopt import output, plan
 from fmopt.execution.summary import summary
 from fmopt.execution.trials import ENGINES, METHODS, Trials, run_all
 
@@ -33,9 +33,9 @@ def execute(
     """
     ENGINES[trials.engine].library()
     read = plan.read(file)
-    plan.prepare(folder)
+    output.prepare(folder)
     found = {"verdict": read.verdict, **_summed(read, trials, folder / "trials.jsonl", workers, advance)}
-    plan.save((json.dumps(found, indent=1) + "\n").encode(), folder / "summary.json")
+    output.save((json.dumps(found, indent=1) + "\n").encode(), folder / "summary.json")
     return found
 
 
@@ -57,7 +57,7 @@ def compare(
         FmoptError: as for `execute`.
     """
     ENGINES[Trials.engine].library()
-    plan.prepare(folder)
+    output.prepare(folder)
     rows = []
     for file in files:
         read, parts = plan.read(file), {}
@@ -66,7 +66,7 @@ def compare(
             found = _summed(read, Trials(trials, seed=seed, method=method), kept, workers, advance)
             parts[method] = found["inside"]
         rows.append({"title": read.title, "plan": read.sha256, "methods": parts})
-    plan.save((json.dumps(rows, indent=1) + "\n").encode(), folder / "comparison.json")
+    output.save((json.dumps(rows, indent=1) + "\n").encode(), folder / "comparison.json")
     return rows
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fmopt import plan
+from fmopt import output
 from fmopt.errors import ResourceError
 from fmopt.execution.physics import Physics
 from fmopt.execution.rig import Rig
@@ -51,7 +51,7 @@ def replay(planned: Plan, trials: Trials, number: int, file: Path) -> dict[str, 
         ticks += 1
 
     [record] = run(planned, trials, [number], look=look)
-    plan.save(_gif(_frames(planned, poses)), file)
+    output.save(_gif(_frames(planned, poses)), file)
     return dict(record)
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from fmopt import plan
+from fmopt import output
 from fmopt.errors import PlanFormatError, ResourceError
 from fmopt.execution.attempt import Course, carried_out
 from fmopt.execution.baselines import BASELINES
@@ -302,4 +302,4 @@ def _other(first: Mapping[str, Any], head: Mapping[str, Any]) -> list[str]:
 
 def _keep(file: Path, head: Mapping[str, Any], done: Mapping[int, Any]) -> None:
     lines = [json.dumps(head, sort_keys=True), *(json.dumps(done[n], sort_keys=True) for n in sorted(done))]
-    plan.save(("\n".join(lines) + "\n").encode(), file)
+    output.save(("\n".join(lines) + "\n").encode(), file)

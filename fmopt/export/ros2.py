@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fmopt import plan
+from fmopt import output
 from fmopt.errors import ResourceError
 from fmopt.export.cautions import check_rate, insertion_words, turning_words, verdict_words
 from fmopt.export.frame import TaskFrame, task_frame
@@ -61,11 +61,12 @@ def export(document: Mapping[str, Any], base: Pose, rate: float, folder: Path) -
     check_rate(rate, sum(move.duration for move in rows))
     rho = float(document["uncertainty"]["rho"])
     frames = [task_frame(move, rho) for move in rows]
-    plan.prepare(folder)
+    output.prepare(folder)
     bag, controllers, segments = folder / "bag", folder / "controllers.yaml", folder / "segments.yaml"
-    _write_bag(list(_samples(rows, base, rate)), bag)
-    plan.save(_controllers(frames[0]).encode(), controllers)
-    plan.save(_segments(document, rows, frames, base, rho).encode(), segments)
+    with output.fresh(bag) as partial:
+        _write_bag(list(_samples(rows, base, rate)), partial)
+        output.save(_controllers(frames[0]).encode(), controllers)
+        output.save(_segments(document, rows, frames, base, rho).encode(), segments)
     return bag, controllers, segments
 
 
@@ -87,8 +88,6 @@ def _write_bag(samples: list[_Sample], path: Path) -> None:
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         raise ResourceError("bags need the extra ros2", "install fmopt[ros2]") from error
-    if path.exists():
-        raise ResourceError(f"{path}: exists already", "choose another folder with --out")
     store = get_typestore(Stores.ROS2_JAZZY)
     with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         for line, note in enumerate(_NOTES):

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fmopt import plan
+from fmopt import output, plan
 from fmopt.export.cautions import base_pose, insertion_words, turning_words, verdict_words
 from fmopt.guarded.moves import moves
 
@@ -74,7 +74,7 @@ def exported(
         from fmopt.export import ros2
 
         return ros2.export(document, base_pose(_given(base, to)), rate, target)
-    plan.save(text_of(document, to, base, rate).encode(), target)
+    output.save(text_of(document, to, base, rate).encode(), target)
     return (target,)
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from fmopt import output
 from fmopt.errors import ResourceError
 from fmopt.study.store import Effort, Row
 from fmopt.task.toml_source import Key
@@ -108,20 +109,24 @@ def laid_out(inputs: Mapping[str, bytes], home: Path | None) -> Path:
         ResourceError: it cannot be written.
     """
     name = digest(inputs)[:16]
+    if home is None:
+        home = _own_folder(name)
+    folder = home / name
     try:
-        if home is None:
-            if name not in _FOLDERS:
-                _FOLDERS[name] = tempfile.TemporaryDirectory(prefix="fmopt-")
-            home = Path(_FOLDERS[name].name)
-        folder = home / name
         if not folder.is_dir():
-            home.mkdir(parents=True, exist_ok=True)
-            partial = Path(tempfile.mkdtemp(prefix=f"{name}.", dir=home))
-            for file, content in inputs.items():
-                (partial / file).parent.mkdir(parents=True, exist_ok=True)
-                (partial / file).write_bytes(content)
-            if not folder.is_dir():
-                partial.rename(folder)
-    except OSError as error:
-        raise ResourceError(f"{error.filename or home}: {error.strerror or error}", "free some disk") from error
+            with output.fresh(folder) as partial:
+                for file, content in inputs.items():
+                    output.save(content, partial / file)
+    except ResourceError:
+        if not folder.is_dir():  # unless another thread was faster
+            raise
     return folder
+
+
+def _own_folder(name: str) -> Path:
+    try:
+        if name not in _FOLDERS:
+            _FOLDERS[name] = tempfile.TemporaryDirectory(prefix="fmopt-")
+        return Path(_FOLDERS[name].name)
+    except OSError as error:
+        raise ResourceError(f"{error.filename or name}: {error.strerror or error}", "free some disk") from error

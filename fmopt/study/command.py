@@ -56,7 +56,7 @@ def carry_out(file: Path, folder: Path, asked: Asked, progress: Callable[[Tally]
         InputError: the file cannot be used.
         ResourceError: the folder, the workers or the cluster cannot be had.
     """
-    from fmopt import plan
+    from fmopt import output
 
     work = load_study(file).work()
     if asked.cluster is not None:
@@ -68,7 +68,7 @@ def carry_out(file: Path, folder: Path, asked: Asked, progress: Callable[[Tally]
     else:
         options = Options(asked.jobs or processors(), asked.limit, asked.retry_failed)
         tally = run(work, folder, evaluate, options, None, progress)
-    plan.save(csv_text(results(folder)).encode(), folder / "table.csv")
+    output.save(csv_text(results(folder)).encode(), folder / "table.csv")
     return tally
 
 
@@ -79,14 +79,14 @@ def report(folder: Path) -> list[Path]:
         InputError: there is no study in this folder.
         ResourceError: a file cannot be read or written.
     """
-    from fmopt import plan
+    from fmopt import output
     from fmopt.study.allocation_page import allocation_page
     from fmopt.study.figures import figures
     from fmopt.study.page import page
     from fmopt.study.view import View
 
     if (folder / _ALLOCATION).is_file() and not (folder / NAME).is_file():
-        plan.save(allocation_page(json.loads((folder / _ALLOCATION).read_text())).encode(), folder / "report.html")
+        output.save(allocation_page(json.loads((folder / _ALLOCATION).read_text())).encode(), folder / "report.html")
         return [folder / "report.html"]
     found = results(folder)
     view = View(found)
@@ -94,7 +94,7 @@ def report(folder: Path) -> list[Path]:
     if find_spec("polars") is not None:
         contents["table.parquet"] = parquet(found)
     for name, content in contents.items():
-        plan.save(content, folder / name)
+        output.save(content, folder / name)
     return [folder / name for name in contents]
 
 
@@ -128,17 +128,17 @@ def allocated(file: Path, folder: Path, progress: Callable[[str], None]) -> tupl
         ResourceError: the folder is owned by another, or cannot be written.
         SearchError, InfeasibleError: there is no motion for the present tolerances, or its margin is too small already.
     """
-    from fmopt import plan
+    from fmopt import output, plan
     from fmopt.study.allocation import allocate
     from fmopt.study.tolerances import load_allocation
 
     question = load_allocation(file)
-    plan.prepare(folder)
+    output.prepare(folder)
     with owned(folder):
         answer = allocate(question, progress)
         record = answer.record()
         plan.write(answer.document, folder / "plan.json")
-        plan.save((json.dumps(record, indent=1) + "\n").encode(), folder / _ALLOCATION)
+        output.save((json.dumps(record, indent=1) + "\n").encode(), folder / _ALLOCATION)
     return record, answer.words()
 
 

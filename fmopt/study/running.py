@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
 
-from fmopt.errors import ResourceError
+from fmopt import output
 from fmopt.study.batch import Batch, Evaluate, Limits, Returned, Run, laid_out
 from fmopt.study.lock import owned
 from fmopt.study.program import program
@@ -125,10 +125,7 @@ def run(
     Raises:
         ResourceError: the folder is owned by another, or cannot be written; workers cannot be started, or are all lost.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ResourceError(f"{folder}: {error.strerror or error}", "choose another folder with --out") from error
+    output.prepare(folder)
     with owned(folder), store_of(folder) as store:
         store.design(work.numbered(), work.facts)
         home = laid_out(work.inputs, folder / "inputs") if executor is None else None
