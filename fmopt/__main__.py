@@ -1,5 +1,22 @@
-"""`python -m fmopt`."""
+"""`python -m fmopt`, and the command `fmopt`: signals are answered before anything heavy is loaded."""
 
-from fmopt.cli import main
+from __future__ import annotations
 
-main()
+from typing import NoReturn
+
+from fmopt.process import run
+
+
+def main() -> NoReturn:
+    """Runs the command line."""
+    run(_command)
+
+
+def _command() -> int:
+    from fmopt.cli.entry import command
+
+    return command()
+
+
+if __name__ == "__main__":
+    main()

@@ -164,3 +164,17 @@ class SettingsError(FmoptError):
     """Settings of a simulation with which its result would say nothing."""
 
     exit_code = 2
+
+
+class Interruption(BaseException):
+    """A signal asks the command to end; `run` of `fmopt.process` turns it into an exit code.
+
+    No `Exception`, so that nobody takes it for a failure of what was being done.
+
+    Args:
+        number: of the signal.
+    """
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.number = number

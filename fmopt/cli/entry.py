@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from contextlib import suppress
 from dataclasses import asdict
 from typing import NoReturn
 
@@ -15,30 +16,41 @@ from fmopt.errors import FmoptError, InputError, InterferenceError, ResourceErro
 _DATA = ("interference", "place", "shortfall", "feature", "rule")  # what errors carry beside their words
 
 
-def main() -> None:
+def main() -> NoReturn:
+    """Runs the command line inside a program that answers signals and has streams; see `fmopt.__main__`."""
+    sys.exit(command())
+
+
+def command() -> int:
     """Runs the command line; every error becomes one message and an exit code, never a traceback."""
     try:
         app()
+    except SystemExit as stop:
+        return stop.code if isinstance(stop.code, int) else int(stop.code is not None)
     except FmoptError as error:
-        _fail(error)
+        return _told(error)
     except MemoryError:
-        _fail(ResourceError("out of memory", "solve a smaller problem or free some"))
+        return _told(ResourceError("out of memory", "solve a smaller problem or free some"))
     except OSError as error:
-        _fail(ResourceError(f"{error.filename or 'I/O'}: {error.strerror or error}", "check the path and the disk"))
+        return _told(
+            ResourceError(f"{error.filename or 'I/O'}: {error.strerror or error}", "check the path and the disk")
+        )
     except Exception as error:  # noqa: BLE001 (the last door: nobody outside sees a traceback)
-        _fail(FmoptError(f"internal fault: {type(error).__name__}: {error}; please report it with the input"))
+        return _told(FmoptError(f"internal fault: {type(error).__name__}: {error}; please report it with the input"))
+    return 0
 
 
-def _fail(error: FmoptError) -> NoReturn:
-    """One message on standard error, and with --json an object on standard output."""
+def _told(error: FmoptError) -> int:
+    """One message on standard error, and with --json an object on standard output; the exit code."""
     for line in _message(error):
         typer.echo(line, err=True)
     if "--json" in sys.argv[1:]:
         faults = [asdict(fault) for fault in error.faults] if isinstance(error, InputError) else []
         data = {name: getattr(error, name) for name in _DATA if hasattr(error, name)}
         told = {"message": error.message, "advice": error.advice, **data, "faults": faults}
-        typer.echo(json.dumps({"error": told, "exit_code": error.exit_code}))
-    sys.exit(error.exit_code)
+        with suppress(ResourceError):  # standard output takes nothing: the exit code still says what was wrong
+            typer.echo(json.dumps({"error": told, "exit_code": error.exit_code}))
+    return error.exit_code
 
 
 def _message(error: FmoptError) -> list[str]:

@@ -35,6 +35,7 @@ class Course:
         known: its contacts.
         fit: what success is measured by.
         look: shown each rig in every period.
+        told: which bodies have an outcome now, with their logs, as soon as they do.
     """
 
     recovery: Recovery | None
@@ -42,6 +43,7 @@ class Course:
     known: Mapping[str, Contact]
     fit: Fit
     look: Callable[[Rig], None] | None = None
+    told: Callable[[Sequence[tuple[int, Log]]], None] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,10 +96,14 @@ def _attempt(course: Course, rig: Rig, logs: Sequence[Log], bodies: Sequence[int
         watch(own, rig, broken)
         if course.look is not None:
             course.look(rig)
+        ended = []
         for k, log in enumerate(own):
             late = rig.time >= log.ended + _QUIET or rig.time > _LONGEST
             if log.outcome is None and k not in broken and late:
                 log.outcome = rest(log, rig, k, course.fit)
+                ended.append((bodies[k], log))
+        if ended and course.told is not None:
+            course.told(ended)
     return list(broken.values())
 
 

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from fmopt import output, plan
+from fmopt.execution.record import run_all
 from fmopt.execution.summary import summary
-from fmopt.execution.trials import ENGINES, METHODS, Trials, run_all
+from fmopt.execution.trials import ENGINES, METHODS, Trials
 
 
 def execute(

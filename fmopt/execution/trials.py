@@ -1,4 +1,4 @@
-"""Trials: errors drawn for each by its own number, run in chunks on all cores, kept as they come.
+"""Trials: errors drawn for each by its own number.
 
 A trial is its seed: what is drawn for it depends on the seed and its number alone, not on chunks, cores or the other
 trials, so that runs can be interrupted, resumed and compared bit by bit.
@@ -6,23 +6,20 @@ trials, so that runs can be interrupted, resumed and compared bit by bit.
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from fmopt import output
-from fmopt.errors import PlanFormatError, ResourceError
+from fmopt.errors import PlanFormatError
 from fmopt.execution.attempt import Course, carried_out
 from fmopt.execution.baselines import BASELINES
 from fmopt.execution.drake_engine import DRAKE
 from fmopt.execution.engine import Maker, Setup
 from fmopt.execution.grown import grown
 from fmopt.execution.mujoco_engine import MUJOCO
-from fmopt.execution.outcome import Fit
+from fmopt.execution.outcome import Fit, Log
 from fmopt.execution.program import Program, planned
 from fmopt.execution.recovery import Recovery
 from fmopt.execution.rig import Rig
@@ -36,8 +33,6 @@ from fmopt.values import Array
 
 METHODS: dict[str, Callable[[Plan, Robot], Program]] = {"plan": planned, **BASELINES}
 ENGINES: dict[str, Maker] = {"mujoco": MUJOCO, "drake": DRAKE}
-CHUNK = 125  # trials that run together; more make each cheaper, fewer are lost by an interruption
-_FEWEST = 10  # trials that are worth a process
 _BLOCK = 256  # periods of noise drawn at once
 
 
@@ -164,6 +159,7 @@ def run(
     what: Plan,
     trials: Trials,
     numbers: Sequence[int],
+    told: Callable[[list[Any]], None] = lambda _: None,
     robot: Robot | None = None,
     look: Callable[[Rig], None] | None = None,
 ) -> list[Any]:
@@ -173,6 +169,7 @@ def run(
         what: the plan.
         trials: what is to be run.
         numbers: which of them.
+        told: records of those that have just ended, as soon as they have.
         robot: what runs them.
         look: shown the rig in every period.
 
@@ -192,17 +189,19 @@ def run(
     put = ENGINES[trials.engine].scene(Setup(parts, fit.clearance, robot, friction, trials.time_step))
     draws = [draw(what, program, trials, number) for number in numbers]
     recovery = Recovery.of(what) if is_plan and trials.recovery else None
-    course = Course(recovery, rows, known, fit, look)
+
+    def record(body: int, log: Log) -> dict[str, Any]:
+        one = draws[body]
+        return {"trial": numbers[body], "size": one.size, "error": one.start.tolist(), **(log.outcome or {})}
+
+    course = Course(recovery, rows, known, fit, look, lambda ended: told([record(*one) for one in ended]))
 
     def rig(starts: tuple[Array, Array], which: Sequence[int], attempt: int) -> Rig:
         noise = Noise(trials.seed, [numbers[k] for k in which], attempt)
         return Rig(put(starts), program, robot, _drifts([draws[k] for k in which]), noise)
 
     logs = carried_out(course, rig, _starts(program, draws))
-    return [
-        {"trial": number, "size": one.size, "error": one.start.tolist(), **(log.outcome or {})}
-        for number, one, log in zip(numbers, draws, logs, strict=True)
-    ]
+    return [record(body, log) for body, log in enumerate(logs)]
 
 
 def _starts(program: Program, draws: Sequence[Draw]) -> tuple[Array, Array]:
@@ -214,92 +213,3 @@ def _starts(program: Program, draws: Sequence[Draw]) -> tuple[Array, Array]:
 
 def _drifts(draws: Sequence[Draw]) -> Array:
     return np.stack([one.drift for one in draws], axis=1)
-
-
-def run_all(what: Plan, trials: Trials, file: Path, workers: int, advance: Callable[[int], None]) -> list[Any]:
-    """Runs what the file does not hold yet, and keeps each chunk as it is done.
-
-    Args:
-        what: the plan.
-        trials: what is to be run.
-        file: of records, one JSON object a line, the first naming plan and trials.
-        workers: processes.
-        advance: told how many trials are done, each time some are.
-
-    Raises:
-        ResourceError: the file is of other trials or cannot be written, the extra is missing, or the run was
-            interrupted.
-    """
-    head = _head(what, trials)
-    done = _kept(file, head)
-    advance(len(done))
-    missing = [n for n in range(trials.inside + trials.beyond) if n not in done]
-    size = min(max(-(-len(missing) // workers), _FEWEST), CHUNK)
-    chunks = [missing[k : k + size] for k in range(0, len(missing), size)]
-    try:
-        for records in _carried_out(what, trials, chunks, workers):
-            done.update({record["trial"]: record for record in records})
-            _keep(file, head, done)
-            advance(len(records))
-    except KeyboardInterrupt as error:
-        total = trials.inside + trials.beyond
-        raise ResourceError(f"interrupted after {len(done)} of {total} trials", "run it again to go on") from error
-    return [done[number] for number in sorted(done)]
-
-
-def _carried_out(what: Plan, trials: Trials, chunks: Sequence[Sequence[int]], workers: int) -> Iterator[list[Any]]:
-    if workers == 1 or len(chunks) < 2:
-        yield from (run(what, trials, chunk) for chunk in chunks)
-        return
-    import multiprocessing
-    from concurrent.futures import ProcessPoolExecutor, as_completed
-
-    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        running = [pool.submit(run, what, trials, chunk) for chunk in chunks]
-        try:
-            for future in as_completed(running):
-                yield future.result()
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
-
-
-def _head(what: Plan, trials: Trials) -> dict[str, Any]:
-    """What a file of trials begins with; it names the engine where that is another than of files that name none."""
-    said = asdict(trials)
-    if trials.engine == Trials.engine:
-        del said["engine"]
-    return {"plan": what.sha256, **said}
-
-
-def _kept(file: Path, head: Mapping[str, Any]) -> dict[int, Any]:
-    if not file.exists():
-        return {}
-    try:
-        first, *rows = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
-    except (OSError, ValueError) as error:
-        raise ResourceError(f"{file}: no file of trials: {error}", "choose another folder with --out") from error
-    other = _other(first, head) if isinstance(first, Mapping) else ["head"]
-    if other:
-        raise ResourceError(f"{file}: holds trials with another {', '.join(other)}", "choose another folder with --out")
-    total = head["inside"] + head["beyond"]
-    if any(row["trial"] >= total or (row["size"] <= 1.0) != (row["trial"] < head["inside"]) for row in rows):
-        asked = f"--trials {head['inside']} --beyond {head['beyond']}"
-        raise ResourceError(
-            f"{file}: holds trials that {asked} does not ask for, of --trials {first['inside']} "
-            f"--beyond {first['beyond']}",
-            "ask for no fewer, for more inside only where none is beyond, or choose another folder with --out",
-        )
-    return {row["trial"]: row for row in rows}
-
-
-def _other(first: Mapping[str, Any], head: Mapping[str, Any]) -> list[str]:
-    """What differs beside the numbers of trials, on which no single trial inside depends."""
-    keys = [*head, *(key for key in first if key not in head)]
-    return [
-        key.replace("_", " ") for key in keys if key not in ("inside", "beyond") and first.get(key) != head.get(key)
-    ]
-
-
-def _keep(file: Path, head: Mapping[str, Any], done: Mapping[int, Any]) -> None:
-    lines = [json.dumps(head, sort_keys=True), *(json.dumps(done[n], sort_keys=True) for n in sorted(done))]
-    output.save(("\n".join(lines) + "\n").encode(), file)

@@ -1,19 +1,13 @@
 """The inside of a worker process: it evaluates runs one after the other and answers each at once.
 
-It lives and dies with its owner: the kernel kills it when the owner's thread ends (Linux), a thread of its own when the
-pipe that the owner holds is closed (anywhere), and a worker without work for a minute ends by itself.
+It lives and dies with its owner, see `fmopt.child`; a worker without work for a minute ends by itself.
 """
 
 from __future__ import annotations
 
-import ctypes
 import math
-import os
 import pickle
 import resource
-import signal
-import sys
-import threading
 import time
 from collections.abc import Iterable
 from multiprocessing.connection import Connection
@@ -26,22 +20,17 @@ READY = b"ready"
 BEGUN = b"begun"
 LEAVING = b"leaving"
 _IDLE = 60.0  # s
-_PR_SET_PDEATHSIG = 1
 
 
-def main(arguments: list[str]) -> None:
+def serve(connection: Connection, memory: str) -> None:
     """Serves an owner until it goes.
 
     Args:
-        arguments: descriptors of the connection and of the pipe that says whether the owner lives, the owner's process,
-            the limit of the address space in bytes or 0.
+        connection: to the owner.
+        memory: limit of the address space in bytes, or "0".
     """
-    line, life, owner, memory = (int(argument) for argument in arguments)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the owner to answer
-    _die_with(owner, life)
-    if memory:
-        resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
-    connection = Connection(line)
+    if int(memory):
+        resource.setrlimit(resource.RLIMIT_AS, (int(memory), int(memory)))
     connection.send_bytes(READY)
     while connection.poll(_IDLE):
         try:
@@ -80,17 +69,3 @@ def answered(evaluate: Evaluate, run: Run, folder: Path) -> Row:
     if strange:
         return Row(run.key, "error", f"not a finite number: {', '.join(strange)}", {})
     return row
-
-
-def _die_with(owner: int, life: int) -> None:
-    """Makes this process end with its owner."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL))
-    if os.getppid() != owner:
-        os._exit(0)
-
-    def watch() -> None:
-        os.read(life, 1)
-        os.kill(os.getpid(), signal.SIGKILL)
-
-    threading.Thread(target=watch, daemon=True).start()

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import json
-import os
 import pickle
 import signal
-import socket
-import subprocess
-import sys
 import tempfile
 import threading
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
-from multiprocessing.connection import Connection
 from typing import Any
 
+from fmopt.child import Child
 from fmopt.errors import ResourceError
 from fmopt.study.batch import Batch, Evaluate, Limits, Returned, Run, laid_out
 from fmopt.study.program import program
@@ -26,14 +20,10 @@ from fmopt.study.worker import BEGUN, LEAVING, READY
 
 ATTEMPTS = 3  # times that a run is tried whose worker is killed from outside
 _START_UP = 120.0  # s
-_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS", "RAYON_NUM_THREADS")
 _OUTSIDE = {signal.SIGKILL, signal.SIGTERM, signal.SIGHUP}  # what others send
-_CODE = (
-    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from fmopt.study.worker import main; main(sys.argv[2:])"
-)
+_ENTRY = "fmopt.study.worker:serve"
 _MINE = threading.local()
 _TRIES = 10  # workers that may end before they begin
-_FAREWELL = 5.0  # s that a process may take to end once its connection is closed
 
 
 class Crew:
@@ -82,42 +72,15 @@ class Worker:
         self._crew = crew
         self.called_off = False
         self._new = True
-        near, far = socket.socketpair()
-        watched, self._life = os.pipe()
         self._said = tempfile.TemporaryFile()  # noqa: SIM115 (open as long as the process lives)
-        arguments = [far.fileno(), watched, os.getpid(), limits.memory or 0]
-        try:
-            self.process = subprocess.Popen(
-                [sys.executable, "-c", _CODE, json.dumps(sys.path), *(str(argument) for argument in arguments)],
-                stdin=subprocess.DEVNULL,
-                stdout=self._said,
-                stderr=self._said,
-                pass_fds=(far.fileno(), watched),
-                process_group=0,
-                env={**os.environ, **dict.fromkeys(_ONE_THREAD, "1")},
-            )
-        except OSError as error:
-            near.close()
-            os.close(self._life)
-            raise ResourceError(
-                f"no worker can be started: {error.strerror}", "free memory, or lower --jobs"
-            ) from error
-        finally:
-            far.close()
-            os.close(watched)
-        self.connection = Connection(near.detach())
+        self._child = Child(_ENTRY, str(limits.memory or 0), said=self._said)
+        self.process, self.connection = self._child.process, self._child.connection
         crew.enter(self)
 
     def end(self, gone: bool = False) -> int:
         """Ends the process and says how it ended, as a return code; its own way if it has `gone` already."""
         self._crew.leave(self)
-        if gone:
-            with suppress(subprocess.TimeoutExpired):
-                self.process.wait(_FAREWELL)
-        self.process.kill()
-        code = self.process.wait()
-        self.connection.close()
-        os.close(self._life)
+        code = self._child.end(gone)
         self._said.close()
         return code
 

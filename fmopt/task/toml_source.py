@@ -12,7 +12,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, TextIO
 
-from fmopt.errors import Fault, InputError
+from fmopt.errors import Fault, InputError, ResourceError
 from fmopt.plan import STDIO
 
 Key = tuple[str | int, ...]
@@ -103,9 +103,13 @@ def read_bytes(path: Path, cited: Place, limit: int) -> bytes:
 
     Raises:
         InputError: no such file, no regular file, no permission, too large, or a name no file can have.
+        ResourceError: standard input cannot be read.
     """
     if path == STDIO:
-        content = _whole(sys.stdin)
+        try:
+            content = _whole(sys.stdin)
+        except OSError as error:
+            raise ResourceError(f"standard input: {error.strerror}", "give something to read, or a file") from error
         if len(content) > limit:
             raise InputError(cited.fault("file-size", f"more than {limit} bytes come in", "name a smaller file"))
         return content
