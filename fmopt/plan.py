@@ -66,8 +66,8 @@ __all__ = [
     "Curve", "Diagnostics", "Diagram", "Foreseen", "Hybrid", "Interval", "JamFree", "Lift", "MoveRecovery", "Nominal",
     "Numbers", "Part", "Phase", "Plan", "Planar", "PlanarSegment", "Polyline", "PositionForce", "Recovery", "Search",
     "Segment", "Separation", "Slice", "Specification", "Surface", "Tolerated", "ToleratedEnd", "Tube", "Witness",
-    "boundary", "canonical", "clean", "diagram", "digest", "parsed", "prepare", "read", "read_document", "rounded_down",
-    "save", "sealed", "surface", "write",
+    "boundary", "canonical", "clean", "diagram", "digest", "parsed", "read", "read_document", "rounded_down",
+    "sealed", "surface", "write",
 ]  # fmt: skip
 
 STDIO = Path("-")  # standard input or output, in place of a file

@@ -51,7 +51,7 @@ def run_all(what: Plan, trials: Trials, file: Path, workers: int, advance: Calla
         spread(partial(run, what, trials), chunks, workers, take)
     except (KeyboardInterrupt, Interruption) as error:
         total = trials.inside + trials.beyond
-        error.add_note(f"{len(done)} of {total} trials are kept in {file}; run it again to go on")
+        error.add_note(f"{len(done)} of {total} trials are done, and kept in {file}; run it again to go on")
         raise
     finally:
         keeper.keep()
