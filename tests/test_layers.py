@@ -47,6 +47,7 @@ ONLY: dict[str, frozenset[str]] = {
     "compiled": frozenset(),
     "escape": frozenset(),
     "output": frozenset({"errors"}),
+    "escape": frozenset(),
     "child": frozenset({"errors"}),
     "process": frozenset({"output", "errors"}),
     "plan": frozenset({"output", "errors", "verify"}),
@@ -55,7 +56,7 @@ ONLY: dict[str, frozenset[str]] = {
     "report": frozenset({"plan", "geometry", "se3", "values", "errors"}),
     "guarded": frozenset({"plan", "se3", "values", "errors"}),
     "execution": frozenset({"guarded", "plan", "output", "child", "se3", "values", "errors"}),
-    "export": frozenset({"guarded", "plan", "output", "se3", "values", "errors"}),
+    "export": frozenset({"guarded", "plan", "output", "escape", "se3", "values", "errors"}),
     "nominal": frozenset({"knowledge", "geometry", "plane", "se3", "compiled", "values", "errors"}),
     "uncertainty": frozenset({"ellipsoid", "framing", "plane", "se3", "symbolic", "values", "errors"}),
     "certificate": frozenset(

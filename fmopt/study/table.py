@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fmopt import escape
 from fmopt.errors import ResourceError
 from fmopt.study.store import Recorded, Scalar, recorded
 
@@ -78,10 +79,13 @@ def _line(record: Recorded, columns: Sequence[str]) -> dict[str, Scalar]:
 
 
 def csv_text(found: Results) -> str:
-    """The table as CSV: SI units, shortest numbers that read back exactly, nothing for what is missing."""
+    """The table as CSV: SI units, shortest numbers that read back exactly, nothing for what is missing.
+
+    Texts on one line each, with an apostrophe before those that a spreadsheet would take for a formula.
+    """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(found.columns)
+    writer.writerow([escape.csv_text(column) for column in found.columns])
     for line in found.lines:
         writer.writerow([_cell(line[column]) for column in found.columns])
     return text.getvalue()
@@ -92,7 +96,7 @@ def _cell(value: Scalar) -> str:
         return ""
     if isinstance(value, bool):
         return "true" if value else "false"
-    return repr(value) if isinstance(value, float) else str(value)
+    return escape.csv_text(value) if isinstance(value, str) else repr(value)
 
 
 def frame(found: Results) -> polars.DataFrame:
