@@ -142,6 +142,21 @@ class SolverError(FmoptError):
     exit_code = 3
 
 
+class UnprovedError(FmoptError):
+    """A plan that the check does not certify, where only a certified one is taken.
+
+    Args:
+        message: which plan.
+        findings: what stands in the way, in words.
+    """
+
+    exit_code = 3
+
+    def __init__(self, message: str, findings: tuple[str, ...], advice: str = "") -> None:
+        super().__init__(message, advice)
+        self.findings = findings
+
+
 class PlanFormatError(FmoptError):
     """A plan file that is no `fmopt.plan/1` document."""
 

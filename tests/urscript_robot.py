@@ -19,6 +19,7 @@ from fmopt.execution.robot import Robot
 from fmopt.execution.rotation import between, from_quaternions, product, quaternions
 from fmopt.execution.scene import compiled, engine, scene
 from fmopt.guarded.moves import moves
+from fmopt.plan import Plan
 from fmopt.se3 import Pose, exp, hat
 from fmopt.values import Array
 
@@ -35,9 +36,9 @@ class ForceModeRobot:
         seed: of the sensor's noise.
     """
 
-    def __init__(self, plan: dict[str, Any], base: Pose, error: Array, seed: int) -> None:
+    def __init__(self, plan: Plan, base: Pose, error: Array, seed: int) -> None:
         self.robot, self.fit = Robot(), Fit.of(plan)
-        robot, friction = self.robot, float(plan["specification"]["friction"])
+        robot, friction = self.robot, plan.specification.friction
         physics = Physics.of_fit(self.fit.clearance, robot.period)
         self.model = compiled(scene(plan, physics, robot.mass, robot.inertia, friction))
         self.data, self.mujoco = engine().MjData(self.model), engine()

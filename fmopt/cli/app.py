@@ -8,6 +8,8 @@ import typer
 
 from fmopt import __version__
 
+MOST_WORKERS = 1024
+MOST_TRIALS = 10_000_000
 EXIT = {"CERTIFIED": 0, "REFUTED": 1, "NOT_PROVED": 3}
 
 app = typer.Typer(
@@ -20,6 +22,12 @@ app = typer.Typer(
 )
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
+Workers = Annotated[
+    int | None, typer.Option("--workers", min=1, max=MOST_WORKERS, help="Processes; default: one a core.")
+]
+Unverified = Annotated[
+    bool, typer.Option("--unverified", help="Take a plan without asking the check: nothing is guaranteed then.")
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 
 

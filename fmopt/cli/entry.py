@@ -11,9 +11,10 @@ from typing import NoReturn
 import typer
 
 from fmopt.cli.app import app
-from fmopt.errors import FmoptError, InputError, InterferenceError, ResourceError
+from fmopt.errors import FmoptError, InputError, InterferenceError, ResourceError, UnprovedError
 
-_DATA = ("interference", "place", "shortfall", "feature", "rule")  # what errors carry beside their words
+_SHOWN = 5  # findings that a refusal lists
+_DATA = ("interference", "place", "shortfall", "feature", "rule", "findings")  # what errors carry beside their words
 
 
 def main() -> NoReturn:
@@ -61,4 +62,8 @@ def _message(error: FmoptError) -> list[str]:
             f"infeasible: {error.message}",
             f"interference {1e3 * max(error.interference, 0.0):.6f} mm at {error.place}; {error.advice}",
         ]
+    if isinstance(error, UnprovedError):
+        more = len(error.findings) - _SHOWN
+        listed = [f"  {finding}" for finding in error.findings[:_SHOWN]] + [f"  and {more} more"] * (more > 0)
+        return [error.message, *listed, f"advice: {error.advice}"]
     return [f"{error.message}" + (f"\nadvice: {error.advice}" if error.advice else "")]

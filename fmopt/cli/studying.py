@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 import typer.core
 
-from fmopt.cli.app import EXIT, Json, Quiet, app
+from fmopt.cli.app import EXIT, MOST_WORKERS, Json, Quiet, app
 
 
 class _Study(typer.core.TyperGroup):
@@ -32,7 +32,9 @@ app.add_typer(studies, name="study", help="Run a study over many problems, resum
 def study_run(
     files: Annotated[list[Path], typer.Argument(help="Study files (TOML), one after the other.")],
     out: Annotated[Path | None, typer.Option("--out", help="Folder for the results; default: out/<study>.")] = None,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: one for each processor.")] = None,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, max=MOST_WORKERS, help="Processes; default: one for each processor.")
+    ] = None,
     limit: Annotated[int | None, typer.Option(min=0, help="Runs to do at most now.")] = None,
     retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Do failed runs again.")] = False,
     dry_run: Annotated[

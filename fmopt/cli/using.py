@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from fmopt.cli.app import Json, Quiet, app
+from fmopt.cli.app import MOST_TRIALS, Json, Quiet, Unverified, Workers, app
 from fmopt.plan import STDIO
 
 
@@ -36,20 +36,25 @@ def export(
         ),
     ] = None,
     rate: Annotated[float, typer.Option("--rate", help="Samples a second of ros2, csv and json.")] = 100.0,
+    unverified: Unverified = False,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write a plan as a program or bag for robots, or its nominal position/force trajectory as a table."""
+    """Write a certified plan as a program or bag for robots, or its nominal position/force trajectory as a table."""
+    from fmopt.export.write import Form, place
     from fmopt.export.write import export as write
 
     if as_json and out == STDIO:
         raise typer.BadParameter("--json lists the files that were written, --out - writes none: leave one of them out")
     try:
-        written = write(file, to, out, base, rate)
+        form, target = Form(to, base, rate), place(file, to, out)
+        plan, caution = _admitted(file, unverified)
+        written = write(plan, replace(form, caution=caution), target)
     except ValueError as error:
         raise typer.BadParameter(str(error)) from error
     if as_json:
-        typer.echo(json.dumps({"written": [str(path) for path in written.paths], "notes": list(written.notes)}))
+        notes = [caution] * bool(caution) + list(written.notes)
+        typer.echo(json.dumps({"written": [str(path) for path in written.paths], "notes": notes}))
         return
     typer.echo(written.text, nl=False)
     if not quiet:
@@ -57,6 +62,18 @@ def export(
             typer.echo(str(path))
         for note in written.notes:
             typer.echo(note, err=True)
+
+
+def _admitted(file: Path, unverified: bool) -> tuple[Any, str]:
+    """A plan that the check certifies, or what is said of it, on standard error, too, as the check was not asked."""
+    from fmopt.desk.admission import admitted
+    from fmopt.plan import read
+
+    plan = read(file)
+    caution = admitted(plan, unverified, str(file))
+    if caution:
+        typer.echo(f"{file}: {caution}", err=True)
+    return plan, caution
 
 
 @app.command(epilog="Examples: fmopt show models/square_peg.toml; fmopt show out/square_peg/plan.json --what states")
@@ -111,11 +128,15 @@ def examples(
 @app.command(epilog="Example: fmopt execute out/square_peg/plan.json --trials 1000 --seed 0")
 def execute(
     file: Annotated[Path, typer.Argument(help="Plan file (JSON).")],
-    trials: Annotated[int, typer.Option("--trials", min=0, help="With errors inside the certified set.")] = 100,
-    beyond: Annotated[int, typer.Option("--beyond", min=0, help="With errors of one to two times the set.")] = 0,
+    trials: Annotated[
+        int, typer.Option("--trials", min=0, max=MOST_TRIALS, help="With errors inside the certified set.")
+    ] = 100,
+    beyond: Annotated[
+        int, typer.Option("--beyond", min=0, max=MOST_TRIALS, help="With errors of one to two times the set.")
+    ] = 0,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of all that is drawn.")] = 0,
     method: Annotated[str, typer.Option("--method", help="plan, push, spiral, dither or tilt.")] = "plan",
-    friction: Annotated[float | None, typer.Option("--friction", min=0, help="Default: the plan's bound.")] = None,
+    friction: Annotated[float | None, typer.Option("--friction", help="Default: the plan's bound.")] = None,
     time_step: Annotated[
         float | None, typer.Option("--time-step", help="Of the physics, s; by the clearance if not given.")
     ] = None,
@@ -130,12 +151,14 @@ def execute(
     engine: Annotated[str, typer.Option("--engine", help="mujoco, or drake for a second opinion.")] = "mujoco",
     again: Annotated[int | None, typer.Option("--replay", min=0, help="Draw this trial as a GIF instead.")] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder; default: trials beside the plan.")] = None,
-    workers: Annotated[int | None, typer.Option("--workers", min=1, help="Processes; default: one a core.")] = None,
+    workers: Workers = None,
+    unverified: Unverified = False,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Carry a plan out in a physics engine, under sampled errors (extra sim, or drake)."""
+    """Carry a certified plan out in a physics engine, under sampled errors (extra sim, or drake)."""
     from fmopt.console import Trials as Progress
+    from fmopt.execution.execute import Settled
     from fmopt.execution.execute import execute as run
     from fmopt.execution.summary import lines
     from fmopt.execution.trials import ENGINES, METHODS, Trials
@@ -148,12 +171,14 @@ def execute(
         raise typer.BadParameter("no trials, neither inside nor --beyond the set", param_hint="--trials")
     drawn = Trials(trials, beyond, seed=seed, time_step=time_step, friction=friction, engine=engine)
     wanted = replace(drawn, method=method, growth=growth, offset=offset, recovery=recovery, covered=covered)
-    folder = out if out is not None else file.parent / "trials"
+    ENGINES[engine].library()
+    folder = out if out is not None else (Path() if file == STDIO else file.parent) / "trials"
+    plan, caution = _admitted(file, unverified)
     if again is not None:
-        _replay(file, wanted, again, folder)
+        _replay(plan, wanted, again, folder)
         return
     with Progress(trials + beyond, quiet or as_json) as progress:
-        found = run(file, wanted, folder, workers, progress.advance)
+        found = run(plan, wanted, Settled(folder, workers, progress.advance), caution)
     if as_json:
         typer.echo(json.dumps(found))
     elif not quiet:
@@ -161,37 +186,42 @@ def execute(
             typer.echo(line)
 
 
-def _replay(file: Path, wanted: Any, number: int, folder: Path) -> None:
-    from fmopt import output, plan
+def _replay(plan: Any, wanted: Any, number: int, folder: Path) -> None:
+    from fmopt import output
     from fmopt.execution.replay import replay
 
     if number >= wanted.inside + wanted.beyond:
         raise typer.BadParameter(f"trial {number} of {wanted.inside + wanted.beyond}", param_hint="--replay")
     output.prepare(folder)
     picture = folder / f"trial_{number}.gif"
-    record = replay(plan.read(file), wanted, number, picture)
+    record = replay(plan, wanted, number, picture)
     typer.echo(f"{picture}: {'seated' if record['success'] else ', '.join(record['reasons'])}")
 
 
 @app.command(epilog="Example: fmopt compare out/square_peg/plan.json --trials 200")
 def compare(
     files: Annotated[list[Path], typer.Argument(help="Plan files (JSON).")],
-    trials: Annotated[int, typer.Option("--trials", min=1, help="Of each method, with errors inside.")] = 100,
+    trials: Annotated[
+        int, typer.Option("--trials", min=1, max=MOST_TRIALS, help="Of each method, with errors inside.")
+    ] = 100,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of all that is drawn.")] = 0,
     out: Annotated[Path | None, typer.Option("--out", help="Folder; default: compared beside the first plan.")] = None,
-    workers: Annotated[int | None, typer.Option("--workers", min=1, help="Processes; default: one a core.")] = None,
+    workers: Workers = None,
+    unverified: Unverified = False,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Carry plans out beside what people do without one: push, spiral, random search, a tilt by hand (extra sim)."""
+    """Carry certified plans out beside what people do without one, as push, spiral, search, tilt (extra sim)."""
     from fmopt.console import Trials as Progress
     from fmopt.console import print_compared
+    from fmopt.execution.execute import Settled
     from fmopt.execution.execute import compare as run
     from fmopt.execution.trials import METHODS
 
-    folder = out if out is not None else files[0].parent / "compared"
+    folder = out if out is not None else (Path() if files[0] == STDIO else files[0].parent) / "compared"
+    plans = [_admitted(file, unverified)[0] for file in files]
     with Progress(len(files) * len(METHODS) * trials, quiet or as_json) as progress:
-        rows = run(files, trials, seed, folder, workers, progress.advance)
+        rows = run(plans, trials, seed, Settled(folder, workers, progress.advance))
     if as_json:
         typer.echo(json.dumps(rows))
     elif not quiet:

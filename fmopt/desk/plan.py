@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import InitVar, dataclass, field
+from dataclasses import InitVar, dataclass, field, replace
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -159,6 +159,7 @@ class Plan:
         covered: bool = False,
         recovery: bool = True,
         engine: str = "mujoco",
+        unverified: bool = False,
         folder: str | PathLike[str] | None = None,
         workers: int | None = None,
     ) -> Trials:
@@ -171,11 +172,14 @@ class Plan:
             covered: whether these have errors that the plan's retries cover instead.
             recovery: whether to back off and try again as the plan says when a move fails.
             engine: "mujoco", or "drake" for a second opinion.
+            unverified: whether to take a plan that the check does not certify, without asking it.
             folder: for the results, what is there of the same trials is used; out/trials-… when not given.
             workers: processes; one for each processor when not given.
 
         Raises:
             ValueError: there is no such engine.
+            SettingsError: a number is out of range.
+            UnprovedError: the check does not certify the plan.
             ResourceError: the physics engine, of the extra `sim` or `drake`, is not installed, or results cannot be
                 written.
         """
@@ -186,7 +190,7 @@ class Plan:
         if engine not in ENGINES:
             raise ValueError(f"engine {engine!r} is none of {', '.join(ENGINES)}")
         wanted = Wanted(trials, beyond, seed=seed, recovery=recovery, covered=covered, engine=engine)
-        return carried_out(self, wanted, None if folder is None else Path(folder), workers)
+        return carried_out(self, wanted, None if folder is None else Path(folder), workers, unverified)
 
     def export(
         self,
@@ -194,6 +198,8 @@ class Plan:
         path: str | PathLike[str],
         base: Pose | tuple[float, float, float, float, float, float] | None = None,
         rate: float = 100.0,
+        *,
+        unverified: bool = False,
     ) -> tuple[Path, ...]:
         """Writes the plan as a robot or a table takes it.
 
@@ -207,18 +213,24 @@ class Plan:
             base: pose of the hole's frame, whose z points out of the hole, in the robot's base, m and rotation vector
                 in rad; for robots.
             rate: samples a second of tables and bags.
+            unverified: whether to take a plan that the check does not certify, without asking it; what is written
+                says so.
 
         Returns:
             The files and folders that were written.
 
         Raises:
             ValueError: the format is unknown, or it is for robots and `base` is missing or in other units.
+            UnprovedError: the check does not certify the plan.
             FmoptError: the plan cannot be exported so, or the file not be written.
         """
-        from fmopt.export.write import exported
+        from fmopt.desk.admission import admitted
+        from fmopt.export.write import Form, exported
 
         frame = base.vector() if isinstance(base, Pose) else base
-        return exported(self.document, to, Path(path), None if frame is None else tuple(map(float, frame)), rate)
+        form = Form(to, None if frame is None else tuple(map(float, frame)), rate)
+        plan = files.parsed(self.document)
+        return exported(plan, replace(form, caution=admitted(plan, unverified)), Path(path))
 
     def to_dataframe(self) -> polars.DataFrame:
         """The segments as a data frame, a line each: poses, travel, margins and forces in SI units.

@@ -47,12 +47,15 @@ class Trials:
         return f"<pre>{escape(str(self))}</pre>"
 
 
-def carried_out(plan: Plan, wanted: Wanted, folder: Path | None, workers: int | None) -> Trials:
+def carried_out(plan: Plan, wanted: Wanted, folder: Path | None, workers: int | None, unverified: bool) -> Trials:
     """Trials of a plan; see `fmopt.desk.plan.Plan.execute`."""
-    from fmopt.execution.execute import execute
+    from fmopt.desk.admission import admitted
+    from fmopt.execution.execute import Settled, execute
 
     name = f"trials-{plan.stated.sha256[:12]}"
     other = "" if wanted.engine == type(wanted).engine else f"-{wanted.engine}"
     there = folder if folder is not None else Path("out") / f"{name}{other}"
+    read = files.parsed(plan.document)
+    caution = admitted(read, unverified)
     files.write(plan.document, there / "plan.json")
-    return Trials(execute(there / "plan.json", wanted, there, workers, lambda _: None), there)
+    return Trials(execute(read, wanted, Settled(there, workers), caution), there)

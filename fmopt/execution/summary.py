@@ -103,6 +103,7 @@ def lines(found: dict[str, Any]) -> list[str]:
     told = []
     if (said := found.get("verdict", "CERTIFIED")) != "CERTIFIED":
         told.append(f"the plan is {said}: no set of errors is certified, trials are all that is known of it")
+    told += [found["caution"]] if "caution" in found else []
     asked = f"; asked for {found['contact_force']:g} N of contact force"
     for name in ("inside", "beyond"):
         part = found[name]

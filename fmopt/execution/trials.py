@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from fmopt.errors import PlanFormatError
+from fmopt.errors import PlanFormatError, SettingsError
 from fmopt.execution.attempt import Course, carried_out
 from fmopt.execution.baselines import BASELINES
 from fmopt.execution.drake_engine import DRAKE
@@ -33,6 +33,13 @@ from fmopt.values import Array
 
 METHODS: dict[str, Callable[[Plan, Robot], Program]] = {"plan": planned, **BASELINES}
 ENGINES: dict[str, Maker] = {"mujoco": MUJOCO, "drake": DRAKE}
+RANGES = {  # of what is given by hand, with units; less or more than that is a slip
+    "reach": (1.0, 100.0, ""),
+    "time_step": (1e-6, 0.1, " s"),
+    "friction": (0.0, 10.0, ""),
+    "growth": (-0.1, 0.1, " m"),
+    "offset": (-1.0, 1.0, " m"),
+}
 _BLOCK = 256  # periods of noise drawn at once
 
 
@@ -53,6 +60,9 @@ class Trials:
         recovery: whether a plan that says so backs off and tries again when a move fails.
         covered: whether trials beyond have errors uniform in what the plan's retries cover, instead.
         engine: of the physics.
+
+    Raises:
+        SettingsError: a number is out of range.
     """
 
     inside: int
@@ -67,6 +77,13 @@ class Trials:
     recovery: bool = True
     covered: bool = False
     engine: str = "mujoco"
+
+    def __post_init__(self) -> None:
+        for name, (least, most, unit) in RANGES.items():
+            value = getattr(self, name)
+            if value is not None and not least <= value <= most:
+                advice = f"give a number from {least:g} to {most:g}{unit}"
+                raise SettingsError(f"{name.replace('_', ' ')} of {value:g}{unit}", advice)
 
 
 @dataclass(frozen=True)

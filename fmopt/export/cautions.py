@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
 from fmopt.errors import PlanFormatError
+from fmopt.plan import Plan
 from fmopt.se3 import Pose
 from fmopt.values import Array
 
@@ -72,19 +72,12 @@ def turning_words(twists: Sequence[Array], numbers: Sequence[int]) -> str:
     )
 
 
-def verdict_words(document: Mapping[str, Any]) -> tuple[str, ...]:
-    """What to say of a plan that is not certified; nothing of one that is."""
-    said = str(document.get("verdict"))
-    return () if said == "CERTIFIED" else (f"the plan is {said}: nothing is guaranteed of what it does",)
-
-
-def failing_words(document: Mapping[str, Any], base: Pose) -> str:
+def failing_words(plan: Plan, base: Pose) -> str:
     """What may be done when a move fails, as the plan says it; nothing where it does not."""
-    lift = (document.get("recovery") or {}).get("lift")
-    if lift is None:
+    if plan.recovery is None or plan.recovery.lift is None:
         return ""
     up = ", ".join(f"{round(value, 3) + 0.0:g}" for value in base.R[:, 2].tolist())
     return (
         f"when a move fails the part may be lifted along [{up}] in the base while its lowest point is above "
-        f"z = {round(float(lift['above']), 6) + 0.0:g} m in the frame of the hole"
+        f"z = {round(plan.recovery.lift.above, 6) + 0.0:g} m in the frame of the hole"
     )

@@ -8,17 +8,20 @@ axes are stiff and when a move ends, is in `segments.yaml`, with one request for
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fmopt import output
-from fmopt.errors import ResourceError
-from fmopt.export.cautions import check_rate, insertion_words, turning_words, verdict_words
+from fmopt.errors import PlanFormatError, ResourceError
+from fmopt.escape import one_line, yaml_string
+from fmopt.export.cautions import check_rate, insertion_words, turning_words
 from fmopt.export.frame import TaskFrame, task_frame
 from fmopt.guarded.moves import Move, moves
+from fmopt.plan import Plan
 from fmopt.se3 import Pose
 from fmopt.values import Array
 
@@ -44,29 +47,31 @@ class _Sample(NamedTuple):
     wrench: Array
 
 
-def export(document: Mapping[str, Any], base: Pose, rate: float, folder: Path) -> tuple[Path, ...]:
+def export(plan: Plan, base: Pose, rate: float, folder: Path, caution: str = "") -> tuple[Path, ...]:
     """Writes the bag (MCAP), `controllers.yaml` and `segments.yaml` into a new folder.
 
     Args:
-        document: plan.
+        plan: the plan.
         base: pose of the hole's frame B in the robot's base.
         rate: samples a second of the motion.
         folder: must not hold a bag yet.
+        caution: what is to be said of the plan, if anything.
 
     Raises:
         PlanFormatError: a segment cannot be run, its force axes fit no frame, or the rate is no rate for it.
         ResourceError: the extra is missing, the bag exists, or a file cannot be written.
     """
-    rows = moves(plan.parsed(document))
+    rows = moves(plan)
     check_rate(rate, sum(move.duration for move in rows))
-    rho = float(document["uncertainty"]["rho"])
-    frames = [task_frame(move, rho) for move in rows]
+    frames = [task_frame(move, plan.rho) for move in rows]
+    notes = ((f"WARNING: {one_line(caution)}",) if caution else ()) + _NOTES
     output.prepare(folder)
     bag, controllers, segments = folder / "bag", folder / "controllers.yaml", folder / "segments.yaml"
     with output.fresh(bag) as partial:
-        _write_bag(list(_samples(rows, base, rate)), partial)
-        output.save(_controllers(frames[0]).encode(), controllers)
-        output.save(_segments(document, rows, frames, base, rho).encode(), segments)
+        _write_bag(list(_samples(rows, base, rate)), partial, notes)
+        output.save(_controllers(frames[0], notes).encode(), controllers)
+        listed = [_segment(*pair, base, plan.rho) for pair in zip(rows, frames, strict=True)]
+        output.save(_segments(plan, rows, listed, base, notes).encode(), segments)
     return bag, controllers, segments
 
 
@@ -82,7 +87,7 @@ def _samples(rows: tuple[Move, ...], base: Pose, rate: float) -> Iterator[_Sampl
     yield _Sample(begun, base.compose(rows[-1].goal), wrench)
 
 
-def _write_bag(samples: list[_Sample], path: Path) -> None:
+def _write_bag(samples: list[_Sample], path: Path, notes: tuple[str, ...]) -> None:
     try:
         from rosbags.rosbag2 import StoragePlugin, Writer
         from rosbags.typesys import Stores, get_typestore
@@ -90,7 +95,7 @@ def _write_bag(samples: list[_Sample], path: Path) -> None:
         raise ResourceError("bags need the extra ros2", "install fmopt[ros2]") from error
     store = get_typestore(Stores.ROS2_JAZZY)
     with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        for line, note in enumerate(_NOTES):
+        for line, note in enumerate(notes):
             writer.set_custom_data(f"note_{line}", note)
         connections = {
             kind: writer.add_connection(topic, f"geometry_msgs/msg/{kind}", typestore=store)
@@ -130,7 +135,7 @@ def _stiffness(task: TaskFrame) -> dict[str, float]:
     return {name: (_SOFT if task.selection[k] else _STIFF)[k // 3] for k, name in enumerate(_AXES)}
 
 
-def _controllers(first: TaskFrame) -> str:
+def _controllers(first: TaskFrame, notes: tuple[str, ...]) -> str:
     """Parameters of FZI's Cartesian compliance controller, with the stiffness of the first segment."""
     gains = {name: {"p": 0.05 if k < 3 else 1.5, "d": 0.005 if k < 3 else 0.0} for k, name in enumerate(_AXES)}
     parameters = {
@@ -147,31 +152,33 @@ def _controllers(first: TaskFrame) -> str:
     manager = {"update_rate": 500, CONTROLLER: {"type": f"{CONTROLLER}/CartesianComplianceController"}}
     return _yaml(
         {"controller_manager": {"ros__parameters": manager}, CONTROLLER: {"ros__parameters": parameters}},
-        (*_NOTES, "links and joints are placeholders: give your robot's names; change the stiffness at each segment"),
+        (*notes, "links and joints are placeholders: give your robot's names; change the stiffness at each segment"),
     )
 
 
 def _segments(
-    document: Mapping[str, Any], rows: tuple[Move, ...], frames: list[TaskFrame], base: Pose, rho: float
+    plan: Plan, rows: tuple[Move, ...], listed: list[dict[str, Any]], base: Pose, notes: tuple[str, ...]
 ) -> str:
-    begun, listed = 0.0, []
-    for move, task in zip(rows, frames, strict=True):
-        listed.append(
-            {
-                "segment": move.segment,
-                "move": move.number,
-                "begins": begun,
-                "held": list(move.state),
-                "stiffness": _stiffness(task),
-                "set_force_mode": _request(move, task, base, rho),
-                "stop": None if move.stop is None else _stop(move, base),
-            }
-        )
+    begun = 0.0
+    for move, entry in zip(rows, listed, strict=True):
+        entry["begins"] = begun
         begun += move.duration
     turning = turning_words([move.twist for move in rows], [move.number for move in rows])
     count = "segment and move count from 0, as in the plan file"
-    notes = (*_NOTES, *verdict_words(document), insertion_words(base), turning, count)
-    return _yaml({"plan": document["sha256"], "frame_id": BASE_LINK, "segments": listed}, notes)
+    said = (*notes, insertion_words(base), turning, count)
+    return _yaml({"plan": plan.sha256, "frame_id": BASE_LINK, "segments": listed}, said)
+
+
+def _segment(move: Move, task: TaskFrame, base: Pose, rho: float) -> dict[str, Any]:
+    return {
+        "segment": move.segment,
+        "move": move.number,
+        "begins": 0.0,
+        "held": list(move.state),
+        "stiffness": _stiffness(task),
+        "set_force_mode": _request(move, task, base, rho),
+        "stop": None if move.stop is None else _stop(move, base),
+    }
 
 
 def _request(move: Move, task: TaskFrame, base: Pose, rho: float) -> dict[str, Any]:
@@ -215,13 +222,11 @@ def _xyz(values: Array) -> dict[str, float]:
 
 
 def _yaml(value: Mapping[str, Any], notes: tuple[str, ...]) -> str:
-    """Block YAML of mappings, lists, numbers, booleans, plain strings and null; written as JSON scalars."""
-    return "\n".join([*(f"# {note}" for note in notes), *_block(value, 0)]) + "\n"
+    """Block YAML of mappings, lists, numbers, booleans, strings and null; keys are names of ours."""
+    return "\n".join([*(f"# {one_line(note)}" for note in notes), *_block(value, 0)]) + "\n"
 
 
 def _block(value: Mapping[str, Any], depth: int) -> Iterator[str]:
-    import json
-
     pad = "  " * depth
     for key, item in value.items():
         if isinstance(item, Mapping):
@@ -234,10 +239,18 @@ def _block(value: Mapping[str, Any], depth: int) -> Iterator[str]:
                 yield f"{pad}  - {lines[0].lstrip()}"
                 yield from lines[1:]
         else:
-            yield f"{pad}{key}: {_scalar(item) if isinstance(item, float) else json.dumps(item)}"
+            yield f"{pad}{key}: {_scalar(item)}"
 
 
-def _scalar(value: float) -> str:
-    """A float that YAML 1.1 reads as a float: with a point before the exponent."""
+def _scalar(value: float | str | Sequence[Any] | None) -> str:
+    """A float as YAML 1.1 reads it as one, with a point before the exponent; a text in quotes."""
+    if isinstance(value, str):
+        return yaml_string(value)
+    if isinstance(value, Sequence):
+        return f"[{', '.join(map(_scalar, value))}]"
+    if value is None or isinstance(value, bool):
+        return "null" if value is None else str(value).lower()
     text = repr(value)
+    if not math.isfinite(value):
+        raise PlanFormatError(f"a number of the motion is {text}", "give a plan.json that fmopt solve wrote")
     return text.replace("e", ".0e") if "e" in text and "." not in text else text

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from fmopt.errors import PlanFormatError
+from fmopt.escape import csv_comment
 from fmopt.export.cautions import check_rate
+from fmopt.plan import Plan
 from fmopt.values import Array, Value, frozen
 
 FORMAT = "fmopt.samples/1"
@@ -46,40 +46,46 @@ class Samples(Value):
         return np.hstack([self.t[:, None], self.s, self.pa, self.fa])
 
 
-def samples(document: Mapping[str, Any], rate: float) -> Samples:
+def samples(plan: Plan, rate: float) -> Samples:
     """Every 1/rate seconds from the start, and the end; where S jumps, the value that begins there.
 
     Args:
-        document: plan.
+        plan: the plan.
         rate: Hz.
 
     Raises:
         PlanFormatError: the plan holds no such trajectory, or the rate is no rate for it.
     """
-    try:
-        rows = document["position_force"]
-        first, last = float(rows[0]["t0"]), float(rows[-1]["t1"])
-        starts = np.array([row["t0"] for row in rows])
-    except (KeyError, IndexError, TypeError) as error:
-        raise PlanFormatError("the plan holds no position/force trajectory", "solve the problem again") from error
+    rows = plan.position_force
+    if not rows:
+        raise PlanFormatError("the plan holds no position/force trajectory", "solve the problem again")
+    first, last = rows[0].interval.start, rows[-1].interval.end
+    starts = np.array([row.interval.start for row in rows])
     check_rate(rate, last - first)
     count = int(np.floor((last - first) * rate * (1.0 - 1e-12))) + 1
     t = np.append(first + np.arange(count) / rate, last)
     inside = np.clip(np.searchsorted(starts, t, side="right") - 1, 0, len(rows) - 1)
-    begun, length = t - starts[inside], np.array([row["t1"] - row["t0"] for row in rows])[inside]
+    begun, length = t - starts[inside], np.array([row.interval.end - row.interval.start for row in rows])[inside]
     share = np.divide(begun, length, out=np.ones(len(t)), where=length > 0.0)  # what lasts no time is at its end
-    ends = np.array([[row["pa_start"], row["pa_end"]] for row in rows])[inside]
+    ends = np.array([[row.pa_start, row.pa_end] for row in rows])[inside]
     pa = ends[:, 0] + share[:, None] * (ends[:, 1] - ends[:, 0])
     return Samples(
-        t, np.array([row["s"] for row in rows])[inside], pa, np.array([row["fa"] for row in rows], dtype=float)[inside]
+        t, np.array([row.interval.s for row in rows])[inside], pa, np.array([row.fa for row in rows])[inside]
     )
 
 
-def csv_text(document: Mapping[str, Any], rate: float) -> str:
-    """The samples as CSV: comment lines with `#`, one line of names, numbers that read back exactly, S in integers."""
-    lines = [f"# {line}" for line in (FORMAT, f"plan {document['sha256']}", *_NOTES)]
+def csv_text(plan: Plan, rate: float, caution: str = "") -> str:
+    """The samples as CSV: comment lines with `#`, one line of names, numbers that read back exactly, S in integers.
+
+    Args:
+        plan: the plan.
+        rate: Hz.
+        caution: what is to be said of the plan, if anything.
+    """
+    warned = (f"WARNING: {csv_comment(caution)}",) if caution else ()
+    lines = [f"# {line}" for line in (FORMAT, f"plan {csv_comment(plan.sha256)}", *warned, *_NOTES)]
     lines.append(",".join(COLUMNS))
-    found = samples(document, rate)
+    found = samples(plan, rate)
     for t, s, pa, fa in zip(found.t.tolist(), found.s.tolist(), found.pa.tolist(), found.fa.tolist(), strict=True):
         lines.append(",".join([repr(t), *(str(int(code)) for code in s), *(repr(value) for value in (*pa, *fa))]))
     return "\n".join(lines) + "\n"
@@ -101,12 +107,13 @@ def read_csv(text: str) -> Samples:
         raise PlanFormatError(f"no table of samples: {error}", "give a file that fmopt export wrote") from error
 
 
-def json_text(document: Mapping[str, Any], rate: float) -> str:
-    """The samples as one JSON object."""
-    found = samples(document, rate)
+def json_text(plan: Plan, rate: float, caution: str = "") -> str:
+    """The samples as one JSON object; arguments as of `csv_text`."""
+    found = samples(plan, rate)
     rows = [
         {"t": t, "s": [int(value) for value in s], "pa": pa, "fa": fa}
         for t, s, pa, fa in zip(found.t.tolist(), found.s.tolist(), found.pa.tolist(), found.fa.tolist(), strict=True)
     ]
-    head = {"format": FORMAT, "plan": document["sha256"], "notes": list(_NOTES), "rate": rate, "fa_sign": "reaction"}
+    notes = [*([f"WARNING: {caution}"] if caution else []), *_NOTES]
+    head = {"format": FORMAT, "plan": plan.sha256, "notes": notes, "rate": rate, "fa_sign": "reaction"}
     return json.dumps({**head, "samples": rows}, indent=1, allow_nan=False) + "\n"

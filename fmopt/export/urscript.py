@@ -8,23 +8,26 @@ programmed motion on stiff ones. `get_tcp_force` returns the reaction on the too
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from fmopt.export.cautions import failing_words, insertion_words, turning_words, verdict_words
+from fmopt.errors import PlanFormatError
+from fmopt.escape import one_line, urscript_string
+from fmopt.export.cautions import failing_words, insertion_words, turning_words
 from fmopt.export.frame import TaskFrame, task_frame
 from fmopt.guarded.moves import Move, moves
-from fmopt.plan import parsed
+from fmopt.plan import FRAMES, Plan
 from fmopt.se3 import Pose
 from fmopt.values import Array
 
 _HEADER = """\
 # {title}
 # Plan {digest}, verdict {verdict}, written by fmopt {version}
-{cautions}#
+# {standing}
+#
 # Units: m, rad, N, N m, s. Poses p[x, y, z, rx, ry, rz] are in the robot's base, the rotation as a rotation vector.
 # The TCP has to be the moving part's frame: {moving}.
 # The frame of the hole ({hole}) is at {base} in the base.
@@ -166,22 +169,23 @@ class Settings:
     deviation: float = 0.002
 
 
-def program(document: Mapping[str, Any], base: Pose, settings: Settings | None = None) -> str:
+def program(plan: Plan, base: Pose, caution: str = "", settings: Settings | None = None) -> str:
     """The program as text.
 
     Args:
-        document: plan.
+        plan: the plan.
         base: pose of the hole's frame B in the robot's base.
+        caution: what is to be said of the plan; empty where the check has certified it.
         settings: what the plan does not know; none for the defaults.
 
     Raises:
         PlanFormatError: a segment cannot be run, or its force axes are not orthogonal in any one frame.
     """
     settings = settings or Settings()
-    rho, speed = float(document["uncertainty"]["rho"]), float(document["specification"]["speed"])
-    most = settings.most * float(document["specification"]["contact_force"])
-    rows = moves(parsed(document))
-    lines = [_head(document, rows, base, settings), _functions(settings), "def fmopt_insert():"]
+    rho, speed = plan.rho, plan.specification.speed
+    most = settings.most * plan.specification.contact_force
+    rows = moves(plan)
+    lines = [_head(plan, rows, base, caution, settings), _functions(settings), "def fmopt_insert():"]
     lines += _indented(_beginning(base.compose(rows[0].start), speed, settings))
     for index, move in enumerate(rows):
         lines += _indented(_segment(rows, index, task_frame(move, rho), base, rho, settings, most))
@@ -196,21 +200,22 @@ def commanded(rows: Sequence[Move], settings: Settings | None = None) -> list[Ar
     return [move.twist if move.stop is None else _pace(move, settings) * move.twist for move in rows]
 
 
-def _head(document: Mapping[str, Any], rows: Sequence[Move], base: Pose, settings: Settings) -> str:
-    cautions = "".join(f"# WARNING: {words}.\n" for words in verdict_words(document))
-    return _HEADER.format(
-        cautions=cautions,
-        title=" ".join(str(document["problem"]["title"]).split()),
-        digest=document["sha256"],
-        verdict=document["verdict"],
-        version=document["fmopt_version"],
-        moving=document["frames"]["moving"],
-        hole=document["frames"]["B"],
-        base=_pose(base),
-        insertion=insertion_words(base),
-        failing=f"# {words[0].upper()}{words[1:]}.\n" if (words := failing_words(document, base)) else "",
-        turning=turning_words(commanded(rows, settings), [move.number for move in rows]),
-    )
+def _head(plan: Plan, rows: Sequence[Move], base: Pose, caution: str, settings: Settings) -> str:
+    words = failing_words(plan, base)
+    said = {
+        "title": plan.title,
+        "digest": plan.sha256,
+        "verdict": plan.verdict,
+        "version": plan.version,
+        "standing": f"WARNING: {caution}." if caution else "It has passed the independent check.",
+        "moving": FRAMES["moving"],
+        "hole": FRAMES["B"],
+        "base": _pose(base),
+        "insertion": insertion_words(base),
+        "turning": turning_words(commanded(rows, settings), [move.number for move in rows]),
+    }
+    failing = f"# {one_line(words[0].upper() + words[1:])}.\n" if words else ""
+    return _HEADER.format(failing=failing, **{name: one_line(text) for name, text in said.items()})
 
 
 def _functions(settings: Settings) -> str:
@@ -245,7 +250,8 @@ def _segment(
     """
     move = rows[index]
     begins = index == 0 or rows[index - 1].last
-    lines = [f"# move {move.number + 1}, segments[{move.segment}], held: {', '.join(move.state) or 'nothing'}"]
+    held = one_line(", ".join(move.state) or "nothing")
+    lines = [f"# move {move.number + 1}, segments[{move.segment}], held: {held}"]
     lines += ["ahead = 0.0"] if begins else []
     if begins and index and move.stop is None and (rows[index - 1].stop or rows[index - 1].state):
         lines += [_released(move, base, rho, settings), f"sleep({_number(settings.settling)})"]
@@ -260,8 +266,8 @@ def _segment(
     guarded.append(f"touched = fmopt_guarded({', '.join(_guard(rows, index, base, rho, settings, pace))})")
     lines += ["if not touched:", *("  " + line for line in guarded), "end"]
     if move.last:
-        missed = f"move {move.number + 1}: {', '.join(move.stop.contacts)} not felt"
-        lines += ["if not touched:", f'  fmopt_leave("{missed}")', "end", "touched = False"]
+        missed = urscript_string(f"move {move.number + 1}: {', '.join(move.stop.contacts)} not felt")
+        lines += ["if not touched:", f"  fmopt_leave({missed})", "end", "touched = False"]
     return lines
 
 
@@ -322,7 +328,13 @@ def _indented(lines: Sequence[str]) -> Iterable[str]:
 
 
 def _number(value: float) -> str:
-    """Fixed point, a picometre fine: the language has no exponents."""
+    """Fixed point, a picometre fine: the language has no exponents.
+
+    Raises:
+        PlanFormatError: it is not finite, and would read as a name.
+    """
+    if not math.isfinite(value):
+        raise PlanFormatError(f"a number of the motion is {value!r}", "give a plan.json that fmopt solve wrote")
     text = f"{value:.12f}".rstrip("0")
     return "0.0" if text in ("-0.", "0.") else text + "0" * text.endswith(".")
 

@@ -2,17 +2,59 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from fmopt import output, plan
-from fmopt.export.cautions import base_pose, insertion_words, turning_words, verdict_words
+from fmopt import output
+from fmopt.export.cautions import base_pose, insertion_words, turning_words
 from fmopt.guarded.moves import moves
+from fmopt.plan import STDIO, Plan
+from fmopt.se3 import Pose
 
 FORMATS = ("urscript", "ros2", "csv", "json")
 _TABLES = ("csv", "json")
 _NAMES = {"urscript": "plan.script", "ros2": "ros2", "csv": "samples.csv", "json": "samples.json"}
+
+
+@dataclass(frozen=True)
+class Form:
+    """How a plan is to be written.
+
+    Args:
+        to: one of `FORMATS`.
+        base: pose (x, y, z, rx, ry, rz) of the hole's frame in the robot's base, m and rad; None for tables.
+        rate: samples a second of tables and bags.
+        caution: what is to be said of the plan in all that is written; empty where the check has certified it.
+
+    Raises:
+        ValueError: the format is unknown, or it is for robots and the base is missing or in other units.
+    """
+
+    to: str
+    base: tuple[float, ...] | None = None
+    rate: float = 100.0
+    caution: str = ""
+
+    def __post_init__(self) -> None:
+        if self.to not in FORMATS:
+            raise ValueError(f"{self.to!r} is no format; choose from {', '.join(FORMATS)}")
+        if self.for_robots:
+            assert self.frame is not None
+
+    @property
+    def for_robots(self) -> bool:
+        """Whether robots run what is written."""
+        return self.to not in _TABLES
+
+    @property
+    def frame(self) -> Pose:
+        """The pose of the hole's frame in the robot's base."""
+        if self.base is None:
+            raise ValueError(
+                f"{self.to} needs the hole's frame in the robot's base: give --base X Y Z RX RY RZ, in m and rad"
+            )
+        return base_pose(self.base)
 
 
 class Written(NamedTuple):
@@ -29,71 +71,65 @@ class Written(NamedTuple):
     text: str = ""
 
 
-def export(file: Path, to: str, out: Path | None, base: tuple[float, ...] | None, rate: float) -> Written:
-    """Writes a plan in another format.
-
-    Args:
-        file: plan file.
-        to: one of `FORMATS`.
-        out: file, or folder for ros2; None for one beside the plan, "-" for the text itself.
-        base: pose (x, y, z, rx, ry, rz) of the hole's frame in the robot's base, m and rad; None for tables.
-        rate: samples a second.
+def place(file: Path, to: str, out: Path | None) -> Path:
+    """Where a plan of this file goes: beside it unless `out` says where.
 
     Raises:
-        ValueError: the format is unknown, or it is for robots and the base is missing or in other units, or `out` is
-            the plan.
-        FmoptError: the plan cannot be read, exported or written.
+        ValueError: `out` is the plan itself.
     """
-    if to not in FORMATS:
-        raise ValueError(f"{to!r} is no format; choose from {', '.join(FORMATS)}")
-    target = out if out is not None else file.parent / _NAMES[to]
-    if target.resolve() == file.resolve() and out != plan.STDIO:
+    target = out if out is not None else (Path() if file == STDIO else file.parent) / _NAMES[to]
+    if target != STDIO and target.resolve() == file.resolve():
         raise ValueError(f"--out is {file}, the plan itself, which would be lost")
-    document = plan.read_document(file)
-    text = text_of(document, to, base, rate) if out == plan.STDIO else ""
-    paths = () if out == plan.STDIO else exported(document, to, target, base, rate)
-    if base is None or to in _TABLES:
-        return Written(paths, () if base is None else (f"{to} is in the hole's frame: --base is not used",), text)
-    notes = (*verdict_words(document), insertion_words(base_pose(base)), _turning(document, to))
-    return Written(paths, notes, text)
+    return target
 
 
-def _turning(document: Mapping[str, Any], to: str) -> str:
+def export(plan: Plan, form: Form, target: Path) -> Written:
+    """Writes a plan in another format, with notes.
+
+    Args:
+        plan: that the check has certified, or of which `form` says that it was not asked.
+        form: how.
+        target: file, or folder for ros2; "-" for the text itself.
+
+    Raises:
+        ValueError: the format is several files, and `target` no folder.
+        FmoptError: the plan cannot be exported or written.
+    """
+    text = text_of(plan, form) if target == STDIO else ""
+    paths = () if target == STDIO else exported(plan, form, target)
+    if not form.for_robots:
+        return Written(
+            paths, () if form.base is None else (f"{form.to} is in the hole's frame: --base is not used",), text
+        )
+    return Written(paths, (insertion_words(form.frame), _turning(plan, form.to)), text)
+
+
+def _turning(plan: Plan, to: str) -> str:
     """The greatest turning rate of what was written."""
     from fmopt.export.urscript import commanded
 
-    rows = moves(plan.parsed(document))
+    rows = moves(plan)
     return turning_words(commanded(rows) if to == "urscript" else [m.twist for m in rows], [m.number for m in rows])
 
 
-def exported(
-    document: Mapping[str, Any], to: str, target: Path, base: tuple[float, ...] | None, rate: float
-) -> tuple[Path, ...]:
-    """Writes a plan document in another format to `target`, and says what was written; the rest as of `export`."""
-    if to == "ros2":
+def exported(plan: Plan, form: Form, target: Path) -> tuple[Path, ...]:
+    """Writes a plan in another format to `target`, and says what was written; the rest as of `export`."""
+    if form.to == "ros2":
         from fmopt.export import ros2
 
-        return ros2.export(document, base_pose(_given(base, to)), rate, target)
-    output.save(text_of(document, to, base, rate).encode(), target)
+        return ros2.export(plan, form.frame, form.rate, target, form.caution)
+    output.save(text_of(plan, form).encode(), target)
     return (target,)
 
 
-def text_of(document: Mapping[str, Any], to: str, base: tuple[float, ...] | None, rate: float) -> str:
-    """A plan document as the text of another format; the rest as of `export`."""
-    if to not in FORMATS:
-        raise ValueError(f"{to!r} is no format; choose from {', '.join(FORMATS)}")
-    if to == "ros2":
+def text_of(plan: Plan, form: Form) -> str:
+    """A plan as the text of another format; the rest as of `export`."""
+    if form.to == "ros2":
         raise ValueError("ros2 is several files: --out has to be a folder")
-    if to in _TABLES:
-        from fmopt.export.sampled import csv_text, json_text
+    if form.to == "urscript":
+        from fmopt.export.urscript import program
 
-        return (csv_text if to == "csv" else json_text)(document, rate)
-    from fmopt.export.urscript import program
+        return program(plan, form.frame, form.caution)
+    from fmopt.export.sampled import csv_text, json_text
 
-    return program(document, base_pose(_given(base, to)))
-
-
-def _given(base: tuple[float, ...] | None, to: str) -> tuple[float, ...]:
-    if base is None:
-        raise ValueError(f"{to} needs the hole's frame in the robot's base: give --base X Y Z RX RY RZ, in m and rad")
-    return base
+    return (csv_text if form.to == "csv" else json_text)(plan, form.rate, form.caution)

@@ -1,0 +1,79 @@
+"""Every numeric option of every command: numbers that are none, too large or too small are bad input, at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from typer.main import get_command
+
+from fmopt.cli import app, main
+
+# Of each option: whether a negative number, nought, and a huge one can be meant.
+MEANT = {
+    "export --rate": (False, False, False),
+    "export --base": (True, True, False),
+    "execute --trials": (False, True, False),
+    "execute --beyond": (False, True, False),
+    "execute --seed": (False, True, True),
+    "execute --friction": (False, True, False),
+    "execute --time-step": (False, False, False),
+    "execute --growth": (True, True, False),
+    "execute --offset": (True, True, False),
+    "execute --replay": (False, True, False),
+    "execute --workers": (False, False, False),
+    "compare --trials": (False, False, False),
+    "compare --seed": (False, True, True),
+    "compare --workers": (False, False, False),
+    "study run --jobs": (False, False, False),
+    "study run --limit": (False, True, True),
+}
+NUMBERS = {"nan": (False,), "inf": (False,), "-inf": (False,), "-0.1": (0,), "-1": (0,), "0": (1,), "1e300": (2,)}
+
+
+def numeric() -> Iterator[tuple[str, int]]:
+    """Every numeric option, with its number of values."""
+    waiting = [("", get_command(app))]
+    while waiting:
+        name, command = waiting.pop()
+        waiting += [(f"{name} {key}".strip(), sub) for key, sub in getattr(command, "commands", {}).items()]
+        for option in command.params:
+            if option.type.name in (
+                "integer",
+                "float",
+                "integer range",
+                "float range",
+                "<float float float float float float>",
+            ):
+                yield f"{name} {max(option.opts, key=len)}", option.nargs
+
+
+def test_every_numeric_option_is_in_the_table() -> None:
+    assert {name for name, _ in numeric()} == set(MEANT)
+
+
+@pytest.mark.parametrize("option", MEANT)
+def test_numbers_that_cannot_be_meant_are_bad_input(
+    option: str,
+    square_peg_plan_file: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    command, flag = option.rsplit(" ", 1)
+    file = "problems/studies/square_peg_clearance.toml" if command.startswith("study") else square_peg_plan_file
+    rest = {"export": ["--to", "ros2", "--base", *"000000"], "study run": ["--dry-run"]}.get(command, [])
+    values = 6 if flag == "--base" else 1
+    refused = [
+        number for number, (meant, *_) in NUMBERS.items() if not (meant if meant is False else MEANT[option][meant])
+    ]
+    for number in refused + (["99999999999999999999"] if not MEANT[option][2] else []):
+        line = [*command.split(), str(file), *rest, "--out", str(tmp_path / "out"), flag, *([number] * values)]
+        monkeypatch.setattr("sys.argv", ["fmopt", *line])
+        with pytest.raises(SystemExit) as stop:
+            main()
+        said = capfd.readouterr().err
+        assert (stop.value.code, number) == (2, number), said
+        assert said
+        assert not (tmp_path / "out").exists()
