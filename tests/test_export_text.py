@@ -37,11 +37,6 @@ TEXTS = {
     "a key of JSON": '","samples":[],"x":"\ud800\U0001f600\u202e',
 }
 OF_THE_FORM = {"kind", "role", "stays", "axis"}  # words of the format: another one may stop the export
-    "kind",
-    "role",
-    "stays",
-    "axis",
-}  # words that are compared, of which another stops the export or changes nothing
 BASE = (0.4, -0.1, 0.2, 0.3, 3.0, -0.2)
 FILES = {
     "urscript": ("",),
