@@ -59,14 +59,14 @@ from fmopt.verify.form import FORMAT, FRAMES, NOT_COVERED, UNITS, Numbers, PlanE
 from fmopt.verify.parse import parse
 from fmopt.verify.parse_diagnostics import read_diagram
 from fmopt.verify.parse_planar import read_boundary, read_surface
-from fmopt.verify.reader import Reader
+from fmopt.verify.reader import LONGEST, UNSEEN, Reader
 
 __all__ = [
     "FORMAT", "FRAMES", "NOT_COVERED", "STDIO", "UNITS", "Body", "Boundary", "Contact", "ContactClaim", "CriticalPoint",
     "Curve", "Diagnostics", "Diagram", "Foreseen", "Hybrid", "Interval", "JamFree", "Lift", "MoveRecovery", "Nominal",
     "Numbers", "Part", "Phase", "Plan", "Planar", "PlanarSegment", "Polyline", "PositionForce", "Recovery", "Search",
     "Segment", "Separation", "Slice", "Specification", "Surface", "Tolerated", "ToleratedEnd", "Tube", "Witness",
-    "boundary", "canonical", "clean", "diagram", "digest", "parsed", "read", "read_document", "rounded_down",
+    "boundary", "canonical", "clean", "diagram", "digest", "line", "parsed", "read", "read_document", "rounded_down",
     "sealed", "surface", "write",
 ]  # fmt: skip
 
@@ -109,6 +109,11 @@ def clean(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {key: item + 0.0 if type(item) is float else clean(item) for key, item in value.items()}
     return value + 0.0 if isinstance(value, float) else value
+
+
+def line(words: str) -> str:
+    """Words as a plan may hold them: one line without unseen characters, no longer than its reader takes."""
+    return UNSEEN.sub("\N{REPLACEMENT CHARACTER}", " ".join(words.split()))[:LONGEST]
 
 
 def write(document: Mapping[str, Any], path: Path) -> None:

@@ -179,7 +179,11 @@ def plan_document(
             **hand_record(nominal.task, segments),
             "budget": [share.record() for share in problem.budget],
             "clearance": {"measured": [_side(play) for play in done.clearance.play]},
-            **({"imported": notes} if (notes := [*problem.moving.notes, *problem.fixed.notes]) else {}),
+            **(
+                {"imported": notes}
+                if (notes := [*map(plan.line, (*problem.moving.notes, *problem.fixed.notes))])
+                else {}
+            ),
             **({} if measured is None else {"tolerated": measured.record()}),
             **_in_the_plane(problem, nominal, claims),
         },

@@ -143,7 +143,7 @@ def _reduced(problem: Problem, share: float, found: Synthesis, short: str) -> Sy
         "verdict": str(verdict.verdict),
         "diagnostics": {
             **found.document["diagnostics"],
-            "reduced": {"share": share, "stated_start_box": problem.start_box.tolist(), "short": short},
+            "reduced": {"share": share, "stated_start_box": problem.start_box.tolist(), "short": plan.line(short)},
         },
     }
     return Synthesis(plan.sealed(document), verdict, found.seconds)

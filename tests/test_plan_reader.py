@@ -21,6 +21,7 @@ from fmopt.verify import PlanError, Verdict, verify
 from fmopt.verify.file import LARGEST_FILE, decoded
 from fmopt.verify.keys import Fields, table
 from fmopt.verify.parse import FIELDS, parse
+from fmopt.verify.reader import Reader
 
 README = Path(__file__).parent.parent / "README.md"
 WRONG: tuple[Any, ...] = (
@@ -151,6 +152,12 @@ def test_no_text_of_a_plan_holds_what_is_not_seen(document: dict[str, Any]) -> N
                 parse(put(document, place, value + sign))
         with pytest.raises(PlanError):
             parse(put(document, place, value + 1001 * "x"))
+
+
+def test_words_from_elsewhere_become_what_a_plan_may_hold() -> None:
+    for words in ("a\nb", "a\x1b[31m", "a\u202eb", "x" * 5000, "\udcff.stl", "a part, 3 µm"):
+        assert Reader(plan.line(words)).text() == plan.line(words)
+    assert plan.line("a part,\n3 µm") == "a part, 3 µm"
 
 
 def test_what_is_read_from_files(tmp_path: Path, document: dict[str, Any]) -> None:

@@ -14,7 +14,7 @@ from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.exact import Exact, exact_vertices, facing_directions
 from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.plan import clean, rounded_down
+from fmopt.plan import clean, line, rounded_down
 
 
 def part_record(
@@ -28,7 +28,7 @@ def part_record(
     if exact:
         shapes["exact"] = [{"vertex": n, "at": [str(x) for x in exact[n]]} for n in sorted(exact)]
     record: dict[str, Any] = clean(
-        {"name": part.name, **shapes, "declared_clearance": declared, "measured_clearance": measured}
+        {"name": line(part.name), **shapes, "declared_clearance": declared, "measured_clearance": measured}
     )
     return record
 

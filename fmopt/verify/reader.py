@@ -13,7 +13,7 @@ from fmopt.verify.keys import Fields
 MOST = 4096  # entries of a list, where nothing else is said
 LONGEST = 1000  # characters of a text
 # Control characters, those that turn the direction of writing, separators of lines, halves of characters.
-_UNSEEN = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff\ud800-\udfff]")
+UNSEEN = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff\ud800-\udfff]")
 _LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+\[\]/ -]{0,63}", re.ASCII)
 _HEX = re.compile(r"[0-9a-f]{64}", re.ASCII)
 
@@ -137,7 +137,7 @@ class Reader:
             return self.value
         if len(self.value) > LONGEST:
             raise self.fail(f"must be at most {LONGEST} characters long")
-        if (unseen := _UNSEEN.search(self.value)) is not None:
+        if (unseen := UNSEEN.search(self.value)) is not None:
             raise self.fail(f"must be one line of text, without the control character U+{ord(unseen.group()):04X}")
         return self.value
 
