@@ -162,5 +162,5 @@ def with_graph() -> dict[str, Any]:
         "chosen": [0, 1],
     }
     graph["verdicts"] = ["confirmed"] * 4
-    budget = [{"source": "robot", "symbol": "", "contribution": [1e-4] * 6}]
+    budget = [{"source": "robot", "symbol": "", "frame": "hole", "contribution": [1e-4] * 6}]
     return cube_plan(diagnostics=diagnostics(graphs=[graph], budget=budget))

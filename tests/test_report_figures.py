@@ -161,8 +161,8 @@ def test_a_contact_is_where_its_features_meet() -> None:
 
 def test_the_budget_adds_up_and_names_its_sources() -> None:
     boxes = {"robot": [3e-4, 3e-4, 1e-4, 0.01, 0.01, 0.01], "slide": [1e-4, 1e-4, 0.0, 0.0, 0.0, 0.0]}
-    listed = [{"source": name, "symbol": "ε", "contribution": box} for name, box in boxes.items()]
-    nothing = {"source": "nothing", "symbol": "", "contribution": [0.0] * 6}
+    listed = [{"source": name, "symbol": "ε", "frame": "hole", "contribution": box} for name, box in boxes.items()]
+    nothing = {"source": "nothing", "symbol": "", "frame": "hole", "contribution": [0.0] * 6}
     plan = cube(diagnostics=diagnostics(budget=[*listed, nothing]))
     assert [name for name, _ in budget_view.shares(plan)] == ["robot (ε)", "slide (ε)"]
     text = budget_view.alt(plan)

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from fmopt import __version__
+from fmopt.escape import one_line
 
 MOST_WORKERS = 1024
 MOST_TRIALS = 10_000_000
@@ -29,6 +30,11 @@ Unverified = Annotated[
     bool, typer.Option("--unverified", help="Take a plan without asking the check: nothing is guaranteed then.")
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
+
+
+def say(text: str, err: bool = False) -> None:
+    """Prints lines for people; what comes from a file is shown in them, and does not steer the terminal."""
+    typer.echo("\n".join(map(one_line, text.split("\n"))), err=err)
 
 
 def _version(wanted: bool) -> None:

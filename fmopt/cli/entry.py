@@ -10,7 +10,7 @@ from typing import NoReturn
 
 import typer
 
-from fmopt.cli.app import app
+from fmopt.cli.app import app, say
 from fmopt.errors import FmoptError, InputError, InterferenceError, ResourceError, UnprovedError
 
 _SHOWN = 5  # findings that a refusal lists
@@ -44,7 +44,7 @@ def command() -> int:
 def _told(error: FmoptError) -> int:
     """One message on standard error, and with --json an object on standard output; the exit code."""
     for line in _message(error):
-        typer.echo(line, err=True)
+        say(line, err=True)
     if "--json" in sys.argv[1:]:
         faults = [asdict(fault) for fault in error.faults] if isinstance(error, InputError) else []
         data = {name: getattr(error, name) for name in _DATA if hasattr(error, name)}

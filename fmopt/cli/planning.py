@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fmopt.cli.app import EXIT, Json, Quiet, app
+from fmopt.cli.app import EXIT, Json, Quiet, app, say
 from fmopt.errors import Fault, InputError, PlanFormatError, ResourceError
 from fmopt.plan import STDIO, Plan
 
@@ -127,7 +127,7 @@ def verify(
         typer.echo(json.dumps({**_findings(verdict), **_margins(read)}))
     elif not quiet:
         for line in independent.describe(verdict):
-            typer.echo(line)
+            say(line)
     raise typer.Exit(EXIT[str(verdict.verdict)])
 
 
@@ -159,7 +159,7 @@ def check(
     if as_json:
         typer.echo(json.dumps(facts(problem, clearance)))
     elif not quiet:
-        typer.echo(explain(problem, clearance))
+        say(explain(problem, clearance))
 
 
 def _check_assembly(file: Path, as_json: bool, quiet: bool) -> None:
@@ -171,7 +171,7 @@ def _check_assembly(file: Path, as_json: bool, quiet: bool) -> None:
     if as_json:
         typer.echo(json.dumps(assembly_facts(assembly, steps)))
     elif not quiet:
-        typer.echo(explain_assembly(assembly, steps))
+        say(explain_assembly(assembly, steps))
 
 
 @app.command(epilog="Example: fmopt schema problem > problem.schema.json")

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 import typer.core
 
-from fmopt.cli.app import EXIT, MOST_WORKERS, Json, Quiet, app
+from fmopt.cli.app import EXIT, MOST_WORKERS, Json, Quiet, app, say
 
 
 class _Study(typer.core.TyperGroup):
@@ -69,7 +69,7 @@ def study_run(
         if as_json:
             typer.echo(json.dumps({**asdict(tally), "folder": str(folder)}))
         elif not quiet:
-            typer.echo(_told(tally, folder))
+            say(_told(tally, folder))
         if tally.interrupted:
             raise typer.Exit(128 + tally.interrupted)
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from fmopt.cli.app import MOST_TRIALS, Json, Quiet, Unverified, Workers, app
+from fmopt.cli.app import MOST_TRIALS, Json, Quiet, Unverified, Workers, app, say
 from fmopt.plan import STDIO
 
 
@@ -61,7 +61,7 @@ def export(
         for path in written.paths:
             typer.echo(str(path))
         for note in written.notes:
-            typer.echo(note, err=True)
+            say(note, err=True)
 
 
 def _admitted(file: Path, unverified: bool) -> tuple[Any, str]:
@@ -72,7 +72,7 @@ def _admitted(file: Path, unverified: bool) -> tuple[Any, str]:
     plan = read(file)
     caution = admitted(plan, unverified, str(file))
     if caution:
-        typer.echo(f"{file}: {caution}", err=True)
+        say(f"{file}: {caution}", err=True)
     return plan, caution
 
 
@@ -94,7 +94,7 @@ def show(
 
     if listing:
         found = {name: drawing.title for name, drawing in gallery(file).items()}
-        typer.echo(json.dumps(found) if as_json else "\n".join(f"{name:<12} {title}" for name, title in found.items()))
+        say(json.dumps(found) if as_json else "\n".join(f"{name:<12} {title}" for name, title in found.items()))
         return
     drawn = draw(file, what, out)
     if isinstance(drawn, bytes):
@@ -102,7 +102,7 @@ def show(
     elif as_json:
         typer.echo(json.dumps({"written": [str(drawn)]}))
     elif not quiet:
-        typer.echo(f"wrote {drawn}")
+        say(f"wrote {drawn}")
 
 
 @app.command(epilog="Example: fmopt examples --out trial, then fmopt check trial/problems/square_peg.toml")
@@ -183,7 +183,7 @@ def execute(
         typer.echo(json.dumps(found))
     elif not quiet:
         for line in lines(found):
-            typer.echo(line)
+            say(line)
 
 
 def _replay(plan: Any, wanted: Any, number: int, folder: Path) -> None:

@@ -147,7 +147,7 @@ class Plan:
             raise PlanFormatError(str(error), "solve the problem with this version") from error
         if problem is None:
             return found
-        beside = _held(files.parsed(self.document), problem)
+        beside = _held(self.stated, problem)
         return found.unless(beside.differences, beside.remarks)
 
     def execute(

@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
+from fmopt.escape import one_line
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -39,6 +41,7 @@ _STYLE: Any = {
     "lines.linewidth": 1.2,
     "svg.hashsalt": "fmopt",
     "svg.fonttype": "path",
+    "text.parse_math": False,
     "axes.unicode_minus": True,
 }
 
@@ -58,6 +61,15 @@ def sheet(size: tuple[float, float]) -> Iterator[Figure]:
         yield figure
 
 
+def _calm(figure: Figure) -> None:
+    """Writes what is not printable in the texts of a figure as its code: SVG repeats them in comments."""
+    from matplotlib.text import Text
+
+    for text in figure.findobj(Text):
+        if isinstance(text, Text) and not (words := text.get_text()).isprintable():
+            text.set_text("\n".join(map(one_line, words.split("\n"))))
+
+
 def drawn(paint: Callable[[Figure], None], size: tuple[float, float], form: str = "svg", dpi: float = 150.0) -> bytes:
     """The bytes of a figure, the same for the same painting.
 
@@ -72,5 +84,6 @@ def drawn(paint: Callable[[Figure], None], size: tuple[float, float], form: str 
     unsaid: dict[str, Any] = {"Date": None, "Creator": None} if form == "svg" else {"Software": None}
     with sheet(size) as figure:
         paint(figure)
+        _calm(figure)
         figure.savefig(content, format=form, dpi=dpi, metadata=unsaid)
     return content.getvalue()

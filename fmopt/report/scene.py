@@ -88,8 +88,8 @@ def part_scene(part: Part) -> str:
 def _viewer(data: Mapping[str, Any], label: str, kind: str) -> str:
     text = embedded(data)
     name = f"scene-{sha256(text.encode()).hexdigest()[:12]}"
-    frame = resource("scene.html").replace("{{name}}", name).replace("{{label}}", html.escape(label))
-    frame = frame.replace("{{kind}}", kind)
+    frame = resource("scene.html").replace("{{name}}", name).replace("{{kind}}", kind)
+    frame = frame.replace("{{label}}", html.escape(label))
     program = f"(function(){{{resource('scene.js')}\nshowScene(document.getElementById('{name}'));}})();"
     return (
         f'{frame}<script type="application/json" id="{name}-data">{text}</script>\n'

@@ -40,7 +40,7 @@ from fmopt.task.units import (
 )
 
 NAME = r"^[A-Za-z][A-Za-z0-9_-]{0,63}$"
-TITLE = r"^[^\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff]{1,200}$"
+TITLE = r"^[^\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff]{1,200}$"  # as plans may hold it
 _TEXT = {"type": "string", "minLength": 1, "maxLength": MAX_TEXT}
 PARAMETER = r"^[A-Za-z][A-Za-z0-9_]{0,63}$"
 
