@@ -20,9 +20,10 @@ from fmopt.execution.corners import with_corners
 from fmopt.execution.drake_engine import DRAKE
 from fmopt.execution.engine import Engine, Setup
 from fmopt.execution.mujoco_engine import MUJOCO
+from fmopt.execution.record import run_all
 from fmopt.execution.robot import Robot
 from fmopt.execution.rotation import quaternions
-from fmopt.execution.trials import ENGINES, Trials, run, run_all
+from fmopt.execution.trials import ENGINES, Trials, run
 from fmopt.plan import parsed
 from fmopt.values import Array
 

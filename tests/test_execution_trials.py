@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
+import signal
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -16,15 +19,16 @@ from typer.testing import CliRunner
 
 from fmopt import plan
 from fmopt.cli import app
-from fmopt.errors import ResourceError
-from fmopt.execution import trials as running
+from fmopt.errors import Interruption, ResourceError, SettingsError
+from fmopt.execution import record as running
 from fmopt.execution.outcome import Fit, Log, note
 from fmopt.execution.program import FAILED, planned
+from fmopt.execution.record import run_all
 from fmopt.execution.replay import SLOWER, replay
 from fmopt.execution.rig import Event, Rig
 from fmopt.execution.robot import Robot
 from fmopt.execution.summary import failures, lines, summary, wilson
-from fmopt.execution.trials import Noise, Trials, draw, run_all
+from fmopt.execution.trials import Noise, Trials, draw, run
 from fmopt.plan import parsed
 from fmopt.se3 import Pose
 
@@ -109,9 +113,9 @@ def test_more_trials_go_on_with_those_that_are_there(
     file.write_text(written.read_text())
     asked: list[list[int]] = []
 
-    def made(_: Any, trials: Trials, numbers: list[int]) -> list[Any]:
+    def made(_: Any, trials: Trials, numbers: list[int], told: Callable[[list[Any]], None]) -> None:
         asked.append(list(numbers))
-        return [record(n, 0.5 if n < trials.inside else 1.5) for n in numbers]
+        told([record(n, 0.5 if n < trials.inside else 1.5) for n in numbers])
 
     monkeypatch.setattr(running, "run", made)
     records = run_all(parsed(square_peg_plan), Trials(6, 2, seed=1), file, 1, lambda _: None)
@@ -136,16 +140,33 @@ def test_a_file_of_other_trials_is_not_gone_on_with(square_peg_plan: dict[str, A
         run_all(parsed(square_peg_plan), Trials(0, seed=1), tmp_path / "t.jsonl", 1, lambda _: None)
 
 
-def test_an_interrupt_tells_how_to_go_on(
-    square_peg_plan: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), Interruption(signal.SIGTERM)])
+def test_an_interrupt_keeps_what_has_ended_and_tells_how_to_go_on(
+    square_peg_plan: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException
 ) -> None:
-    def interrupted(*_: Any) -> Any:
-        raise KeyboardInterrupt
+    def interrupted(_: Any, __: Trials, numbers: list[int], told: Callable[[list[Any]], None]) -> None:
+        told([record(numbers[1], 0.5)])
+        raise error
 
     monkeypatch.setattr(running, "run", interrupted)
-    with pytest.raises(ResourceError, match="interrupted after 0 of 3") as caught:
+    with pytest.raises(type(error)) as caught:
         run_all(parsed(square_peg_plan), Trials(3), tmp_path / "t.jsonl", 1, lambda _: None)
-    assert "again" in caught.value.advice
+    assert re.search(r"1 of 3 trials are done, and kept in .*t\.jsonl; run it again", caught.value.__notes__[0])
+    assert [json.loads(line)["trial"] for line in (tmp_path / "t.jsonl").read_text().splitlines()[1:]] == [1]
+
+
+def test_records_come_as_trials_end_and_are_those_of_the_run(square_peg_plan: dict[str, Any], written: Path) -> None:
+    told: list[Any] = []
+    records = run(parsed(square_peg_plan), FOUR, [1, 3], told.extend)
+    assert sorted(told, key=lambda one: one["trial"]) == records
+    lines = written.read_text().splitlines()[1:]
+    assert [json.dumps(one, sort_keys=True) for one in records] == [lines[1], lines[3]]
+
+
+def test_numbers_that_cannot_be_meant_are_refused_from_python_too() -> None:
+    for wrong in ({"growth": np.inf}, {"offset": np.nan}, {"time_step": 0.0}, {"friction": -1.0}, {"reach": 0.5}):
+        with pytest.raises(SettingsError, match="give a number from"):
+            Trials(1, **wrong)
 
 
 def test_moves_that_failed_are_counted_from_one() -> None:
