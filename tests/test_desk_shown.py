@@ -19,12 +19,13 @@ def problem() -> fmopt.Problem:
 
 
 def test_trials_are_those_of_the_command_line(square_peg_plan_file: Path, tmp_path: Path) -> None:
-    from fmopt.execution.execute import execute
+    from fmopt.execution.execute import Settled, execute
     from fmopt.execution.trials import Trials
+    from fmopt.plan import read
 
     plan = fmopt.read(square_peg_plan_file)
     mine = plan.execute(trials=1, seed=3, folder=tmp_path / "mine", workers=1)
-    theirs = execute(square_peg_plan_file, Trials(1, seed=3), tmp_path / "theirs", 1, lambda _: None)
+    theirs = execute(read(square_peg_plan_file), Trials(1, seed=3), Settled(tmp_path / "theirs", 1))
     assert mine.summary == theirs
     assert [record["trial"] for record in mine.records] == [0]
     assert str(mine).startswith("inside the certified set: ")
