@@ -267,11 +267,14 @@ def _own(kind: str, write: Callable[[Path, np.ndarray, np.ndarray, str], None]) 
 
     def cases(folder: Path) -> list[Case]:
         (folder / "problem.toml").write_text(OWN)
+        damaged = ("plate",) if kind == "step" else ("rod", "plate")
         for name, solid in (("rod", rounded((0.012, 0.008), 0.03, 0.0005)), ("plate", plate((0.0123, 0.0083)))):
-            unit = "" if kind == "step" else 'unit = "mm"\n'
-            (folder / f"{name}.toml").write_text(MODEL.format(name=name, kind=kind, unit=unit))
-            write(folder / f"{name}.{kind}", *triangles_of(solid), name)
-        return [Case(f"{name}.{kind}", (("check", "problem.toml"),)) for name in ("rod", "plate")]
+            whole = name not in damaged
+            unit = 'unit = "mm"\n' if kind != "step" or whole else ""
+            suffix = "stl" if whole else kind
+            (folder / f"{name}.toml").write_text(MODEL.format(name=name, kind=suffix, unit=unit))
+            (_write_stl if whole else write)(folder / f"{name}.{suffix}", *triangles_of(solid), name)
+        return [Case(f"{name}.{kind}", (("check", "problem.toml"),)) for name in damaged]
 
     return cases
 
@@ -288,7 +291,7 @@ def _write_ply(path: Path, points: np.ndarray, triangles: np.ndarray, name: str)
     path.write_bytes(binary_ply(points, triangles, "<") if name == "rod" else ply_text(points, triangles).encode())
 
 
-def _write_step(path: Path, _: np.ndarray, __: np.ndarray, name: str) -> None:
+def _write_step(path: Path, _: np.ndarray, __: np.ndarray, ___: str) -> None:
     from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut
     from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
     from OCP.gp import gp_Pnt
@@ -297,8 +300,8 @@ def _write_step(path: Path, _: np.ndarray, __: np.ndarray, name: str) -> None:
     def box(x: float, y: float, low: float, high: float) -> object:
         return BRepPrimAPI_MakeBox(gp_Pnt(-0.5 * x, -0.5 * y, low), gp_Pnt(0.5 * x, 0.5 * y, high)).Shape()
 
-    rod, hole = box(12.0, 8.0, 0.0, 30.0), box(12.3, 8.3, -5.0, 15.0)
-    write_step(path, rod if name == "rod" else BRepAlgoAPI_Cut(box(40.0, 40.0, 0.0, 10.0), hole).Shape())
+    hole = box(12.3, 8.3, -5.0, 15.0)
+    write_step(path, BRepAlgoAPI_Cut(box(40.0, 40.0, 0.0, 10.0), hole).Shape())
 
 
 KINDS: dict[str, Callable[[Path], list[Case]]] = {
