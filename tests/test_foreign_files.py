@@ -303,3 +303,15 @@ def test_the_kernels_process_ends_with_its_owner(block: Path, tmp_path: Path) ->
     while child.exists() and "State:\tZ" not in (child / "status").read_text():
         assert time.monotonic() < deadline
         time.sleep(0.02)
+
+
+@pytest.mark.parametrize("width", ["2e-8", "6e-5"])
+def test_a_solid_of_next_to_no_thickness_is_refused(
+    width: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    KINDS["model"](tmp_path)
+    monkeypatch.chdir(tmp_path)
+    edit(Path("models/keyed_shaft.toml"), "across = 20 ", f"across = {width} ")
+    code, said = run(("check", "problems/keyed_shaft.toml"))
+    assert code == 2
+    assert "models/keyed_shaft.toml" in said

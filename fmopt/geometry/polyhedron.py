@@ -233,7 +233,7 @@ def convex_hull_polyhedron(points: ArrayLike, tol: float = 1e-9) -> Polyhedron:
         tol: points this close to a face plane lie on it, relative to the diameter of the set.
 
     Raises:
-        GeometryError: the points lie in a plane.
+        GeometryError: the points lie in a plane, or as good as in one.
     """
     from scipy.spatial import ConvexHull, QhullError
 
@@ -252,6 +252,10 @@ def convex_hull_polyhedron(points: ArrayLike, tol: float = 1e-9) -> Polyhedron:
             loops[frozenset(loop)] = loop
     kept = [key for key in loops if not any(key < other for other in loops)]
     ordered = sorted((loops[key] for key in kept), key=lambda loop: tuple(sorted(loop)))
+    if len(ordered) < 4:
+        raise GeometryError(
+            f"{len(cloud)} points span next to no volume", "make no solid thinner than 1e-9 of its size"
+        )
     return from_faces(cloud, [(loop,) for loop in ordered])
 
 
