@@ -259,6 +259,22 @@ def missing_piece(plan: Document, rng: Random) -> bool:
     return True
 
 
+def other_fraction(plan: Document, rng: Random) -> bool:
+    """A corner at another fraction than its plane's, or at none."""
+    part = _part(plan, rng)
+    if not part.get("exact"):
+        return False
+    entry = rng.choice(part["exact"])
+    if rng.random() < 0.3:
+        part["exact"].remove(entry)
+        return True
+    k = rng.randrange(3)
+    p, _, q = entry["at"][k].partition("/")
+    scale = 10 ** rng.randrange(9, 30)
+    entry["at"][k] = f"{int(p) * scale + rng.choice((-1, 1))}/{int(q or 1) * scale}"
+    return True
+
+
 LIES = named(
     CONSTRUCTION,
     True,
@@ -279,4 +295,5 @@ LIES = named(
     shrunk_piece,
     thin_skin,
     missing_piece,
+    other_fraction,
 )
