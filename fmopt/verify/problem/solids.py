@@ -17,7 +17,7 @@ from fmopt.verify.problem.model import Solid
 from fmopt.verify.problem.shapes import MOST_POINTS, Convex
 from fmopt.verify.rational import ONE, Matrix, Vector, add, dot, exponential, number, product, sub, turned, vector
 
-MOST_CUTS = 50_000
+MOST_CUTS = 10_000
 _ROOM = ONE >> 10
 _TOUCHES = ONE >> 33  # 1.2e-10 m
 _SNAP = ONE >> 48  # 3.6e-15: entries of a rotation so close to −1, 0 or 1 are these
