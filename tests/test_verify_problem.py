@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import random
 import shutil
 import subprocess
 import sys
@@ -367,3 +368,33 @@ def test_a_round_peg_is_turned_as_the_start_has_it(files: Path, told: str) -> No
     assert read.turn == pytest.approx(theirs.task.turn, abs=1e-12)
     assert read.turn > 0.5
     assert read.sha256 == theirs.sha256
+
+
+NONSENSE = (
+    *("1e400", "nan", "-inf", '"x"', "[]", "{}", "true", "1979-05-27", "-1", "0", '"1/0"', '"(((((1)))))"', "9" * 40),
+    *('"² mm"', '"width*width"', '"1 furlong"', '"free"', "2", "[1, 2, 3]", '"full"'),
+)
+
+
+def test_damaged_files_are_refused_or_compared_and_nothing_else(square_peg_plan: dict[str, Any], files: Path) -> None:
+    draw, plan = random.Random(47), parse(square_peg_plan)
+    problem = files / "problems" / "square_peg.toml"
+    kinds = (problem, files / "models" / "square_peg.toml", files / "models" / "square_hole_block.toml")
+    originals = {file: file.read_bytes() for file in kinds}
+    for _ in range(150):
+        file = draw.choice(kinds)
+        damaged, lines = bytearray(originals[file]), originals[file].decode().split("\n")
+        if draw.random() < 0.3:
+            for _ in range(draw.randint(1, 4)):
+                damaged[draw.randrange(len(damaged))] = draw.randrange(256)
+            file.write_bytes(damaged)
+        else:
+            number = draw.choice([i for i, line in enumerate(lines) if "=" in line and not line.startswith("#")])
+            lines[number] = f"{lines[number].split('=')[0]}= {draw.choice(NONSENSE)}"
+            file.write_text("\n".join(lines))
+        try:
+            found = differences(plan, problem)
+            assert all(isinstance(line, str) for line in found)
+        except ProblemError as error:
+            assert error.file.endswith((".toml", "."))
+        file.write_bytes(originals[file])
