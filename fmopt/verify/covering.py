@@ -4,7 +4,8 @@ Each piece stands for two bodies of half-spaces, one a little larger than its hu
 `halfspaces`). Of the larger ones, the boundary of their union is in what is left of the faces of each without the
 inside of all others. Where none of that meets the part's surface or is inside the part, and every shell of the surface
 has a vertex inside one of them, they cover the part: else their boundary would divide the inside of the part between
-them and what is not covered, and had an area there. The part then is nowhere farther from the hulls than `halfspaces` tells.
+them and what is not covered, and had an area there. The part then is nowhere farther from the hulls than what
+`halfspaces` tells.
 
 Nothing of a piece sticks out where the part's surface does not meet the smaller body, and one point of that is inside.
 """
