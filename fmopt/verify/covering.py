@@ -15,7 +15,19 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from fmopt.verify.halfspaces import Cell, Hull
-from fmopt.verify.lattice import FINENESS, HalfSpace, Place, TooMuchWork, Work, apart, bounds, common, elevation, place
+from fmopt.verify.lattice import (
+    FINENESS,
+    HalfSpace,
+    Place,
+    TooMuchWork,
+    Work,
+    apart,
+    bounds,
+    common,
+    elevation,
+    elevations,
+    place,
+)
 from fmopt.verify.solids import Shape
 from fmopt.verify.surface import Surface
 
@@ -99,7 +111,7 @@ def _meets(surface: Surface, corners: Sequence[Sequence[Place]], cell: Cell) -> 
 
 def _across(corners: Sequence[Place], plane: HalfSpace) -> bool:
     """Whether places are not all on one side of a plane."""
-    heights = [elevation(plane, p) for p in corners]
+    heights = elevations(plane, corners)
     return min(heights) <= 0 <= max(heights)
 
 

@@ -23,6 +23,7 @@ from fmopt.verify.lattice import (
     area,
     bounds,
     elevation,
+    elevations,
     on_lattice,
     steepest,
 )
@@ -30,7 +31,7 @@ from fmopt.verify.rational import ONE
 from fmopt.verify.solids import Shape
 
 DEVIATION = ONE // 10**11  # m: how far a part may reach beyond the hulls of its pieces
-SHIFT = 1 << (FINENESS - 47)  # 7·10⁻¹⁵ m: more than piece and part differ by where they agree but for rounding
+SHIFT = 1 << (FINENESS - 45)  # 3·10⁻¹⁴ m: more than piece and part differ by where they agree but for rounding
 _NEXT = (1 << FINENESS) * 9 // (16 * 10**11)  # along each axis, a little less than DEVIATION/√3
 _ROOM = 1 << (FINENESS - 10)  # 1 mm
 _PRECISION = 64  # bits of a normal
@@ -56,7 +57,7 @@ class Cell(NamedTuple):
 
     def behind(self, space: HalfSpace) -> Cell | None:
         """The part in a half-space; None where that has no area."""
-        heights = [elevation(space, p) for p in self.corners]
+        heights = elevations(space, self.corners)
         if max(heights) <= 0:
             return self
         if min(heights) >= 0:
@@ -77,7 +78,7 @@ class Cell(NamedTuple):
         """Cells that make up all of it that is not inside a convex body."""
         crossing = []
         for space in spaces:
-            heights = [elevation(space, p) for p in self.corners]
+            heights = elevations(space, self.corners)
             if min(heights) >= 0:
                 return [self]
             if max(heights) > 0:

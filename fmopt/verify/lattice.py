@@ -99,11 +99,17 @@ def elevation(h: HalfSpace, p: Place) -> int:
     return h[0] * p[0] + h[1] * p[1] + h[2] * p[2] - h[3] * p[3]
 
 
+def elevations(h: HalfSpace, points: Sequence[Place]) -> list[int]:
+    """The elevation of each of some places."""
+    a, b, c, d = h
+    return [a * x + b * y + c * z - d * w for x, y, z, w in points]
+
+
 def common(points: Sequence[Place], spaces: Sequence[HalfSpace]) -> bool:
     """Whether the convex hull of places that lie in one plane, in order around it, has a point in all half-spaces."""
     crossing = []
     for space in spaces:
-        heights = [elevation(space, p) for p in points]
+        heights = elevations(space, points)
         if min(heights) > 0:
             return False
         if max(heights) > 0:
