@@ -217,7 +217,7 @@ def test_contacts_must_name_features_of_the_parts(plan: Plan) -> None:
         p["contacts"][0]["fixed"]["vertices"] = [1, 3, 7, 5]
 
     verdict = verify(changed(plan, other_loop))
-    assert any("names no convex edge or whole plane face" in f.message for f in verdict.findings)
+    assert any("names no convex edge or whole face" in f.message for f in verdict.findings)
 
 
 def test_parts_must_be_their_pieces(plan: Plan) -> None:
