@@ -100,7 +100,7 @@ class Assembly(Incidence):
         for contact in plan.contacts:
             found = self._resolve(contact)
             if found is None:
-                self.flaws.append(f"contact {contact.id} names no convex edge or whole plane face of the parts")
+                self.flaws.append(f"contact {contact.id} names no convex edge or whole face of the parts")
             else:
                 self.touches[contact.id] = found
 
