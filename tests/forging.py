@@ -45,7 +45,7 @@ COMMANDS = (
         "{folder}/program.script",
         *["--base", "0", "0", "0", "0", "0", "0"],
     ),
-    ("export", "{plan}", "--to", "csv", "--out", "{folder}/table.csv"),
+    ("export", "{plan}", "--unverified", "--to", "csv", "--out", "{folder}/table.csv"),
 )
 
 
