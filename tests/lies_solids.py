@@ -236,7 +236,7 @@ def thin_skin(plan: Document, rng: Random) -> bool:
     """A face of a piece moved in or out."""
     piece = rng.choice(_part(plan, rng)["pieces"])
     loop = rng.choice(piece["faces"])[0]
-    n, shift = normal(piece["vertices"], loop), rng.choice((-1.0, 1.0)) * drawn(rng, -14.5, -6.0)
+    n, shift = normal(piece["vertices"], loop), rng.choice((-1.0, 1.0)) * drawn(rng, -11.5, -6.0)
     was = [list(piece["vertices"][k]) for k in loop]
     for k in loop:
         piece["vertices"][k] = plus(piece["vertices"][k], n, shift)
