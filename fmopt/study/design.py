@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from os.path import normpath
+from os.path import isfile, normpath
 from pathlib import Path
 
 from fmopt.errors import Fault, InputError
@@ -118,7 +118,7 @@ def load_study(path: Path) -> Study:
     if file is None:
         raise InputError(*faults)
     problem = Path(normpath(path.parent / file.problem))
-    if not problem.is_file():
+    if not isfile(problem):  # also where no file can have such a name
         place = source.place(("problem",))
         advice = "correct the path; it is relative to the study file"
         raise InputError(*faults, place.fault("file-missing", f"{problem} does not exist", advice))

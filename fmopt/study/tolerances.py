@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from os.path import normpath
+from os.path import isfile, normpath
 from pathlib import Path
 from typing import Any
 
@@ -86,7 +86,7 @@ def load_allocation(path: Path) -> Question:
     if file is None:
         raise InputError(*faults)
     problem = Path(normpath(path.parent / file.problem))
-    if not problem.is_file():
+    if not isfile(problem):  # also where no file can have such a name
         advice = "correct the path; it is relative to this file"
         raise InputError(source.place(("problem",)).fault("file-missing", f"{problem} does not exist", advice))
     load(problem)
