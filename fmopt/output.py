@@ -147,9 +147,9 @@ def _write(content: bytes, partial: Path, before: os.stat_result | None) -> None
 
 
 def _forget(partial: Path) -> None:
-    """Takes away what was not finished; what has come to its place is no longer there under this name."""
-    with suppress(FileNotFoundError):
-        shutil.rmtree(partial) if partial.is_dir() else partial.unlink()
+    """Takes away what was not finished, as far as the disk allows; what has come to its place has another name."""
+    with suppress(OSError):
+        shutil.rmtree(partial, ignore_errors=True) if partial.is_dir() else partial.unlink()
     _unfinished.discard(str(partial))
 
 

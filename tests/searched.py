@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from fmopt.certificate.knowledge import Assembly
@@ -17,8 +18,14 @@ from fmopt.plan_record import Moved
 from fmopt.se3 import Pose
 from fmopt.synthesis import planned
 from fmopt.task.clearance import characteristic_length, drift, measured_clearance
-from fmopt.task.problem import Problem
+from fmopt.task.problem import Problem, VelocityError
 from fmopt.uncertainty.error_set import ErrorSet
+
+
+def steadier(problem: Problem) -> Problem:
+    """A problem with velocity errors whose two bounds, held at once, reach as far as one ball of what it states."""
+    error, share = problem.velocity_error, 0.5**0.5
+    return replace(problem, velocity_error=VelocityError(share * error.translation, share * error.rotation))
 
 
 def task_of(problem: Problem) -> Task:

@@ -98,7 +98,7 @@ def test_nothing_unproved_looks_certified(verdict: str) -> None:
 
 def test_the_sheet_of_a_segment_says_its_strategy_as_the_report_does() -> None:
     down, near, touch = fmopt.Plan(cube_plan()).segments
-    assert "bias wrench" not in down._repr_html_()
+    assert "ends after 2\u00a0mm; a fault beyond 1.3\u00a0mm or 3\u00a0s" in down._repr_html_()
     assert "goes on after 500\u00a0µm; a contact felt before ends the move" in near._repr_html_()
     sheet = touch._repr_html_()
     assert (
@@ -135,12 +135,12 @@ def test_segments_as_a_data_frame(square_peg_plan_file: Path) -> None:
 
 
 def test_exports_are_those_of_the_command_line(square_peg_plan_file: Path, tmp_path: Path) -> None:
-    from fmopt.export.write import export
+    from fmopt.export.write import Form, export
 
     plan, base = fmopt.read(square_peg_plan_file), (0.4, -0.1, 0.2, 0.0, 3.0, 0.0)
     for to in ("csv", "json", "urscript"):
         (mine,) = plan.export(to, tmp_path / f"mine.{to}", base=base)
-        (theirs,) = export(square_peg_plan_file, to, tmp_path / f"theirs.{to}", base, 100.0).paths
+        (theirs,) = export(plan.stated, Form(to, base, 100.0), tmp_path / f"theirs.{to}").paths
         assert mine.read_bytes() == theirs.read_bytes()
     with pytest.raises(ValueError, match="'gcode' is no format"):
         plan.export("gcode", tmp_path / "x")

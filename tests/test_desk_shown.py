@@ -55,7 +55,7 @@ def test_what_has_no_drawing_says_so(problem: fmopt.Problem) -> None:
         fmopt.show(1.0)
     with pytest.raises(fmopt.ChoiceError, match="choose from parts, scene, diagrams"):
         fmopt.show(problem, "tube")
-    with pytest.raises(fmopt.PlanFormatError, match="lacks the key 'problem'"):
+    with pytest.raises(fmopt.PlanFormatError, match="lacks the key 'verdict'"):
         fmopt.Plan({"format": "fmopt.plan/1"})
 
 

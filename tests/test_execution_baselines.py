@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from fmopt.cli import app
-from fmopt.execution import trials as running
+from fmopt.execution import record as running
 from fmopt.execution.baselines import BASELINES, Task, tilt
 from fmopt.execution.grown import grown
 from fmopt.execution.program import DONE, FAILED
@@ -82,11 +83,11 @@ def test_growing_moves_the_sides_out_and_nothing_else(square_peg_plan: dict[str,
 def test_the_command_compares_methods_in_one_table(
     square_peg_plan_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def canned(_: Any, trials: Trials, numbers: list[int]) -> list[dict[str, Any]]:
+    def canned(_: Any, trials: Trials, numbers: list[int], told: Callable[[list[Any]], None]) -> None:
         seated = {"plan": 4, "push": 1}.get(trials.method, 2)
         common = {"size": 0.5, "reasons": ["tilted"], "departures": [], "seconds": 4.0, "retries": []}
         forces = {"peak_force": 1.0, "impact_force": 2.0, "penetration": 1e-6}
-        return [{"trial": n, "success": n < seated, **common, **forces} for n in numbers]
+        told([{"trial": n, "success": n < seated, **common, **forces} for n in numbers])
 
     monkeypatch.setattr(running, "run", canned)
     arguments = ["compare", str(square_peg_plan_file), "--trials", "4", "--out", str(tmp_path), "--workers", "1"]

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 import fmopt
 from fmopt.cli import app
 from fmopt.errors import FmoptError, ResourceError, SettingsError
-from fmopt.execution import trials as running
+from fmopt.execution import record as running
 from fmopt.execution.corners import with_corners
 from fmopt.execution.drake_engine import DRAKE
 from fmopt.execution.engine import Engine, Setup

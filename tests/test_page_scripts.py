@@ -171,8 +171,7 @@ def test_the_scene_names_the_contacts_that_touch(report: str, square_peg_plan_fi
             said = page.run("document.querySelector('canvas').pen.strokes.filter(w => w.startsWith('text')).join('|')")
             lines = [line.split()[1:-2] for line in said.split("|")]
             named = sorted(name.strip(",") for line in lines for name in line if "-" in name)
-            first = pieces[0].record
-            assert named == sorted({*first["state"], *first["goal_state"]})
+            assert named == sorted({*pieces[0].state, *pieces[0].goal_state})
             places = [line.split()[-2:] for line in said.split("|") if "-" in line.split()[1]]
             assert len({tuple(place) for place in places}) == len(places)
             page.run("document.querySelector('[data-do=on]').click()")

@@ -188,7 +188,7 @@ def test_a_corner_that_slides_off_its_slope_is_not_held(slot: Problem) -> None:
     assert -1e-3 < thoroughly(task, found.moves).margin < 0.0
 
 
-@pytest.mark.parametrize(("shares", "least"), [((1.0, 1.0), 2.5e-4), ((0.3, 0.5), 8e-4), ((0.1, 1.0), 6e-4)])
+@pytest.mark.parametrize(("shares", "least"), [((1.0, 1.0), 2e-4), ((0.3, 0.5), 8e-4), ((0.1, 1.0), 6e-4)])
 def test_motions_are_placed_in_the_plane(slot: Problem, shares: tuple[float, float], least: float) -> None:
     """As the search found them, they have 252, 143 and 1 µm: of the last two, contacts are near the rims of facets."""
     box = slot.start_box * np.array([shares[0], 0.0, 0.0, 0.0, shares[1], 0.0])

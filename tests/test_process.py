@@ -55,9 +55,10 @@ def test_a_reader_that_leaves_ends_the_command_without_a_word() -> None:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_a_command_that_is_inside_a_library(number: signal.Signals, tmp_path: Path) -> None:
     code = (
-        "import ctypes, sys\n"
+        "import ctypes, signal, sys\n"
         "from pathlib import Path\n"
         "from fmopt import output, process\n"
+        "signal.signal(int(sys.argv[2]), signal.SIG_DFL)  # whoever runs the tests may have it ignored\n"
         "def command():\n"
         "    with output.fresh(Path(sys.argv[1])) as folder:\n"
         "        output.save(b'half', folder / 'file')\n"
@@ -66,7 +67,8 @@ def test_a_signal_ends_a_command_that_is_inside_a_library(number: signal.Signals
         "        for _ in range(100): ctypes.CDLL(None).sleep(60)\n"
         "process.run(command)\n"
     )
-    process = subprocess.Popen([sys.executable, "-c", code, str(tmp_path / "bag")], cwd=ROOT, stdout=subprocess.PIPE)
+    command = [sys.executable, "-c", code, str(tmp_path / "bag"), str(int(number))]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE)
     assert process.stdout is not None
     with process.stdout:
         process.stdout.readline()

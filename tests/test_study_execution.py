@@ -11,6 +11,7 @@ import pytest
 from study_problems import straight
 
 from fmopt.execution import trials
+from fmopt.plan import parsed
 from fmopt.study import evaluation
 from fmopt.study.batch import Question, Run
 from fmopt.study.statistics import share
@@ -22,7 +23,7 @@ def test_a_run_says_how_often_its_plan_succeeds(tmp_path: Path, monkeypatch: pyt
     row = evaluation.evaluate(Run("key", (), Question("base.toml", ("plan", "execution"), ("plan",))), tmp_path)
     assert row.outcome == "done"
     document = json.loads(zlib.decompress(row.kept))
-    seen = trials.run(document, trials.Trials(4), range(4))
+    seen = trials.run(parsed(document), trials.Trials(4), range(4))
     successes = sum(record["success"] for record in seen)
     found = share(successes, 4)
     answers = {name: row.answers[name] for name in ("trials", "successes", "success", "success_low", "success_high")}

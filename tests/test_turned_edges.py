@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +9,7 @@ import pytest
 from execution_model import execute
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from searched import tilted_motion
+from searched import steadier, tilted_motion
 
 from fmopt import se3
 from fmopt.certificate.knowledge import Assembly, aligned, facts, rising
@@ -19,7 +18,7 @@ from fmopt.placement.entry import Shape
 from fmopt.se3 import Pose
 from fmopt.synthesis import proved
 from fmopt.task.clearance import measured_clearance
-from fmopt.task.problem import Problem, VelocityError, load
+from fmopt.task.problem import Problem, load
 from fmopt.values import Array
 from fmopt.verify.knowledge import Facts
 from fmopt.verify.rational import ONE, vector
@@ -112,8 +111,7 @@ def test_the_check_knows_the_same(n: Array, w: Array, normal: Array, seed: int) 
 
 
 def test_a_hexagonal_prism_is_certified_at_errors_of_millimetres(hexagon: Problem) -> None:
-    # Both bounds at once reach as far as one ball of 1 % did.
-    hexagon = replace(hexagon, velocity_error=VelocityError(0.007, 0.007))
+    hexagon = steadier(hexagon)
     motion = tilted_motion(hexagon, SHAPE)
     assert motion.placed.margin > 5e-5
     document, verdict = proved(hexagon, motion)

@@ -128,7 +128,7 @@ def recovery_record(
 
 
 def underside(fixed: Polyhedron) -> float:
-    """The height (m) of the highest point of faces that look down, those that lean over by 10 pm at most apart."""
+    """The height (m) of the highest point of faces that look down, those that lean over by 1 pm at most apart."""
     heights = [float(fixed.vertices[:, 2].min())]
     for face in fixed.faces:
         levels = fixed.vertices[list(face.vertices), 2]
