@@ -492,7 +492,7 @@ def test_an_out_folder_that_cannot_be_written(fmopt: Command, tmp_path: Path) ->
     done = fmopt("solve", ROOT / PROBLEM, "--out", tmp_path / "file" / "out")
     assert (done.code, done.out) == (4, "")
     assert str(tmp_path / "file" / "out") in done.err
-    assert "choose another folder with --out" in done.err
+    assert "choose another place with --out" in done.err
 
 
 def test_a_fresh_process_writes_the_same_bytes(square_peg_plan_file: Path, tmp_path: Path) -> None:
