@@ -18,12 +18,12 @@ from fmopt.verify.linear import (
     congruent,
     diagonal,
     dual,
+    magnified,
     metric,
     outer_sum,
     row_of,
     spheres,
     square_of,
-    weighted,
 )
 
 ULP = Fraction(1, q.ONE)
@@ -152,7 +152,8 @@ def test_symmetric_forms_are_the_plain_ones_but_for_rounding(A: list[list[float]
     Q = square_of([q.row_dot(a, b) for b in M] for a in M)
     for map_, shape, found in (
         (M, Q, congruent(M, Q)),
-        (M, diagonal([t] * 3 + [2 * t] * 3), weighted(t, spheres(M)[0], 2 * t, spheres(M)[1])),
+        (M, diagonal([t] * 3 + [0] * 3), magnified(t, spheres(M)[0])),
+        (M, diagonal([0] * 3 + [t] * 3), magnified(t, spheres(M)[1])),
     ):
         for a in range(6):
             for b in range(6):

@@ -8,12 +8,14 @@ from typing import Any
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from fmopt.execution.trials import Trials, run, run_all
+from fmopt.execution.record import run_all
+from fmopt.execution.trials import Trials, run
+from fmopt.plan import parsed
 
 
 @pytest.mark.benchmark(group="execution")
 def test_one_trial(benchmark: BenchmarkFixture, square_peg_plan: dict[str, Any]) -> None:
-    [record] = benchmark.pedantic(run, (square_peg_plan, Trials(1), [0]), rounds=1)
+    [record] = benchmark.pedantic(run, (parsed(square_peg_plan), Trials(1), [0]), rounds=1)
     assert record["success"]
 
 
@@ -22,7 +24,7 @@ def test_one_trial(benchmark: BenchmarkFixture, square_peg_plan: dict[str, Any])
 def test_chunks(benchmark: BenchmarkFixture, square_peg_plan: dict[str, Any], tmp_path: Path, workers: int) -> None:
     """A hundred trials when timing is on; without it, two. Of the two rows, trials per second, and their ratio."""
     count = 100 if benchmark.enabled else 2
-    work = (square_peg_plan, Trials(count), tmp_path / "trials.jsonl", workers, lambda _: None)
+    work = (parsed(square_peg_plan), Trials(count), tmp_path / "trials.jsonl", workers, lambda _: None)
     records = benchmark.pedantic(run_all, work, rounds=1)
     if benchmark.enabled:
         benchmark.extra_info["trials per second"] = count / benchmark.stats.stats.mean
