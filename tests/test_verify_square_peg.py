@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from plan_mutations import claims, numbers
 
-from fmopt.verify import CERTIFIED, NOT_PROVED, facets, findings, verify
+from fmopt.verify import CERTIFIED, NOT_PROVED, PlanError, facets, findings, verify
 from fmopt.verify.rows import Function
 
 
@@ -49,7 +49,11 @@ def test_numbers_changed_for_the_worse_are_rejected(square_peg_plan: dict[str, A
 
 def test_changed_claims_are_rejected(square_peg_plan: dict[str, Any]) -> None:
     for name, mutant in claims(square_peg_plan):
-        assert verify(mutant).verdict != CERTIFIED, name
+        try:
+            verdict = verify(mutant).verdict
+        except PlanError:  # what no plan may say at all
+            continue
+        assert verdict != CERTIFIED, name
 
 
 def test_another_problem_is_rejected(square_peg_plan: dict[str, Any]) -> None:
