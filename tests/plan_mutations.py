@@ -60,7 +60,7 @@ def numbers(plan: Plan, count: int, seed: int = 1) -> Iterator[tuple[str, Plan]]
         for key in ("shape_start", "shape_goal", "growth_start", "growth_goal", "generators_start", "generators_goal"):
             for path, x in _leaves(segment["tube"][key], (*base, "tube", key)):
                 generator = key.startswith("generators")
-                if abs(x) > 2e-7 if generator else _noticeable(segment["tube"][key], path[-2], path[-1]):
+                if abs(x) > 2e-6 if generator else _noticeable(segment["tube"][key], path[-2], path[-1]):
                     kinds.setdefault(key, []).append((path, x, -1.0))
         for part in ("separations", "contacts"):
             for j, item in enumerate(segment[part]):

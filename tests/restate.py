@@ -89,6 +89,7 @@ def restated(document: Document) -> Document:
     if len(stages) == len(plan.segments):
         _strategies(found, assembly, stages)
         _recovery(found, parse(found), assembly)
+        _tolerated(found)
     return sealed(found)
 
 
@@ -263,6 +264,16 @@ def _mended(hybrid: Document, notes: Notes, assembly: Assembly, stage: Stage, rh
         elif finding.what in ("normal_forces", "termination.contacts"):
             changed |= touching_names(hybrid, assembly, stage)
     return changed
+
+
+def _tolerated(document: Document) -> None:
+    """Restates how much error is tolerated: the greatest multiple of the start box within what was tolerated."""
+    said = (document.get("diagnostics") or {}).get("tolerated")
+    box = document["uncertainty"]["start_box"]
+    if said is None or not any(box):
+        return
+    said["factor"] = min(1e6, *(x / y for x, y in zip(said["start_box"], box, strict=True) if y > 0.0))
+    said["start_box"] = [said["factor"] * y for y in box]
 
 
 def _recovery(document: Document, plan: Plan, assembly: Assembly) -> None:

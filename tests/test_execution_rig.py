@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fmopt.certificate.record import part_record
 from fmopt.errors import SettingsError
 from fmopt.execution import mujoco_engine
 from fmopt.execution.mujoco_engine import MujocoEngine
@@ -20,10 +19,11 @@ from fmopt.execution.rig import Rig
 from fmopt.execution.robot import Robot
 from fmopt.execution.rotation import between, from_quaternions, product, quaternions
 from fmopt.execution.scene import compiled, engine, scene
-from fmopt.plan import parsed
+from fmopt.plan import Plan, parsed
 from fmopt.se3 import Pose, exp, log
 from fmopt.task.problem import load
 from fmopt.values import Array
+from fmopt.verify.document import Body
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 # Positions and quaternions at which the tight 12 mm fit lies flat on one wall, 0.05 µm in it.
@@ -137,11 +137,14 @@ def _drifted(plan: dict[str, Any], program: Program, robot: Robot, pace: float, 
     return moved * np.array([1.0, 1.0, 0.0]), between(rig.qpos[:, 3:], q)[0]
 
 
-def _deepest(p: Array, q: Array) -> Array:
-    """Greatest penetration (n,), m, as parts are let go at these poses for a period."""
+def _deepest(plan: Plan, p: Array, q: Array) -> Array:
+    """Greatest penetration (n,), m, as the tight 12 mm fit, in place of a plan's parts, is let go at these poses."""
     problem, robot = load(PROBLEMS / "factory_rect_12mm_tight.toml"), Robot()
-    sides = {"fixed": problem.fixed, "moving": problem.moving}
-    parts = {"parts": {side: part_record(part, problem.declared_clearance, 0.0) for side, part in sides.items()}}
+    fixed, moving = (
+        tuple(Body(tuple(map(tuple, piece.vertices.tolist())), ()) for piece in part.pieces)
+        for part in (problem.fixed, problem.moving)
+    )
+    parts = replace(plan, fixed=replace(plan.fixed, pieces=fixed), moving=replace(plan.moving, pieces=moving))
     model = compiled(scene(parts, Physics.of_fit(6.87e-5, robot.period), robot.mass, robot.inertia, 0.3))
     up, n = np.array([0.0, 0.0, 0.02, 0.0, 0.0, 0.0]), len(p)
     step = Step("up", 0, Pose.identity(), np.eye(6), up, np.zeros((2, 6)), 1.0, 10.0, 0.0, DONE, DONE)
@@ -151,11 +154,14 @@ def _deepest(p: Array, q: Array) -> Array:
     return rig.depth
 
 
-def test_contacts_that_the_engine_makes_up_throw_no_part(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_contacts_that_the_engine_makes_up_throw_no_part(
+    square_peg_plan: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = parsed(square_peg_plan)
     p, q = np.vstack([FLAT, FLAT + 1e-9]), np.vstack([TURNED, TURNED])
-    assert (_deepest(p, q) < 1e-6).all()
+    assert (_deepest(plan, p, q) < 1e-6).all()
     monkeypatch.setattr(mujoco_engine, "_SHIFTS", ())
-    assert np.flatnonzero(_deepest(p, q) > 1e-4).tolist() == [0, 1]
+    assert np.flatnonzero(_deepest(plan, p, q) > 1e-4).tolist() == [0, 1]
 
 
 @pytest.mark.parametrize(("stays", "share"), [("push", 1.0), ("stop", 0.0), ("none", 0.0)])
