@@ -222,7 +222,7 @@ def _segments(
     move = -1
     for k, (claim, bound) in enumerate(bounded(claims, tolerance.rho)):
         move += claim.piece.progress[0] == 0.0
-        record = segment_record(claim, 0, move, poses[k], poses[k + 1])
+        record = segment_record(claim, 0, move, poses[k], poses[k + 1], tolerance.rho)
         try:
             hybrid = strategy(problem, assembly, claim, tolerance, bound, ranges=ranges)
         except InfeasibleError as error:

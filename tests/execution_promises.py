@@ -103,13 +103,13 @@ class Witness:
 
 
 class Tube:
-    """A stated error set at one end of a piece: a zonotope with an ellipsoid around it, and another ellipsoid."""
+    """A stated error set at one end of a piece: a zonotope with two ellipsoids around it, and another ellipsoid."""
 
     def __init__(self, said: dict[str, Any], end: str, rho: float) -> None:
         self.scale = np.repeat([1.0, rho], 3)
         self.generators = np.array(said[f"generators_{end}"]).reshape(-1, 6) * self.scale
-        self.growth, self.shape = (
-            np.array(said[f"{x}_{end}"]) * np.outer(self.scale, self.scale) for x in ("growth", "shape")
+        self.slide, self.swing, self.shape = (
+            np.array(said[f"{x}_{end}"]) * np.outer(self.scale, self.scale) for x in ("slide", "swing", "shape")
         )
 
     @cached_property
@@ -125,8 +125,8 @@ class Tube:
     def check(self, ledger: Ledger, segment: int, errors: Array) -> None:
         """Whether errors (n, 6) are in both sets."""
         e, N = errors * self.scale, self.directions
-        radius = np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", N, self.growth, N), 0.0))
-        h = np.abs(N @ self.generators.T).sum(axis=1) + radius
+        radii = (np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", N, Q, N), 0.0)) for Q in (self.slide, self.swing))
+        h = np.abs(N @ self.generators.T).sum(axis=1) + sum(radii)
         seen = np.abs(e @ N.T)
         ledger.require("tube", segment, (h + NANO - seen).min(axis=1))
         wide = h > 1e-6

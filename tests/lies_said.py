@@ -222,7 +222,7 @@ def shrunk_sets(plan: Document, rng: Random) -> bool:
     share = 1.0 - drawn(rng, -6.0, -1.0)
     for segment in plan["segments"]:
         tube = segment["tube"]
-        for key, power in (("generators", 1), ("shape", 2), ("growth", 2)):
+        for key, power in (("generators", 1), ("shape", 2), ("growth", 2), ("slide", 2), ("swing", 2)):
             for end in ("start", "goal"):
                 rows = tube[f"{key}_{end}"]
                 tube[f"{key}_{end}"] = [[x * share**power for x in row] for row in rows]

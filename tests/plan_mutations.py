@@ -57,7 +57,8 @@ def numbers(plan: Plan, count: int, seed: int = 1) -> Iterator[tuple[str, Plan]]
             for path, x in _leaves(segment["tube"][key], (*base, "tube", key)):
                 if x > 1e-5:
                     kinds.setdefault(key, []).append((path, x, -1.0))
-        for key in ("shape_start", "shape_goal", "growth_start", "growth_goal", "generators_start", "generators_goal"):
+        kept = ("shape", "growth", "slide", "swing", "generators")
+        for key in (f"{kind}_{end}" for kind in kept for end in ("start", "goal")):
             for path, x in _leaves(segment["tube"][key], (*base, "tube", key)):
                 generator = key.startswith("generators")
                 if abs(x) > 2e-6 if generator else _noticeable(segment["tube"][key], path[-2], path[-1]):

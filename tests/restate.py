@@ -22,6 +22,7 @@ from fmopt.verify.claims import check_segment
 from fmopt.verify.document import ContactClaim, Plan, Segment, Separation, Witness
 from fmopt.verify.errors import ErrorSet
 from fmopt.verify.findings import Notes
+from fmopt.verify.linear import metric
 from fmopt.verify.parse import parse
 from fmopt.verify.rational import SLACK, ArithmeticRefusal, fixed, number
 from fmopt.verify.recovery import check_recovery, lowest, underside
@@ -162,7 +163,7 @@ def _tube(said: Document, stage: Stage, start: ErrorSet) -> None:
     said.update(theta_max=tube.theta, offset_max=tube.offset, offset_box=list(tube.box), angle_box=list(tube.angles))
     for end, errors in (("start", start), ("goal", stage.motion.goal_errors)):
         said[f"generators_{end}"] = [[number(x) for x in g] for g in errors.generators]
-        for kind, Q in (("shape", errors.shape), ("growth", errors.growth)):
+        for kind, Q in errors.ellipsoids(metric(stage.motion.task.rho)):
             said[f"{kind}_{end}"] = [[number(x) for x in row] for row in Q]
 
 

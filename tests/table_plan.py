@@ -71,15 +71,20 @@ def joined(a: mp.matrix, b: mp.matrix) -> mp.matrix:
 class Set:
     core: list[mp.matrix]
     thick: list[mp.matrix]
-    growth: mp.matrix
+    slide: mp.matrix
+    swing: mp.matrix
     shape: mp.matrix
 
     def support(self, N: mp.matrix, gens: Sequence[mp.matrix]) -> mp.mpf:
-        zonotope = mp.fsum(abs(dot(g, N)) for g in gens) + mp.sqrt(max((N.T * self.growth * N)[0], 0))
+        zonotope = mp.fsum(abs(dot(g, N)) for g in gens) + self.drift(N)
         return min(zonotope, mp.sqrt(max((N.T * self.shape * N)[0], 0)))
 
+    def drift(self, N: mp.matrix) -> mp.mpf:
+        return mp.fsum(mp.sqrt(max((N.T * Q * N)[0], 0)) for Q in (self.slide, self.swing))
+
     def half(self, thick: Sequence[mp.matrix]) -> list[mp.mpf]:
-        return [mp.fsum(abs(g[a]) for g in (*self.core, *thick)) + mp.sqrt(self.growth[a, a]) for a in range(6)]
+        drifts = [mp.sqrt(self.slide[a, a]) + mp.sqrt(self.swing[a, a]) for a in range(6)]
+        return [mp.fsum(abs(g[a]) for g in (*self.core, *thick)) + drifts[a] for a in range(6)]
 
 
 def outer_sum(A: mp.matrix, B: mp.matrix) -> mp.matrix:
@@ -133,7 +138,7 @@ class Builder:
         axes = range(6)
         core = [mp.matrix([mp.mpf(START_BOX[a]) if a == b else 0 for b in axes]) for a in axes]
         shape = mp.diag([6 * mp.mpf(x) ** 2 for x in START_BOX])
-        self.errors = Set(core, [], mp.zeros(6), shape)
+        self.errors = Set(core, [], mp.zeros(6), mp.zeros(6), shape)
         self.cube = box_body((-0.01, -0.01, 0.0), (0.01, 0.01, 0.02))
         self.body = [vector(v) for v in self.cube["vertices"]]
         R = exp(vector(TILT))
@@ -201,15 +206,17 @@ class Builder:
             eta = (lt * mp.norm(NG[:3]) + lr * mp.norm(NG[3:])) * L / rate
             zeta = mp.mpf(3) / 4 * (theta + 2 * lr * L) * tau * mp.sqrt(dot(NG[3:], NG[3:])) / rate
             late = mp.fsum(abs(dot(g, NG)) for g in self.errors.core)
-            late = (late + mp.sqrt((NG.T * self.errors.growth * NG)[0])) / rate
+            late = (late + self.errors.drift(NG)) / rate
             o = (share * (late + eta) + t / rate) / (1 - share * (eta + zeta))
         a, b = lt * L * (1 + o), lr * L * (1 + o)
         c = (theta + b) * o * tau / 2 * (1 + theta + b + o * tau)
-        growth, shape = Pi * self.errors.growth * Pi.T, Pi * self.errors.shape * Pi.T
-        for radii in ([a**2] * 3 + [0] * 3, [0] * 3 + [(b + c) ** 2] * 3):
+        shape, drifts = Pi * self.errors.shape * Pi.T, []
+        balls = [a**2] * 3 + [0] * 3, [0] * 3 + [(b + c) ** 2] * 3
+        for radii, before in zip(balls, (self.errors.slide, self.errors.swing), strict=True):
             extra = Pi * mp.diag(radii) * Pi.T
-            growth, shape = outer_sum(growth, extra), outer_sum(shape, extra)
-        return Set([Pi * g for g in self.errors.core], [], growth, shape)
+            drifts.append(outer_sum(Pi * before * Pi.T, extra))
+            shape = outer_sum(shape, extra)
+        return Set([Pi * g for g in self.errors.core], [], *drifts, shape)
 
     def lowest_bound(
         self, start: Any, goal: Any, v: Any, n: Any, a: Any, goal_set: Set, slack: Any, bend: Bend, made: bool
@@ -271,7 +278,10 @@ class Builder:
                 "tube": {
                     "shape_start": flat(self.errors.shape), "shape_goal": flat(goal_set.shape),
                     "generators_start": gens(self.errors), "generators_goal": gens(goal_set),
-                    "growth_start": flat(self.errors.growth), "growth_goal": flat(goal_set.growth),
+                    "growth_start": flat(outer_sum(self.errors.slide, self.errors.swing)),
+                    "growth_goal": flat(outer_sum(goal_set.slide, goal_set.swing)),
+                    "slide_start": flat(self.errors.slide), "slide_goal": flat(goal_set.slide),
+                    "swing_start": flat(self.errors.swing), "swing_goal": flat(goal_set.swing),
                     "theta_max": float(bend.theta), "offset_box": [float(x) for x in box],
                     "angle_box": [float(x) for x in bend.angles],
                     "offset_max": up(mp.sqrt(mp.fsum(x**2 for x in box))),

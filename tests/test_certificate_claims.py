@@ -47,7 +47,7 @@ def document() -> dict[str, Any]:
     found, segments, move = claims(), [], -1
     for c in found:
         move += c.piece.progress[0] == 0.0
-        segment = segment_record(c, 0, move, c.piece.start.vector(), c.piece.goal.vector())
+        segment = segment_record(c, 0, move, c.piece.start.vector(), c.piece.goal.vector(), TOLERANCE.rho)
         segments.append({**segment, "hybrid": NO_STRATEGY})
     used = {k.id: k for c in found for k in c.piece.goal_contacts}
     body = {
@@ -101,6 +101,8 @@ def _smaller(segment: dict[str, Any], *path: Any) -> None:
         ("tube", "angle_box", 0),
         ("tube", "generators_goal", 1, 1),
         ("tube", "growth_goal", 3, 3),
+        ("tube", "slide_goal", 1, 1),
+        ("tube", "swing_goal", 3, 3),
         ("tube", "shape_goal", 1, 1),
         ("contacts", 0, "remainder"),
         ("separations", 3, "margin"),

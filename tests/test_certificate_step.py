@@ -153,14 +153,14 @@ def test_a_set_without_thickness_is_caught(executions: list[Execution]) -> None:
     goal = last_claims()[move].advance.ends.goal_set
     assert goal.thick == 2
     core = goal.generators[: -goal.thick]
-    thin = ErrorSet(goal.shape_root, core, goal.growth_root)
+    thin = ErrorSet(goal.shape_root, core, goal.slide_root, goal.swing_root)
     at = last_claims()[move].piece
     N = contact_rows(peg().assembly, at.goal_contacts, at.goal_contacts, at.goal).N
     worst = max(np.max(np.abs(N @ e.errors[move]) - thin.support(N)) for e in executions)
     assert worst > 1e-7
 
 
-def test_a_set_without_growth_is_caught() -> None:
+def test_a_set_without_drift_is_caught() -> None:
     rng = np.random.default_rng(3)
     goal = last_claims()[0].advance.ends.goal_set
     slim = ErrorSet(goal.shape_root, goal.generators, np.zeros((6, 0)))
@@ -203,7 +203,8 @@ def test_the_projected_core_keeps_the_contacts() -> None:
         N = contact_rows(peg().assembly, contacts, together, piece.goal).N
         core = goal.generators[: len(goal.generators) - len(contacts)]
         assert np.abs(core @ N.T).max(initial=0.0) < 1e-15
-        assert np.abs(N @ goal.growth_root).max(initial=0.0) < 1e-15
+        for drift in (goal.slide_root, goal.swing_root):
+            assert np.abs(N @ drift).max(initial=0.0) < 1e-15
 
 
 @pytest.mark.parametrize(

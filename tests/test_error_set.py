@@ -29,11 +29,11 @@ def test_a_box_is_exact_in_its_zonotope() -> None:
 
 def test_the_smaller_of_two_bounds_counts() -> None:
     rng = np.random.default_rng(5)
-    F, G, generators = (rng.normal(size=(6, k)) * 1e-4 for k in (6, 4, 9))
+    F, A, B, generators = (rng.normal(size=(6, k)) * 1e-4 for k in (6, 4, 3, 9))
     N = rng.normal(size=(200, 6))
-    errors, slack = ErrorSet(F, generators.T, G), rng.normal(size=(6, 2)) * 1e-5
+    errors, slack = ErrorSet(F, generators.T, A, B), rng.normal(size=(6, 2)) * 1e-5
     outer = np.linalg.norm(N @ F, axis=1)
-    both = np.abs(N @ generators).sum(axis=1) + np.linalg.norm(N @ G, axis=1)
+    both = np.abs(N @ generators).sum(axis=1) + np.linalg.norm(N @ A, axis=1) + np.linalg.norm(N @ B, axis=1)
     np.testing.assert_allclose(errors.support(N), np.minimum(outer, both), rtol=1e-12)
     with_slack = Support.of(errors.generators, errors, slack)
     np.testing.assert_allclose(with_slack(N), errors.support(N) + np.abs(N @ slack).sum(axis=1), rtol=1e-12)
@@ -42,15 +42,15 @@ def test_the_smaller_of_two_bounds_counts() -> None:
 
 def test_wide_roots_are_narrowed() -> None:
     F = np.random.default_rng(2).normal(size=(6, 18))
-    errors = ErrorSet(F, np.zeros((0, 6)), F)
-    assert errors.shape_root.shape == errors.growth_root.shape == (6, 6)
+    errors = ErrorSet(F, np.zeros((0, 6)), F, F)
+    assert errors.shape_root.shape == errors.slide_root.shape == errors.swing_root.shape == (6, 6)
     np.testing.assert_allclose(errors.shape, F @ F.T, rtol=1e-12)
-    np.testing.assert_allclose(errors.growth, F @ F.T, rtol=1e-12)
+    np.testing.assert_allclose(errors.growth(0.01), 4.0 * F @ F.T, rtol=1e-12)
 
 
 def test_thickness_is_left_only_while_its_twists_give_way() -> None:
     twists = np.eye(6)[:2]
-    errors = ErrorSet(np.eye(6), np.eye(6)[:5], np.zeros((6, 0)), 2, twists)
+    errors = ErrorSet(np.eye(6), np.eye(6)[:5], np.zeros((6, 0)), thick=2, compliant=twists)
     assert len(errors.core(twists)) == 3
     assert len(errors.core(np.eye(6)[:3])) == 3
     assert len(errors.core(twists[:1])) == 5
@@ -58,7 +58,7 @@ def test_thickness_is_left_only_while_its_twists_give_way() -> None:
 
 def test_error_sets_stay_read_only_and_refuse_bad_arrays() -> None:
     box = pickle.loads(pickle.dumps(ErrorSet.from_box(np.ones(6))))
-    for array in (box.shape, box.shape_root, box.generators, box.growth, box.growth_root, box.compliant):
+    for array in (box.shape, box.shape_root, box.generators, box.slide_root, box.swing_root, box.compliant):
         assert not array.flags.writeable
     with pytest.raises(ValueError, match="shape has shape"):
         ErrorSet.from_ellipsoid(np.eye(3))

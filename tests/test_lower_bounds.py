@@ -15,7 +15,7 @@ from fmopt.uncertainty.error_set import Support
 from fmopt.values import Array
 
 PIECES = 3
-CUTS = (4, 7, 9)  # generators, growth, shape; the rest is slack
+CUTS = (4, 6, 7, 9)  # generators, slide, swing, shape; the rest is slack
 COLUMNS = 11
 
 
@@ -34,7 +34,7 @@ def plain(rows: Forms, pieces: Motion) -> tuple[Array, Array, Array, Array]:
     """What `over` finds, from each formula's own place."""
     p, R, columns, cuts, twist, half, coupling = pieces
     start, goal = rows.ends(p, R)
-    supports = Support(np.swapaxes(columns, -1, -2), (int(cuts[0]), int(cuts[1]), int(cuts[2])))
+    supports = Support(np.swapaxes(columns, -1, -2), (int(cuts[0]), int(cuts[1]), int(cuts[2]), int(cuts[3])))
     N = np.array([start.N, goal.N])
     bends = [Curvature.of(start.end(n), goal.end(n), twist[n]) for n in range(PIECES)]
     rest = [

@@ -103,7 +103,9 @@ def _segment(rng: np.random.Generator, index: int) -> Segment | None:
     piece = Piece(start, goal, basis, contacts, tuple(map(Compliance, basis, C)), made, (0.0, 1.0))
     factor, in_ball, errors = _start_errors(rng, index % 3, linear)
     hold, _ = ellipsoid.oblique_projector(contact_rows(assembly, basis, basis, start).N, C.T)
-    errors = ErrorSet(hold @ errors.shape_root, errors.generators @ hold.T, hold @ errors.growth_root)
+    errors = ErrorSet(
+        hold @ errors.shape_root, errors.generators @ hold.T, hold @ errors.slide_root, hold @ errors.swing_root
+    )
     velocity = rng.uniform(0.0, 0.05, 2) * drifts
     tolerance = Tolerance((float(velocity[0]), float(velocity[1])), RHO)
     try:

@@ -18,8 +18,8 @@ from fmopt.values import Array
 
 _NONE = np.zeros((0, 6))
 
-Reaching = tuple[Array, Array, Array, Array]
-"""The columns (…, 6) of a support: generators, roots of growth and shape, and slack."""
+Reaching = tuple[Array, Array, Array, Array, Array]
+"""The columns (…, 6) of a support: generators, roots of slide, swing and shape, and slack."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +44,8 @@ class Ends:
         core = self.start_set.generators if self.core is None else self.core
         start, goal = self.start_set, self.goal_set
         return (
-            (core, start.growth_root.T, start.shape_root.T, self.slack.T),
-            (goal.generators, goal.growth_root.T, goal.shape_root.T, _NONE),
+            (core, start.slide_root.T, start.swing_root.T, start.shape_root.T, self.slack.T),
+            (goal.generators, goal.slide_root.T, goal.swing_root.T, goal.shape_root.T, _NONE),
         )
 
 
@@ -88,13 +88,13 @@ class Course:
 
 
 def _columns(supports: Sequence[Reaching]) -> tuple[Array, NDArray[np.intp]]:
-    """The columns (n, k, 6) of supports, some zero where others have more, and their cuts (3,)."""
+    """The columns (n, k, 6) of supports, some zero where others have more, and their cuts (4,)."""
     ends = list(accumulate(max(map(len, parts)) for parts in zip(*supports, strict=True)))
     columns = np.zeros((len(supports), ends[-1], 6))
     for parts, found in zip(supports, columns, strict=True):
         for first, part in zip((0, *ends), parts, strict=False):
             found[first : first + len(part)] = part
-    return columns, np.array(ends[:3])
+    return columns, np.array(ends[:4])
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,7 +26,7 @@ class Motion(NamedTuple):
         p: positions (2, n, 3) at both ends, m.
         R: rotations (2, n, 3, 3).
         columns: of the errors' supports (2, n, c, 6).
-        cuts: where generators, growth and shape end among them (3,).
+        cuts: where generators, slide, swing and shape end among them (4,).
         twist: (n, 6), m and rad.
         half: half-widths (n, 6) of the box around the errors, m and rad.
         coupling: what the linear picture leaves of errors in different frames (n, 2), m and rad.
@@ -129,19 +129,21 @@ def _value(table: Array, k: int, bilinear: bool, p: Array, R: Array, e: int, n: 
 @part
 def _reach(N: Array, columns: Array, cuts: Places, e: int, n: int) -> float:
     """How far errors reach along N[e] (6,)."""
-    spread, growth, shape, slack = 0.0, 0.0, 0.0, 0.0
+    spread, slide, swing, shape, slack = 0.0, 0.0, 0.0, 0.0, 0.0
     for c in range(columns.shape[2]):
         seen = N[e, 0] * columns[e, n, c, 0] + N[e, 1] * columns[e, n, c, 1] + N[e, 2] * columns[e, n, c, 2]
         seen += N[e, 3] * columns[e, n, c, 3] + N[e, 4] * columns[e, n, c, 4] + N[e, 5] * columns[e, n, c, 5]
         if c < cuts[0]:
             spread += abs(seen)
         elif c < cuts[1]:
-            growth += seen * seen
+            slide += seen * seen
         elif c < cuts[2]:
+            swing += seen * seen
+        elif c < cuts[3]:
             shape += seen * seen
         else:
             slack += abs(seen)
-    return min(math.sqrt(shape), spread + math.sqrt(growth)) + slack
+    return min(math.sqrt(shape), spread + math.sqrt(slide) + math.sqrt(swing)) + slack
 
 
 @part

@@ -70,7 +70,7 @@ def contact_record(contact: PrimitiveContact) -> dict[str, Any]:
     return record
 
 
-def segment_record(claim: Claim, critical_point: int, move: int, start: Any, goal: Any) -> dict[str, Any]:
+def segment_record(claim: Claim, critical_point: int, move: int, start: Any, goal: Any, rho: float) -> dict[str, Any]:
     """A claim as a segment of the plan file, without its control strategy.
 
     Args:
@@ -79,6 +79,7 @@ def segment_record(claim: Claim, critical_point: int, move: int, start: Any, goa
         move: number of the move that the piece belongs to.
         start: pose (6,) at the beginning, exactly as the neighbouring segment has it.
         goal: pose (6,) at the end.
+        rho: ρ, m.
     """
     piece, ends = claim.piece, claim.advance.ends
     state = [c.id for c in piece.held]
@@ -99,7 +100,7 @@ def segment_record(claim: Claim, critical_point: int, move: int, start: Any, goa
             {"contact": c.contact.id, "direction": c.direction, "made": made is not None and c.contact.id == made.id}
             for c in claim.advance.basis
         ],
-        "tube": _tube(ends),
+        "tube": _tube(ends, rho),
         "separations": [_separation(*item) for item in claim.separations],
         "contacts": [_contact(c) for c in claim.contacts],
     }
@@ -107,15 +108,19 @@ def segment_record(claim: Claim, critical_point: int, move: int, start: Any, goa
     return record
 
 
-def _tube(ends: Ends) -> dict[str, Any]:
+def _tube(ends: Ends, rho: float) -> dict[str, Any]:
     start, goal = ends.start_set, ends.goal_set
     return {
         "shape_start": start.shape,
         "shape_goal": goal.shape,
         "generators_start": start.generators,
         "generators_goal": goal.generators,
-        "growth_start": start.growth,
-        "growth_goal": goal.growth,
+        "growth_start": start.growth(rho),
+        "growth_goal": goal.growth(rho),
+        "slide_start": start.slide_root @ start.slide_root.T,
+        "slide_goal": goal.slide_root @ goal.slide_root.T,
+        "swing_start": start.swing_root @ start.swing_root.T,
+        "swing_goal": goal.swing_root @ goal.swing_root.T,
         "theta_max": ends.extent.theta,
         "offset_max": float(np.linalg.norm(ends.extent.offset)) * (1.0 + 1e-12),
         "offset_box": ends.extent.offset,

@@ -109,7 +109,7 @@ def _carried(
         linkage = linkage.begun(piece.start.p).turned(exp(way.twist[3:]))
     layers = way.closing if piece.made is not None and piece.last else way.on_the_way
     translation, rotation = tolerance.velocity_error
-    code, half, thickness, beyond, generators, growth, shape = carried(
+    code, half, thickness, beyond, generators, slide, swing, shape = carried(
         layers.lines,
         layers.held.f,
         layers.held.N,
@@ -122,7 +122,8 @@ def _carried(
         way.seen,
         way.projector,
         core,
-        errors.growth_root,
+        errors.slide_root,
+        errors.swing_root,
         errors.shape_root,
         moved,
         shape_moved,
@@ -134,7 +135,7 @@ def _carried(
         message, advice = _IMPOSSIBLE[code]
         raise InfeasibleError(message, advice=advice)
     compliant = np.array([c.direction for c in basis[: len(thickness)]]).reshape(-1, 6)
-    goal = ErrorSet(shape, generators, growth, len(thickness), compliant, linkage)
+    goal = ErrorSet(shape, generators, slide, swing, len(thickness), compliant, linkage)
     extent = Extent(way.twist, half, coupled(links, half, way.turn))
     slack = way.start_dual * thickness[: len(piece.basis)]
     return Ends(piece.start, piece.goal, errors, goal, extent, slack, core), beyond

@@ -250,44 +250,53 @@ def coupled(links: Array, half: Array, turn: float) -> Array:
 
 
 @part
-def _reach(N: Array, generators: Array, growth: Array) -> float:
-    """How far generators (k, 6) and an ellipsoid with a root (6, g), added up, reach along a row (6,)."""
-    total, square = 0.0, 0.0
+def _reach(N: Array, generators: Array, slide: Array, swing: Array) -> float:
+    """How far generators (k, 6) and ellipsoids with roots (6, …), added up, reach along a row (6,)."""
+    total = 0.0
     for k in range(len(generators)):
         along = 0.0
         for i in range(6):
             along += generators[k, i] * N[i]
         total += abs(along)
-    for k in range(growth.shape[1]):
-        along = 0.0
-        for i in range(6):
-            along += growth[i, k] * N[i]
-        square += along * along
-    return total + math.sqrt(square)
+    return total + _radius(N, slide) + _radius(N, swing)
 
 
 @part
-def _spread(growth: Array, projector: Array, rho: float) -> Array:
-    """Diagonals (6,) and, last, traces of the carried growth, and of unit drifts in translation and angle, (3, 7)."""
-    found = np.zeros((3, 7))
+def _radius(N: Array, F: Array) -> float:
+    """How far an ellipsoid with a root (6, g) reaches along a row (6,)."""
+    square = 0.0
+    for k in range(F.shape[1]):
+        along = 0.0
+        for i in range(6):
+            along += F[i, k] * N[i]
+        square += along * along
+    return math.sqrt(square)
+
+
+@part
+def _spread(slide: Array, swing: Array, projector: Array, rho: float) -> Array:
+    """Diagonals (6,) and, last, traces, (2, 2, 7): in translation and in angle of the carried drift and of a unit's."""
+    found = np.zeros((2, 2, 7))
     for i in range(6):
-        for k in range(growth.shape[1]):
-            found[0, i] += growth[i, k] * growth[i, k]
-        for k in range(3):
-            found[1, i] += projector[i, k] * projector[i, k]
-            found[2, i] += projector[i, 3 + k] * projector[i, 3 + k]
-        for n in range(3):
-            found[n, 6] += (1.0 if i < 3 else rho * rho) * found[n, i]
+        for k in range(slide.shape[1]):
+            found[0, 0, i] += slide[i, k] * slide[i, k]
+        for k in range(swing.shape[1]):
+            found[1, 0, i] += swing[i, k] * swing[i, k]
+        for n in range(2):
+            for k in range(3):
+                found[n, 1, i] += projector[i, 3 * n + k] * projector[i, 3 * n + k]
+            for m in range(2):
+                found[n, m, 6] += (1.0 if i < 3 else rho * rho) * found[n, m, i]
     return found
 
 
 @part
-def _scaled(F: Array, a: float, b: float) -> Array:
-    """A root (6, 6) whose first three columns are a times those of another, the others b times."""
-    found = np.empty((6, 6))
+def _ball(projector: Array, first: int, radius: float) -> Array:
+    """A root (6, 3) of what a projector makes of a ball in the three coordinates from `first` on."""
+    found = np.empty((6, 3))
     for i in range(6):
-        for k in range(6):
-            found[i, k] = (a if k < 3 else b) * F[i, k]
+        for k in range(3):
+            found[i, k] = radius * projector[i, first + k]
     return found
 
 
@@ -413,36 +422,32 @@ def _grown(
 
 
 @part
-def _drifted(radii: tuple[float, float], drifts: Array) -> tuple[float, float, float]:
-    """How the growth is made up of the carried one and of unit drifts, in squares; see `_sum` and `_spread`."""
-    a, b = radii
-    x, y, z, trace = 1.0, 0.0, 0.0, drifts[0, 6]
-    for step in range(2):
-        slid, turned = (a * a, 0.0) if step == 0 else (0.0, b * b)
-        s1, s2 = math.sqrt(trace), math.sqrt(slid * drifts[1, 6] + turned * drifts[2, 6])
-        if s1 == 0.0:
-            x, y, z = 0.0, slid, turned
-        elif s2 > 0.0:
-            one, two = 1.0 + s2 / s1, 1.0 + s1 / s2
-            x, y, z = one * x, one * y + two * slid, one * z + two * turned
-        trace = (s1 + s2) ** 2
-    return x, y, z
+def _drifted(radius: float, drifts: Array) -> tuple[float, float]:
+    """Of what a drift is made up, the carried one and a unit's (2, 7), in squares; see `_sum` and `_spread`."""
+    s1, s2 = math.sqrt(drifts[0, 6]), radius * math.sqrt(drifts[1, 6])
+    if s1 == 0.0:
+        return 0.0, radius * radius
+    if s2 == 0.0:
+        return 1.0, 0.0
+    return 1.0 + s2 / s1, (1.0 + s1 / s2) * radius * radius
 
 
 @part
-def _boxes(core: Array, image: Array, growth: Array) -> Array:
+def _boxes(core: Array, image: Array, slide: Array, swing: Array) -> Array:
     """Half-widths (3, 6): of the start set without thickness, of its carried core alone, and to begin with.
 
-    What errors are at the start is a good first guess, and too wide where the motion takes much of their growth away.
+    What errors are at the start is a good first guess, and too wide where the motion takes much of their drift away.
     """
     found = np.empty((3, 6))
     for i in range(6):
-        start, goal, width = 0.0, 0.0, 0.0
+        start, goal, slid, swung = 0.0, 0.0, 0.0, 0.0
         for k in range(len(core)):
             start, goal = start + abs(core[k, i]), goal + abs(image[k, i])
-        for k in range(growth.shape[1]):
-            width += growth[i, k] * growth[i, k]
-        width = math.sqrt(width)
+        for k in range(slide.shape[1]):
+            slid += slide[i, k] * slide[i, k]
+        for k in range(swing.shape[1]):
+            swung += swing[i, k] * swing[i, k]
+        width = math.sqrt(slid) + math.sqrt(swung)
         found[0, i], found[1, i], found[2, i] = start + width, goal, max(start, goal) + width
     return found
 
@@ -459,11 +464,11 @@ def _widths(
     coupling: Array,
 ) -> Array:
     """Half-widths (6,) of the box around the errors at both ends."""
-    x, y, z = _drifted(radii, drifts)
+    (x, y), (z, w) = _drifted(radii[0], drifts[0]), _drifted(radii[1], drifts[1])
     found = np.empty(6)
     for i in range(6):
-        own, drifted = boxes[0, i], math.sqrt(x * drifts[0, i] + y * drifts[1, i] + z * drifts[2, i])
-        after = boxes[1, i] + drifted
+        own, slid = boxes[0, i], math.sqrt(x * drifts[0, 0, i] + y * drifts[0, 1, i])
+        after = boxes[1, i] + slid + math.sqrt(z * drifts[1, 0, i] + w * drifts[1, 1, i])
         for k in range(held):
             own += abs(start_dual[i, k]) * final[k]
         for k in range(len(final)):
@@ -501,14 +506,15 @@ def carried(
     seen: Array,
     projector: Array,
     core: Array,
-    growth: Array,
+    slide: Array,
+    swing: Array,
     shape: Array,
     moved: Array,
     moved_shape: Array,
     links: Array,
     rates: tuple[float, float],
     rho: float,
-) -> tuple[int, Array, Array, float, Array, Array, Array]:
+) -> tuple[int, Array, Array, float, Array, Array, Array, Array]:
     """Carries an error set through a piece of motion; see `segment`.
 
     Args:
@@ -524,7 +530,8 @@ def carried(
         seen: N′ (6,).
         projector: Π (6, 6).
         core: generators (k, 6) of the start set without its old thickness.
-        growth: root (6, g) of its growth.
+        slide: root (6, a) of its drift in translation.
+        swing: root (6, b) of its drift in rotation.
         shape: root (6, s) of its shape.
         moved: the generators (k, 6) as the motion alone would carry them on, before contacts take errors up.
         moved_shape: root (6, s′) of the shape, likewise.
@@ -534,23 +541,24 @@ def carried(
 
     Returns:
         how it ends; half-widths (6,) of a box around the errors all along; thickness of the contacts at the goal (r,);
-        overtravel; and generators (k + r, 6), root of the growth (6, g′) and of the shape (6, s′) at the goal.
+        overtravel; and generators (k + r, 6), roots of both drifts (6, …) and of the shape (6, s′) at the goal.
     """
     image = np.zeros(core.shape)
     for k in range(len(core)):
         for i in range(6):
             for j in range(6):
                 image[k, i] += projector[i, j] * moved[k, j]
-    growth_there, shape_there = _mapped(projector, growth), _mapped(projector, moved_shape)
+    slide_there, swing_there = _mapped(projector, slide), _mapped(projector, swing)
+    shape_there = _mapped(projector, moved_shape)
     held, rest = len(f), off.copy()
     for k in range(held):
-        reach = min(_reach(N[k], core, growth), _reach(N[k], core[:0], shape))
+        reach = min(_reach(N[k], core, slide, swing), _radius(N[k], shape))
         rest[k] = max(abs(f[k]) + reach, rest[k])
-    drifts, boxes = _spread(growth_there, projector, rho), _boxes(core, image, growth)
+    drifts, boxes = _spread(slide_there, swing_there, projector, rho), _boxes(core, image, slide, swing)
     late = (0.0, 0.0)
     if way[2] > 0.0:
         leaning = _length(seen[0], seen[1], seen[2]) * rates[0], way[3] * rates[1]
-        late = (_reach(seen, moved, growth) / way[2], (leaning[0] + leaning[1]) * way[0] / way[2])
+        late = (_reach(seen, moved, slide, swing) / way[2], (leaning[0] + leaning[1]) * way[0] / way[2])
     radii, code, final, beyond, half = (0.0, 0.0), THICK, rest, 0.0, np.empty(6)
     for attempt in range(2):
         for i in range(6):  # at first from what is likely; where that is not tight, from below
@@ -572,10 +580,10 @@ def carried(
             break
     generators = np.empty((len(core) + len(final), 6))
     if code != SETTLED:
-        return code, half, final, beyond, generators, growth_there, shape_there
-    a, b = radii
-    for more in (_scaled(projector, a, 0.0), _scaled(projector, 0.0, b)):
-        growth_there, shape_there = _sum(growth_there, more, rho), _sum(shape_there, more, rho)
+        return code, half, final, beyond, generators, slide_there, swing_there, shape_there
+    slid, swung = _ball(projector, 0, radii[0]), _ball(projector, 3, radii[1])
+    slide_there, swing_there = _sum(slide_there, slid, rho), _sum(swing_there, swung, rho)
+    shape_there = _sum(_sum(shape_there, slid, rho), swung, rho)
     thick = np.empty((6, len(final)))
     for i in range(6):
         for k in range(len(core)):
@@ -584,4 +592,4 @@ def carried(
             generators[len(core) + k, i] = goal_dual[i, k] * final[k]
             thick[i, k] = math.sqrt(len(final)) * generators[len(core) + k, i]
     shape_there = _sum(shape_there, thick, rho)
-    return code, half, final, beyond, generators, _narrow(growth_there), _narrow(shape_there)
+    return code, half, final, beyond, generators, _narrow(slide_there), _narrow(swing_there), _narrow(shape_there)

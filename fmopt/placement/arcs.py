@@ -51,7 +51,7 @@ class Reached(NamedTuple):
     Args:
         vertices: where they are (2, n, 3, v), m.
         moved: how the columns of the errors' supports displace them (2, n, c, 3, v), m.
-        cuts: where generators, growth and shape end among the columns (3,).
+        cuts: where generators, slide, swing and shape end among the columns (4,).
         tilted: what errors that turn a plane leave at each vertex (n, v), per their size, m.
         arc: what the nominal turn leaves there (n, v), m.
         linked: what the linear picture leaves there of errors in different frames (n, v), m.
@@ -164,27 +164,28 @@ def _lower(normal: Vector, reached: Reached, n: int, work: Array) -> float:
     vertices, moved, cuts, tilted, arc, linked, angles, turn = reached
     (x, y, z), count = normal, vertices.shape[3]
     for v in range(count):
-        work[4, v] = np.inf
+        work[5, v] = np.inf
     for e in range(2):
         for v in range(count):
-            work[0, v], work[1, v], work[2, v], work[3, v] = 0.0, 0.0, 0.0, 0.0
+            work[0, v], work[1, v], work[2, v], work[3, v], work[4, v] = 0.0, 0.0, 0.0, 0.0, 0.0
         for c in range(moved.shape[2]):
-            if c < cuts[0] or c >= cuts[2]:
-                part = 0 if c < cuts[0] else 3
+            if c < cuts[0] or c >= cuts[3]:
+                part = 0 if c < cuts[0] else 4
                 for v in range(count):
                     work[part, v] += abs(x * moved[e, n, c, 0, v] + y * moved[e, n, c, 1, v] + z * moved[e, n, c, 2, v])
             else:
-                part = 1 if c < cuts[1] else 2
+                part = 1 if c < cuts[1] else 2 if c < cuts[2] else 3
                 for v in range(count):
                     seen = x * moved[e, n, c, 0, v] + y * moved[e, n, c, 1, v] + z * moved[e, n, c, 2, v]
                     work[part, v] += seen * seen
         for v in range(count):
             height = x * vertices[e, n, 0, v] + y * vertices[e, n, 1, v] + z * vertices[e, n, 2, v]
-            reach = min(math.sqrt(work[2, v]), work[0, v] + math.sqrt(work[1, v])) + work[3, v]
-            work[4, v] = min(work[4, v], height - reach)
+            inside = work[0, v] + math.sqrt(work[1, v]) + math.sqrt(work[2, v])
+            reach = min(math.sqrt(work[3, v]), inside) + work[4, v]
+            work[5, v] = min(work[5, v], height - reach)
     tilt, lean, found = _swung(normal, _three(angles, n)), _size(_cross(_three(turn, n), normal)), np.inf
     for v in range(count):
-        found = min(found, work[4, v] - (tilt * tilted[n, v] + lean * arc[n, v]) - linked[n, v])
+        found = min(found, work[5, v] - (tilt * tilted[n, v] + lean * arc[n, v]) - linked[n, v])
     return found
 
 
@@ -360,7 +361,7 @@ def best(edges: Edges, body: Array, motion: Moving) -> tuple[Array, Array, Array
     Returns:
         unit normals (n, m, 3), how far out the fixed pieces reach along them, margins and clearances (n, m), m.
     """
-    reached, work = _reached(body, motion), np.empty((5, len(body)))
+    reached, work = _reached(body, motion), np.empty((6, len(body)))
     kept = _first(edges, reached, work)
     count, pairs = kept.margin.shape
     rooms = np.empty((count, pairs, _REFINED, SHARES))

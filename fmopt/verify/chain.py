@@ -241,7 +241,7 @@ class Chain:
         directions = [c for _, c in held]
         if all(c in directions for c in self.link.thick_along):
             return errors
-        return ErrorSet(errors.core + errors.thick, (), errors.growth, errors.shape, errors.linkage)
+        return ErrorSet(errors.core + errors.thick, (), errors.slide, errors.swing, errors.shape, errors.linkage)
 
     def _fit(self, motion: Motion, progress: int, notes: Notes) -> None:
         """Collects the pieces of a move that makes a contact; at its end they must fit together."""

@@ -12,6 +12,7 @@ from fmopt.verify.document import Numbers
 from fmopt.verify.errors import ErrorSet
 from fmopt.verify.facets import facet_margin
 from fmopt.verify.findings import ALLOWANCE, MARGIN_FLOOR, RELATIVE, Notes
+from fmopt.verify.linear import metric
 from fmopt.verify.rational import (
     ArithmeticRefusal,
     Row,
@@ -83,7 +84,7 @@ def _tube(stage: Stage, start: ErrorSet, notes: Notes) -> None:
     tube, motion = stage.segment.tube, stage.motion
     for end, errors in (("start", start), ("goal", motion.goal_errors)):
         _generators(f"generators_{end}", tube.matrices[f"generators_{end}"], errors.generators, notes)
-        for kind, Q in (("shape", errors.shape), ("growth", errors.growth)):
+        for kind, Q in errors.ellipsoids(metric(motion.task.rho)):
             _shape(f"{kind}_{end}", tube.matrices[f"{kind}_{end}"], Q, notes)
     half = motion.half
     for axis, stated_width in enumerate(tube.box):

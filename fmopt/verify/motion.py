@@ -22,6 +22,7 @@ from fmopt.verify.assembly import Assembly, Touch
 from fmopt.verify.errors import ErrorSet
 from fmopt.verify.linear import (
     NO_ROW,
+    NOTHING,
     blurred,
     complement,
     congruent,
@@ -55,7 +56,6 @@ from fmopt.verify.rational import (
     sub,
     times,
     transposed,
-    width,
 )
 from fmopt.verify.remainder import Extent, coarse, remainder, size
 from fmopt.verify.rows import DirectionAlong, Distance, Function, PointAbove, Pose
@@ -335,19 +335,19 @@ class Motion:
     def _carry(self) -> None:
         """The error set at the end, and the box around the errors of the whole piece."""
         weights = metric(self.task.rho)
-        growth, shape = (congruent(self.projector, Q) for Q in (self.errors.growth, self.moved_shape))
-        straight, round_ = spheres(self.projector)
-        for square, ball in zip(self._drift(), (straight, round_), strict=True):
-            if square:
-                extra = magnified(square, ball)
-                growth, shape = outer_sum(growth, extra, weights), outer_sum(shape, extra, weights)
+        shape, drifts = congruent(self.projector, self.moved_shape), []
+        before = self.errors.slide, self.errors.swing
+        for square, ball, Q in zip(self._drift(), spheres(self.projector), before, strict=True):
+            extra = magnified(square, ball) if square else NOTHING
+            drifts.append(blurred(outer_sum(congruent(self.projector, Q), extra, weights)))
+            shape = outer_sum(shape, extra, weights)
         self.start_slack = [stretched(t, c) for t, c in zip(self.start_thickness, self.start_dual, strict=True)]
         thick = tuple(stretched(t, c) for t, c in zip(self.thickness, self.goal_dual, strict=True))
         if thick:
             around = square_of([len(thick) * x for x in r] for r in gram(thick))
             shape = outer_sum(shape, around, weights)
         core = tuple(image(self.projector, g) for g in self.moved)
-        self.goal_errors = ErrorSet(core, thick, blurred(growth), blurred(shape), self.linkage)
+        self.goal_errors = ErrorSet(core, thick, drifts[0], drifts[1], blurred(shape), self.linkage)
         ends = self.errors.half_widths(self.start_slack), self.goal_errors.half_widths(thick)
         self.half = [max(a, b) + self.coupling[k // 3] for k, (a, b) in enumerate(zip(*ends, strict=True))]
 
@@ -367,7 +367,7 @@ class Motion:
         N = self.felt
         eta = over(times(self.cone(N), self.length), self.rate) + 1
         zeta = over(times(times(self._wide, self.extent.turn), length(N[3:])) * 3 // 4, self.rate) + 1
-        late = over(spread(self.moved, N) + width(self.errors.growth, N), self.rate) + 1
+        late = over(spread(self.moved, N) + self.errors.drift(N), self.rate) + 1
         rest = ONE - times(self.task.share, eta + zeta)
         if rest < _HALF:
             raise ArithmeticRefusal("drift could carry the part past the contact that it is to make")

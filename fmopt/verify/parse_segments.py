@@ -32,8 +32,8 @@ _SEGMENT = fields(
 _BASIS = fields("segments[].basis[]", proved="contact direction made")
 _TUBE = fields(
     "segments[].tube",
-    proved="shape_start shape_goal generators_start generators_goal growth_start growth_goal theta_max offset_max "
-    "offset_box angle_box",
+    proved="shape_start shape_goal generators_start generators_goal growth_start growth_goal slide_start "
+    "slide_goal swing_start swing_goal theta_max offset_max offset_box angle_box",
 )
 _SEPARATION = fields("segments[].separations[]", proved="moving_piece fixed_piece margin", objects="witness")
 _WITNESS = fields(
@@ -133,7 +133,7 @@ def _tube(place: Reader) -> Tube:
     place.only(_TUBE)
     matrices: dict[str, tuple[Numbers, ...]] = {
         f"{kind}_{end}": place.at(f"{kind}_{end}").matrix(None if kind == "generators" else 6, _MANY)
-        for kind in ("shape", "generators", "growth")
+        for kind in ("shape", "generators", "growth", "slide", "swing")
         for end in ("start", "goal")
     }
     theta, offset = place.at("theta_max").number(0.0, 1.0), place.at("offset_max").number(0.0, 1.0)
