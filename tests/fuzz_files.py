@@ -331,6 +331,8 @@ def _long_form() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--keep", type=Path)
     asked = parser.parse_args()
+    if asked.keep is not None:
+        asked.keep.mkdir(parents=True, exist_ok=True)
     with _scratch() as folder:
         tally = fuzzed(asked.kind, asked.count, asked.seed, folder, asked.keep)
     print("\n".join(tally.failures))
