@@ -184,20 +184,29 @@ def inside_out(plan: Document, rng: Random) -> bool:
 
 
 def cut_corner(plan: Document, rng: Random) -> bool:
-    """A corner that the part has and its piece has not."""
+    """A corner that the part has and its only piece there has not."""
     part = _part(plan, rng)
     corners = {tuple(v) for v in part["vertices"]}
     places = [
         (piece, k)
         for piece in part["pieces"]
         for k, v in enumerate(piece["vertices"])
-        if tuple(v) in corners and sum(k in face[0] for face in piece["faces"]) == 3
+        if tuple(v) in corners
+        and sum(k in face[0] for face in piece["faces"]) == 3
+        and not any(_holds(other, v) for other in part["pieces"] if other is not piece)
     ]
     if not places:
         return False
     piece, k = rng.choice(places)
     _truncate(piece, k, drawn(rng, -8.0, -5.41))
     return True
+
+
+def _holds(piece: Document, at: Point) -> bool:
+    """Whether a convex piece has a point inside or on its surface."""
+    vertices, loops = piece["vertices"], [face[0] for face in piece["faces"]]
+    ways = [(normal(vertices, loop), minus(at, vertices[loop[0]])) for loop in loops]
+    return all(sum(x * y for x, y in zip(n, way, strict=True)) <= 1e-9 for n, way in ways)
 
 
 def _truncate(piece: Document, k: int, depth: float) -> None:
