@@ -242,14 +242,17 @@ def shrunk_piece(plan: Document, rng: Random) -> bool:
 
 
 def thin_skin(plan: Document, rng: Random) -> bool:
-    """A face of a piece moved in or out."""
-    piece = rng.choice(_part(plan, rng)["pieces"])
+    """A face of a piece moved in or out, where no other piece makes up for it."""
+    pieces = _part(plan, rng)["pieces"]
+    piece = rng.choice(pieces)
     loop = rng.choice(piece["faces"])[0]
     n, shift = normal(piece["vertices"], loop), rng.choice((-1.0, 1.0)) * drawn(rng, -11.5, -6.0)
     was = [list(piece["vertices"][k]) for k in loop]
     for k in loop:
         piece["vertices"][k] = plus(piece["vertices"][k], n, shift)
-    return was != [piece["vertices"][k] for k in loop]
+    now = [piece["vertices"][k] for k in loop]
+    made_up = any(all(_holds(other, v) for v in (*was, *now)) for other in pieces if other is not piece)
+    return was != now and not made_up
 
 
 def missing_piece(plan: Document, rng: Random) -> bool:
