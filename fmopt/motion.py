@@ -15,13 +15,13 @@ from fmopt.compiled import clock
 from fmopt.errors import FmoptError, InfeasibleError, SearchError
 from fmopt.geometry.clearance import Clearance
 from fmopt.placement.attitude import Image, images
-from fmopt.placement.cone_solver import ConeSolver
 from fmopt.placement.entry import Entry, Shape, planar_entries, start_spread, straight_entry, tilted_entry
 from fmopt.placement.motion import Reached
 from fmopt.placement.polish import Method, Turns, polish
 from fmopt.placement.search import MoveSequence, Searched, best_sequences
 from fmopt.placement.sequence import Placed, Refinement, better, certified, refine
 from fmopt.placement.shapes import likely_shapes, room
+from fmopt.placement.socp import ClarabelSolver
 from fmopt.placement.step import Costs, Task
 from fmopt.placement.tune import Limits, deepened, tuned
 from fmopt.plan_record import least_firm, least_steady, runs_against
@@ -201,7 +201,7 @@ def placement(
     start = Reached(errors, (), ())
     spread = start_spread(problem.moving, problem.start_box)
     reach = 0.5 * (spread + clearance)
-    solver, settings = ConeSolver(), Refinement.of(spread, clearance)
+    solver, settings = ClarabelSolver(), Refinement.of(spread, clearance)
 
     def told(margin: float) -> None:
         progress(f"placement: margin {1e6 * margin:.1f} um")

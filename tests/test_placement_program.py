@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -154,3 +155,25 @@ def test_values_stay_read_only_through_pickling() -> None:
     for array in (program.G, program.lower, program.norms[0].F, program.size.rows, solution.x, solution.duals.rows):
         with pytest.raises(ValueError, match="read-only"):
             array[...] = 0.0
+
+
+def test_equal_bounds_hold_a_variable() -> None:
+    # x + y on x² + y² ≤ 1 with x held at 3/5, or by an equality besides: 7/5.
+    norm = Norm(np.eye(2), np.zeros(2))
+    program = ConeProgram.of(
+        [1.0, 1.0], G=[[0.0, 0.0]], h=[1.0], W=[[1.0]], norms=(norm,), lower=[0.6, -9], upper=[0.6, 9]
+    )
+    assert ClarabelSolver().solve(program).x == pytest.approx([0.6, 0.8], abs=1e-8)
+    twice = replace(program, A=np.array([[2.0, 0.0]]), b=np.array([1.2]))
+    assert ClarabelSolver().solve(twice).value == pytest.approx(1.4, abs=1e-8)
+    for off in (1.3, 1.2 + 1e-6):
+        with pytest.raises(InfeasibleError):
+            ClarabelSolver().solve(replace(twice, b=np.array([off])))
+
+
+def test_the_same_program_has_the_same_bits_after_others_and_in_threads() -> None:
+    programs = [random_placement(seed, rows=20, contacts=2, growth=0.02).program() for seed in range(12)]
+    first = [ClarabelSolver().solve(program).x for program in programs]
+    with ThreadPoolExecutor(2) as pool:
+        again = list(pool.map(lambda program: ClarabelSolver().solve(program).x, programs[::-1]))[::-1]
+    assert all(np.array_equal(one, other) for one, other in zip(first, again, strict=True))

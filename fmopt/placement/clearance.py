@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fmopt.placement.cone_solver import ConeSolver
 from fmopt.placement.program import ConeProgram, Norm, Solution, Solver, certify, checked
+from fmopt.placement.socp import ClarabelSolver
 from fmopt.values import Array, Value, frozen
 
 _BINDING = 1e-6
@@ -214,7 +214,7 @@ def max_min_clearance(problem: Placement, solver: Solver | None = None) -> Solut
         InfeasibleError: the affine spaces, bounds and rows of weight 0 contradict each other.
         SolverError: no certified optimum.
     """
-    return checked(problem.program(), ConeSolver() if solver is None else solver)
+    return checked(problem.program(), ClarabelSolver() if solver is None else solver)
 
 
 def lexicographic(problem: Placement, solver: Solver | None = None) -> Solution:
@@ -226,7 +226,7 @@ def lexicographic(problem: Placement, solver: Solver | None = None) -> Solution:
     Raises:
         InfeasibleError, SolverError: as `max_min_clearance`.
     """
-    solver = ConeSolver() if solver is None else solver
+    solver = ClarabelSolver() if solver is None else solver
     original = problem.program()
     first = checked(original, solver)
     program, latest = original, first
