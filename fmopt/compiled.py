@@ -1,23 +1,30 @@
 """Numeric kernels: plain loops over arrays of a few numbers, which Numba compiles when they are first called.
 
-What is compiled stays beside the source, or in the user's cache, for later processes. Numba looks at the file of a
-kernel alone to tell whether that is still valid: kernels call only what is in their own file, and take named tuples of
-that file alone.
+What is compiled is kept for later processes, in the package's folder or, where that cannot be written to, in the user's
+cache. Numba looks at the file of a kernel alone to tell whether that is still valid. What kernels of several files call
+is therefore in files named kernels….py, and what they contain names the folder; all else kernels call, and the named
+tuples that they take, is in their own file.
 """
 
 from __future__ import annotations
 
+import hashlib
+import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
-from numba import njit
+from numba import config, njit
 from numba.core import event
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 _SETTINGS: dict[str, Any] = {"error_model": "numpy"}
+_PACKAGE = Path(__file__).parent
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
@@ -26,14 +33,36 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     Where no folder for what is compiled can be written to, each process compiles anew.
     """
     try:
-        kernel = njit(cache=True, **_SETTINGS)(function)
+        with _kept_in(_folder()):
+            kernel = njit(cache=True, **_SETTINGS)(function)
     except RuntimeError:  # no folder to keep it in
         kernel = njit(**_SETTINGS)(function)
     return cast("Callable[P, R]", kernel)
 
 
+@cache
+def _folder() -> str:
+    """Where what is compiled is kept: a folder of its own for each state of the files that kernels share."""
+    own = os.environ.get("NUMBA_CACHE_DIR") or _PACKAGE / "__pycache__"
+    if not os.access(own if Path(own).exists() else _PACKAGE, os.W_OK):
+        own = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()) / "fmopt"
+    shared = sorted(_PACKAGE.rglob("kernels*.py"))
+    state = hashlib.sha256(b"".join(path.read_bytes() for path in shared)).hexdigest()
+    return str(Path(own) / f"kernels-{state[:16]}")
+
+
+@contextmanager
+def _kept_in(folder: str) -> Iterator[None]:
+    """Numba keeps in this folder what is compiled of functions that are decorated meanwhile."""
+    before, config.CACHE_DIR = config.CACHE_DIR, folder
+    try:
+        yield
+    finally:
+        config.CACHE_DIR = before
+
+
 def part(function: Callable[P, R]) -> Callable[P, R]:
-    """What kernels of the same file call: compiled with them."""
+    """What kernels call: compiled with them."""
     return cast("Callable[P, R]", njit(**_SETTINGS)(function))
 
 

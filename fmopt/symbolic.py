@@ -8,43 +8,7 @@ from typing import Any, TypeAlias
 
 import sympy
 
-_TERMS = 16  # the series below is exact to rounding for |s| ≤ π², a rotation by up to π
-
 Node: TypeAlias = Any  # a CasADi SX node; CasADi has no types
-
-
-class Stumpff(sympy.Function):  # type: ignore[misc]  # SymPy has no types
-    """Stumpff's function c_k(s) = Σ (−s)^i / (k + 2i)!, entire in s.
-
-    c₁(θ²) = sin θ / θ and c₂(θ²) = (1 − cos θ) / θ², so a rotation by its rotation vector is smooth at zero.
-    """
-
-    nargs = 2
-
-    @classmethod
-    def eval(cls, k: sympy.Expr, s: sympy.Expr) -> sympy.Expr | None:
-        """The value where it is known exactly."""
-        return sympy.Rational(1, math.factorial(int(k))) if s.is_zero else None
-
-    def fdiff(self, argindex: int = 2) -> sympy.Expr:
-        """dc_k/ds = (k c_{k+2} − c_{k+1}) / 2."""
-        k, s = self.args
-        if argindex != 2:
-            raise sympy.ArgumentIndexError(self, argindex)
-        return (k * Stumpff(k + 2, s) - Stumpff(k + 1, s)) / 2
-
-    def _eval_evalf(self, prec: int) -> sympy.Expr:
-        k, s = self.args
-        terms = [(-s) ** i / sympy.factorial(k + 2 * i) for i in range(2 * _TERMS)]
-        return sympy.Add(*terms)._eval_evalf(prec)
-
-
-def rotation(r: sympy.Matrix) -> sympy.Matrix:
-    """exp([r]×) = I + c₁[r]× + c₂[r]×² as a symbolic 3 × 3 matrix of the rotation vector r (rad)."""
-    x, y, z = r
-    K = sympy.Matrix([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    s = x**2 + y**2 + z**2
-    return sympy.eye(3) + Stumpff(1, s) * K + Stumpff(2, s) * (K * K)
 
 
 def casadi_function(name: str, inputs: Mapping[str, Sequence[sympy.Symbol]], outputs: Sequence[sympy.Expr]) -> Any:
@@ -114,19 +78,10 @@ def _cos(x: Node) -> Node:
     return casadi.cos(x)
 
 
-def _stumpff(k: float, s: Node) -> Node:
-    coefficients = [(-1.0) ** i / math.factorial(int(k) + 2 * i) for i in range(_TERMS)]
-    value = coefficients[-1]
-    for coefficient in reversed(coefficients[:-1]):
-        value = coefficient + s * value
-    return value
-
-
 _TABLE: dict[Any, Callable[..., Node]] = {
     sympy.Add: _add,
     sympy.Mul: _multiply,
     sympy.Pow: _power,
     sympy.sin: _sin,
     sympy.cos: _cos,
-    Stumpff: _stumpff,
 }

@@ -25,8 +25,8 @@ print("at", nominal.critical[1].name, pose)
 # %% [markdown]
 # ## C-surfaces
 #
-# The signed distance of a contact as a formula: p is the position, R the rotation matrix row by row, c the numbers of
-# the contact.
+# The signed distance of a contact as a formula: p is the position and R the rotation of the moving part, whose point v,
+# normal n or edge through v along a meets the fixed part's plane n·x = c, point w or edge through q along e.
 
 # %%
 symbolic_surface(Kind.VERTEX_FACE)

@@ -1,25 +1,26 @@
 """C-surfaces: symbolic, CasADi and NumPy agree; gradients, wrenches, remainders and bounds."""
 
 import casadi
+import mpmath
 import numpy as np
 import pytest
 import sympy
 from test_contact_parts import MID_DEPTH, block, peg, spike, tilted
 
+from fmopt.contact import generate
+from fmopt.contact.algebra import Definition
 from fmopt.contact.bounds import BoundTable, bounds
+from fmopt.contact.definitions import CONTACTS
+from fmopt.contact.derive import derived
+from fmopt.contact.formula import latex
+from fmopt.contact.kernels_generated import over
 from fmopt.contact.primitive import Kind, PrimitiveContact, face_vertex, near_contacts, vertex_face
-from fmopt.contact.surface import (
-    Surfaces,
-    parameters,
-    reference_vector,
-    surface_expression,
-    surfaces_function,
-    values_and_rows,
-)
+from fmopt.contact.surface import Surfaces, definition, parameters, records, values_and_rows
 from fmopt.contact.wrench import contact_wrench
+from fmopt.errors import InfeasibleError
 from fmopt.geometry.polyhedron import Polyhedron, from_faces
 from fmopt.se3 import Pose, exp
-from fmopt.symbolic import Stumpff, casadi_function, rotation
+from fmopt.symbolic import casadi_function
 
 PEG, BLOCK, SPIKE = peg(), block(), from_faces(*spike())
 LEANING = tilted((0.03, -0.05, 0.02))
@@ -65,54 +66,99 @@ def test_the_gradient_is_the_contact_wrench(
             assert work == pytest.approx(2 * float(wrench @ X), abs=1e-15)
 
 
+def numbers_of(contact: PrimitiveContact, fixed: Polyhedron) -> dict[str, np.ndarray]:
+    return definition(contact.kind).split(parameters(PEG, fixed, contact))
+
+
 @pytest.mark.parametrize(("fixed", "contacts", "pose"), CASES)
-def test_sympy_casadi_and_numpy_agree(fixed: Polyhedron, contacts: tuple[PrimitiveContact, ...], pose: Pose) -> None:
-    X = np.array([1e-4, -2e-4, 3e-4, 0.02, -0.03, 0.01])
-    f, _ = values_and_rows(contacts, PEG, fixed, pose.moved(X))
-    function = surfaces_function([contact.kind for contact in contacts])
-    numbers = np.column_stack([parameters(PEG, fixed, contact) for contact in contacts])
-    np.testing.assert_allclose(function(X, reference_vector(pose), numbers).full().ravel(), f, rtol=0.0, atol=1e-16)
-    symbols = sympy.symbols("X:6")
-    for contact, value in zip(contacts, f, strict=True):
-        expression = surface_expression(contact, PEG, fixed, pose, symbols)
-        exact = expression.subs(dict(zip(symbols, X.tolist(), strict=True))).evalf(20)
-        assert float(exact) == pytest.approx(value, abs=1e-16)
+def test_definitions_in_numpy_sympy_and_casadi_agree_with_the_kernels(
+    fixed: Polyhedron, contacts: tuple[PrimitiveContact, ...], pose: Pose
+) -> None:
+    f, N = values_and_rows(contacts, PEG, fixed, pose)
+    for contact, value, row in zip(contacts, f, N, strict=True):
+        kind, numbers = definition(contact.kind), numbers_of(contact, fixed)
+        assert float(kind(pose.p, pose.R, **numbers)) == pytest.approx(value, abs=1e-16)
+        assert float(kind(casadi.DM(pose.p), casadi.DM(pose.R), **numbers)) == pytest.approx(value, abs=1e-16)
+        found = derived(kind.name)
+        values = dict(zip(found.p, map(sympy.Float, pose.p), strict=True))
+        for name, symbol in found.parameters.items():
+            given = pose.R @ numbers[name] if name in found.turned else numbers[name]
+            values |= dict(zip(np.ravel(symbol), map(sympy.Float, np.ravel(given)), strict=True))
+        assert float(found.f.evalf(30, values)) == pytest.approx(value, abs=1e-16)
+        np.testing.assert_allclose([float(x.evalf(30, values)) for x in found.N], row, rtol=0.0, atol=1e-15)
 
 
-def test_casadi_jacobian_at_the_reference_is_the_row() -> None:
-    fixed, contacts, pose = CASES[0]
-    X = casadi.SX.sym("X", 6)
-    numbers = np.column_stack([parameters(PEG, fixed, contact) for contact in contacts])
-    f = surfaces_function([contact.kind for contact in contacts])(X, reference_vector(pose), numbers)
-    jacobian = casadi.Function("jacobian", [X], [casadi.jacobian(f, X)])
-    _, N = values_and_rows(contacts, PEG, fixed, pose)
-    np.testing.assert_allclose(jacobian(np.zeros(6)).full(), N, rtol=0.0, atol=1e-14)
+@pytest.mark.parametrize("kind", CONTACTS.values(), ids=list(CONTACTS))
+def test_second_derivatives_against_differences_of_the_wrench(kind: Definition) -> None:
+    rng = np.random.default_rng(7)
+    found = derived(kind.name)
+    symbols = [*found.p, *(s for symbol in found.parameters.values() for s in np.ravel(symbol))]
+    hessian = sympy.lambdify(symbols, found.H)
+    for _ in range(5):
+        pose = Pose(rng.normal(size=3), exp(rng.normal(size=3)))
+        numbers = {key: unit(rng.normal(size=role.width)) for key, role in kind.roles.items()}
+        tables = tuple(
+            records(other, np.concatenate([*numbers.values()]) if other is kind else np.zeros((0, other.width)))
+            for other in CONTACTS.values()
+        )
+        f, N, h = np.empty((12, 1)), np.empty((12, 1, 6)), 1e-5
+        moved = [pose.moved(sign * h * e) for e in np.eye(6) for sign in (1.0, -1.0)]
+        over(tables, np.array([at.p for at in moved]), np.array([at.R for at in moved]), f, N)
+        measured = (N[::2, 0] - N[1::2, 0]) / (2 * h)
+        turned = [pose.R @ numbers[key] if key in found.turned else numbers[key] for key in kind.roles]
+        H = hessian(*pose.p, *np.concatenate(turned))
+        np.testing.assert_allclose(0.5 * (measured + measured.T), H, rtol=0.0, atol=1e-8 * (1.0 + np.abs(H).max()))
 
 
-def test_sympy_gradient_is_the_row() -> None:
-    fixed, contacts, pose = CASES[0]
-    symbols = sympy.symbols("X:6")
-    kinds = {contact.kind: i for i, contact in enumerate(contacts)}
-    _, N = values_and_rows(contacts, PEG, fixed, pose)
-    for i in kinds.values():
-        expression = surface_expression(contacts[i], PEG, fixed, pose, symbols)
-        gradient = [expression.diff(x).subs(dict.fromkeys(symbols, 0)).evalf() for x in symbols]
-        np.testing.assert_allclose(np.array(gradient, dtype=float), N[i], rtol=0.0, atol=1e-14)
+def unit(numbers: np.ndarray) -> np.ndarray:
+    return numbers / np.linalg.norm(numbers) if len(numbers) == 3 else numbers
 
 
-@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-3, 1.0, 3.0])
-def test_symbolic_rotation_is_the_exponential(angle: float) -> None:
-    symbols = sympy.symbols("r:3")
-    r = angle * np.array([2.0, -1.0, 2.0]) / 3.0
-    function = casadi_function("rotation", {"r": symbols}, list(rotation(sympy.Matrix(symbols))))
-    np.testing.assert_allclose(function(r).full().reshape(3, 3), exp(r), rtol=0.0, atol=3e-15)
+@pytest.mark.parametrize("sine", [1e-2, 1e-3, 1e-4])
+def test_wrenches_between_nearly_level_edges_are_right(sine: float) -> None:
+    """Against fifty digits: what stands off by a millimetre, with arms of centimetres."""
+    rng = np.random.default_rng(3)
+    worst = 0.0
+    with mpmath.workdps(50):
+        for _ in range(20):
+            e = unit(rng.normal(size=3))
+            aside = unit(np.cross(e, rng.normal(size=3)))
+            a = np.sqrt(1.0 - sine**2) * e + sine * aside
+            v, q = 0.01 * rng.normal(size=3), 0.01 * rng.normal(size=3)
+            p = q - v + 1e-3 * np.cross(e, aside) + 1e-6 * rng.normal(size=3)
+            tables = tuple(
+                records(kind, np.concatenate([a, v, e, q]) if name == "edge_edge" else np.zeros((0, kind.width)))
+                for name, kind in CONTACTS.items()
+            )
+            f, N = np.empty((1, 1)), np.empty((1, 1, 6))
+            over(tables, p[None], np.eye(3)[None], f, N)
+            exact = wrench_in_fifty_digits(p, a, v, e, q)
+            worst = max(worst, *(abs(float(x - y)) for x, y in zip(exact, N[0, 0], strict=True)))
+    assert worst <= 1e-9
 
 
-def test_stumpff_derivative() -> None:
-    s = sympy.Symbol("s")
-    slope = Stumpff(2, s).diff(s).subs(s, sympy.Rational(1, 2)).evalf(30)
-    closed = sympy.diff((1 - sympy.cos(sympy.sqrt(s))) / s, s).subs(s, sympy.Rational(1, 2)).evalf(30)
-    assert abs(slope - closed) < 1e-25
+def wrench_in_fifty_digits(p: np.ndarray, *numbers: np.ndarray) -> list[mpmath.mpf]:
+    found = derived("edge_edge")
+    symbols = [*found.p, *(s for symbol in found.parameters.values() for s in np.ravel(symbol))]
+    given = [mpmath.mpf(float(x)) for x in np.concatenate([p, *numbers])]
+    return list(sympy.lambdify(symbols, list(found.N), "mpmath")(*given))
+
+
+def test_edges_that_are_level_have_no_wrench_and_are_told_by_name() -> None:
+    crossing = [c for c in near_contacts(PEG, BLOCK, LEANING, reach=3e-3, angle=0.05) if c.kind is Kind.EDGE_EDGE]
+    sines = Surfaces.of(crossing, PEG, BLOCK).sines(Pose(LEANING.p, exp([1e-6, 2e-6, 0.0])))
+    contact = crossing[int(sines.argmin())]
+    with pytest.raises(InfeasibleError, match=f"contact {contact.id} has no wrench"):
+        contact_wrench(contact, PEG, BLOCK, Pose(LEANING.p, exp([1e-6, 2e-6, 0.0])))
+
+
+def test_a_formula_is_written_in_vectors() -> None:
+    assert latex(CONTACTS["vertex_face"]) == r"n \cdot \left(p + R\,v\right) - c"
+    assert r"|R\,a \times e|" in latex(CONTACTS["edge_edge"])
+
+
+def test_the_generated_kernels_are_current() -> None:
+    assert generate.FILE.read_text() == generate.written()
 
 
 def test_nodes_outside_the_table_are_refused() -> None:

@@ -10,13 +10,20 @@ from test_certificate_rows import KINDS, forms, pose
 from test_contact_surface import CASES, PEG
 
 from fmopt.certificate.rows import Forms, points_above, stacked
-from fmopt.contact.surface import Surfaces
+from fmopt.contact.definitions import CONTACTS
+from fmopt.contact.kernels_generated import heights
+from fmopt.contact.surface import Surfaces, records
 from fmopt.placement import keeping
 from fmopt.placement.keeping import KEPT, LOST, SINGULAR
 from fmopt.se3 import Pose, turns
 from fmopt.values import Array
 
 Kernel = Any
+# An edge of each part, both along x, the fixed one a metre below.
+EDGES = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, -1.0])
+LEVEL = tuple(
+    records(kind, EDGES if name == "edge_edge" else np.zeros((0, kind.width))) for name, kind in CONTACTS.items()
+)
 
 
 def both(kernel: Kernel) -> tuple[Kernel, Kernel]:
@@ -82,30 +89,27 @@ def test_pieces_share_a_twist_but_for_the_compliance(seed: int) -> None:
 def test_distances_are_those_of_the_surfaces(case: Any) -> None:
     fixed, contacts, here = case
     surfaces = Surfaces.of(contacts, PEG, fixed)
-    tables = tuple(np.array(table) for table in (surfaces.vertex_face, surfaces.face_vertex, surfaces.edge_edge))
     X = 1e-2 * np.random.default_rng(0).normal(size=(7, 6))
     p, R = here.p + X[:, :3], turns(X[:, 3:]) @ here.R
-    for kernel in both(keeping.distances):
+    for kernel in both(heights):
         found = np.empty((7, len(contacts)))
-        kernel(tables, p, R, found)
+        kernel(surfaces.tables, p, R, found)
         np.testing.assert_allclose(found[:, surfaces.order], surfaces.heights(p, R), rtol=0.0, atol=1e-16)
 
 
 def test_level_edges_have_no_distance() -> None:
-    edge = np.array([[1.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, -1.0]])
-    for kernel in both(keeping.distances):
+    for kernel in both(heights):
         found = np.empty((1, 1))
-        kernel((np.zeros((0, 12)), np.zeros((0, 12)), edge), np.zeros((1, 3)), np.eye(3)[None].copy(), found)
+        kernel(LEVEL, np.zeros((1, 3)), np.eye(3)[None].copy(), found)
         assert np.isnan(found).all()
 
 
 def test_edges_that_turn_level_jump_from_side_to_side_where_they_do() -> None:
-    edge = np.array([[1.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, -1.0]])
-    tables, free = (np.zeros((0, 12)), np.zeros((0, 12)), edge), (np.zeros((0, 21)), np.zeros((0, 6)))
+    tables, free = LEVEL, (np.zeros((0, 21)), np.zeros((0, 6)))
     motion = np.eye(3), np.zeros(3), np.zeros(3), np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
     between, p, R, values = np.array([-0.5, 0.5]), np.empty((2, 3)), np.empty((2, 3, 3)), np.empty((2, 1))
     assert keeping.along(free, motion, between, p, R) == KEPT
-    keeping.distances(tables, p, R, values)
+    heights(tables, p, R, values)
     ends = values if values[0] > 0.0 else values[::-1].copy()
     for kernel in both(keeping.roots):
         found = np.empty(1)
@@ -119,7 +123,6 @@ def test_a_motion_turns_about_its_pivot_and_ends_where_a_distance_vanishes(seed:
     fixed, contacts, _ = CASES[0]
     held, C, here = state(rng, seed % 3)
     surfaces = Surfaces.of(contacts, PEG, fixed)
-    tables = tuple(np.array(table) for table in (surfaces.vertex_face, surfaces.face_vertex, surfaces.edge_edge))
     pivot, twist, amounts = rng.normal(size=3) * 0.01, rng.normal(size=6), np.linspace(0.0, 0.06, 5)
     motion = np.array(here.R), pivot, here.apply(pivot), twist
     p, R = np.empty((5, 3)), np.empty((5, 3, 3))
@@ -131,16 +134,19 @@ def test_a_motion_turns_about_its_pivot_and_ends_where_a_distance_vanishes(seed:
             assert R[n] == pytest.approx(turned, abs=1e-15)
             assert p[n] == pytest.approx(here.apply(pivot) + amount * twist[:3] - turned @ pivot, abs=1e-16)
     values = np.empty((5, len(contacts)))
-    keeping.distances(tables, p, R, values)
+    heights(surfaces.tables, p, R, values)
     crossing = np.flatnonzero((values[0] > 0.0) & (values[-1] <= 0.0))
     assert len(crossing)
     for kernel in both(keeping.roots):
         found = np.empty(len(crossing))
         between = np.array([amounts[0], amounts[-1]])
-        assert kernel((held.table, C), motion, tables, crossing, between, values[[0, -1]][:, crossing], found) == KEPT
+        assert (
+            kernel((held.table, C), motion, surfaces.tables, crossing, between, values[[0, -1]][:, crossing], found)
+            == KEPT
+        )
         p, R = np.empty((len(found), 3)), np.empty((len(found), 3, 3))
         keeping.along((held.table, C), motion, found, p, R)
         at = np.empty((len(found), len(contacts)))
-        keeping.distances(tables, p, R, at)
+        heights(surfaces.tables, p, R, at)
         assert np.abs(np.diagonal(at[:, crossing])).max() < 1e-15
         assert ((found >= amounts[0]) & (found <= amounts[-1])).all()

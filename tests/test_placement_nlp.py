@@ -10,7 +10,7 @@ import pytest
 from placement_instances import METRIC, linear_surfaces, linearised, peg_placement, peg_rows, random_placement
 
 from fmopt.contact.primitive import near_contacts
-from fmopt.contact.surface import parameters, values_and_rows
+from fmopt.contact.surface import values_and_rows
 from fmopt.errors import SolverError
 from fmopt.geometry.csg import Box, convex_polyhedron
 from fmopt.placement import nlp, sqp
@@ -64,7 +64,7 @@ def test_numbers_of_primitive_contacts_are_rows_as_they_stand() -> None:
     pose = Pose.from_vector([0.025, 0.02, 0.039, 0.2, 0.3, 0.4])
     contacts = near_contacts(moving, fixed, pose, 0.03, 0.3)
     assert len({contact.kind for contact in contacts}) == 3
-    rows = [Row(RowKind(contact.kind.value), parameters(moving, fixed, contact)) for contact in contacts]
+    rows = [Row.of(contact, moving, fixed) for contact in contacts]
     for one, other in zip(
         evaluate(rows, pose, np.zeros(6)), values_and_rows(contacts, moving, fixed, pose), strict=True
     ):
@@ -78,7 +78,7 @@ def test_signed_distances_by_hand() -> None:
         vertex_face([0, 0, -1], up, [5, 5, 0]),
         face_vertex(-up, 1.0, [0.3, 0.2, 0.0]),
         edge_edge([[-1, 0, -1], [1, 0, -1]], [[0, -1, 0], [0, 1, 0]], 1),
-        Row(RowKind.PLANE, [0, 0, 1, 0, 0, 0, -1, 0, 0, 0, 0, 0]),
+        Row(RowKind.PLANE, [0, 0, 1, 0, 0, 0, -1]),
     ]
     assert evaluate(rows, at, np.zeros(6))[0] == pytest.approx([1.0, 1.0, 1.0, 1.0])
 
@@ -164,8 +164,7 @@ def test_derivatives_of_a_formation_agree_with_finite_differences() -> None:
     scale[0], scale[3] = rng.uniform(1.0, 2.0, (2, len(rows)))
     reference = Pose.from_vector([0.01, -0.02, 0.03, 0.3, -0.2, 0.4])
     fixed = [units, reference.p, reference.R.ravel(order="F"), 0.01 * rng.normal(size=6), [1e-2]]
-    numbers = np.array([row.numbers for row in rows])
-    parameters = np.concatenate([*fixed, numbers.ravel(), scale.ravel(order="F")])
+    parameters = np.concatenate([*fixed, *(row.numbers for row in rows), scale.ravel(order="F")])
     x, weights, step = rng.normal(size=6), rng.normal(size=len(rows)), 1e-5
     _, J, H = functions(x, parameters, weights)
     ends = [[functions(x + side * step * e, parameters, weights) for side in (1.0, -1.0)] for e in np.eye(6)]
@@ -226,7 +225,7 @@ def test_an_optimiser_that_lies_is_caught(monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_rows_refuse_wrong_kinds_and_shapes() -> None:
     with pytest.raises(ValueError, match="shape"):
-        Row(RowKind.PLANE, np.zeros(7))
+        Row(RowKind.PLANE, np.zeros(12))
     with pytest.raises(ValueError, match="RowKind"):
         Row("face-face", np.zeros(12))
     assert len(peg_rows()) == 16

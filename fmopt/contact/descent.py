@@ -1,7 +1,6 @@
 """Searches on C-surfaces, pose by pose, compiled: where what is short falls no further, and where contacts touch.
 
-What contacts and their bounds ask of a pose is told in `fmopt.contact.meet`; here is the arithmetic of it. The
-surfaces' functions are those of `fmopt.contact.surface`, written out for one pose.
+What contacts and their bounds ask of a pose is told in `fmopt.contact.meet`; here is the arithmetic of it.
 """
 
 from __future__ import annotations
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.compiled import compiled, part
+from fmopt.contact.kernels_generated import Tables, height, number_of, regularity, wrench
 from fmopt.values import Array
 
 Bits = NDArray[np.bool_]
@@ -38,8 +38,8 @@ class Functions(NamedTuple):
     """The functions of k contacts of a local space, of l bounds that end them, and of the space's limits.
 
     Attributes:
-        tables: a column for each C-surface of a kind, vertex–face, face–vertex and edge–edge, (12, …) each; see
-            `fmopt.contact.surface.parameters`. All surfaces together are numbered in that order.
+        tables: records of the C-surfaces of each kind; see `fmopt.contact.surface.Surfaces`. All of them together are
+            numbered in that order.
         own: (k,), the surface of each contact.
         bounds: the surface of each bound (l,), the signs (l,), where they are in the clauses of each contact
             (k, clauses, alternatives, bounds together), see `fmopt.contact.bounds.BoundTable`, and the contact that
@@ -49,7 +49,7 @@ class Functions(NamedTuple):
         T: (3, 4), the pose at which local coordinates are zero: its rotation, and its position beside it in m.
     """
 
-    tables: tuple[Array, Array, Array]
+    tables: Tables
     own: Numbers
     bounds: tuple[Numbers, Numbers, Numbers, Numbers]
     limits: Array
@@ -82,8 +82,7 @@ def descended(at: Functions, on: Bits, T: Array, room: float) -> tuple[Array, Ar
     """
     n, k = on.shape
     found, size, final = np.zeros((n, 3, 4)), np.zeros(n), np.zeros(n, np.bool_)
-    surfaces = at.tables[0].shape[1] + at.tables[1].shape[1] + at.tables[2].shape[1]
-    work = _Work(np.zeros(surfaces), np.zeros((2 * k, 3)), np.zeros(6), np.zeros(at.limits.shape[1]))
+    work = _Work(np.zeros(number_of(at.tables)), np.zeros((2 * k, 3)), np.zeros(6), np.zeros(at.limits.shape[1]))
     slope, square, step, L, trial = np.zeros(6), np.zeros((6, 6)), np.zeros(6), np.zeros((6, 6)), np.zeros((3, 4))
     for i in range(n):
         damping, now, then = _DAMPING, np.inf, np.inf
@@ -148,7 +147,7 @@ def projected(at: Functions, on: Bits, T: Array, rank: Numbers) -> Array:
 @compiled
 def heights(at: Functions, T: Array) -> Array:
     """Signed distances (n, m) of all C-surfaces at poses (n, 3, 4), m; far where edges are level."""
-    found = np.zeros((len(T), at.tables[0].shape[1] + at.tables[1].shape[1] + at.tables[2].shape[1]))
+    found = np.zeros((len(T), number_of(at.tables)))
     for i in range(len(T)):
         _heights(at.tables, T[i], found[i])
     return found
@@ -233,7 +232,7 @@ def _exceed(limits: Array, scale: Array, T0: Array, T: Array, x: Array, beyond: 
 
 @part
 def _pull(
-    tables: tuple[Array, Array, Array],
+    tables: Tables,
     scale: Array,
     limits: Array,
     T: Array,
@@ -367,73 +366,35 @@ def _copy(T: Array, copied: Array) -> None:
 
 
 @part
-def _heights(tables: tuple[Array, Array, Array], T: Array, f: Array) -> None:
+def _heights(tables: Tables, T: Array, f: Array) -> None:
     """Signed distances f of all C-surfaces at a pose, m; far where edges are level."""
-    p = _column(T, 0, 3)
-    one, two, three = tables
-    first, second = one.shape[1], two.shape[1]
-    for j in range(first):
-        f[j] = _dot(_column(one, 3, j), _sum(_turned(T, one, 0, j), 1.0, p)) - one[6, j]
-    for j in range(second):
-        f[first + j] = _dot(_turned(T, two, 0, j), _sum(_column(two, 3, j), -1.0, p)) - two[6, j]
-    for j in range(three.shape[1]):
-        m = _cross(_turned(T, three, 0, j), _column(three, 6, j))
-        gap = _sum(_sum(p, 1.0, _turned(T, three, 3, j)), -1.0, _column(three, 9, j))
-        square = _dot(m, m)
-        f[first + second + j] = _dot(m, gap) / math.sqrt(max(square, _PARALLEL)) if square > _PARALLEL else _FAR
+    p = _position(T)
+    for i in range(len(f)):
+        f[i] = height(tables, i, p, T) if regularity(tables, i, p, T) > _PARALLEL else _FAR
 
 
 @part
-def _surface(tables: tuple[Array, Array, Array], number: int, T: Array, row: Array) -> float:
-    """The signed distance f of a C-surface at a pose, m, and its gradient into the row's first six numbers.
+def _surface(tables: Tables, number: int, T: Array, row: Array) -> float:
+    """The signed distance of a C-surface at a pose, m, and its gradient into the row's first six numbers.
 
-    See `fmopt.contact.surface.Surfaces.over`; far, and with no gradient, where edges are level.
+    Far, and with no gradient, where edges are level.
     """
-    p = _column(T, 0, 3)
-    one, two, three = tables
-    first, second = one.shape[1], two.shape[1]
-    if number < first:
-        normal, arm = _column(one, 3, number), _turned(T, one, 0, number)
-        lever, f = normal, _dot(normal, _sum(arm, 1.0, p)) - one[6, number]
-    elif number < first + second:
-        j = number - first
-        arm, lever = _turned(T, two, 0, j), _sum(_column(two, 3, j), -1.0, p)
-        normal, f = (-arm[0], -arm[1], -arm[2]), _dot(arm, lever) - two[6, j]
-    else:
-        j = number - first - second
-        a, u, e = _turned(T, three, 0, j), _turned(T, three, 3, j), _column(three, 6, j)
-        m, gap = _cross(a, e), _sum(_sum(p, 1.0, u), -1.0, _column(three, 9, j))
-        square = _dot(m, m)
-        size = math.sqrt(max(square, _PARALLEL))
-        normal = lever = (m[0] / size, m[1] / size, m[2] / size)
-        arm, f = _sum(u, (_dot(a, e) * _dot(gap, e) - _dot(gap, a)) / size**2, a), _dot(normal, gap)
-        if square <= _PARALLEL:
-            normal, arm, f = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), _FAR
-    turning = _cross(arm, lever)
-    for n in range(3):
-        row[n], row[3 + n] = normal[n], turning[n]
-    return float(f)
+    p = _position(T)
+    if regularity(tables, number, p, T) > _PARALLEL:
+        return wrench(tables, number, p, T, row)
+    for a in range(6):
+        row[a] = 0.0
+    return _FAR
+
+
+@part
+def _position(T: Array) -> Vector:
+    return T[0, 3], T[1, 3], T[2, 3]
 
 
 @part
 def _column(table: Array, n: int, j: int) -> Vector:
     return table[n, j], table[n + 1, j], table[n + 2, j]
-
-
-@part
-def _turned(T: Array, table: Array, n: int, j: int) -> Vector:
-    """Three numbers of a column as a vector, turned as a pose does."""
-    x, y, z = table[n, j], table[n + 1, j], table[n + 2, j]
-    return (
-        T[0, 0] * x + T[0, 1] * y + T[0, 2] * z,
-        T[1, 0] * x + T[1, 1] * y + T[1, 2] * z,
-        T[2, 0] * x + T[2, 1] * y + T[2, 2] * z,
-    )
-
-
-@part
-def _sum(a: Vector, share: float, b: Vector) -> Vector:
-    return a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2]
 
 
 @part

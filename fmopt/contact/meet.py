@@ -150,10 +150,8 @@ class Neighbourhood(Value):
         ends = [number.setdefault(bound.contact, len(number)) for bound in self.table.listed]
         # Those of contacts and of bounds, each once.
         joint = Surfaces.of(tuple(number), *self.parts)
-        tables = joint.vertex_face, joint.face_vertex, joint.edge_edge
-        vertex_face, face_vertex, edge_edge = (np.array(table.T, order="C") for table in tables)
         return Functions(
-            (vertex_face, face_vertex, edge_edge),
+            joint.tables,
             np.array(joint.order[: len(space.contacts)]),
             (
                 joint.order[np.array(ends, dtype=np.intp)],

@@ -18,14 +18,6 @@ def introduce() -> None:
     html = shell.display_formatter.formatters["text/html"]
     for name, view in HTML.items():
         html.for_type_by_name(*name.rsplit(".", 1), view)
-    latex = shell.display_formatter.formatters["text/latex"]
-    latex.for_type_by_name("fmopt.contact.surface", "SymbolicSurface", surface_formula)
-
-
-def surface_formula(surface: Any) -> str:
-    """f(X) of a C-surface as a formula; p is the position, R the rotation row by row, c the numbers of the contact."""
-    found: str = surface.expression._repr_latex_()
-    return found.replace(r"\displaystyle ", r"\displaystyle f = ", 1)
 
 
 def _drawn(value: Any) -> str:

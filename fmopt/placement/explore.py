@@ -15,11 +15,11 @@ from fmopt.certificate.segment import Compliance
 from fmopt.contact.bounds import BoundTable
 from fmopt.contact.meet import Poses
 from fmopt.contact.primitive import Kind, PrimitiveContact, feature_distance, near_contacts
-from fmopt.contact.surface import Surfaces, parameters
+from fmopt.contact.surface import Surfaces
 from fmopt.errors import InfeasibleError
-from fmopt.placement.keeping import along, distances, roots
+from fmopt.placement.keeping import along, roots
 from fmopt.placement.motion import Move, held_by, kept
-from fmopt.se3 import Pose, cross, length
+from fmopt.se3 import Pose, cross
 from fmopt.values import Array
 
 _TOUCH = 1e-9
@@ -82,21 +82,14 @@ def _own(values: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Near:
-    """Contacts that a move may meet.
-
-    Args:
-        surfaces: their functions.
-        tables: those, as kernels take them.
-    """
+    """Contacts that a move may meet, with their functions."""
 
     surfaces: Surfaces
-    tables: tuple[Array, Array, Array]
 
     @staticmethod
     def of(assembly: Assembly, contacts: Sequence[PrimitiveContact]) -> Near:
         """These contacts."""
-        found = Surfaces.of(contacts, assembly.moving.polyhedron, assembly.fixed.polyhedron)
-        return Near(found, (_own(found.vertex_face), _own(found.face_vertex), _own(found.edge_edge)))
+        return Near(Surfaces.of(contacts, assembly.moving.polyhedron, assembly.fixed.polyhedron))
 
     @property
     def contacts(self) -> tuple[PrimitiveContact, ...]:
@@ -105,13 +98,11 @@ class Near:
 
     def distances(self, poses: Poses) -> Array:
         """Signed distances (n, k) at poses (n), m; not a number where edges are parallel and cross in no one point."""
-        found = np.empty((len(poses.p), len(self.contacts)))
-        distances(self.tables, poses.p, poses.R, found)
-        return found[:, self.surfaces.order]
+        return self.surfaces.heights(poses.p, poses.R)
 
     def at(self, pose: Pose) -> Array:
         """Signed distances (k,) at a pose."""
-        return np.asarray(self.distances(Poses(pose.p[None].copy(), pose.R[None].copy()))[0])
+        return self.surfaces.values(pose)
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +147,7 @@ class _Course:
             InfeasibleError: the held contacts cannot be kept.
         """
         found, asked = np.empty(len(which)), near.surfaces.order[which]
-        kept(roots(self.held, self.motion, near.tables, asked, _own(between), _own(values), found))
+        kept(roots(self.held, self.motion, near.surfaces.tables, asked, _own(between), _own(values), found))
         return found
 
 
@@ -252,11 +243,7 @@ def insides(assembly: Assembly, contacts: Sequence[PrimitiveContact], pose: Pose
     """How far within their features contacts (n,) lie, m; edges that have turned parallel cross nowhere."""
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     found = BoundTable.of(contacts, body, fixed, pose).insides(pose)
-    for n, contact in enumerate(contacts):
-        if contact.kind is Kind.EDGE_EDGE:
-            numbers = parameters(body, fixed, contact)
-            if length(cross(pose.R @ numbers[:3], numbers[6:9])) <= _PARALLEL:
-                found[n] = -np.inf
+    found[Surfaces.of(contacts, body, fixed).sines(pose) <= _PARALLEL] = -np.inf
     return found
 
 

@@ -7,10 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any, assert_never
+from itertools import accumulate
+from typing import Any
 
 import numpy as np
 
+from fmopt.contact.definitions import CONTACTS
 from fmopt.placement.rows import Row, RowKind
 from fmopt.values import Array
 
@@ -99,19 +101,22 @@ def formation_solver(contacts: Counts, obstacles: Counts) -> Any:
 
 
 def _symbols(ca: Any, contacts: Counts, obstacles: Counts) -> tuple[Any, Any, Any]:
-    """The scaled pose (6), the rows at t = 0, and the parameters: fixed, then numbers (12), scale (4) of rows."""
+    """The scaled pose (6), the rows at t = 0, and the parameters: fixed, then numbers, scale (4) of rows."""
     repeats = [*zip(RowKind, contacts, strict=True), *zip(RowKind, obstacles, strict=True)]
     kinds = [kind for kind, n in repeats for _ in range(n)]
     total = len(kinds)
     x = ca.SX.sym("x", 6)
     units, p0, R0, start, unit = (ca.SX.sym(name, n) for name, n in _FIXED)
-    numbers, scale = ca.SX.sym("numbers", 12, total), ca.SX.sym("scale", 4, total)
+    widths = [kind.width for kind in kinds]
+    numbers, scale = ca.SX.sym("numbers", sum(widths)), ca.SX.sym("scale", 4, total)
     X = units * x
     R = _rotation(ca, X[3:]) @ ca.reshape(R0, 3, 3)
-    f = [_expression(ca, kind, numbers[:, i], X, p0 + X[:3], R) for i, kind in enumerate(kinds)]
+    ends = [*accumulate(widths)]
+    own = [numbers[end - width : end] for end, width in zip(ends, widths, strict=True)]
+    f = [_expression(kind, mine, X, p0 + X[:3], R) for kind, mine in zip(kinds, own, strict=True)]
     travel = unit * ca.sqrt(ca.sumsqr((X - start) / units) + _SMOOTH)
     rows = [scale[0, i] * (f[i] - scale[2, i] - scale[3, i] * travel) for i in range(total)]
-    return x, ca.vertcat(*rows), ca.vertcat(units, p0, R0, start, unit, ca.vec(numbers), ca.vec(scale))
+    return x, ca.vertcat(*rows), ca.vertcat(units, p0, R0, start, unit, numbers, ca.vec(scale))
 
 
 _FIXED = (("units", 6), ("p0", 3), ("R0", 9), ("start", 6), ("unit", 1))
@@ -128,16 +133,8 @@ def _rotation(ca: Any, r: Any) -> Any:
     return ca.SX.eye(3) + a * K + 0.5 * b * (K @ K)
 
 
-def _expression(ca: Any, kind: RowKind, c: Any, X: Any, p: Any, R: Any) -> Any:
-    match kind:
-        case RowKind.VERTEX_FACE:
-            return ca.dot(c[3:6], R @ c[:3] + p) - c[6]
-        case RowKind.FACE_VERTEX:
-            return ca.dot(R @ c[:3], c[3:6] - p) - c[6]
-        case RowKind.EDGE_EDGE:
-            m = ca.cross(R @ c[:3], c[6:9])
-            return ca.dot(m, R @ c[3:6] + p - c[9:12]) / ca.norm_2(m)
-        case RowKind.PLANE:
-            return ca.dot(c[:6], X) - c[6]
-        case _:
-            assert_never(kind)
+def _expression(kind: RowKind, numbers: Any, X: Any, p: Any, R: Any) -> Any:
+    if kind is RowKind.PLANE:
+        return sum((numbers[i] * X[i] for i in range(6)), -numbers[6])
+    contact = CONTACTS[kind.definition]
+    return contact(p, R, **contact.split(numbers))

@@ -1,7 +1,7 @@
 """Kernels: poses along a motion that keep contacts by their compliance, and the distances of other contacts there.
 
-Functions of contacts to be kept come as tables of `certificate.rows.Forms` (r, 21), the distances of others as those of
-`contact.surface.Surfaces` (k, 12). A pose is shifted along the compliant twists until the functions vanish.
+Functions of contacts to be kept come as tables of `certificate.rows.Forms` (r, 21), those of others as records of
+`contact.surface.Surfaces`. A pose is shifted along the compliant twists until the functions vanish.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.compiled import compiled, part
+from fmopt.contact.kernels_generated import Tables, height
 from fmopt.values import Array
 
 _ROUNDS = 12
@@ -185,40 +186,6 @@ def repeated(table: Array, C: Array, twist: Array, gives: Array, fresh: bool, p:
     return KEPT
 
 
-@part
-def _rotated(R: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """R v of one vector, number by number."""
-    return (
-        R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
-        R[1, 0] * x + R[1, 1] * y + R[1, 2] * z,
-        R[2, 0] * x + R[2, 1] * y + R[2, 2] * z,
-    )
-
-
-@part
-def _distance(tables: tuple[Array, Array, Array], i: int, p: Array, R: Array) -> float:
-    """Signed distance of contact i of a stack (k, 12) of vertex–face, face–vertex and edge–edge ones at a pose, m."""
-    vertices, faces, edges = tables
-    if i < len(vertices):
-        v = vertices[i]
-        x, y, z = _rotated(R, v[0], v[1], v[2])
-        return float(v[3] * (x + p[0]) + v[4] * (y + p[1]) + v[5] * (z + p[2]) - v[6])
-    i -= len(vertices)
-    if i < len(faces):
-        v = faces[i]
-        x, y, z = _rotated(R, v[0], v[1], v[2])
-        return float(x * (v[3] - p[0]) + y * (v[4] - p[1]) + z * (v[5] - p[2]) - v[6])
-    v = edges[i - len(faces)]
-    x, y, z = _rotated(R, v[0], v[1], v[2])
-    a, b, c = y * v[8] - z * v[7], z * v[6] - x * v[8], x * v[7] - y * v[6]
-    x, y, z = _rotated(R, v[3], v[4], v[5])
-    square = a * a + b * b + c * c
-    if square == 0.0:
-        return math.nan
-    gap = a * (p[0] + x - v[9]) + b * (p[1] + y - v[10]) + c * (p[2] + z - v[11])
-    return float(gap / math.sqrt(square))
-
-
 @compiled
 def along(
     held: tuple[Array, Array], motion: tuple[Array, Array, Array, Array], amounts: Array, p: Array, R: Array
@@ -249,18 +216,10 @@ def along(
 
 
 @compiled
-def distances(tables: tuple[Array, Array, Array], p: Array, R: Array, found: Array) -> None:
-    """Fills in signed distances (n, k) of a stack of contacts at poses p (n, 3), R (n, 3, 3), m; nan of level edges."""
-    for n in range(found.shape[0]):
-        for i in range(found.shape[1]):
-            found[n, i] = _distance(tables, i, p[n], R[n])
-
-
-@compiled
 def roots(
     held: tuple[Array, Array],
     motion: tuple[Array, Array, Array, Array],
-    tables: tuple[Array, Array, Array],
+    tables: Tables,
     which: NDArray[np.intp],
     between: Array,
     values: Array,
@@ -289,7 +248,7 @@ def roots(
             state = along(held, motion, amount, p, R)
             if state != KEPT:
                 return state
-            f = _distance(tables, which[n], p[0], R[0])
+            f = height(tables, which[n], p[0], R[0])
             if math.isnan(f):  # edges that turn level jump from one side to the other: they do so here
                 b = c
                 break

@@ -151,9 +151,8 @@ def _scaled_contacts(problem: SurfacePlacement, X: Array) -> tuple[Array, Array]
     """Jacobian (p, 6) and values (p,) of the contacts with respect to X / units, rows of unit length."""
     f, N = problem.tables[0].at(problem.reference, X)
     turned = N.copy()
-    for kind, places, _ in problem.tables[0].groups:
-        if kind is not RowKind.PLANE:
-            turned[places, 3:] = N[places, 3:] @ left_jacobian(X[3:])
+    places = problem.tables[0].contacts
+    turned[places, 3:] = N[places, 3:] @ left_jacobian(X[3:])
     size = problem.metric.clearance * problem.metric.dual_norm(turned)
     free = problem.upper > problem.lower
     return turned * problem.metric.units * free / size[:, None], f / size
@@ -208,8 +207,7 @@ def _optimum(problem: SurfacePlacement, kept: list[int], X: Array) -> Array:
     scale[1:, p:] = problem.weights[order] / sizes[p:], problem.allowance[order], problem.growth[order]
     start = np.zeros(6) if problem.start is None else problem.start
     fixed = [units, problem.reference.p, problem.reference.R.ravel(order="F"), start, [unit]]
-    numbers = np.reshape([row.numbers for row in rows], (p + k, 12))
-    parameters = np.concatenate([*fixed, numbers.ravel(), scale.ravel(order="F")])
+    parameters = np.concatenate([*fixed, *(row.numbers for row in rows), scale.ravel(order="F")])
     t = min(problem.cap, float(problem.clearances(X).min(initial=np.inf))) / unit
     begin = np.append(X / units, t)
     bounds = np.append(problem.lower / units, -np.inf), np.append(problem.upper / units, problem.cap / unit)

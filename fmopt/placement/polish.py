@@ -15,14 +15,13 @@ import numpy as np
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Tolerance
 from fmopt.certificate.separation import Separation, row_bounds
-from fmopt.contact.surface import parameters
 from fmopt.errors import InfeasibleError, SolverError
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.placement.clearance import Flat, Metric, placement
 from fmopt.placement.descent import Descent, descend
 from fmopt.placement.motion import Move, Reached
 from fmopt.placement.nlp import place_on_surfaces, surface_placement
-from fmopt.placement.rows import Row, RowKind, evaluate, face_vertex, vertex_face
+from fmopt.placement.rows import Row, evaluate, face_vertex, vertex_face
 from fmopt.placement.sequence import Placed, better, onto_surfaces, pairs_of, state_rows
 from fmopt.values import Array
 
@@ -128,7 +127,7 @@ def _placed_pose(
     box = radius / metric.sigma
     if method == "nlp":
         body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
-        surfaces = [Row(RowKind(c.kind.value), parameters(body, fixed, c)) for c in contacts]
+        surfaces = [Row.of(contact, body, fixed) for contact in contacts]
         problem = surface_placement(
             move.goal,
             surfaces,
@@ -184,9 +183,7 @@ def _obstacles(assembly: Assembly, placed: Placed, k: int, near: float, idle: fl
         if claim.early is not None and not ending:
             made = claim.piece.made
             assert made is not None
-            surface = Row(
-                RowKind(made.kind.value), parameters(assembly.moving.polyhedron, assembly.fixed.polyhedron, made)
-            )
+            surface = Row.of(made, assembly.moving.polyhedron, assembly.fixed.polyhedron)
             value, slope = evaluate([surface], claim.piece.start, np.zeros(6))
             rows.append(surface)
             f.append(float(value[0]))

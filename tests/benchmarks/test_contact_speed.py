@@ -14,6 +14,8 @@ from test_contact_parts import MID_DEPTH, block, peg
 from fmopt.contact import surface
 from fmopt.contact.bounds import cell
 from fmopt.contact.confirm import confirm
+from fmopt.contact.definitions import CONTACTS as KINDS
+from fmopt.contact.derive import derived
 from fmopt.contact.graph import contact_graph
 from fmopt.contact.polytope import enumerate_faces
 from fmopt.contact.primitive import near_contacts
@@ -40,18 +42,10 @@ def mouth() -> LocalSpace:
 @pytest.mark.benchmark(group="16 C-surfaces")
 def test_symbolic_from_nothing(benchmark: BenchmarkFixture) -> None:
     def build() -> object:
-        for kept in (surface.symbolic_surface, surface.pose_function, surface.kind_function):
-            kept.cache_clear()
-        return surface.surfaces_function([contact.kind for contact in CONTACTS])
+        derived.cache_clear()
+        return [derived(name) for name in KINDS]
 
     assert benchmark.pedantic(build, rounds=5) is not None
-
-
-@pytest.mark.benchmark(group="16 C-surfaces")
-def test_symbolic_of_known_kinds(benchmark: BenchmarkFixture) -> None:
-    kinds = [contact.kind for contact in CONTACTS]
-    surface.surfaces_function(kinds)
-    assert benchmark(surface.surfaces_function, kinds) is not None
 
 
 @pytest.mark.benchmark(group="16 C-surfaces")

@@ -1,0 +1,191 @@
+"""Writes `kernels_generated.py` from the definitions of contacts: `python -m fmopt.contact.generate`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import sympy
+from sympy.printing.pycode import PythonCodePrinter
+
+from fmopt.contact.algebra import Role
+from fmopt.contact.definitions import CONTACTS
+from fmopt.contact.derive import Derived, derived
+
+FILE = Path(__file__).with_name("kernels_generated.py")
+_HEAD = '''"""Kernels of primitive contacts, written by `python -m fmopt.contact.generate`: do not edit.
+
+`tables` has records of the contacts of each kind, in the order of the definitions; all contacts
+together are numbered in that order. A pose is its position p (3) in m and its rotation R (3, 3); distances are in m.
+"""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+from numpy import sqrt
+
+from fmopt.compiled import compiled, part
+from fmopt.values import Array
+
+Tables: TypeAlias = tuple[Any, ...]
+Row: TypeAlias = Any
+Position: TypeAlias = Any
+
+
+@part
+def _turned(R: Array, b: Array) -> tuple[float, float, float]:
+    return (
+        R[0, 0] * b[0] + R[0, 1] * b[1] + R[0, 2] * b[2],
+        R[1, 0] * b[0] + R[1, 1] * b[1] + R[1, 2] * b[2],
+        R[2, 0] * b[0] + R[2, 1] * b[1] + R[2, 2] * b[2],
+    )
+'''
+_COUNT = '''
+
+@part
+def number_of(tables: Tables) -> int:
+    """How many contacts there are."""
+    {unpacked}
+    return {total}
+'''
+_LOOPS = '''
+
+@part
+def heights_at(tables: Tables, p: Array, R: Array, f: Array) -> None:
+    """Fills in the distances f (k) of all contacts at a pose."""
+    for i in range(len(f)):
+        f[i] = height(tables, i, p, R)
+
+
+@compiled
+def heights(tables: Tables, p: Array, R: Array, f: Array) -> None:
+    """Fills in the distances f (m, k) of all contacts at poses p (m, 3), R (m, 3, 3)."""
+    for n in range(len(p)):
+        heights_at(tables, p[n], R[n], f[n])
+
+
+@compiled
+def over(tables: Tables, p: Array, R: Array, f: Array, N: Array) -> None:
+    """Fills in distances f (m, k) and wrenches N (m, k, 6) of all contacts at poses p (m, 3), R (m, 3, 3)."""
+    for n in range(len(p)):
+        for i in range(f.shape[1]):
+            f[n, i] = wrench(tables, i, p[n], R[n], N[n, i])
+
+
+@compiled
+def regularities(tables: Tables, p: Array, R: Array, found: Array) -> None:
+    """Fills in how regular contacts (k) are at a pose; see `regularity`."""
+    for i in range(len(found)):
+        found[i] = regularity(tables, i, p, R)
+'''
+
+
+class _Printer(PythonCodePrinter):  # type: ignore[misc]  # SymPy has no types
+    """Small powers as products, so that all compilers do the same."""
+
+    def _print_Pow(self, expr: Any, rational: bool = False) -> str:
+        base, exponent = expr.args
+        if exponent.is_Integer and 2 <= abs(exponent) <= 4:
+            text = " * ".join([self.parenthesize(base, 60)] * abs(int(exponent)))
+            return f"({text})" if exponent > 0 else f"(1.0 / ({text}))"
+        if exponent == -1:
+            return f"(1.0 / {self.parenthesize(base, 60)})"
+        return str(super()._print_Pow(expr, rational=rational))
+
+    def _print_Rational(self, expr: Any) -> str:
+        return repr(float(expr))
+
+    def _print_Integer(self, expr: Any) -> str:
+        return repr(float(expr))
+
+
+def written() -> str:
+    """The text of the file."""
+    kinds = [derived(name) for name in CONTACTS]
+    text = [_HEAD]
+    for kind in kinds:
+        text += [_function(kind, "height", [kind.f]), _function(kind, "wrench", [kind.f, *kind.N])]
+        if kind.regular:
+            least = kind.regular[0] if len(kind.regular) == 1 else sympy.Min(*kind.regular)
+            text.append(_function(kind, "regularity", [least]))
+    text.append(_dispatch(kinds, "height", "", "The distance of a contact.", "return float(_{name}_height(row, p, R))"))
+    told = "The distance of a contact, and its wrench into the first six of N."
+    fill = "f, N[0], N[1], N[2], N[3], N[4], N[5] = _{name}_wrench(row, p, R)\nreturn float(f)"
+    text.append(_dispatch(kinds, "wrench", ", N: Array", told, fill))
+    told = "The least of what a contact's distance has roots of, as the squared sine between edges; 1 without any."
+    known = "return float(_{name}_regularity(row, p, R))"
+    text.append(_dispatch(kinds, "regularity", "", told, known))
+    names = [kind.name for kind in kinds]
+    text.append(_COUNT.format(unpacked=_unpacked(kinds), total=" + ".join(f"len({name})" for name in names)))
+    return "".join(text) + _LOOPS
+
+
+def _function(kind: Derived, ending: str, outputs: Sequence[Any]) -> str:
+    """One function of a kind's record and a pose."""
+    lines, results = _body(outputs)
+    used = " ".join([*lines, *results])
+    lines = [*(line for line in _names(kind) if any(name in used for name in line.split(" = ")[0].split(", "))), *lines]
+    value = results[0] if len(results) == 1 else f"({', '.join(results)})"
+    head = f"\n\n@part\ndef _{kind.name}_{ending}(row: Row, p: Position, R: Array) -> Any:\n"
+    return head + "".join(f"    {line}\n" for line in [*lines, f"return {value}"])
+
+
+def _names(kind: Derived) -> Iterator[str]:
+    """What symbols are in a record and a pose."""
+    yield "p_0, p_1, p_2 = p[0], p[1], p[2]"
+    for name, role in CONTACTS[kind.name].roles.items():
+        left, numbers = ", ".join(f"{name}_{i}" for i in range(3)), f'row["{name}"]'
+        match role:
+            case Role.BODY:
+                yield f"{left} = _turned(R, {numbers})"
+            case Role.WORLD:
+                yield f"{left} = {', '.join(f'{numbers}[{i}]' for i in range(3))}"
+            case Role.SCALAR:
+                yield f"{name} = {numbers}"
+
+
+def _body(outputs: Sequence[Any]) -> tuple[list[str], list[str]]:
+    """Assignments, each of what others need once, and results, of Python source."""
+    powers = {q for expression in outputs for q in expression.atoms(sympy.Pow) if q.exp.is_Rational and q.exp.q == 2}
+    bases = sorted({q.base for q in powers}, key=sympy.default_sort_key)
+    roots = [sympy.Symbol(f"root_{i}", positive=True) for i in range(len(bases))]
+    of = dict(zip(bases, roots, strict=True))
+    plain = [expression.xreplace({q: of[q.base] ** int(2 * q.exp) for q in powers}) for expression in outputs]
+    shared, reduced = sympy.cse([*bases, *plain], symbols=sympy.numbered_symbols("s"))
+    known = {**dict(shared), **{r: sympy.sqrt(e) for r, e in zip(roots, reduced[: len(roots)], strict=True)}}
+    printer, lines, done = _Printer({"fully_qualified_modules": False}), list[str](), set[Any]()
+
+    def settle(expression: Any) -> None:
+        for symbol in sorted(expression.free_symbols & known.keys() - done, key=lambda s: (len(str(s)), str(s))):
+            if symbol not in done:
+                settle(known[symbol])
+                done.add(symbol)
+                lines.append(f"{symbol} = {printer.doprint(known[symbol])}")
+
+    for expression in reduced[len(roots) :]:
+        settle(expression)
+    return lines, [printer.doprint(expression) for expression in reduced[len(roots) :]]
+
+
+def _dispatch(kinds: Sequence[Derived], name: str, more: str, told: str, body: str) -> str:
+    """A function of a contact's number: that of its kind."""
+    lines = [f'"""{told}"""', _unpacked(kinds)]
+    for kind in kinds:
+        one = body.format(name=kind.name) if name != "regularity" or kind.regular else "return 1.0"
+        inside = [f"row = {kind.name}[i]"] * ("row" in one) + one.split("\n")
+        if kind is kinds[-1]:
+            lines += inside
+        else:
+            lines += [f"if i < len({kind.name}):", *(f"    {line}" for line in inside), f"i -= len({kind.name})"]
+    head = f"\n\n@part\ndef {name}(tables: Tables, i: int, p: Position, R: Array{more}) -> float:\n"
+    return head + "".join(f"    {line}\n" for line in lines)
+
+
+def _unpacked(kinds: Sequence[Derived]) -> str:
+    return f"{', '.join(kind.name for kind in kinds)}{',' * (len(kinds) == 1)} = tables"
+
+
+if __name__ == "__main__":
+    FILE.write_text(written())

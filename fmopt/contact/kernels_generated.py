@@ -1,0 +1,198 @@
+"""Kernels of primitive contacts, written by `python -m fmopt.contact.generate`: do not edit.
+
+`tables` has records of the contacts of each kind, in the order of the definitions; all contacts
+together are numbered in that order. A pose is its position p (3) in m and its rotation R (3, 3); distances are in m.
+"""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+from numpy import sqrt
+
+from fmopt.compiled import compiled, part
+from fmopt.values import Array
+
+Tables: TypeAlias = tuple[Any, ...]
+Row: TypeAlias = Any
+Position: TypeAlias = Any
+
+
+@part
+def _turned(R: Array, b: Array) -> tuple[float, float, float]:
+    return (
+        R[0, 0] * b[0] + R[0, 1] * b[1] + R[0, 2] * b[2],
+        R[1, 0] * b[0] + R[1, 1] * b[1] + R[1, 2] * b[2],
+        R[2, 0] * b[0] + R[2, 1] * b[1] + R[2, 2] * b[2],
+    )
+
+
+@part
+def _vertex_face_height(row: Row, p: Position, R: Array) -> Any:
+    p_0, p_1, p_2 = p[0], p[1], p[2]
+    v_0, v_1, v_2 = _turned(R, row["v"])
+    n_0, n_1, n_2 = row["n"][0], row["n"][1], row["n"][2]
+    c = row["c"]
+    return -c + n_0*(p_0 + v_0) + n_1*(p_1 + v_1) + n_2*(p_2 + v_2)
+
+
+@part
+def _vertex_face_wrench(row: Row, p: Position, R: Array) -> Any:
+    p_0, p_1, p_2 = p[0], p[1], p[2]
+    v_0, v_1, v_2 = _turned(R, row["v"])
+    n_0, n_1, n_2 = row["n"][0], row["n"][1], row["n"][2]
+    c = row["c"]
+    return (-c + n_0*(p_0 + v_0) + n_1*(p_1 + v_1) + n_2*(p_2 + v_2), n_0, n_1, n_2, -n_1*v_2 + n_2*v_1, n_0*v_2 - n_2*v_0, -n_0*v_1 + n_1*v_0)
+
+
+@part
+def _face_vertex_height(row: Row, p: Position, R: Array) -> Any:
+    p_0, p_1, p_2 = p[0], p[1], p[2]
+    n_0, n_1, n_2 = _turned(R, row["n"])
+    w_0, w_1, w_2 = row["w"][0], row["w"][1], row["w"][2]
+    c = row["c"]
+    return -c + n_0*(-p_0 + w_0) + n_1*(-p_1 + w_1) + n_2*(-p_2 + w_2)
+
+
+@part
+def _face_vertex_wrench(row: Row, p: Position, R: Array) -> Any:
+    p_0, p_1, p_2 = p[0], p[1], p[2]
+    n_0, n_1, n_2 = _turned(R, row["n"])
+    w_0, w_1, w_2 = row["w"][0], row["w"][1], row["w"][2]
+    c = row["c"]
+    s0 = -p_0 + w_0
+    s1 = -p_1 + w_1
+    s2 = -p_2 + w_2
+    return (-c + n_0*s0 + n_1*s1 + n_2*s2, -n_0, -n_1, -n_2, n_1*s2 - n_2*s1, -n_0*s2 + n_2*s0, n_0*s1 - n_1*s0)
+
+
+@part
+def _edge_edge_height(row: Row, p: Position, R: Array) -> Any:
+    p_0, p_1, p_2 = p[0], p[1], p[2]
+    a_0, a_1, a_2 = _turned(R, row["a"])
+    v_0, v_1, v_2 = _turned(R, row["v"])
+    e_0, e_1, e_2 = row["e"][0], row["e"][1], row["e"][2]
+    q_0, q_1, q_2 = row["q"][0], row["q"][1], row["q"][2]
+    s0 = a_0*e_1 - a_1*e_0
+    s1 = -a_0*e_2 + a_2*e_0
+    s2 = a_1*e_2 - a_2*e_1
+    root_0 = sqrt((s0 * s0) + (s1 * s1) + (s2 * s2))
+    return (s0*(p_2 - q_2 + v_2) + s1*(p_1 - q_1 + v_1) + s2*(p_0 - q_0 + v_0))/root_0
+
+
+@part
+def _edge_edge_wrench(row: Row, p: Position, R: Array) -> Any:
+    p_0, p_1, p_2 = p[0], p[1], p[2]
+    a_0, a_1, a_2 = _turned(R, row["a"])
+    v_0, v_1, v_2 = _turned(R, row["v"])
+    e_0, e_1, e_2 = row["e"][0], row["e"][1], row["e"][2]
+    q_0, q_1, q_2 = row["q"][0], row["q"][1], row["q"][2]
+    s0 = a_0*e_1 - a_1*e_0
+    s1 = -a_0*e_2 + a_2*e_0
+    s2 = a_1*e_2 - a_2*e_1
+    root_0 = sqrt((s0 * s0) + (s1 * s1) + (s2 * s2))
+    s3 = (1.0 / root_0)
+    s4 = p_2 - q_2 + v_2
+    s5 = p_1 - q_1 + v_1
+    s6 = p_0 - q_0 + v_0
+    s7 = s0*s4 + s1*s5 + s2*s6
+    s8 = s2*s3
+    s9 = s1*s3
+    s10 = s0*s3
+    s11 = s7/(root_0 * root_0 * root_0)
+    s12 = s11*(-e_0*s1 + e_1*s2) + s3*(e_0*s5 - e_1*s6)
+    s13 = s11*(e_0*s0 - e_2*s2) + s3*(-e_0*s4 + e_2*s6)
+    s14 = s11*(-e_1*s0 + e_2*s1) + s3*(e_1*s4 - e_2*s5)
+    return (s3*s7, s8, s9, s10, a_1*s12 - a_2*s13 + s10*v_1 - s9*v_2, -a_0*s12 + a_2*s14 - s10*v_0 + s2*s3*v_2, a_0*s13 - a_1*s14 - s8*v_1 + s9*v_0)
+
+
+@part
+def _edge_edge_regularity(row: Row, p: Position, R: Array) -> Any:
+    a_0, a_1, a_2 = _turned(R, row["a"])
+    e_0, e_1, e_2 = row["e"][0], row["e"][1], row["e"][2]
+    return ((a_0*e_1 - a_1*e_0) * (a_0*e_1 - a_1*e_0)) + ((-a_0*e_2 + a_2*e_0) * (-a_0*e_2 + a_2*e_0)) + ((a_1*e_2 - a_2*e_1) * (a_1*e_2 - a_2*e_1))
+
+
+@part
+def height(tables: Tables, i: int, p: Position, R: Array) -> float:
+    """The distance of a contact."""
+    vertex_face, face_vertex, edge_edge = tables
+    if i < len(vertex_face):
+        row = vertex_face[i]
+        return float(_vertex_face_height(row, p, R))
+    i -= len(vertex_face)
+    if i < len(face_vertex):
+        row = face_vertex[i]
+        return float(_face_vertex_height(row, p, R))
+    i -= len(face_vertex)
+    row = edge_edge[i]
+    return float(_edge_edge_height(row, p, R))
+
+
+@part
+def wrench(tables: Tables, i: int, p: Position, R: Array, N: Array) -> float:
+    """The distance of a contact, and its wrench into the first six of N."""
+    vertex_face, face_vertex, edge_edge = tables
+    if i < len(vertex_face):
+        row = vertex_face[i]
+        f, N[0], N[1], N[2], N[3], N[4], N[5] = _vertex_face_wrench(row, p, R)
+        return float(f)
+    i -= len(vertex_face)
+    if i < len(face_vertex):
+        row = face_vertex[i]
+        f, N[0], N[1], N[2], N[3], N[4], N[5] = _face_vertex_wrench(row, p, R)
+        return float(f)
+    i -= len(face_vertex)
+    row = edge_edge[i]
+    f, N[0], N[1], N[2], N[3], N[4], N[5] = _edge_edge_wrench(row, p, R)
+    return float(f)
+
+
+@part
+def regularity(tables: Tables, i: int, p: Position, R: Array) -> float:
+    """The least of what a contact's distance has roots of, as the squared sine between edges; 1 without any."""
+    vertex_face, face_vertex, edge_edge = tables
+    if i < len(vertex_face):
+        return 1.0
+    i -= len(vertex_face)
+    if i < len(face_vertex):
+        return 1.0
+    i -= len(face_vertex)
+    row = edge_edge[i]
+    return float(_edge_edge_regularity(row, p, R))
+
+
+@part
+def number_of(tables: Tables) -> int:
+    """How many contacts there are."""
+    vertex_face, face_vertex, edge_edge = tables
+    return len(vertex_face) + len(face_vertex) + len(edge_edge)
+
+
+@part
+def heights_at(tables: Tables, p: Array, R: Array, f: Array) -> None:
+    """Fills in the distances f (k) of all contacts at a pose."""
+    for i in range(len(f)):
+        f[i] = height(tables, i, p, R)
+
+
+@compiled
+def heights(tables: Tables, p: Array, R: Array, f: Array) -> None:
+    """Fills in the distances f (m, k) of all contacts at poses p (m, 3), R (m, 3, 3)."""
+    for n in range(len(p)):
+        heights_at(tables, p[n], R[n], f[n])
+
+
+@compiled
+def over(tables: Tables, p: Array, R: Array, f: Array, N: Array) -> None:
+    """Fills in distances f (m, k) and wrenches N (m, k, 6) of all contacts at poses p (m, 3), R (m, 3, 3)."""
+    for n in range(len(p)):
+        for i in range(f.shape[1]):
+            f[n, i] = wrench(tables, i, p[n], R[n], N[n, i])
+
+
+@compiled
+def regularities(tables: Tables, p: Array, R: Array, found: Array) -> None:
+    """Fills in how regular contacts (k) are at a pose; see `regularity`."""
+    for i in range(len(found)):
+        found[i] = regularity(tables, i, p, R)
