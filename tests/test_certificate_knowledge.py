@@ -139,7 +139,7 @@ def excused(pair: Pair) -> list[tuple[Array, float, Array]]:
     found = []
     for face in pair.fixed.faces:
         rows = counted_rows(peg().assembly, pair, Witness("fixed-face", (), face.loops[0])).forms
-        kept = {tuple(lever) for lever in rows.table[:, 6:9]}
+        kept = {tuple(lever) for lever in rows.table["k"]}
         left = [v for v in pair.moving.vertices if tuple(v) not in kept]
         offset = float((pair.fixed.vertices @ face.normal).max())
         found.append((face.normal, offset, np.array(left).reshape(-1, 3)))

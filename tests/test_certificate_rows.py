@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 
+from fmopt.certificate import form
 from fmopt.certificate.curvature import Curvature, Extent
 from fmopt.certificate.rows import Forms, Rows, directions_along, edges_apart, faces_above, points_above, stacked
+from fmopt.contact import definitions
+from fmopt.contact.algebra import Body, Definition, Matrix, Scalar, Vector, dot, row
 from fmopt.se3 import Pose, exp, turns
 from fmopt.values import Array
 
@@ -145,7 +148,7 @@ def test_where_two_edges_touch_the_second_derivatives_cancel() -> None:
     e_m, e_f = np.array([0.0, 0.6, 0.8]), np.array([0.0, 1.0, 0.0])
     row = edges_apart(e_m, e_f, np.zeros(3), np.array([[-0.01, 0.0, -0.002]])).at(X)
     half = box((0.05, 0.0, 0.0), (0.0, 0.0, 0.0))
-    lengths_alone = 0.5 * 0.05**2 * (row.forms.reach + np.linalg.norm(row.bent[1], axis=1))
+    lengths_alone = 0.5 * 0.05**2 * (row.forms.lever + np.linalg.norm(row.turned.y, axis=1))
     assert row.f == pytest.approx(0.0, abs=1e-15)
     assert (remainders(row, row, Extent(np.zeros(6), half)) < 0.2 * lengths_alone).all()
 
@@ -159,3 +162,31 @@ def test_errors_change_what_a_row_says_of_the_motion_by_its_power(kind: str) -> 
     for axis, step in enumerate(np.eye(6) * 1e-6):
         slope = (rows.at(X.moved(step)).N - rows.at(X.moved(-step)).N) @ twist / 2e-6
         np.testing.assert_allclose(power[:, axis], slope, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [definitions.vertex_face, definitions.face_vertex, definitions.edges_apart, definitions.hinge],
+    ids=lambda kind: kind.name,
+)
+def test_a_row_is_what_its_definition_says(kind: Definition) -> None:
+    rng = np.random.default_rng(5)
+    numbers = {
+        name: rng.normal(size=role.width) if role.width > 1 else rng.normal() for name, role in kind.roles.items()
+    }
+    for _ in range(10):
+        X = pose(rng)
+        assert Forms(form.rows(kind, **numbers)).at(X).f[0] == pytest.approx(kind(X.p, X.R, **numbers), abs=1e-14)
+
+
+def test_a_definition_that_is_no_row_is_refused() -> None:
+    vector, number = np.ones(3), {"a": np.ones(3), "v": np.ones(3), "e": np.ones(3), "q": np.ones(3)}
+    with pytest.raises(TypeError):
+        form.rows(definitions.edge_edge, **number)
+
+    @row
+    def twice(p: Vector, R: Matrix, b: Body, c: Body) -> Scalar:
+        return dot(R @ b, R @ c)
+
+    with pytest.raises(TypeError):
+        form.rows(twice, b=vector, c=vector)

@@ -9,7 +9,8 @@ import pytest
 
 from fmopt import ellipsoid
 from fmopt.certificate import rows, tube
-from fmopt.certificate.rows import Forms, Places, edges_apart, faces_above, points_above, stacked
+from fmopt.certificate.curvature import Curvature
+from fmopt.certificate.rows import Forms, edges_apart, faces_above, points_above, stacked
 from fmopt.se3 import Pose
 from fmopt.values import Array
 
@@ -33,34 +34,33 @@ def mixed(rng: np.random.Generator) -> Forms:
     return stacked(above, edges_apart(e_m, e_f, points[0], points), below)
 
 
-def bent(seed: int) -> tuple[Array, Places, Array, Array, Array]:
-    """What `tube.bend` takes, of mixed rows along a piece of motion."""
+def bent(seed: int) -> tuple[Curvature, Array]:
+    """How mixed rows bend along a piece of motion, and its twist."""
     rng = np.random.default_rng(seed)
     forms, start = mixed(rng), Pose.from_vector(rng.uniform(-0.02, 0.02, 6))
     twist = rng.uniform(-0.01, 0.01, 6)
-    first, second = forms.over(start, start.moved(twist))
-    turned, both = np.stack([first.turned, second.turned]), np.stack([first.bent, second.bent], axis=1)
-    return forms.table, forms.places, turned, both, twist
+    return Curvature.of(*forms.over(start, start.moved(twist)), twist), twist
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_kernels_of_rows_do_what_is_written(seed: int) -> None:
-    table, places, turned, both, twist = bent(seed)
+    curvature, twist = bent(seed)
+    bending = curvature.bending
     rng = np.random.default_rng(seed)
     half, motion = rng.uniform(0.0, 0.01, 6), rng.normal(size=6)
-    lines = tube.bend(table, places, turned, both, twist)
-    np.testing.assert_allclose(lines, written(tube.bend)(table, places, turned, both, twist), rtol=1e-13, atol=1e-18)
-    turn = float(np.linalg.norm(twist[3:]))
     links = np.append(rng.uniform(0.0, 0.01, 4), 0.1)
+    turn = float(np.linalg.norm(twist[3:]))
     coupling = tube.coupled(links, half, turn)
     np.testing.assert_allclose(coupling, written(tube.coupled)(links, half, turn), rtol=1e-13)
-    found, said = (left(lines, turn, half, coupling) for left in (tube.left, written(tube.left)))
-    np.testing.assert_allclose(found, said, rtol=1e-13)
-    found = tube.varied(lines, twist, half, motion)
-    np.testing.assert_allclose(found, written(tube.varied)(lines, twist, half, motion), rtol=1e-13)
+    for kernel, arguments in (
+        (tube.left, (bending, half, coupling)),
+        (tube.varied, (bending, half, motion)),
+        (tube.powers, (bending,)),
+    ):
+        np.testing.assert_allclose(kernel(*arguments), written(kernel)(*arguments), rtol=1e-12, atol=1e-18)
     poses = [Pose.from_vector(rng.normal(size=6)) for _ in range(3)]
     at = np.array([pose.p for pose in poses]), np.array([pose.R for pose in poses])
-    for compiled, plain in zip(rows._at(table, places, *at), written(rows._at)(table, places, *at), strict=True):
+    for compiled, plain in zip(rows._at(bending.table, *at), written(rows._at)(bending.table, *at), strict=True):
         np.testing.assert_allclose(compiled, plain, rtol=1e-13, atol=1e-17)
 
 

@@ -7,8 +7,9 @@ from test_certificate_rows import KINDS, box, forms, moved, pose
 
 from fmopt.certificate.course import Course
 from fmopt.certificate.curvature import Curvature
-from fmopt.certificate.lower import Functions, Motion, Witnesses, best, over
+from fmopt.certificate.lower import Motion, Witnesses, best, over
 from fmopt.certificate.rows import Forms, points_above, stacked
+from fmopt.certificate.tube import left
 from fmopt.placement.arcs import SHARES
 from fmopt.placement.fan import fans
 from fmopt.uncertainty.error_set import Support
@@ -37,9 +38,7 @@ def plain(rows: Forms, pieces: Motion) -> tuple[Array, Array, Array, Array]:
     supports = Support(np.swapaxes(columns, -1, -2), (int(cuts[0]), int(cuts[1]), int(cuts[2]), int(cuts[3])))
     N = np.array([start.N, goal.N])
     bends = [Curvature.of(start.end(n), goal.end(n), twist[n]) for n in range(PIECES)]
-    rest = [
-        bent.bound(half[n]) + coupling[n] @ [np.ones(len(N[0, n])), bent.lines[:, 1]] for n, bent in enumerate(bends)
-    ]
+    rest = [left(bent.bending, half[n], coupling[n]) for n, bent in enumerate(bends)]
     return np.array([start.f, goal.f]), N, supports(N), np.array(rest)
 
 
@@ -47,7 +46,7 @@ def plain(rows: Forms, pieces: Motion) -> tuple[Array, Array, Array, Array]:
 def test_rows_over_pieces_are_what_the_formulas_say(seed: int) -> None:
     rng = np.random.default_rng(seed)
     rows, pieces = stacked(*(forms(kind, rng) for kind in KINDS)), motion(rng)
-    for found, expected in zip(over(Functions(rows.table, rows.bilinear), pieces), plain(rows, pieces), strict=True):
+    for found, expected in zip(over(rows.table, pieces), plain(rows, pieces), strict=True):
         np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-16)
 
 
@@ -69,12 +68,12 @@ def test_the_best_witness_is_the_one_with_the_largest_margin(seed: int) -> None:
     rows, pieces = stacked(*(forms(KINDS[k % 4], rng) for k in range(6))), motion(rng)
     listed = witnesses(rng, len(rows))
     # Rows near zero, some of them below it, so that what holds nominally differs from what the errors leave.
-    f = over(Functions(rows.table, rows.bilinear), pieces)[0]
-    rows.table[:, 18] += f.min(axis=(0, 1)) - rng.uniform(-1e-4 if seed % 2 else 0.02, 0.05, len(rows))
-    f, _, reach, rest = over(Functions(rows.table, rows.bilinear), pieces)
+    f = over(rows.table, pieces)[0]
+    rows.table["c"] += f.min(axis=(0, 1)) - rng.uniform(-1e-4 if seed % 2 else 0.02, 0.05, len(rows))
+    f, _, reach, rest = over(rows.table, pieces)
     lower, nominal = (f - reach).min(axis=0) - rest, f.min(axis=0)
     least = np.full((PIECES, 2), -np.inf if seed % 3 else 0.01)
-    found = best(Functions(rows.table, rows.bilinear), listed, pieces, least, 2e-6)
+    found = best(rows.table, listed, pieces, least, 2e-6)
     for n in range(PIECES):
         for m, places in enumerate(listed.places[:, :3].tolist()):
             chosen, margin, clearance = -1, least[n, m], -np.inf

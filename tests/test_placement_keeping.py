@@ -9,6 +9,7 @@ import pytest
 from test_certificate_rows import KINDS, forms, pose
 from test_contact_surface import CASES, PEG
 
+from fmopt.certificate.kernels_rows import ROW
 from fmopt.certificate.rows import Forms, points_above, stacked
 from fmopt.contact.definitions import CONTACTS
 from fmopt.contact.kernels_generated import heights
@@ -35,7 +36,7 @@ def state(rng: np.random.Generator, count: int) -> tuple[Forms, Array, Pose]:
     """Functions of mixed kinds that vanish at a pose, twists that they determine, and the pose."""
     here = pose(rng)
     table = stacked(*(forms(kind, rng, 1) for kind in KINDS)).table[rng.permutation(4)[:count]]
-    table[:, 18] += Forms(table).at(here).f
+    table["c"] += Forms(table).at(here).f
     return Forms(table), Forms(table).at(here).N + 0.2 * rng.normal(size=(count, 6)), here
 
 
@@ -105,7 +106,7 @@ def test_level_edges_have_no_distance() -> None:
 
 
 def test_edges_that_turn_level_jump_from_side_to_side_where_they_do() -> None:
-    tables, free = LEVEL, (np.zeros((0, 21)), np.zeros((0, 6)))
+    tables, free = LEVEL, (np.zeros(0, ROW), np.zeros((0, 6)))
     motion = np.eye(3), np.zeros(3), np.zeros(3), np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
     between, p, R, values = np.array([-0.5, 0.5]), np.empty((2, 3)), np.empty((2, 3, 3)), np.empty((2, 1))
     assert keeping.along(free, motion, between, p, R) == KEPT

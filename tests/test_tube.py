@@ -13,7 +13,7 @@ from fmopt.certificate.functions import contact_rows
 from fmopt.certificate.paper import goal_in_the_paper
 from fmopt.certificate.piece import Piece, Tolerance
 from fmopt.certificate.segment import advance
-from fmopt.certificate.tube import carried
+from fmopt.certificate.tube import Numbers, carried
 from fmopt.contact.primitive import Kind
 from fmopt.errors import InfeasibleError
 from fmopt.se3 import Pose
@@ -148,10 +148,8 @@ def test_the_same_test_catches_drift_counted_over_the_commanded_way(
     """An execution that starts far from the surface goes on until it is there, and drifts on the way."""
     drifting = [index for index in range(SEGMENTS) if max(segment(index).tolerance.velocity_error) > 0.0]
 
-    def commanded(*arguments: Any) -> Any:
-        way, rest = arguments[8].copy(), arguments[10:]
-        way[3] = 0.0
-        return carried(*arguments[:8], way, np.zeros(6), *rest)  # nothing of the errors is seen along the way
+    def commanded(layers: Any, way: Numbers, *rest: Any) -> Any:
+        return carried(layers, way._replace(leaning=0.0, seen=np.zeros(6)), *rest)  # no error is seen along the way
 
     monkeypatch.setattr("fmopt.certificate.segment.carried", commanded)
 

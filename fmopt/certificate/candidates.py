@@ -11,7 +11,8 @@ import numpy as np
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.counted import Counted, rows_along
 from fmopt.certificate.course import Course
-from fmopt.certificate.lower import Functions, Places, Witnesses, best
+from fmopt.certificate.kernels_rows import Table
+from fmopt.certificate.lower import Places, Witnesses, best
 from fmopt.certificate.pair import Pair, Witness
 from fmopt.certificate.rows import stacked
 from fmopt.values import Array
@@ -37,7 +38,7 @@ class Candidates:
     """The witnesses of several pairs (m), one after the other, and their rows."""
 
     witnesses: tuple[Witness, ...]
-    rows: Functions
+    rows: Table
     listed: Witnesses
 
     @staticmethod
@@ -63,7 +64,7 @@ class Candidates:
         forms = stacked(*(rows.forms for rows in counted))
         listed = Witnesses(begins, places, always, surely, edges, onto, behind)
         witnesses = tuple(witness for block in blocks for witness in block.witnesses)
-        return Candidates(witnesses, Functions(forms.table, forms.bilinear), listed)
+        return Candidates(witnesses, forms.table, listed)
 
     def best(self, course: Course, least: Array, grazing: float) -> tuple[Places, Array, Array]:
         """For each pair the witness with the largest margin among those whose planes hold nominally.

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.certificate.curvature import Extent
-from fmopt.certificate.lower import Functions, Motion, over
+from fmopt.certificate.lower import Motion, over
 from fmopt.certificate.rows import Forms
 from fmopt.se3 import Pose
 from fmopt.uncertainty.error_set import ErrorSet
@@ -84,7 +84,7 @@ class Course:
 
     def over(self, forms: Forms) -> Heights:
         """Rows (k) over all pieces."""
-        return Heights(*over(Functions(forms.table, forms.bilinear), self.motion))
+        return Heights(*over(forms.table, self.motion))
 
 
 def _columns(supports: Sequence[Reaching]) -> tuple[Array, NDArray[np.intp]]:

@@ -20,9 +20,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fmopt.certificate.rows import Forms, Rows
-from fmopt.certificate.tube import POWER, bend, left, varied
-from fmopt.se3 import cross, length
+from fmopt.certificate.kernels_rows import Bending, Turned
+from fmopt.certificate.rows import Rows
+from fmopt.certificate.tube import left, powers, varied
+from fmopt.se3 import length
 from fmopt.uncertainty.error_set import UNCOUPLED
 from fmopt.values import Array
 
@@ -64,25 +65,22 @@ class Extent:
 
 @dataclass(frozen=True, eq=False)
 class Curvature:
-    """How rows (k) bend over a piece of motion: what of their remainders does not depend on the errors.
+    """How rows (k) bend over a piece of motion: what of their remainders does not depend on the errors."""
 
-    Args:
-        twist: V (6,) of the piece.
-        forms: the rows.
-        turned: R k (k, 3) at the start.
-        lines: as `tube.bend` has them.
-    """
-
-    twist: Array
-    forms: Forms
-    turned: Array
-    lines: Array
+    bending: Bending
 
     @staticmethod
     def of(start: Rows, goal: Rows, twist: Array) -> Curvature:
         """The curvature of rows over a piece with a twist (6,)."""
-        forms, ends = start.forms, (np.stack([start.turned, goal.turned]), np.stack([start.bent, goal.bent], axis=1))
-        return Curvature(twist, forms, start.turned, bend(forms.table, forms.places, *ends, twist))
+        w, b, y = (np.array(ends) for ends in zip(start.turned, goal.turned, strict=True))
+        return Curvature(Bending(start.forms.table, Turned(w, b, y), np.array(twist)))
+
+    @staticmethod
+    def joined(one: Curvature, other: Curvature) -> Curvature:
+        """The curvature of the rows of both, over the same piece."""
+        (table, turned, twist), (more, ends, _) = one.bending, other.bending
+        w, b, y = (np.concatenate(both, axis=1) for both in zip(turned, ends, strict=True))
+        return Curvature(Bending(np.concatenate([table, more]), Turned(w, b, y), twist))
 
     def bound(self, half: Array) -> Array:
         """Bound (k,) of |f − (linear in the error, interpolated between the ends)|, m, errors in one frame.
@@ -90,14 +88,11 @@ class Curvature:
         Args:
             half: half-widths (6,) of a box around the errors.
         """
-        return left(self.lines, length(self.twist[3:]), half, UNCOUPLED)
+        return left(self.bending, half, UNCOUPLED)
 
     def power(self) -> Array:
         """How N·V, V the twist, changes with the error at the start, to first order: rows (k, 6)."""
-        push, turn = self.forms.push, self.twist[3:]
-        found = np.hstack([np.zeros(push.shape), cross(self.turned, cross(push, turn))])
-        found[self.forms.places] = self.lines[self.forms.places, POWER]
-        return found
+        return powers(self.bending)
 
     def variation(self, half: Array, motion: Array) -> Array:
         """Bound (k,) of how much N·v may differ between poses of the piece, errors included.
@@ -106,4 +101,4 @@ class Curvature:
             half: half-widths (6,) of a box around the errors.
             motion: v (6,).
         """
-        return varied(self.lines, self.twist, half, motion)
+        return varied(self.bending, half, motion)

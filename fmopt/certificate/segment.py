@@ -27,7 +27,7 @@ from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.curvature import Extent
 from fmopt.certificate.piece import Compliance, Piece, Tolerance
 from fmopt.certificate.separation import Ends
-from fmopt.certificate.tube import LARGE, PAST, SETTLED, THICK, carried, coupled
+from fmopt.certificate.tube import LARGE, PAST, SETTLED, THICK, Errors, Numbers, carried, coupled
 from fmopt.certificate.way import Way, approach, departure, way_of
 from fmopt.errors import InfeasibleError
 from fmopt.se3 import exp, length
@@ -109,28 +109,13 @@ def _carried(
         linkage = linkage.begun(piece.start.p).turned(exp(way.twist[3:]))
     layers = way.closing if piece.made is not None and piece.last else way.on_the_way
     translation, rotation = tolerance.velocity_error
-    code, half, thickness, beyond, generators, slide, swing, shape = carried(
-        layers.lines,
-        layers.held.f,
-        layers.held.N,
-        layers.off,
-        layers.residue,
-        way.start_dual,
-        layers.goal_dual,
-        layers.delay,
-        np.array([way.length, way.turn, way.rate, length(way.seen[3:]), piece.share]),
-        way.seen,
-        way.projector,
-        core,
-        errors.slide_root,
-        errors.swing_root,
-        errors.shape_root,
-        moved,
-        shape_moved,
-        links,
-        (translation, rotation / tolerance.rho),
-        tolerance.rho,
-    )
+    rates = translation, rotation / tolerance.rho
+    leaning = length(way.seen[3:])
+    numbers = Numbers(way.length, way.turn, way.rate, leaning, piece.share, rates, way.seen, way.projector)
+    drifts = errors.slide_root, errors.swing_root
+    roots = Errors(core, *drifts, errors.shape_root, moved, shape_moved, links)
+    found = carried(layers, numbers, roots, tolerance.rho)
+    code, half, thickness, beyond, generators, slide, swing, shape = found
     if code != SETTLED:
         message, advice = _IMPOSSIBLE[code]
         raise InfeasibleError(message, advice=advice)

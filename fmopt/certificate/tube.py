@@ -1,28 +1,18 @@
 """The tube of errors along a piece of motion, compiled: how rows bend, the box of all errors, the set at the goal.
 
-What is computed is said in `curvature` and `segment`, whose letters these are. Of a row that has been bent over a piece
-one line of a table (_BENT,) is kept: whether it is bilinear, then of a row without b
-
-    |u||k|, sizes of u, of R k at both ends, each with its length, |τ × w|, and what the nominal turn does,
-
-of a bilinear row
-
-    |u||k| + |y|, |AΔ|, how far the path is off its chord, sizes of A, of G and of [β]×A at both ends, of J, the power.
+What is computed is said in `curvature` and `segment`, whose letters these are.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from fmopt.certificate.rows import Places
+from fmopt.certificate.kernels_rows import Bending, End, Turned, Vector, power, reach, remainder, size, vector
 from fmopt.compiled import compiled, part
 from fmopt.values import Array
-
-_BENT = 61
-POWER = slice(55, 61)
-"""Where a bilinear row's line has how N·V, V the twist, changes with the error at the start (6,)."""
 
 _ROUNDS = 80
 _FAR = 0.5  # m or rad; errors as wide as this certify nothing
@@ -36,183 +26,141 @@ SETTLED, PAST, LARGE, THICK = range(4)
 contact surfaces are too thick."""
 
 
+class Layers(NamedTuple):
+    """What the thickness of contact surfaces at both ends of a piece is made up of, whatever the errors.
+
+    Args:
+        bending: rows of the held basis (h), and on the last piece that of the contact being made, along the piece (r).
+        f: values (h,) of the rows of those held at the start, m.
+        N: their gradients (h, 6).
+        off: how far the nominal pose at the goal is off the surfaces (r,), m.
+        residue: what rounding leaves of the made one under the projection, per m and per rad (2,).
+        start_dual: T^S (6, h), dual to the rows at the start.
+        goal_dual: T^G (6, r), dual to those at the goal.
+        delay: how much farther the execution goes for each thickness (r,), as a share of the piece, 1/m.
+    """
+
+    bending: Bending
+    f: Array
+    N: Array
+    off: Array
+    residue: Array
+    start_dual: Array
+    goal_dual: Array
+    delay: Array
+
+
+class Numbers(NamedTuple):
+    """A piece of motion, in numbers.
+
+    Args:
+        length: L in the metric of ρ, m.
+        turn: τ, rad.
+        rate: how much nearer the contact being made comes, m; 0 without one.
+        leaning: |turning part of N′|, m.
+        share: φ, the part of what is left of the move that the piece covers.
+        rates: velocity errors per unit of length, in translation and in angle (1/m).
+        seen: N′ (6,).
+        projector: Π (6, 6).
+    """
+
+    length: float
+    turn: float
+    rate: float
+    leaning: float
+    share: float
+    rates: tuple[float, float]
+    seen: Array
+    projector: Array
+
+
+class Errors(NamedTuple):
+    """A start set without its old thickness, in the roots of its parts.
+
+    Args:
+        core: generators (k, 6).
+        slide: root (6, a) of the drift in translation.
+        swing: root (6, b) of the drift in rotation.
+        shape: root (6, s) of the shape.
+        moved: the generators (k, 6) as the motion alone would carry them on, before contacts take errors up.
+        moved_shape: root (6, s′) of the shape, likewise.
+        links: sizes of the errors in different frames (5,), see `coupled`.
+    """
+
+    core: Array
+    slide: Array
+    swing: Array
+    shape: Array
+    moved: Array
+    moved_shape: Array
+    links: Array
+
+
 @part
 def _length(x: float, y: float, z: float) -> float:
     return math.sqrt(x * x + y * y + z * z)
 
 
 @part
-def _turned(v: Array, at: int, angles: Array) -> float:
-    """Bound of |ε × v| for all ε in a box of half-widths (3,), v by the sizes of its components and its length."""
-    x, y, z = v[at], v[at + 1], v[at + 2]
-    a, b, c = angles[0], angles[1], angles[2]
-    bound: float = min(_length(y * c + z * b, z * a + x * c, x * b + y * a), _length(a, b, c) * v[at + 3])
-    return bound
+def _halves(x: Array) -> tuple[Vector, Vector]:
+    """Six numbers as two vectors."""
+    return (x[0], x[1], x[2]), (x[3], x[4], x[5])
 
 
 @part
-def _sizes(x: float, y: float, z: float, out: Array, at: int) -> None:
-    out[at], out[at + 1], out[at + 2], out[at + 3] = abs(x), abs(y), abs(z), _length(x, y, z)
-
-
-@part
-def _bend_plain(row: Array, first: Array, second: Array, twist: Array, out: Array) -> None:
-    """The line of a row without b, from R k at both ends."""
-    u, v, w = row[3], row[4], row[5]
-    a, b, c = twist[3], twist[4], twist[5]
-    out[1] = row[20]
-    _sizes(u, v, w, out, 2)
-    _sizes(first[0], first[1], first[2], out, 6)
-    _sizes(second[0], second[1], second[2], out, 10)
-    out[14] = _length(b * first[2] - c * first[1], c * first[0] - a * first[2], a * first[1] - b * first[0])
-    out[15] = 0.125 * out[14] * _length(b * w - c * v, c * u - a * w, a * v - b * u)
-
-
-@part
-def _bend_bilinear(row: Array, turned: Array, bent: Array, twist: Array, out: Array) -> None:
-    """The line of a bilinear row, from R k (2, 3) and R b and y (2, 2, 3) at both ends."""
-    a, b, c, sign = row[12], row[13], row[14], row[19]
-    x, y, z = twist[3], twist[4], twist[5]
-    A = np.array([[sign, -c, b], [c, sign, -a], [-b, a, sign]])
-    slid = np.empty(3)
-    for i in range(3):
-        slid[i] = A[i, 0] * twist[0] + A[i, 1] * twist[1] + A[i, 2] * twist[2]
-    turn, seen, tallest, chord = _length(x, y, z), _length(slid[0], slid[1], slid[2]), 0.0, 0.0
-    G, J = np.empty((3, 3)), np.empty(6)
-    for e in range(2):
-        w, beta, high = turned[e], bent[0, e], bent[1, e]
-        tallest = max(tallest, _length(high[0], high[1], high[2]))
-        trace = 0.0
-        for i in range(3):
-            for j in range(3):
-                G[i, j] = -w[i] * row[3 + j] - beta[i] * high[j]
-            trace -= G[i, i]
-        for i in range(3):
-            G[i, i] += trace
-        swung = np.array([y * beta[2] - z * beta[1], z * beta[0] - x * beta[2], x * beta[1] - y * beta[0]])
-        carried = np.array(
-            [
-                beta[1] * slid[2] - beta[2] * slid[1],
-                beta[2] * slid[0] - beta[0] * slid[2],
-                beta[0] * slid[1] - beta[1] * slid[0],
-            ]
-        )
-        along = 0.0
-        for i in range(3):
-            J[i] = swung[0] * A[0, i] + swung[1] * A[1, i] + swung[2] * A[2, i]
-            J[3 + i] = carried[i] - (G[i, 0] * x + G[i, 1] * y + G[i, 2] * z)
-            along += J[i] * twist[i] + J[3 + i] * twist[3 + i]
-            for j in range(3):
-                out[13 + 9 * e + 3 * i + j] = 0.5 * abs(G[i, j] + G[j, i])
-            if e == 0:
-                out[55 + i], out[58 + i] = J[i], carried[i] - (G[0, i] * x + G[1, i] * y + G[2, i] * z)
-        chord = max(chord, abs(along))
-        for i in range(3):
-            out[31 + 9 * e + i] = abs(beta[1] * A[2, i] - beta[2] * A[1, i])
-            out[34 + 9 * e + i] = abs(beta[2] * A[0, i] - beta[0] * A[2, i])
-            out[37 + 9 * e + i] = abs(beta[0] * A[1, i] - beta[1] * A[0, i])
-        for i in range(6):
-            out[49 + i] += abs(J[i])
-    size = row[20] + tallest
-    out[1], out[2], out[3] = size, seen, 0.125 * chord + turn**2 * (turn * size + 3.0 * seen) / 16.0
-    for i in range(3):
-        for j in range(3):
-            out[4 + 3 * i + j] = abs(A[i, j])
+def _end(turned: Turned, e: int, i: int) -> End:
+    """What turns of row i at an end."""
+    return vector(turned.w[e, i]), vector(turned.b[e, i]), vector(turned.y[e, i])
 
 
 @compiled
-def bend(table: Array, places: Places, turned: Array, bent: Array, twist: Array) -> Array:
-    """How rows bend over a piece of motion: their lines (k, _BENT).
-
-    Args:
-        table: (k, 21), of the forms.
-        places: of the bilinear rows among them (m,).
-        turned: R k (2, k, 3) at both ends, m.
-        bent: R b and y (2, 2, m, 3), each at both ends.
-        twist: of the piece (6,).
-    """
-    found = np.zeros((len(table), _BENT))
-    for j in range(len(places)):
-        i = places[j]
-        found[i, 0] = 1.0
-        _bend_bilinear(table[i], turned[:, i], bent[:, :, j], twist, found[i])
-    for i in range(len(table)):
-        if found[i, 0] == 0.0:
-            _bend_plain(table[i], turned[0, i], turned[1, i], twist, found[i])
-    return found
-
-
-@part
-def _left_plain(line: Array, angles: Array) -> float:
-    theta = _length(angles[0], angles[1], angles[2])
-    most = max(_turned(line, 6, angles), _turned(line, 10, angles)) + 0.5 * theta * line[14]
-    found: float = _turned(line, 2, angles) * 0.5 * (min(most, theta * line[9]) + line[14]) + line[15]
-    return found
-
-
-@part
-def _left_bilinear(line: Array, turn: float, half: Array) -> float:
-    angles, size, seen = half[3:], line[1], line[2]
-    theta, felt, second, turning = _length(half[3], half[4], half[5]), 0.0, 0.0, 0.0
-    for i in range(3):
-        across = line[4 + 3 * i] * half[0] + line[5 + 3 * i] * half[1] + line[6 + 3 * i] * half[2]
-        felt += across * across
-    felt = math.sqrt(felt)
-    for e in range(2):
-        drawn = 0.0
-        for i in range(3):
-            for j in range(3):
-                at = 9 * e + 3 * i + j
-                drawn += (0.5 * line[13 + at] * angles[j] + line[31 + at] * half[j]) * angles[i]
-        second = max(second, drawn)
-    for i in range(6):
-        turning += line[49 + i] * half[i]
-    third = theta**2 * ((theta / 6.0 + 0.25 * turn) * size + 0.5 * felt + 0.25 * seen) + 0.5 * theta * turn * felt
-    third += 0.125 * turn * (theta * turn * size + turn * felt + 2.0 * theta * seen)
-    fine = second + line[3] + 0.25 * turning + third
-    coarse = (0.5 * theta**2 + turn**2 / 8.0 + 0.5 * turn * theta) * size
-    coarse += (theta + 0.5 * turn) * felt + (0.25 * turn + 0.5 * theta) * seen
-    found: float = min(fine, coarse)
-    return found
-
-
-@compiled
-def left(lines: Array, turn: float, half: Array, coupling: Array) -> Array:
+def left(bending: Bending, half: Array, coupling: Array) -> Array:
     """What the linear picture of rows leaves over a piece (k,), m.
 
     Args:
-        lines: of the rows (k, _BENT).
-        turn: |τ| of the piece, rad.
+        bending: the rows along the piece.
         half: half-widths (6,) of a box around the errors, m and rad.
         coupling: what the linear picture leaves of errors in different frames (2,), m and rad.
     """
-    found = np.empty(len(lines))
-    for i in range(len(lines)):
-        line = lines[i]
-        found[i] = _left_plain(line, half[3:]) if line[0] == 0.0 else _left_bilinear(line, turn, half)
-        found[i] += coupling[0] + coupling[1] * line[1]
+    table, turned, twist = bending.table, bending.turned, _halves(bending.twist)
+    found, box = np.empty(len(table)), _halves(half)
+    for i in range(len(table)):
+        start, goal = _end(turned, 0, i), _end(turned, 1, i)
+        found[i] = remainder(table[i], (start, goal), twist, box)
+        found[i] += coupling[0] + coupling[1] * reach(table[i], start, goal)
     return found
 
 
 @compiled
-def varied(lines: Array, twist: Array, half: Array, motion: Array) -> Array:
+def varied(bending: Bending, half: Array, motion: Array) -> Array:
     """Bounds (k,) of how much N·v may differ between poses of a piece, errors included, m.
 
     Args:
-        lines: of the rows (k, _BENT).
-        twist: of the piece (6,).
+        bending: the rows along the piece.
         half: half-widths (6,) of a box around the errors.
         motion: v (6,).
     """
-    slide, spin = _length(motion[0], motion[1], motion[2]), _length(motion[3], motion[4], motion[5])
-    wander = _length(half[3], half[4], half[5]) + _length(twist[3], twist[4], twist[5])
-    moved = _length(half[0], half[1], half[2]) + _length(twist[0], twist[1], twist[2])
-    found = np.empty(len(lines))
-    for i in range(len(lines)):
-        if lines[i, 0] == 0.0:
-            found[i] = wander * spin * lines[i, 1]
-        else:
-            found[i] = wander * (spin * lines[i, 1] + slide) + moved * spin
+    table, turned = bending.table, bending.turned
+    (move, turn), (offset, angles), (slide, spin) = _halves(bending.twist), _halves(half), _halves(motion)
+    wander, moved = size(angles) + size(turn), size(offset) + size(move)
+    found = np.empty(len(table))
+    for i in range(len(table)):
+        arm = reach(table[i], _end(turned, 0, i), _end(turned, 1, i))
+        found[i] = wander * size(spin) * arm
+        if table[i]["bilinear"]:
+            found[i] += wander * size(slide) + moved * size(spin)
+    return found
+
+
+@compiled
+def powers(bending: Bending) -> Array:
+    """How N·V, V the twist, changes with the error at the start, to first order: rows (k, 6)."""
+    move, turn = _halves(bending.twist)
+    found = np.empty((len(bending.table), 6))
+    for i in range(len(found)):
+        moving, spinning = power(bending.table[i], _end(bending.turned, 0, i), move, turn)
+        for j in range(3):
+            found[i, j], found[i, 3 + j] = moving[j], spinning[j]
     return found
 
 
@@ -377,24 +325,24 @@ def _narrow(F: Array) -> Array:
 
 @part
 def _grown(
-    half: Array,
-    lines: Array,
-    rest: Array,
-    held: int,
-    residue: Array,
-    delay: Array,
-    way: Array,
-    late: tuple[float, float],
-    rates: tuple[float, float],
-    links: Array,
+    half: Array, layers: Layers, rest: Array, way: Numbers, late: tuple[float, float], links: Array
 ) -> tuple[int, Array, float, tuple[float, float], Array]:
     """What follows from half-widths (6,) of all errors.
+
+    Args:
+        half: the half-widths, m and rad.
+        layers: contacts and how they bend.
+        rest: what does not depend on the half-widths, of the thickness of each (r,), m.
+        way: the piece.
+        late: how much the errors at the start and the drift delay the contact that is made, as a share of the piece.
+        links: sizes of the errors in different frames (5,), see `coupled`.
 
     Returns:
         how it ends, thickness of the contacts at the goal (r,), overtravel, radii of the drift, of the translation and
         of the angle with the turn's second order (m, rad), and what the linear picture leaves of different frames (2,).
     """
-    far, turn, rate, leaning, share = way[0], way[1], way[2], way[3], way[4]
+    far, turn, rate, leaning, share, rates = way.length, way.turn, way.rate, way.leaning, way.share, way.rates
+    held, residue, delay = len(layers.f), layers.residue, layers.delay
     box = np.empty(6)
     for i in range(6):
         box[i] = half[i] + _ALLOWANCE
@@ -402,7 +350,7 @@ def _grown(
     # Bounds of translation and angle with their drift, before contacts take it up.
     wide, wider = _length(box[0], box[1], box[2]) + 2.0 * rates[0] * far, theta + 2.0 * rates[1] * far
     coupling = coupled(links, box, turn)
-    final = left(lines, turn, box, coupling)
+    final = left(layers.bending, box, coupling)
     for i in range(len(final)):
         final[i] += rest[i] if i < held else rest[i] + residue[0] * wide + residue[1] * wider
     beyond, nothing = 0.0, (0.0, 0.0)
@@ -454,16 +402,10 @@ def _boxes(core: Array, image: Array, slide: Array, swing: Array) -> Array:
 
 @part
 def _widths(
-    final: Array,
-    held: int,
-    radii: tuple[float, float],
-    boxes: Array,
-    drifts: Array,
-    start_dual: Array,
-    goal_dual: Array,
-    coupling: Array,
+    final: Array, radii: tuple[float, float], boxes: Array, drifts: Array, layers: Layers, coupling: Array
 ) -> Array:
     """Half-widths (6,) of the box around the errors at both ends."""
+    held, start_dual, goal_dual = len(layers.f), layers.start_dual, layers.goal_dual
     (x, y), (z, w) = _drifted(radii[0], drifts[0]), _drifted(radii[1], drifts[1])
     found = np.empty(6)
     for i in range(6):
@@ -494,55 +436,22 @@ def _raised(half: Array, wider: Array) -> tuple[bool, bool]:
 
 @compiled
 def carried(
-    lines: Array,
-    f: Array,
-    N: Array,
-    off: Array,
-    residue: Array,
-    start_dual: Array,
-    goal_dual: Array,
-    delay: Array,
-    way: Array,
-    seen: Array,
-    projector: Array,
-    core: Array,
-    slide: Array,
-    swing: Array,
-    shape: Array,
-    moved: Array,
-    moved_shape: Array,
-    links: Array,
-    rates: tuple[float, float],
-    rho: float,
+    layers: Layers, way: Numbers, errors: Errors, rho: float
 ) -> tuple[int, Array, Array, float, Array, Array, Array, Array]:
     """Carries an error set through a piece of motion; see `segment`.
 
     Args:
-        lines: how the rows of the contacts (r) bend; those held, and on the last piece the one being made.
-        f: values (h,) of the rows of those held, h, at the start, m.
-        N: their gradients (h, 6).
-        off: sizes of the values (r,) at the goal, m.
-        residue: what rounding leaves of the made one under the projection, per m and per rad (2,).
-        start_dual: T^S (6, h).
-        goal_dual: T^G (6, r).
-        delay: how much farther the execution goes for each thickness (r,), as a share of the piece, 1/m.
-        way: length (m), turn (rad), rate (m), |turning part of N′|, and the share of the move (5,).
-        seen: N′ (6,).
-        projector: Π (6, 6).
-        core: generators (k, 6) of the start set without its old thickness.
-        slide: root (6, a) of its drift in translation.
-        swing: root (6, b) of its drift in rotation.
-        shape: root (6, s) of its shape.
-        moved: the generators (k, 6) as the motion alone would carry them on, before contacts take errors up.
-        moved_shape: root (6, s′) of the shape, likewise.
-        links: sizes of the errors in different frames (5,), see `coupled`.
-        rates: velocity errors per unit of length, in translation and in angle (1/m).
+        layers: the contacts held, and on the last piece the one being made.
+        way: the piece.
+        errors: the start set without its old thickness.
         rho: ρ, m.
 
     Returns:
         how it ends; half-widths (6,) of a box around the errors all along; thickness of the contacts at the goal (r,);
         overtravel; and generators (k + r, 6), roots of both drifts (6, …) and of the shape (6, s′) at the goal.
     """
+    core, slide, swing, shape, moved, moved_shape, links = errors
+    N, seen, projector, rates = layers.N, way.seen, way.projector, way.rates
     image = np.zeros(core.shape)
     for k in range(len(core)):
         for i in range(6):
@@ -550,27 +459,25 @@ def carried(
                 image[k, i] += projector[i, j] * moved[k, j]
     slide_there, swing_there = _mapped(projector, slide), _mapped(projector, swing)
     shape_there = _mapped(projector, moved_shape)
-    held, rest = len(f), off.copy()
-    for k in range(held):
-        reach = min(_reach(N[k], core, slide, swing), _radius(N[k], shape))
-        rest[k] = max(abs(f[k]) + reach, rest[k])
+    rest = layers.off.copy()
+    for k in range(len(layers.f)):
+        along = min(_reach(N[k], core, slide, swing), _radius(N[k], shape))
+        rest[k] = max(abs(layers.f[k]) + along, rest[k])
     drifts, boxes = _spread(slide_there, swing_there, projector, rho), _boxes(core, image, slide, swing)
     late = (0.0, 0.0)
-    if way[2] > 0.0:
-        leaning = _length(seen[0], seen[1], seen[2]) * rates[0], way[3] * rates[1]
-        late = (_reach(seen, moved, slide, swing) / way[2], (leaning[0] + leaning[1]) * way[0] / way[2])
+    if way.rate > 0.0:
+        leaning = _length(seen[0], seen[1], seen[2]) * rates[0] + way.leaning * rates[1]
+        late = (_reach(seen, moved, slide, swing) / way.rate, leaning * way.length / way.rate)
     radii, code, final, beyond, half = (0.0, 0.0), THICK, rest, 0.0, np.empty(6)
     for attempt in range(2):
         for i in range(6):  # at first from what is likely; where that is not tight, from below
             half[i] = boxes[2, i] if attempt == 0 else max(boxes[0, i], boxes[1, i])
         code, tight = THICK, False
         for _ in range(_ROUNDS):
-            code, final, beyond, radii, coupling = _grown(
-                half, lines, rest, held, residue, delay, way, late, rates, links
-            )
+            code, final, beyond, radii, coupling = _grown(half, layers, rest, way, late, links)
             if code != SETTLED:
                 break
-            short, tight = _raised(half, _widths(final, held, radii, boxes, drifts, start_dual, goal_dual, coupling))
+            short, tight = _raised(half, _widths(final, radii, boxes, drifts, layers, coupling))
             if not short:
                 break
             code = THICK
@@ -589,7 +496,7 @@ def carried(
         for k in range(len(core)):
             generators[k, i] = image[k, i]
         for k in range(len(final)):
-            generators[len(core) + k, i] = goal_dual[i, k] * final[k]
+            generators[len(core) + k, i] = layers.goal_dual[i, k] * final[k]
             thick[i, k] = math.sqrt(len(final)) * generators[len(core) + k, i]
     shape_there = _sum(shape_there, thick, rho)
     return code, half, final, beyond, generators, _narrow(slide_there), _narrow(swing_there), _narrow(shape_there)

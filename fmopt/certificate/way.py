@@ -12,9 +12,9 @@ from fmopt.certificate.assembly import Assembly, hinge, level
 from fmopt.certificate.curvature import Curvature, Extent
 from fmopt.certificate.functions import contact_forms, made_form
 from fmopt.certificate.knowledge import coming_off
-from fmopt.certificate.layers import Layers
 from fmopt.certificate.piece import Piece, Tolerance
 from fmopt.certificate.rows import Forms, Rows, points_above
+from fmopt.certificate.tube import Layers
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import InfeasibleError
 from fmopt.memory import remembered
@@ -82,20 +82,25 @@ class Way:
     def on_the_way(self) -> Layers:
         """The thickness of contact surfaces on pieces that do not end the move."""
         first, second = self.held
-        lines, none = self.held_curvature.lines, np.zeros(len(first.f))
-        return Layers(lines, first, np.abs(second.f), np.zeros(2), self.goal_dual, none)
+        none = np.zeros(len(first.f))
+        return self._layers(self.held_curvature, np.abs(second.f), np.zeros(2), self.goal_dual, none)
 
     @cached_property
     def closing(self) -> Layers:
         """The same where the contact being made is."""
         assert self.made is not None
-        (first, second), end = self.held, self.made[1]
+        (_, second), end = self.held, self.made[1]
         C = np.vstack([self.directions, self.motion]).T
         inverse = ellipsoid.coupling_inverse(np.vstack([second.N, end.N]), C)
-        lines = np.concatenate([self.held_curvature.lines, self.made_curvature.lines])
         left = end.N[0] @ self.projector
         residue = np.array([length(left[:3]), length(left[3:])])
-        return Layers(lines, first, np.abs(np.append(second.f, end.f)), residue, C @ inverse, np.abs(inverse[-1]))
+        off = np.abs(np.append(second.f, end.f))
+        curvature = Curvature.joined(self.held_curvature, self.made_curvature)
+        return self._layers(curvature, off, residue, C @ inverse, np.abs(inverse[-1]))
+
+    def _layers(self, curvature: Curvature, off: Array, residue: Array, goal_dual: Array, delay: Array) -> Layers:
+        start = self.held[0]
+        return Layers(curvature.bending, start.f, start.N, off, residue, self.start_dual, goal_dual, delay)
 
 
 def way_of(assembly: Assembly, piece: Piece, tolerance: Tolerance) -> Way:

@@ -80,11 +80,15 @@ CONTACTS: Mapping[str, Definition] = MappingProxyType(_CONTACTS)
 
 def contact(function: Callable[..., Any]) -> Definition:
     """Makes a function f(p, R, …) the definition of a kind of contact; annotations tell the roles of its parameters."""
+    return _CONTACTS.setdefault(function.__name__, row(function))
+
+
+def row(function: Callable[..., Any]) -> Definition:
+    """Makes a function f(p, R, …) the definition of a row that certificates use beside those of contacts."""
     hints = get_type_hints(function, include_extras=True)
     roles = {name: hint.__metadata__[0] for name, hint in hints.items() if hasattr(hint, "__metadata__")}
     roles.pop("return", None)
-    name = function.__name__
-    return _CONTACTS.setdefault(name, Definition(name, function, MappingProxyType(roles)))
+    return Definition(function.__name__, function, MappingProxyType(roles))
 
 
 def dot(a: Vector, b: Vector) -> Any:

@@ -9,7 +9,7 @@ it. [DakinPopplestone1993] section 2 and Appendix I.
 
 from __future__ import annotations
 
-from fmopt.contact.algebra import CONTACTS, Body, Matrix, Scalar, Vector, World, contact, cross, dot, norm
+from fmopt.contact.algebra import CONTACTS, Body, Matrix, Scalar, Vector, World, contact, cross, dot, norm, row
 
 __all__ = ["CONTACTS"]
 
@@ -31,3 +31,15 @@ def edge_edge(p: Vector, R: Matrix, a: Body, v: Body, e: World, q: World) -> Sca
     """The edge through v along a of the moving part across the fixed edge through q along e."""
     m = cross(R @ a, e)  # out of the fixed part
     return dot(m, p + R @ v - q) / norm(m)
+
+
+@row
+def edges_apart(p: Vector, R: Matrix, a: Body, v: Body, e: World, q: World) -> Scalar:
+    """The distance of edges times the sine between them, |R a × e|; of any point v over the plane along both."""
+    return dot(R @ a, cross(e, p - q)) + dot(e, R @ cross(v, a))
+
+
+@row
+def hinge(p: Vector, R: Matrix, k: Body, u: World) -> Scalar:
+    """An edge held in a wall, or a face level with a rim: only turning moves it."""
+    return dot(u, R @ k)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.certificate.functions import contact_rows
+from fmopt.certificate.kernels_rows import Table
 from fmopt.certificate.knowledge import Assembly, aligned, flushes
 from fmopt.certificate.segment import Compliance
 from fmopt.contact.bounds import BoundTable
@@ -110,11 +111,11 @@ class _Course:
     """A motion along a freedom, as kernels take it.
 
     Args:
-        held: functions of the held contacts (r, 21) and their compliant twists (r, 6).
+        held: functions of the held contacts (r,) and their compliant twists (r, 6).
         motion: rotation (3, 3), pivot (3,) in the body, the pivot (3,) and the twist (6,).
     """
 
-    held: tuple[Array, Array]
+    held: tuple[Table, Array]
     motion: tuple[Array, Array, Array, Array]
 
     @staticmethod

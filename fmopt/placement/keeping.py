@@ -1,6 +1,6 @@
 """Kernels: poses along a motion that keep contacts by their compliance, and the distances of other contacts there.
 
-Functions of contacts to be kept come as tables of `certificate.rows.Forms` (r, 21), those of others as records of
+Functions of contacts to be kept come as rows of `certificate.rows.Forms` (r,), those of others as records of
 `contact.surface.Surfaces`. A pose is shifted along the compliant twists until the functions vanish.
 """
 
@@ -11,6 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from fmopt.certificate.kernels_rows import Table, value, vector
 from fmopt.compiled import compiled, part
 from fmopt.contact.kernels_generated import Tables, height
 from fmopt.values import Array
@@ -48,27 +49,16 @@ def _turn(w: Array, R: Array, found: Array) -> None:
 
 
 @part
-def _functions(table: Array, p: Array, R: Array, f: Array, N: Array) -> float:
+def _functions(table: Table, p: Array, R: Array, f: Array, N: Array) -> float:
     """Fills in values f (r,) and gradients N (r, 6) of functions at a pose, and returns the largest |f|."""
     largest = 0.0
-    turned, b, y = np.empty(3), np.empty(3), np.empty(3)
     for i in range(len(table)):
-        row, value = table[i], -table[i, 18]
+        f[i], moving, turning, _ = value(table[i], vector(p), R)
         for j in range(3):
-            turned[j] = R[j, 0] * row[6] + R[j, 1] * row[7] + R[j, 2] * row[8]
-            b[j] = R[j, 0] * row[9] + R[j, 1] * row[10] + R[j, 2] * row[11]
-        for j in range(3):
-            k, m = (j + 1) % 3, (j + 2) % 3
-            y[j] = row[19] * p[j] + row[12 + k] * p[m] - row[12 + m] * p[k] + row[15 + j]
-            value += row[j] * p[j] + row[3 + j] * turned[j] + b[j] * y[j]
-            N[i, j] = row[j] + row[19] * b[j] + b[k] * row[12 + m] - b[m] * row[12 + k]
-        for j in range(3):
-            k, m = (j + 1) % 3, (j + 2) % 3
-            N[i, 3 + j] = turned[k] * row[3 + m] - turned[m] * row[3 + k] + b[k] * y[m] - b[m] * y[k]
-        f[i] = value
-        if math.isnan(value):
+            N[i, j], N[i, 3 + j] = moving[j], turning[j]
+        if math.isnan(f[i]):
             return math.inf
-        largest = max(largest, abs(value))
+        largest = max(largest, abs(f[i]))
     return largest
 
 
@@ -106,7 +96,7 @@ def _step(N: Array, C: Array, f: Array) -> bool:
 
 
 @compiled
-def onto(table: Array, C: Array, p: Array, R: Array) -> int:
+def onto(table: Table, C: Array, p: Array, R: Array) -> int:
     """Shifts poses p (n, 3), R (n, 3, 3) in place along twists C (r, 6), till functions (r) vanish, by Newton's method.
 
     Returns:
@@ -137,7 +127,7 @@ def onto(table: Array, C: Array, p: Array, R: Array) -> int:
 
 
 @compiled
-def repeated(table: Array, C: Array, twist: Array, gives: Array, fresh: bool, p: Array, R: Array) -> int:
+def repeated(table: Table, C: Array, twist: Array, gives: Array, fresh: bool, p: Array, R: Array) -> int:
     """Fills in poses p (n + 1, 3), R (n + 1, 3, 3) after the first: a twist each, and compliance that keeps contacts.
 
     Args:
@@ -188,12 +178,12 @@ def repeated(table: Array, C: Array, twist: Array, gives: Array, fresh: bool, p:
 
 @compiled
 def along(
-    held: tuple[Array, Array], motion: tuple[Array, Array, Array, Array], amounts: Array, p: Array, R: Array
+    held: tuple[Table, Array], motion: tuple[Array, Array, Array, Array], amounts: Array, p: Array, R: Array
 ) -> int:
     """Fills in poses p (n, 3), R (n, 3, 3) after motions along a twist, contacts kept by their compliance.
 
     Args:
-        held: functions of the contacts kept (r, 21) and their compliant twists (r, 6).
+        held: functions of the contacts kept (r,) and their compliant twists (r, 6).
         motion: rotation (3, 3) at the beginning, the body point (3,) about which it turns, where that is then (3,), and
             the twist (6,).
         amounts: of it (n,).
@@ -217,7 +207,7 @@ def along(
 
 @compiled
 def roots(
-    held: tuple[Array, Array],
+    held: tuple[Table, Array],
     motion: tuple[Array, Array, Array, Array],
     tables: Tables,
     which: NDArray[np.intp],

@@ -12,6 +12,7 @@ import numpy as np
 from fmopt import se3
 from fmopt.certificate.claim import Claim, Stepped, claimed, stepped
 from fmopt.certificate.functions import contact_forms, contact_rows
+from fmopt.certificate.kernels_rows import Table
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Compliance, Piece, Tolerance
 from fmopt.contact.meet import Poses
@@ -78,10 +79,10 @@ def onto(assembly: Assembly, poses: Poses, basis: Sequence[Compliance], context:
 
 def held_by(
     assembly: Assembly, basis: Sequence[Compliance], context: Iterable[PrimitiveContact]
-) -> tuple[Array, Array]:
-    """The functions of a basis (r, 21) as kernels take them, and its compliant twists (r, 6)."""
+) -> tuple[Table, Array]:
+    """The functions of a basis (r,) as kernels take them, and its compliant twists (r, 6)."""
     forms = contact_forms(assembly, tuple(c.contact for c in basis), tuple(context))
-    return np.array(forms.table, order="C"), np.array([c.direction for c in basis]).reshape(-1, 6)
+    return forms.table, np.array([c.direction for c in basis]).reshape(-1, 6)
 
 
 def kept(state: int) -> None:
@@ -121,7 +122,7 @@ def _way(
     move: Move, assembly: Assembly, contacts: tuple[PrimitiveContact, ...], twists: bytes, count: int, shots: int
 ) -> tuple[Pose, ...]:
     """See `way`: no error enters it, so that a move certified under other errors has the same; `twists` are bytes."""
-    table = np.array(contact_forms(assembly, contacts, contacts).table, order="C")
+    table = contact_forms(assembly, contacts, contacts).table
     C = np.frombuffer(twists).reshape(-1, 6).copy()
     twist, gives = move.start.local(move.goal), np.zeros((count, len(contacts)))
     p, R = np.empty((count + 1, 3)), np.empty((count + 1, 3, 3))

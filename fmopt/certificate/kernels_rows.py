@@ -1,0 +1,221 @@
+"""Kernels of rows: value, gradient, and what the linear picture leaves over a piece of motion.
+
+A row is a function of the pose p, R of the moving part,
+
+    f = n·p + u·(R k) + (R b)·(σ p + a × p + s) − c,
+
+which is what definitions of contacts come to (`form`). What the formulas of remainders mean is told in `curvature`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from fmopt.compiled import part
+from fmopt.values import Array
+
+ROW = np.dtype(
+    [
+        ("n", "f8", 3),
+        ("u", "f8", 3),
+        ("k", "f8", 3),
+        ("b", "f8", 3),
+        ("a", "f8", 3),
+        ("s", "f8", 3),
+        ("c", "f8"),
+        ("sign", "f8"),
+        ("lever", "f8"),
+        ("bilinear", "i8"),
+    ]
+)
+"""A row: n, u, k, b, a, s, c, σ, |u||k| in m, and whether b is there at all."""
+
+Table: TypeAlias = Any  # rows (k,)
+Row: TypeAlias = Any
+Vector: TypeAlias = tuple[float, float, float]
+End: TypeAlias = tuple[Vector, Vector, Vector]
+
+
+class Turned(NamedTuple):
+    """The vectors of rows that turn: w = R k, b = R b and y = σ p + a × p + s, each (…, k, 3)."""
+
+    w: Array
+    b: Array
+    y: Array
+
+
+class Bending(NamedTuple):
+    """Rows (k) along a piece of motion.
+
+    Args:
+        table: the rows.
+        turned: what turns, at both ends (2, k, 3).
+        twist: V = (Δ, τ) (6,) of the piece, m and rad.
+    """
+
+    table: Table
+    turned: Turned
+    twist: Array
+
+
+@part
+def vector(x: Array) -> Vector:
+    """Three numbers."""
+    return x[0], x[1], x[2]
+
+
+@part
+def cross(a: Vector, b: Vector) -> Vector:
+    """a × b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@part
+def dot(a: Vector, b: Vector) -> float:
+    """a·b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@part
+def size(a: Vector) -> float:
+    """|a|."""
+    return math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
+
+
+@part
+def plus(a: Vector, share: float, b: Vector) -> Vector:
+    """a + share b."""
+    return a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2]
+
+
+@part
+def turned(R: Array, a: Vector) -> Vector:
+    """R a."""
+    return (
+        R[0, 0] * a[0] + R[0, 1] * a[1] + R[0, 2] * a[2],
+        R[1, 0] * a[0] + R[1, 1] * a[1] + R[1, 2] * a[2],
+        R[2, 0] * a[0] + R[2, 1] * a[1] + R[2, 2] * a[2],
+    )
+
+
+@part
+def value(row: Row, p: Vector, R: Array) -> tuple[float, Vector, Vector, End]:
+    """f at a pose, its gradient in translation and in rotation, and what turns: w, b, y."""
+    n, u, w = vector(row["n"]), vector(row["u"]), turned(R, vector(row["k"]))
+    f, moving, turning = dot(n, p) + dot(u, w) - row["c"], n, cross(w, u)
+    b = y = (0.0, 0.0, 0.0)
+    if row["bilinear"]:
+        a, sign = vector(row["a"]), row["sign"]
+        b, y = turned(R, vector(row["b"])), plus(plus(vector(row["s"]), 1.0, cross(a, p)), sign, p)
+        f += dot(b, y)
+        moving, turning = plus(plus(n, 1.0, cross(b, a)), sign, b), plus(turning, 1.0, cross(b, y))
+    return f, moving, turning, (w, b, y)
+
+
+@part
+def reach(row: Row, start: End, goal: End) -> float:
+    """|u||k| + |b||y|, y at the end where it is larger: what a small turn moves by at most, m."""
+    found: float = row["lever"]
+    if row["bilinear"]:
+        found += max(size(start[2]), size(goal[2]))
+    return found
+
+
+@part
+def slid(row: Row, move: Vector) -> Vector:
+    """A Δ, A = σ + [a]×."""
+    return plus(cross(vector(row["a"]), move), row["sign"], move)
+
+
+@part
+def remainder(row: Row, ends: tuple[End, End], twist: tuple[Vector, Vector], half: tuple[Vector, Vector]) -> float:
+    """What the linear picture of a row leaves over a piece of motion with errors in a box, m.
+
+    Args:
+        row: the row.
+        ends: what turns, at both ends.
+        twist: Δ and τ of the piece, m and rad.
+        half: half-widths of the box around the errors, m and rad.
+    """
+    if row["bilinear"]:
+        return _bent(row, ends, twist, half)
+    return _straight(row, ends, twist, half)
+
+
+@part
+def swung(v: Vector, angles: Vector, theta: float) -> float:
+    """Bound of |ε × v| for all ε in a box of half-widths `angles`, |ε| ≤ θ."""
+    x, y, z = abs(v[0]), abs(v[1]), abs(v[2])
+    sides = (y * angles[2] + z * angles[1], z * angles[0] + x * angles[2], x * angles[1] + y * angles[0])
+    return min(size(sides), theta * size(v))
+
+
+@part
+def _straight(row: Row, ends: tuple[End, End], twist: tuple[Vector, Vector], half: tuple[Vector, Vector]) -> float:
+    """The remainder of a row without b."""
+    turn, angles, u, w = twist[1], half[1], vector(row["u"]), ends[0][0]
+    theta, swept = size(angles), size(cross(turn, w))
+    most = max(swung(w, angles, theta), swung(ends[1][0], angles, theta)) + 0.5 * theta * swept
+    left = 0.5 * (min(most, theta * size(w)) + swept)
+    return swung(u, angles, theta) * left + size(cross(turn, u)) * (0.125 * swept)
+
+
+@part
+def _bent(row: Row, ends: tuple[End, End], twist: tuple[Vector, Vector], half: tuple[Vector, Vector]) -> float:
+    """The remainder of a bilinear row."""
+    (move, turn), (offset, angles), a = twist, half, vector(row["a"])
+    theta, tau, arm = size(angles), size(turn), reach(row, ends[0], ends[1])
+    x, y, z = abs(a[0]), abs(a[1]), abs(a[2])
+    sides = (z * offset[1] + y * offset[2], z * offset[0] + x * offset[2], y * offset[0] + x * offset[1])
+    felt, seen = size(plus(sides, abs(row["sign"]), offset)), size(slid(row, move))
+    second, chord, turning = 0.0, 0.0, 0.0
+    for end in ends:
+        second = max(second, _drawn(row, end, offset, angles))
+        moving, spinning = _changed(row, end, move, turn)
+        chord = max(chord, abs(dot(moving, move) + dot(spinning, turn)))
+        for i in range(3):
+            turning += abs(moving[i]) * offset[i] + abs(spinning[i]) * angles[i]
+    chord = 0.125 * chord + tau**2 * (tau * arm + 3.0 * seen) / 16.0
+    third = theta**2 * ((theta / 6.0 + 0.25 * tau) * arm + 0.5 * felt + 0.25 * seen) + 0.5 * theta * tau * felt
+    third += 0.125 * tau * (theta * tau * arm + tau * felt + 2.0 * theta * seen)
+    coarse = (0.5 * theta**2 + tau**2 / 8.0 + 0.5 * tau * theta) * arm
+    coarse += (theta + 0.5 * tau) * felt + (0.25 * tau + 0.5 * theta) * seen
+    return min(second + chord + 0.25 * turning + third, coarse)
+
+
+@part
+def _drawn(row: Row, end: End, offset: Vector, angles: Vector) -> float:
+    """The most of a bilinear row's Hessian at an end: ½ ε·G ε and ε·[b]× A d over the box of the errors."""
+    u, a, sign = vector(row["u"]), vector(row["a"]), row["sign"]
+    w, b, y = end
+    trace, found = dot(u, w) + dot(b, y), 0.0
+    for i in range(3):
+        found += 0.5 * abs(trace - w[i] * u[i] - b[i] * y[i]) * angles[i] * angles[i]
+        for j in range(i):
+            found += 0.5 * abs(w[i] * u[j] + b[i] * y[j] + w[j] * u[i] + b[j] * y[i]) * angles[i] * angles[j]
+    columns = (sign, a[2], -a[1]), (-a[2], sign, a[0]), (a[1], -a[0], sign)
+    for j in range(3):
+        mixed = cross(b, columns[j])
+        found += offset[j] * (abs(mixed[0]) * angles[0] + abs(mixed[1]) * angles[1] + abs(mixed[2]) * angles[2])
+    return found
+
+
+@part
+def _changed(row: Row, end: End, move: Vector, turn: Vector) -> tuple[Vector, Vector]:
+    """J: how a row's gradient changes along the path, Aᵀ(τ × b) and b × A Δ − G τ."""
+    u, (w, b, y) = vector(row["u"]), end
+    pulled = cross(turn, b)
+    spun = plus(plus(cross(b, slid(row, move)), dot(u, turn), w), dot(y, turn), b)
+    return plus(cross(pulled, vector(row["a"])), row["sign"], pulled), plus(spun, -dot(u, w) - dot(b, y), turn)
+
+
+@part
+def power(row: Row, end: End, move: Vector, turn: Vector) -> tuple[Vector, Vector]:
+    """How N·V, V = (Δ, τ), changes with a small error: Aᵀ(τ × b) and b × A Δ − Gᵀ τ."""
+    u, (w, b, y) = vector(row["u"]), end
+    pulled = cross(turn, b)
+    spun = plus(plus(cross(b, slid(row, move)), dot(w, turn), u), dot(b, turn), y)
+    return plus(cross(pulled, vector(row["a"])), row["sign"], pulled), plus(spun, -dot(u, w) - dot(b, y), turn)
