@@ -12,6 +12,7 @@ from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.paper import as_in_the_paper
 from fmopt.certificate.segment import Tolerance
 from fmopt.compiled import clock
+from fmopt.control.strategy import least_firm, least_steady, runs_against
 from fmopt.errors import FmoptError, InfeasibleError, SearchError
 from fmopt.geometry.clearance import Clearance
 from fmopt.placement.attitude import Image, images
@@ -24,7 +25,6 @@ from fmopt.placement.shapes import likely_shapes, room
 from fmopt.placement.socp import ClarabelSolver
 from fmopt.placement.step import Costs, Task
 from fmopt.placement.tune import Limits, deepened, tuned
-from fmopt.plan_record import least_firm, least_steady, runs_against
 from fmopt.se3 import Pose
 from fmopt.task.clearance import characteristic_length, drift
 from fmopt.task.problem import Problem

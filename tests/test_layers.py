@@ -85,9 +85,11 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "distributed": frozenset({"study/cluster.py"}),
     "polars": frozenset({"study/__init__.py", "study/outcome.py", "study/table.py", "desk/plan.py"}),
     "sympy": frozenset(
-        {"symbolic.py", "contact/surface.py", "uncertainty/planar/surface.py", "nominal/symbolic_diagram.py"}
+        {"symbolic.py", "uncertainty/planar/surface.py", "nominal/symbolic_diagram.py"}
+        | {"contact/algebra.py", "contact/derive.py", "contact/generate.py"}
     ),
-    "casadi": frozenset({"symbolic.py", "contact/surface.py", "placement/formation.py"}),
+    "casadi": frozenset({"symbolic.py", "contact/algebra.py", "placement/formation.py"}),
+    "mpmath": frozenset({"contact/algebra.py"}),
     "clarabel": frozenset({"placement/socp.py"}),
     "daqp": frozenset({"placement/lp.py", "placement/sqp.py", "placement/vertex.py"}),
     "cvxpy": frozenset({"placement/program.py"}),

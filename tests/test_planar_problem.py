@@ -17,6 +17,7 @@ from searched import task_of
 from fmopt import synthesis
 from fmopt.contact.primitive import Kind, PrimitiveContact, vertex_face
 from fmopt.contact.surface import Surfaces
+from fmopt.control.strategy import _touching
 from fmopt.errors import InputError, SearchError
 from fmopt.placement.entry import Entry, planar_entries
 from fmopt.placement.explore import IN_PLANE, freedoms
@@ -26,7 +27,6 @@ from fmopt.placement.sequence import Placed, certified
 from fmopt.placement.shapes import roomy_in_plane
 from fmopt.placement.share import ATTEMPTS, largest_share
 from fmopt.placement.step import Task
-from fmopt.plan_record import _touching
 from fmopt.se3 import Pose
 from fmopt.task.clearance import measured_clearance
 from fmopt.task.explain import explain, facts

@@ -219,7 +219,7 @@ def _tolerated(solved: Solved) -> dict[str, Scalar]:
 
 def _bias(solved: Solved) -> dict[str, Scalar]:
     """Whether every held contact can be held while the next is felt: the least normal force over all segments."""
-    from fmopt.plan_record import bounded, strategy
+    from fmopt.control.strategy import bounded, strategy
 
     moved = solved.moved
     least, push = float("inf"), 0.0

@@ -1,0 +1,183 @@
+"""How each piece of a certified motion is controlled: its guarded move, its strategy, and how surely contacts hold."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from fmopt.certificate.claim import Claim
+from fmopt.certificate.curvature import Curvature
+from fmopt.certificate.functions import contact_rows
+from fmopt.certificate.knowledge import Assembly
+from fmopt.certificate.segment import Tolerance
+from fmopt.contact.bounds import BoundTable
+from fmopt.contact.primitive import Kind, PrimitiveContact
+from fmopt.contact.surface import Surfaces
+from fmopt.contact.wrench import contact_point, contact_wrench
+from fmopt.control.bias import GuardedMove, firmness, steadiness, turns
+from fmopt.control.hybrid import hybrid_strategy
+from fmopt.control.impact import Meeting, approach_speed, impact_record, slowed
+from fmopt.control.jamming import jam_free
+from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.se3 import Pose, cross
+from fmopt.task.problem import Problem
+from fmopt.values import Array
+
+_NEAR = 4.0  # bounds of its errors before its goal from where on a move is run as if it might meet its contacts
+_CLOSED = 1e-12  # m; contacts nearer than this touch
+
+
+def bounded(claims: Sequence[Claim], rho: float) -> Iterator[tuple[Claim, float]]:
+    """With each piece how much longer or shorter than planned the way to its end may be, m in the metric of ρ.
+
+    The certificate follows executions that go farther in each piece of a move alike. A robot goes all pieces as far as
+    planned but the last, for which the overtravel of all of them is left.
+    """
+    late = 0.0
+    for claim in claims:
+        step = claim.advance
+        extent = step.ends.extent
+        late = step.overtravel * step.length + (late if claim.piece.progress[0] > 0.0 else 0.0)
+        yield claim, max(float(np.linalg.norm(extent.offset)) + rho * extent.theta, late)
+
+
+def strategy(
+    problem: Problem, assembly: Assembly, claim: Claim, tolerance: Tolerance, bound: float, *, ranges: bool = False
+) -> dict[str, Any]:
+    """The control strategy of a piece as the plan file holds it, from the contacts that touch at its goal.
+
+    Its `bound` is the one of `bounded`. With `ranges` it tells the jam-free range of its applied wrench, where it
+    holds contacts.
+
+    Raises:
+        InfeasibleError: no bias force holds the contacts.
+    """
+    move, held, made = _guarded(problem, assembly, claim, bound)
+    approach = _approach(problem, claim, move, tolerance)
+    specification = problem.specification if approach is None else slowed(problem.specification, approach)
+    hybrid = hybrid_strategy(move, tolerance.rho, specification)
+    document = hybrid.document([c.id for c in held], [c.id for c in made])
+    if approach is not None:
+        document["impact"] = impact_record(specification, approach)
+    free = jam_free(move, hybrid, tolerance.rho, specification) if ranges else None
+    return document if free is None else {**document, "jam_free": free.document()}
+
+
+def runs_against(problem: Problem, assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance) -> bool:
+    """Whether every piece of a motion runs against the contact that ends its move, so that it can be felt."""
+    return all(move.approaches for move in _guarded_moves(problem, assembly, claims, tolerance))
+
+
+def least_firm(problem: Problem, assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance) -> float:
+    """The firmness of the least firm piece of a motion."""
+    slides = _guarded_moves(problem, assembly, claims, tolerance, turning=False)
+    return min((firmness(move, tolerance.rho, problem.specification) for move in slides), default=1.0)
+
+
+def least_steady(problem: Problem, assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance) -> float:
+    """The steadiness of the least steady piece of a motion."""
+    turned = _guarded_moves(problem, assembly, claims, tolerance, turning=True)
+    return min((steadiness(move, tolerance.rho, problem.specification) for move in turned), default=1.0)
+
+
+def _guarded_moves(
+    problem: Problem,
+    assembly: Assembly,
+    claims: Sequence[Claim],
+    tolerance: Tolerance,
+    turning: bool | None = None,
+) -> Iterator[GuardedMove]:
+    """The guarded moves of pieces that go to a contact; of those alone that hold some and turn, or that do not turn."""
+    for claim, bound in bounded(claims, tolerance.rho):
+        piece = claim.piece
+        asked = turning is None or (piece.held and turns(piece.start.local(piece.goal), tolerance.rho) == turning)
+        if piece.making and asked:
+            yield _guarded(problem, assembly, claim, bound)[0]
+
+
+def _guarded(
+    problem: Problem, assembly: Assembly, claim: Claim, bound: float
+) -> tuple[GuardedMove, list[PrimitiveContact], list[PrimitiveContact]]:
+    """The guarded move of a piece, and the contacts that it holds and makes."""
+    piece = claim.piece
+    touching = _touching(problem, tuple(dict.fromkeys((*piece.held, *piece.making))), piece.goal)
+    held, made = ([c for c in contacts if c in touching] for contacts in (piece.held, piece.making))
+    begun, done = piece.progress
+    rest = (1.0 - done) / (done - begun) * claim.advance.length
+    points, wrenches = _pushes(problem, held, piece.goal)
+    move = GuardedMove(
+        piece.goal,
+        piece.start.local(piece.goal),
+        wrenches,
+        points,
+        _pushes(problem, made, piece.goal)[1],
+        bound,
+        _resisting(assembly, held, claim),
+        rest < _NEAR * bound,
+    )
+    return move, held, made
+
+
+def _pushes(problem: Problem, contacts: Sequence[PrimitiveContact], pose: Pose) -> tuple[Array, Array]:
+    """The points (m, 3) of contacts and their wrenches (m, 6) for a unit normal force, at a pose of the moving part."""
+    parts = problem.moving.polyhedron, problem.fixed.polyhedron
+    points = np.array([contact_point(c, *parts, pose) for c in contacts]).reshape(-1, 3)
+    return points, np.array([contact_wrench(c, *parts, pose) for c in contacts]).reshape(-1, 6)
+
+
+def _approach(problem: Problem, claim: Claim, move: GuardedMove, tolerance: Tolerance) -> float | None:
+    """The normal speed at which a unit twist may meet what ends a piece; None where no impact is limited or comes."""
+    piece = claim.piece
+    if problem.specification.impact_force is None or not piece.making:
+        return None
+    body, fixed = problem.moving.polyhedron, problem.fixed.polyhedron
+    meetings = [Meeting.of(c, body, fixed, piece.goal) for c in piece.making]
+    V = move.direction(tolerance.rho)
+    theta = claim.advance.ends.extent.theta + float(np.linalg.norm(move.displacement[3:]))
+    return approach_speed(meetings, V, theta, tolerance.velocity_error, tolerance.rho)
+
+
+def _resisting(assembly: Assembly, held: Sequence[PrimitiveContact], claim: Claim) -> Callable[[Array], float]:
+    """How much work (J) normal forces of contacts may take from a piece of motion as errors at its goal turn them."""
+    ends = claim.advance.ends
+
+    @cache
+    def power() -> Array:
+        rows = contact_rows(assembly, held, (), ends.goal)
+        turned = Curvature.of(rows, rows, ends.extent.twist).power()
+        return np.asarray(turned / np.linalg.norm(rows.N[:, :3], axis=1)[:, None])
+
+    return lambda forces: float(ends.goal_set.support(forces @ power()))
+
+
+def _touching(problem: Problem, contacts: tuple[PrimitiveContact, ...], pose: Pose) -> set[PrimitiveContact]:
+    """The contacts whose point lies on both features; of those listed because either may touch, the one that does.
+
+    One that the part has yet to come to counts as if it touched where it is nearest now.
+    """
+    body, fixed = problem.moving.polyhedron, problem.fixed.polyhedron
+    clear = [c for c in contacts if not _level(c, body, fixed, pose)]
+    if not clear:
+        return set()
+    f, N = Surfaces.of(clear, body, fixed).values_and_rows(pose)
+    closed = [([c for c, distance in zip(clear, f, strict=True) if abs(distance) <= _CLOSED], pose)]
+    for c, distance, row in zip(clear, f, N, strict=True):
+        if abs(distance) > _CLOSED:
+            closed.append(([c], Pose(pose.p - distance * row[:3], pose.R)))
+    found = set[PrimitiveContact]()
+    for together, at in closed:
+        inside = BoundTable.of(together, body, fixed, at).insides(at)
+        found.update(c for c, depth in zip(together, inside, strict=True) if depth > -1e-9)
+    return found
+
+
+def _level(contact: PrimitiveContact, body: Polyhedron, fixed: Polyhedron, pose: Pose) -> bool:
+    """Whether an edge runs level with the edge it is listed with, so that they cross in no one point."""
+    if contact.kind is not Kind.EDGE_EDGE:
+        return False
+    a, b = pose.apply(body.vertices[list(contact.moving)])
+    c, d = fixed.vertices[list(contact.fixed)]
+    return bool(np.linalg.norm(cross(b - a, d - c)) < 1e-3 * np.linalg.norm(b - a) * np.linalg.norm(d - c))
