@@ -114,7 +114,7 @@ def test_shortages_are_what_the_formula_says(near: Neighbourhood, room: float) -
     at, slope, square, held = near.functions, np.zeros(6), np.zeros((6, 6)), work(near)
     for on, T in zip(some(near, 60), scattered(near, 60).matrices, strict=True):
         size, count = descent._short(at, on, T, room, held)
-        descent._pull(at.tables, at.scale, at.limits, T, count, held.asked, held.beyond, held.x, slope, square)
+        descent._pull(at, T, count, held, slope, square)
         expected, pull, product = plain(near, on, Pose(T[:, 3], T[:, :3]), room)
         assert size == pytest.approx(expected, rel=1e-11, abs=1e-12)
         np.testing.assert_allclose(slope, pull, rtol=1e-9, atol=1e-9)

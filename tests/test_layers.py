@@ -18,6 +18,7 @@ PACKAGE = Path(fmopt.__file__).parent
 # From the ground up. A room sees every lower floor, never its own: rooms of one floor do not know each other.
 FLOORS: tuple[frozenset[str], ...] = (
     frozenset({"errors", "values", "symbolic", "memory", "compiled", "escape"}),
+    frozenset({"kernels"}),
     frozenset({"output", "child"}),
     frozenset({"process"}),
     frozenset({"se3", "ellipsoid", "plane", "framing"}),
@@ -59,7 +60,19 @@ ONLY: dict[str, frozenset[str]] = {
     "nominal": frozenset({"knowledge", "geometry", "plane", "se3", "compiled", "values", "errors"}),
     "uncertainty": frozenset({"ellipsoid", "framing", "plane", "se3", "symbolic", "values", "errors"}),
     "certificate": frozenset(
-        {"contact", "uncertainty", "geometry", "plan", "ellipsoid", "se3", "memory", "compiled", "values", "errors"}
+        {
+            "contact",
+            "uncertainty",
+            "geometry",
+            "plan",
+            "ellipsoid",
+            "se3",
+            "memory",
+            "kernels",
+            "compiled",
+            "values",
+            "errors",
+        }
     ),
     "console": frozenset({"report", "plan", "escape", "errors"}),
     APART: frozenset(),

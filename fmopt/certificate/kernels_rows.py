@@ -9,12 +9,12 @@ which is what definitions of contacts come to (`form`). What the formulas of rem
 
 from __future__ import annotations
 
-import math
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from fmopt.compiled import part
+from fmopt.kernels import Vector, cross, dot, plus, size, swung, turned, vector
 from fmopt.values import Array
 
 ROW = np.dtype(
@@ -35,7 +35,6 @@ ROW = np.dtype(
 
 Table: TypeAlias = Any  # rows (k,)
 Row: TypeAlias = Any
-Vector: TypeAlias = tuple[float, float, float]
 End: TypeAlias = tuple[Vector, Vector, Vector]
 
 
@@ -59,46 +58,6 @@ class Bending(NamedTuple):
     table: Table
     turned: Turned
     twist: Array
-
-
-@part
-def vector(x: Array) -> Vector:
-    """Three numbers."""
-    return x[0], x[1], x[2]
-
-
-@part
-def cross(a: Vector, b: Vector) -> Vector:
-    """a × b."""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-@part
-def dot(a: Vector, b: Vector) -> float:
-    """a·b."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@part
-def size(a: Vector) -> float:
-    """|a|."""
-    return math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
-
-
-@part
-def plus(a: Vector, share: float, b: Vector) -> Vector:
-    """a + share b."""
-    return a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2]
-
-
-@part
-def turned(R: Array, a: Vector) -> Vector:
-    """R a."""
-    return (
-        R[0, 0] * a[0] + R[0, 1] * a[1] + R[0, 2] * a[2],
-        R[1, 0] * a[0] + R[1, 1] * a[1] + R[1, 2] * a[2],
-        R[2, 0] * a[0] + R[2, 1] * a[1] + R[2, 2] * a[2],
-    )
 
 
 @part
@@ -143,14 +102,6 @@ def remainder(row: Row, ends: tuple[End, End], twist: tuple[Vector, Vector], hal
     if row["bilinear"]:
         return _bent(row, ends, twist, half)
     return _straight(row, ends, twist, half)
-
-
-@part
-def swung(v: Vector, angles: Vector, theta: float) -> float:
-    """Bound of |ε × v| for all ε in a box of half-widths `angles`, |ε| ≤ θ."""
-    x, y, z = abs(v[0]), abs(v[1]), abs(v[2])
-    sides = (y * angles[2] + z * angles[1], z * angles[0] + x * angles[2], x * angles[1] + y * angles[0])
-    return min(size(sides), theta * size(v))
 
 
 @part

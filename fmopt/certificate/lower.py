@@ -11,20 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.certificate.kernels_rows import (
-    End,
-    Row,
-    Table,
-    Vector,
-    cross,
-    reach,
-    remainder,
-    size,
-    turned,
-    value,
-    vector,
-)
+from fmopt.certificate.kernels_rows import End, Row, Table, reach, remainder, value
 from fmopt.compiled import compiled, part
+from fmopt.kernels import Vector, cross, size, turned, vector
 from fmopt.values import Array
 
 Mask = NDArray[np.bool_]
@@ -180,26 +169,23 @@ def _count(w: int, table: Table, witnesses: Witnesses, motion: Motion, n: int, w
 
 @part
 def _margin(
-    w: int, table: Table, witnesses: Witnesses, motion: Motion, n: int, asked: tuple[float, float], which: Mask
+    which: Mask, first: int, table: Table, motion: Motion, n: int, asked: tuple[float, float]
 ) -> tuple[float, float]:
     """Margin and clearance of a witness; of one that cannot have the margin asked for, some margin below that.
 
     Args:
-        w: the witness.
+        which: of its rows count.
+        first: of its rows in the table.
         table: the rows of all witnesses.
-        witnesses: how they are listed.
         motion: pieces.
         n: which piece.
         asked: what margins are divided by, and the margin asked for, m.
-        which: filled in with the rows that count.
     """
     scale, least = asked
-    _count(w, table, witnesses, motion, n, which)
-    first = witnesses.begins[w]
     margin, clearance = np.inf, np.inf
-    for k in range(first, witnesses.begins[w + 1]):
-        if which[k - first]:
-            nominal, lower = _bounds(table[k], motion, n)
+    for k in range(len(which)):
+        if which[k]:
+            nominal, lower = _bounds(table[first + k], motion, n)
             margin, clearance = min(margin, lower / scale), min(clearance, nominal / scale)
             if margin < least:
                 break
@@ -253,7 +239,9 @@ def best(
             i = _widest(rooms)
             while rooms[i] >= max(most, -grazing):
                 w, rooms[i] = all_places[m, i], -np.inf
-                margin, clear = _margin(w, table, witnesses, motion, n, (scales[w], most), which)
+                rows = which[: begins[w + 1] - begins[w]]
+                _count(w, table, witnesses, motion, n, rows)
+                margin, clear = _margin(rows, begins[w], table, motion, n, (scales[w], most))
                 if clear >= -grazing and (margin > most or (margin == most and i < at)):
                     at, most, found[n, m], margins[n, m], clearances[n, m] = i, margin, w, margin, clear
                 i = _widest(rooms)

@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.certificate import form
-from fmopt.certificate.kernels_rows import ROW, Table, Turned, value, vector
+from fmopt.certificate.kernels_rows import ROW, Table, Turned, value
 from fmopt.compiled import compiled
 from fmopt.contact import definitions
+from fmopt.kernels import vector
 from fmopt.se3 import Pose
 from fmopt.values import Array
 

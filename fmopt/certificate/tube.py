@@ -10,8 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmopt.certificate.kernels_rows import Bending, End, Turned, Vector, power, reach, remainder, size, vector
+from fmopt.certificate.kernels_rows import Bending, End, Turned, power, reach, remainder
 from fmopt.compiled import compiled, part
+from fmopt.kernels import Vector, size, vector
 from fmopt.values import Array
 
 _ROUNDS = 80

@@ -6,18 +6,18 @@ What contacts and their bounds ask of a pose is told in `fmopt.contact.meet`; he
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.compiled import compiled, part
 from fmopt.contact.kernels_generated import Tables, height, number_of, regularity, wrench
+from fmopt.kernels import Vector, cross, dot
 from fmopt.values import Array
 
 Bits = NDArray[np.bool_]
 Numbers = NDArray[np.int64]
-Vector: TypeAlias = tuple[float, float, float]
 
 _ROUNDS = 90
 _NOTHING = 1e-11  # scaled units; a shortage of no more is none
@@ -94,7 +94,7 @@ def descended(at: Functions, on: Bits, T: Array, room: float) -> tuple[Array, Ar
             if better:
                 now = new
                 _copy(trial, found[i])
-                _pull(at.tables, at.scale, at.limits, trial, count, work.asked, work.beyond, work.x, slope, square)
+                _pull(at, trial, count, work, slope, square)
             final[i] = now <= _NOTHING or _length(slope) <= _LEVEL * now
             if tried % _PAUSE == _PAUSE - 1:
                 # What it comes to after more pauses that take as large a share as the last.
@@ -160,7 +160,7 @@ def _short(at: Functions, on: Bits, T: Array, room: float, work: _Work) -> tuple
     These, and all else that `_pull` needs, are left in `work`.
     """
     f, asked, unit, count = work.f, work.asked, at.scale[0], 0
-    ends, signs, places, beginning = at.bounds
+    ends, signs = at.bounds[0], at.bounds[1]
     _heights(at.tables, T, f)
     total = _exceed(at.limits, at.scale, at.T, T, work.x, work.beyond)
     for i in range(len(on)):
@@ -171,7 +171,7 @@ def _short(at: Functions, on: Bits, T: Array, room: float, work: _Work) -> tuple
             count += 1
         elif height >= unit * room:
             continue
-        inside, bound, ended = _innermost(ends, signs, places, beginning, i, f, on)
+        inside, bound, ended = _innermost(at.bounds, i, f, on)
         short = (inside if on[i] else max(-inside, height)) / unit - room
         if short < 0.0 and (on[i] or not ended):
             asked[count, 0], asked[count, 1], asked[count, 2] = number, 1.0, short
@@ -184,9 +184,10 @@ def _short(at: Functions, on: Bits, T: Array, room: float, work: _Work) -> tuple
 
 @part
 def _innermost(
-    ends: Numbers, signs: Numbers, places: Numbers, beginning: Numbers, i: int, f: Array, on: Bits
+    bounds: tuple[Numbers, Numbers, Numbers, Numbers], i: int, f: Array, on: Bits
 ) -> tuple[float, int, bool]:
     """How far inside its bounds contact i is, m, which bound that is, and whether it ends where one of `on` begins."""
+    ends, signs, places, beginning = bounds
     inside, bound, ended = np.inf, 0, False
     for c in range(places.shape[1]):
         best, which = -np.inf, 0
@@ -231,25 +232,15 @@ def _exceed(limits: Array, scale: Array, T0: Array, T: Array, x: Array, beyond: 
 
 
 @part
-def _pull(
-    tables: Tables,
-    scale: Array,
-    limits: Array,
-    T: Array,
-    count: int,
-    asked: Array,
-    beyond: Array,
-    row: Array,
-    slope: Array,
-    square: Array,
-) -> None:
+def _pull(at: Functions, T: Array, count: int, work: _Work, slope: Array, square: Array) -> None:
     """Jᵀr (6,) into `slope` and the lower half of JᵀJ (6, 6) into `square`, scaled, of what `_short` found."""
+    scale, asked, beyond, row = at.scale, work.asked, work.beyond, work.x
     for a in range(6):
         slope[a] = 0.0
         for b in range(6):
             square[a, b] = 0.0
     for n in range(count):
-        _surface(tables, int(asked[n, 0]), T, row)
+        _surface(at.tables, int(asked[n, 0]), T, row)
         share = asked[n, 1] / scale[0]
         for a in range(6):
             row[a] *= share * scale[a]
@@ -257,7 +248,7 @@ def _pull(
     for w in range(len(beyond)):
         if beyond[w] < 0.0:
             for a in range(6):
-                row[a] = limits[a, w]
+                row[a] = at.limits[a, w]
             _add(row, beyond[w], slope, square)
 
 
@@ -347,12 +338,12 @@ def _shortest(rows: Array, rank: int, step: Array) -> None:
 def _move(scale: Array, step: Array, T: Array, moved: Array) -> None:
     """The pose at scaled local coordinates (6,) around another; see `fmopt.se3.turns`."""
     w = (scale[3] * step[3], scale[4] * step[4], scale[5] * step[5])
-    square = _dot(w, w)
+    square = dot(w, w)
     angle = max(math.sqrt(square), 1e-9)
     a, b = math.sin(angle) / angle, 2.0 * (math.sin(0.5 * angle) / angle) ** 2
     for j in range(3):
         column = _column(T, 0, j)
-        aside, along = _cross(w, column), _dot(w, column)
+        aside, along = cross(w, column), dot(w, column)
         for i in range(3):
             moved[i, j] = (1.0 - b * square) * column[i] + a * aside[i] + b * along * w[i]
         moved[j, 3] = T[j, 3] + scale[j] * step[j]
@@ -395,16 +386,6 @@ def _position(T: Array) -> Vector:
 @part
 def _column(table: Array, n: int, j: int) -> Vector:
     return table[n, j], table[n + 1, j], table[n + 2, j]
-
-
-@part
-def _cross(a: Vector, b: Vector) -> Vector:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-@part
-def _dot(a: Vector, b: Vector) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @part

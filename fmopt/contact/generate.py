@@ -27,20 +27,12 @@ from typing import Any, TypeAlias
 from numpy import sqrt
 
 from fmopt.compiled import compiled, part
+from fmopt.kernels import turned, vector
 from fmopt.values import Array
 
 Tables: TypeAlias = tuple[Any, ...]
 Row: TypeAlias = Any
 Position: TypeAlias = Any
-
-
-@part
-def _turned(R: Array, b: Array) -> tuple[float, float, float]:
-    return (
-        R[0, 0] * b[0] + R[0, 1] * b[1] + R[0, 2] * b[2],
-        R[1, 0] * b[0] + R[1, 1] * b[1] + R[1, 2] * b[2],
-        R[2, 0] * b[0] + R[2, 1] * b[1] + R[2, 2] * b[2],
-    )
 '''
 _COUNT = '''
 
@@ -134,14 +126,14 @@ def _function(kind: Derived, ending: str, outputs: Sequence[Any]) -> str:
 
 def _names(kind: Derived) -> Iterator[str]:
     """What symbols are in a record and a pose."""
-    yield "p_0, p_1, p_2 = p[0], p[1], p[2]"
+    yield "p_0, p_1, p_2 = vector(p)"
     for name, role in CONTACTS[kind.name].roles.items():
         left, numbers = ", ".join(f"{name}_{i}" for i in range(3)), f'row["{name}"]'
         match role:
             case Role.BODY:
-                yield f"{left} = _turned(R, {numbers})"
+                yield f"{left} = turned(R, vector({numbers}))"
             case Role.WORLD:
-                yield f"{left} = {', '.join(f'{numbers}[{i}]' for i in range(3))}"
+                yield f"{left} = vector({numbers})"
             case Role.SCALAR:
                 yield f"{name} = {numbers}"
 

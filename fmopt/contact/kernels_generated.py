@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 from numpy import sqrt
 
 from fmopt.compiled import compiled, part
+from fmopt.kernels import turned, vector
 from fmopt.values import Array
 
 Tables: TypeAlias = tuple[Any, ...]
@@ -19,46 +20,37 @@ Position: TypeAlias = Any
 
 
 @part
-def _turned(R: Array, b: Array) -> tuple[float, float, float]:
-    return (
-        R[0, 0] * b[0] + R[0, 1] * b[1] + R[0, 2] * b[2],
-        R[1, 0] * b[0] + R[1, 1] * b[1] + R[1, 2] * b[2],
-        R[2, 0] * b[0] + R[2, 1] * b[1] + R[2, 2] * b[2],
-    )
-
-
-@part
 def _vertex_face_height(row: Row, p: Position, R: Array) -> Any:
-    p_0, p_1, p_2 = p[0], p[1], p[2]
-    v_0, v_1, v_2 = _turned(R, row["v"])
-    n_0, n_1, n_2 = row["n"][0], row["n"][1], row["n"][2]
+    p_0, p_1, p_2 = vector(p)
+    v_0, v_1, v_2 = turned(R, vector(row["v"]))
+    n_0, n_1, n_2 = vector(row["n"])
     c = row["c"]
     return -c + n_0*(p_0 + v_0) + n_1*(p_1 + v_1) + n_2*(p_2 + v_2)
 
 
 @part
 def _vertex_face_wrench(row: Row, p: Position, R: Array) -> Any:
-    p_0, p_1, p_2 = p[0], p[1], p[2]
-    v_0, v_1, v_2 = _turned(R, row["v"])
-    n_0, n_1, n_2 = row["n"][0], row["n"][1], row["n"][2]
+    p_0, p_1, p_2 = vector(p)
+    v_0, v_1, v_2 = turned(R, vector(row["v"]))
+    n_0, n_1, n_2 = vector(row["n"])
     c = row["c"]
     return (-c + n_0*(p_0 + v_0) + n_1*(p_1 + v_1) + n_2*(p_2 + v_2), n_0, n_1, n_2, -n_1*v_2 + n_2*v_1, n_0*v_2 - n_2*v_0, -n_0*v_1 + n_1*v_0)
 
 
 @part
 def _face_vertex_height(row: Row, p: Position, R: Array) -> Any:
-    p_0, p_1, p_2 = p[0], p[1], p[2]
-    n_0, n_1, n_2 = _turned(R, row["n"])
-    w_0, w_1, w_2 = row["w"][0], row["w"][1], row["w"][2]
+    p_0, p_1, p_2 = vector(p)
+    n_0, n_1, n_2 = turned(R, vector(row["n"]))
+    w_0, w_1, w_2 = vector(row["w"])
     c = row["c"]
     return -c + n_0*(-p_0 + w_0) + n_1*(-p_1 + w_1) + n_2*(-p_2 + w_2)
 
 
 @part
 def _face_vertex_wrench(row: Row, p: Position, R: Array) -> Any:
-    p_0, p_1, p_2 = p[0], p[1], p[2]
-    n_0, n_1, n_2 = _turned(R, row["n"])
-    w_0, w_1, w_2 = row["w"][0], row["w"][1], row["w"][2]
+    p_0, p_1, p_2 = vector(p)
+    n_0, n_1, n_2 = turned(R, vector(row["n"]))
+    w_0, w_1, w_2 = vector(row["w"])
     c = row["c"]
     s0 = -p_0 + w_0
     s1 = -p_1 + w_1
@@ -68,11 +60,11 @@ def _face_vertex_wrench(row: Row, p: Position, R: Array) -> Any:
 
 @part
 def _edge_edge_height(row: Row, p: Position, R: Array) -> Any:
-    p_0, p_1, p_2 = p[0], p[1], p[2]
-    a_0, a_1, a_2 = _turned(R, row["a"])
-    v_0, v_1, v_2 = _turned(R, row["v"])
-    e_0, e_1, e_2 = row["e"][0], row["e"][1], row["e"][2]
-    q_0, q_1, q_2 = row["q"][0], row["q"][1], row["q"][2]
+    p_0, p_1, p_2 = vector(p)
+    a_0, a_1, a_2 = turned(R, vector(row["a"]))
+    v_0, v_1, v_2 = turned(R, vector(row["v"]))
+    e_0, e_1, e_2 = vector(row["e"])
+    q_0, q_1, q_2 = vector(row["q"])
     s0 = a_0*e_1 - a_1*e_0
     s1 = -a_0*e_2 + a_2*e_0
     s2 = a_1*e_2 - a_2*e_1
@@ -82,11 +74,11 @@ def _edge_edge_height(row: Row, p: Position, R: Array) -> Any:
 
 @part
 def _edge_edge_wrench(row: Row, p: Position, R: Array) -> Any:
-    p_0, p_1, p_2 = p[0], p[1], p[2]
-    a_0, a_1, a_2 = _turned(R, row["a"])
-    v_0, v_1, v_2 = _turned(R, row["v"])
-    e_0, e_1, e_2 = row["e"][0], row["e"][1], row["e"][2]
-    q_0, q_1, q_2 = row["q"][0], row["q"][1], row["q"][2]
+    p_0, p_1, p_2 = vector(p)
+    a_0, a_1, a_2 = turned(R, vector(row["a"]))
+    v_0, v_1, v_2 = turned(R, vector(row["v"]))
+    e_0, e_1, e_2 = vector(row["e"])
+    q_0, q_1, q_2 = vector(row["q"])
     s0 = a_0*e_1 - a_1*e_0
     s1 = -a_0*e_2 + a_2*e_0
     s2 = a_1*e_2 - a_2*e_1
@@ -108,8 +100,8 @@ def _edge_edge_wrench(row: Row, p: Position, R: Array) -> Any:
 
 @part
 def _edge_edge_regularity(row: Row, p: Position, R: Array) -> Any:
-    a_0, a_1, a_2 = _turned(R, row["a"])
-    e_0, e_1, e_2 = row["e"][0], row["e"][1], row["e"][2]
+    a_0, a_1, a_2 = turned(R, vector(row["a"]))
+    e_0, e_1, e_2 = vector(row["e"])
     return ((a_0*e_1 - a_1*e_0) * (a_0*e_1 - a_1*e_0)) + ((-a_0*e_2 + a_2*e_0) * (-a_0*e_2 + a_2*e_0)) + ((a_1*e_2 - a_2*e_1) * (a_1*e_2 - a_2*e_1))
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.compiled import compiled, part
+from fmopt.kernels import Vector, cross, dot, row, size, swung, turned
 from fmopt.values import Array
 
 SHARES = 9  # planes tried through an edge in each pass
@@ -20,7 +21,6 @@ _PASSES = 3
 _REFINED = 6  # edges of a pair that are looked at more closely
 
 Places = NDArray[np.intp]
-Vector = tuple[float, float, float]
 Moving = tuple[Array, Array, Array, Places, Array, Array, Array]
 """Pieces of motion (n), as `fmopt.certificate.lower.Motion` lists them."""
 
@@ -70,43 +70,6 @@ class Reached(NamedTuple):
 
 
 @part
-def _cross(a: Vector, b: Vector) -> Vector:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-@part
-def _dot(a: Vector, b: Vector) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@part
-def _size(a: Vector) -> float:
-    return math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
-
-
-@part
-def _swung(a: Vector, angles: Vector) -> float:
-    """Bound of |ε × a| for all ε in a box of half-widths `angles`."""
-    x, y, z = abs(a[0]), abs(a[1]), abs(a[2])
-    sides = (y * angles[2] + z * angles[1], z * angles[0] + x * angles[2], x * angles[1] + y * angles[0])
-    return min(_size(sides), _size(angles) * _size(a))
-
-
-@part
-def _three(array: Array, n: int) -> Vector:
-    return array[n, 0], array[n, 1], array[n, 2]
-
-
-@part
-def _arm(R: Array, v: Vector) -> Vector:
-    return (
-        R[0, 0] * v[0] + R[0, 1] * v[1] + R[0, 2] * v[2],
-        R[1, 0] * v[0] + R[1, 1] * v[1] + R[1, 2] * v[2],
-        R[2, 0] * v[0] + R[2, 1] * v[1] + R[2, 2] * v[2],
-    )
-
-
-@part
 def _reached(body: Array, motion: Moving) -> Reached:
     """How far vertices (v, 3) of the moving piece reach."""
     p, R, columns, cuts, twist, half, coupling = motion
@@ -115,23 +78,23 @@ def _reached(body: Array, motion: Moving) -> Reached:
     tilted, arc = np.empty((pieces, count)), np.empty((pieces, count))
     angles, turns, linked = half[:, 3:], twist[:, 3:], np.empty((pieces, count))
     for n in range(pieces):
-        box, turn = _three(angles, n), _three(turns, n)
+        box, turn = row(angles, n), row(turns, n)
         for v in range(count):
-            start, goal = _arm(R[0, n], _three(body, v)), _arm(R[1, n], _three(body, v))
+            start, goal = turned(R[0, n], row(body, v)), turned(R[1, n], row(body, v))
             for e in range(2):
                 x = start if e == 0 else goal
                 for i in range(3):
                     vertices[e, n, i, v] = x[i] + p[e, n, i]
                 for c in range(columns.shape[2]):
                     C = columns[e, n, c]
-                    moving = _cross((C[3], C[4], C[5]), x)
+                    moving = cross((C[3], C[4], C[5]), x)
                     for i in range(3):
                         moved[e, n, c, i, v] = C[i] + moving[i]
-            swept = _size(_cross(turn, start))
-            most = max(_swung(start, box), _swung(goal, box)) + 0.5 * _size(box) * swept
-            tilted[n, v] = 0.5 * (min(most, _size(box) * _size(start)) + swept)
+            swept = size(cross(turn, start))
+            most = max(swung(start, box, size(box)), swung(goal, box, size(box))) + 0.5 * size(box) * swept
+            tilted[n, v] = 0.5 * (min(most, size(box) * size(start)) + swept)
             arc[n, v] = 0.125 * swept
-            linked[n, v] = coupling[n, 0] + coupling[n, 1] * _size(_three(body, v))
+            linked[n, v] = coupling[n, 0] + coupling[n, 1] * size(row(body, v))
     return Reached(vertices, moved, cuts, tilted, arc, linked, angles, turns)
 
 
@@ -183,7 +146,8 @@ def _lower(normal: Vector, reached: Reached, n: int, work: Array) -> float:
             inside = work[0, v] + math.sqrt(work[1, v]) + math.sqrt(work[2, v])
             reach = min(math.sqrt(work[3, v]), inside) + work[4, v]
             work[5, v] = min(work[5, v], height - reach)
-    tilt, lean, found = _swung(normal, _three(angles, n)), _size(_cross(_three(turn, n), normal)), np.inf
+    box = row(angles, n)
+    tilt, lean, found = swung(normal, box, size(box)), size(cross(row(turn, n), normal)), np.inf
     for v in range(count):
         found = min(found, work[5, v] - (tilt * tilted[n, v] + lean * arc[n, v]) - linked[n, v])
     return found
@@ -196,8 +160,8 @@ def _between(arcs: Array, k: int, low: float, high: float, share: int) -> Vector
     x = (1.0 - w) * arcs[k, 0, 0] + w * arcs[k, 1, 0]
     y = (1.0 - w) * arcs[k, 0, 1] + w * arcs[k, 1, 1]
     z = (1.0 - w) * arcs[k, 0, 2] + w * arcs[k, 1, 2]
-    size = _size((x, y, z))
-    return x / size, y / size, z / size
+    far = size((x, y, z))
+    return x / far, y / far, z / far
 
 
 class Kept(NamedTuple):
@@ -227,14 +191,14 @@ def _hopeful(edges: Edges, reached: Reached, work: Array) -> NDArray[np.bool_]:
     which, offsets, cuts = edges.which, edges.offsets, edges.cuts
     for n in range(len(reached.turn)):
         for q in range(len(nominal)):
-            nominal[q] = _nominal(_three(edges.normals, q), reached.vertices, n)[0]
+            nominal[q] = _nominal(row(edges.normals, q), reached.vertices, n)[0]
         for m in range(len(edges.corners)):
             widest, room = 0, -np.inf
             for k in range(cuts[m], cuts[m + 1]):
                 for s in range(SHARES):
                     if nominal[which[k, s]] - offsets[k, s] > room:
                         widest, room = which[k, s], nominal[which[k, s]] - offsets[k, s]
-            enough = _lower(_three(edges.normals, widest), reached, n, work) - (nominal[widest] - room)
+            enough = _lower(row(edges.normals, widest), reached, n, work) - (nominal[widest] - room)
             for k in range(cuts[m], cuts[m + 1]):
                 for s in range(SHARES):
                     found[which[k, s]] |= nominal[which[k, s]] - offsets[k, s] >= enough
@@ -270,7 +234,7 @@ def _first(edges: Edges, reached: Reached, work: Array) -> Kept:
     at = np.empty(len(edges.arcs), dtype=np.intp)
     for n in range(count):
         for q in range(len(lower)):
-            lower[q] = _lower(_three(edges.normals, q), reached, n, work) if hopeful[q] else -np.inf
+            lower[q] = _lower(row(edges.normals, q), reached, n, work) if hopeful[q] else -np.inf
         for k in range(len(room)):
             at[k], room[k] = 0, -np.inf
             for s in range(SHARES):
@@ -282,7 +246,7 @@ def _first(edges: Edges, reached: Reached, work: Array) -> Kept:
             for j in range(_REFINED):
                 kept.share[n, m, j] = at[kept.edge[n, m, j]]
             best = kept.edge[n, m, 0]
-            x, y, z = _three(edges.normals, edges.which[best, at[best]])
+            x, y, z = row(edges.normals, edges.which[best, at[best]])
             kept.normal[n, m, 0], kept.normal[n, m, 1], kept.normal[n, m, 2] = x, y, z
             kept.margin[n, m] = room[best]
     return kept
@@ -306,11 +270,11 @@ def _narrow(edges: Edges, vertices: Array, kept: Kept, rooms: Array) -> tuple[ND
                 low, high = max(centre - step, 0.0), min(centre + step, 1.0)
                 lows[n, m, j], highs[n, m, j] = low, high
                 moving = (vertices[0, n, 0, 0], vertices[0, n, 1, 0], vertices[0, n, 2, 0])
-                fixed = _three(corners[m], 0)
+                fixed = row(corners[m], 0)
                 for s in range(SHARES):
                     normal = _between(arcs, edge[n, m, j], low, high, s)
                     # Two vertices that were too near each other for the last plane are so for most of the others.
-                    rooms[n, m, j, s] = _dot(normal, moving) - _dot(normal, fixed)
+                    rooms[n, m, j, s] = dot(normal, moving) - dot(normal, fixed)
                     if rooms[n, m, j, s] > margins[n, m]:
                         nominal, moving = _nominal(normal, vertices, n)
                         offset, fixed = _offset(normal, corners, m)
@@ -373,7 +337,7 @@ def best(edges: Edges, body: Array, motion: Moving) -> tuple[Array, Array, Array
     offsets, clearances = np.empty((count, pairs)), np.empty((count, pairs))
     for n in range(count):
         for m in range(pairs):
-            normal = _three(kept.normal[n], m)
+            normal = row(kept.normal[n], m)
             offsets[n, m] = _offset(normal, edges.corners, m)[0]
             clearances[n, m] = _nominal(normal, reached.vertices, n)[0] - offsets[n, m]
     return kept.normal, offsets, kept.margin, clearances

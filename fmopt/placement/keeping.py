@@ -11,9 +11,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.certificate.kernels_rows import Table, value, vector
+from fmopt.certificate.kernels_rows import Table, value
 from fmopt.compiled import compiled, part
 from fmopt.contact.kernels_generated import Tables, height
+from fmopt.kernels import vector
 from fmopt.values import Array
 
 _ROUNDS = 12
