@@ -56,9 +56,11 @@ class ClarabelSolver:
         x, z, status = self._run(scaled, kept)
         if status == "PrimalInfeasible":
             raise self._infeasible(program)
-        if status != "Solved":
+        if status not in ("Solved", "AlmostSolved"):
             raise SolverError(f"Clarabel stopped with {status}", _ADVICE[status])
         x = _onto(scaled, x)
+        if status == "AlmostSolved":  # the point and the multipliers decide
+            return certify(program, x * program.units, duals(program, kept, z))
         if scaled.slacks(x).min(initial=0.0) < -FEASIBLE or _box_slack(scaled, x) < -FEASIBLE:
             raise self._infeasible(program)
         return certify(program, x * program.units, duals(program, kept, z))

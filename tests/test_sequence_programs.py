@@ -1,0 +1,88 @@
+"""The programs that whole plans ask: who solves them, what their prices say, and what CVXPY makes of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fmopt.errors import InfeasibleError, SolverError
+from fmopt.placement import nlp
+from fmopt.placement.program import ConeProgram, Solution, as_cvxpy
+from fmopt.placement.socp import ClarabelSolver
+from fmopt.synthesis import synthesise
+from fmopt.task.problem import load
+
+PROBLEMS = Path(__file__).parent.parent / "problems"
+NAMES = ("lee_huang_peg", "mit_planar_slot", "square_peg", "factory_rect_8mm_tight")
+PLACED = ("square_peg", "factory_rect_8mm_tight")  # in these, goal poses are placed on true surfaces
+ASKED = 10
+
+
+@cache
+def solves(name: str) -> tuple[tuple[tuple[ConeProgram, Solution], ...], int]:
+    """The cone programs that a plan asked, with their solutions, and how many poses were placed on true surfaces."""
+    found, placed = list[tuple[ConeProgram, Solution]](), list[object]()
+    own, derivatives = ClarabelSolver.solve, nlp.formation_derivatives
+
+    def kept(self: ClarabelSolver, program: ConeProgram) -> Solution:
+        found.append((program, own(self, program)))
+        return found[-1][1]
+
+    def counted(*formation: nlp.Counts) -> object:
+        placed.append(formation)
+        return derivatives(*formation)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ClarabelSolver, "solve", kept)
+        patch.setattr(nlp, "formation_derivatives", counted)
+        assert synthesise(load(PROBLEMS / f"{name}.toml")).proved
+    return tuple(found), len(placed)
+
+
+def programs() -> Iterator[tuple[ConeProgram, Solution]]:
+    """Ten programs of several plans, no two the same."""
+    kept = dict[bytes, tuple[ConeProgram, Solution]]()
+    for name in NAMES[1:]:
+        for program, solution in solves(name)[0]:
+            kept.setdefault(program.h.tobytes() + program.upper.tobytes(), (program, solution))
+    yield from list(kept.values())[:: max(1, len(kept) // ASKED)][:ASKED]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_plan_calls_clarabel_and_where_it_places_poses_casadi(name: str) -> None:
+    asked, placed = solves(name)
+    assert len(asked) > 0
+    assert (placed > 0) == (name in PLACED)
+
+
+def test_prices_of_rows_are_what_the_margin_gains() -> None:
+    rng, seen = np.random.default_rng(0), 0
+    for program, solution in programs():
+        assert solution.duals is not None
+        rows = rng.uniform(0.0, 1.0, len(program.h))
+        step = 1e-3 * max(abs(solution.value), 1e-5)
+        try:
+            less, more = (ClarabelSolver().solve(replace(program, h=program.h + s * rows)).value for s in (-step, step))
+        except (SolverError, InfeasibleError):
+            continue
+        price = float(solution.duals.rows @ rows)
+        # Where several sets of rows bind, the margin has a kink, and prices lie between its slopes.
+        low, high = (more - solution.value) / step, (solution.value - less) / step
+        assert low - 0.05 * abs(price) <= price <= high + 0.05 * abs(price)
+        assert 0.5 * (low + high) == pytest.approx(price, rel=0.05, abs=1e-6)
+        seen += 1
+    assert seen >= ASKED - 2
+
+
+def test_cvxpy_finds_the_same_margins() -> None:
+    pytest.importorskip("cvxpy")
+    for program, solution in list(programs())[::3]:
+        scaled = program.scaled()
+        problem, _ = as_cvxpy(scaled)
+        problem.solve(solver="CLARABEL")
+        assert problem.value * program.size.objective == pytest.approx(solution.value, rel=1e-6, abs=1e-12)
