@@ -20,7 +20,7 @@ from fmopt.placement.entry import Entry, Shape, planar_entries, start_spread, st
 from fmopt.placement.motion import Reached
 from fmopt.placement.polish import Method, Turns, polish
 from fmopt.placement.search import MoveSequence, Searched, best_sequences
-from fmopt.placement.sequence import Placed, Refinement, better, certified, refine
+from fmopt.placement.sequence import Aim, Placed, Refinement, certified, refine
 from fmopt.placement.shapes import likely_shapes, room
 from fmopt.placement.socp import ClarabelSolver
 from fmopt.placement.step import Costs, Task
@@ -37,7 +37,6 @@ TRIES = 40  # of entries, when one is varied
 STEADY = 0.05  # share of the contact force that presses what a part turns along, whatever friction turns it off
 FIRM = 0.05  # share of the contact force that presses all that a part slides along to its next contact
 _LIKELY = 32  # ways to begin that are tried in each attitude before the rest are
-_WORTH = 0.5  # of a margin; a smaller one is given up for it
 
 
 def motion(
@@ -198,39 +197,45 @@ def placement(
     Raises:
         InfeasibleError: fine pieces cannot follow the motion, or no contact would be felt that ends one.
     """
-    start = Reached(errors, (), ())
     spread = start_spread(problem.moving, problem.start_box)
-    reach = 0.5 * (spread + clearance)
-    solver, settings = ClarabelSolver(), Refinement.of(spread, clearance)
+    turns = Turns(3, 0.5 * (spread + clearance))
+    start = Reached(errors, (), ())
+    begun = certified(assembly, found.moves, start, tolerance, FINE)
+    aim = Aim(assembly, start, tolerance, FINE, _as_good_as(problem, assembly, begun, tolerance))
 
     def told(margin: float) -> None:
         progress(f"placement: margin {1e6 * margin:.1f} um")
 
-    def polished(placed: Placed, method: Method, rounds: int) -> Placed:
-        return polish(assembly, placed, start, tolerance, FINE, clearance, method, Turns(rounds, reach), told)
+    def polished(placed: Placed, method: Method) -> Placed:
+        return polish(assembly, placed, start, tolerance, FINE, clearance, method, turns, told)
 
-    def improved(placed: Placed) -> list[Placed]:
-        """A sequence, and what the method makes of it step by step."""
-        if problem.settings.placement == "descent":
-            return [placed, polished(placed, "descent", 3)]
-        # The program is local: it starts where the search ended, and once more from poses in the middle of their room.
-        centred = polished(placed, "descent", 1)
-        begun = dict.fromkeys((placed, centred))  # where there was nothing to centre, one and the same
-        refined = [refine(assembly, p, start, tolerance, FINE, solver, settings, told) for p in begun]
-        return [placed, centred, *refined, polished(max(refined, key=lambda p: p.margin), "nlp", 3)]
+    if problem.settings.placement == "descent":
+        stages = [begun, polished(begun, "descent")]
+    else:
+        refined = refine(aim, begun, ClarabelSolver(), Refinement.of(spread, clearance), told)
+        stages = [begun, refined, *filter(aim.fit, [polished(refined, "nlp")])]
+    return _by_method(problem, assembly, _felt(problem, assembly, stages, tolerance), errors, tolerance)
 
-    *stages, apart = improved(certified(assembly, found.moves, start, tolerance, FINE, thorough=False))
-    whole = [certified(assembly, apart.moves, start, tolerance, FINE)]
-    if whole[0].margin < apart.margin:
-        # What keeps the parts apart has more room than contacts have in their facets: poses on the way may hold both.
-        for stage in dict.fromkeys(stage for stage in stages if stage is not apart):
-            if (other := better(assembly, stage.moves, whole[-1], start, tolerance, FINE, 0.0)) is not None:
-                whole.append(other)
-    if whole[-1].margin < _WORTH * apart.margin:
-        # Placed for both, moves are less purely along one freedom, which larger errors and robots tolerate less.
-        again = improved(whole[-1])[-1]
-        whole += [again] if whole[-1].margin < _WORTH * again.margin else []
-    return _by_method(problem, assembly, _felt(problem, assembly, whole, tolerance), errors, tolerance)
+
+def _as_good_as(problem: Problem, assembly: Assembly, begun: Placed, tolerance: Tolerance) -> Callable[[Placed], bool]:
+    """Whether contacts of a sequence hold as surely as those of another one, or as surely as they need to."""
+
+    @cache
+    def least() -> tuple[float, float, bool]:
+        return measured(begun)
+
+    def measured(placed: Placed) -> tuple[float, float, bool]:
+        given = problem, assembly, placed.reached.claims, tolerance
+        steady = STEADY if assembly.planar else least_steady(*given)
+        return min(FIRM, least_firm(*given)), min(STEADY, steady), runs_against(*given)
+
+    def fit(placed: Placed) -> bool:
+        try:
+            return all(new >= old for new, old in zip(measured(placed), least(), strict=True))
+        except InfeasibleError:  # no bias force holds the contacts
+            return False
+
+    return fit
 
 
 def _by_method(problem: Problem, assembly: Assembly, placed: Placed, errors: ErrorSet, tolerance: Tolerance) -> Placed:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from fmopt.certificate.curvature import Extent
 from fmopt.certificate.lower import Motion, over
-from fmopt.certificate.rows import Forms
-from fmopt.se3 import Pose
+from fmopt.certificate.rows import Forms, Mask
+from fmopt.se3 import Pose, lengths
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array
 
@@ -81,6 +81,18 @@ class Course:
         p, R, columns, cuts, twist, half, coupling = self.motion
         goal = np.array([1, 1])
         return Course(Motion(p[goal], R[goal], columns[goal], cuts, np.zeros_like(twist), half, coupling))
+
+    def spread(self, end: int, N: Array) -> Mask:
+        """Whether generators and drifts, not the ellipsoid of everything, bound the errors along rows (m, 6): (m,).
+
+        Args:
+            end: of the first piece.
+            N: the rows.
+        """
+        first, second, third, fourth = self.motion.cuts.tolist()
+        X = N @ self.motion.columns[end, 0].T
+        summed = np.abs(X[:, :first]).sum(axis=1) + lengths(X[:, first:second]) + lengths(X[:, second:third])
+        return np.asarray(summed <= lengths(X[:, third:fourth]))
 
     def over(self, forms: Forms) -> Heights:
         """Rows (k) over all pieces."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from fmopt.certificate.assembly import Assembly, in_plane
 from fmopt.certificate.knowledge import facts
+from fmopt.certificate.rows import Forms, points_above
 from fmopt.contact.primitive import Kind, PrimitiveContact, edge_edge, vertex_face
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.memory import remembered, there
@@ -19,6 +20,7 @@ from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array
 
 _MEMORY = 1024
+DOUBTED = 1.2  # times what errors reach: what they leave in doubt
 
 
 def described(
@@ -124,6 +126,17 @@ def _run(part: Polyhedron, edges: Sequence[int]) -> tuple[Array, Array]:
     )
 
 
+def within_rims(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> list[Forms]:
+    """How far vertices that lie in a wall are within its convex rims: of each wall, the rims of each vertex in turn."""
+    found = []
+    for wall in _known(assembly, held).walls:
+        places, inward = (numbers[: len(wall.convex)] for numbers in wall.rims)
+        if len(places):
+            vertices, count = np.repeat(wall.vertices, len(places), axis=0), len(wall.vertices)
+            found.append(points_above(vertices, np.tile(inward, (count, 1)), np.tile(np.vecdot(inward, places), count)))
+    return found
+
+
 def on_wall(assembly: Assembly, contact: PrimitiveContact, number: int) -> bool:
     """Whether a contact is on a fixed face: a vertex against it, or an edge across an edge in its plane."""
     fixed = assembly.fixed.polyhedron
@@ -138,7 +151,7 @@ def _pattern(wall: _Wall, p: Array, R: Array, errors: ErrorSet) -> bytes:
     shape = 2, len(wall.vertices), len(wall.rims[0])
     depth, rows = np.empty(shape), np.empty((*shape, 6))
     depths(wall.vertices, wall.rims, p, R, depth, rows)
-    doubt = 1.2 * errors.support(rows) + DOUBT
+    doubt = DOUBTED * errors.support(rows) + DOUBT
     found = np.empty(len(wall.vertices) + len(wall.numbers) * len(wall.convex), dtype=np.uint8)
     pattern(wall.vertices, wall.rims, wall.edges, p[0], R[0], depth, doubt, found)
     return found.tobytes()

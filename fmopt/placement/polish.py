@@ -22,7 +22,8 @@ from fmopt.placement.descent import Descent, descend
 from fmopt.placement.motion import Move, Reached
 from fmopt.placement.nlp import place_on_surfaces, surface_placement
 from fmopt.placement.rows import Row, evaluate, face_vertex, vertex_face
-from fmopt.placement.sequence import Placed, better, onto_surfaces, pairs_of, state_rows
+from fmopt.placement.sequence import Placed, better, onto_surfaces, state_rows
+from fmopt.placement.sequence_rows import pairs_of
 from fmopt.values import Array
 
 _GAIN = 1e-3  # of the clearance, the least gain that counts

@@ -1,9 +1,11 @@
 """Placement of all goal poses of a sequence together, so that its least certified margin is as large as possible.
 
 One cone program for the whole sequence: the unknowns are small displacements of every goal pose inside its contact
-state; each row of each separating plane of each piece is linear in them, its error allowance fixed, and the drift grows
-with the length of the move, a second-order cone. The program is solved in a trust region, the poses are put back on
-the true contact surfaces, everything is certified anew, and the step is taken only if the certified margin rose.
+state. Each row of each separating plane of each piece is linear in them, and so are the products N·g of that row with
+the generators of the errors, which turn with the moves: of |N·g| what cannot change its sign within the trust region is
+linear, the rest is kept as it is. The drift grows with the length of the move. The program is solved in a trust region,
+the poses are put back on the true contact surfaces, everything is certified anew, and the step is taken only if the
+certified margin rose.
 """
 
 from __future__ import annotations
@@ -14,19 +16,22 @@ from itertools import pairwise, takewhile
 
 import numpy as np
 
-from fmopt.certificate.claim import Claim, facet_rows
-from fmopt.certificate.functions import contact_rows, made_form, made_scale
+from fmopt.certificate.claim import Claim
+from fmopt.certificate.functions import contact_rows
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Tolerance
-from fmopt.certificate.separation import Pair, Separation, pairs, row_bounds
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import InfeasibleError, SolverError
 from fmopt.placement.motion import Move, Reached, unroll
 from fmopt.placement.program import ConeProgram, Norm, Solver
+from fmopt.placement.sequence_rows import SequenceRows, sequence_rows
 from fmopt.se3 import Pose
 from fmopt.values import Array
 
 _RANK = 1e-7
+_FINE = 5e-3  # times the trust radius: what changes a row by less does not count
+_SHORTER = 0.35  # times the trust radius after a step that was none
+_STRAIGHT = 4.0  # times the trust radius: moves that are longer are so by the same share along all of it
 
 
 @dataclass(frozen=True)
@@ -41,7 +46,7 @@ class Refinement:
     @classmethod
     def of(cls, spread: float, clearance: float) -> Refinement:
         """For a start error that displaces the tip by up to `spread` and a clearance a side, both in m."""
-        return cls(12, spread + clearance, 0.05 * clearance, 0.002 * clearance)
+        return cls(16, 0.1 * (spread + clearance), 0.05 * clearance, 0.002 * clearance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,16 +75,6 @@ def claims_of_moves(claims: Sequence[Claim]) -> list[list[Claim]]:
             found.append([])
         found[-1].append(claim)
     return found
-
-
-@dataclass(frozen=True, eq=False)
-class _LinearRow:
-    """A row that must stay positive: value with its allowance, and its slope in the displacements of two poses."""
-
-    value: float
-    slopes: tuple[tuple[int, Array], ...]
-    drift: float
-    move: int
 
 
 def certified(
@@ -130,153 +125,104 @@ def better(
     return Placed(tuple(moves), stages[-1], tuple(stages[1:]), than.thorough)
 
 
+@dataclass(frozen=True, eq=False)
+class Aim:
+    """What a sequence is placed for.
+
+    Args:
+        assembly: the two parts.
+        start: errors at the start.
+        tolerance: velocity error and metric.
+        step: greatest turn of one piece, rad.
+        fit: whether a sequence will do, whatever its margin.
+    """
+
+    assembly: Assembly
+    start: Reached
+    tolerance: Tolerance
+    step: float
+    fit: Callable[[Placed], bool] = lambda _: True
+
+
 def refine(
-    assembly: Assembly,
-    placed: Placed,
-    start: Reached,
-    tolerance: Tolerance,
-    step: float,
-    solver: Solver,
-    settings: Refinement,
-    progress: Callable[[float], None] = lambda _: None,
+    aim: Aim, placed: Placed, solver: Solver, settings: Refinement, progress: Callable[[float], None] = lambda _: None
 ) -> Placed:
     """Moves all goal poses until the certified margin rises no more; the margin never falls.
 
     Args:
-        assembly: the two parts.
+        aim: what for.
         placed: the sequence to improve.
-        start: errors at its start.
-        tolerance: velocity error and metric.
-        step: greatest turn of one piece, rad.
         solver: for cone programs.
         settings: rounds and trust region.
         progress: told the margin (m) after each gain.
     """
     best, radius = placed, settings.radius
-    program = _program(assembly, best, tolerance, settings.radius)
+    rows = sequence_rows(aim.assembly, best, aim.tolerance, settings.radius)
     for _ in range(settings.rounds):
-        if program is None or radius < settings.least_radius:
+        if not len(rows.values) or radius < settings.least_radius:
             break
-        candidate = _step(
-            assembly, best, _within(program, tolerance.rho, radius), start, tolerance, step, solver, settings
-        )
-        if candidate is not None:
-            best, radius = candidate, min(2.0 * radius, 4.0 * settings.radius)
-            program = _program(assembly, best, tolerance, settings.radius)
-            progress(best.margin)
-        else:
-            radius *= 0.35
+        try:
+            solution = solver.solve(_program(aim, best, rows, radius))
+        except (InfeasibleError, SolverError):
+            radius *= _SHORTER
+            continue
+        if solution.value <= best.margin + settings.least_gain:
+            break
+        candidate = _moved(aim, best, solution.x[:-1].reshape(-1, 6), settings.least_gain)
+        if candidate is None:
+            radius *= _SHORTER
+            continue
+        best, radius = candidate, min(2.0 * radius, 4.0 * settings.radius)
+        rows = sequence_rows(aim.assembly, best, aim.tolerance, settings.radius)
+        progress(best.margin)
     return best
 
 
-def _step(
-    assembly: Assembly,
-    placed: Placed,
-    program: ConeProgram,
-    start: Reached,
-    tolerance: Tolerance,
-    step: float,
-    solver: Solver,
-    settings: Refinement,
-) -> Placed | None:
+def _moved(aim: Aim, placed: Placed, shift: Array, by: float) -> Placed | None:
+    """The sequence with its poses displaced, if that is possible, better by so much (m), and will do."""
     try:
-        solution = solver.solve(program)
-    except (InfeasibleError, SolverError):
-        return None
-    shift = solution.x[:-1].reshape(-1, 6) * assembly.freedoms
-    try:
-        moves = _shifted(assembly, placed.moves, shift)
+        moves = _shifted(aim.assembly, placed.moves, shift * aim.assembly.freedoms)
     except InfeasibleError:
         return None
-    return better(assembly, moves, placed, start, tolerance, step, settings.least_gain)
+    found = better(aim.assembly, moves, placed, aim.start, aim.tolerance, aim.step, by)
+    return found if found is not None and aim.fit(found) else None
 
 
-def _rows(assembly: Assembly, placed: Placed, rho: float, near: float) -> list[_LinearRow]:
-    """Every row that is within `near` (m) of binding, linear in the displacements of the moves' poses."""
-    most = placed.margin + near
-    return [
-        row
-        for number, claims in enumerate(claims_of_moves(placed.reached.claims))
-        for claim in claims
-        for row in _claim_rows(assembly, number, claim, rho, most)
-    ]
-
-
-def _claim_rows(assembly: Assembly, number: int, claim: Claim, rho: float, most: float) -> list[_LinearRow]:
-    piece, ends = claim.piece, claim.advance.ends
-    found = []
-    for pair, separation in pairs_of(assembly, claim):
-        if separation.margin > most:
-            continue
-        rows = row_bounds(assembly, pair, separation.witness, ends)
-        loss = np.minimum(rows.start.f, rows.goal.f) - rows.lower
-        for at, share in ((rows.start, piece.progress[0]), (rows.goal, piece.progress[1])):
-            for k in np.flatnonzero(at.f - loss < most * rows.scale):
-                slopes = _slopes(number, share, at.N[k])
-                value = float(at.f[k] - loss[k]) / rows.scale
-                drift = float(np.linalg.norm(at.N[k])) / rows.scale
-                found.append(_LinearRow(value, tuple((n, s / rows.scale) for n, s in slopes), drift, number))
-    for facet in facet_rows(assembly, claim) if claim.contacts else ():
-        for contact, margin in enumerate(facet.table.margins(facet.lower)):
-            if margin < most and (slope := facet.table.slope(contact, facet.lower)).any():
-                N, share = slope @ facet.rows.N, piece.progress[facet.end]
-                found.append(_LinearRow(margin, tuple(_slopes(number, share, N)), float(np.linalg.norm(N)), number))
-    if claim.early is not None and piece.made is not None:
-        row = made_form(assembly, piece.made, piece.held).at(piece.start)
-        scale = made_scale(assembly, piece.made, piece.held, rho)
-        found.append(_LinearRow(claim.early, tuple(_slopes(number, 0.0, scale * row.N[0])), 0.0, number))
-    return found
-
-
-def pairs_of(assembly: Assembly, claim: Claim) -> list[tuple[Pair, Separation]]:
-    """The pairs of pieces of a claim, with the planes that keep them apart."""
-    found = pairs(assembly, claim.piece)
-    return [(pair, kept) for (_, _, kept), (_, _, pair) in zip(claim.separations, found, strict=True)]
-
-
-def _slopes(number: int, share: float, N: Array) -> list[tuple[int, Array]]:
-    """∂f/∂(displacements of pose `number` and `number + 1`) of a row at a share of the move between them."""
-    return [(n, weight * N) for n, weight in ((number, 1.0 - share), (number + 1, share)) if weight > 0.0]
-
-
-def _program(assembly: Assembly, placed: Placed, tolerance: Tolerance, near: float) -> ConeProgram | None:
-    """The program without a trust region, of the rows within `near` (m) of binding; None where there are none.
+def _program(aim: Aim, placed: Placed, rows: SequenceRows, radius: float) -> ConeProgram:
+    """The program in a trust region (m, in the metric of ρ).
 
     Variables: displacements (6) of all poses from the start to the goal, then the margin t, which is maximised.
     """
-    rows = _rows(assembly, placed, tolerance.rho, near)
-    if not rows:
-        return None
-    moves = placed.moves
-    poses = len(moves) + 1
-    n = 6 * poses + 1
-    scale = np.array([1.0, 1.0, 1.0, *[tolerance.rho] * 3])
-    G, h, W = np.zeros((len(rows), n)), np.zeros(len(rows)), np.zeros((len(rows), len(moves)))
-    norms = []
-    rate = max(tolerance.velocity_error)
+    rho, moves = aim.tolerance.rho, placed.moves
+    scale = np.array([1.0, 1.0, 1.0, *[rho] * 3])
+    most = np.tile(radius / scale, len(moves) + 1)
+    linear = rows.within(most, _FINE * radius)
+    n = len(most) + 1
+    G, h = np.zeros((len(linear.values), n)), linear.values.copy()
+    G[:, :-1], G[:, -1] = linear.slopes, -linear.counted
+    norms, W = list[Norm](), list[Array]()
+    drift = max(aim.tolerance.velocity_error) * np.minimum(linear.drifts, 1.0)
     for m, move in enumerate(moves):
-        F = np.zeros((6, n))
+        F, way = np.zeros((6, n)), scale * move.start.local(move.goal)
         F[:, 6 * m : 6 * m + 6], F[:, 6 * m + 6 : 6 * m + 12] = -np.diag(scale), np.diag(scale)
-        norms.append(Norm(F, scale * move.start.local(move.goal)))
-    for r, row in enumerate(rows):
-        for pose, slope in row.slopes:
-            G[r, 6 * pose : 6 * pose + 6] += slope
-        G[r, -1] = -1.0
-        here = float(np.linalg.norm(norms[row.move].g))
-        W[r, row.move] = rate * min(row.drift, 1.0)
-        h[r] = row.value + W[r, row.move] * here
-    A = _equalities(assembly, moves, n)
+        far, own = float(np.linalg.norm(way)), drift * (linear.moves == m)
+        if far > _STRAIGHT * radius:  # a long way grows as much as its end is displaced along it
+            G -= np.outer(own, way / far @ F)
+        elif own.any():
+            norms.append(Norm(F, way))
+            W.append(own)
+            h += own * far
+    for number, at, slope in zip(*linear.kinks, strict=True):
+        norms.append(Norm(np.append(slope, 0.0)[None], np.array([at])))
+        W.append((np.arange(len(h)) == number).astype(np.float64))
+        h[number] += abs(at)
+    A = _equalities(aim.assembly, moves, n)
+    upper = np.append(most, np.inf)
+    weights = np.array(W).reshape(-1, len(h)).T
+    units = np.append(0.25 * most, 0.25 * radius)
+    box = {"lower": -upper, "upper": upper, "units": units}
     c = np.append(np.zeros(n - 1), 1.0)
-    return ConeProgram.of(c, A=A, b=np.zeros(len(A)), G=G, h=h, W=W, norms=tuple(norms))
-
-
-def _within(program: ConeProgram, rho: float, radius: float) -> ConeProgram:
-    """The program in a trust region (m, in the metric of ρ)."""
-    most = radius / np.array([1.0, 1.0, 1.0, *[rho] * 3])
-    poses = len(program.c) // 6
-    upper = np.append(np.tile(most, poses), np.inf)
-    units = np.append(np.tile(0.25 * most, poses), 0.25 * radius)
-    return replace(program, lower=-upper, upper=upper, units=units)
+    return ConeProgram.of(c, A=A, b=np.zeros(len(A)), G=G, h=h, W=weights, norms=tuple(norms), **box)
 
 
 def _equalities(assembly: Assembly, moves: Sequence[Move], n: int) -> Array:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from fmopt.placement.program import FEASIBLE, ConeProgram, Duals, Solution, cert
 from fmopt.values import Array
 
 _REMEMBERED = 64
+_LOOSER = 100.0  # times the tolerance
 _local = threading.local()
 
 Indices = NDArray[np.intp]
@@ -53,17 +54,21 @@ class ClarabelSolver:
         """
         scaled = program.scaled()
         kept = _independent(program, scaled)
-        x, z, status = self._run(scaled, kept)
-        if status == "PrimalInfeasible":
-            raise self._infeasible(program)
-        if status not in ("Solved", "AlmostSolved"):
-            raise SolverError(f"Clarabel stopped with {status}", _ADVICE[status])
-        x = _onto(scaled, x)
-        if status == "AlmostSolved":  # the point and the multipliers decide
-            return certify(program, x * program.units, duals(program, kept, z))
-        if scaled.slacks(x).min(initial=0.0) < -FEASIBLE or _box_slack(scaled, x) < -FEASIBLE:
-            raise self._infeasible(program)
-        return certify(program, x * program.units, duals(program, kept, z))
+        failure: InfeasibleError | SolverError | None = None
+        # Where the last digits are not to be had, Clarabel may take a program for infeasible that is none.
+        for settings in (self, replace(self, tolerance=_LOOSER * self.tolerance)):
+            x, z, status = settings._run(scaled, kept)
+            x = _onto(scaled, x)
+            try:
+                return certify(program, x * program.units, duals(program, kept, z))
+            except SolverError as error:
+                failure = failure or (error if status == "Solved" else SolverError(*_said(status)))
+            if status == "PrimalInfeasible" or (status == "Solved" and _short(scaled, x)):
+                failure = self._infeasible(program)
+                if isinstance(failure, InfeasibleError):
+                    break
+        assert failure is not None
+        raise failure
 
     def proposed(self, program: ConeProgram) -> Array:
         """Where the solver stops, unchecked, for who looks after the rows; equalities have to be independent.
@@ -122,8 +127,14 @@ def _onto(scaled: ConeProgram, x: Array) -> Array:
     return np.asarray(x - np.linalg.lstsq(scaled.A, scaled.A @ x - scaled.b, rcond=1e-10)[0])
 
 
-def _box_slack(scaled: ConeProgram, x: Array) -> float:
-    return float(np.minimum(x - scaled.lower, scaled.upper - x).min())
+def _short(scaled: ConeProgram, x: Array) -> bool:
+    """Whether a point is short of rows or bounds."""
+    box = np.minimum(x - scaled.lower, scaled.upper - x)
+    return bool(min(scaled.slacks(x).min(initial=0.0), box.min(initial=0.0)) < -FEASIBLE)
+
+
+def _said(status: str) -> tuple[str, str]:
+    return f"Clarabel stopped with {status}", _ADVICE.get(status, "")
 
 
 def standard_form(scaled: ConeProgram, kept: Indices) -> tuple[Array, Array, tuple[int, ...]]:

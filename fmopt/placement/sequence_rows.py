@@ -1,0 +1,231 @@
+"""The rows that bound the margin of a sequence, as functions of displacements of all its poses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmopt.certificate.claim import Claim, facet_rows
+from fmopt.certificate.counted import counted_rows
+from fmopt.certificate.course import Course
+from fmopt.certificate.functions import made_form, made_scale
+from fmopt.certificate.knowledge import Assembly
+from fmopt.certificate.rows import Forms
+from fmopt.certificate.segment import Tolerance
+from fmopt.certificate.sensitivity import Sensitivity, sensitivities
+from fmopt.certificate.separation import Pair, Separation, pairs
+from fmopt.placement.flush import DOUBTED, within_rims
+from fmopt.values import Array
+
+if TYPE_CHECKING:
+    from fmopt.placement.sequence import Placed
+
+_STEPS = 4  # steps of the trust region that a row is kept away from where contacts are described otherwise
+_KEPT = 0.5  # of how far vertices are from there
+_ALIKE = 1e-6  # slopes that differ by less are one
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """Rows (r,) within a trust region: value + slopes·x − Σ|at + slope·x| over its kinks, at least counted·t.
+
+    Args:
+        values: at x = 0, kinks and all, m.
+        slopes: (r, n).
+        counted: 1 for rows of the margin, 0 for those that only have to hold.
+        drifts: sizes of gradients, of which the velocity error takes its share.
+        moves: whose row it is.
+        kinks: row, value and slope (n,) of each product whose sign may change.
+    """
+
+    values: Array
+    slopes: Array
+    counted: Array
+    drifts: Array
+    moves: NDArray[np.intp]
+    kinks: tuple[list[int], list[float], list[Array]]
+
+
+@dataclass(frozen=True, eq=False)
+class SequenceRows:
+    """Rows (r,) near binding: their values, with slopes (r, n), and what they lose to k generators of errors.
+
+    Args:
+        values: what is left for the margin, m.
+        slopes: of the distance (r, n).
+        counted: 1 for rows of the margin, 0 for those that only have to hold.
+        drifts: sizes of gradients (r,).
+        moves: whose row it is (r,).
+        products: N·g (r, k), m; zero where something else than the generators bounds the errors.
+        turning: their slopes (r, k, n).
+    """
+
+    values: Array
+    slopes: Array
+    counted: Array
+    drifts: Array
+    moves: NDArray[np.intp]
+    products: Array
+    turning: Array
+
+    @staticmethod
+    def none(k: int, n: int) -> SequenceRows:
+        """No rows at all, of so many generators and displacements."""
+        empty = np.zeros(0)
+        return SequenceRows(
+            empty, np.zeros((0, n)), empty, empty, np.zeros(0, np.intp), np.zeros((0, k)), np.zeros((0, k, n))
+        )
+
+    @staticmethod
+    def joined(parts: Sequence[SequenceRows]) -> SequenceRows:
+        """All rows of some, one after the other."""
+        names = [field.name for field in fields(SequenceRows)]
+        return SequenceRows(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+
+    def within(self, most: Array, fine: float) -> Linear:
+        """The rows that may bind where displacements are no larger than these (n,), and no two that are the same.
+
+        Products that change by less than `fine` (m) count as they are.
+        """
+        spread = np.abs(self.turning) @ most
+        signs = np.where(np.abs(self.products) > spread, np.sign(self.products), 0.0)
+        slopes = self.slopes - np.einsum("rk,rkn->rn", signs, self.turning)
+        bent = (signs == 0.0) & (spread > fine)
+        far = np.abs(slopes) @ most
+        # What a kink takes at most more than it does where nothing is displaced.
+        lost = np.where(bent, spread, 0.0).sum(axis=1)
+        top = float((self.values + far + lost)[self.counted > 0.0].min(initial=np.inf))
+        used = self.values - far - lost < np.where(self.counted > 0.0, top, 0.0)
+        rounded = np.column_stack([self.values / fine, slopes / _ALIKE, lost / fine]).round()
+        _, first = np.unique(rounded[used], axis=0, return_index=True)
+        kept = np.flatnonzero(used)[np.sort(first)]
+        rows, columns = np.nonzero(bent[kept])
+        kinks = (
+            rows.tolist(),
+            self.products[kept[rows], columns].tolist(),
+            list(self.turning[kept[rows], columns]),
+        )
+        return Linear(self.values[kept], slopes[kept], self.counted[kept], self.drifts[kept], self.moves[kept], kinks)
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """Rows of a piece at one of its ends: gradients N (m, 6), values (m,), and whether errors are bounded by g (m,)."""
+
+    N: Array
+    values: Array
+    end: int
+    scale: float = 1.0
+    spread: NDArray[np.bool_] | None = None
+    factor: float = 1.0
+    counted: float = 1.0
+
+
+def sequence_rows(assembly: Assembly, placed: Placed, tolerance: Tolerance, near: float) -> SequenceRows:
+    """Every row of a sequence that is within `near` (m) of binding."""
+    claims, most = placed.reached.claims, placed.margin + near
+    changing = sensitivities(assembly, claims, tolerance)
+    shape = max((len(each.start[0]) for each in changing), default=0), 6 * (len(placed.moves) + 1)
+    parts, number = [SequenceRows.none(*shape)], -1
+    sure: Sequence[tuple[Forms, NDArray[np.intp]]] = ()
+    for k, (claim, sensitivity) in enumerate(zip(claims, changing, strict=True)):
+        if claim.piece.progress[0] == 0.0:
+            number += 1
+            sure = _surely(assembly, _of_move(claims, k))
+        for block in _blocks(assembly, claim, tolerance.rho, most, sure, _STEPS * near):
+            parts.append(_rows(block, claim, sensitivity, number, shape))
+    return SequenceRows.joined(parts)
+
+
+def _of_move(claims: Sequence[Claim], first: int) -> list[Claim]:
+    """The claims of the move that begins with one of them."""
+    found = [claims[first]]
+    for claim in claims[first + 1 :]:
+        if claim.piece.progress[0] == 0.0:
+            break
+        found.append(claim)
+    return found
+
+
+def _rows(block: _Block, claim: Claim, sensitivity: Sensitivity, number: int, shape: tuple[int, int]) -> SequenceRows:
+    """A block of rows of a move as functions of all displacements (n), with up to so many generators."""
+    (width, n), share, m = shape, claim.piece.progress[block.end], len(block.values)
+    N = block.N / block.scale
+    slopes = np.zeros((m, n))
+    slopes[:, 6 * number : 6 * number + 6] = (1.0 - share) * N
+    slopes[:, 6 * number + 6 : 6 * number + 12] = share * N
+    generators, derivatives = sensitivity.goal if block.end else sensitivity.start
+    products, turning = np.zeros((m, width)), np.zeros((m, width, n))
+    if block.spread is not None and len(generators):
+        weight = block.factor * block.spread[:, None]
+        products[:, : len(generators)] = weight * (N @ generators.T)
+        turning[:, : len(generators)] = weight[..., None] * np.einsum("mi,kin->mkn", N, derivatives)
+    counted, moves = np.full(m, block.counted), np.full(m, number, dtype=np.intp)
+    sizes = np.linalg.norm(N, axis=1)
+    return SequenceRows(block.values / block.scale, slopes, counted, sizes, moves, products, turning)
+
+
+def _blocks(
+    assembly: Assembly,
+    claim: Claim,
+    rho: float,
+    most: float,
+    sure: Sequence[tuple[Forms, NDArray[np.intp]]],
+    near: float,
+) -> Iterator[_Block]:
+    """The rows of a piece that are below `most` (m), and those that keep the description of its contacts."""
+    piece, course = claim.piece, Course.of((claim.advance.ends,))
+    for pair, kept in pairs_of(assembly, claim):
+        if kept.margin > most:
+            continue
+        counted = counted_rows(assembly, pair, kept.witness)
+        rows = course.over(counted.forms)
+        counts = counted.counts(rows.lower[0])
+        ends = claim.advance.ends
+        scale = counted.scale(ends.start, ends.goal, ends.extent)
+        for end in (0, 1):
+            values = rows.bounds[end, 0]
+            which = np.flatnonzero(counts & (values < most * scale))
+            if len(which):
+                N = rows.N[end, 0, which]
+                yield _Block(N, values[which], end, scale, course.spread(end, N))
+    for facet in facet_rows(assembly, claim) if claim.contacts else ():
+        for contact, margin in enumerate(facet.table.margins(facet.lower)):
+            if margin < most and (slope := facet.table.slope(contact, facet.lower)).any():
+                N = (slope @ facet.rows.N)[None]
+                yield _Block(N, np.array([margin]), facet.end, 1.0, course.spread(facet.end, N))
+    if claim.early is not None and piece.made is not None:
+        made = made_form(assembly, piece.made, piece.held).at(piece.start)
+        scale = made_scale(assembly, piece.made, piece.held, rho)
+        N = scale * made.N
+        yield _Block(N, np.array([claim.early]), 0, 1.0, course.spread(0, N))
+    for forms, which in sure:
+        rows = course.over(forms)
+        for end in (0, 1):
+            room = rows.f[end, 0, which] - DOUBTED * rows.reach[end, 0, which]
+            close = room < near
+            N = rows.N[end, 0, which[close]]
+            if len(N):
+                yield _Block(N, _KEPT * room[close], end, 1.0, course.spread(end, N), DOUBTED, 0.0)
+
+
+def pairs_of(assembly: Assembly, claim: Claim) -> list[tuple[Pair, Separation]]:
+    """The pairs of pieces of a claim, with the planes that keep them apart."""
+    found = pairs(assembly, claim.piece)
+    return [(pair, kept) for (_, _, kept), (_, _, pair) in zip(claim.separations, found, strict=True)]
+
+
+def _surely(assembly: Assembly, claims: Sequence[Claim]) -> list[tuple[Forms, NDArray[np.intp]]]:
+    """How far vertices are within convex rims of walls that they lie in, and which are so for sure all along a move."""
+    courses = [Course.of((claim.advance.ends,)) for claim in claims]
+    found = []
+    for forms in within_rims(assembly, claims[0].piece.held):
+        rows = [course.over(forms) for course in courses]
+        sure = np.all([(each.f - DOUBTED * each.reach)[:, 0] > 0.0 for each in rows], axis=(0, 1))
+        if sure.any():
+            found.append((forms, np.flatnonzero(sure)))
+    return found
