@@ -20,12 +20,12 @@ from fmopt.placement.entry import Entry, Shape, planar_entries, start_spread, st
 from fmopt.placement.motion import Reached
 from fmopt.placement.polish import Method, Turns, polish
 from fmopt.placement.search import MoveSequence, Searched, best_sequences
-from fmopt.placement.sequence import Aim, Placed, Refinement, certified, refine
+from fmopt.placement.sequence import Aim, Placed, Refinement, certified, claims_of_moves, refine
 from fmopt.placement.shapes import likely_shapes, room
 from fmopt.placement.socp import ClarabelSolver
 from fmopt.placement.step import Costs, Task
 from fmopt.placement.tune import Limits, deepened, tuned
-from fmopt.se3 import Pose
+from fmopt.se3 import Pose, length, log
 from fmopt.task.clearance import characteristic_length, drift
 from fmopt.task.problem import Problem
 from fmopt.uncertainty.error_set import ErrorSet
@@ -36,6 +36,8 @@ FINE = math.radians(1.0)
 TRIES = 40  # of entries, when one is varied
 STEADY = 0.05  # share of the contact force that presses what a part turns along, whatever friction turns it off
 FIRM = 0.05  # share of the contact force that presses all that a part slides along to its next contact
+_AMPLE = 0.1  # of the clearance, a margin for which no other sequence is looked at
+_MORE = 2  # sequences that are looked at beside one with less
 _LIKELY = 32  # ways to begin that are tried in each attitude before the rest are
 
 
@@ -128,6 +130,7 @@ class _Stood:
         best: tuple[MoveSequence, Placed] | None = None
         failures: list[FmoptError] = []
         spare: tuple[MoveSequence, ...] = ()
+        more = _MORE
 
         def told(names: str) -> None:
             progress(f"search: {names}")
@@ -142,7 +145,8 @@ class _Stood:
         def steady(found: MoveSequence) -> bool:
             return assembly.planar or least_steady(problem, assembly, found.reached.claims, tolerance) >= STEADY
 
-        while best is None or (best[1].margin <= 0.0 and clock() < deadline):
+        while best is None or (best[1].margin < _AMPLE * per_side and more > 0 and clock() < deadline):
+            more -= best is not None and best[1].margin > 0.0
             try:
                 spare = spare if clock() < deadline else ()
                 candidates = spare or best_sequences(task, rounds, deadline, told, steady, self.rounds)
@@ -218,7 +222,10 @@ def placement(
 
 
 def _as_good_as(problem: Problem, assembly: Assembly, begun: Placed, tolerance: Tolerance) -> Callable[[Placed], bool]:
-    """Whether contacts of a sequence hold as surely as those of another one, or as surely as they need to."""
+    """Whether contacts of a sequence hold as surely as those of another one, or as surely as they need to.
+
+    Nor may its moves have to be cut more finely: at each piece a robot stops, and what it is off by adds up.
+    """
 
     @cache
     def least() -> tuple[float, float, bool]:
@@ -230,12 +237,21 @@ def _as_good_as(problem: Problem, assembly: Assembly, begun: Placed, tolerance: 
         return min(FIRM, least_firm(*given)), min(STEADY, steady), runs_against(*given)
 
     def fit(placed: Placed) -> bool:
+        if any(new > old for new, old in zip(_fineness(placed), _fineness(begun), strict=True)):
+            return False
         try:
             return all(new >= old for new, old in zip(measured(placed), least(), strict=True))
         except InfeasibleError:  # no bias force holds the contacts
             return False
 
     return fit
+
+
+def _fineness(placed: Placed) -> list[float]:
+    """Of each move, how many times as many pieces it has as its turn alone asks for."""
+    turns = (length(log(move.goal.R @ move.start.R.T)) for move in placed.moves)
+    pieces = map(len, claims_of_moves(placed.reached.claims))
+    return [count / max(1, math.ceil(turn / FINE - 1e-9)) for count, turn in zip(pieces, turns, strict=True)]
 
 
 def _by_method(problem: Problem, assembly: Assembly, placed: Placed, errors: ErrorSet, tolerance: Tolerance) -> Placed:

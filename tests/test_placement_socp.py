@@ -152,7 +152,9 @@ def test_every_status_but_solved_raises(status: str, monkeypatch: pytest.MonkeyP
     good = max_min_clearance(problem, socp.ClarabelSolver())
 
     def run(*_: object) -> tuple[object, object, str]:
-        return good.x / problem.program().units, np.zeros(3), status
+        scaled = problem.program().scaled()
+        M, _rhs, _cones = socp.standard_form(scaled, np.arange(len(scaled.b)))
+        return good.x / problem.program().units, np.zeros(len(M)), status  # a good point, which nothing proves
 
     monkeypatch.setattr(socp.ClarabelSolver, "_run", run)
     with pytest.raises(SolverError, match=status):

@@ -66,11 +66,11 @@ def test_every_plan_calls_clarabel_and_where_it_places_poses_casadi(name: str) -
 
 
 def test_prices_of_rows_are_what_the_margin_gains() -> None:
-    rng, seen = np.random.default_rng(0), 0
+    rng, seen, smooth = np.random.default_rng(0), 0, 0
     for program, solution in programs():
         assert solution.duals is not None
         rows = rng.uniform(0.0, 1.0, len(program.h))
-        step = 1e-3 * max(abs(solution.value), 1e-5)
+        step = 1e-4 * max(abs(solution.value), 1e-5)
         try:
             less, more = (ClarabelSolver().solve(replace(program, h=program.h + s * rows)).value for s in (-step, step))
         except (SolverError, InfeasibleError):
@@ -79,9 +79,10 @@ def test_prices_of_rows_are_what_the_margin_gains() -> None:
         # Where several sets of rows bind, the margin has a kink, and prices lie between its slopes.
         low, high = (more - solution.value) / step, (solution.value - less) / step
         assert low - 0.05 * abs(price) <= price <= high + 0.05 * abs(price)
-        assert 0.5 * (low + high) == pytest.approx(price, rel=0.05, abs=1e-6)
         seen += 1
+        smooth += high - low <= 0.05 * abs(price)
     assert seen >= ASKED - 2
+    assert smooth >= ASKED // 2
 
 
 def test_cvxpy_finds_the_same_margins() -> None:

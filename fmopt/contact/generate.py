@@ -46,7 +46,7 @@ _LOOPS = '''
 
 @part
 def heights_at(tables: Tables, p: Array, R: Array, f: Array) -> None:
-    """Fills in the distances f (k) of all contacts at a pose."""
+    """Fills in the distances f (k,) of all contacts at a pose p (3,), R (3, 3)."""
     for i in range(len(f)):
         f[i] = height(tables, i, p, R)
 
@@ -68,7 +68,7 @@ def over(tables: Tables, p: Array, R: Array, f: Array, N: Array) -> None:
 
 @compiled
 def regularities(tables: Tables, p: Array, R: Array, found: Array) -> None:
-    """Fills in how regular contacts (k) are at a pose; see `regularity`."""
+    """Fills in how regular contacts (k,) are at a pose p (3,), R (3, 3); see `regularity`."""
     for i in range(len(found)):
         found[i] = regularity(tables, i, p, R)
 '''
@@ -102,11 +102,19 @@ def written() -> str:
         if kind.regular:
             least = kind.regular[0] if len(kind.regular) == 1 else sympy.Min(*kind.regular)
             text.append(_function(kind, "regularity", [least]))
-    text.append(_dispatch(kinds, "height", "", "The distance of a contact.", "return float(_{name}_height(row, p, R))"))
-    told = "The distance of a contact, and its wrench into the first six of N."
+    text.append(
+        _dispatch(
+            kinds,
+            "height",
+            "",
+            "The distance of a contact at a pose p (3,), R (3, 3).",
+            "return float(_{name}_height(row, p, R))",
+        )
+    )
+    told = "The distance of a contact at a pose p (3,), R (3, 3), and its wrench into the first six numbers of N."
     fill = "f, N[0], N[1], N[2], N[3], N[4], N[5] = _{name}_wrench(row, p, R)\nreturn float(f)"
     text.append(_dispatch(kinds, "wrench", ", N: Array", told, fill))
-    told = "The least of what a contact's distance has roots of, as the squared sine between edges; 1 without any."
+    told = "At a pose p (3,), R (3, 3) the least of what a distance has roots of, as the squared sine of edges; else 1."
     known = "return float(_{name}_regularity(row, p, R))"
     text.append(_dispatch(kinds, "regularity", "", told, known))
     names = [kind.name for kind in kinds]

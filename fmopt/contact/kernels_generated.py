@@ -107,7 +107,7 @@ def _edge_edge_regularity(row: Row, p: Position, R: Array) -> Any:
 
 @part
 def height(tables: Tables, i: int, p: Position, R: Array) -> float:
-    """The distance of a contact."""
+    """The distance of a contact at a pose p (3,), R (3, 3)."""
     vertex_face, face_vertex, edge_edge = tables
     if i < len(vertex_face):
         row = vertex_face[i]
@@ -123,7 +123,7 @@ def height(tables: Tables, i: int, p: Position, R: Array) -> float:
 
 @part
 def wrench(tables: Tables, i: int, p: Position, R: Array, N: Array) -> float:
-    """The distance of a contact, and its wrench into the first six of N."""
+    """The distance of a contact at a pose p (3,), R (3, 3), and its wrench into the first six numbers of N."""
     vertex_face, face_vertex, edge_edge = tables
     if i < len(vertex_face):
         row = vertex_face[i]
@@ -142,7 +142,7 @@ def wrench(tables: Tables, i: int, p: Position, R: Array, N: Array) -> float:
 
 @part
 def regularity(tables: Tables, i: int, p: Position, R: Array) -> float:
-    """The least of what a contact's distance has roots of, as the squared sine between edges; 1 without any."""
+    """At a pose p (3,), R (3, 3) the least of what a distance has roots of, as the squared sine of edges; else 1."""
     vertex_face, face_vertex, edge_edge = tables
     if i < len(vertex_face):
         return 1.0
@@ -163,7 +163,7 @@ def number_of(tables: Tables) -> int:
 
 @part
 def heights_at(tables: Tables, p: Array, R: Array, f: Array) -> None:
-    """Fills in the distances f (k) of all contacts at a pose."""
+    """Fills in the distances f (k,) of all contacts at a pose p (3,), R (3, 3)."""
     for i in range(len(f)):
         f[i] = height(tables, i, p, R)
 
@@ -185,6 +185,6 @@ def over(tables: Tables, p: Array, R: Array, f: Array, N: Array) -> None:
 
 @compiled
 def regularities(tables: Tables, p: Array, R: Array, found: Array) -> None:
-    """Fills in how regular contacts (k) are at a pose; see `regularity`."""
+    """Fills in how regular contacts (k,) are at a pose p (3,), R (3, 3); see `regularity`."""
     for i in range(len(found)):
         found[i] = regularity(tables, i, p, R)

@@ -38,7 +38,7 @@ class Surfaces(Value):
 
     Args:
         contacts: the contacts.
-        order: sends contacts stacked by kinds back to their own order.
+        order: (k,), sends contacts stacked by kinds back to their own order.
         tables: for each kind the records of its contacts, in the order of `CONTACTS`.
     """
 
@@ -134,7 +134,7 @@ def definition(kind: Kind) -> Definition:
 
 @remembered(_NUMBERS)
 def parameters(moving: Polyhedron, fixed: Polyhedron, contact: PrimitiveContact) -> Array:
-    """The numbers of a contact's C-surface function, in the order of its definition."""
+    """The numbers (n,) of a contact's C-surface function, in the order of its definition."""
     match contact.kind:
         case Kind.VERTEX_FACE:
             face = fixed.faces[contact.fixed_feature]

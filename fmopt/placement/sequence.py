@@ -226,13 +226,19 @@ def _program(aim: Aim, placed: Placed, rows: SequenceRows, radius: float) -> Con
 
 
 def _equalities(assembly: Assembly, moves: Sequence[Move], n: int) -> Array:
-    """Each pose stays in its contact state; the start and the seated pose stay where they are."""
+    """Each pose stays in its contact state; the start and the seated pose stay where they are.
+
+    Moves that hold nothing do not begin to turn: how the part is tilted as it enters is for the search to say, and what
+    gives way under a contact that is aslant is the robot.
+    """
     first = np.zeros((6, n))
     first[:, :6] = np.eye(6)
     blocks = [first]
     for k, move in enumerate(moves):
         contacts = (*move.held, *move.making)
         rows = np.eye(6) if k == len(moves) - 1 else state_rows(assembly, contacts, move.goal)
+        if not move.held and k < len(moves) - 1:
+            rows = np.vstack([rows, np.eye(6)[3:]])
         block = np.zeros((len(rows), n))
         block[:, 6 * (k + 1) : 6 * (k + 2)] = rows
         blocks.append(block)
