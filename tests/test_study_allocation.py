@@ -150,7 +150,8 @@ def small(tmp_path: Path) -> Path:
     straight(tmp_path)
     study = FILE.replace(f"{ROOT}/problems/lee_huang_peg.toml", "base.toml")
     path = tmp_path / "t.toml"
-    path.write_text(study.replace("margin = 0.03", "margin = 0.004\ngap = 0.02").replace("high = 0.4\n", ""))
+    study = study.replace("margin = 0.03", "margin = 0.004\ngap = 0.02").replace("high = 0.4\n", "high = 2\n")
+    path.write_text(study.replace('"uncertainty.start.y"]\n', '"uncertainty.start.y"]\nhigh = 0.5\n'))
     return path
 
 
@@ -163,8 +164,9 @@ def test_the_answer_is_certified_and_planned_anew(tmp_path: Path) -> None:
     assert plan["verdict"] == answer["same_motion"]["verdict"] == answer["planned_anew"]["verdict"] == "CERTIFIED"
     assert 4e-6 <= answer["same_motion"]["margin"] < 4.5e-6
     assert answer["planned_anew"]["margin"] >= 4e-6
-    assert answer["cost_bound"] <= answer["cost_after"] < 0.9 * answer["cost_before"]
-    assert answer["cost_after"] < answer["cost_bound"] * 1.03
+    assert answer["cost_after"] < 0.9 * answer["cost_before"]
+    if answer["cost_bound"] is not None:  # where the margins of the motion are concave in the errors
+        assert answer["cost_bound"] <= answer["cost_after"] < answer["cost_bound"] * 1.03
     assert all(t["now"] <= t["after"] <= t["high"] for t in answer["tolerances"])
     assert plan["uncertainty"]["start_box"][0] == pytest.approx(answer["tolerances"][0]["after"], rel=1e-12)
     (page,) = report(folder)
@@ -178,6 +180,6 @@ def test_the_answer_is_certified_and_planned_anew(tmp_path: Path) -> None:
 def test_a_dry_run_of_an_allocation_lists_the_tolerances(tmp_path: Path) -> None:
     path, folder = small(tmp_path), tmp_path / "out"
     done = CliRunner().invoke(app, ["study", str(path), "--out", str(folder), "--dry-run"])
-    assert "yaw: 0.03 deg, may become 0.03 deg to 0.3 deg, weight 0.5" in done.stdout
+    assert "yaw: 0.03 deg, may become 0.03 deg to 2 deg, weight 0.5" in done.stdout
     assert not folder.exists()
     assert CliRunner().invoke(app, ["study", str(path), "--limit", "3"]).exit_code == 2
