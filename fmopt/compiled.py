@@ -46,7 +46,7 @@ def _folder() -> str:
     own = os.environ.get("NUMBA_CACHE_DIR") or _PACKAGE / "__pycache__"
     if not os.access(own if Path(own).exists() else _PACKAGE, os.W_OK):
         own = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()) / "fmopt"
-    shared = sorted(_PACKAGE.rglob("kernels*.py"))
+    shared = sorted((*_PACKAGE.glob("kernels*.py"), *_PACKAGE.glob("*/kernels*.py")))
     state = hashlib.sha256(b"".join(path.read_bytes() for path in shared)).hexdigest()
     return str(Path(own) / f"kernels-{state[:16]}")
 

@@ -17,10 +17,10 @@ from fmopt.errors import FmoptError, InfeasibleError, SearchError
 from fmopt.geometry.clearance import Clearance
 from fmopt.placement.attitude import Image, images
 from fmopt.placement.entry import Entry, Shape, planar_entries, start_spread, straight_entry, tilted_entry
-from fmopt.placement.motion import Reached
+from fmopt.placement.motion import Reached, claims_of_moves
 from fmopt.placement.polish import Method, Turns, polish
 from fmopt.placement.search import MoveSequence, Searched, best_sequences
-from fmopt.placement.sequence import Aim, Placed, Refinement, certified, claims_of_moves, refine
+from fmopt.placement.sequence import Aim, Placed, Refinement, certified, refine
 from fmopt.placement.shapes import likely_shapes, room
 from fmopt.placement.socp import ClarabelSolver
 from fmopt.placement.step import Costs, Task
@@ -211,7 +211,7 @@ def placement(
         progress(f"placement: margin {1e6 * margin:.1f} um")
 
     def polished(placed: Placed, method: Method) -> Placed:
-        return polish(assembly, placed, start, tolerance, FINE, clearance, method, turns, told)
+        return polish(aim, placed, clearance, method, turns, told)
 
     if problem.settings.placement == "descent":
         stages = [begun, polished(begun, "descent")]

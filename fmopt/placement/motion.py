@@ -66,6 +66,16 @@ class Reached:
         return min((c.margin for c in self.claims), default=math.inf)
 
 
+def claims_of_moves(claims: Sequence[Claim]) -> list[list[Claim]]:
+    """The claims of each move."""
+    found: list[list[Claim]] = []
+    for claim in claims:
+        if claim.piece.progress[0] == 0.0:
+            found.append([])
+        found[-1].append(claim)
+    return found
+
+
 def onto(assembly: Assembly, poses: Poses, basis: Sequence[Compliance], context: Iterable[PrimitiveContact]) -> Poses:
     """Poses shifted along the compliant directions until all contacts of the basis are zero, by Newton's method.
 

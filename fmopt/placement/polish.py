@@ -13,16 +13,15 @@ from typing import Literal
 import numpy as np
 
 from fmopt.certificate.knowledge import Assembly
-from fmopt.certificate.segment import Tolerance
 from fmopt.certificate.separation import Separation, row_bounds
 from fmopt.errors import InfeasibleError, SolverError
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.placement.clearance import Flat, Metric, placement
 from fmopt.placement.descent import Descent, descend
-from fmopt.placement.motion import Move, Reached
+from fmopt.placement.motion import Move
 from fmopt.placement.nlp import place_on_surfaces, surface_placement
 from fmopt.placement.rows import Row, evaluate, face_vertex, vertex_face
-from fmopt.placement.sequence import Placed, better, onto_surfaces, state_rows
+from fmopt.placement.sequence import Aim, Placed, better, onto_surfaces, state_rows
 from fmopt.placement.sequence_rows import pairs_of
 from fmopt.values import Array
 
@@ -55,11 +54,8 @@ class _Obstacles:
 
 
 def polish(
-    assembly: Assembly,
+    aim: Aim,
     placed: Placed,
-    start: Reached,
-    tolerance: Tolerance,
-    step: float,
     clearance: float,
     method: Method,
     turns: Turns,
@@ -68,11 +64,8 @@ def polish(
     """Moves one goal pose after the other while the certified margin rises.
 
     Args:
-        assembly: the two parts.
+        aim: what for; whether a sequence is fit is not asked.
         placed: the sequence to improve.
-        start: errors at its start.
-        tolerance: velocity error and metric.
-        step: greatest turn of one piece, rad.
         clearance: clearance a side, m, the unit of length of the programs.
         method: nonlinear program on the true surfaces, or reciprocal cost and steepest descent on the linear ones.
         turns: how often each pose gets its turn, and how far it may go.
@@ -83,8 +76,8 @@ def polish(
         before = best.margin
         for k in range(len(best.moves) - 1):
             for reach in (turns.radius, _SHORTER * turns.radius):
-                metric = Metric(tolerance.rho, clearance)
-                candidate = _one(assembly, best, start, tolerance, step, metric, method, k, reach)
+                metric = Metric(aim.tolerance.rho, clearance)
+                candidate = _one(aim, best, metric, method, k, reach)
                 if candidate is not None:
                     best = candidate
                     progress(best.margin)
@@ -94,17 +87,8 @@ def polish(
     return best
 
 
-def _one(
-    assembly: Assembly,
-    placed: Placed,
-    start: Reached,
-    tolerance: Tolerance,
-    step: float,
-    metric: Metric,
-    method: Method,
-    k: int,
-    radius: float,
-) -> Placed | None:
+def _one(aim: Aim, placed: Placed, metric: Metric, method: Method, k: int, radius: float) -> Placed | None:
+    assembly = aim.assembly
     move = placed.moves[k]
     obstacles = _obstacles(assembly, placed, k, _NEAR * radius, _IDLE * metric.clearance)
     if obstacles is None:
@@ -117,7 +101,7 @@ def _one(
         moves[k + 1] = replace(moves[k + 1], start=goal)
     except (InfeasibleError, SolverError):
         return None
-    return better(assembly, moves, placed, start, tolerance, step, _GAIN * metric.clearance)
+    return better(aim, moves, placed, _GAIN * metric.clearance)
 
 
 def _placed_pose(

@@ -16,7 +16,6 @@ from itertools import pairwise, takewhile
 
 import numpy as np
 
-from fmopt.certificate.claim import Claim
 from fmopt.certificate.functions import contact_rows
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Tolerance
@@ -67,16 +66,6 @@ class Placed:
         return self.reached.margin
 
 
-def claims_of_moves(claims: Sequence[Claim]) -> list[list[Claim]]:
-    """The claims of each move."""
-    found: list[list[Claim]] = []
-    for claim in claims:
-        if claim.piece.progress[0] == 0.0:
-            found.append([])
-        found[-1].append(claim)
-    return found
-
-
 def certified(
     assembly: Assembly, moves: Sequence[Move], start: Reached, tolerance: Tolerance, step: float, thorough: bool = True
 ) -> Placed:
@@ -89,40 +78,6 @@ def certified(
     for move in moves:
         stages.append(unroll(assembly, move, stages[-1], tolerance, step, thorough))
     return Placed(tuple(moves), stages[-1], tuple(stages[1:]), thorough)
-
-
-def better(
-    assembly: Assembly,
-    moves: Sequence[Move],
-    than: Placed,
-    start: Reached,
-    tolerance: Tolerance,
-    step: float,
-    by: float,
-) -> Placed | None:
-    """Moves certified, if their margin is larger than that of another sequence; None if not, or one is impossible.
-
-    The moves with which both begin are not certified again, nor those after one that has too little margin.
-
-    Args:
-        assembly: the two parts.
-        moves: the sequence.
-        than: the other one, certified in the same way.
-        start: errors at the start of both.
-        tolerance: velocity error and metric.
-        step: greatest turn of one piece, rad.
-        by: by how much the margin has to be larger, m.
-    """
-    shared = sum(1 for _ in takewhile(lambda pair: pair[0] is pair[1], zip(moves, than.moves, strict=True)))
-    stages = [start, *than.stages[:shared]]
-    try:
-        for move in moves[len(stages) - 1 :]:
-            stages.append(unroll(assembly, move, stages[-1], tolerance, step, than.thorough))
-            if stages[-1].margin <= than.margin + by:
-                return None
-    except InfeasibleError:
-        return None
-    return Placed(tuple(moves), stages[-1], tuple(stages[1:]), than.thorough)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,6 +99,29 @@ class Aim:
     fit: Callable[[Placed], bool] = lambda _: True
 
 
+def better(aim: Aim, moves: Sequence[Move], than: Placed, by: float) -> Placed | None:
+    """Moves certified, if their margin is larger than that of another sequence; None if not, or one is impossible.
+
+    The moves with which both begin are not certified again, nor those after one that has too little margin.
+
+    Args:
+        aim: what for; whether they are fit is not asked.
+        moves: the sequence.
+        than: the other one, certified in the same way.
+        by: by how much the margin has to be larger, m.
+    """
+    shared = sum(1 for _ in takewhile(lambda pair: pair[0] is pair[1], zip(moves, than.moves, strict=True)))
+    stages = [aim.start, *than.stages[:shared]]
+    try:
+        for move in moves[len(stages) - 1 :]:
+            stages.append(unroll(aim.assembly, move, stages[-1], aim.tolerance, aim.step, than.thorough))
+            if stages[-1].margin <= than.margin + by:
+                return None
+    except InfeasibleError:
+        return None
+    return Placed(tuple(moves), stages[-1], tuple(stages[1:]), than.thorough)
+
+
 def refine(
     aim: Aim, placed: Placed, solver: Solver, settings: Refinement, progress: Callable[[float], None] = lambda _: None
 ) -> Placed:
@@ -157,7 +135,7 @@ def refine(
         progress: told the margin (m) after each gain.
     """
     best, radius = placed, settings.radius
-    rows = sequence_rows(aim.assembly, best, aim.tolerance, settings.radius)
+    rows = sequence_rows(aim.assembly, best.reached, aim.tolerance, settings.radius)
     for _ in range(settings.rounds):
         if not len(rows.values) or radius < settings.least_radius:
             break
@@ -173,7 +151,7 @@ def refine(
             radius *= _SHORTER
             continue
         best, radius = candidate, min(2.0 * radius, 4.0 * settings.radius)
-        rows = sequence_rows(aim.assembly, best, aim.tolerance, settings.radius)
+        rows = sequence_rows(aim.assembly, best.reached, aim.tolerance, settings.radius)
         progress(best.margin)
     return best
 
@@ -184,7 +162,7 @@ def _moved(aim: Aim, placed: Placed, shift: Array, by: float) -> Placed | None:
         moves = _shifted(aim.assembly, placed.moves, shift * aim.assembly.freedoms)
     except InfeasibleError:
         return None
-    found = better(aim.assembly, moves, placed, aim.start, aim.tolerance, aim.step, by)
+    found = better(aim, moves, placed, by)
     return found if found is not None and aim.fit(found) else None
 
 

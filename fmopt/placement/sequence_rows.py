@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +18,10 @@ from fmopt.certificate.rows import Forms
 from fmopt.certificate.segment import Tolerance
 from fmopt.certificate.sensitivity import Sensitivity, sensitivities
 from fmopt.certificate.separation import Pair, Separation, pairs
+from fmopt.contact.primitive import PrimitiveContact
 from fmopt.placement.flush import DOUBTED, within_rims
+from fmopt.placement.motion import Reached, claims_of_moves
 from fmopt.values import Array
-
-if TYPE_CHECKING:
-    from fmopt.placement.sequence import Placed
 
 _STEPS = 4  # steps of the trust region that a row is kept away from where contacts are described otherwise
 _KEPT = 0.5  # of how far vertices are from there
@@ -119,36 +118,26 @@ class _Block:
     N: Array
     values: Array
     end: int
+    spread: NDArray[np.bool_]
     scale: float = 1.0
-    spread: NDArray[np.bool_] | None = None
     factor: float = 1.0
     counted: float = 1.0
 
 
-def sequence_rows(assembly: Assembly, placed: Placed, tolerance: Tolerance, near: float) -> SequenceRows:
+def sequence_rows(assembly: Assembly, reached: Reached, tolerance: Tolerance, near: float) -> SequenceRows:
     """Every row of a sequence that is within `near` (m) of binding."""
-    claims, most = placed.reached.claims, placed.margin + near
-    changing = sensitivities(assembly, claims, tolerance)
-    shape = max((len(each.start[0]) for each in changing), default=0), 6 * (len(placed.moves) + 1)
-    parts, number = [SequenceRows.none(*shape)], -1
-    sure: Sequence[tuple[Forms, NDArray[np.intp]]] = ()
-    for k, (claim, sensitivity) in enumerate(zip(claims, changing, strict=True)):
-        if claim.piece.progress[0] == 0.0:
-            number += 1
-            sure = _surely(assembly, _of_move(claims, k))
-        for block in _blocks(assembly, claim, tolerance.rho, most, sure, _STEPS * near):
-            parts.append(_rows(block, claim, sensitivity, number, shape))
+    most, moves = reached.margin + near, claims_of_moves(reached.claims)
+    sensitivity = iter(found := sensitivities(assembly, reached.claims, tolerance))
+    shape = max((len(each.start[0]) for each in found), default=0), 6 * (len(moves) + 1)
+    parts = [SequenceRows.none(*shape)]
+    for number, claims in enumerate(moves):
+        courses = [Course.of((claim.advance.ends,)) for claim in claims]
+        sure = _surely(assembly, claims[0].piece.held, courses)
+        for claim, course in zip(claims, courses, strict=True):
+            changing = next(sensitivity)
+            blocks = chain(_near(assembly, claim, course, tolerance.rho, most), _described(course, sure, _STEPS * near))
+            parts += [_rows(block, claim, changing, number, shape) for block in blocks]
     return SequenceRows.joined(parts)
-
-
-def _of_move(claims: Sequence[Claim], first: int) -> list[Claim]:
-    """The claims of the move that begins with one of them."""
-    found = [claims[first]]
-    for claim in claims[first + 1 :]:
-        if claim.piece.progress[0] == 0.0:
-            break
-        found.append(claim)
-    return found
 
 
 def _rows(block: _Block, claim: Claim, sensitivity: Sensitivity, number: int, shape: tuple[int, int]) -> SequenceRows:
@@ -160,7 +149,7 @@ def _rows(block: _Block, claim: Claim, sensitivity: Sensitivity, number: int, sh
     slopes[:, 6 * number + 6 : 6 * number + 12] = share * N
     generators, derivatives = sensitivity.goal if block.end else sensitivity.start
     products, turning = np.zeros((m, width)), np.zeros((m, width, n))
-    if block.spread is not None and len(generators):
+    if len(generators):
         weight = block.factor * block.spread[:, None]
         products[:, : len(generators)] = weight * (N @ generators.T)
         turning[:, : len(generators)] = weight[..., None] * np.einsum("mi,kin->mkn", N, derivatives)
@@ -169,16 +158,9 @@ def _rows(block: _Block, claim: Claim, sensitivity: Sensitivity, number: int, sh
     return SequenceRows(block.values / block.scale, slopes, counted, sizes, moves, products, turning)
 
 
-def _blocks(
-    assembly: Assembly,
-    claim: Claim,
-    rho: float,
-    most: float,
-    sure: Sequence[tuple[Forms, NDArray[np.intp]]],
-    near: float,
-) -> Iterator[_Block]:
-    """The rows of a piece that are below `most` (m), and those that keep the description of its contacts."""
-    piece, course = claim.piece, Course.of((claim.advance.ends,))
+def _near(assembly: Assembly, claim: Claim, course: Course, rho: float, most: float) -> Iterator[_Block]:
+    """The rows of a piece that are below `most` (m)."""
+    piece = claim.piece
     for pair, kept in pairs_of(assembly, claim):
         if kept.margin > most:
             continue
@@ -192,17 +174,21 @@ def _blocks(
             which = np.flatnonzero(counts & (values < most * scale))
             if len(which):
                 N = rows.N[end, 0, which]
-                yield _Block(N, values[which], end, scale, course.spread(end, N))
+                yield _Block(N, values[which], end, course.spread(end, N), scale)
     for facet in facet_rows(assembly, claim) if claim.contacts else ():
         for contact, margin in enumerate(facet.table.margins(facet.lower)):
             if margin < most and (slope := facet.table.slope(contact, facet.lower)).any():
                 N = (slope @ facet.rows.N)[None]
-                yield _Block(N, np.array([margin]), facet.end, 1.0, course.spread(facet.end, N))
+                yield _Block(N, np.array([margin]), facet.end, course.spread(facet.end, N))
     if claim.early is not None and piece.made is not None:
         made = made_form(assembly, piece.made, piece.held).at(piece.start)
         scale = made_scale(assembly, piece.made, piece.held, rho)
         N = scale * made.N
-        yield _Block(N, np.array([claim.early]), 0, 1.0, course.spread(0, N))
+        yield _Block(N, np.array([claim.early]), 0, course.spread(0, N))
+
+
+def _described(course: Course, sure: Sequence[tuple[Forms, NDArray[np.intp]]], near: float) -> Iterator[_Block]:
+    """The rows of a piece that keep the description of its contacts, below `near` (m)."""
     for forms, which in sure:
         rows = course.over(forms)
         for end in (0, 1):
@@ -210,7 +196,7 @@ def _blocks(
             close = room < near
             N = rows.N[end, 0, which[close]]
             if len(N):
-                yield _Block(N, _KEPT * room[close], end, 1.0, course.spread(end, N), DOUBTED, 0.0)
+                yield _Block(N, _KEPT * room[close], end, course.spread(end, N), 1.0, DOUBTED, 0.0)
 
 
 def pairs_of(assembly: Assembly, claim: Claim) -> list[tuple[Pair, Separation]]:
@@ -219,11 +205,12 @@ def pairs_of(assembly: Assembly, claim: Claim) -> list[tuple[Pair, Separation]]:
     return [(pair, kept) for (_, _, kept), (_, _, pair) in zip(claim.separations, found, strict=True)]
 
 
-def _surely(assembly: Assembly, claims: Sequence[Claim]) -> list[tuple[Forms, NDArray[np.intp]]]:
+def _surely(
+    assembly: Assembly, held: tuple[PrimitiveContact, ...], courses: Sequence[Course]
+) -> list[tuple[Forms, NDArray[np.intp]]]:
     """How far vertices are within convex rims of walls that they lie in, and which are so for sure all along a move."""
-    courses = [Course.of((claim.advance.ends,)) for claim in claims]
     found = []
-    for forms in within_rims(assembly, claims[0].piece.held):
+    for forms in within_rims(assembly, held):
         rows = [course.over(forms) for course in courses]
         sure = np.all([(each.f - DOUBTED * each.reach)[:, 0] > 0.0 for each in rows], axis=(0, 1))
         if sure.any():
