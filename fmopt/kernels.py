@@ -18,6 +18,12 @@ def vector(x: Array) -> Vector:
 
 
 @part
+def halves(x: Array) -> tuple[Vector, Vector]:
+    """Six numbers (6,) as two vectors."""
+    return (x[0], x[1], x[2]), (x[3], x[4], x[5])
+
+
+@part
 def row(rows: Array, i: int) -> Vector:
     """A row of an array (…, 3)."""
     return rows[i, 0], rows[i, 1], rows[i, 2]

@@ -13,9 +13,8 @@ from fmopt.contact.bounds import BoundTable, bounds
 from fmopt.contact.definitions import CONTACTS
 from fmopt.contact.derive import derived
 from fmopt.contact.formula import latex
-from fmopt.contact.kernels_generated import over
 from fmopt.contact.primitive import Kind, PrimitiveContact, face_vertex, near_contacts, vertex_face
-from fmopt.contact.surface import Surfaces, definition, parameters, records, values_and_rows
+from fmopt.contact.surface import Surfaces, definition, over, parameters, records, values_and_rows
 from fmopt.contact.wrench import contact_wrench
 from fmopt.errors import InfeasibleError
 from fmopt.geometry.polyhedron import Polyhedron, from_faces

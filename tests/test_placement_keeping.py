@@ -12,8 +12,7 @@ from test_contact_surface import CASES, PEG
 from fmopt.certificate.kernels_rows import ROW
 from fmopt.certificate.rows import Forms, points_above, stacked
 from fmopt.contact.definitions import CONTACTS
-from fmopt.contact.kernels_generated import heights
-from fmopt.contact.surface import Surfaces, records
+from fmopt.contact.surface import Surfaces, heights, records
 from fmopt.placement import keeping
 from fmopt.placement.keeping import KEPT, LOST, SINGULAR
 from fmopt.se3 import Pose, turns

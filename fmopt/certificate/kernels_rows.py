@@ -158,15 +158,22 @@ def _drawn(row: Row, end: End, offset: Vector, angles: Vector) -> float:
 def _changed(row: Row, end: End, move: Vector, turn: Vector) -> tuple[Vector, Vector]:
     """J: how a row's gradient changes along the path, Aᵀ(τ × b) and b × A Δ − G τ."""
     u, (w, b, y) = vector(row["u"]), end
-    pulled = cross(turn, b)
-    spun = plus(plus(cross(b, slid(row, move)), dot(u, turn), w), dot(y, turn), b)
-    return plus(cross(pulled, vector(row["a"])), row["sign"], pulled), plus(spun, -dot(u, w) - dot(b, y), turn)
+    return _sloped(row, end, (move, turn), (u, y), (w, b))
 
 
 @part
 def power(row: Row, end: End, move: Vector, turn: Vector) -> tuple[Vector, Vector]:
     """How N·V, V = (Δ, τ), changes with a small error: Aᵀ(τ × b) and b × A Δ − Gᵀ τ."""
     u, (w, b, y) = vector(row["u"]), end
+    return _sloped(row, end, (move, turn), (w, b), (u, y))
+
+
+@part
+def _sloped(
+    row: Row, end: End, V: tuple[Vector, Vector], seen: tuple[Vector, Vector], along: tuple[Vector, Vector]
+) -> tuple[Vector, Vector]:
+    """Aᵀ(τ × b), and b × A Δ − (u·w + b·y) τ + Σ (seen·τ) along."""
+    u, (w, b, y), (move, turn) = vector(row["u"]), end, V
     pulled = cross(turn, b)
-    spun = plus(plus(cross(b, slid(row, move)), dot(w, turn), u), dot(b, turn), y)
+    spun = plus(plus(cross(b, slid(row, move)), dot(seen[0], turn), along[0]), dot(seen[1], turn), along[1])
     return plus(cross(pulled, vector(row["a"])), row["sign"], pulled), plus(spun, -dot(u, w) - dot(b, y), turn)

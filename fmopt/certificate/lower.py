@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from fmopt.certificate.kernels_rows import End, Row, Table, reach, remainder, value
 from fmopt.compiled import compiled, part
-from fmopt.kernels import Vector, cross, size, turned, vector
+from fmopt.kernels import Vector, cross, halves, size, turned, vector
 from fmopt.values import Array
 
 Mask = NDArray[np.bool_]
@@ -94,8 +94,7 @@ def _reach(moving: Vector, turning: Vector, motion: Motion, n: int, e: int) -> f
 @part
 def _left(row: Row, start: End, goal: End, motion: Motion, n: int) -> float:
     """The remainder of a row over a piece of motion."""
-    V, h = motion.twist[n], motion.half[n]
-    twist, half = ((V[0], V[1], V[2]), (V[3], V[4], V[5])), ((h[0], h[1], h[2]), (h[3], h[4], h[5]))
+    twist, half = halves(motion.twist[n]), halves(motion.half[n])
     coupled = motion.coupling[n, 0] + motion.coupling[n, 1] * reach(row, start, goal)
     return float(remainder(row, (start, goal), twist, half) + coupled)
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from fmopt.certificate.kernels_rows import Bending, End, Turned, power, reach, remainder
 from fmopt.compiled import compiled, part
-from fmopt.kernels import Vector, size, vector
+from fmopt.kernels import halves, size, vector
 from fmopt.values import Array
 
 _ROUNDS = 80
@@ -98,17 +98,6 @@ class Errors(NamedTuple):
 
 
 @part
-def _length(x: float, y: float, z: float) -> float:
-    return math.sqrt(x * x + y * y + z * z)
-
-
-@part
-def _halves(x: Array) -> tuple[Vector, Vector]:
-    """Six numbers as two vectors."""
-    return (x[0], x[1], x[2]), (x[3], x[4], x[5])
-
-
-@part
 def _end(turned: Turned, e: int, i: int) -> End:
     """What turns of row i at an end."""
     return vector(turned.w[e, i]), vector(turned.b[e, i]), vector(turned.y[e, i])
@@ -123,8 +112,8 @@ def left(bending: Bending, half: Array, coupling: Array) -> Array:
         half: half-widths (6,) of a box around the errors, m and rad.
         coupling: what the linear picture leaves of errors in different frames (2,), m and rad.
     """
-    table, turned, twist = bending.table, bending.turned, _halves(bending.twist)
-    found, box = np.empty(len(table)), _halves(half)
+    table, turned, twist = bending.table, bending.turned, halves(bending.twist)
+    found, box = np.empty(len(table)), halves(half)
     for i in range(len(table)):
         start, goal = _end(turned, 0, i), _end(turned, 1, i)
         found[i] = remainder(table[i], (start, goal), twist, box)
@@ -142,7 +131,7 @@ def varied(bending: Bending, half: Array, motion: Array) -> Array:
         motion: v (6,).
     """
     table, turned = bending.table, bending.turned
-    (move, turn), (offset, angles), (slide, spin) = _halves(bending.twist), _halves(half), _halves(motion)
+    (move, turn), (offset, angles), (slide, spin) = halves(bending.twist), halves(half), halves(motion)
     wander, moved = size(angles) + size(turn), size(offset) + size(move)
     found = np.empty(len(table))
     for i in range(len(table)):
@@ -156,7 +145,7 @@ def varied(bending: Bending, half: Array, motion: Array) -> Array:
 @compiled
 def powers(bending: Bending) -> Array:
     """How N·V, V the twist, changes with the error at the start, to first order: rows (k, 6)."""
-    move, turn = _halves(bending.twist)
+    move, turn = halves(bending.twist)
     found = np.empty((len(bending.table), 6))
     for i in range(len(found)):
         moving, spinning = power(bending.table[i], _end(bending.turned, 0, i), move, turn)
@@ -193,7 +182,7 @@ def coupled(links: Array, half: Array, turn: float) -> Array:
     """
     found = np.zeros(2)
     if links[0] + links[1] + links[2] + links[3] > 0.0:
-        offset, angle = _length(half[0], half[1], half[2]), _length(half[3], half[4], half[5])
+        offset, angle = size((half[0], half[1], half[2])), size((half[3], half[4], half[5]))
         found[0], found[1] = _coupled(links, offset, angle, turn)
     return found
 
@@ -347,9 +336,9 @@ def _grown(
     box = np.empty(6)
     for i in range(6):
         box[i] = half[i] + _ALLOWANCE
-    theta = _length(box[3], box[4], box[5])
+    theta = size((box[3], box[4], box[5]))
     # Bounds of translation and angle with their drift, before contacts take it up.
-    wide, wider = _length(box[0], box[1], box[2]) + 2.0 * rates[0] * far, theta + 2.0 * rates[1] * far
+    wide, wider = size((box[0], box[1], box[2])) + 2.0 * rates[0] * far, theta + 2.0 * rates[1] * far
     coupling = coupled(links, box, turn)
     final = left(layers.bending, box, coupling)
     for i in range(len(final)):
@@ -467,7 +456,7 @@ def carried(
     drifts, boxes = _spread(slide_there, swing_there, projector, rho), _boxes(core, image, slide, swing)
     late = (0.0, 0.0)
     if way.rate > 0.0:
-        leaning = _length(seen[0], seen[1], seen[2]) * rates[0] + way.leaning * rates[1]
+        leaning = size((seen[0], seen[1], seen[2])) * rates[0] + way.leaning * rates[1]
         late = (_reach(seen, moved, slide, swing) / way.rate, leaning * way.length / way.rate)
     radii, code, final, beyond, half = (0.0, 0.0), THICK, rest, 0.0, np.empty(6)
     for attempt in range(2):

@@ -26,7 +26,7 @@ from typing import Any, TypeAlias
 
 from numpy import sqrt
 
-from fmopt.compiled import compiled, part
+from fmopt.compiled import part
 from fmopt.kernels import turned, vector
 from fmopt.values import Array
 
@@ -41,36 +41,6 @@ def number_of(tables: Tables) -> int:
     """How many contacts there are."""
     {unpacked}
     return {total}
-'''
-_LOOPS = '''
-
-@part
-def heights_at(tables: Tables, p: Array, R: Array, f: Array) -> None:
-    """Fills in the distances f (k,) of all contacts at a pose p (3,), R (3, 3)."""
-    for i in range(len(f)):
-        f[i] = height(tables, i, p, R)
-
-
-@compiled
-def heights(tables: Tables, p: Array, R: Array, f: Array) -> None:
-    """Fills in the distances f (m, k) of all contacts at poses p (m, 3), R (m, 3, 3)."""
-    for n in range(len(p)):
-        heights_at(tables, p[n], R[n], f[n])
-
-
-@compiled
-def over(tables: Tables, p: Array, R: Array, f: Array, N: Array) -> None:
-    """Fills in distances f (m, k) and wrenches N (m, k, 6) of all contacts at poses p (m, 3), R (m, 3, 3)."""
-    for n in range(len(p)):
-        for i in range(f.shape[1]):
-            f[n, i] = wrench(tables, i, p[n], R[n], N[n, i])
-
-
-@compiled
-def regularities(tables: Tables, p: Array, R: Array, found: Array) -> None:
-    """Fills in how regular contacts (k,) are at a pose p (3,), R (3, 3); see `regularity`."""
-    for i in range(len(found)):
-        found[i] = regularity(tables, i, p, R)
 '''
 
 
@@ -102,15 +72,8 @@ def written() -> str:
         if kind.regular:
             least = kind.regular[0] if len(kind.regular) == 1 else sympy.Min(*kind.regular)
             text.append(_function(kind, "regularity", [least]))
-    text.append(
-        _dispatch(
-            kinds,
-            "height",
-            "",
-            "The distance of a contact at a pose p (3,), R (3, 3).",
-            "return float(_{name}_height(row, p, R))",
-        )
-    )
+    told = "The distance of a contact at a pose p (3,), R (3, 3)."
+    text.append(_dispatch(kinds, "height", "", told, "return float(_{name}_height(row, p, R))"))
     told = "The distance of a contact at a pose p (3,), R (3, 3), and its wrench into the first six numbers of N."
     fill = "f, N[0], N[1], N[2], N[3], N[4], N[5] = _{name}_wrench(row, p, R)\nreturn float(f)"
     text.append(_dispatch(kinds, "wrench", ", N: Array", told, fill))
@@ -119,7 +82,7 @@ def written() -> str:
     text.append(_dispatch(kinds, "regularity", "", told, known))
     names = [kind.name for kind in kinds]
     text.append(_COUNT.format(unpacked=_unpacked(kinds), total=" + ".join(f"len({name})" for name in names)))
-    return "".join(text) + _LOOPS
+    return "".join(text)
 
 
 def _function(kind: Derived, ending: str, outputs: Sequence[Any]) -> str:

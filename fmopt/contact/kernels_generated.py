@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 from numpy import sqrt
 
-from fmopt.compiled import compiled, part
+from fmopt.compiled import part
 from fmopt.kernels import turned, vector
 from fmopt.values import Array
 
@@ -159,32 +159,3 @@ def number_of(tables: Tables) -> int:
     """How many contacts there are."""
     vertex_face, face_vertex, edge_edge = tables
     return len(vertex_face) + len(face_vertex) + len(edge_edge)
-
-
-@part
-def heights_at(tables: Tables, p: Array, R: Array, f: Array) -> None:
-    """Fills in the distances f (k,) of all contacts at a pose p (3,), R (3, 3)."""
-    for i in range(len(f)):
-        f[i] = height(tables, i, p, R)
-
-
-@compiled
-def heights(tables: Tables, p: Array, R: Array, f: Array) -> None:
-    """Fills in the distances f (m, k) of all contacts at poses p (m, 3), R (m, 3, 3)."""
-    for n in range(len(p)):
-        heights_at(tables, p[n], R[n], f[n])
-
-
-@compiled
-def over(tables: Tables, p: Array, R: Array, f: Array, N: Array) -> None:
-    """Fills in distances f (m, k) and wrenches N (m, k, 6) of all contacts at poses p (m, 3), R (m, 3, 3)."""
-    for n in range(len(p)):
-        for i in range(f.shape[1]):
-            f[n, i] = wrench(tables, i, p[n], R[n], N[n, i])
-
-
-@compiled
-def regularities(tables: Tables, p: Array, R: Array, found: Array) -> None:
-    """Fills in how regular contacts (k,) are at a pose p (3,), R (3, 3); see `regularity`."""
-    for i in range(len(found)):
-        found[i] = regularity(tables, i, p, R)

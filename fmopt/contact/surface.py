@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, TypeAlias, assert_never
 import numpy as np
 from numpy.typing import NDArray
 
+from fmopt.compiled import compiled
 from fmopt.contact.algebra import Definition
 from fmopt.contact.definitions import CONTACTS
-from fmopt.contact.kernels_generated import heights, over, regularities
+from fmopt.contact.kernels_generated import Tables, height, regularity, wrench
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.memory import remembered
@@ -79,7 +80,7 @@ class Surfaces(Value):
     def sines(self, pose: Pose) -> Array:
         """Sines (k,) of the angles between the edges of contacts; 1 where a vertex touches a face."""
         found = np.empty(len(self.contacts))
-        regularities(self.tables, *_one(pose), found)
+        regularities(self.tables, pose.p.copy(), pose.R.copy(), found)
         return np.sqrt(found).take(self.order)
 
 
@@ -87,10 +88,6 @@ def _rows(values: Array, *shape: int) -> Array:
     """Numbers one pose after the other, such as kernels are compiled for."""
     found = np.ascontiguousarray(values).reshape(-1, *shape)
     return found if found.flags.writeable else found.copy()
-
-
-def _one(pose: Pose) -> tuple[Array, Array]:
-    return pose.p.copy(), pose.R.copy()
 
 
 def values_and_rows(
@@ -102,15 +99,26 @@ def values_and_rows(
 
 @remembered(_MEMORY)
 def _surfaces(moving: Polyhedron, fixed: Polyhedron, contacts: tuple[PrimitiveContact, ...]) -> Surfaces:
-    stacked = [
-        [i for i, contact in enumerate(contacts) if definition(contact.kind) is kind] for kind in CONTACTS.values()
-    ]
-    order = np.argsort(list(chain(*stacked)), kind="stable").astype(np.intp)
+    kinds, numbers = [definition(c.kind) for c in contacts], [parameters(moving, fixed, c) for c in contacts]
+    places, tables = stacked(kinds, numbers)
+    order = np.argsort(places, kind="stable").astype(np.intp)
     order.setflags(write=False)
-    tables = []
-    for kind, group in zip(CONTACTS.values(), stacked, strict=True):
-        tables.append(records(kind, np.array([parameters(moving, fixed, contacts[i]) for i in group])))
-    return Surfaces(contacts, order, tuple(tables))
+    return Surfaces(contacts, order, tables)
+
+
+def stacked(
+    kinds: Sequence[Definition | None], numbers: Sequence[Array]
+) -> tuple[NDArray[np.intp], tuple[Records, ...]]:
+    """Contacts by kinds: which they are, one kind after the other (k,), and the records of each kind.
+
+    Args:
+        kinds: of things, None for those that are no contacts.
+        numbers: of each (n,), in the order of its definition.
+    """
+    places = [[i for i, own in enumerate(kinds) if own is kind] for kind in CONTACTS.values()]
+    groups = zip(CONTACTS.values(), places, strict=True)
+    tables = tuple(records(kind, np.array([numbers[i] for i in group])) for kind, group in groups)
+    return np.array([*chain(*places)], dtype=np.intp), tables
 
 
 def records(kind: Definition, numbers: Array) -> Records:
@@ -148,3 +156,26 @@ def parameters(moving: Polyhedron, fixed: Polyhedron, contact: PrimitiveContact)
             return frozen([*(b - a) / np.linalg.norm(b - a), *a, *(r - q) / np.linalg.norm(r - q), *q])
         case _:
             assert_never(contact.kind)
+
+
+@compiled
+def heights(tables: Tables, p: Array, R: Array, f: Array) -> None:
+    """Fills in the distances f (m, k) of all contacts at poses p (m, 3), R (m, 3, 3)."""
+    for n in range(len(p)):
+        for i in range(f.shape[1]):
+            f[n, i] = height(tables, i, p[n], R[n])
+
+
+@compiled
+def over(tables: Tables, p: Array, R: Array, f: Array, N: Array) -> None:
+    """Fills in distances f (m, k) and wrenches N (m, k, 6) of all contacts at poses p (m, 3), R (m, 3, 3)."""
+    for n in range(len(p)):
+        for i in range(f.shape[1]):
+            f[n, i] = wrench(tables, i, p[n], R[n], N[n, i])
+
+
+@compiled
+def regularities(tables: Tables, p: Array, R: Array, found: Array) -> None:
+    """Fills in how regular contacts (k,) are at a pose p (3,), R (3, 3); see `kernels_generated.regularity`."""
+    for i in range(len(found)):
+        found[i] = regularity(tables, i, p, R)

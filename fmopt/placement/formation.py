@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from fmopt.contact.definitions import CONTACTS
 from fmopt.placement.rows import Row, RowKind
 from fmopt.values import Array
 
@@ -134,7 +133,7 @@ def _rotation(ca: Any, r: Any) -> Any:
 
 
 def _expression(kind: RowKind, numbers: Any, X: Any, p: Any, R: Any) -> Any:
-    if kind is RowKind.PLANE:
+    contact = kind.contact
+    if contact is None:
         return sum((numbers[i] * X[i] for i in range(6)), -numbers[6])
-    contact = CONTACTS[kind.definition]
     return contact(p, R, **contact.split(numbers))

@@ -13,10 +13,9 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fmopt.contact.definitions import CONTACTS
-from fmopt.contact.kernels_generated import over
-from fmopt.contact.primitive import PrimitiveContact
-from fmopt.contact.surface import Records, parameters, records
+from fmopt.contact.algebra import Definition
+from fmopt.contact.primitive import Kind, PrimitiveContact
+from fmopt.contact.surface import Records, definition, over, parameters, stacked
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.se3 import Pose
 from fmopt.values import Array, Value, frozen
@@ -31,14 +30,14 @@ class RowKind(StrEnum):
     PLANE = "plane"
 
     @property
-    def definition(self) -> str:
-        """The name of the contact's definition."""
-        return self.value.replace("-", "_")
+    def contact(self) -> Definition | None:
+        """The contact's definition; None of a plane."""
+        return None if self is RowKind.PLANE else definition(Kind(self.value))
 
     @property
     def width(self) -> int:
         """How many numbers a row has."""
-        return 7 if self is RowKind.PLANE else CONTACTS[self.definition].width
+        return 7 if self.contact is None else self.contact.width
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,15 +105,10 @@ class Table:
     @staticmethod
     def of(rows: Sequence[Row]) -> Table:
         """The table of some rows."""
-
-        def places(name: str) -> list[int]:
-            return [i for i, row in enumerate(rows) if row.kind.definition == name]
-
-        tables = [records(kind, np.array([rows[i].numbers for i in places(name)])) for name, kind in CONTACTS.items()]
-        contacts = np.array([i for name in CONTACTS for i in places(name)], dtype=np.intp)
-        flat = np.array(places("plane"), dtype=np.intp)
+        contacts, tables = stacked([row.kind.contact for row in rows], [row.numbers for row in rows])
+        flat = np.array([i for i, row in enumerate(rows) if row.kind is RowKind.PLANE], dtype=np.intp)
         planes = np.array([rows[i].numbers for i in flat]).reshape(-1, 7)
-        return Table(len(rows), contacts, tuple(tables), flat, planes)
+        return Table(len(rows), contacts, tables, flat, planes)
 
     def at(self, reference: Pose, X: Array) -> tuple[Array, Array]:
         """Values (k,) and gradients (k, 6) of the rows, see `evaluate`."""
