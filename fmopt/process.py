@@ -6,7 +6,8 @@ own; when its reader has gone, the process ends without a word, as others do. Wh
 
 Signals. SIGINT, SIGTERM and SIGHUP are raised as `Interruption` where the program is, once: what is under way is put
 away on the way out. When the program does not come to that within a second, since it is inside a library, the process
-leaves from another thread: all that is finished is on disk anyhow.
+leaves from another thread: all that is finished is on disk anyhow. A library may make an error of its own of what is
+raised inside it, as some do while they are imported; `interrupted` tells such errors from others.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _DEAF = 1.0  # s that the program has to come to a signal
 _LEAVING = 3.0  # s that it has to put away what is under way
 _heard = threading.Event()
+_raised: list[int] = []  # number of the signal that was raised, if one was
 
 
 def run(command: Callable[[], int]) -> NoReturn:
@@ -119,8 +121,19 @@ def _answer_signals() -> None:
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
     if not _heard.is_set():
+        _raised.append(number)
         _heard.set()
         raise Interruption(number)
+
+
+def interrupted() -> None:
+    """Asked where an error ends a command: the signal that was raised before, whatever a library has made of it.
+
+    Raises:
+        Interruption: the signal.
+    """
+    if _raised:
+        raise Interruption(_raised[0])
 
 
 def _watch(near: int) -> None:

@@ -67,12 +67,12 @@ def started(arguments: list[str], mark: str, **streams: object) -> subprocess.Po
         [sys.executable, "-m", "fmopt", *arguments],
         cwd=ROOT,
         env={**os.environ, "FMOPT_TEST": mark},
-        preexec_fn=_as_a_shell_starts,
+        preexec_fn=as_a_shell_starts,
         **{"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **streams},  # type: ignore[arg-type]
     )
 
 
-def _as_a_shell_starts() -> None:
+def as_a_shell_starts() -> None:
     """Signals that who runs the tests may ignore are answered again."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_DFL)

@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
-from process_calls import PROBLEM, ROOT, alive, called, started
+from process_calls import PROBLEM, ROOT, alive, as_a_shell_starts, called, started
 
 SOON = 5.0  # s within which a signal ends a command: one, and the rest for a machine with more work than processors
 
@@ -78,6 +78,29 @@ def test_a_signal_ends_a_command_that_is_inside_a_library(number: signal.Signals
     assert process.wait(60) == 128 + number
     assert time.monotonic() - began < 5.0
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_that_a_library_turns_into_an_error_of_its_own_is_still_one(number: signal.Signals) -> None:
+    code = (
+        "import os, sys\n"
+        "from fmopt import process\n"
+        "from fmopt.cli import entry\n"
+        "from fmopt.errors import ResourceError\n"
+        "def imported():\n"
+        "    try:\n"
+        "        os.kill(os.getpid(), int(sys.argv[1]))\n"
+        "    except BaseException:\n"
+        "        error = ImportError('no such library')\n"
+        "    raise ResourceError('it needs an extra') from error\n"
+        "entry.app = imported\n"
+        "process.run(entry.command)\n"
+    )
+    command = [sys.executable, "-c", code, str(int(number))]
+    done = subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, timeout=60, check=False, preexec_fn=as_a_shell_starts
+    )
+    assert (done.returncode, done.stderr) == (128 + number, "interrupted\n")
 
 
 def test_signals_that_who_started_it_ignores_are_ignored() -> None:

@@ -12,6 +12,7 @@ import typer
 
 from fmopt.cli.app import app, say
 from fmopt.errors import FmoptError, InputError, InterferenceError, ResourceError, UnprovedError
+from fmopt.process import interrupted
 
 _SHOWN = 5  # findings that a refusal lists
 _DATA = ("interference", "place", "shortfall", "feature", "rule", "findings")  # what errors carry beside their words
@@ -28,17 +29,21 @@ def command() -> int:
         app()
     except SystemExit as stop:
         return stop.code if isinstance(stop.code, int) else int(stop.code is not None)
-    except FmoptError as error:
-        return _told(error)
-    except MemoryError:
-        return _told(ResourceError("out of memory", "solve a smaller problem or free some"))
-    except OSError as error:
-        return _told(
-            ResourceError(f"{error.filename or 'I/O'}: {error.strerror or error}", "check the path and the disk")
-        )
     except Exception as error:  # noqa: BLE001 (the last door: nobody outside sees a traceback)
-        return _told(FmoptError(f"internal fault: {type(error).__name__}: {error}; please report it with the input"))
+        interrupted()
+        return _told(_named(error))
     return 0
+
+
+def _named(error: Exception) -> FmoptError:
+    """What ends a command, as an error with advice and an exit code."""
+    if isinstance(error, FmoptError):
+        return error
+    if isinstance(error, MemoryError):
+        return ResourceError("out of memory", "solve a smaller problem or free some")
+    if isinstance(error, OSError):
+        return ResourceError(f"{error.filename or 'I/O'}: {error.strerror or error}", "check the path and the disk")
+    return FmoptError(f"internal fault: {type(error).__name__}: {error}; please report it with the input")
 
 
 def _told(error: FmoptError) -> int:
