@@ -155,11 +155,10 @@ def print_solved(plan: Plan, findings: Sequence[str], folder: Path, report: bool
 
 def _solved_words(plan: Plan, findings: Sequence[str]) -> Iterator[str]:
     """What is said of a plan below its table, line by line."""
-    from fmopt.report.jamming_tables import jamming_words
+    from fmopt.report.control_tables import jamming_words
     from fmopt.report.naming import binding_words
-    from fmopt.report.recovery_tables import recovery_words
+    from fmopt.report.recovery_tables import rates, recovery_words, tolerated_words
     from fmopt.report.sections import clearance_words
-    from fmopt.report.tolerance_tables import rates, tolerated_words
     from fmopt.report.tube_view import ends_words
 
     sides = [f"{kind} {clearance_words(plan, kind)}" for kind in ("measured", "declared")]

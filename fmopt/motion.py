@@ -22,12 +22,12 @@ from fmopt.placement.polish import Method, Turns, polish
 from fmopt.placement.search import MoveSequence, Searched, best_sequences
 from fmopt.placement.sequence import Aim, Placed, Refinement, certified, refine
 from fmopt.placement.shapes import likely_shapes, room
-from fmopt.placement.socp import ClarabelSolver
+from fmopt.placement.solvers import ClarabelSolver
 from fmopt.placement.step import Costs, Task
 from fmopt.placement.tune import Limits, deepened, tuned
 from fmopt.se3 import Pose, length, log
-from fmopt.task.clearance import characteristic_length, drift
 from fmopt.task.problem import Problem
+from fmopt.task.sizes import characteristic_length, drift
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array
 

@@ -15,22 +15,12 @@ from typing import Any
 
 from fmopt import output
 from fmopt.errors import PlanFormatError, ResourceError
-from fmopt.verify.accounts import (
-    CriticalPoint,
-    Foreseen,
-    Interval,
-    Lift,
-    MoveRecovery,
-    Nominal,
-    PositionForce,
-    Recovery,
-    Search,
-)
 from fmopt.verify.diagnostics import (
     Boundary,
     Curve,
     Diagnostics,
     Diagram,
+    Interval,
     Phase,
     Planar,
     PlanarSegment,
@@ -44,21 +34,27 @@ from fmopt.verify.document import (
     Body,
     Contact,
     ContactClaim,
+    CriticalPoint,
+    Foreseen,
     Hybrid,
     JamFree,
+    Lift,
+    MoveRecovery,
+    Nominal,
     Part,
     Plan,
+    PositionForce,
+    Recovery,
+    Search,
     Segment,
     Separation,
     Specification,
     Tube,
     Witness,
 )
-from fmopt.verify.file import content, decoded
-from fmopt.verify.form import FORMAT, FRAMES, NOT_COVERED, UNITS, Numbers, PlanError
+from fmopt.verify.file import FORMAT, FRAMES, NOT_COVERED, UNITS, Numbers, PlanError, content, decoded
 from fmopt.verify.parse import parse
-from fmopt.verify.parse_diagnostics import read_diagram
-from fmopt.verify.parse_planar import read_boundary, read_surface
+from fmopt.verify.parse_diagnostics import read_boundary, read_diagram, read_surface
 from fmopt.verify.reader import LONGEST, UNSEEN, Reader
 
 __all__ = [
@@ -149,17 +145,17 @@ def parsed(document: Any, name: str = "") -> Plan:
 
 
 def diagram(record: Mapping[str, Any]) -> Diagram:
-    """A cut-diagram as `fmopt.nominal.diagram_record` makes it, as a plan would hold it."""
+    """A cut-diagram as `fmopt.nominal.mapping` makes it, as a plan would hold it."""
     return read_diagram(Reader(clean(record)))
 
 
 def boundary(record: Mapping[str, Any]) -> Boundary:
-    """A set as `fmopt.uncertainty.planar.record.boundary_record` makes it, as a plan would hold it."""
+    """A set as `fmopt.uncertainty.planar.account.boundary_record` makes it, as a plan would hold it."""
     return read_boundary(Reader(clean(record)))
 
 
 def surface(record: Mapping[str, Any]) -> Surface:
-    """Configurations as `fmopt.uncertainty.planar.record.surface_record` makes them, as a plan would hold them."""
+    """Configurations as `fmopt.uncertainty.planar.account.surface_record` makes them, as a plan would hold them."""
     return read_surface(Reader(clean(record)))
 
 

@@ -15,21 +15,21 @@ from fmopt.certificate.segment import Tolerance
 from fmopt.compiled import clock
 from fmopt.errors import InfeasibleError, SearchError
 from fmopt.knowledge.command import answer
-from fmopt.memory import few_collections
 from fmopt.motion import FINE, Progress, motion
-from fmopt.nominal.critical import critical_poses
 from fmopt.nominal.freedom import freedom, half_widths
 from fmopt.nominal.mapping import answered
-from fmopt.placement.share import ATTEMPTS, largest_share
+from fmopt.nominal.trajectory import critical_poses
+from fmopt.placement.bisection import ATTEMPTS, largest_share
 from fmopt.placement.states import Scale, contact_spaces
 from fmopt.placement.tolerated import Tolerated, tolerated
 from fmopt.placement.visited import visited
 from fmopt.plan import Plan
 from fmopt.plan_record import Moved, Nominal, plan_document, proof_document
-from fmopt.task.clearance import characteristic_length, measured_clearance
 from fmopt.task.command import task_command
 from fmopt.task.problem import Problem
+from fmopt.task.sizes import characteristic_length, measured_clearance
 from fmopt.uncertainty.error_set import ErrorSet
+from fmopt.values import few_collections
 from fmopt.verify import CERTIFIED, Verdict, verify
 
 

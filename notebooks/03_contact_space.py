@@ -13,8 +13,7 @@ import numpy as np
 
 import fmopt
 from fmopt.contact.primitive import Kind
-from fmopt.contact.surface import Surfaces, symbolic_surface
-from fmopt.contact.wrench import contact_wrench
+from fmopt.contact.surface import Surfaces, contact_wrench, symbolic_surface
 from fmopt.se3 import Pose
 
 problem = fmopt.load(fmopt.example("square_peg"))

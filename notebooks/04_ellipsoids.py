@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import fmopt
-from fmopt.uncertainty import dakin
+from fmopt.certificate import paper as published
 from fmopt.uncertainty.error_set import ErrorSet
 
 # %% [markdown]
@@ -23,7 +23,7 @@ Q = np.array([[1.6, 1.0], [1.0, 1.25]])
 V = np.array([1.0, 0.0])
 across = np.array([0.0, 1.0])
 section = float(np.sqrt(1.0 / (across @ np.linalg.inv(Q) @ across)))
-paper = float(np.sqrt(across @ dakin.section(Q, V) @ across))
+paper = float(np.sqrt(across @ published.section(Q, V) @ across))
 shadow = float(np.sqrt(across @ Q @ across))
 turn = np.linspace(0, 2 * np.pi, 200)
 ellipse = np.linalg.cholesky(Q) @ np.array([np.cos(turn), np.sin(turn)])
@@ -64,7 +64,7 @@ for _ in range(50):
     V /= np.linalg.norm(V)
     u = rng.normal(size=(20_000, 6))
     points = u / np.linalg.norm(u, axis=1)[:, None] @ np.linalg.cholesky(Q).T
-    shares.append([share_outside(dakin.section(Q, V), points, V), share_outside(Q, points, V)])
+    shares.append([share_outside(published.section(Q, V), points, V), share_outside(Q, points, V)])
 paper, sound = np.array(shares).T
 print(f"section: {paper.min():.0%} to {paper.max():.0%} of the surface is outside; shadow: {sound.max():.0%}")
 assert paper.min() > 0.3

@@ -13,8 +13,8 @@ import numpy as np
 import fmopt
 from fmopt.plan import boundary, surface
 from fmopt.report import planar_view, surface_view
+from fmopt.uncertainty.planar.account import contact_records, surface_record
 from fmopt.uncertainty.planar.contact import CU, Kind, Range
-from fmopt.uncertainty.planar.record import contact_records, surface_record
 
 MM = 1e-3
 whole = Range(-np.pi, np.pi)

@@ -8,14 +8,13 @@ from functools import cache
 
 import numpy as np
 
-from fmopt.certificate.assembly import Assembly
+from fmopt.certificate.assembly import Assembly, contact_rows
 from fmopt.certificate.claim import Claim, claimed, stepped
-from fmopt.certificate.functions import contact_rows
 from fmopt.certificate.segment import Compliance, Piece, Tolerance
 from fmopt.contact.primitive import PrimitiveContact, edge_edge, vertex_face
 from fmopt.geometry.csg import Box, Difference, Placed
 from fmopt.geometry.part import part_of
-from fmopt.placement.witness import choose_separations
+from fmopt.placement.separating_planes import choose_separations
 from fmopt.se3 import Pose, exp
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array

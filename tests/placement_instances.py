@@ -7,8 +7,8 @@ from itertools import combinations
 import numpy as np
 
 from fmopt.placement.clearance import Flat, Metric, Placement, placement
+from fmopt.placement.formation import Row, edge_edge, plane, vertex_face
 from fmopt.placement.nlp import SurfacePlacement, surface_placement
-from fmopt.placement.rows import Row, edge_edge, plane, vertex_face
 from fmopt.se3 import Pose
 from fmopt.values import Array
 
@@ -136,7 +136,7 @@ def peg_placement(contacts: tuple[str, ...], depth: float = 0.015) -> SurfacePla
 
 def linearised(problem: SurfacePlacement, X: Array) -> Placement:
     """The tangent placement of a surface placement at X (rotation of X small)."""
-    from fmopt.placement.rows import evaluate
+    from fmopt.placement.formation import evaluate
 
     f, E = evaluate(problem.contacts, problem.reference, X)
     g, N = evaluate(problem.obstacles, problem.reference, X)

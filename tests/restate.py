@@ -20,9 +20,8 @@ from fmopt.verify.assembly import Assembly
 from fmopt.verify.chain import Broken, Chain, Stage
 from fmopt.verify.claims import check_segment
 from fmopt.verify.document import ContactClaim, Plan, Segment, Separation, Witness
-from fmopt.verify.errors import ErrorSet
+from fmopt.verify.errors import ErrorSet, metric
 from fmopt.verify.findings import Notes
-from fmopt.verify.linear import metric
 from fmopt.verify.parse import parse
 from fmopt.verify.rational import SLACK, ArithmeticRefusal, fixed, number
 from fmopt.verify.recovery import check_recovery, lowest, underside

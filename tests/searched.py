@@ -17,8 +17,8 @@ from fmopt.placement.step import Costs, Task
 from fmopt.plan_record import Moved
 from fmopt.se3 import Pose
 from fmopt.synthesis import planned
-from fmopt.task.clearance import characteristic_length, drift, measured_clearance
 from fmopt.task.problem import Problem, VelocityError
+from fmopt.task.sizes import characteristic_length, drift, measured_clearance
 from fmopt.uncertainty.error_set import ErrorSet
 
 

@@ -10,17 +10,17 @@ import pytest
 from peg_pieces import CLEAR, HALF, START_BOX, TOLERANCE, claims, moves, peg, settled
 
 from fmopt import plan
+from fmopt.certificate.assembly import contact_rows
 from fmopt.certificate.bounds import UNBOUNDED, bounds
 from fmopt.certificate.claim import claimed, facet_rows, stepped
 from fmopt.certificate.counted import counted_rows
-from fmopt.certificate.course import Course
-from fmopt.certificate.functions import contact_rows
+from fmopt.certificate.curvature import Course
 from fmopt.certificate.pair import Witness, facing, free_plane, pairs
-from fmopt.certificate.record import contact_record, part_record, segment_record
-from fmopt.certificate.separation import row_bounds, separation
+from fmopt.certificate.separating_plane import row_bounds, separation
 from fmopt.contact.primitive import face_vertex
 from fmopt.errors import InfeasibleError
-from fmopt.placement.witness import choose_separations
+from fmopt.placement.separating_planes import choose_separations
+from fmopt.plan_record import contact_record, part_record, segment_record
 from fmopt.se3 import Pose
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.verify import CERTIFIED, NOT_PROVED, verify

@@ -7,9 +7,8 @@ import pytest
 from peg_pieces import CLEAR, DEPTH, HALF, Peg, Way, moves, peg
 from scipy.optimize import least_squares
 
-from fmopt.certificate.assembly import hinge
+from fmopt.certificate.assembly import contact_rows, hinge
 from fmopt.certificate.counted import counted_rows
-from fmopt.certificate.functions import contact_rows
 from fmopt.certificate.knowledge import aligned, facts, flushes, taken_turns
 from fmopt.certificate.pair import Pair, Witness, pairs
 from fmopt.contact.primitive import PrimitiveContact

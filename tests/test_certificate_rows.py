@@ -3,9 +3,17 @@
 import numpy as np
 import pytest
 
-from fmopt.certificate import form
 from fmopt.certificate.curvature import Curvature, Extent
-from fmopt.certificate.rows import Forms, Rows, directions_along, edges_apart, faces_above, points_above, stacked
+from fmopt.certificate.rows import (
+    Forms,
+    Rows,
+    directions_along,
+    edges_apart,
+    faces_above,
+    points_above,
+    records,
+    stacked,
+)
 from fmopt.contact import definitions
 from fmopt.contact.algebra import Body, Definition, Matrix, Scalar, Vector, dot, row
 from fmopt.se3 import Pose, exp, turns
@@ -176,17 +184,17 @@ def test_a_row_is_what_its_definition_says(kind: Definition) -> None:
     }
     for _ in range(10):
         X = pose(rng)
-        assert Forms(form.rows(kind, **numbers)).at(X).f[0] == pytest.approx(kind(X.p, X.R, **numbers), abs=1e-14)
+        assert Forms(records(kind, **numbers)).at(X).f[0] == pytest.approx(kind(X.p, X.R, **numbers), abs=1e-14)
 
 
 def test_a_definition_that_is_no_row_is_refused() -> None:
     vector, number = np.ones(3), {"a": np.ones(3), "v": np.ones(3), "e": np.ones(3), "q": np.ones(3)}
     with pytest.raises(TypeError):
-        form.rows(definitions.edge_edge, **number)
+        records(definitions.edge_edge, **number)
 
     @row
     def twice(p: Vector, R: Matrix, b: Body, c: Body) -> Scalar:
         return dot(R @ b, R @ c)
 
     with pytest.raises(TypeError):
-        form.rows(twice, b=vector, c=vector)
+        records(twice, b=vector, c=vector)

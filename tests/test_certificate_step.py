@@ -7,10 +7,10 @@ import pytest
 from peg_pieces import START_BOX, TOLERANCE, Way, claims, moves, peg, pieces_of, settled
 
 from fmopt import ellipsoid
+from fmopt.certificate.assembly import contact_rows
 from fmopt.certificate.claim import Claim, stepped
-from fmopt.certificate.functions import contact_rows
-from fmopt.certificate.piece import Compliance, Piece
 from fmopt.certificate.segment import advance
+from fmopt.certificate.way import Compliance, Piece
 from fmopt.errors import InfeasibleError
 from fmopt.se3 import Pose, exp, length, log
 from fmopt.uncertainty.error_set import ErrorSet

@@ -7,12 +7,11 @@ import pytest
 from test_contact_parts import MID_DEPTH, block, peg
 
 from fmopt.contact.bounds import Bound, cell
-from fmopt.contact.confirm import Verdict, confirm
-from fmopt.contact.graph import contact_graph
+from fmopt.contact.graph import contact_graph, faces, local_space
 from fmopt.contact.primitive import near_contacts
-from fmopt.contact.space import faces, local_space
 from fmopt.contact.surface import Surfaces
 from fmopt.errors import InfeasibleError
+from fmopt.placement.states import Verdict, confirm
 from fmopt.se3 import Pose, exp
 from fmopt.task.problem import load
 

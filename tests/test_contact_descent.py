@@ -10,9 +10,9 @@ from test_contact_parts import MID_DEPTH, block, peg, spike
 from fmopt.contact import descent
 from fmopt.contact.bounds import cell
 from fmopt.contact.descent import Bits
+from fmopt.contact.graph import local_space
 from fmopt.contact.meet import Neighbourhood, Poses, meet, project
 from fmopt.contact.primitive import PrimitiveContact, face_vertex, near_contacts
-from fmopt.contact.space import local_space
 from fmopt.contact.surface import Surfaces
 from fmopt.geometry.polyhedron import Polyhedron, from_faces
 from fmopt.se3 import Pose, turns

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from fmopt.contact.closed_sets import closed_sets
-from fmopt.contact.lattice import Bits, closed_faces, covers, distinct, ordered, simple_faces
+from fmopt.contact.lattice import Bits, closed_faces, covers, distinct, ordered, simple_faces, subset_rows, subset_tree
 from fmopt.contact.polytope import enumerate_faces
-from fmopt.contact.subsets import subset_rows, subset_tree
 from fmopt.values import Array
 
 

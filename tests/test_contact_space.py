@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_contact_parts import MID_DEPTH, block, peg
 
+from fmopt.contact.graph import LocalSpace, faces, local_space, scaling
 from fmopt.contact.polytope import Faces, enumerate_faces
 from fmopt.contact.primitive import near_contacts
-from fmopt.contact.space import LocalSpace, faces, local_space, scaling
 from fmopt.errors import InfeasibleError
 
 WALLS = np.array([(0, 0, 1), (0, 1, 0), (1, 0, 0), (-1, 0, 0), (0, -1, 0)], dtype=float)

@@ -9,12 +9,11 @@ from test_contact_cell import gap
 from test_contact_parts import MID_DEPTH, block, peg
 
 from fmopt.contact.bounds import cell, touching
-from fmopt.contact.confirm import APART, RESIDUAL, Confirmation, Verdict, confirm
-from fmopt.contact.graph import ContactGraph, ContactState, contact_graph
+from fmopt.contact.graph import ContactGraph, ContactState, contact_graph, faces, local_space
 from fmopt.contact.meet import Neighbourhood, Poses, meet
 from fmopt.contact.primitive import near_contacts, vertex_face
-from fmopt.contact.space import faces, local_space
 from fmopt.contact.surface import Surfaces
+from fmopt.placement.states import APART, RESIDUAL, Confirmation, Verdict, confirm
 from fmopt.se3 import Pose
 
 CLEARANCE = 1e-4

@@ -11,15 +11,13 @@ from fmopt.contact import generate
 from fmopt.contact.algebra import Definition
 from fmopt.contact.bounds import BoundTable, bounds
 from fmopt.contact.definitions import CONTACTS
-from fmopt.contact.derive import derived
-from fmopt.contact.formula import latex
+from fmopt.contact.derive import derived, latex
 from fmopt.contact.primitive import Kind, PrimitiveContact, face_vertex, near_contacts, vertex_face
-from fmopt.contact.surface import Surfaces, definition, over, parameters, records, values_and_rows
-from fmopt.contact.wrench import contact_wrench
+from fmopt.contact.surface import Surfaces, contact_wrench, definition, over, parameters, records, values_and_rows
 from fmopt.errors import InfeasibleError
 from fmopt.geometry.polyhedron import Polyhedron, from_faces
 from fmopt.se3 import Pose, exp
-from fmopt.symbolic import casadi_function
+from fmopt.uncertainty.planar.surface import casadi_function
 
 PEG, BLOCK, SPIKE = peg(), block(), from_faces(*spike())
 LEANING = tilted((0.03, -0.05, 0.02))

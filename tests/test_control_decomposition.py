@@ -14,8 +14,7 @@ from fmopt.control.decomposition import (
     omega,
     position_force,
 )
-from fmopt.nominal.intervals import FreedomInterval
-from fmopt.nominal.trajectory import insertion
+from fmopt.nominal.trajectory import FreedomInterval, insertion
 from fmopt.task.problem import Specification
 
 SPECIFICATION = Specification(0.02, 5.0, 0.5, 0.3, 2.0)

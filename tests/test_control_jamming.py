@@ -14,10 +14,9 @@ from scipy.optimize import nnls
 from fmopt.control.bias import GuardedMove
 from fmopt.control.compliance import twist_scale
 from fmopt.control.friction_cones import FrictionCones, cone_angle, least_push, plane_angle
-from fmopt.control.hybrid import HybridStrategy, hybrid_strategy
-from fmopt.control.jamming import JamFree, jam_free
+from fmopt.control.hybrid import HybridStrategy, JamFree, hybrid_strategy, jam_free
 from fmopt.plan import parsed
-from fmopt.report.jamming_tables import jamming_table, jamming_words
+from fmopt.report.control_tables import jamming_table, jamming_words
 from fmopt.se3 import Pose
 from fmopt.task.problem import Specification
 from fmopt.values import Array

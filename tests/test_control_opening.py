@@ -8,7 +8,7 @@ import daqp
 import numpy as np
 import pytest
 
-from fmopt.control.opening import nearest, nearest_opening
+from fmopt.control.friction_cones import nearest, nearest_opening
 from fmopt.values import Array
 
 

@@ -131,7 +131,7 @@ def test_every_name_in_backticks_leads_somewhere() -> None:
     rooms = (
         "verify/parse.py",
         "verify/parse_segments.py",
-        "verify/parse_accounts.py",
+        "verify/parse_segments.py",
         "plan_record.py",
         "placement/visited.py",
     )

@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import null_space
 
 from fmopt import ellipsoid
-from fmopt.uncertainty import dakin
+from fmopt.certificate.paper import section, step_in_the_paper
 from fmopt.uncertainty.error_set import ErrorSet, Support
 
 RHO = 0.02
@@ -71,7 +71,7 @@ def test_error_sets_stay_read_only_and_refuse_bad_arrays() -> None:
 def test_section_is_the_ellipse_through_the_published_points() -> None:
     turn = np.array([[1.0, -1.0], [1.0, 1.0]]) / np.sqrt(2.0)
     Q = turn @ np.diag([1.0, 0.01]) @ turn.T
-    radius = float(np.sqrt(dakin.section(Q, np.array([1.0, 0.0]))[1, 1]))
+    radius = float(np.sqrt(section(Q, np.array([1.0, 0.0]))[1, 1]))
     assert radius == pytest.approx(1.0 / np.sqrt(50.5), rel=1e-12)
     assert round(radius, 2) == 0.14
     rng = np.random.default_rng(8)
@@ -83,7 +83,7 @@ def test_section_is_the_ellipse_through_the_published_points() -> None:
     a, b, c = np.linalg.solve(
         np.column_stack([surface[:, 0] ** 2, 2.0 * surface[:, 0] * surface[:, 1], surface[:, 1] ** 2]), np.ones(3)
     )
-    np.testing.assert_allclose(U @ dakin.section(Q3, V) @ U.T, np.linalg.inv([[a, b], [b, c]]), rtol=1e-9)
+    np.testing.assert_allclose(U @ section(Q3, V) @ U.T, np.linalg.inv([[a, b], [b, c]]), rtol=1e-9)
 
 
 def test_most_of_the_surface_leaves_the_published_cylinder() -> None:
@@ -96,7 +96,7 @@ def test_most_of_the_surface_leaves_the_published_cylinder() -> None:
         U = null_space(V[None])
         u = rng.normal(size=(6, 2000))
         lateral = U.T @ (F @ (u / np.linalg.norm(u, axis=0)))
-        for Q, share in ((dakin.section(F @ F.T, V), outside), (F @ F.T, [])):
+        for Q, share in ((section(F @ F.T, V), outside), (F @ F.T, [])):
             level = np.einsum("ik,ik->k", lateral, np.linalg.solve(ellipsoid.image(Q, U.T), lateral))
             share.append(float((level > 1.0 + 1e-9).mean()))
         assert share == [0.0]
@@ -106,6 +106,6 @@ def test_most_of_the_surface_leaves_the_published_cylinder() -> None:
 def test_published_growth_stretches_the_radii() -> None:
     move, rows = np.array([0.0, 0.0, -2e-3, 0.0, 0.0, 0.0]), np.eye(6)[2:3]
     errors = ErrorSet.from_ellipsoid(np.diag([1e-6, 4e-6, 1e-6, 0.0, 0.0, 0.0]))
-    goal = dakin.step(errors, move, rows, move[:, None], (0.1, 0.2), RHO)
+    goal = step_in_the_paper(errors, move, rows, move[:, None], (0.1, 0.2), RHO)
     expected = [1e-3 + 2e-4, 2e-3 + 2e-4, 0.0, *[4e-4 / RHO] * 3]
     np.testing.assert_allclose(goal.support(np.eye(6)), expected, atol=1e-12)

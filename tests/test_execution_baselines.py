@@ -12,12 +12,11 @@ import pytest
 from typer.testing import CliRunner
 
 from fmopt.cli import app
-from fmopt.execution import record as running
+from fmopt.execution import execute as running
 from fmopt.execution.baselines import BASELINES, Task, tilt
-from fmopt.execution.grown import grown
 from fmopt.execution.program import DONE, FAILED
 from fmopt.execution.robot import Robot
-from fmopt.execution.trials import Trials, run
+from fmopt.execution.trials import Trials, grown, run
 from fmopt.plan import parsed
 
 

@@ -15,14 +15,12 @@ from typer.testing import CliRunner
 import fmopt
 from fmopt.cli import app
 from fmopt.errors import FmoptError, ResourceError, SettingsError
-from fmopt.execution import record as running
-from fmopt.execution.corners import with_corners
-from fmopt.execution.drake_engine import DRAKE
+from fmopt.execution import execute as running
+from fmopt.execution.drake_engine import DRAKE, with_corners
 from fmopt.execution.engine import Engine, Setup
+from fmopt.execution.execute import run_all
 from fmopt.execution.mujoco_engine import MUJOCO
-from fmopt.execution.record import run_all
-from fmopt.execution.robot import Robot
-from fmopt.execution.rotation import quaternions
+from fmopt.execution.robot import Robot, quaternions
 from fmopt.execution.trials import ENGINES, Trials, run
 from fmopt.plan import parsed
 from fmopt.values import Array

@@ -14,15 +14,13 @@ from test_execution_trials import record
 from fmopt.errors import PlanFormatError
 from fmopt.execution.attempt import Course, carried_out
 from fmopt.execution.mujoco_engine import MujocoEngine
-from fmopt.execution.outcome import Fit, Log
 from fmopt.execution.physics import Physics
 from fmopt.execution.program import Program, planned
 from fmopt.execution.recovery import EARLY, LATE, Recovery, WayBack
 from fmopt.execution.rig import Rig
-from fmopt.execution.robot import Robot
-from fmopt.execution.rotation import from_quaternions, product, quaternions
+from fmopt.execution.robot import Robot, from_quaternions, product, quaternions
 from fmopt.execution.scene import compiled, scene
-from fmopt.execution.summary import lines, summary
+from fmopt.execution.summary import Fit, Log, lines, summary
 from fmopt.execution.trials import Noise, Trials, draw
 from fmopt.guarded.contacts import contacts
 from fmopt.guarded.moves import moves

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fmopt.execution.rig import Signal, contact_told
 from fmopt.execution.robot import Robot
-from fmopt.execution.touch import Signal, contact_told
 from fmopt.execution.trials import Trials, run
 from fmopt.plan import parsed
 

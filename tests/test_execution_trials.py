@@ -20,14 +20,13 @@ from typer.testing import CliRunner
 from fmopt import plan
 from fmopt.cli import app
 from fmopt.errors import Interruption, ResourceError, SettingsError
-from fmopt.execution import record as running
-from fmopt.execution.outcome import Fit, Log, note
+from fmopt.execution import execute as running
+from fmopt.execution.execute import run_all
 from fmopt.execution.program import FAILED, planned
-from fmopt.execution.record import run_all
 from fmopt.execution.replay import SLOWER, replay
 from fmopt.execution.rig import Event, Rig
 from fmopt.execution.robot import Robot
-from fmopt.execution.summary import failures, lines, summary, wilson
+from fmopt.execution.summary import Fit, Log, failures, lines, note, summary, wilson
 from fmopt.execution.trials import Noise, Trials, draw, run
 from fmopt.plan import parsed
 from fmopt.se3 import Pose

@@ -11,9 +11,9 @@ import pytest
 from fmopt.certificate.knowledge import Assembly
 from fmopt.placement.shapes import room
 from fmopt.synthesis import synthesise
-from fmopt.task.clearance import drift, measured_clearance
 from fmopt.task.explain import explain
 from fmopt.task.problem import VelocityError, load
+from fmopt.task.sizes import drift, measured_clearance
 from fmopt.values import Array
 
 PROBLEMS = Path(__file__).parent.parent / "problems"

@@ -12,9 +12,8 @@ from fmopt.certificate.claim import Claim
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Tolerance
 from fmopt.contact.bounds import BoundTable
-from fmopt.contact.cone import angle_between, friction_cone
 from fmopt.contact.primitive import near_contacts
-from fmopt.contact.surface import Surfaces
+from fmopt.contact.surface import Surfaces, angle_between, friction_cone
 from fmopt.control.recovery import offsets, order, told_apart
 from fmopt.geometry.csg import Box, Difference, Placed
 from fmopt.geometry.part import part_of

@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fmopt.certificate.record import part_record
 from fmopt.errors import GeometryError
 from fmopt.geometry.csg import Box, Difference, Hull, Placed, Solid
 from fmopt.geometry.exact import MOST, Exact, direction, exact_vertices, facing_directions
 from fmopt.geometry.pieces import polyhedron
 from fmopt.geometry.polyhedron import Polyhedron, convex_hull_polyhedron, placed, rounded
+from fmopt.plan_record import part_record
 from fmopt.se3 import Pose, exp
 from fmopt.task.problem import load
 from fmopt.verify.document import Body

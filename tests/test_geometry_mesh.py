@@ -11,7 +11,7 @@ from mesh_files import at, plate, ply_text, rounded, stl_text, triangles_of
 from fmopt.errors import GeometryError
 from fmopt.geometry.clearance import mating_clearance
 from fmopt.geometry.csg import Box, Cylinder, Difference, Hull, Placed, Prism, Solid, Union, frustum
-from fmopt.geometry.features import Feature
+from fmopt.geometry.mating import Feature
 from fmopt.geometry.mesh import Imported, decimal_step, load_mesh, mesh_polyhedron
 from fmopt.geometry.part import Part, mesh_part, rebased
 from fmopt.se3 import Pose, exp

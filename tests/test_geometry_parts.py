@@ -13,7 +13,7 @@ from fmopt.errors import GeometryError, InterferenceError, ResourceError
 from fmopt.geometry.clearance import checked_clearance, interference, mating_clearance
 from fmopt.geometry.csg import Box, Cylinder, Difference, Placed, Prism, Solid, Union, Wedge, chamfered_box, frustum
 from fmopt.geometry.excess import solid_of
-from fmopt.geometry.features import Feature
+from fmopt.geometry.mating import Feature
 from fmopt.geometry.mesh import Imported, load_mesh
 from fmopt.geometry.part import Part, mesh_part, part_of, rebased
 from fmopt.geometry.pieces import pieces, polyhedron

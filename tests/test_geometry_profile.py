@@ -12,9 +12,8 @@ import shapely
 from fmopt.contact.primitive import Kind, near_contacts
 from fmopt.contact.surface import Surfaces
 from fmopt.errors import GeometryError
-from fmopt.geometry.part import Part, part_of
+from fmopt.geometry.part import Part, Profiles, convex, outline, part_of, ridge, slab, width
 from fmopt.geometry.pieces import pieces
-from fmopt.geometry.profile import Profiles, convex, outline, ridge, slab, width
 from fmopt.se3 import Pose, exp
 from fmopt.uncertainty.planar.contact import basic_contacts
 from fmopt.uncertainty.planar.profile import Profile

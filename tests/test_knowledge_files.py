@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fmopt.control.decomposition import hand_pose
 from fmopt.errors import InputError, InterferenceError
 from fmopt.geometry.csg import Box, Cylinder, contains
 from fmopt.geometry.pieces import polyhedron
 from fmopt.knowledge.chain import moved
 from fmopt.knowledge.command import answer
-from fmopt.knowledge.counterpart import hand_pose
 from fmopt.knowledge.tree import Feature
 from fmopt.knowledge.workcell import Link, Ref
 from fmopt.se3 import Pose

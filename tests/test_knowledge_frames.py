@@ -10,9 +10,8 @@ from shapely import points as shapely_points
 
 from fmopt.errors import TaskError
 from fmopt.geometry.csg import Box, Cone, Cylinder, Difference, Placed, Prism, Solid, Union, Wedge, contains
-from fmopt.knowledge.axis import across, clipped, length, on_axis
 from fmopt.knowledge.chain import chain_of, moved
-from fmopt.knowledge.frames import CENTRAL, INSIDE, MOUTH, check_frame
+from fmopt.knowledge.frames import CENTRAL, INSIDE, MOUTH, across, check_frame, clipped, length, on_axis
 from fmopt.knowledge.tree import Feature, FeatureClass, ObjectTree
 from fmopt.se3 import Pose, exp
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from workcells import IN_BUSH, above, at, bush, cell, close, feature, peg, plate, task, thing
 
+from fmopt.control.decomposition import grasped_pose, grasped_twist, grasped_wrench, hand_pose, world_pose
 from fmopt.geometry.csg import Box, Placed, contains
 from fmopt.knowledge.command import Answer, answer, completed
-from fmopt.knowledge.counterpart import grasped_pose, grasped_twist, grasped_wrench, hand_pose, world_pose
 from fmopt.knowledge.goal import FREE
 from fmopt.knowledge.tree import ObjectTree
 from fmopt.knowledge.workcell import Link, Ref

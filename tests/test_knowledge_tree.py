@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from fmopt.errors import GeometryError, InputError, TaskError
 from fmopt.geometry.csg import Box, Cylinder, Difference, Hull, Placed, Solid, Union, contains, frustum
 from fmopt.geometry.excess import MESH_NOISE, solid_of
-from fmopt.geometry.features import Feature as MatingFeature
+from fmopt.geometry.mating import Feature as MatingFeature
 from fmopt.geometry.pieces import polyhedron
 from fmopt.knowledge.chain import Term, chain_of, chain_solid, joined, moved, without
 from fmopt.knowledge.classify import Claim, object_tree

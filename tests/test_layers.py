@@ -17,7 +17,7 @@ PACKAGE = Path(fmopt.__file__).parent
 
 # From the ground up. A room sees every lower floor, never its own: rooms of one floor do not know each other.
 FLOORS: tuple[frozenset[str], ...] = (
-    frozenset({"errors", "values", "symbolic", "memory", "compiled", "escape"}),
+    frozenset({"errors", "values", "compiled", "escape"}),
     frozenset({"kernels"}),
     frozenset({"output", "child"}),
     frozenset({"process"}),
@@ -43,8 +43,6 @@ APART = "verify"
 ONLY: dict[str, frozenset[str]] = {
     "errors": frozenset(),
     "values": frozenset(),
-    "symbolic": frozenset(),
-    "memory": frozenset(),
     "compiled": frozenset(),
     "escape": frozenset(),
     "output": frozenset({"errors"}),
@@ -52,13 +50,13 @@ ONLY: dict[str, frozenset[str]] = {
     "process": frozenset({"output", "errors"}),
     "plan": frozenset({"output", "errors", "verify"}),
     "plane": frozenset({"compiled", "values", "errors"}),
-    "knowledge": frozenset({"geometry", "se3", "memory", "values", "errors"}),
+    "knowledge": frozenset({"geometry", "se3", "values", "errors"}),
     "report": frozenset({"plan", "geometry", "se3", "values", "escape", "errors"}),
     "guarded": frozenset({"plan", "se3", "values", "errors"}),
     "execution": frozenset({"guarded", "plan", "output", "child", "se3", "values", "errors"}),
     "export": frozenset({"guarded", "plan", "output", "escape", "se3", "values", "errors"}),
     "nominal": frozenset({"knowledge", "geometry", "plane", "se3", "compiled", "values", "errors"}),
-    "uncertainty": frozenset({"ellipsoid", "framing", "plane", "se3", "symbolic", "values", "errors"}),
+    "uncertainty": frozenset({"ellipsoid", "framing", "plane", "se3", "values", "errors"}),
     "certificate": frozenset(
         {
             "contact",
@@ -67,7 +65,6 @@ ONLY: dict[str, frozenset[str]] = {
             "plan",
             "ellipsoid",
             "se3",
-            "memory",
             "kernels",
             "compiled",
             "values",
@@ -92,19 +89,20 @@ LIBRARIES: dict[str, frozenset[str]] = {
         | {"certificate", "placement", "control", "synthesis", "report", "study", "guarded", "export", "execution"}
         | {"desk", "plan_record"}
     ),
-    "scipy": frozenset({"plane", "geometry", "contact", "nominal", "uncertainty", "placement", "study"})
-    | {"execution/grown.py", "execution/corners.py"},
+    "scipy": frozenset({"plane", "geometry", "contact", "nominal", "placement", "study"})
+    | {"certificate/paper.py"}
+    | {"execution/trials.py", "execution/drake_engine.py"},
     "numba": frozenset({"compiled.py"}),
     "distributed": frozenset({"study/cluster.py"}),
     "polars": frozenset({"study/__init__.py", "study/outcome.py", "study/table.py", "desk/plan.py"}),
     "sympy": frozenset(
-        {"symbolic.py", "uncertainty/planar/surface.py", "nominal/symbolic_diagram.py"}
+        {"uncertainty/planar/surface.py", "nominal/symbolic_diagram.py"}
         | {"contact/algebra.py", "contact/derive.py", "contact/generate.py"}
     ),
-    "casadi": frozenset({"symbolic.py", "contact/algebra.py", "placement/formation.py"}),
+    "casadi": frozenset({"uncertainty/planar/surface.py", "contact/algebra.py", "placement/formation.py"}),
     "mpmath": frozenset({"contact/algebra.py"}),
-    "clarabel": frozenset({"placement/socp.py"}),
-    "daqp": frozenset({"placement/lp.py", "placement/sqp.py", "placement/vertex.py"}),
+    "clarabel": frozenset({"placement/solvers.py"}),
+    "daqp": frozenset({"placement/solvers.py", "placement/nlp.py"}),
     "cvxpy": frozenset({"placement/program.py"}),
     "networkx": frozenset({"contact/graph.py"}),
     "manifold3d": frozenset({"geometry", "nominal/touch.py"}),

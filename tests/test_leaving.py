@@ -13,9 +13,9 @@ from execution_model import execute
 from plan_mutations import changed
 from searched import certified_plan, leaving, motion_from
 
-from fmopt.certificate.functions import contact_rows
-from fmopt.certificate.piece import Piece
+from fmopt.certificate.assembly import contact_rows
 from fmopt.certificate.segment import advance
+from fmopt.certificate.way import Piece
 from fmopt.errors import InfeasibleError
 from fmopt.placement.entry import planar_entries
 from fmopt.plan import parsed

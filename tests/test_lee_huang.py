@@ -10,16 +10,15 @@ from fmopt.control.decomposition import Decomposition, contact_forces, position_
 from fmopt.errors import GeometryError, InterferenceError
 from fmopt.geometry.csg import Box, Cone, Cylinder, Difference, Placed, Prism, Union, ring
 from fmopt.knowledge.command import answer
-from fmopt.nominal.diagram_record import records
 from fmopt.nominal.freedom import freedom, half_widths
-from fmopt.nominal.mapping import answered, plane_diagrams, task_mapping
+from fmopt.nominal.mapping import answered, plane_diagrams, records, task_mapping
 from fmopt.plan import clean, diagram
 from fmopt.report import diagram_view, trajectory_view
 from fmopt.report.drawing import drawn
 from fmopt.se3 import Pose, exp
 from fmopt.task.command import task_command
 from fmopt.task.problem import load
-from fmopt.verify.parse_accounts import read_nominal, read_position_force
+from fmopt.verify.parse_segments import read_nominal, read_position_force
 from fmopt.verify.reader import Reader
 
 PROBLEMS = Path(__file__).parent.parent / "problems"

@@ -16,9 +16,9 @@ from test_nominal_planes import loop, random_case
 
 from fmopt.geometry.csg import Box, Solid, ring
 from fmopt.nominal.diagram import polygon
-from fmopt.nominal.diagram_contact import spans
-from fmopt.nominal.leg import Leg
+from fmopt.nominal.line_contact import Leg
 from fmopt.nominal.mapping import Mapping, task_mapping
+from fmopt.nominal.plane_freedom import spans
 from fmopt.nominal.uncertainty_zone import PLANES
 from fmopt.values import Array
 

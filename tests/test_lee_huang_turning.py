@@ -9,14 +9,12 @@ import pytest
 from test_lee_huang import BOX, GOAL, RHO, SPEED, at, block
 
 from fmopt.errors import GeometryError
+from fmopt.geometry.clearance import penetration
 from fmopt.geometry.csg import Box, Solid, Union
-from fmopt.geometry.overlap import penetration
 from fmopt.geometry.pieces import pieces
 from fmopt.geometry.polyhedron import placed
-from fmopt.nominal.diagram_record import records
-from fmopt.nominal.mapping import Mapping, task_mapping
-from fmopt.nominal.orientation import expanded_over, section_at
-from fmopt.nominal.shrink_expand import expanded
+from fmopt.nominal.mapping import Mapping, records, task_mapping
+from fmopt.nominal.shrink_expand import expanded, expanded_over, section_at
 from fmopt.nominal.uncertainty_zone import PLANES
 from fmopt.plan import diagram
 from fmopt.plane.region import polygon_region

@@ -7,8 +7,7 @@ from itertools import pairwise, product
 import numpy as np
 import pytest
 
-from fmopt.nominal.leg import Leg
-from fmopt.nominal.line_contact import Lines, possible
+from fmopt.nominal.line_contact import Leg, Lines, possible
 from fmopt.values import Array
 
 SIGNS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])

@@ -8,8 +8,7 @@ import pytest
 from fmopt.certificate.tube import coupled
 from fmopt.framing import IN_THE_WORLD, Framing
 from fmopt.se3 import exp, log
-from fmopt.uncertainty.error_set import ErrorSet
-from fmopt.uncertainty.linkage import Linkage
+from fmopt.uncertainty.error_set import ErrorSet, Linkage
 from fmopt.values import Array
 
 BOX = np.array([3e-4, 2e-4, 1e-4, 6e-3, 4e-3, 8e-3])

@@ -5,13 +5,12 @@ import pytest
 from peg_pieces import claims, peg
 from test_certificate_rows import KINDS, box, forms, moved, pose
 
-from fmopt.certificate.course import Course
-from fmopt.certificate.curvature import Curvature
+from fmopt.certificate.curvature import Course, Curvature
 from fmopt.certificate.lower import Motion, Witnesses, best, over
 from fmopt.certificate.rows import Forms, points_above, stacked
 from fmopt.certificate.tube import left
 from fmopt.placement.arcs import SHARES
-from fmopt.placement.fan import fans
+from fmopt.placement.separating_planes import fans
 from fmopt.uncertainty.error_set import Support
 from fmopt.values import Array
 

@@ -14,16 +14,16 @@ from plan_mutations import changed
 from searched import certified_plan, leaving, steadier, tilted_motion
 
 from fmopt.certificate.knowledge import coming_off
-from fmopt.certificate.piece import Piece
 from fmopt.certificate.segment import advance
+from fmopt.certificate.way import Piece
 from fmopt.execution.trials import Trials, run
 from fmopt.placement.entry import Shape, tilted_entry
 from fmopt.placement.shapes import flat_shapes, tilted_shapes
 from fmopt.plan import parsed
 from fmopt.plan_record import Moved
 from fmopt.report.moves import move_words, moves
-from fmopt.task.clearance import measured_clearance
 from fmopt.task.problem import Problem, load
+from fmopt.task.sizes import measured_clearance
 from fmopt.verify import verify
 
 ROOT = Path(__file__).parent.parent

@@ -13,19 +13,17 @@ from searched import certified_plan, task_of, tilted_motion
 from fmopt import se3
 from fmopt.execution.program import planned
 from fmopt.execution.rig import Rig
-from fmopt.execution.robot import Robot
-from fmopt.execution.rotation import from_quaternions
+from fmopt.execution.robot import Robot, from_quaternions
 from fmopt.execution.trials import Trials, run
 from fmopt.guarded.moves import moves
 from fmopt.placement.begin import begin
-from fmopt.placement.corners import corner_turns, leading_corners, next_to_round
-from fmopt.placement.entry import Shape, tilted_entry
+from fmopt.placement.entry import Shape, corner_turns, leading_corners, next_to_round, tilted_entry
 from fmopt.placement.step import Task, follow, sons
 from fmopt.plan import parsed
 from fmopt.plan_record import Moved
 from fmopt.se3 import Pose, length
-from fmopt.task.clearance import measured_clearance
 from fmopt.task.problem import Problem, load
+from fmopt.task.sizes import measured_clearance
 from fmopt.verify import verify
 
 ROOT = Path(__file__).parent.parent

@@ -5,8 +5,7 @@ import pytest
 
 from fmopt.geometry.csg import Box, Cylinder, Difference, Placed, Union, chamfered_box, frustum
 from fmopt.geometry.part import part_of
-from fmopt.nominal.critical import critical_poses
-from fmopt.nominal.trajectory import insertion
+from fmopt.nominal.trajectory import critical_poses, insertion
 from fmopt.se3 import Pose
 
 REACH = 5e-4

@@ -9,7 +9,7 @@ from scipy.optimize import linprog
 from fmopt.errors import SolverError
 from fmopt.geometry.csg import Box, Cylinder, Difference, Placed
 from fmopt.geometry.part import part_of
-from fmopt.nominal import slack as slack_module
+from fmopt.nominal import freedom as slack_module
 from fmopt.nominal.freedom import freedom, half_widths
 from fmopt.nominal.touch import Linear
 from fmopt.nominal.trajectory import NominalTrajectory, insertion

@@ -10,10 +10,9 @@ from fmopt.errors import GeometryError
 from fmopt.geometry.csg import Box, Cylinder, Difference, Placed
 from fmopt.geometry.part import part_of
 from fmopt.nominal.diagram import circle, polygon, together
-from fmopt.nominal.diagram_contact import spans
 from fmopt.nominal.freedom import freedom, half_widths
-from fmopt.nominal.leg import Leg
-from fmopt.nominal.plane_freedom import Slice, View, freedom_on_planes
+from fmopt.nominal.line_contact import Leg
+from fmopt.nominal.plane_freedom import Slice, View, freedom_on_planes, spans
 from fmopt.nominal.trajectory import insertion
 from fmopt.nominal.uncertainty_zone import PLANES, zones
 from fmopt.se3 import Pose

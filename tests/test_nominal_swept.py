@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from fmopt.errors import InterferenceError
+from fmopt.geometry.clearance import deepest
 from fmopt.geometry.csg import Box, Cone, Cylinder, Difference, Placed, Sphere, Union, contains
-from fmopt.geometry.overlap import deepest
 from fmopt.geometry.pieces import pieces
 from fmopt.geometry.polyhedron import placed
-from fmopt.nominal.enclosing import enclosing
+from fmopt.nominal.shrink_expand import enclosing
 from fmopt.nominal.swept import checked, free_until, meetings
 from fmopt.nominal.trajectory import NominalTrajectory, insertion, through
 from fmopt.se3 import Pose, exp

@@ -13,12 +13,11 @@ from outlines import prism
 from searched import certified_plan, task_of, tilted_motion
 
 from fmopt.placement.begin import begin
-from fmopt.placement.corners import corner_walls, leading_corners, outline
-from fmopt.placement.entry import Shape, tilted_entry
+from fmopt.placement.entry import Shape, corner_walls, leading_corners, outline, tilted_entry
 from fmopt.placement.shapes import likely_headings, likely_shapes, obtuse_shapes
 from fmopt.placement.step import Node, follow
-from fmopt.task.clearance import measured_clearance
 from fmopt.task.problem import Problem, load
+from fmopt.task.sizes import measured_clearance
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 NAMES = ("octagon_prism", "keyed_shaft")

@@ -15,9 +15,9 @@ from step_files import write_step
 import fmopt
 from fmopt.geometry.csg import Box, Cylinder, Difference, Placed
 from fmopt.report.sections import asked
-from fmopt.task.clearance import measured_clearance
 from fmopt.task.explain import explain, facts
 from fmopt.task.problem import load
+from fmopt.task.sizes import measured_clearance
 
 MODEL = """name = "{name}"
 

@@ -11,8 +11,7 @@ import pytest
 from outlines import prism
 
 from fmopt.geometry.clearance import checked_clearance
-from fmopt.placement.corners import corner_walls, leading_corners
-from fmopt.placement.entry import Entry, Shape, straight_entry, tilted_entry
+from fmopt.placement.entry import Entry, Shape, corner_walls, leading_corners, straight_entry, tilted_entry
 from fmopt.placement.shapes import funnel_depth, tilted_shapes
 from fmopt.se3 import Pose
 from fmopt.task.problem import Problem, load

@@ -13,12 +13,19 @@ from fmopt.contact.primitive import near_contacts
 from fmopt.contact.surface import values_and_rows
 from fmopt.errors import SolverError
 from fmopt.geometry.csg import Box, convex_polyhedron
-from fmopt.placement import nlp, sqp
+from fmopt.placement import nlp
 from fmopt.placement.clearance import max_min_clearance
-from fmopt.placement.formation import counts, formation_derivatives
-from fmopt.placement.nlp import certify_on_surfaces, place_on_surfaces, project, surface_placement
-from fmopt.placement.rows import Row, RowKind, edge_edge, evaluate, face_vertex, vertex_face
-from fmopt.placement.sqp import largest
+from fmopt.placement.formation import (
+    Row,
+    RowKind,
+    counts,
+    edge_edge,
+    evaluate,
+    face_vertex,
+    formation_derivatives,
+    vertex_face,
+)
+from fmopt.placement.nlp import certify_on_surfaces, largest, place_on_surfaces, project, surface_placement
 from fmopt.se3 import Pose
 
 STATES = [
@@ -151,7 +158,7 @@ def test_quadratic_programs_and_the_interior_point_method_agree(
 def test_what_quadratic_programs_do_not_settle_the_interior_point_method_does(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = peg_placement(("tipx++",))
     found = place_on_surfaces(problem).value
-    monkeypatch.setattr(sqp, "_ROUNDS", 1)
+    monkeypatch.setattr(nlp, "_ROUNDS", 1)
     assert place_on_surfaces(problem).value == pytest.approx(found, abs=1e-6 * METRIC.clearance)
 
 

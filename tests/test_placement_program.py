@@ -13,7 +13,7 @@ from placement_instances import random_placement
 from fmopt.errors import InfeasibleError, SolverError
 from fmopt.placement.clearance import max_min_clearance
 from fmopt.placement.program import ConeProgram, Duals, Norm, Solution, as_cvxpy, certify, checked, dual_bound
-from fmopt.placement.socp import ClarabelSolver
+from fmopt.placement.solvers import ClarabelSolver
 
 
 @dataclass(frozen=True)

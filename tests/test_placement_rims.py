@@ -10,8 +10,8 @@ import pytest
 from fmopt.contact.primitive import edge_edge
 from fmopt.geometry.csg import Box, Difference, Placed
 from fmopt.geometry.part import Part, part_of
-from fmopt.placement import rims
-from fmopt.placement.rims import DOUBT, Edges, Rims
+from fmopt.placement import flush
+from fmopt.placement.flush import DOUBT, Edges, Rims
 from fmopt.se3 import Pose, cross, exp
 from fmopt.values import Array
 
@@ -88,7 +88,7 @@ def test_what_touches_a_wall_is_what_the_plain_formula_finds() -> None:
         p, R = np.array([start.p, goal.p]), np.array([start.R, goal.R])
         shape = 2, len(vertices), len(across[0])
         doubt = rng.uniform(0.0, 1e-3, shape)
-        for depths, pattern in zip(both(rims.depths), both(rims.pattern), strict=True):
+        for depths, pattern in zip(both(flush.depths), both(flush.pattern), strict=True):
             depth, rows = np.empty(shape), np.empty((*shape, 6))
             depths(vertices, across, p, R, depth, rows)
             arms = np.array([vertices @ pose.R.T for pose in (start, goal)])[:, :, None]

@@ -18,10 +18,10 @@ from placement_instances import (
 )
 
 from fmopt.errors import InfeasibleError, SolverError
-from fmopt.placement import socp
+from fmopt.placement import solvers
 from fmopt.placement.clearance import Flat, Metric, Placement, lexicographic, max_min_clearance, placement
-from fmopt.placement.lp import LinearSolver
 from fmopt.placement.nlp import place_on_surfaces
+from fmopt.placement.solvers import LinearSolver
 
 
 def close(one: float, other: float, unit: float = CLEARANCE) -> bool:
@@ -130,47 +130,47 @@ def test_lexicographic_never_loses_the_minimum_and_raises_the_rest(seed: int, gr
 
 def test_persistent_solvers_return_the_bits_of_fresh_ones() -> None:
     programs = [random_placement(seed, rows=9, contacts=2, growth=0.02).program() for seed in range(12)]
-    warm = [socp.ClarabelSolver().solve(program).x for program in programs]
+    warm = [solvers.ClarabelSolver().solve(program).x for program in programs]
     for program, x in zip(programs, warm, strict=True):
-        socp._local.__dict__.clear()
-        assert np.array_equal(socp.ClarabelSolver().solve(program).x, x)
+        solvers._local.__dict__.clear()
+        assert np.array_equal(solvers.ClarabelSolver().solve(program).x, x)
 
 
 def test_one_solver_serves_a_shape_and_threads_have_their_own() -> None:
-    socp._local.__dict__.clear()
+    solvers._local.__dict__.clear()
     problems = [random_placement(seed, rows=9, contacts=2) for seed in range(6)]
-    serial = [max_min_clearance(problem, socp.ClarabelSolver()).x for problem in problems]
-    assert len(socp._local.solvers) == 1
+    serial = [max_min_clearance(problem, solvers.ClarabelSolver()).x for problem in problems]
+    assert len(solvers._local.solvers) == 1
     with ThreadPoolExecutor(2) as pool:
-        parallel = list(pool.map(lambda problem: max_min_clearance(problem, socp.ClarabelSolver()).x, problems))
+        parallel = list(pool.map(lambda problem: max_min_clearance(problem, solvers.ClarabelSolver()).x, problems))
     assert all(np.array_equal(one, other) for one, other in zip(serial, parallel, strict=True))
 
 
 @pytest.mark.parametrize("status", ["AlmostSolved", "MaxIterations", "NumericalError", "InsufficientProgress"])
 def test_every_status_but_solved_raises(status: str, monkeypatch: pytest.MonkeyPatch) -> None:
     problem = random_placement(3)
-    good = max_min_clearance(problem, socp.ClarabelSolver())
+    good = max_min_clearance(problem, solvers.ClarabelSolver())
 
     def run(*_: object) -> tuple[object, object, str]:
         scaled = problem.program().scaled()
-        M, _rhs, _cones = socp.standard_form(scaled, np.arange(len(scaled.b)))
+        M, _rhs, _cones = solvers.standard_form(scaled, np.arange(len(scaled.b)))
         return good.x / problem.program().units, np.zeros(len(M)), status  # a good point, which nothing proves
 
-    monkeypatch.setattr(socp.ClarabelSolver, "_run", run)
+    monkeypatch.setattr(solvers.ClarabelSolver, "_run", run)
     with pytest.raises(SolverError, match=status):
-        max_min_clearance(problem, socp.ClarabelSolver())
+        max_min_clearance(problem, solvers.ClarabelSolver())
 
 
 def test_every_status_of_clarabel_is_in_the_table() -> None:
     import clarabel
 
     known = {name for name in dir(clarabel.SolverStatus) if name[0].isupper()}
-    assert known == {*socp._ADVICE, "Solved", "PrimalInfeasible"}
+    assert known == {*solvers._ADVICE, "Solved", "PrimalInfeasible"}
 
 
 def test_more_iterations_are_not_hidden() -> None:
     with pytest.raises(SolverError, match="MaxIterations"):
-        max_min_clearance(random_placement(4), socp.ClarabelSolver(max_iterations=2))
+        max_min_clearance(random_placement(4), solvers.ClarabelSolver(max_iterations=2))
 
 
 def test_more_room_never_hurts() -> None:

@@ -14,7 +14,7 @@ from fmopt.motion import FINE
 from fmopt.placement.tolerated import Motion, Tolerated, largest_factor, tolerated, what_fails
 from fmopt.plan import parsed
 from fmopt.plan_record import Moved
-from fmopt.report.tolerance_tables import rates, tolerance_chapter, tolerated_words
+from fmopt.report.recovery_tables import rates, tolerance_chapter, tolerated_words
 from fmopt.synthesis import moved, planned
 from fmopt.task.problem import Problem, load
 

@@ -14,8 +14,8 @@ from fmopt.placement.search import MoveSequence, best_sequences
 from fmopt.placement.shapes import tilted_shapes
 from fmopt.placement.step import Task
 from fmopt.placement.tune import Limits, deepened, tuned
-from fmopt.task.clearance import measured_clearance
 from fmopt.task.problem import Problem, load
+from fmopt.task.sizes import measured_clearance
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import linprog
 
 from fmopt.errors import SolverError
-from fmopt.placement.vertex import least_vertex
+from fmopt.placement.solvers import least_vertex
 from fmopt.values import Array
 
 NOWHERE = np.zeros((0, 2)), np.zeros(0)

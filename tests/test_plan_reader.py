@@ -19,9 +19,8 @@ from fmopt import plan
 from fmopt.errors import PlanFormatError, ResourceError
 from fmopt.verify import PlanError, Verdict, verify
 from fmopt.verify.file import LARGEST_FILE, decoded
-from fmopt.verify.keys import Fields, table
 from fmopt.verify.parse import FIELDS, parse
-from fmopt.verify.reader import Reader
+from fmopt.verify.reader import Fields, Reader, table
 
 README = Path(__file__).parent.parent / "README.md"
 WRONG: tuple[Any, ...] = (

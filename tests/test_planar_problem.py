@@ -19,18 +19,18 @@ from fmopt.contact.primitive import Kind, PrimitiveContact, vertex_face
 from fmopt.contact.surface import Surfaces
 from fmopt.control.strategy import _touching
 from fmopt.errors import InputError, SearchError
+from fmopt.placement.bisection import ATTEMPTS, largest_share
 from fmopt.placement.entry import Entry, planar_entries
 from fmopt.placement.explore import IN_PLANE, freedoms
 from fmopt.placement.motion import Move, Reached
 from fmopt.placement.search import best_sequences, search
 from fmopt.placement.sequence import Placed, certified
 from fmopt.placement.shapes import roomy_in_plane
-from fmopt.placement.share import ATTEMPTS, largest_share
 from fmopt.placement.step import Task
 from fmopt.se3 import Pose
-from fmopt.task.clearance import measured_clearance
 from fmopt.task.explain import explain, facts
 from fmopt.task.problem import Problem, load
+from fmopt.task.sizes import measured_clearance
 from fmopt.values import Array
 from fmopt.verify.findings import NOT_PROVED, Verdict
 

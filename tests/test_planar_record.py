@@ -15,12 +15,19 @@ from report_plans import cube, diagnostics
 from fmopt.plan import boundary, surface
 from fmopt.report import planar_view, surface_view
 from fmopt.report.drawing import drawn
-from fmopt.report.planar_tables import possible_contacts
-from fmopt.uncertainty.planar.account import Nominal, Stretch, account, in_plane, reach_of
+from fmopt.report.page import possible_contacts
+from fmopt.uncertainty.planar.account import (
+    Nominal,
+    Stretch,
+    account,
+    contact_records,
+    in_plane,
+    reach_of,
+    surface_record,
+)
 from fmopt.uncertainty.planar.c_obstacle import PossibleContacts
 from fmopt.uncertainty.planar.contact import CU, Kind, Range
 from fmopt.uncertainty.planar.profile import Profile
-from fmopt.uncertainty.planar.record import contact_records, surface_record
 from fmopt.uncertainty.sources import Deviations
 from fmopt.verify.diagnostics import Agreement, Planar
 

@@ -13,8 +13,8 @@ from scipy.sparse.csgraph import connected_components
 from fmopt.errors import GeometryError
 from fmopt.plane.arrangement import linked
 from fmopt.plane.boolean import difference, intersection, positive, union
-from fmopt.plane.component import components
 from fmopt.plane.conic import ConicArc, ellipse_arcs
+from fmopt.plane.convolution import components
 from fmopt.plane.curve import Arc, Curve, Segment
 from fmopt.plane.meet import meet
 from fmopt.plane.region import Region, polygon_region

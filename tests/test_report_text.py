@@ -185,7 +185,7 @@ def test_every_text_of_a_plan_stays_text_in_the_terminal(evil: str, capsys: pyte
 
 
 def test_lines_for_people_do_not_steer_the_terminal(capsys: pytest.CaptureFixture[str]) -> None:
-    from fmopt.cli.app import say
+    from fmopt.cli.entry import say
 
     say("one\ntwo" + EVIL[1].replace("\n", ""))
     said = capsys.readouterr().out

@@ -8,14 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmopt.certificate.sensitivity import sensitivities
 from fmopt.control.strategy import least_firm, least_steady
 from fmopt.errors import InfeasibleError
 from fmopt.motion import FINE, FIRM, STEADY
 from fmopt.placement.motion import Reached
 from fmopt.placement.sequence import Aim, Placed, Refinement, certified, in_a_row, onto_surfaces, refine, state_rows
-from fmopt.placement.sequence_rows import SequenceRows, sequence_rows
-from fmopt.placement.socp import ClarabelSolver
+from fmopt.placement.sequence_rows import SequenceRows, sensitivities, sequence_rows
+from fmopt.placement.solvers import ClarabelSolver
 from fmopt.plan_record import Moved
 from fmopt.synthesis import moved
 from fmopt.task.problem import Problem, load

@@ -14,7 +14,7 @@ import pytest
 from fmopt.errors import InfeasibleError, SolverError
 from fmopt.placement import nlp, polish
 from fmopt.placement.program import ConeProgram, Solution, as_cvxpy
-from fmopt.placement.socp import ClarabelSolver
+from fmopt.placement.solvers import ClarabelSolver
 from fmopt.synthesis import synthesise
 from fmopt.task.problem import load
 

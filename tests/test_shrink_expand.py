@@ -10,12 +10,11 @@ import pytest
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from fmopt.nominal.shrink_expand import expanded, expanded_turning
+from fmopt.nominal.shrink_expand import expanded, expanded_turning, turn_swept, turned
 from fmopt.plane.boolean import difference, intersection, union
 from fmopt.plane.conic import ellipse_arcs
 from fmopt.plane.curve import Arc
 from fmopt.plane.region import Region, polygon_region
-from fmopt.plane.turning import turn_swept, turned
 from fmopt.values import Array
 
 

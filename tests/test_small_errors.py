@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 
 import fmopt
-from fmopt.placement.corners import leading_corners
-from fmopt.placement.entry import start_spread, swung_by
+from fmopt.placement.entry import leading_corners, start_spread, swung_by
 from fmopt.placement.shapes import roomy_errors, tilted_shapes
 from fmopt.synthesis import synthesise
-from fmopt.task.clearance import measured_clearance
 from fmopt.task.explain import explain
 from fmopt.task.problem import VelocityError, load
+from fmopt.task.sizes import measured_clearance
 from fmopt.values import Array
 
 PROBLEM = load(Path(__file__).parent.parent / "problems" / "square_peg_100um.toml")

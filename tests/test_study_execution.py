@@ -14,7 +14,7 @@ from fmopt.execution import trials
 from fmopt.plan import parsed
 from fmopt.study import evaluation
 from fmopt.study.batch import Question, Run
-from fmopt.study.statistics import share
+from fmopt.study.shares import share
 
 
 def test_a_run_says_how_often_its_plan_succeeds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,7 @@ import sympy
 
 from fmopt.geometry.csg import Box, Cone, Cylinder, Primitive, Prism, Sphere, Wedge
 from fmopt.nominal import symbolic_diagram as symbolic
-from fmopt.nominal.instance_section import instance_sections
+from fmopt.nominal.cut_diagram import instance_sections
 from fmopt.nominal.symbolic_diagram import Ball, Shape, SymbolicCurve, any_pose, shape_of, symbolic_diagram
 from fmopt.plane.region import Region
 from fmopt.se3 import Pose, exp

@@ -17,10 +17,10 @@ import pytest
 
 from fmopt.errors import GeometryError
 from fmopt.se3 import exp, log
-from fmopt.task.clearance import measured_clearance
 from fmopt.task.explain import explain, facts
 from fmopt.task.problem import Problem, load
 from fmopt.task.schema import model_schema, problem_schema, text
+from fmopt.task.sizes import measured_clearance
 from fmopt.task.sources import (
     Deviation,
     Handling,

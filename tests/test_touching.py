@@ -18,8 +18,8 @@ from fmopt.placement.entry import Shape, tilted_entry
 from fmopt.placement.shapes import funnel_depth, funnel_width, tilted_shapes, touching_shapes
 from fmopt.plan_record import Moved
 from fmopt.se3 import Pose
-from fmopt.task.clearance import measured_clearance
 from fmopt.task.problem import Problem, load
+from fmopt.task.sizes import measured_clearance
 
 ROOT = Path(__file__).parent.parent
 # Varied for margin from the first that is tried.

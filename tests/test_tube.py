@@ -9,11 +9,11 @@ import pytest
 from test_ellipsoid import contains
 from tube_segments import RHO, SCALE, SEGMENTS, Segment, executions, segment, unit_rows
 
-from fmopt.certificate.functions import contact_rows
+from fmopt.certificate.assembly import contact_rows
 from fmopt.certificate.paper import goal_in_the_paper
-from fmopt.certificate.piece import Piece, Tolerance
 from fmopt.certificate.segment import advance
 from fmopt.certificate.tube import Numbers, carried
+from fmopt.certificate.way import Piece, Tolerance
 from fmopt.contact.primitive import Kind
 from fmopt.errors import InfeasibleError
 from fmopt.se3 import Pose

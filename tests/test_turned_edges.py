@@ -17,12 +17,12 @@ from fmopt.contact.primitive import PrimitiveContact, near_contacts
 from fmopt.placement.entry import Shape
 from fmopt.se3 import Pose
 from fmopt.synthesis import proved
-from fmopt.task.clearance import measured_clearance
 from fmopt.task.problem import Problem, load
+from fmopt.task.sizes import measured_clearance
 from fmopt.values import Array
+from fmopt.verify.incidence import Turn
 from fmopt.verify.knowledge import Facts
 from fmopt.verify.rational import ONE, vector
-from fmopt.verify.turns import Turn
 
 ROOT = Path(__file__).parent.parent
 SHAPE = Shape(0.4363, 0.2094, 0.0463, 0.000867, (0.00454, 0.00562), (0.0019, 0.000387))

@@ -28,8 +28,7 @@ from fmopt.geometry.csg import Box, Cylinder, Difference, Placed, Solid, Union, 
 from fmopt.geometry.pieces import pieces, polyhedron
 from fmopt.se3 import Pose
 from fmopt.task.problem import load
-from fmopt.verify.covering import uncovered
-from fmopt.verify.halfspaces import DEVIATION, Hull
+from fmopt.verify.covering import DEVIATION, Hull, uncovered
 from fmopt.verify.lattice import FINENESS, TooMuchWork, Work
 from fmopt.verify.rational import number
 from fmopt.verify.solids import Shape

@@ -31,9 +31,9 @@ from fmopt.verify.exact import (
     unit_of,
     way,
 )
+from fmopt.verify.incidence import Turn, about, cancel, image_of
 from fmopt.verify.rational import ONE, ArithmeticRefusal, Vector, add, cross, fixed, length, neg, number, sub, vector
 from fmopt.verify.solids import Plane, Shape
-from fmopt.verify.turns import Turn, about, cancel, image_of
 
 __all__ = ["assembly"]
 

@@ -17,17 +17,17 @@ import pytest
 
 from fmopt.geometry.part import Part as PlannersPart
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.task.clearance import characteristic_length, measured_clearance
 from fmopt.task.problem import Problem as PlannersProblem
 from fmopt.task.problem import load
+from fmopt.task.sizes import characteristic_length, measured_clearance
 from fmopt.task.units import LENGTH as PINT_LENGTH
 from fmopt.task.units import evaluate as planners
 from fmopt.verify.document import Body
 from fmopt.verify.parse import parse
 from fmopt.verify.problem import ProblemError, differences
+from fmopt.verify.problem.compare import half_diagonals
 from fmopt.verify.problem.problem import Problem, load_problem
 from fmopt.verify.problem.quantities import LENGTH, UNITS, NoQuantity, Quantity, evaluate
-from fmopt.verify.problem.section import half_diagonals
 from fmopt.verify.problem.solids import Comparison, of_piece, tree_of
 from fmopt.verify.problem.sources import Boxed, by_frame, total
 

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fmopt.verify import rational as q
-from fmopt.verify.linear import (
+from fmopt.verify.errors import (
     NOTHING,
     congruent,
     diagonal,

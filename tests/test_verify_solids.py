@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from solid_bodies import SLABS, box, pocket, shape, with_box
 
-from fmopt.verify.overlap import overlap
+from fmopt.verify.check import overlap
 from fmopt.verify.rational import Vector, length
 from fmopt.verify.rows import pose
 from fmopt.verify.solids import SHORT, short

@@ -10,10 +10,9 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from fmopt import ellipsoid
-from fmopt.certificate.assembly import Assembly
-from fmopt.certificate.functions import contact_rows
-from fmopt.certificate.piece import Compliance, Piece, Tolerance
+from fmopt.certificate.assembly import Assembly, contact_rows
 from fmopt.certificate.segment import Advance, advance
+from fmopt.certificate.way import Compliance, Piece, Tolerance
 from fmopt.contact.primitive import Kind, PrimitiveContact, edge_edge, face_vertex, vertex_face
 from fmopt.errors import InfeasibleError
 from fmopt.geometry.part import Part

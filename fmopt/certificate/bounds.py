@@ -12,9 +12,8 @@ from fmopt.certificate.knowledge import held_on, other_rim, taken_turns
 from fmopt.certificate.rows import Forms, directions_along, faces_above, points_above, stacked
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.memory import remembered
 from fmopt.se3 import cross, length, lengths
-from fmopt.values import Array
+from fmopt.values import Array, remembered
 
 UNBOUNDED = 1.0  # m; the margin of a contact that nothing bounds
 _BEYOND = 1e-6  # m; how far beyond a blocked rim material must go on

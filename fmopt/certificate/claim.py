@@ -6,13 +6,12 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
-from fmopt.certificate.assembly import Assembly
+from fmopt.certificate.assembly import Assembly, contact_forms, made_form, made_scale
 from fmopt.certificate.bounds import Bounds, bounds
-from fmopt.certificate.course import AtEnd, Course, Heights
-from fmopt.certificate.functions import contact_forms, made_form, made_scale
+from fmopt.certificate.curvature import AtEnd, Course, Heights
 from fmopt.certificate.pair import Facing, facing
 from fmopt.certificate.segment import Advance, Piece, Tolerance, advance
-from fmopt.certificate.separation import Separation
+from fmopt.certificate.separating_plane import Separation
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import InfeasibleError
 from fmopt.uncertainty.error_set import ErrorSet

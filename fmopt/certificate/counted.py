@@ -17,9 +17,8 @@ from fmopt.certificate.pair import Pair, Witness
 from fmopt.certificate.rows import Forms, Mask, directions_along, edges_apart, faces_above, points_above, stacked
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.memory import remembered
 from fmopt.se3 import Pose, cross, length, lengths
-from fmopt.values import Array
+from fmopt.values import Array, remembered
 
 _MEMORY = 4096
 

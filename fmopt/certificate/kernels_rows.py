@@ -4,7 +4,7 @@ A row is a function of the pose p, R of the moving part,
 
     f = n·p + u·(R k) + (R b)·(σ p + a × p + s) − c,
 
-which is what definitions of contacts come to (`form`). What the formulas of remainders mean is told in `curvature`.
+which is what definitions of contacts come to (`rows`). What the formulas of remainders mean is told in `curvature`.
 """
 
 from __future__ import annotations

@@ -17,9 +17,8 @@ import numpy as np
 from fmopt.certificate.assembly import NEAR, Assembly, in_plane, on_line, same
 from fmopt.certificate.rows import Mask
 from fmopt.contact.primitive import Kind, PrimitiveContact
-from fmopt.memory import remembered, there
 from fmopt.se3 import cross, length, lengths
-from fmopt.values import Array
+from fmopt.values import Array, remembered, there
 
 __all__ = ["Assembly", "Facts", "Wall", "aligned", "facts", "flushes", "in_plane", "taken_turns"]
 

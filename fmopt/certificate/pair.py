@@ -8,10 +8,10 @@ from functools import cached_property
 from typing import Literal, NamedTuple
 
 from fmopt.certificate.assembly import Assembly
-from fmopt.certificate.piece import Piece
+from fmopt.certificate.way import Piece
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.memory import remembered
+from fmopt.values import remembered
 
 BEHIND = 1e-15  # m; how far in front of the fixed piece a free plane is put, against rounding
 _MEMORY = 2048

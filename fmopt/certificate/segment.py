@@ -25,10 +25,9 @@ import numpy as np
 from fmopt import ellipsoid
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.curvature import Extent
-from fmopt.certificate.piece import Compliance, Piece, Tolerance
-from fmopt.certificate.separation import Ends
+from fmopt.certificate.separating_plane import Ends
 from fmopt.certificate.tube import LARGE, PAST, SETTLED, THICK, Errors, Numbers, carried, coupled
-from fmopt.certificate.way import Way, approach, departure, way_of
+from fmopt.certificate.way import Compliance, Piece, Tolerance, Way, approach, departure, way_of
 from fmopt.errors import InfeasibleError
 from fmopt.se3 import exp, length
 from fmopt.uncertainty.error_set import ErrorSet

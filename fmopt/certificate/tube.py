@@ -156,7 +156,7 @@ def powers(bending: Bending) -> Array:
 
 @part
 def _coupled(links: Array, offset: float, angle: float, turn: float) -> tuple[float, float]:
-    """What the linear picture leaves of errors in different frames, m and rad; see `uncertainty.linkage`.
+    """What the linear picture leaves of errors in different frames, m and rad; see `uncertainty.error_set`.
 
     Args:
         links: sizes of h_p, h, g_p and g_r, and P (5,), m and rad.

@@ -1,4 +1,7 @@
-"""Where the command line is entered and left: every error becomes one message and an exit code."""
+"""Where the command line is entered and left: every error becomes one message and an exit code.
+
+The application, and what its commands share.
+"""
 
 from __future__ import annotations
 
@@ -6,16 +9,39 @@ import json
 import sys
 from contextlib import suppress
 from dataclasses import asdict
-from typing import NoReturn
+from typing import Annotated, NoReturn
 
 import typer
 
-from fmopt.cli.app import app, say
+from fmopt import __version__
 from fmopt.errors import FmoptError, InputError, InterferenceError, ResourceError, UnprovedError
+from fmopt.escape import one_line
 from fmopt.process import interrupted
 
 _SHOWN = 5  # findings that a refusal lists
 _DATA = ("interference", "place", "shortfall", "feature", "rule", "findings")  # what errors carry beside their words
+
+MOST_WORKERS = 1024
+MOST_TRIALS = 10_000_000
+EXIT = {"CERTIFIED": 0, "REFUTED": 1, "NOT_PROVED": 3}
+
+app = typer.Typer(
+    add_completion=True,
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    help="Insertion motions that work although the clearance is smaller than the error, with proof.",
+    epilog="Exit codes: 0 certified, 1 refuted or infeasible, 2 bad input, 3 not proved, 4 resource, 70 internal.",
+)
+
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
+Workers = Annotated[
+    int | None, typer.Option("--workers", min=1, max=MOST_WORKERS, help="Processes; default: one a core.")
+]
+Unverified = Annotated[
+    bool, typer.Option("--unverified", help="Take a plan without asking the check: nothing is guaranteed then.")
+]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
 
 
 def main() -> NoReturn:
@@ -72,3 +98,23 @@ def _message(error: FmoptError) -> list[str]:
         listed = [f"  {finding}" for finding in error.findings[:_SHOWN]] + [f"  and {more} more"] * (more > 0)
         return [error.message, *listed, f"advice: {error.advice}"]
     return [f"{error.message}" + (f"\nadvice: {error.advice}" if error.advice else "")]
+
+
+def say(text: str, err: bool = False) -> None:
+    """Prints lines for people; what comes from a file is shown in them, and does not steer the terminal."""
+    typer.echo("\n".join(map(one_line, text.split("\n"))), err=err)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(__version__)
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and stop.")
+    ] = False,
+) -> None:
+    """Insertion motions that work although the clearance is smaller than the error, with proof."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fmopt.cli.app import EXIT, Json, Quiet, app, say
+from fmopt.cli.entry import EXIT, Json, Quiet, app, say
 from fmopt.errors import Fault, InputError, PlanFormatError, ResourceError
 from fmopt.plan import STDIO, Plan
 
@@ -133,7 +133,7 @@ def verify(
 
 def _given(problem: Path) -> Mapping[str, Given]:
     """The parts of a problem as the planner reads them, for those that come as STEP files."""
-    from fmopt.desk.given import given
+    from fmopt.desk.shipped import given
     from fmopt.task.problem import load
 
     return given(load(problem))
@@ -147,9 +147,9 @@ def check(
 ) -> None:
     """Validate a problem file, or an assembly and each of its tasks, with all models and say it back in words."""
     from fmopt.task.assembly import is_assembly
-    from fmopt.task.clearance import measured_clearance
     from fmopt.task.explain import explain, facts
     from fmopt.task.problem import load
+    from fmopt.task.sizes import measured_clearance
 
     if is_assembly(file):
         _check_assembly(file, as_json, quiet)
@@ -164,7 +164,7 @@ def check(
 
 def _check_assembly(file: Path, as_json: bool, quiet: bool) -> None:
     from fmopt.task.assembly import carried_out, load_assembly
-    from fmopt.task.explain_assembly import assembly_facts, explain_assembly
+    from fmopt.task.explain import assembly_facts, explain_assembly
 
     assembly = load_assembly(file)
     steps = list(carried_out(assembly))
@@ -179,7 +179,7 @@ def schema(
     kind: Annotated[str, typer.Argument(help="problem, model, assembly, study or allocation.")] = "problem",
 ) -> None:
     """Print the JSON Schema of such files, for editors that complete and check as you type."""
-    from fmopt.study import schema as of_studies
+    from fmopt.study import study_file as of_studies
     from fmopt.task import schema as schemas
 
     kinds = {

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 import typer.core
 
-from fmopt.cli.app import EXIT, MOST_WORKERS, Json, Quiet, app, say
+from fmopt.cli.entry import EXIT, MOST_WORKERS, Json, Quiet, app, say
 
 
 class _Study(typer.core.TyperGroup):

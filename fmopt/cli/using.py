@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from fmopt.cli.app import MOST_TRIALS, Json, Quiet, Unverified, Workers, app, say
+from fmopt.cli.entry import MOST_TRIALS, Json, Quiet, Unverified, Workers, app, say
 from fmopt.plan import STDIO
 
 
@@ -66,7 +66,7 @@ def export(
 
 def _admitted(file: Path, unverified: bool) -> tuple[Any, str]:
     """A plan that the check certifies, or what is said of it, on standard error, too, as the check was not asked."""
-    from fmopt.desk.admission import admitted
+    from fmopt.desk.shipped import admitted
     from fmopt.plan import read
 
     plan = read(file)

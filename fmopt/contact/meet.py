@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from fmopt.contact.bounds import BoundTable
 from fmopt.contact.descent import Bits, Functions, descended, heights, projected
+from fmopt.contact.graph import LocalSpace
 from fmopt.contact.primitive import matrices
-from fmopt.contact.space import LocalSpace
 from fmopt.contact.surface import Surfaces
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.se3 import Pose, turns

@@ -24,9 +24,8 @@ from fmopt.contact.nearness import (
     vertices_at_faces,
 )
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.memory import remembered
 from fmopt.se3 import Pose, cross
-from fmopt.values import Array
+from fmopt.values import Array, remembered
 
 PARALLEL = math.radians(1.0)  # rad; edges closer than this in direction have no edge–edge contact
 _CONTACTS = 4096

@@ -2,6 +2,12 @@
 
 The functions are those of `definitions`; here they get the numbers of two parts, and are evaluated, many contacts and
 poses at once, by the kernels that were generated from them. [DakinPopplestone1993] section 2 and Appendix I.
+
+Frictionless contact wrenches of primitive contacts.
+
+Virtual work makes the wrench of a unit force along the surface's normal equal to ∇f: it does the work ∇f·X.
+
+Friction cones of contacts as wrenches, and the angle between two: how well a force sensor tells them apart.
 """
 
 from __future__ import annotations
@@ -20,17 +26,26 @@ from fmopt.contact.algebra import Definition
 from fmopt.contact.definitions import CONTACTS
 from fmopt.contact.kernels_generated import Tables, height, regularity, wrench
 from fmopt.contact.primitive import Kind, PrimitiveContact
-from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.memory import remembered
-from fmopt.se3 import Pose
-from fmopt.values import Array, Value, frozen
+from fmopt.errors import InfeasibleError
+from fmopt.geometry.polyhedron import Polyhedron, plane_basis
+from fmopt.se3 import Pose, cross
+from fmopt.values import Array, Value, frozen, remembered
 
 if TYPE_CHECKING:
     from fmopt.contact.derive import Derived
 
+
 _MEMORY, _NUMBERS = 1024, 8192
 
 Records: TypeAlias = NDArray[np.void]
+
+LEVEL = 1e-4  # sine of the angle between edges below which their wrench is not right to 1e-9
+
+_SIDES = 8
+_ROUNDS = 60
+_STARTS = 3
+_SETTLED = 1e-9
+_NOTHING = 1e-9  # length of a wrench that is left of a unit one and counts as none
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,3 +194,108 @@ def regularities(tables: Tables, p: Array, R: Array, found: Array) -> None:
     """Fills in how regular contacts (k,) are at a pose p (3,), R (3, 3); see `kernels_generated.regularity`."""
     for i in range(len(found)):
         found[i] = regularity(tables, i, p, R)
+
+
+def contact_point(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> Array:
+    """The point (3,) of the moving part's feature, in m, at which the fixed part pushes (at a pose in contact).
+
+    Raises:
+        InfeasibleError: edges are parallel.
+    """
+    match contact.kind:
+        case Kind.VERTEX_FACE:
+            return pose.apply(moving.vertices[contact.moving[0]])
+        case Kind.FACE_VERTEX:
+            return np.asarray(fixed.vertices[contact.fixed[0]])
+        case Kind.EDGE_EDGE:
+            a, b = pose.apply(moving.vertices[list(contact.moving)])
+            wrench = contact_wrench(contact, moving, fixed, pose)
+            across = cross(b - a, wrench[:3])
+            beside = wrench[3:] - cross(a - pose.p, wrench[:3])
+            return np.asarray(a + (beside @ across) / (across @ across) * (b - a))
+        case _:
+            assert_never(contact.kind)
+
+
+def contact_normal(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> Array:
+    """The unit normal (3,) along which the fixed part pushes the moving part.
+
+    Raises:
+        InfeasibleError: edges are parallel.
+    """
+    return contact_wrench(contact, moving, fixed, pose)[:3]
+
+
+def contact_wrench(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> Array:
+    """The wrench (f, τ) (6,) on the moving part of a unit contact force, about its body origin, in N and N·m.
+
+    Raises:
+        InfeasibleError: edges are parallel.
+    """
+    surface = Surfaces.of([contact], moving, fixed)
+    sine = float(surface.sines(pose)[0])
+    if not sine >= LEVEL:
+        raise InfeasibleError(f"contact {contact.id} has no wrench: its edges are parallel, to a sine of {sine:.2g}")
+    return np.asarray(surface.values_and_rows(pose)[1][0])
+
+
+def friction_cone(normal: Array, arm: Array, friction: float, sides: int = _SIDES) -> Array:
+    """Generators (sides, 6) of the wrenches that a contact can put on the part: a pyramid inside its friction cone.
+
+    Args:
+        normal: unit vector (3,) along which the contact pushes the part.
+        arm: the contact point (3,) from the part's reference point, m.
+        friction: coefficient.
+        sides: of the pyramid.
+    """
+    first, second = plane_basis(normal).T
+    turns = 2.0 * math.pi * np.arange(sides) / sides
+    forces = normal + friction * (np.cos(turns)[:, None] * first + np.sin(turns)[:, None] * second)
+    return np.hstack([forces, cross(arm, forces)])
+
+
+def angle_between(one: Array, other: Array) -> float | None:
+    """The least angle (rad) between vectors of two cones, given by generators (k, n) and (m, n); None where one is {0}.
+
+    Each is the cone of sums with weights that are not negative. The greatest cosine is sought by projecting onto the
+    cones in turn, from the generators that are nearest to the other cone: each projection brings the two nearer.
+    """
+    A, B = _directions(one), _directions(other)
+    if not len(A) or not len(B):
+        return None
+    cosines = A @ B.T
+    best = float(cosines.max())
+    for i in np.argsort(-cosines.max(axis=1), kind="stable")[:_STARTS]:
+        best = max(best, _nearest(A[i], A, B))
+    return math.acos(min(max(best, -1.0), 1.0))
+
+
+def _nearest(u: Array, A: Array, B: Array) -> float:
+    """The cosine between a unit vector of cone A and the nearest of cone B, both moved until they come no nearer."""
+    best = -1.0
+    for _ in range(_ROUNDS):
+        v = _onto(B, u)
+        if v is None:
+            return max(best, float((B @ u).max()))
+        w = _onto(A, v)
+        if w is None:
+            return max(best, float(u @ v))
+        u, cosine = w, float(w @ v)
+        if cosine - best < _SETTLED:
+            return max(best, cosine)
+        best = cosine
+    return best
+
+
+def _onto(generators: Array, x: Array) -> Array | None:
+    """The unit vector along the projection of x onto a cone; None where that is 0."""
+    from scipy.optimize import nnls
+
+    y = generators.T @ nnls(generators.T, x)[0]
+    size = float(np.linalg.norm(y))
+    return y / size if size > _NOTHING else None
+
+
+def _directions(generators: Array) -> Array:
+    size = np.linalg.norm(generators, axis=1)
+    return np.asarray(generators[size > _NOTHING] / size[size > _NOTHING, None])

@@ -15,11 +15,10 @@ import numpy as np
 
 from fmopt.control.compliance import free_part, row_space, twist_scale
 from fmopt.errors import InfeasibleError
-from fmopt.memory import remembered
-from fmopt.placement.vertex import least_vertex
+from fmopt.placement.solvers import least_vertex
 from fmopt.se3 import Pose, cross, length
 from fmopt.task.problem import Specification
-from fmopt.values import Array, Value, frozen
+from fmopt.values import Array, Value, frozen, remembered
 
 _CHECK = 1e-7  # N; a force that is no more than what a solver may be off by
 _SURE = 1.25  # times the threshold that the push alone can bring about

@@ -23,8 +23,8 @@ from typing import Any
 
 import numpy as np
 
+from fmopt.certificate.assembly import contact_rows
 from fmopt.certificate.claim import Claim
-from fmopt.certificate.functions import contact_rows
 from fmopt.certificate.knowledge import Assembly
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.guarded.moves import NOISE

@@ -106,8 +106,7 @@ def _tasks(file: Path) -> dict[str, Drawing]:
 
 
 def _paint_task(found: Answer, sheet: Any) -> None:
-    from fmopt.nominal.diagram_record import records
-    from fmopt.nominal.mapping import answered
+    from fmopt.nominal.mapping import answered, records
     from fmopt.plan import diagram
     from fmopt.report import diagram_view
 

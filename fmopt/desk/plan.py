@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from fmopt import output
 from fmopt import plan as files
-from fmopt.desk.given import given
 from fmopt.desk.problem import Problem
+from fmopt.desk.shipped import given
 from fmopt.errors import Fault, InputError, PlanFormatError, ResourceError
 from fmopt.report.moves import Move, moves, smallest_margin
 from fmopt.report.moves import verdict as spoken
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import polars
 
     from fmopt.desk.drawing import Drawing
-    from fmopt.desk.trials import Trials
+    from fmopt.desk.stages import Trials
     from fmopt.report.figures import Figure
 
 
@@ -183,7 +183,7 @@ class Plan:
             ResourceError: the physics engine, of the extra `sim` or `drake`, is not installed, or results cannot be
                 written.
         """
-        from fmopt.desk.trials import carried_out
+        from fmopt.desk.stages import carried_out
         from fmopt.execution.trials import ENGINES
         from fmopt.execution.trials import Trials as Wanted
 
@@ -224,7 +224,7 @@ class Plan:
             UnprovedError: the check does not certify the plan.
             FmoptError: the plan cannot be exported so, or the file not be written.
         """
-        from fmopt.desk.admission import admitted
+        from fmopt.desk.shipped import admitted
         from fmopt.export.write import Form, exported
 
         frame = base.vector() if isinstance(base, Pose) else base

@@ -7,11 +7,10 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from fmopt.report.control_tables import hybrid_cells
-from fmopt.report.jamming_tables import jamming_cells
+from fmopt.report.control_tables import hybrid_cells, jamming_cells
 from fmopt.report.moves import summary_rows
 from fmopt.report.moves import verdict as spoken
-from fmopt.report.tables import table
+from fmopt.report.shell import table
 
 if TYPE_CHECKING:
     from fmopt.desk.plan import Plan, Segment

@@ -7,28 +7,38 @@
 >>> graph = fmopt.stages.contact_graph(problem, nominal.critical[1].pose)
 >>> graph.count()
 {1: 18, 2: 64, 3: 88, 4: 56, 5: 16, 6: 1}
+
+Trials of a plan in a physics engine, from Python: how many seated, with what certainty, and what went wrong.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
-from typing import TYPE_CHECKING
+import json
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fmopt import plan as files
 from fmopt.desk.plan import Plan
 from fmopt.geometry.clearance import Clearance
 from fmopt.se3 import Pose
-from fmopt.task.clearance import characteristic_length, measured_clearance
 from fmopt.task.problem import Problem
+from fmopt.task.sizes import characteristic_length, measured_clearance
 
 if TYPE_CHECKING:
     from fmopt.contact.graph import ContactGraph
     from fmopt.contact.primitive import PrimitiveContact
+    from fmopt.desk.plan import Plan
+    from fmopt.execution.trials import Trials as Wanted
     from fmopt.placement.state_route import StateRoute
     from fmopt.plan_record import Moved, Nominal
     from fmopt.uncertainty.error_set import ErrorSet
+
 
 Progress = Callable[[str], None]
 
@@ -87,7 +97,7 @@ def contact_graph(problem: Problem, pose: ArrayLike, reach: float | None = None)
         InfeasibleError: the contacts violate each other there.
     """
     from fmopt.contact.graph import contact_graph as graph
-    from fmopt.contact.space import faces, local_space
+    from fmopt.contact.graph import faces, local_space
 
     contacts = near_contacts(problem, pose, reach)
     at = Pose.from_vector(np.asarray(pose, dtype=np.float64))
@@ -151,3 +161,48 @@ def plan(problem: Problem, found: Moved, progress: Progress = lambda _: None) ->
 
 def _rho(problem: Problem) -> float:
     return characteristic_length(problem, clearance(problem))
+
+
+@dataclass(frozen=True, eq=False)
+class Trials:
+    """What trials of a plan came to.
+
+    Args:
+        summary: inside and beyond the certified set: trials, successes, share with its 95 % interval, forces (N), times
+            (s) and penetration (m); failures by their first departure from the plan.
+        folder: with `summary.json` and `trials.jsonl`, a line for each trial.
+    """
+
+    summary: Mapping[str, Any]
+    folder: Path
+
+    @property
+    def records(self) -> list[dict[str, Any]]:
+        """Every trial: its errors (m, rad), whether the part seated, where it came to rest, and what departed."""
+        lines = (self.folder / "trials.jsonl").read_text(encoding="utf-8").splitlines()
+        return [record for record in map(json.loads, lines) if "trial" in record]
+
+    def __str__(self) -> str:
+        from fmopt.execution.summary import lines
+
+        return "\n".join(lines(dict(self.summary)))
+
+    def __repr__(self) -> str:
+        return f"<fmopt trials in {self.folder}: {self.summary['trials']} done>"
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(str(self))}</pre>"
+
+
+def carried_out(plan: Plan, wanted: Wanted, folder: Path | None, workers: int | None, unverified: bool) -> Trials:
+    """Trials of a plan; see `fmopt.desk.plan.Plan.execute`."""
+    from fmopt.desk.shipped import admitted
+    from fmopt.execution.execute import Settled, execute
+
+    name = f"trials-{plan.stated.sha256[:12]}"
+    other = "" if wanted.engine == type(wanted).engine else f"-{wanted.engine}"
+    there = folder if folder is not None else Path("out") / f"{name}{other}"
+    read = files.parsed(plan.document)
+    caution = admitted(read, unverified)
+    files.write(plan.document, there / "plan.json")
+    return Trials(execute(read, wanted, Settled(there, workers), caution), there)

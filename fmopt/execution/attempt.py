@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmopt.execution.outcome import Fit, Log, Retry, note, rest, watch
 from fmopt.execution.program import FAILED
 from fmopt.execution.recovery import EARLY, LATE, Recovery, WayBack
 from fmopt.execution.rig import Event, Rig
+from fmopt.execution.summary import Fit, Log, Retry, note, rest, watch
 from fmopt.guarded.contacts import Contact
 from fmopt.guarded.moves import Move
 from fmopt.values import Array

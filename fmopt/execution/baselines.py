@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from fmopt.execution.outcome import Fit
 from fmopt.execution.program import DONE, FAILED, Program, Step
 from fmopt.execution.robot import Robot
+from fmopt.execution.summary import Fit
 from fmopt.plan import Plan
 from fmopt.se3 import Pose, exp
 from fmopt.values import Array

@@ -3,20 +3,26 @@
 Contacts are springs with a linear damping, solved as a convex program (SAP). The library finds one contact for each
 pair of convex bodies, the deepest, so that a part on flush faces would rock about a contact that jumps from end to end;
 the moving part's pieces are joined by their corners, which hold the ends of the patch.
+
+Corners of convex pieces as convex pieces of their own, for engines that find one contact a pair of pieces.
+
+A piece shrunk about one of its vertices lies in the piece, and so does the hull of two such copies: beside the piece
+they leave the solid as it is.
 """
 
 from __future__ import annotations
 
 from functools import partial
+from itertools import combinations
 from typing import Any
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from fmopt.errors import FmoptError, ResourceError
-from fmopt.execution.corners import with_corners
 from fmopt.execution.engine import FIELDS, THROWN, Maker, Put, Setup
 from fmopt.execution.physics import Physics
-from fmopt.execution.rotation import from_quaternions
+from fmopt.execution.robot import from_quaternions
 from fmopt.execution.scene import pieces
 from fmopt.values import Array
 
@@ -24,6 +30,11 @@ _STIFF = 4e7  # N/m of each part at a contact, at least
 _BENT = 1000.0  # N that would bend it by the clearance
 _STEPS = 0.5  # of MuJoCo's time step: the kick of a contact that jumps between the ends of flush faces grows with it
 _SHIFTS = (0.0, 1e-9, -2e-9, 4e-9)  # m, by which a part is moved for its contacts to be looked for again
+
+_SIZE = 0.001  # m across a corner
+_LARGEST = 0.5  # of the piece
+_LENGTHWISE = 0.9  # |z| of the unit direction from which an edge runs along the insertion
+_ON = 1e-9  # m from a plane up to which a vertex lies on it
 
 
 class DrakeEngine:
@@ -186,3 +197,33 @@ def _register(plant: Any, body: Any, side: str, hulls: list[Array], material: An
 
 
 DRAKE = Maker(_library, _put)
+
+
+def with_corners(vertices: Array) -> list[Array]:
+    """The vertices (v, 3), m, of a piece, of its corners, and of strips along its edges in the direction of z.
+
+    A part that goes in along z lies flush on a wall from its leading corners to the mouth, which its lengthwise edges
+    cross: those are the ends of the patch of contact.
+    """
+    hull = ConvexHull(vertices)
+    corners = {int(k): _corner(vertices, int(k)) for k in hull.vertices}
+    return [vertices, *corners.values(), *(np.vstack([corners[i], corners[j]]) for i, j in _lengthwise(hull))]
+
+
+def _corner(vertices: Array, k: int) -> Array:
+    """The piece shrunk about its vertex k to the size of a corner."""
+    arms = vertices - vertices[k]
+    return np.asarray(vertices[k] + min(_LARGEST, _SIZE / float(np.linalg.norm(arms, axis=1).max())) * arms)
+
+
+def _lengthwise(hull: Any) -> list[tuple[int, int]]:
+    """Pairs of vertices that an edge along z joins: those on two planes of faces at once."""
+    points, planes = hull.points, hull.equations
+    on = np.abs(points @ planes[:, :3].T + planes[:, 3]) <= _ON
+    pairs = []
+    for i, j in combinations(sorted(int(k) for k in hull.vertices), 2):
+        along = points[j] - points[i]
+        shared = planes[on[i] & on[j], :3]
+        if abs(along[2]) >= _LENGTHWISE * np.linalg.norm(along) and np.linalg.matrix_rank(shared, tol=1e-6) > 1:
+            pairs.append((i, j))
+    return pairs

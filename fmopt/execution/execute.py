@@ -1,19 +1,30 @@
-"""`fmopt execute` and `fmopt compare`: trials of plans into a folder, with their summary."""
+"""`fmopt execute` and `fmopt compare`: trials of plans into a folder, with their summary.
+
+The file of trials: run in chunks on all cores, kept as they end, gone on with where it was left.
+"""
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from fmopt import output
-from fmopt.execution.record import run_all
+from fmopt.errors import Interruption, ResourceError
 from fmopt.execution.summary import summary
-from fmopt.execution.trials import ENGINES, METHODS, Trials
+from fmopt.execution.trials import ENGINES, METHODS, Trials, run
+from fmopt.execution.workers import spread
 from fmopt.plan import Plan
+
+CHUNK = 125  # trials that run together; more make each cheaper
+_FEWEST = 10  # trials that are worth a process
+_PAUSE = 1.0  # s between two writings of the file
+_SHARE = 20.0  # times that the pause is longer than what writing takes
 
 
 @dataclass(frozen=True)
@@ -87,3 +98,114 @@ def _summed(read: Plan, trials: Trials, file: Path, settled: Settled) -> dict[st
     records = run_all(read, trials, file, settled.workers or len(os.sched_getaffinity(0)), settled.advance)
     asked = read.specification.contact_force
     return {"plan": read.sha256, "trials": len(records), "contact_force": asked, **summary(records)}
+
+
+def run_all(what: Plan, trials: Trials, file: Path, workers: int, advance: Callable[[int], None]) -> list[Any]:
+    """Runs what the file does not hold yet, and keeps each trial soon after it has ended.
+
+    Args:
+        what: the plan.
+        trials: what is to be run.
+        file: of records, one JSON object a line, the first naming plan and trials.
+        workers: processes.
+        advance: told how many trials are done, each time some are.
+
+    Raises:
+        ResourceError: the file is of other trials or cannot be written, or the extra is missing.
+    """
+    head = _head(what, trials)
+    done = _kept(file, head)
+    advance(len(done))
+    missing = [n for n in range(trials.inside + trials.beyond) if n not in done]
+    size = min(max(-(-len(missing) // workers), _FEWEST), CHUNK)
+    chunks = [missing[k : k + size] for k in range(0, len(missing), size)]
+    keeper = _Keeper(file, head, done)
+
+    def take(records: list[Any]) -> None:
+        keeper.take(records)
+        advance(len(records))
+
+    try:
+        spread(partial(run, what, trials), chunks, workers, take)
+    except (KeyboardInterrupt, Interruption) as error:
+        total = trials.inside + trials.beyond
+        error.add_note(f"{len(done)} of {total} trials are done, and kept in {file}; run it again to go on")
+        raise
+    finally:
+        keeper.keep()
+    return [done[number] for number in sorted(done)]
+
+
+class _Keeper:
+    """Writes the file of trials now and then.
+
+    Args:
+        file: of records.
+        head: its first line.
+        done: records by number, those that the file holds already.
+    """
+
+    def __init__(self, file: Path, head: Mapping[str, Any], done: dict[int, Any]) -> None:
+        self._file, self._head, self._done = file, head, done
+        self._written, self._next = len(done), time.monotonic() + _PAUSE
+
+    def take(self, records: list[Any]) -> None:
+        """Takes records of trials that have ended."""
+        self._done.update({record["trial"]: record for record in records})
+        if time.monotonic() >= self._next:
+            self.keep()
+
+    def keep(self) -> None:
+        """Writes what the file does not hold yet.
+
+        Raises:
+            ResourceError: it cannot be written.
+        """
+        began = time.monotonic()
+        if len(self._done) > self._written:
+            _keep(self._file, self._head, self._done)
+            self._written = len(self._done)
+        now = time.monotonic()
+        self._next = now + max(_PAUSE, _SHARE * (now - began))
+
+
+def _head(what: Plan, trials: Trials) -> dict[str, Any]:
+    """What a file of trials begins with; it names the engine where that is another than of files that name none."""
+    said = asdict(trials)
+    if trials.engine == Trials.engine:
+        del said["engine"]
+    return {"plan": what.sha256, **said}
+
+
+def _kept(file: Path, head: Mapping[str, Any]) -> dict[int, Any]:
+    if not file.exists():
+        return {}
+    try:
+        first, *rows = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
+    except (OSError, ValueError) as error:
+        raise ResourceError(f"{file}: no file of trials: {error}", "choose another folder with --out") from error
+    other = _other(first, head) if isinstance(first, Mapping) else ["head"]
+    if other:
+        raise ResourceError(f"{file}: holds trials with another {', '.join(other)}", "choose another folder with --out")
+    total = head["inside"] + head["beyond"]
+    if any(row["trial"] >= total or (row["size"] <= 1.0) != (row["trial"] < head["inside"]) for row in rows):
+        asked = f"--trials {head['inside']} --beyond {head['beyond']}"
+        raise ResourceError(
+            f"{file}: holds trials that {asked} does not ask for, of --trials {first['inside']} "
+            f"--beyond {first['beyond']}",
+            "ask for no fewer, for more inside only where none is beyond, or choose another folder with --out",
+        )
+    return {row["trial"]: row for row in rows}
+
+
+def _other(first: Mapping[str, Any], head: Mapping[str, Any]) -> list[str]:
+    """What differs beside the numbers of trials, on which no single trial inside depends."""
+    keys = [*head, *(key for key in first if key not in head)]
+    return [
+        key.replace("_", " ") for key in keys if key not in ("inside", "beyond") and first.get(key) != head.get(key)
+    ]
+
+
+def _keep(file: Path, head: Mapping[str, Any], done: Mapping[int, Any]) -> None:
+    lines = [json.dumps(head, sort_keys=True), *(json.dumps(done[n], sort_keys=True) for n in sorted(done))]
+    output.save(("\n".join(lines) + "\n").encode(), file)

@@ -7,12 +7,14 @@ lead is cut back with the push. Where the part hardly moves and feels no contact
 lie elsewhere than planned: then the push grows until the part moves or feels the contact. On the force-controlled axes
 the reference gives way to what is missing of the holding wrench, slowly on the way and quickly while the part settles
 before each move; the friction there, which would turn the part off what it holds, is made up for.
+
+What tells a robot that a new contact is made: forces on it, by how long they last and whether they slow the part.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +22,7 @@ from numpy.typing import NDArray
 from fmopt.execution.engine import Engine
 from fmopt.execution.program import FAILED, Program, Table
 from fmopt.execution.recovery import WayBack
-from fmopt.execution.robot import Robot
-from fmopt.execution.rotation import between, hats, product, quaternions
-from fmopt.execution.touch import Signal, contact_told
+from fmopt.execution.robot import Robot, between, hats, product, quaternions
 from fmopt.values import Array
 
 TRAVEL, TIMEOUT, DUE, FORCE, DEEP, PUSH, SOFT, ON_STOP, ON_END, ON_LATE, MOVE, TOUCH, SURE, GENTLE = range(14)
@@ -354,3 +354,41 @@ def _adjoint(R: Array, r: Array) -> Array:
 
 def _through(A: Array, x: Array) -> Array:
     return np.asarray(np.einsum("nij,nj->ni", A, x))
+
+
+class Signal(NamedTuple):
+    """What n bodies feel.
+
+    Args:
+        sensed, slowly: means of the last force (n,) of the new contacts, N, over the robot's shorter and longer time.
+        brisk, pace: means of the last speed (n,) along the motion over these times, as shares of the commanded one.
+        effort: push (n,), in pushes of the plan.
+    """
+
+    sensed: Array
+    slowly: Array
+    brisk: Array
+    pace: Array
+    effort: Array
+
+
+def contact_told(signal: Signal, force: Array, sure: Array, robot: Robot) -> NDArray[np.bool_]:
+    """Which of n bodies' last samples speak of the new contact.
+
+    A force that friction could not bring about does, if it slows the part or lasts: faces that rub rattle, which is as
+    strong but over in some milliseconds, and a part that pivots about its new contact is hardly slowed. So does a
+    smaller one that brakes the part, and a smaller one yet at which the part stands although the push has grown: a
+    larger push would pry it off what it holds.
+
+    Args:
+        signal: what the bodies feel.
+        force: (n,) from which on a force on a part that is braked counts, N.
+        sure: (n,) more than all friction brings about, N.
+        robot: by whose shares.
+    """
+    slowed = (signal.brisk <= robot.braked[0]) & (signal.sensed >= sure)
+    lasting = signal.slowly >= robot.lasting * sure
+    braked = (signal.pace <= robot.braked[1]) & (signal.slowly >= force)
+    pushes, share = robot.stuck
+    stands = (signal.pace <= robot.standing) & (signal.effort >= pushes) & (signal.slowly >= share * force)
+    return np.asarray(slowed | lasting | braked | stands)

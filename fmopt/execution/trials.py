@@ -2,12 +2,14 @@
 
 A trial is its seed: what is drawn for it depends on the seed and its number alone, not on chunks, cores or the other
 trials, so that runs can be interrupted, resumed and compared bit by bit.
+
+Parts grown to the sides: interference fits, which must fail, out of fits that go together.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,17 +19,15 @@ from fmopt.execution.attempt import Course, carried_out
 from fmopt.execution.baselines import BASELINES
 from fmopt.execution.drake_engine import DRAKE
 from fmopt.execution.engine import Maker, Setup
-from fmopt.execution.grown import grown
 from fmopt.execution.mujoco_engine import MUJOCO
-from fmopt.execution.outcome import Fit, Log
 from fmopt.execution.program import Program, planned
 from fmopt.execution.recovery import Recovery
 from fmopt.execution.rig import Rig
-from fmopt.execution.robot import Robot
-from fmopt.execution.rotation import product, quaternions
+from fmopt.execution.robot import Robot, product, quaternions
+from fmopt.execution.summary import Fit, Log
 from fmopt.guarded.contacts import contacts
 from fmopt.guarded.moves import moves
-from fmopt.plan import Plan
+from fmopt.plan import Body, Plan
 from fmopt.se3 import Pose
 from fmopt.values import Array
 
@@ -41,6 +41,9 @@ RANGES = {  # of what is given by hand, with units; less or more than that is a 
     "offset": (-1.0, 1.0, " m"),
 }
 _BLOCK = 256  # periods of noise drawn at once
+
+_SIDEWAYS = 0.5  # |z| of the unit normal up to which a face looks sideways
+_SAME = 1e-9  # m between vertices that are one
 
 
 @dataclass(frozen=True)
@@ -230,3 +233,30 @@ def _starts(program: Program, draws: Sequence[Draw]) -> tuple[Array, Array]:
 
 def _drifts(draws: Sequence[Draw]) -> Array:
     return np.stack([one.drift for one in draws], axis=1)
+
+
+def grown(plan: Plan, growth: float) -> Plan:
+    """A plan whose moving part is thicker by `growth`, m, on each side: its pieces' faces that look sideways move out.
+
+    Only what the scene is built from changes; moves and contacts stay as they are.
+    """
+    pieces = tuple(_piece(piece, growth) for piece in plan.moving.pieces)
+    return replace(plan, moving=replace(plan.moving, pieces=pieces))
+
+
+def _piece(piece: Body, growth: float) -> Body:
+    """The convex hull with faces n·x ≤ d moved to n·x ≤ d + growth where they look sideways; vertices alone."""
+    from scipy.spatial import ConvexHull, HalfspaceIntersection
+
+    vertices = np.array(piece.vertices)
+    rows = np.unique(np.round(ConvexHull(vertices).equations, 12), axis=0)
+    rows[:, 3] -= np.where(np.abs(rows[:, 2]) <= _SIDEWAYS, growth, 0.0)
+    return Body(_merged(HalfspaceIntersection(rows, vertices.mean(axis=0)).intersections), ())
+
+
+def _merged(points: Any) -> tuple[tuple[float, ...], ...]:
+    kept: list[Any] = []
+    for point in points:
+        if all(float(np.abs(point - other).max()) > _SAME for other in kept):
+            kept.append(point)
+    return tuple(sorted(tuple(float(value) for value in point) for point in kept))

@@ -16,9 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.polyhedron import Polyhedron, convex_hull_polyhedron
-from fmopt.memory import remembered
 from fmopt.se3 import Pose
-from fmopt.values import Array, Value
+from fmopt.values import Array, Value, remembered
 
 _PROBE = 1e-9  # m, how far a point on a boundary looks for interior
 _MAX_SIDES = 4096

@@ -5,31 +5,41 @@ A part that is a prism to a flat end, up to a shoulder or over its whole length,
 Frames: the origin on the centroid of the section half-way along, z by the rule of `features.Feature`, x along the
 longest side of that section, so that a peg and a hole of one shape get frames that agree up to its symmetry; of a
 round section along the model's x where that lies across.
+
+Named mating features of a part: solid ones (pegs) and hollow ones (holes), each with a frame on its centre line.
+
+How far a mesh may lie from the curved surface that it stands for, read off its strips of narrow facets.
 """
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.features import Feature, FeatureKind
 from fmopt.geometry.polyhedron import Face, Polyhedron, plane_basis
 from fmopt.geometry.section import section_limit
 from fmopt.se3 import Pose
-from fmopt.values import Array
+from fmopt.values import Array, Value
 
 if TYPE_CHECKING:
     from shapely import Polygon
+
 
 _SLENDER = 1.5  # a part with holes is a peg too when it is this many times as long as its section is wide
 _SAME = 1e-6  # of the diameter, and rad
 _ROUND = 1e-9  # m: to which origins are rounded
 _MANY, _EVEN = 8, 0.02  # so many sides that differ by less than this share make a section round
 _LOPSIDED = 1e-3  # of a section's width: a centroid this far from the middle says which way x points
+
+FeatureKind = Literal["solid", "hollow"]
+
+_SMOOTH = math.radians(30.5)  # facets that meet at less than this may stand for one curved surface: 12 to a circle
 
 
 @dataclass(frozen=True)
@@ -257,3 +267,65 @@ def _straight(axis: Array) -> Array:
     """A direction (3,) as a unit vector, along an axis of the model where it differs by rounding only."""
     kept = np.where(np.abs(axis) < _SAME, 0.0, axis)
     return np.asarray(kept / np.linalg.norm(kept))
+
+
+@dataclass(frozen=True, eq=False)
+class Feature(Value):
+    """A mating feature, a leaf of the tree object, feature class, feature, instances of [LeeHuang1985] section 3.
+
+    Args:
+        name: key name, unique in its part.
+        kind: "solid" or "hollow".
+        frame: pose in the part's model frame. Hollow: origin at the centre of the mouth, z out of the mouth.
+            Solid: origin at the centre of the leading end face, z from there back into the part.
+        length: depth or length along z, m.
+        through: whether a hollow feature is open at both ends.
+
+    Raises:
+        GeometryError: a length that is not positive, or a solid feature that is through.
+    """
+
+    name: str
+    kind: FeatureKind
+    frame: Pose
+    length: float
+    through: bool = False
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.length) and self.length > 0.0):
+            raise GeometryError(f"feature {self.name!r} has length {self.length} m", "make it positive")
+        if self.kind == "solid" and self.through:
+            raise GeometryError(f"feature {self.name!r} is solid and cannot be through", "drop `through`")
+
+
+def in_frame(feature: Feature, pose: Pose) -> Feature:
+    """The feature with its frame expressed in the frame `pose`, itself given in the feature's model frame."""
+    return replace(feature, frame=pose.inverse().compose(feature.frame))
+
+
+def chord_error(body: Polyhedron) -> float:
+    """The sagitta (m) of the arcs that chains of facets stand for, 0 where there are none.
+
+    Facets of width c that turn by φ from one to the next are chords of an arc with the sagitta c/2 · tan(φ/4). A facet
+    counts when it has such neighbours across two or more of its edges: one alone is a chamfer or a draft.
+    """
+    turns = []
+    for edge in body.edges:
+        one, other = (body.faces[number].normal for number in edge.faces)
+        turn = math.atan2(float(np.linalg.norm(np.cross(one, other))), float(one @ other))
+        if turn <= _SMOOTH:
+            turns.append((edge, turn))
+    neighbours = Counter(number for edge, _ in turns for number in edge.faces)
+    largest = 0.0
+    for edge, turn in turns:
+        if max(neighbours[number] for number in edge.faces) > 1:
+            start, end = body.vertices[list(edge.vertices)]
+            along = (end - start) / np.linalg.norm(end - start)
+            width = min(_width(body, body.faces[number], along) for number in edge.faces)
+            largest = max(largest, 0.5 * width * math.tan(0.25 * turn))
+    return largest
+
+
+def _width(body: Polyhedron, face: Face, along: Array) -> float:
+    """Extent of a face across a direction in its plane, m."""
+    return float(np.ptp(body.vertices[list(face.vertices)] @ np.cross(face.normal, along)))

@@ -30,9 +30,8 @@ from fmopt.geometry.csg import (
 )
 from fmopt.geometry.facets import place
 from fmopt.geometry.polyhedron import Polyhedron, from_faces, from_triangles
-from fmopt.memory import remembered
 from fmopt.se3 import Pose
-from fmopt.values import Array
+from fmopt.values import Array, remembered
 
 if TYPE_CHECKING:
     from manifold3d import Manifold

@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 
 from fmopt.errors import FmoptError, GeometryError, ResourceError, SizeError
-from fmopt.geometry.extent import require_plausible
 from fmopt.geometry.mesh import Imported, mesh_polyhedron
 from fmopt.geometry.mesh_file import MAX_TRIANGLES
+from fmopt.geometry.section import require_plausible
 
 DEVIATION = 1e-5  # m: how finely curved faces are cut into facets where nothing else is asked for
 _MILLIMETRE = 1e-3

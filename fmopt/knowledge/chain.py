@@ -12,8 +12,8 @@ from itertools import groupby
 from typing import Literal, TypeAlias
 
 from fmopt.errors import GeometryError
+from fmopt.geometry.clearance import deepest
 from fmopt.geometry.csg import Difference, Placed, Solid, Union
-from fmopt.geometry.overlap import deepest
 from fmopt.geometry.pieces import pieces
 from fmopt.se3 import Pose
 from fmopt.values import Value

@@ -13,9 +13,9 @@ from itertools import chain, count
 
 from fmopt.errors import TaskError
 from fmopt.geometry.csg import Union
-from fmopt.geometry.features import Feature as MatingFeature
-from fmopt.knowledge.axis import clipped, length, on_axis
+from fmopt.geometry.mating import Feature as MatingFeature
 from fmopt.knowledge.chain import Chain, Sign, Term, moved
+from fmopt.knowledge.frames import clipped, length, on_axis
 from fmopt.knowledge.tree import Feature, FeatureClass, ObjectTree, instances
 from fmopt.se3 import Pose
 

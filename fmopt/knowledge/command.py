@@ -2,7 +2,7 @@
 
 A task is its five attributes. The T-C mapping assumes that the operand with the solid feature is grasped and the one
 with the hollow feature fixed. A task the other way round is exchanged for its counterpart: the fixed peg moves in the
-frame of the grasped hole, by the inverse motion; `counterpart` maps results back.
+frame of the grasped hole, by the inverse motion; `control.decomposition` maps results back.
 """
 
 from __future__ import annotations
@@ -13,16 +13,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fmopt.errors import InterferenceError, TaskError
+from fmopt.geometry.clearance import deepest
 from fmopt.geometry.csg import Solid, sagitta
-from fmopt.geometry.overlap import deepest
 from fmopt.geometry.pieces import pieces
 from fmopt.geometry.polyhedron import placed
 from fmopt.knowledge.chain import moved
 from fmopt.knowledge.frames import check_frame
 from fmopt.knowledge.goal import Goal, Settled, check_goal, settle
-from fmopt.knowledge.operand import Operand, operand_of
 from fmopt.knowledge.tree import Feature, ObjectTree
-from fmopt.knowledge.workcell import EXIST, Link, LowerPair, Ref, Workcell
+from fmopt.knowledge.workcell import EXIST, Link, LowerPair, Operand, Ref, Workcell, operand_of
 from fmopt.se3 import Pose
 from fmopt.values import Array, Value, frozen
 

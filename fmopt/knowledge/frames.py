@@ -6,29 +6,33 @@ line in its axis, which is not its centroid). One of the three has to hold for a
 vertices the area of a section is quadratic and its first moment cubic in the height, so that four sections a stretch
 decide about centroids exactly; the circles are asked at the same heights. Along z that is asked of every feature; a
 slot, which is open sideways, may have x or y along its central line instead.
+
+Solids along the z axis and across it, by the same operators on their instances, [LeeHuang1985] assertion 2.
+
+Intervals of the axis and polygons across it are enough to judge a frame; they cost far less than the solid's pieces.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from fmopt.errors import TaskError
-from fmopt.geometry.csg import Solid
+from fmopt.geometry.csg import Difference, Placed, Primitive, Solid, Union, convex_polyhedron
 from fmopt.geometry.pieces import polyhedron
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.knowledge.axis import Intervals, across, clipped, length, on_axis
+from fmopt.geometry.section import section_limit
 from fmopt.knowledge.chain import moved
 from fmopt.knowledge.tree import Feature, FeatureClass, ObjectTree
-from fmopt.memory import remembered
 from fmopt.se3 import Pose
-from fmopt.values import Array
+from fmopt.values import Array, remembered
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
+
 
 CENTRAL = "the frame is on the central line of its feature, z (of a slot any axis) along it"
 INSIDE = "the z axis runs inside the feature over its whole length"
@@ -41,6 +45,9 @@ _AXES = (
     Pose(np.zeros(3), np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])),
     Pose(np.zeros(3), np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])),
 )
+
+Intervals: TypeAlias = tuple[tuple[float, float], ...]
+Cutter: TypeAlias = "Callable[[float], BaseGeometry]"
 
 
 def checked(tree: ObjectTree) -> ObjectTree:
@@ -227,3 +234,87 @@ def _gap(points: Array) -> float:
     """The widest angle in rad at the origin between neighbouring points."""
     angles = np.sort(np.arctan2(points[:, 1], points[:, 0]))
     return float(np.max(np.diff(np.append(angles, angles[0] + 2.0 * np.pi))))
+
+
+def on_axis(solid: Solid, pose: Pose | None = None) -> Intervals:
+    """Stretches (from, to) in m of the z axis inside the solid, ascending and apart.
+
+    Args:
+        solid: the solid.
+        pose: where it is put.
+    """
+    pose = pose or Pose.identity()
+    match solid:
+        case Placed(inner, move):
+            return on_axis(inner, pose.compose(move))
+        case Union(parts):
+            return _combined([on_axis(part, pose) for part in parts], [])
+        case Difference(base, tools):
+            return _combined([on_axis(base, pose)], [on_axis(tool, pose) for tool in tools])
+        case _:
+            return _through(solid, pose)
+
+
+def clipped(intervals: Intervals, low: float, high: float) -> Intervals:
+    """What of the intervals lies between two heights."""
+    cut = ((max(a, low), min(b, high)) for a, b in intervals)
+    return tuple((a, b) for a, b in cut if a < b)
+
+
+def length(intervals: Intervals) -> float:
+    """Total length, m."""
+    return sum(b - a for a, b in intervals)
+
+
+def _combined(added: list[Intervals], taken: list[Intervals]) -> Intervals:
+    levels = np.unique([level for some in (*added, *taken) for interval in some for level in interval])
+    kept: list[tuple[float, float]] = []
+    for a, b in pairwise(levels.tolist()):
+        middle = 0.5 * (a + b)
+        if any(_holds(some, middle) for some in added) and not any(_holds(some, middle) for some in taken):
+            joins = bool(kept) and kept[-1][1] == a
+            kept[-1:] = [(kept[-1][0], b)] if joins else [*kept[-1:], (a, b)]
+    return tuple(kept)
+
+
+def _holds(intervals: Intervals, height: float) -> bool:
+    return any(a < height < b for a, b in intervals)
+
+
+def _through(primitive: Primitive, pose: Pose) -> Intervals:
+    """The z axis between the half-spaces n·x ≤ d of a convex primitive."""
+    hull = convex_polyhedron(primitive, pose)
+    slope, offset = hull.normals[:, 2], hull.offsets
+    flat = np.abs(slope) < 1e-12
+    if np.any(offset[flat] < 0.0):
+        return ()
+    bounds = offset[~flat] / slope[~flat]
+    up = slope[~flat] > 0.0
+    enter, leave = float(np.max(bounds[~up])), float(np.min(bounds[up]))
+    return ((enter, leave),) if enter < leave else ()
+
+
+def across(solid: Solid, pose: Pose | None = None) -> Cutter:
+    """The function of the height z (m) that gives the solid's section there, just above it, as polygons in x and y."""
+    pose = pose or Pose.identity()
+    match solid:
+        case Placed(inner, move):
+            return across(inner, pose.compose(move))
+        case Union(parts):
+            return _united([across(part, pose) for part in parts])
+        case Difference(base, tools):
+            whole, cut = across(base, pose), _united([across(tool, pose) for tool in tools])
+            return lambda height: whole(height).difference(cut(height))
+        case _:
+            hull = convex_polyhedron(solid, pose)
+            return lambda height: section_limit([hull], Pose(np.array([0.0, 0.0, height]), np.eye(3)), 1)
+
+
+def _united(cutters: list[Cutter]) -> Cutter:
+    def union(height: float) -> BaseGeometry:
+        first, *others = (cutter(height) for cutter in cutters)
+        for other in others:
+            first = first.union(other)
+        return first
+
+    return union

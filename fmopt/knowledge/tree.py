@@ -12,8 +12,8 @@ from dataclasses import astuple, dataclass, replace
 
 from fmopt.errors import GeometryError, TaskError
 from fmopt.geometry.csg import Difference, Placed, Primitive, Solid, Union
-from fmopt.geometry.features import Feature as MatingFeature
-from fmopt.geometry.features import FeatureKind
+from fmopt.geometry.mating import Feature as MatingFeature
+from fmopt.geometry.mating import FeatureKind
 from fmopt.geometry.part import Part, part_of
 from fmopt.knowledge.chain import Chain, Sign, Term, chain_solid, moved
 from fmopt.se3 import Pose

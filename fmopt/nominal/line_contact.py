@@ -5,6 +5,8 @@ whose ball meets the line for some ψ is bounded by finitely many lines and circ
 circles, its sides touch circles or stop where the cone ends. Between neighbouring crossings of these one test decides,
 and that is exact as well: over ψ, too, an answer changes only where a side of the ball reaches an end of the line, or a
 corner of the ball the line.
+
+A straight leg of the nominal centre on a plane, and where it crosses lines and circles, in closed form.
 """
 
 from __future__ import annotations
@@ -16,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.compiled import compiled, part
-from fmopt.nominal.leg import Leg
 from fmopt.values import Array, Value
 
 _ROUNDING = 1e-12  # of the size
@@ -266,3 +267,33 @@ def _turns_of(A: float, B: float, C: float, turns: Array, breaks: Array, found: 
             turn -= 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5)
         found = _sorted_in(min(max(turn, turns[0]), turns[1]), breaks, found)
     return found
+
+
+@dataclass(frozen=True, eq=False)
+class Leg(Value):
+    """Φ₀ on a straight leg from `start` (2,) by `travel` (2,) in m, r in m, s in rad, size of the section in m."""
+
+    start: Array
+    travel: Array
+    radius: float
+    half_angle: float
+    size: float
+
+    def at(self, share: Array) -> Array:
+        """Φ₀ (n, 2) at shares (n,) of the leg."""
+        return np.asarray(self.start + share[:, None] * self.travel)
+
+    def on_level(self, n: Array, levels: Array) -> Array:
+        """Shares at which n·Φ₀ has the values (k,)."""
+        rate = float(n @ self.travel)
+        return (levels - n @ self.start) / rate if abs(rate) > 1e-300 else np.zeros(0)
+
+    def on_circle(self, centre: Array, radius: float) -> Array:
+        """Shares (k,) at which Φ₀ is on a circle about a centre (2,), m."""
+        offset = self.start - centre
+        a, b, c = float(self.travel @ self.travel), float(offset @ self.travel), float(offset @ offset) - radius**2
+        inside = b * b - a * c
+        if a == 0.0 or inside < 0.0:
+            return np.zeros(0)
+        q = -(b + math.copysign(math.sqrt(inside), b))
+        return np.array([q / a, c / q] if q != 0.0 else [0.0])

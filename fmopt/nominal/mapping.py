@@ -2,6 +2,8 @@
 
 [LeeHuang1985] section 4.1: cut-diagrams G of operand 2 on the planes of the B-frame, expanded to GE while operand 1
 shrinks to a line L, the nominal trajectory in what is left, and the uncertain line held against GE.
+
+The diagrams of a T-C mapping as plain data: regions as polylines, and the uncertain line L where it matters.
 """
 
 from __future__ import annotations
@@ -10,6 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,12 +24,10 @@ from fmopt.knowledge.chain import moved
 from fmopt.knowledge.command import Answer
 from fmopt.nominal.cut_diagram import cut_diagram, same, section_limit
 from fmopt.nominal.diagram import disc, of_region
-from fmopt.nominal.intervals import FreedomInterval
-from fmopt.nominal.orientation import expanded_over, frame, section_at
 from fmopt.nominal.plane_freedom import Slice, View, freedom_on_planes
-from fmopt.nominal.shrink_expand import expanded
+from fmopt.nominal.shrink_expand import expanded, expanded_over, frame, section_at
 from fmopt.nominal.swept import Body, checked, free_until
-from fmopt.nominal.trajectory import NominalTrajectory, nearest_branch, through
+from fmopt.nominal.trajectory import FreedomInterval, NominalTrajectory, nearest_branch, through
 from fmopt.nominal.uncertainty_zone import Zone, zones
 from fmopt.nominal.visibility import Sight, TurningSight, position_nodes, turning_nodes
 from fmopt.plane.region import Region
@@ -271,3 +272,81 @@ def _strayed(moving: Solid, box: ArrayLike) -> float:
     a = frozen(box, 6, name="half-widths")
     radius = max(float(np.linalg.norm(piece.vertices, axis=1).max()) for piece in pieces(moving))
     return max(float(np.linalg.norm(a[:3]) + radius * np.linalg.norm(a[3:])), 1e-9)
+
+
+def diagnostics(mapping: Mapping, length: float) -> dict[str, Any]:
+    """What a plan tells of the T-C mapping on the planes: the diagrams, and S(t) as the planes show it.
+
+    Args:
+        mapping: the finished mapping.
+        length: of the line L, m.
+    """
+    seen = [{"t0": one.start, "t1": one.end, "s": list(one.s)} for one in mapping.freedoms]
+    return {"diagrams": records(mapping, length), "freedom_on_planes": seen}
+
+
+def records(mapping: Mapping, length: float) -> list[dict[str, Any]]:
+    """The diagrams as plain data for figures, curves as polylines within 1e-4 of the size of their loops.
+
+    Args:
+        mapping: the finished mapping.
+        length: of the line L, m.
+    """
+    return [_record(plane, mapping.path, mapping.freedoms, length) for plane in mapping.planes]
+
+
+def _record(
+    diagrams: PlaneDiagrams, path: NominalTrajectory, freedoms: Sequence[FreedomInterval], length: float
+) -> dict[str, Any]:
+    zone, plane = diagrams.zone, diagrams.zone.plane
+    upright = plane.v == 2
+    times = {"start": 0.0, "goal": path.duration}
+    engaged = next((one.start for one in freedoms if one.start > 0.0 and any(one.s)), None)
+    if engaged is not None:
+        times = {"start": 0.0, "first contact": engaged, "goal": path.duration}
+    poses = []
+    for name, t in times.items():
+        P = path.at(t)
+        along = exp(P[3:])[:, 2][[plane.u, plane.v]]
+        reach = length * float(np.linalg.norm(along)) if upright else 0.0
+        angle = float(np.arctan2(along[1], along[0])) if upright else 0.5 * np.pi
+        poses.append(_pose(name, t, zone, P[[plane.u, plane.v]], angle, reach))
+    turning = {} if diagrams.turning is None else {"turning": _loops(diagrams.turning)}
+    return {
+        "plane": plane.name,
+        "zone": {"radius": zone.radius, "half_angle": zone.half_angle},
+        "fixed": _loops(diagrams.fixed),
+        "expanded": _loops(diagrams.expanded),
+        **turning,
+        "room": _room(diagrams.expanded, path.nodes[-1, [plane.u, plane.v]]),
+        "path": path.nodes[:, [plane.u, plane.v]].tolist(),
+        "poses": poses,
+    }
+
+
+def _pose(name: str, t: float, zone: Zone, centre: Array, angle: float, length: float) -> dict[str, Any]:
+    trapezoid = zone.trapezoid(centre, angle, length)
+    rays = [trapezoid.line(centre, angle + side * zone.half_angle) for side in (-1.0, 1.0)]
+    return {
+        "name": name,
+        "time": t,
+        "centre": centre.tolist(),
+        "line": trapezoid.line(centre, angle).tolist(),
+        "ball": trapezoid.ball.corners.tolist(),
+        "cone": [ray.tolist() for ray in rays],
+        "edges": [edge.tolist() for edge in trapezoid.edges],
+        "trapezoid": trapezoid.outline.tolist(),
+    }
+
+
+def _loops(region: Region) -> list[list[list[float]]]:
+    found = []
+    for loop in region.loops:
+        tolerance = 1e-4 * Region((loop,)).size
+        found.append(np.vstack([curve.polyline(tolerance)[:-1] for curve in loop]).tolist())
+    return found
+
+
+def _room(expanded: Region, centre: Array) -> float:
+    """Distance of the seated nominal centre from the sides of GE, m; 0 without any."""
+    return 0.0 if expanded.empty else float(expanded.boundary_distance(centre)[0])

@@ -7,6 +7,18 @@ alone: with the line's width 2a kept across at the nominal angle the paper's own
 
 On each plane this is exact: s = 0 where no pose in ball × cone touches on the plane. It is not so in space, because
 bodies can meet off the planes and in corners of the box of errors that no plane shows; `freedom` is the one to rely on.
+
+Contacts of an uncertain section with a cut-diagram, and exactly when they are possible on a straight leg.
+
+The moving section is at Φ₀ + d, turned by ψ from its nominal angle, with |d|∞ ≤ r and |ψ| ≤ s. A contact is a pair of a
+corner and an edge, or of two circles about points that do not move when the section turns. Its feature on the expanded
+diagram GE(ψ) is a line between P₀(ψ) and P₁(ψ), with Pᵢ(ψ) = cᵢ − R(ψ) mᵢ: a corner m on the edge from c₀ to c₁, or an
+edge from m₀ to m₁ on the corner c. The contact is possible when the line meets the ball about Φ₀ for some ψ of the cone
+that the two features' normals allow.
+
+While Φ₀ runs along a leg, that begins and ends where Φ₀ crosses one of finitely many lines and circles: the corners of
+ball ⊕ line run on circles, its sides touch circles or stop where the cone ends. All crossings are closed formulas, and
+between neighbouring ones one test decides. Nothing is sampled.
 """
 
 from __future__ import annotations
@@ -14,20 +26,26 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fmopt.errors import GeometryError
-from fmopt.nominal.diagram import Diagram
-from fmopt.nominal.diagram_contact import spans
-from fmopt.nominal.intervals import Bits, FreedomInterval, Stops, intervals, together
-from fmopt.nominal.leg import Leg
-from fmopt.nominal.trajectory import NominalTrajectory
+from fmopt.nominal.diagram import Arc, Diagram
+from fmopt.nominal.line_contact import Leg, Lines
+from fmopt.nominal.trajectory import Bits, FreedomInterval, NominalTrajectory, Stops, intervals, together
 from fmopt.nominal.uncertainty_zone import Zone
-from fmopt.values import Value
+from fmopt.values import Array, Value
 
 _BLUR = 1e-12  # of T
 _SAME = 1e-12
+
+Indices = NDArray[np.intp]
+
+_SIGNS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+_STILL = 1e-9  # force, or torque over size, below which a contact does not stop a degree
+_ROUNDING = 1e-12  # of the size
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,3 +147,161 @@ def _bits(view: View, stops: Bits) -> Bits:
     bits[:, plane.u], bits[:, plane.v] = stops[:, 0:2], stops[:, 2:4]
     bits[:, plane.turn] = stops[:, 4:6] if plane.sense > 0 else stops[:, [5, 4]]
     return bits
+
+
+@dataclass(frozen=True, eq=False)
+class Spans(Value):
+    """Contacts are possible for shares of a leg.
+
+    Args:
+        start, end: (n,).
+        stops: (n, 6), what motions they stop, u+, u−, v+, v−, ψ+, ψ−.
+    """
+
+    start: Array
+    end: Array
+    stops: Bits
+
+
+def spans(moving: Diagram, fixed: Diagram, leg: Leg) -> Spans:
+    """Every contact that is possible on a leg, with the shares of the leg and the motions that it stops.
+
+    Args:
+        moving: section of operand 1 about its nominal centre at the nominal angle.
+        fixed: cut-diagram of operand 2.
+        leg: path of the nominal centre.
+    """
+    lines = _lines(moving, fixed, leg.half_angle)
+    rows, shares = lines.spans(leg)
+    halted = stops(lines.force[rows], lines.arms(rows, leg.at(shares[:, 2])), leg.size)
+    found = [Spans(shares[:, 0], shares[:, 1], halted)]
+    found += [contact.spans(leg) for arc in moving.arcs for contact in _rounds(arc, fixed)]
+    return Spans(
+        np.concatenate([one.start for one in found]),
+        np.concatenate([one.end for one in found]),
+        np.concatenate([one.stops for one in found]),
+    )
+
+
+def _lines(moving: Diagram, fixed: Diagram, half_angle: float) -> Lines:
+    """Every pair of a corner and an edge, and of a circle about the nominal centre and an edge that it stays off."""
+    edge, corner, *turns = _meeting(fixed, moving, -1.0, half_angle)
+    own_edge, own_corner, *own_turns = _meeting(moving, fixed, 1.0, half_angle)
+    radii = np.repeat([arc.radius for arc in moving.arcs], len(fixed.edges))
+    normals = np.tile(fixed.normals, (len(moving.arcs), 1))
+    pushed = np.tile(fixed.ends, (len(moving.arcs), 1, 1)) + radii[:, None, None] * normals[:, None]
+    twice = np.array([1, 1])
+    return Lines(
+        np.concatenate([fixed.ends[edge], fixed.points[own_corner[:, None] * twice], pushed]),
+        np.concatenate([moving.points[corner[:, None] * twice], moving.ends[own_edge], np.zeros_like(pushed)]),
+        np.concatenate([fixed.normals[edge], -moving.normals[own_edge], normals]),
+        np.concatenate([np.column_stack(turns), np.column_stack(own_turns), np.zeros_like(normals)]),
+        np.concatenate([np.zeros(len(edge) + len(own_edge)), radii]),
+    )
+
+
+def _meeting(one: Diagram, other: Diagram, sense: float, half_angle: float) -> tuple[Indices, Indices, Array, Array]:
+    """Edges of one and corners of the other that can meet from outside, with opposite normals, at turns of the cone.
+
+    Args:
+        one: whose edges.
+        other: whose corners.
+        sense: 1 when the edges turn with ψ, −1 when the corners do.
+        half_angle: s.
+
+    Returns:
+        Which edges and corners (n,), and the first and the last of the turns (n,), rad.
+    """
+    angle = np.arctan2(-one.normals[:, 1], -one.normals[:, 0])
+    away = angle[:, None] - other.fans[:, 0]
+    from_first = away - 2.0 * math.pi * np.round(away / (2.0 * math.pi))
+    ends = np.sort([-sense * from_first, sense * (other.fans[:, 1] - from_first)], axis=0)
+    shifts = 2.0 * math.pi * np.array([0.0, 1.0, -1.0])[:, None, None]
+    low, high = np.maximum(ends[0] + shifts, -half_angle), np.minimum(ends[1] + shifts, half_angle)
+    meets = low <= high + _ROUNDING
+    i, j = np.nonzero(meets.any(axis=0))
+    k = np.argmax(meets, axis=0)[i, j]
+    low, high = low[k, i, j], high[k, i, j]
+    return i, j, np.minimum(low, high), np.maximum(low, high)
+
+
+def _rounds(arc: Arc, fixed: Diagram) -> Iterator[_Round]:
+    """Contacts of a circle about the nominal centre with corners and arcs: its centre stays off them by its radius."""
+    for corner in fixed.corners:
+        for first, opening in _quarters(corner.first, corner.opening):
+            yield _Round(np.array(corner.point), arc.radius, first, opening, arc.radius)
+    for other in fixed.arcs:
+        reach = other.radius - arc.radius if other.hollow else other.radius + arc.radius
+        if reach > 0.0:
+            for first, opening in _quarters(other.first, other.opening):
+                yield _Round(np.array(other.centre), reach, first, opening, arc.radius, -1.0 if other.hollow else 1.0)
+
+
+def _quarters(first: float, opening: float) -> Iterator[tuple[float, float]]:
+    """An arc of angles cut at the multiples of a right angle."""
+    cuts = [first]
+    k = math.floor(first / (0.5 * math.pi)) + 1
+    while 0.5 * math.pi * k < first + opening - 1e-12:
+        if 0.5 * math.pi * k > first + 1e-12:
+            cuts.append(0.5 * math.pi * k)
+        k += 1
+    cuts.append(first + opening)
+    for a, b in pairwise(cuts):
+        yield a, b - a
+
+
+@dataclass(frozen=True, eq=False)
+class _Round(Value):
+    """A contact of a circle about the nominal centre: Φ on a quarter arc about `centre` with radius `reach`.
+
+    Args:
+        centre: (2,), m.
+        reach: m.
+        first, opening: angles from the centre to Φ, rad, within one quarter.
+        radius: of the moving circle, m.
+        sign: 1 when the force on the moving section points away from the centre, −1 towards it.
+    """
+
+    centre: Array
+    reach: float
+    first: float
+    opening: float
+    radius: float
+    sign: float = 1.0
+
+    def spans(self, leg: Leg) -> Spans:
+        """When the contact is possible."""
+        r, ends = leg.radius, self._points(np.array([0.0, 1.0]))
+        cuts = [leg.on_circle(self.centre + r * sign, self.reach) for sign in _SIGNS]
+        for axis in (0, 1):
+            cuts.append(leg.on_level(np.eye(2)[axis], (ends[:, axis, None] + np.array([-r, r])).ravel()))
+        inside = np.concatenate(cuts)
+        shares = np.unique(np.concatenate([[0.0, 1.0], inside[(inside > 0.0) & (inside < 1.0)]]))
+        middle = 0.5 * (shares[1:] + shares[:-1])
+        met = self._met(leg.at(middle), r + _ROUNDING * leg.size)
+        start, end = shares[:-1][met], shares[1:][met]
+        if not met[-1] and self._met(leg.at(np.ones(1)), r + 1e3 * _ROUNDING * leg.size)[0]:
+            start, end = np.append(start, 1.0), np.append(end, 1.0)
+        force = self.sign * (self._points(np.array([0.5])) - self.centre) / self.reach
+        return Spans(start, end, np.repeat(stops(force, -self.radius * force, leg.size), len(start), axis=0))
+
+    def _points(self, shares: Array) -> Array:
+        angles = self.first + shares * self.opening
+        return np.asarray(self.centre + self.reach * np.column_stack([np.cos(angles), np.sin(angles)]))
+
+    def _met(self, points: Array, reach: float) -> Bits:
+        """Whether the square about each point meets the arc, which rises or falls all along."""
+        ends = self._points(np.array([0.0, 1.0]))
+        low, high = np.sort(ends, axis=0)
+        u = np.clip(np.column_stack([points[:, 0] - reach, points[:, 0] + reach]), low[0], high[0])
+        rising = np.sqrt(np.maximum(self.reach**2 - (u - self.centre[0]) ** 2, 0.0))
+        v = self.centre[1] + (1.0 if math.sin(self.first + 0.5 * self.opening) >= 0.0 else -1.0) * rising
+        meets = (points[:, 0] - reach <= high[0]) & (points[:, 0] + reach >= low[0])
+        return np.asarray(meets & (v.min(axis=1) <= points[:, 1] + reach) & (v.max(axis=1) >= points[:, 1] - reach))
+
+
+def stops(force: Array, arm: Array, size: float) -> Bits:
+    """The motions (n, 6), u+, u−, v+, v−, ψ+, ψ−, that forces (n, 2) at `arm` (n, 2), m from the centre, stop."""
+    torque = (arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]) / size
+    value = np.column_stack([force, torque])
+    return np.stack([value < -_STILL, value > _STILL], axis=2).reshape(-1, 6)

@@ -19,11 +19,11 @@ from typing import TypeAlias
 import numpy as np
 
 from fmopt.errors import InterferenceError, SolverError
+from fmopt.geometry.clearance import penetration
 from fmopt.geometry.csg import Solid
-from fmopt.geometry.overlap import penetration
 from fmopt.geometry.pieces import pieces
 from fmopt.geometry.polyhedron import Polyhedron, placed
-from fmopt.nominal.enclosing import enclosing, finer, grown
+from fmopt.nominal.shrink_expand import enclosing, finer, grown
 from fmopt.nominal.trajectory import NominalTrajectory
 from fmopt.se3 import cross
 from fmopt.values import Array, Value, frozen

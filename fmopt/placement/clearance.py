@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fmopt.placement.program import ConeProgram, Norm, Solution, Solver, certify, checked
-from fmopt.placement.socp import ClarabelSolver
+from fmopt.placement.solvers import ClarabelSolver
 from fmopt.values import Array, Value, frozen
 
 _BINDING = 1e-6

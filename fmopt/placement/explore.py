@@ -9,7 +9,7 @@ from itertools import compress, groupby
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.certificate.functions import contact_rows
+from fmopt.certificate.assembly import contact_rows
 from fmopt.certificate.kernels_rows import Table
 from fmopt.certificate.knowledge import Assembly, aligned, flushes
 from fmopt.certificate.segment import Compliance

@@ -20,17 +20,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fmopt.certificate.assembly import contact_rows
 from fmopt.certificate.claim import Claim
-from fmopt.certificate.functions import contact_rows
 from fmopt.certificate.knowledge import Assembly
 from fmopt.contact.bounds import bounds
-from fmopt.contact.cone import angle_between, friction_cone
 from fmopt.contact.primitive import PrimitiveContact, near_contacts
-from fmopt.contact.surface import Surfaces
-from fmopt.contact.wrench import contact_normal, contact_point, contact_wrench
+from fmopt.contact.surface import Surfaces, angle_between, contact_normal, contact_point, contact_wrench, friction_cone
 from fmopt.placement.explore import implied
+from fmopt.placement.solvers import least_vertex
 from fmopt.placement.step import modulo
-from fmopt.placement.vertex import least_vertex
 from fmopt.se3 import Pose
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array, Value, frozen

@@ -10,21 +10,20 @@ from itertools import pairwise
 import numpy as np
 
 from fmopt import se3
+from fmopt.certificate.assembly import contact_forms, contact_rows
 from fmopt.certificate.claim import Claim, Stepped, claimed, stepped
-from fmopt.certificate.functions import contact_forms, contact_rows
 from fmopt.certificate.kernels_rows import Table
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Compliance, Piece, Tolerance
 from fmopt.contact.meet import Poses
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.errors import InfeasibleError
-from fmopt.memory import remembered
 from fmopt.placement import keeping
 from fmopt.placement.flush import described, on_wall
-from fmopt.placement.witness import choose_separations
+from fmopt.placement.separating_planes import choose_separations
 from fmopt.se3 import Pose, length
 from fmopt.uncertainty.error_set import ErrorSet
-from fmopt.values import Array
+from fmopt.values import Array, remembered
 
 _LATEST = 2
 _SHOTS = 16

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from fmopt.errors import InfeasibleError
 from fmopt.placement.paths import Ends, Indices, Path, shortest_path
 from fmopt.placement.program import ConeProgram, Norm
-from fmopt.placement.socp import ClarabelSolver
+from fmopt.placement.solvers import ClarabelSolver
 from fmopt.values import Array, Value, frozen
 
 _FAR = 1.9  # times the step that would close the gap if the bound were linear; from 2 on steps need not lead nearer

@@ -16,7 +16,7 @@ from itertools import pairwise, takewhile
 
 import numpy as np
 
-from fmopt.certificate.functions import contact_rows
+from fmopt.certificate.assembly import contact_rows
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Tolerance
 from fmopt.contact.primitive import PrimitiveContact

@@ -1,4 +1,14 @@
-"""The rows that bound the margin of a sequence, as functions of displacements of all its poses."""
+"""The rows that bound the margin of a sequence, as functions of displacements of all its poses.
+
+How the errors along a sequence of moves change as the poses do that its moves start from and go to.
+
+A move takes errors up along its own direction: of a contact that is made, along the motion v by which it is made, and
+of one that is held, along the motion C by which it was. Where a pose is displaced, v turns, and with it
+
+    Π = Π_h + φ v N′ᵀ/rate,   Π_h = 1 − C (N_h C)⁻¹ N_h,   N′ = Π_hᵀ N_m,   rate = −N_m·v,
+
+of this move and of all later ones that hold the contact. Rows N count as they are: what turns them is second order.
+"""
 
 from __future__ import annotations
 
@@ -9,15 +19,15 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
+from fmopt import ellipsoid
+from fmopt.certificate.assembly import Assembly, made_form, made_scale
 from fmopt.certificate.claim import Claim, facet_rows
 from fmopt.certificate.counted import counted_rows
-from fmopt.certificate.course import Course
-from fmopt.certificate.functions import made_form, made_scale
-from fmopt.certificate.knowledge import Assembly
+from fmopt.certificate.curvature import Course, Ends
+from fmopt.certificate.pair import Pair, pairs
 from fmopt.certificate.rows import Forms
-from fmopt.certificate.segment import Tolerance
-from fmopt.certificate.sensitivity import Sensitivity, sensitivities
-from fmopt.certificate.separation import Pair, Separation, pairs
+from fmopt.certificate.separating_plane import Separation
+from fmopt.certificate.way import Piece, Tolerance, Way, way_of
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.placement.flush import DOUBTED, within_rims
 from fmopt.placement.motion import Reached, claims_of_moves
@@ -216,3 +226,103 @@ def _surely(
         if sure.any():
             found.append((forms, np.flatnonzero(sure)))
     return found
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivity:
+    """The generators (k, 6) that a piece carries on, at both ends, and their derivatives (k, 6, n).
+
+    Derivatives are with respect to displacements (d, δ) of all poses one after the other, n = 6 (moves + 1).
+    """
+
+    start: tuple[Array, Array]
+    goal: tuple[Array, Array]
+
+
+def sensitivities(assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance) -> list[Sensitivity]:
+    """How generators change along a sequence of moves, piece by piece.
+
+    Args:
+        assembly: the two parts.
+        claims: of all pieces of the moves, in order.
+        tolerance: velocity error and metric.
+    """
+    n = 6 + 6 * sum(claim.piece.progress[0] == 0.0 for claim in claims)
+    found, number = list[Sensitivity](), -1
+    changed, turned = np.zeros((0, 6, n)), dict[bytes, Array]()
+    for claim in claims:
+        piece, ends = claim.piece, claim.advance.ends
+        number += piece.progress[0] == 0.0
+        core, share = carried_on(ends), piece.progress[1] - piece.progress[0]
+        displaced = np.zeros((6, n))
+        displaced[:, 6 * number : 6 * number + 6] = -share * np.eye(6)
+        displaced[:, 6 * number + 6 : 6 * number + 12] = share * np.eye(6)
+        before = np.zeros((len(core), 6, n))
+        before[: len(changed)] = changed[: len(core)]
+        moved = _Moved.of(piece, way_of(assembly, piece, tolerance), turned, displaced)
+        changed = moved.carried(core, before)
+        found.append(Sensitivity((core, before), (ends.goal_set.generators[: len(core)], changed)))
+        if piece.last and piece.made is not None:
+            turned[claim.advance.basis[-1].direction.tobytes()] = moved.direction(ellipsoid.metric(tolerance.rho))
+    return found
+
+
+def carried_on(ends: Ends) -> Array:
+    """The generators (k, 6) that a piece carries on."""
+    return ends.start_set.generators if ends.core is None else ends.core
+
+
+@dataclass(frozen=True, eq=False)
+class _Moved:
+    """A piece of motion, and how it changes.
+
+    Args:
+        way: its linear picture.
+        share: φ.
+        inverse: (N_h C)⁻¹ (h, h).
+        compliant: derivatives of the twists C (h, 6, n).
+        motion: derivative of v (6, n).
+    """
+
+    way: Way
+    share: float
+    inverse: Array
+    compliant: Array
+    motion: Array
+
+    @staticmethod
+    def of(piece: Piece, way: Way, turned: dict[bytes, Array], displaced: Array) -> _Moved:
+        """With derivatives of compliant twists, and of the commanded motion (6, n)."""
+        none = np.zeros_like(displaced)
+        directions = [c.direction for c in piece.basis]
+        compliant = np.array([turned.get(c.tobytes(), none) for c in directions]).reshape(-1, *displaced.shape)
+        C = np.array(directions).reshape(-1, 6).T
+        inverse = ellipsoid.coupling_inverse(way.held[1].N, C) if directions else np.zeros((0, 0))
+        begun = _Moved(way, piece.share, inverse, compliant, none)
+        return _Moved(way, piece.share, inverse, compliant, begun._held(way.twist) + way.hold @ displaced)
+
+    def _held(self, x: Array) -> Array:
+        """The derivative of Π_h x (6, n)."""
+        taken = self.inverse @ (self.way.held[1].N @ x)
+        return np.asarray(-self.way.hold @ np.tensordot(taken, self.compliant, 1))
+
+    def _projected(self, x: Array) -> Array:
+        """The derivative of Π x (6, n)."""
+        way, held = self.way, self._held(x)
+        if way.made is None:
+            return held
+        N, v, seen = way.made[1].N[0], way.motion, float(way.seen @ x)
+        slower = N @ self.motion  # −∂rate
+        closing = self.motion * seen + np.outer(v, N @ held + seen / way.rate * slower)
+        return np.asarray(held + self.share / way.rate * closing)
+
+    def carried(self, generators: Array, before: Array) -> Array:
+        """The derivatives (k, 6, n) at the end, of generators (k, 6) with derivatives (k, 6, n) at the start."""
+        projector = self.way.hold if self.way.made is None else self.way.projector
+        after = np.array([self._projected(g) for g in generators]).reshape(before.shape)
+        return np.asarray(after + np.einsum("ij,kjn->kin", projector, before))
+
+    def direction(self, metric: Array) -> Array:
+        """The derivative (6, n) of the motion's direction, of length one in a metric (6,)."""
+        v, size = self.way.motion, float(np.linalg.norm(self.way.motion * metric))
+        return np.asarray(self.motion / size - np.outer(v, (v * metric**2) @ self.motion) / size**3)

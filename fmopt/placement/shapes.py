@@ -13,8 +13,17 @@ import numpy as np
 from fmopt.certificate.assembly import Assembly
 from fmopt.geometry.clearance import Clearance
 from fmopt.geometry.part import Part
-from fmopt.placement.corners import corner_walls, leading_corners, next_to_round, outline
-from fmopt.placement.entry import Shape, lowest, start_spread, swung_by, turned_axes
+from fmopt.placement.entry import (
+    Shape,
+    corner_walls,
+    leading_corners,
+    lowest,
+    next_to_round,
+    outline,
+    start_spread,
+    swung_by,
+    turned_axes,
+)
 from fmopt.values import Array
 
 _TILTS = ((0.8, 1.0), (1.0, 0.8))

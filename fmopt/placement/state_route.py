@@ -13,8 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmopt.contact.graph import ContactGraph, ContactState
-from fmopt.contact.space import vertices
+from fmopt.contact.graph import ContactGraph, ContactState, vertices
 from fmopt.errors import InfeasibleError
 from fmopt.placement.route import ConvexSets, Route, shortest_route
 from fmopt.values import frozen

@@ -10,15 +10,14 @@ from itertools import chain
 
 import numpy as np
 
-from fmopt.certificate.functions import contact_rows
+from fmopt.certificate.assembly import contact_rows
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Tolerance
 from fmopt.contact.bounds import INSIDE
 from fmopt.contact.primitive import Kind, PrimitiveContact, near_contacts
 from fmopt.contact.surface import Surfaces
 from fmopt.errors import InfeasibleError
-from fmopt.placement.corners import leading_corners, next_to_round
-from fmopt.placement.entry import Entry, deeper, turned_axes
+from fmopt.placement.entry import Entry, deeper, leading_corners, next_to_round, turned_axes
 from fmopt.placement.explore import Freedom, Near, Place, freedoms, implied, insides, meetings, neighbourhood, pinned
 from fmopt.placement.flush import described, on_wall
 from fmopt.placement.motion import Move, Reached, unroll

@@ -19,7 +19,7 @@ from fmopt.certificate.segment import Tolerance
 from fmopt.errors import InfeasibleError
 from fmopt.framing import IN_THE_WORLD, Framing
 from fmopt.geometry.part import stretched
-from fmopt.placement.factor import Trial, largest
+from fmopt.placement.bisection import Trial, largest
 from fmopt.placement.motion import Move, Reached, carried, claims_of_moves, unroll
 from fmopt.placement.sequence import Placed, certified, in_a_row, onto_surfaces
 from fmopt.uncertainty.error_set import ErrorSet

@@ -9,6 +9,13 @@ A ∩ (p − B), so that for A and B without holes it is at least 1 in the sum a
 A point p stays free of the sum inside a hole H of A when p − B fits into H. The convolution of the hole with B alone
 then winds −1 times round p, and not less than 0 times elsewhere, if B has the smaller area; else nothing is free and
 the hole takes no part. Holes of B likewise.
+
+Connected components of regions.
+
+Conic arcs beside a smooth curve that has no conic form, such as the offset of an ellipse.
+
+All conics with the same end tangents lie one outside the other as their weight grows, so that the weights of the conics
+through points of the curve bound it from both sides.
 """
 
 from __future__ import annotations
@@ -21,12 +28,10 @@ from typing import TypeAlias
 
 import numpy as np
 
-from fmopt.plane.arrangement import Integers
+from fmopt.plane.arrangement import Integers, touching_boxes
 from fmopt.plane.boolean import bearing, positive, union
-from fmopt.plane.component import components
 from fmopt.plane.conic import ConicArc
 from fmopt.plane.curve import Arc, Curve, Segment
-from fmopt.plane.fitting import fitted
 from fmopt.plane.region import Region
 from fmopt.values import Array
 
@@ -34,6 +39,16 @@ _CUSP = 1e-6  # rad: nearer to a half turn the side is read off the curves, not 
 _FLAT = 1e-14
 _EQUAL = 1e-12
 _PROBES = 33
+
+_Row: TypeAlias = tuple[Array, float, float, float, float, ConicArc | None]
+
+_INSIDE = 0.4142135623730951  # a parameter at which hardly any curve touches another
+
+Support: TypeAlias = Callable[[Array], Array]
+
+_INNER = np.linspace(0.0, 1.0, 17)[1:-1]
+_MARGIN = 0.5
+_LEAST_TURN = 1e-4  # rad
 
 
 def minkowski_sum(first: Region, second: Region, tolerance: float) -> Region:
@@ -62,9 +77,6 @@ def _sum(first: Region, second: Region, tolerance: float) -> Region:
             if (area > 0.0 and beside > 0.0) or (area * beside < 0.0 and fits):
                 curves += convolution(loop, other, tolerance)
     return positive(curves)
-
-
-_Row: TypeAlias = tuple[Array, float, float, float, float, ConicArc | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,3 +308,72 @@ def _ranges(centre: Array, radius: float, begin: float, end: float, sign: float,
         return []
     spans = [(low, high)] if low < high else [(low, math.tau), (0.0, high)]
     return [(centre, radius, a, b, sign, conic) for a, b in spans if a < b]
+
+
+def components(region: Region) -> list[Region]:
+    """The parts of a region with one outer loop each: a hole belongs to the smallest loop round it."""
+    if len(region.loops) < 2:
+        return [] if region.empty else [region]
+    areas = np.array([sum(curve.moment() for curve in loop) for loop in region.loops])
+    outer, holes = np.flatnonzero(areas > 0.0), np.flatnonzero(areas <= 0.0)
+    parts = {k: [region.loops[k]] for k in outer.tolist()}
+    if len(outer) == 1:
+        return [region]
+    if len(holes):
+        bounds = [Region((region.loops[k],)) for k in outer.tolist()]
+        longest = [max(region.loops[k], key=lambda curve: curve.length) for k in holes.tolist()]
+        points = np.array([curve.point(_INSIDE) for curve in longest])
+        owner = np.full(len(holes), -1, dtype=np.intp)
+        boxes = np.array([np.concatenate(bound.box) for bound in bounds])
+        pairs = touching_boxes(np.hstack([points, points]), boxes, 0.0)
+        order = np.argsort(-areas[outer][pairs[1]], kind="stable")
+        for hole, bound in pairs[:, order].T.tolist():
+            if bounds[bound].contains(points[hole])[0]:
+                owner[hole] = outer[bound]
+        for hole, k in zip(holes.tolist(), owner.tolist(), strict=True):
+            parts[k].append(region.loops[hole])
+    return [Region(tuple(loops)) for loops in parts.values()]
+
+
+def fitted(points: Support, low: float, high: float, ahead: bool, tolerance: float) -> list[Curve]:
+    """Curves on the right of a given one with its ends and end tangents, within `tolerance` of it.
+
+    The fit is halved until the weights at 15 points differ by less than the tolerance, and half as much is added.
+
+    Args:
+        points: of the curve (n, 2) in m, whose tangents run in the directions (n,) in rad or against them all.
+        low: first direction in rad.
+        high: last direction, at most 90° further.
+        ahead: whether to travel from low to high, which turns left; the other way turns right.
+        tolerance: in m.
+    """
+    p0, p2 = points(np.array([low, high]))
+    t0, t2 = ((math.cos(angle), math.sin(angle)) for angle in (low, high))
+    chord = p2 - p0
+    reach = float(chord[0] * t2[1] - chord[1] * t2[0]) / math.sin(high - low)
+    p1 = p0 + reach * np.array(t0)
+    bulge = p1 - 0.5 * (p0 + p2)
+    height = float(np.hypot(*bulge))
+    if height <= tolerance or high - low <= _LEAST_TURN:
+        run = [p0, p1, p2] if ahead else [p0, p2]
+        return [Segment(a, b) for a, b in pairwise(run if ahead else run[::-1])]
+    weights = _weights(points(low + (high - low) * _INNER), p0, p1, p2)
+    least, most = float(weights.min()), float(weights.max())
+    if least > 0.0 and height * (most / (1.0 + most) - least / (1.0 + least)) * (1.0 + 2.0 * _MARGIN) <= tolerance:
+        spread = _MARGIN * (most - least)
+        weight = most + spread if ahead else max(least - spread, 0.5 * least)
+        return [ConicArc(p0, p1, p2, weight) if ahead else ConicArc(p2, p1, p0, weight)]
+    middle = 0.5 * (low + high)
+    halves = [fitted(points, low, middle, ahead, tolerance), fitted(points, middle, high, ahead, tolerance)]
+    return [curve for half in (halves if ahead else halves[::-1]) for curve in half]
+
+
+def _weights(points: Array, p0: Array, p1: Array, p2: Array) -> Array:
+    """Weights (n,) of the conics with given end tangents through points (n, 2), 0 for points outside the triangle."""
+    u, v, d = p1 - p0, p2 - p0, points - p0
+    area = u[0] * v[1] - u[1] * v[0]
+    shoulder = (d[:, 0] * v[1] - d[:, 1] * v[0]) / area
+    last = (u[0] * d[:, 1] - u[1] * d[:, 0]) / area
+    inside = (shoulder > 0.0) & (last > 0.0) & (shoulder + last < 1.0)
+    product = np.where(inside, (1.0 - shoulder - last) * last, 1.0)
+    return np.where(inside, 0.5 * shoulder / np.sqrt(product), 0.0)

@@ -11,9 +11,8 @@ from itertools import chain
 
 import numpy as np
 
-from fmopt.plane.conic import ConicArc
+from fmopt.plane.conic import ConicArc, unit_roots
 from fmopt.plane.curve import Arc, Curve, Segment
-from fmopt.plane.roots import unit_roots
 from fmopt.values import Array
 
 _PROBES = np.linspace(0.0, 1.0, 7)

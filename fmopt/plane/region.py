@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fmopt.errors import GeometryError
+from fmopt.plane.arrangement import Table, simple
 from fmopt.plane.curve import Curve, Segment, Side, boxes_of
 from fmopt.plane.meet import meet
-from fmopt.plane.winding import Table, simple
 from fmopt.values import Array, Value
 
 if TYPE_CHECKING:

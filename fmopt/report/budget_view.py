@@ -10,7 +10,7 @@ import numpy as np
 from fmopt.plan import Plan
 from fmopt.report.drawing import BLUE, GREY, INK, PALE, RUST, WIDTH
 from fmopt.report.naming import AXES, degrees, millimetres
-from fmopt.report.tables import table
+from fmopt.report.shell import table
 from fmopt.values import Array
 
 if TYPE_CHECKING:

@@ -28,7 +28,7 @@ from fmopt.report.naming import (
     quantity,
     signed,
 )
-from fmopt.report.tables import table
+from fmopt.report.shell import table
 from fmopt.report.tube_view import ends_words, error_sets
 
 

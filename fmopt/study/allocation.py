@@ -4,13 +4,16 @@ The motion is planned for the present tolerances and then held fixed: its certif
 others, which is cheap, and the cheapest that keep its margins are found. At the answer, rounded down, the same motion
 is certified and checked independently, and the problem is planned anew. The new motion is then the one held fixed, as
 long as it leaves room for more.
+
+The report of a tolerance allocation: what each tolerance becomes, what that saves, and what was checked.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -20,8 +23,12 @@ from fmopt.motion import FINE
 from fmopt.placement.sequence import Placed
 from fmopt.plan import parsed
 from fmopt.plan_record import Moved
+from fmopt.report.shell import table
 from fmopt.study.cheapest import Cheapest, cheapest
+from fmopt.study.figures import changes
+from fmopt.study.page import framed, picture
 from fmopt.study.tolerances import Question
+from fmopt.study.view import READ
 from fmopt.synthesis import moved, planned, proved
 from fmopt.task.problem import Problem
 from fmopt.task.tables import in_words
@@ -185,3 +192,54 @@ def _down(value: float, dimension: Dimension) -> float:
     read = value / scale
     size = 10.0 ** (math.floor(math.log10(read)) - _DIGITS + 1)
     return min(float(f"{math.floor(read / size * (1.0 + 1e-9)) * size:.{_DIGITS}g}") * scale, value)
+
+
+def allocation_page(answer: Mapping[str, Any]) -> str:
+    """The report of an answer as its file holds it; a page without any reference to something outside it."""
+    chapters = [
+        ("outcome", "What came out", _outcome(answer) + _figure(answer["tolerances"])),
+        ("tolerances", "The tolerances", _tolerances(answer["tolerances"])),
+        ("checked", "What was checked", _checked(answer)),
+        ("provenance", "How it was found", _found(answer)),
+    ]
+    return framed("Tolerance allocation", str(answer["title"]), chapters)
+
+
+def _outcome(answer: Mapping[str, Any]) -> str:
+    before, after, bound = (answer[name] for name in ("cost_before", "cost_after", "cost_bound"))
+    words = f"The cost is {after:.4g}, {100.0 * (1.0 - after / before):.3g} % less than the {before:.4g} before; "
+    words += "no bound is known" if bound is None else f"for the last motion it is at least {bound:.4g}"
+    words += ", as its margins are not concave." if bound is None else " where margins are concave."
+    return f"<p>{escape(words)}</p>\n<p>{escape('What binds: ' + str(answer['binding']))}.</p>\n"
+
+
+def _figure(tolerances: Sequence[Mapping[str, Any]]) -> str:
+    return picture("tolerances as multiples of what they were", changes(tolerances))
+
+
+def _tolerances(tolerances: Sequence[Mapping[str, Any]]) -> str:
+    rows = []
+    for t in tolerances:
+        scale, unit = READ.get(str(t["unit"]), (1.0, str(t["unit"])))
+        values = [f"{scale * float(t[name]):.4g} {unit}".rstrip() for name in ("now", "after", "low", "high")]
+        rows.append((str(t["name"]), *values, f"{float(t['after']) / float(t['now']):.3g}", f"{float(t['weight']):g}"))
+    head = ("tolerance", "present", "new", "tightest allowed", "loosest allowed", "new/present", "weight")
+    return table("Half-widths", head, rows, "tnnnnnn")
+
+
+def _checked(answer: Mapping[str, Any]) -> str:
+    rows = []
+    for name, words in (("same_motion", "the same motion"), ("planned_anew", "planned anew")):
+        margin = answer[name]["margin"]
+        rows.append((words, str(answer[name]["verdict"]), "" if margin is None else f"{1e6 * float(margin):.2f} µm"))
+    required = f"The margin asked for is {1e6 * float(answer['margin_required']):.2f} µm."
+    return f"<p>{required}</p>\n" + table("At the new tolerances", ("motion", "verdict", "least margin"), rows, "ttn")
+
+
+def _found(answer: Mapping[str, Any]) -> str:
+    names = {
+        "motions": "motions held fixed in turn",
+        "rounds": "convex programs for the last",
+        "certificates_computed": "certificates for the last",
+    }
+    return table("", ("", ""), [(words, str(answer[name])) for name, words in names.items()])

@@ -18,7 +18,7 @@ import numpy as np
 
 from fmopt.errors import InfeasibleError, SolverError
 from fmopt.placement.program import ConeProgram, Norm
-from fmopt.placement.socp import ClarabelSolver
+from fmopt.placement.solvers import ClarabelSolver
 from fmopt.values import Array, Value, frozen
 
 Margins = Callable[[Array], Mapping[str, float] | str]

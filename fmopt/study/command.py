@@ -15,9 +15,8 @@ from typing import Any
 from fmopt.study.batch import Batch, laid_out
 from fmopt.study.design import Study, load_study
 from fmopt.study.evaluation import evaluate
-from fmopt.study.lock import owned
 from fmopt.study.running import Options, Tally, Work, run
-from fmopt.study.store import NAME, efforts, recorded
+from fmopt.study.store import NAME, efforts, owned, recorded
 from fmopt.study.table import csv_text, parquet, results
 from fmopt.study.workers import Local, run_batch
 from fmopt.task.tables import in_words
@@ -80,7 +79,7 @@ def report(folder: Path) -> list[Path]:
         ResourceError: a file cannot be read or written.
     """
     from fmopt import output
-    from fmopt.study.allocation_page import allocation_page
+    from fmopt.study.allocation import allocation_page
     from fmopt.study.figures import figures
     from fmopt.study.page import page
     from fmopt.study.view import View

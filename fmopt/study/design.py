@@ -15,12 +15,10 @@ from fmopt.study.batch import Limits, Question, Run
 from fmopt.study.evaluation import QUANTITIES, missing
 from fmopt.study.program import program
 from fmopt.study.running import Work
-from fmopt.study.sampling import CUBES
-from fmopt.study.targets import UNIT_NAMES, Base, assigned, blamed, canonical_digest
-from fmopt.task.faults import checked
+from fmopt.study.targets import CUBES, UNIT_NAMES, Base, assigned, blamed, canonical_digest
 from fmopt.task.loading import problem_of
 from fmopt.task.problem import load
-from fmopt.task.tables import Reading, factors
+from fmopt.task.tables import Reading, checked, factors
 from fmopt.task.toml_source import Source, dotted, read
 from fmopt.task.units import QuantityError, did_you_mean
 

@@ -62,7 +62,7 @@ class Solved:
     @cached_property
     def clearance(self) -> Clearance:
         """The clearance as measured on the parts."""
-        from fmopt.task.clearance import measured_clearance
+        from fmopt.task.sizes import measured_clearance
 
         return measured_clearance(self.problem)
 
@@ -236,7 +236,7 @@ def _bias(solved: Solved) -> dict[str, Scalar]:
 def _execution(solved: Solved) -> dict[str, Scalar]:
     """Trials of the plan in the physics engine, errors uniform in the certified box; the share with its interval."""
     from fmopt.execution.trials import Trials, run
-    from fmopt.study.statistics import share
+    from fmopt.study.shares import share
 
     records = run(solved.plan, Trials(TRIALS), range(TRIALS))
     successes = sum(bool(record["success"]) for record in records)

@@ -81,7 +81,7 @@ class Outcome:
 
     def _repr_html_(self) -> str:
         from fmopt.report.shell import figure
-        from fmopt.report.tables import table as as_table
+        from fmopt.report.shell import table as as_table
 
         columns = self.results.columns
         rows = [[_cell(line.get(name)) for name in columns] for line in self.lines[:_SHOWN]]

@@ -17,9 +17,8 @@ from types import FrameType
 
 from fmopt import output
 from fmopt.study.batch import Batch, Evaluate, Limits, Returned, Run, laid_out
-from fmopt.study.lock import owned
 from fmopt.study.program import program
-from fmopt.study.store import Effort, Numbered, Row, Store
+from fmopt.study.store import Effort, Numbered, Row, Store, owned
 from fmopt.study.workers import ATTEMPTS, Local, run_batch
 
 BATCH_SECONDS = 0.5

@@ -1,4 +1,7 @@
-"""The tables of a study file: a base problem, axes over its parameters, how they are sampled, what is computed."""
+"""The tables of a study file: a base problem, axes over its parameters, how they are sampled, what is computed.
+
+The published JSON Schemas of study and allocation files, for editors and other readers.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 from pydantic import Field, WithJsonSchema
 
 from fmopt.task.problem_file import Units
+from fmopt.task.schema import DIALECT
 from fmopt.task.tables import Distance, Duration, File, Name, Ratio, Table, Title
 
 Value: TypeAlias = Annotated[
@@ -109,3 +113,13 @@ class AllocationFile(Table):
     gap: Ratio = 0.005
     """How near to the least possible cost is near enough, as a fraction."""
     tolerances: Annotated[tuple[Tolerance, ...], Field(max_length=32)]
+
+
+def study_schema() -> dict[str, Any]:
+    """JSON Schema of a study file with axes."""
+    return {"$schema": DIALECT, **StudyFile.model_json_schema()}
+
+
+def allocation_schema() -> dict[str, Any]:
+    """JSON Schema of a study file with tolerances."""
+    return {"$schema": DIALECT, **AllocationFile.model_json_schema()}

@@ -12,10 +12,9 @@ from fmopt.errors import Fault, InputError
 from fmopt.study.axes import unusable
 from fmopt.study.study_file import AllocationFile, Tolerance
 from fmopt.study.targets import UNIT_NAMES, Base, Target, assigned, in_file, target
-from fmopt.task.faults import checked
 from fmopt.task.loading import problem_of
 from fmopt.task.problem import Problem, load
-from fmopt.task.tables import Reading, factors, in_words
+from fmopt.task.tables import Reading, checked, factors, in_words
 from fmopt.task.toml_source import Source, read
 from fmopt.task.units import Dimension, Quantity, QuantityError
 

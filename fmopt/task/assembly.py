@@ -15,9 +15,8 @@ from fmopt.knowledge.tree import ObjectTree
 from fmopt.knowledge.workcell import Link, Ref, Workcell
 from fmopt.se3 import Pose
 from fmopt.task import assembly_file as files
-from fmopt.task.faults import checked
 from fmopt.task.model import load_model, overrides_of
-from fmopt.task.tables import Reading, factors
+from fmopt.task.tables import Reading, checked, factors
 from fmopt.task.toml_source import Source, read
 from fmopt.task.tree import build_tree
 from fmopt.values import Value

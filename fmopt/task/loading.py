@@ -14,18 +14,15 @@ from typing import Any, TypeVar
 import numpy as np
 
 from fmopt.errors import Fault, InputError, TaskError
-from fmopt.geometry.part import Part, rebased
-from fmopt.geometry.profile import Profiles, outline
+from fmopt.geometry.part import Part, Profiles, outline, rebased
 from fmopt.knowledge.tree import ObjectTree
 from fmopt.se3 import Pose, exp
 from fmopt.task import problem_file as files
 from fmopt.task.command import PLANNED, attributes, is_round
-from fmopt.task.faults import checked
-from fmopt.task.forces import force_faults
 from fmopt.task.mesh_source import MAX_MESH_BYTES
 from fmopt.task.model import Model, load_model, overrides_of
 from fmopt.task.problem import Attributes, Problem, Settings, Specification, VelocityError
-from fmopt.task.sizes import refuse_far, refuse_reaching, refuse_wild
+from fmopt.task.sizes import force_faults, refuse_far, refuse_reaching, refuse_wild
 from fmopt.task.sources import (
     Configuration,
     Contribution,
@@ -43,7 +40,7 @@ from fmopt.task.sources import (
     start_box,
     total,
 )
-from fmopt.task.tables import Reading, factors, in_words
+from fmopt.task.tables import Reading, checked, factors, in_words
 from fmopt.task.toml_source import Source, read, read_bytes
 from fmopt.task.tree import build_part, build_tree
 from fmopt.task.units import LENGTH, did_you_mean

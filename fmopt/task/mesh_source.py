@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fmopt.errors import Fault, GeometryError, InputError, ResourceError, SizeError
-from fmopt.memory import remembered
 from fmopt.task.model_file import MatingFeature, Mesh, ModelFile
 from fmopt.task.sizes import implausible
 from fmopt.task.toml_source import Source, read_bytes
+from fmopt.values import remembered
 
 if TYPE_CHECKING:
     from fmopt.geometry.mesh import Imported

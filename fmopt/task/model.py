@@ -7,11 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fmopt.errors import Fault, InputError, SizeError
-from fmopt.task.faults import checked
 from fmopt.task.mesh_source import mesh_faults, with_features
 from fmopt.task.model_file import ModelFile, Profile
 from fmopt.task.sizes import implausible
-from fmopt.task.tables import Reading, factors
+from fmopt.task.tables import Reading, checked, factors
 from fmopt.task.toml_source import Key, Place, Source, read
 from fmopt.task.tree import part_reach, tree_faults
 from fmopt.task.units import Quantity, QuantityError, did_you_mean
@@ -150,7 +149,7 @@ def _cross_checks(source: Source, file: ModelFile) -> list[Fault]:
 
 def _size_faults(source: Source, file: ModelFile) -> list[Fault]:
     """A part of an implausible size."""
-    from fmopt.geometry.extent import require_plausible
+    from fmopt.geometry.section import require_plausible
 
     try:
         require_plausible(part_reach(source, file))

@@ -15,9 +15,8 @@ from fmopt.task.sources import Contribution, Sources
 from fmopt.values import Array, Value, frozen
 
 if TYPE_CHECKING:
-    from fmopt.geometry.features import Feature
-    from fmopt.geometry.part import Part
-    from fmopt.geometry.profile import Profiles
+    from fmopt.geometry.mating import Feature
+    from fmopt.geometry.part import Part, Profiles
     from fmopt.knowledge.tree import ObjectTree
     from fmopt.knowledge.workcell import LowerPair
     from fmopt.se3 import Pose

@@ -1,23 +1,38 @@
-"""Sizes that no part, way or tolerance has, and most often a wrong unit: refused, with the unit that would be right."""
+"""Sizes that no part, way or tolerance has, and most often a wrong unit: refused, with the unit that would be right.
+
+Forces of a problem's specification that do not go together.
+
+The clearance of a problem as measured on its parts, held against the declared one.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from fmopt.errors import Fault, InputError, SizeError
-from fmopt.geometry.extent import LARGEST, SMALLEST, told
+from fmopt.errors import Fault, GeometryError, InputError, SizeError
+from fmopt.geometry.clearance import Clearance, checked_clearance
 from fmopt.geometry.part import Part
+from fmopt.geometry.section import LARGEST, SMALLEST, told
+from fmopt.se3 import Pose
+from fmopt.task import problem_file as files
+from fmopt.task.problem import Problem
 from fmopt.task.sources import Contribution, total
 from fmopt.task.tables import in_words
 from fmopt.task.toml_source import Key, Source, holds
-from fmopt.task.units import ANGLE, LENGTH, UNITS
+from fmopt.task.units import ANGLE, FORCE, LENGTH, UNITS
 from fmopt.values import Array
 
 _LARGEST_ERROR = 0.5  # m and rad: what the check of a plan takes
 _USUAL = 0.05  # m: about how long a part is
+
+_IMPACT = ("impact_force", "apparent_mass", "contact_stiffness")
+
+LEAST_LEVER = 2.0**-10  # m: what the check of a plan takes
+_FAR = 10.0  # times the declared clearance: no tolerance, but another part or another unit
 
 
 def implausible(source: Source, key: Key, unit: str | None, error: SizeError) -> Fault:
@@ -99,3 +114,68 @@ def refuse_far(source: Source, box: Array, parts: Sequence[Part]) -> None:
             )
             advice = 'check [units], or write the unit beside the number, as in "0.4 mm"'
             raise InputError(source.place(key, of_key=len(key) == 1).fault("out-of-range", message, advice))
+
+
+def force_faults(source: Source, table: files.Specification) -> Iterator[Fault]:
+    """The faults of forces that end moves, and of those that limit impacts."""
+    yield from _end_faults(source, table)
+    yield from _impact_faults(source, table)
+
+
+def _end_faults(source: Source, table: files.Specification) -> Iterator[Fault]:
+    """A force that ends moves which no push within the contact force brings about."""
+    wanted, most = table.termination_force, table.contact_force
+    if wanted > most:
+        message = f"{in_words(wanted, FORCE)} on the contact that ends a move exceed the contact force"
+        advice = f"lower it to well below {in_words(most, FORCE)}, or raise contact_force"
+        yield source.place(("specification", "termination_force")).fault("out-of-range", message, advice)
+
+
+def _impact_faults(source: Source, table: files.Specification) -> Iterator[Fault]:
+    """A limit on impacts without what meets there, or the other way round."""
+    stated = [name for name in _IMPACT if getattr(table, name) is not None]
+    for name in _IMPACT if stated else ():
+        if name not in stated:
+            place = source.place(("specification",), of_key=True)
+            message, advice = "this key is missing", f"add {name!r} to [specification], or drop {stated[0]!r}"
+            yield replace(place, key=f"specification.{name}").fault("missing-key", message, advice)
+
+
+def measured_clearance(problem: Problem) -> Clearance:
+    """The clearance as measured on the parts, m.
+
+    Raises:
+        InterferenceError: the parts overlap when assembled, or their clearance is not positive.
+        GeometryError: along x or y it is not of the size that the problem declares.
+    """
+    seated = Pose.from_vector(problem.goal)
+    found = checked_clearance(problem.moving, problem.fixed, seated, -float(problem.goal[2]))
+    for axis, declared, play in zip("xy", problem.declared_clearance, found.play, strict=True):
+        side = 0.5 * play
+        if declared > 0.0 and math.isfinite(side) and not declared / _FAR <= side <= declared * _FAR:
+            raise GeometryError(
+                f"along {axis} the parts leave {1e3 * side:.6g} mm a side, where [clearance] declares "
+                f"{1e3 * declared:.6g} mm",
+                "check the units of the model files, [mesh] unit among them, and which features are to mate; or "
+                "correct [clearance]",
+            )
+    return found
+
+
+def characteristic_length(problem: Problem, clearance: Clearance) -> float:
+    """The length ρ that weighs angles against lengths, m: stated, or half the diagonal of the mating section.
+
+    Of a small section, the least that the check of a plan takes.
+    """
+    return problem.settings.characteristic_length or max(clearance.half_diagonal, LEAST_LEVER)
+
+
+def drift(problem: Problem, clearance: Clearance) -> Array:
+    """How far velocity errors carry the part at most on its way down to the mouth (6,), m and rad.
+
+    Zero where that is a clearance or less, next to which it does not count.
+    """
+    t, r = problem.velocity_error.translation, problem.velocity_error.rotation
+    if problem.approach * max(t, r) <= clearance.per_side:
+        return np.zeros(6)
+    return problem.approach * np.array([t, t, t, *[r / characteristic_length(problem, clearance)] * 3])

@@ -19,7 +19,7 @@ from fmopt.values import Array
 
 if TYPE_CHECKING:
     from fmopt.geometry import csg
-    from fmopt.geometry.features import Feature
+    from fmopt.geometry.mating import Feature
     from fmopt.geometry.part import Part
     from fmopt.knowledge.chain import Chain
     from fmopt.knowledge.tree import ObjectTree
@@ -102,7 +102,7 @@ def part_reach(source: Source, file: files.ModelFile) -> Array:
     Raises:
         InputError: a solid has no volume; at its place in the file.
     """
-    from fmopt.geometry.extent import reach
+    from fmopt.geometry.section import reach
 
     if file.profile is None:
         return reach(_solid(source, file, file.part or ""))
@@ -151,8 +151,8 @@ def build_tree(source: Source, file: files.ModelFile) -> ObjectTree:
     Raises:
         InputError: no solid comes out, or a feature breaks a rule; at its place in the file.
     """
-    from fmopt.geometry.evened import come_apart
     from fmopt.geometry.excess import MESH_NOISE, solid_of
+    from fmopt.geometry.mesh import come_apart
     from fmopt.geometry.pieces import polyhedron
     from fmopt.knowledge.chain import chain_of, chain_solid
     from fmopt.knowledge.classify import Claim, is_made, object_tree
@@ -224,7 +224,7 @@ def _solid(source: Source, file: files.ModelFile, name: str) -> csg.Solid:
 
 def _extruded(file: files.ModelFile, profile: files.Profile) -> csg.Solid:
     """The solid that stands for a profile: a ridge where it mates by a solid feature, a slab where by a hollow one."""
-    from fmopt.geometry.profile import ridge, slab
+    from fmopt.geometry.part import ridge, slab
 
     moving = all(feature.kind == "solid" for feature in file.features.values())
     return ridge(profile.polygons[0]) if moving else slab(profile.polygons)
@@ -269,6 +269,6 @@ def _found(feature: Feature) -> str:
 
 
 def _feature(name: str, table: files.MatingFeature) -> Feature:
-    from fmopt.geometry.features import Feature
+    from fmopt.geometry.mating import Feature
 
     return Feature(name, table.kind, Pose.from_vector([*table.at, *table.turn]), table.length, table.through)

@@ -1,8 +1,11 @@
-"""The check of a whole plan: CERTIFIED, REFUTED with a collision, or NOT_PROVED with what is short."""
+"""The check of a whole plan: CERTIFIED, REFUTED with a collision, or NOT_PROVED with what is short.
+
+A proof that two convex pieces overlap at a pose: a point deeper than the tolerance inside both.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from fmopt.verify.assembly import Assembly
@@ -10,16 +13,32 @@ from fmopt.verify.chain import Broken, Chain, Stage
 from fmopt.verify.claims import check_segment
 from fmopt.verify.document import Plan, PlanError, Segment
 from fmopt.verify.findings import CERTIFIED, NOT_PROVED, REFUTED, Finding, Notes, Verdict, Witness
-from fmopt.verify.outline import check_outline
-from fmopt.verify.overlap import overlap
+from fmopt.verify.outline import check_diagnostics, check_outline
 from fmopt.verify.parse import parse
-from fmopt.verify.rational import ArithmeticRefusal, Row, add, exponential, number, product, row_dot
+from fmopt.verify.rational import (
+    ONE,
+    ArithmeticRefusal,
+    Row,
+    Vector,
+    add,
+    dot,
+    exponential,
+    fixed,
+    number,
+    product,
+    row_dot,
+    sub,
+    transposed,
+    turned,
+)
 from fmopt.verify.recovery import check_recovery
 from fmopt.verify.rows import Distance, Pose, pose
+from fmopt.verify.solids import Plane, Shape
 from fmopt.verify.strategy import check_strategy
-from fmopt.verify.visits import check_diagnostics
 
 Failed = tuple[tuple[int, int, tuple[Distance, Distance] | None], ...]
+
+Point = tuple[float, float, float]
 
 
 def verify(document: Mapping[str, Any], expected_sha256: str | None = None) -> Verdict:
@@ -30,7 +49,7 @@ def verify(document: Mapping[str, Any], expected_sha256: str | None = None) -> V
     Executions. The controller follows the commanded pieces of a move one after the other, off by the start error and
     a velocity error in the stated bounds, while held contacts are kept by giving way along the compliant directions.
     It stops as the contact that the move makes is touched: the piece in which that happens is cut short, and only the
-    last piece is ever lengthened. The error sets stretch all pieces of a move alike instead; `stretch` demands that
+    last piece is ever lengthened. The error sets stretch all pieces of a move alike instead; `chain` demands that
     the two agree, to first order and up to the small amounts that the verdict's text states as not covered.
 
     Args:
@@ -133,3 +152,55 @@ def _collision(
             if depth > 0.0:
                 return Witness(k, stated, tuple(number(x) for x in error), (i, j), depth)
     return None
+
+
+def overlap(M: Shape, F: Shape, X: Pose, least: float) -> float:
+    """A depth (m) to which the pieces certainly overlap, 0 when no overlap deeper than `least` was found.
+
+    Candidates come from floats (corners of the intersection and their mean); the depth of a candidate is exact.
+    """
+    back = transposed(X.R)
+    own = [X.apply(v) for v in M.vertices]
+    planes = [face.plane for face in F.faces]
+    for side in M.faces:
+        n = turned(X.R, side.plane.normal)
+        planes.append(Plane(n, side.plane.offset + dot(n, X.p)))
+    corners = list(_vertices(own, M, F, planes))
+    if not corners:
+        return 0.0
+    count = len(corners)
+    mean = (sum(p[0] for p in corners) / count, sum(p[1] for p in corners) / count, sum(p[2] for p in corners) / count)
+    best = 0.0
+    for candidate in (mean, *corners):
+        x: Vector = (fixed(candidate[0]), fixed(candidate[1]), fixed(candidate[2]))
+        body = turned(back, sub(x, X.p))
+        height = max(max(face.plane.height(x) for face in F.faces), max(face.plane.height(body) for face in M.faces))
+        best = max(best, -number(height + (ONE >> 100)))
+    return best if best > least else 0.0
+
+
+def _vertices(own: Sequence[Vector], M: Shape, F: Shape, planes: Sequence[Plane]) -> Iterator[Point]:
+    """Corners of the intersection, in floats: vertices and edges of one against faces of the other."""
+    half = [(number(p.normal[0]), number(p.normal[1]), number(p.normal[2]), number(p.offset)) for p in planes]
+    for shape, vertices in ((M, own), (F, F.vertices)):
+        points = [(number(v[0]), number(v[1]), number(v[2])) for v in vertices]
+        for i, j in shape.edge_faces:
+            if i < j:
+                yield from _inside(points[i], points[j], half)
+
+
+def _inside(p: Point, q: Point, half: Sequence[tuple[float, float, float, float]]) -> Iterator[Point]:
+    """The ends of the part of a segment behind all planes, with a little room for rounding."""
+    low, high = 0.0, 1.0
+    for a, b, c, offset in half:
+        g = a * p[0] + b * p[1] + c * p[2] - offset - 1e-12
+        h = a * q[0] + b * q[1] + c * q[2] - offset - 1e-12
+        if g > 0.0 and h > 0.0:
+            return
+        if g > 0.0:
+            low = max(low, g / (g - h))
+        elif h > 0.0:
+            high = min(high, g / (g - h))
+    if low <= high:
+        for t in (low, high):
+            yield (p[0] + t * (q[0] - p[0]), p[1] + t * (q[1] - p[1]), p[2] + t * (q[2] - p[2]))

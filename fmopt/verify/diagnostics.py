@@ -4,11 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fmopt.verify.accounts import Interval
-from fmopt.verify.form import Numbers
+from fmopt.verify.file import Numbers
 
 Point = tuple[float, float]
 Polyline = tuple[Point, ...]
+
+
+@dataclass(frozen=True)
+class Interval:
+    """S(t) from `start` to `end` (s): −1, 0, 1 or 2 for each degree of freedom x, y, z, rx, ry, rz."""
+
+    start: float
+    end: float
+    s: tuple[int, ...]
 
 
 @dataclass(frozen=True)

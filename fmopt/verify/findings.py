@@ -13,7 +13,7 @@ NOT_PROVED = "NOT_PROVED"
 RELATIVE = 1e-10  # stated numbers must agree with re-derived ones to this share
 MARGIN_FLOOR = 4e-15  # m: and margins to this absolute difference, on the safe side only
 ALLOWANCE = fixed(4e-15)  # m and rad: added to every stated bound of errors before it is used
-LEFT_ASIDE = (1e-10, 1e-9)  # m and rad a move: by how much its pieces may fail to share one twist, see `stretch`
+LEFT_ASIDE = (1e-10, 1e-9)  # m and rad a move: by how much its pieces may fail to share one twist, see `chain`
 _OTHER_SIDE = 1e-16  # m: rounding allowed to numbers that nothing rests on
 
 

@@ -15,7 +15,7 @@ from functools import cached_property
 
 from fmopt.verify.assembly import Assembly, Touch
 from fmopt.verify.exact import height, parallel, turned_over
-from fmopt.verify.incidence import Flush
+from fmopt.verify.incidence import Flush, Turn, about, cancel, crossing, directed, image_of, steep
 from fmopt.verify.rational import (
     ONE,
     Matrix,
@@ -30,7 +30,6 @@ from fmopt.verify.rational import (
     unit,
 )
 from fmopt.verify.solids import DEVIATION, ROUNDING, Line, Plane, line, short
-from fmopt.verify.turns import Turn, about, cancel, crossing, directed, image_of, steep
 
 
 @dataclass

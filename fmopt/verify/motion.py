@@ -3,14 +3,14 @@
 The model. From an error e₀ the execution runs along the commanded twist with a drift inside the stated bounds (a ball
 of translations and a ball of turns, both at once, which grow with the distance travelled), gives way along the
 compliant directions so that held contacts stay at zero, and, when a contact m is being made, goes on until it touches.
-Errors that are fixed in the hole or in the hand move on with the part, see `linkage`. Measured on its own way, at every
+Errors that are fixed in the hole or in the hand move on with the part, see `errors`. Measured on its own way, at every
 fraction s
 
     e(s) = (1 − s)(ẽ₀ + Σ T^S_i t_i) + s (ẽ₁ + Σ T^G_i t_i),   |t_i| ≤ thickness_i,
 
 ẽ₀ in the start set without its old thickness, ẽ₁ = Π(ẽ₀ + what frames and drift add), T^S and T^G dual to the
 contacts' rows at either end. A row's linear part is therefore bounded at the two ends, and its remainder by
-`remainder`. Thickness is what a contact's own row leaves: its remainder, and its value at the nominal poses.
+`rows`. Thickness is what a contact's own row leaves: its remainder, and its value at the nominal poses.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from fmopt.verify.assembly import Assembly, Touch
-from fmopt.verify.errors import ErrorSet
-from fmopt.verify.linear import (
+from fmopt.verify.errors import (
     NO_ROW,
     NOTHING,
+    ErrorSet,
     blurred,
     complement,
     congruent,
@@ -57,8 +57,7 @@ from fmopt.verify.rational import (
     times,
     transposed,
 )
-from fmopt.verify.remainder import Extent, coarse, remainder, size
-from fmopt.verify.rows import DirectionAlong, Distance, Function, PointAbove, Pose
+from fmopt.verify.rows import DirectionAlong, Distance, Extent, Function, PointAbove, Pose, coarse, remainder, size
 
 _HALF = ONE >> 1
 

@@ -8,20 +8,21 @@ from dataclasses import replace
 from typing import Any
 
 from fmopt.verify.document import Body, Contact, Part, Plan, Specification
-from fmopt.verify.file import digest
-from fmopt.verify.form import FIXED_IN, FORMAT, FRAMES, UNITS, VERDICTS, Numbers
-from fmopt.verify.keys import Fields, fields
-from fmopt.verify.parse_accounts import (
+from fmopt.verify.file import FIXED_IN, FORMAT, FRAMES, UNITS, VERDICTS, Numbers, digest
+from fmopt.verify.parse_diagnostics import DIAGNOSTIC_FIELDS, read_diagnostics
+from fmopt.verify.parse_segments import (
     ACCOUNT_FIELDS,
+    SEGMENT_FIELDS,
+    feature_pair,
+    pose,
     read_critical_points,
     read_nominal,
     read_position_force,
     read_recovery,
     read_search,
+    read_segment,
 )
-from fmopt.verify.parse_diagnostics import DIAGNOSTIC_FIELDS, read_diagnostics
-from fmopt.verify.parse_segments import SEGMENT_FIELDS, feature_pair, pose, read_segment
-from fmopt.verify.reader import Reader
+from fmopt.verify.reader import Fields, Reader, fields
 
 LARGEST_TOLERANCE = 1e-9  # m
 LARGEST_NUMBER_OF_PIECES = 400

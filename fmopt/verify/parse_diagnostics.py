@@ -1,28 +1,57 @@
-"""From JSON to what a plan tells of how it was found."""
+"""From JSON to what a plan tells of how it was found.
+
+From JSON to the planar sets of possible contact that a plan tells of.
+"""
 
 from __future__ import annotations
 
 from fmopt.verify.diagnostics import (
+    Agreement,
+    Boundary,
     Contribution,
+    Curve,
     Diagnostics,
     Diagram,
     DiagramPose,
     Graph,
     Hand,
     HandMove,
+    Phase,
+    Planar,
+    PlanarSegment,
     Polyline,
     Reduced,
     Sensitivity,
+    Slice,
     State,
+    Surface,
     Tolerated,
     ToleratedEnd,
     Visit,
 )
-from fmopt.verify.form import FIXED_IN
-from fmopt.verify.keys import Fields, fields
-from fmopt.verify.parse_accounts import STATE_VERDICTS, read_interval
-from fmopt.verify.parse_planar import PLANAR_FIELDS, points, read_planar
-from fmopt.verify.reader import Reader
+from fmopt.verify.file import FIXED_IN
+from fmopt.verify.parse_segments import STATE_VERDICTS, read_interval
+from fmopt.verify.reader import MOST, Fields, Reader, fields
+
+PHASES = ("gross", "fine", "blocked")
+CARRIERS = ("r_M", "r_m", "g_M", "g_m", "n", "line")
+CONTACT_KINDS = ("type-1", "type-2")
+_IN_PLANE = "diagnostics.planar"
+_PLANAR = fields(_IN_PLANE, objects="deviations nominal agreement segments carry sets surfaces")
+_DEVIATIONS = fields(f"{_IN_PLANE}.deviations", commentary="position angle")
+_PHASE = fields(f"{_IN_PLANE}.nominal[]", commentary="kind start end contacts")
+_SEGMENT = fields(f"{_IN_PLANE}.segments[]", commentary="kind", objects="phases")
+_PART = fields(f"{_IN_PLANE}.segments[].phases[]", commentary="kind start end contacts")
+_AGREEMENT = fields(f"{_IN_PLANE}.agreement", commentary="both neither only_possible only_stopped agrees words")
+_CARRY = fields(f"{_IN_PLANE}.carry", commentary="aside height")
+_SET = fields(f"{_IN_PLANE}.sets[]", commentary="name nominal", objects="loops")
+_CURVE = fields(f"{_IN_PLANE}.sets[].loops[][]", commentary="on line arc", optional=("line", "arc"))
+_SURFACE = fields(f"{_IN_PLANE}.surfaces[]", commentary="contact kind", objects="slices")
+_SLICE = fields(f"{_IN_PLANE}.surfaces[].slices[]", commentary="phi name nominal", objects="loops")
+_CUT = fields(f"{_IN_PLANE}.surfaces[].slices[].loops[][]", commentary="on line arc", optional=("line", "arc"))
+PLANAR_FIELDS: tuple[Fields, ...] = (
+    _PLANAR, _DEVIATIONS, _PHASE, _SEGMENT, _PART, _AGREEMENT, _CARRY, _SET, _CURVE, _SURFACE, _SLICE, _CUT,
+)  # fmt: skip
 
 PLANES = ("xz", "yz", "xy")
 CHANGES = ("start", "made", "left", "passed", "unexplained")
@@ -67,6 +96,84 @@ TOLERANCES = (
     "velocity.rotation",
     "clearance",
 )
+
+
+def read_planar(place: Reader) -> Planar:
+    """The planar sets of possible contact, and what they say of the motion."""
+    place.only(_PLANAR)
+    deviations, carry = place.at("deviations").only(_DEVIATIONS), place.at("carry").only(_CARRY)
+    height = carry.filled("height")
+    return Planar(
+        deviations.at("position").number(0.0, 4.0),
+        deviations.at("angle").number(0.0, 4.0),
+        tuple(_phase(item.only(_PHASE)) for item in place.at("nominal").items(1)),
+        _agreement(place.at("agreement").only(_AGREEMENT)),
+        tuple(_segment(item.only(_SEGMENT)) for item in place.at("segments").items(1)),
+        carry.at("aside").number(0.0),
+        None if height is None else height.number(),
+        tuple(read_boundary(item) for item in place.at("sets").items(most=64)),
+        tuple(read_surface(item) for item in place.at("surfaces").items(most=64)),
+    )
+
+
+def _phase(place: Reader) -> Phase:
+    contacts = tuple(item.label() for item in place.at("contacts").items())
+    return Phase(place.at("kind").text(PHASES), place.at("start").number(0.0), place.at("end").number(0.0), contacts)
+
+
+def _segment(place: Reader) -> PlanarSegment:
+    phases = tuple(_phase(item.only(_PART)) for item in place.at("phases").items(1))
+    return PlanarSegment(place.at("kind").text(PHASES), phases)
+
+
+def _agreement(place: Reader) -> Agreement:
+    return Agreement(
+        place.at("both").number(0.0),
+        place.at("neither").number(0.0),
+        place.at("only_possible").number(0.0),
+        place.at("only_stopped").number(0.0),
+        place.at("agrees").flag(),
+        place.at("words").text(),
+    )
+
+
+def read_boundary(place: Reader) -> Boundary:
+    """A set in the plane, as `uncertainty.planar.account.boundary_record` makes it."""
+    return _boundary(place.only(_SET))
+
+
+def read_surface(place: Reader) -> Surface:
+    """Configurations of a contact, as `uncertainty.planar.account.surface_record` makes them."""
+    place.only(_SURFACE)
+    kind = place.at("kind").text(CONTACT_KINDS)
+    slices = tuple(_slice(item.only(_SLICE)) for item in place.at("slices").items(1, most=256))
+    return Surface(place.at("contact").label(), kind, slices)
+
+
+def _slice(place: Reader) -> Slice:
+    return Slice(place.at("phi").number(-16.0, 16.0), _boundary(place))
+
+
+def _boundary(place: Reader) -> Boundary:
+    loops = tuple(tuple(_curve(item) for item in loop.items(1)) for loop in place.at("loops").items())
+    return Boundary(place.at("name").text(), loops, points(place.at("nominal"), 0))
+
+
+def _curve(place: Reader) -> Curve:
+    place.only(_CURVE)
+    line, arc = place.maybe("line"), place.maybe("arc")
+    if (line is None) == (arc is None):
+        raise place.fail("must be either a line or an arc")
+    return Curve(
+        place.at("on").text(CARRIERS),
+        None if line is None else line.numbers(4),
+        None if arc is None else arc.numbers(5),
+    )
+
+
+def points(place: Reader, least: int, most: int = MOST) -> Polyline:
+    """Points of a plane."""
+    return tuple((u, v) for u, v in (item.numbers(2) for item in place.items(least, most=most)))
 
 
 def read_diagnostics(place: Reader) -> Diagnostics:

@@ -1,14 +1,17 @@
-"""Taking values out of a JSON document, with the place in it when one is wrong."""
+"""Taking values out of a JSON document, with the place in it when one is wrong.
+
+What each key of a plan file counts for: proved, compared with the problem, or commentary.
+"""
 
 from __future__ import annotations
 
 import math
 import re
 from collections.abc import Collection, Iterable
+from dataclasses import dataclass
 from typing import Any
 
-from fmopt.verify.form import Numbers, PlanError
-from fmopt.verify.keys import Fields
+from fmopt.verify.file import Numbers, PlanError
 
 MOST = 4096  # entries of a list, where nothing else is said
 LONGEST = 1000  # characters of a text
@@ -16,6 +19,11 @@ LONGEST = 1000  # characters of a text
 UNSEEN = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff\ud800-\udfff]")
 _LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+\[\]/ -]{0,63}", re.ASCII)
 _HEX = re.compile(r"[0-9a-f]{64}", re.ASCII)
+
+PROVED = "proved"  # derived again from what is compared, a choice that the proof rests on, or the format's only value
+COMPARED = "compared with the problem"  # an assumption, which `verify --problem` holds against the problem
+COMMENTARY = "commentary"  # of the right form, and judged by nobody
+CLASSES = (PROVED, COMPARED, COMMENTARY)
 
 
 class Reader:
@@ -160,3 +168,55 @@ class Reader:
         if not isinstance(self.value, bool):
             raise self.fail("must be true or false")
         return self.value
+
+
+@dataclass(frozen=True)
+class Fields:
+    """The keys that an object of a plan file may have.
+
+    Attributes:
+        where: its place, such as "segments[].tube".
+        classes: what each key counts for; one whose value is an object or a list of such has the classes of its keys.
+        required: the keys that must be there.
+        known: all keys.
+    """
+
+    where: str
+    classes: tuple[tuple[str, str], ...]
+    required: tuple[str, ...]
+    known: frozenset[str]
+
+
+def fields(
+    where: str,
+    *,
+    proved: str = "",
+    compared: str = "",
+    commentary: str = "",
+    objects: str = "",
+    optional: Iterable[str] = (),
+) -> Fields:
+    """The keys of an object, by class, separated by spaces.
+
+    Args:
+        where: its place in the plan.
+        proved, compared, commentary: keys of these classes.
+        objects: keys that hold objects, or lists of them, whose keys stand in fields of their own.
+        optional: keys that may be missing.
+    """
+    told = ((PROVED, proved), (COMPARED, compared), (COMMENTARY, commentary))
+    classes = tuple((key, kind) for kind, keys in told for key in keys.split())
+    known = [key for key, _ in classes] + objects.split()
+    missing = set(optional)
+    return Fields(where, classes, tuple(key for key in known if key not in missing), frozenset(known))
+
+
+def table(rows: Iterable[Fields]) -> list[str]:
+    """A table in Markdown of what each key counts for, one line for each object and class."""
+    lines = ["| where | counts as | keys |", "|---|---|---|"]
+    for row in rows:
+        for kind in CLASSES:
+            keys = [f"`{key}`" for key, said in row.classes if said == kind]
+            if keys:
+                lines.append(f"| {f'`{row.where}`' if row.where else 'the plan'} | {kind} | {', '.join(keys)} |")
+    return lines

@@ -20,10 +20,9 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
-from fmopt.verify.accounts import Lift, MoveRecovery
-from fmopt.verify.document import Plan, Segment
+from fmopt.verify.document import Lift, MoveRecovery, Plan, Segment
+from fmopt.verify.file import Numbers
 from fmopt.verify.findings import Notes, micrometres
-from fmopt.verify.form import Numbers
 from fmopt.verify.rational import (
     ONE,
     SLACK,

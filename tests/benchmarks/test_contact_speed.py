@@ -13,13 +13,12 @@ from test_contact_parts import MID_DEPTH, block, peg
 
 from fmopt.contact import surface
 from fmopt.contact.bounds import cell
-from fmopt.contact.confirm import confirm
 from fmopt.contact.definitions import CONTACTS as KINDS
 from fmopt.contact.derive import derived
-from fmopt.contact.graph import contact_graph
+from fmopt.contact.graph import LocalSpace, contact_graph, faces, local_space
 from fmopt.contact.polytope import enumerate_faces
 from fmopt.contact.primitive import near_contacts
-from fmopt.contact.space import LocalSpace, faces, local_space
+from fmopt.placement.states import confirm
 from fmopt.values import Array
 
 PEG, BLOCK = peg(), block()

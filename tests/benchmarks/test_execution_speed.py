@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from fmopt.execution.record import run_all
+from fmopt.execution.execute import run_all
 from fmopt.execution.trials import Trials, run
 from fmopt.plan import parsed
 

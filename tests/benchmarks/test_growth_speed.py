@@ -15,8 +15,8 @@ from fmopt.placement.begin import begin
 from fmopt.placement.entry import start_spread, straight_entry
 from fmopt.placement.step import Costs, Node, Task, sons
 from fmopt.se3 import Pose
-from fmopt.task.clearance import measured_clearance
 from fmopt.task.problem import Problem, load
+from fmopt.task.sizes import measured_clearance
 from fmopt.uncertainty.error_set import ErrorSet
 
 ROOT = Path(__file__).parent.parent.parent

@@ -10,28 +10,28 @@ import pytest
 from placement_instances import linearised, peg_placement, random_placement
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from fmopt.placement import nlp, socp, sqp
+from fmopt.placement import nlp, solvers
 from fmopt.placement.clearance import max_min_clearance
 from fmopt.placement.formation import Counts, formation_derivatives
-from fmopt.placement.lp import LinearSolver
 from fmopt.placement.nlp import place_on_surfaces
 from fmopt.placement.program import ConeProgram, Norm, as_cvxpy
+from fmopt.placement.solvers import LinearSolver
 
 GROWING = random_placement(0, rows=80, contacts=2, growth=0.02).program()
-VALUE = socp.ClarabelSolver().solve(GROWING).value
+VALUE = solvers.ClarabelSolver().solve(GROWING).value
 STATE = ("tipx++", "tipx+-")
 
 
 @pytest.mark.benchmark(group="placement as SOCP")
 def test_socp_with_a_persistent_solver(benchmark: BenchmarkFixture) -> None:
-    assert benchmark(socp.ClarabelSolver().solve, GROWING).value == pytest.approx(VALUE, rel=1e-7)
+    assert benchmark(solvers.ClarabelSolver().solve, GROWING).value == pytest.approx(VALUE, rel=1e-7)
 
 
 @pytest.mark.benchmark(group="placement as SOCP")
 def test_socp_with_a_fresh_solver(benchmark: BenchmarkFixture) -> None:
     def solve() -> float:
-        socp._local.__dict__.clear()
-        return socp.ClarabelSolver().solve(GROWING).value
+        solvers._local.__dict__.clear()
+        return solvers.ClarabelSolver().solve(GROWING).value
 
     assert benchmark(solve) == pytest.approx(VALUE, rel=1e-7)
 
@@ -75,11 +75,11 @@ SIZES = {"8 variables": (1, 21), "22 variables": (3, 93), "29 variables": (4, 20
 def test_cone_program_by_clarabel_alone(benchmark: BenchmarkFixture, name: str) -> None:
     benchmark.group = f"cone program, {name}"
     program = sequence_program(*SIZES[name])
-    settings = socp.ClarabelSolver()
-    M, rhs, cones = socp.standard_form(program.scaled(), np.zeros(0, dtype=np.intp))
+    settings = solvers.ClarabelSolver()
+    M, rhs, cones = solvers.standard_form(program.scaled(), np.zeros(0, dtype=np.intp))
     q = np.append(-program.scaled().c, np.zeros(len(program.norms)))
     numbers = np.ascontiguousarray(M.T[M.T != 0.0])
-    solver = socp._build(settings, M, cones, rhs, q)
+    solver = solvers._build(settings, M, cones, rhs, q)
 
     def solve() -> float:
         solver.update(A=numbers, b=rhs, q=q)
@@ -92,7 +92,7 @@ def test_cone_program_by_clarabel_alone(benchmark: BenchmarkFixture, name: str) 
 def test_cone_program_of_one_size(benchmark: BenchmarkFixture, name: str) -> None:
     benchmark.group = f"cone program, {name}"
     program = sequence_program(*SIZES[name])
-    solution = benchmark(socp.ClarabelSolver().solve, program)
+    solution = benchmark(solvers.ClarabelSolver().solve, program)
     assert solution.duals is not None
 
 
@@ -107,7 +107,7 @@ def test_cone_program_through_fresh_cvxpy(benchmark: BenchmarkFixture, name: str
         problem.solve(solver="CLARABEL")
         return float(problem.value)
 
-    value = socp.ClarabelSolver().solve(program).value
+    value = solvers.ClarabelSolver().solve(program).value
     assert benchmark(solve) * program.size.objective == pytest.approx(value, rel=1e-6)
 
 
@@ -117,10 +117,11 @@ def surface_programs(count: int) -> list[tuple[tuple[Counts, Counts], Any]]:
     found: list[tuple[tuple[Counts, Counts], Any]] = []
     states = (STATE[:1], STATE, ("tipx++", "mouthx-+"), ("tipx++", "tipx+-", "mouthx-+", "mouthx--"))
     with pytest.MonkeyPatch.context() as patch:
+        largest = nlp.largest
 
         def noted(functions: Any, *arguments: Any) -> Any:
             found.append((formation[0], arguments))
-            return sqp.largest(functions, *arguments)
+            return largest(functions, *arguments)
 
         formation: list[tuple[Counts, Counts]] = [((0, 0, 0, 0), (0, 0, 0, 0))]
 
@@ -149,7 +150,7 @@ def test_nonlinear_programs_by_quadratic_ones(
 
     def solve() -> Any:
         formation, arguments = next(queue)
-        return sqp.largest(formation_derivatives(*formation), *arguments)
+        return nlp.largest(formation_derivatives(*formation), *arguments)
 
     assert benchmark.pedantic(solve, rounds=len(programs), warmup_rounds=4) is not None
 

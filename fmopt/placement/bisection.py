@@ -2,6 +2,8 @@
 
 Factors lie on a grid: between powers of two in steps of a 64th of the lower one, in 4096ths below 1/64. Where a motion
 stands a factor if and only if it stands all smaller ones, which of them are tried makes no difference to what is found.
+
+How much of something can be had, when not all of it can.
 """
 
 from __future__ import annotations
@@ -9,11 +11,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 _OCTAVE = 64  # steps from one power of two to the next
 _MOST = 6 * _OCTAVE
 _LEAST = -7 * _OCTAVE  # nothing at all
 _PATIENCE = 3  # guesses in a row that leave more than half of what there was
+
+T = TypeVar("T")
+
+ATTEMPTS = 7  # at most, with the steps that are given
 
 
 @dataclass(frozen=True)
@@ -106,3 +113,31 @@ class _Tried:
         there = at - margins[move] / slope
         guesses = (step for step in range(high - 1, low, -1) if factor(step) <= there)
         return next(guesses, low + 1)
+
+
+def largest_share(
+    attempt: Callable[[float], T | None], steps: int = 20, finer: int = 5, whole: float = 1.0
+) -> tuple[float, T] | None:
+    """The largest share k / steps below the whole at which an attempt succeeds, by bisection, with its result.
+
+    Success is taken to be monotone: where it is not, the answer is a share at which it succeeds, with a failure one
+    step above. Where attempts fail down to one step, the step is divided once more; None when they fail even so.
+
+    Args:
+        attempt: tries a share between 0 and the whole; None when it fails.
+        steps: how finely shares are told apart, at least 2.
+        finer: in how many the last step is divided; 1 for not at all.
+        whole: the share of which steps are taken, at which it fails.
+    """
+    low, high = 0, steps
+    best: tuple[float, T] | None = None
+    while high - low > 1:
+        middle = (low + high) // 2
+        found = attempt(middle * whole / steps)
+        if found is None:
+            high = middle
+        else:
+            low, best = middle, (middle * whole / steps, found)
+    if best is None and finer > 1:
+        return largest_share(attempt, finer, 1, whole / steps)
+    return best
