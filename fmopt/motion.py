@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from itertools import chain, islice, repeat, tee
 
@@ -24,10 +24,11 @@ from fmopt.placement.sequence import Aim, Placed, Refinement, certified, refine
 from fmopt.placement.shapes import likely_shapes, room
 from fmopt.placement.solvers import ClarabelSolver
 from fmopt.placement.step import Costs, Task
+from fmopt.placement.tolerated import CertifiedMotion, Motion
 from fmopt.placement.tune import Limits, deepened, tuned
 from fmopt.se3 import Pose, length, log
 from fmopt.task.problem import Problem
-from fmopt.task.sizes import characteristic_length, drift
+from fmopt.task.sizes import characteristic_length, drift, measured_clearance
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array
 
@@ -41,18 +42,29 @@ _MORE = 2  # sequences that are looked at beside one with less
 _LIKELY = 32  # ways to begin that are tried in each attitude before the rest are
 
 
-def motion(
-    problem: Problem,
-    assembly: Assembly,
-    clearance: Clearance,
-    errors: ErrorSet,
-    tolerance: Tolerance,
-    lap: Callable[[str], None],
-    progress: Progress,
-) -> tuple[Searched, Placed]:
-    """A sequence of contact states with its goal poses placed, found in the attitude that its parts are planned for.
+@dataclass(frozen=True, eq=False)
+class Stages:
+    """What is being done, and how long it took.
 
-    Where the likeliest ways to begin leave no margin there, those of the other attitudes are tried, then the rest.
+    Args:
+        progress: told what is being done.
+        seconds: that stages took, by name; time spent on compiling does not count.
+    """
+
+    progress: Progress = lambda _: None
+    seconds: dict[str, float] = field(default_factory=dict)
+    _last: list[float] = field(default_factory=lambda: [clock()])
+
+    def ended(self, name: str) -> None:
+        """Notes that a stage has ended."""
+        now = clock()
+        self.seconds[name] = self.seconds.get(name, 0.0) + now - self._last[0]
+        self._last[0] = now
+
+
+@dataclass(frozen=True, eq=False)
+class Posed:
+    """A problem as a motion is looked for.
 
     Args:
         problem: the task.
@@ -60,23 +72,77 @@ def motion(
         clearance: as measured on them.
         errors: at the start.
         tolerance: velocity error and metric.
-        lap: told which stage has ended.
-        progress: told what is being done.
+    """
+
+    problem: Problem
+    assembly: Assembly
+    clearance: Clearance
+    errors: ErrorSet
+    tolerance: Tolerance
+
+    @classmethod
+    def of(cls, problem: Problem) -> Posed:
+        """A problem with its parts measured.
+
+        Raises:
+            InterferenceError: the parts overlap when assembled, or their clearance is not positive.
+        """
+        clearance = measured_clearance(problem)
+        assembly = Assembly(problem.moving, problem.fixed, planar=problem.plane is not None)
+        errors = ErrorSet.of(problem.start_box, problem.framing)
+        return cls(problem, assembly, clearance, errors, _tolerance(problem, clearance))
+
+    @property
+    def start(self) -> Reached:
+        """Where its motion starts."""
+        return Reached(self.errors, (), ())
+
+    def imaged(self, image: Image) -> Posed:
+        """The same as an image of the parts poses it."""
+        parts, clearance = image.assembly, image.clearance(self.clearance)
+        goal, box = image.goal(self.problem.goal), image.attitude.of_widths(self.problem.start_box)
+        framing = image.attitude.of_framing(self.problem.framing)
+        problem = replace(
+            self.problem, moving=parts.moving, fixed=parts.fixed, goal=goal, start_box=box, framing=framing
+        )
+        return Posed(problem, parts, clearance, ErrorSet.of(box, framing), _tolerance(problem, clearance))
+
+
+def _tolerance(problem: Problem, clearance: Clearance) -> Tolerance:
+    rates = problem.velocity_error.translation, problem.velocity_error.rotation
+    return Tolerance(rates, characteristic_length(problem, clearance))
+
+
+def under_errors(found: CertifiedMotion, problem: Problem) -> Motion:
+    """The moves of a motion under the errors of a problem, which need not be those that it was found for."""
+    rates = problem.velocity_error.translation, problem.velocity_error.rotation
+    tolerance = Tolerance(rates, found.tolerance.rho)
+    return Motion(found.assembly, found.placed.moves, problem.start_box, tolerance, FINE, problem.framing)
+
+
+def motion(posed: Posed, stages: Stages) -> tuple[Searched, Placed]:
+    """A sequence of contact states with its goal poses placed, found in the attitude that its parts are planned for.
+
+    Where the likeliest ways to begin leave no margin there, those of the other attitudes are tried, then the rest.
+
+    Args:
+        posed: the problem.
+        stages: told what is being done.
 
     Raises:
         SearchError: no sequence was found.
         InfeasibleError: some were found in each attempt, none of which fine pieces can follow.
     """
-    deadline = clock() + problem.settings.time_limit
+    deadline = clock() + posed.problem.settings.time_limit
     best: tuple[Searched, Placed] | None = None
     failures: list[FmoptError] = []
-    stood = (_Stood.of(problem, image, clearance) for image in images(assembly, problem.start_box))
+    stood = (_Stood.of(posed, image) for image in images(posed.assembly, posed.problem.start_box))
     first, again = tee(stood)
     for here, most in chain(zip(first, repeat(_LIKELY)), zip(again, repeat(None))):
         try:
-            found, placed = here.motion(islice(here.rounds, most), deadline, lap, progress)
-            own = certified(assembly, here.image.own_moves(placed.moves), Reached(errors, (), ()), tolerance, FINE)
-            own = _by_method(problem, assembly, own, errors, tolerance)
+            found, placed = here.motion(islice(here.rounds, most), deadline, stages)
+            own = certified(posed.assembly, here.image.own_moves(placed.moves), posed.start, posed.tolerance, FINE)
+            own = _by_method(posed, own)
         except (SearchError, InfeasibleError) as error:
             failures.append(error.with_traceback(None))
         else:
@@ -99,44 +165,37 @@ class _Stood:
     """A problem in one attitude, with what its search is about, and the ways to begin that are left."""
 
     image: Image
-    problem: Problem
-    clearance: Clearance
+    posed: Posed
     task: Task
     entry_of: Callable[[Shape], Entry]
     rounds: Iterator[Sequence[Entry]]
 
     @staticmethod
-    def of(problem: Problem, image: Image, clearance: Clearance) -> _Stood:
+    def of(own: Posed, image: Image) -> _Stood:
         """The problem as an image of its parts poses it."""
-        parts, clearance = image.assembly, image.clearance(clearance)
-        goal, box = image.goal(problem.goal), image.attitude.of_widths(problem.start_box)
-        framing = image.attitude.of_framing(problem.framing)
-        problem = replace(problem, moving=parts.moving, fixed=parts.fixed, goal=goal, start_box=box, framing=framing)
-        rates = problem.velocity_error.translation, problem.velocity_error.rotation
-        tolerance = Tolerance(rates, characteristic_length(problem, clearance))
-        roomy = room(parts, clearance.per_side, box, drift(problem, clearance))
+        posed = own.imaged(image)
+        problem, parts, clearance = posed.problem, posed.assembly, posed.clearance
+        roomy = room(parts, clearance.per_side, problem.start_box, drift(problem, clearance))
         costs = Costs.of(start_spread(parts.moving, roomy), clearance.per_side)
         turn = 1.3 * problem.settings.max_tilt
-        task = Task(parts, Pose.from_vector(goal), ErrorSet.of(box, framing), tolerance, costs, turn)
+        task = Task(parts, Pose.from_vector(problem.goal), posed.errors, posed.tolerance, costs, turn)
         entry_of = partial(tilted_entry, parts.moving, clearance.play, problem.approach)
-        return _Stood(image, problem, clearance, task, entry_of, _rounds(problem, clearance, roomy, entry_of))
+        return _Stood(image, posed, task, entry_of, _rounds(problem, clearance, roomy, entry_of))
 
-    def motion(
-        self, rounds: Iterator[Sequence[Entry]], deadline: float, lap: Callable[[str], None], progress: Progress
-    ) -> tuple[Searched, Placed]:
+    def motion(self, rounds: Iterator[Sequence[Entry]], deadline: float, stages: Stages) -> tuple[Searched, Placed]:
         """What `motion` finds for some ways to begin: the first sequence whose margin is positive, else the best."""
-        problem, task = self.problem, self.task
-        assembly, tolerance, per_side = task.assembly, task.tolerance, self.clearance.per_side
+        posed, task = self.posed, self.task
+        problem, assembly, tolerance, per_side = posed.problem, task.assembly, task.tolerance, posed.clearance.per_side
         best: tuple[MoveSequence, Placed] | None = None
         failures: list[FmoptError] = []
         spare: tuple[MoveSequence, ...] = ()
         more = _MORE
 
         def told(names: str) -> None:
-            progress(f"search: {names}")
+            stages.progress(f"search: {names}")
 
         def tuning(margin: float) -> None:
-            progress(f"entry: margin {1e6 * margin:.1f} um")
+            stages.progress(f"entry: margin {1e6 * margin:.1f} um")
 
         def firm(found: MoveSequence) -> bool:
             return least_firm(problem, assembly, found.reached.claims, tolerance) >= FIRM
@@ -152,12 +211,12 @@ class _Stood:
                 candidates = spare or best_sequences(task, rounds, deadline, told, steady, self.rounds)
                 if candidates[0].reached.margin > 0.0:
                     candidates, spare = candidates[:1], candidates[1:]
-                lap("search")
+                stages.ended("search")
                 found = tuned(task, candidates, self.entry_of, per_side, Limits(deadline, TRIES), tuning, steady)
                 found = deepened(task, found, self.entry_of, firm, Limits(deadline, TRIES))
-                lap("entry")
-                placed = placement(problem, assembly, found, task.start, tolerance, per_side, progress)
-                lap("placement")
+                stages.ended("entry")
+                placed = placement(posed, found, stages.progress)
+                stages.ended("placement")
             except SearchError as error:
                 failures = failures or [error.with_traceback(None)]
                 break
@@ -187,25 +246,22 @@ def _rounds(
             yield (entry_of(shape),)
 
 
-def placement(
-    problem: Problem,
-    assembly: Assembly,
-    found: MoveSequence,
-    errors: ErrorSet,
-    tolerance: Tolerance,
-    clearance: float,
-    progress: Progress,
-) -> Placed:
+def placement(posed: Posed, found: MoveSequence, progress: Progress) -> Placed:
     """All goal poses placed for the largest certified margin, by the method that the problem asks for.
+
+    Args:
+        posed: the problem.
+        found: the sequence of contact states.
+        progress: told the margin after each gain.
 
     Raises:
         InfeasibleError: fine pieces cannot follow the motion, or no contact would be felt that ends one.
     """
+    problem, clearance = posed.problem, posed.clearance.per_side
     spread = start_spread(problem.moving, problem.start_box)
     turns = Turns(3, 0.5 * (spread + clearance))
-    start = Reached(errors, (), ())
-    begun = certified(assembly, found.moves, start, tolerance, FINE)
-    aim = Aim(assembly, start, tolerance, FINE, _as_good_as(problem, assembly, begun, tolerance))
+    begun = certified(posed.assembly, found.moves, posed.start, posed.tolerance, FINE)
+    aim = Aim(posed.assembly, posed.start, posed.tolerance, FINE, _as_good_as(posed, begun))
 
     def told(margin: float) -> None:
         progress(f"placement: margin {1e6 * margin:.1f} um")
@@ -218,10 +274,10 @@ def placement(
     else:
         refined = refine(aim, begun, ClarabelSolver(), Refinement.of(spread, clearance), told)
         stages = [begun, refined, *filter(aim.fit, [polished(refined, "nlp")])]
-    return _by_method(problem, assembly, _felt(problem, assembly, stages, tolerance), errors, tolerance)
+    return _by_method(posed, _felt(posed, stages))
 
 
-def _as_good_as(problem: Problem, assembly: Assembly, begun: Placed, tolerance: Tolerance) -> Callable[[Placed], bool]:
+def _as_good_as(posed: Posed, begun: Placed) -> Callable[[Placed], bool]:
     """Whether contacts of a sequence hold as surely as those of another one, or as surely as they need to.
 
     Nor may its moves have to be cut more finely: at each piece a robot stops, and what it is off by adds up.
@@ -232,8 +288,8 @@ def _as_good_as(problem: Problem, assembly: Assembly, begun: Placed, tolerance: 
         return measured(begun)
 
     def measured(placed: Placed) -> tuple[float, float, bool]:
-        given = problem, assembly, placed.reached.claims, tolerance
-        steady = STEADY if assembly.planar else least_steady(*given)
+        given = posed.problem, posed.assembly, placed.reached.claims, posed.tolerance
+        steady = STEADY if posed.assembly.planar else least_steady(*given)
         return min(FIRM, least_firm(*given)), min(STEADY, steady), runs_against(*given)
 
     def fit(placed: Placed) -> bool:
@@ -254,17 +310,17 @@ def _fineness(placed: Placed) -> list[float]:
     return [count / max(1, math.ceil(turn / FINE - 1e-9)) for count, turn in zip(pieces, turns, strict=True)]
 
 
-def _by_method(problem: Problem, assembly: Assembly, placed: Placed, errors: ErrorSet, tolerance: Tolerance) -> Placed:
+def _by_method(posed: Posed, placed: Placed) -> Placed:
     """A sequence with the claims of the method that the problem asks for."""
-    if problem.settings.method != "dakin1993":
+    if posed.problem.settings.method != "dakin1993":
         return placed
-    claims = as_in_the_paper(assembly, placed.reached.claims, errors, tolerance)
+    claims = as_in_the_paper(posed.assembly, placed.reached.claims, posed.errors, posed.tolerance)
     return replace(placed, reached=replace(placed.reached, claims=claims))
 
 
-def _felt(problem: Problem, assembly: Assembly, found: Sequence[Placed], tolerance: Tolerance) -> Placed:
+def _felt(posed: Posed, found: Sequence[Placed]) -> Placed:
     """The last of some sequences of which every piece runs against the contact that ends its move."""
     for placed in reversed(found):
-        if runs_against(problem, assembly, placed.reached.claims, tolerance):
+        if runs_against(posed.problem, posed.assembly, placed.reached.claims, posed.tolerance):
             return placed
     raise InfeasibleError("a piece of a turn leads away from the contact that is to end it at first")

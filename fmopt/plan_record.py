@@ -1,7 +1,4 @@
-"""The plan file of a finished synthesis, drawn up from what its stages found.
-
-Claims as the segments of a plan file.
-"""
+"""The plan file of a controlled motion, drawn up from what the stages found: claims are its segments."""
 
 from __future__ import annotations
 
@@ -18,22 +15,17 @@ from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.claim import Claim, ContactClaim
 from fmopt.certificate.curvature import Ends
 from fmopt.certificate.separating_plane import Separation
-from fmopt.certificate.way import Tolerance
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.control.decomposition import contact_forces, hand_record, position_force
 from fmopt.control.recovery import recovery_record
-from fmopt.control.strategy import bounded, strategy
-from fmopt.errors import InfeasibleError
-from fmopt.geometry.clearance import Clearance
+from fmopt.control.strategy import ControlledMotion
 from fmopt.geometry.exact import Exact, exact_vertices, facing_directions
 from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.knowledge.command import Answer
 from fmopt.nominal.mapping import Mapping, diagnostics
 from fmopt.nominal.trajectory import CriticalPose, FreedomInterval, NominalTrajectory
-from fmopt.placement.search import Searched
-from fmopt.placement.sequence import Placed
-from fmopt.placement.tolerated import Motion, Tolerated
+from fmopt.placement.tolerated import Tolerated
 from fmopt.placement.visited import Visited
 from fmopt.plan import clean, line, rounded_down
 from fmopt.task.problem import Problem
@@ -52,41 +44,15 @@ class Nominal:
     planes: Mapping
 
 
-@dataclass(frozen=True, eq=False)
-class Moved:
-    """The motion found for a problem, and what it rests on; the problem's specification plays no part in it."""
-
-    assembly: Assembly
-    clearance: Clearance
-    errors: ErrorSet
-    tolerance: Tolerance
-    found: Searched
-    placed: Placed
-
-    def under(self, problem: Problem, turn: float) -> Motion:
-        """The same moves under the errors of a problem, with pieces that turn so far (rad) at most."""
-        rates = problem.velocity_error.translation, problem.velocity_error.rotation
-        moves, tolerance = self.placed.moves, Tolerance(rates, self.tolerance.rho)
-        return Motion(self.assembly, moves, problem.start_box, tolerance, turn, problem.framing)
+def proof_document(problem: Problem, motion: ControlledMotion) -> dict[str, Any]:
+    """What of a plan file its verdict rests on, which is still open: geometry, errors, segments with their control."""
+    return dict(plan.clean(_proof(problem, motion)))
 
 
-def proof_document(problem: Problem, done: Moved) -> dict[str, Any]:
-    """What of a plan file its verdict rests on, which is still open: geometry, errors, segments with their control.
-
-    Args:
-        problem: the task.
-        done: the motion.
-
-    Raises:
-        InfeasibleError: no bias force holds the contacts.
-    """
-    return dict(plan.clean(_proof(problem, done)))
-
-
-def _proof(problem: Problem, done: Moved, *, ranges: bool = False) -> dict[str, Any]:
-    """See `proof_document`; with `ranges` also the jam-free ranges of the applied wrenches."""
-    tolerance, found, claims = done.tolerance, done.found, done.placed.reached.claims
-    segments = _segments(problem, done.assembly, claims, tolerance, ranges=ranges)
+def _proof(problem: Problem, motion: ControlledMotion) -> dict[str, Any]:
+    """See `proof_document`."""
+    done = motion.motion
+    tolerance, found, claims, segments = done.tolerance, done.found, done.claims, _segments(motion)
     contacts = {c.id: c for claim in claims for c in (*claim.piece.held, *claim.piece.goal_contacts)}
     declared, clearance = problem.declared_clearance, done.clearance.per_side
     own, other = exact_parts(done.assembly, contacts.values())
@@ -135,18 +101,19 @@ def _frames(problem: Problem, errors: ErrorSet) -> dict[str, Any]:
 
 
 def plan_document(
-    problem: Problem, nominal: Nominal, states: Visited, done: Moved, measured: Tolerated | None = None
+    problem: Problem, nominal: Nominal, states: Visited, motion: ControlledMotion, measured: Tolerated | None = None
 ) -> dict[str, Any]:
-    """The plan file of a finished placement, its verdict still open; errors as of `proof_document`.
+    """The plan file of a finished placement, its verdict still open.
 
     Args:
         problem: the task.
         nominal: trajectory, S(t) and critical poses.
         states: the contact states on the way.
-        done: the motion.
+        motion: the motion with its control.
         measured: how much error the motion tolerates, where that is to be in the plan.
     """
-    proof, claims = _proof(problem, done, ranges=True), done.placed.reached.claims
+    proof, done = _proof(problem, motion), motion.motion
+    claims = done.claims
     segments = [{**segment, "critical_point": states.space_of(k)} for k, segment in enumerate(proof["segments"])]
     rows = position_force(nominal.path, nominal.freedoms, contact_forces(problem.specification, done.tolerance.rho))
     document = {
@@ -204,20 +171,15 @@ def _in_the_plane(problem: Problem, nominal: Nominal, claims: tuple[Claim, ...])
     return {"planar": found}
 
 
-def _segments(
-    problem: Problem, assembly: Assembly, claims: tuple[Claim, ...], tolerance: Tolerance, *, ranges: bool
-) -> list[dict[str, Any]]:
+def _segments(motion: ControlledMotion) -> list[dict[str, Any]]:
+    claims = motion.motion.claims
     poses = [claims[0].piece.start.vector(), *(claim.piece.goal.vector() for claim in claims)]
     found: list[dict[str, Any]] = []
     move = -1
-    for k, (claim, bound) in enumerate(bounded(claims, tolerance.rho)):
-        move += claim.piece.progress[0] == 0.0
-        record = segment_record(claim, 0, move, poses[k], poses[k + 1], tolerance.rho)
-        try:
-            hybrid = strategy(problem, assembly, claim, tolerance, bound, ranges=ranges)
-        except InfeasibleError as error:
-            raise InfeasibleError(f"move {move + 1}: {error.message}", advice=error.advice) from error
-        found.append({**record, "hybrid": hybrid})
+    for k, piece in enumerate(motion.pieces):
+        move += piece.claim.piece.progress[0] == 0.0
+        record = segment_record(piece.claim, 0, move, poses[k], poses[k + 1], motion.motion.tolerance.rho)
+        found.append({**record, "hybrid": piece.document()})
     return found
 
 

@@ -8,15 +8,15 @@ from typing import Any
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Tolerance
 from fmopt.motion import FINE
+from fmopt.pipeline import planned
 from fmopt.placement.entry import Entry, Shape, start_spread, tilted_entry
 from fmopt.placement.motion import Reached
 from fmopt.placement.search import search
 from fmopt.placement.sequence import certified
 from fmopt.placement.shapes import room
 from fmopt.placement.step import Costs, Task
-from fmopt.plan_record import Moved
+from fmopt.placement.tolerated import CertifiedMotion
 from fmopt.se3 import Pose
-from fmopt.synthesis import planned
 from fmopt.task.problem import Problem, VelocityError
 from fmopt.task.sizes import characteristic_length, drift, measured_clearance
 from fmopt.uncertainty.error_set import ErrorSet
@@ -45,18 +45,20 @@ def task_of(problem: Problem) -> Task:
     )
 
 
-def motion_from(problem: Problem, entry: Entry) -> Moved:
+def motion_from(problem: Problem, entry: Entry) -> CertifiedMotion:
     """What a problem's search and certificate make of an entry."""
     task = task_of(problem)
     found = search(task, [entry])
     start = Reached(task.start, (), ())
     placed = certified(task.assembly, found.moves, start, task.tolerance, FINE)
-    return Moved(task.assembly, measured_clearance(problem), task.start, task.tolerance, found.searched, placed)
+    return CertifiedMotion(
+        task.assembly, measured_clearance(problem), task.start, task.tolerance, found.searched, placed
+    )
 
 
-def certified_plan(problem: Problem, motion: Moved) -> dict[str, Any]:
+def certified_plan(problem: Problem, motion: CertifiedMotion) -> dict[str, Any]:
     """The plan of a motion, which the check certifies."""
-    document, verdict = planned(problem, motion, lambda _: None)
+    document, verdict = planned(problem, motion)
     assert str(verdict.verdict) == "CERTIFIED"
     return document
 
@@ -67,7 +69,7 @@ def leaving(plan: dict[str, Any]) -> int:
     return number
 
 
-def tilted_motion(problem: Problem, shape: Shape) -> Moved:
+def tilted_motion(problem: Problem, shape: Shape) -> CertifiedMotion:
     """What a problem's search and certificate make of a tilted entry."""
     play = measured_clearance(problem).play
     return motion_from(problem, tilted_entry(problem.moving, play, problem.approach, shape))

@@ -16,11 +16,11 @@ from fmopt.geometry import csg
 from fmopt.geometry.csg import Box, Prism, Union
 from fmopt.geometry.part import Part, part_of, rebased
 from fmopt.motion import placement
+from fmopt.pipeline import certified_motion, proved
 from fmopt.placement.attitude import Image, all_attitudes, image_in, images
 from fmopt.placement.search import Searched
 from fmopt.placement.sequence import Placed
 from fmopt.se3 import Pose
-from fmopt.synthesis import moved, proved
 from fmopt.task.problem import load
 from fmopt.values import Array
 
@@ -143,7 +143,7 @@ def test_moves_come_back_with_the_same_margin(number: int, monkeypatch: pytest.M
 
     monkeypatch.setattr(motion, "images", in_one)
     monkeypatch.setattr(motion, "placement", watched)
-    done = moved(problem, lambda _: None)
+    done = certified_motion(problem)
     assert done.placed.margin == pytest.approx(placed[-1].margin, rel=1e-10)
     assert str(proved(problem, done)[1].verdict) == "CERTIFIED"
 

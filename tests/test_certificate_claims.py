@@ -13,10 +13,9 @@ from fmopt import plan
 from fmopt.certificate.assembly import contact_rows
 from fmopt.certificate.bounds import UNBOUNDED, bounds
 from fmopt.certificate.claim import claimed, facet_rows, stepped
-from fmopt.certificate.counted import counted_rows
 from fmopt.certificate.curvature import Course
 from fmopt.certificate.pair import Witness, facing, free_plane, pairs
-from fmopt.certificate.separating_plane import row_bounds, separation
+from fmopt.certificate.separating_plane import counted_rows, row_bounds, separation
 from fmopt.contact.primitive import face_vertex
 from fmopt.errors import InfeasibleError
 from fmopt.placement.separating_planes import choose_separations

@@ -8,9 +8,9 @@ from peg_pieces import CLEAR, DEPTH, HALF, Peg, Way, moves, peg
 from scipy.optimize import least_squares
 
 from fmopt.certificate.assembly import contact_rows, hinge
-from fmopt.certificate.counted import counted_rows
 from fmopt.certificate.knowledge import aligned, facts, flushes, taken_turns
 from fmopt.certificate.pair import Pair, Witness, pairs
+from fmopt.certificate.separating_plane import counted_rows
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.se3 import Pose
 from fmopt.values import Array

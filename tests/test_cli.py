@@ -458,10 +458,10 @@ def test_verify_of_a_missing_plan(fmopt: Command, tmp_path: Path) -> None:
 @pytest.fixture
 def solved(monkeypatch: pytest.MonkeyPatch, square_peg_plan: dict[str, Any]) -> None:
     """Lets `solve` answer with the session's plan at once."""
-    from fmopt import synthesis, verify
+    from fmopt import pipeline, verify
 
-    answer = synthesis.Synthesis(square_peg_plan, verify.verify(square_peg_plan), {"search": 1.0})
-    monkeypatch.setattr(synthesis, "synthesise", lambda problem, progress: answer)
+    answer = pipeline.Synthesis(square_peg_plan, verify.verify(square_peg_plan), {"search": 1.0})
+    monkeypatch.setattr(pipeline, "synthesise", lambda problem, progress: answer)
 
 
 @pytest.mark.usefixtures("solved")

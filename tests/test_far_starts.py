@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from fmopt.certificate.knowledge import Assembly
+from fmopt.pipeline import synthesise
 from fmopt.placement.shapes import room
-from fmopt.synthesis import synthesise
 from fmopt.task.explain import explain
 from fmopt.task.problem import VelocityError, load
 from fmopt.task.sizes import drift, measured_clearance

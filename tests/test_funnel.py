@@ -10,7 +10,7 @@ from execution_model import execute
 
 from fmopt.certificate.bounds import _blocked
 from fmopt.certificate.knowledge import Assembly
-from fmopt.synthesis import synthesise
+from fmopt.pipeline import synthesise
 from fmopt.task.problem import load
 
 PROBLEM = load(Path(__file__).parent.parent / "problems" / "bilba_chamfered_60.toml")

@@ -14,10 +14,9 @@ from searched import certified_plan, steadier, task_of, tilted_motion
 
 from fmopt.contact.primitive import Kind
 from fmopt.control.strategy import least_steady
-from fmopt.placement.begin import begin
 from fmopt.placement.entry import Entry, Shape, leading_corners, lowest, start_spread, swung_by, tilted_entry
 from fmopt.placement.explore import freedoms
-from fmopt.placement.search import MoveSequence, best_sequences, search
+from fmopt.placement.search import MoveSequence, begin, best_sequences, search
 from fmopt.placement.shapes import ample, likely_headings, likely_shapes, tilted_shapes
 from fmopt.placement.step import Task, follow
 from fmopt.placement.tune import Limits, tuned

@@ -22,16 +22,16 @@ FLOORS: tuple[frozenset[str], ...] = (
     frozenset({"output", "child"}),
     frozenset({"process"}),
     frozenset({"se3", "ellipsoid", "plane", "framing"}),
-    frozenset({"geometry", "plan"}),
+    frozenset({"geometry", "uncertainty", "plan"}),
     frozenset({"knowledge", "guarded"}),
     frozenset({"execution", "export", "contact", "task", "report"}),
-    frozenset({"nominal", "uncertainty"}),
+    frozenset({"nominal"}),
     frozenset({"certificate"}),
     frozenset({"placement"}),
     frozenset({"control"}),
     frozenset({"plan_record"}),
     frozenset({"motion"}),
-    frozenset({"synthesis"}),
+    frozenset({"pipeline"}),
     frozenset({"study"}),
     frozenset({"desk"}),
     frozenset({"console"}),
@@ -76,9 +76,9 @@ ONLY: dict[str, frozenset[str]] = {
 }
 # Rooms that only these may import.
 CALLERS: dict[str, frozenset[str]] = {
-    APART: frozenset({"plan", "synthesis", "desk", "cli"}),
+    APART: frozenset({"plan", "pipeline", "desk", "cli"}),
     "report": frozenset({"study", "desk", "console", "cli"}),
-    "task": frozenset({"control", "plan_record", "motion", "synthesis", "study", "desk", "cli"}),
+    "task": frozenset({"control", "plan_record", "motion", "pipeline", "study", "desk", "cli"}),
     "export": frozenset({"desk", "cli"}),
     "execution": frozenset({"study", "desk", "cli"}),
 }
@@ -86,7 +86,7 @@ CALLERS: dict[str, frozenset[str]] = {
 LIBRARIES: dict[str, frozenset[str]] = {
     "numpy": frozenset(
         {"values", "se3", "ellipsoid", "plane", "geometry", "knowledge", "contact", "task", "nominal", "uncertainty"}
-        | {"certificate", "placement", "control", "synthesis", "report", "study", "guarded", "export", "execution"}
+        | {"certificate", "placement", "control", "pipeline", "report", "study", "guarded", "export", "execution"}
         | {"desk", "plan_record"}
     ),
     "scipy": frozenset({"plane", "geometry", "contact", "nominal", "placement", "study"})
@@ -127,6 +127,7 @@ SOLVERS = {
     *("numpy", "numba", "scipy", "casadi", "sympy", "matplotlib"),
     *("clarabel", "daqp", "cvxpy", "pydantic", "distributed"),
 }
+MOST_ENTERED = 140  # files of the package of which a function runs while a problem is solved
 EVALUATORS = {"eval", "exec", "compile", "__import__"}
 PARSERS = {"lambdify", "sympify", "parse_expr"}
 
@@ -158,6 +159,43 @@ def imports(text: str) -> set[str]:
 def rooms_imported(file: str, text: str) -> set[str]:
     found = {name.split(".")[1] for name in imports(text) if name.startswith("fmopt.")}
     return found - {room(file), "__version__"}
+
+
+def module(file: str) -> str:
+    """The module that a file of the package is."""
+    return ".".join(("fmopt", *Path(file).with_suffix("").parts)).removesuffix(".__init__")
+
+
+def imported_first(text: str, known: set[str]) -> set[str]:
+    """Those of the known modules that a source text imports as it is loaded, not within its functions."""
+    found: set[str] = set()
+    for node in ast.parse(text).body:
+        if isinstance(node, ast.ImportFrom):
+            names = {f"{node.module}.{alias.name}" for alias in node.names}
+            found |= (names & known) or {str(node.module)}
+    return found & known
+
+
+def ran(problem: str) -> set[str]:
+    """The files of the package of which a function runs while a problem is solved."""
+    code = (
+        "import json, sys\n"
+        "from pathlib import Path\n"
+        "entered = set()\n"
+        "def called(frame, event, _):\n"
+        "    if event == 'call' and frame.f_code.co_flags & 1:  # a function's code, not a module's or a class's\n"
+        "        entered.add(frame.f_code.co_filename)\n"
+        "sys.setprofile(called)\n"
+        "from fmopt.pipeline import synthesise\n"
+        "from fmopt.task.problem import load\n"
+        "assert synthesise(load(Path(sys.argv[1]))).proved\n"
+        "sys.setprofile(None)\n"
+        "print(json.dumps(sorted(entered)))\n"
+    )
+    command = [sys.executable, "-c", code, problem]
+    done = subprocess.run(command, cwd=PACKAGE.parent, capture_output=True, text=True, timeout=300, check=True)
+    files = (Path(name) for name in json.loads(done.stdout) if not name.startswith("<"))
+    return {file.relative_to(PACKAGE).as_posix() for file in files if file.is_relative_to(PACKAGE)}
 
 
 def strangers(file: str, text: str) -> list[str]:
@@ -218,6 +256,20 @@ def test_imports_point_down() -> None:
     assert rooms_imported("__init__.py", source("__init__.py")) == {"desk", "errors", "study"}
     inside = [file for file in FILES if file != "__init__.py"]
     assert {file: found for file in inside if (found := strangers(file, source(file)))} == {}
+
+
+def test_no_files_import_each_other() -> None:
+    known = {module(file) for file in FILES}
+    ways = {module(file): imported_first(source(file), known) - {module(file)} for file in FILES}
+    while ends := {name for name, others in ways.items() if not others & ways.keys()}:
+        ways = {name: others for name, others in ways.items() if name not in ends}
+    assert ways == {}
+
+
+def test_a_plan_is_made_in_few_files() -> None:
+    entered = ran("problems/square_peg.toml")
+    assert {"pipeline.py", "placement/search.py", "certificate/claim.py", "verify/check.py"} <= entered
+    assert len(entered) <= MOST_ENTERED
 
 
 def test_libraries_stay_in_their_rooms() -> None:

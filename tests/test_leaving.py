@@ -18,8 +18,8 @@ from fmopt.certificate.segment import advance
 from fmopt.certificate.way import Piece
 from fmopt.errors import InfeasibleError
 from fmopt.placement.entry import planar_entries
+from fmopt.placement.tolerated import CertifiedMotion
 from fmopt.plan import parsed
-from fmopt.plan_record import Moved
 from fmopt.report.moves import move_words, moves
 from fmopt.task.problem import Problem, load
 from fmopt.verify import verify
@@ -34,7 +34,7 @@ def slot() -> Problem:
 
 
 @pytest.fixture(scope="module")
-def motion(slot: Problem) -> Moved:
+def motion(slot: Problem) -> CertifiedMotion:
     most = slot.settings.max_tilt
     rounds = planar_entries(slot.moving, slot.fixed, slot.start_box, slot.approach, most)
     shallow = (entry for entries in rounds for entry in entries if entry.shallow)
@@ -43,11 +43,11 @@ def motion(slot: Problem) -> Moved:
 
 
 @pytest.fixture(scope="module")
-def plan(slot: Problem, motion: Moved) -> dict[str, Any]:
+def plan(slot: Problem, motion: CertifiedMotion) -> dict[str, Any]:
     return certified_plan(slot, motion)
 
 
-def test_the_corner_is_caught_on_the_chamfer_and_let_go(motion: Moved) -> None:
+def test_the_corner_is_caught_on_the_chamfer_and_let_go(motion: CertifiedMotion) -> None:
     assert motion.found.names == ("approach", "-x", "leave", "-x", "+ry", "-z")
     assert motion.placed.margin > 1e-4
     caught, free = motion.placed.moves[1], motion.placed.moves[2]
@@ -113,7 +113,7 @@ def test_what_is_given_up_must_be_said_and_held_before(
     assert any(words in str(finding) for finding in found.findings)
 
 
-def test_a_way_along_the_chamfer_leaves_nothing(motion: Moved) -> None:
+def test_a_way_along_the_chamfer_leaves_nothing(motion: CertifiedMotion) -> None:
     """The control: with the same start, but a way that some errors turn back onto the chamfer."""
     claim = motion.placed.reached.claims[2]
     (contact,) = claim.piece.left
@@ -130,7 +130,7 @@ def test_a_way_along_the_chamfer_leaves_nothing(motion: Moved) -> None:
         assert step.departure == pytest.approx(0.01 * (rise - error * np.hypot(1.0, rise)), abs=1e-12)
 
 
-def test_a_contact_is_not_given_up_without_what_it_turns_about(motion: Moved) -> None:
+def test_a_contact_is_not_given_up_without_what_it_turns_about(motion: CertifiedMotion) -> None:
     last = motion.placed.reached.claims[-1]
     edge, vertex = last.piece.held
     ways = (last.piece.start, last.piece.goal, (vertex,), (vertex,), last.piece.basis[1:], None, (0.0, 1.0))

@@ -17,8 +17,8 @@ from fmopt.knowledge.goal import FREE, Goal
 from fmopt.knowledge.tree import ObjectTree
 from fmopt.knowledge.workcell import LowerPair, Workcell
 from fmopt.nominal.mapping import Mapping, answered
+from fmopt.pipeline import nominal_motion, synthesise
 from fmopt.se3 import Pose
-from fmopt.synthesis import nominal_motion, synthesise
 from fmopt.task.assembly import carried_out, load_assembly
 from fmopt.task.problem import load
 from fmopt.uncertainty.error_set import ErrorSet

@@ -19,8 +19,8 @@ from fmopt.certificate.way import Piece
 from fmopt.execution.trials import Trials, run
 from fmopt.placement.entry import Shape, tilted_entry
 from fmopt.placement.shapes import flat_shapes, tilted_shapes
+from fmopt.placement.tolerated import CertifiedMotion
 from fmopt.plan import parsed
-from fmopt.plan_record import Moved
 from fmopt.report.moves import move_words, moves
 from fmopt.task.problem import Problem, load
 from fmopt.task.sizes import measured_clearance
@@ -37,12 +37,12 @@ def peg() -> Problem:
 
 
 @pytest.fixture(scope="module")
-def motion(peg: Problem) -> Moved:
+def motion(peg: Problem) -> CertifiedMotion:
     return tilted_motion(peg, SHAPE)
 
 
 @pytest.fixture(scope="module")
-def plan(peg: Problem, motion: Moved) -> dict[str, Any]:
+def plan(peg: Problem, motion: CertifiedMotion) -> dict[str, Any]:
     return certified_plan(peg, motion)
 
 
@@ -74,7 +74,7 @@ def test_it_leans_on_one_corner_and_lies_on_others_beside_the_mouth(name: str) -
         assert entry.over.apply(entry.corner)[2] > 0.0
 
 
-def test_lying_flat_takes_height_and_tilt_away(peg: Problem, motion: Moved) -> None:
+def test_lying_flat_takes_height_and_tilt_away(peg: Problem, motion: CertifiedMotion) -> None:
     assert motion.found.names[:6] == ("approach", "edge", "face", "leave", "tilt", "enter")
     assert motion.placed.margin > 8e-5
     stages = {move.making[0].id: n for n, move in enumerate(motion.placed.moves[:3])}
@@ -90,7 +90,7 @@ def test_lying_flat_takes_height_and_tilt_away(peg: Problem, motion: Moved) -> N
     assert (inside[3:5] < 0.6 * peg.start_box[3:5]).all()
 
 
-def test_touching_with_one_corner_leaves_the_tilt(peg: Problem, motion: Moved) -> None:
+def test_touching_with_one_corner_leaves_the_tilt(peg: Problem, motion: CertifiedMotion) -> None:
     """The control: the same way in, with the leading corner touching the top by itself."""
     other = tilted_motion(peg, replace(SHAPE, flat=None, touch=(0.0026, 0.0005)))
     spread = next(claim for claim in other.placed.reached.claims if claim.piece.held).advance.ends.start_set
@@ -127,7 +127,7 @@ def test_larger_errors_are_noticed(plan: dict[str, Any]) -> None:
     assert {"tube", "separation"} <= {check for check, _ in execute(wide, 20, seed=3, steps=2).broken}
 
 
-def test_a_corner_over_the_mouth_comes_off_with_the_others(motion: Moved) -> None:
+def test_a_corner_over_the_mouth_comes_off_with_the_others(motion: CertifiedMotion) -> None:
     claim = next(claim for claim in motion.placed.reached.claims if claim.piece.left)
     (wall,) = coming_off(motion.assembly, claim.piece.held, claim.piece.left)
     assert wall.normal.tolist() == [0.0, 0.0, 1.0]
@@ -135,7 +135,7 @@ def test_a_corner_over_the_mouth_comes_off_with_the_others(motion: Moved) -> Non
     assert claim.advance.departure > 0.0
 
 
-def test_a_corner_over_the_mouth_must_not_fall_while_the_others_rise(motion: Moved) -> None:
+def test_a_corner_over_the_mouth_must_not_fall_while_the_others_rise(motion: CertifiedMotion) -> None:
     """The control: all three contacts open, and the fourth corner of the face goes down into the mouth."""
     claim = next(claim for claim in motion.placed.reached.claims if claim.piece.left)
     start, left = claim.piece.start, claim.piece.left

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from study_problems import straight
 
-from fmopt.synthesis import moved
+from fmopt.pipeline import certified_motion
 from fmopt.task.problem import load
 from fmopt.values import few_collections, remembered
 
@@ -45,7 +45,7 @@ def test_nothing_holds_on_to_a_problem_that_was_solved(tmp_path: Path) -> None:
     gc.disable()  # nothing waits for that
     try:
         for problem in problems:
-            done = moved(problem, lambda _: None)
+            done = certified_motion(problem)
             parts = [weakref.ref(done.assembly), weakref.ref(done.placed)]
             del done
             assert [part() for part in parts] == [None, None]

@@ -10,7 +10,7 @@ import pytest
 
 from fmopt import motion
 from fmopt.errors import FmoptError, InfeasibleError, SearchError
-from fmopt.synthesis import moved
+from fmopt.pipeline import certified_motion
 from fmopt.task.problem import Problem, load
 
 ROOT = Path(__file__).parent.parent
@@ -39,7 +39,7 @@ def failing(monkeypatch: pytest.MonkeyPatch, errors: list[FmoptError]) -> list[t
 def test_likely_ways_of_all_attitudes_come_before_the_rest(rectangle: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
     tried = failing(monkeypatch, [SearchError(f"attempt {n}") for n in range(4)])
     with pytest.raises(SearchError, match="attempt 0"):
-        moved(rectangle, lambda _: None)
+        certified_motion(rectangle)
     assert [attitude for attitude, _ in tried] == [0, 1, 0, 1]
     assert [ways for _, ways in tried[:2]] == [32, 32]
     assert min(ways for _, ways in tried[2:]) > 32
@@ -58,4 +58,4 @@ def test_the_failure_that_says_most_of_all_attempts_is_told(
 ) -> None:
     failing(monkeypatch, errors)
     with pytest.raises(FmoptError, match=f"^{told}$"):
-        moved(rectangle, lambda _: None)
+        certified_motion(rectangle)

@@ -16,11 +16,11 @@ from fmopt.execution.rig import Rig
 from fmopt.execution.robot import Robot, from_quaternions
 from fmopt.execution.trials import Trials, run
 from fmopt.guarded.moves import moves
-from fmopt.placement.begin import begin
 from fmopt.placement.entry import Shape, corner_turns, leading_corners, next_to_round, tilted_entry
+from fmopt.placement.search import begin
 from fmopt.placement.step import Task, follow, sons
+from fmopt.placement.tolerated import CertifiedMotion
 from fmopt.plan import parsed
-from fmopt.plan_record import Moved
 from fmopt.se3 import Pose, length
 from fmopt.task.problem import Problem, load
 from fmopt.task.sizes import measured_clearance
@@ -43,12 +43,12 @@ def task(peg: Problem) -> Task:
 
 
 @pytest.fixture(scope="module")
-def motion(peg: Problem) -> Moved:
+def motion(peg: Problem) -> CertifiedMotion:
     return tilted_motion(peg, SHAPE)
 
 
 @pytest.fixture(scope="module")
-def plan(peg: Problem, motion: Moved) -> dict[str, Any]:
+def plan(peg: Problem, motion: CertifiedMotion) -> dict[str, Any]:
     return certified_plan(peg, motion)
 
 
@@ -72,7 +72,7 @@ def test_corners_of_a_polygon_turn_all_the_way_round(peg: Problem) -> None:
     assert turns == pytest.approx(np.full(18, np.radians(20.0)))
 
 
-def test_two_touches_tell_where_it_is(peg: Problem, motion: Moved) -> None:
+def test_two_touches_tell_where_it_is(peg: Problem, motion: CertifiedMotion) -> None:
     assert motion.found.names == FOUND
     assert 0.0 <= motion.found.lower_bound <= motion.found.cost
     claims = motion.placed.reached.claims
@@ -108,7 +108,7 @@ def test_it_knows_its_place_before_it_goes_in(peg: Problem, task: Task) -> None:
     assert seated.cost >= node.cost + task.final_rank * (task.costs.transition + task.costs.danger)
 
 
-def test_it_is_laid_flat_on_corners_that_come_down_on_the_top(motion: Moved) -> None:
+def test_it_is_laid_flat_on_corners_that_come_down_on_the_top(motion: CertifiedMotion) -> None:
     """Many corners come down together, some of them over the hole."""
     (corner,) = motion.placed.moves[2].making[:1]
     last = next(claim for claim in motion.placed.reached.claims if corner in claim.piece.making)

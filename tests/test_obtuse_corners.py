@@ -12,8 +12,8 @@ from execution_model import execute
 from outlines import prism
 from searched import certified_plan, task_of, tilted_motion
 
-from fmopt.placement.begin import begin
 from fmopt.placement.entry import Shape, corner_walls, leading_corners, outline, tilted_entry
+from fmopt.placement.search import begin
 from fmopt.placement.shapes import likely_headings, likely_shapes, obtuse_shapes
 from fmopt.placement.step import Node, follow
 from fmopt.task.problem import Problem, load

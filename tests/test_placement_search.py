@@ -20,10 +20,9 @@ from fmopt.geometry.clearance import mating_clearance
 from fmopt.geometry.csg import Box, Difference, Placed
 from fmopt.geometry.part import part_of
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.placement.begin import begin
 from fmopt.placement.entry import Entry, start_spread, straight_entry, tilted_entry
 from fmopt.placement.explore import Freedom, Near, Place, guarded, neighbourhood
-from fmopt.placement.search import _Frontier, best_sequences, search, shortfall
+from fmopt.placement.search import _Frontier, begin, best_sequences, search, shortfall
 from fmopt.placement.shapes import tilted_shapes
 from fmopt.placement.step import Costs, Task
 from fmopt.se3 import Pose, exp

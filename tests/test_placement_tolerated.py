@@ -11,11 +11,10 @@ import pytest
 
 from fmopt.errors import InfeasibleError
 from fmopt.motion import FINE
-from fmopt.placement.tolerated import Motion, Tolerated, largest_factor, tolerated, what_fails
+from fmopt.pipeline import certified_motion, planned
+from fmopt.placement.tolerated import CertifiedMotion, Motion, Tolerated, largest_factor, tolerated, what_fails
 from fmopt.plan import parsed
-from fmopt.plan_record import Moved
 from fmopt.report.recovery_tables import rates, tolerance_chapter, tolerated_words
-from fmopt.synthesis import moved, planned
 from fmopt.task.problem import Problem, load
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
@@ -23,29 +22,31 @@ FINENESS = 1.0 / 64.0
 
 
 @pytest.fixture(scope="module")
-def solved() -> tuple[Problem, Moved]:
+def solved() -> tuple[Problem, CertifiedMotion]:
     """A rectangular peg with start errors and a drift that fit into the clearance, so that it goes straight through."""
     problem = load(PROBLEMS / "factory_rect_8mm_tight.toml")
     steady = replace(problem.velocity_error, translation=3e-4, rotation=3e-4)
     problem = replace(problem, start_box=0.01 * problem.start_box, velocity_error=steady)
-    done = moved(problem, lambda _: None)
+    done = certified_motion(problem)
     assert done.found.names == ("approach", "-z")
     return problem, done
 
 
 @pytest.fixture(scope="module")
-def motion(solved: tuple[Problem, Moved]) -> Motion:
+def motion(solved: tuple[Problem, CertifiedMotion]) -> Motion:
     problem, done = solved
     return Motion(done.assembly, done.placed.moves, problem.start_box, done.tolerance, FINE)
 
 
 @pytest.fixture(scope="module")
-def found(solved: tuple[Problem, Moved], motion: Motion) -> Tolerated:
+def found(solved: tuple[Problem, CertifiedMotion], motion: Motion) -> Tolerated:
     x, y = (0.5 * play for play in solved[1].clearance.play)
     return tolerated(motion, (x, y))
 
 
-def test_the_independent_check_agrees_with_the_factor(solved: tuple[Problem, Moved], found: Tolerated) -> None:
+def test_the_independent_check_agrees_with_the_factor(
+    solved: tuple[Problem, CertifiedMotion], found: Tolerated
+) -> None:
     problem, done = solved
     for share, verdict in ((1.0, "CERTIFIED"), (1.0 + 2.0 * FINENESS, None)):
         wider = replace(problem, start_box=share * found.box)
@@ -55,7 +56,7 @@ def test_the_independent_check_agrees_with_the_factor(solved: tuple[Problem, Mov
             continue
         # The same moves, certified for the wider errors, then checked from their plan alone.
         placed = motion.placed()
-        document, judged = planned(wider, replace(done, placed=placed), lambda _: None)
+        document, judged = planned(wider, replace(done, placed=placed))
         assert document["uncertainty"]["start_box"] == wider.start_box.tolist()
         assert str(judged.verdict) == verdict, judged.findings
 
@@ -102,7 +103,7 @@ def test_sensitivities_are_differences_of_margins(motion: Motion, found: Tolerat
     assert then - now == pytest.approx(by_name["start.rx"].change, abs=1e-12)
 
 
-def test_a_slimmer_peg_gains_what_the_clearance_does(solved: tuple[Problem, Moved], found: Tolerated) -> None:
+def test_a_slimmer_peg_gains_what_the_clearance_does(solved: tuple[Problem, CertifiedMotion], found: Tolerated) -> None:
     """Planned anew for a peg that is slimmer by 5 µm a side, the margin is no less than the rate foretells."""
     from fmopt.geometry.part import stretched
 
@@ -111,7 +112,7 @@ def test_a_slimmer_peg_gains_what_the_clearance_does(solved: tuple[Problem, Move
     x, y, _ = 0.5 * np.ptp(problem.moving.polyhedron.vertices, axis=0)
     slim = stretched(problem.moving, (1.0 - gap / x, 1.0 - gap / y, 1.0))
     assert slim.polyhedron.volume == pytest.approx(problem.moving.polyhedron.volume * (1 - gap / x) * (1 - gap / y))
-    other = moved(replace(problem, moving=slim), lambda _: None)
+    other = certified_motion(replace(problem, moving=slim))
     rate = next(s for s in found.sensitivities if s.name == "clearance")
     assert rate.change is not None
     assert other.clearance.per_side - done.clearance.per_side == pytest.approx(gap, rel=1e-6)
@@ -119,8 +120,8 @@ def test_a_slimmer_peg_gains_what_the_clearance_does(solved: tuple[Problem, Move
     assert other.placed.margin - done.placed.margin >= expected - 0.1 * gap
 
 
-def test_people_read_it(solved: tuple[Problem, Moved], found: Tolerated) -> None:
-    plan = parsed(planned(*solved, lambda _: None, measured=found)[0])
+def test_people_read_it(solved: tuple[Problem, CertifiedMotion], found: Tolerated) -> None:
+    plan = parsed(planned(*solved, measured=found)[0])
     words = tolerated_words(plan)
     assert f"up to {found.factor:.3g} times the start errors" in words
     assert "only the stated errors are certified" in words.lower()

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from searched import task_of
 
-from fmopt import synthesis
+from fmopt import motion, pipeline
 from fmopt.contact.primitive import Kind, PrimitiveContact, vertex_face
 from fmopt.contact.surface import Surfaces
 from fmopt.control.strategy import _touching
@@ -56,7 +56,7 @@ def distance(slot: Problem, contact: PrimitiveContact, pose: Pose) -> float:
 
 def thoroughly(task: Task, moves: Sequence[Move]) -> Placed:
     start = Reached(task.start, (), ())
-    return certified(task.assembly, moves, start, task.tolerance, synthesis.FINE)
+    return certified(task.assembly, moves, start, task.tolerance, motion.FINE)
 
 
 def faults(tmp_path: Path, file: str, old: str, new: str) -> list[Any]:
@@ -192,7 +192,7 @@ def test_a_corner_that_slides_off_its_slope_is_not_held(slot: Problem) -> None:
 def test_motions_are_placed_in_the_plane(slot: Problem, shares: tuple[float, float], least: float) -> None:
     """As the search found them, they have 252, 143 and 1 µm: of the last two, contacts are near the rims of facets."""
     box = slot.start_box * np.array([shares[0], 0.0, 0.0, 0.0, shares[1], 0.0])
-    solved = synthesis.synthesise(replace(slot, start_box=box))
+    solved = pipeline.synthesise(replace(slot, start_box=box))
     assert solved.proved
     assert solved.verdict.margin is not None
     assert solved.verdict.margin > least
@@ -203,7 +203,7 @@ def test_motions_are_placed_in_the_plane(slot: Problem, shares: tuple[float, flo
 def test_a_motion_that_no_contact_would_end_is_not_placed(slot: Problem) -> None:
     """The largest margin there is leads away from the contact that is to end a turn."""
     problem = replace(slot, start_box=np.array([1e-9, 0.0, 1e-9, 0.0, 1e-9, 0.0]))
-    assert synthesis.synthesise(problem).proved
+    assert pipeline.synthesise(problem).proved
 
 
 def test_a_contact_yet_to_be_made_is_listed_where_it_will_be(slot: Problem) -> None:
@@ -252,23 +252,23 @@ def test_shares_below_a_step_are_told_apart_more_finely(percent: int) -> None:
 def test_a_plan_for_a_share_proves_nothing_for_all(slot: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
     certified = Verdict("CERTIFIED", (), None, 0, None, ())
 
-    def sketched(problem: Problem, progress: synthesis.Progress) -> Any:
+    def searched(problem: Problem, stages: object = None) -> Any:
         share = float(problem.start_box[0] / slot.start_box[0])
         if share > 0.6 + 1e-9:
             raise SearchError(f"nothing for {share:.2f}")
-        return SimpleNamespace(done=None)
+        return SimpleNamespace()
 
     completed = []
 
-    def complete(sketch: Any, progress: synthesis.Progress) -> synthesis.Synthesis:
-        completed.append(sketch)
-        return synthesis.Synthesis({"verdict": "CERTIFIED", "diagnostics": {"graphs": []}}, certified, {})
+    def complete(problem: Problem, *_: object) -> pipeline.Synthesis:
+        completed.append(problem)
+        return pipeline.Synthesis({"verdict": "CERTIFIED", "diagnostics": {"graphs": []}}, certified, {})
 
-    monkeypatch.setattr(synthesis, "_sketched", sketched)
-    monkeypatch.setattr(synthesis, "proved", lambda problem, done: ({}, certified))
-    monkeypatch.setattr(synthesis, "_completed", complete)
+    monkeypatch.setattr(pipeline, "certified_motion", searched)
+    monkeypatch.setattr(pipeline, "proved", lambda problem, done: ({}, certified))
+    monkeypatch.setattr(pipeline, "_completed", complete)
     slot = replace(slot, settings=replace(slot.settings, reduce_errors=True))
-    found = synthesis.synthesise(slot)
+    found = pipeline.synthesise(slot)
     assert len(completed) == 1  # of the shares that were tried only the one that is given is worked out
     assert found.document["verdict"] == str(found.verdict.verdict) == str(NOT_PROVED)
     assert found.document["diagnostics"]["reduced"]["share"] == 0.6
@@ -276,6 +276,6 @@ def test_a_plan_for_a_share_proves_nothing_for_all(slot: Problem, monkeypatch: p
         found.verdict.findings[-1]
     )
     with pytest.raises(SearchError, match=r"nothing for 1\.00"):
-        synthesis.synthesise(replace(slot, settings=replace(slot.settings, reduce_errors=False)))
+        pipeline.synthesise(replace(slot, settings=replace(slot.settings, reduce_errors=False)))
     half = replace(slot, start_box=0.5 * slot.start_box)
-    assert synthesis.synthesise(half).document["verdict"] == "CERTIFIED"
+    assert pipeline.synthesise(half).document["verdict"] == "CERTIFIED"

@@ -11,12 +11,12 @@ import pytest
 from fmopt.control.strategy import least_firm, least_steady
 from fmopt.errors import InfeasibleError
 from fmopt.motion import FINE, FIRM, STEADY
+from fmopt.pipeline import certified_motion
 from fmopt.placement.motion import Reached
 from fmopt.placement.sequence import Aim, Placed, Refinement, certified, in_a_row, onto_surfaces, refine, state_rows
 from fmopt.placement.sequence_rows import SequenceRows, sensitivities, sequence_rows
 from fmopt.placement.solvers import ClarabelSolver
-from fmopt.plan_record import Moved
-from fmopt.synthesis import moved
+from fmopt.placement.tolerated import CertifiedMotion
 from fmopt.task.problem import Problem, load
 from fmopt.values import Array
 
@@ -25,12 +25,12 @@ STEP = 1e-6
 
 
 @cache
-def found(name: str) -> tuple[Problem, Moved]:
+def found(name: str) -> tuple[Problem, CertifiedMotion]:
     problem = load(PROBLEMS / f"{name}.toml")
-    return problem, moved(problem, lambda _: None)
+    return problem, certified_motion(problem)
 
 
-def displaced(done: Moved, number: int, shift: Array) -> Placed | None:
+def displaced(done: CertifiedMotion, number: int, shift: Array) -> Placed | None:
     """The motion with one goal displaced inside its contact state, certified anew, where it has as many pieces."""
     moves, start = done.placed.moves, Reached(done.errors, (), ())
     goals = [move.goal for move in moves]

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from fmopt.errors import InfeasibleError, SolverError
+from fmopt.pipeline import synthesise
 from fmopt.placement import nlp, polish
 from fmopt.placement.program import ConeProgram, Solution, as_cvxpy
 from fmopt.placement.solvers import ClarabelSolver
-from fmopt.synthesis import synthesise
 from fmopt.task.problem import load
 
 PROBLEMS = Path(__file__).parent.parent / "problems"

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import fmopt
+from fmopt.pipeline import synthesise
 from fmopt.placement.entry import leading_corners, start_spread, swung_by
 from fmopt.placement.shapes import roomy_errors, tilted_shapes
-from fmopt.synthesis import synthesise
 from fmopt.task.explain import explain
 from fmopt.task.problem import VelocityError, load
 from fmopt.task.sizes import measured_clearance

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from study_problems import ROOT, straight
 
-from fmopt import synthesis
+from fmopt import pipeline
 from fmopt.errors import SearchError
 from fmopt.study import evaluation
 from fmopt.study.batch import Question, Run
@@ -25,7 +25,7 @@ def test_a_search_that_fails_is_made_once_and_says_why(tmp_path: Path, monkeypat
         searches.append(1)
         raise SearchError("no motion was found:\n  state v4 ends", "lower the errors")
 
-    monkeypatch.setattr(synthesis, "moved", moved)
+    monkeypatch.setattr(pipeline, "certified_motion", moved)
     straight(tmp_path)
     question = Question("base.toml", ("clearance", "plan", "margins", "tolerated_error", "bias"), ("plan",))
     first = evaluation.evaluate(Run("a", (), question), tmp_path)
@@ -49,7 +49,7 @@ def test_a_search_that_ran_out_of_time_says_nothing_that_depends_on_the_machine(
     def moved(*_: object) -> None:
         raise SearchError("nothing among 17 states", "raise settings.time_limit", late=True)
 
-    monkeypatch.setattr(synthesis, "moved", moved)
+    monkeypatch.setattr(pipeline, "certified_motion", moved)
     straight(tmp_path)
     row = evaluation.evaluate(Run("a", (), Question("base.toml", ("margins",))), tmp_path)
     assert row.reason == "no motion was found before settings.time_limit"

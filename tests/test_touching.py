@@ -16,7 +16,7 @@ from fmopt.contact.primitive import vertex_face
 from fmopt.geometry.clearance import Clearance
 from fmopt.placement.entry import Shape, tilted_entry
 from fmopt.placement.shapes import funnel_depth, funnel_width, tilted_shapes, touching_shapes
-from fmopt.plan_record import Moved
+from fmopt.placement.tolerated import CertifiedMotion
 from fmopt.se3 import Pose
 from fmopt.task.problem import Problem, load
 from fmopt.task.sizes import measured_clearance
@@ -37,16 +37,16 @@ def clearance(problem: Problem) -> Clearance:
 
 
 @pytest.fixture(scope="module")
-def motion(problem: Problem) -> Moved:
+def motion(problem: Problem) -> CertifiedMotion:
     return tilted_motion(problem, SHAPE)
 
 
 @pytest.fixture(scope="module")
-def plan(problem: Problem, motion: Moved) -> dict[str, Any]:
+def plan(problem: Problem, motion: CertifiedMotion) -> dict[str, Any]:
     return certified_plan(problem, motion)
 
 
-def test_the_touch_takes_the_height_away(motion: Moved) -> None:
+def test_the_touch_takes_the_height_away(motion: CertifiedMotion) -> None:
     assert motion.found.names[:3] == ("approach", "leave", "enter")
     assert motion.placed.margin > 2e-5
     touched, lifted, _ = motion.placed.moves[:3]

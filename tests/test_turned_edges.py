@@ -14,9 +14,9 @@ from searched import steadier, tilted_motion
 from fmopt import se3
 from fmopt.certificate.knowledge import Assembly, aligned, facts, rising
 from fmopt.contact.primitive import PrimitiveContact, near_contacts
+from fmopt.pipeline import proved
 from fmopt.placement.entry import Shape
 from fmopt.se3 import Pose
-from fmopt.synthesis import proved
 from fmopt.task.problem import Problem, load
 from fmopt.task.sizes import measured_clearance
 from fmopt.values import Array

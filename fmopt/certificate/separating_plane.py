@@ -3,6 +3,10 @@
 Two convex pieces are apart when a face plane of one, or a plane along an edge of each, has them on opposite sides.
 
 Several witnesses for each of several pairs: which of them keeps its pair apart at most margin.
+
+Which rows of a witness plane count: those that the contacts do not settle.
+
+That depends on the contacts alone, not on poses, and is worked out once for each contact state.
 """
 
 from __future__ import annotations
@@ -13,16 +17,23 @@ from itertools import pairwise
 
 import numpy as np
 
-from fmopt.certificate.assembly import Assembly
-from fmopt.certificate.counted import Counted, counted_rows, rows_along
-from fmopt.certificate.curvature import AtEnd, Course, Ends
+from fmopt.certificate.assembly import NEAR, Assembly, hinge, level, on_line
+from fmopt.certificate.curvature import AtEnd, Course, Ends, Extent
 from fmopt.certificate.kernels_rows import Table
+from fmopt.certificate.knowledge import Facts, Wall, coming_off, facts, rising
 from fmopt.certificate.lower import Places, Witnesses, best
 from fmopt.certificate.pair import Pair, Witness, pairs, touching
-from fmopt.certificate.rows import stacked
-from fmopt.values import Array
+from fmopt.certificate.rows import Forms, Mask, directions_along, edges_apart, faces_above, points_above, stacked
+from fmopt.contact.primitive import Kind, PrimitiveContact
+from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.se3 import Pose, cross, length, lengths
+from fmopt.values import Array, remembered
 
 __all__ = ["Ends", "Pair", "RowBounds", "Separation", "Witness", "pairs", "row_bounds", "separation", "touching"]
+
+_MEMORY = 4096
+
+Faces = dict[tuple[int, ...], tuple[Array, float, Forms]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,3 +132,269 @@ class Candidates:
             numbers (n, m) of the witnesses, −1 where none holds with that margin, their margins and clearances, m.
         """
         return best(self.rows, self.listed, course.motion, least, grazing)
+
+
+@dataclass(frozen=True, eq=False)
+class Onto:
+    """An end of the moving edge that comes to lie on a wall along the fixed edge.
+
+    Where the witness plane's normal keeps a positive part along the wall's (row `outside`) and the end stays inside
+    the rim (row `inside`), the wall is behind the plane, and its vertices `behind` (k,) need no rows of their own.
+    """
+
+    outside: int
+    inside: int
+    behind: Mask
+
+
+@dataclass(frozen=True, eq=False)
+class Counted:
+    """The rows of a witness that contacts do not settle: distances that must stay positive.
+
+    Args:
+        forms: the rows.
+        always: how many of them, the first ones, count always; the others as `onto` says.
+        onto: walls that the moving edge turns onto.
+        edges: unit directions of the moving and of the fixed edge, for kind "edges".
+    """
+
+    forms: Forms
+    always: int
+    onto: tuple[Onto, ...] = ()
+    edges: tuple[Array, Array] | None = None
+
+    def scale(self, start: Pose, goal: Pose, extent: Extent) -> float:
+        """What margins are divided by: an upper bound, at most 1, of the length of the rows' normal."""
+        if self.edges is None:
+            return 1.0
+        e_m, e_f = self.edges
+        sines = [length(cross(pose.R @ e_m, e_f)) for pose in (start, goal)]
+        return min(1.0, max(sines) + extent.theta + extent.turn)
+
+    @property
+    def surely(self) -> Mask:
+        """Which rows (k,) count whatever the errors are."""
+        which = np.arange(len(self.forms)) < self.always
+        for onto in self.onto:
+            which &= ~onto.behind
+        return which
+
+    def counts(self, lower: Array) -> Mask:
+        """Which rows count, given the lower bounds (k,) of all."""
+        which = np.arange(len(lower)) < self.always
+        for onto in self.onto:
+            if lower[onto.outside] > 0.0:
+                which[onto.inside] = True
+                which &= ~onto.behind
+        return which
+
+
+def counted_rows(assembly: Assembly, pair: Pair, witness: Witness) -> Counted:
+    """The rows of a witness that contacts do not settle."""
+    if witness.plane is not None:
+        return _all(points_above(pair.moving.vertices, np.array(witness.plane[:3]), witness.plane[3]))
+    return rows_along(assembly, pair, (witness,))[0]
+
+
+@remembered(_MEMORY)
+def rows_along(assembly: Assembly, pair: Pair, witnesses: tuple[Witness, ...]) -> tuple[Counted, ...]:
+    """The counted rows of several witnesses along faces or edges of a pair."""
+    known, walls = facts(assembly, pair.state), coming_off(assembly, pair.state, pair.left)
+    over, beneath = _over(pair.moving, pair.fixed), _beneath(pair.moving, pair.fixed)
+    found = []
+    for witness in witnesses:
+        if witness.kind == "fixed-face":
+            n, offset, forms = over[witness.fixed]
+            settled = known.not_below(n, offset, pair.moving.vertices, _above(assembly, pair, walls, n, offset))
+            found.append(_all(Forms(forms.table[~settled])))
+        elif witness.kind == "moving-face":
+            n, offset, forms = beneath[witness.moving]
+            found.append(_all(Forms(forms.table[~_touched(assembly, pair, n, offset)])))
+        else:
+            found.append(_edge_rows(assembly, pair, witness, known))
+    return tuple(found)
+
+
+"""By the outline of each face of a piece its normal, how far out it is, and the rows of another piece's vertices."""
+
+
+@remembered(_MEMORY)
+def _over(moving: Polyhedron, fixed: Polyhedron) -> Faces:
+    """Vertices of a moving piece over the faces of a fixed one."""
+    found = {}
+    for face in fixed.faces:
+        offset = float((fixed.vertices @ face.normal).max())
+        found[face.loops[0]] = face.normal, offset, points_above(moving.vertices, face.normal, offset)
+    return found
+
+
+@remembered(_MEMORY)
+def _beneath(moving: Polyhedron, fixed: Polyhedron) -> Faces:
+    """Vertices of a fixed piece over the faces of a moving one."""
+    found = {}
+    for face in moving.faces:
+        offset = float((moving.vertices @ face.normal).max())
+        found[face.loops[0]] = face.normal, offset, faces_above(face.normal, offset, fixed.vertices)
+    return found
+
+
+def _all(forms: Forms) -> Counted:
+    return Counted(forms, len(forms))
+
+
+def _contacts(pair: Pair) -> tuple[PrimitiveContact, ...]:
+    """The contacts held, the one being made that counts, and those given up."""
+    return (*pair.state, *pair.beside)
+
+
+def _above(assembly: Assembly, pair: Pair, walls: Sequence[Wall], normal: Array, offset: float) -> Array:
+    """Body points (m, 3) that do not cross a fixed plane: of contacts not yet made, or given up, or flat with these."""
+    kept = [i for wall in walls if assembly.agree(wall.normal, wall.offset, normal, offset) for i in wall.points]
+    for contact in pair.beside:
+        if contact.kind is Kind.VERTEX_FACE:
+            number, vertex = contact.fixed_feature, contact.moving[0]
+        else:
+            found = hinge(assembly, contact, pair.state)
+            if found is None:
+                continue
+            number, _, vertex = found
+        face = assembly.fixed.polyhedron.faces[number]
+        if assembly.agree(face.normal, face.offset, normal, offset):
+            kept.append(vertex)
+    return assembly.body_points[kept]
+
+
+def _touched(assembly: Assembly, pair: Pair, normal: Array, offset: float) -> Mask:
+    """Vertices of the fixed piece that face–vertex contacts put on a moving face."""
+    F = pair.fixed.vertices
+    done = np.zeros(len(F), dtype=np.bool_)
+    for contact in _contacts(pair):
+        if contact.kind is Kind.FACE_VERTEX:
+            face = assembly.moving.polyhedron.faces[contact.moving_feature]
+            if assembly.agree(face.normal, face.offset, normal, offset):
+                done |= lengths(F - assembly.fixed.polyhedron.vertices[contact.fixed[0]]) <= NEAR
+    return done
+
+
+@dataclass(frozen=True, eq=False)
+class _Edge:
+    """An edge of a piece, run from one end to the other.
+
+    Args:
+        ends: both ends (2, 3), m.
+        along: unit direction (3,).
+        arms: (v − a) × e for all vertices v of the piece (k, 3), a the first end and e the direction, m.
+        on: which vertices (k,) lie on its line.
+        points: the vertices of the part, by their numbers, that do.
+    """
+
+    ends: Array
+    along: Array
+    arms: Array
+    on: Mask
+    points: frozenset[int]
+
+
+@remembered(_MEMORY)
+def _edge(piece: Polyhedron, part: Polyhedron, ends: tuple[int, ...]) -> _Edge:
+    a, b = piece.vertices[list(ends)]
+    along = (b - a) / length(b - a)
+    arms = cross(piece.vertices - a, along)
+    points = frozenset(np.flatnonzero(on_line(part.vertices, a, along)).tolist())
+    return _Edge(np.array([a, b]), along, arms, lengths(arms) <= NEAR, points)
+
+
+def _meet(contact: PrimitiveContact, moving: _Edge, fixed: _Edge) -> bool:
+    """Whether a contact is one of just these two edges."""
+    of_edges = contact.kind is Kind.EDGE_EDGE
+    return of_edges and moving.points.issuperset(contact.moving) and fixed.points.issuperset(contact.fixed)
+
+
+def _edge_rows(assembly: Assembly, pair: Pair, witness: Witness, known: Facts) -> Counted:
+    M, F = pair.moving.vertices, pair.fixed.vertices
+    moving = _edge(pair.moving, assembly.moving.polyhedron, witness.moving)
+    fixed = _edge(pair.fixed, assembly.fixed.polyhedron, witness.fixed)
+    (a, b), e_m, c, e_f = moving.ends, moving.along, fixed.ends[0], fixed.along
+    held, made = _anchored(assembly, pair, moving, fixed)
+    if held or made:
+        # Heights are relative to the moving edge, which is on the plane or not below it.
+        settled = moving.on | known.beside(M - a, e_f) | known.beside(M - b, e_f)
+        settled |= _levelled(assembly, pair, moving, fixed)
+        settled |= rising(known.turns, e_f, moving.arms)
+        upper = directions_along(e_f, moving.arms[~settled])
+    else:
+        upper = edges_apart(e_m, e_f, c, M)
+    off = F[~fixed.on]
+    parts = [upper, directions_along(fixed.arms[~fixed.on], e_m)]
+    always = count = len(upper) + len(off)
+    behind = []
+    for vertex, inward, n, offset in _turned_onto(assembly, pair, moving, fixed) if held else ():
+        parts += [directions_along(cross(e_f, n)[None], e_m), points_above(vertex[None], inward, float(inward @ c))]
+        behind.append((np.abs(off @ n - offset) <= NEAR) & ((off - c) @ inward >= -NEAR))
+    count += 2 * len(behind)
+    onto = tuple(
+        Onto(always + 2 * k, always + 2 * k + 1, _within(mask, len(upper), count)) for k, mask in enumerate(behind)
+    )
+    return Counted(stacked(*parts), always, onto, (e_m, e_f))
+
+
+def _within(mask: Mask, at: int, count: int) -> Mask:
+    wide = np.zeros(count, dtype=np.bool_)
+    wide[at : at + len(mask)] = mask
+    return wide
+
+
+def _anchored(assembly: Assembly, pair: Pair, moving: _Edge, fixed: _Edge) -> tuple[bool, bool]:
+    """Whether a contact of just these two edges is held, and whether one is made or given up on the plane's side."""
+    body, world = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron.vertices
+    held = made = False
+    for contact in _contacts(pair):
+        if not _meet(contact, moving, fixed):
+            continue
+        if contact in pair.state:
+            held = True
+        elif hinge(assembly, contact, pair.state) is None:
+            own, other = body[list(contact.moving)], world[list(contact.fixed)]
+            made |= float((own[1] - own[0]) @ moving.along) * float((other[1] - other[0]) @ fixed.along) > 0.0
+    return held, made
+
+
+def _levelled(assembly: Assembly, pair: Pair, moving: _Edge, fixed: _Edge) -> Mask:
+    """Vertices (n,) of the moving piece on a face that a second edge holds level with the fixed edge, or will.
+
+    In the plane of both edges the face's heights are those of the fixed edge over the face, seen from the moving edge.
+    """
+    body, M = assembly.moving.polyhedron.vertices, pair.moving.vertices
+    done = np.zeros(len(M), dtype=np.bool_)
+    for held in pair.state:
+        if not _meet(held, moving, fixed):
+            continue
+        for contact in _contacts(pair):
+            found = level(assembly, contact, (held,))
+            if found is not None:
+                far = length(found[1])
+                normal, away = found[1] / far, cross(moving.along, found[1] / far)
+                at = body[held.moving[0]]
+                off = M - at
+                reach = (body[list(contact.moving)] - at) @ away
+                side = float(reach[int(np.argmax(np.abs(reach)))])
+                done |= (np.abs(off @ normal) <= NEAR) & (np.sign(side) * (off @ away) >= -NEAR)
+    return done
+
+
+def _turned_onto(
+    assembly: Assembly, pair: Pair, moving: _Edge, fixed: _Edge
+) -> list[tuple[Array, Array, Array, float]]:
+    """Ends of the moving edge that lie on a wall along the fixed edge: (body vertex, inward in the wall, its plane)."""
+    body, world = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron.vertices
+    c, e_f, found = fixed.ends[0], fixed.along, []
+    for contact in _contacts(pair):
+        if contact.kind is not Kind.VERTEX_FACE or contact.moving[0] not in moving.points:
+            continue
+        wall = assembly.fixed.polyhedron.faces[contact.fixed_feature]
+        if abs(float(wall.normal @ e_f)) <= NEAR and abs(float(wall.normal @ c) - wall.offset) <= NEAR:
+            inward = world[list(contact.fixed)].mean(axis=0) - c
+            for axis in (e_f, wall.normal):
+                inward = inward - axis * float(axis @ inward)
+            found.append((body[contact.moving[0]], inward / length(inward), wall.normal, wall.offset))
+    return found

@@ -31,7 +31,7 @@ def solve(
     from fmopt import output, plan
     from fmopt.compiled import announce
     from fmopt.console import Stages, print_solved
-    from fmopt.synthesis import synthesise
+    from fmopt.pipeline import synthesise
     from fmopt.task.problem import load
 
     folder = out if out is not None else Path("out") / ("stdin" if file == STDIO else file.stem)

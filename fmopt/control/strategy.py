@@ -1,10 +1,8 @@
-"""How each piece of a certified motion is controlled: its guarded move, its strategy, and how surely contacts hold.
+"""How a certified motion is controlled: the guarded move and the strategy of each piece, and how surely contacts hold.
 
-Speed at which the contact that ends a move is met, and the speed that keeps its impact under a stated force.
-
-A mass m that meets a spring of stiffness k at the normal speed vₙ compresses it to m vₙ²/2 = F²/(2 k): F = vₙ √(k m).
-With m the apparent mass of robot and part where they touch and k the stiffness of contact, robot and sensor in series
-that is the greatest force of the impact; the push of the bias comes on top.
+Impact. A mass m that meets a spring of stiffness k at the normal speed vₙ compresses it to m vₙ²/2 = F²/(2 k), so that
+F = vₙ √(k m). With m the apparent mass of robot and part where they touch and k the stiffness of contact, robot and
+sensor in series that is the greatest force of the impact; the push of the bias comes on top.
 
 Over the errors. The contact is met somewhere on the moving feature, which lies between its vertices: vₙ is linear in
 the point, so that the vertices bound it. A turn of the part by up to θ, its error and its way to the goal, moves their
@@ -35,15 +33,16 @@ from fmopt.contact.bounds import BoundTable
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.contact.surface import Surfaces, contact_normal, contact_point, contact_wrench
 from fmopt.control.bias import GuardedMove, firmness, steadiness, turns
-from fmopt.control.hybrid import hybrid_strategy, jam_free
+from fmopt.control.hybrid import HybridStrategy, JamFree, hybrid_strategy, jam_free
+from fmopt.errors import InfeasibleError
 from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.placement.tolerated import CertifiedMotion
 from fmopt.se3 import Pose, cross
 from fmopt.task.problem import Problem, Specification
 from fmopt.values import Array, Value, frozen
 
 _NEAR = 4.0  # bounds of its errors before its goal from where on a move is run as if it might meet its contacts
 _CLOSED = 1e-12  # m; contacts nearer than this touch
-
 _LEVEL = 1e-3  # sine of the angle below which edges fix no normal
 
 
@@ -61,26 +60,75 @@ def bounded(claims: Sequence[Claim], rho: float) -> Iterator[tuple[Claim, float]
         yield claim, max(float(np.linalg.norm(extent.offset)) + rho * extent.theta, late)
 
 
-def strategy(
-    problem: Problem, assembly: Assembly, claim: Claim, tolerance: Tolerance, bound: float, *, ranges: bool = False
-) -> dict[str, Any]:
-    """The control strategy of a piece as the plan file holds it, from the contacts that touch at its goal.
+@dataclass(frozen=True, eq=False)
+class ControlledPiece:
+    """A piece of motion with its strategy.
 
-    Its `bound` is the one of `bounded`. With `ranges` it tells the jam-free range of its applied wrench, where it
-    holds contacts.
+    Args:
+        claim: what is certified of it.
+        strategy: how it is controlled.
+        held, made: the contacts that touch at its goal, those held on the way and those made there.
+        impact: how softly contacts are met, where that is limited.
+        jam_free: how far its applied wrench may turn, where that is asked for and contacts are held.
+    """
+
+    claim: Claim
+    strategy: HybridStrategy
+    held: tuple[PrimitiveContact, ...]
+    made: tuple[PrimitiveContact, ...]
+    impact: dict[str, Any] | None = None
+    jam_free: JamFree | None = None
+
+    def document(self) -> dict[str, Any]:
+        """The strategy as the plan file holds it."""
+        found = self.strategy.document([c.id for c in self.held], [c.id for c in self.made])
+        if self.impact is not None:
+            found["impact"] = self.impact
+        return found if self.jam_free is None else {**found, "jam_free": self.jam_free.document()}
+
+
+@dataclass(frozen=True, eq=False)
+class ControlledMotion:
+    """A certified motion with the strategies of its pieces, one for each claim, in order."""
+
+    motion: CertifiedMotion
+    pieces: tuple[ControlledPiece, ...]
+
+
+def controlled(problem: Problem, motion: CertifiedMotion, *, ranges: bool = False) -> ControlledMotion:
+    """A motion with its control strategies, from the contacts that touch at the goal of each piece.
+
+    Args:
+        problem: whose specification says how fast, and with which forces.
+        motion: the motion.
+        ranges: whether to tell the jam-free ranges of applied wrenches.
 
     Raises:
-        InfeasibleError: no bias force holds the contacts.
+        InfeasibleError: no bias force holds the contacts of a piece.
     """
-    move, held, made = _guarded(problem, assembly, claim, bound)
+    found: list[ControlledPiece] = []
+    move = -1
+    for claim, bound in bounded(motion.claims, motion.tolerance.rho):
+        move += claim.piece.progress[0] == 0.0
+        try:
+            found.append(_controlled(problem, motion, claim, bound, ranges=ranges))
+        except InfeasibleError as error:
+            raise InfeasibleError(f"move {move + 1}: {error.message}", advice=error.advice) from error
+    return ControlledMotion(motion, tuple(found))
+
+
+def _controlled(
+    problem: Problem, motion: CertifiedMotion, claim: Claim, bound: float, *, ranges: bool
+) -> ControlledPiece:
+    """A piece whose `bound` is the one of `bounded` with its strategy."""
+    tolerance, specification = motion.tolerance, problem.specification
+    move, held, made = _guarded(problem, motion.assembly, claim, bound)
     approach = _approach(problem, claim, move, tolerance)
-    specification = problem.specification if approach is None else slowed(problem.specification, approach)
-    hybrid = hybrid_strategy(move, tolerance.rho, specification)
-    document = hybrid.document([c.id for c in held], [c.id for c in made])
-    if approach is not None:
-        document["impact"] = impact_record(specification, approach)
-    free = jam_free(move, hybrid, tolerance.rho, specification) if ranges else None
-    return document if free is None else {**document, "jam_free": free.document()}
+    specification = specification if approach is None else slowed(specification, approach)
+    impact = None if approach is None else impact_record(specification, approach)
+    strategy = hybrid_strategy(move, tolerance.rho, specification)
+    free = jam_free(move, strategy, tolerance.rho, specification) if ranges else None
+    return ControlledPiece(claim, strategy, tuple(held), tuple(made), impact, free)
 
 
 def runs_against(problem: Problem, assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance) -> bool:

@@ -330,7 +330,7 @@ def solve(problem: task.Problem, progress: Callable[[str], None] = lambda _: Non
         SearchError: no motion was found, which proves nothing.
         InfeasibleError: no bias force holds the contacts.
     """
-    from fmopt.synthesis import synthesise
+    from fmopt.pipeline import synthesise
 
     found = synthesise(problem, progress)
     return Plan(found.document, found.seconds)

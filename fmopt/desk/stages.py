@@ -36,7 +36,8 @@ if TYPE_CHECKING:
     from fmopt.desk.plan import Plan
     from fmopt.execution.trials import Trials as Wanted
     from fmopt.placement.state_route import StateRoute
-    from fmopt.plan_record import Moved, Nominal
+    from fmopt.placement.tolerated import CertifiedMotion
+    from fmopt.plan_record import Nominal
     from fmopt.uncertainty.error_set import ErrorSet
 
 
@@ -66,7 +67,7 @@ def nominal(problem: Problem) -> Nominal:
     Raises:
         InterferenceError: the parts overlap when assembled, or their clearance is not positive.
     """
-    from fmopt.synthesis import nominal_motion
+    from fmopt.pipeline import nominal_motion
 
     return nominal_motion(problem, start_errors(problem), _rho(problem))
 
@@ -126,7 +127,7 @@ def state_route(
     return route(graph, start, goal, room, change)
 
 
-def motion(problem: Problem, progress: Progress = lambda _: None) -> Moved:
+def motion(problem: Problem, progress: Progress = lambda _: None) -> CertifiedMotion:
     """The search for a sequence of contact states and the placement of its goal poses; takes seconds to minutes.
 
     Args:
@@ -137,12 +138,13 @@ def motion(problem: Problem, progress: Progress = lambda _: None) -> Moved:
         InterferenceError: the parts overlap when assembled, or their clearance is not positive.
         SearchError: no motion was found, which proves nothing.
     """
-    from fmopt.synthesis import moved
+    from fmopt.motion import Stages
+    from fmopt.pipeline import certified_motion
 
-    return moved(problem, lambda _: None, progress)
+    return certified_motion(problem, Stages(progress))
 
 
-def plan(problem: Problem, found: Moved, progress: Progress = lambda _: None) -> Plan:
+def plan(problem: Problem, found: CertifiedMotion, progress: Progress = lambda _: None) -> Plan:
     """The plan of a motion: contact states on the way, control strategies, position/force trajectory, and the check.
 
     Args:
@@ -153,9 +155,10 @@ def plan(problem: Problem, found: Moved, progress: Progress = lambda _: None) ->
     Raises:
         InfeasibleError: no bias force holds the contacts.
     """
-    from fmopt.synthesis import planned
+    from fmopt.motion import Stages
+    from fmopt.pipeline import planned
 
-    document, _ = planned(problem, found, lambda _: None, progress)
+    document, _ = planned(problem, found, Stages(progress))
     return Plan(document)
 
 

@@ -8,6 +8,8 @@ transition and one roomy move at least, and so does each move of a part that is 
 learn where it is and then goes straight in. That bound is admissible; the order of expansion weighs it more, so that an
 answer comes soon, and the least bound among the states left open or dropped for a cheaper way to the same contacts says
 how much better another sequence could be: the gap.
+
+How a sequence begins: a corner goes into the mouth at once, touches the top first, or the part lies flat on it.
 """
 
 from __future__ import annotations
@@ -16,15 +18,20 @@ import heapq
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 
+import numpy as np
+
 from fmopt.compiled import clock
+from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.errors import SearchError
-from fmopt.placement.begin import begin
-from fmopt.placement.entry import Entry
+from fmopt.placement.entry import Entry, Leant
+from fmopt.placement.explore import Freedom, Near, Place, guarded, insides, neighbourhood
 from fmopt.placement.motion import Move, Reached
-from fmopt.placement.step import Costs, Node, Task, sons
+from fmopt.placement.step import Costs, Node, Task, son, sons
+from fmopt.se3 import Pose
+from fmopt.values import Array
 
 _LOOKS = 4
 _DIGITS, _PLACES = 9, 12  # of costs (1) and margins (m), decimals that tell one from another
@@ -185,11 +192,11 @@ def search(
             return _sequence(node, front, expanded)
         expanded += 1
         progress(" ".join(node.names))
-        for son in sons(task, node):
-            front.push(son, 0 if task.seated(son.place.pose) else final)
-            closest = son if closest is None else min(son, closest, key=lambda n: (-n.rank, n.cost))
-            if task.seated(son.place.pose) and son.reached.margin > 0.0:
-                ready = son if ready is None else min(son, ready, key=lambda n: n.cost)
+        for successor in sons(task, node):
+            front.push(successor, 0 if task.seated(successor.place.pose) else final)
+            closest = successor if closest is None else min(successor, closest, key=lambda n: (-n.rank, n.cost))
+            if task.seated(successor.place.pose) and successor.reached.margin > 0.0:
+                ready = successor if ready is None else min(successor, ready, key=lambda n: n.cost)
     if ready is not None:
         return _sequence(ready, front, expanded)
     late = clock() > deadline
@@ -259,3 +266,89 @@ class _Frontier:
     def bound(self, found: Node) -> float:
         """What any sequence from the same entries costs at least, when this one is found."""
         return min([found.cost, self._dropped, *(entry.bound for entry in self._queue)])
+
+
+def begin(task: Task, entry: Entry) -> Node | None:
+    """The state with a corner inside, None when the approach cannot be certified.
+
+    With a pose above the mouth the corner first goes down to touch the top, or the part is laid flat there, and leaves
+    it to get there.
+    """
+    place = Place(entry.start, (), (), entry.corner)
+    # The approach itself is no transition.
+    above = Node(entry, place, Reached(task.start, (), ()), (), (), -task.costs.transition, 0)
+    if entry.over is None:
+        return son(task, above, Move(entry.start, entry.inside, (), ()), "approach")
+    if entry.leant is not None:
+        return _from_flat(task, above, entry, entry.over, entry.leant)
+    height = float(entry.start.apply(entry.corner)[2])
+    down = Freedom("-z", np.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0]), 1.5 * height)
+    move = guarded(task.assembly, place, down, neighbourhood(task.assembly, place, down, task.costs.reach))
+    touched = None if move is None else son(task, above, move, "approach", thorough=True)
+    if touched is None:
+        return None
+    lifted = son(task, touched, Move(touched.place.pose, entry.over, (), (), touched.place.held), "leave")
+    return None if lifted is None else son(task, lifted, Move(entry.over, entry.inside, (), ()), "enter")
+
+
+def _from_flat(task: Task, above: Node, entry: Entry, over: Pose, leant: Leant) -> Node | None:
+    """The state with a corner inside after the part has lain flat on the top, on one corner first, then on an edge."""
+    node: Node | None = replace(above, place=replace(above.place, pivot=leant.edge[0]))
+    height = float(entry.start.apply(leant.edge[0])[2])
+    edge, face = (np.append(np.zeros(3), axis) for axis in leant.axes)
+    down = Freedom("approach", np.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0]), 1.5 * height)
+    for freedom, corners in (
+        (down, leant.edge[:1]),
+        (Freedom("edge", edge, task.max_turn), leant.edge[1:]),
+        (Freedom("face", face, task.max_turn), task.assembly.moving.polyhedron.vertices),
+    ):
+        node = None if node is None else _onto_top(task, node, freedom, corners)
+    if node is None:
+        return None
+    flat, last = node.place.pose, node.moves[-1]
+    lifted = flat.moved([0.0, 0.0, float(over.apply(entry.corner)[2]), 0.0, 0.0, 0.0])
+    ways = (
+        ("leave", flat, lifted, (*last.held, *last.making)),
+        ("tilt", lifted, over, ()),
+        ("enter", over, entry.inside, ()),
+    )
+    for name, at, to, left in ways:
+        node = None if node is None else son(task, node, Move(at, to, (), (), left), name)
+    return None if node is None else replace(node, place=replace(node.place, pivot=entry.corner))
+
+
+def _onto_top(task: Task, node: Node, freedom: Freedom, corners: Array) -> Node | None:
+    """The state after a guarded move that brings one of some corners (n, 3) of the body onto a face.
+
+    Of several that come down together, one that comes down well inside the face counts, the farther the better, and
+    where it leaves no margin the next.
+    """
+    assembly, start = task.assembly, node.place.pose
+    vertices = assembly.moving.polyhedron.vertices
+    near = [
+        contact
+        for contact in neighbourhood(assembly, node.place, freedom, task.costs.reach).contacts
+        if contact.kind is Kind.VERTEX_FACE and (corners == vertices[contact.moving_feature]).all(axis=1).any()
+    ]
+    move = guarded(assembly, node.place, freedom, Near.of(assembly, near))
+    if move is None:
+        return None
+    spread = float(node.reached.errors.support(np.eye(2, 6)).max())
+    inside = insides(assembly, near, move.goal)
+    heights = start.apply(vertices[[contact.moving_feature for contact in near]])[:, 2]
+    # Of those that come together the last in the list is met first.
+    order = sorted(range(len(near)), key=lambda n: (bool(inside[n] > spread), round(float(heights[n]), 9)))
+    near = [near[n] for n in order]
+    best: Node | None = None
+    tried: set[PrimitiveContact] = set()
+    for _ in near:
+        move = guarded(assembly, node.place, freedom, Near.of(assembly, near))
+        if move is not None and move.making[0] not in tried:
+            tried.add(move.making[0])
+            after = son(task, node, move, freedom.name, thorough=True)
+            if after is not None and (best is None or after.reached.margin > best.reached.margin):
+                best = after
+        if best is not None and best.reached.margin > 0.0:
+            break
+        near.insert(0, near.pop())
+    return best

@@ -22,11 +22,10 @@ from numpy.typing import NDArray
 from fmopt import ellipsoid
 from fmopt.certificate.assembly import Assembly, made_form, made_scale
 from fmopt.certificate.claim import Claim, facet_rows
-from fmopt.certificate.counted import counted_rows
 from fmopt.certificate.curvature import Course, Ends
 from fmopt.certificate.pair import Pair, pairs
 from fmopt.certificate.rows import Forms
-from fmopt.certificate.separating_plane import Separation
+from fmopt.certificate.separating_plane import Separation, counted_rows
 from fmopt.certificate.way import Piece, Tolerance, Way, way_of
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.placement.flush import DOUBTED, within_rims

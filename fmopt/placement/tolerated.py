@@ -18,9 +18,11 @@ from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Tolerance
 from fmopt.errors import InfeasibleError
 from fmopt.framing import IN_THE_WORLD, Framing
+from fmopt.geometry.clearance import Clearance
 from fmopt.geometry.part import stretched
 from fmopt.placement.bisection import Trial, largest
 from fmopt.placement.motion import Move, Reached, carried, claims_of_moves, unroll
+from fmopt.placement.search import Searched
 from fmopt.placement.sequence import Placed, certified, in_a_row, onto_surfaces
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array, Value, frozen
@@ -190,6 +192,32 @@ class Motion:
             else:
                 return False
         return True
+
+
+@dataclass(frozen=True, eq=False)
+class CertifiedMotion:
+    """The motion found for a problem, and what it rests on; the problem's specification plays no part in it.
+
+    Args:
+        assembly: the two parts.
+        clearance: as measured on them.
+        errors: at the start.
+        tolerance: velocity error and metric.
+        found: what is said of the search.
+        placed: its moves, with all that is certified of them.
+    """
+
+    assembly: Assembly
+    clearance: Clearance
+    errors: ErrorSet
+    tolerance: Tolerance
+    found: Searched
+    placed: Placed
+
+    @property
+    def claims(self) -> tuple[Claim, ...]:
+        """What is certified of its pieces, in order."""
+        return self.placed.reached.claims
 
 
 def _margin(claim: Claim) -> float:

@@ -12,9 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fmopt.compiled import clock
-from fmopt.placement.begin import begin
 from fmopt.placement.entry import Entry, Shape
-from fmopt.placement.search import MoveSequence
+from fmopt.placement.search import MoveSequence, begin
 from fmopt.placement.step import Node, Task, follow
 from fmopt.values import Array
 

@@ -19,17 +19,17 @@ from typing import Any
 import numpy as np
 
 from fmopt.errors import InfeasibleError, SearchError
-from fmopt.motion import FINE
+from fmopt.motion import Stages, under_errors
+from fmopt.pipeline import certified_motion, planned, proved
 from fmopt.placement.sequence import Placed
+from fmopt.placement.tolerated import CertifiedMotion
 from fmopt.plan import parsed
-from fmopt.plan_record import Moved
 from fmopt.report.shell import table
 from fmopt.study.cheapest import Cheapest, cheapest
 from fmopt.study.figures import changes
 from fmopt.study.page import framed, picture
 from fmopt.study.tolerances import Question
 from fmopt.study.view import READ
-from fmopt.synthesis import moved, planned, proved
 from fmopt.task.problem import Problem
 from fmopt.task.tables import in_words
 from fmopt.task.units import ANGLE, LENGTH, Dimension
@@ -68,7 +68,7 @@ class Allocation:
     replanned: str
     replanned_margin: float | None
     motions: int
-    anew: Moved | None
+    anew: CertifiedMotion | None
 
     def record(self) -> dict[str, Any]:
         """The answer as JSON, SI units."""
@@ -109,7 +109,7 @@ def allocate(question: Question, progress: Callable[[str], None] = lambda _: Non
         SearchError, InfeasibleError: there is no motion for the present tolerances, or its margin is too small already.
     """
     now = [allowed.now for allowed in question.tolerances]
-    answer = _with_motion(question, moved(question.problem(now), lambda _: None, progress), 1, progress)
+    answer = _with_motion(question, certified_motion(question.problem(now), Stages(progress)), 1, progress)
     while answer.replanned == "CERTIFIED" and answer.motions < _MOTIONS:
         assert answer.anew is not None
         progress(f"cost {answer.cost:.4g} after {answer.motions} motions")
@@ -123,7 +123,9 @@ def allocate(question: Question, progress: Callable[[str], None] = lambda _: Non
     return answer
 
 
-def _with_motion(question: Question, done: Moved, motions: int, progress: Callable[[str], None]) -> Allocation:
+def _with_motion(
+    question: Question, done: CertifiedMotion, motions: int, progress: Callable[[str], None]
+) -> Allocation:
     """The answer for one motion, with a plan made anew at it."""
     tolerances = question.tolerances
     now = np.array([allowed.now for allowed in tolerances])
@@ -144,18 +146,18 @@ def _with_motion(question: Question, done: Moved, motions: int, progress: Callab
     if isinstance(placed, str):
         raise InfeasibleError(f"with the answer rounded down, {placed}", advice="lower the digits, or state low")
     errors = ErrorSet.of(problem.start_box, problem.framing)
-    same = replace(done, errors=errors, tolerance=done.under(problem, FINE).tolerance, placed=placed)
+    same = replace(done, errors=errors, tolerance=under_errors(done, problem).tolerance, placed=placed)
     progress("checking the same motion")
-    document, _ = planned(problem, same, lambda _: None)
+    document, _ = planned(problem, same)
     anew, verdict, margin = _anew(problem, progress)
     before, cost = float(weights.sum()), float(np.sum(weights * now / np.array(values)))
     return Allocation(question, found, values, cost, before, placed.margin, document, verdict, margin, motions, anew)
 
 
-def _certified(done: Moved, problem: Problem) -> Placed | str:
+def _certified(done: CertifiedMotion, problem: Problem) -> Placed | str:
     """The motion with the errors of a problem, or in words why it cannot be followed."""
     try:
-        return done.under(problem, FINE).placed()
+        return under_errors(done, problem).placed()
     except InfeasibleError as error:
         return error.message
 
@@ -173,10 +175,10 @@ def _margins(placed: Placed) -> dict[str, float]:
     return found
 
 
-def _anew(problem: Problem, progress: Callable[[str], None]) -> tuple[Moved | None, str, float | None]:
+def _anew(problem: Problem, progress: Callable[[str], None]) -> tuple[CertifiedMotion | None, str, float | None]:
     """A plan made anew: its motion, verdict and least margin."""
     try:
-        done = moved(problem, lambda _: None, progress)
+        done = certified_motion(problem, Stages(progress))
         document, verdict = proved(problem, done)
         margin = min(segment.margin for segment in parsed(document).segments)
     except SearchError:

@@ -22,13 +22,13 @@ from fmopt.task.toml_source import Source, read
 
 if TYPE_CHECKING:
     from fmopt.geometry.clearance import Clearance
-    from fmopt.plan_record import Moved
+    from fmopt.placement.tolerated import CertifiedMotion
 
 T = TypeVar("T")
 NoAnswer: TypeAlias = InterferenceError | InfeasibleError | SearchError
 TRIALS = 100  # of a plan that is executed, seed 0
 _LONGEST = 500  # characters of a reason
-_MOTIONS: dict[str, Moved | NoAnswer] = {}  # the last of this process, by everything that it depends on
+_MOTIONS: dict[str, CertifiedMotion | NoAnswer] = {}  # the last of this process, by everything that it depends on
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class Solved:
         return measured_clearance(self.problem)
 
     @property
-    def moved(self) -> Moved:
+    def motion(self) -> CertifiedMotion:
         """The motion; runs that differ in the specification alone have the same one.
 
         Raises:
@@ -76,13 +76,13 @@ class Solved:
         return _given(self._motion)
 
     @cached_property
-    def _motion(self) -> Moved | NoAnswer:
-        from fmopt.synthesis import moved
+    def _motion(self) -> CertifiedMotion | NoAnswer:
+        from fmopt.pipeline import certified_motion
 
         data = {key: value for key, value in self._source.data.items() if key not in ("title", "specification")}
         key = f"{self._inputs} {canonical_digest(data)}"
         if key not in _MOTIONS:
-            done = _tried(lambda: moved(self.problem, lambda _: None))
+            done = _tried(lambda: certified_motion(self.problem))
             _MOTIONS.clear()
             _MOTIONS[key] = done
         return _MOTIONS[key]
@@ -103,11 +103,11 @@ class Solved:
 
     @cached_property
     def _written(self) -> dict[str, Any] | NoAnswer:
-        from fmopt.synthesis import planned, proved
+        from fmopt.pipeline import planned, proved
 
         if self._kept:
-            return _tried(lambda: planned(self.problem, self.moved, lambda _: None)[0])
-        return _tried(lambda: proved(self.problem, self.moved)[0])
+            return _tried(lambda: planned(self.problem, self.motion)[0])
+        return _tried(lambda: proved(self.problem, self.motion)[0])
 
 
 def _tried(stage: Callable[[], T]) -> T | NoAnswer:
@@ -184,7 +184,7 @@ def _clearance(solved: Solved) -> dict[str, Scalar]:
 
 
 def _plan(solved: Solved) -> dict[str, Scalar]:
-    found, search = solved.plan, solved.moved.found
+    found, search = solved.plan, solved.motion.found
     return {
         "verdict": found.verdict,
         "moves": len(search.names),
@@ -211,26 +211,23 @@ def _margins(solved: Solved) -> dict[str, Scalar]:
 
 def _tolerated(solved: Solved) -> dict[str, Scalar]:
     """The largest factor of the whole start box at which this motion, moved alike, is still certified."""
-    from fmopt.motion import FINE
+    from fmopt.motion import under_errors
     from fmopt.placement.tolerated import largest_factor
 
-    return {"tolerated_factor": largest_factor(solved.moved.under(solved.problem, FINE))}
+    return {"tolerated_factor": largest_factor(under_errors(solved.motion, solved.problem))}
 
 
 def _bias(solved: Solved) -> dict[str, Scalar]:
     """Whether every held contact can be held while the next is felt: the least normal force over all segments."""
-    from fmopt.control.strategy import bounded, strategy
+    from fmopt.control.strategy import controlled
 
-    moved = solved.moved
-    least, push = float("inf"), 0.0
-    for claim, bound in bounded(moved.placed.reached.claims, moved.tolerance.rho):
-        try:
-            hybrid = strategy(solved.problem, moved.assembly, claim, moved.tolerance, bound)
-        except InfeasibleError:
-            return {"holds": False, "least_normal_force": 0.0}
-        least = min([least, *(entry["force"] for entry in hybrid["normal_forces"])])
-        push = max(push, hybrid["push"])
-    return {"holds": True, "least_normal_force": None if least == float("inf") else least, "greatest_push": push}
+    try:
+        strategies = [piece.strategy for piece in controlled(solved.problem, solved.motion).pieces]
+    except InfeasibleError:
+        return {"holds": False, "least_normal_force": 0.0}
+    least = min((force for strategy in strategies for force in strategy.normal_forces.tolist()), default=None)
+    push = max(strategy.push for strategy in strategies)
+    return {"holds": True, "least_normal_force": least, "greatest_push": push}
 
 
 def _execution(solved: Solved) -> dict[str, Scalar]:

@@ -9,10 +9,11 @@ from pathlib import Path
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from fmopt import synthesis
+from fmopt.certificate.assembly import Assembly
+from fmopt.certificate.way import Tolerance
 from fmopt.contact.primitive import near_contacts
-from fmopt.placement.begin import begin
 from fmopt.placement.entry import start_spread, straight_entry
+from fmopt.placement.search import begin
 from fmopt.placement.step import Costs, Node, Task, sons
 from fmopt.se3 import Pose
 from fmopt.task.problem import Problem, load
@@ -54,14 +55,14 @@ def test_one_state_expanded(benchmark: BenchmarkFixture, tmp_path: Path, sides: 
     contacts = near_contacts(problem.moving.polyhedron, problem.fixed.polyhedron, low, 1e-3, 0.02)
     assert len(contacts) == 4 * sides
     rates = SMALL * problem.velocity_error.translation, SMALL * problem.velocity_error.rotation
-    tolerance = synthesis.Tolerance(rates, clearance.half_diagonal)
+    tolerance = Tolerance(rates, clearance.half_diagonal)
     costs = Costs.of(start_spread(problem.moving, box), clearance.per_side)
     (entry,) = straight_entry(problem.moving, clearance.play, box, problem.approach)
 
     def unused() -> tuple[tuple[Task], dict[str, object]]:
         # Parts of its own each time, so that nothing is remembered of what was worked out before.
         fresh = prism(tmp_path, sides)
-        assembly = synthesis.Assembly(fresh.moving, fresh.fixed)
+        assembly = Assembly(fresh.moving, fresh.fixed)
         return (Task(assembly, goal, ErrorSet.from_box(box), tolerance, costs, 1.3 * problem.settings.max_tilt),), {}
 
     def expanded(task: Task) -> list[Node]:

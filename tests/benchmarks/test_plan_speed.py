@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from fmopt import synthesis
+from fmopt import pipeline
 from fmopt.task.problem import load
 from fmopt.verify import verify
 
@@ -31,6 +31,6 @@ def test_solve(benchmark: BenchmarkFixture, square_peg_plan: dict[str, Any]) -> 
     """Solves only when timing is on: without it, the session's plan stands for the answer."""
 
     def solve() -> dict[str, Any]:
-        return synthesis.synthesise(load(PROBLEM)).document if benchmark.enabled else square_peg_plan
+        return pipeline.synthesise(load(PROBLEM)).document if benchmark.enabled else square_peg_plan
 
     assert benchmark.pedantic(solve, rounds=1)["sha256"] == square_peg_plan["sha256"]

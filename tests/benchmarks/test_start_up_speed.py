@@ -12,7 +12,7 @@ COMMANDS = {
     "python -c pass": ["-c", "pass"],
     "fmopt --help": ["-m", "fmopt", "--help"],
     "import fmopt.verify": ["-c", "import fmopt.verify"],
-    "import fmopt.synthesis": ["-c", "import fmopt.synthesis"],
+    "import fmopt.pipeline": ["-c", "import fmopt.pipeline"],
     "import of the solvers": ["-c", "import casadi, clarabel, daqp, scipy.optimize, sympy"],
 }
 

@@ -1,0 +1,224 @@
+"""The whole way from a problem to a plan, each stage with what it hands to the next.
+
+Problem → Posed (assembly, errors) → CertifiedMotion → ControlledMotion → plan document → Verdict
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from fmopt import plan
+from fmopt.control.strategy import ControlledMotion, controlled
+from fmopt.errors import InfeasibleError, SearchError
+from fmopt.knowledge.command import answer
+from fmopt.motion import Posed, Progress, Stages, motion, under_errors
+from fmopt.nominal.freedom import freedom, half_widths
+from fmopt.nominal.mapping import answered
+from fmopt.nominal.trajectory import critical_poses
+from fmopt.placement.bisection import ATTEMPTS, largest_share
+from fmopt.placement.states import Scale, contact_spaces
+from fmopt.placement.tolerated import CertifiedMotion, Tolerated, tolerated
+from fmopt.placement.visited import Visited, visited
+from fmopt.plan import Plan
+from fmopt.plan_record import Nominal, plan_document, proof_document
+from fmopt.task.command import task_command
+from fmopt.task.problem import Problem
+from fmopt.uncertainty.error_set import ErrorSet
+from fmopt.values import few_collections
+from fmopt.verify import CERTIFIED, Verdict, verify
+
+
+@dataclass(frozen=True, eq=False)
+class Synthesis:
+    """A finished synthesis: the plan document, the verdict of the independent check on it, and how long stages took."""
+
+    document: dict[str, Any]
+    verdict: Verdict
+    seconds: dict[str, float]
+
+    @cached_property
+    def plan(self) -> Plan:
+        """The plan, read back from the document."""
+        return plan.parsed(self.document)
+
+    @property
+    def proved(self) -> bool:
+        """Whether the plan is certified."""
+        return _certified(self.verdict)
+
+
+@few_collections()
+def synthesise(problem: Problem, progress: Progress = lambda _: None) -> Synthesis:
+    """Solves a problem, or as much of its start errors as there is a plan for where its settings ask for that.
+
+    Args:
+        problem: the task.
+        progress: told what is being done.
+
+    Raises:
+        InterferenceError: the parts overlap when assembled, or their clearance is not positive.
+        SearchError: no motion was found.
+        InfeasibleError: no bias force holds the contacts.
+    """
+    if problem.settings.reduce_errors:
+        return _for_as_much(problem, progress)
+    stages = Stages(progress)
+    return _completed(problem, certified_motion(problem, stages), stages)
+
+
+@few_collections()
+def certified_motion(problem: Problem, stages: Stages | None = None) -> CertifiedMotion:
+    """Measures the parts and finds the motion; errors as of `synthesise`.
+
+    Args:
+        problem: the task.
+        stages: told what is being done.
+    """
+    stages = stages or Stages()
+    stages.progress("measuring the parts")
+    posed = Posed.of(problem)
+    stages.ended("geometry")
+    found, placed = motion(posed, stages)
+    return CertifiedMotion(posed.assembly, posed.clearance, posed.errors, posed.tolerance, found, placed)
+
+
+def _completed(problem: Problem, motion: CertifiedMotion, stages: Stages) -> Synthesis:
+    """A motion with its plan, and how much error it tolerates."""
+    stages.progress("how much error the motion tolerates")
+    measured = _error_tolerance(problem, motion)
+    stages.ended("tolerances")
+    document, verdict = planned(problem, motion, stages, measured)
+    return Synthesis(document, verdict, stages.seconds)
+
+
+@few_collections()
+def planned(
+    problem: Problem, motion: CertifiedMotion, stages: Stages | None = None, measured: Tolerated | None = None
+) -> tuple[dict[str, Any], Verdict]:
+    """The sealed plan of a motion, and the verdict of the independent check on it; errors as of `synthesise`.
+
+    Args:
+        problem: the task.
+        motion: the motion.
+        stages: told what is being done.
+        measured: how much error the motion tolerates, where that is to be in the plan.
+    """
+    stages = stages or Stages()
+    stages.progress("nominal trajectory")
+    nominal = nominal_motion(problem, motion.errors, motion.tolerance.rho)
+    stages.ended("nominal")
+    states = _contact_states(motion, nominal)
+    stages.ended("contact")
+    stages.progress("control strategies")
+    document = plan_document(problem, nominal, states, controlled(problem, motion, ranges=True), measured)
+    stages.ended("control")
+    stages.progress("checking the certificate")
+    checked = _checked(document)
+    stages.ended("verify")
+    return checked
+
+
+def proved(problem: Problem, motion: CertifiedMotion) -> tuple[dict[str, Any], Verdict]:
+    """The plan of a motion without what its verdict does not rest on: nominal trajectory, contact states, tolerances.
+
+    Raises:
+        InfeasibleError: no bias force holds the contacts.
+    """
+    control: ControlledMotion = controlled(problem, motion)
+    return _checked(proof_document(problem, control))
+
+
+def nominal_motion(problem: Problem, errors: ErrorSet, rho: float) -> Nominal:
+    """T-C mapping: the nominal trajectory, its critical poses, and S(t) for the start errors or the given trapezoid.
+
+    P(t) comes from the cut-diagrams. S(t) is that of the parts in space, which holds where three planes see too little.
+    """
+    box = errors.support(np.eye(6)) if problem.trapezoid is None else half_widths(*problem.trapezoid)
+    found = answer(*task_command(problem))
+    made = answered(found, box, rho)
+    reach = float(np.linalg.norm(box[:3]) + 2.0 * rho * np.linalg.norm(box[3:]))
+    critical = critical_poses(problem.moving, problem.fixed, made.path, max(reach, 1e-3))
+    freedoms = freedom(problem.moving, problem.fixed, made.path, box)
+    return Nominal(made.path, critical, freedoms, found, made)
+
+
+def _contact_states(motion: CertifiedMotion, nominal: Nominal) -> Visited:
+    """The contact states that a motion goes through, in the spaces around critical poses."""
+    scale = Scale(motion.clearance.per_side, motion.tolerance.rho)
+    spaces = contact_spaces(motion.assembly, nominal.critical, scale)
+    return visited(motion.assembly, motion.claims, spaces, scale)
+
+
+def _error_tolerance(problem: Problem, motion: CertifiedMotion) -> Tolerated:
+    """How much error a motion tolerates, from the margins that its moves were certified with where these are sound."""
+    x, y = (0.5 * play for play in motion.clearance.play)
+    under = under_errors(motion, problem)
+    if problem.settings.method != "dakin1993":
+        under = replace(under, known=motion.placed.reached)
+    return tolerated(under, (x, y))
+
+
+def _checked(document: dict[str, Any]) -> tuple[dict[str, Any], Verdict]:
+    """The sealed plan with its verdict, which the independent check gives."""
+    hoped = plan.sealed({**document, "verdict": CERTIFIED})
+    verdict = verify(hoped)
+    if _certified(verdict):
+        return hoped, verdict
+    stated = str(verdict.verdict)
+    return plan.sealed({**document, "verdict": stated}), replace(verdict, stated=stated)
+
+
+def _certified(verdict: Verdict) -> bool:
+    return str(verdict.verdict) == CERTIFIED
+
+
+def _for_as_much(problem: Problem, progress: Progress) -> Synthesis:
+    """A plan for all of the start errors if there is one, else for the largest share for which one is proved.
+
+    Half of the time limit is for all of the errors, the other half for shares of them, the same for each.
+    """
+    settings, stages = problem.settings, Stages(progress)
+    half = replace(problem, settings=replace(settings, time_limit=0.5 * settings.time_limit))
+    try:
+        whole = certified_motion(half, stages)
+        verdict = proved(half, whole)[1]
+        if _certified(verdict):
+            return _completed(half, whole, stages)
+        short = verdict.findings[0].message
+    except (SearchError, InfeasibleError) as error:
+        whole, short = None, error.message
+    found = largest_share(lambda share: _for_share(problem, share, progress))
+    if found is not None:
+        share, (part, motion, own) = found
+        return _reduced(problem, share, _completed(part, motion, own), short)
+    if whole is None:
+        raise SearchError(f"no motion was found for any share of the start errors; for all of them: {short}")
+    return _completed(half, whole, stages)
+
+
+def _for_share(problem: Problem, share: float, progress: Progress) -> tuple[Problem, CertifiedMotion, Stages] | None:
+    """The motion for a share of the start errors, if it is proved; None when there is none."""
+    settings = replace(problem.settings, time_limit=0.5 * problem.settings.time_limit / ATTEMPTS)
+    part = replace(problem, start_box=share * problem.start_box, settings=settings)
+    stages = Stages(lambda words: progress(f"{share:.0%} of the errors: {words}"))
+    try:
+        motion = certified_motion(part, stages)
+        verdict = proved(part, motion)[1]
+    except (SearchError, InfeasibleError):
+        return None
+    return (part, motion, stages) if _certified(verdict) else None
+
+
+def _reduced(problem: Problem, share: float, found: Synthesis, short: str) -> Synthesis:
+    """A plan for a share of the start errors, which proves nothing for all of them, and says so."""
+    words = f"it is certified for {share:.0%} of the start errors that the problem states; for all of them: {short}"
+    verdict = found.verdict.unless([words])
+    verdict = replace(verdict, stated=str(verdict.verdict))
+    reduced = {"share": share, "stated_start_box": problem.start_box.tolist(), "short": plan.line(short)}
+    diagnostics = {**found.document["diagnostics"], "reduced": reduced}
+    document = {**found.document, "verdict": str(verdict.verdict), "diagnostics": diagnostics}
+    return Synthesis(plan.sealed(document), verdict, found.seconds)
