@@ -15,7 +15,7 @@ import yaml
 from lark import Token, Tree
 from urscript_language import parsed
 
-from fmopt.desk.shipped import admitted
+from fmopt.desk.checking import admitted
 from fmopt.errors import FmoptError
 from fmopt.export.write import Form, exported
 from fmopt.plan import Plan

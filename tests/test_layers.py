@@ -103,7 +103,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "mpmath": frozenset({"contact/algebra.py"}),
     "clarabel": frozenset({"placement/solvers.py"}),
     "daqp": frozenset({"placement/solvers.py", "placement/nlp.py"}),
-    "cvxpy": frozenset({"placement/program.py"}),
+    "cvxpy": frozenset({"placement/program.py", "desk/placing.py"}),
     "networkx": frozenset({"contact/graph.py"}),
     "manifold3d": frozenset({"geometry", "nominal/touch.py"}),
     "OCP": frozenset({"geometry/step_kernel.py"}),

@@ -166,7 +166,7 @@ def test_facets_add_what_the_planner_says_they_add(tmp_path: Path) -> None:
 
 
 def test_step_files_are_held_against_what_the_planner_makes_of_them(tmp_path: Path) -> None:
-    from fmopt.desk.shipped import given
+    from fmopt.desk.checking import given
 
     file = folder(tmp_path, *OWN, TOLD)
     problem = load(file)

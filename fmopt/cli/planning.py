@@ -133,7 +133,7 @@ def verify(
 
 def _given(problem: Path) -> Mapping[str, Given]:
     """The parts of a problem as the planner reads them, for those that come as STEP files."""
-    from fmopt.desk.shipped import given
+    from fmopt.desk.checking import given
     from fmopt.task.problem import load
 
     return given(load(problem))

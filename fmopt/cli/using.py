@@ -66,7 +66,7 @@ def export(
 
 def _admitted(file: Path, unverified: bool) -> tuple[Any, str]:
     """A plan that the check certifies, or what is said of it, on standard error, too, as the check was not asked."""
-    from fmopt.desk.shipped import admitted
+    from fmopt.desk.checking import admitted
     from fmopt.plan import read
 
     plan = read(file)

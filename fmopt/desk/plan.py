@@ -11,21 +11,19 @@ from typing import TYPE_CHECKING, Any
 
 from fmopt import output
 from fmopt import plan as files
-from fmopt.desk.problem import Problem
-from fmopt.desk.shipped import given
-from fmopt.errors import Fault, InputError, PlanFormatError, ResourceError
+from fmopt.desk.checking import held_against
+from fmopt.errors import ChoiceError, PlanFormatError, ResourceError
 from fmopt.report.moves import Move, moves, smallest_margin
 from fmopt.report.moves import verdict as spoken
 from fmopt.se3 import Pose
 from fmopt.task import problem as task
 from fmopt.verify import PlanError, Verdict, verify
-from fmopt.verify.document import Plan as Checked
-from fmopt.verify.problem import Held, ProblemError, held
 
 if TYPE_CHECKING:
     import polars
 
     from fmopt.desk.drawing import Drawing
+    from fmopt.desk.placing import Placing
     from fmopt.desk.stages import Trials
     from fmopt.report.figures import Figure
 
@@ -147,8 +145,33 @@ class Plan:
             raise PlanFormatError(str(error), "solve the problem with this version") from error
         if problem is None:
             return found
-        beside = _held(self.stated, problem)
+        beside = held_against(self.stated, problem)
         return found.unless(beside.differences, beside.remarks)
+
+    def placement(self, problem: task.Problem, radius: float | None = None) -> Placing:
+        """The cone program that places the goal poses of this plan, as a CVXPY problem to be changed and solved.
+
+        Needs the extra `cvxpy`.
+
+        >>> problem = fmopt.load(fmopt.example("square_peg"))
+        >>> placing = fmopt.read("out/square_peg/plan.json").placement(problem)
+        >>> placing.shift.shape[1]
+        6
+
+        Args:
+            problem: that the plan is of.
+            radius: how far poses may move, m, turns at the characteristic length; else a tenth of the clearance.
+
+        Raises:
+            ChoiceError: the plan is of another problem.
+            ResourceError: CVXPY is not installed.
+        """
+        from fmopt.desk.placing import placing
+
+        beside = held_against(self.stated, problem)
+        if beside.differences:
+            raise ChoiceError(beside.differences[0], "give the problem that the plan was made for")
+        return placing(self.stated, problem, radius)
 
     def execute(
         self,
@@ -224,7 +247,7 @@ class Plan:
             UnprovedError: the check does not certify the plan.
             FmoptError: the plan cannot be exported so, or the file not be written.
         """
-        from fmopt.desk.shipped import admitted
+        from fmopt.desk.checking import admitted
         from fmopt.export.write import Form, exported
 
         frame = base.vector() if isinstance(base, Pose) else base
@@ -370,31 +393,3 @@ def _line(segment: Segment) -> dict[str, Any]:
         "timeout": hybrid.timeout,
         **poses,
     }
-
-
-def _held(plan: Checked, problem: task.Problem) -> Held:
-    """A plan held against the document of a problem, and against what was put in its place since.
-
-    Raises:
-        InputError: the document or one of its models cannot be read.
-    """
-    data = problem.source.data if isinstance(problem, Problem) else None
-    try:
-        found = held(plan, problem.path, data, lambda: given(problem))
-    except ProblemError as error:
-        raise InputError(Fault(error.file, 1, 1, error.key, "problem", error.message)) from error
-    if found.differences:
-        return found
-    velocity = problem.velocity_error
-    pairs = (
-        ("start errors", plan.start_box, problem.start_box.tolist(), 1e-12),
-        ("velocity error", plan.velocity_error, (velocity.translation, velocity.rotation), 1e-12),
-        ("declared clearance", plan.moving.declared_clearance, problem.declared_clearance, 1e-12),
-        ("depth", plan.goal[2:3], problem.goal[2:3].tolist(), 1e-6),
-    )
-    words = [
-        f"the plan is for another {what} than the problem in memory, which is not that of its file"
-        for what, stated, wanted, off in pairs
-        if max(abs(a - b) for a, b in zip(stated, wanted, strict=True)) > off
-    ]
-    return Held(tuple(words), found.remarks)

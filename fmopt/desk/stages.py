@@ -199,7 +199,7 @@ class Trials:
 
 def carried_out(plan: Plan, wanted: Wanted, folder: Path | None, workers: int | None, unverified: bool) -> Trials:
     """Trials of a plan; see `fmopt.desk.plan.Plan.execute`."""
-    from fmopt.desk.shipped import admitted
+    from fmopt.desk.checking import admitted
     from fmopt.execution.execute import Settled, execute
 
     name = f"trials-{plan.stated.sha256[:12]}"

@@ -156,6 +156,25 @@ def refine(
     return best
 
 
+def sequence_program(aim: Aim, placed: Placed, radius: float) -> ConeProgram:
+    """The program whose optimum `refine` takes its first step to, in a trust region (m, in the metric of ρ).
+
+    Its variables are the displacements (6) of the start and of the goal pose of each move, m and rad, then the margin,
+    m; start and seated pose stay where they are.
+    """
+    return _program(aim, placed, sequence_rows(aim.assembly, placed.reached, aim.tolerance, radius), radius)
+
+
+def displaced(aim: Aim, placed: Placed, shift: Array) -> Placed:
+    """The sequence with its poses displaced by shifts (m + 1, 6), put back onto their surfaces, and certified anew.
+
+    Raises:
+        InfeasibleError: a pose leaves its contact state, or a move is impossible.
+    """
+    moves = _shifted(aim.assembly, placed.moves, shift * aim.assembly.freedoms)
+    return certified(aim.assembly, moves, aim.start, aim.tolerance, aim.step, placed.thorough)
+
+
 def _moved(aim: Aim, placed: Placed, shift: Array, by: float) -> Placed | None:
     """The sequence with its poses displaced, if that is possible, better by so much (m), and will do."""
     try:
