@@ -17,7 +17,8 @@ from fmopt.errors import FmoptError, InfeasibleError, SearchError
 from fmopt.geometry.clearance import Clearance
 from fmopt.placement.attitude import Image, images
 from fmopt.placement.entry import Entry, Shape, planar_entries, start_spread, straight_entry, tilted_entry
-from fmopt.placement.motion import Reached, claims_of_moves
+from fmopt.placement.growth import COARSE, grown
+from fmopt.placement.motion import Move, Reached, claims_of_moves
 from fmopt.placement.polish import Method, Turns, polish
 from fmopt.placement.search import MoveSequence, Searched, best_sequences
 from fmopt.placement.sequence import Aim, Placed, Refinement, certified, refine
@@ -96,6 +97,13 @@ class Posed:
     def start(self) -> Reached:
         """Where its motion starts."""
         return Reached(self.errors, (), ())
+
+    def under(self, share: float) -> Aim:
+        """What a sequence is placed for under a share of all errors, in coarse pieces, free to turn."""
+        rates = self.problem.velocity_error.translation, self.problem.velocity_error.rotation
+        tolerance = Tolerance((share * rates[0], share * rates[1]), self.tolerance.rho)
+        errors = ErrorSet.of(share * self.problem.start_box, self.problem.framing)
+        return Aim(self.assembly, Reached(errors, (), ()), tolerance, COARSE, turning=True)
 
     def imaged(self, image: Image) -> Posed:
         """The same as an image of the parts poses it."""
@@ -215,7 +223,7 @@ class _Stood:
                 found = tuned(task, candidates, self.entry_of, per_side, Limits(deadline, TRIES), tuning, steady)
                 found = deepened(task, found, self.entry_of, firm, Limits(deadline, TRIES))
                 stages.ended("entry")
-                placed = placement(posed, found, stages.progress)
+                placed = placement(posed, found.moves, stages.progress)
                 stages.ended("placement")
             except SearchError as error:
                 failures = failures or [error.with_traceback(None)]
@@ -246,12 +254,12 @@ def _rounds(
             yield (entry_of(shape),)
 
 
-def placement(posed: Posed, found: MoveSequence, progress: Progress) -> Placed:
+def placement(posed: Posed, moves: Sequence[Move], progress: Progress) -> Placed:
     """All goal poses placed for the largest certified margin, by the method that the problem asks for.
 
     Args:
         posed: the problem.
-        found: the sequence of contact states.
+        moves: the sequence, with goals in the contact states that it goes through.
         progress: told the margin after each gain.
 
     Raises:
@@ -260,7 +268,8 @@ def placement(posed: Posed, found: MoveSequence, progress: Progress) -> Placed:
     problem, clearance = posed.problem, posed.clearance.per_side
     spread = start_spread(problem.moving, problem.start_box)
     turns = Turns(3, 0.5 * (spread + clearance))
-    begun = certified(posed.assembly, found.moves, posed.start, posed.tolerance, FINE)
+    settings = Refinement.of(spread, clearance)
+    begun = certified(posed.assembly, moves, posed.start, posed.tolerance, FINE)
     aim = Aim(posed.assembly, posed.start, posed.tolerance, FINE, _as_good_as(posed, begun))
 
     def told(margin: float) -> None:
@@ -272,9 +281,30 @@ def placement(posed: Posed, found: MoveSequence, progress: Progress) -> Placed:
     if problem.settings.placement == "descent":
         stages = [begun, polished(begun, "descent")]
     else:
-        refined = refine(aim, begun, ClarabelSolver(), Refinement.of(spread, clearance), told)
+        refined = refine(aim, begun, ClarabelSolver(), settings, told)
         stages = [begun, refined, *filter(aim.fit, [polished(refined, "nlp")])]
     return _by_method(posed, _felt(posed, stages))
+
+
+def placed_anew(posed: Posed, moves: Sequence[Move], progress: Progress) -> Placed:
+    """Goal poses placed from wherever they are, as `placement` does it where the errors can be followed from there.
+
+    Where they cannot, errors are grown first as the poses come to bear them.
+
+    Args:
+        posed: the problem.
+        moves: the sequence, with goals in the contact states that it goes through.
+        progress: told the margin after each gain.
+
+    Raises:
+        InfeasibleError: all of the errors cannot be followed.
+    """
+    try:
+        return placement(posed, moves, progress)
+    except InfeasibleError:
+        progress("placement: errors are grown")
+        settings = Refinement.of(start_spread(posed.problem.moving, posed.problem.start_box), posed.clearance.per_side)
+        return placement(posed, grown(posed.under, moves, ClarabelSolver(), settings, FINE).moves, progress)
 
 
 def _as_good_as(posed: Posed, begun: Placed) -> Callable[[Placed], bool]:

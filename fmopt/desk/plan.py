@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from fmopt.desk.drawing import Drawing
     from fmopt.desk.placing import Placing
-    from fmopt.desk.stages import Trials
+    from fmopt.desk.trials import Trials
     from fmopt.report.figures import Figure
 
 
@@ -206,7 +206,7 @@ class Plan:
             ResourceError: the physics engine, of the extra `sim` or `drake`, is not installed, or results cannot be
                 written.
         """
-        from fmopt.desk.stages import carried_out
+        from fmopt.desk.trials import carried_out
         from fmopt.execution.trials import ENGINES
         from fmopt.execution.trials import Trials as Wanted
 

@@ -7,23 +7,17 @@
 >>> graph = fmopt.stages.contact_graph(problem, nominal.critical[1].pose)
 >>> graph.count()
 {1: 18, 2: 64, 3: 88, 4: 56, 5: 16, 6: 1}
-
-Trials of a plan in a physics engine, from Python: how many seated, with what certainty, and what went wrong.
 """
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
-from html import escape
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Collection
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fmopt import plan as files
 from fmopt.desk.plan import Plan
 from fmopt.geometry.clearance import Clearance
 from fmopt.se3 import Pose
@@ -33,8 +27,6 @@ from fmopt.task.sizes import characteristic_length, measured_clearance
 if TYPE_CHECKING:
     from fmopt.contact.graph import ContactGraph
     from fmopt.contact.primitive import PrimitiveContact
-    from fmopt.desk.plan import Plan
-    from fmopt.execution.trials import Trials as Wanted
     from fmopt.placement.state_route import StateRoute
     from fmopt.placement.tolerated import CertifiedMotion
     from fmopt.plan_record import Nominal
@@ -166,46 +158,23 @@ def _rho(problem: Problem) -> float:
     return characteristic_length(problem, clearance(problem))
 
 
-@dataclass(frozen=True, eq=False)
-class Trials:
-    """What trials of a plan came to.
+def placed(problem: Problem, motion: CertifiedMotion, progress: Progress = lambda _: None) -> CertifiedMotion:
+    """The contact states that a motion goes through, placed anew, without a search: wherever its poses are now.
+
+    It takes a second or two where a search takes many, and serves for poses that were moved by hand, and for a problem
+    with the same parts and other errors. Where the motion cannot be followed under all errors these are grown as its
+    poses come to bear them.
 
     Args:
-        summary: inside and beyond the certified set: trials, successes, share with its 95 % interval, forces (N), times
-            (s) and penetration (m); failures by their first departure from the plan.
-        folder: with `summary.json` and `trials.jsonl`, a line for each trial.
+        problem: the task; its parts are those of the motion.
+        motion: whose goal poses make the contacts that they should.
+        progress: told the margin after each gain.
+
+    Raises:
+        InfeasibleError: the errors cannot be followed from there.
     """
+    from fmopt.motion import Posed, placed_anew
 
-    summary: Mapping[str, Any]
-    folder: Path
-
-    @property
-    def records(self) -> list[dict[str, Any]]:
-        """Every trial: its errors (m, rad), whether the part seated, where it came to rest, and what departed."""
-        lines = (self.folder / "trials.jsonl").read_text(encoding="utf-8").splitlines()
-        return [record for record in map(json.loads, lines) if "trial" in record]
-
-    def __str__(self) -> str:
-        from fmopt.execution.summary import lines
-
-        return "\n".join(lines(dict(self.summary)))
-
-    def __repr__(self) -> str:
-        return f"<fmopt trials in {self.folder}: {self.summary['trials']} done>"
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(str(self))}</pre>"
-
-
-def carried_out(plan: Plan, wanted: Wanted, folder: Path | None, workers: int | None, unverified: bool) -> Trials:
-    """Trials of a plan; see `fmopt.desk.plan.Plan.execute`."""
-    from fmopt.desk.checking import admitted
-    from fmopt.execution.execute import Settled, execute
-
-    name = f"trials-{plan.stated.sha256[:12]}"
-    other = "" if wanted.engine == type(wanted).engine else f"-{wanted.engine}"
-    there = folder if folder is not None else Path("out") / f"{name}{other}"
-    read = files.parsed(plan.document)
-    caution = admitted(read, unverified)
-    files.write(plan.document, there / "plan.json")
-    return Trials(execute(read, wanted, Settled(there, workers), caution), there)
+    posed = Posed.of(problem)
+    found = placed_anew(posed, motion.placed.moves, progress)
+    return replace(motion, clearance=posed.clearance, errors=posed.errors, tolerance=posed.tolerance, placed=found)

@@ -90,6 +90,8 @@ class Aim:
         tolerance: velocity error and metric.
         step: greatest turn of one piece, rad.
         fit: whether a sequence will do, whatever its margin.
+        turning: whether goal poses in free space may turn. If not, how the part is tilted as it enters is for the
+            search to say: what gives way under a contact that is aslant is the robot.
     """
 
     assembly: Assembly
@@ -97,6 +99,7 @@ class Aim:
     tolerance: Tolerance
     step: float
     fit: Callable[[Placed], bool] = lambda _: True
+    turning: bool = False
 
 
 def better(aim: Aim, moves: Sequence[Move], than: Placed, by: float) -> Placed | None:
@@ -140,7 +143,7 @@ def refine(
         if not len(rows.values) or radius < settings.least_radius:
             break
         try:
-            solution = solver.solve(_program(aim, best, rows, radius))
+            solution = solver.solve(program_of(aim, best, rows, radius))
         except (InfeasibleError, SolverError):
             radius *= _SHORTER
             continue
@@ -162,7 +165,7 @@ def sequence_program(aim: Aim, placed: Placed, radius: float) -> ConeProgram:
     Its variables are the displacements (6) of the start and of the goal pose of each move, m and rad, then the margin,
     m; start and seated pose stay where they are.
     """
-    return _program(aim, placed, sequence_rows(aim.assembly, placed.reached, aim.tolerance, radius), radius)
+    return program_of(aim, placed, sequence_rows(aim.assembly, placed.reached, aim.tolerance, radius), radius)
 
 
 def displaced(aim: Aim, placed: Placed, shift: Array) -> Placed:
@@ -185,8 +188,8 @@ def _moved(aim: Aim, placed: Placed, shift: Array, by: float) -> Placed | None:
     return found if found is not None and aim.fit(found) else None
 
 
-def _program(aim: Aim, placed: Placed, rows: SequenceRows, radius: float) -> ConeProgram:
-    """The program in a trust region (m, in the metric of ρ).
+def program_of(aim: Aim, placed: Placed, rows: SequenceRows, radius: float) -> ConeProgram:
+    """The program of a sequence with its rows, in a trust region (m, in the metric of ρ).
 
     Variables: displacements (6) of all poses from the start to the goal, then the margin t, which is maximised.
     """
@@ -213,7 +216,7 @@ def _program(aim: Aim, placed: Placed, rows: SequenceRows, radius: float) -> Con
         norms.append(Norm(np.append(slope, 0.0)[None], np.array([at])))
         W.append((np.arange(len(h)) == number).astype(np.float64))
         h[number] += abs(at)
-    A = _equalities(aim.assembly, moves, n)
+    A = _equalities(aim, moves, n)
     upper = np.append(most, np.inf)
     weights = np.array(W).reshape(-1, len(h)).T
     units = np.append(0.25 * most, 0.25 * radius)
@@ -222,19 +225,15 @@ def _program(aim: Aim, placed: Placed, rows: SequenceRows, radius: float) -> Con
     return ConeProgram.of(c, A=A, b=np.zeros(len(A)), G=G, h=h, W=weights, norms=tuple(norms), **box)
 
 
-def _equalities(assembly: Assembly, moves: Sequence[Move], n: int) -> Array:
-    """Each pose stays in its contact state; the start and the seated pose stay where they are.
-
-    Moves that hold nothing do not begin to turn: how the part is tilted as it enters is for the search to say, and what
-    gives way under a contact that is aslant is the robot.
-    """
+def _equalities(aim: Aim, moves: Sequence[Move], n: int) -> Array:
+    """Each pose stays in its contact state; the start and the seated pose stay where they are."""
     first = np.zeros((6, n))
     first[:, :6] = np.eye(6)
     blocks = [first]
     for k, move in enumerate(moves):
         contacts = (*move.held, *move.making)
-        rows = np.eye(6) if k == len(moves) - 1 else state_rows(assembly, contacts, move.goal)
-        if not move.held and k < len(moves) - 1:
+        rows = np.eye(6) if k == len(moves) - 1 else state_rows(aim.assembly, contacts, move.goal)
+        if not (move.held or aim.turning) and k < len(moves) - 1:
             rows = np.vstack([rows, np.eye(6)[3:]])
         block = np.zeros((len(rows), n))
         block[:, 6 * (k + 1) : 6 * (k + 2)] = rows

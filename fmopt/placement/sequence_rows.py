@@ -33,7 +33,7 @@ from fmopt.placement.motion import Reached, claims_of_moves
 from fmopt.values import Array
 
 _STEPS = 4  # steps of the trust region that a row is kept away from where contacts are described otherwise
-_KEPT = 0.5  # of how far vertices are from there
+KEPT = 0.5  # of how far vertices are from there
 _ALIKE = 1e-6  # slopes that differ by less are one
 
 
@@ -205,7 +205,7 @@ def _described(course: Course, sure: Sequence[tuple[Forms, NDArray[np.intp]]], n
             close = room < near
             N = rows.N[end, 0, which[close]]
             if len(N):
-                yield _Block(N, _KEPT * room[close], end, course.spread(end, N), 1.0, DOUBTED, 0.0)
+                yield _Block(N, KEPT * room[close], end, course.spread(end, N), 1.0, DOUBTED, 0.0)
 
 
 def pairs_of(assembly: Assembly, claim: Claim) -> list[tuple[Pair, Separation]]:
