@@ -51,7 +51,7 @@ ONLY: dict[str, frozenset[str]] = {
     "plan": frozenset({"output", "errors", "verify"}),
     "plane": frozenset({"compiled", "values", "errors"}),
     "knowledge": frozenset({"geometry", "se3", "values", "errors"}),
-    "report": frozenset({"plan", "geometry", "se3", "values", "escape", "errors"}),
+    "report": frozenset({"guarded", "plan", "geometry", "se3", "values", "escape", "errors"}),
     "guarded": frozenset({"plan", "se3", "values", "errors"}),
     "execution": frozenset({"guarded", "plan", "output", "child", "se3", "values", "errors"}),
     "export": frozenset({"guarded", "plan", "output", "escape", "se3", "values", "errors"}),

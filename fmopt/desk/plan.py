@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from fmopt.desk.drawing import Drawing
     from fmopt.desk.placing import Placing
     from fmopt.desk.trials import Trials
+    from fmopt.guarded.axes import Stretch
     from fmopt.report.figures import Figure
 
 
@@ -123,6 +124,18 @@ class Plan:
     def moves(self) -> tuple[Move, ...]:
         """The moves, in order; a move that turns far has several segments."""
         return moves(self.stated)
+
+    @cached_property
+    def stretches(self) -> tuple[Stretch, ...]:
+        """S, Pₐ and Fₐ of the motion, [LeeHuang1985], move by move, beside S(t) of the nominal trajectory.
+
+        >>> plan = fmopt.read("out/square_peg/plan.json")
+        >>> plan.stretches[0].s, plan.stretches[-1].move
+        ((0, 0, 0, 0, 0, 0), None)
+        """
+        from fmopt.guarded.axes import stretches
+
+        return stretches(self.stated)
 
     def verify(self, problem: task.Problem | None = None) -> Verdict:
         """Checks the certificate from the plan's own geometry, in exact arithmetic, without the planner.

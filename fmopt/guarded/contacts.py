@@ -14,6 +14,7 @@ from fmopt.se3 import Pose, cross
 from fmopt.values import Array, Value, frozen
 
 _PARALLEL = 1e-9  # sine between edges that fix no normal
+_LEVEL = 1e-3  # sine between edges that run level
 _END = 1e-6  # m, by which edges may cross beyond their ends: at a corner rounding decides, and there both are held
 
 
@@ -49,6 +50,14 @@ class Contact(Value):
         u, v = moving[1] - moving[0], self.fixed[1] - self.fixed[0]
         at = zip(_nearest(moving[0], u, self.fixed[0], v), (u, v), strict=True)
         return all(max(-share, share - 1.0) * float(np.linalg.norm(edge)) <= _END for share, edge in at)
+
+    def level(self, pose: Pose) -> bool:
+        """Whether its edges run level, so that they fix no normal; a face that lies there has others that do."""
+        if self.kind != "edge-edge":
+            return False
+        moving = pose.apply(self.moving)
+        u, v = moving[1] - moving[0], self.fixed[1] - self.fixed[0]
+        return float(np.linalg.norm(cross(u, v))) < _LEVEL * float(np.linalg.norm(u) * np.linalg.norm(v))
 
     def above(self, point: Array) -> float:
         """How far a point (3,) in B is above the fixed face, m."""

@@ -12,6 +12,7 @@ from itertools import groupby
 
 import numpy as np
 
+from fmopt.guarded.axes import stretches
 from fmopt.plan import Hybrid, JamFree, Plan, Segment
 from fmopt.report.moves import moves, turn_of, way_of
 from fmopt.report.naming import AXES, combination, direction, quantity, signed
@@ -35,6 +36,26 @@ def force_table(plan: Plan) -> str:
         force = combination(item.fa, "N", "N·m") + (f"; {', '.join(either)} of either sign" if either else "")
         rows.append((f"{time.start:.3g} to {time.end:.3g} s", ", ".join(bound) or "all free", force))
     return table("Freedoms and reaction forces by time", ("time", "S(t)", "Fa(t)"), rows)
+
+
+def motion_table(plan: Plan) -> str:
+    """S, Fa and Pa of the certified motion, move by move, beside S(t) of the nominal trajectory."""
+    rows = []
+    for stretch in stretches(plan):
+        name = "seated" if stretch.move is None else f"move {stretch.move + 1}"
+        time = f"{stretch.start:.3g} to {stretch.end:.3g} s" if stretch.move is not None else f"{stretch.end:.3g} s"
+        bound = [f"{axis} {STOPS[s]}" for axis, s in zip(AXES, stretch.s, strict=True) if s]
+        force = combination(stretch.fa.tolist(), "N", "N·m")
+        rows.append((name, time, ", ".join(bound) or "all free", force, "; ".join(stretch.differences) or "nothing"))
+    if not rows:
+        return ""
+    words = (
+        "<p>An axis is stopped where a contact that the move holds has a part along it, at the goal of the move. The "
+        "nominal trajectory goes straight in, and its S(t) says what an uncertain part could touch there; the motion "
+        "touches on purpose, tilted.</p>\n"
+    )
+    head = ("move", "commanded", "S", "Fa", "differs from S(t) of the nominal trajectory")
+    return words + table("The motion along the axes", head, rows)
 
 
 def hybrid_table(plan: Plan) -> str:

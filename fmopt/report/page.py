@@ -78,7 +78,8 @@ def _states(plan: Plan, shown: Mapping[str, str]) -> str:
 
 
 def _nominal(plan: Plan, shown: Mapping[str, str]) -> str:
-    return shown.get("diagrams", "") + shown.get("trajectory", "") + control_tables.force_table(plan)
+    tables = control_tables.force_table(plan) + control_tables.motion_table(plan)
+    return shown.get("diagrams", "") + shown.get("trajectory", "") + tables
 
 
 def _shown(plan: Plan, figures: Mapping[str, str]) -> dict[str, str]:
