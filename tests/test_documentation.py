@@ -150,6 +150,19 @@ def test_every_name_in_backticks_leads_somewhere() -> None:
     assert not leads_nowhere("Polyhedron.volume", set(), everywhere)
 
 
+def test_the_page_on_the_design_names_what_there_is() -> None:
+    page = (PACKAGE / "design.md").read_text(encoding="utf-8")
+    everywhere = defined({file: ast.parse((PACKAGE / file).read_text(encoding="utf-8")) for file in FILES})
+    names = set(re.findall(r"`([A-Za-z_][\w.]*\w)`", page))
+    assert {name for name in names if leads_nowhere(name, set(), everywhere)} == set()
+    readme = (PACKAGE.parent / "README.md").read_text(encoding="utf-8")
+    assert set(re.findall(r"\[([A-Z]\w+(?:19|20)\d\d|BasanezSuarez)\]", page)) <= set(
+        re.findall(r"\*\*\[(\w+)\]", readme)
+    )
+    run = [name.removeprefix("fmopt.") for name in sorted(names) if name.startswith("fmopt.")]
+    assert len(run) > 20
+
+
 ARRAY = re.compile(r"\b(Array|ArrayLike|NDArray|Indices)\b")
 SHAPE = re.compile(r"\([\w…][^)]*,[^)]*\)|\(…\)|\bposes?\b|arguments as for `")
 # What a notebook calls; the rooms of the search, the certificate and the physics engine work below these.
