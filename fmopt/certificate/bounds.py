@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -32,6 +33,18 @@ Judge = Callable[[Lower], float]
 """The margin of a contact, m, from the lower bounds of all rows."""
 
 
+class _Looked(list[float]):
+    """Numbers that note which of them were looked at."""
+
+    def __init__(self, numbers: Sequence[float]) -> None:
+        super().__init__(numbers)
+        self.at: set[int] = set()
+
+    def __getitem__(self, k: Any) -> Any:
+        self.at.add(k)
+        return super().__getitem__(k)
+
+
 @dataclass(frozen=True, eq=False)
 class Bounds:
     """Rows that bound contacts, and what their lower bounds say of each contact.
@@ -55,9 +68,11 @@ class Bounds:
         Zero where it jumps, as another wall or contact takes over there.
         """
         judge, numbers, found = self.judges[contact], lower.tolist(), np.zeros(len(lower))
-        here = judge(numbers)
+        looked = _Looked(numbers)
+        here = judge(looked)
         for way in (-_DIFFERENCE, _DIFFERENCE):  # a least of several falls with each of them, a greatest only rises
-            for k, number in enumerate(lower.tolist()):
+            for k in sorted(looked.at):  # what was not looked at makes no difference
+                number = numbers[k]
                 numbers[k] = number + way
                 found[k] = (judge(numbers) - here) / way
                 numbers[k] = number
