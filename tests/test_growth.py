@@ -13,9 +13,11 @@ import fmopt
 from fmopt.errors import InfeasibleError
 from fmopt.motion import FINE, Posed
 from fmopt.placement import growth
+from fmopt.placement import motion as moving
 from fmopt.placement.motion import Move
 from fmopt.placement.sequence import certified, in_a_row, onto_surfaces
 from fmopt.placement.tolerated import CertifiedMotion
+from fmopt.se3 import length, log
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 OFF, TURNED = 3e-4, math.radians(1.0)  # m and rad: by how much poses are disturbed
@@ -65,6 +67,26 @@ def test_what_no_share_of_the_errors_lets_through_says_why(solved: tuple[fmopt.P
     with pytest.raises(InfeasibleError) as caught:
         fmopt.stages.placed(problem, replace(motion, placed=replace(motion.placed, moves=moves)))
     assert len(str(caught.value)) > 10
+
+
+def test_moves_that_fail_are_divided_in_two_ways_while_searching_and_in_more_afterwards(
+    solved: tuple[fmopt.Problem, CertifiedMotion], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem, motion = solved
+    posed, tried = Posed.of(problem), list[int]()
+
+    def fail(*arguments: object) -> None:
+        tried.append(arguments[4])  # type: ignore[arg-type]
+        raise InfeasibleError("it fails")
+
+    monkeypatch.setattr(moving, "_unroll", fail)
+    upright = next(move for move in motion.placed.moves if not np.allclose(move.start.R, move.goal.R))
+    step = length(log(upright.goal.R @ upright.start.R.T)) / 12
+    for thorough, ways in ((False, 2), (True, 7)):
+        tried.clear()
+        with pytest.raises(InfeasibleError, match="it fails"):
+            moving.unroll(posed.assembly, upright, posed.start, posed.tolerance, step, thorough)
+        assert len(tried) == len(set(tried)) == ways
 
 
 def test_a_motion_is_placed_for_other_errors_without_a_search() -> None:

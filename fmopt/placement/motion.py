@@ -168,7 +168,9 @@ def unroll(
     count = max(math.ceil(turn / step - 1e-9), 1)
     failures: list[InfeasibleError] = []
     # Shorter pieces leave smaller remainders; but the last one must be longer than what errors make the touch differ.
-    for pieces in dict.fromkeys((count, 2 * count, -(-2 * count // 3), -(-count // 2), 4 * count, -(-count // 3), 1)):
+    # Most of the moves that a search tries fail in every way: there two of them say enough.
+    others = (2 * count, -(-2 * count // 3), -(-count // 2), 4 * count, -(-count // 3)) if thorough else ()
+    for pieces in dict.fromkeys((count, *others, 1)):
         try:
             return _unroll(assembly, move, reached, tolerance, pieces, thorough)
         except InfeasibleError as error:
