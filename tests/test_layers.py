@@ -176,7 +176,7 @@ def imported_first(text: str, known: set[str]) -> set[str]:
     return found & known
 
 
-def ran(problem: str) -> set[str]:
+def ran(problem: str, out: Path) -> set[str]:
     """The files of the package of which a function runs while a problem is solved."""
     code = (
         "import json, sys\n"
@@ -186,13 +186,13 @@ def ran(problem: str) -> set[str]:
         "    if event == 'call' and frame.f_code.co_flags & 1:  # a function's code, not a module's or a class's\n"
         "        entered.add(frame.f_code.co_filename)\n"
         "sys.setprofile(called)\n"
-        "from fmopt.pipeline import synthesise\n"
-        "from fmopt.task.problem import load\n"
-        "assert synthesise(load(Path(sys.argv[1]))).proved\n"
+        "from fmopt.cli.entry import command\n"
+        "sys.argv = ['fmopt', 'solve', sys.argv[1], '--out', sys.argv[2], '--quiet']\n"
+        "assert command() == 0\n"
         "sys.setprofile(None)\n"
         "print(json.dumps(sorted(entered)))\n"
     )
-    command = [sys.executable, "-c", code, problem]
+    command = [sys.executable, "-c", code, problem, str(out)]
     done = subprocess.run(command, cwd=PACKAGE.parent, capture_output=True, text=True, timeout=300, check=True)
     files = (Path(name) for name in json.loads(done.stdout) if not name.startswith("<"))
     return {file.relative_to(PACKAGE).as_posix() for file in files if file.is_relative_to(PACKAGE)}
@@ -266,8 +266,8 @@ def test_no_files_import_each_other() -> None:
     assert ways == {}
 
 
-def test_a_plan_is_made_in_few_files() -> None:
-    entered = ran("problems/square_peg.toml")
+def test_a_plan_is_made_in_few_files(tmp_path: Path) -> None:
+    entered = ran("problems/square_peg.toml", tmp_path / "out")
     assert {"pipeline.py", "placement/search.py", "certificate/claim.py", "verify/check.py"} <= entered
     assert len(entered) <= MOST_ENTERED
 

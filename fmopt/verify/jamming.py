@@ -25,11 +25,10 @@ import math
 from collections.abc import Sequence
 
 from fmopt.verify.document import Hybrid, JamFree, Specification
-from fmopt.verify.doubles import cross, dot, doubles
 from fmopt.verify.file import Numbers
 from fmopt.verify.findings import RELATIVE, Notes
-from fmopt.verify.rational import sub
-from fmopt.verify.reach import Contact
+from fmopt.verify.rational import doubles, sub
+from fmopt.verify.reach import Contact, cross, dot
 from fmopt.verify.rows import pose
 
 _STRICT = 1e-9  # of unit twists, by which each contact must be opened beyond friction

@@ -19,10 +19,10 @@ from itertools import pairwise
 
 from fmopt.verify.diagnostics import Diagnostics, Interval, Visit
 from fmopt.verify.document import CriticalPoint, Nominal, Plan, PositionForce, Search, Segment
-from fmopt.verify.doubles import dot, doubles
 from fmopt.verify.file import NOT_COVERED, Numbers
 from fmopt.verify.findings import CERTIFIED, Notes
-from fmopt.verify.rational import ArithmeticRefusal, logarithm, product, sub, transposed
+from fmopt.verify.rational import ArithmeticRefusal, doubles, logarithm, product, sub, transposed
+from fmopt.verify.reach import dot
 from fmopt.verify.rows import pose
 
 _SAME = 1e-12  # m, rad, s: stated twice, from one number

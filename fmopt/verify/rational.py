@@ -42,6 +42,11 @@ def fixed(x: float) -> int:
     return (numerator << BITS) >> (denominator.bit_length() - 1)
 
 
+def doubles(v: Sequence[int]) -> tuple[float, ...]:
+    """The floats nearest to fixed-point numbers."""
+    return tuple([number(x) for x in v])
+
+
 def number(x: int) -> float:
     """The float nearest to a fixed-point number."""
     return float(x) * _UNIT

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from operator import mul
 from typing import NamedTuple
 
 from fmopt.verify.assembly import Assembly, Touch
 from fmopt.verify.document import Numbers
-from fmopt.verify.doubles import cross, dot, doubles
-from fmopt.verify.rational import number, transposed
+from fmopt.verify.rational import doubles, number, transposed
 from fmopt.verify.rows import Pose
 from fmopt.verify.solids import Shape
 
@@ -111,3 +111,15 @@ def _placed(v: Sequence[int], X: Pose) -> Numbers:
 
 def _sub(a: Numbers, b: Numbers) -> Numbers:
     return tuple([x - y for x, y in zip(a, b, strict=True)])
+
+
+def dot(a: Sequence[float], b: Sequence[float]) -> float:
+    """a·b of vectors of one size in doubles, rounded once."""
+    if len(a) != len(b):
+        raise ValueError(f"vectors of {len(a)} and {len(b)} numbers have no product")
+    return math.fsum(map(mul, a, b))
+
+
+def cross(a: Sequence[float], b: Sequence[float]) -> Numbers:
+    """a × b in doubles."""
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])

@@ -20,7 +20,6 @@ from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 from fmopt.verify.document import Numbers
-from fmopt.verify.doubles import doubles
 from fmopt.verify.rational import (
     BITS,
     ONE,
@@ -30,6 +29,7 @@ from fmopt.verify.rational import (
     add,
     cross,
     dot,
+    doubles,
     exponential,
     length,
     neg,

@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 from fmopt.verify.document import Body, Numbers
-from fmopt.verify.doubles import doubles
 from fmopt.verify.exact import (
     Level,
     area,
@@ -29,6 +28,7 @@ from fmopt.verify.rational import (
     Vector,
     cross,
     dot,
+    doubles,
     fixed,
     length,
     scaled,

@@ -35,11 +35,10 @@ from collections.abc import Sequence
 from fmopt.verify.assembly import Assembly, Touch
 from fmopt.verify.chain import Stage
 from fmopt.verify.document import Hybrid, Numbers, Specification
-from fmopt.verify.doubles import cross, dot, doubles
 from fmopt.verify.findings import RELATIVE, Notes
 from fmopt.verify.jamming import check_jam_free, check_stays
-from fmopt.verify.rational import number, sub
-from fmopt.verify.reach import Contact, touching, unit_wrench
+from fmopt.verify.rational import doubles, number, sub
+from fmopt.verify.reach import Contact, cross, dot, touching, unit_wrench
 from fmopt.verify.rows import Pose, pose
 
 _SURE = 1.25  # times the threshold that the push alone must bring about
