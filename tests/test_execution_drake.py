@@ -20,7 +20,8 @@ from fmopt.execution.drake_engine import DRAKE, with_corners
 from fmopt.execution.engine import Engine, Setup
 from fmopt.execution.execute import run_all
 from fmopt.execution.mujoco_engine import MUJOCO
-from fmopt.execution.robot import Robot, quaternions
+from fmopt.execution.robot import Robot
+from fmopt.execution.rotation import quaternions
 from fmopt.execution.trials import ENGINES, Trials, run
 from fmopt.plan import parsed
 from fmopt.values import Array

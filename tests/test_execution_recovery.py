@@ -18,7 +18,8 @@ from fmopt.execution.physics import Physics
 from fmopt.execution.program import Program, planned
 from fmopt.execution.recovery import EARLY, LATE, Recovery, WayBack
 from fmopt.execution.rig import Rig
-from fmopt.execution.robot import Robot, from_quaternions, product, quaternions
+from fmopt.execution.robot import Robot
+from fmopt.execution.rotation import from_quaternions, product, quaternions
 from fmopt.execution.scene import compiled, scene
 from fmopt.execution.summary import Fit, Log, lines, summary
 from fmopt.execution.trials import Noise, Trials, draw

@@ -16,7 +16,8 @@ from fmopt.execution.mujoco_engine import MujocoEngine
 from fmopt.execution.physics import DEFAULTS, Physics
 from fmopt.execution.program import DONE, Program, Step, planned
 from fmopt.execution.rig import Rig
-from fmopt.execution.robot import Robot, between, from_quaternions, product, quaternions
+from fmopt.execution.robot import Robot
+from fmopt.execution.rotation import between, from_quaternions, product, quaternions
 from fmopt.execution.scene import compiled, engine, scene
 from fmopt.plan import Plan, parsed
 from fmopt.se3 import Pose, exp, log

@@ -13,7 +13,8 @@ from searched import certified_plan, task_of, tilted_motion
 from fmopt import se3
 from fmopt.execution.program import planned
 from fmopt.execution.rig import Rig
-from fmopt.execution.robot import Robot, from_quaternions
+from fmopt.execution.robot import Robot
+from fmopt.execution.rotation import from_quaternions
 from fmopt.execution.trials import Trials, run
 from fmopt.guarded.moves import moves
 from fmopt.placement.entry import Shape, corner_turns, leading_corners, next_to_round, tilted_entry

@@ -11,9 +11,10 @@ from report_plans import bare_plan, cube, cube_plan, diagnostics, with_graph
 
 from fmopt.plan import Contact, parsed
 from fmopt.report import budget_view
+from fmopt.report.bodies import contact_place
 from fmopt.report.cut_view import alt as cut_alt
 from fmopt.report.cut_view import move_ends, sections
-from fmopt.report.drawing import contact_place, sheet
+from fmopt.report.drawing import sheet
 from fmopt.report.figures import Figure, catalogue, figures
 from fmopt.report.graph_view import graphs
 from fmopt.report.tube_view import error_sets, outline

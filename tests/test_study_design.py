@@ -17,7 +17,8 @@ from fmopt.errors import InputError
 from fmopt.study import evaluation
 from fmopt.study.design import load_study
 from fmopt.study.program import program
-from fmopt.study.targets import Base, Normal, Uniform, assigned, cube, grid, stepped
+from fmopt.study.sampling import Normal, Uniform, cube, grid, stepped
+from fmopt.study.targets import Base, assigned
 from fmopt.task.loading import problem_of
 
 ROOT = Path(__file__).parent.parent

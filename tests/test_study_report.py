@@ -20,10 +20,10 @@ from fmopt.errors import ResourceError
 from fmopt.study import table
 from fmopt.study.figures import _grid, binding, figures, title
 from fmopt.study.page import page
+from fmopt.study.sampling import cube
 from fmopt.study.shares import bins, rank_correlation, share, sobol_indices, trials
 from fmopt.study.store import Scalar
 from fmopt.study.table import Results, Varied
-from fmopt.study.targets import cube
 from fmopt.study.view import View, ticks
 
 X, Y, W = Varied("gap", "m", None, False), Varied("turn", "rad", None, False), Varied("how", "word", None, False)

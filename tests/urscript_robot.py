@@ -14,7 +14,8 @@ import numpy as np
 from urscript_language import Halt, Interpreter, distance, parsed
 
 from fmopt.execution.physics import Physics
-from fmopt.execution.robot import Robot, between, from_quaternions, product, quaternions
+from fmopt.execution.robot import Robot
+from fmopt.execution.rotation import between, from_quaternions, product, quaternions
 from fmopt.execution.scene import compiled, engine, scene
 from fmopt.execution.summary import Fit
 from fmopt.guarded.moves import moves

@@ -22,7 +22,7 @@ from scipy.spatial import ConvexHull
 from fmopt.errors import FmoptError, ResourceError
 from fmopt.execution.engine import FIELDS, THROWN, Maker, Put, Setup
 from fmopt.execution.physics import Physics
-from fmopt.execution.robot import from_quaternions
+from fmopt.execution.rotation import from_quaternions
 from fmopt.execution.scene import pieces
 from fmopt.values import Array
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from fmopt.execution.engine import FIELDS, THROWN, Maker, Put, Setup
 from fmopt.execution.physics import Physics
-from fmopt.execution.robot import from_quaternions
+from fmopt.execution.rotation import from_quaternions
 from fmopt.execution.scene import CONTACTS, compiled, engine, scene
 from fmopt.values import Array
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.execution.robot import between, from_quaternions, product, quaternions
+from fmopt.execution.rotation import between, from_quaternions, product, quaternions
 from fmopt.plan import Plan
 from fmopt.se3 import Pose
 from fmopt.values import Array, Value, frozen

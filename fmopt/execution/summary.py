@@ -15,7 +15,7 @@ import numpy as np
 
 from fmopt.execution.program import FAILED
 from fmopt.execution.rig import Event, Rig
-from fmopt.execution.robot import between, from_quaternions, quaternions
+from fmopt.execution.rotation import between, from_quaternions, quaternions
 from fmopt.guarded.contacts import Contact
 from fmopt.guarded.moves import Move
 from fmopt.plan import Plan

@@ -23,7 +23,8 @@ from fmopt.execution.mujoco_engine import MUJOCO
 from fmopt.execution.program import Program, planned
 from fmopt.execution.recovery import Recovery
 from fmopt.execution.rig import Rig
-from fmopt.execution.robot import Robot, product, quaternions
+from fmopt.execution.robot import Robot
+from fmopt.execution.rotation import product, quaternions
 from fmopt.execution.summary import Fit, Log
 from fmopt.guarded.contacts import contacts
 from fmopt.guarded.moves import moves

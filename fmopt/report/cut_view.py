@@ -11,19 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmopt.plan import Plan
-from fmopt.report.drawing import (
-    BLUE,
-    CUTS,
-    INK,
-    PALE,
-    RUST,
-    WIDTH,
-    contact_place,
-    extent,
-    pieces_of,
-    section_of,
-    upright_plane,
-)
+from fmopt.report.bodies import CUTS, contact_place, extent, pieces_of, section_of, upright_plane
+from fmopt.report.drawing import BLUE, INK, PALE, RUST, WIDTH
 from fmopt.report.moves import moves
 from fmopt.report.naming import quantity
 from fmopt.se3 import Pose

@@ -22,7 +22,7 @@ from fmopt.geometry.pieces import clip
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.geometry.section import section
 from fmopt.plan import Numbers, Part, Plan, Segment
-from fmopt.report.drawing import body_of, pieces_of
+from fmopt.report.bodies import body_of, pieces_of
 from fmopt.report.moves import Move, margin_claim, move_words, moves, turn_between
 from fmopt.se3 import Pose
 from fmopt.values import Array

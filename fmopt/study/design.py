@@ -15,7 +15,8 @@ from fmopt.study.batch import Limits, Question, Run
 from fmopt.study.evaluation import QUANTITIES, missing
 from fmopt.study.program import program
 from fmopt.study.running import Work
-from fmopt.study.targets import CUBES, UNIT_NAMES, Base, assigned, blamed, canonical_digest
+from fmopt.study.sampling import CUBES
+from fmopt.study.targets import UNIT_NAMES, Base, assigned, blamed, canonical_digest
 from fmopt.task.loading import problem_of
 from fmopt.task.problem import load
 from fmopt.task.tables import Reading, checked, factors

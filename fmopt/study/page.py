@@ -13,9 +13,9 @@ from fmopt.report import shell
 from fmopt.report.scene import resource
 from fmopt.report.shell import Chapter, chaptered, figure, table
 from fmopt.study.figures import binding
+from fmopt.study.sampling import CUBES
 from fmopt.study.shares import Bin, Estimate, bins, rank_correlation, share, sobol_indices, trials
 from fmopt.study.table import Varied
-from fmopt.study.targets import CUBES
 from fmopt.study.view import View, answer_label, axis_label, ticks
 
 _NUMBER = re.compile(r"(?<![\w])-?\d+(?:\.\d+)?(?:e-?\d+)?")
