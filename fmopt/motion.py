@@ -43,7 +43,7 @@ _MORE = 2  # sequences that are looked at beside one with less
 _LIKELY = 32  # ways to begin that are tried in each attitude before the rest are
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Stages:
     """What is being done, and how long it took.
 
@@ -54,13 +54,13 @@ class Stages:
 
     progress: Progress = lambda _: None
     seconds: dict[str, float] = field(default_factory=dict)
-    _last: list[float] = field(default_factory=lambda: [clock()])
+    _last: float = field(default_factory=clock)
 
     def ended(self, name: str) -> None:
         """Notes that a stage has ended."""
         now = clock()
-        self.seconds[name] = self.seconds.get(name, 0.0) + now - self._last[0]
-        self._last[0] = now
+        self.seconds[name] = self.seconds.get(name, 0.0) + now - self._last
+        self._last = now
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +91,8 @@ class Posed:
         clearance = measured_clearance(problem)
         assembly = Assembly(problem.moving, problem.fixed, planar=problem.plane is not None)
         errors = ErrorSet.of(problem.start_box, problem.framing)
-        return cls(problem, assembly, clearance, errors, _tolerance(problem, clearance))
+        tolerance = _tolerance(problem, characteristic_length(problem, clearance))
+        return cls(problem, assembly, clearance, errors, tolerance)
 
     @property
     def start(self) -> Reached:
@@ -100,10 +101,23 @@ class Posed:
 
     def under(self, share: float) -> Aim:
         """What a sequence is placed for under a share of all errors, in coarse pieces, free to turn."""
-        rates = self.problem.velocity_error.translation, self.problem.velocity_error.rotation
-        tolerance = Tolerance((share * rates[0], share * rates[1]), self.tolerance.rho)
         errors = ErrorSet.of(share * self.problem.start_box, self.problem.framing)
+        tolerance = _tolerance(self.problem, self.tolerance.rho, share)
         return Aim(self.assembly, Reached(errors, (), ()), tolerance, COARSE, turning=True)
+
+    @property
+    def spread(self) -> float:
+        """How far the start error displaces the tip, m."""
+        return start_spread(self.problem.moving, self.problem.start_box)
+
+    @property
+    def refinement(self) -> Refinement:
+        """How far its placement goes."""
+        return Refinement.of(self.spread, self.clearance.per_side)
+
+    def certified(self, found: Searched, placed: Placed) -> CertifiedMotion:
+        """Its motion, from what is said of the search and the sequence that is placed."""
+        return CertifiedMotion(self.assembly, self.clearance, self.errors, self.tolerance, found, placed)
 
     def imaged(self, image: Image) -> Posed:
         """The same as an image of the parts poses it."""
@@ -113,18 +127,19 @@ class Posed:
         problem = replace(
             self.problem, moving=parts.moving, fixed=parts.fixed, goal=goal, start_box=box, framing=framing
         )
-        return Posed(problem, parts, clearance, ErrorSet.of(box, framing), _tolerance(problem, clearance))
+        tolerance = _tolerance(problem, characteristic_length(problem, clearance))
+        return Posed(problem, parts, clearance, ErrorSet.of(box, framing), tolerance)
 
 
-def _tolerance(problem: Problem, clearance: Clearance) -> Tolerance:
-    rates = problem.velocity_error.translation, problem.velocity_error.rotation
-    return Tolerance(rates, characteristic_length(problem, clearance))
+def _tolerance(problem: Problem, rho: float, share: float = 1.0) -> Tolerance:
+    """A share of the velocity error, in the metric of ρ (m)."""
+    error = problem.velocity_error
+    return Tolerance((share * error.translation, share * error.rotation), rho)
 
 
 def under_errors(found: CertifiedMotion, problem: Problem) -> Motion:
     """The moves of a motion under the errors of a problem, which need not be those that it was found for."""
-    rates = problem.velocity_error.translation, problem.velocity_error.rotation
-    tolerance = Tolerance(rates, found.tolerance.rho)
+    tolerance = _tolerance(problem, found.tolerance.rho)
     return Motion(found.assembly, found.placed.moves, problem.start_box, tolerance, FINE, problem.framing)
 
 
@@ -266,9 +281,7 @@ def placement(posed: Posed, moves: Sequence[Move], progress: Progress) -> Placed
         InfeasibleError: fine pieces cannot follow the motion, or no contact would be felt that ends one.
     """
     problem, clearance = posed.problem, posed.clearance.per_side
-    spread = start_spread(problem.moving, problem.start_box)
-    turns = Turns(3, 0.5 * (spread + clearance))
-    settings = Refinement.of(spread, clearance)
+    turns = Turns(3, 0.5 * (posed.spread + clearance))
     begun = certified(posed.assembly, moves, posed.start, posed.tolerance, FINE)
     aim = Aim(posed.assembly, posed.start, posed.tolerance, FINE, _as_good_as(posed, begun))
 
@@ -281,7 +294,7 @@ def placement(posed: Posed, moves: Sequence[Move], progress: Progress) -> Placed
     if problem.settings.placement == "descent":
         stages = [begun, polished(begun, "descent")]
     else:
-        refined = refine(aim, begun, ClarabelSolver(), settings, told)
+        refined = refine(aim, begun, ClarabelSolver(), posed.refinement, told)
         stages = [begun, refined, *filter(aim.fit, [polished(refined, "nlp")])]
     return _by_method(posed, _felt(posed, stages))
 
@@ -303,8 +316,7 @@ def placed_anew(posed: Posed, moves: Sequence[Move], progress: Progress) -> Plac
         return placement(posed, moves, progress)
     except InfeasibleError:
         progress("placement: errors are grown")
-        settings = Refinement.of(start_spread(posed.problem.moving, posed.problem.start_box), posed.clearance.per_side)
-        return placement(posed, grown(posed.under, moves, ClarabelSolver(), settings, FINE).moves, progress)
+        return placement(posed, grown(posed.under, moves, ClarabelSolver(), posed.refinement, FINE).moves, progress)
 
 
 def _as_good_as(posed: Posed, begun: Placed) -> Callable[[Placed], bool]:

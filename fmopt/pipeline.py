@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from fmopt import plan
-from fmopt.control.strategy import ControlledMotion, controlled
+from fmopt.control.strategy import controlled
 from fmopt.errors import InfeasibleError, SearchError
 from fmopt.knowledge.command import answer
 from fmopt.motion import Posed, Progress, Stages, motion, under_errors
@@ -82,8 +82,7 @@ def certified_motion(problem: Problem, stages: Stages | None = None) -> Certifie
     stages.progress("measuring the parts")
     posed = Posed.of(problem)
     stages.ended("geometry")
-    found, placed = motion(posed, stages)
-    return CertifiedMotion(posed.assembly, posed.clearance, posed.errors, posed.tolerance, found, placed)
+    return posed.certified(*motion(posed, stages))
 
 
 def _completed(problem: Problem, motion: CertifiedMotion, stages: Stages) -> Synthesis:
@@ -128,8 +127,7 @@ def proved(problem: Problem, motion: CertifiedMotion) -> tuple[dict[str, Any], V
     Raises:
         InfeasibleError: no bias force holds the contacts.
     """
-    control: ControlledMotion = controlled(problem, motion)
-    return _checked(proof_document(problem, control))
+    return _checked(proof_document(problem, controlled(problem, motion)))
 
 
 def nominal_motion(problem: Problem, errors: ErrorSet, rho: float) -> Nominal:

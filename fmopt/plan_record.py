@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import abc
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,18 +15,18 @@ from fmopt.certificate.claim import Claim, ContactClaim
 from fmopt.certificate.curvature import Ends
 from fmopt.certificate.separating_plane import Separation
 from fmopt.contact.primitive import Kind, PrimitiveContact
-from fmopt.control.decomposition import contact_forces, hand_record, position_force
+from fmopt.control.decomposition import hand_record, position_force
 from fmopt.control.recovery import recovery_record
 from fmopt.control.strategy import ControlledMotion
 from fmopt.geometry.exact import Exact, exact_vertices, facing_directions
 from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.guarded.axes import contact_forces
 from fmopt.knowledge.command import Answer
 from fmopt.nominal.mapping import Mapping, diagnostics
 from fmopt.nominal.trajectory import CriticalPose, FreedomInterval, NominalTrajectory
 from fmopt.placement.tolerated import Tolerated
 from fmopt.placement.visited import Visited
-from fmopt.plan import clean, line, rounded_down
 from fmopt.task.problem import Problem
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.uncertainty.planar import account as planar
@@ -175,10 +174,8 @@ def _segments(motion: ControlledMotion) -> list[dict[str, Any]]:
     claims = motion.motion.claims
     poses = [claims[0].piece.start.vector(), *(claim.piece.goal.vector() for claim in claims)]
     found: list[dict[str, Any]] = []
-    move = -1
     for k, piece in enumerate(motion.pieces):
-        move += piece.claim.piece.progress[0] == 0.0
-        record = segment_record(piece.claim, 0, move, poses[k], poses[k + 1], motion.motion.tolerance.rho)
+        record = segment_record(piece.claim, 0, piece.move, poses[k], poses[k + 1], motion.motion.tolerance.rho)
         found.append({**record, "hybrid": piece.document()})
     return found
 
@@ -193,13 +190,15 @@ def part_record(
     shapes: dict[str, Any] = {**_shape(part.polyhedron), "pieces": [_shape(piece) for piece in part.pieces]}
     if exact:
         shapes["exact"] = [{"vertex": n, "at": [str(x) for x in exact[n]]} for n in sorted(exact)]
-    record: dict[str, Any] = clean(
-        {"name": line(part.name), **shapes, "declared_clearance": declared, "measured_clearance": measured}
+    record: dict[str, Any] = plan.clean(
+        {"name": plan.line(part.name), **shapes, "declared_clearance": declared, "measured_clearance": measured}
     )
     return record
 
 
-def exact_parts(assembly: Assembly, contacts: Iterable[PrimitiveContact]) -> tuple[dict[int, Exact], dict[int, Exact]]:
+def exact_parts(
+    assembly: Assembly, contacts: abc.Iterable[PrimitiveContact]
+) -> tuple[dict[int, Exact], dict[int, Exact]]:
     """Exact coordinates of vertices of the moving and of the fixed part that are not in their faces' planes in floats.
 
     Walls that contacts are on are made exactly parallel to the faces that lie flat in them, which they are but for
@@ -225,7 +224,7 @@ def _shape(body: Polyhedron) -> dict[str, Any]:
 
 def contact_record(contact: PrimitiveContact) -> dict[str, Any]:
     """A contact as the plan file holds it."""
-    record: dict[str, Any] = clean(
+    record: dict[str, Any] = plan.clean(
         {
             "id": contact.id,
             "kind": str(contact.kind),
@@ -259,8 +258,8 @@ def segment_record(claim: Claim, critical_point: int, move: int, start: Any, goa
         "progress": piece.progress,
         "start": start,
         "goal": goal,
-        "clearance": rounded_down(claim.clearance),
-        "margin": rounded_down(claim.margin),
+        "clearance": plan.rounded_down(claim.clearance),
+        "margin": plan.rounded_down(claim.margin),
         "binding_contact": claim.binding,
         "basis": [
             {"contact": c.contact.id, "direction": c.direction, "made": made is not None and c.contact.id == made.id}
@@ -270,7 +269,7 @@ def segment_record(claim: Claim, critical_point: int, move: int, start: Any, goa
         "separations": [_separation(*item) for item in claim.separations],
         "contacts": [_contact(c) for c in claim.contacts],
     }
-    record: dict[str, Any] = clean(found)
+    record: dict[str, Any] = plan.clean(found)
     return record
 
 
@@ -302,7 +301,7 @@ def _separation(moving: int, fixed: int, found: Separation) -> dict[str, Any]:
     }
     if found.witness.plane is not None:
         witness |= {"normal": found.witness.plane[:3], "offset": found.witness.plane[3]}
-    return {"moving_piece": moving, "fixed_piece": fixed, "witness": witness, "margin": rounded_down(found.margin)}
+    return {"moving_piece": moving, "fixed_piece": fixed, "witness": witness, "margin": plan.rounded_down(found.margin)}
 
 
 def _contact(c: ContactClaim) -> dict[str, Any]:
@@ -312,5 +311,5 @@ def _contact(c: ContactClaim) -> dict[str, Any]:
         "normal": c.normal,
         "offset": c.offset,
         "remainder": c.remainder * (1.0 + 1e-12),
-        "margin": rounded_down(c.margin),
+        "margin": plan.rounded_down(c.margin),
     }

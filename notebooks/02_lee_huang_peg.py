@@ -10,8 +10,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import fmopt
-from fmopt.control.decomposition import contact_forces, position_force
-from fmopt.guarded.axes import Decomposition
+from fmopt.control.decomposition import position_force
+from fmopt.guarded.axes import Decomposition, contact_forces
 
 problem = fmopt.load(fmopt.example("lee_huang_peg"))
 fmopt.show(problem, "parts")

@@ -6,8 +6,8 @@ from itertools import product
 import numpy as np
 import pytest
 
-from fmopt.control.decomposition import contact_forces, position_force
-from fmopt.guarded.axes import Decomposition, gamma, natural_constraints, omega
+from fmopt.control.decomposition import position_force
+from fmopt.guarded.axes import Decomposition, contact_forces, gamma, natural_constraints, omega
 from fmopt.nominal.trajectory import FreedomInterval, insertion
 from fmopt.task.problem import Specification
 

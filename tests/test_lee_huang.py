@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmopt.control.decomposition import contact_forces, position_force
+from fmopt.control.decomposition import position_force
 from fmopt.errors import GeometryError, InterferenceError
 from fmopt.geometry.csg import Box, Cone, Cylinder, Difference, Placed, Prism, Union, ring
-from fmopt.guarded.axes import Decomposition
+from fmopt.guarded.axes import Decomposition, contact_forces
 from fmopt.knowledge.command import answer
 from fmopt.nominal.freedom import freedom, half_widths
 from fmopt.nominal.mapping import answered, plane_diagrams, records, task_mapping

@@ -25,14 +25,7 @@ from fmopt.guarded.axes import Decomposition, gamma, natural_constraints, omega
 from fmopt.knowledge.command import Answer
 from fmopt.nominal.trajectory import FreedomInterval, NominalTrajectory
 from fmopt.se3 import Pose
-from fmopt.task.problem import Specification
 from fmopt.values import Array, Value, frozen
-
-
-def contact_forces(specification: Specification, rho: float) -> Array:
-    """Wanted contact forces fᵢ (6,): the specification's force, and its torque about ρ (m) up to the torque limit."""
-    torque = min(specification.contact_force * rho, specification.torque_limit)
-    return frozen([specification.contact_force] * 3 + [torque] * 3)
 
 
 @dataclass(frozen=True, eq=False)

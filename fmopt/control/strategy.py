@@ -65,6 +65,7 @@ class ControlledPiece:
     """A piece of motion with its strategy.
 
     Args:
+        move: that it is a piece of, from 0.
         claim: what is certified of it.
         strategy: how it is controlled.
         held, made: the contacts that touch at its goal, those held on the way and those made there.
@@ -72,6 +73,7 @@ class ControlledPiece:
         jam_free: how far its applied wrench may turn, where that is asked for and contacts are held.
     """
 
+    move: int
     claim: Claim
     strategy: HybridStrategy
     held: tuple[PrimitiveContact, ...]
@@ -111,16 +113,17 @@ def controlled(problem: Problem, motion: CertifiedMotion, *, ranges: bool = Fals
     for claim, bound in bounded(motion.claims, motion.tolerance.rho):
         move += claim.piece.progress[0] == 0.0
         try:
-            found.append(_controlled(problem, motion, claim, bound, ranges=ranges))
+            found.append(_controlled(problem, motion, claim, (move, bound), ranges=ranges))
         except InfeasibleError as error:
             raise InfeasibleError(f"move {move + 1}: {error.message}", advice=error.advice) from error
     return ControlledMotion(motion, tuple(found))
 
 
 def _controlled(
-    problem: Problem, motion: CertifiedMotion, claim: Claim, bound: float, *, ranges: bool
+    problem: Problem, motion: CertifiedMotion, claim: Claim, at: tuple[int, float], *, ranges: bool
 ) -> ControlledPiece:
-    """A piece whose `bound` is the one of `bounded` with its strategy."""
+    """A piece with its strategy; `at` has the number of its move, and what `bounded` says of it."""
+    number, bound = at
     tolerance, specification = motion.tolerance, problem.specification
     move, held, made = _guarded(problem, motion.assembly, claim, bound)
     approach = _approach(problem, claim, move, tolerance)
@@ -128,7 +131,7 @@ def _controlled(
     impact = None if approach is None else impact_record(specification, approach)
     strategy = hybrid_strategy(move, tolerance.rho, specification)
     free = jam_free(move, strategy, tolerance.rho, specification) if ranges else None
-    return ControlledPiece(claim, strategy, tuple(held), tuple(made), impact, free)
+    return ControlledPiece(number, claim, strategy, tuple(held), tuple(made), impact, free)
 
 
 def runs_against(problem: Problem, assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance) -> bool:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import groupby
 from typing import TYPE_CHECKING, assert_never
 
 import numpy as np
@@ -13,12 +12,13 @@ from fmopt.contact.primitive import Kind, PrimitiveContact, crossed, face_vertex
 from fmopt.errors import ResourceError, SolverError
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.motion import FINE, Posed
-from fmopt.placement.motion import Move
+from fmopt.placement.motion import Move, Reached
 from fmopt.placement.program import as_cvxpy
 from fmopt.placement.search import Searched
 from fmopt.placement.sequence import Aim, certified, displaced, sequence_program
 from fmopt.placement.tolerated import CertifiedMotion
 from fmopt.plan import Contact, Plan
+from fmopt.report.moves import moves
 from fmopt.se3 import Pose
 from fmopt.task.problem import Problem
 
@@ -77,7 +77,7 @@ def placing(plan: Plan, problem: Problem, radius: float | None = None) -> Placin
         ResourceError: CVXPY is not installed.
     """
     now = motion_of(plan, problem)
-    aim = Aim(now.assembly, Posed.of(problem).start, now.tolerance, FINE)
+    aim = Aim(now.assembly, Reached(now.errors, (), ()), now.tolerance, FINE)
     program = sequence_program(aim, now.placed, _RADIUS * now.clearance.per_side if radius is None else radius)
     try:
         found, y = as_cvxpy(program.scaled())
@@ -97,19 +97,19 @@ def motion_of(plan: Plan, problem: Problem) -> CertifiedMotion:
         InfeasibleError: a move is impossible, which no certified plan's is.
     """
     posed = Posed.of(problem)
-    moves = tuple(_moves(plan, posed.assembly.moving.polyhedron, posed.assembly.fixed.polyhedron))
-    placed = certified(posed.assembly, moves, posed.start, posed.tolerance, FINE)
+    run = tuple(_moves(plan, posed.assembly.moving.polyhedron, posed.assembly.fixed.polyhedron))
+    placed = certified(posed.assembly, run, posed.start, posed.tolerance, FINE)
     said = plan.search
     found = Searched(0.0, (), 0.0, 0.0, 0)
     if said is not None:
         found = Searched(said.heading, said.moves, said.cost, said.lower_bound, said.states_expanded)
-    return CertifiedMotion(posed.assembly, posed.clearance, posed.errors, posed.tolerance, found, placed)
+    return posed.certified(found, placed)
 
 
 def _moves(plan: Plan, moving: Polyhedron, fixed: Polyhedron) -> Iterator[Move]:
     contacts = {contact.id: _contact(contact, moving, fixed) for contact in plan.contacts}
-    for _, pieces in groupby(plan.segments, key=lambda segment: segment.move):
-        first, *_, last = run if len(run := list(pieces)) > 1 else run * 2
+    for move in moves(plan):
+        first, last = move.segments[0], move.segments[-1]
         held, left = ([contacts[name] for name in names] for names in (last.state, first.leaving))
         made = [contacts[name] for name in last.goal_state if name not in last.state]
         start, goal = (Pose.from_vector(np.array(pose)) for pose in (first.start, last.goal))

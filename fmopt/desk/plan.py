@@ -13,6 +13,7 @@ from fmopt import output
 from fmopt import plan as files
 from fmopt.desk.checking import held_against
 from fmopt.errors import ChoiceError, PlanFormatError, ResourceError
+from fmopt.guarded.axes import AXES
 from fmopt.report.moves import Move, moves, smallest_margin
 from fmopt.report.moves import verdict as spoken
 from fmopt.se3 import Pose
@@ -384,11 +385,10 @@ def read(path: str | PathLike[str]) -> Plan:
 
 def _line(segment: Segment) -> dict[str, Any]:
     hybrid, piece = segment.hybrid, segment.record
-    names = ("x", "y", "z", "rx", "ry", "rz")
     poses = {
         f"{end}_{name}": value
         for end, pose in (("start", piece.start), ("goal", piece.goal))
-        for name, value in zip(names, pose, strict=True)
+        for name, value in zip(AXES, pose, strict=True)
     }
     return {
         "segment": segment.number,

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
 
+from fmopt.guarded.axes import AXES
 from fmopt.report.control_tables import hybrid_cells, jamming_cells
 from fmopt.report.moves import summary_rows
 from fmopt.report.moves import verdict as spoken
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from fmopt.desk.plan import Plan, Segment
     from fmopt.desk.problem import Problem
 
-_AXES = ("x", "y", "z", "rx", "ry", "rz")
 _SHOWN = 8  # findings of a verdict
 # Notebooks centre captions and set cells to the right; what is read as words starts on the left.
 _STYLE = (
@@ -82,7 +82,7 @@ def pose_sheet(pose: Any) -> str:
     """A pose as a table of its six coordinates."""
     values = [float(value) for value in pose.vector()]
     cells = [f"{1e3 * v:.6g} mm" for v in values[:3]] + [f"{math.degrees(v):.6g}°" for v in values[3:]]
-    return _sheet(table("Pose", ("", *_AXES), [("", *cells)], ".nnnnnn"))
+    return _sheet(table("Pose", ("", *AXES), [("", *cells)], ".nnnnnn"))
 
 
 def freedom_sheet(freedoms: Sequence[Any]) -> str:
@@ -90,7 +90,7 @@ def freedom_sheet(freedoms: Sequence[Any]) -> str:
     rows = [
         (f"{i.start:.4g} to {i.end:.4g} s", *(f"{s:+d}" if s in (-1, 1) else str(s) for s in i.s)) for i in freedoms
     ]
-    return _sheet(table("S(t): 0 free, ±1 stopped on one side, 2 on both", ("t", *_AXES), rows, ".nnnnnn"))
+    return _sheet(table("S(t): 0 free, ±1 stopped on one side, 2 on both", ("t", *AXES), rows, ".nnnnnn"))
 
 
 def verdict_sheet(verdict: Any) -> str:

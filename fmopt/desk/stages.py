@@ -12,7 +12,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -176,5 +175,4 @@ def placed(problem: Problem, motion: CertifiedMotion, progress: Progress = lambd
     from fmopt.motion import Posed, placed_anew
 
     posed = Posed.of(problem)
-    found = placed_anew(posed, motion.placed.moves, progress)
-    return replace(motion, clearance=posed.clearance, errors=posed.errors, tolerance=posed.tolerance, placed=found)
+    return posed.certified(motion.found, placed_anew(posed, motion.placed.moves, progress))

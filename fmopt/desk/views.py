@@ -18,6 +18,7 @@ from fmopt.contact.graph import ContactGraph
 from fmopt.desk.drawing import Drawing
 from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.guarded.axes import AXES
 from fmopt.plan import Body
 from fmopt.plan import Part as StatedPart
 from fmopt.plane.region import Region
@@ -40,7 +41,6 @@ if TYPE_CHECKING:
 
 _SCENE, _STILL = (8.2, 8.0), (8.2, 6.5)  # inches
 
-_AXES = ("x", "y", "z", "rx", "ry", "rz")
 _PAIRS = ((0, 1), (0, 2), (3, 4))
 _MANY = 1500  # lines of a graph that can still be told apart
 
@@ -247,8 +247,8 @@ def paint_errors(errors: ErrorSet, sheet: Sheet) -> None:
         axes.fill(*both.T, facecolor=PALE, edgecolor=BLUE, linewidth=1.1, label="bound in use")
         axes.set_aspect("equal", adjustable="datalim")
         unit = "mm" if pair[0] < 3 else "°"
-        axes.set_xlabel(f"{_AXES[pair[0]]}, {unit}")
-        axes.set_ylabel(f"{_AXES[pair[1]]}, {unit}")
+        axes.set_xlabel(f"{AXES[pair[0]]}, {unit}")
+        axes.set_ylabel(f"{AXES[pair[1]]}, {unit}")
     handles, labels = axes.get_legend_handles_labels()
     sheet.legend(handles, labels, loc="outside lower center", ncols=2)
 
@@ -257,7 +257,7 @@ def error_words(errors: ErrorSet) -> str:
     """Half-widths of the set along the six axes, in words."""
     widths = errors.support(np.eye(6))
     said = [
-        f"{_AXES[i]} {1e3 * w:.4g} mm" if i < 3 else f"{_AXES[i]} {math.degrees(w):.4g}°" for i, w in enumerate(widths)
+        f"{AXES[i]} {1e3 * w:.4g} mm" if i < 3 else f"{AXES[i]} {math.degrees(w):.4g}°" for i, w in enumerate(widths)
     ]
     return ", ".join(said)
 

@@ -20,6 +20,7 @@ from fmopt.errors import PlanFormatError, ResourceError
 from fmopt.escape import one_line, yaml_string
 from fmopt.export.cautions import check_rate, insertion_words, turning_words
 from fmopt.export.frame import TaskFrame, task_frame
+from fmopt.guarded.axes import AXES
 from fmopt.guarded.moves import Move, moves
 from fmopt.plan import Plan
 from fmopt.se3 import Pose
@@ -188,7 +189,7 @@ def _request(move: Move, task: TaskFrame, base: Pose, rho: float) -> dict[str, A
     scale = np.array([1.0, 1.0, 1.0, rho, rho, rho])
     speed = float(np.linalg.norm(move.twist * scale))
     reach = max(speed * (move.stop.timeout if move.stop else 2.0 * move.duration), _LEAST)
-    selected = dict(zip(("x", "y", "z", "rx", "ry", "rz"), task.selection, strict=True))
+    selected = dict(zip(AXES, task.selection, strict=True))
     return {
         "task_frame": {
             "header": {"frame_id": BASE_LINK},

@@ -11,12 +11,12 @@ import numpy as np
 from fmopt.errors import PlanFormatError
 from fmopt.escape import csv_comment
 from fmopt.export.cautions import check_rate
+from fmopt.guarded.axes import AXES
 from fmopt.plan import Plan
 from fmopt.values import Array, Value, frozen
 
 FORMAT = "fmopt.samples/1"
-_AXES = ("x", "y", "z", "rx", "ry", "rz")
-COLUMNS = ("t", *(f"{name}_{axis}" for name in ("s", "pa", "fa") for axis in _AXES))
+COLUMNS = ("t", *(f"{name}_{axis}" for name in ("s", "pa", "fa") for axis in AXES))
 _NOTES = (
     "units: s, m, rad, N, N m; S, Pa and Fa along and about the axes of the B-frame",
     "S: 0 free, 1 stopped in +, -1 stopped in -, 2 stopped both ways; Pa where S = 0, servoed in position",

@@ -14,12 +14,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fmopt.guarded.contacts import Contact, contacts
-from fmopt.plan import Plan
+from fmopt.guarded.moves import length
+from fmopt.plan import Plan, Segment
 from fmopt.se3 import Pose
 from fmopt.values import Array, Value, frozen
 
@@ -106,6 +108,24 @@ def omega(s: Sequence[int], f: ArrayLike) -> Array:
     return np.asarray(signs * np.asarray(f, dtype=np.float64) + 0.0)
 
 
+class Forces(Protocol):
+    """What contact forces are asked for, by a problem or a plan, N and N·m."""
+
+    @property
+    def contact_force(self) -> float:
+        """With which contacts are held, N."""
+
+    @property
+    def torque_limit(self) -> float:
+        """The largest torque, N·m."""
+
+
+def contact_forces(asked: Forces, rho: float) -> Array:
+    """Wanted contact forces fᵢ (6,): the specification's force, and its torque about ρ (m) up to the torque limit."""
+    torque = min(asked.contact_force * rho, asked.torque_limit)
+    return frozen([asked.contact_force] * 3 + [torque] * 3)
+
+
 @dataclass(frozen=True, eq=False)
 class Stretch(Value):
     """A move of a certified motion along the axes; the last one is the seated part.
@@ -171,7 +191,7 @@ def stretches(plan: Plan) -> tuple[Stretch, ...]:
         pieces = list(run)
         first, last = pieces[0], pieces[-1]
         start, goal = np.array(first.start), np.array(last.goal)
-        end = now + sum(_length(piece.start, piece.goal, plan.rho) / piece.hybrid.speed for piece in pieces)
+        end = now + sum(_duration(piece, plan.rho) for piece in pieces)
         found.append(_stretch(plan, known, last.state, move, (now, end), (start, goal)))
         now = end
     final = plan.segments[-1]
@@ -196,9 +216,7 @@ def _stretch(
         forward, back = any(x < 0.0 for x in against.values()), any(x > 0.0 for x in against.values())
         s.append(2 if forward and back else 1 if forward else -1 if back else 0)
         by.append(tuple(against))
-    asked = plan.specification
-    torque = min(asked.contact_force * plan.rho, asked.torque_limit)
-    fa = omega(s, [asked.contact_force] * 3 + [torque] * 3)
+    fa = omega(s, contact_forces(plan.specification, plan.rho))
     pa = [gamma(s, at) for at in poses]
     return Stretch(move, *times, tuple(s), pa[0], pa[1], fa, tuple(by), _nominal(plan, float(poses[1][2])))
 
@@ -217,6 +235,6 @@ def _nominal(plan: Plan, depth: float) -> tuple[int, ...]:
     return inside[0].s if inside else (0,) * 6
 
 
-def _length(start: Sequence[float], goal: Sequence[float], rho: float) -> float:
-    local = Pose.from_vector(np.array(start)).local(Pose.from_vector(np.array(goal)))
-    return float(np.linalg.norm(local * [1.0, 1.0, 1.0, rho, rho, rho]))
+def _duration(piece: Segment, rho: float) -> float:
+    """How long a piece is commanded, s."""
+    return length(Pose.from_vector(piece.start), Pose.from_vector(piece.goal), rho) / piece.hybrid.speed

@@ -46,17 +46,15 @@ class Contact(Value):
         """Whether crossing edges cross between their ends, or at one of them; other contacts are not asked."""
         if self.kind != "edge-edge":
             return True
-        moving = pose.apply(self.moving)
-        u, v = moving[1] - moving[0], self.fixed[1] - self.fixed[0]
-        at = zip(_nearest(moving[0], u, self.fixed[0], v), (u, v), strict=True)
+        p, u, q, v = self._edges(pose)
+        at = zip(_nearest(p, u, q, v), (u, v), strict=True)
         return all(max(-share, share - 1.0) * float(np.linalg.norm(edge)) <= _END for share, edge in at)
 
     def level(self, pose: Pose) -> bool:
         """Whether its edges run level, so that they fix no normal; a face that lies there has others that do."""
         if self.kind != "edge-edge":
             return False
-        moving = pose.apply(self.moving)
-        u, v = moving[1] - moving[0], self.fixed[1] - self.fixed[0]
+        _, u, _, v = self._edges(pose)
         return float(np.linalg.norm(cross(u, v))) < _LEVEL * float(np.linalg.norm(u) * np.linalg.norm(v))
 
     def above(self, point: Array) -> float:
@@ -71,10 +69,15 @@ class Contact(Value):
         if self.kind == "face-vertex":
             normal = -pose.R @ self.moving_normal
             return self.fixed[0], normal, float(normal @ (moving[0] - self.fixed[0]))
-        return self._crossing(moving)
+        return self._crossing(pose)
 
-    def _crossing(self, moving: Array) -> tuple[Array, Array, float]:
-        p, u, q, v = moving[0], moving[1] - moving[0], self.fixed[0], self.fixed[1] - self.fixed[0]
+    def _edges(self, pose: Pose) -> tuple[Array, Array, Array, Array]:
+        """An end and the span of the moving edge, and of the fixed one."""
+        moving = pose.apply(self.moving)
+        return moving[0], moving[1] - moving[0], self.fixed[0], self.fixed[1] - self.fixed[0]
+
+    def _crossing(self, pose: Pose) -> tuple[Array, Array, float]:
+        p, u, q, v = self._edges(pose)
         m = cross(u, v)
         size = float(np.linalg.norm(m))
         if size < _PARALLEL * float(np.linalg.norm(u) * np.linalg.norm(v)):

@@ -123,6 +123,11 @@ def from_frame(frame: Pose, wrench: Array, origin: Array) -> Array:
     return np.concatenate([force, torque + force @ hat(frame.p - origin).T], axis=-1)
 
 
+def length(start: Pose, goal: Pose, rho: float) -> float:
+    """How far it is from pose to pose, m in the metric of ρ."""
+    return float(np.linalg.norm(start.local(goal) * [1.0, 1.0, 1.0, rho, rho, rho]))
+
+
 def moves(plan: Plan) -> tuple[Move, ...]:
     """The segments of a plan in their order.
 
@@ -178,7 +183,7 @@ def _move(index: int, row: Segment, last: bool, rho: float, known: Mapping[str, 
     _refuse_unheld(index, hold, held, rho)
     forces = [(known[contact], force) for contact, force in hybrid.pressed]
     change = _pressing(_shifted(forces, start), start) - _pressing(forces, goal)
-    length = float(np.linalg.norm(start.local(goal) * scale))
+    far = length(start, goal, rho)
     points = Held(tuple((force, _point(contact, goal)) for contact, force in forces))
     return Move(
         index,
@@ -186,8 +191,8 @@ def _move(index: int, row: Segment, last: bool, rho: float, known: Mapping[str, 
         last,
         start,
         goal,
-        length,
-        length / hybrid.speed,
+        far,
+        far / hybrid.speed,
         V * hybrid.speed,
         frame,
         np.array(hybrid.position_axes, dtype=np.float64),

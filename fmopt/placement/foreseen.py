@@ -26,6 +26,7 @@ from fmopt.certificate.knowledge import Assembly
 from fmopt.contact.bounds import bounds
 from fmopt.contact.primitive import PrimitiveContact, near_contacts
 from fmopt.contact.surface import Surfaces, angle_between, contact_normal, contact_point, contact_wrench, friction_cone
+from fmopt.guarded.axes import AXES
 from fmopt.placement.explore import implied
 from fmopt.placement.solvers import least_vertex
 from fmopt.placement.step import modulo
@@ -38,7 +39,6 @@ _SURELY = 1.001 * LARGEST  # up to which gaps may close at first sight
 _MOST = 4  # contacts that are told of each move
 _ALTERNATIVES = 16  # of bounds
 _OPEN = 1e-9  # m: a contact nearer than this touches
-_AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +218,7 @@ def _alone(gap: float, r: Array, rows: Sequence[tuple[Array, Array]]) -> tuple[f
     for k in np.flatnonzero(r):
         u = -gap / float(r[k])
         if any(bool((g + u * B[:, k] <= _OPEN).all()) for g, B in rows):
-            found.append((abs(u), _AXES[k]))
+            found.append((abs(u), AXES[k]))
     return min(found)
 
 

@@ -17,7 +17,7 @@ from fmopt.errors import InfeasibleError, SolverError
 from fmopt.placement.flush import DOUBT
 from fmopt.placement.motion import Move
 from fmopt.placement.program import Solver
-from fmopt.placement.sequence import Aim, Placed, Refinement, certified, displaced, program_of, refine
+from fmopt.placement.sequence import SHORTER, Aim, Placed, Refinement, certified, displaced, program_of, refine
 from fmopt.placement.sequence_rows import KEPT, SequenceRows, sequence_rows
 
 COARSE = 0.03  # rad, the greatest turn of a piece while errors grow
@@ -28,7 +28,6 @@ _LOST = 0.05  # of these: what rows may fall by, to below zero, as errors grow
 _EAGER = 3  # rounds after which more errors are tried though rows that look ahead still fall short
 _WIDER = 4.0  # times the trust radius, with which the margin is raised once more in the end, and as much less
 _CLOSER = 0.25  # times the least radius and gain in the end
-_SHORTER = 0.35  # times the trust radius after a step that was none
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +88,7 @@ def grown(
             continue
         better = _better(at, solver, radius, settings, near)
         if better is None:
-            radius *= _SHORTER
+            radius *= SHORTER
         else:
             at, radius = better, min(2.0 * radius, 4.0 * settings.radius)
     if at.share < 1.0:

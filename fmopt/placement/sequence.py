@@ -29,7 +29,7 @@ from fmopt.values import Array
 
 _RANK = 1e-7
 _FINE = 5e-3  # times the trust radius: what changes a row by less does not count
-_SHORTER = 0.35  # times the trust radius after a step that was none
+SHORTER = 0.35  # times the trust radius after a step that was none
 _STRAIGHT = 4.0  # times the trust radius: moves that are longer are so by the same share along all of it
 
 
@@ -145,13 +145,13 @@ def refine(
         try:
             solution = solver.solve(program_of(aim, best, rows, radius))
         except (InfeasibleError, SolverError):
-            radius *= _SHORTER
+            radius *= SHORTER
             continue
         if solution.value <= best.margin + settings.least_gain:
             break
         candidate = _moved(aim, best, solution.x[:-1].reshape(-1, 6), settings.least_gain)
         if candidate is None:
-            radius *= _SHORTER
+            radius *= SHORTER
             continue
         best, radius = candidate, min(2.0 * radius, 4.0 * settings.radius)
         rows = sequence_rows(aim.assembly, best.reached, aim.tolerance, settings.radius)
@@ -174,14 +174,14 @@ def displaced(aim: Aim, placed: Placed, shift: Array) -> Placed:
     Raises:
         InfeasibleError: a pose leaves its contact state, or a move is impossible.
     """
-    moves = _shifted(aim.assembly, placed.moves, shift * aim.assembly.freedoms)
+    moves = _shifted(aim.assembly, placed.moves, shift)
     return certified(aim.assembly, moves, aim.start, aim.tolerance, aim.step, placed.thorough)
 
 
 def _moved(aim: Aim, placed: Placed, shift: Array, by: float) -> Placed | None:
     """The sequence with its poses displaced, if that is possible, better by so much (m), and will do."""
     try:
-        moves = _shifted(aim.assembly, placed.moves, shift * aim.assembly.freedoms)
+        moves = _shifted(aim.assembly, placed.moves, shift)
     except InfeasibleError:
         return None
     found = better(aim, moves, placed, by)
@@ -258,6 +258,7 @@ def in_a_row(moves: Sequence[Move], start: Pose, goals: Iterable[Pose]) -> tuple
 
 def _shifted(assembly: Assembly, moves: Sequence[Move], shift: Array) -> tuple[Move, ...]:
     """The moves with their poses displaced and put back onto the true contact surfaces."""
+    shift = shift * assembly.freedoms
     *placed, last = moves
     goals = [onto_surfaces(assembly, move.goal.moved(shift[k]), move) for k, move in enumerate(placed, 1)]
     return in_a_row(moves, moves[0].start.moved(shift[0]), (*goals, last.goal))

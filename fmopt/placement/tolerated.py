@@ -20,6 +20,7 @@ from fmopt.errors import InfeasibleError
 from fmopt.framing import IN_THE_WORLD, Framing
 from fmopt.geometry.clearance import Clearance
 from fmopt.geometry.part import stretched
+from fmopt.guarded.axes import AXES
 from fmopt.placement.bisection import Trial, largest
 from fmopt.placement.motion import Move, Reached, carried, claims_of_moves, unroll
 from fmopt.placement.search import Searched
@@ -28,7 +29,6 @@ from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array, Value, frozen
 
 _SHARE = 0.02
-_START = ("x", "y", "z", "rx", "ry", "rz")
 
 
 @dataclass(frozen=True)
@@ -281,7 +281,7 @@ def sensitivities(motion: Motion, clearance: tuple[float, float]) -> tuple[Sensi
         then = other.margin
         found.append(Sensitivity(name, value, _SHARE * value, None if then is None else then - now))
 
-    for k, name in enumerate(_START):
+    for k, name in enumerate(AXES):
         if motion.box[k] > 0.0:
             wider = motion.box * (1.0 + _SHARE * (np.arange(6) == k))
             compared(f"start.{name}", float(motion.box[k]), motion.under(wider))

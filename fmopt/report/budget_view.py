@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fmopt.guarded.axes import AXES
 from fmopt.plan import Plan
 from fmopt.report.drawing import BLUE, GREY, INK, PALE, RUST, WIDTH
-from fmopt.report.naming import AXES, degrees, millimetres
+from fmopt.report.naming import degrees, millimetres
 from fmopt.report.shell import table
 from fmopt.values import Array
 

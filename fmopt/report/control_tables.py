@@ -12,10 +12,10 @@ from itertools import groupby
 
 import numpy as np
 
-from fmopt.guarded.axes import stretches
+from fmopt.guarded.axes import AXES, stretches
 from fmopt.plan import Hybrid, JamFree, Plan, Segment
 from fmopt.report.moves import moves, turn_of, way_of
-from fmopt.report.naming import AXES, combination, direction, quantity, signed
+from fmopt.report.naming import combination, direction, quantity, signed
 from fmopt.report.shell import table
 from fmopt.report.trajectory_view import STOPS
 from fmopt.values import Array

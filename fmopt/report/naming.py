@@ -8,10 +8,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fmopt.guarded.axes import AXES
 from fmopt.plan import Body, Contact, Foreseen, Part, Plan
 from fmopt.values import Array
 
-AXES = ("x", "y", "z", "rx", "ry", "rz")
 _SAME = 1e-9  # m
 _SLIGHT = 0.005  # of the greatest component of a direction
 _ALONG = 0.94  # cosine within which a direction is called by one axis

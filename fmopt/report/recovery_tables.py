@@ -9,9 +9,10 @@ import math
 from collections.abc import Sequence
 from html import escape
 
+from fmopt.guarded.axes import AXES
 from fmopt.plan import MoveRecovery, Plan, Recovery, Tolerated, ToleratedEnd
 from fmopt.report.moves import verdict
-from fmopt.report.naming import AXES, binding_words, degrees, meeting_words, millimetres, signed
+from fmopt.report.naming import binding_words, degrees, meeting_words, millimetres, signed
 from fmopt.report.shell import table
 
 _ONE = {"start": (1e-4, math.radians(0.1)), "velocity": (0.01, 0.01), "clearance": (1e-5, 1e-5)}

@@ -8,6 +8,7 @@ from html import escape
 
 import numpy as np
 
+from fmopt.guarded.axes import AXES
 from fmopt.plan import FORMAT, FRAMES, UNITS, Part, Plan
 from fmopt.report.moves import (
     margin_claim,
@@ -18,16 +19,7 @@ from fmopt.report.moves import (
     states,
     verdict,
 )
-from fmopt.report.naming import (
-    AXES,
-    binding_words,
-    contact_words,
-    degrees,
-    millimetres,
-    pose_words,
-    quantity,
-    signed,
-)
+from fmopt.report.naming import binding_words, contact_words, degrees, millimetres, pose_words, quantity, signed
 from fmopt.report.shell import table
 from fmopt.report.tube_view import ends_words, error_sets
 

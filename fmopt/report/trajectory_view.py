@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fmopt.guarded.axes import AXES
 from fmopt.plan import Nominal, PositionForce
 from fmopt.report.drawing import BLUE, GREY, INK, RUST, WIDTH
-from fmopt.report.naming import AXES
 from fmopt.values import Array
 
 if TYPE_CHECKING:

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fmopt.guarded.axes import AXES
 from fmopt.plan import Plan
 from fmopt.report.drawing import BLUE, INK, WIDTH
 from fmopt.report.moves import moves
-from fmopt.report.naming import AXES, pose_words
+from fmopt.report.naming import pose_words
 from fmopt.values import Array, Value, frozen
 
 if TYPE_CHECKING:
