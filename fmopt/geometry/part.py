@@ -11,7 +11,7 @@ Lengths are in m.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,11 +19,12 @@ from numpy.typing import ArrayLike
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.csg import Hull, Solid, Union, exact_pose, sagitta
+from fmopt.geometry.exact import MOST, Exact, exact_vertices, facing_directions
 from fmopt.geometry.facets import place
 from fmopt.geometry.mating import Feature, found_features, in_frame
 from fmopt.geometry.mesh import Imported, come_apart
 from fmopt.geometry.pieces import pieces, polyhedron
-from fmopt.geometry.polyhedron import Polyhedron, placed, rounded, scaled
+from fmopt.geometry.polyhedron import Polyhedron, placed, rounded, scaled, with_vertices
 from fmopt.se3 import Pose
 from fmopt.values import Array, Value, frozen
 
@@ -150,6 +151,42 @@ def stretched(part: Part, factors: Sequence[float]) -> Part:
         pieces=tuple(rounded(scaled(piece, factors)) for piece in part.pieces),
         chord_error=max(factors) * part.chord_error,
     )
+
+
+def settled(moving: Part, fixed: Part) -> tuple[Part, Part]:
+    """Two parts with their vertices at the floats nearest to exact coordinates, facing faces exactly parallel.
+
+    Rounded coordinates turn a face of 20 mm by 1e-13 off its own plane and off the face that comes to lie in it. What a
+    motion is found for are then not quite the parts that a proof is about, which has exact ones.
+
+    Args:
+        moving: the moving part as it is turned when it is seated.
+        fixed: the fixed one in the same frame, but for a shift.
+
+    Raises:
+        GeometryError: there are no exact coordinates within `MOST` of the floats.
+    """
+    own = exact_vertices(moving.polyhedron)
+    walls = range(len(fixed.polyhedron.faces))
+    facing = facing_directions(moving.polyhedron, own, fixed.polyhedron, walls)
+    return _settled(moving, own), _settled(fixed, exact_vertices(fixed.polyhedron, facing))
+
+
+def _settled(part: Part, exact: Mapping[int, Exact]) -> Part:
+    """A part with some vertices of its boundary, and those of its pieces that are there, at exact coordinates."""
+    if not exact:
+        return part
+    numbers = sorted(exact)
+    places = part.polyhedron.vertices[numbers]
+    nearest = np.array([[float(x) for x in exact[n]] for n in numbers])
+
+    def moved(body: Polyhedron) -> Polyhedron:
+        points = body.vertices.copy()
+        for at, to in zip(places, nearest, strict=True):
+            points[(np.abs(points - at) <= MOST).all(axis=1)] = to
+        return with_vertices(body, points + 0.0)
+
+    return replace(part, polyhedron=moved(part.polyhedron), pieces=tuple(moved(piece) for piece in part.pieces))
 
 
 @dataclass(frozen=True, eq=False)

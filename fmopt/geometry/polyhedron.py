@@ -206,20 +206,21 @@ def plane_basis(normal: Array) -> Array:
 
 def placed(polyhedron: Polyhedron, pose: Pose) -> Polyhedron:
     """The polyhedron moved by a pose; planes of faces that stay axis-parallel are exact."""
-    return _with_vertices(polyhedron, pose.apply(polyhedron.vertices) + 0.0)
+    return with_vertices(polyhedron, pose.apply(polyhedron.vertices) + 0.0)
 
 
 def scaled(polyhedron: Polyhedron, factors: Sequence[float]) -> Polyhedron:
     """The polyhedron stretched along the axes by positive factors (3,)."""
-    return _with_vertices(polyhedron, polyhedron.vertices * np.asarray(factors))
+    return with_vertices(polyhedron, polyhedron.vertices * np.asarray(factors))
 
 
 def rounded(polyhedron: Polyhedron) -> Polyhedron:
     """The polyhedron with coordinates rounded to 1 fm, which frames and units differ by once they are turned about."""
-    return _with_vertices(polyhedron, polyhedron.vertices.round(_DECIMALS) + 0.0)
+    return with_vertices(polyhedron, polyhedron.vertices.round(_DECIMALS) + 0.0)
 
 
-def _with_vertices(polyhedron: Polyhedron, points: Array) -> Polyhedron:
+def with_vertices(polyhedron: Polyhedron, points: Array) -> Polyhedron:
+    """The polyhedron with its vertices at other points (n, 3), m, as good as in the same planes."""
     planes = [plane_of(points, face.loops) for face in polyhedron.faces]
     faces = tuple(Face(face.loops, *plane) for face, plane in zip(polyhedron.faces, planes, strict=True))
     return Polyhedron(points, faces, polyhedron.edges)

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from fmopt.errors import Fault, InputError, TaskError
-from fmopt.geometry.part import Part, Profiles, outline, rebased
+from fmopt.geometry.part import Part, Profiles, outline, rebased, settled
 from fmopt.knowledge.tree import ObjectTree
 from fmopt.se3 import Pose, exp
 from fmopt.task import problem_file as files
@@ -222,7 +222,8 @@ def _problem(source: Source, file: files.ProblemFile, models: Mapping[str, Model
     round_peg = is_round(trees[peg].feature(_table(file, peg).feature))
     task = _attributes(source, file, round_peg, begin, exchanged, grasp)
     turned = Pose(np.zeros(3), exp([0.0, 0.0, -task.turn]))
-    moving, trapezoid = rebased(parts[peg], turned), file.uncertainty.trapezoid
+    moving, fixed = settled(rebased(parts[peg], turned), parts[hole])
+    trapezoid = file.uncertainty.trapezoid
     sources = _sources(file.uncertainty.sources, parts) if file.uncertainty.sources else None
     stated = Contribution("as stated", "", _stated_box(file.uncertainty.start), _stated_frame(file.uncertainty.start))
     shares = _budget(file, sources, moving) if sources else (stated,)
@@ -234,13 +235,13 @@ def _problem(source: Source, file: files.ProblemFile, models: Mapping[str, Model
     shares = tuple(_seen(share, exchanged) for share in shares)
     box = total(shares)
     refuse_wild(source, shares)
-    refuse_far(source, box, (moving, parts[hole]))
+    refuse_far(source, box, (moving, fixed))
     return Problem(
         title=file.title,
         path=source.path,
         sha256=_sha256(source, models),
         moving=moving,
-        fixed=parts[hole],
+        fixed=fixed,
         trees=(trees[peg], trees[hole]),
         moving_feature=_table(file, peg).feature,
         fixed_feature=_table(file, hole).feature,
