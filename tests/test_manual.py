@@ -71,6 +71,7 @@ def test_the_one_page_opens_offline_and_its_links_lead_somewhere(page: str) -> N
     assert len(pictures) >= 2
     assert all(node[1]["alt"] and node[1]["src"].startswith("data:image/svg+xml") for node in pictures)
     assert next(words(node) for node in nodes if node[0] == "h1") == "First steps"
+    assert [words(node) for node in nodes if node[0] == "p" and words(node).startswith("|")] == []  # tables all
     assert manual() == page
 
 
@@ -158,11 +159,50 @@ def test_the_readme_is_for_one_sitting() -> None:
             assert f"def {function}(" in (ROOT / files[0]).read_text(encoding="utf-8")
 
 
+def test_the_page_on_tests_names_files_that_exist() -> None:
+    text = (ROOT / "tests" / "README.md").read_text(encoding="utf-8")
+    assert len(text.splitlines()) < 50
+    named = set(re.findall(r"`([\w*]+\.py|test_\w+\*?|lies\*\.py)`", text))
+    assert len(named) > 30
+    assert {name for name in named if not [*(ROOT / "tests").glob(name)]} == set()
+
+
 @pytest.mark.parametrize("word", EXPLAINED)
 def test_words_are_explained_before_they_are_used(word: str) -> None:
     assert re.search(word, text_of(EXPLAINED[word]))
     for name in PAGES[: PAGES.index(EXPLAINED[word])]:
         assert not re.search(word, text_of(name)), name
+
+
+def sections(name: str) -> dict[str, str]:
+    """The sections of a page by their heading."""
+    parts = re.split(r"(?m)^## (.+)$", text_of(name))
+    return dict(zip(parts[1::2], parts[2::2], strict=True))
+
+
+def test_changes_are_of_three_files_at_most_that_are_as_the_page_has_them() -> None:
+    shown = sections("changes")
+    assert len(shown) == 5
+    for head, text in shown.items():
+        rows = re.findall(r"^\| `(fmopt/[\w/.]+)( \(new\))?` \| (.+) \|$", text, re.MULTILINE)
+        assert 1 <= len(rows) <= 3, head
+        changed = dict(_hunks(text))
+        assert changed.keys() <= {path for path, *_ in rows}, head
+        for path, new, said in rows:
+            assert (ROOT / path).exists() != bool(new), path
+            whole = "" if new else (ROOT / path).read_text(encoding="utf-8")
+            for hunk in changed.get(path, []):
+                old = "\n".join(line[1:] for line in hunk if not line.startswith("+"))
+                assert old in whole, f"{path}:\n{old}"
+                whole += "\n".join(line[1:] for line in hunk if line.startswith("+"))
+            for name in re.findall(r"`(\w+)`", said):
+                assert re.search(rf"\b{name}\b", whole), f"{path}: {name}"
+
+
+def _hunks(text: str) -> Iterator[tuple[str, list[list[str]]]]:
+    """The files of a section's diffs, with the lines of their hunks."""
+    for path, body in re.findall(r"(?ms)^```diff\n--- (\S+)\n(.*?)\n```$", text):
+        yield path, [hunk.split("\n") for hunk in body.split("\n@@\n")]
 
 
 EXAMPLES = [
