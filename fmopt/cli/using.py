@@ -1,4 +1,4 @@
-"""What is done with a plan, and with what comes along: `fmopt export`, `show`, `examples`, `execute`, `compare`."""
+"""What is done with a plan: `fmopt export`, `show`, `examples`, `execute`, `compare`; and `fmopt manual`."""
 
 from __future__ import annotations
 
@@ -226,3 +226,25 @@ def compare(
         typer.echo(json.dumps(rows))
     elif not quiet:
         print_compared(rows)
+
+
+@app.command(epilog="Example: fmopt manual --out manual.html")
+def manual(
+    out: Annotated[Path, typer.Option("--out", help="File .html; or - for standard output.", show_default=True)] = Path(
+        "manual.html"
+    ),
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Write the manual as one page of HTML that opens and is searched offline."""
+    from fmopt import output
+    from fmopt.manual import manual as book
+
+    if out == STDIO:
+        typer.echo(book(), nl=False)
+        return
+    output.save(book().encode(), out)
+    if as_json:
+        typer.echo(json.dumps({"written": [str(out)]}))
+    elif not quiet:
+        say(f"wrote {out}")

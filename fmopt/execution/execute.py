@@ -17,7 +17,7 @@ from typing import Any
 from fmopt import output
 from fmopt.errors import Interruption, ResourceError
 from fmopt.execution.summary import summary
-from fmopt.execution.trials import ENGINES, METHODS, Trials, run
+from fmopt.execution.trials import ENGINES, LATER, METHODS, Trials, run
 from fmopt.execution.workers import spread
 from fmopt.plan import Plan
 
@@ -170,11 +170,9 @@ class _Keeper:
 
 
 def _head(what: Plan, trials: Trials) -> dict[str, Any]:
-    """What a file of trials begins with; it names the engine where that is another than of files that name none."""
+    """What a file of trials begins with; of what older files do not name only what is another than theirs."""
     said = asdict(trials)
-    if trials.engine == Trials.engine:
-        del said["engine"]
-    return {"plan": what.sha256, **said}
+    return {"plan": what.sha256} | {k: v for k, v in said.items() if k not in LATER or v != getattr(Trials, k)}
 
 
 def _kept(file: Path, head: Mapping[str, Any]) -> dict[int, Any]:

@@ -41,6 +41,7 @@ RANGES = {  # of what is given by hand, with units; less or more than that is a 
     "growth": (-0.1, 0.1, " m"),
     "offset": (-1.0, 1.0, " m"),
 }
+LATER = ("engine",)  # what older files of trials do not name: the engine, which was MuJoCo
 _BLOCK = 256  # periods of noise drawn at once
 
 _SIDEWAYS = 0.5  # |z| of the unit normal up to which a face looks sideways

@@ -24,19 +24,13 @@ from fmopt.task.model import Model, load_model, overrides_of
 from fmopt.task.problem import Attributes, Problem, Settings, Specification, VelocityError
 from fmopt.task.sizes import force_faults, refuse_far, refuse_reaching, refuse_wild
 from fmopt.task.sources import (
-    Configuration,
     Contribution,
-    Deviation,
     Frame,
-    Handling,
-    Known,
-    ObservedPoints,
-    Placed,
     Sources,
-    body_width,
     budget,
     framing,
     least_altitude,
+    sources_of,
     start_box,
     total,
 )
@@ -224,7 +218,9 @@ def _problem(source: Source, file: files.ProblemFile, models: Mapping[str, Model
     turned = Pose(np.zeros(3), exp([0.0, 0.0, -task.turn]))
     moving, fixed = settled(rebased(parts[peg], turned), parts[hole])
     trapezoid = file.uncertainty.trapezoid
-    sources = _sources(file.uncertainty.sources, parts) if file.uncertainty.sources else None
+    moving_points, fixed_points = (parts[side].polyhedron.vertices for side in ("moving", "fixed"))
+    table = file.uncertainty.sources
+    sources = None if table is None else sources_of(table, moving_points, fixed_points)
     stated = Contribution("as stated", "", _stated_box(file.uncertainty.start), _stated_frame(file.uncertainty.start))
     shares = _budget(file, sources, moving) if sources else (stated,)
     shares = (*shares, *_tessellation(models, parts))
@@ -372,36 +368,6 @@ def _plane(file: files.ProblemFile, models: Mapping[str, Model]) -> Profiles | N
         at = model.file.features[_table(file, side).feature].at
         found[side] = [np.subtract(polygon, (at[0], at[2])) for polygon in model.file.profile.polygons]
     return Profiles(found["moving"][0], outline(found["fixed"]))
-
-
-def _sources(table: files.Sources, parts: Mapping[str, Part]) -> Sources:
-    return Sources(
-        shape=table.shape,
-        measurement=table.measurement,
-        configuration=_configuration(table.configuration, parts["fixed"]),
-        feeder=_configuration(table.feeder, parts["moving"]),
-        robot=_deviation(table.robot),
-        slide=_deviation(table.grasp),
-        grasp_height=table.grasp.height,
-    )
-
-
-def _deviation(table: files.Deviation | files.Grasp | None) -> Deviation:
-    return Deviation() if table is None else Deviation(table.position, table.angle)
-
-
-def _configuration(table: files.Configuration | None, part: Part) -> Configuration:
-    if table is None:
-        return Deviation()
-    before: Configuration = Deviation(table.position or 0.0, table.angle, table.about)
-    if table.known is not None:
-        before = Known(table.known, body_width(part.polyhedron.vertices))
-    elif table.observed is not None:
-        first, second, third = table.observed.points
-        before = ObservedPoints((first, second, third), table.observed.deviation)
-    if table.placed is None:
-        return before
-    return Placed(before, tuple(Handling(_deviation(h.robot), _deviation(h.slide), h.at) for h in table.placed))
 
 
 def _sha256(source: Source, models: Mapping[str, Model]) -> str:

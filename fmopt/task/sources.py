@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, TypeAlias, assert_never
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, assert_never
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fmopt.framing import Framing
 from fmopt.values import Array, Value, frozen
+
+if TYPE_CHECKING:
+    from fmopt.task import problem_file as files
 
 Point: TypeAlias = tuple[float, float, float]
 Frame: TypeAlias = Literal["world", "hole", "hand"]
@@ -95,6 +98,37 @@ class Sources:
     robot: Deviation
     slide: Deviation
     grasp_height: float
+
+
+def sources_of(table: files.Sources, moving: Array, fixed: Array) -> Sources:
+    """The sources of a problem file, for parts with these vertices (n, 3) and (m, 3) in m."""
+    return Sources(
+        shape=table.shape,
+        measurement=table.measurement,
+        configuration=_configuration(table.configuration, fixed),
+        feeder=_configuration(table.feeder, moving),
+        robot=_deviation(table.robot),
+        slide=_deviation(table.grasp),
+        grasp_height=table.grasp.height,
+    )
+
+
+def _deviation(table: files.Deviation | files.Grasp | None) -> Deviation:
+    return Deviation() if table is None else Deviation(table.position, table.angle)
+
+
+def _configuration(table: files.Configuration | None, vertices: Array) -> Configuration:
+    if table is None:
+        return Deviation()
+    before: Configuration = Deviation(table.position or 0.0, table.angle, table.about)
+    if table.known is not None:
+        before = Known(table.known, body_width(vertices))
+    elif table.observed is not None:
+        first, second, third = table.observed.points
+        before = ObservedPoints((first, second, third), table.observed.deviation)
+    if table.placed is None:
+        return before
+    return Placed(before, tuple(Handling(_deviation(h.robot), _deviation(h.slide), h.at) for h in table.placed))
 
 
 @dataclass(frozen=True)
