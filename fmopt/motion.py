@@ -227,6 +227,7 @@ class _Stood:
         def steady(found: MoveSequence) -> bool:
             return assembly.planar or least_steady(problem, assembly, found.reached.claims, tolerance) >= STEADY
 
+        limits = Limits(deadline, TRIES, per_side)
         while best is None or (best[1].margin < _AMPLE * per_side and more > 0 and clock() < deadline):
             more -= best is not None and best[1].margin > 0.0
             try:
@@ -235,8 +236,8 @@ class _Stood:
                 if candidates[0].reached.margin > 0.0:
                     candidates, spare = candidates[:1], candidates[1:]
                 stages.ended("search")
-                found = tuned(task, candidates, self.entry_of, per_side, Limits(deadline, TRIES), tuning, steady)
-                found = deepened(task, found, self.entry_of, firm, Limits(deadline, TRIES))
+                found = tuned(task, candidates, self.entry_of, limits, tuning, steady)
+                found = deepened(task, found, self.entry_of, firm, limits)
                 stages.ended("entry")
                 placed = placement(posed, found.moves, stages.progress)
                 stages.ended("placement")

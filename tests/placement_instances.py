@@ -6,9 +6,9 @@ from itertools import combinations
 
 import numpy as np
 
-from fmopt.placement.clearance import Flat, Metric, Placement, placement
+from fmopt.placement.clearance import Flat, Metric, Placement
 from fmopt.placement.formation import Row, edge_edge, plane, vertex_face
-from fmopt.placement.nlp import SurfacePlacement, surface_placement
+from fmopt.placement.nlp import SurfacePlacement
 from fmopt.se3 import Pose
 from fmopt.values import Array
 
@@ -27,7 +27,7 @@ def random_placement(seed: int, rows: int = 10, contacts: int = 3, growth: float
     E = np.vstack([E, rng.normal(size=(spare, contacts)) @ E])
     e = E @ (0.3 * METRIC.units * rng.normal(size=6))
     start = METRIC.units * rng.normal(size=6)
-    return placement(
+    return Placement(
         N,
         D,
         metric=METRIC,
@@ -43,13 +43,13 @@ def translations(N: list[list[float]], D: list[float], **settings: object) -> Pl
     """Hyperplanes in x, y, z alone; rotations are held at zero and lengths are in clearances."""
     rows = np.hstack([np.array(N, dtype=np.float64).reshape(-1, 3), np.zeros((len(D), 3))])
     hold = np.array([9.0, 9.0, 9.0, 0.0, 0.0, 0.0])
-    return placement(rows, D, metric=Metric(1.0, 1.0), lower=-hold, upper=hold, **settings)
+    return Placement(rows, D, metric=Metric(1.0, 1.0), lower=-hold, upper=hold, **settings)
 
 
 def linear_surfaces(problem: Placement) -> SurfacePlacement:
     """The same placement for the nonlinear optimiser, every function a plane."""
     assert not isinstance(problem.start, Flat)
-    return surface_placement(
+    return SurfacePlacement(
         Pose.identity(),
         [plane(N, D) for N, D in zip(problem.goal.E, problem.goal.e, strict=True)],
         [plane(N, D) for N, D in zip(problem.N, problem.D, strict=True)],
@@ -124,7 +124,7 @@ def peg_placement(contacts: tuple[str, ...], depth: float = 0.015) -> SurfacePla
     """The peg at `depth` with these contacts made, all others as obstacles; sliding and height are held."""
     rows = peg_rows()
     hold = np.array([1e-3, 1e-3, 0.0, 0.05, 0.05, 0.05])
-    return surface_placement(
+    return SurfacePlacement(
         Pose(np.array([0.0, 0.0, -depth]), np.eye(3)),
         [rows[name] for name in contacts],
         [row for name, row in rows.items() if name not in contacts],
@@ -140,7 +140,7 @@ def linearised(problem: SurfacePlacement, X: Array) -> Placement:
 
     f, E = evaluate(problem.contacts, problem.reference, X)
     g, N = evaluate(problem.obstacles, problem.reference, X)
-    return placement(
+    return Placement(
         N,
         N @ X - g + problem.allowance,
         metric=problem.metric,

@@ -211,8 +211,8 @@ def test_tuning_keeps_what_is_steady(aslant: Problem) -> None:
         asked.append(found)
         return found is first
 
-    limits = Limits(math.inf, 12)
-    free = tuned(task, (first,), entry_of, clearance, limits)
+    limits = Limits(math.inf, 12, clearance)
+    free = tuned(task, (first,), entry_of, limits)
     assert free.reached.margin > first.reached.margin
-    assert tuned(task, (first,), entry_of, clearance, limits, steady=first_alone) is first
+    assert tuned(task, (first,), entry_of, limits, steady=first_alone) is first
     assert len(asked) > 1

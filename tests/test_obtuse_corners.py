@@ -14,7 +14,7 @@ from searched import certified_plan, task_of, tilted_motion
 
 from fmopt.placement.entry import Shape, corner_walls, leading_corners, outline, tilted_entry
 from fmopt.placement.search import begin
-from fmopt.placement.shapes import likely_headings, likely_shapes, obtuse_shapes
+from fmopt.placement.shapes import Way, likely_headings, likely_shapes, obtuse_shapes
 from fmopt.placement.step import Node, follow
 from fmopt.task.problem import Problem, load
 from fmopt.task.sizes import measured_clearance
@@ -37,11 +37,10 @@ def octagon() -> Problem:
 
 def first_along(problem: Problem, wall: int = 0, after: int = 0) -> Shape:
     """The first shape, after some, that is to be flush with the wall towards −x or −y, where one is across the key."""
-    heading = next(heading for heading, found in likely_headings(problem.moving) if found == 0)
+    heading = next(way.heading for way in likely_headings(problem.moving) if way.wall == 0)
     play = measured_clearance(problem).play
-    shapes = obtuse_shapes(
-        problem.moving, play, problem.start_box, problem.settings.max_tilt, (0.0, 0.0), heading, wall
-    )
+    towards = Way(heading, wall)
+    shapes = obtuse_shapes(problem.moving, play, problem.start_box, problem.settings.max_tilt, (0.0, 0.0), towards)
     return next(islice(shapes, after, None))
 
 

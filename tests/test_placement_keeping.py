@@ -65,7 +65,7 @@ def test_what_cannot_be_kept_is_said() -> None:
             assert kernel(height, C, np.zeros((1, 3)), np.eye(3)[None].copy()) == expected
     for kernel in both(keeping.repeated):
         C, p, R = np.array([[1.0, 0.0, 0.0, 0.0, 0.0, 0.0]]), np.zeros((2, 3)), np.array([np.eye(3)] * 2)
-        assert kernel(height, C, np.zeros(6), np.zeros((1, 1)), True, p, R) == SINGULAR
+        assert kernel((height, C), np.zeros(6), np.zeros((1, 1)), True, p, R) == SINGULAR
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -77,7 +77,7 @@ def test_pieces_share_a_twist_but_for_the_compliance(seed: int) -> None:
         p, R, gives = np.empty((5, 3)), np.empty((5, 3, 3)), np.zeros((4, seed))
         p[0], R[0] = here.p, here.R
         for fresh in (True, False):
-            assert kernel(held.table, C, twist, gives, fresh, p, R) == KEPT
+            assert kernel((held.table, C), twist, gives, fresh, p, R) == KEPT
             for n in range(4):
                 there = Pose(p[n], R[n]).moved(twist + C.T @ gives[n])
                 assert p[n + 1] == pytest.approx(there.p, abs=1e-16)
@@ -113,7 +113,7 @@ def test_edges_that_turn_level_jump_from_side_to_side_where_they_do() -> None:
     ends = values if values[0] > 0.0 else values[::-1].copy()
     for kernel in both(keeping.roots):
         found = np.empty(1)
-        assert kernel(free, motion, tables, np.array([0]), between, ends, found) == KEPT
+        assert kernel(free, motion, tables, np.array([0]), (between, ends), found) == KEPT
         assert found[0] == 0.0
 
 
@@ -139,11 +139,8 @@ def test_a_motion_turns_about_its_pivot_and_ends_where_a_distance_vanishes(seed:
     assert len(crossing)
     for kernel in both(keeping.roots):
         found = np.empty(len(crossing))
-        between = np.array([amounts[0], amounts[-1]])
-        assert (
-            kernel((held.table, C), motion, surfaces.tables, crossing, between, values[[0, -1]][:, crossing], found)
-            == KEPT
-        )
+        bracket = np.array([amounts[0], amounts[-1]]), values[[0, -1]][:, crossing]
+        assert kernel((held.table, C), motion, surfaces.tables, crossing, bracket, found) == KEPT
         p, R = np.empty((len(found), 3)), np.empty((len(found), 3, 3))
         keeping.along((held.table, C), motion, found, p, R)
         at = np.empty((len(found), len(contacts)))

@@ -25,7 +25,7 @@ from fmopt.placement.formation import (
     formation_derivatives,
     vertex_face,
 )
-from fmopt.placement.nlp import certify_on_surfaces, largest, place_on_surfaces, project, surface_placement
+from fmopt.placement.nlp import SurfacePlacement, certify_on_surfaces, largest, place_on_surfaces, project
 from fmopt.se3 import Pose
 
 STATES = [
@@ -193,7 +193,7 @@ def test_allowance_and_growth_lower_the_clearance_as_stated() -> None:
     linear = random_placement(7, rows=8, contacts=2)
     plain = place_on_surfaces(linear_surfaces(linear)).value
     problem = linear_surfaces(linear)
-    less = surface_placement(
+    less = SurfacePlacement(
         problem.reference,
         problem.contacts,
         problem.obstacles,

@@ -28,7 +28,7 @@ class Liar:
 
 def disc() -> ConeProgram:
     """Maximise x + y on the unit disc: √2."""
-    return ConeProgram.of([1.0, 1.0], G=[[0.0, 0.0]], h=[1.0], W=[[1.0]], norms=(Norm(np.eye(2), np.zeros(2)),))
+    return ConeProgram([1.0, 1.0], G=[[0.0, 0.0]], h=[1.0], W=[[1.0]], norms=(Norm(np.eye(2), np.zeros(2)),))
 
 
 def test_disc_has_its_optimum_by_hand() -> None:
@@ -114,7 +114,7 @@ def test_a_lying_solver_is_caught(name: str) -> None:
 
 def test_infeasible_rows_raise_with_their_shortfall() -> None:
     # x ≥ 3 and x ≤ 1 in units of 1e-4: each has to give by one unit.
-    program = ConeProgram.of([0.0], G=[[1.0], [-1.0]], h=[-3e-4, 1e-4], lower=[-1.0], upper=[1.0], units=[1e-4])
+    program = ConeProgram([0.0], G=[[1.0], [-1.0]], h=[-3e-4, 1e-4], lower=[-1.0], upper=[1.0], units=[1e-4])
     with pytest.raises(InfeasibleError, match="contradict by 1") as caught:
         ClarabelSolver().solve(program)
     assert caught.value.shortfall == pytest.approx(1.0, abs=1e-6)
@@ -125,9 +125,9 @@ def test_infeasible_rows_raise_with_their_shortfall() -> None:
 def test_small_contradictions_do_not_pass(gap: float, as_equalities: bool) -> None:
     unit = 1e-4
     if as_equalities:
-        program = ConeProgram.of([0.0, unit], A=[[1.0, 0.0], [1.0, 0.0]], b=[0.0, gap * unit], units=[unit, 1.0])
+        program = ConeProgram([0.0, unit], A=[[1.0, 0.0], [1.0, 0.0]], b=[0.0, gap * unit], units=[unit, 1.0])
     else:
-        program = ConeProgram.of(
+        program = ConeProgram(
             [0.0, unit], G=[[1.0, 0.0], [-1.0, 0.0]], h=[-gap * unit, 0.0], upper=[1.0, 1.0], units=[unit, 1.0]
         )
     with pytest.raises((InfeasibleError, SolverError)) as caught:
@@ -138,15 +138,15 @@ def test_small_contradictions_do_not_pass(gap: float, as_equalities: bool) -> No
 
 def test_an_unbounded_program_and_bad_shapes_are_refused() -> None:
     with pytest.raises(SolverError, match="add bounds"):
-        ClarabelSolver().solve(ConeProgram.of([1.0], G=[[1.0]], h=[0.0]))
+        ClarabelSolver().solve(ConeProgram([1.0], G=[[1.0]], h=[0.0]))
     with pytest.raises(ValueError, match="shape"):
-        ConeProgram.of([1.0, 0.0], G=[[1.0]], h=[0.0])
+        ConeProgram([1.0, 0.0], G=[[1.0]], h=[0.0])
     with pytest.raises(ValueError, match="negative"):
-        ConeProgram.of([1.0], G=[[1.0]], h=[0.0], W=[[-1.0]], norms=(Norm(np.eye(1), np.zeros(1)),))
+        ConeProgram([1.0], G=[[1.0]], h=[0.0], W=[[-1.0]], norms=(Norm(np.eye(1), np.zeros(1)),))
     with pytest.raises(ValueError, match="nan"):
-        ConeProgram.of([1.0], lower=[np.nan])
+        ConeProgram([1.0], lower=[np.nan])
     with pytest.raises(ValueError, match="columns"):
-        ConeProgram.of([1.0], G=[[1.0]], h=[0.0], W=[[1.0]], norms=(Norm(np.eye(2), np.zeros(2)),))
+        ConeProgram([1.0], G=[[1.0]], h=[0.0], W=[[1.0]], norms=(Norm(np.eye(2), np.zeros(2)),))
 
 
 def test_values_stay_read_only_through_pickling() -> None:
@@ -160,7 +160,7 @@ def test_values_stay_read_only_through_pickling() -> None:
 def test_equal_bounds_hold_a_variable() -> None:
     # x + y on x² + y² ≤ 1 with x held at 3/5, or by an equality besides: 7/5.
     norm = Norm(np.eye(2), np.zeros(2))
-    program = ConeProgram.of(
+    program = ConeProgram(
         [1.0, 1.0], G=[[0.0, 0.0]], h=[1.0], W=[[1.0]], norms=(norm,), lower=[0.6, -9], upper=[0.6, 9]
     )
     assert ClarabelSolver().solve(program).x == pytest.approx([0.6, 0.8], abs=1e-8)

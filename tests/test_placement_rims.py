@@ -97,7 +97,7 @@ def test_what_touches_a_wall_is_what_the_plain_formula_finds() -> None:
             assert rows[..., :3] == pytest.approx(np.broadcast_to(across[1], rows[..., :3].shape))
             assert rows[..., 3:] == pytest.approx(cross(arms, across[1]), abs=1e-16)
             found = np.empty(len(vertices) + len(numbers) * len(rim_numbers), dtype=np.uint8)
-            pattern(vertices, across, edges, p[0], R[0], depth, doubt, found)
+            pattern(vertices, across, edges, (p[0], R[0]), (depth, doubt), found)
             listed, over = plainly(vertices, across, edges, start, depth, doubt)
             assert found[: len(vertices)].tolist() == listed.tolist()
             across_rims = found[len(vertices) :].reshape(len(numbers), len(rim_numbers))

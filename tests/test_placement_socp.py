@@ -19,7 +19,7 @@ from placement_instances import (
 
 from fmopt.errors import InfeasibleError, SolverError
 from fmopt.placement import solvers
-from fmopt.placement.clearance import Flat, Metric, Placement, lexicographic, max_min_clearance, placement
+from fmopt.placement.clearance import Flat, Metric, Placement, lexicographic, max_min_clearance
 from fmopt.placement.nlp import place_on_surfaces
 from fmopt.placement.solvers import LinearSolver
 
@@ -87,7 +87,7 @@ def test_distance_is_measured_in_the_scaled_metric() -> None:
     assert 1.0 / metric.dual_norm(mixed) == pytest.approx(1.265, abs=5e-4)
     nearest = METRIC.units * 3.0
     row = nearest * METRIC.sigma**2
-    single = placement([row], [row @ nearest], metric=METRIC, lower=-np.ones(6), upper=np.zeros(6) + 1e-12)
+    single = Placement([row], [row @ nearest], metric=METRIC, lower=-np.ones(6), upper=np.zeros(6) + 1e-12)
     distance = -single.at(np.zeros((1, 6))).value
     assert distance == pytest.approx(np.linalg.norm(METRIC.sigma * nearest), rel=1e-9)
 

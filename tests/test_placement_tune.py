@@ -44,13 +44,13 @@ def found(problem: Problem, task: Task) -> MoveSequence:
 
 def test_the_same_moves_get_more_margin(problem: Problem, task: Task, found: MoveSequence) -> None:
     clearance = measured_clearance(problem).per_side
-    best = tuned(task, (found,), lambda shape: entry(problem, shape), clearance, Limits(math.inf, 12))
+    best = tuned(task, (found,), lambda shape: entry(problem, shape), Limits(math.inf, 12, clearance))
     assert best.names == found.names
     assert best.reached.margin > found.reached.margin
     assert best.lower_bound <= best.cost
     # A bound of the first entry says nothing of another one that costs less.
     dear = replace(found, cost=found.cost + 5.0, lower_bound=found.cost + 4.0)
-    cheaper = tuned(task, (dear,), lambda shape: entry(problem, shape), clearance, Limits(math.inf, 12))
+    cheaper = tuned(task, (dear,), lambda shape: entry(problem, shape), Limits(math.inf, 12, clearance))
     assert cheaper.cost == best.cost < dear.lower_bound
     assert cheaper.lower_bound == cheaper.cost
 
@@ -61,12 +61,12 @@ def test_the_next_sequence_counts_where_the_first_has_next_to_no_margin(
     def entry_of(shape: Shape) -> Entry:
         return entry(problem, shape)
 
-    clearance, untried = measured_clearance(problem).per_side, Limits(math.inf, 0)
-    better = tuned(task, (found,), entry_of, clearance, Limits(math.inf, 12))
+    clearance = measured_clearance(problem).per_side
+    better = tuned(task, (found,), entry_of, Limits(math.inf, 12, clearance))
     assert 0.0 < found.reached.margin < better.reached.margin
     for candidates in ((found, better), (better, found)):
-        assert tuned(task, candidates, entry_of, 8.0 * better.reached.margin, untried) is better
-        assert tuned(task, candidates, entry_of, found.reached.margin, untried) is candidates[0]
+        assert tuned(task, candidates, entry_of, Limits(math.inf, 0, 8.0 * better.reached.margin)) is better
+        assert tuned(task, candidates, entry_of, Limits(math.inf, 0, found.reached.margin)) is candidates[0]
 
 
 def test_an_entry_goes_deeper_until_that_is_enough_or_half_of_the_margin_is_lost(
@@ -77,7 +77,7 @@ def test_an_entry_goes_deeper_until_that_is_enough_or_half_of_the_margin_is_lost
         return sequence.entry.shape.depth
 
     def gone_to(factor: float) -> MoveSequence:
-        limits = Limits(math.inf, 12)
+        limits = Limits(math.inf, 12, math.inf)
         wanted = factor * depth(found)
         return deepened(task, found, lambda shape: entry(problem, shape), lambda one: depth(one) >= wanted, limits)
 
@@ -93,7 +93,7 @@ def test_an_entry_goes_deeper_until_that_is_enough_or_half_of_the_margin_is_lost
             replace(found, entry=replace(found.entry, shape=None)),
             lambda shape: found.entry,
             lambda _: False,
-            Limits(math.inf, 3),
+            Limits(math.inf, 3, math.inf),
         ).entry.shape
         is None
     )

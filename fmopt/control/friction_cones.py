@@ -238,7 +238,7 @@ class FrictionCones(Value):
         m = len(self.normal)
         lift = -np.ones((m, 1))
         norms = (*(np.hstack([rows, np.zeros((2, 1))]) for rows in self.tangent), np.eye(6, 7))
-        program = ConeProgram.of(
+        program = ConeProgram(
             np.append(power, share),
             G=np.vstack([np.hstack([self.normal, lift]), np.zeros(7)]),
             h=np.append(np.zeros(m), longest),

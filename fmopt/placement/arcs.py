@@ -253,11 +253,13 @@ def _first(edges: Edges, reached: Reached, work: Array) -> Kept:
 
 
 @part
-def _narrow(edges: Edges, vertices: Array, kept: Kept, rooms: Array) -> tuple[NDArray[np.bool_], bool]:
+def _narrow(edges: Edges, vertices: Array, kept: Kept, rooms: Array) -> bool:
     """Looks between the neighbours of the best planes, and at the room (n, m, e, shares) of those in between, or more.
 
+    None is put down for those without more room than their pair's best margin in any piece of motion.
+
     Returns:
-        which (m, e, shares) have more room than their pair's best margin in some piece of motion, and whether any have.
+        whether any have more.
     """
     arcs, corners, some = edges.arcs, edges.corners, False
     found = np.zeros((len(corners), _REFINED, SHARES), dtype=np.bool_)
@@ -281,14 +283,18 @@ def _narrow(edges: Edges, vertices: Array, kept: Kept, rooms: Array) -> tuple[ND
                         rooms[n, m, j, s] = nominal - offset
                         if nominal - offset > margins[n, m]:
                             found[m, j, s] = some = True
-    return found, some
+    for n in range(edge.shape[0]):
+        for m in range(edge.shape[1]):
+            for j in range(_REFINED):
+                for s in range(SHARES):
+                    if not found[m, j, s]:
+                        rooms[n, m, j, s] = -np.inf
+    return some
 
 
 @part
-def _refine(
-    edges: Edges, reached: Reached, kept: Kept, rooms: Array, hopeful: NDArray[np.bool_], last: bool, work: Array
-) -> None:
-    """The best of hopeful planes through each edge that is kept, and of each pair; without the former at last.
+def _refine(edges: Edges, reached: Reached, kept: Kept, rooms: Array, last: bool, work: Array) -> None:
+    """The best of planes with room through each edge that is kept, and of each pair; without the former at last.
 
     No margin exceeds its plane's room.
     """
@@ -299,7 +305,7 @@ def _refine(
                 k, low, high = edge[n, m, j], lows[n, m, j], highs[n, m, j]
                 most, share[n, m, j] = margins[n, m] if last else -np.inf, 0
                 for s in range(SHARES):
-                    if hopeful[m, j, s] and rooms[n, m, j, s] > most:
+                    if rooms[n, m, j, s] > most:
                         normal = _between(edges.arcs, k, low, high, s)
                         margin = _lower(normal, reached, n, work) - _offset(normal, edges.corners, m)[0]
                         if margin > most:
@@ -330,10 +336,9 @@ def best(edges: Edges, body: Array, motion: Moving) -> tuple[Array, Array, Array
     count, pairs = kept.margin.shape
     rooms = np.empty((count, pairs, _REFINED, SHARES))
     for k in range(1, _PASSES):
-        hopeful, some = _narrow(edges, reached.vertices, kept, rooms)
-        if not some:
+        if not _narrow(edges, reached.vertices, kept, rooms):
             break
-        _refine(edges, reached, kept, rooms, hopeful, k == _PASSES - 1, work)
+        _refine(edges, reached, kept, rooms, k == _PASSES - 1, work)
     offsets, clearances = np.empty((count, pairs)), np.empty((count, pairs))
     for n in range(count):
         for m in range(pairs):

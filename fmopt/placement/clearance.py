@@ -6,12 +6,13 @@ in the metric |X|² = |d|² + ρ²|δ|² ([DakinPopplestone1993] appendix II, wi
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fmopt.placement.program import ConeProgram, Norm, Solution, Solver, certify, checked
+from fmopt.placement.program import ConeProgram, Norm, Solution, Solver, certify, checked, left_out, stated
 from fmopt.placement.solvers import ClarabelSolver
 from fmopt.values import Array, Value, frozen
 
@@ -63,7 +64,47 @@ class Flat(Value):
 
 
 @dataclass(frozen=True, eq=False)
-class Placement(Value):
+class Room(Value):
+    """Within what a pose is placed, and what counts as its clearance t.
+
+    Args:
+        metric: scale of rotations, and the unit.
+        lower: bounds (6,) of the local coordinates from below, m and rad.
+        upper: the same from above.
+        weights: metres of slack per metre of clearance (k,), else |N*|, so that t is a distance in the metric.
+        growth: λ_N (k,), slack lost per metre of travel, else none.
+        cap: largest clearance of interest (m), else the diameter of the bounds.
+    """
+
+    metric: Metric = field(kw_only=True)
+    lower: Array = field(kw_only=True)
+    upper: Array = field(kw_only=True)
+    weights: Array = field(default_factory=left_out, kw_only=True)
+    growth: Array = field(default_factory=left_out, kw_only=True)
+    cap: float = field(default=math.inf, kw_only=True)
+
+    def complete(self, weights: Array, *, moving: bool) -> None:
+        """Checks what is given while the value is made, and puts defaults where something is left out.
+
+        Args:
+            weights: of the obstacles (k,), for want of others.
+            moving: whether there is a start to travel from.
+
+        Raises:
+            ValueError: shapes do not fit, growth where nothing moves, or a negative weight or growth.
+        """
+        k = len(weights)
+        stated(self, weights=weights, growth=np.zeros(k))
+        for name, n in (("lower", 6), ("upper", 6), ("weights", k), ("growth", k)):
+            object.__setattr__(self, name, frozen(getattr(self, name), n, name=name))
+        if (self.weights < 0.0).any() or (self.growth < 0.0).any() or (self.growth.any() and not moving):
+            raise ValueError("weights and growth must not be negative, and growth needs a start")
+        if self.cap == math.inf:
+            object.__setattr__(self, "cap", float(np.linalg.norm(self.metric.sigma * (self.upper - self.lower))))
+
+
+@dataclass(frozen=True, eq=False)
+class Placement(Room):
     """Where to put the goal of a segment, or both its ends: maximise t over
 
         N_j·G − D_j − growth_j |G − S|_σ ≥ weights_j t,   G in `goal`,   lower ≤ G ≤ upper,   t ≤ cap.
@@ -71,19 +112,27 @@ class Placement(Value):
     A fixed pose as `start` enters the growth alone. A `Flat` as start makes S a variable within it, with
     N_j·S − D_j ≥ weights_j t as well. A row of weight 0 must hold but does not count as clearance.
 
-    Shapes: N (k, 6), D, weights and growth (k,), bounds (6,). Built by `placement`.
+    Args:
+        N: gradient rows (k, 6) of the obstacles, any length.
+        D: offsets (k,), in m times that length; allowances such as √(NᵀQN) are added by the caller.
+        goal: affine space of the goal state, else everything.
+        start: fixed start pose (6,), or the affine space of a free one.
+
+    Raises:
+        ValueError: shapes do not fit, growth without a start, or a negative weight or growth.
     """
 
     N: Array
     D: Array
-    weights: Array
-    growth: Array
-    goal: Flat
-    start: Array | Flat | None
-    lower: Array
-    upper: Array
-    metric: Metric
-    cap: float
+    goal: Flat = field(default_factory=Flat.everything, kw_only=True)
+    start: Array | Flat | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "N", frozen(self.N, None, 6, name="N"))
+        object.__setattr__(self, "D", frozen(self.D, len(self.N), name="D"))
+        if self.start is not None and not isinstance(self.start, Flat):
+            object.__setattr__(self, "start", frozen(self.start, 6, name="start"))
+        self.complete(self.metric.dual_norm(self.N), moving=self.start is not None)
 
     def program(self) -> ConeProgram:
         """The cone program over (G, t), or (G, S, t) when the start is free."""
@@ -101,7 +150,7 @@ class Placement(Value):
         norms, W = self._travel(n), np.zeros((ends * k, 0))
         if norms:
             W = np.concatenate([self.growth, np.zeros((ends - 1) * k)])[:, None]
-        return ConeProgram.of(
+        return ConeProgram(
             np.append(np.zeros(n - 1), 1.0),
             A=A,
             b=np.concatenate([flat.e for flat in flats]),
@@ -140,65 +189,6 @@ class Placement(Value):
         x = np.append(np.ravel(poses), 0.0)
         x[-1] = min(self.cap, float(self.clearances(x).min(initial=np.inf)))
         return certify(self.program(), x)
-
-
-def placement(
-    N: ArrayLike,
-    D: ArrayLike,
-    *,
-    metric: Metric,
-    lower: ArrayLike,
-    upper: ArrayLike,
-    goal: Flat | None = None,
-    start: ArrayLike | Flat | None = None,
-    weights: ArrayLike | None = None,
-    growth: ArrayLike | None = None,
-    cap: float | None = None,
-) -> Placement:
-    """A placement problem; see `Placement`.
-
-    Args:
-        N: gradient rows (k, 6) of the obstacles, any length.
-        D: offsets (k,), in m times that length; allowances such as √(NᵀQN) are added by the caller.
-        metric: scale of rotations, and the unit.
-        lower, upper: bounds (6,) of the local coordinates, m and rad.
-        goal: affine space of the goal state, else everything.
-        start: fixed start pose (6,), or the affine space of a free one.
-        weights: metres of slack per metre of clearance (k,), else |N*|, so that t is a distance in the metric.
-        growth: λ_N (k,), slack lost per metre of travel.
-        cap: largest clearance of interest (m), else the diameter of the bounds.
-
-    Raises:
-        ValueError: shapes do not fit, growth without a start, or a negative weight or growth.
-    """
-    rows = frozen(N, None, 6, name="N")
-    k, low, high = len(rows), frozen(lower, 6, name="lower"), frozen(upper, 6, name="upper")
-    weigh, grow = weighed(k, metric.dual_norm(rows) if weights is None else weights, growth, moving=start is not None)
-    return Placement(
-        rows,
-        frozen(D, k, name="D"),
-        weigh,
-        grow,
-        Flat.everything() if goal is None else goal,
-        start if start is None or isinstance(start, Flat) else frozen(start, 6, name="start"),
-        low,
-        high,
-        metric,
-        float(np.linalg.norm(metric.sigma * (high - low))) if cap is None else cap,
-    )
-
-
-def weighed(k: int, weights: ArrayLike, growth: ArrayLike | None, *, moving: bool) -> tuple[Array, Array]:
-    """Weights and growth (k,) of obstacles, no growth by default.
-
-    Raises:
-        ValueError: shapes do not fit, growth where nothing moves, or a negative weight or growth.
-    """
-    weigh = frozen(weights, k, name="weights")
-    grow = frozen(np.zeros(k) if growth is None else growth, k, name="growth")
-    if (weigh < 0.0).any() or (grow < 0.0).any() or (grow.any() and not moving):
-        raise ValueError("weights and growth must not be negative, and growth needs a start")
-    return weigh, grow
 
 
 def per_weight(slacks: Array, weights: Array) -> Array:

@@ -148,7 +148,7 @@ class _Course:
             InfeasibleError: the held contacts cannot be kept.
         """
         found, asked = np.empty(len(which)), near.surfaces.order[which]
-        kept(roots(self.held, self.motion, near.surfaces.tables, asked, _own(between), _own(values), found))
+        kept(roots(self.held, self.motion, near.surfaces.tables, asked, (_own(between), _own(values)), found))
         return found
 
 

@@ -164,7 +164,7 @@ def _pattern(wall: _Wall, p: Array, R: Array, errors: ErrorSet) -> bytes:
     depths(wall.vertices, wall.rims, p, R, depth, rows)
     doubt = DOUBTED * errors.support(rows) + DOUBT
     found = np.empty(len(wall.vertices) + len(wall.numbers) * len(wall.convex), dtype=np.uint8)
-    pattern(wall.vertices, wall.rims, wall.edges, p[0], R[0], depth, doubt, found)
+    pattern(wall.vertices, wall.rims, wall.edges, (p[0], R[0]), (depth, doubt), found)
     return found.tobytes()
 
 
@@ -268,7 +268,12 @@ def _forward(edges: Edges, e: int, r: int, R: Array) -> bool:
 
 @compiled
 def pattern(
-    vertices: Array, rims: Rims, edges: Edges, p: Array, R: Array, depth: Array, doubt: Array, found: NDArray[np.uint8]
+    vertices: Array,
+    rims: Rims,
+    edges: Edges,
+    pose: tuple[Array, Array],
+    inside: tuple[Array, Array],
+    found: NDArray[np.uint8],
 ) -> None:
     """Fills in which vertices touch a face, and which edges cross its convex rims along a piece of motion.
 
@@ -276,14 +281,12 @@ def pattern(
         vertices: in the body (n, 3), in the face's plane.
         rims: of the face, c convex ones first; at the others another face begins.
         edges: convex edges between the vertices.
-        p: position (3,) at the start.
-        R: rotation (3, 3) there.
-        depth: how far inside rims vertices are at both ends (2, n, r), m.
-        doubt: how far errors displace that (2, n, r), m.
+        pose: position (3,) and rotation (3, 3) at the start.
+        inside: how far inside rims vertices are at both ends (2, n, r), m, and how far errors displace that.
         found: (n + e c), of each vertex whether it is listed, of each edge and rim 1 where they cross, 2 where they do
             so with the edge run from its first end to its second.
     """
-    n, c = len(vertices), len(edges[3])
+    n, c, (p, R), (depth, doubt) = len(vertices), len(edges[3]), pose, inside
     side = np.empty((n, len(rims[0])), dtype=np.int8)
     for i in range(n):
         for r in range(len(rims[0])):

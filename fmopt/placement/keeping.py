@@ -128,12 +128,11 @@ def onto(table: Table, C: Array, p: Array, R: Array) -> int:
 
 
 @compiled
-def repeated(table: Table, C: Array, twist: Array, gives: Array, fresh: bool, p: Array, R: Array) -> int:
+def repeated(held: tuple[Table, Array], twist: Array, gives: Array, fresh: bool, p: Array, R: Array) -> int:
     """Fills in poses p (n + 1, 3), R (n + 1, 3, 3) after the first: a twist each, and compliance that keeps contacts.
 
     Args:
-        table: functions of the contacts (r).
-        C: their compliant twists (r, 6).
+        held: functions of the contacts kept (r,) and their compliant twists (r, 6).
         twist: of each piece.
         gives: how much compliance there is in each (n, r), a guess at first, if not `fresh`.
         fresh: whether each piece is to begin with what the one before it has found.
@@ -143,6 +142,7 @@ def repeated(table: Table, C: Array, twist: Array, gives: Array, fresh: bool, p:
     Returns:
         as of `onto`.
     """
+    table, C = held
     r = len(table)
     f, N, X = np.empty(r), np.empty((r, 6)), np.empty(6)
     for n in range(len(p) - 1):
@@ -212,8 +212,7 @@ def roots(
     motion: tuple[Array, Array, Array, Array],
     tables: Tables,
     which: NDArray[np.intp],
-    between: Array,
-    values: Array,
+    bracket: tuple[Array, Array],
     found: Array,
 ) -> int:
     """Fills in amounts (m,) at which distances vanish or jump, by Anderson and Björck's method of false position.
@@ -223,14 +222,13 @@ def roots(
         motion: as of `along`.
         tables: a stack of contacts.
         which: m of them.
-        between: two amounts.
-        values: the distances (2, m) there, the first positive, the second not.
+        bracket: two amounts, and the distances (2, m) there, the first positive, the second not.
         found: the amounts.
 
     Returns:
         as of `onto`.
     """
-    p, R, amount = np.empty((1, 3)), np.empty((1, 3, 3)), np.empty(1)
+    p, R, amount, (between, values) = np.empty((1, 3)), np.empty((1, 3, 3)), np.empty(1), bracket
     for n in range(len(which)):
         a, b, fa, fb = between[0], between[1], values[0, n], values[1, n]
         for _ in range(_ROOT_ROUNDS):

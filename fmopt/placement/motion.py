@@ -139,7 +139,7 @@ def _way(
     for shot in range(1, shots + 1):
         # Where the last piece of the last shot would end does not matter: it ends at the goal.
         n = count + (shot < shots)
-        kept(keeping.repeated(table, C, twist / count, gives, shot == 1, p[:n], R[:n]))
+        kept(keeping.repeated((table, C), twist / count, gives, shot == 1, p[:n], R[:n]))
         if shot < shots:
             miss = np.concatenate([move.goal.p - p[-1], se3.log(move.goal.R @ R[-1].T)])
             if np.abs(miss).max() < _AIMED:
@@ -201,22 +201,20 @@ def carried(
     """
     basis = tuple(c for c in reached.basis if c.contact not in move.left)
     shots = _SHOTS if thorough and count > 1 else 1
-    steps, errors, basis = _carried(move, reached.errors, assembly, basis, tolerance, count, shots)
-    return steps, Reached(errors, basis, reached.claims)
+    steps, end = _carried(move, (reached.errors, basis), assembly, tolerance, count, shots)
+    return steps, Reached(*end, reached.claims)
+
+
+_State = tuple[ErrorSet, tuple[Compliance, ...]]
+"""The errors, and the basis of what is held."""
 
 
 @remembered(_LATEST)
 def _carried(
-    move: Move,
-    errors: ErrorSet,
-    assembly: Assembly,
-    basis: tuple[Compliance, ...],
-    tolerance: Tolerance,
-    count: int,
-    shots: int,
-) -> tuple[tuple[Stepped, ...], ErrorSet, tuple[Compliance, ...]]:
-    """The pieces of a move, and the errors and the basis at its end; what has been looked at may well be certified."""
-    steps = list[Stepped]()
+    move: Move, start: _State, assembly: Assembly, tolerance: Tolerance, count: int, shots: int
+) -> tuple[tuple[Stepped, ...], _State]:
+    """The pieces of a move, and the state at its end; what has been looked at may well be certified."""
+    (errors, basis), steps = start, list[Stepped]()
     for k, (at, to) in enumerate(pairwise(way(assembly, move, basis, count, shots))):
         share = (k / count, (k + 1) / count)
         held = described(assembly, move.held, at, to, errors)
@@ -227,7 +225,7 @@ def _carried(
         steps.append((piece, found))
         errors = found.ends.goal_set
         basis = found.basis if piece.last else current
-    return tuple(steps), errors, basis
+    return tuple(steps), (errors, basis)
 
 
 def _carried_over(

@@ -16,15 +16,15 @@ equalities are followed by solving once more with what the rows came to at the e
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fmopt.errors import SolverError
-from fmopt.placement.clearance import Metric, per_weight, weighed
+from fmopt.placement.clearance import Room, per_weight
 from fmopt.placement.formation import (
     Counts,
     Derivatives,
@@ -36,9 +36,9 @@ from fmopt.placement.formation import (
     formation_derivatives,
     formation_solver,
 )
-from fmopt.placement.program import Solution
+from fmopt.placement.program import Solution, left_out, stated
 from fmopt.se3 import Pose, left_jacobian
-from fmopt.values import Array, Value, frozen
+from fmopt.values import Array, frozen
 
 ON_SURFACE = 1e-7
 _lock = threading.Lock()
@@ -58,24 +58,34 @@ _SETTINGS = {"primal_tol": 1e-11, "dual_tol": 1e-11, "iter_limit": 300}
 
 
 @dataclass(frozen=True, eq=False)
-class SurfacePlacement(Value):
+class SurfacePlacement(Room):
     """A goal pose to be placed on true C-surfaces, in local coordinates X around `reference`.
 
-    `contacts` must touch (f = 0), `obstacles` keep clear: weights, allowance and growth (k,) as in the linear
-    `Placement`; a weight of 0 must hold but does not count as clearance. Built by `surface_placement`.
+    `contacts` must touch (f = 0), `obstacles` keep clear, less an allowance (k,), else none: weights and growth as in
+    the linear `Placement`, |N*| at the reference pose; a weight of 0 must hold but does not count as clearance.
+
+    Raises:
+        ValueError: shapes do not fit, growth without a start, or a negative weight or growth.
     """
 
     reference: Pose
     contacts: tuple[Row, ...]
     obstacles: tuple[Row, ...]
-    weights: Array
-    allowance: Array
-    growth: Array
-    start: Array | None
-    lower: Array
-    upper: Array
-    metric: Metric
-    cap: float
+    allowance: Array = field(default_factory=left_out, kw_only=True)
+    start: Array | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        k = len(self.obstacles)
+        object.__setattr__(self, "contacts", tuple(self.contacts))
+        object.__setattr__(self, "obstacles", tuple(self.obstacles))
+        stated(self, allowance=np.zeros(k))
+        object.__setattr__(self, "allowance", frozen(self.allowance, k, name="allowance"))
+        if self.start is not None:
+            object.__setattr__(self, "start", frozen(self.start, 6, name="start"))
+        weights = self.weights
+        if not np.size(weights):
+            weights = self.metric.dual_norm(evaluate(self.obstacles, self.reference, np.zeros(6))[1])
+        self.complete(weights, moving=self.start is not None)
 
     @cached_property
     def tables(self) -> tuple[Table, Table]:
@@ -92,46 +102,6 @@ class SurfacePlacement(Value):
     def clearances(self, X: Array) -> Array:
         """Clearance of each counted obstacle (k,) in m; those of weight 0 have inf."""
         return per_weight(self.slacks(X), self.weights)
-
-
-def surface_placement(
-    reference: Pose,
-    contacts: Sequence[Row],
-    obstacles: Sequence[Row],
-    *,
-    metric: Metric,
-    lower: ArrayLike,
-    upper: ArrayLike,
-    weights: ArrayLike | None = None,
-    allowance: ArrayLike | None = None,
-    growth: ArrayLike | None = None,
-    start: ArrayLike | None = None,
-    cap: float | None = None,
-) -> SurfacePlacement:
-    """A placement on true surfaces; arguments as in `placement`, rows in place of hyperplanes.
-
-    Weights default to |N*| of the gradients at the reference pose, as in the linear problem there.
-
-    Raises:
-        ValueError: shapes do not fit, growth without a start, or a negative weight or growth.
-    """
-    k, low, high = len(obstacles), frozen(lower, 6, name="lower"), frozen(upper, 6, name="upper")
-    if weights is None:
-        weights = metric.dual_norm(evaluate(obstacles, reference, np.zeros(6))[1])
-    weigh, grow = weighed(k, weights, growth, moving=start is not None)
-    return SurfacePlacement(
-        reference,
-        tuple(contacts),
-        tuple(obstacles),
-        weigh,
-        frozen(np.zeros(k) if allowance is None else allowance, k, name="allowance"),
-        grow,
-        None if start is None else frozen(start, 6, name="start"),
-        low,
-        high,
-        metric,
-        float(np.linalg.norm(metric.sigma * (high - low))) if cap is None else cap,
-    )
 
 
 def certify_on_surfaces(problem: SurfacePlacement, X: ArrayLike) -> Solution:
@@ -298,6 +268,24 @@ class _Point:
     H: Array
 
 
+class _Step(NamedTuple):
+    """A step (6,) and the rows' multipliers (k,) at its end."""
+
+    d: Array
+    multipliers: Array
+
+
+class _Merit(NamedTuple):
+    """−t + μ (what rows are short of): what it is now, and the price μ."""
+
+    now: float
+    price: float
+
+    def gained(self, program: _Program, g: Array) -> float:
+        """By how much it falls where rows have values g (k,)."""
+        return self.now - self.price * program.short(g) + program.best(g)
+
+
 def largest(
     functions: Derivatives,
     equalities: int,
@@ -329,14 +317,14 @@ def largest(
         d, multipliers = step
         price = max(price, 2.0 * float(np.abs(multipliers).max(initial=0.0)))
         now = price * program.short(at.g) - program.best(at.g)
-        ahead = at.g + at.J @ d
-        gain = now - price * program.short(ahead) + program.best(ahead)
+        merit = _Merit(now, price)
+        gain = merit.gained(program, at.g + at.J @ d)
         if gain <= _SETTLED * (1.0 + abs(now)) and program.short(at.g) <= _EXACT:
             return np.append(at.x, program.best(at.g))
         there = _there(program, at.x + d, multipliers)
-        rise = now - price * program.short(there.g) + program.best(there.g)
+        rise = merit.gained(program, there.g)
         if rise < _GAIN * gain:
-            there, rise = _corrected(program, at, there, d, radius, multipliers, (now, price, rise))
+            there, rise = _corrected(program, at, there, step, radius, merit)
         if rise >= _GAIN * gain:
             farther = rise >= 0.75 * gain and float(np.abs(d).max()) >= 0.9 * radius
             at, radius = there, 2.0 * radius if farther else radius
@@ -353,25 +341,19 @@ def _there(program: _Program, x: Array, multipliers: Array) -> _Point:
 
 
 def _corrected(
-    program: _Program,
-    at: _Point,
-    there: _Point,
-    d: Array,
-    radius: float,
-    multipliers: Array,
-    merit: tuple[float, float, float],
+    program: _Program, at: _Point, there: _Point, step: _Step, radius: float, merit: _Merit
 ) -> tuple[_Point, float]:
     """The end of a step that takes into account how rows bend along the first one, where that is better."""
-    now, price, rise = merit
-    again = _step(program, at, there.g - at.J @ d, radius)
+    again = _step(program, at, there.g - at.J @ step.d, radius)
+    rise = merit.gained(program, there.g)
     if again is None:
         return there, rise
-    other = _there(program, at.x + again[0], multipliers)
-    more = now - price * program.short(other.g) + program.best(other.g)
+    other = _there(program, at.x + again.d, step.multipliers)
+    more = merit.gained(program, other.g)
     return (other, more) if more > rise else (there, rise)
 
 
-def _step(program: _Program, at: _Point, g: Array, radius: float) -> tuple[Array, Array] | None:
+def _step(program: _Program, at: _Point, g: Array, radius: float) -> _Step | None:
     """The step (6,) of the quadratic program of rows g + J d, and its multipliers (k,); None where daqp finds none.
 
     With u = t at the end of the step: −u + ½ dᵀB d, B the Hessian of the Lagrangian with flat and falling directions
@@ -397,5 +379,5 @@ def _step(program: _Program, at: _Point, g: Array, radius: float) -> tuple[Array
     for settings in (_SETTINGS, {**_SETTINGS, "eps_prox": 1e-3}, {**_SETTINGS, "eps_prox": 1e-1}):
         z, _, flag, info = daqp.solve(quadratic, np.append(np.zeros(6), -1.0), rows, upper, lower, sense, **settings)
         if flag == 1:
-            return np.asarray(z[:6]), -np.asarray(info["lam"])[7:]
+            return _Step(np.asarray(z[:6]), -np.asarray(info["lam"])[7:])
     return None

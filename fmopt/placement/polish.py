@@ -24,10 +24,10 @@ from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.separating_plane import Separation, row_bounds
 from fmopt.errors import InfeasibleError, SolverError
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.placement.clearance import Flat, Metric, Placement, placement
+from fmopt.placement.clearance import Flat, Metric, Placement
 from fmopt.placement.formation import Row, evaluate, face_vertex, vertex_face
 from fmopt.placement.motion import Move
-from fmopt.placement.nlp import place_on_surfaces, surface_placement
+from fmopt.placement.nlp import SurfacePlacement, place_on_surfaces
 from fmopt.placement.program import ConeProgram, Solution
 from fmopt.placement.sequence import Aim, Placed, better, onto_surfaces, state_rows
 from fmopt.placement.sequence_rows import pairs_of
@@ -233,8 +233,8 @@ def _placed_pose(
     box = radius / metric.sigma
     if method == "nlp":
         body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
-        surfaces = [Row.of(contact, body, fixed) for contact in contacts]
-        problem = surface_placement(
+        surfaces = tuple(Row.of(contact, body, fixed) for contact in contacts)
+        problem = SurfacePlacement(
             move.goal,
             surfaces,
             obstacles.rows,
@@ -246,7 +246,7 @@ def _placed_pose(
         )
         return place_on_surfaces(problem, np.zeros(6)).x[:6]
     E = state_rows(assembly, contacts, move.goal)
-    linear = placement(
+    linear = Placement(
         obstacles.N,
         obstacles.allowance - obstacles.f,
         metric=metric,

@@ -10,7 +10,7 @@ the program's own `units`, after each row is scaled to unit length.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
@@ -27,6 +27,18 @@ T = TypeVar("T")
 
 FEASIBLE = 2e-9
 OPTIMAL = 1e-7
+
+
+def left_out() -> Array:
+    """What stands in a value for an array that is left out: an empty one."""
+    return np.zeros(0)
+
+
+def stated(value: Value, **defaults: Array) -> None:
+    """Puts defaults where a value that is being made has arrays left out."""
+    for name, default in defaults.items():
+        if np.size(getattr(value, name)) == 0:
+            object.__setattr__(value, name, default)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,22 +91,28 @@ class ConeProgram(Value):
     """Maximise c·x over A x = b, G x + h ≥ W (norms), lower ≤ x ≤ upper.
 
     Shapes: c (n,), A (p, n), b (p,), G (m, n), h (m,), W (m, K) not negative, K norms, lower and
-    upper (n,) with ±inf for "none", units (n,) positive: the natural size of each variable. `size` is derived.
+    upper (n,) with ±inf for "none", units (n,) positive: the natural size of each variable, else one. All but c may be
+    left out. `size` is derived.
+
+    Raises:
+        ValueError: shapes do not fit, or a number is not finite where it must be.
     """
 
     c: Array
-    A: Array
-    b: Array
-    G: Array
-    h: Array
-    W: Array
-    norms: tuple[Norm, ...]
-    lower: Array
-    upper: Array
-    units: Array
+    A: Array = field(default_factory=left_out, kw_only=True)
+    b: Array = field(default_factory=left_out, kw_only=True)
+    G: Array = field(default_factory=left_out, kw_only=True)
+    h: Array = field(default_factory=left_out, kw_only=True)
+    W: Array = field(default_factory=left_out, kw_only=True)
+    norms: tuple[Norm, ...] = field(default=(), kw_only=True)
+    lower: Array = field(default_factory=left_out, kw_only=True)
+    upper: Array = field(default_factory=left_out, kw_only=True)
+    units: Array = field(default_factory=left_out, kw_only=True)
 
     def __post_init__(self) -> None:
         n, p, m, K = len(self.c), len(self.b), len(self.h), len(self.norms)
+        stated(self, A=np.zeros((p, n)), G=np.zeros((m, n)), W=np.zeros((m, K)), units=np.ones(n))
+        stated(self, lower=np.full(n, -np.inf), upper=np.full(n, np.inf))
         shapes = {"c": (n,), "A": (p, n), "b": (p,), "G": (m, n), "h": (m,), "W": (m, K), "units": (n,)}
         for name, shape in shapes.items():
             object.__setattr__(self, name, frozen(getattr(self, name), *shape, name=name))
@@ -117,39 +135,6 @@ class ConeProgram(Value):
         F = np.concatenate([np.zeros((0, len(self.c))), *(norm.F for norm in self.norms)])
         g = np.concatenate([np.zeros(0), *(norm.g for norm in self.norms)])
         return Stack(F, g, widths.cumsum() - widths, widths)
-
-    @staticmethod
-    def of(
-        c: ArrayLike,
-        *,
-        A: ArrayLike | None = None,
-        b: ArrayLike = (),
-        G: ArrayLike | None = None,
-        h: ArrayLike = (),
-        W: ArrayLike | None = None,
-        norms: tuple[Norm, ...] = (),
-        lower: ArrayLike | None = None,
-        upper: ArrayLike | None = None,
-        units: ArrayLike | None = None,
-    ) -> ConeProgram:
-        """A program in which everything but the objective may be left out.
-
-        Raises:
-            ValueError: shapes do not fit, or a number is not finite where it must be.
-        """
-        n, p, m, K = np.size(c), np.size(b), np.size(h), len(norms)
-        return ConeProgram(
-            np.asarray(c, dtype=np.float64),
-            np.zeros((p, n)) if A is None else np.asarray(A, dtype=np.float64),
-            np.asarray(b, dtype=np.float64),
-            np.zeros((m, n)) if G is None else np.asarray(G, dtype=np.float64),
-            np.asarray(h, dtype=np.float64),
-            np.zeros((m, K)) if W is None else np.asarray(W, dtype=np.float64),
-            norms,
-            np.full(n, -np.inf) if lower is None else np.asarray(lower, dtype=np.float64),
-            np.full(n, np.inf) if upper is None else np.asarray(upper, dtype=np.float64),
-            np.ones(n) if units is None else np.asarray(units, dtype=np.float64),
-        )
 
     def slacks(self, x: Array) -> Array:
         """G x + h − W (norms), shape (m,)."""
@@ -183,7 +168,7 @@ class ConeProgram(Value):
         scaled = self.scaled()
         n, p, m = len(self.c), len(self.b), len(self.h)
         one = np.ones((2 * p + m, 1))
-        return ConeProgram.of(
+        return ConeProgram(
             np.append(np.zeros(n), -1.0),
             G=np.hstack([np.vstack([scaled.A, -scaled.A, scaled.G]), one]),
             h=np.concatenate([-scaled.b, scaled.b, scaled.h]),

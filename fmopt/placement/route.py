@@ -236,7 +236,7 @@ def _route(sets: ConvexSets, arcs: Indices) -> Route:
         norms.append(Norm(F, np.zeros(d)))
     longer = np.eye(lengths, shares + lengths, shares)
     size = float(np.ptp(corners, axis=(0, 1)).max())
-    program = ConeProgram.of(
+    program = ConeProgram(
         -longer.sum(axis=0),
         A=np.hstack([np.repeat(np.eye(k), m, axis=1), np.zeros((k, lengths))]),
         b=np.ones(k),

@@ -222,7 +222,7 @@ def program_of(aim: Aim, placed: Placed, rows: SequenceRows, radius: float) -> C
     units = np.append(0.25 * most, 0.25 * radius)
     box = {"lower": -upper, "upper": upper, "units": units}
     c = np.append(np.zeros(n - 1), 1.0)
-    return ConeProgram.of(c, A=A, b=np.zeros(len(A)), G=G, h=h, W=weights, norms=tuple(norms), **box)
+    return ConeProgram(c, A=A, b=np.zeros(len(A)), G=G, h=h, W=weights, norms=tuple(norms), **box)
 
 
 def _equalities(aim: Aim, moves: Sequence[Move], n: int) -> Array:

@@ -155,16 +155,17 @@ def _shapes(
     funnel = funnel_depth(fixed), funnel_width(fixed)
     first = spread >= _FAR * clearance.per_side or next_to_round(moving)
 
-    def towards(heading: float, wall: int | None) -> Iterator[Shape]:
-        if wall is not None:
-            return obtuse_shapes(moving, play, start_box, max_tilt, funnel, heading, wall)
-        at_once, for_touching, for_flat = tee(tilted_shapes(moving, play, start_box, max_tilt, funnel[0], heading), 3)
+    def towards(way: Way) -> Iterator[Shape]:
+        if way.wall is not None:
+            return obtuse_shapes(moving, play, start_box, max_tilt, funnel, way)
+        tilted = tilted_shapes(moving, play, start_box, max_tilt, funnel[0], way.heading)
+        at_once, for_touching, for_flat = tee(tilted, 3)
         touching = touching_shapes(for_touching, moving, start_box, rate, funnel[1])
         flat = flat_shapes(for_flat, moving, play, start_box, rate, funnel)
         others = _in_turn((at_once, _AT_ONCE), (touching, 1))
         return chain(flat, others) if first else chain(others, flat)
 
-    return _in_turn(*((towards(*way), _RUN) for way in likely_headings(moving)))
+    return _in_turn(*((towards(way), _RUN) for way in likely_headings(moving)))
 
 
 class Way(NamedTuple):
@@ -304,8 +305,7 @@ def obtuse_shapes(
     start_box: Array,
     max_tilt: float,
     funnel: tuple[float, float],
-    heading: float,
-    wall: int,
+    way: Way,
 ) -> Iterator[Shape]:
     """Shapes for a corner that turns by so little that a part flush with one wall has little play towards the other.
 
@@ -319,8 +319,7 @@ def obtuse_shapes(
         start_box: half-widths (6,) of the start error, m and rad.
         max_tilt: greatest tilt about each axis, rad.
         funnel: how deep below the mouth the walls begin, and how far outside them the top does, m.
-        heading: turn about z of the axes that all this is about, rad.
-        wall: which wall the part is to be flush with first, the one towards −x (0) or −y (1) of these axes.
+        way: the heading of the axes that all this is about, and which wall the part is to be flush with first.
     """
     spread = start_spread(moving, start_box)
     beyond = funnel[1] + _BEYOND * spread
@@ -330,10 +329,10 @@ def obtuse_shapes(
         touch = beyond, _RISE * (near + beyond)
         turn = askew * float(start_box[3:].max())
         depth = funnel[0] + deep * min(play)
-        if wall:
-            yield Shape(second, first, first * second + turn, depth, (far, near), touch, heading=heading)
+        if way.wall:
+            yield Shape(second, first, first * second + turn, depth, (far, near), touch, heading=way.heading)
         else:
-            yield Shape(first, second, -turn, depth, (near, far), touch, heading=heading)
+            yield Shape(first, second, -turn, depth, (near, far), touch, heading=way.heading)
 
 
 def flat_shapes(

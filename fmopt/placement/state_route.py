@@ -18,6 +18,8 @@ from fmopt.errors import InfeasibleError
 from fmopt.placement.route import ConvexSets, Route, shortest_route
 from fmopt.values import frozen
 
+_REACH = 10.0  # clearances: how far a facet without end counts beyond its vertices
+
 
 @dataclass(frozen=True, eq=False)
 class StateRoute(Route):
@@ -37,7 +39,6 @@ def state_route(
     goal: Collection[str],
     room: float = 0.5,
     change: float = 1.0,
-    reach: float = 10.0,
     gap: float = 0.03,
 ) -> StateRoute:
     """The shortest of the routes tried from one state to another, with a bound on all.
@@ -48,15 +49,14 @@ def state_route(
         goal: those of the state in which it ends.
         room: how far the poses of a state stay inside of it: 0 for all of its facet, 1 for its point alone.
         change: what a change of state counts, in clearances.
-        reach: how far a facet without end counts beyond its vertices, in clearances.
         gap: share of the cost at which the bound is near enough.
 
     Raises:
-        ValueError: room or gap is no share, or a length is negative.
+        ValueError: room or gap is no share, or a change counts less than nothing.
         InfeasibleError: there is no such state.
     """
-    if not 0.0 <= room <= 1.0 or reach < 0.0:
-        raise ValueError(f"room is a share from 0 to 1 and reach not negative, not {room} and {reach}")
+    if not 0.0 <= room <= 1.0:
+        raise ValueError(f"room is a share from 0 to 1, not {room}")
     first, last = (_index(graph, contacts) for contacts in (start, goal))
     corners, on, endless = vertices(graph.space)
     names = [contact.id for contact in graph.space.contacts]
@@ -64,7 +64,7 @@ def state_route(
     for state in graph.states:
         held = on[:, np.isin(names, state.contacts)].all(axis=1)
         ends = corners[held & ~endless]
-        facet = np.concatenate([ends, ends.mean(axis=0) + reach * corners[held & endless]])
+        facet = np.concatenate([ends, ends.mean(axis=0) + _REACH * corners[held & endless]])
         middle = state.point / graph.space.scale
         sets.append(middle + (1.0 - room) * (facet - middle))
     made = [(i, j) for i, sons in enumerate(graph.sons) for j in sons]

@@ -18,28 +18,29 @@ from fmopt.placement.step import Node, Task, follow
 from fmopt.values import Array
 
 _STEPS = (0.16, 0.08, 0.04)  # shares of the first shape's numbers
-_GAIN = 0.01  # of the clearance, the least gain that counts
-_ENOUGH, _PATIENCE = 0.25, 10  # share of the clearance below which a margin is worth so many times the tries
+_GAIN = 0.01  # of what is enough, the least gain that counts
+_ENOUGH, _PATIENCE = 0.25, 10  # share of what is enough below which a margin is worth so many times the tries
 _KEPT = 0.5  # of the margin, what is left at least where an entry goes in deeper
 _WIDTH, _WIDER, _NARROWER = (0.01, 0.1, 0.3), 1.3, 0.95  # of random steps: least, first and greatest; after each
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Until when (`clock()`) an entry is varied, and how often it may be tried, at most.
+    """Until when (`clock()`) an entry is varied, how often it may be tried, at most, and for what margin, m, at most.
 
-    An entry with next to no margin is tried ten times as often.
+    The last is the unit of gains as well, such as the clearance a side. An entry with next to no margin is tried ten
+    times as often.
     """
 
     deadline: float
     tries: int
+    enough: float
 
 
 def tuned(
     task: Task,
     candidates: Sequence[MoveSequence],
     entry_of: Callable[[Shape], Entry],
-    clearance: float,
     limits: Limits,
     progress: Callable[[float], None] = lambda _: None,
     steady: Callable[[MoveSequence], bool] = lambda _: True,
@@ -55,7 +56,6 @@ def tuned(
         task: parts, errors, goal and costs.
         candidates: the sequences, the best first; one that does not start tilted is not varied.
         entry_of: makes an entry of a shape.
-        clearance: clearance a side, m, the unit of gains; a margin as large is enough.
         limits: when to stop.
         progress: told the margin (m) after each gain.
         steady: whether friction leaves all contacts of a sequence closed.
@@ -65,8 +65,8 @@ def tuned(
         if found.entry.shape is None:
             return found if best is None else best.best
         kept = steady if steady(found) else lambda _: True
-        tuning = _Tuning(task, found, entry_of, clearance, limits, progress, kept)
-        _in_turn(tuning, _GAIN * clearance)
+        tuning = _Tuning(task, found, entry_of, limits, progress, kept)
+        _in_turn(tuning, _GAIN * limits.enough)
         best = tuning if best is None or tuning.best.reached.margin > best.best.reached.margin else best
         if not best.slight:
             return best.best
@@ -141,14 +141,13 @@ class _Tuning:
         task: Task,
         found: MoveSequence,
         entry_of: Callable[[Shape], Entry],
-        clearance: float,
         limits: Limits,
         progress: Callable[[float], None],
         kept: Callable[[MoveSequence], bool],
     ) -> None:
         assert found.entry.shape is not None
         self._found, self._shape = found, found.entry.shape
-        self._task, self._entry_of, self._clearance, self._limits = task, entry_of, clearance, limits
+        self._task, self._entry_of, self._limits = task, entry_of, limits
         self._progress, self._kept = progress, kept
         self._margins: list[float] = []  # before each try
         self.best = found
@@ -157,19 +156,19 @@ class _Tuning:
     @property
     def slight(self) -> bool:
         """Whether there is next to no margin yet."""
-        return self.best.reached.margin < _ENOUGH * self._clearance
+        return self.best.reached.margin < _ENOUGH * self._limits.enough
 
     @property
     def stuck(self) -> bool:
         """Whether there is no margin, and as many tries as an entry may have brought none nearer."""
         margin, recent = self.best.reached.margin, self._margins[-self._limits.tries :]
-        return margin <= 0.0 and len(recent) == self._limits.tries and margin < recent[0] + _GAIN * self._clearance
+        return margin <= 0.0 and len(recent) == self._limits.tries and margin < recent[0] + _GAIN * self._limits.enough
 
     @property
     def open(self) -> bool:
         """Whether to go on."""
         most = self._limits.tries * (_PATIENCE if self.slight else 1)
-        enough = self.best.reached.margin >= self._clearance
+        enough = self.best.reached.margin >= self._limits.enough
         return len(self._margins) < most and not enough and clock() < self._limits.deadline
 
     def gains(self, step: Array, gain: float) -> bool:

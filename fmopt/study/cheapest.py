@@ -235,7 +235,7 @@ def _program(cuts: list[_Cut], weights: Array, low: Array, high: Array, required
     W = np.vstack([eye, np.zeros((len(reach), p))])
     rows = [np.vstack([np.zeros(2 * p), np.append(-eye[i], eye[i])]) for i in range(p)]
     norms = tuple(Norm(F, np.array([2.0, 0.0])) for F in rows)
-    program = ConeProgram.of(
+    program = ConeProgram(
         np.append(np.zeros(p), -weights),
         G=G,
         h=h,

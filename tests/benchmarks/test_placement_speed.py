@@ -65,7 +65,7 @@ def sequence_program(poses: int, rows: int) -> ConeProgram:
         norms.append(Norm(F, rng.normal(size=6)))
     box = np.append(np.full(n - 1, 3.0), np.inf)
     goal = np.append(np.zeros(n - 1), 1.0)
-    return ConeProgram.of(goal, G=G, h=rng.uniform(0.2, 1.2, rows), W=W, norms=tuple(norms), lower=-box, upper=box)
+    return ConeProgram(goal, G=G, h=rng.uniform(0.2, 1.2, rows), W=W, norms=tuple(norms), lower=-box, upper=box)
 
 
 SIZES = {"8 variables": (1, 21), "22 variables": (3, 93), "29 variables": (4, 204)}
