@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from fmopt import plan
+from fmopt.contact.graph import Scale
 from fmopt.control.strategy import controlled
 from fmopt.errors import InfeasibleError, SearchError
 from fmopt.knowledge.command import answer
@@ -20,7 +21,7 @@ from fmopt.nominal.freedom import freedom, half_widths
 from fmopt.nominal.mapping import answered
 from fmopt.nominal.trajectory import critical_poses
 from fmopt.placement.bisection import ATTEMPTS, largest_share
-from fmopt.placement.states import Scale, contact_spaces
+from fmopt.placement.states import contact_spaces
 from fmopt.placement.tolerated import CertifiedMotion, Tolerated, tolerated
 from fmopt.placement.visited import Visited, visited
 from fmopt.plan import Plan

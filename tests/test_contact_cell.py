@@ -7,7 +7,7 @@ import pytest
 from test_contact_parts import MID_DEPTH, block, peg
 
 from fmopt.contact.bounds import Bound, cell
-from fmopt.contact.graph import contact_graph, faces, local_space
+from fmopt.contact.graph import Cell, Scale, contact_graph, faces, local_space
 from fmopt.contact.primitive import near_contacts
 from fmopt.contact.surface import Surfaces
 from fmopt.errors import InfeasibleError
@@ -82,7 +82,7 @@ def test_the_kept_contacts_decide_collision(name: str) -> None:
 def test_a_forgotten_contact_is_noticed() -> None:
     pose, reach, angle, _ = POSES["mid-depth"]
     contacts = near_contacts(PEG, BLOCK, pose, reach, angle)
-    graph = contact_graph(space := local_space(contacts, PEG, BLOCK, pose, 1e-4, 0.014), faces(space))
+    graph = contact_graph(space := local_space(contacts, PEG, BLOCK, pose, Scale(1e-4, 0.014)), faces(space))
     for forgotten in contacts:
         surfaces = Surfaces.of([c for c in contacts if c is not forgotten], PEG, BLOCK)
         facet = graph.states[graph.index(frozenset({forgotten.id})) or 0]
@@ -93,7 +93,7 @@ def test_a_forgotten_contact_is_noticed() -> None:
 def test_the_corner_in_the_mouth_has_confirmed_states() -> None:
     pose, reach, angle, _ = POSES["corner in the mouth"]
     contacts, limits = cell(near_contacts(PEG, BLOCK, pose, reach, angle), PEG, BLOCK, pose, within=1e-3)
-    space = local_space(contacts, PEG, BLOCK, pose, 1e-4, 0.014, limits, reach, angle)
+    space = local_space(contacts, PEG, BLOCK, pose, Scale(1e-4, 0.014), Cell(limits, reach, angle))
     graph = contact_graph(space, faces(space))
     assert graph.states[0].id == "free"
     verdicts = [found.verdict for found in confirm(graph, PEG, BLOCK)]
@@ -108,7 +108,7 @@ def test_the_corner_in_the_mouth_has_confirmed_states() -> None:
 def test_a_limit_in_a_contacts_plane_does_not_hide_it() -> None:
     pose, reach, angle, _ = POSES["just below the mouth"]
     contacts, limits = cell(near_contacts(PEG, BLOCK, pose, reach, angle), PEG, BLOCK, pose, within=1e-3)
-    space = local_space(contacts, PEG, BLOCK, pose, 1e-4, 0.014, limits)
+    space = local_space(contacts, PEG, BLOCK, pose, Scale(1e-4, 0.014), Cell(limits))
     assert faces(space).active.any(axis=0).all()
 
 
@@ -123,7 +123,7 @@ def test_a_contact_that_a_touching_one_ends_is_not_kept_by_rounding() -> None:
         assert f["e3-e23"] < -4e-4
         contacts, limits = cell(near, PEG, BLOCK, pose, within=1e-3)
         assert np.min(Surfaces.of(contacts, PEG, BLOCK).values(pose)) > -1e-15
-        space = local_space(contacts, PEG, BLOCK, pose, 1e-4, 0.014, limits, 3e-4, 0.01)
+        space = local_space(contacts, PEG, BLOCK, pose, Scale(1e-4, 0.014), Cell(limits, 3e-4, 0.01))
         assert ("v2-f9",) in {s.contacts for s in contact_graph(space, faces(space)).states}
         kept.append([c.id for c in contacts])
     assert kept[0] == kept[1] == kept[2]
@@ -137,13 +137,13 @@ def test_a_key_in_its_keyway_is_not_on_the_top_beside_it() -> None:
     near = near_contacts(shaft, hub, pose, 2e-3, 0.05)
     kept, limits = cell(near, shaft, hub, pose, within=2e-3)
     assert np.min(Surfaces.of(kept, shaft, hub).values(pose)) > 0.0
-    faces(local_space(kept, shaft, hub, pose, 1e-4, 0.014, limits, 1e-4, 0.002))
+    faces(local_space(kept, shaft, hub, pose, Scale(1e-4, 0.014), Cell(limits, 1e-4, 0.002)))
 
 
 def test_a_space_between_limits_without_extent_is_refused() -> None:
     pose = Pose(np.zeros(3), np.eye(3))
     near = near_contacts(PEG, BLOCK, pose, 3e-4, 0.01)
     limits = [Bound(near[0], sign) for sign in (1, -1)]
-    space = local_space([], PEG, BLOCK, pose, 1e-4, 0.014, limits, 3e-4, 0.01)
+    space = local_space([], PEG, BLOCK, pose, Scale(1e-4, 0.014), Cell(limits, 3e-4, 0.01))
     with pytest.raises(InfeasibleError, match=r"no extent between its limits.*not on the end of a face"):
         faces(space)

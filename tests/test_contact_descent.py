@@ -10,7 +10,7 @@ from test_contact_parts import MID_DEPTH, block, peg, spike
 from fmopt.contact import descent
 from fmopt.contact.bounds import cell
 from fmopt.contact.descent import Bits
-from fmopt.contact.graph import local_space
+from fmopt.contact.graph import Cell, Scale, local_space
 from fmopt.contact.meet import Neighbourhood, Poses, meet, project
 from fmopt.contact.primitive import PrimitiveContact, face_vertex, near_contacts
 from fmopt.contact.surface import Surfaces
@@ -25,7 +25,9 @@ SPIKE = from_faces(*spike())
 def neighbourhood(contacts: tuple[PrimitiveContact, ...], fixed: Polyhedron, pose: Pose) -> Neighbourhood:
     """The contacts that count at a pose, 3 mm and 0.03 rad around it."""
     kept, limits = cell(contacts, peg(), fixed, pose, 1e-3)
-    return Neighbourhood.of(local_space(kept, peg(), fixed, pose, CLEARANCE, RHO, limits, 3e-3, 0.03), peg(), fixed)
+    return Neighbourhood.of(
+        local_space(kept, peg(), fixed, pose, Scale(CLEARANCE, RHO), Cell(limits, 3e-3, 0.03)), peg(), fixed
+    )
 
 
 def cases() -> dict[str, Neighbourhood]:

@@ -10,9 +10,10 @@ import pytest
 import scipy.spatial
 
 from fmopt.certificate.knowledge import Assembly
+from fmopt.contact.graph import Scale
 from fmopt.contact.polytope import enumerate_faces
 from fmopt.errors import SolverError
-from fmopt.placement.states import Scale, space_at
+from fmopt.placement.states import space_at
 from fmopt.se3 import Pose
 from fmopt.task.problem import load
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_contact_parts import MID_DEPTH, block, peg
 
-from fmopt.contact.graph import LocalSpace, faces, local_space, scaling
+from fmopt.contact.graph import LocalSpace, Scale, faces, local_space
 from fmopt.contact.polytope import Faces, enumerate_faces
 from fmopt.contact.primitive import near_contacts
 from fmopt.errors import InfeasibleError
@@ -25,7 +25,7 @@ def corner(walls: int) -> np.ndarray:
 def mid_depth(x: float = 0.0202, y: float = 0.0202) -> LocalSpace:
     fixed = block(x, y)
     contacts = near_contacts(peg(), fixed, MID_DEPTH, reach=1e-3, angle=0.02)
-    return local_space(contacts, peg(), fixed, MID_DEPTH, 1e-4, RHO)
+    return local_space(contacts, peg(), fixed, MID_DEPTH, Scale(1e-4, RHO))
 
 
 @pytest.mark.parametrize(("walls", "modes"), [(1, 10), (2, 46), (3, 136), (4, 10), (5, 2)])
@@ -125,4 +125,4 @@ def check(found: Faces, N: np.ndarray, D: np.ndarray) -> None:
 
 
 def test_scaling() -> None:
-    np.testing.assert_allclose(scaling(1e-4, 0.01), [1e-4] * 3 + [0.01] * 3)
+    np.testing.assert_allclose(Scale(1e-4, 0.01).units, [1e-4] * 3 + [0.01] * 3)

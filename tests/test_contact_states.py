@@ -9,7 +9,7 @@ from test_contact_cell import gap
 from test_contact_parts import MID_DEPTH, block, peg
 
 from fmopt.contact.bounds import cell, touching
-from fmopt.contact.graph import ContactGraph, ContactState, contact_graph, faces, local_space
+from fmopt.contact.graph import Cell, ContactGraph, ContactState, Scale, contact_graph, faces, local_space
 from fmopt.contact.meet import Neighbourhood, Poses, meet
 from fmopt.contact.primitive import near_contacts, vertex_face
 from fmopt.contact.surface import Surfaces
@@ -28,7 +28,9 @@ def around(depth: float) -> ContactGraph:
     near = near_contacts(peg(), block(), pose, REACH, REACH / RHO)
     kept, limits = cell(near, peg(), block(), pose, 2.0 * REACH)
     box = 10.0 * REACH, 10.0 * REACH / RHO
-    return contact_graph(space := local_space(kept, peg(), block(), pose, CLEARANCE, RHO, limits, *box), faces(space))
+    return contact_graph(
+        space := local_space(kept, peg(), block(), pose, Scale(CLEARANCE, RHO), Cell(limits, *box)), faces(space)
+    )
 
 
 @pytest.fixture(scope="module", params=DEPTHS)
@@ -40,7 +42,7 @@ def engaged(request: pytest.FixtureRequest) -> tuple[str, ContactGraph, tuple[Co
 @pytest.fixture(scope="module")
 def graph() -> ContactGraph:
     contacts = near_contacts(peg(), block(), MID_DEPTH, reach=1e-3, angle=0.02)
-    space = local_space(contacts, peg(), block(), MID_DEPTH, CLEARANCE, 0.5 * np.hypot(0.02, 0.02))
+    space = local_space(contacts, peg(), block(), MID_DEPTH, Scale(CLEARANCE, 0.5 * np.hypot(0.02, 0.02)))
     return contact_graph(space, faces(space))
 
 
@@ -158,7 +160,7 @@ def test_a_corner_on_the_rim_is_at_the_end_of_both_faces() -> None:
     pose = Pose(np.array([0.0, 0.0, 2e-4]), np.eye(3))
     wall = next(f for f, face in enumerate(block().faces) if face.normal[0] == 1.0 and f > 6)
     contacts = [vertex_face(block(), 0, wall), vertex_face(block(), 0, 1)]
-    space = local_space(contacts, peg(), block(), pose, CLEARANCE, RHO, (), 1e-3, 1e-2)
+    space = local_space(contacts, peg(), block(), pose, Scale(CLEARANCE, RHO), Cell((), 1e-3, 1e-2))
     graph = contact_graph(space, faces(space))
     found = dict(zip((s.contacts for s in graph.states), confirm(graph, peg(), block()), strict=True))
     both = found[tuple(c.id for c in contacts)]
@@ -170,7 +172,9 @@ def test_a_corner_on_the_rim_is_at_the_end_of_both_faces() -> None:
 def test_what_lies_beyond_the_limits_is_left_open() -> None:
     pose = Pose(np.array([0.0, 0.0, 2e-4]), np.eye(3))
     wall = next(f for f, face in enumerate(block().faces) if face.normal[0] == 1.0 and f > 6)
-    space = local_space([vertex_face(block(), 0, wall)], peg(), block(), pose, CLEARANCE, RHO, (), 1.5e-4, 1e-4)
+    space = local_space(
+        [vertex_face(block(), 0, wall)], peg(), block(), pose, Scale(CLEARANCE, RHO), Cell((), 1.5e-4, 1e-4)
+    )
     found = confirm(contact_graph(space, faces(space)), peg(), block())
     assert [c.verdict for c in found] == [Verdict.CONFIRMED, Verdict.UNDECIDED]
 

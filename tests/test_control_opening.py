@@ -36,7 +36,7 @@ def test_the_nearest_twist_is_that_of_a_quadratic_program(seed: int) -> None:
     x, _, flag, _ = daqp.solve(np.eye(6), -point, rows, none, np.full(len(rows), least), kinds, primal_tol=1e-11)
     twist, held, force = held_rows()
     twist[:] = point
-    settled = nearest(point, rows, len(rows), least, twist, held, force)
+    settled = nearest(point, rows, least, twist, held, force)
     assert settled == (flag == 1)
     if settled:
         assert np.allclose(twist, x, rtol=0.0, atol=1e-9)
@@ -54,17 +54,17 @@ def test_rows_that_come_later_join_those_that_hold_already() -> None:
         twist, held, force = held_rows()
         twist[:] = point
         for count in (3, 6, 9):
-            assert nearest(point, rows, count, 1.0, twist, held, force)
+            assert nearest(point, rows[:count], 1.0, twist, held, force)
         once, at, by = held_rows()
         once[:] = point
-        assert nearest(point, rows, 9, 1.0, once, at, by)
+        assert nearest(point, rows, 1.0, once, at, by)
         assert np.allclose(once, twist, rtol=0.0, atol=1e-10)
 
 
 def test_rows_that_contradict_each_other_are_not_settled() -> None:
     row = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     twist, held, force = held_rows()
-    assert not nearest(np.zeros(6), np.array([row, -row]), 2, 1.0, twist, held, force)
+    assert not nearest(np.zeros(6), np.array([row, -row]), 1.0, twist, held, force)
 
 
 @pytest.mark.parametrize("count", [1, 2, 4, 8])

@@ -10,7 +10,7 @@ from convex_sets import in_space, overlapping, relaxation, shortest_of_all
 from scipy.optimize import linprog
 from test_contact_parts import MID_DEPTH, block, peg
 
-from fmopt.contact.graph import ContactGraph, contact_graph, faces, local_space
+from fmopt.contact.graph import ContactGraph, Scale, contact_graph, faces, local_space
 from fmopt.contact.primitive import near_contacts
 from fmopt.errors import InfeasibleError
 from fmopt.placement.route import ConvexSets, Route, shortest_route
@@ -115,7 +115,7 @@ def test_a_gap_has_to_be_a_share() -> None:
 @pytest.fixture(scope="module")
 def mid_depth() -> ContactGraph:
     contacts = near_contacts(peg(), block(), MID_DEPTH, reach=1e-3, angle=0.02)
-    space = local_space(contacts, peg(), block(), MID_DEPTH, 1e-4, 0.014)
+    space = local_space(contacts, peg(), block(), MID_DEPTH, Scale(1e-4, 0.014))
     return contact_graph(space, faces(space))
 
 

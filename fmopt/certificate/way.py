@@ -110,25 +110,32 @@ def way_of(assembly: Assembly, piece: Piece, tolerance: Tolerance) -> Way:
         InfeasibleError: the piece turns too far or goes nowhere, contacts do not determine their compliant
             directions, or the motion does not lead to the contact that it is to make.
     """
-    contacts = tuple(c.contact for c in piece.basis)
     twists = np.array([c.direction for c in piece.basis]).tobytes()
-    ends = piece.start, piece.goal
-    return _way(assembly, *ends, piece.held, contacts, twists, piece.made, piece.share, tolerance.rho)
+    basis = tuple(c.contact for c in piece.basis), twists
+    made = None if piece.made is None else (piece.made, piece.share)
+    return _way(assembly, (piece.start, piece.goal), piece.held, basis, made, tolerance.rho)
 
 
 @remembered(_MEMORY)
 def _way(
     assembly: Assembly,
-    start: Pose,
-    goal: Pose,
+    ends: tuple[Pose, Pose],
     held_all: tuple[PrimitiveContact, ...],
-    contacts: tuple[PrimitiveContact, ...],
-    twists: bytes,
-    contact: PrimitiveContact | None,
-    share: float,
+    basis: tuple[tuple[PrimitiveContact, ...], bytes],
+    making: tuple[PrimitiveContact, float] | None,
     rho: float,
 ) -> Way:
-    """See `way_of`: no error enters it, so that a motion certified under other errors has the same."""
+    """See `way_of`: no error enters it, so that a motion certified under other errors has the same.
+
+    Args:
+        assembly: the two parts.
+        ends: nominal poses.
+        held_all: all contacts held.
+        basis: the independent ones, and the bytes of their compliant twists.
+        making: the contact being made and the share φ of what is left of its move; None without.
+        rho: characteristic length, m.
+    """
+    (start, goal), (contacts, twists) = ends, basis
     V = start.local(goal)
     turn, far = length(V[3:]), length(V * ellipsoid.metric(rho))
     if turn > LARGEST_TURN or far <= _STANDSTILL:
@@ -138,8 +145,9 @@ def _way(
     duals = [C.T @ ellipsoid.coupling_inverse(rows.N, C.T) if len(C) else np.zeros((6, 0)) for rows in held]
     hold = np.eye(6) - duals[1] @ held[1].N
     v = hold @ V
-    if contact is None:
+    if making is None:
         return Way(V, turn, far, C, held, None, duals[0], duals[1], hold, v, 0.0, np.zeros(6), hold)
+    contact, share = making
     made = made_form(assembly, contact, held_all).over(start, goal)
     N = made[1].N[0]
     rate, seen = -float(N @ v), N @ hold

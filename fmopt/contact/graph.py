@@ -172,9 +172,45 @@ class LocalSpace(Value):
         return tuple(self.pose.moved(self.scale * x) for x in np.atleast_2d(np.asarray(points, dtype=np.float64)))
 
 
-def scaling(clearance: float, rho: float) -> Array:
-    """Scaled units (6,): lengths in clearances (m), angles in clearance / ρ (rad)."""
-    return np.array([clearance] * 3 + [clearance / rho] * 3)
+@dataclass(frozen=True, eq=False)
+class Scale:
+    """What a local space is measured in: the clearance a side and the characteristic length ρ, both in m."""
+
+    clearance: float
+    rho: float
+
+    @property
+    def units(self) -> Array:
+        """Scaled units (6,): lengths in clearances (m), angles in clearance / ρ (rad)."""
+        return np.array([self.clearance] * 3 + [self.clearance / self.rho] * 3)
+
+    @property
+    def reach(self) -> float:
+        """How far off contacts are looked for, m."""
+        return 3.0 * self.clearance
+
+    @property
+    def angle(self) -> float:
+        """How far turned contacts are looked for, rad."""
+        return self.reach / self.rho
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """Where contacts make up a local space.
+
+    Attributes:
+        limits: bounds of the cell in which exactly these contacts count; see `fmopt.contact.bounds.cell`.
+        reach: m; |dx|, |dy| and |dz| stay below it, where the linear picture is to be trusted.
+        angle: rad; the same for each rotation coordinate.
+    """
+
+    limits: Sequence[Bound] = ()
+    reach: float = np.inf
+    angle: float = np.inf
+
+
+_EVERYWHERE = Cell()
 
 
 def local_space(
@@ -182,11 +218,8 @@ def local_space(
     moving: Polyhedron,
     fixed: Polyhedron,
     pose: Pose,
-    clearance: float,
-    rho: float,
-    limits: Sequence[Bound] = (),
-    reach: float = np.inf,
-    angle: float = np.inf,
+    scale: Scale,
+    within: Cell = _EVERYWHERE,
 ) -> LocalSpace:
     """The contacts' half-spaces N·X ≥ D around a pose, in scaled units with unit rows.
 
@@ -195,27 +228,24 @@ def local_space(
         moving: the moving part in its body frame.
         fixed: the fixed part.
         pose: the reference pose X = 0.
-        clearance: m, the unit of length.
-        rho: characteristic length in m, for angles.
-        limits: bounds of the cell in which exactly these contacts count; see `fmopt.contact.bounds.cell`.
-        reach: m; |dx|, |dy| and |dz| stay below it, where the linear picture is to be trusted.
-        angle: rad; the same for each rotation coordinate.
+        scale: units of lengths and angles.
+        within: where they do so.
     """
-    scale = scaling(clearance, rho)
-    signs = np.concatenate([np.ones(len(contacts)), [-bound.sign for bound in limits]])
-    listed = (*contacts, *(bound.contact for bound in limits))
+    units = scale.units
+    signs = np.concatenate([np.ones(len(contacts)), [-bound.sign for bound in within.limits]])
+    listed = (*contacts, *(bound.contact for bound in within.limits))
     f, N = values_and_rows(listed, moving, fixed, pose)
-    rows = signs[:, None] * N * scale
+    rows = signs[:, None] * N * units
     size = np.linalg.norm(rows, axis=1)
     planes = np.column_stack([rows, -signs * f]) / size[:, None]
     k = len(contacts)
-    box = np.array([reach] * 3 + [angle] * 3) / scale
+    box = np.array([within.reach] * 3 + [within.angle] * 3) / units
     # A limit in the plane of a contact is that contact's own doing.
     own = first_equal(planes)[k:] < k
     walls = [[*-side * axis, -size] for axis, size in zip(np.eye(6), box, strict=True) for side in (1.0, -1.0)]
     walls = [wall for wall in walls if np.isfinite(wall[6])]
     cut = np.concatenate([planes[k:][~own], np.reshape(walls, (-1, 7))])
-    return LocalSpace(pose, tuple(contacts), planes[:k, :6], planes[:k, 6], scale, cut)
+    return LocalSpace(pose, tuple(contacts), planes[:k, :6], planes[:k, 6], units, cut)
 
 
 def faces(space: LocalSpace) -> Faces:

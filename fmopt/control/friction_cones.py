@@ -67,7 +67,7 @@ def nearest_opening(wrench: Array, normal: Array, tangent: Array, least: float) 
         _ray(normal, tangent, k // _RAYS, math.cos(angle), math.sin(angle), rows, k)
     twist, held, force = wrench.copy(), np.zeros(7, dtype=np.intp), np.zeros(6)
     for _ in range(_ROUNDS):
-        settled = nearest(wrench, rows, count, least, twist, held, force)
+        settled = nearest(wrench, rows[:count], least, twist, held, force)
         short = least - _EXACT * math.sqrt(max(_dot(twist, twist), _dot(wrench, wrench)))
         before = count
         for i in range(m):
@@ -83,13 +83,12 @@ def nearest_opening(wrench: Array, normal: Array, tangent: Array, least: float) 
 
 
 @part
-def nearest(point: Array, rows: Array, count: int, least: float, twist: Array, held: Places, force: Array) -> bool:
+def nearest(point: Array, rows: Array, least: float, twist: Array, held: Places, force: Array) -> bool:
     """Moves a twist to the nearest one to a point with rows·v ≥ least, from the nearest for rows that are held already.
 
     Args:
         point: (6,).
-        rows: (…, 6), the first `count` of which count.
-        count: of rows.
+        rows: (n, 6).
         least: what each comes to.
         twist: (6,), moved.
         held: (7,), up to six rows that hold with equality, updated; the last entry is how many.
@@ -98,7 +97,7 @@ def nearest(point: Array, rows: Array, count: int, least: float, twist: Array, h
     Returns:
         Whether it is settled: not where rows contradict each other, or the steps come to no end.
     """
-    free, back, basis, mixed = np.empty(6), np.empty(6), np.empty((6, 6)), np.empty((6, 7))
+    back, basis, mixed, count = np.empty(6), np.empty((7, 6)), np.empty((6, 7)), len(rows)
     for _ in range(_STEPS):
         most, worst = -_BROKEN * math.sqrt(max(_dot(twist, twist), _dot(point, point))), count
         for i in range(count):
@@ -109,7 +108,8 @@ def nearest(point: Array, rows: Array, count: int, least: float, twist: Array, h
             return True
         push, number = 0.0, held[6]
         while True:
-            _split(rows, worst, held, number, basis, mixed, free, back)
+            _split(rows, worst, held[:number], basis, mixed, back)
+            free = basis[number]
             step, leaving, whole, size = math.inf, -1, math.inf, _dot(free, free)
             for j in range(number):
                 if back[j] > 0.0 and force[j] < step * back[j]:
@@ -133,12 +133,12 @@ def nearest(point: Array, rows: Array, count: int, least: float, twist: Array, h
 
 
 @part
-def _split(
-    rows: Array, row: int, held: Places, number: int, basis: Array, mixed: Array, free: Array, back: Array
-) -> None:
-    """The part `free` (6,) of a row that is free of held rows, and the sum `back` of these that the rest is."""
+def _split(rows: Array, row: int, held: Places, basis: Array, mixed: Array, back: Array) -> None:
+    """The part of a row that is free of held rows (n,), basis[n], and the sum `back` of these that the rest is."""
+    number = len(held)
     for j in range(number + 1):
         k = held[j] if j < number else row
+        free = basis[j]
         for x in range(6):
             free[x] = rows[k, x]
         for i in range(number):
@@ -152,7 +152,7 @@ def _split(
         if j < number:
             mixed[j, j] = math.sqrt(_dot(free, free))
             for x in range(6):
-                basis[j, x] = free[x] / mixed[j, j]
+                free[x] /= mixed[j, j]
     for j in range(number - 1, -1, -1):
         back[j] = mixed[j, number]
         for i in range(j + 1, number):

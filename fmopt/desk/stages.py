@@ -88,13 +88,13 @@ def contact_graph(problem: Problem, pose: ArrayLike, reach: float | None = None)
     Raises:
         InfeasibleError: the contacts violate each other there.
     """
+    from fmopt.contact.graph import Scale, faces, local_space
     from fmopt.contact.graph import contact_graph as graph
-    from fmopt.contact.graph import faces, local_space
 
     contacts = near_contacts(problem, pose, reach)
     at = Pose.from_vector(np.asarray(pose, dtype=np.float64))
     moving, fixed = problem.moving.polyhedron, problem.fixed.polyhedron
-    space = local_space(contacts, moving, fixed, at, clearance(problem).per_side, _rho(problem))
+    space = local_space(contacts, moving, fixed, at, Scale(clearance(problem).per_side, _rho(problem)))
     return graph(space, faces(space))
 
 

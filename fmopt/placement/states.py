@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from fmopt.certificate.assembly import Assembly
 from fmopt.contact.bounds import INSIDE, BoundTable, cell, touching
 from fmopt.contact.descent import Bits
-from fmopt.contact.graph import ContactGraph, LocalSpace, contact_graph, faces, local_space
+from fmopt.contact.graph import Cell, ContactGraph, LocalSpace, Scale, contact_graph, faces, local_space
 from fmopt.contact.meet import Measures, Met, Neighbourhood, Poses, meet, project
 from fmopt.contact.polytope import Faces
 from fmopt.contact.primitive import PrimitiveContact, near_contacts
@@ -46,24 +46,6 @@ _ROOMS = (0.1, 0.01)  # clearances of room that are asked for, first and then
 _NEIGHBOURS = 2  # how many neighbours of either dimension a state is searched from
 _ROUNDS = 3
 _OUTSIDE = -1e-6  # scaled units
-
-
-@dataclass(frozen=True, eq=False)
-class Scale:
-    """What a local space is measured in: the clearance a side and the characteristic length ρ, both in m."""
-
-    clearance: float
-    rho: float
-
-    @property
-    def reach(self) -> float:
-        """How far off contacts are looked for, m."""
-        return 3.0 * self.clearance
-
-    @property
-    def angle(self) -> float:
-        """How far turned contacts are looked for, rad."""
-        return self.reach / self.rho
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,8 +160,8 @@ def space_at(
         if _regular(assembly, near, reference):
             break
     kept, limits = cell(near, body, fixed, reference, scale.reach + scale.angle * scale.rho)
-    box = wide * scale.reach, wide * scale.angle
-    space = local_space(kept, body, fixed, reference, scale.clearance, scale.rho, limits, *box)
+    within = Cell(limits, wide * scale.reach, wide * scale.angle)
+    space = local_space(kept, body, fixed, reference, scale, within)
     states = _enumerated(space)
     graph = contact_graph(space, _free_alone(len(kept)) if states is None else states)
     return Space(name, pose.vector(), graph, confirm(graph, body, fixed), states is not None)

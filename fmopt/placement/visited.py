@@ -19,11 +19,12 @@ from fmopt.certificate.claim import Claim
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Piece
 from fmopt.contact.bounds import INSIDE, BoundTable, touching
+from fmopt.contact.graph import Scale
 from fmopt.contact.meet import Poses
 from fmopt.contact.primitive import PrimitiveContact, near_contacts
 from fmopt.contact.surface import Surfaces
 from fmopt.placement.motion import onto
-from fmopt.placement.states import Scale, Space, space_at
+from fmopt.placement.states import Space, space_at
 from fmopt.se3 import Pose
 
 _NEAR, _TURNED = 2e-6, 2e-3  # m, rad; how far off contacts are looked for that touch

@@ -15,7 +15,7 @@ from fmopt.contact import surface
 from fmopt.contact.bounds import cell
 from fmopt.contact.definitions import CONTACTS as KINDS
 from fmopt.contact.derive import derived
-from fmopt.contact.graph import LocalSpace, contact_graph, faces, local_space
+from fmopt.contact.graph import Cell, LocalSpace, Scale, contact_graph, faces, local_space
 from fmopt.contact.polytope import enumerate_faces
 from fmopt.contact.primitive import near_contacts
 from fmopt.placement.states import confirm
@@ -28,14 +28,14 @@ CONTACTS = near_contacts(PEG, BLOCK, MID_DEPTH, reach=1e-3, angle=0.02)
 
 
 def mid_depth() -> LocalSpace:
-    return local_space(CONTACTS, PEG, BLOCK, MID_DEPTH, CLEARANCE, RHO)
+    return local_space(CONTACTS, PEG, BLOCK, MID_DEPTH, Scale(CLEARANCE, RHO))
 
 
 def mouth() -> LocalSpace:
     """A tilted corner of the tip in a corner of the mouth, with the bounds of its contacts."""
     pose, reach, angle, _ = POSES["corner in the mouth"]
     kept, limits = cell(near_contacts(PEG, BLOCK, pose, reach, angle), PEG, BLOCK, pose, within=1e-3)
-    return local_space(kept, PEG, BLOCK, pose, CLEARANCE, RHO, limits, reach, angle)
+    return local_space(kept, PEG, BLOCK, pose, Scale(CLEARANCE, RHO), Cell(limits, reach, angle))
 
 
 @pytest.mark.benchmark(group="16 C-surfaces")
