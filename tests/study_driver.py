@@ -17,7 +17,7 @@ from study_naive import NaiveStore
 
 from fmopt.errors import FmoptError
 from fmopt.study.running import Options, run
-from fmopt.study.store import Row, Store
+from fmopt.study.store import Effort, Row, Store
 
 STORES = {"store": Store, "naive": NaiveStore}
 
@@ -27,16 +27,17 @@ def main(folder: Path, runs: int, jobs: int, evaluation: str, store: str) -> Non
     os.environ[evaluations.BEGUN] = str(folder / "begun")
     told = os.open(folder / "acknowledged", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
 
-    def acknowledged(rows: Sequence[Row]) -> None:
-        os.write(told, "".join(f"{row.key}\n" for row in rows).encode())
+    class Acknowledging(STORES[store]):  # type: ignore[misc]
+        def add(self, rows: Sequence[tuple[Row, Effort]]) -> None:
+            super().add(rows)
+            os.write(told, "".join(f"{row.key}\n" for row, _ in rows).encode())
 
     tally = run(
         evaluations.work(runs),
         folder,
         getattr(evaluations, evaluation),
         Options(jobs, retry_failed=True),
-        acknowledged=acknowledged,
-        store_of=STORES[store],
+        store_of=Acknowledging,
     )
     print(f"{tally.done} of {tally.total}, {tally.failed} failed")
 

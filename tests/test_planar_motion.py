@@ -123,16 +123,16 @@ def test_clearance_keeps_off_by_what_it_says() -> None:
     # A corner at (±5 mm, 0) sinks by 5 mm sin ε_φ.
     drop = 0.005 * math.sin(0.01)
     assert clearance(possible, path, 1e-6) == pytest.approx(0.005 - 3e-4 - drop, abs=1.1e-6)
-    off = clearance_for_gross(path - UP * 0.005, wall, body, total, (0.0, 2.0), 0.02, 2e-6)
+    off = clearance_for_gross(path - UP * 0.005, wall, body, total, (0.0, 0.02), 2e-6)
     assert off == pytest.approx(3e-4 + drop, abs=4e-6)
     assert clearance(possible, path + UP * (off - 0.005), 1e-6) > 0.0
-    assert clearance_for_gross(path + UP * 0.01, wall, body, total, (0.0, 1.0), 0.02, 1e-6) == 0.0
+    assert clearance_for_gross(path + UP * 0.01, wall, body, total, (0.0, 0.02), 1e-6) == 0.0
 
 
 def test_a_motion_with_chosen_clearance_touches_nothing() -> None:
     rng = np.random.default_rng(4)
     path = np.array([(-0.02, 0.045, -1.0), (0.03, 0.03, 0.5), (0.08, 0.045, 2.0)])
-    off = clearance_for_gross(path, STATIC, BODY, TOTAL, (0.0, 1.0), 0.1, 1e-5)
+    off = clearance_for_gross(path, STATIC, BODY, TOTAL, (0.0, 0.1), 1e-5)
     assert off > 0.005
     path = path + UP * off
     for t in rng.uniform(0.0, 2.0, 150):
@@ -150,12 +150,12 @@ def test_refusals() -> None:
     with pytest.raises(GeometryError, match="tolerance of 0"):
         clearance(POSSIBLE, np.zeros((2, 3)), 0.0)
     with pytest.raises(GeometryError, match="direction"):
-        clearance_for_gross(np.zeros((2, 3)), STATIC, BODY, TOTAL, (0.0, 0.0), 1.0, 1e-6)
+        clearance_for_gross(np.zeros((2, 3)), STATIC, BODY, TOTAL, (0.0, 0.0), 1e-6)
     touching = [(0.03, 0.049, 0.0), (0.02, 0.049, 0.0)]
     with pytest.raises(InfeasibleError, match="short of gross") as raised:
-        clearance_for_gross(touching, STATIC, BODY, TOTAL, (0.0, 1.0), 1e-4, 1e-6)
+        clearance_for_gross(touching, STATIC, BODY, TOTAL, (0.0, 1e-4), 1e-6)
     assert raised.value.shortfall > 0.0
     deep = [(0.045, 0.02, 0.0), (0.045, 0.021, 0.0)]
     assert clearance(POSSIBLE, deep, 1e-6) > 0.0
     with pytest.raises(InfeasibleError, match="objects overlap"):
-        clearance_for_gross(deep, STATIC, BODY, TOTAL, (0.0, 1.0), 1e-4, 1e-6)
+        clearance_for_gross(deep, STATIC, BODY, TOTAL, (0.0, 1e-4), 1e-6)

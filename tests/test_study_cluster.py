@@ -7,7 +7,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +20,7 @@ from fmopt.study import workers
 from fmopt.study.batch import Batch, Limits, digest
 from fmopt.study.cluster import cluster
 from fmopt.study.running import Options, run
-from fmopt.study.store import recorded
+from fmopt.study.store import Effort, Row, Store, recorded
 
 ROOT = Path(__file__).parent.parent
 
@@ -89,17 +89,17 @@ def test_a_cluster_gives_the_same_rows(scheduler: str, tmp_path: Path) -> None:
     work = replace(evaluations.work(60, Limits(seconds=2.0, memory=4 << 30)))
     run(work, tmp_path / "here", evaluations.mixed, Options(2))
     with cluster(scheduler) as (executor, threads):
-        tally = run(work, tmp_path / "there", evaluations.mixed, Options(threads, limit=25), executor)
+        tally = run(work, tmp_path / "there", evaluations.mixed, Options(threads, limit=25, executor=executor))
         assert (tally.done, tally.total) == (25, 60)
     with cluster(scheduler) as (executor, threads):
-        tally = run(work, tmp_path / "there", evaluations.mixed, Options(threads), executor)
+        tally = run(work, tmp_path / "there", evaluations.mixed, Options(threads, executor=executor))
     assert (tally.done, tally.failed) == (60, 6)
     assert recorded(tmp_path / "there") == recorded(tmp_path / "here")
 
 
 def test_a_host_that_is_lost_costs_one_run(scheduler: str, tmp_path: Path) -> None:
     with cluster(scheduler) as (executor, threads):
-        tally = run(evaluations.work(6), tmp_path, evaluations.hostile, Options(threads), executor)
+        tally = run(evaluations.work(6), tmp_path, evaluations.hostile, Options(threads, executor=executor))
     assert (tally.done, tally.failed) == (6, 1)
     rows = [record.row for record in recorded(tmp_path)[1]]
     assert [row and row.outcome for row in rows] == ["killed", "done", "done", "done", "done", "done"]
@@ -151,7 +151,7 @@ def test_a_study_without_hosts_ends_and_goes_on_later(monkeypatch: pytest.Monkey
         host.start()
         lost = pytest.raises(ResourceError, match="lost all its workers")
         with cluster(address) as (executor, threads), lost:
-            run(work, tmp_path, evaluations.hostile, Options(threads), executor)
+            run(work, tmp_path, evaluations.hostile, Options(threads, executor=executor))
         over.set()
         host.join()
     assert sum(record.row is not None for record in recorded(tmp_path)[1]) < 6
@@ -186,13 +186,15 @@ def test_a_scheduler_that_dies_ends_the_study_in_words_and_without_failures(
         host = threading.Thread(target=kept_alive, args=(address, over, 1))
         host.start()
 
-        def after_some(_: object) -> None:
-            running.kill()
+        class Fatal(Store):
+            def add(self, rows: Sequence[tuple[Row, Effort]]) -> None:
+                super().add(rows)
+                running.kill()
 
         try:
             gone = pytest.raises(ResourceError, match="the scheduler is gone")
             with gone, cluster(address) as (executor, threads):
-                run(work, tmp_path, evaluations.slow, Options(threads), executor, acknowledged=after_some)
+                run(work, tmp_path, evaluations.slow, Options(threads, executor=executor), store_of=Fatal)
         finally:
             running.kill()
             over.set()

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from fmopt.desk.drawing import Drawing
     from fmopt.desk.placing import Placing
     from fmopt.desk.trials import Trials
+    from fmopt.execution.trials import Trials as Wanted
     from fmopt.guarded.axes import Stretch
     from fmopt.report.figures import Figure
 
@@ -189,13 +190,9 @@ class Plan:
 
     def execute(
         self,
-        trials: int = 100,
+        trials: int | Wanted = 100,
         seed: int = 0,
         *,
-        beyond: int = 0,
-        covered: bool = False,
-        recovery: bool = True,
-        engine: str = "mujoco",
         unverified: bool = False,
         folder: str | PathLike[str] | None = None,
         workers: int | None = None,
@@ -203,12 +200,9 @@ class Plan:
         """Carries the plan out in a physics engine, under errors drawn at random.
 
         Args:
-            trials: with errors inside the certified set.
-            seed: of all that is drawn.
-            beyond: further trials, with errors of one to two times the set.
-            covered: whether these have errors that the plan's retries cover instead.
-            recovery: whether to back off and try again as the plan says when a move fails.
-            engine: "mujoco", or "drake" for a second opinion.
+            trials: with errors inside the certified set; or all that is to be run, as `fmopt.execution.trials.Trials`:
+                further trials with errors beyond the set, without recovery, of another method or engine, with friction.
+            seed: of all that is drawn, where the number of trials is given.
             unverified: whether to take a plan that the check does not certify, without asking it.
             folder: for the results, what is there of the same trials is used; out/trials-… when not given.
             workers: processes; one for each processor when not given.
@@ -224,9 +218,9 @@ class Plan:
         from fmopt.execution.trials import ENGINES
         from fmopt.execution.trials import Trials as Wanted
 
-        if engine not in ENGINES:
-            raise ValueError(f"engine {engine!r} is none of {', '.join(ENGINES)}")
-        wanted = Wanted(trials, beyond, seed=seed, recovery=recovery, covered=covered, engine=engine)
+        wanted = trials if isinstance(trials, Wanted) else Wanted(trials, seed=seed)
+        if wanted.engine not in ENGINES:
+            raise ValueError(f"engine {wanted.engine!r} is none of {', '.join(ENGINES)}")
         return carried_out(self, wanted, None if folder is None else Path(folder), workers, unverified)
 
     def export(

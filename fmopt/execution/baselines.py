@@ -75,31 +75,27 @@ class Task:
 
 
 def _step(
-    name: str,
-    move: int,
-    servoed: str,
-    twist: Array,
-    travel: float,
-    follow: tuple[int, int, int],
-    hold: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    arm: Array | None = None,
-    **more: Any,
+    name: str, move: int, servoed: str, twist: Array, travel: float, follow: tuple[int, int, int], **more: Any
 ) -> Step:
-    """A step whose position axes are named by letters: x, y, z and a, b, c for the turns about them."""
+    """A step whose position axes are named by letters: x, y, z and a, b, c for the turns about them.
+
+    The index of the next step follows when it stops, when its travel and when its time is used up; more are fields.
+    """
     P = np.diag([float(axis in servoed) for axis in "xyzabc"])
-    wrench = np.array([*hold, 0.0, 0.0, 0.0])
-    frame = Pose(np.zeros(3) if arm is None else arm, np.eye(3))
-    stop, end, late = follow
-    push = more.pop("push", PUSH)
-    return Step(
-        name, move, frame, P, twist, np.stack([wrench, wrench]), travel, _INFINITE, push, stop, end, late, **more
-    )
+    given: dict[str, Any] = {"frame": Pose.identity(), "hold": np.zeros((2, 6)), "push": PUSH, **more}
+    given |= dict(zip(("on_stop", "on_end", "on_late"), follow, strict=True))
+    return Step(name, move, position=P, twist=twist, travel=travel, timeout=_INFINITE, **given)
 
 
-def _down(move: int, task: Task, servoed: str, soft: float, hold: tuple[float, float, float]) -> Step:
+def _held(x: float, y: float, z: float) -> Array:
+    """A force to apply all along a step (2, 6)."""
+    return np.tile(np.array([x, y, z, 0.0, 0.0, 0.0]), (2, 1))
+
+
+def _down(move: int, task: Task, servoed: str, soft: float, hold: Array) -> Step:
     """The last push."""
-    twist = np.array([0.0, 0.0, -SPEED, 0.0, 0.0, 0.0])
-    step = _step("push", move, servoed, twist, _INFINITE, (DONE, FAILED, FAILED), hold, deep=task.bottom, soft=soft)
+    twist, follow = np.array([0.0, 0.0, -SPEED, 0.0, 0.0, 0.0]), (DONE, FAILED, FAILED)
+    step = _step("push", move, servoed, twist, _INFINITE, follow, hold=hold, deep=task.bottom, soft=soft)
     return _lasting(step, 2.0 * task.fit.depth / SPEED)
 
 
@@ -117,7 +113,7 @@ def _upright(task: Task) -> Pose:
 def push(plan: Plan, robot: Robot) -> Program:
     """Straight down on soft springs."""
     task = Task.of(plan)
-    return task.program("push", _upright(task), (_down(0, task, "xyzabc", SOFT, (0.0, 0.0, 0.0)),))
+    return task.program("push", _upright(task), (_down(0, task, "xyzabc", SOFT, _held(0.0, 0.0, 0.0)),))
 
 
 def spiral(plan: Plan, robot: Robot) -> Program:
@@ -150,8 +146,8 @@ def _search(name: str, task: Task, points: Array) -> Program:
         length = float(np.linalg.norm(way))
         twist = np.array([*way / length * SPEED, 0.0, 0.0, 0.0, 0.0])
         follow = (last, k + 2 if k + 1 < len(ways) else FAILED, FAILED)
-        steps.append(_step("search", 1, "xyc", twist, length, follow, (0.0, 0.0, -PRESS), deep=-ENTERED))
-    return task.program(name, _upright(task), (*steps, _down(2, task, "z", 1.0, (0.0, 0.0, 0.0))))
+        steps.append(_step("search", 1, "xyc", twist, length, follow, hold=_held(0.0, 0.0, -PRESS), deep=-ENTERED))
+    return task.program(name, _upright(task), (*steps, _down(2, task, "z", 1.0, _held(0.0, 0.0, 0.0))))
 
 
 def _felt(axis: int) -> dict[str, Any]:
@@ -174,12 +170,13 @@ def tilt(plan: Plan, robot: Robot) -> Program:
     ways[0][2], ways[1][0], ways[2][1] = -SPEED, -0.5 * SPEED, -0.5 * SPEED
     ways[3][3:] = -turn / TILT * robot.turning
     angle = UPRIGHT * TILT * task.fit.rho
+    on_top, at_x, at_both = (_held(x, y, -CORNER) for x, y in ((0.0, 0.0), (-CORNER, 0.0), (-CORNER, -CORNER)))
     steps = (
         _step("down", 0, "xyzabc", ways[0], 0.01, (1, FAILED, FAILED), push=TOUCH, **_felt(2)),
-        _step("to x", 1, "xyab", ways[1], 0.01, (2, FAILED, FAILED), (0.0, 0.0, -CORNER), push=CORNER, **_felt(0)),
-        _step("to y", 2, "yab", ways[2], 0.01, (3, FAILED, FAILED), (-CORNER, 0.0, -CORNER), push=CORNER, **_felt(1)),
-        _step("upright", 3, "abc", ways[3], angle, (4, 4, 4), (-CORNER, -CORNER, -CORNER), arm=corner),
-        _down(4, task, "z", 1.0, (-1.0, -1.0, 0.0)),
+        _step("to x", 1, "xyab", ways[1], 0.01, (2, FAILED, FAILED), hold=on_top, push=CORNER, **_felt(0)),
+        _step("to y", 2, "yab", ways[2], 0.01, (3, FAILED, FAILED), hold=at_x, push=CORNER, **_felt(1)),
+        _step("upright", 3, "abc", ways[3], angle, (4, 4, 4), hold=at_both, frame=Pose(corner, np.eye(3))),
+        _down(4, task, "z", 1.0, _held(-1.0, -1.0, 0.0)),
     )
     return task.program("tilt", start, steps)
 

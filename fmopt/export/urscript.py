@@ -182,13 +182,11 @@ def program(plan: Plan, base: Pose, caution: str = "", settings: Settings | None
         PlanFormatError: a segment cannot be run, or its force axes are not orthogonal in any one frame.
     """
     settings = settings or Settings()
-    rho, speed = plan.rho, plan.specification.speed
-    most = settings.most * plan.specification.contact_force
     rows = moves(plan)
     lines = [_head(plan, rows, base, caution, settings), _functions(settings), "def fmopt_insert():"]
-    lines += _indented(_beginning(base.compose(rows[0].start), speed, settings))
-    for index, move in enumerate(rows):
-        lines += _indented(_segment(rows, index, task_frame(move, rho), base, rho, settings, most))
+    lines += _indented(_beginning(base.compose(rows[0].start), plan.specification.speed, settings))
+    for index in range(len(rows)):
+        lines += _indented(_segment(plan, rows, index, base, settings))
     arrived = "seated" if rows[-1].stop else "as far in as planned; no contact tells that the part is seated"
     lines += _indented(["end_force_mode()", f'textmsg("fmopt: ", "{arrived}")'])
     return "\n".join([*lines, "end", "", "fmopt_insert()", ""])
@@ -241,14 +239,13 @@ def _beginning(start: Pose, speed: float, settings: Settings) -> list[str]:
     ]
 
 
-def _segment(
-    rows: Sequence[Move], index: int, task: TaskFrame, base: Pose, rho: float, settings: Settings, most: float
-) -> list[str]:
+def _segment(plan: Plan, rows: Sequence[Move], index: int, base: Pose, settings: Settings) -> list[str]:
     """A move's pieces follow each other without a stop; once the contact that ends it is felt, the rest is left out.
 
     What a piece takes longer by than it is to, as steps are whole, the next one takes less.
     """
-    move = rows[index]
+    move, rho = rows[index], plan.rho
+    task = task_frame(move, rho)
     begins = index == 0 or rows[index - 1].last
     held = one_line(", ".join(move.state) or "nothing")
     lines = [f"# move {move.number + 1}, segments[{move.segment}], held: {held}"]
@@ -256,6 +253,7 @@ def _segment(
     if begins and index and move.stop is None and (rows[index - 1].stop or rows[index - 1].state):
         lines += [_released(move, base, rho, settings), f"sleep({_number(settings.settling)})"]
     if move.stop is None:
+        most = settings.most * plan.specification.contact_force
         way = f"{_list(_turned(base, move.twist))}, {_number(move.duration)}, {_number(most)}"
         lines += [_force_mode(move, task, base, rho, settings), f"touched = fmopt_move({way})"]
         return [*lines, "if touched:", f'  fmopt_leave("move {move.number + 1}: pushed against something")', "end"]

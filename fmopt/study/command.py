@@ -62,11 +62,11 @@ def carry_out(file: Path, folder: Path, asked: Asked, progress: Callable[[Tally]
         from fmopt.study.cluster import cluster
 
         with cluster(asked.cluster) as (executor, threads):
-            options = Options(asked.jobs or threads, asked.limit, asked.retry_failed)
-            tally = run(work, folder, evaluate, options, executor, progress)
+            options = Options(asked.jobs or threads, asked.limit, asked.retry_failed, executor)
+            tally = run(work, folder, evaluate, options, progress)
     else:
         options = Options(asked.jobs or processors(), asked.limit, asked.retry_failed)
-        tally = run(work, folder, evaluate, options, None, progress)
+        tally = run(work, folder, evaluate, options, progress)
     output.save(csv_text(results(folder)).encode(), folder / "table.csv")
     return tally
 

@@ -92,11 +92,13 @@ class Options:
         jobs: batches under way at a time.
         limit: rows to write at most, None for all.
         retry_failed: whether runs whose row is a failure are done again.
+        executor: where batches go, to be shut down by the caller; processes on this machine if None.
     """
 
     jobs: int
     limit: int | None = None
     retry_failed: bool = False
+    executor: Executor | None = None
 
 
 def run(
@@ -104,9 +106,7 @@ def run(
     folder: Path,
     evaluate: Evaluate,
     options: Options,
-    executor: Executor | None = None,
     progress: Callable[[Tally], None] = lambda _: None,
-    acknowledged: Callable[[Sequence[Row]], None] = lambda _: None,
     store_of: Callable[[Path], Store] = Store,
 ) -> Tally:
     """Does all runs that have no row yet, and writes their rows.
@@ -116,9 +116,7 @@ def run(
         folder: where the store is; made if need be.
         evaluate: what is done with each run.
         options: how.
-        executor: where batches go, to be shut down by the caller; processes on this machine if None.
         progress: told how far it is.
-        acknowledged: told which rows have become durable.
         store_of: opens the store.
 
     Raises:
@@ -127,11 +125,11 @@ def run(
     output.prepare(folder)
     with owned(folder), store_of(folder) as store:
         store.design(work.numbered(), work.facts)
-        home = laid_out(work.inputs, folder / "inputs") if executor is None else None
-        desk = _Desk(work, store, evaluate, options, home, progress, acknowledged)
+        home = laid_out(work.inputs, folder / "inputs") if options.executor is None else None
+        desk = _Desk(work, store, evaluate, options, home, progress)
         with _stoppable() as stop:
-            if executor is not None:
-                return desk.served(executor, stop)
+            if options.executor is not None:
+                return desk.served(options.executor, stop)
             with Local(options.jobs) as local:
                 return desk.served(local, stop)
 
@@ -184,9 +182,8 @@ class _Desk:
         options: Options,
         home: Path | None,
         progress: Callable[[Tally], None],
-        acknowledged: Callable[[Sequence[Row]], None],
     ) -> None:
-        self._store, self._options, self._progress, self._acknowledged = store, options, progress, acknowledged
+        self._store, self._options, self._progress = store, options, progress
         self._form = Batch((), evaluate, work.limits, {}, home)
         if home is None:
             self._form = replace(self._form, inputs=work.inputs, program=program())
@@ -247,7 +244,6 @@ class _Desk:
         if returned.rows:
             self._store.add(returned.rows)
             rows = [row for row, _ in returned.rows]
-            self._acknowledged(rows)
             self._count(rows)
             self._pace.note(returned.rows)
 

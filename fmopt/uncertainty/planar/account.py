@@ -166,7 +166,7 @@ def _carry(first: Stretch, grasped: Profile, static: Profile, start: Deviations)
     path = first.path[[0, 0]] + np.array([[-aside, 0.0, 0.0], [aside, 0.0, 0.0]])
     limit = float(np.ptp(grasped.vertices, axis=0).max())
     try:
-        height = clearance_for_gross(path, static, grasped, start, (0.0, 1.0), limit, _TOLERANCE)
+        height = clearance_for_gross(path, static, grasped, start, (0.0, limit), _TOLERANCE)
     except InfeasibleError:
         return {"aside": aside, "height": None}
     return {"aside": aside, "height": height}

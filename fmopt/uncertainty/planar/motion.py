@@ -139,33 +139,32 @@ def clearance_for_gross(
     static: Profile,
     moving: Profile,
     deviations: Deviations,
-    direction: ArrayLike,
-    limit: float,
+    farthest: ArrayLike,
     tolerance: float,
 ) -> float:
-    """A displacement c (m) such that the path moved by any of c … `limit` along `direction` is gross.
+    """A displacement c (m) such that the path moved by any of c to the farthest is gross.
 
     Moving a path by c changes its clearance by at most c, so that a path with clearance m may be moved back by m. At
-    the answer either c = 0, or the clearance is below twice the tolerance, or c is the limit.
+    the answer either c = 0, or the clearance is below twice the tolerance, or c is the farthest.
 
     Args:
         path: waypoints (k, 3), m and rad; see `classify`.
         static: the static object.
         moving: the grasped object in the frame of the gripper's reference point.
         deviations: what the sources add up to.
-        direction: (2,), away from the static object; its length does not matter.
-        limit: greatest displacement to consider, m.
+        farthest: (2,), the farthest displacement to consider, away from the static object, m; all are along it.
         tolerance: m.
 
     Raises:
-        InfeasibleError: the motion is not gross at the limit.
-        GeometryError: the direction has no length.
+        InfeasibleError: the motion is not gross at the farthest.
+        GeometryError: the farthest displacement has no length.
     """
     points = _waypoints(path, tolerance)
-    u = frozen(direction, 2, name="direction")
-    if not u.any():
+    away = frozen(farthest, 2, name="farthest")
+    limit = math.hypot(*away)
+    if not limit > 0.0:
         raise GeometryError("the direction of a clearance has no length", "give a vector away from the static object")
-    step = np.append(u / math.hypot(*u), 0.0)
+    step = np.append(away / limit, 0.0)
     possible = PossibleContacts.between(moving, static, deviations)
     at, margin = limit, clearance(possible, points + limit * step, 0.5 * tolerance)
     if margin <= 0.0:
