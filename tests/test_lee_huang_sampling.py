@@ -17,7 +17,7 @@ from test_nominal_planes import loop, random_case
 from fmopt.geometry.csg import Box, Solid, ring
 from fmopt.nominal.diagram import polygon
 from fmopt.nominal.line_contact import Leg
-from fmopt.nominal.mapping import Mapping, task_mapping
+from fmopt.nominal.mapping import Mapping, Task, task_mapping
 from fmopt.nominal.plane_freedom import spans
 from fmopt.nominal.uncertainty_zone import PLANES
 from fmopt.values import Array
@@ -82,7 +82,7 @@ TASKS = {
 
 def made_of(one: Insertion, share: float = 1.0) -> Mapping:
     box = share * np.array([BALL] * 3 + [CONE, CONE, 0.05])
-    return task_mapping(one.peg, block(one.bore, one.depth), START, GOAL, box, SPEED, RHO)
+    return task_mapping(Task(one.peg, block(one.bore, one.depth), START, GOAL, box, SPEED, RHO))
 
 
 Touches = Callable[[Array, float], bool]

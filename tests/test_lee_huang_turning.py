@@ -13,7 +13,7 @@ from fmopt.geometry.clearance import penetration
 from fmopt.geometry.csg import Box, Solid, Union
 from fmopt.geometry.pieces import pieces
 from fmopt.geometry.polyhedron import placed
-from fmopt.nominal.mapping import Mapping, records, task_mapping
+from fmopt.nominal.mapping import Mapping, Task, records, task_mapping
 from fmopt.nominal.shrink_expand import expanded, expanded_over, section_at
 from fmopt.nominal.uncertainty_zone import PLANES
 from fmopt.plan import diagram
@@ -34,7 +34,7 @@ def start(x: float, z: float, turn: Array) -> Array:
 
 
 def mapped(fixed: Solid, begin: Array) -> Mapping:
-    return task_mapping(PEG, fixed, begin, GOAL, BOX, SPEED, RHO)
+    return task_mapping(Task(PEG, fixed, begin, GOAL, BOX, SPEED, RHO))
 
 
 @pytest.mark.parametrize("plane", PLANES[:2], ids=lambda plane: plane.name)

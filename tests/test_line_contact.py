@@ -133,7 +133,7 @@ def test_the_kernel_agrees_with_the_plain_formulas(seed: int) -> None:
 
 def test_the_kernel_is_what_is_written() -> None:
     lines, leg = random_lines(3), random_leg(3)
-    arguments = (lines.c, lines.m, lines.force, lines.turns, leg.start, leg.travel, leg.radius, leg.size)
+    arguments = (lines.c, lines.m, lines.force, lines.turns, leg)
     rows, shares = possible(*arguments)
     written = possible.py_func(*arguments)  # type: ignore[attr-defined]
     assert len(rows) > 0

@@ -1,5 +1,9 @@
-"""What is shipped: wheel and source distribution build, and the wheel alone solves a shipped example."""
+"""What is shipped: wheel and source distribution build, the wheel alone solves a shipped example, functions are short.
 
+A function takes six parameters at most: what always travels together is a value. Commands have an option each.
+"""
+
+import ast
 import os
 import subprocess
 import sys
@@ -9,6 +13,7 @@ from pathlib import Path
 from fmopt.manual import PAGES
 
 ROOT = Path(__file__).parent.parent
+MOST_PARAMETERS = 6
 
 
 def test_the_wheel_holds_the_examples_and_works_from_an_empty_folder(tmp_path: Path) -> None:
@@ -36,3 +41,36 @@ def test_the_wheel_holds_the_examples_and_works_from_an_empty_folder(tmp_path: P
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip() == "CERTIFIED"
     assert (empty / "report.html").stat().st_size > 100_000
+
+
+def parameters(function: ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda) -> int:
+    """How many a function takes, but for self and cls."""
+    listed = function.args
+    names = [argument.arg for argument in (*listed.posonlyargs, *listed.args, *listed.kwonlyargs)]
+    return len(names) - (names[:1] in (["self"], ["cls"]))
+
+
+def wide(source: str) -> list[str]:
+    """Functions with too many parameters."""
+    functions = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
+    found = [node for node in ast.walk(ast.parse(source)) if isinstance(node, functions)]
+    return [getattr(node, "name", "lambda") for node in found if parameters(node) > MOST_PARAMETERS]
+
+
+def test_no_function_has_more_than_six_parameters_but_commands() -> None:
+    files = [path for path in (ROOT / "fmopt").rglob("*.py") if path.relative_to(ROOT).parts[1] != "cli"]
+    assert len(files) > 100
+    assert {str(path.relative_to(ROOT)): names for path in files if (names := wide(path.read_text("utf-8")))} == {}
+
+
+def test_parameters_are_counted() -> None:
+    seven, six = "a, b, /, c, d, *, e, f, g=1", "a, b, /, c, d, *rest, e, f=1, **more"
+    assert wide(f"def long({seven}): ...\nasync def slow({seven}): ...\nx = lambda {seven}: 0") == [
+        "long",
+        "slow",
+        "lambda",
+    ]
+    assert (
+        wide(f"def short({six}): ...\nclass A:\n    def method(self, {six}): ...\n    def made(cls, {six}): ...") == []
+    )
+    assert wide(f"class A:\n    def method(self, {seven}): ...") == ["method"]

@@ -64,7 +64,7 @@ def nearest_opening(wrench: Array, normal: Array, tangent: Array, least: float) 
     rows = np.empty((count + m * _ROUNDS, 6))
     for k in range(count):
         angle = 2.0 * math.pi * (k % _RAYS) / _RAYS
-        _ray(normal, tangent, k // _RAYS, math.cos(angle), math.sin(angle), rows, k)
+        _ray(normal, tangent, k // _RAYS, math.cos(angle), math.sin(angle), rows[k])
     twist, held, force = wrench.copy(), np.zeros(7, dtype=np.intp), np.zeros(6)
     for _ in range(_ROUNDS):
         settled = nearest(wrench, rows[:count], least, twist, held, force)
@@ -75,7 +75,7 @@ def nearest_opening(wrench: Array, normal: Array, tangent: Array, least: float) 
             sliding = math.sqrt(x * x + y * y)
             if _dot(normal[i], twist) - sliding < short:
                 back = -1.0 / sliding if sliding > 0.0 else 0.0
-                _ray(normal, tangent, i, back * x, back * y, rows, count)
+                _ray(normal, tangent, i, back * x, back * y, rows[count])
                 count += 1
         if count == before or not settled:
             return twist, settled
@@ -161,10 +161,10 @@ def _split(rows: Array, row: int, held: Places, basis: Array, mixed: Array, back
 
 
 @part
-def _ray(normal: Array, tangent: Array, contact: int, x: float, y: float, rows: Array, place: int) -> None:
-    """What a twist opens a contact by against sliding to a side (x, y), as a row."""
+def _ray(normal: Array, tangent: Array, contact: int, x: float, y: float, row: Array) -> None:
+    """What a twist opens a contact by against sliding to a side (x, y), as a row (6,)."""
     for k in range(6):
-        rows[place, k] = normal[contact, k] + x * tangent[contact, 0, k] + y * tangent[contact, 1, k]
+        row[k] = normal[contact, k] + x * tangent[contact, 0, k] + y * tangent[contact, 1, k]
 
 
 @part

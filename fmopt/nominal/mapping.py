@@ -106,21 +106,12 @@ def answered(found: Answer, box: ArrayLike, rho: float) -> Mapping:
     standing: list[Body] = [(found.fixed.ref.object, found.fixed.whole)]
     (movers if found.exchanged else standing).extend((other.name, other.solid) for other in found.obstacles)
     operands, speed = (found.moving.solid, found.fixed.solid), found.task.specification.speed
-    return task_mapping(*operands, found.P0, found.PT, box, speed, rho, movers, standing)
+    return task_mapping(Task(*operands, found.P0, found.PT, box, speed, rho, movers, standing))
 
 
-def task_mapping(
-    moving: Solid,
-    fixed: Solid,
-    start: ArrayLike,
-    goal: ArrayLike,
-    box: ArrayLike,
-    speed: float,
-    rho: float,
-    movers: Sequence[Body] = (),
-    standing: Sequence[Body] = (),
-) -> Mapping:
-    """The T-C mapping of a task.
+@dataclass(frozen=True, eq=False)
+class Task:
+    """The T of a T-C mapping: the operands, where one goes in the other, how far it may be off, and how fast it is.
 
     Args:
         moving: operand 1 in its own frame, whose origin is the nominal centre.
@@ -132,23 +123,42 @@ def task_mapping(
         rho: characteristic length, m.
         movers: everything that moves, names and solids in operand 1's frame; operand 1 alone when empty.
         standing: everything that stands, in the B-frame; operand 2 alone when empty.
+    """
+
+    moving: Solid
+    fixed: Solid
+    start: ArrayLike
+    goal: ArrayLike
+    box: ArrayLike
+    speed: float
+    rho: float
+    movers: Sequence[Body] = ()
+    standing: Sequence[Body] = ()
+
+    @property
+    def bodies(self) -> tuple[Sequence[Body], Sequence[Body]]:
+        """Everything that moves, and everything that stands."""
+        return self.movers or [("operand 1", self.moving)], self.standing or [("operand 2", self.fixed)]
+
+
+def task_mapping(task: Task) -> Mapping:
+    """The T-C mapping of a task.
 
     Raises:
         GeometryError: N₁ or N_T lies in GE, no path is visible, or operand 1 turns too near the mouth.
         InterferenceError: the motion meets something, on the planes or off them.
     """
-    bodies = list(movers) or [("operand 1", moving)], list(standing) or [("operand 2", fixed)]
-    planes = plane_diagrams(moving, fixed, start, goal, box)
-    margin = _strayed(moving, box)
-    path = nominal_path(start, goal, planes, speed, rho, bodies, margin)
-    clear = free_until(*bodies, path, margin) if np.any(path.nodes[0, 3:] != path.nodes[-1, 3:]) else 0.0
+    planes = plane_diagrams(task.moving, task.fixed, task.start, task.goal, task.box)
+    margin = _strayed(task.moving, task.box)
+    path = nominal_path(task, planes, margin)
+    clear = free_until(*task.bodies, path, margin) if np.any(path.nodes[0, 3:] != path.nodes[-1, 3:]) else 0.0
     return Mapping(planes, path, freedom_on_planes([view for plane in planes for view in plane.views], path, clear))
 
 
 def plane_diagrams(
     moving: Solid, fixed: Solid, start: ArrayLike, goal: ArrayLike, box: ArrayLike
 ) -> tuple[PlaneDiagrams, ...]:
-    """G, the sections of operand 1 and GE on the three planes (m); arguments as for `task_mapping`."""
+    """G, the sections of operand 1 and GE on the three planes (m); arguments as for `Task`."""
     P = np.asarray(goal, dtype=np.float64)
     first = nearest_branch(np.asarray(start, dtype=np.float64)[3:], P[3:])
     turned = moved(moving, Pose(np.zeros(3), exp(P[3:])))
@@ -168,15 +178,7 @@ def plane_diagrams(
     return tuple(found)
 
 
-def nominal_path(
-    start: ArrayLike,
-    goal: ArrayLike,
-    planes: Sequence[PlaneDiagrams],
-    speed: float,
-    rho: float,
-    bodies: tuple[Sequence[Body], Sequence[Body]],
-    margin: float,
-) -> NominalTrajectory:
+def nominal_path(task: Task, planes: Sequence[PlaneDiagrams], margin: float) -> NominalTrajectory:
     """P(t) from pose to pose (6,): nodes visible in GE, turned before the mouth, the whole motion free in space.
 
     N₂ stands as high above the mouth as the uncertain part strays, if the start does, so that the way there is free.
@@ -186,15 +188,16 @@ def nominal_path(
     that does, it turns in one place, which the diagrams for all its orientations leave free.
 
     Args:
-        start, goal, planes, speed, rho: as for `task_mapping`.
-        bodies: everything that moves, and everything that stands.
+        task: from where to where, how fast, and past what.
+        planes: the diagrams.
         margin: how far a point of the uncertain operand 1 strays, m.
 
     Raises:
         GeometryError: no visible path.
         InterferenceError: every such motion meets something; what the first of them meets.
     """
-    first, last = np.asarray(start, dtype=np.float64), np.asarray(goal, dtype=np.float64)
+    first, last = np.asarray(task.start, dtype=np.float64), np.asarray(task.goal, dtype=np.float64)
+    bodies, speed, rho = task.bodies, task.speed, task.rho
     room = _ROOM * margin + 2.0 * sum(sagitta(solid) for side in bodies for _, solid in side)
 
     def free(nodes: Sequence[Array], leg: int) -> NominalTrajectory:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -143,16 +144,22 @@ def linear(items: Indices, moving: Body, fixed: Body, p: Array, R: Array, half_w
         if not which.size:
             continue
         _, i, j = items[which].T
-        part = rows_of(moving, fixed, i, j, p[which], R[which], D, theta)
+        part = rows_of(moving, fixed, i, j, _At(p[which], R[which]), (D, theta))
         pad = np.minimum(np.arange(k), part.heights.shape[1] - 1)
         made.distance[which], made.gradient[which], made.remainder[which] = part.distance, part.gradient, part.remainder
         made.heights[which], made.rows[which], made.arm[which] = part.heights[:, pad], part.rows[:, pad], part.arm
     return made
 
 
-def _vertex_face(
-    moving: Body, fixed: Body, i: Indices, j: Indices, p: Array, R: Array, D: float, theta: float
-) -> Linear:
+class _At(NamedTuple):
+    """Nominal poses: p (n, 3), m, and R (n, 3, 3)."""
+
+    p: Array
+    R: Array
+
+
+def _vertex_face(moving: Body, fixed: Body, i: Indices, j: Indices, at: _At, reach: tuple[float, float]) -> Linear:
+    (p, R), (_, theta) = at, reach
     arm = _turned(R, moving.vertices[i])
     normal, inward = fixed.normals[j], fixed.inward[j]
     x = (p + arm)[:, None]
@@ -166,9 +173,8 @@ def _vertex_face(
     )
 
 
-def _face_vertex(
-    moving: Body, fixed: Body, i: Indices, j: Indices, p: Array, R: Array, D: float, theta: float
-) -> Linear:
+def _face_vertex(moving: Body, fixed: Body, i: Indices, j: Indices, at: _At, reach: tuple[float, float]) -> Linear:
+    (p, R), (D, theta) = at, reach
     arm = fixed.vertices[j] - p
     normal, inward = _turned(R, moving.normals[i]), _turned(R, moving.inward[i])
     corners = _turned(R, moving.corners[i])
@@ -182,11 +188,12 @@ def _face_vertex(
     )
 
 
-def _edge_edge(moving: Body, fixed: Body, i: Indices, j: Indices, p: Array, R: Array, D: float, theta: float) -> Linear:
+def _edge_edge(moving: Body, fixed: Body, i: Indices, j: Indices, at: _At, reach: tuple[float, float]) -> Linear:
     """Edges as lines: f = m·(p + Ra − q), m the cross product of their directions over its nominal length.
 
     The ends of each edge lie on two sides of the plane through the other edge and m.
     """
+    (p, R), (D, theta) = at, reach
     own, wall = _turned(R, moving.edges[i]), fixed.edges[j] - p[:, None]
     flip = _outward(moving, fixed, R, i, j).sum(axis=1) < 0.0
     own[flip] = own[flip, ::-1]
@@ -205,8 +212,8 @@ def _edge_edge(moving: Body, fixed: Body, i: Indices, j: Indices, p: Array, R: A
         rows[:, end] = sign * np.concatenate([across, cross(own[:, end], across)], axis=1)
         heights[:, 2 + end] = sign * _dot(beside, wall[:, end] - own[:, 0])
         rows[:, 2 + end] = sign * np.concatenate([-beside, cross(beside, wall[:, end])], axis=1)
-    reach = np.linalg.norm(np.concatenate([own, wall], axis=1), axis=2).max(axis=1)
-    of_sides = 0.5 * theta**2 * reach + D * theta + (np.abs(distance) + D + theta * reach) * theta / k
+    longest = np.linalg.norm(np.concatenate([own, wall], axis=1), axis=2).max(axis=1)
+    of_sides = 0.5 * theta**2 * longest + D * theta + (np.abs(distance) + D + theta * longest) * theta / k
     of_lines = 0.5 * theta**2 * (np.linalg.norm(moment, axis=1) + np.linalg.norm(y, axis=1)) + D * theta
     return Linear(
         distance,

@@ -104,7 +104,7 @@ def _in_face(assembly: Assembly, touch: Touch, together: Sequence[Touch], way: _
         room = way.least(above)
         if room < found and not (
             _swallowed(assembly, touch.faces[0], (i, j), rim, room)
-            or _slips(assembly, touch, together, (i, j), rim, room, way)
+            or _slips(assembly, touch, together, (i, j, rim), room, way)
         ):
             found = room
     for hole in assembly.fixed.faces[touch.face].loops[1:]:
@@ -143,8 +143,7 @@ def _slips(
     assembly: Assembly,
     touch: Touch,
     together: Sequence[Touch],
-    rim_edge: tuple[int, int],
-    rim: Plane,
+    across: tuple[int, int, Plane],
     room: int,
     way: _Way,
 ) -> bool:
@@ -153,9 +152,9 @@ def _slips(
     That edge has its other end on the same wall, farther inside the rim, or properly crosses another rim of the wall;
     its line is then in the wall either way, so that edge contact and vertex contact have the same zeros.
     """
-    v, wall = touch.moving[0], touch.faces[0]
+    v, wall, (i, j, rim) = touch.moving[0], touch.faces[0], across
     for other in together:
-        if other.kind != "edge-edge" or set(other.indices[1]) != set(rim_edge):
+        if other.kind != "edge-edge" or set(other.indices[1]) != {i, j}:
             continue
         if v not in other.moving:
             continue

@@ -23,6 +23,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from fmopt.verify.document import Hybrid, JamFree, Specification
 from fmopt.verify.file import Numbers
@@ -38,36 +39,48 @@ _EXACT = 1e-7  # of the contact force, by which forces may fail to balance
 _TINY = 1e-12  # of a unit column, below which it depends on others
 
 
-def check_jam_free(
-    hybrid: Hybrid,
-    held: Sequence[Contact],
-    along: Numbers,
-    scale: Numbers,
-    goal: Numbers,
-    *,
-    made: bool,
-    asked: Specification,
-    notes: Notes,
-) -> None:
+class Drive(NamedTuple):
+    """What a segment drives against what at its end.
+
+    Args:
+        held: held contacts that touch at the goal.
+        made: contacts that end the move.
+        twist: V (6,), the unit twist of the motion.
+        along: scaled unit wrench (6,) along the motion; zero where all of it is stopped.
+        rows: orthonormal rows that span the scaled wrenches of the held contacts.
+        scale: factors (6,) that make twists comparable.
+    """
+
+    held: Sequence[Contact]
+    made: Sequence[Contact]
+    twist: Numbers
+    along: Numbers
+    rows: Sequence[Numbers]
+    scale: Numbers
+
+    @property
+    def wrench(self) -> Numbers:
+        """u, the unit wrench (6,) along the motion."""
+        return tuple(x * s for x, s in zip(self.along, self.scale, strict=True))
+
+
+def check_jam_free(hybrid: Hybrid, drive: Drive, goal: Numbers, asked: Specification, notes: Notes) -> None:
     """Judges what a strategy says of the directions in which its wrench may turn.
 
     Args:
         hybrid: the strategy.
-        held: contacts that touch at the goal.
-        along: scaled unit wrench (6,) along the motion; zero where all of it is stopped.
-        scale: factors (6,) that make twists comparable.
+        drive: what it drives.
         goal: pose (6,) of the segment's end.
-        made: whether a contact ends the move.
         asked: friction, and the push where none does.
         notes: takes what is wrong.
     """
-    stated = hybrid.jam_free
+    stated, held, along, scale = hybrid.jam_free, drive.held, drive.along, drive.scale
     if stated is None:
         return
     if not held or not any(along):
         notes.add("jam_free", "is stated although nothing is held, or nothing can be pushed")
         return
-    push = hybrid.push if made else asked.contact_force
+    push = hybrid.push if drive.made else asked.contact_force
     if not abs(stated.push - push) <= RELATIVE * abs(push):
         notes.add("jam_free.push", f"is stated as {stated.push!r}, but follows as {push!r}")
     for k, twist in enumerate(stated.twists):
@@ -150,30 +163,19 @@ def _directions(hybrid: Hybrid, along: Numbers, scale: Numbers, goal: Numbers) -
     return found
 
 
-def check_stays(
-    hybrid: Hybrid,
-    contacts: tuple[Sequence[Contact], Sequence[Contact]],
-    V: Numbers,
-    power: float,
-    basis: tuple[Sequence[Numbers], Numbers],
-    asked: Specification,
-    notes: Notes,
-) -> None:
+def check_stays(hybrid: Hybrid, drive: Drive, asked: Specification, notes: Notes) -> None:
     """Judges what a strategy says its held contacts stay closed under.
 
     Args:
         hybrid: the strategy.
-        contacts: those held that touch at the goal, and those that end the move.
-        V: unit twist (6,) of the motion.
-        power: of the unit wrench along the motion, u·V.
-        basis: orthonormal rows that span the scaled wrenches of the held contacts, and the scale (6,).
+        drive: what it drives.
         asked: contact force and threshold.
         notes: takes what is wrong.
     """
-    held, made = contacts
+    held, made, V, _, rows, scale = drive
     if hybrid.stays == "none" or not held or (not made and hybrid.stays == "push"):
         return
-    F, (rows, scale) = asked.contact_force, basis
+    F, power = asked.contact_force, dot(drive.wrench, V)
     seen = [[dot(row, [x / s for x, s in zip(c.wrench, scale, strict=True)]) for row in rows] for c in (*held, *made)]
     pushed = hybrid.stays == "push"
     columns = [[*column, 0.0, 1.0] for column in seen[: len(held)]]

@@ -31,12 +31,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from fmopt.verify.assembly import Assembly, Touch
 from fmopt.verify.chain import Stage
 from fmopt.verify.document import Hybrid, Numbers, Specification
 from fmopt.verify.findings import RELATIVE, Notes
-from fmopt.verify.jamming import check_jam_free, check_stays
+from fmopt.verify.jamming import Drive, check_jam_free, check_stays
 from fmopt.verify.rational import doubles, number, sub
 from fmopt.verify.reach import Contact, cross, dot, touching, unit_wrench
 from fmopt.verify.rows import Pose, pose
@@ -78,15 +79,13 @@ def check_strategy(
         return
     V = tuple(number(x) / number(stage.motion.length) for x in stage.motion.twist)
     _axes(hybrid, held, stage, scale, notes)
-    _bias(hybrid, held, made, V, basis, scale, asked, notes)
-    u = tuple(x * s for x, s in zip(_along(V, basis, scale), scale, strict=True))
-    check_stays(hybrid, (held, made), V, dot(u, V), (basis, scale), asked, notes)
-    _end(hybrid, made, V, stage, rho, asked, notes)
+    drive = Drive(held, made, V, _along(V, basis, scale), basis, scale)
+    _bias(hybrid, drive, asked, notes)
+    check_stays(hybrid, drive, asked, notes)
+    _end(hybrid, drive, stage, asked, notes)
     theta = stage.segment.tube.theta + math.hypot(*(number(x) for x in stage.motion.twist[3:]))
-    check_impact(hybrid, new, pose(stage.segment.goal), V, theta, error, rho, asked, notes)
-    check_jam_free(
-        hybrid, held, _along(V, basis, scale), scale, stage.segment.goal, made=bool(made), asked=asked, notes=notes
-    )
+    check_impact(hybrid, new, Arrival(pose(stage.segment.goal), V, theta, error, rho), asked, notes)
+    check_jam_free(hybrid, drive, stage.segment.goal, asked, notes)
 
 
 def _listed(
@@ -139,26 +138,17 @@ def _axes(hybrid: Hybrid, held: Sequence[Contact], stage: Stage, scale: Numbers,
                     return
 
 
-def _bias(
-    hybrid: Hybrid,
-    held: Sequence[Contact],
-    made: Sequence[Contact],
-    V: Numbers,
-    basis: Sequence[Numbers],
-    scale: Numbers,
-    asked: Specification,
-    notes: Notes,
-) -> None:
+def _bias(hybrid: Hybrid, drive: Drive, asked: Specification, notes: Notes) -> None:
     """That the bias presses every held contact, and pushes the part towards the one to be made."""
+    held, made, V, u = drive.held, drive.made, drive.twist, drive.wrench
     forces = [force for _, force in hybrid.pressed]
     if any(not force > 0.0 for force in forces):
         notes.add("normal_forces", "a held contact is not pressed")
     if hybrid.push < 0.0 or (hybrid.push > 0.0 and not made):
         notes.add("push", "pushes although no contact is to be made, or backwards")
-    u = tuple(x * s for x, s in zip(_along(V, basis, scale), scale, strict=True))
     for k, stated in enumerate(hybrid.bias):
         value = hybrid.push * u[k] - sum(f * c.wrench[k] for f, c in zip(forces, held, strict=True))
-        if not abs(stated - value) <= _EXACT * max(abs(value), 1e-2 * asked.contact_force * scale[k]):
+        if not abs(stated - value) <= _EXACT * max(abs(value), 1e-2 * asked.contact_force * drive.scale[k]):
             notes.add("bias_wrench", f"entry {k} is stated as {stated!r}, but follows as {value!r}")
     if sum(forces) + hybrid.push > asked.contact_force * (1.0 + _OVER):
         notes.add("bias_wrench", "exceeds the specified contact force")
@@ -178,12 +168,10 @@ def _along(V: Numbers, basis: Sequence[Numbers], scale: Numbers) -> Numbers:
     return tuple(x / size for x in free) if size > _RANK else (0.0,) * 6
 
 
-def _end(
-    hybrid: Hybrid, made: Sequence[Contact], V: Numbers, stage: Stage, rho: float, asked: Specification, notes: Notes
-) -> None:
+def _end(hybrid: Hybrid, drive: Drive, stage: Stage, asked: Specification, notes: Notes) -> None:
     """When the move ends: wrench, threshold, travel and time."""
-    reaction = _mean(made)
-    if made and not dot(reaction, V) < 0.0:
+    reaction, rho = _mean(drive.made), drive.scale[3]
+    if drive.made and not dot(reaction, drive.twist) < 0.0:
         notes.add("termination.wrench", "the motion does not run against the contact that ends it")
     tube = stage.segment.tube
     travel = number(stage.motion.length) + max(math.hypot(*tube.box) + rho * tube.theta, number(stage.late))
@@ -244,27 +232,33 @@ def allowed_speed(hybrid: Hybrid, asked: Specification) -> float:
     return asked.speed * min(limit / force, 1.0) if force > 0.0 else asked.speed
 
 
+class Arrival(NamedTuple):
+    """How a part comes to the end of a segment.
+
+    Args:
+        goal: pose of the part there.
+        twist: V (6,), a unit twist.
+        theta: by how much the part may be turned from there, rad.
+        error: shares of velocity error in translation and in rotation.
+        rho: characteristic length, m.
+    """
+
+    goal: Pose
+    twist: Numbers
+    theta: float
+    error: Numbers
+    rho: float
+
+
 def check_impact(
-    hybrid: Hybrid,
-    touches: Sequence[Touch],
-    goal: Pose,
-    V: Numbers,
-    theta: float,
-    error: Numbers,
-    rho: float,
-    asked: Specification,
-    notes: Notes,
+    hybrid: Hybrid, touches: Sequence[Touch], arrival: Arrival, asked: Specification, notes: Notes
 ) -> None:
     """Judges what a strategy says of the impact that ends its move.
 
     Args:
         hybrid: the strategy.
         touches: contacts that may end the move.
-        goal: pose of the part at the segment's end.
-        V: unit twist (6,).
-        theta: by how much the part may be turned from there, rad.
-        error: shares of velocity error in translation and in rotation.
-        rho: characteristic length, m.
+        arrival: how the part comes to them.
         asked: the impact that is allowed.
         notes: takes what is wrong.
     """
@@ -277,7 +271,7 @@ def check_impact(
         return
     approach, force = hybrid.impact
     limit, mass, stiffness = asked.impact
-    met = max(_met(touch, goal, V, theta, error, rho) for touch in touches)
+    met = max(_met(touch, arrival) for touch in touches)
     if not approach >= met * (1.0 - _ROUNDING):
         notes.add("impact.approach", f"is stated as {approach!r}, but up to {met!r} follow")
     follows = hybrid.speed * approach * math.sqrt(mass * stiffness)
@@ -287,8 +281,9 @@ def check_impact(
         notes.add("impact.force", f"{force:.6g} N exceed the {limit:.6g} N that are allowed")
 
 
-def _met(touch: Touch, goal: Pose, V: Numbers, theta: float, error: Numbers, rho: float) -> float:
+def _met(touch: Touch, arrival: Arrival) -> float:
     """The greatest normal speed at which a contact can be met, for the unit twist V."""
+    goal, V, theta, error, rho = arrival
     arms = [doubles(goal.turned(v)) for v in touch.moving]
     normal, turn = _normal(touch, goal, arms, theta)
     v, w = V[:3], V[3:]

@@ -11,7 +11,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from fmopt.knowledge.command import Answer, answer
 from fmopt.nominal.freedom import freedom
-from fmopt.nominal.mapping import Mapping, plane_diagrams, task_mapping
+from fmopt.nominal.mapping import Mapping, Task, plane_diagrams, task_mapping
 from fmopt.nominal.plane_freedom import freedom_on_planes
 from fmopt.nominal.swept import meetings
 from fmopt.task.command import task_command
@@ -33,7 +33,8 @@ def mapped(name: str) -> Mapping:
     problem, found = task(name)
     bodies = [("moving", found.moving.whole)], [("fixed", found.fixed.whole)]
     operands = found.moving.solid, found.fixed.solid
-    return task_mapping(*operands, found.P0, found.PT, problem.start_box, problem.specification.speed, RHO, *bodies)
+    speed = problem.specification.speed
+    return task_mapping(Task(*operands, found.P0, found.PT, problem.start_box, speed, RHO, *bodies))
 
 
 @pytest.mark.benchmark(group="P(t): diagrams and nodes")
