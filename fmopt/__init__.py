@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from fmopt.errors import ResourceError as ResourceError
     from fmopt.errors import SearchError as SearchError
     from fmopt.errors import SolverError as SolverError
+    from fmopt.execution.trials import Trials as Trials
     from fmopt.study.outcome import study as study
 
 __version__ = "0.1.0"
@@ -77,6 +78,7 @@ _HOMES = {
     "Plan": "fmopt.desk.plan",
     "Segment": "fmopt.desk.plan",
     "Drawing": "fmopt.desk.drawing",
+    "Trials": "fmopt.execution.trials",
     "ChoiceError": "fmopt.errors",
     "FmoptError": "fmopt.errors",
     "GeometryError": "fmopt.errors",

@@ -27,6 +27,11 @@ def test_trials_are_those_of_the_command_line(square_peg_plan_file: Path, tmp_pa
     mine = plan.execute(trials=1, seed=3, folder=tmp_path / "mine", workers=1)
     theirs = execute(read(square_peg_plan_file), Trials(1, seed=3), Settled(tmp_path / "theirs", 1))
     assert mine.summary == theirs
+    whole = plan.execute(fmopt.Trials(1, seed=3), seed=8, folder=tmp_path / "whole", workers=1)
+    assert whole.summary == theirs
+    for slip in (fmopt.Trials(1, engine="bullet"), fmopt.Trials(1, method="pull")):
+        with pytest.raises(ValueError, match="'(bullet|pull)' is none of "):
+            plan.execute(slip, folder=tmp_path / "none")
     assert [record["trial"] for record in mine.records] == [0]
     assert str(mine).startswith("inside the certified set: ")
     assert "<pre>" in mine._repr_html_()

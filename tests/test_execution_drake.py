@@ -182,7 +182,7 @@ def test_from_python_each_engine_has_its_own_folder(
     assert found.folder.name == f"trials-{plan.document['sha256'][:12]}-drake"
     assert found.records == json.loads(json.dumps(records[:1]))
     with pytest.raises(ValueError, match="'bullet' is none of mujoco, drake"):
-        plan.execute(Trials(1, engine="bullet"))
+        plan.execute(fmopt.Trials(1, engine="bullet"))
 
 
 def test_an_engine_that_is_none_is_bad_input(square_peg_plan_file: Path) -> None:

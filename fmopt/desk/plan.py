@@ -200,27 +200,28 @@ class Plan:
         """Carries the plan out in a physics engine, under errors drawn at random.
 
         Args:
-            trials: with errors inside the certified set; or all that is to be run, as `fmopt.execution.trials.Trials`:
-                further trials with errors beyond the set, without recovery, of another method or engine, with friction.
+            trials: how many, with errors inside the certified set; or all that is to be run, a `fmopt.Trials`, which
+                has further trials with errors beyond the set, recovery, method, engine, friction and others.
             seed: of all that is drawn, where the number of trials is given.
             unverified: whether to take a plan that the check does not certify, without asking it.
             folder: for the results, what is there of the same trials is used; out/trials-… when not given.
             workers: processes; one for each processor when not given.
 
         Raises:
-            ValueError: there is no such engine.
+            ValueError: there is no such engine or method.
             SettingsError: a number is out of range.
             UnprovedError: the check does not certify the plan.
             ResourceError: the physics engine, of the extra `sim` or `drake`, is not installed, or results cannot be
                 written.
         """
         from fmopt.desk.trials import carried_out
-        from fmopt.execution.trials import ENGINES
+        from fmopt.execution.trials import ENGINES, METHODS
         from fmopt.execution.trials import Trials as Wanted
 
         wanted = trials if isinstance(trials, Wanted) else Wanted(trials, seed=seed)
-        if wanted.engine not in ENGINES:
-            raise ValueError(f"engine {wanted.engine!r} is none of {', '.join(ENGINES)}")
+        for what, given, known in (("engine", wanted.engine, ENGINES), ("method", wanted.method, METHODS)):
+            if given not in known:
+                raise ValueError(f"{what} {given!r} is none of {', '.join(known)}")
         return carried_out(self, wanted, None if folder is None else Path(folder), workers, unverified)
 
     def export(
