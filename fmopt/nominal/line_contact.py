@@ -104,7 +104,7 @@ class Lines(Value):
 
 @compiled
 def possible(c: Array, m: Array, force: Array, turns: Array, leg: Leg) -> tuple[NDArray[np.intp], Array]:
-    """`Lines.spans` on a leg."""
+    """`Lines.spans` on a leg, of pairs with c and m (n, 2, 2), force and turns (n, 2)."""
     start, travel = leg.start, leg.travel
     rows, shares = np.empty(len(c) * _MOST_CUTS, dtype=np.intp), np.empty((len(c) * _MOST_CUTS, 3))
     cuts, point, count = np.empty(_MOST_CUTS), np.empty(2), 0
