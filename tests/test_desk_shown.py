@@ -30,7 +30,7 @@ def test_trials_are_those_of_the_command_line(square_peg_plan_file: Path, tmp_pa
     whole = plan.execute(fmopt.Trials(1, seed=3), seed=8, folder=tmp_path / "whole", workers=1)
     assert whole.summary == theirs
     for slip in (fmopt.Trials(1, engine="bullet"), fmopt.Trials(1, method="pull")):
-        with pytest.raises(ValueError, match="'(bullet|pull)' is none of "):
+        with pytest.raises(ValueError, match=r"'(bullet|pull)' is none of "):
             plan.execute(slip, folder=tmp_path / "none")
     assert [record["trial"] for record in mine.records] == [0]
     assert str(mine).startswith("inside the certified set: ")
