@@ -236,17 +236,18 @@ def _hunks(text: str) -> Iterator[tuple[str, list[list[str]]]]:
         yield path, [hunk.split("\n") for hunk in body.split("\n@@\n")]
 
 
+TEXTS = {"README": README, **{name: text_of(name) for name in PAGES}}
 EXAMPLES = [
     (name, language, text, line)
-    for name in PAGES
-    for language, text, line in blocks(name)
+    for name, whole in TEXTS.items()
+    for language, text, line in blocks(whole)
     if language in {"sh", "python", "toml"}
 ]
 FIRST = {(language, text): name for name, language, text, _ in reversed(EXAMPLES)}
 
 
 def test_every_block_is_of_a_kind_that_is_tested() -> None:
-    kinds = {language for name in PAGES for language, *_ in blocks(name)}
+    kinds = {language for name in PAGES for language, *_ in blocks(text_of(name))}
     assert kinds <= {"sh", "python", "toml", "text", "diff"}
     assert len(EXAMPLES) > 25
 
