@@ -23,6 +23,8 @@ class Element {
     event.target = event.target || this;
     (this.listeners[event.type] || []).forEach(done => done(event));
   }
+  append(...more) { more.forEach(child => { child.parentElement = this; this.children.push(child); }); }
+  replaceChildren(...more) { this.text = ""; this.children = []; this.append(...more); }
   click() { this.dispatchEvent(happened("click")); }
   focus() { page.active = this; }
   setPointerCapture() {}
@@ -84,7 +86,8 @@ function built(node, parent) {
 }
 
 const document = { getElementById: id => page.ids[id] || null, querySelector: query => page.root.querySelector(query),
-  querySelectorAll: query => page.root.querySelectorAll(query), get activeElement() { return page.active; } };
+  querySelectorAll: query => page.root.querySelectorAll(query), createElement: tag => new Element(tag, {}, null), get activeElement() { return page.active; } };
+const location = { hash: "" };
 const window = { devicePixelRatio: 1, performance: { now: () => page.now }, addEventListener(kind, done) { page.listeners.push([kind, done]); },
   requestAnimationFrame(done) { page.frames.push(done); } };
 

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 import typer
 from mesh_files import write_stl
-from page_engine import Tree, walk, words
+from page_engine import Page, Tree, walk, words
 from py_mini_racer import MiniRacer
 from typer.testing import CliRunner
 
@@ -102,6 +102,23 @@ def test_the_search_finds_sections_that_hold_all_words_headings_first() -> None:
     assert "URScript" in str(engine.eval(f"excerpt({json.dumps('x' * 300 + ' URScript ' + 'y' * 300)}, 'urscript')"))
 
 
+def test_who_types_gets_a_list_of_links_and_enter_takes_the_first(page: str) -> None:
+    typed = """(() => {
+        const field = document.getElementById("words"), found = document.getElementById("found");
+        field.value = "%s";
+        field.dispatchEvent(happened("input"));
+        document.querySelector("form").dispatchEvent(happened("submit"));
+        const links = found.querySelectorAll("a").map((link) => link.getAttribute("href"));
+        return JSON.stringify([location.hash, links, found.textContent]);
+    })()"""
+    with Page(page) as opened:
+        hash_, links, said = json.loads(opened.run(typed % "no plan was found"))
+        assert hash_ == links[0] == "#errors.no-plan-was-found"
+        assert "sections" in said
+        assert json.loads(opened.run(typed % "qwertz"))[1:] == [[], "no section has all of these words"]
+        assert json.loads(opened.run(typed % ""))[1:] == [[], ""]
+
+
 def test_the_command_writes_it(tmp_path: Path, page: str) -> None:
     target = tmp_path / "manual.html"
     done = CliRunner().invoke(app, ["manual", "--out", str(target), "--json"])
@@ -174,6 +191,20 @@ def test_words_are_explained_before_they_are_used(word: str) -> None:
         assert not re.search(word, text_of(name)), name
 
 
+@pytest.mark.parametrize(("what", "figure"), [("cut", "square_peg"), ("margin", "margin")])
+def test_pictures_are_of_the_plan_of_today(what: str, figure: str, square_peg_plan_file: Path, tmp_path: Path) -> None:
+    """Where this fails, `fmopt show out/square_peg/plan.json --what cut --out fmopt/manual/figures/square_peg.svg`."""
+    drawn = tmp_path / "drawn.svg"
+    assert (
+        CliRunner().invoke(app, ["show", str(square_peg_plan_file), "--what", what, "--out", str(drawn)]).exit_code == 0
+    )
+    said = [
+        re.findall(r"<!-- (.+?) -->", path.read_text("utf-8")) for path in (drawn, FOLDER / f"figures/{figure}.svg")
+    ]
+    assert said[0] == said[1]
+    assert len(said[0]) > 15
+
+
 def sections(name: str) -> dict[str, str]:
     """The sections of a page by their heading."""
     parts = re.split(r"(?m)^## (.+)$", text_of(name))
@@ -205,17 +236,18 @@ def _hunks(text: str) -> Iterator[tuple[str, list[list[str]]]]:
         yield path, [hunk.split("\n") for hunk in body.split("\n@@\n")]
 
 
+TEXTS = {"README": README, **{name: text_of(name) for name in PAGES}}
 EXAMPLES = [
     (name, language, text, line)
-    for name in PAGES
-    for language, text, line in blocks(name)
+    for name, whole in TEXTS.items()
+    for language, text, line in blocks(whole)
     if language in {"sh", "python", "toml"}
 ]
 FIRST = {(language, text): name for name, language, text, _ in reversed(EXAMPLES)}
 
 
 def test_every_block_is_of_a_kind_that_is_tested() -> None:
-    kinds = {language for name in PAGES for language, *_ in blocks(name)}
+    kinds = {language for name in PAGES for language, *_ in blocks(text_of(name))}
     assert kinds <= {"sh", "python", "toml", "text", "diff"}
     assert len(EXAMPLES) > 25
 

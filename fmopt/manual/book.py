@@ -135,9 +135,9 @@ def inside(link: str, name: str) -> str:
     return f"#{told[1] or name}.{told[2] or 'top'}"
 
 
-def blocks(name: str) -> list[tuple[str, str, int]]:
-    """The examples of a page: language, text, and the line that it begins in, counted from 1."""
+def blocks(text: str) -> list[tuple[str, str, int]]:
+    """The examples in a text of Markdown: language, text, and the line that each begins in, counted from 1."""
     from markdown_it import MarkdownIt
 
-    tokens: Any = MarkdownIt("commonmark").parse(text_of(name))
+    tokens: Any = MarkdownIt("commonmark").parse(text)
     return [(token.info, token.content, token.map[0] + 1) for token in tokens if token.type == "fence"]

@@ -52,7 +52,7 @@ function main() {
     for (const hit of hits.slice(0, 40)) {
       const item = document.createElement("li");
       const link = document.createElement("a");
-      link.href = `#${hit.id}`;
+      link.setAttribute("href", `#${hit.id}`);
       link.textContent = hit.head === hit.page ? hit.page : `${hit.page}: ${hit.head}`;
       const words = document.createElement("span");
       words.textContent = ` ${excerpt(hit.text.trim(), query)}`;
@@ -62,7 +62,7 @@ function main() {
     output.append(said, list);
   };
   field.addEventListener("input", show);
-  field.form.addEventListener("submit", (event) => {
+  document.querySelector("form").addEventListener("submit", (event) => {
     event.preventDefault();
     const first = output.querySelector("a");
     if (first) location.hash = first.getAttribute("href");
