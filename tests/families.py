@@ -12,9 +12,14 @@ import math
 import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from manifold3d import Manifold
 
 Outline = tuple[tuple[float, float], ...]
 Shape = tuple[Outline, float]  # an outline, and its size: about how wide it is, mm
@@ -150,7 +155,7 @@ def pair(family: str, seed: int) -> Pair:
 
 
 def shape(family: str, rng: np.random.Generator) -> Shape:
-    """An outline of a family about the origin, its corners to 0.1 µm; of any plain family where none is named."""
+    """An outline of a family about the origin, to nine digits; of any plain family where none is named."""
     if not family:
         family = str(rng.choice(["4-gon", "6-gon", "8-gon", "rectangle", "L", "T", "plus"]))
     size = float(np.exp(rng.uniform(math.log(3.0), math.log(60.0))))
@@ -183,7 +188,7 @@ def shape(family: str, rng: np.random.Generator) -> Shape:
         corners = _armed(family, rng)
     middle = 0.5 * (np.min(corners, axis=0) + np.max(corners, axis=0))
     scale = size / float(np.ptp(corners, axis=0).max())
-    made = tuple((round(scale * (x - middle[0]), 4), round(scale * (y - middle[1]), 4)) for x, y in corners)
+    made = tuple((round(float(scale * (x - middle[0])), 9), round(float(scale * (y - middle[1])), 9)) for x, y in corners)
     return made, size
 
 
@@ -280,7 +285,7 @@ def stl_bytes(points: np.ndarray, triangles: np.ndarray) -> bytes:
     return b"".join(found)
 
 
-def _solid(stack: Stack):  # noqa: ANN202
+def _solid(stack: Stack) -> Manifold:
     """The manifold3d solid of a stack."""
     from manifold3d import Manifold, OpType
 
@@ -288,7 +293,7 @@ def _solid(stack: Stack):  # noqa: ANN202
     return Manifold.batch_boolean(parts, OpType.Add)
 
 
-def _loft(low: Section, high: Section):  # noqa: ANN202
+def _loft(low: Section, high: Section) -> Manifold:
     from manifold3d import Manifold, Mesh64, triangulate
 
     n = len(low.outline)
@@ -300,7 +305,7 @@ def _loft(low: Section, high: Section):  # noqa: ANN202
 
 
 def _lofts(stack: Stack) -> list[tuple[Section, Section]]:
-    return [(low, high) for low, high in zip(stack, stack[1:], strict=False) if high.at > low.at]
+    return [(low, high) for low, high in pairwise(stack) if high.at > low.at]
 
 
 def _proud(stack: Stack, low: bool = False, high: bool = False) -> Stack:
@@ -366,7 +371,7 @@ model = "{fixed[0]}.toml"
 feature = "{fixed[1]}"
 
 [goal]
-depth = {pair.depth}
+depth = "full"
 
 [clearance]
 x = {pair.clearance}

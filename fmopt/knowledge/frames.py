@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from fmopt.errors import TaskError
+from fmopt.geometry.centre import centres
 from fmopt.geometry.csg import Difference, Placed, Primitive, Solid, Union, convex_polyhedron
 from fmopt.geometry.pieces import polyhedron
 from fmopt.geometry.polyhedron import Polyhedron
@@ -197,7 +198,7 @@ def _around(ring: Array) -> bool:
 
 
 def _is_central(outlines: Sequence[Array]) -> bool:
-    notions: tuple[Callable[[Array], bool], ...] = (_at_centroid, _at_outer_circle, _at_inner_circle)
+    notions: tuple[Callable[[Array], bool], ...] = (_at_centroid, _at_outer_circle, _at_inner_circle, _at_even_centre)
     return bool(outlines) and any(all(notion(ring) for ring in outlines) for notion in notions)
 
 
@@ -228,6 +229,17 @@ def _at_inner_circle(ring: Array) -> bool:
     nearest = ring + share[:, None] * side
     distance = np.linalg.norm(nearest, axis=1)
     return _gap(nearest[distance <= distance.min() + _NOISE * _size(ring)]) < np.pi - 1e-3
+
+
+def _at_even_centre(ring: Array) -> bool:
+    """Whether a point that an even gap leaves where it is is the origin."""
+    facing = ring if _signed_area(ring) > 0.0 else ring[::-1]
+    return any(float(np.linalg.norm(point)) <= _NOISE * _size(ring) for point in centres(facing))
+
+
+def _signed_area(ring: Array) -> float:
+    ahead = np.roll(ring, -1, axis=0)
+    return 0.5 * float(np.sum(ring[:, 0] * ahead[:, 1] - ring[:, 1] * ahead[:, 0]))
 
 
 def _gap(points: Array) -> float:

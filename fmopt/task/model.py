@@ -7,21 +7,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fmopt.errors import Fault, InputError, SizeError
-from fmopt.task.mesh_source import mesh_faults, with_features
+from fmopt.task.mating import Model, with_features
+from fmopt.task.mesh_source import mesh_faults
 from fmopt.task.model_file import ModelFile, Profile
 from fmopt.task.sizes import implausible
 from fmopt.task.tables import Reading, checked, factors
 from fmopt.task.toml_source import Key, Place, Source, read
 from fmopt.task.tree import part_reach, tree_faults
 from fmopt.task.units import Quantity, QuantityError, did_you_mean
-
-
-@dataclass(frozen=True)
-class Model:
-    """A valid model file with its parameters bound."""
-
-    source: Source
-    file: ModelFile
 
 
 @dataclass(frozen=True)
@@ -55,7 +48,7 @@ def load_model(path: Path, cited: Place, overrides: Mapping[str, Override]) -> t
         faults += _cross_checks(source, file)
         if file.mesh is None and not faults:
             faults += _size_faults(source, file)
-        elif file.mesh is not None and not file.features and not faults:
+        if not faults:
             file = with_features(source, file)
     return (Model(source, file) if file is not None and not faults else None), faults
 
@@ -128,7 +121,7 @@ def _cross_checks(source: Source, file: ModelFile) -> list[Fault]:
     elif file.part is not None:
         message = f"{words[given[0]]} has no solids"
         faults.append(source.place(("part",), of_key=True).fault("conflict", message, "remove 'part'"))
-    if not file.features and file.mesh is None:
+    if not file.features and file.profile is not None:
         advice = "add [features.NAME] with kind, at and length: where the part mates"
         faults.append(Place(str(source.path), key="features").fault("missing-key", "this key is missing", advice))
     if given == ["mesh"] and file.mesh is not None:
@@ -170,7 +163,12 @@ def _profile_faults(source: Source, file: ModelFile, profile: Profile) -> list[F
         place = source.place(("profile", "polygons"))
         faults.append(place.fault("not-supported", message, "what moves in a plane is to be one convex polygon"))
     for name, feature in file.features.items():
-        if feature.at[1] != 0.0 or any(feature.turn):
+        for key in ("at", "length"):
+            if getattr(feature, key) is None:
+                place = source.place(("features", name), of_key=True)
+                place = replace(place, key=f"features.{name}.{key}")
+                faults.append(place.fault("missing-key", "this key is missing", f"add {key!r} to the feature"))
+        if feature.at is not None and (feature.at[1] != 0.0 or any(feature.turn)):
             place = source.place(("features", name), of_key=True)
             message = "a feature of a profile is turned, or beside the plane"
             faults.append(place.fault("bad-value", message, "write at = [x, 0, z] without turn, z out of the mouth"))
