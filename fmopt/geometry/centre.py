@@ -19,6 +19,7 @@ import numpy as np
 from fmopt.geometry.outline import convex_pieces
 from fmopt.values import Array
 
+_ON, _SHORT = 1e-5, 1e-3  # of an outline's size: lines so close are one, sides so short are noise
 _STRAIGHT = 1e-6  # rad: corners that turn less are none
 _WITHIN = 0.2  # of the radius of a largest circle inside: how far inside a central line is
 _LIKE = 0.02  # of its area: pieces that differ by less are of one size
@@ -61,8 +62,10 @@ def centres(ring: Array) -> Iterator[Array]:
     x, size = axis(corners), float(np.ptp(corners, axis=0).max())
     made = []
     for piece in pieces:
-        sides = sorted({side for side in piece.sides if side is not None})
-        even = _evenest(normals[sides], offsets[sides]) if len(sides) > 2 else None
+        own, levels = _lines(np.array(piece.outline), size)
+        turns = np.abs(own @ normals.T - 1.0) <= 0.5 * _ON**2
+        held = np.any(turns & (np.abs(levels[:, None] - offsets) <= _ON * size), axis=1)
+        even = _evenest(own[held], levels[held])
         if even is None or not _is_within(corners, even):
             even = np.mean(np.array(piece.outline), axis=0)
         like = float(piece.area) >= (1.0 - _LIKE) * largest
@@ -125,6 +128,13 @@ def _even_width(corners: Array) -> float:
     """How far out the sides of an outline are on the whole, m: t of the point that lies as evenly as can be."""
     normals, offsets = _sides(corners)
     return float(np.linalg.lstsq(np.column_stack([normals, np.ones(len(normals))]), offsets, rcond=1e-9)[0][2])
+
+
+def _lines(corners: Array, size: float) -> tuple[Array, Array]:
+    """Normals and offsets of the sides of an outline that are longer than noise."""
+    normals, offsets = _sides(corners)
+    long = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1) > _SHORT * size
+    return normals[long], offsets[long]
 
 
 def _evenest(normals: Array, offsets: Array) -> Array | None:

@@ -22,6 +22,7 @@ from fmopt.errors import GeometryError
 from fmopt.geometry.csg import Hull, Placed, Prism, Solid, Stack
 from fmopt.geometry.facets import place
 from fmopt.se3 import Pose
+from fmopt.values import remembered
 
 Point: TypeAlias = tuple[Fraction, Fraction]
 Outline: TypeAlias = tuple[tuple[float, float], ...]
@@ -29,6 +30,7 @@ Outline: TypeAlias = tuple[tuple[float, float], ...]
 _PARALLEL = 1e-9  # sine of the angle between sides of neighbouring outlines that are one wall
 _SLIVER = 1e-9  # of a piece: less is not worth a piece
 _NOISE = 1e-12  # of an area or a volume
+_MANY = 64  # pieces, from which on those that add nothing are dropped while others are cut
 _LID = -1  # what the side of a pocket is called that lies in the hull
 
 
@@ -72,6 +74,7 @@ class Convex:
         return Convex(tuple(corners), tuple(sides)) if len(corners) > 2 else None
 
 
+@remembered(8)
 def convex_pieces(outline: Outline) -> tuple[Convex, ...]:
     """Few convex polygons whose union a simple polygon is, counter-clockwise.
 
@@ -268,13 +271,39 @@ def _part(rings: tuple[_Ring, ...]) -> Prism | Hull | Placed:
 def _pieces(points: tuple[Point, ...]) -> tuple[Convex, ...]:
     """Convex pieces of a simple polygon."""
     hull, pockets = _pockets(points)
+    tools = [tool for pocket in pockets for tool in _parted(pocket)]
     found: tuple[Convex, ...] = (hull,)
     whole = hull.area
-    for pocket in pockets:
-        for tool in _parted(pocket):
-            whole -= tool.area
-            found = _few([slab for piece in found for slab in _slabs(piece, tool)], float(whole))
-    return found
+    for tool in tools:
+        whole -= tool.area
+        found = _largest([slab for piece in found for slab in _slabs(piece, tool)])
+        if len(found) > _MANY:
+            found = _few(found, float(whole))
+    kept = _few(found, float(whole))
+    return _few(_largest([_grown(piece, hull, tools) for piece in kept]), float(whole)) if tools else kept
+
+
+def _grown(piece: Convex, hull: Convex, tools: Sequence[Convex]) -> Convex:
+    """A convex piece as far as it can reach without one of its sides, and so on, clear of all that is taken away."""
+    ends = list(zip(piece.corners, piece.corners[1:] + piece.corners[:1], piece.sides, strict=True))
+    for number in range(len(ends)):
+        body: Convex | None = hull
+        for a, b, side in ends[:number] + ends[number + 1 :]:
+            body = None if body is None else body.beyond(a, b, side)
+        for tool in tools:
+            body = None if body is None else _clear(body, tool, piece)
+        if body is not None and body.area * 10**9 > piece.area * (10**9 + 1):
+            return _grown(body, hull, tools)
+    return piece
+
+
+def _clear(body: Convex, tool: Convex, kept: Convex) -> Convex | None:
+    """The most of a convex polygon that a side of a tool leaves of it, with a part that is to be kept."""
+    slabs = list(_slabs(body, tool))
+    if slabs == [body]:
+        return body
+    holding = [slab for slab in slabs if _holds(slab, kept)]
+    return max(holding, key=lambda slab: slab.area, default=None)
 
 
 def _pockets(points: tuple[Point, ...]) -> tuple[Convex, list[Convex]]:
@@ -405,8 +434,22 @@ def _slabs(piece: Convex, tool: Convex) -> Iterator[Convex]:
                 yield slab
 
 
+def _largest(bodies: Sequence[Convex]) -> tuple[Convex, ...]:
+    """The polygons that lie in no other one."""
+    kept: list[Convex] = []
+    for body in sorted(bodies, key=lambda body: -body.area):
+        if not any(_holds(other, body) for other in kept):
+            kept.append(body)
+    return tuple(kept)
+
+
+def _holds(outer: Convex, inner: Convex) -> bool:
+    ends = zip(outer.corners, outer.corners[1:] + outer.corners[:1], strict=True)
+    return all(_left(a, b, p) >= 0 for a, b in ends for p in inner.corners)
+
+
 def _few(bodies: Sequence[Convex], whole: float) -> tuple[Convex, ...]:
-    """Few of the polygons whose union has an area, chosen by what they add; in the order given."""
+    """Few of the polygons whose union has an area, chosen by what they add, then by their size; in the order given."""
     from shapely import Polygon
 
     shapes = [Polygon(body.outline) for body in bodies]
@@ -414,7 +457,7 @@ def _few(bodies: Sequence[Convex], whole: float) -> tuple[Convex, ...]:
     union = Polygon()
     while union.area < (1.0 - _NOISE) * whole:
         gains = [shape.difference(union).area for shape in shapes]
-        best = int(np.argmax(np.round(np.array(gains) / whole, 12)))
+        best = max(range(len(shapes)), key=lambda k: (round(gains[k] / whole, 9), round(shapes[k].area / whole, 9)))
         if best in kept or gains[best] <= _SLIVER * shapes[best].area:
             break
         kept.append(best)
