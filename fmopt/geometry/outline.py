@@ -13,6 +13,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from itertools import pairwise
 from typing import TypeAlias
 
@@ -22,7 +23,6 @@ from fmopt.errors import GeometryError
 from fmopt.geometry.csg import Hull, Placed, Prism, Solid, Stack
 from fmopt.geometry.facets import place
 from fmopt.se3 import Pose
-from fmopt.values import remembered
 
 Point: TypeAlias = tuple[Fraction, Fraction]
 Outline: TypeAlias = tuple[tuple[float, float], ...]
@@ -74,7 +74,7 @@ class Convex:
         return Convex(tuple(corners), tuple(sides)) if len(corners) > 2 else None
 
 
-@remembered(8)
+@lru_cache(maxsize=8)
 def convex_pieces(outline: Outline) -> tuple[Convex, ...]:
     """Few convex polygons whose union a simple polygon is, counter-clockwise.
 

@@ -118,7 +118,8 @@ def build_part(source: Source, file: files.ModelFile) -> Part:
     from fmopt.geometry.part import mesh_part, part_of
 
     features = [_feature(name, feature) for name, feature in file.features.items()]
-    notes = tuple(_found(_feature(name, file.features[name])) for name in unstated(source, file))
+    kind = "part" if file.mesh is None else "mesh"
+    notes = tuple(_found(_feature(name, file.features[name]), kind) for name in unstated(source, file))
     if file.mesh is not None:
         mesh = imported(source, file.mesh)
         try:
@@ -304,14 +305,14 @@ def bare_part(source: Source, file: files.ModelFile) -> Part:
         raise InputError(place.fault("geometry", error.message, error.advice)) from error
 
 
-def _found(feature: Feature) -> str:
+def _found(feature: Feature, kind: str) -> str:
     """A feature that the model file leaves to be found, as it would be written there."""
     x, y, z, *turn = feature.frame.vector().tolist()
     at = ", ".join(f"{1e3 * value + 0.0:.9g}" for value in (x, y, z))
     about = ", ".join(f"{math.degrees(angle) + 0.0:.9g}" for angle in turn)
     through = ", through" if feature.through else ""
     return (
-        f"found: [features.{feature.name}], {feature.kind}, at = [{at}] mm, turn = [{about}] deg, "
+        f"found: [features.{feature.name}] of the {kind}, {feature.kind}, at = [{at}] mm, turn = [{about}] deg, "
         f"length = {1e3 * feature.length:.9g} mm{through}"
     )
 
