@@ -33,7 +33,6 @@ from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import few_collections
 from fmopt.verify import CERTIFIED, Verdict, verify
 
-
 T = TypeVar("T")
 
 
@@ -141,81 +140,6 @@ def _described(name: str, found: Callable[[], T]) -> tuple[T | None, tuple[str, 
         return found(), ()
     except FmoptError as error:
         return None, (f"{name} is left out: {error.message}",)
-
-
-def proved(self) -> bool:
-        """Whether the plan is certified."""
-        return _certified(self.verdict)
-
-
-@few_collections()
-def synthesise(problem: Problem, progress: Progress = lambda _: None) -> Synthesis:
-    """Solves a problem, or as much of its start errors as there is a plan for where its settings ask for that.
-
-    Args:
-        problem: the task.
-        progress: told what is being done.
-
-    Raises:
-        InterferenceError: the parts overlap when assembled, or their clearance is not positive.
-        SearchError: no motion was found.
-        InfeasibleError: no bias force holds the contacts.
-    """
-    if problem.settings.reduce_errors:
-        return _for_as_much(problem, progress)
-    stages = Stages(progress)
-    return _completed(problem, certified_motion(problem, stages), stages)
-
-
-@few_collections()
-def certified_motion(problem: Problem, stages: Stages | None = None) -> CertifiedMotion:
-    """Measures the parts and finds the motion; errors as of `synthesise`.
-
-    Args:
-        problem: the task.
-        stages: told what is being done.
-    """
-    stages = stages or Stages()
-    stages.progress("measuring the parts")
-    posed = Posed.of(problem)
-    stages.ended("geometry")
-    return posed.certified(*motion(posed, stages))
-
-
-def _completed(problem: Problem, motion: CertifiedMotion, stages: Stages) -> Synthesis:
-    """A motion with its plan, and how much error it tolerates."""
-    stages.progress("how much error the motion tolerates")
-    measured, notes = _described("how much error it tolerates", lambda: _error_tolerance(problem, motion))
-    stages.ended("tolerances")
-    document, verdict = planned(problem, motion, stages, measured, notes)
-    return Synthesis(document, verdict, stages.seconds)
-
-
-@few_collections()
-def planned(
-    problem: Problem, motion: CertifiedMotion, stages: Stages | None = None, measured: Tolerated | None = None
-) -> tuple[dict[str, Any], Verdict]:
-    """The sealed plan of a motion, and the verdict of the independent check on it; errors as of `synthesise`.
-
-    Args:
-        problem: the task.
-        motion: the motion.
-        stages: told what is being done.
-        measured: how much error the motion tolerates, where that is to be in the plan.
-    """
-    stages = stages or Stages()
-    stages.progress("nominal trajectory")
-    nominal = nominal_motion(problem, motion.errors, motion.tolerance.rho)
-    stages.ended("nominal")
-    states = _contact_states(motion, nominal)
-    stages.ended("contact")
-    stages.progress("control strategies")
-    document = plan_document(problem, nominal, states, controlled(problem, motion, ranges=True), measured)
-    stages.ended("control")
-    stages.progress("checking the certificate")
-    checked = _checked(document)
-    stages.ended("verify")
-    return checked
 
 
 def proved(problem: Problem, motion: CertifiedMotion) -> tuple[dict[str, Any], Verdict]:

@@ -188,7 +188,9 @@ def shape(family: str, rng: np.random.Generator) -> Shape:
         corners = _armed(family, rng)
     middle = 0.5 * (np.min(corners, axis=0) + np.max(corners, axis=0))
     scale = size / float(np.ptp(corners, axis=0).max())
-    made = tuple((round(float(scale * (x - middle[0])), 9), round(float(scale * (y - middle[1])), 9)) for x, y in corners)
+    made = tuple(
+        (round(float(scale * (x - middle[0])), 9), round(float(scale * (y - middle[1])), 9)) for x, y in corners
+    )
     return made, size
 
 

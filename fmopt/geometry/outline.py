@@ -156,7 +156,9 @@ _Ring: TypeAlias = tuple[float, Outline]
 
 def _require_walls(low: float, lower: Outline, high: float, upper: Outline) -> None:
     where = f"the sections at {1e3 * low:g} and {1e3 * high:g} mm"
-    advice = "between two heights an outline keeps its corners and the directions of its sides; put two sections at one "
+    advice = (
+        "between two heights an outline keeps its corners and the directions of its sides; put two sections at one "
+    )
     advice += "height where it steps"
     if len(lower) != len(upper):
         raise GeometryError(f"{where} have {len(lower)} and {len(upper)} corners", advice)
