@@ -79,8 +79,8 @@ def axis(ring: Array, known: Array | None = None) -> Array:
     """The direction (2,) of the x axis of an outline (n, 2): along its longest side, in a way that turns with it.
 
     A gap makes sides between convex corners longer and others not, so that which one is the longest is asked where the
-    outline is narrowed until its sides are as far out as in. Where its symmetry leaves several, that one of them which `known` (2, k) takes to the largest entries, which is the
-    largest itself where not given.
+    outline is narrowed until its sides are as far out as in. Where its symmetry leaves several, that one of them which
+    `known` (2, k) takes to the largest entries, which is the largest itself where not given.
     """
     corners = _corners(ring)
     steps = np.roll(corners, -1, axis=0) - corners

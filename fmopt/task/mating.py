@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -67,7 +67,8 @@ def _match(source: Source, name: str, stated: MatingFeature, found: Sequence[Fea
     if stated.at is not None:
         near = [feature for feature in kind if _beside(feature, stated.at) <= _SAME]
         if near:
-            return min(near, key=lambda feature: float(np.linalg.norm(feature.frame.p - stated.at)))
+            point = np.array(stated.at)
+            return min(near, key=lambda feature: float(np.linalg.norm(feature.frame.p - point)))
         at = ", ".join(f"{1e3 * x + 0.0:.9g}" for x in stated.at)
         message = f"at = [{at}] mm is in no mouth or leading end that was found: {listed}"
         return source.place(("features", name, "at")).fault("not-found", message, "correct it, drop it, or add length")
@@ -91,7 +92,7 @@ def _words(feature: Feature) -> str:
 def _table(found: Feature, stated: MatingFeature | None) -> MatingFeature:
     """The table of a feature: what is stated, and for the rest what is found."""
     x, y, z, *turn = found.frame.vector().tolist()
-    made = {
+    made: dict[str, Any] = {
         "kind": found.kind,
         "at": (x, y, z),
         "turn": tuple(turn),
@@ -99,7 +100,7 @@ def _table(found: Feature, stated: MatingFeature | None) -> MatingFeature:
         "through": found.through,
     }
     if stated is None:
-        return MatingFeature.model_construct(**made)
+        return MatingFeature.model_construct(None, **made)
     if stated.at is not None:
         del made["turn"]
     if stated.length is not None:

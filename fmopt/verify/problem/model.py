@@ -168,16 +168,11 @@ class _Tree:
             tools = table.only("shape", "at", "turn", "of", "minus").names_of("minus")
             base = (self.solid(table.text("of"), within),)
             return Solid(name, None, base, tuple(self.solid(tool, within) for tool in tools), at, turn)
-        if kind in ("prism", "stack"):
-            outer, cuts = (
-                prism(table.only("shape", "at", "turn", "polygon", "height", "holes"))
-                if kind == "prism"
-                else (
-                    stack(table.only("shape", "at", "turn", "sections")),
-                    (),
-                )
-            )
+        if kind == "prism":
+            outer, cuts = prism(table.only("shape", "at", "turn", "polygon", "height", "holes"))
             return _united(name, outer, cuts, at, turn)
+        if kind == "stack":
+            return _united(name, stack(table.only("shape", "at", "turn", "sections")), (), at, turn)
         return Solid(name, shape(table.only("shape", "at", "turn", *SHAPES[kind]), kind), (), (), at, turn)
 
 

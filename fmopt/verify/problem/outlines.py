@@ -108,9 +108,8 @@ def _convex(corners: Outline, piece: tuple[int, ...]) -> Iterator[tuple[int, ...
         for w in range(count):
             if w in (v, (v + 1) % count, (v - 1) % count) or not _sees(points, v, w):
                 continue
-            open_ = (
-                _left(points[v - 1], points[v], points[w]) < 0 or _left(points[w], points[v], points[v + 1 - count]) < 0
-            )
+            before, after = points[v - 1], points[(v + 1) % count]
+            open_ = _left(before, points[v], points[w]) < 0 or _left(points[w], points[v], after) < 0
             rank = (open_, math.dist(points[v], points[w]))
             if best is None or rank < best[0]:
                 best = rank, v, w

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from fmopt.verify.document import Body, Part
 from fmopt.verify.problem.meshes import NoMesh, Point, Triangle, triangles
-from fmopt.verify.problem.model import Mesh, Model
+from fmopt.verify.problem.model import Mesh, Solid
 from fmopt.verify.problem.problem import Problem
 from fmopt.verify.problem.seating import frames
 from fmopt.verify.problem.solids import Comparison, Frame, Unbounded, of_piece, tree_of
@@ -79,7 +79,7 @@ def part_beside_its_model(part: Part, problem: Problem, side: str, reader: Reade
     model = problem.model(side)
     try:
         if model.solid is not None and problem.feature(side).found:
-            return _beside_turned(part, side, model)
+            return _beside_turned(part, side, model.name, model.solid)
         if model.solid is not None:
             tree = tree_of(model.solid, problem.frame(side))
             comparison = Comparison(tree, [of_piece(piece) for piece in part.pieces])
@@ -94,18 +94,16 @@ def part_beside_its_model(part: Part, problem: Problem, side: str, reader: Reade
     return _beside_given(part, side, reader()[side])
 
 
-def _beside_turned(part: Part, side: str, model: Model) -> Compared:
+def _beside_turned(part: Part, side: str, name: str, solid: Solid) -> Compared:
     """A part beside a model whose frame is the planner's choice: in one of the frames that fit the two are the same."""
-    flaws = (
-        f"parts.{side}: the plan is for another {side} part than the model {model.name!r}: no frame fits its corners",
+    flaws: tuple[str, ...] = (
+        f"parts.{side}: the plan is for another {side} part than the model {name!r}: no frame fits its corners",
     )
     pieces = [of_piece(piece) for piece in part.pieces]
-    for at in frames(model.solid, part.body) if model.solid is not None else ():
-        found = tuple(_differences(Comparison(tree_of(model.solid, at), pieces), side, model.name))
+    for at in frames(solid, part.body):
+        found = tuple(_differences(Comparison(tree_of(solid, at), pieces), side, name))
         if not found:
-            words = (
-                f"the frame in which the {side} part mates is the planner's choice, as its model leaves it to be found"
-            )
+            words = f"the frame in which the {side} part mates is the planner's choice, as its model leaves it open"
             return Compared((), (words,))
         flaws = found
     return Compared(flaws)

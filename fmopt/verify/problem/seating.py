@@ -1,4 +1,4 @@
-"""The frames in which a model may mate where its file leaves that to be found: those that put its corners on a part's."""
+"""The frames in which a model may mate where its file leaves that open: those that put its corners on a part's."""
 
 from __future__ import annotations
 
