@@ -23,7 +23,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.centre import axis, centre, inside, is_round
 from fmopt.geometry.facets import Loop
 from fmopt.geometry.polyhedron import Face, Polyhedron, plane_basis
 from fmopt.geometry.section import section_limit
@@ -244,6 +243,8 @@ def _inside(rim: Array, normal: Array) -> tuple[Array, float]:
     """A point (3,) well inside a plane outline (n, 3), and the outline's area in m²."""
     from shapely import Polygon
 
+    from fmopt.geometry.centre import inside
+
     basis = plane_basis(normal)
     return basis @ inside(rim @ basis) + normal * float(np.mean(rim @ normal)), float(Polygon(rim @ basis).area)
 
@@ -268,6 +269,8 @@ def _ring(
 def _frame(ring: Polygon, at: Array, z: Array) -> Pose:
     """The frame at height 0 over the centre of a section that is given in the basis of `_ring`."""
     from shapely.geometry.polygon import orient
+
+    from fmopt.geometry.centre import axis, centre, is_round
 
     basis = plane_basis(z)
     corners = np.array(orient(ring).exterior.coords)[:-1]

@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from fmopt.errors import TaskError
-from fmopt.geometry.centre import centres
 from fmopt.geometry.csg import Difference, Placed, Primitive, Solid, Union, convex_polyhedron
 from fmopt.geometry.pieces import polyhedron
 from fmopt.geometry.polyhedron import Polyhedron
@@ -233,6 +232,8 @@ def _at_inner_circle(ring: Array) -> bool:
 
 def _at_even_centre(ring: Array) -> bool:
     """Whether a point that an even gap leaves where it is is the origin."""
+    from fmopt.geometry.centre import centres
+
     facing = ring if _signed_area(ring) > 0.0 else ring[::-1]
     return any(float(np.linalg.norm(point)) <= _NOISE * _size(ring) for point in centres(facing))
 

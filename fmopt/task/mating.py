@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,8 +15,6 @@ from fmopt.task.toml_source import Source
 from fmopt.task.tree import bare_part, unstated
 
 if TYPE_CHECKING:
-    from shapely import MultiPolygon
-
     from fmopt.geometry.mating import Feature
     from fmopt.geometry.part import Part
 
@@ -123,7 +121,9 @@ def reaching(models: Mapping[str, Model], names: Mapping[str, str]) -> dict[str,
     stated = models[peg].source.data.get("features", {}).get(names[peg], {})
     if "length" in stated or not length < depth:
         return dict(models)
-    reached = _past_shoulders(_seen(models[peg], names[peg]), _seen(models[hole], names[hole]), length, depth)
+    from fmopt.geometry.clearance import past_shoulders
+
+    reached = past_shoulders(_seen(models[peg], names[peg]), _seen(models[hole], names[hole]), length, depth)
     table = features[peg].model_copy(update={"length": reached})
     file = models[peg].file
     longer = file.model_copy(update={"features": {**file.features, names[peg]: table}})
@@ -136,21 +136,3 @@ def _seen(model: Model, name: str) -> Part:
 
     table = model.file.features[name]
     return rebased(bare_part(model.source, model.file), Pose.from_vector([*(table.at or _ORIGIN), *table.turn]))
-
-
-def _past_shoulders(peg: Part, hole: Part, length: float, depth: float) -> float:
-    """How long a peg is whose shoulders go into a mouth, m."""
-    from fmopt.geometry.section import section_limit
-
-    def across(part: Part, height: float, side: Literal[-1, 1]) -> MultiPolygon:
-        return section_limit(part.pieces, Pose(np.array([0.0, 0.0, height]), np.eye(3)), side)
-
-    body = peg.polyhedron
-    levels = sorted({float(-o) for o, n in zip(body.offsets, body.normals, strict=True) if n[2] < -1.0 + 1e-9})
-    mouth = across(hole, 0.0, -1)
-    while length < depth and across(peg, length, 1).intersection(mouth).area == 0.0:
-        ahead = [level for level in levels if level > length + _SAME]
-        if not ahead:
-            return float(body.vertices[:, 2].max())
-        length = ahead[0]
-    return length
