@@ -122,7 +122,7 @@ def planned(
         "the nominal trajectory", lambda: _nominal_motion(problem, task, motion.errors, motion.tolerance.rho)
     )
     stages.ended("nominal")
-    states, unseen = _described("the contact states on the way", lambda: _contact_states(motion, nominal))
+    states, unseen = _described("its way through contact states", lambda: _contact_states(motion, nominal))
     stages.ended("contact")
     stages.progress("control strategies")
     told = Described(task, nominal, states, measured, (*notes, *lost, *unseen))

@@ -18,6 +18,7 @@ from fmopt.errors import InfeasibleError, SolverError
 from fmopt.values import Array, Value
 
 INCIDENCE = 1e-8  # scaled units; a point this close to a unit half-space's plane lies on it
+_COARSER = (INCIDENCE, 10.0 * INCIDENCE, 100.0 * INCIDENCE)  # how close corners are one, where faces do not fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,8 +67,9 @@ def enumerate_faces(normals: ArrayLike, offsets: ArrayLike) -> Faces:
         active, dimensions, points = simple_faces(corners, incidence)
     else:
         active, dimensions, points = closed_faces(corners, incidence)
-        if dimensions.max() > cut.rows.shape[1]:
-            active, dimensions, points = closed_faces(*_told_apart(corners, incidence))
+        for reach in _COARSER:
+            if dimensions.max() > cut.rows.shape[1]:
+                active, dimensions, points = closed_faces(*_told_apart(corners, incidence, reach))
         if dimensions.max() > cut.rows.shape[1]:
             raise SolverError(f"the {len(corners)} corners of {len(cut.rows)} half-spaces cannot be told apart")
         order = ordered(active, dimensions)
@@ -150,13 +152,13 @@ class _Cut(Value):
         return found
 
 
-def _told_apart(corners: Array, incidence: Bits) -> tuple[Array, Bits]:
+def _told_apart(corners: Array, incidence: Bits, tolerance: float) -> tuple[Array, Bits]:
     """Corners (m, n), those that rounding alone tells apart made one, with the planes (m, k) of all of them."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
-    reach = INCIDENCE * np.maximum(1.0, np.linalg.norm(corners, axis=1))
+    reach = tolerance * np.maximum(1.0, np.linalg.norm(corners, axis=1))
     pairs = cKDTree(corners).query_pairs(float(reach.max()), output_type="ndarray")
     one, other = pairs.T
     near = np.linalg.norm(corners[one] - corners[other], axis=1) <= np.minimum(reach[one], reach[other])
