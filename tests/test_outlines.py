@@ -25,10 +25,12 @@ from fmopt.geometry.part import Part
 from fmopt.geometry.pieces import pieces, polyhedron, union_manifold
 from fmopt.nominal.trajectory import critical_poses, insertion
 from fmopt.placement.states import Scale, contact_spaces
+from fmopt.plan import sealed
 from fmopt.report.sections import asked
 from fmopt.se3 import Pose
 from fmopt.task.problem import Problem, load
 from fmopt.task.sizes import measured_clearance
+from fmopt.verify import verify
 from fmopt.verify.document import Body
 from fmopt.verify.document import Part as Stated
 from fmopt.verify.problem.parts import Compared, part_beside_its_model
@@ -242,3 +244,6 @@ def test_what_only_describes_a_motion_costs_no_plan(monkeypatch: pytest.MonkeyPa
         "its way through contact states is left out: no way is seen",
     )
     assert "no way is seen" in asked(made.plan)
+    silent = {key: value for key, value in made.document["diagnostics"].items() if key != "notes"}
+    told = [str(one) for one in verify(sealed({**made.document, "diagnostics": silent})).findings]
+    assert told == ["plan: diagnostics.notes: do not say why its way through contact states is left out"]
