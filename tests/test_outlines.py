@@ -247,3 +247,31 @@ def test_what_only_describes_a_motion_costs_no_plan(monkeypatch: pytest.MonkeyPa
     silent = {key: value for key, value in made.document["diagnostics"].items() if key != "notes"}
     told = [str(one) for one in verify(sealed({**made.document, "diagnostics": silent})).findings]
     assert told == ["plan: diagnostics.notes: do not say why its way through contact states is left out"]
+
+
+SLOTTED = """name = "channel"
+part = "channel"
+[units]
+length = "mm"
+angle = "deg"
+[solids.channel]
+shape = "prism"
+polygon = [[-15, 0], [15, 0], [15, 20], [5.05, 20], [5.05, 8], [-5.05, 8], [-5.05, 20], [-15, 20]]
+height = 30
+turn = [90, 0, 0]
+"""
+
+
+def test_a_slot_that_is_open_to_the_side_mates_where_the_advice_says(tmp_path: Path) -> None:
+    bar = families.Section(0.0, ((-5.0, -5.0), (5.0, -5.0), (5.0, 5.0), (-5.0, 5.0)))
+    path = families.write_toml(replace(families.pair("4-gon", 0), peg=(bar, replace(bar, at=40.0))), tmp_path)
+    (tmp_path / "block.toml").write_text(SLOTTED)
+    with pytest.raises(InputError, match="a slot that is open to the side, by kind = \"hollow\"|has no feature 'hole'"):
+        load(path)
+    mouth = '[features.hole]\nkind = "hollow"\nat = [0, -15, 20]\nturn = [0, 0, 0]\nlength = 12\n'
+    (tmp_path / "block.toml").write_text(SLOTTED + mouth)
+    path.write_text(path.read_text().replace("x = 0.017\ny = 0.017", "x = 0.05\ny = 0.05"))
+    problem = load(path)
+    found = measured_clearance(problem)
+    assert found.per_side == pytest.approx(0.05e-3, abs=1e-9)
+    assert found.play[1] == np.inf

@@ -39,6 +39,13 @@ _ROUND = 1e-9  # m: to which origins are rounded
 
 FeatureKind = Literal["solid", "hollow"]
 
+DESCRIBE = (
+    'describe where it mates under [features]: a hole, or a slot that is open to the side, by kind = "hollow", '
+    "at = [x, y, z] in the middle of its mouth, turn = [rx, ry, rz] such that z points out of the mouth, length = its "
+    'depth; a peg by kind = "solid", at = [x, y, z] in the middle of its leading end, turn such that z points from '
+    "there into the part, length = how long it is"
+)
+
 _SMOOTH = math.radians(30.5)  # facets that meet at less than this may stand for one curved surface: 12 to a circle
 
 
@@ -76,7 +83,7 @@ def found_features(body: Polyhedron, pieces: Sequence[Polyhedron]) -> tuple[Feat
         if not found or (not known and peg.length >= _SLENDER * np.sqrt(peg.area)):
             found.append(peg)
     if not found:
-        raise GeometryError("no peg or hole was found on it", "describe where it mates under [features]")
+        raise GeometryError("no peg or hole was found on it", DESCRIBE)
     made = []
     for kind, name in (("solid", "peg"), ("hollow", "hole")):
         own = sorted((f for f in found if f.kind == kind), key=_rank)
@@ -195,7 +202,7 @@ def _slenderest(ends: Sequence[_Found]) -> _Found:
     axes = np.array([end.frame.R[:, 2] for end in near])
     if np.abs(axes @ axes[0]).min() < 1.0 - 1e-9:
         message = "it is as much a peg along one axis as along another"
-        raise GeometryError(message, "describe where it mates under [features]")
+        raise GeometryError(message, DESCRIBE)
     return max(near, key=lambda end: _upward(end.frame.R[:, 2]))
 
 

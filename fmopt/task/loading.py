@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from fmopt.errors import Fault, InputError, TaskError
+from fmopt.geometry.mating import DESCRIBE
 from fmopt.geometry.part import Part, Profiles, outline, rebased, settled
 from fmopt.knowledge.tree import ObjectTree
 from fmopt.se3 import Pose, exp
@@ -132,6 +133,8 @@ def _feature_faults(source: Source, file: files.ProblemFile, models: Mapping[str
         if name not in features:
             message = f"the model {model.file.name!r} has no feature {name!r}"
             advice = did_you_mean(name, features) or f"features: {', '.join(features)}"
+            if "features" not in model.source.data and model.file.profile is None:
+                advice += f"; they were found, and for another one {DESCRIBE}"
             yield source.place((side, "feature")).fault("unknown-feature", message, advice)
         else:
             kinds[side] = features[name].kind
