@@ -20,9 +20,8 @@ from fmopt.knowledge.tree import ObjectTree
 from fmopt.se3 import Pose, exp
 from fmopt.task import problem_file as files
 from fmopt.task.command import PLANNED, attributes, is_round
-from fmopt.task.mating import Model, reaching
 from fmopt.task.mesh_source import MAX_MESH_BYTES
-from fmopt.task.model import load_model, overrides_of
+from fmopt.task.model import Model, load_model, overrides_of, reaching
 from fmopt.task.problem import Attributes, Problem, Settings, Specification, VelocityError
 from fmopt.task.sizes import force_faults, refuse_far, refuse_reaching, refuse_wild
 from fmopt.task.sources import (
