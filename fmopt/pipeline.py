@@ -5,17 +5,18 @@ Problem → Posed (assembly, errors) → CertifiedMotion → ControlledMotion �
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from fmopt import plan
 from fmopt.contact.graph import Scale
 from fmopt.control.strategy import controlled
-from fmopt.errors import InfeasibleError, SearchError
-from fmopt.knowledge.command import answer
+from fmopt.errors import FmoptError, InfeasibleError, SearchError
+from fmopt.knowledge.command import Answer, answer
 from fmopt.motion import Posed, Progress, Stages, motion, under_errors
 from fmopt.nominal.freedom import freedom, half_widths
 from fmopt.nominal.mapping import answered
@@ -25,12 +26,14 @@ from fmopt.placement.states import contact_spaces
 from fmopt.placement.tolerated import CertifiedMotion, Tolerated, tolerated
 from fmopt.placement.visited import Visited, visited
 from fmopt.plan import Plan
-from fmopt.plan_record import Nominal, plan_document, proof_document
+from fmopt.plan_record import Described, Nominal, plan_document, proof_document
 from fmopt.task.command import task_command
 from fmopt.task.problem import Problem
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import few_collections
 from fmopt.verify import CERTIFIED, Verdict, verify
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,15 +92,19 @@ def certified_motion(problem: Problem, stages: Stages | None = None) -> Certifie
 def _completed(problem: Problem, motion: CertifiedMotion, stages: Stages) -> Synthesis:
     """A motion with its plan, and how much error it tolerates."""
     stages.progress("how much error the motion tolerates")
-    measured = _error_tolerance(problem, motion)
+    measured, notes = _described("how much error it tolerates", lambda: _error_tolerance(problem, motion))
     stages.ended("tolerances")
-    document, verdict = planned(problem, motion, stages, measured)
+    document, verdict = planned(problem, motion, stages, measured, notes)
     return Synthesis(document, verdict, stages.seconds)
 
 
 @few_collections()
 def planned(
-    problem: Problem, motion: CertifiedMotion, stages: Stages | None = None, measured: Tolerated | None = None
+    problem: Problem,
+    motion: CertifiedMotion,
+    stages: Stages | None = None,
+    measured: Tolerated | None = None,
+    notes: tuple[str, ...] = (),
 ) -> tuple[dict[str, Any], Verdict]:
     """The sealed plan of a motion, and the verdict of the independent check on it; errors as of `synthesise`.
 
@@ -106,20 +113,33 @@ def planned(
         motion: the motion.
         stages: told what is being done.
         measured: how much error the motion tolerates, where that is to be in the plan.
+        notes: what could not be found of that, and why.
     """
     stages = stages or Stages()
     stages.progress("nominal trajectory")
-    nominal = nominal_motion(problem, motion.errors, motion.tolerance.rho)
+    task = answer(*task_command(problem))
+    nominal, lost = _described(
+        "the nominal trajectory", lambda: _nominal_motion(problem, task, motion.errors, motion.tolerance.rho)
+    )
     stages.ended("nominal")
-    states = _contact_states(motion, nominal)
+    states, unseen = _described("its way through contact states", lambda: _contact_states(motion, nominal))
     stages.ended("contact")
     stages.progress("control strategies")
-    document = plan_document(problem, nominal, states, controlled(problem, motion, ranges=True), measured)
+    told = Described(task, nominal, states, measured, (*notes, *lost, *unseen))
+    document = plan_document(problem, told, controlled(problem, motion, ranges=True))
     stages.ended("control")
     stages.progress("checking the certificate")
     checked = _checked(document)
     stages.ended("verify")
     return checked
+
+
+def _described(name: str, found: Callable[[], T]) -> tuple[T | None, tuple[str, ...]]:
+    """What only describes a motion; None with a note why where it cannot be found, which costs no plan."""
+    try:
+        return found(), ()
+    except FmoptError as error:
+        return None, (f"{name} is left out: {error.message}",)
 
 
 def proved(problem: Problem, motion: CertifiedMotion) -> tuple[dict[str, Any], Verdict]:
@@ -136,8 +156,12 @@ def nominal_motion(problem: Problem, errors: ErrorSet, rho: float) -> Nominal:
 
     P(t) comes from the cut-diagrams. S(t) is that of the parts in space, which holds where three planes see too little.
     """
+    return _nominal_motion(problem, answer(*task_command(problem)), errors, rho)
+
+
+def _nominal_motion(problem: Problem, found: Answer, errors: ErrorSet, rho: float) -> Nominal:
+    """See `nominal_motion`."""
     box = errors.support(np.eye(6)) if problem.trapezoid is None else half_widths(*problem.trapezoid)
-    found = answer(*task_command(problem))
     made = answered(found, box, rho)
     reach = float(np.linalg.norm(box[:3]) + 2.0 * rho * np.linalg.norm(box[3:]))
     critical = critical_poses(problem.moving, problem.fixed, made.path, max(reach, 1e-3))
@@ -145,10 +169,10 @@ def nominal_motion(problem: Problem, errors: ErrorSet, rho: float) -> Nominal:
     return Nominal(made.path, critical, freedoms, found, made)
 
 
-def _contact_states(motion: CertifiedMotion, nominal: Nominal) -> Visited:
+def _contact_states(motion: CertifiedMotion, nominal: Nominal | None) -> Visited:
     """The contact states that a motion goes through, in the spaces around critical poses."""
     scale = Scale(motion.clearance.per_side, motion.tolerance.rho)
-    spaces = contact_spaces(motion.assembly, nominal.critical, scale)
+    spaces = contact_spaces(motion.assembly, () if nominal is None else nominal.critical, scale)
     return visited(motion.assembly, motion.claims, spaces, scale)
 
 

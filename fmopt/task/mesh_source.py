@@ -1,4 +1,4 @@
-"""The mesh or STEP file that a model file names: read once its unit is known, its mating features found."""
+"""The mesh or STEP file that a model file names, read once its unit is known."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fmopt.errors import Fault, GeometryError, InputError, ResourceError, SizeError
-from fmopt.task.model_file import MatingFeature, Mesh, ModelFile
+from fmopt.task.model_file import Mesh
 from fmopt.task.sizes import implausible
 from fmopt.task.toml_source import Source, read_bytes
 from fmopt.values import remembered
@@ -78,30 +78,6 @@ def imported(source: Source, mesh: Mesh) -> Imported:
         raise InputError(implausible(source, key, mesh.unit, error)) from error
     except GeometryError as error:
         raise InputError(place.fault("geometry", error.message, error.advice)) from error
-
-
-def with_features(source: Source, file: ModelFile) -> ModelFile:
-    """The model file with the mating features that are found on its mesh.
-
-    Raises:
-        InputError: the mesh cannot be used, or nothing is found on it.
-        ResourceError: a STEP file without the extra that reads it.
-    """
-    from fmopt.geometry.part import mesh_part
-
-    if file.mesh is None:
-        return file
-    try:
-        part = mesh_part(file.name, imported(source, file.mesh))
-    except GeometryError as error:
-        raise InputError(source.place(("mesh", "file")).fault("geometry", error.message, error.advice)) from error
-    found = {}
-    for feature in part.features:
-        x, y, z, *turn = feature.frame.vector().tolist()
-        found[feature.name] = MatingFeature.model_construct(
-            kind=feature.kind, at=(x, y, z), turn=tuple(turn), length=feature.length, through=feature.through
-        )
-    return file.model_copy(update={"features": found})
 
 
 def _path(source: Source, mesh: Mesh) -> Path:
