@@ -1,0 +1,112 @@
+"""Facets of a solid of the CAD kernel: plane faces exactly, curved ones no further off than stated."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fmopt.errors import GeometryError
+from fmopt.geometry.mesh_file import MAX_TRIANGLES
+from fmopt.geometry.step_file import Same, inside
+
+if TYPE_CHECKING:
+    from OCP.TopoDS import TopoDS_Shape
+
+    from fmopt.geometry.facets import Indices
+    from fmopt.values import Array
+
+_COARSEST = 0.5  # rad between neighbouring facets
+_INSIDE = np.array([[1, 1, 1], [1.5, 1.5, 0], [0, 1.5, 1.5], [1.5, 0, 1.5]]) / 3.0  # where facets are held to surfaces
+_HEAL = "heal the solid where it was made"
+_COARSER = "export one part on its own, with simpler surfaces, or give a larger 'deviation'"
+
+
+def facets_of(solid: TopoDS_Shape, deviation: float) -> dict[str, Any]:
+    """The boundary of a solid: {"points": (n, 3) in mm, "triangles": (m, 3) outward, "off"}.
+
+    "off" is how far curved faces are from the facets, mm, None where there are none.
+
+    Raises:
+        GeometryError: the solid is open, or a face of it cannot be cut into facets.
+    """
+    _require_closed(solid)
+    points, triangles, off = _facets(solid, deviation)
+    return {"points": points.tolist(), "triangles": triangles.tolist(), "off": off}
+
+
+def _require_closed(solid: TopoDS_Shape) -> None:
+    """Refuses a solid with an edge that has one face only, by the place of the edge."""
+    from OCP.BRep import BRep_Tool
+    from OCP.BRepAdaptor import BRepAdaptor_Curve
+
+    faces: Counter[Same] = Counter()
+    for face in inside(solid, "FACE"):
+        faces.update(Same(edge) for edge in inside(face, "EDGE") if not BRep_Tool.Degenerated_s(edge))
+    if not faces:
+        raise GeometryError("its solid has no faces", _HEAL)
+    loose = [edge for edge, count in faces.items() if count == 1]
+    if loose:
+        curve = BRepAdaptor_Curve(loose[0].shape)
+        first, last = (curve.Value(at) for at in (curve.FirstParameter(), curve.LastParameter()))
+        where = " to ".join(f"({end.X():.4g}, {end.Y():.4g}, {end.Z():.4g}) mm" for end in (first, last))
+        raise GeometryError(
+            f"its shell is not closed: {len(loose)} edges have a face on one side only, the first from {where}", _HEAL
+        )
+
+
+def _facets(shape: TopoDS_Shape, deviation: float) -> tuple[Array, Indices, float | None]:
+    """Points (n, 3), outward triangles (m, 3), and how far they are from curved faces, mm; None if none is."""
+    from OCP.BRepAdaptor import BRepAdaptor_Surface
+    from OCP.BRepMesh import BRepMesh_IncrementalMesh
+    from OCP.GeomAbs import GeomAbs_SurfaceType
+
+    BRepMesh_IncrementalMesh(shape, deviation, False, _COARSEST, False)
+    points: list[Array] = []
+    triangles: list[Indices] = []
+    off: list[float] = []
+    count = 0
+    for face in inside(shape, "FACE"):
+        corners, sides, places = _mesh_of(face)
+        surface = BRepAdaptor_Surface(face)
+        if surface.GetType() != GeomAbs_SurfaceType.GeomAbs_Plane:
+            off.append(_distance(surface, corners[sides], places[sides]))
+        points.append(corners)
+        triangles.append(sides + count)
+        count += len(corners)
+    return np.vstack(points), np.vstack(triangles), max(off, default=None)
+
+
+def _mesh_of(face: Any) -> tuple[Array, Indices, Array]:
+    """Corners (n, 3) in mm of a face's facets, the facets (m, 3) seen from outside, and the corners' parameters."""
+    from OCP.BRep import BRep_Tool
+    from OCP.TopAbs import TopAbs_Orientation
+    from OCP.TopLoc import TopLoc_Location
+
+    location = TopLoc_Location()
+    mesh = BRep_Tool.Triangulation_s(face, location)
+    if mesh is None or not mesh.NbTriangles() or not mesh.HasUVNodes():
+        raise GeometryError("a face of the STEP file has no facets", _HEAL)
+    if mesh.NbTriangles() > MAX_TRIANGLES:
+        raise GeometryError(f"a face becomes {mesh.NbTriangles()} facets", _COARSER)
+    move = location.Transformation()
+    nodes = [mesh.Node(i).Transformed(move) for i in range(1, mesh.NbNodes() + 1)]
+    corners = np.array([(node.X(), node.Y(), node.Z()) for node in nodes])
+    sides = np.array([mesh.Triangle(i).Get() for i in range(1, mesh.NbTriangles() + 1)], dtype=np.int64) - 1
+    places = np.array([(uv.X(), uv.Y()) for uv in (mesh.UVNode(i) for i in range(1, mesh.NbNodes() + 1))])
+    reversed_ = face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED
+    return corners, sides[:, ::-1] if reversed_ else sides, places
+
+
+def _distance(surface: Any, facets: Array, places: Array) -> float:
+    """Largest distance in mm of a surface from facets (m, 3, 3), at the middles of facets and of their edges."""
+    normal = np.cross(facets[:, 1] - facets[:, 0], facets[:, 2] - facets[:, 0])
+    size = np.linalg.norm(normal, axis=1)
+    normal = normal[size > 0.0] / size[size > 0.0, None]
+    largest = 0.0
+    for weights in _INSIDE:
+        for (u, v), corner, across in zip(weights @ places[size > 0.0], facets[size > 0.0, 0], normal, strict=True):
+            point = surface.Value(float(u), float(v))
+            largest = max(largest, abs(float(across @ (np.array([point.X(), point.Y(), point.Z()]) - corner))))
+    return largest
