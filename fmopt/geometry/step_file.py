@@ -195,3 +195,34 @@ def _without_solids(shapes: list[TopoDS_Shape]) -> tuple[str, str]:
         what = f"{faces} faces in {shells} shells, which bound" if shells else f"{faces} loose faces, which bound"
         return f"it holds {what} no solid", "export the solid, not its surfaces; close them where there are gaps"
     return "it holds no solids", "export the solid, not its surfaces"
+
+
+def write(path: Path, shapes: list[TopoDS_Shape], scale: float = 1.0) -> None:
+    """Writes shapes (mm, after scaling) to a STEP file, the kernel silent meanwhile.
+
+    Raises:
+        GeometryError: the kernel cannot write them.
+    """
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
+    from OCP.gp import gp_Pnt, gp_Trsf
+    from OCP.IFSelect import IFSelect_ReturnStatus
+    from OCP.Message import Message
+    from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
+
+    move = gp_Trsf()
+    move.SetScale(gp_Pnt(0.0, 0.0, 0.0), scale)
+    messenger = Message.DefaultMessenger_s()
+    printers = list(messenger.Printers())
+    for printer in printers:
+        messenger.RemovePrinter(printer)
+    try:
+        writer = STEPControl_Writer()
+        for shape in shapes:
+            scaled = shape if scale == 1.0 else BRepBuilderAPI_Transform(shape, move, True).Shape()
+            writer.Transfer(scaled, STEPControl_StepModelType.STEPControl_AsIs)
+        done = writer.Write(str(path))
+    finally:
+        for printer in printers:
+            messenger.AddPrinter(printer)
+    if done != IFSelect_ReturnStatus.IFSelect_RetDone:
+        raise GeometryError("the CAD kernel cannot write the shape", "give one solid")
