@@ -6,7 +6,6 @@ None of these libraries is imported here: whoever has such an object has importe
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -29,7 +28,7 @@ _SPELT: dict[str, Unit] = {  # how trimesh says it
     **dict.fromkeys(("centimeter", "centimeters", "centimetre", "centimetres"), "cm"),
     **dict.fromkeys(("inch", "inches"), "in"),
 }
-_ADVICE = "give a solid of CadQuery or build123d, a mesh of trimesh or manifold3d, or a pair of an outline (n, 2) and a height"
+_ADVICE = "give a solid of a CAD library, a mesh of trimesh or manifold3d, or an outline (n, 2) and its height as a pair"
 
 
 def part_of(thing: object, name: str = "part", unit: Unit | None = None, deviation: float = DEVIATION) -> Part:

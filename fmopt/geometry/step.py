@@ -30,6 +30,7 @@ DEVIATION = 1e-5  # m: how finely curved faces are cut into facets where nothing
 _MILLIMETRE = 1e-3
 _SECONDS = 300.0  # by the clock; the process has less of the processor
 _AGAIN = "export it again, as AP203, AP214 or AP242; or export the part as STL"
+_HEAL = "heal the solid where it was made, leave out what does not mate, or give a larger 'deviation'"
 _OUTSIDE = {signal.SIGKILL, signal.SIGTERM, signal.SIGHUP}  # what others send
 _CODE = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
@@ -68,7 +69,7 @@ def bodies(path: Path, deviation: float = DEVIATION) -> tuple[Body, ...]:
     """
     found = _read(path, deviation, "*")
     return tuple(
-        Body(one["name"], number, _imported(path, one, deviation, _called(one, number, len(found))), _place(one))
+        Body(one["name"], number, _imported(path, one, _called(one, number, len(found))), _place(one))
         for number, one in enumerate(found, 1)
     )
 
@@ -94,7 +95,7 @@ def load_step(path: Path, deviation: float = DEVIATION, body: str = "") -> Impor
     """
     found = _read(path, deviation, body)
     number, one = next((number, one) for number, one in enumerate(found, 1) if "points" in one)
-    mesh = _imported(path, one, deviation, _called(one, number, len(found)))
+    mesh = _imported(path, one, _called(one, number, len(found)))
     if len(found) > 1 or np.array_equal(_place(one).vector(), np.zeros(6)):
         return mesh
     return replace(mesh, body=placed(mesh.body, _place(one)))
@@ -130,16 +131,24 @@ def _place(one: dict[str, Any]) -> Pose:
     return exact_pose(Pose(_MILLIMETRE * place[:, 3], place[:, :3]))
 
 
-def _imported(path: Path, one: dict[str, Any], deviation: float, called: str) -> Imported:
+def _imported(path: Path, one: dict[str, Any], called: str) -> Imported:
     try:
         points, triangles, off = _facets(one)
         require_plausible(points)
-        mesh = mesh_polyhedron(points, triangles)
     except SizeError:
         raise
     except GeometryError as error:
         raise GeometryError(f"{path}{called}: {error.message}", error.advice) from error
-    return replace(mesh, chord_error=0.0 if off is None else max(deviation, off))
+    try:
+        mesh = mesh_polyhedron(points, triangles)
+    except GeometryError as error:
+        raise GeometryError(f"{path}{called}: cut into facets, {error.message}", _HEAL) from error
+    notes = mesh.notes if one["around"] == 0.0 else (*mesh.notes, _enclosed(_MILLIMETRE * one["around"]))
+    return replace(mesh, chord_error=off or 0.0, notes=notes)
+
+
+def _enclosed(size: float) -> str:
+    return f"its fillets are enclosed by facets, which makes it up to {1e6 * size:.3g} µm larger there and nowhere smaller"
 
 
 def _facets(answer: dict[str, Any]) -> tuple[Any, Any, float | None]:

@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmopt.errors import GeometryError
+from fmopt.geometry.mesh import mesh_polyhedron
 from fmopt.geometry.mesh_file import MAX_TRIANGLES
+from fmopt.geometry.step_exact import Facets, exact_facets
 from fmopt.geometry.step_file import Same, inside
+from fmopt.geometry.step_surfaces import OtherSurfaceError
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Shape
@@ -19,21 +22,58 @@ if TYPE_CHECKING:
 
 _COARSEST = 0.5  # rad between neighbouring facets
 _INSIDE = np.array([[1, 1, 1], [1.5, 1.5, 0], [0, 1.5, 1.5], [1.5, 0, 1.5]]) / 3.0  # where facets are held to surfaces
+_METRES = 1e-3  # a mm
+_ROUNDING = 1e-6  # of the volume
 _HEAL = "heal the solid where it was made"
 _COARSER = "export one part on its own, with simpler surfaces, or give a larger 'deviation'"
 
 
 def facets_of(solid: TopoDS_Shape, deviation: float) -> dict[str, Any]:
-    """The boundary of a solid: {"points": (n, 3) in mm, "triangles": (m, 3) outward, "off"}.
+    """The boundary of a solid: {"points": (n, 3) in mm, "triangles": (m, 3) outward, "off", "around"}.
 
-    "off" is how far curved faces are from the facets, mm, None where there are none.
+    "off" is how far curved faces are from the facets, mm, None where there are none; "around" how much larger the
+    facets are than fillets of the solid. A solid of other surfaces than `step_exact` follows is cut by the kernel.
 
     Raises:
         GeometryError: the solid is open, or a face of it cannot be cut into facets.
     """
     _require_closed(solid)
-    points, triangles, off = _facets(solid, deviation)
-    return {"points": points.tolist(), "triangles": triangles.tolist(), "off": off}
+    found = _from_surfaces(solid, deviation)
+    if found is None:
+        points, triangles, off = _facets(solid, deviation)
+        found = Facets(points, triangles, None if off is None else max(deviation, off), 0.0)
+    return {
+        "points": found.points.tolist(),
+        "triangles": found.triangles.tolist(),
+        "off": found.off,
+        "around": found.around,
+    }
+
+
+def _from_surfaces(solid: TopoDS_Shape, deviation: float) -> Facets | None:
+    """Facets of the solid's own surfaces, if they close and hold as much as the solid, but for what they are off."""
+    from OCP.BRepGProp import BRepGProp
+    from OCP.GProp import GProp_GProps
+
+    try:
+        found = exact_facets(solid, deviation)
+    except OtherSurfaceError:
+        return None
+    volume, surface = GProp_GProps(), GProp_GProps()
+    BRepGProp.VolumeProperties_s(solid, volume)
+    BRepGProp.SurfaceProperties_s(solid, surface)
+    corners = found.points[found.triangles] - found.points.mean(axis=0)
+    held = float(np.linalg.det(corners).sum()) / 6.0
+    spare = surface.Mass() * ((found.off or 0.0) + found.around) + _ROUNDING * abs(volume.Mass())
+    return found if abs(held - volume.Mass()) <= spare and _closes(found) else None
+
+
+def _closes(found: Facets) -> bool:
+    """Whether each edge has two facets, but for corners on the edges of neighbours."""
+    try:
+        return not mesh_polyhedron(_METRES * found.points, found.triangles).mended
+    except GeometryError:
+        return False
 
 
 def _require_closed(solid: TopoDS_Shape) -> None:

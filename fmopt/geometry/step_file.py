@@ -123,6 +123,16 @@ def cast(shape: TopoDS_Shape, kind: str) -> Any:
     return made(shape)
 
 
+def whole(solid: TopoDS_Shape) -> TopoDS_Shape:
+    """The solid with faces and edges united that are one surface or one curve, such as the halves of a cylinder."""
+    from OCP.ShapeUpgrade import ShapeUpgrade_UnifySameDomain
+
+    united = ShapeUpgrade_UnifySameDomain(solid, True, True, False)
+    united.Build()
+    found = list(inside(united.Shape(), "SOLID"))
+    return found[0] if len(found) == 1 else solid
+
+
 def _bodies(label: TDF_Label, instance: str, place: Array) -> Iterator[PlacedSolid]:
     """The solids under a label of the document: a product, an assembly of products, or a product in its place."""
     from OCP.TDF import TDF_Label

@@ -60,14 +60,14 @@ def _read(path: str, deviation: float, which: str) -> dict[str, Any]:
 
 def _bodies(path: str, deviation: float, which: str) -> list[dict[str, Any]]:
     from fmopt.geometry.step_facets import facets_of
-    from fmopt.geometry.step_file import chosen, solids
+    from fmopt.geometry.step_file import chosen, solids, whole
 
     found = solids(path)
     wanted = range(len(found)) if which == "*" else [chosen([body.name for body in found], which)]
     told: list[dict[str, Any]] = [{"name": body.name, "place": body.place.tolist()} for body in found]
     for number in wanted:
         try:
-            told[number] |= facets_of(found[number].solid, deviation)
+            told[number] |= facets_of(whole(found[number].solid), deviation)
         except GeometryError as error:
             where = f"body {found[number].name or number + 1}: " if len(found) > 1 else ""
             raise GeometryError(f"{where}{error.message}", error.advice) from error
