@@ -28,7 +28,9 @@ _SPELT: dict[str, Unit] = {  # how trimesh says it
     **dict.fromkeys(("centimeter", "centimeters", "centimetre", "centimetres"), "cm"),
     **dict.fromkeys(("inch", "inches"), "in"),
 }
-_ADVICE = "give a solid of a CAD library, a mesh of trimesh or manifold3d, or an outline (n, 2) and its height as a pair"
+_ADVICE = (
+    "give a solid of a CAD library, a mesh of trimesh or manifold3d, or an outline (n, 2) and its height as a pair"
+)
 
 
 def part_of(thing: object, name: str = "part", unit: Unit | None = None, deviation: float = DEVIATION) -> Part:

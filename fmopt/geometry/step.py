@@ -21,7 +21,7 @@ from fmopt.errors import FmoptError, GeometryError, ResourceError, SizeError
 from fmopt.geometry.csg import exact_pose
 from fmopt.geometry.mesh import Imported, mesh_polyhedron
 from fmopt.geometry.mesh_file import MAX_TRIANGLES
-from fmopt.geometry.polyhedron import placed
+from fmopt.geometry.polyhedron import from_triangles, placed
 from fmopt.geometry.section import require_plausible
 from fmopt.se3 import Pose
 from fmopt.values import Value
@@ -140,7 +140,10 @@ def _imported(path: Path, one: dict[str, Any], called: str) -> Imported:
     except GeometryError as error:
         raise GeometryError(f"{path}{called}: {error.message}", error.advice) from error
     try:
-        mesh = mesh_polyhedron(points, triangles)
+        if one["own"]:
+            mesh = Imported(from_triangles(points, triangles), off or 0.0)
+        else:
+            mesh = mesh_polyhedron(points, triangles)
     except GeometryError as error:
         raise GeometryError(f"{path}{called}: cut into facets, {error.message}", _HEAL) from error
     notes = mesh.notes if one["around"] == 0.0 else (*mesh.notes, _enclosed(_MILLIMETRE * one["around"]))
@@ -148,7 +151,9 @@ def _imported(path: Path, one: dict[str, Any], called: str) -> Imported:
 
 
 def _enclosed(size: float) -> str:
-    return f"its fillets are enclosed by facets, which makes it up to {1e6 * size:.3g} µm larger there and nowhere smaller"
+    return (
+        f"its fillets are enclosed by facets, which makes it up to {1e6 * size:.3g} µm larger there and nowhere smaller"
+    )
 
 
 def _facets(answer: dict[str, Any]) -> tuple[Any, Any, float | None]:

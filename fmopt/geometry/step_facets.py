@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.mesh import mesh_polyhedron
 from fmopt.geometry.mesh_file import MAX_TRIANGLES
+from fmopt.geometry.mesh_repair import first_crossing
+from fmopt.geometry.polyhedron import from_triangles
 from fmopt.geometry.step_exact import Facets, exact_facets
 from fmopt.geometry.step_file import Same, inside
 from fmopt.geometry.step_surfaces import OtherSurfaceError
@@ -23,22 +24,24 @@ if TYPE_CHECKING:
 _COARSEST = 0.5  # rad between neighbouring facets
 _INSIDE = np.array([[1, 1, 1], [1.5, 1.5, 0], [0, 1.5, 1.5], [1.5, 0, 1.5]]) / 3.0  # where facets are held to surfaces
 _METRES = 1e-3  # a mm
+_FLAT = 1e-6  # of the diameter: facets that cross by less touch
 _ROUNDING = 1e-6  # of the volume
 _HEAL = "heal the solid where it was made"
 _COARSER = "export one part on its own, with simpler surfaces, or give a larger 'deviation'"
 
 
 def facets_of(solid: TopoDS_Shape, deviation: float) -> dict[str, Any]:
-    """The boundary of a solid: {"points": (n, 3) in mm, "triangles": (m, 3) outward, "off", "around"}.
+    """The boundary of a solid: {"points": (n, 3) in mm, "triangles": (m, 3) outward, "off", "around", "own"}.
 
     "off" is how far curved faces are from the facets, mm, None where there are none; "around" how much larger the
-    facets are than fillets of the solid. A solid of other surfaces than `step_exact` follows is cut by the kernel.
+    facets are than fillets of the solid; "own" whether they close by themselves. A solid of other surfaces than `step_exact` follows is cut by the kernel.
 
     Raises:
         GeometryError: the solid is open, or a face of it cannot be cut into facets.
     """
     _require_closed(solid)
     found = _from_surfaces(solid, deviation)
+    own = found is not None
     if found is None:
         points, triangles, off = _facets(solid, deviation)
         found = Facets(points, triangles, None if off is None else max(deviation, off), 0.0)
@@ -47,6 +50,7 @@ def facets_of(solid: TopoDS_Shape, deviation: float) -> dict[str, Any]:
         "triangles": found.triangles.tolist(),
         "off": found.off,
         "around": found.around,
+        "own": own,
     }
 
 
@@ -69,11 +73,13 @@ def _from_surfaces(solid: TopoDS_Shape, deviation: float) -> Facets | None:
 
 
 def _closes(found: Facets) -> bool:
-    """Whether each edge has two facets, but for corners on the edges of neighbours."""
+    """Whether each edge has two facets, and none passes through another."""
     try:
-        return not mesh_polyhedron(_METRES * found.points, found.triangles).mended
+        from_triangles(_METRES * found.points, found.triangles)
     except GeometryError:
         return False
+    span = float(np.linalg.norm(np.ptp(found.points, axis=0)))
+    return first_crossing(found.points, found.triangles, _FLAT * span) is None
 
 
 def _require_closed(solid: TopoDS_Shape) -> None:

@@ -164,7 +164,9 @@ class Grid:
         sides = _sides(radius, self._deviation)
         ends = [end for edge in edges if not self.curves[edge].closed for end in self.curves[edge].ends]
         given = _angles([end for end in ends if not self.idle(end)], first.origin, axes)
-        stops = np.array([_even(given, sides)]).ravel() if len(given) else (2.0 * np.arange(sides) + 1.0) * np.pi / sides
+        stops = (
+            np.array([_even(given, sides)]).ravel() if len(given) else (2.0 * np.arange(sides) + 1.0) * np.pi / sides
+        )
         steps = np.diff(np.append(stops, stops[0] + 2.0 * np.pi))
         off = radius * (1.0 - float(np.cos(0.5 * steps.max())))
         return Cuts((first.origin, axes), stops, np.ones(len(stops)), off, 0.0)
