@@ -103,7 +103,7 @@ def hull(sizes: np.ndarray) -> Hull:
 
 
 def key(r: np.random.Generator) -> Any:
-    x, y, z = r.uniform(4.0, 12.0, 3) + [0.0, 0.0, 20.0]
+    x, y, z = r.uniform((4.0, 4.0, 24.0), (12.0, 12.0, 32.0))
     return eased(box(x, y, z), 0.8, at_height(0.0))
 
 
@@ -139,7 +139,7 @@ def plate(r: np.random.Generator) -> Any:
 
 
 def filleted(r: np.random.Generator) -> Any:
-    x, y, z = r.uniform(10.0, 20.0, 3) + [0.0, 0.0, 15.0]
+    x, y, z = r.uniform((10.0, 10.0, 25.0), (20.0, 20.0, 35.0))
     round_ = eased(box(x, y, z), r.uniform(1.0, 3.0), upright, rounded=True)
     return eased(round_, 0.5, at_height(z), rounded=True)
 
@@ -238,26 +238,15 @@ def samples(shape: Any) -> np.ndarray:
     return np.array(found)
 
 
-def shell(shape: Any, leave_out: int) -> Any:
-    """The faces of a shape but for some, as a shell."""
+def shell(shape: Any) -> Any:
+    """The faces of a shape as a shell that bounds no solid."""
     from OCP.BRep import BRep_Builder
     from OCP.TopoDS import TopoDS_Shell
 
     made, builder = TopoDS_Shell(), BRep_Builder()
     builder.MakeShell(made)
-    for face in list(inside(shape, "FACE"))[leave_out:]:
+    for face in inside(shape, "FACE"):
         builder.Add(made, face)
-    return made
-
-
-def solid_without_a_face(shape: Any) -> Any:
-    """The shape as a solid that is open."""
-    from OCP.BRep import BRep_Builder
-    from OCP.TopoDS import TopoDS_Solid
-
-    made, builder = TopoDS_Solid(), BRep_Builder()
-    builder.MakeSolid(made)
-    builder.Add(made, shell(shape, 1))
     return made
 
 

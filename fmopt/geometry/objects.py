@@ -131,8 +131,8 @@ def _wrapped(thing: Any) -> Iterable[Any]:
 
 
 def _of_trimesh(thing: Any, unit: Unit | None) -> Imported:
-    said = getattr(thing, "units", None)
-    factor = _factor(unit or _SPELT.get(said, said), "the trimesh")
+    said = str(getattr(thing, "units", None) or "")
+    factor = _factor(unit or _SPELT.get(said, said) or None, "the trimesh")
     if not hasattr(thing, "faces"):
         raise GeometryError(
             f"a {type(thing).__name__} of trimesh is no mesh", "give one Trimesh, as of scene.to_mesh()"

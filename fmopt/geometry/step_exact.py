@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -262,9 +263,8 @@ class _Work:
         """The stops between which an edge runs, and its points there, in the direction of the cuts."""
         if cuts.axis is None:
             points = [curve.ends[0], *self._inner[edge], curve.ends[1]]
-            surface_like = self._falling(curve, edge)
-            ordered = points[::-1] if surface_like else points
-            yield from ((k, a, b) for k, (a, b) in enumerate(zip(ordered, ordered[1:], strict=False)))
+            ordered = points[::-1] if self._falling(curve, edge) else points
+            yield from ((k, a, b) for k, (a, b) in enumerate(pairwise(ordered)))
             return
         if curve.circle is not None:
             whole = abs(curve.last - curve.first) >= 2.0 * np.pi - _SLIVER
@@ -274,11 +274,12 @@ class _Work:
                 apart = abs((angle - _angle(middle, cuts) + np.pi) % (2.0 * np.pi) - np.pi)
                 own = abs((angle - cuts.stops[k] + np.pi) % (2.0 * np.pi) - np.pi)
                 if whole or apart < half + own - _SLIVER:
-                    yield k, *(_round(curve.circle, cuts, float(cuts.stops[i])) for i in (k, following))
+                    a, b = (_round(curve.circle, cuts, float(cuts.stops[i])) for i in (k, following))
+                    yield k, a, b
             return
         points = [*self._inner[edge]]
         points = [*points, points[0]] if curve.closed and points else [curve.ends[0], *points, curve.ends[1]]
-        for a, b in zip(points, points[1:], strict=False):
+        for a, b in pairwise(points):
             k = _interval(cuts, a, b)
             later = (_angle(b, cuts) - _angle(a, cuts) + np.pi) % (2.0 * np.pi) - np.pi > 0.0
             yield (k, a, b) if later else (k, b, a)
@@ -347,12 +348,12 @@ def _meridians(surface: Surface, cuts: Cuts) -> Iterator[tuple[tuple[float, floa
     origin, axes = cuts.axis
     middle, half = 0.5 * sum(surface.u), 0.5 * float(np.ptp(surface.u))
     for k, following, angle in intervals(cuts):
-        places = [
+        at = [
             surface.around(origin + axes[:, 0] * np.cos(a) + axes[:, 1] * np.sin(a))
             for a in (float(cuts.stops[k]), float(cuts.stops[following]), angle)
         ]
-        if abs((places[2] - middle + np.pi) % (2.0 * np.pi) - np.pi) < half:
-            yield (places[0], places[1]), (1.0, 1.0)
+        if abs((at[2] - middle + np.pi) % (2.0 * np.pi) - np.pi) < half:
+            yield (at[0], at[1]), (1.0, 1.0)
 
 
 def _round(circle: tuple[Array, Array, float], cuts: Cuts, angle: float) -> Array:

@@ -34,7 +34,8 @@ def facets_of(solid: TopoDS_Shape, deviation: float) -> dict[str, Any]:
     """The boundary of a solid: {"points": (n, 3) in mm, "triangles": (m, 3) outward, "off", "around", "own"}.
 
     "off" is how far curved faces are from the facets, mm, None where there are none; "around" how much larger the
-    facets are than fillets of the solid; "own" whether they close by themselves. A solid of other surfaces than `step_exact` follows is cut by the kernel.
+    facets are than fillets of the solid; "own" whether they are of its own surfaces and close by themselves. A solid of
+    other surfaces than `step_exact` follows is cut by the kernel.
 
     Raises:
         GeometryError: the solid is open, or a face of it cannot be cut into facets.
