@@ -238,14 +238,14 @@ def samples(shape: Any) -> np.ndarray:
     return np.array(found)
 
 
-def shell(shape: Any) -> Any:
-    """The faces of a shape as a shell that bounds no solid."""
+def shell(shape: Any, left_out: int = 0) -> Any:
+    """The faces of a shape, but for some, as a shell that bounds no solid."""
     from OCP.BRep import BRep_Builder
     from OCP.TopoDS import TopoDS_Shell
 
     made, builder = TopoDS_Shell(), BRep_Builder()
     builder.MakeShell(made)
-    for face in inside(shape, "FACE"):
+    for face in list(inside(shape, "FACE"))[left_out:]:
         builder.Add(made, face)
     return made
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from fmopt.geometry.mesh_file import MAX_TRIANGLES
 from fmopt.geometry.mesh_repair import first_crossing
 from fmopt.geometry.polyhedron import from_triangles
 from fmopt.geometry.step_exact import Facets, exact_facets
-from fmopt.geometry.step_file import Same, inside
+from fmopt.geometry.step_file import inside, openings
 from fmopt.geometry.step_surfaces import OtherSurfaceError
 
 if TYPE_CHECKING:
@@ -84,23 +83,10 @@ def _closes(found: Facets) -> bool:
 
 
 def _require_closed(solid: TopoDS_Shape) -> None:
-    """Refuses a solid with an edge that has one face only, by the place of the edge."""
-    from OCP.BRep import BRep_Tool
-    from OCP.BRepAdaptor import BRepAdaptor_Curve
-
-    faces: Counter[Same] = Counter()
-    for face in inside(solid, "FACE"):
-        faces.update(Same(edge) for edge in inside(face, "EDGE") if not BRep_Tool.Degenerated_s(edge))
-    if not faces:
+    if not any(inside(solid, "FACE")):
         raise GeometryError("its solid has no faces", _HEAL)
-    loose = [edge for edge, count in faces.items() if count == 1]
-    if loose:
-        curve = BRepAdaptor_Curve(loose[0].shape)
-        first, last = (curve.Value(at) for at in (curve.FirstParameter(), curve.LastParameter()))
-        where = " to ".join(f"({end.X():.4g}, {end.Y():.4g}, {end.Z():.4g}) mm" for end in (first, last))
-        raise GeometryError(
-            f"its shell is not closed: {len(loose)} edges have a face on one side only, the first from {where}", _HEAL
-        )
+    if where := openings([solid]):
+        raise GeometryError(f"its shell is not closed: {where}", _HEAL)
 
 
 def _facets(shape: TopoDS_Shape, deviation: float) -> tuple[Array, Indices, float | None]:

@@ -197,14 +197,34 @@ def _told_apart(found: list[PlacedSolid]) -> list[PlacedSolid]:
     return told
 
 
+def openings(shapes: list[TopoDS_Shape]) -> str:
+    """Where shapes are open: how many edges have a face on one side only, and where the first runs; "" if none is."""
+    from OCP.BRep import BRep_Tool
+    from OCP.BRepAdaptor import BRepAdaptor_Curve
+
+    count: Counter[Same] = Counter()
+    for shape in shapes:
+        for face in inside(shape, "FACE"):
+            count.update(Same(edge) for edge in inside(face, "EDGE") if not BRep_Tool.Degenerated_s(edge))
+    loose = [edge for edge, times in count.items() if times == 1]
+    if not loose:
+        return ""
+    curve = BRepAdaptor_Curve(loose[0].shape)
+    ends = [curve.Value(at) for at in (curve.FirstParameter(), curve.LastParameter())]
+    run = " to ".join(f"({end.X():.4g}, {end.Y():.4g}, {end.Z():.4g}) mm" for end in ends)
+    return f"{len(loose)} edges have a face on one side only, the first from {run}"
+
+
 def _without_solids(shapes: list[TopoDS_Shape]) -> tuple[str, str]:
     """What a file without solids holds, and what to do."""
-    shells = sum(1 for shape in shapes for _ in inside(shape, "SHELL"))
     faces = sum(1 for shape in shapes for _ in inside(shape, "FACE"))
-    if faces:
-        what = f"{faces} faces in {shells} shells, which bound" if shells else f"{faces} loose faces, which bound"
-        return f"it holds {what} no solid", "export the solid, not its surfaces; close them where there are gaps"
-    return "it holds no solids", "export the solid, not its surfaces"
+    if not faces:
+        return "it holds no solids", "export the solid, not its surfaces"
+    where = openings(shapes)
+    what = f"it holds {faces} faces that bound no solid"
+    if where:
+        return f"{what}: {where}", "close the surface where it was made, and export the solid"
+    return what, "they close: export them as a solid, not as surfaces"
 
 
 def write(path: Path, shapes: list[TopoDS_Shape], scale: float = 1.0) -> None:
