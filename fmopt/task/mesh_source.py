@@ -28,8 +28,12 @@ def mesh_faults(source: Source, mesh: Mesh) -> list[Fault]:
     """A mesh without a unit, with its size in the numbers of its file to choose by; or a STEP file with one."""
     if is_step(mesh):
         return list(_step_faults(source, mesh))
+    faults = []
+    if mesh.body is not None:
+        place = source.place(("mesh", "body"), of_key=True)
+        faults.append(place.fault("conflict", "only a STEP file holds bodies to choose from", "remove 'body'"))
     if mesh.unit is not None:
-        return []
+        return faults
     advice = "add 'unit' to [mesh]: m, cm, mm, um or in"
     try:
         from fmopt.geometry.mesh import extents
@@ -38,7 +42,7 @@ def mesh_faults(source: Source, mesh: Mesh) -> list[Fault]:
     except (GeometryError, ResourceError, InputError) as error:
         size, advice = f"not known: {error}", f"{advice}; and mend the file"
     message = f"the unit of the mesh is missing; its size in the file's own numbers is {size}"
-    return [source.place(("mesh",), of_key=True).fault("missing-key", message, advice)]
+    return [*faults, source.place(("mesh",), of_key=True).fault("missing-key", message, advice)]
 
 
 def _step_faults(source: Source, mesh: Mesh) -> Iterator[Fault]:
@@ -69,7 +73,7 @@ def imported(source: Source, mesh: Mesh) -> Imported:
         if is_step(mesh):
             from fmopt.geometry.step import DEVIATION, load_step
 
-            return load_step(path, mesh.deviation or DEVIATION)
+            return load_step(path, mesh.deviation or DEVIATION, str(mesh.body or ""))
         from fmopt.geometry.mesh import load_mesh
 
         return load_mesh(path, mesh.unit or "mm")
