@@ -5,12 +5,15 @@ Planes through the edges of fixed pieces, between the two faces of each, that ke
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.curvature import Course
+from fmopt.certificate.kernels_rows import ROW
+from fmopt.certificate.lower import Places, Sides, best_sides
 from fmopt.certificate.pair import BEHIND, Facing, Pair, Witness, free_plane
 from fmopt.certificate.separating_plane import Block, Candidates, Separation
 from fmopt.contact.primitive import Kind
@@ -32,30 +35,40 @@ def choose_separations(assembly: Assembly, facing: Facing, course: Course) -> li
     Pieces in touch are kept apart by a plane that the contacts themselves lie in; others by any plane through an edge
     of the fixed piece, or by a face of the moving one.
     """
-    table = _tables(assembly, facing)
-    least = np.full((len(course.motion.twist), len(facing.listed)), -np.inf)
-    free = [(places, _fans(facing, places).best(course)) for _, places in facing.apart]
-    for places, planes in free:
-        least[:, places] = np.where(planes.clearances >= -_GRAZING, planes.margins, -np.inf)
-    found = table.best(course, least, _GRAZING)
-    chosen = [
-        [
-            Separation(table.witnesses[n], margin, clearance) if n >= 0 else None
-            for n, margin, clearance in zip(*row, strict=True)
-        ]
-        for row in zip(*(each.tolist() for each in found), strict=True)
-    ]
-    for places, planes in free:
-        for k, row in enumerate(chosen):
-            for m, n in enumerate(places):
-                if row[n] is None and least[k, n] > -np.inf:
-                    row[n] = planes.separation(k, m)
+    chosen: list[list[Separation | None]] = [[None] * len(facing.listed) for _ in course.motion.twist]
+    touched = _touched(assembly, facing)
+    if touched is not None:
+        least = np.full((len(chosen), len(touched.places)), -np.inf)
+        found = touched.table.best(course, least, _GRAZING)
+        for row, each in zip(chosen, zip(*(part.tolist() for part in found), strict=True), strict=True):
+            for place, n, margin, clearance in zip(touched.places, *each, strict=True):
+                row[place] = Separation(touched.table.witnesses[n], margin, clearance) if n >= 0 else None
+    for _, places in facing.apart:
+        planes, sides = _fans(facing, places).best(course), _sides(facing, places)
+        least = np.where(planes.clearances >= -_GRAZING, planes.margins, -np.inf)
+        found = sides.best(course, least, _GRAZING)
+        for k, (row, each) in enumerate(zip(chosen, zip(*(part.tolist() for part in found), strict=True), strict=True)):
+            for m, (place, n, margin, clearance) in enumerate(zip(places, *each, strict=True)):
+                if n >= 0:
+                    row[place] = Separation(sides.witnesses[n], margin, clearance)
+                elif least[k, m] > -np.inf:
+                    row[place] = planes.separation(k, m)
     return chosen
 
 
+@dataclass(frozen=True, eq=False)
+class _Touched:
+    """The pairs of pieces that contacts bear on, by their places in the list, and what may keep each apart."""
+
+    places: tuple[int, ...]
+    table: Candidates
+
+
 @remembered(_MEMORY)
-def _tables(assembly: Assembly, facing: Facing) -> Candidates:
-    return Candidates.of([_block(assembly, pair) for _, _, pair in facing.listed])
+def _touched(assembly: Assembly, facing: Facing) -> _Touched | None:
+    places = tuple(n for n, (_, _, pair) in enumerate(facing.listed) if pair.touched)
+    blocks = [_block(assembly, facing.listed[n][2]) for n in places]
+    return _Touched(places, Candidates.of(blocks)) if places else None
 
 
 @remembered(_MEMORY)
@@ -69,11 +82,37 @@ def _fans(facing: Facing, places: tuple[int, ...]) -> Fans:
     return fans(pairs[0].moving, tuple(pair.fixed for pair in pairs))
 
 
+@remembered(_MEMORY)
+def _sides(facing: Facing, places: tuple[int, ...]) -> FaceSides:
+    pairs = [facing.listed[n][2] for n in places]
+    return FaceSides.of(pairs[0].moving, [pair.fixed for pair in pairs])
+
+
+@dataclass(frozen=True, eq=False)
+class FaceSides:
+    """The faces of a moving piece as planes that may keep fixed pieces (m) off, which no contact touches."""
+
+    witnesses: tuple[Witness, ...]
+    sides: Sides
+
+    @staticmethod
+    def of(moving: Polyhedron, pieces: Sequence[Polyhedron]) -> FaceSides:
+        """The faces of a moving piece over some fixed ones."""
+        normals = np.array([face.normal for face in moving.faces])
+        offsets = np.array([float((moving.vertices @ face.normal).max()) for face in moving.faces])
+        cuts = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
+        corners = np.concatenate([piece.vertices for piece in pieces])
+        witnesses = tuple(Witness("moving-face", face.loops[0], ()) for face in moving.faces)
+        return FaceSides(witnesses, Sides(normals, offsets, corners, cuts))
+
+    def best(self, course: Course, least: Array, grazing: float) -> tuple[Places, Array, Array]:
+        """For each piece the face with the largest margin over pieces of motion; see `best_sides`."""
+        return best_sides(self.sides, np.zeros(1, ROW), course.motion, least, grazing)
+
+
 def _candidates(assembly: Assembly, pair: Pair) -> tuple[Witness, ...]:
     """Planes of faces, and those along the two edges of the pair's edge–edge contacts."""
     own = [Witness("moving-face", face.loops[0], ()) for face in pair.moving.faces]
-    if not pair.touched:
-        return tuple(own)
     faces = [Witness("fixed-face", (), face.loops[0]) for face in pair.fixed.faces]
     return (*faces, *own, *_contact_edges(assembly, pair))
 
