@@ -86,7 +86,9 @@ def _carried(part: Polyhedron, piece: Polyhedron) -> frozenset[tuple[str, int]]:
     """See `Assembly.carried`; only what lies in a box around the piece is held against it."""
     low, high = piece.vertices.min(axis=0) - 2.0 * TOUCH, piece.vertices.max(axis=0) + 2.0 * TOUCH
     inside = np.all((part.vertices >= low) & (part.vertices <= high), axis=1)
-    vertices = [n for n in np.flatnonzero(inside).tolist() if (lengths(piece.vertices - part.vertices[n]) <= TOUCH).any()]
+    vertices = [
+        n for n in np.flatnonzero(inside).tolist() if (lengths(piece.vertices - part.vertices[n]) <= TOUCH).any()
+    ]
     spans = piece.vertices[[edge.vertices for edge in piece.edges]]
     ends = part.vertices[[edge.vertices for edge in part.edges]]
     ways = ends[:, 1] - ends[:, 0]
@@ -100,8 +102,8 @@ def _carried(part: Polyhedron, piece: Polyhedron) -> frozenset[tuple[str, int]]:
     own = [part.vertices[list(face.loops[0])] for face in part.faces]
     firsts = np.array([points[0] for points in own])
     for face in piece.faces:
-        near = np.abs(firsts @ face.normal - face.offset) <= TOUCH
-        faces.update(n for n in np.flatnonzero(near).tolist() if in_plane(own[n], face.normal, face.offset))
+        level = np.flatnonzero(np.abs(firsts @ face.normal - face.offset) <= TOUCH)
+        faces.update(n for n in level.tolist() if in_plane(own[n], face.normal, face.offset))
     kinds = (("vertex", vertices), ("edge", edges), ("face", faces))
     return frozenset((kind, n) for kind, found in kinds for n in found)
 

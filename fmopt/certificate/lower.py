@@ -298,7 +298,11 @@ def best_sides(
         faces (n, m), −1 where none is good enough, their margins and their clearances, m.
     """
     count, pairs, rooms = motion.p.shape[1], len(sides.cuts) - 1, np.empty(len(sides.normals))
-    found, margins, clearances = np.empty((count, pairs), dtype=np.intp), np.empty((count, pairs)), np.empty((count, pairs))
+    found, margins, clearances = (
+        np.empty((count, pairs), dtype=np.intp),
+        np.empty((count, pairs)),
+        np.empty((count, pairs)),
+    )
     for n in range(count):
         for m in range(pairs):
             first, last, most, at = sides.cuts[m], sides.cuts[m + 1], least[n, m], len(rooms)

@@ -19,6 +19,7 @@ from fmopt.values import Array
 Bits = NDArray[np.bool_]
 
 _PARALLEL = 1e-12  # squared sine below which two normals span no arc
+_BALL = 0.5 + 1e-9  # of an edge's length, the radius of the ball around it
 _TOGETHER = 1e-12  # distance of a unit vector from an arc on which it lies
 
 
@@ -117,7 +118,15 @@ def edges_at_edges(own: Ridges, other: Ridges, T: Array, reach: float, angle: fl
         b = plus(turned(T, last), 1.0, p)
         left, right = turned(T, row(own.arcs[i], 0)), turned(T, row(own.arcs[i], 1))
         left, right = (-left[0], -left[1], -left[2]), (-right[0], -right[1], -right[2])
+        # Edges are no nearer than the balls around them.
+        middle, radius = plus(a, 0.5, plus(b, -1.0, a)), _BALL * size(plus(b, -1.0, a))
         for j in range(near.shape[1]):
+            c, d = row(other.ends[j], 0), row(other.ends[j], 1)
+            way = plus(d, -1.0, c)
+            far = plus(plus(c, 0.5, way), -1.0, middle)
+            room = limit + radius + _BALL * size(way)
+            if dot(far, far) > room * room:
+                continue
             if size(cross(along, row(other.directions, j))) < sine:
                 continue
             if segment_distance(a, b, row(other.ends[j], 0), row(other.ends[j], 1)) > limit:

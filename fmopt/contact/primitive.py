@@ -28,7 +28,7 @@ from fmopt.se3 import Pose, cross
 from fmopt.values import Array, remembered
 
 PARALLEL = math.radians(1.0)  # rad; edges closer than this in direction have no edge–edge contact
-_CONTACTS = 4096
+_CONTACTS = 32768
 
 
 class Kind(StrEnum):
@@ -176,14 +176,22 @@ def near_contacts(
     """
     own, other, back = _features(moving), _features(fixed), pose.inverse()
     T, T_back = matrices(pose.p, pose.R), matrices(back.p, back.R)
-    tips = vertices_at_faces(own.corners, other.walls, T, reach, angle, True)
     horns = vertices_at_faces(other.corners, own.walls, T_back, reach, angle, False)
     crossing = edges_at_edges(own.ridges, other.ridges, T, reach, angle, math.sin(PARALLEL))
     return (
-        *(vertex_face(fixed, v, f) for v, f in _pairs(tips, own.vertices)),
+        *near_tips(moving, fixed, pose, reach, angle),
         *(face_vertex(moving, f, v) for v, f in _pairs(horns, other.vertices)),
         *_crossing(moving, fixed, pose.R, _pairs(crossing, own.edges, other.edges)),
     )
+
+
+def near_tips(
+    moving: Polyhedron, fixed: Polyhedron, pose: Pose, reach: float, angle: float
+) -> tuple[PrimitiveContact, ...]:
+    """Those of `near_contacts` that are of a moving vertex on a fixed face."""
+    own, other = _features(moving), _features(fixed)
+    tips = vertices_at_faces(own.corners, other.walls, matrices(pose.p, pose.R), reach, angle, True)
+    return tuple(vertex_face(fixed, v, f) for v, f in _pairs(tips, own.vertices))
 
 
 def matrices(p: Array, R: Array) -> Array:

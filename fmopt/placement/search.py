@@ -24,10 +24,10 @@ from itertools import islice
 import numpy as np
 
 from fmopt.compiled import clock
-from fmopt.contact.primitive import Kind, PrimitiveContact
+from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import SearchError
 from fmopt.placement.entry import Entry, Leant
-from fmopt.placement.explore import Freedom, Near, Place, guarded, insides, neighbourhood
+from fmopt.placement.explore import Freedom, Near, Place, guarded, insides, neighbourhood, tips
 from fmopt.placement.motion import Move, Reached
 from fmopt.placement.step import Costs, Node, Task, son, sons
 from fmopt.se3 import Pose
@@ -327,8 +327,8 @@ def _onto_top(task: Task, node: Node, freedom: Freedom, corners: Array) -> Node 
     vertices = assembly.moving.polyhedron.vertices
     near = [
         contact
-        for contact in neighbourhood(assembly, node.place, freedom, task.costs.reach).contacts
-        if contact.kind is Kind.VERTEX_FACE and (corners == vertices[contact.moving_feature]).all(axis=1).any()
+        for contact in tips(assembly, node.place, freedom, task.costs.reach)
+        if (corners == vertices[contact.moving_feature]).all(axis=1).any()
     ]
     move = guarded(assembly, node.place, freedom, Near.of(assembly, near))
     if move is None:

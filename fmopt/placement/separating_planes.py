@@ -5,8 +5,9 @@ Planes through the edges of fixed pieces, between the two faces of each, that ke
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,30 +36,49 @@ def choose_separations(assembly: Assembly, facing: Facing, course: Course) -> li
     Pieces in touch are kept apart by a plane that the contacts themselves lie in; others by any plane through an edge
     of the fixed piece, or by a face of the moving one.
     """
-    chosen: list[list[Separation | None]] = [[None] * len(facing.listed) for _ in course.motion.twist]
+    pieces, pairs = len(course.motion.twist), len(facing.listed)
+    chosen: list[list[Separation | None]] = [[None] * pairs for _ in range(pieces)]
+    least, before = np.full((pieces, pairs), -np.inf), np.zeros((pieces, pairs), dtype=np.bool_)
     touched = _touched(assembly, facing)
     if touched is not None:
-        least = np.full((len(chosen), len(touched.places)), -np.inf)
-        found = touched.table.best(course, least, _GRAZING)
-        for row, each in zip(chosen, zip(*(part.tolist() for part in found), strict=True), strict=True):
-            for place, n, margin, clearance in zip(touched.places, *each, strict=True):
-                row[place] = Separation(touched.table.witnesses[n], margin, clearance) if n >= 0 else None
-    for _, places in facing.apart:
-        planes, sides = _fans(facing, places).best(course), _sides(facing, places)
-        least = np.where(planes.clearances >= -_GRAZING, planes.margins, -np.inf)
-        found = sides.best(course, least, _GRAZING)
-        for k, (row, each) in enumerate(zip(chosen, zip(*(part.tolist() for part in found), strict=True), strict=True)):
-            for m, (place, n, margin, clearance) in enumerate(zip(places, *each, strict=True)):
-                if n >= 0:
-                    row[place] = Separation(sides.witnesses[n], margin, clearance)
-                elif least[k, m] > -np.inf:
-                    row[place] = planes.separation(k, m)
+        places = list(touched.places)
+        for k, m, found in _listed(*touched.table.best(course, least[:, places], _GRAZING)):
+            witness = touched.table.witnesses[found.number]
+            chosen[k][places[m]] = Separation(witness, found.margin, found.clearance)
+            least[k, places[m]], before[k, places[m]] = found.margin, witness.kind != "edges"
+    for _, free in facing.apart:
+        planes = _fans(facing, free).best(course)
+        for k, m in np.argwhere(planes.clearances >= -_GRAZING).tolist():
+            chosen[k][free[m]], least[k, free[m]] = planes.separation(k, m), planes.margins[k, m]
+    for own in _facing_faces(facing):
+        for k, m, found in _listed(*own.best(course, least[:, own.places], _GRAZING)):
+            place = own.places[m]
+            # Of two that keep as much the first in the order of kinds counts: fixed faces, moving ones, edges.
+            if found.margin > least[k, place] or not before[k, place]:
+                chosen[k][place] = Separation(own.witnesses[found.number], found.margin, found.clearance)
     return chosen
+
+
+class _Found(NamedTuple):
+    """The number of a witness with its margin and its clearance, m."""
+
+    number: int
+    margin: float
+    clearance: float
+
+
+def _listed(numbers: Places, margins: Array, clearances: Array) -> Iterator[tuple[int, int, _Found]]:
+    """What was found for pairs (m) over pieces of motion (n), each with both places."""
+    for k, m in np.argwhere(numbers >= 0).tolist():
+        yield k, m, _Found(int(numbers[k, m]), float(margins[k, m]), float(clearances[k, m]))
 
 
 @dataclass(frozen=True, eq=False)
 class _Touched:
-    """The pairs of pieces that contacts bear on, by their places in the list, and what may keep each apart."""
+    """The pairs of pieces that contacts bear on, by their places in the list, and what may keep each apart.
+
+    Where no contact is on a face of the moving piece, its faces are no part of it.
+    """
 
     places: tuple[int, ...]
     table: Candidates
@@ -66,14 +86,20 @@ class _Touched:
 
 @remembered(_MEMORY)
 def _touched(assembly: Assembly, facing: Facing) -> _Touched | None:
-    places = tuple(n for n, (_, _, pair) in enumerate(facing.listed) if pair.touched)
-    blocks = [_block(assembly, facing.listed[n][2]) for n in places]
-    return _Touched(places, Candidates.of(blocks)) if places else None
+    touched = [(n, pair) for n, (_, _, pair) in enumerate(facing.listed) if pair.touched]
+    blocks = [(n, _block(assembly, pair)) for n, pair in touched]
+    told = [(n, block) for n, block in blocks if block.counted]
+    return _Touched(tuple(n for n, _ in told), Candidates.of([block for _, block in told])) if told else None
 
 
 @remembered(_MEMORY)
 def _block(assembly: Assembly, pair: Pair) -> Block:
     return Block.of(assembly, pair, _candidates(assembly, pair))
+
+
+def _faces_count(pair: Pair) -> bool:
+    """Whether all rows of the moving piece's faces count: no contact puts a vertex of the fixed piece on one."""
+    return not any(contact.kind is Kind.FACE_VERTEX for contact in (*pair.state, *pair.beside))
 
 
 @remembered(_MEMORY)
@@ -82,28 +108,34 @@ def _fans(facing: Facing, places: tuple[int, ...]) -> Fans:
     return fans(pairs[0].moving, tuple(pair.fixed for pair in pairs))
 
 
-@remembered(_MEMORY)
-def _sides(facing: Facing, places: tuple[int, ...]) -> FaceSides:
-    pairs = [facing.listed[n][2] for n in places]
-    return FaceSides.of(pairs[0].moving, [pair.fixed for pair in pairs])
+@remembered(1)
+def _facing_faces(facing: Facing) -> tuple[Faces, ...]:
+    """The faces of each moving piece with the pairs of it for which all of their rows count."""
+    found: dict[Polyhedron, list[int]] = {}
+    for n, (_, _, pair) in enumerate(facing.listed):
+        if _faces_count(pair):
+            found.setdefault(pair.moving, []).append(n)
+    return tuple(Faces.of(facing, piece, places) for piece, places in found.items())
 
 
 @dataclass(frozen=True, eq=False)
-class FaceSides:
-    """The faces of a moving piece as planes that may keep fixed pieces (m) off, which no contact touches."""
+class Faces:
+    """The faces of a moving piece as planes that may keep it off fixed ones, by the places of these pairs."""
 
+    places: list[int]
     witnesses: tuple[Witness, ...]
     sides: Sides
 
     @staticmethod
-    def of(moving: Polyhedron, pieces: Sequence[Polyhedron]) -> FaceSides:
-        """The faces of a moving piece over some fixed ones."""
+    def of(facing: Facing, moving: Polyhedron, places: list[int]) -> Faces:
+        """The faces of a moving piece in some pairs."""
+        pieces = [facing.listed[n][2].fixed for n in places]
         normals = np.array([face.normal for face in moving.faces])
         offsets = np.array([float((moving.vertices @ face.normal).max()) for face in moving.faces])
         cuts = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
         corners = np.concatenate([piece.vertices for piece in pieces])
         witnesses = tuple(Witness("moving-face", face.loops[0], ()) for face in moving.faces)
-        return FaceSides(witnesses, Sides(normals, offsets, corners, cuts))
+        return Faces(places, witnesses, Sides(normals, offsets, corners, cuts))
 
     def best(self, course: Course, least: Array, grazing: float) -> tuple[Places, Array, Array]:
         """For each piece the face with the largest margin over pieces of motion; see `best_sides`."""
@@ -112,7 +144,7 @@ class FaceSides:
 
 def _candidates(assembly: Assembly, pair: Pair) -> tuple[Witness, ...]:
     """Planes of faces, and those along the two edges of the pair's edge–edge contacts."""
-    own = [Witness("moving-face", face.loops[0], ()) for face in pair.moving.faces]
+    own = [] if _faces_count(pair) else [Witness("moving-face", face.loops[0], ()) for face in pair.moving.faces]
     faces = [Witness("fixed-face", (), face.loops[0]) for face in pair.fixed.faces]
     return (*faces, *own, *_contact_edges(assembly, pair))
 
