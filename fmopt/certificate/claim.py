@@ -13,6 +13,7 @@ from fmopt.certificate.pair import Facing, facing
 from fmopt.certificate.segment import Advance, Piece, Tolerance, advance
 from fmopt.certificate.separating_plane import Separation
 from fmopt.contact.primitive import PrimitiveContact
+from fmopt.deadline import heed
 from fmopt.errors import InfeasibleError
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array
@@ -94,10 +95,12 @@ def claimed(
 
     Raises:
         InfeasibleError: a pair of pieces overlaps nominally.
+        OverdueError: there is no time left.
     """
     found: list[Claim] = []
     # Of pieces of motion one after the other under the same contacts the same is asked: at once.
     for _, group in groupby(steps, lambda step: _contacts_of(step[0])):
+        heed()
         alike = list(group)
         listed = facing(assembly, alike[0][0])
         course = Course.of([step.ends for _, step in alike])

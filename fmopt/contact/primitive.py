@@ -23,6 +23,7 @@ from fmopt.contact.nearness import (
     segment_distance,
     vertices_at_faces,
 )
+from fmopt.deadline import heed
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.se3 import Pose, cross
 from fmopt.values import Array, remembered
@@ -173,7 +174,11 @@ def near_contacts(
         pose: pose of the moving part.
         reach: largest shift of the body origin, m.
         angle: largest turn about the body origin, rad.
+
+    Raises:
+        OverdueError: there is no time left.
     """
+    heed()
     own, other, back = _features(moving), _features(fixed), pose.inverse()
     T, T_back = matrices(pose.p, pose.R), matrices(back.p, back.R)
     horns = vertices_at_faces(other.corners, own.walls, T_back, reach, angle, False)
@@ -188,7 +193,8 @@ def near_contacts(
 def near_tips(
     moving: Polyhedron, fixed: Polyhedron, pose: Pose, reach: float, angle: float
 ) -> tuple[PrimitiveContact, ...]:
-    """Those of `near_contacts` that are of a moving vertex on a fixed face."""
+    """Those of `near_contacts` that are of a moving vertex on a fixed face; arguments and errors as there."""
+    heed()
     own, other = _features(moving), _features(fixed)
     tips = vertices_at_faces(own.corners, other.walls, matrices(pose.p, pose.R), reach, angle, True)
     return tuple(vertex_face(fixed, v, f) for v, f in _pairs(tips, own.vertices))

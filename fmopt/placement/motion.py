@@ -17,6 +17,7 @@ from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Compliance, Piece, Tolerance
 from fmopt.contact.meet import Poses
 from fmopt.contact.primitive import Kind, PrimitiveContact
+from fmopt.deadline import heed
 from fmopt.errors import InfeasibleError
 from fmopt.placement import keeping
 from fmopt.placement.flush import described, on_wall
@@ -163,6 +164,7 @@ def unroll(
 
     Raises:
         InfeasibleError: parts overlap nominally on the way, or a step is impossible.
+        OverdueError: there is no time left.
     """
     turn = length(se3.log(move.goal.R @ move.start.R.T))
     count = max(math.ceil(turn / step - 1e-9), 1)
@@ -171,6 +173,7 @@ def unroll(
     # Most of the moves that a search tries fail in every way: there two of them say enough.
     others = (2 * count, -(-2 * count // 3), -(-count // 2), 4 * count, -(-count // 3)) if thorough else ()
     for pieces in dict.fromkeys((count, *others, 1)):
+        heed()
         try:
             return _unroll(assembly, move, reached, tolerance, pieces, thorough)
         except InfeasibleError as error:
