@@ -191,11 +191,11 @@ class _Tried:
         closest = getattr(self.error, "attempt", None)
         if closest is None:
             return None
-        names, onward = self.image.own_names(closest.node.names), closest.ways_on
-        ways = zip(
-            self.image.own_names([n for n, _ in onward]), self.image.own_moves([m for _, m in onward]), strict=True
-        )
-        return Attempt("search", self.image.own_moves(closest.node.moves), names, tuple(ways), closest.order[0])
+        image, onward = self.image, closest.ways_on
+        named = image.own_names(name for name, _ in onward)
+        ways = tuple(zip(named, image.own_moves(move for _, move in onward), strict=True))
+        names = image.own_names(closest.node.names)
+        return Attempt("search", image.own_moves(closest.node.moves), names, ways, closest.order[0])
 
 
 def motion(posed: Posed, stages: Stages) -> tuple[Searched, Placed]:

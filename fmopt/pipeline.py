@@ -5,6 +5,8 @@ Problem → Posed (assembly, errors) → CertifiedMotion → ControlledMotion �
 
 from __future__ import annotations
 
+import math
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -12,9 +14,11 @@ from typing import Any
 import numpy as np
 
 from fmopt import plan
+from fmopt.compiled import clock
 from fmopt.contact.graph import Scale
 from fmopt.control.strategy import controlled
-from fmopt.errors import InfeasibleError, SearchError
+from fmopt.deadline import heed, until
+from fmopt.errors import InfeasibleError, OverdueError, SearchError
 from fmopt.knowledge.command import answer
 from fmopt.motion import Posed, Progress, Stages, motion, under_errors
 from fmopt.nominal.freedom import freedom, half_widths
@@ -65,10 +69,11 @@ def synthesise(problem: Problem, progress: Progress = lambda _: None) -> Synthes
         SearchError: no motion was found.
         InfeasibleError: no bias force holds the contacts.
     """
-    if problem.settings.reduce_errors:
-        return _for_as_much(problem, progress)
-    stages = Stages(progress)
-    return _completed(problem, certified_motion(problem, stages), stages)
+    with until(clock() + problem.settings.time_limit):
+        if problem.settings.reduce_errors:
+            return _for_as_much(problem, progress)
+        stages = Stages(progress)
+        return _completed(problem, certified_motion(problem, stages), stages)
 
 
 @few_collections()
@@ -87,9 +92,13 @@ def certified_motion(problem: Problem, stages: Stages | None = None) -> Certifie
 
 
 def _completed(problem: Problem, motion: CertifiedMotion, stages: Stages) -> Synthesis:
-    """A motion with its plan, and how much error it tolerates."""
+    """A motion with its plan, and how much error it tolerates, where there is time to find out."""
     stages.progress("how much error the motion tolerates")
-    measured = _error_tolerance(problem, motion)
+    try:
+        heed()
+        measured = _error_tolerance(problem, motion)
+    except OverdueError:
+        measured = None
     stages.ended("tolerances")
     document, verdict = planned(problem, motion, stages, measured)
     return Synthesis(document, verdict, stages.seconds)
@@ -101,6 +110,8 @@ def planned(
 ) -> tuple[dict[str, Any], Verdict]:
     """The sealed plan of a motion, and the verdict of the independent check on it; errors as of `synthesise`.
 
+    What its verdict does not rest on is left out where there is no time for it.
+
     Args:
         problem: the task.
         motion: the motion.
@@ -108,13 +119,18 @@ def planned(
         measured: how much error the motion tolerates, where that is to be in the plan.
     """
     stages = stages or Stages()
-    stages.progress("nominal trajectory")
-    nominal = nominal_motion(problem, motion.errors, motion.tolerance.rho)
-    stages.ended("nominal")
-    states = _contact_states(motion, nominal)
+    described = None
+    with suppress(OverdueError):
+        heed()
+        stages.progress("nominal trajectory")
+        nominal = nominal_motion(problem, motion.errors, motion.tolerance.rho)
+        stages.ended("nominal")
+        described = nominal, _contact_states(motion, nominal)
     stages.ended("contact")
     stages.progress("control strategies")
-    document = plan_document(problem, nominal, states, controlled(problem, motion, ranges=True), measured)
+    with until(math.inf):  # a motion that is certified is worth the seconds that this takes
+        run = controlled(problem, motion, ranges=described is not None)
+        document = plan_document(problem, *described, run, measured) if described else proof_document(problem, run)
     stages.ended("control")
     stages.progress("checking the certificate")
     checked = _checked(document)
