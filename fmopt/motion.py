@@ -243,8 +243,8 @@ def _motion(posed: Posed, stages: Stages, deadline: float) -> tuple[Searched, Pl
 
 def _told(failures: Sequence[_Tried], deadline: float) -> FmoptError:
     """The failure that is told of some attempts, with how far the one came that came farthest."""
-    told = min((tried.error for tried in failures), key=_telling)
     farthest = max(failures, key=lambda tried: tried.order)
+    told = min(failures, key=lambda tried: (_telling(tried.error), tried is not farthest)).error
     assert isinstance(told, SearchError | InfeasibleError)
     try:
         with until(deadline + GRACE):

@@ -20,7 +20,7 @@ from fmopt.control.strategy import controlled
 from fmopt.deadline import heed, until
 from fmopt.errors import InfeasibleError, OverdueError, SearchError
 from fmopt.knowledge.command import answer
-from fmopt.motion import Posed, Progress, Stages, motion, under_errors
+from fmopt.motion import Attempt, Posed, Progress, Stages, motion, under_errors
 from fmopt.nominal.freedom import freedom, half_widths
 from fmopt.nominal.mapping import answered
 from fmopt.nominal.trajectory import critical_poses
@@ -56,13 +56,29 @@ class Synthesis:
         return _certified(self.verdict)
 
 
+@dataclass(frozen=True)
+class Share:
+    """The largest share of all start errors for which a plan is proved.
+
+    Args:
+        share: 0 where there is none.
+        margin: the least of its motion, m.
+        late: whether time ended an attempt, so that more of it might have found more.
+    """
+
+    share: float
+    margin: float
+    late: bool
+
+
 @few_collections()
-def synthesise(problem: Problem, progress: Progress = lambda _: None) -> Synthesis:
+def synthesise(problem: Problem, progress: Progress = lambda _: None, reserved: float = 0.0) -> Synthesis:
     """Solves a problem, or as much of its start errors as there is a plan for where its settings ask for that.
 
     Args:
         problem: the task.
         progress: told what is being done.
+        reserved: share of the time limit that the search leaves for `nearest`.
 
     Raises:
         InterferenceError: the parts overlap when assembled, or their clearance is not positive.
@@ -73,7 +89,34 @@ def synthesise(problem: Problem, progress: Progress = lambda _: None) -> Synthes
         if problem.settings.reduce_errors:
             return _for_as_much(problem, progress)
         stages = Stages(progress)
-        return _completed(problem, certified_motion(problem, stages), stages)
+        found = certified_motion(_within(problem, (1.0 - reserved) * problem.settings.time_limit), stages)
+        return _completed(problem, found, stages)
+
+
+def nearest(problem: Problem, seconds: float, progress: Progress = lambda _: None) -> Share:
+    """The largest share of the start errors, in steps of 5 %, below that of 1 %, for which a plan is proved.
+
+    Args:
+        problem: the task, which has no plan for all of them.
+        seconds: how long that may take; each share that is tried may take its part of what is left of it.
+        progress: told what is being done.
+    """
+    lates, moment = list[bool](), clock() + seconds
+
+    def tried(share: float) -> tuple[Problem, CertifiedMotion, Stages] | None:
+        left = max(moment - clock(), 0.0) / max(ATTEMPTS - len(lates), 1)
+        return _for_share(problem, share, left, progress, lates)
+
+    with until(moment):
+        found = largest_share(tried)
+    if found is None:
+        return Share(0.0, 0.0, any(lates))
+    return Share(found[0], found[1][1].placed.margin, any(lates))
+
+
+def _within(problem: Problem, seconds: float) -> Problem:
+    """The problem with another time limit."""
+    return replace(problem, settings=replace(problem.settings, time_limit=seconds))
 
 
 @few_collections()
@@ -100,7 +143,11 @@ def _completed(problem: Problem, motion: CertifiedMotion, stages: Stages) -> Syn
     except OverdueError:
         measured = None
     stages.ended("tolerances")
-    document, verdict = planned(problem, motion, stages, measured)
+    try:
+        document, verdict = planned(problem, motion, stages, measured)
+    except InfeasibleError as error:
+        error.attempt = Attempt("control", motion.placed.moves, motion.found.names, seated=True)
+        raise
     return Synthesis(document, verdict, stages.seconds)
 
 
@@ -197,7 +244,7 @@ def _for_as_much(problem: Problem, progress: Progress) -> Synthesis:
     Half of the time limit is for all of the errors, the other half for shares of them, the same for each.
     """
     settings, stages = problem.settings, Stages(progress)
-    half = replace(problem, settings=replace(settings, time_limit=0.5 * settings.time_limit))
+    half = _within(problem, 0.5 * settings.time_limit)
     try:
         whole = certified_motion(half, stages)
         verdict = proved(half, whole)[1]
@@ -206,7 +253,8 @@ def _for_as_much(problem: Problem, progress: Progress) -> Synthesis:
         short = verdict.findings[0].message
     except (SearchError, InfeasibleError) as error:
         whole, short = None, error.message
-    found = largest_share(lambda share: _for_share(problem, share, progress))
+    seconds = 0.5 * settings.time_limit / ATTEMPTS
+    found = largest_share(lambda share: _for_share(problem, share, seconds, progress))
     if found is not None:
         share, (part, motion, own) = found
         return _reduced(problem, share, _completed(part, motion, own), short)
@@ -215,16 +263,25 @@ def _for_as_much(problem: Problem, progress: Progress) -> Synthesis:
     return _completed(half, whole, stages)
 
 
-def _for_share(problem: Problem, share: float, progress: Progress) -> tuple[Problem, CertifiedMotion, Stages] | None:
-    """The motion for a share of the start errors, if it is proved; None when there is none."""
-    settings = replace(problem.settings, time_limit=0.5 * problem.settings.time_limit / ATTEMPTS)
-    part = replace(problem, start_box=share * problem.start_box, settings=settings)
+def _for_share(
+    problem: Problem, share: float, seconds: float, progress: Progress, lates: list[bool] | None = None
+) -> tuple[Problem, CertifiedMotion, Stages] | None:
+    """The motion for a share of the start errors, if it is proved within some time; None when there is none.
+
+    Whether that was for want of time is noted in `lates`.
+    """
+    part, noted = (
+        replace(_within(problem, seconds), start_box=share * problem.start_box),
+        [] if lates is None else lates,
+    )
     stages = Stages(lambda words: progress(f"{share:.0%} of the errors: {words}"))
     try:
         motion = certified_motion(part, stages)
         verdict = proved(part, motion)[1]
-    except (SearchError, InfeasibleError):
+    except (SearchError, InfeasibleError) as error:
+        noted.append(isinstance(error, SearchError) and error.late)
         return None
+    noted.append(False)
     return (part, motion, stages) if _certified(verdict) else None
 
 

@@ -71,12 +71,14 @@ def stepped(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Toler
     if step.approach <= 0.0 and piece.made is not None:
         raise InfeasibleError(
             f"some executions could move away from contact {piece.made.id} before they touch: errors may change how "
-            f"much nearer it comes by {-step.approach * 1e6:.1f} um more than it does"
+            f"much nearer it comes by {-step.approach * 1e6:.1f} um more than it does",
+            -step.approach,
         )
     if step.departure <= 0.0:
         raise InfeasibleError(
             f"some executions could stay in touch with {', '.join(c.id for c in piece.left)}, which the move gives up: "
-            f"errors may change how much farther away it gets by {-step.departure * 1e6:.1f} um more than it does"
+            f"errors may change how much farther away it gets by {-step.departure * 1e6:.1f} um more than it does",
+            -step.departure,
         )
     return step
 
