@@ -220,7 +220,7 @@ def _direction(n: Array) -> float:
 def _looks_the_same(one: Array, other: KDTree) -> bool:
     """Whether the corners (n, 2) of two outlines are the same."""
     apart, _ = other.query(one)
-    return bool(apart.max() <= _SAME * float(np.ptp(one)))
+    return bool(np.max(apart) <= _SAME * float(np.ptp(one)))
 
 
 def _in_turn(*runs: tuple[Iterator[Shape], int]) -> Iterator[Shape]:

@@ -169,7 +169,7 @@ class Failure:
             "start_box": list(self.box),
             "nearest": None
             if near is None
-            else {"share": near.share, "start_box": list(near.box), "margin": near.margin},
+            else {"share": round(near.share, 9), "start_box": list(near.box), "margin": near.margin},
             "advice": list(self.advice),
             "moves": [
                 {"name": s.name, "start": [*s.start], "goal": [*s.goal], "made": [*s.made], "margin": s.margin}
