@@ -11,10 +11,9 @@ from itertools import chain, islice, repeat, tee
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.paper import as_in_the_paper
 from fmopt.certificate.segment import Tolerance
-from fmopt.compiled import clock
+from fmopt.compiled import clock, until
+from fmopt.compiled import deadline as set_deadline
 from fmopt.control.strategy import least_firm, least_steady, runs_against
-from fmopt.deadline import deadline as set_deadline
-from fmopt.deadline import until
 from fmopt.errors import FmoptError, InfeasibleError, OverdueError, SearchError
 from fmopt.geometry.clearance import Clearance
 from fmopt.placement.attitude import Image, images

@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 
 from fmopt import plan
-from fmopt.compiled import clock
+from fmopt.compiled import clock, heed, until
 from fmopt.contact.graph import Scale
 from fmopt.control.strategy import controlled
-from fmopt.deadline import heed, until
 from fmopt.errors import InfeasibleError, OverdueError, SearchError
 from fmopt.knowledge.command import answer
 from fmopt.motion import Attempt, Posed, Progress, Stages, motion, under_errors
@@ -35,6 +34,8 @@ from fmopt.task.problem import Problem
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import few_collections
 from fmopt.verify import CERTIFIED, Verdict, verify
+
+RESERVED = 0.25  # of the time limit, what commands keep to find the nearest problem that works
 
 
 @dataclass(frozen=True, eq=False)

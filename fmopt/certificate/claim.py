@@ -12,8 +12,8 @@ from fmopt.certificate.curvature import AtEnd, Course, Heights
 from fmopt.certificate.pair import Facing, facing
 from fmopt.certificate.segment import Advance, Piece, Tolerance, advance
 from fmopt.certificate.separating_plane import Separation
+from fmopt.compiled import heed
 from fmopt.contact.primitive import PrimitiveContact
-from fmopt.deadline import heed
 from fmopt.errors import InfeasibleError
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array

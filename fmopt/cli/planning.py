@@ -31,8 +31,7 @@ def solve(
     from fmopt import output, plan
     from fmopt.compiled import announce, clock
     from fmopt.console import Stages, print_solved
-    from fmopt.desk.failure import RESERVED, explained, write
-    from fmopt.pipeline import synthesise
+    from fmopt.pipeline import RESERVED, synthesise
     from fmopt.task.problem import load
 
     folder = out if out is not None else Path("out") / ("stdin" if file == STDIO else file.stem)
@@ -44,6 +43,8 @@ def solve(
         try:
             result = synthesise(problem, stages, RESERVED)
         except (SearchError, InfeasibleError) as error:
+            from fmopt.desk.failure import explained, write
+
             written = write(explained(problem, error, begun, stages), folder)
             if not (quiet or as_json):
                 say("\n".join(f"wrote {path}" for path in written))

@@ -14,6 +14,7 @@ from typing import assert_never
 import numpy as np
 from numpy.typing import NDArray
 
+from fmopt.compiled import heed
 from fmopt.contact.nearness import (
     Corners,
     Ridges,
@@ -23,7 +24,6 @@ from fmopt.contact.nearness import (
     segment_distance,
     vertices_at_faces,
 )
-from fmopt.deadline import heed
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.se3 import Pose, cross
 from fmopt.values import Array, remembered

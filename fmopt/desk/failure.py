@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fmopt import output
-from fmopt.compiled import clock
-from fmopt.deadline import until
+from fmopt.compiled import clock, until
 from fmopt.errors import InfeasibleError, OverdueError, SearchError
 from fmopt.plan import Body, Contact, Part, line
 from fmopt.report.attempt import Failure, Lack, Nearest, Step, box_words
@@ -23,7 +22,6 @@ if TYPE_CHECKING:
     from fmopt.placement.motion import Move
 
 Progress = Callable[[str], None]
-RESERVED = 0.25  # of the time limit, what is kept to find the nearest problem that works
 _SHORTEST = 1e-12  # m, below which nothing is called short
 
 
@@ -38,6 +36,8 @@ def explained(
         begun: `fmopt.compiled.clock()` when that began.
         progress: told what is being done.
     """
+    from fmopt.pipeline import RESERVED
+
     limit = problem.settings.time_limit
     seconds = max(begun + limit - clock(), 0.5 * RESERVED * limit)
     with until(clock() + seconds):

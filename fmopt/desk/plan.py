@@ -365,13 +365,14 @@ def solve(problem: task.Problem, progress: Callable[[str], None] = lambda _: Non
         InfeasibleError: no bias force holds the contacts; `failure` as above.
     """
     from fmopt.compiled import clock
-    from fmopt.desk.failure import RESERVED, explained
-    from fmopt.pipeline import synthesise
+    from fmopt.pipeline import RESERVED, synthesise
 
     begun = clock()
     try:
         found = synthesise(problem, progress, RESERVED)
     except (SearchError, InfeasibleError) as error:
+        from fmopt.desk.failure import explained
+
         explained(problem, error, begun, progress)
         raise
     return Plan(found.document, found.seconds)

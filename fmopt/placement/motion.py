@@ -15,9 +15,9 @@ from fmopt.certificate.claim import Claim, Stepped, claimed, stepped
 from fmopt.certificate.kernels_rows import Table
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Compliance, Piece, Tolerance
+from fmopt.compiled import heed
 from fmopt.contact.meet import Poses
 from fmopt.contact.primitive import Kind, PrimitiveContact
-from fmopt.deadline import heed
 from fmopt.errors import InfeasibleError
 from fmopt.placement import keeping
 from fmopt.placement.flush import described, on_wall

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.separating_plane import Separation, row_bounds
-from fmopt.deadline import heed
+from fmopt.compiled import heed
 from fmopt.errors import InfeasibleError, OverdueError, SolverError
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.placement.clearance import Flat, Metric, Placement

@@ -19,8 +19,8 @@ import numpy as np
 from fmopt.certificate.assembly import contact_rows
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Tolerance
+from fmopt.compiled import heed
 from fmopt.contact.primitive import PrimitiveContact
-from fmopt.deadline import heed
 from fmopt.errors import InfeasibleError, OverdueError, SolverError
 from fmopt.placement.motion import Move, Reached, unroll
 from fmopt.placement.program import ConeProgram, Norm, Solver
