@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from fmopt import plan
-from fmopt.compiled import clock, heed, until
+from fmopt.compiled import clock, deadline, heed, until
 from fmopt.contact.graph import Scale
 from fmopt.control.strategy import controlled
 from fmopt.errors import InfeasibleError, OverdueError, SearchError
@@ -35,6 +35,7 @@ from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import few_collections
 from fmopt.verify import CERTIFIED, Verdict, verify
 
+_CHECKING = 4.0  # s beyond the time limit for the check of what there is by then
 RESERVED = 0.25  # of the time limit, what commands keep to find the nearest problem that works
 
 
@@ -227,8 +228,8 @@ def _error_tolerance(problem: Problem, motion: CertifiedMotion) -> Tolerated:
 
 def _checked(document: dict[str, Any]) -> tuple[dict[str, Any], Verdict]:
     """The sealed plan with its verdict, which the independent check gives."""
-    hoped = plan.sealed({**document, "verdict": CERTIFIED})
-    verdict = verify(hoped)
+    hoped, last = plan.sealed({**document, "verdict": CERTIFIED}), deadline() + _CHECKING
+    verdict = verify(hoped, overdue=lambda: clock() > last)
     if _certified(verdict):
         return hoped, verdict
     stated = str(verdict.verdict)

@@ -93,7 +93,8 @@ def vertices_at_faces(corners: Corners, walls: Walls, T: Array, reach: float, an
                 continue
             inward = turned_back(T, (-normal[0], -normal[1], -normal[2]))
             if math.asin(min(_from_cone(corners.away[i], corners.arcs[i], inward), 1.0)) <= angle:
-                near[i, f] = face_distance(walls, f, x) <= limit
+                # Next to an edge of the face there is no need to ask on which side of it.
+                near[i, f] = _from_edges(walls, f, x) <= limit or face_distance(walls, f, x) <= limit
     return near
 
 
@@ -133,6 +134,19 @@ def edges_at_edges(own: Ridges, other: Ridges, T: Array, reach: float, angle: fl
                 continue
             near[i, j] = arc_angle(left, right, row(other.arcs[j], 0), row(other.arcs[j], 1)) <= angle
     return near
+
+
+@part
+def _from_edges(walls: Walls, face: int, x: Vector) -> float:
+    """Distance from a point to the edges of a face, m."""
+    found = np.inf
+    for s in range(walls.begun[face], walls.begun[face + 1]):
+        u, v = plus(row(walls.tails, s), -1.0, x), plus(row(walls.heads, s), -1.0, x)
+        e = plus(v, -1.0, u)
+        t = min(max(-dot(u, e) / dot(e, e), 0.0), 1.0)
+        w = plus(u, t, e)
+        found = min(found, dot(w, w))
+    return math.sqrt(found)
 
 
 @compiled
