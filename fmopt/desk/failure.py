@@ -10,7 +10,7 @@ from fmopt import output
 from fmopt.compiled import clock, until
 from fmopt.errors import InfeasibleError, OverdueError, SearchError
 from fmopt.plan import Body, Contact, Part, line
-from fmopt.report.attempt import Failure, Lack, Nearest, Step, box_words
+from fmopt.report.attempt import Failure, Lack, Nearest, Step, box_words, failure_page
 from fmopt.report.naming import quantity
 from fmopt.task.problem import Problem
 
@@ -54,11 +54,11 @@ def _failure(problem: Problem, error: SearchError | InfeasibleError, seconds: fl
     attempt: Attempt | None = error.attempt
     steps, lack = ((), None) if attempt is None else _followed(posed, attempt)
     late = isinstance(error, SearchError) and error.late
-    found = None
+    found, cut = None, False
     if not problem.settings.reduce_errors:
         progress("the nearest problem that works")
         tried = nearest(problem, seconds - (clock() - begun), progress)
-        late = late or tried.late
+        cut = tried.late
         if tried.share:
             found = Nearest(tried.share, tuple(map(float, tried.share * problem.start_box)), tried.margin)
     moves = () if attempt is None else (*attempt.moves, *(move for _, move in attempt.onward))
@@ -72,7 +72,7 @@ def _failure(problem: Problem, error: SearchError | InfeasibleError, seconds: fl
         box=tuple(map(float, problem.start_box)),
         rho=posed.tolerance.rho,
         nearest=found,
-        advice=tuple(_advice(problem, error, found, late)),
+        advice=tuple(_advice(problem, error, found, cut)),
         moving=_part(problem.moving, problem, posed),
         fixed=_part(problem.fixed, problem, posed),
         contacts=tuple(_contacts(moves)),
@@ -85,25 +85,30 @@ def write(failure: Failure, folder: Path) -> list[Path]:
     Raises:
         ResourceError: a file cannot be written.
     """
-    files = {folder / "attempt.html": failure.page().encode()}
-    for name, figure in failure.figures.items():
-        files[folder / "figures" / f"{name}.svg"] = figure.svg().encode()
+    figures = failure.figures
+    svgs = {name: figure.svg() for name, figure in figures.items()}
+    files = {folder / "attempt.html": failure_page(failure, svgs).encode()}
+    for name, figure in figures.items():
+        files[folder / "figures" / f"{name}.svg"] = svgs[name].encode()
         files[folder / "figures" / f"{name}.png"] = figure.png()
     for path, content in files.items():
         output.save(content, path)
     return list(files)
 
 
-def _advice(problem: Problem, error: SearchError | InfeasibleError, found: Nearest | None, late: bool) -> Iterator[str]:
-    """What to change; each is true of what was tried."""
+def _advice(problem: Problem, error: SearchError | InfeasibleError, found: Nearest | None, cut: bool) -> Iterator[str]:
+    """What to change, each true of what was tried; `cut` says whether time ended a try with smaller errors."""
+    late, now = isinstance(error, SearchError) and error.late, f"{problem.settings.time_limit:g} s now"
     if found is not None:
         yield (
             f"lower all start errors to {100.0 * found.share:.3g} % ({box_words(found.box)}), "
             f"which is certified with {quantity(found.margin)}"
         )
     if late:
-        yield f"raise settings.time_limit, {problem.settings.time_limit:g} s now, which ended the search before its end"
-    if found is None and not late:
+        yield f"raise settings.time_limit, {now}, which ended the search before its end"
+    elif found is None and cut:
+        yield f"raise settings.time_limit, {now}, which left too little for tries with smaller start errors"
+    elif found is None:
         yield "widen the clearance, or try another settings.max_tilt or start.height; smaller start errors did not help"
     if not isinstance(error, SearchError) and error.advice:
         yield error.advice

@@ -184,7 +184,7 @@ class Failure:
 
     def page(self) -> str:
         """One page of HTML that holds everything and opens offline."""
-        return failure_page(self)
+        return failure_page(self, {name: figure.svg() for name, figure in self.figures.items()})
 
 
 def box_words(box: Numbers) -> str:
@@ -216,9 +216,15 @@ def _paint(failure: Failure, sheet: Sheet) -> None:
     cut_view.panels(failure, ends, sheet, cut_view.panels_size(ends)[1])
 
 
-def failure_page(failure: Failure) -> str:
-    """The page: what is missing first, then the closest attempt, what would work, and what was asked."""
-    drawn = "".join(figure(d.svg(), d.alt, d.title, d.size) for d in failure.figures.values())
+def failure_page(failure: Failure, svgs: Mapping[str, str]) -> str:
+    """The page: what is missing first, then the closest attempt, what would work, and what was asked.
+
+    Args:
+        failure: why there is no plan.
+        svgs: its figures as SVG by name.
+    """
+    catalogue = failure.figures
+    drawn = "".join(figure(svg, *_said(catalogue[name])) for name, svg in svgs.items())
     chapters = [
         ("attempt", "The closest attempt", drawn + _moves(failure)),
         ("works", "What does work", _paragraph(_sentence(failure.nearest_words)) + _advice(failure)),
@@ -233,6 +239,10 @@ def failure_page(failure: Failure) -> str:
     )
     title = failure.title or "insertion"
     return page(f"{title}: no plan", resource("page.css"), chaptered("No insertion plan", title, chapters, lead))
+
+
+def _said(drawing: Figure) -> tuple[str, str, tuple[float, float]]:
+    return drawing.alt, drawing.title, drawing.size
 
 
 def _moves(failure: Failure) -> str:
