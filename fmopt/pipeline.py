@@ -6,10 +6,10 @@ Problem → Posed (assembly, errors) → CertifiedMotion → ControlledMotion �
 from __future__ import annotations
 
 import math
-from contextlib import suppress
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -17,8 +17,8 @@ from fmopt import plan
 from fmopt.compiled import clock, deadline, heed, until
 from fmopt.contact.graph import Scale
 from fmopt.control.strategy import controlled
-from fmopt.errors import InfeasibleError, OverdueError, SearchError
-from fmopt.knowledge.command import answer
+from fmopt.errors import FmoptError, InfeasibleError, OverdueError, SearchError
+from fmopt.knowledge.command import Answer, answer
 from fmopt.motion import Attempt, Posed, Progress, Stages, motion, under_errors
 from fmopt.nominal.freedom import freedom, half_widths
 from fmopt.nominal.mapping import answered
@@ -28,7 +28,7 @@ from fmopt.placement.states import contact_spaces
 from fmopt.placement.tolerated import CertifiedMotion, Tolerated, tolerated
 from fmopt.placement.visited import Visited, visited
 from fmopt.plan import Plan
-from fmopt.plan_record import Nominal, plan_document, proof_document
+from fmopt.plan_record import Described, Nominal, plan_document, proof_document
 from fmopt.task.command import task_command
 from fmopt.task.problem import Problem
 from fmopt.uncertainty.error_set import ErrorSet
@@ -37,6 +37,8 @@ from fmopt.verify import CERTIFIED, Verdict, verify
 
 _CHECKING = 4.0  # s beyond the time limit for the check of what there is by then
 RESERVED = 0.25  # of the time limit, what commands keep to find the nearest problem that works
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,14 +141,10 @@ def certified_motion(problem: Problem, stages: Stages | None = None) -> Certifie
 def _completed(problem: Problem, motion: CertifiedMotion, stages: Stages) -> Synthesis:
     """A motion with its plan, and how much error it tolerates, where there is time to find out."""
     stages.progress("how much error the motion tolerates")
-    try:
-        heed()
-        measured = _error_tolerance(problem, motion)
-    except OverdueError:
-        measured = None
+    measured, notes = _described("how much error it tolerates", lambda: _error_tolerance(problem, motion))
     stages.ended("tolerances")
     try:
-        document, verdict = planned(problem, motion, stages, measured)
+        document, verdict = planned(problem, motion, stages, measured, notes)
     except InfeasibleError as error:
         error.attempt = Attempt("control", motion.placed.moves, motion.found.names, seated=True)
         raise
@@ -155,7 +153,11 @@ def _completed(problem: Problem, motion: CertifiedMotion, stages: Stages) -> Syn
 
 @few_collections()
 def planned(
-    problem: Problem, motion: CertifiedMotion, stages: Stages | None = None, measured: Tolerated | None = None
+    problem: Problem,
+    motion: CertifiedMotion,
+    stages: Stages | None = None,
+    measured: Tolerated | None = None,
+    notes: tuple[str, ...] = (),
 ) -> tuple[dict[str, Any], Verdict]:
     """The sealed plan of a motion, and the verdict of the independent check on it; errors as of `synthesise`.
 
@@ -166,25 +168,51 @@ def planned(
         motion: the motion.
         stages: told what is being done.
         measured: how much error the motion tolerates, where that is to be in the plan.
+        notes: what could not be found of that, and why.
     """
     stages = stages or Stages()
-    described = None
-    with suppress(OverdueError):
-        heed()
-        stages.progress("nominal trajectory")
-        nominal = nominal_motion(problem, motion.errors, motion.tolerance.rho)
-        stages.ended("nominal")
-        described = nominal, _contact_states(motion, nominal)
-    stages.ended("contact")
-    stages.progress("control strategies")
-    with until(math.inf):  # a motion that is certified is worth the seconds that this takes
-        run = controlled(problem, motion, ranges=described is not None)
-        document = plan_document(problem, *described, run, measured) if described else proof_document(problem, run)
+    try:
+        document = _told(problem, motion, stages, measured, notes)
+    except OverdueError:
+        with until(math.inf):  # a motion that is certified is worth the second that this takes
+            document = proof_document(problem, controlled(problem, motion))
     stages.ended("control")
     stages.progress("checking the certificate")
     checked = _checked(document)
     stages.ended("verify")
     return checked
+
+
+def _told(
+    problem: Problem, motion: CertifiedMotion, stages: Stages, measured: Tolerated | None, notes: tuple[str, ...]
+) -> dict[str, Any]:
+    """The plan with all that only describes its motion, as far as it can be found; arguments as of `planned`.
+
+    Raises:
+        OverdueError: there is no time for any of it.
+    """
+    heed()
+    stages.progress("nominal trajectory")
+    task = answer(*task_command(problem))
+    nominal, lost = _described(
+        "the nominal trajectory", lambda: _nominal_motion(problem, task, motion.errors, motion.tolerance.rho)
+    )
+    stages.ended("nominal")
+    states, unseen = _described("its way through contact states", lambda: _contact_states(motion, nominal))
+    stages.ended("contact")
+    stages.progress("control strategies")
+    told = Described(task, nominal, states, measured, (*notes, *lost, *unseen))
+    with until(math.inf):
+        return plan_document(problem, told, controlled(problem, motion, ranges=True))
+
+
+def _described(name: str, found: Callable[[], T]) -> tuple[T | None, tuple[str, ...]]:
+    """What only describes a motion; None with a note why where it cannot be found, which costs no plan."""
+    try:
+        heed()
+        return found(), ()
+    except FmoptError as error:
+        return None, (f"{name} is left out: {error.message}",)
 
 
 def proved(problem: Problem, motion: CertifiedMotion) -> tuple[dict[str, Any], Verdict]:
@@ -201,8 +229,12 @@ def nominal_motion(problem: Problem, errors: ErrorSet, rho: float) -> Nominal:
 
     P(t) comes from the cut-diagrams. S(t) is that of the parts in space, which holds where three planes see too little.
     """
+    return _nominal_motion(problem, answer(*task_command(problem)), errors, rho)
+
+
+def _nominal_motion(problem: Problem, found: Answer, errors: ErrorSet, rho: float) -> Nominal:
+    """See `nominal_motion`."""
     box = errors.support(np.eye(6)) if problem.trapezoid is None else half_widths(*problem.trapezoid)
-    found = answer(*task_command(problem))
     made = answered(found, box, rho)
     reach = float(np.linalg.norm(box[:3]) + 2.0 * rho * np.linalg.norm(box[3:]))
     critical = critical_poses(problem.moving, problem.fixed, made.path, max(reach, 1e-3))
@@ -210,10 +242,10 @@ def nominal_motion(problem: Problem, errors: ErrorSet, rho: float) -> Nominal:
     return Nominal(made.path, critical, freedoms, found, made)
 
 
-def _contact_states(motion: CertifiedMotion, nominal: Nominal) -> Visited:
+def _contact_states(motion: CertifiedMotion, nominal: Nominal | None) -> Visited:
     """The contact states that a motion goes through, in the spaces around critical poses."""
     scale = Scale(motion.clearance.per_side, motion.tolerance.rho)
-    spaces = contact_spaces(motion.assembly, nominal.critical, scale)
+    spaces = contact_spaces(motion.assembly, () if nominal is None else nominal.critical, scale)
     return visited(motion.assembly, motion.claims, spaces, scale)
 
 

@@ -43,6 +43,25 @@ class Nominal:
     planes: Mapping
 
 
+@dataclass(frozen=True, eq=False)
+class Described:
+    """What a plan tells besides its proof; what could not be found is None, and a note says why.
+
+    Args:
+        task: as the knowledge base answers it.
+        nominal: trajectory, S(t) and critical poses.
+        states: the contact states on the way.
+        measured: how much error the motion tolerates.
+        notes: what is left out, and why.
+    """
+
+    task: Answer
+    nominal: Nominal | None = None
+    states: Visited | None = None
+    measured: Tolerated | None = None
+    notes: tuple[str, ...] = ()
+
+
 def proof_document(problem: Problem, motion: ControlledMotion) -> dict[str, Any]:
     """What of a plan file its verdict rests on, which is still open: geometry, errors, segments with their control."""
     return dict(plan.clean(_proof(problem, motion)))
@@ -99,40 +118,35 @@ def _frames(problem: Problem, errors: ErrorSet) -> dict[str, Any]:
     return {"sources": sources}
 
 
-def plan_document(
-    problem: Problem, nominal: Nominal, states: Visited, motion: ControlledMotion, measured: Tolerated | None = None
-) -> dict[str, Any]:
+def plan_document(problem: Problem, told: Described, motion: ControlledMotion) -> dict[str, Any]:
     """The plan file of a finished placement, its verdict still open.
 
     Args:
         problem: the task.
-        nominal: trajectory, S(t) and critical poses.
-        states: the contact states on the way.
+        told: what it tells besides its proof.
         motion: the motion with its control.
-        measured: how much error the motion tolerates, where that is to be in the plan.
     """
     proof, done = _proof(problem, motion), motion.motion
-    claims = done.claims
-    segments = [{**segment, "critical_point": states.space_of(k)} for k, segment in enumerate(proof["segments"])]
-    rows = position_force(nominal.path, nominal.freedoms, contact_forces(problem.specification, done.tolerance.rho))
+    claims, segments = done.claims, proof["segments"]
+    if told.states is not None:
+        segments = [{**item, "critical_point": told.states.space_of(k)} for k, item in enumerate(segments)]
     document = {
         **proof,
         "segments": segments,
-        "nominal": {
-            "nodes": nominal.path.nodes,
-            "times": nominal.path.times,
-            "intervals": [{"t0": i.start, "t1": i.end, "s": i.s} for i in nominal.freedoms],
-        },
-        "critical_points": states.records(),
-        "position_force": [row.document() for row in rows],
+        **({} if told.nominal is None else _nominal(problem, told.nominal, done.tolerance.rho)),
+        **({} if told.states is None else {"critical_points": told.states.records()}),
         "recovery": recovery_record(
             done.assembly, claims, segments, problem.start_box, problem.specification, done.tolerance.rho
         ),
         "diagnostics": {
-            "graphs": states.graphs(),
-            "sequence": states.sequence(),
-            **diagnostics(nominal.planes, problem.peg.length),
-            **hand_record(nominal.task, segments),
+            "graphs": [] if told.states is None else told.states.graphs(),
+            "sequence": [] if told.states is None else told.states.sequence(),
+            **(
+                {"diagrams": [], "freedom_on_planes": []}
+                if told.nominal is None
+                else diagnostics(told.nominal.planes, problem.peg.length)
+            ),
+            **hand_record(told.task, segments),
             "budget": [share.record() for share in problem.budget],
             "clearance": {"measured": [_side(play) for play in done.clearance.play]},
             **(
@@ -140,11 +154,25 @@ def plan_document(
                 if (notes := [*map(plan.line, (*problem.moving.notes, *problem.fixed.notes))])
                 else {}
             ),
-            **({} if measured is None else {"tolerated": measured.record()}),
-            **_in_the_plane(problem, nominal, claims),
+            **({"notes": [*map(plan.line, told.notes)]} if told.notes else {}),
+            **({} if told.measured is None else {"tolerated": told.measured.record()}),
+            **({} if told.nominal is None else _in_the_plane(problem, told.nominal, claims)),
         },
     }
     return dict(plan.clean(document))
+
+
+def _nominal(problem: Problem, found: Nominal, rho: float) -> dict[str, Any]:
+    """The nominal trajectory with S(t), Pa and Fa."""
+    rows = position_force(found.path, found.freedoms, contact_forces(problem.specification, rho))
+    return {
+        "nominal": {
+            "nodes": found.path.nodes,
+            "times": found.path.times,
+            "intervals": [{"t0": i.start, "t1": i.end, "s": i.s} for i in found.freedoms],
+        },
+        "position_force": [row.document() for row in rows],
+    }
 
 
 def _side(play: float) -> float | None:

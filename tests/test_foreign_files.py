@@ -276,7 +276,7 @@ def test_what_befalls_the_kernel_befalls_no_other(
 
 
 def test_too_much_memory_is_the_files_fault(block: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    before = "import fmopt.geometry.step_kernel as k; k._facets = lambda *_: bytearray(9 << 30); "
+    before = "import fmopt.geometry.step_kernel as k; k._bodies = lambda *_: bytearray(9 << 30); "
     monkeypatch.setattr(step, "_CODE", step._CODE.replace("from fmopt", before + "from fmopt"))
     with pytest.raises(GeometryError, match="the CAD kernel needs more than 4 GiB for it; export one part on its own"):
         step.load_step(block)

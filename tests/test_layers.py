@@ -108,7 +108,9 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "cvxpy": frozenset({"placement/program.py", "desk/placing.py"}),
     "networkx": frozenset({"contact/graph.py"}),
     "manifold3d": frozenset({"geometry", "nominal/touch.py"}),
-    "OCP": frozenset({"geometry/step_kernel.py"}),
+    "OCP": frozenset(
+        {"geometry/step_kernel.py", "geometry/step_file.py", "geometry/step_facets.py", "geometry/step_surfaces.py"}
+    ),
     "shapely": frozenset({"plane", "geometry", "knowledge", "uncertainty/planar", "report"}),
     "matplotlib": frozenset({"report", "study/figures.py", "desk"}),
     "mpl_toolkits": frozenset({"report/surface_view.py"}),

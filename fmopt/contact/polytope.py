@@ -18,6 +18,7 @@ from fmopt.errors import InfeasibleError, SolverError
 from fmopt.values import Array, Value
 
 INCIDENCE = 1e-8  # scaled units; a point this close to a unit half-space's plane lies on it
+_COARSER = (INCIDENCE, 10.0 * INCIDENCE, 100.0 * INCIDENCE)  # how close corners are one, where faces do not fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +59,7 @@ def enumerate_faces(normals: ArrayLike, offsets: ArrayLike) -> Faces:
 
     Raises:
         InfeasibleError: the half-spaces have no common point.
+        SolverError: the hull cannot be computed, or corners lie too close together for their planes to be told.
     """
     cut = _Cut.of(normals, offsets)
     corners, incidence, simple = cut.corners()
@@ -65,6 +67,11 @@ def enumerate_faces(normals: ArrayLike, offsets: ArrayLike) -> Faces:
         active, dimensions, points = simple_faces(corners, incidence)
     else:
         active, dimensions, points = closed_faces(corners, incidence)
+        for reach in _COARSER:
+            if dimensions.max() > cut.rows.shape[1]:
+                active, dimensions, points = closed_faces(*_told_apart(corners, incidence, reach))
+        if dimensions.max() > cut.rows.shape[1]:
+            raise SolverError(f"the {len(corners)} corners of {len(cut.rows)} half-spaces cannot be told apart")
         order = ordered(active, dimensions)
         active, dimensions, points = active[order], dimensions[order], points[order]
     return Faces(cut.planes(active), dimensions + cut.lineality, points, cut.lineality)
@@ -143,6 +150,26 @@ class _Cut(Value):
         real, found = self.kinds >= 0, np.tile(self.everywhere, (len(on), 1))
         found[:, real] = on[:, self.kinds[real]]
         return found
+
+
+def _told_apart(corners: Array, incidence: Bits, tolerance: float) -> tuple[Array, Bits]:
+    """Corners (m, n), those that rounding alone tells apart made one, with the planes (m, k) of all of them."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
+    reach = tolerance * np.maximum(1.0, np.linalg.norm(corners, axis=1))
+    pairs = cKDTree(corners).query_pairs(float(reach.max()), output_type="ndarray")
+    one, other = pairs.T
+    near = np.linalg.norm(corners[one] - corners[other], axis=1) <= np.minimum(reach[one], reach[other])
+    one, other = pairs[near & (incidence[one, -1] == incidence[other, -1])].T
+    links = coo_array((np.ones(len(one)), (one, other)), shape=(len(corners), len(corners)))
+    count, group = connected_components(links, directed=False)
+    first = np.unique(group, return_index=True)[1]
+    held = np.zeros((count, incidence.shape[1]), dtype=bool)
+    np.logical_or.at(held, group, incidence)
+    order = distinct(held)
+    return corners[first][order], held[order]
 
 
 def _interior(rows: Array, levels: Array) -> tuple[Array, Bits]:

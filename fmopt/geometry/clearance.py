@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -183,6 +183,30 @@ def checked_clearance(moving: Part, fixed: Part, seated: Pose, depth: float) -> 
             "seat it less deep, or move the features' frames",
         )
     return measured
+
+
+def past_shoulders(peg: Part, hole: Part, length: float, depth: float) -> float:
+    """How long a peg is that goes on past those of its shoulders that the mouth of a hole takes in, m.
+
+    Args:
+        peg: in the frame of its mating feature.
+        hole: likewise.
+        length: of the peg up to its first shoulder, m.
+        depth: of the hole, m; shoulders further up are not asked.
+    """
+
+    def across(part: Part, height: float, side: Literal[-1, 1]) -> MultiPolygon:
+        return section_limit(part.pieces, Pose(np.array([0.0, 0.0, height]), np.eye(3)), side)
+
+    body = peg.polyhedron
+    levels = sorted({-float(o) for o, n in zip(body.offsets, body.normals, strict=True) if n[2] < -1.0 + 1e-9})
+    mouth = across(hole, 0.0, -1)
+    while length < depth and across(peg, length, 1).intersection(mouth).area == 0.0:
+        ahead = [level for level in levels if level > length + _TOUCH]
+        if not ahead:
+            return float(body.vertices[:, 2].max())
+        length = ahead[0]
+    return length
 
 
 def _slices(part: Part, low: float, high: float) -> list[_Slice]:

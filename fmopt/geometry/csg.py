@@ -137,6 +137,22 @@ class Union:
             raise GeometryError("a union of no parts is empty", "name at least one part")
 
 
+Ring: TypeAlias = tuple[tuple[float, float, float], ...]
+
+
+@dataclass(frozen=True)
+class Stack(Union):
+    """The union of convex parts that together fill a stack of outlines, see `fmopt.geometry.outline.stack`.
+
+    Args:
+        parts: its convex pieces, primitives that may be placed.
+        lofts: the same solid as what is between two rings of corners (x, y, z) each, one below the other: its surface
+            is made of these, so that no corner of a piece that is none of the solid's is seen.
+    """
+
+    lofts: tuple[tuple[Ring, Ring], ...]
+
+
 @dataclass(frozen=True)
 class Difference:
     """The regularised difference of `base` and all `tools`."""

@@ -2,9 +2,9 @@
 
 A face with a second outline has a hole there where the edges of that outline are convex, a boss where they are reflex.
 A part that is a prism to a flat end, up to a shoulder or over its whole length, is a peg along its longest such axis.
-Frames: the origin on the centroid of the section half-way along, z by the rule of `features.Feature`, x along the
-longest side of that section, so that a peg and a hole of one shape get frames that agree up to its symmetry; of a
-round section along the model's x where that lies across.
+Frames: the origin in the centre of the section half-way along, z by the rule of `features.Feature`, x along the longest
+side of that section, both by `fmopt.geometry.centre`, so that a peg and a hole of one shape get frames that agree up to
+its symmetry; of a round section x is along the model's where that lies across.
 
 Named mating features of a part: solid ones (pegs) and hollow ones (holes), each with a frame on its centre line.
 
@@ -20,8 +20,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fmopt.errors import GeometryError
+from fmopt.geometry.facets import Loop
 from fmopt.geometry.polyhedron import Face, Polyhedron, plane_basis
 from fmopt.geometry.section import section_limit
 from fmopt.se3 import Pose
@@ -34,17 +36,25 @@ if TYPE_CHECKING:
 _SLENDER = 1.5  # a part with holes is a peg too when it is this many times as long as its section is wide
 _SAME = 1e-6  # of the diameter, and rad
 _ROUND = 1e-9  # m: to which origins are rounded
-_MANY, _EVEN = 8, 0.02  # so many sides that differ by less than this share make a section round
-_LOPSIDED = 1e-3  # of a section's width: a centroid this far from the middle says which way x points
 
 FeatureKind = Literal["solid", "hollow"]
+
+DESCRIBE = (
+    'describe where it mates under [features]: a hole, or a slot that is open to the side, by kind = "hollow", '
+    "at = [x, y, z] in the middle of its mouth, turn = [rx, ry, rz] such that z points out of the mouth, length = its "
+    'depth; a peg by kind = "solid", at = [x, y, z] in the middle of its leading end, turn such that z points from '
+    "there into the part, length = how long it is"
+)
 
 _SMOOTH = math.radians(30.5)  # facets that meet at less than this may stand for one curved surface: 12 to a circle
 
 
 @dataclass(frozen=True)
 class _Found:
-    """A feature without its name, its section's area in m² and how wide its mouth is, m²."""
+    """A feature without its name, its section's area in m² and how wide its mouth is, m².
+
+    Of a hole also the loop of its mouth, and that of its far one where it is through.
+    """
 
     kind: FeatureKind
     frame: Pose
@@ -52,6 +62,8 @@ class _Found:
     through: bool
     area: float
     mouth: float
+    rim: Loop = ()
+    far: Loop = ()
 
 
 def found_features(body: Polyhedron, pieces: Sequence[Polyhedron]) -> tuple[Feature, ...]:
@@ -64,14 +76,14 @@ def found_features(body: Polyhedron, pieces: Sequence[Polyhedron]) -> tuple[Feat
     Raises:
         GeometryError: there are none, or the part is as much a peg along one axis as along another.
     """
-    found = _without_far_mouths([*_around_inner_loops(body, pieces)], _SAME * body.diameter)
-    tips = [one.frame.p for one in found]
+    found = _without_steps(_without_far_mouths([*_around_inner_loops(body, pieces)]), _SAME * body.diameter)
+    tips = [one.frame.p for one in found if one.kind == "solid"]
     for peg in _pegs(body, pieces):
         known = any(np.linalg.norm(peg.frame.p - tip) <= _SAME * body.diameter for tip in tips)
         if not found or (not known and peg.length >= _SLENDER * np.sqrt(peg.area)):
             found.append(peg)
     if not found:
-        raise GeometryError("no peg or hole was found on it", "describe where it mates under [features]")
+        raise GeometryError("no peg or hole was found on it", DESCRIBE)
     made = []
     for kind, name in (("solid", "peg"), ("hollow", "hole")):
         own = sorted((f for f in found if f.kind == kind), key=_rank)
@@ -91,46 +103,49 @@ def _around_inner_loops(body: Polyhedron, pieces: Sequence[Polyhedron]) -> Itera
         for loop in face.loops[1:]:
             sides = [tuple(sorted(side)) for side in zip(loop, loop[1:] + loop[:1], strict=True)]
             flags = [convex[a, b] for a, b in sides]
-            rim = body.vertices[list(loop)]
             if all(flags):
-                made = _hole(body, pieces, face, rim)
+                made = _hole(body, pieces, face, loop)
             elif not any(flags):
-                made = _boss(pieces, face, rim)
+                made = _boss(pieces, face, body.vertices[list(loop)])
             else:
                 made = None
             if made is not None:
                 yield made
 
 
-def _hole(body: Polyhedron, pieces: Sequence[Polyhedron], face: Face, rim: Array) -> _Found | None:
-    mouth, size = _centroid(rim, face.normal)
+def _hole(body: Polyhedron, pieces: Sequence[Polyhedron], face: Face, rim: Loop) -> _Found | None:
+    mouth, size = _inside(body.vertices[list(rim)], face.normal)
     below = [a for a, b in _material(pieces, mouth, -face.normal) if b > _SAME * body.diameter]
     through = not below
-    depth = _far_mouth(body, face, mouth) if through else min(below)
-    if depth is None or depth <= _SAME * body.diameter:
+    depth, far = _far_mouth(body, face, mouth) if through else (min(below), ())
+    if depth <= _SAME * body.diameter or not np.isfinite(depth):
         return None
     ring = _ring(pieces, mouth, face.normal, -0.5 * depth, hollow=True)
     if ring is None:
         return None
-    return _Found("hollow", _frame(ring, mouth, face.normal), depth, through, ring.area, size)
+    return _Found("hollow", _frame(ring, mouth, face.normal), depth, through, ring.area, size, rim, far)
 
 
-def _far_mouth(body: Polyhedron, face: Face, mouth: Array) -> float | None:
-    """Distance from the mouth to the nearest face on the other side with an outline around the axis."""
+def _far_mouth(body: Polyhedron, face: Face, mouth: Array) -> tuple[float, Loop]:
+    """Distance from the mouth to the nearest face on the other side with an outline around the axis, and that outline.
+
+    Infinite where there is none.
+    """
     from shapely import Point, Polygon
 
-    depths = []
+    found: tuple[float, Loop] = (np.inf, ())
     for other in body.faces:
         if other.normal @ face.normal > -1.0 + 1e-9:
             continue
-        basis = plane_basis(other.normal)
-        if any(Polygon(body.vertices[list(loop)] @ basis).contains(Point(mouth @ basis)) for loop in other.loops[1:]):
-            depths.append(float(face.offset + other.offset))
-    return min(depths, default=None)
+        basis, depth = plane_basis(other.normal), float(face.offset + other.offset)
+        for loop in other.loops[1:]:
+            if depth < found[0] and Polygon(body.vertices[list(loop)] @ basis).contains(Point(mouth @ basis)):
+                found = depth, loop
+    return found
 
 
 def _boss(pieces: Sequence[Polyhedron], face: Face, rim: Array) -> _Found | None:
-    base, size = _centroid(rim, face.normal)
+    base, size = _inside(rim, face.normal)
     spans = [b for a, b in _material(pieces, base, face.normal) if a <= _ROUND]
     height = max(spans, default=0.0)
     if height <= _ROUND:
@@ -150,17 +165,30 @@ def _pegs(body: Polyhedron, pieces: Sequence[Polyhedron]) -> list[_Found]:
         heights = body.vertices @ face.normal - face.offset
         along = body.normals @ face.normal
         levels = body.offsets - face.offset  # of the faces that look the same way; others are not asked
-        inside = (along > 1.0 - 1e-9) & (levels < -reach)
+        shoulders = (along > 1.0 - 1e-9) & (levels < -reach)
+        inside = _around(body, face, shoulders, reach)
         undercut = (along < -1.0 + 1e-9) & (-body.offsets - face.offset > heights.min() + reach)
         if heights.max() > reach or np.count_nonzero(np.abs(along) < 1e-9) < 3 or undercut.any():
             continue
         length = float(-levels[inside].max()) if inside.any() else float(-heights.min())
-        tip, _ = _centroid(body.vertices[list(face.loops[0])], face.normal)
+        tip, _ = _inside(body.vertices[list(face.loops[0])], face.normal)
         ring = _ring(pieces, tip, -face.normal, 0.5 * length, hollow=False, alone=True)
         if ring is not None:
             frame = _frame(ring, tip, -face.normal)
             ends.append(_Found("solid", frame, length, False, ring.area, ring.area))
     return [_slenderest(ends)] if ends else []
+
+
+def _around(body: Polyhedron, end: Face, shoulders: NDArray[np.bool_], reach: float) -> NDArray[np.bool_]:
+    """Those of some faces that look the way an end looks which reach out of its outline; the others are floors."""
+    from shapely import Polygon
+
+    basis = plane_basis(end.normal)
+    tip = Polygon(body.vertices[list(end.loops[0])] @ basis).buffer(reach)
+    found = np.zeros_like(shoulders)
+    for number in np.flatnonzero(shoulders):
+        found[number] = not tip.contains(Polygon(body.vertices[list(body.faces[number].loops[0])] @ basis))
+    return found
 
 
 def _slenderest(ends: Sequence[_Found]) -> _Found:
@@ -174,24 +202,30 @@ def _slenderest(ends: Sequence[_Found]) -> _Found:
     axes = np.array([end.frame.R[:, 2] for end in near])
     if np.abs(axes @ axes[0]).min() < 1.0 - 1e-9:
         message = "it is as much a peg along one axis as along another"
-        raise GeometryError(message, "describe where it mates under [features]")
+        raise GeometryError(message, DESCRIBE)
     return max(near, key=lambda end: _upward(end.frame.R[:, 2]))
 
 
-def _without_far_mouths(found: Sequence[_Found], reach: float) -> list[_Found]:
+def _without_far_mouths(found: Sequence[_Found]) -> list[_Found]:
     """Of the two mouths of a through hole the wider one, of equal ones that which looks up in the model."""
     kept: list[_Found] = []
     for one in sorted(found, key=lambda f: (round(f.mouth, 12), _upward(f.frame.R[:, 2])), reverse=True):
-        far = one.frame.p - one.length * one.frame.R[:, 2]
-        if not any(
-            one.through
-            and other.through
-            and other.frame.R[:, 2] @ one.frame.R[:, 2] < -1.0 + 1e-9
-            and np.linalg.norm(far - other.frame.p) <= reach
-            for other in kept
-        ):
+        if not (one.far and any(other.far and one.rim in (other.rim, other.far) for other in kept)):
             kept.append(one)
     return kept
+
+
+def _without_steps(found: Sequence[_Found], reach: float) -> list[_Found]:
+    """Holes, without those that open in another one's step: they are its lower end."""
+
+    def within(one: _Found, other: _Found) -> bool:
+        z = other.frame.R[:, 2]
+        depth = -float(z @ (one.frame.p - other.frame.p))
+        beside = float(np.linalg.norm(one.frame.p - other.frame.p + depth * z))
+        ahead = one.kind == other.kind == "hollow" and one.frame.R[:, 2] @ z > 1.0 - 1e-9
+        return bool(ahead and reach < depth < other.length - reach and beside <= 0.5 * np.sqrt(other.mouth))
+
+    return [one for one in found if not any(within(one, other) for other in found)]
 
 
 def _upward(z: Array) -> tuple[float, float, float]:
@@ -212,14 +246,14 @@ def _material(pieces: Sequence[Polyhedron], start: Array, along: Array) -> list[
     return spans
 
 
-def _centroid(rim: Array, normal: Array) -> tuple[Array, float]:
-    """Centroid (3,) of a plane outline (n, 3), and its area in m²."""
+def _inside(rim: Array, normal: Array) -> tuple[Array, float]:
+    """A point (3,) well inside a plane outline (n, 3), and the outline's area in m²."""
     from shapely import Polygon
 
+    from fmopt.geometry.centre import inside
+
     basis = plane_basis(normal)
-    shape = Polygon(rim @ basis)
-    flat = np.array(shape.centroid.coords[0])
-    return basis @ flat + normal * float(np.mean(rim @ normal)), float(shape.area)
+    return basis @ inside(rim @ basis) + normal * float(np.mean(rim @ normal)), float(Polygon(rim @ basis).area)
 
 
 def _ring(
@@ -240,27 +274,22 @@ def _ring(
 
 
 def _frame(ring: Polygon, at: Array, z: Array) -> Pose:
-    """The frame at height 0 over the centroid of a section that is given in the basis of `_ring`."""
+    """The frame at height 0 over the centre of a section that is given in the basis of `_ring`."""
+    from shapely.geometry.polygon import orient
+
+    from fmopt.geometry.centre import axis, centre, is_round
+
     basis = plane_basis(z)
-    centroid = np.array(ring.centroid.coords[0])
-    corners = np.array(ring.exterior.coords)
-    sides = np.diff(corners, axis=0)
-    lengths = np.linalg.norm(sides, axis=1)
-    longest = sides[lengths >= lengths.max() * (1.0 - 1e-5)] @ basis.T
-    choices = [sign * side / np.linalg.norm(side) for side in longest for sign in (1.0, -1.0)]
-    if np.count_nonzero(lengths >= lengths.max() * (1.0 - _EVEN)) > _MANY:
-        choices = [axis - (axis @ z) * z for axis in np.eye(3) if abs(axis @ z) < 0.9]
-        choices = [axis / np.linalg.norm(axis) for axis in choices]
-    x = max(choices, key=lambda d: np.round(d, 6).tolist())
-    y = np.cross(z, x)
-    spread = (corners - centroid) @ (np.column_stack([x, y]).T @ basis).T
-    lean = -0.5 * (spread.min(axis=0) + spread.max(axis=0))
-    side = next((float(out) for out in lean if abs(out) > _LOPSIDED * lengths.max()), 1.0)
-    x = -x if side < 0.0 else x
+    corners = np.array(orient(ring).exterior.coords)[:-1]
+    if is_round(corners):
+        across = [d - (d @ z) * z for d in np.eye(3) if abs(d @ z) < 0.9]
+        x = max((d / np.linalg.norm(d) for d in across), key=lambda d: np.round(d, 6).tolist())
+    else:
+        x = basis @ axis(corners, basis.T)
     z = _straight(z)
     x = _straight(x - (x @ z) * z)
     turn = np.column_stack([x, np.cross(z, x), z])
-    return Pose(np.round((at + basis @ centroid) / _ROUND) * _ROUND + 0.0, turn)
+    return Pose(np.round((at + basis @ centre(corners)) / _ROUND) * _ROUND + 0.0, turn)
 
 
 def _straight(axis: Array) -> Array:

@@ -22,8 +22,10 @@ from fmopt.geometry.csg import (
     Hull,
     Placed,
     Prism,
+    Ring,
     Solid,
     Sphere,
+    Stack,
     Union,
     Wedge,
     convex_polyhedron,
@@ -151,6 +153,8 @@ def _pieces(solid: Solid, pose: Pose) -> tuple[Polyhedron, ...]:
             return (convex_polyhedron(solid, pose),)
         case Placed(inner, move):
             return _pieces(inner, exact_pose(pose).compose(exact_pose(move)))
+        case Stack(parts):
+            return tuple(piece for part in parts for piece in _pieces(part, pose))
         case Union(parts):
             bodies = [piece for part in parts for piece in _pieces(part, pose)]
             return _irredundant(bodies, union_manifold(bodies).volume())
@@ -283,6 +287,8 @@ def _manifold(solid: Solid, pose: Pose, stock: list[Array]) -> Manifold:
             return convex_manifold(body)
         case Placed(inner, move):
             return _manifold(inner, exact_pose(pose).compose(exact_pose(move)), stock)
+        case Stack(_, lofts):
+            return Manifold.batch_boolean([_loft(below, above, pose, stock) for below, above in lofts], OpType.Add)
         case Union(parts):
             return Manifold.batch_boolean([_manifold(part, pose, stock) for part in parts], OpType.Add)
         case Difference(base, tools):
@@ -290,3 +296,21 @@ def _manifold(solid: Solid, pose: Pose, stock: list[Array]) -> Manifold:
             return Manifold.batch_boolean(operands, OpType.Subtract)
         case _:
             assert_never(solid)
+
+
+def _loft(below: Ring, above: Ring, pose: Pose, stock: list[Array]) -> Manifold:
+    """What is between two rings of corners, the walls straight, one above the other."""
+    from manifold3d import Manifold, Mesh64, triangulate
+
+    points, count = exact_pose(pose).apply(np.array([*below, *above])) + 0.0, len(below)
+    cap = np.asarray(triangulate([np.array(below)[:, :2]]), dtype=np.int64)
+    lid = np.asarray(triangulate([np.array(above)[:, :2]]), dtype=np.int64) + count
+    one = np.arange(count)
+    two = np.roll(one, -1)
+    walls = [np.column_stack([one, two, two + count]), np.column_stack([one, two + count, one + count])]
+    triangles = np.vstack([cap[:, ::-1], *walls, lid]).astype(np.uint64)
+    stock.append(points)
+    made = Manifold(Mesh64(vert_properties=points, tri_verts=triangles))
+    if made.is_empty():
+        raise GeometryError(f"the walls between two sections do not close: {made.status()}", "check both outlines")
+    return made

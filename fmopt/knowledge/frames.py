@@ -132,9 +132,9 @@ def _check_central(tree: ObjectTree, feature: Feature, body: Solid, whole: Solid
     centres = (_centroid(outline) for outline in outlines)
     x, y = max(centres, key=lambda centre: float(np.linalg.norm(centre)), default=np.zeros(2))
     message = f"the frame of feature {feature.name!r} of {tree.name!r} is not on a central line: along z a section has "
-    message += f"its centroid at ({_mm(x)}, {_mm(y)}) mm"
+    message += f"its centroid at ({_mm(x)}, {_mm(y)}) mm{_even(outlines)}"
     advice = "move the frame's origin there, or to the centre of the largest circle inside, which an even gap around "
-    advice += "leaves where it is; or turn an axis along the line"
+    advice += "leaves where it is; or turn an axis along the line; or leave `at` out, to have it found"
     raise TaskError(message, feature.name, CENTRAL, advice)
 
 
@@ -197,7 +197,7 @@ def _around(ring: Array) -> bool:
 
 
 def _is_central(outlines: Sequence[Array]) -> bool:
-    notions: tuple[Callable[[Array], bool], ...] = (_at_centroid, _at_outer_circle, _at_inner_circle)
+    notions: tuple[Callable[[Array], bool], ...] = (_at_centroid, _at_outer_circle, _at_inner_circle, _at_even_centre)
     return bool(outlines) and any(all(notion(ring) for ring in outlines) for notion in notions)
 
 
@@ -228,6 +228,30 @@ def _at_inner_circle(ring: Array) -> bool:
     nearest = ring + share[:, None] * side
     distance = np.linalg.norm(nearest, axis=1)
     return _gap(nearest[distance <= distance.min() + _NOISE * _size(ring)]) < np.pi - 1e-3
+
+
+def _even(outlines: Sequence[Array]) -> str:
+    """Where the frame would be found, in words."""
+    from fmopt.geometry.centre import centre
+
+    if not outlines:
+        return ""
+    ring = outlines[0]
+    x, y = centre(ring if _signed_area(ring) > 0.0 else ring[::-1])
+    return f", and is found at ({_mm(x)}, {_mm(y)}) mm from there"
+
+
+def _at_even_centre(ring: Array) -> bool:
+    """Whether a point that an even gap leaves where it is is the origin."""
+    from fmopt.geometry.centre import centres
+
+    facing = ring if _signed_area(ring) > 0.0 else ring[::-1]
+    return any(float(np.linalg.norm(point)) <= _NOISE * _size(ring) for point in centres(facing))
+
+
+def _signed_area(ring: Array) -> float:
+    ahead = np.roll(ring, -1, axis=0)
+    return 0.5 * float(np.sum(ring[:, 0] * ahead[:, 1] - ring[:, 1] * ahead[:, 0]))
 
 
 def _gap(points: Array) -> float:

@@ -199,6 +199,8 @@ class Operand(Value):
         feature: the same, as the object's tree has it.
         members: the feature-operand and its direct neighbours in the trees and across the links.
         solid: their solid, in the feature-operand's frame.
+        true: the same less what takes away from it next to the feature-operand: filled in, a part that is not convex
+            would not go into its hole.
         whole: the solid of all objects of this side with all their features, in the same frame.
         frame: of the feature-operand in the global reference frame at the start, H_ow.
     """
@@ -207,6 +209,7 @@ class Operand(Value):
     feature: Feature
     members: tuple[Ref, ...]
     solid: Solid
+    true: Solid
     whole: Solid
     frame: Pose
 
@@ -222,15 +225,19 @@ def operand_of(workcell: Workcell, ref: Ref, group: tuple[str, ...], frame: Pose
     """
     feature = workcell.object(ref.object).feature(ref.feature)
     others = frozenset(tree.name for tree in workcell.objects) - set(group)
-    members = workcell.operand(ref, others)
+    around = members = workcell.operand(ref, others)
     if not feature.hollow:
         # The moving operand keeps its solid neighbours only, [LeeHuang1985] appendix B: its operators are all +.
         members = tuple(r for r in members if not workcell.object(r.object).feature(r.feature).hollow)
     all_of = {name: frozenset(workcell.object(name).order) for name in group}
     some_of = {r.object: frozenset(m.feature for m in members if m.object == r.object) for r in members}
+    true_of = {r.object: frozenset(m.feature for m in around if m.object == r.object) for r in members}
     whole = _together(workcell, all_of, frame.inverse())
     solid = whole if list(some_of.items()) == list(all_of.items()) else _together(workcell, some_of, frame.inverse())
-    return Operand(ref, feature, members, solid, whole, frame)
+    true = (
+        solid if true_of == some_of else whole if true_of == all_of else _together(workcell, true_of, frame.inverse())
+    )
+    return Operand(ref, feature, members, solid, true, whole, frame)
 
 
 def _together(workcell: Workcell, features: Mapping[str, frozenset[str]], into: Pose) -> Solid:

@@ -105,7 +105,7 @@ def answered(found: Answer, box: ArrayLike, rho: float) -> Mapping:
     movers: list[Body] = [(found.moving.ref.object, found.moving.whole)]
     standing: list[Body] = [(found.fixed.ref.object, found.fixed.whole)]
     (movers if found.exchanged else standing).extend((other.name, other.solid) for other in found.obstacles)
-    operands, speed = (found.moving.solid, found.fixed.solid), found.task.specification.speed
+    operands, speed = (found.moving.true, found.fixed.solid), found.task.specification.speed
     return task_mapping(Task(*operands, found.P0, found.PT, box, speed, rho, movers, standing))
 
 

@@ -32,6 +32,9 @@ def asked(plan: Plan) -> str:
         items = "\n".join(f"<li>{escape(note)}</li>" for note in plan.diagnostics.imported)
         text += f"<p>Of the parts that came as meshes:</p>\n<ul>\n{items}\n</ul>\n"
     text += table("The task", ("", ""), _task_rows(plan))
+    if plan.diagnostics is not None and plan.diagnostics.notes:
+        items = "\n".join(f"<li>{escape(note)}</li>" for note in plan.diagnostics.notes)
+        text += f"<p>What the plan leaves out, on which its certificate does not rest:</p>\n<ul>\n{items}\n</ul>\n"
     return text
 
 

@@ -14,13 +14,14 @@ from typing import Any, TypeVar
 import numpy as np
 
 from fmopt.errors import Fault, InputError, TaskError
+from fmopt.geometry.mating import DESCRIBE
 from fmopt.geometry.part import Part, Profiles, outline, rebased, settled
 from fmopt.knowledge.tree import ObjectTree
 from fmopt.se3 import Pose, exp
 from fmopt.task import problem_file as files
 from fmopt.task.command import PLANNED, attributes, is_round
 from fmopt.task.mesh_source import MAX_MESH_BYTES
-from fmopt.task.model import Model, load_model, overrides_of
+from fmopt.task.model import Model, load_model, overrides_of, reaching
 from fmopt.task.problem import Attributes, Problem, Settings, Specification, VelocityError
 from fmopt.task.sizes import force_faults, refuse_far, refuse_reaching, refuse_wild
 from fmopt.task.sources import (
@@ -75,6 +76,9 @@ def problem_of(source: Source) -> Problem:
         if model is not None:
             models[side] = model
     if file is not None:
+        named = {side: _table(file, side).feature for side in models}
+        if len(models) == 2 and all(named[side] in model.file.features for side, model in models.items()):
+            models = reaching(models, named)
         faults += _cross_checks(source, file, models)
     if faults or file is None:
         raise InputError(*dict.fromkeys(faults))
@@ -128,6 +132,8 @@ def _feature_faults(source: Source, file: files.ProblemFile, models: Mapping[str
         if name not in features:
             message = f"the model {model.file.name!r} has no feature {name!r}"
             advice = did_you_mean(name, features) or f"features: {', '.join(features)}"
+            if "features" not in model.source.data and model.file.profile is None:
+                advice += f"; they were found, and for another one {DESCRIBE}"
             yield source.place((side, "feature")).fault("unknown-feature", message, advice)
         else:
             kinds[side] = features[name].kind
@@ -201,7 +207,7 @@ def _deepest(file: files.ProblemFile, models: Mapping[str, Model]) -> float | No
     lengths = []
     for side, model in models.items():
         feature = model.file.features.get(_table(file, side).feature)
-        if feature is not None:
+        if feature is not None and feature.length is not None:
             lengths.append(feature.length)
     return min(lengths) if len(lengths) == 2 else None
 
@@ -365,7 +371,7 @@ def _plane(file: files.ProblemFile, models: Mapping[str, Model]) -> Profiles | N
     for side, model in models.items():
         if model.file.profile is None:
             return None
-        at = model.file.features[_table(file, side).feature].at
+        at = model.file.features[_table(file, side).feature].at or (0.0, 0.0, 0.0)
         found[side] = [np.subtract(polygon, (at[0], at[2])) for polygon in model.file.profile.polygons]
     return Profiles(found["moving"][0], outline(found["fixed"]))
 

@@ -1,4 +1,4 @@
-"""The mesh or STEP file that a model file names: read once its unit is known, its mating features found."""
+"""The mesh or STEP file that a model file names, read once its unit is known."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fmopt.errors import Fault, GeometryError, InputError, ResourceError, SizeError
-from fmopt.task.model_file import MatingFeature, Mesh, ModelFile
+from fmopt.task.model_file import Mesh
 from fmopt.task.sizes import implausible
 from fmopt.task.toml_source import Source, read_bytes
 from fmopt.values import remembered
@@ -28,8 +28,12 @@ def mesh_faults(source: Source, mesh: Mesh) -> list[Fault]:
     """A mesh without a unit, with its size in the numbers of its file to choose by; or a STEP file with one."""
     if is_step(mesh):
         return list(_step_faults(source, mesh))
+    faults = []
+    if mesh.body is not None:
+        place = source.place(("mesh", "body"), of_key=True)
+        faults.append(place.fault("conflict", "only a STEP file holds bodies to choose from", "remove 'body'"))
     if mesh.unit is not None:
-        return []
+        return faults
     advice = "add 'unit' to [mesh]: m, cm, mm, um or in"
     try:
         from fmopt.geometry.mesh import extents
@@ -38,7 +42,7 @@ def mesh_faults(source: Source, mesh: Mesh) -> list[Fault]:
     except (GeometryError, ResourceError, InputError) as error:
         size, advice = f"not known: {error}", f"{advice}; and mend the file"
     message = f"the unit of the mesh is missing; its size in the file's own numbers is {size}"
-    return [source.place(("mesh",), of_key=True).fault("missing-key", message, advice)]
+    return [*faults, source.place(("mesh",), of_key=True).fault("missing-key", message, advice)]
 
 
 def _step_faults(source: Source, mesh: Mesh) -> Iterator[Fault]:
@@ -69,7 +73,7 @@ def imported(source: Source, mesh: Mesh) -> Imported:
         if is_step(mesh):
             from fmopt.geometry.step import DEVIATION, load_step
 
-            return load_step(path, mesh.deviation or DEVIATION)
+            return load_step(path, mesh.deviation or DEVIATION, str(mesh.body or ""))
         from fmopt.geometry.mesh import load_mesh
 
         return load_mesh(path, mesh.unit or "mm")
@@ -78,30 +82,6 @@ def imported(source: Source, mesh: Mesh) -> Imported:
         raise InputError(implausible(source, key, mesh.unit, error)) from error
     except GeometryError as error:
         raise InputError(place.fault("geometry", error.message, error.advice)) from error
-
-
-def with_features(source: Source, file: ModelFile) -> ModelFile:
-    """The model file with the mating features that are found on its mesh.
-
-    Raises:
-        InputError: the mesh cannot be used, or nothing is found on it.
-        ResourceError: a STEP file without the extra that reads it.
-    """
-    from fmopt.geometry.part import mesh_part
-
-    if file.mesh is None:
-        return file
-    try:
-        part = mesh_part(file.name, imported(source, file.mesh))
-    except GeometryError as error:
-        raise InputError(source.place(("mesh", "file")).fault("geometry", error.message, error.advice)) from error
-    found = {}
-    for feature in part.features:
-        x, y, z, *turn = feature.frame.vector().tolist()
-        found[feature.name] = MatingFeature.model_construct(
-            kind=feature.kind, at=(x, y, z), turn=tuple(turn), length=feature.length, through=feature.through
-        )
-    return file.model_copy(update={"features": found})
 
 
 def _path(source: Source, mesh: Mesh) -> Path:

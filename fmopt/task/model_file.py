@@ -80,12 +80,36 @@ class Sphere(_Placed):
     """Meridians, and half as many bands; the polyhedron has up to about half the square of this many faces."""
 
 
+Polygon: TypeAlias = Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(min_length=3, max_length=4096)]
+
+
 class Prism(_Placed):
-    """An upright prism over a convex polygon, counter-clockwise seen from above, standing on z = 0."""
+    """An upright prism over a simple polygon, convex or not, standing on z = 0."""
 
     shape: Literal["prism"]
-    polygon: Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(min_length=3, max_length=4096)]
+    polygon: Polygon
+    """Corners, counter-clockwise seen from above."""
+    holes: Annotated[tuple[Polygon, ...], Field(max_length=64)] = ()
+    """Polygons that go through it, counter-clockwise too."""
     height: Length
+
+
+class Section(Table):
+    """An outline of a stack."""
+
+    at: Coordinate
+    """Its height."""
+    polygon: Polygon
+    """Corners of a simple polygon, counter-clockwise seen from above."""
+
+
+class Stack(_Placed):
+    """A stepped, tapered or chamfered part: outlines one above the other, walls straight from each to the next."""
+
+    shape: Literal["stack"]
+    sections: Annotated[tuple[Section, ...], Field(min_length=2, max_length=64)]
+    """From below upwards. Neighbours at different heights have as many corners, in the same order, and parallel sides;
+    two at one height are a step, where the outline may change."""
 
 
 class Wedge(_Placed):
@@ -118,7 +142,7 @@ class Difference(_Placed):
     minus: Annotated[tuple[Name, ...], Field(min_length=1, max_length=256)]
 
 
-Shape: TypeAlias = Box | Cylinder | Cone | Sphere | Prism | Wedge | Hull | Union | Difference
+Shape: TypeAlias = Box | Cylinder | Cone | Sphere | Prism | Stack | Wedge | Hull | Union | Difference
 
 
 class Mesh(Table):
@@ -128,6 +152,9 @@ class Mesh(Table):
     """STL, OBJ or PLY file, or STEP with the extra of that name, relative to this model file."""
     unit: Literal["m", "cm", "mm", "um", "in"] | None = None
     """Unit of the numbers in a mesh file, which does not say it itself. A STEP file does: leave it out there."""
+    body: Annotated[str, Field(min_length=1, max_length=200)] | Annotated[int, Field(ge=1, le=10_000)] | None = None
+    """Which body of a STEP file that holds several: the name of its product, or its number, counted from 1. It is
+    then in its product's own frame, as if its part had been exported alone."""
     deviation: Distance | None = None
     """How far curved surfaces lie from the facets that stand for them, which adds to the errors of the start.
     Estimated from the facets if not given; curved faces of a STEP file are faceted as finely as this, 0.01 mm if not
@@ -145,15 +172,15 @@ class Profile(Table):
 
 
 class MatingFeature(Table):
-    """A peg (solid) or hole (hollow) that can mate, with its frame on the centre line."""
+    """A peg (solid) or hole (hollow) that can mate, with its frame on the centre line; found where it is not given."""
 
     kind: Literal["solid", "hollow"]
-    at: Vector
-    """Solid: centre of the leading end face. Hollow: centre of the mouth."""
+    at: Vector | None = None
+    """Solid: centre of the leading end face. Hollow: centre of the mouth. Found with `turn` if not given."""
     turn: Rotation = (0.0, 0.0, 0.0)
     """Rotation vector; z then points out of the mouth (hollow), or from the leading end back into the part (solid)."""
-    length: Length
-    """Depth of the hole, or length of the peg."""
+    length: Length | None = None
+    """Depth of the hole, or length of the peg; found, with `through`, if not given."""
     through: bool = False
     """Whether a hole is open at both ends."""
     classification: Name | None = None
@@ -181,4 +208,4 @@ class ModelFile(Table):
     profile: Profile | None = None
     """The profile of a part in the plane, in place of solids."""
     features: Annotated[dict[Name, MatingFeature], Field(max_length=64)] = Field(default_factory=dict)
-    """Mating features by name; found on a mesh if there are none: peg and hole, or hole_1, hole_2 and so on."""
+    """Mating features by name; found if there are none: peg and hole, or hole_1, hole_2 and so on."""

@@ -118,11 +118,13 @@ def build_part(source: Source, file: files.ModelFile) -> Part:
     from fmopt.geometry.part import mesh_part, part_of
 
     features = [_feature(name, feature) for name, feature in file.features.items()]
+    kind = "part" if file.mesh is None else "mesh"
+    notes = tuple(_found(_feature(name, file.features[name]), kind) for name in unstated(source, file))
     if file.mesh is not None:
         mesh = imported(source, file.mesh)
         try:
             part = mesh_part(file.name, mesh, features, deviation(file.mesh))
-            return part if "features" in source.data else replace(part, notes=(*part.notes, *map(_found, features)))
+            return replace(part, notes=(*part.notes, *notes))
         except GeometryError as error:
             place = source.place(("mesh", "file"))
             raise InputError(place.fault("geometry", error.message, error.advice)) from error
@@ -136,7 +138,7 @@ def build_part(source: Source, file: files.ModelFile) -> Part:
     root = file.part or ""
     solid = _solid(source, file, root)
     try:
-        return part_of(file.name, solid, features)
+        return replace(part_of(file.name, solid, features), notes=notes)
     except GeometryError as error:
         place = source.place(("solids", root), of_key=True)
         raise InputError(place.fault("geometry", error.message, error.advice)) from error
@@ -203,6 +205,10 @@ def _chain(source: Source, file: files.ModelFile, name: str) -> Chain:
             first = _chain(source, file, base)
             for target in minus:
                 first = without(first, _chain(source, file, target))
+        case files.Prism(holes=holes) if holes:
+            outer, cuts = _prism(table)
+            tools = tuple(Term("+", f"{name}-hole-{i}", cut) for i, cut in enumerate(cuts, 1))
+            first = without((Term("+", name, outer),), tools)
         case _:
             return (Term("+", name, _solid(source, file, name)),)
     return moved_chain(first, Pose.from_vector([*table.at, *table.turn]))
@@ -242,8 +248,13 @@ def _shape(source: Source, file: files.ModelFile, table: files.Shape) -> csg.Sol
             return csg.Cone(bottom, top, height, sides)
         case files.Sphere(radius=radius, sides=sides):
             return csg.Sphere(radius, sides)
-        case files.Prism(polygon=polygon, height=height):
-            return csg.Prism(polygon, height)
+        case files.Prism():
+            outer, holes = _prism(table)
+            return csg.Difference(outer, holes) if holes else outer
+        case files.Stack(sections=sections):
+            from fmopt.geometry.outline import stack
+
+            return stack([(section.at, section.polygon) for section in sections])
         case files.Wedge(size=size, top_x=top_x):
             return csg.Wedge(size, top_x)
         case files.Hull(points=points):
@@ -256,14 +267,52 @@ def _shape(source: Source, file: files.ModelFile, table: files.Shape) -> csg.Sol
             assert_never(table)
 
 
-def _found(feature: Feature) -> str:
-    """A feature that the model file did not name, as it would be written there."""
+def _prism(table: files.Prism) -> tuple[csg.Solid, tuple[csg.Solid, ...]]:
+    """A prism without its holes, and what is cut out of it for them, standing out at both ends."""
+    from fmopt.geometry import csg
+    from fmopt.geometry.outline import is_convex, stack
+
+    height, proud = table.height, 0.5 * table.height
+    convex = is_convex(table.polygon)
+    outer = csg.Prism(table.polygon, height) if convex else stack([(0.0, table.polygon), (height, table.polygon)])
+    return outer, tuple(stack([(-proud, hole), (height + proud, hole)]) for hole in table.holes)
+
+
+def unstated(source: Source, file: files.ModelFile) -> tuple[str, ...]:
+    """The names of the features of which a model file leaves something to be found."""
+    stated = source.data.get("features", {})
+    return tuple(name for name in file.features if not {"at", "length"} <= set(stated.get(name, {})))
+
+
+def bare_part(source: Source, file: files.ModelFile) -> Part:
+    """The part of a checked model file with solids or a mesh, its features as they are found on it.
+
+    Raises:
+        InputError: no solid comes out, or nothing is found on it; at its place in the file.
+        ResourceError: a STEP file without the extra that reads it.
+    """
+    from fmopt.geometry.mating import found_features
+    from fmopt.geometry.part import mesh_part, part_of
+
+    key = ("mesh", "file") if file.mesh is not None else ("solids", file.part or "")
+    try:
+        if file.mesh is not None:
+            return mesh_part(file.name, imported(source, file.mesh))
+        part = part_of(file.name, _solid(source, file, file.part or ""))
+        return replace(part, features=found_features(part.polyhedron, part.pieces))
+    except GeometryError as error:
+        place = source.place(key, of_key=file.mesh is None)
+        raise InputError(place.fault("geometry", error.message, error.advice)) from error
+
+
+def _found(feature: Feature, kind: str) -> str:
+    """A feature that the model file leaves to be found, as it would be written there."""
     x, y, z, *turn = feature.frame.vector().tolist()
     at = ", ".join(f"{1e3 * value + 0.0:.9g}" for value in (x, y, z))
     about = ", ".join(f"{math.degrees(angle) + 0.0:.9g}" for angle in turn)
     through = ", through" if feature.through else ""
     return (
-        f"found: [features.{feature.name}] of the mesh, {feature.kind}, at = [{at}] mm, turn = [{about}] deg, "
+        f"found: [features.{feature.name}] of the {kind}, {feature.kind}, at = [{at}] mm, turn = [{about}] deg, "
         f"length = {1e3 * feature.length:.9g} mm{through}"
     )
 
@@ -271,4 +320,5 @@ def _found(feature: Feature) -> str:
 def _feature(name: str, table: files.MatingFeature) -> Feature:
     from fmopt.geometry.mating import Feature
 
-    return Feature(name, table.kind, Pose.from_vector([*table.at, *table.turn]), table.length, table.through)
+    at, length = table.at or (0.0, 0.0, 0.0), table.length or 0.0
+    return Feature(name, table.kind, Pose.from_vector([*at, *table.turn]), length, table.through)

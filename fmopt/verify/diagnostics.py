@@ -284,6 +284,7 @@ class Diagnostics:
         budget: where the start errors come from.
         measured_clearance: on each side along x and y, m; None where nothing stops the part.
         imported: what to know of parts that came as meshes.
+        notes: what the plan leaves out, and why.
         hand: what the hand does, where that is not what the plan says of the moving part.
         tolerated: how much error the motion tolerates, where that was asked for.
         reduced: that the plan is for smaller errors than the problem states.
@@ -297,6 +298,7 @@ class Diagnostics:
     budget: tuple[Contribution, ...]
     measured_clearance: tuple[float | None, float | None]
     imported: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     hand: Hand | None = None
     tolerated: Tolerated | None = None
     reduced: Reduced | None = None

@@ -154,8 +154,12 @@ def check_diagnostics(plan: Plan, notes: Notes) -> None:
     found = plan.diagnostics
     if found is None:
         return
-    _sequence(found.sequence, plan, notes)
-    _graphs(found, plan, notes)
+    if plan.critical_points is None and not (found.sequence or found.graphs):
+        if not found.notes:
+            notes.add("diagnostics.notes", "do not say why its way through contact states is left out")
+    else:
+        _sequence(found.sequence, plan, notes)
+        _graphs(found, plan, notes)
     if found.hand is not None and len(found.hand.segments) != len(plan.segments):
         notes.add("diagnostics.hand", "has not one move of the hand for each segment")
     if found.reduced is not None:

@@ -59,9 +59,9 @@ POSES = ("start", "first contact", "goal")
 _WHERE = "diagnostics"
 _TOP = fields(
     _WHERE,
-    commentary="imported",
+    commentary="imported notes",
     objects="graphs sequence diagrams freedom_on_planes budget clearance hand tolerated reduced planar",
-    optional=("imported", "hand", "tolerated", "reduced", "planar"),
+    optional=("imported", "notes", "hand", "tolerated", "reduced", "planar"),
 )
 _GRAPH = fields(f"{_WHERE}.graphs[]", commentary="critical_point sons verdicts chosen", objects="states")
 _STATE = fields(f"{_WHERE}.graphs[].states[]", commentary="id contacts dimension")
@@ -182,6 +182,7 @@ def read_diagnostics(place: Reader) -> Diagnostics:
     sides = place.at("clearance").only(_CLEARANCE).at("measured").items(exact=2)
     x, y = (None if side.value is None else side.number(-4.0, 4.0) for side in sides)
     imported, hand, planar = place.maybe("imported"), place.maybe("hand"), place.maybe("planar")
+    notes = place.maybe("notes")
     tolerated, reduced = place.maybe("tolerated"), place.maybe("reduced")
     return Diagnostics(
         graphs=tuple(_graph(item) for item in place.at("graphs").items()),
@@ -191,6 +192,7 @@ def read_diagnostics(place: Reader) -> Diagnostics:
         budget=tuple(_contribution(item) for item in place.at("budget").items(most=256)),
         measured_clearance=(x, y),
         imported=() if imported is None else tuple(item.text() for item in imported.items()),
+        notes=() if notes is None else tuple(item.text() for item in notes.items()),
         hand=None if hand is None else _hand(hand),
         tolerated=None if tolerated is None else _tolerated(tolerated),
         reduced=None if reduced is None else _reduced(reduced),

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from os.path import normpath
 from pathlib import Path
 
+from fmopt.verify.problem.outlines import prism, stack
 from fmopt.verify.problem.quantities import ANGLE, LENGTH, Quantity
 from fmopt.verify.problem.shapes import SHAPES, Convex, extruded, polygon_of, shape
 from fmopt.verify.problem.tables import Table, parameters, read
@@ -41,7 +43,7 @@ class Solid:
 class Feature:
     """A peg or hole: its kind, its frame in the model's, its length, and the named solids it is made of.
 
-    One that is `found` on a mesh has no frame and no length here.
+    One that is `found` by the planner has no frame here, and one without a length an infinite one.
     """
 
     kind: str
@@ -109,10 +111,11 @@ def _features(file: Table) -> dict[str, Feature]:
         table.flag("through")
         found[name] = Feature(
             table.text("kind", ("solid", "hollow")),
-            table.vector("at"),
+            table.vector("at", default=_ZERO),
             table.vector("turn", ANGLE, _ZERO),
-            table.number("length", LENGTH, 1e-9),
+            table.number("length", LENGTH, 1e-9) if table.has("length") else math.inf,
             tuple(table.names_of("solids")) if table.has("solids") else (),
+            found=not table.has("at"),
         )
     return found
 
@@ -155,7 +158,7 @@ class _Tree:
         if self._count > MOST_INSTANCES:
             raise self._tables.error(name, f"there are more than {MOST_INSTANCES} instances of solids")
         table = self._tables.table(name)
-        kind = table.text("shape", (*SHAPES, "union", "difference"))
+        kind = table.text("shape", (*SHAPES, "prism", "stack", "union", "difference"))
         at, turn = table.vector("at", default=_ZERO), table.vector("turn", ANGLE, _ZERO)
         within = (*above, name)
         if kind == "union":
@@ -165,7 +168,22 @@ class _Tree:
             tools = table.only("shape", "at", "turn", "of", "minus").names_of("minus")
             base = (self.solid(table.text("of"), within),)
             return Solid(name, None, base, tuple(self.solid(tool, within) for tool in tools), at, turn)
+        if kind == "prism":
+            outer, cuts = prism(table.only("shape", "at", "turn", "polygon", "height", "holes"))
+            return _united(name, outer, cuts, at, turn)
+        if kind == "stack":
+            return _united(name, stack(table.only("shape", "at", "turn", "sections")), (), at, turn)
         return Solid(name, shape(table.only("shape", "at", "turn", *SHAPES[kind]), kind), (), (), at, turn)
+
+
+def _united(
+    name: str, outer: Sequence[Convex], cuts: Sequence[Convex], at: tuple[float, ...], turn: tuple[float, ...]
+) -> Solid:
+    """The union of convex solids less others, a single one as it is."""
+    if len(outer) == 1 and not cuts:
+        return Solid(name, outer[0], (), (), at, turn)
+    first, minus = (tuple(Solid(name, convex) for convex in some) for some in (outer, cuts))
+    return Solid(name, None, first, minus, at, turn)
 
 
 def overrides_of(operand: Table) -> dict[str, Quantity]:

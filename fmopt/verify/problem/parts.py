@@ -13,8 +13,9 @@ from dataclasses import dataclass
 
 from fmopt.verify.document import Body, Part
 from fmopt.verify.problem.meshes import NoMesh, Point, Triangle, triangles
-from fmopt.verify.problem.model import Mesh
+from fmopt.verify.problem.model import Mesh, Solid
 from fmopt.verify.problem.problem import Problem
+from fmopt.verify.problem.seating import frames
 from fmopt.verify.problem.solids import Comparison, Frame, Unbounded, of_piece, tree_of
 from fmopt.verify.problem.tables import LARGEST_MESH, read_bytes
 from fmopt.verify.rational import ArithmeticRefusal, number
@@ -77,6 +78,8 @@ def part_beside_its_model(part: Part, problem: Problem, side: str, reader: Reade
     """
     model = problem.model(side)
     try:
+        if model.solid is not None and problem.feature(side).found:
+            return _beside_turned(part, side, model.name, model.solid)
         if model.solid is not None:
             tree = tree_of(model.solid, problem.frame(side))
             comparison = Comparison(tree, [of_piece(piece) for piece in part.pieces])
@@ -89,6 +92,21 @@ def part_beside_its_model(part: Part, problem: Problem, side: str, reader: Reade
         name = model.mesh.name if model.mesh is not None else ""
         return Compared((f"parts.{side}: the part was not compared with {name}: the check reads no STEP files",))
     return _beside_given(part, side, reader()[side])
+
+
+def _beside_turned(part: Part, side: str, name: str, solid: Solid) -> Compared:
+    """A part beside a model whose frame is the planner's choice: in one of the frames that fit the two are the same."""
+    flaws: tuple[str, ...] = (
+        f"parts.{side}: the plan is for another {side} part than the model {name!r}: no frame fits its corners",
+    )
+    pieces = [of_piece(piece) for piece in part.pieces]
+    for at in frames(solid, part.body):
+        found = tuple(_differences(Comparison(tree_of(solid, at), pieces), side, name))
+        if not found:
+            words = f"the frame in which the {side} part mates is the planner's choice, as its model leaves it open"
+            return Compared((), (words,))
+        flaws = found
+    return Compared(flaws)
 
 
 def _differences(comparison: Comparison, side: str, name: str) -> Iterator[str]:

@@ -29,6 +29,7 @@ from fmopt.verify.problem.tables import LARGEST_MESH, ProblemError, Table, read,
 from fmopt.verify.rational import dot, number, vector
 
 _ZERO = (0.0, 0.0, 0.0)
+_INNER = 1e-6  # m: how far inside a peg whose length is found its axis is looked at
 _LEAST = 1e-9  # m and rad: the least start error where velocity adds none
 _PAIRS = ("cylindrical", "prismatic", "planar", "screw", "spherical", "revolute")
 _TURNING = ("cylindrical", "revolute")
@@ -76,8 +77,8 @@ class Problem:
 
     def _feature(self, side: str) -> Feature:
         features, name = self.models[side].features, self.names[side]
-        if not features and self.models[side].mesh is not None:
-            # Found on the mesh by the planner, which calls pegs "peg" and holes "hole".
+        if not features and not self.models[side].planar:
+            # Found by the planner, which calls pegs "peg" and holes "hole".
             return Feature("hollow" if name.startswith("hole") else "solid", _ZERO, _ZERO, math.inf, (), found=True)
         if name not in features:
             raise self.table.table(side).error("feature", f"the model has no feature {self.names[side]!r}")
@@ -112,7 +113,8 @@ class Problem:
         goal = self.table.table("goal")
         deepest = min(self.feature(side).length for side in ("moving", "fixed"))
         if goal.value("depth") in ("full", "free"):
-            return None if any(self.feature(side).found for side in ("moving", "fixed")) else deepest
+            features = [self.feature(side) for side in ("moving", "fixed")]
+            return None if any(one.found or math.isinf(one.length) for one in features) else deepest
         depth = goal.number("depth", LENGTH, _LEAST)
         if depth > deepest:
             raise goal.error("depth", f"is deeper than hole and peg allow, {deepest!r} m")
@@ -122,6 +124,8 @@ class Problem:
     def turn(self) -> float:
         """Angle of the peg about the axis of the hole at the goal, by which its mating frame is turned, rad."""
         goal = self.table.table("goal").only("depth", "turn", "attachment")
+        if self.feature("moving").found:
+            return 0.0  # its frame is found, however it is turned
         stated = goal.text("attachment", _PAIRS) if goal.has("attachment") else None
         pair = stated or ("cylindrical" if self.is_round else "prismatic")
         if goal.has("turn") and goal.value("turn") != "free":
@@ -149,7 +153,7 @@ class Problem:
         if solid is None:
             return False
         at = frame(feature.at, feature.turn).inverse
-        middle = vector((0.0, 0.0, 0.5 * feature.length))
+        middle = vector((0.0, 0.0, _INNER if math.isinf(feature.length) else 0.5 * feature.length))
         found = []
         for (name, round_), tree in zip(_convex(solid), _leaves(tree_of(solid, at)), strict=True):
             if name in feature.solids if feature.solids else _holds(tree, middle):

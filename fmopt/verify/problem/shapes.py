@@ -40,7 +40,6 @@ SHAPES = {
     "cylinder": ("radius", "height", "sides"),
     "cone": ("radius_bottom", "radius_top", "height", "sides"),
     "sphere": ("radius", "sides"),
-    "prism": ("polygon", "height"),
     "wedge": ("size", "top_x"),
     "hull": ("points",),
 }
@@ -61,9 +60,6 @@ def shape(table: Table, kind: str) -> Convex:
         return _cone(table)
     if kind == "sphere":
         return _sphere(table.number("radius", LENGTH, 1e-9), table.count("sides", 16, 256))
-    if kind == "prism":
-        polygon = polygon_of(table, "polygon", table.items("polygon", 3, MOST_CORNERS))
-        return _stack([(polygon, z) for z in (0.0, table.number("height", LENGTH, 1e-9))])
     if kind == "wedge":
         return _wedge(table)
     items = table.items("points", 4, MOST_CORNERS)
