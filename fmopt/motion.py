@@ -211,8 +211,11 @@ def motion(posed: Posed, stages: Stages) -> tuple[Searched, Placed]:
         InfeasibleError: some were found in each attempt, none of which fine pieces can follow.
     """
     deadline = clock() + posed.problem.settings.time_limit
-    with until(deadline):
-        return _motion(posed, stages, deadline)
+    try:
+        with until(deadline):
+            return _motion(posed, stages, deadline)
+    except OverdueError as error:
+        raise SearchError("the time limit is used up before a motion could begin", _LATE, late=True) from error
 
 
 def _motion(posed: Posed, stages: Stages, deadline: float) -> tuple[Searched, Placed]:

@@ -312,8 +312,8 @@ def _for_share(
     try:
         motion = certified_motion(part, stages)
         verdict = proved(part, motion)[1]
-    except (SearchError, InfeasibleError) as error:
-        noted.append(isinstance(error, SearchError) and error.late)
+    except (SearchError, InfeasibleError, OverdueError) as error:
+        noted.append(isinstance(error, OverdueError) or (isinstance(error, SearchError) and error.late))
         return None
     noted.append(False)
     return (part, motion, stages) if _certified(verdict) else None
