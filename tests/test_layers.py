@@ -17,7 +17,8 @@ PACKAGE = Path(fmopt.__file__).parent
 
 # From the ground up. A room sees every lower floor, never its own: rooms of one floor do not know each other.
 FLOORS: tuple[frozenset[str], ...] = (
-    frozenset({"errors", "values", "compiled", "escape"}),
+    frozenset({"errors"}),
+    frozenset({"values", "compiled", "escape"}),
     frozenset({"kernels"}),
     frozenset({"output", "child"}),
     frozenset({"process"}),
@@ -43,7 +44,7 @@ APART = "verify"
 ONLY: dict[str, frozenset[str]] = {
     "errors": frozenset(),
     "values": frozenset(),
-    "compiled": frozenset(),
+    "compiled": frozenset({"errors"}),
     "escape": frozenset(),
     "output": frozenset({"errors"}),
     "child": frozenset({"errors"}),

@@ -18,6 +18,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from fmopt.compiled import heed
 from fmopt.errors import InterferenceError, SolverError
 from fmopt.geometry.clearance import penetration
 from fmopt.geometry.csg import Solid
@@ -185,6 +186,7 @@ def _on_leg(bodies: Sequence[_Piece], others: Sequence[_Piece], path: NominalTra
     span = (float(path.times[k]), float(path.times[k + 1]))
     hits: list[_Hit | None] = []
     for body in bodies:
+        heed()
         radius = float(np.linalg.norm(body.body.vertices, axis=1).max())
         ends = _Stretch(body, path, span, radius)
         for other in _reached(ends, others):
