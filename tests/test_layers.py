@@ -108,9 +108,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "cvxpy": frozenset({"placement/program.py", "desk/placing.py"}),
     "networkx": frozenset({"contact/graph.py"}),
     "manifold3d": frozenset({"geometry", "nominal/touch.py"}),
-    "OCP": frozenset(
-        {"geometry/step_kernel.py", "geometry/step_file.py", "geometry/step_facets.py", "geometry/step_surfaces.py"}
-    ),
+    "OCP": frozenset(f"geometry/step_{part}.py" for part in ("kernel", "file", "facets", "surfaces", "exact")),
     "shapely": frozenset({"plane", "geometry", "knowledge", "uncertainty/planar", "report"}),
     "matplotlib": frozenset({"report", "study/figures.py", "desk"}),
     "mpl_toolkits": frozenset({"report/surface_view.py"}),
