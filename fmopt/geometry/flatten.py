@@ -1,0 +1,416 @@
+"""Facets that were meant to be plane, made plane: planes are fitted to them, corners are where these planes meet.
+
+Numbers of a file are rounded, and tessellation leaves corners off the planes that they stand for. Neighbouring facets
+are joined, those first that lie closest to one plane, up to the widest gap in how far they lie off it: below are
+facets of one face, above faces that are meant to be two. Normals that are parallel, square to each other, or apart by
+whole parts of a turn, but for what the fit leaves open, are so exactly afterwards.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from heapq import heapify, heappop, heappush
+
+import numpy as np
+
+from fmopt.errors import GeometryError
+from fmopt.geometry.facets import Indices, Loop, Patchwork, faces_of, patchwork, place
+from fmopt.geometry.polyhedron import Polyhedron, from_faces, plane_basis
+from fmopt.values import Array, Value, frozen
+
+MOST_OFF = 2.5e-5  # m: facets farther off one plane are meant to be several
+_SHARE = 2.5e-3  # of the diameter: the same for small parts
+_NOISE = 2e-6  # of the diameter: facets this close to one plane are one face, whatever the gap
+_EXACT = 1e-12  # m: what is this close to a plane lies in it
+_GAP = 1.25  # the least ratio of two neighbouring distances that tells facets of one face from faces
+_TRIES = 8  # gaps that are looked at, the widest first
+_LEAST_LEAN = 1e-3  # of planes that are to fix a corner
+_STRAY = 40.0  # times how far facets are off their planes: corners may move so far along an edge
+_TURNS = (4, 24, 5, 7, 9, 11, 16, 18, 22, 32, 36)  # into how many parts a turn is divided by normals that belong together
+
+Planes = tuple[Array, Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Flattened(Value):
+    """A surface of plane faces beside the facets that it stands for.
+
+    Args:
+        body: the surface, m.
+        off: how far apart it and the facets are at most, m.
+        where: the place (3,) of that, m.
+    """
+
+    body: Polyhedron
+    off: float
+    where: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "where", frozen(self.where, 3, name="place"))
+
+
+def flattened(points: Array, triangles: Indices, numbers: Indices) -> Flattened:
+    """The polyhedron of a closed mesh whose facets are plane but for noise.
+
+    A mesh whose facets are plane to 1e-12 m is kept to the bit.
+
+    Args:
+        points: (n, 3), m.
+        triangles: (m, 3), counter-clockwise seen from outside.
+        numbers: what to call each triangle (m,) in an error.
+
+    Raises:
+        GeometryError: the mesh is open or its triangles disagree about orientation, naming a triangle and an edge; or
+            its faces do not meet in corners near those of the file, naming the place.
+    """
+    span = float(np.linalg.norm(np.ptp(points, axis=0)))
+    parts = patchwork(points, triangles, 0.5 * _NOISE * span, numbers)
+    order = _joined(parts, min(MOST_OFF, _SHARE * span))
+    fault: GeometryError | None = None
+    for count in _gaps([cost for cost, _, _ in order], _NOISE * span):
+        try:
+            return _made_plane(parts, _labels(parts, order[:count]))
+        except GeometryError as error:
+            fault = fault or error
+    raise fault if fault is not None else GeometryError("the mesh has no plane faces", "export it again")
+
+
+def _joined(parts: Patchwork, most: float) -> list[tuple[float, int, int]]:
+    """Pairs of regions in the order in which they are joined, with how far the two together lie off one plane, m.
+
+    The last entry is the first pair that lies off by more than `most`: it stays apart.
+    """
+    corners = [np.unique(parts.triangles[members]) for members in parts.members]
+    area = [parts.areas[members].sum(axis=0) for members in parts.members]
+    around = [set(row) for row in parts.neighbours]
+    age = [0] * len(corners)
+    heap = []
+
+    def cost(a: int, b: int) -> float:
+        if area[a] @ area[b] <= 0.0 and min(_thickness(parts.vertices[corners[k]], area[k]) for k in (a, b)) > most:
+            return math.inf
+        return _off_plane(parts.vertices[np.union1d(corners[a], corners[b])])
+
+    heap = [(cost(a, b), a, b, 0, 0) for a, row in enumerate(around) for b in row if a < b]
+    heapify(heap)
+    made: list[tuple[float, int, int]] = []
+    while heap:
+        off, a, b, age_a, age_b = heappop(heap)
+        if (age[a], age[b]) != (age_a, age_b):
+            continue
+        made.append((off, a, b))
+        if off > most:
+            break
+        corners[a], area[a] = np.union1d(corners[a], corners[b]), area[a] + area[b]
+        around[a] = (around[a] | around[b]) - {a, b}
+        age[a], age[b] = age[a] + 1, -1
+        for c in sorted(around[a]):
+            around[c].discard(b)
+            around[c].add(a)
+            low, high = min(a, c), max(a, c)
+            heappush(heap, (cost(low, high), low, high, age[low], age[high]))
+    return made
+
+
+def _off_plane(points: Array) -> float:
+    """How far points (n, 3) are off the plane that fits them best, m, at most."""
+    normal, offset = _fit(points)
+    return float(np.abs(points @ normal - offset).max())
+
+
+def _fit(points: Array) -> tuple[Array, float]:
+    """The plane that fits points (n, 3) best, with the least largest distance for its normal."""
+    centre = points.mean(axis=0)
+    arms = points - centre
+    normal = np.linalg.eigh(arms.T @ arms)[1][:, 0]
+    heights = arms @ normal
+    return normal, float(normal @ centre + 0.5 * (heights.min() + heights.max()))
+
+
+def _thickness(points: Array, area: Array) -> float:
+    """About how wide a region is where it is narrow, m."""
+    return 2.0 * float(np.linalg.norm(area)) / max(float(np.linalg.norm(np.ptp(points, axis=0))), 1e-12)
+
+
+def _gaps(costs: Sequence[float], floor: float) -> Iterator[int]:
+    """How many pairs to join, the widest gap between what is joined and what is not first."""
+    running = np.maximum.accumulate(np.maximum(costs, floor)) if costs else np.zeros(0)
+    low = np.concatenate([[floor], running[:-1]])
+    ratios = running / low
+    wide = [int(k) for k in np.flatnonzero(ratios >= _GAP)]
+    wide = sorted(wide, key=lambda k: (-ratios[k], k))[:_TRIES]
+    last = len(costs) - 1 if costs and (not math.isfinite(costs[-1]) or costs[-1] > floor) else len(costs)
+    yield from dict.fromkeys([*wide, max(last, 0)])
+
+
+def _labels(parts: Patchwork, pairs: Sequence[tuple[float, int, int]]) -> Indices:
+    """The face of each triangle (m,) once pairs of regions are joined."""
+    into = np.arange(int(parts.region.max()) + 1)
+    for _, a, b in pairs:
+        into[into == b] = a
+    return into[parts.region]
+
+
+def _made_plane(parts: Patchwork, region: Indices) -> Flattened:
+    names, region = np.unique(region, return_inverse=True)
+    faces = faces_of(parts, region)
+    members = [np.flatnonzero(region == k) for k in range(len(names))]
+    corners = [np.unique(parts.triangles[which]) for which in members]
+    off = max(_off_plane(parts.vertices[which]) for which in corners)
+    if off <= _EXACT:
+        return Flattened(from_faces(parts.vertices, faces), 0.0, parts.vertices[0])
+    areas = np.array([parts.areas[which].sum(axis=0) for which in members])
+    normals, slack = [], []
+    for which, area in zip(corners, areas, strict=True):
+        normal = _fit(parts.vertices[which])[0]
+        normals.append(normal if normal @ area > 0.0 else -normal)
+        slack.append(3.0 * off / max(_width(parts.vertices[which], normal), off))
+    turn, normals_ = _aligned(np.array(normals), np.linalg.norm(areas, axis=1), np.array(slack))
+    points = parts.vertices @ turn
+    offsets = np.array([_middle(points[which] @ n) for which, n in zip(corners, normals_, strict=True)])
+    moved = _corners(points, faces, (normals_, offsets), off)
+    body = from_faces(moved @ turn.T if not np.array_equal(turn, np.eye(3)) else moved, faces)
+    apart, where = _apart(parts, members, faces, moved @ turn.T)
+    return Flattened(body, apart, where)
+
+
+def _middle(heights: Array) -> float:
+    return 0.5 * float(heights.min() + heights.max())
+
+
+def _width(points: Array, normal: Array) -> float:
+    """The least extent of points (n, 3) of a plane, m."""
+    flat = (points - points.mean(axis=0)) @ plane_basis(normal)
+    axes = np.linalg.eigh(flat.T @ flat)[1]
+    return float(np.ptp(flat @ axes, axis=0).min())
+
+
+def _aligned(normals: Array, areas: Array, slack: Array) -> tuple[Array, Array]:
+    """A frame (3, 3) along the faces, and the normals (k, 3) in it, exactly along, square, or at equal turns.
+
+    Args:
+        normals: (k, 3).
+        areas: of the faces (k,), m².
+        slack: by how much each normal may be turned (k,), rad.
+    """
+    z = _axis(normals, areas, slack)
+    parallel = np.abs(normals @ z) > np.cos(np.minimum(slack, 0.1))
+    square = np.abs(normals @ z) < np.sin(np.minimum(slack, 0.1))
+    sides = np.flatnonzero(square)
+    first = normals[sides[np.argmax(areas[sides])]] if len(sides) else plane_basis(z)[:, 0]
+    x = first - (first @ z) * z
+    turn = _near_axes(np.column_stack([x / np.linalg.norm(x), np.cross(z, x / np.linalg.norm(x)), z]), slack.min())
+    inside = normals @ turn
+    if len(sides):
+        angle = np.arctan2(inside[sides, 1], inside[sides, 0])
+        base = _common_turn(angle, areas[sides], slack[sides])
+        turn = turn @ _about_z(base)
+        if np.abs(base) > 0.0:
+            turn = _near_axes(turn, slack.min())
+        inside = normals @ turn
+    for k in range(len(inside)):
+        if parallel[k]:
+            inside[k] = (0.0, 0.0, math.copysign(1.0, inside[k, 2]))
+        elif square[k]:
+            inside[k] = _direction(_whole_part(math.atan2(inside[k, 1], inside[k, 0]), slack[k]))
+        else:
+            inside[k] = _leaning(inside[k], slack[k])
+    return turn, inside
+
+
+def _axis(normals: Array, areas: Array, slack: Array) -> Array:
+    """The direction along or across which most of the faces lie."""
+    large = np.argsort(-areas, kind="stable")[:12]
+    choices = [normals[i] for i in large]
+    crossed = [np.cross(normals[i], normals[j]) for n, i in enumerate(large[:6]) for j in large[:n]]
+    choices += [axis / np.linalg.norm(axis) for axis in crossed if np.linalg.norm(axis) > 0.1]
+    best, found = -1.0, choices[0]
+    for axis in choices:
+        lean = np.abs(normals @ axis)
+        along, across = lean > np.cos(np.minimum(3.0 * slack, 0.1)), lean < np.sin(np.minimum(3.0 * slack, 0.1))
+        score = float(areas[along | across].sum() + 1e-6 * areas[along].sum())
+        if score > best * (1.0 + 1e-9):
+            weight = areas / slack**2
+            spread = np.einsum("k,ki,kj->ij", weight * across, normals, normals)
+            spread += (weight * along).sum() * np.eye(3) - np.einsum("k,ki,kj->ij", weight * along, normals, normals)
+            refined = np.linalg.eigh(spread)[1][:, 0]
+            best, found = score, refined if refined @ axis > 0.0 else -refined
+    return found
+
+
+def _near_axes(turn: Array, slack: float) -> Array:
+    """The frame, along the model's axes where it is so but for the slack."""
+    nearest = np.round(turn)
+    alike = np.abs(turn - nearest).max() <= slack and np.array_equal(np.abs(nearest).sum(axis=0), np.ones(3))
+    if alike:
+        return np.asarray(nearest + 0.0)
+    for k in range(3):  # one axis may lie along the model's
+        axis = np.round(turn[:, k])
+        if np.abs(turn[:, k] - axis).max() <= slack and np.abs(axis).sum() == 1.0:
+            other = turn[:, (k + 1) % 3] - (turn[:, (k + 1) % 3] @ axis) * axis
+            other /= np.linalg.norm(other)
+            made = np.empty((3, 3))
+            made[:, k], made[:, (k + 1) % 3], made[:, (k + 2) % 3] = axis, other, np.cross(axis, other)
+            return made
+    return turn
+
+
+def _common_turn(angle: Array, areas: Array, slack: Array) -> float:
+    """By how much side faces at equal turns from the largest are turned from it on average, rad."""
+    parts = np.array([_whole_part(a, s) for a, s in zip(angle, slack, strict=True)])
+    known = parts != angle
+    weight = areas[known] / slack[known] ** 2
+    return float(np.sum(weight * (angle - parts)[known]) / weight.sum()) if known.any() else 0.0
+
+
+def _whole_part(angle: float, slack: float) -> float:
+    """The whole part of a turn nearest to an angle, within the slack; else the angle itself."""
+    for parts in _TURNS:
+        step = 2.0 * math.pi / parts
+        near = step * round(angle / step)
+        if abs(angle - near) <= slack:
+            return near
+    return angle
+
+
+def _direction(angle: float) -> tuple[float, float, float]:
+    """The unit vector at an angle from x about z, with exact zeros and ones."""
+    quarter, rest = divmod(angle + 0.25 * math.pi, 0.5 * math.pi)
+    rest -= 0.25 * math.pi
+    c, s = (1.0, 0.0) if abs(rest) < 1e-14 else (math.cos(rest), math.sin(rest))
+    x, y = ((c, s), (-s, c), (-c, -s), (s, -c))[int(quarter) % 4]
+    return x + 0.0, y + 0.0, 0.0
+
+
+def _about_z(angle: float) -> Array:
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _leaning(normal: Array, slack: float) -> Array:
+    """A normal that is neither along z nor across it: its turn about z and its slope where these are whole parts."""
+    around = math.atan2(normal[1], normal[0])
+    slope = _whole_part(math.atan2(normal[2], math.hypot(normal[0], normal[1])), slack)
+    x, y, _ = _direction(_whole_part(around, slack / max(math.hypot(normal[0], normal[1]), 0.05)))
+    return np.array([math.cos(slope) * x, math.cos(slope) * y, math.sin(slope)])
+
+
+def _corners(points: Array, faces: Sequence[Sequence[Loop]], planes: Planes, off: float) -> Array:
+    """The points (n, 3) with the corners of the faces moved into all of their planes.
+
+    Where more than three planes meet, their offsets give way; where that is not enough, triangles follow their
+    corners.
+
+    Raises:
+        GeometryError: there is no such place near a corner; names it.
+    """
+    fault: GeometryError | None = None
+    for tight in ([True] * len(faces), [sum(map(len, loops)) > 3 for loops in faces]):
+        try:
+            return _meeting(points, faces, planes, tight, off)
+        except GeometryError as error:
+            fault = fault or error
+    raise fault if fault is not None else GeometryError("no corners", "export the mesh again")
+
+
+def _meeting(
+    points: Array, faces: Sequence[Sequence[Loop]], planes: Planes, tight: Sequence[bool], off: float
+) -> Array:
+    normals, offsets = planes
+    around: dict[int, list[int]] = {}
+    for number, loops in enumerate(faces):
+        for vertex in {vertex for loop in loops for vertex in loop}:
+            around.setdefault(vertex, [])
+            if tight[number]:
+                around[vertex].append(number)
+    offsets = _agreed(normals, offsets, around, off)
+    moved = np.array(points)
+    for vertex, own in around.items():
+        rows, wanted = normals[own], offsets[own]
+        if own:
+            lean = np.linalg.svd(rows, compute_uv=False)
+            if len(own) >= 3 and lean[2] < _LEAST_LEAN:
+                message = f"the faces at {place(points[vertex])} are {1e6 * off:.3g} µm off planes that meet there"
+                raise GeometryError(message, "export the mesh with more digits")
+            shift = np.linalg.lstsq(rows, wanted - rows @ points[vertex], rcond=_LEAST_LEAN)[0]
+            moved[vertex] = points[vertex] + shift
+            moved[vertex] += np.linalg.lstsq(rows, wanted - rows @ moved[vertex], rcond=_LEAST_LEAN)[0]
+            for normal, offset in zip(rows, wanted, strict=True):
+                for axis in np.flatnonzero(np.abs(normal) == 1.0):
+                    moved[vertex, axis] = normal[axis] * offset
+            missed = float(np.abs(rows @ moved[vertex] - wanted).max())
+            if missed > _EXACT or np.linalg.norm(moved[vertex] - points[vertex]) > _STRAY * off:
+                message = f"the faces at {place(points[vertex])} have no corner in common near it"
+                raise GeometryError(message, "export the mesh with more digits")
+    return moved
+
+
+def _agreed(normals: Array, offsets: Array, around: dict[int, list[int]], off: float) -> Array:
+    """The offsets (k,), changed by as little as lets more than three planes meet at each corner."""
+    rows = []
+    for own in around.values():
+        if len(own) > 3:
+            u, lean, _ = np.linalg.svd(normals[own])
+            for free in u[:, int(np.count_nonzero(lean > _LEAST_LEAN)) :].T:
+                row = np.zeros(len(offsets))
+                row[own] = free
+                rows.append(row)
+    if not rows:
+        return offsets
+    asked = np.array(rows)
+    agreed = offsets
+    for _ in range(2):
+        agreed = agreed - np.linalg.lstsq(asked, asked @ agreed, rcond=1e-9)[0]
+    if np.abs(agreed - offsets).max() > 4.0 * off:
+        raise GeometryError("the faces do not meet in corners", "export the mesh with more digits")
+    return agreed
+
+
+def _apart(
+    parts: Patchwork, members: Sequence[Indices], faces: Sequence[Sequence[Loop]], moved: Array
+) -> tuple[float, Array]:
+    """How far facets and faces are apart at most, m, and where: facets from their face, corners from their facets."""
+    from shapely import Polygon, distance
+    from shapely import points as dots
+
+    most, where = 0.0, moved[0]
+    for which, loops in zip(members, faces, strict=True):
+        corners = np.unique(parts.triangles[which])
+        normal, offset = _fit(moved[[vertex for loop in loops for vertex in loop]])
+        basis = plane_basis(normal)
+        outer, *holes = (moved[list(loop)] @ basis for loop in loops)
+        beside = distance(Polygon(outer, holes), dots(parts.vertices[corners] @ basis))
+        apart = np.hypot(beside, parts.vertices[corners] @ normal - offset)
+        if apart.max() > most:
+            most, where = float(apart.max()), parts.vertices[corners[int(apart.argmax())]]
+    around: dict[int, list[int]] = {}
+    used = {vertex for loops in faces for loop in loops for vertex in loop}
+    for number, triangle in enumerate(parts.triangles.tolist()):
+        for vertex in triangle:
+            if vertex in used:
+                around.setdefault(vertex, []).append(number)
+    for vertex, own in around.items():
+        near = min(_from_triangle(moved[vertex], parts.vertices[parts.triangles[k]]) for k in own)
+        if near > most:
+            most, where = near, moved[vertex]
+    return most, where
+
+
+def _from_triangle(p: Array, corners: Array) -> float:
+    """Distance of a point from a triangle (3, 3), m."""
+    a, b, c = corners
+    normal = np.cross(b - a, c - a)
+    size = float(np.linalg.norm(normal))
+    ends = zip(corners, (b, c, a), strict=True)
+    if size > 0.0 and all(float(np.cross(v - u, p - u) @ normal) >= 0.0 for u, v in ends):
+        return abs(float((p - a) @ normal)) / size
+    return min(_from_segment(p, u, v) for u, v in ((a, b), (b, c), (c, a)))
+
+
+def _from_segment(p: Array, a: Array, b: Array) -> float:
+    along = b - a
+    square = float(along @ along)
+    share = min(max(float((p - a) @ along) / square, 0.0), 1.0) if square > 0.0 else 0.0
+    return float(np.linalg.norm(p - a - share * along))
