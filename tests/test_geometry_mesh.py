@@ -12,7 +12,7 @@ from fmopt.errors import GeometryError
 from fmopt.geometry.clearance import mating_clearance
 from fmopt.geometry.csg import Box, Cylinder, Difference, Hull, Placed, Prism, Solid, Union, frustum
 from fmopt.geometry.mating import Feature
-from fmopt.geometry.mesh import Imported, decimal_step, load_mesh, mesh_polyhedron
+from fmopt.geometry.mesh import Imported, load_mesh, mesh_polyhedron
 from fmopt.geometry.part import Part, mesh_part, rebased
 from fmopt.se3 import Pose, exp
 
@@ -264,17 +264,6 @@ def test_facets_that_are_not_plane_are_named() -> None:
     with pytest.raises(GeometryError, match=r"the facets around \(.*\) mm are [\d.]+ µm off one plane") as told:
         mesh_part("bar", mesh)
     assert "more digits" in told.value.advice
-
-
-@pytest.mark.parametrize("step", [1.0, 0.1, 0.01, 0.001, 0.0001])
-def test_only_fine_steps_are_taken_for_rounding(step: float) -> None:
-    rng = np.random.default_rng(11)
-    points = rng.uniform(-30.0, 30.0, (200, 3))
-    on_grid = step * np.round(points / step)
-    expected = step if step in (0.01, 0.001) else 0.0  # of 103 mm
-    for same in (on_grid, on_grid.astype(np.float32).astype(np.float64)):
-        assert decimal_step(same) == pytest.approx(expected, rel=1e-12)
-    assert decimal_step(points) == 0.0
 
 
 @pytest.mark.parametrize("decimals", [3, 9])

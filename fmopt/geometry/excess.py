@@ -134,7 +134,9 @@ def _grown(part: Polyhedron, shape: Manifold, known: Array) -> Polyhedron:
 
 def _pushed(part: Polyhedron, normal: Array, offset: float, height: float) -> Polyhedron | None:
     """The part with the face in a plane pushed out to a height along its normal (m), as far as the others let it."""
-    faces = [face for face in part.faces if not (face.normal @ normal > 1.0 - 1e-9 and abs(face.offset - offset) < 1e-9)]
+    faces = [
+        face for face in part.faces if not (face.normal @ normal > 1.0 - 1e-9 and abs(face.offset - offset) < 1e-9)
+    ]
     reach = 2.0 * (part.diameter + height - offset)
     body: Polyhedron | None = convex_hull_polyhedron(
         part.vertices.mean(axis=0) + reach * np.array(list(product((-1.0, 1.0), repeat=3)))

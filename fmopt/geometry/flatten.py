@@ -28,7 +28,19 @@ _GAP = 1.25  # the least ratio of two neighbouring distances that tells facets o
 _TRIES = 8  # gaps that are looked at, the widest first
 _LEAST_LEAN = 1e-3  # of planes that are to fix a corner
 _STRAY = 40.0  # times how far facets are off their planes: corners may move so far along an edge
-_TURNS = (4, 24, 5, 7, 9, 11, 16, 18, 22, 32, 36)  # into how many parts a turn is divided by normals that belong together
+_TURNS = (
+    4,
+    24,
+    5,
+    7,
+    9,
+    11,
+    16,
+    18,
+    22,
+    32,
+    36,
+)  # into how many parts a turn is divided by normals that belong together
 
 Planes = tuple[Array, Array]
 
