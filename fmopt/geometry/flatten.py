@@ -17,13 +17,14 @@ import numpy as np
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.facets import Indices, Loop, Patchwork, faces_of, patchwork, place
+from fmopt.geometry.mesh_repair import MOST_OFF
 from fmopt.geometry.polyhedron import Polyhedron, from_faces, plane_basis
 from fmopt.values import Array, Value, frozen
 
-MOST_OFF = 2.5e-5  # m: facets farther off one plane are meant to be several
 _SHARE = 2.5e-3  # of the diameter: the same for small parts
 _NOISE = 2e-6  # of the diameter: facets this close to one plane are one face, whatever the gap
 _EXACT = 1e-12  # m: what is this close to a plane lies in it
+_TURN = 6.0  # times how far facets are off their planes: what a normal may be turned by, over the width of its face
 _GAP = 1.25  # the least ratio of two neighbouring distances that tells facets of one face from faces
 _TRIES = 8  # gaps that are looked at, the widest first
 _LEAST_LEAN = 1e-3  # of planes that are to fix a corner
@@ -174,11 +175,12 @@ def _made_plane(parts: Patchwork, region: Indices) -> Flattened:
     if off <= _EXACT:
         return Flattened(from_faces(parts.vertices, faces), 0.0, parts.vertices[0])
     areas = np.array([parts.areas[which].sum(axis=0) for which in members])
+    least = 0.1 * _NOISE * float(np.linalg.norm(np.ptp(parts.vertices, axis=0)))
     normals, slack = [], []
     for which, area in zip(corners, areas, strict=True):
         normal = _fit(parts.vertices[which])[0]
         normals.append(normal if normal @ area > 0.0 else -normal)
-        slack.append(3.0 * off / max(_width(parts.vertices[which], normal), off))
+        slack.append(max(_TURN * off, least) / max(_width(parts.vertices[which], normal), off))
     turn, normals_ = _aligned(np.array(normals), np.linalg.norm(areas, axis=1), np.array(slack))
     points = parts.vertices @ turn
     offsets = np.array([_middle(points[which] @ n) for which, n in zip(corners, normals_, strict=True)])

@@ -14,10 +14,10 @@ from fmopt.errors import GeometryError
 from fmopt.geometry.csg import Solid
 from fmopt.geometry.excess import MESH_NOISE, apart
 from fmopt.geometry.facets import Indices, merged_vertices, place
-from fmopt.geometry.flatten import MOST_OFF, flattened
+from fmopt.geometry.flatten import flattened
 from fmopt.geometry.mating import chord_error
 from fmopt.geometry.mesh_file import read_triangles
-from fmopt.geometry.mesh_repair import Crossing, Patch, first_crossing, patches, turned_alike, turned_outward
+from fmopt.geometry.mesh_repair import MOST_OFF, Crossing, Patch, first_crossing, patches, turned_alike, turned_outward
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.geometry.section import require_plausible
 from fmopt.values import Array, Value, frozen, remembered

@@ -11,7 +11,7 @@ Triangles of a mesh that cross each other: a surface that passes through itself 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -24,6 +24,8 @@ from fmopt.values import Array, Value, frozen
 
 _BAND = 0.05  # of a loop's size: as far apart as this, two loops run along each other
 _MOST_GAPS = 100  # beyond which nothing is plain to see
+MOST_OFF = 2.5e-5  # m: facets farther off one plane are meant to be several
+_ALIKE = 0.9  # of the cosine: what looks the same way
 _MOST = 0.45  # of the whole surface: gaps beyond this are no gaps
 
 Crossing: TypeAlias = tuple[int, int, Array]
@@ -40,11 +42,13 @@ class Patch(Value):
         triangles: (k, 3) vertex indices, counter-clockwise seen from outside.
         corners: (n, 3), the rim of the gap, m.
         beside: index of a triangle at the rim.
+        flush: whether it goes on a face that is there, in its plane.
     """
 
     triangles: Indices
     corners: Array
     beside: int
+    flush: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "corners", frozen(self.corners, None, 3, name="rim of a gap"))
@@ -81,6 +85,7 @@ def patches(points: Array, triangles: Indices, tol: float) -> tuple[Patch, ...]:
         gaps = [gap for gap in gaps if gap not in level]
         made.append(_patch(points, _cap(points, level), level))
     whole = _area(points, triangles)
+    made = [replace(patch, flush=_is_flush(points, triangles, patch)) for patch in made]
     return tuple(made) if sum(_area(points, patch.triangles) for patch in made) <= _MOST * whole else ()
 
 
@@ -218,6 +223,23 @@ def _cap(points: Array, gaps: Sequence[_Gap]) -> Indices:
 def _patch(points: Array, triangles: Indices, gaps: Sequence[_Gap]) -> Patch:
     corners = points[[index for gap in gaps for index in gap.loop]]
     return Patch(triangles, corners, min(gap.beside for gap in gaps))
+
+
+def _is_flush(points: Array, triangles: Indices, patch: Patch) -> bool:
+    """Whether a flat patch lies in the plane of a triangle at its rim that looks the same way."""
+    corners = points[np.unique(patch.triangles)]
+    a, b, c = (points[patch.triangles[:, k]] for k in range(3))
+    area = np.cross(b - a, c - a).sum(axis=0)
+    normal = area / np.linalg.norm(area)
+    if np.ptp(corners @ normal) > MOST_OFF:
+        return False
+    rim = set(np.unique(patch.triangles).tolist())
+    for triangle in triangles[np.isin(triangles, list(rim)).sum(axis=1) == 2]:
+        own = _normal(points[triangle])
+        near = np.abs(points[triangle] @ normal - np.mean(corners @ normal)).max() <= MOST_OFF
+        if near and own @ normal > _ALIKE * np.linalg.norm(own):
+            return True
+    return False
 
 
 def _normal(loop: Array) -> Array:

@@ -111,13 +111,15 @@ def mesh_part(
 
 
 def _require_intact(name: str, mesh: Imported, feature: Feature) -> None:
-    """Gaps of a mesh may lie at the far end of a feature, where nothing mates.
+    """Gaps of a mesh may lie in a face that is there beside them, or at the far end of a feature, where nothing mates.
 
     Raises:
         GeometryError: one reaches into the mating faces.
     """
     sign = -1.0 if feature.kind == "hollow" else 1.0
     for gap in mesh.mended:
+        if gap.flush:
+            continue
         depth = float(np.min(sign * feature.frame.inverse().apply(gap.corners)[:, 2]))
         if depth < (1.0 - _FAR_END) * feature.length:
             raise GeometryError(
