@@ -90,15 +90,17 @@ def polygon_faces(
     return faces_of(parts, parts.region)
 
 
-def patchwork(vertices: Array, triangles: Indices, tol: float, numbers: Indices) -> Patchwork:
+def patchwork(vertices: Array, triangles: Indices, tol: float, numbers: Indices, most: int = MAX_FACES) -> Patchwork:
     """A closed triangle mesh with the number of the planar face of each triangle; arguments as of `polygon_faces`.
+
+    There may be `most` faces.
 
     Raises:
         GeometryError: as `polygon_faces`.
     """
     mesh = _Mesh(vertices, triangles, _across(vertices, triangles, numbers))
     normals, heights = _frames(vertices, triangles)
-    return Patchwork(vertices, triangles, mesh.across, _regions(mesh, normals, heights, tol))
+    return Patchwork(vertices, triangles, mesh.across, _regions(mesh, normals, heights, (tol, most)))
 
 
 def faces_of(parts: Patchwork, region: Indices) -> tuple[tuple[Loop, ...], ...]:
@@ -107,9 +109,11 @@ def faces_of(parts: Patchwork, region: Indices) -> tuple[tuple[Loop, ...], ...]:
     A region without corners, such as a sliver along an edge, goes to the one beside it with which it shares most.
 
     Raises:
-        GeometryError: a region has no corners and no region beside it.
+        GeometryError: a region has no corners and no region beside it; or there are more than `MAX_FACES`.
     """
     mesh = _Mesh(parts.vertices, parts.triangles, parts.across)
+    if len(np.unique(region)) > MAX_FACES:
+        raise _too_many(len(region))
     for _ in range(len(parts.triangles)):
         outlines = _outlines(mesh, region)
         bare = _without_corners(outlines)
@@ -210,8 +214,12 @@ def _frames(vertices: Array, triangles: Indices) -> tuple[Array, Array]:
     return area / np.where(size > 0.0, size, 1.0)[:, None], size / np.where(longest > 0.0, longest, 1.0)
 
 
-def _regions(mesh: _Mesh, normals: Array, heights: Array, tol: float) -> Indices:
-    """Number of the planar face of each triangle, grown from large triangles so that slivers decide nothing."""
+def _regions(mesh: _Mesh, normals: Array, heights: Array, limits: tuple[float, int]) -> Indices:
+    """Number of the planar face of each triangle, grown from large triangles so that slivers decide nothing.
+
+    `limits`: how far off a plane its triangles may be, m, and how many faces there may be.
+    """
+    tol, most = limits
     region = np.full(len(mesh.triangles), -1, dtype=np.int64)
     offsets = np.einsum("ij,ij->i", normals, mesh.vertices[mesh.triangles[:, 0]])
     spans = np.ptp(mesh.vertices[mesh.triangles], axis=1).max(axis=1)
@@ -223,9 +231,8 @@ def _regions(mesh: _Mesh, normals: Array, heights: Array, tol: float) -> Indices
             region[seed] = _over_longest_side(mesh, region, int(seed))
         if region[seed] >= 0:
             continue
-        if count == MAX_FACES:
-            message = f"the {len(region)} triangles make more than {MAX_FACES} faces"
-            raise GeometryError(message, "export it coarser: curved surfaces with fewer facets")
+        if count == most:
+            raise _too_many(len(region))
         near = np.abs(mesh.vertices @ normals[seed] - offsets[seed]) <= tol
         region[seed] = count
         front = [int(seed)]
@@ -237,6 +244,11 @@ def _regions(mesh: _Mesh, normals: Array, heights: Array, tol: float) -> Indices
                     front.append(neighbour)
         count += 1
     return region
+
+
+def _too_many(triangles: int) -> GeometryError:
+    message = f"the {triangles} triangles make more than {MAX_FACES} faces"
+    return GeometryError(message, "export it coarser: curved surfaces with fewer facets")
 
 
 def _over_longest_side(mesh: _Mesh, region: Indices, triangle: int) -> int:

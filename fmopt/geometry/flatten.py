@@ -29,6 +29,7 @@ _GAP = 1.25  # the least ratio of two neighbouring distances that tells facets o
 _TRIES = 8  # gaps that are looked at, the widest first
 _LEAST_LEAN = 1e-3  # of planes that are to fix a corner
 _STRAY = 40.0  # times how far facets are off their planes: corners may move so far along an edge
+_ROUNDS = 20  # of Newton's method
 _TURNS = (
     4,
     24,
@@ -79,7 +80,7 @@ def flattened(points: Array, triangles: Indices, numbers: Indices) -> Flattened:
             its faces do not meet in corners near those of the file, naming the place.
     """
     span = float(np.linalg.norm(np.ptp(points, axis=0)))
-    parts = patchwork(points, triangles, 0.5 * _NOISE * span, numbers)
+    parts = patchwork(points, triangles, 0.5 * _NOISE * span, numbers, len(triangles))
     order = _joined(parts, min(MOST_OFF, _SHARE * span))
     fault: GeometryError | None = None
     for count in _gaps([cost for cost, _, _ in order], _NOISE * span):
@@ -93,38 +94,82 @@ def flattened(points: Array, triangles: Indices, numbers: Indices) -> Flattened:
 def _joined(parts: Patchwork, most: float) -> list[tuple[float, int, int]]:
     """Pairs of regions in the order in which they are joined, with how far the two together lie off one plane, m.
 
-    The last entry is the first pair that lies off by more than `most`: it stays apart.
+    That is twice the root of the mean square of their corners' distances from the plane that fits best. The last entry
+    is the first pair that lies off by more than `most`: it stays apart.
     """
-    corners = [np.unique(parts.triangles[members]) for members in parts.members]
-    area = [parts.areas[members].sum(axis=0) for members in parts.members]
-    around = [set(row) for row in parts.neighbours]
-    age = [0] * len(corners)
-    heap = []
-
-    def cost(a: int, b: int) -> float:
-        if area[a] @ area[b] <= 0.0 and min(_thickness(parts.vertices[corners[k]], area[k]) for k in (a, b)) > most:
-            return math.inf
-        return _off_plane(parts.vertices[np.union1d(corners[a], corners[b])])
-
-    heap = [(cost(a, b), a, b, 0, 0) for a, row in enumerate(around) for b in row if a < b]
-    heapify(heap)
+    heap_ = _Heap(parts, most)
     made: list[tuple[float, int, int]] = []
-    while heap:
-        off, a, b, age_a, age_b = heappop(heap)
-        if (age[a], age[b]) != (age_a, age_b):
-            continue
-        made.append((off, a, b))
-        if off > most:
+    while (pair := heap_.nearest()) is not None:
+        made.append(pair)
+        if pair[0] > most:
             break
-        corners[a], area[a] = np.union1d(corners[a], corners[b]), area[a] + area[b]
-        around[a] = (around[a] | around[b]) - {a, b}
-        age[a], age[b] = age[a] + 1, -1
-        for c in sorted(around[a]):
-            around[c].discard(b)
-            around[c].add(a)
-            low, high = min(a, c), max(a, c)
-            heappush(heap, (cost(low, high), low, high, age[low], age[high]))
+        heap_.join(pair[1], pair[2])
     return made
+
+
+class _Heap:
+    """Regions and how far pairs of neighbours lie off one plane, kept by the sums of their corners and of products."""
+
+    def __init__(self, parts: Patchwork, most: float) -> None:
+        corners = parts.vertices[parts.triangles] - parts.vertices.mean(axis=0)
+        count = len(parts.members)
+        self.size, self.sums, self.products, self.areas = (
+            np.zeros(count),
+            np.zeros((count, 3)),
+            np.zeros((count, 3, 3)),
+            np.zeros((count, 3)),
+        )
+        np.add.at(self.size, parts.region, 3.0)
+        np.add.at(self.sums, parts.region, corners.sum(axis=1))
+        np.add.at(self.products, parts.region, np.einsum("nki,nkj->nij", corners, corners))
+        np.add.at(self.areas, parts.region, parts.areas)
+        self.most, self.around = most, parts.neighbours
+        self.age = [0] * count
+        pairs = np.array([(a, b) for a, row in enumerate(self.around) for b in sorted(row) if a < b], dtype=np.int64)
+        costs = self._costs(pairs[:, 0], pairs[:, 1])
+        self.heap = [(cost, a, b, 0, 0) for cost, (a, b) in zip(costs.tolist(), pairs.tolist(), strict=True)]
+        heapify(self.heap)
+
+    def nearest(self) -> tuple[float, int, int] | None:
+        """The pair closest to one plane."""
+        while self.heap:
+            cost, a, b, age_a, age_b = heappop(self.heap)
+            if (self.age[a], self.age[b]) == (age_a, age_b):
+                return cost, a, b
+        return None
+
+    def join(self, a: int, b: int) -> None:
+        """Makes the second region part of the first."""
+        for sums in (self.size, self.sums, self.products, self.areas):
+            sums[a] += sums[b]
+        self.around[a] = (self.around[a] | self.around[b]) - {a, b}
+        self.age[a], self.age[b] = self.age[a] + 1, -1
+        near = sorted(self.around[a])
+        for c in near:
+            self.around[c].discard(b)
+            self.around[c].add(a)
+        costs = self._costs(np.full(len(near), a), np.array(near, dtype=np.int64)) if near else np.zeros(0)
+        for cost, c in zip(costs.tolist(), near, strict=True):
+            low, high = min(a, c), max(a, c)
+            heappush(self.heap, (cost, low, high, self.age[low], self.age[high]))
+
+    def _costs(self, one: Indices, other: Indices) -> Array:
+        """How far pairs of regions (k,) lie off one plane, m; infinite where they look different ways."""
+        size = self.size[one] + self.size[other]
+        middle = (self.sums[one] + self.sums[other]) / size[:, None]
+        spread = (self.products[one] + self.products[other]) / size[:, None, None] - middle[:, :, None] * middle[
+            :, None
+        ]
+        off = 2.0 * np.sqrt(np.maximum(np.linalg.eigvalsh(spread)[:, 0], 0.0))
+        opposed = np.einsum("ij,ij->i", self.areas[one], self.areas[other]) <= 0.0
+        thin = np.minimum(self._thickness(one), self._thickness(other)) <= self.most
+        return np.where(opposed & ~thin, np.inf, off)
+
+    def _thickness(self, which: Indices) -> Array:
+        """About how wide regions are where they are narrow (k,), m."""
+        middle = self.sums[which] / self.size[which, None]
+        spread = np.trace(self.products[which], axis1=1, axis2=2) / self.size[which] - np.sum(middle**2, axis=1)
+        return np.linalg.norm(self.areas[which], axis=1) / np.sqrt(np.maximum(spread, 1e-24))
 
 
 def _off_plane(points: Array) -> float:
@@ -140,11 +185,6 @@ def _fit(points: Array) -> tuple[Array, float]:
     normal = np.linalg.eigh(arms.T @ arms)[1][:, 0]
     heights = arms @ normal
     return normal, float(normal @ centre + 0.5 * (heights.min() + heights.max()))
-
-
-def _thickness(points: Array, area: Array) -> float:
-    """About how wide a region is where it is narrow, m."""
-    return 2.0 * float(np.linalg.norm(area)) / max(float(np.linalg.norm(np.ptp(points, axis=0))), 1e-12)
 
 
 def _gaps(costs: Sequence[float], floor: float) -> Iterator[int]:
@@ -314,72 +354,77 @@ def _leaning(normal: Array, slack: float) -> Array:
 def _corners(points: Array, faces: Sequence[Sequence[Loop]], planes: Planes, off: float) -> Array:
     """The points (n, 3) with the corners of the faces moved into all of their planes.
 
-    Where more than three planes meet, their offsets give way; where that is not enough, triangles follow their
-    corners.
+    Where more than three planes meet, offsets give way, and normals that are neither along z nor across it.
 
     Raises:
         GeometryError: there is no such place near a corner; names it.
     """
-    fault: GeometryError | None = None
-    for tight in ([True] * len(faces), [sum(map(len, loops)) > 3 for loops in faces]):
-        try:
-            return _meeting(points, faces, planes, tight, off)
-        except GeometryError as error:
-            fault = fault or error
-    raise fault if fault is not None else GeometryError("no corners", "export the mesh again")
-
-
-def _meeting(
-    points: Array, faces: Sequence[Sequence[Loop]], planes: Planes, tight: Sequence[bool], off: float
-) -> Array:
-    normals, offsets = planes
     around: dict[int, list[int]] = {}
     for number, loops in enumerate(faces):
         for vertex in {vertex for loop in loops for vertex in loop}:
-            around.setdefault(vertex, [])
-            if tight[number]:
-                around[vertex].append(number)
-    offsets = _agreed(normals, offsets, around, off)
+            around.setdefault(vertex, []).append(number)
+    normals, offsets = planes
+    if any(len(own) > 3 for own in around.values()):
+        normals, offsets = _agreed(points, around, planes)
     moved = np.array(points)
     for vertex, own in around.items():
         rows, wanted = normals[own], offsets[own]
-        if own:
-            lean = np.linalg.svd(rows, compute_uv=False)
-            if len(own) >= 3 and lean[2] < _LEAST_LEAN:
-                message = f"the faces at {place(points[vertex])} are {1e6 * off:.3g} µm off planes that meet there"
-                raise GeometryError(message, "export the mesh with more digits")
-            shift = np.linalg.lstsq(rows, wanted - rows @ points[vertex], rcond=_LEAST_LEAN)[0]
-            moved[vertex] = points[vertex] + shift
-            moved[vertex] += np.linalg.lstsq(rows, wanted - rows @ moved[vertex], rcond=_LEAST_LEAN)[0]
-            for normal, offset in zip(rows, wanted, strict=True):
-                for axis in np.flatnonzero(np.abs(normal) == 1.0):
-                    moved[vertex, axis] = normal[axis] * offset
-            missed = float(np.abs(rows @ moved[vertex] - wanted).max())
-            if missed > _EXACT or np.linalg.norm(moved[vertex] - points[vertex]) > _STRAY * off:
-                message = f"the faces at {place(points[vertex])} have no corner in common near it"
-                raise GeometryError(message, "export the mesh with more digits")
+        lean = np.linalg.svd(rows, compute_uv=False)
+        if lean[2] < _LEAST_LEAN:
+            message = f"the faces at {place(points[vertex])} are {1e6 * off:.3g} µm off planes that meet there"
+            raise GeometryError(message, "export the mesh with more digits")
+        for _ in range(2):
+            moved[vertex] += np.linalg.lstsq(rows, wanted - rows @ moved[vertex], rcond=None)[0]
+        for normal, offset in zip(rows, wanted, strict=True):
+            for axis in np.flatnonzero(np.abs(normal) == 1.0):
+                moved[vertex, axis] = normal[axis] * offset
+        missed = float(np.abs(rows @ moved[vertex] - wanted).max())
+        if missed > _EXACT or np.linalg.norm(moved[vertex] - points[vertex]) > _STRAY * max(off, _EXACT):
+            message = f"the faces at {place(points[vertex])} have no corner in common near it"
+            raise GeometryError(message, "export the mesh with more digits")
     return moved
 
 
-def _agreed(normals: Array, offsets: Array, around: dict[int, list[int]], off: float) -> Array:
-    """The offsets (k,), changed by as little as lets more than three planes meet at each corner."""
-    rows = []
-    for own in around.values():
-        if len(own) > 3:
-            u, lean, _ = np.linalg.svd(normals[own])
-            for free in u[:, int(np.count_nonzero(lean > _LEAST_LEAN)) :].T:
-                row = np.zeros(len(offsets))
-                row[own] = free
-                rows.append(row)
-    if not rows:
-        return offsets
-    asked = np.array(rows)
-    agreed = offsets
-    for _ in range(2):
-        agreed = agreed - np.linalg.lstsq(asked, asked @ agreed, rcond=1e-9)[0]
-    if np.abs(agreed - offsets).max() > 4.0 * off:
-        raise GeometryError("the faces do not meet in corners", "export the mesh with more digits")
-    return agreed
+def _agreed(points: Array, around: dict[int, list[int]], planes: Planes) -> Planes:
+    """Normals and offsets of planes (k,) that meet in corners, changed by as little as does it, by Newton's method.
+
+    Unknown are corners, offsets, and normals that are neither along z nor across it; the step is the shortest one that
+    solves the linear equations n·v = o.
+    """
+    from scipy.sparse import coo_array, diags_array, eye_array
+    from scipy.sparse.linalg import splu
+
+    normals, offsets = np.array(planes[0]), np.array(planes[1])
+    vertices = np.array(sorted(around))
+    at, face = np.array([(i, f) for i, v in enumerate(vertices.tolist()) for f in around[v]]).T
+    row = np.arange(len(at))
+    moved, free = points[vertices], (normals[:, 2] != 0.0) & (np.abs(normals[:, 2]) != 1.0)
+    size = float(np.linalg.norm(np.ptp(moved, axis=0)))
+    first = 3 * len(vertices)
+    weights = np.concatenate([np.ones(first), np.full(len(offsets), 0.1), np.repeat(0.1 / size**2 * free, 3)])
+    weigh = diags_array(weights)
+    for _ in range(_ROUNDS):
+        missed = np.einsum("ij,ij->i", normals[face], moved[at]) - offsets[face]
+        if np.abs(missed).max() <= 0.1 * _EXACT:
+            break
+        columns = [
+            *(3 * at + k for k in range(3)),
+            first + face,
+            *(first + len(offsets) + 3 * face + k for k in range(3)),
+        ]
+        values = [*normals[face].T, -np.ones(len(at)), *moved[at].T]
+        slope = coo_array(
+            (np.concatenate(values), (np.tile(row, 7), np.concatenate(columns))), shape=(len(at), len(weights))
+        ).tocsr()
+        square = (slope @ weigh @ slope.T + 1e-12 * eye_array(len(at))).tocsc()
+        step = -(weigh @ (slope.T @ splu(square).solve(missed)))
+        moved = moved + step[:first].reshape(-1, 3)
+        offsets = offsets + step[first : first + len(offsets)]
+        normals = normals + step[first + len(offsets) :].reshape(-1, 3)
+        length = np.linalg.norm(normals[free], axis=1)
+        normals[free] /= length[:, None]
+        offsets[free] /= length
+    return normals, offsets
 
 
 def _apart(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -26,7 +25,7 @@ Unit = Literal["m", "dm", "cm", "mm", "um", "in"]
 
 _PER_METRE: dict[Unit, float] = {"m": 1.0, "dm": 10.0, "cm": 100.0, "mm": 1e3, "um": 1e6, "in": 1.0 / 0.0254}
 _MERGE = 1e-7  # of the diameter: vertices this close are one
-_WIDER = (10.0, 100.0, 1000.0)  # times that: so close where the surface does not close otherwise
+_WIDER = (10.0, 100.0, 1000.0, 10000.0)  # times that: so close where the surface does not close otherwise
 _FLAT = 1e-6  # of the diameter: triangles this close to a plane are coplanar
 _MOST_LOOSE = 5_000  # open edges: more are no rims of gaps
 _MOST_SPLITS = 10  # times that triangles are split at the rims of gaps
@@ -118,7 +117,8 @@ def mesh_polyhedron(points: Array, triangles: Indices) -> Imported:
         GeometryError: open or crossing itself.
     """
     span = float(np.linalg.norm(np.ptp(points, axis=0)))
-    closed = next((c for c in _attempts(points, triangles, span) if c.is_closed), None)
+    attempts = (_closed(points, triangles, span, reach) for reach in _reaches(points, triangles, span))
+    closed = next((attempt for attempt in attempts if attempt.is_closed), None)
     closed = closed or _closed(points, triangles, span, _MERGE * span)
     crossing = first_crossing(closed.points, closed.triangles, _FLAT * span)
     if crossing is not None and _MENDED in closed.numbers[list(crossing[:2])]:
@@ -132,15 +132,26 @@ def mesh_polyhedron(points: Array, triangles: Indices) -> Imported:
     return Imported(flat.body, chord_error(flat.body), closed.mended, notes, off, flat.where)
 
 
-def _attempts(points: Array, triangles: Indices, span: float) -> Iterator[_Closed]:
-    """The surface with vertices merged that are close, and closer than others; the closest first."""
-    yield _closed(points, triangles, span, _MERGE * span)
-    for times in _WIDER:
-        reach = min(times * _MERGE * span, 2.0 * MOST_OFF)
+def _reaches(points: Array, triangles: Indices, span: float) -> list[float]:
+    """How close vertices are to be one, m: so close that no smaller distance leaves much less open; and the least."""
+    least = _MERGE * span
+    open_ = {least: _open_sides(points, triangles, least)}
+    for times in _WIDER if open_[least] else ():
+        reach = min(times * least, 2.0 * MOST_OFF)
         try:
-            yield _closed(points, triangles, span, reach)
-        except GeometryError:  # in heaps, of which the first attempt tells
-            return
+            open_[reach] = _open_sides(points, triangles, reach)
+        except GeometryError:  # in heaps, which the least distance may leave apart
+            break
+    fewest = min(open_.values())
+    best = min(reach for reach, count in open_.items() if count <= 1.1 * fewest + 3)
+    return list(dict.fromkeys([best, least]))
+
+
+def _open_sides(points: Array, triangles: Indices, reach: float) -> int:
+    """How many sides of triangles have no other across once vertices are merged."""
+    corners = merged_vertices(points, triangles, reach)[1]
+    sides = np.sort(np.vstack([corners[:, [k, (k + 1) % 3]] for k in range(3)]), axis=1)
+    return int(np.count_nonzero(np.unique(sides, axis=0, return_counts=True)[1] == 1))
 
 
 def _closed(points: Array, triangles: Indices, span: float, reach: float) -> _Closed:
