@@ -24,11 +24,11 @@ from fmopt.values import Array, Value, frozen
 _SHARE = 2.5e-3  # of the diameter: the same for small parts
 _NOISE = 2e-6  # of the diameter: facets this close to one plane are one face, whatever the gap
 _EXACT = 1e-12  # m: what is this close to a plane lies in it
-_TURN = 6.0  # times how far facets are off their planes: what a normal may be turned by, over the width of its face
+_TURN = 3.0  # times how far facets are off their planes: what a normal may be turned by, over the width of its face
 _GAP = 1.25  # the least ratio of two neighbouring distances that tells facets of one face from faces
 _TRIES = 8  # gaps that are looked at, the widest first
 _LEAST_LEAN = 1e-3  # of planes that are to fix a corner
-_STRAY = 40.0  # times how far facets are off their planes: corners may move so far along an edge
+_STRAY = 100.0  # times how far facets are off their planes: corners may move so far along an edge
 _ROUNDS = 20  # of Newton's method
 _TURNS = (
     4,
@@ -65,7 +65,7 @@ class Flattened(Value):
         object.__setattr__(self, "where", frozen(self.where, 3, name="place"))
 
 
-def flattened(points: Array, triangles: Indices, numbers: Indices) -> Flattened:
+def flattened(points: Array, triangles: Indices, numbers: Indices, noise: float = 0.0) -> Flattened:
     """The polyhedron of a closed mesh whose facets are plane but for noise.
 
     A mesh whose facets are plane to 1e-12 m is kept to the bit.
@@ -74,6 +74,7 @@ def flattened(points: Array, triangles: Indices, numbers: Indices) -> Flattened:
         points: (n, 3), m.
         triangles: (m, 3), counter-clockwise seen from outside.
         numbers: what to call each triangle (m,) in an error.
+        noise: how far the points are known to be off, m.
 
     Raises:
         GeometryError: the mesh is open or its triangles disagree about orientation, naming a triangle and an edge; or
@@ -85,7 +86,7 @@ def flattened(points: Array, triangles: Indices, numbers: Indices) -> Flattened:
     fault: GeometryError | None = None
     for count in _gaps([cost for cost, _, _ in order], _NOISE * span):
         try:
-            return _made_plane(parts, _labels(parts, order[:count]))
+            return _made_plane(parts, _labels(parts, order[:count]), noise)
         except GeometryError as error:
             fault = fault or error
     raise fault if fault is not None else GeometryError("the mesh has no plane faces", "export it again")
@@ -206,7 +207,7 @@ def _labels(parts: Patchwork, pairs: Sequence[tuple[float, int, int]]) -> Indice
     return into[parts.region]
 
 
-def _made_plane(parts: Patchwork, region: Indices) -> Flattened:
+def _made_plane(parts: Patchwork, region: Indices, noise: float) -> Flattened:
     names, region = np.unique(region, return_inverse=True)
     faces = faces_of(parts, region)
     members = [np.flatnonzero(region == k) for k in range(len(names))]
@@ -215,12 +216,12 @@ def _made_plane(parts: Patchwork, region: Indices) -> Flattened:
     if off <= _EXACT:
         return Flattened(from_faces(parts.vertices, faces), 0.0, parts.vertices[0])
     areas = np.array([parts.areas[which].sum(axis=0) for which in members])
-    least = 0.1 * _NOISE * float(np.linalg.norm(np.ptp(parts.vertices, axis=0)))
+    off = max(off + noise, 0.1 * _NOISE * float(np.linalg.norm(np.ptp(parts.vertices, axis=0))))
     normals, slack = [], []
     for which, area in zip(corners, areas, strict=True):
         normal = _fit(parts.vertices[which])[0]
         normals.append(normal if normal @ area > 0.0 else -normal)
-        slack.append(max(_TURN * off, least) / max(_width(parts.vertices[which], normal), off))
+        slack.append(_TURN * off / max(_width(parts.vertices[which], normal), off))
     turn, normals_ = _aligned(np.array(normals), np.linalg.norm(areas, axis=1), np.array(slack))
     points = parts.vertices @ turn
     offsets = np.array([_middle(points[which] @ n) for which, n in zip(corners, normals_, strict=True)])
@@ -264,11 +265,12 @@ def _aligned(normals: Array, areas: Array, slack: Array) -> tuple[Array, Array]:
         if np.abs(base) > 0.0:
             turn = _near_axes(turn, slack.min())
         inside = normals @ turn
+    turns = (*_TURNS, len(sides), 2 * len(sides)) if len(sides) > 2 else _TURNS
     for k in range(len(inside)):
         if parallel[k]:
             inside[k] = (0.0, 0.0, math.copysign(1.0, inside[k, 2]))
         elif square[k]:
-            inside[k] = _direction(_whole_part(math.atan2(inside[k, 1], inside[k, 0]), slack[k]))
+            inside[k] = _direction(_whole_part(math.atan2(inside[k, 1], inside[k, 0]), slack[k], turns))
         else:
             inside[k] = _leaning(inside[k], slack[k])
     return turn, inside
@@ -319,9 +321,9 @@ def _common_turn(angle: Array, areas: Array, slack: Array) -> float:
     return float(np.sum(weight * (angle - parts)[known]) / weight.sum()) if known.any() else 0.0
 
 
-def _whole_part(angle: float, slack: float) -> float:
+def _whole_part(angle: float, slack: float, turns: Sequence[int] = _TURNS) -> float:
     """The whole part of a turn nearest to an angle, within the slack; else the angle itself."""
-    for parts in _TURNS:
+    for parts in turns:
         step = 2.0 * math.pi / parts
         near = step * round(angle / step)
         if abs(angle - near) <= slack:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -26,6 +27,7 @@ Unit = Literal["m", "dm", "cm", "mm", "um", "in"]
 _PER_METRE: dict[Unit, float] = {"m": 1.0, "dm": 10.0, "cm": 100.0, "mm": 1e3, "um": 1e6, "in": 1.0 / 0.0254}
 _MERGE = 1e-7  # of the diameter: vertices this close are one
 _WIDER = (10.0, 100.0, 1000.0, 10000.0)  # times that: so close where the surface does not close otherwise
+_TRIES = 2  # distances that are tried
 _FLAT = 1e-6  # of the diameter: triangles this close to a plane are coplanar
 _MOST_LOOSE = 5_000  # open edges: more are no rims of gaps
 _MOST_SPLITS = 10  # times that triangles are split at the rims of gaps
@@ -81,8 +83,9 @@ class _Closed:
 
     @property
     def is_closed(self) -> bool:
-        """Whether every side of a triangle has another one across it."""
-        return not _loose(_sides(self.triangles))
+        """Whether every side of a triangle has one other across it."""
+        sides = _sides(self.triangles)
+        return len(sides) == 3 * len(self.triangles) and not _loose(sides)
 
 
 def load_mesh(path: Path | str, unit: Unit) -> Imported:
@@ -117,23 +120,38 @@ def mesh_polyhedron(points: Array, triangles: Indices) -> Imported:
         GeometryError: open or crossing itself.
     """
     span = float(np.linalg.norm(np.ptp(points, axis=0)))
-    attempts = (_closed(points, triangles, span, reach) for reach in _reaches(points, triangles, span))
-    closed = next((attempt for attempt in attempts if attempt.is_closed), None)
-    closed = closed or _closed(points, triangles, span, _MERGE * span)
-    crossing = first_crossing(closed.points, closed.triangles, _FLAT * span)
+    closed = _best(points, triangles, span)
+    flat = flattened(closed.points, closed.triangles, closed.numbers, closed.moved)
+    off = flat.off + closed.moved
+    crossing = first_crossing(closed.points, closed.triangles, max(_FLAT * span, 2.0 * off))
     if crossing is not None and _MENDED in closed.numbers[list(crossing[:2])]:
         whole = closed.numbers != _MENDED
-        closed = replace(closed, triangles=closed.triangles[whole], numbers=closed.numbers[whole], mended=())
-    flat = flattened(closed.points, closed.triangles, closed.numbers)
+        flattened(closed.points, closed.triangles[whole], closed.numbers[whole])
     _require_simple(closed.points, closed.triangles, crossing, closed.numbers)
-    off = flat.off + closed.moved
     off = off if off > _COUNTS else 0.0
     notes = (*closed.notes, *(_gap(patch) for patch in closed.mended), *_evened(off, flat.where))
     return Imported(flat.body, chord_error(flat.body), closed.mended, notes, off, flat.where)
 
 
-def _reaches(points: Array, triangles: Indices, span: float) -> list[float]:
-    """How close vertices are to be one, m: so close that no smaller distance leaves much less open; and the least."""
+def _best(points: Array, triangles: Indices, span: float) -> _Closed:
+    """The surface closed with as little as it takes: without closing gaps if it can be; as the file has it if not."""
+    first, with_gaps = None, None
+    for reaches in _reaches(points, triangles, span):
+        attempt = _closed(points, triangles, *reaches)
+        first = first or attempt
+        if attempt.is_closed:
+            if not attempt.mended:
+                return attempt
+            with_gaps = with_gaps or attempt
+    found = with_gaps or first
+    return found if found is not None else _closed(points, triangles, _MERGE * span, _FLAT * span, 0.0)
+
+
+def _reaches(points: Array, triangles: Indices, span: float) -> Iterator[tuple[float, float, float]]:
+    """How close vertices are to be one, how close to a side to be on it, and how thin triangles are left out, m.
+
+    What leaves little open comes first.
+    """
     least = _MERGE * span
     open_ = {least: _open_sides(points, triangles, least)}
     for times in _WIDER if open_[least] else ():
@@ -143,8 +161,11 @@ def _reaches(points: Array, triangles: Indices, span: float) -> list[float]:
         except GeometryError:  # in heaps, which the least distance may leave apart
             break
     fewest = min(open_.values())
-    best = min(reach for reach, count in open_.items() if count <= 1.1 * fewest + 3)
-    return list(dict.fromkeys([best, least]))
+    good = sorted(reach for reach, count in open_.items() if count <= 1.1 * fewest + 3)
+    yield good[0], max(_FLAT * span, 0.5 * good[0]), 0.0
+    for off in (_FLAT * span, 0.1 * MOST_OFF, MOST_OFF):
+        for reach in good[:_TRIES]:
+            yield reach, max(off, 0.5 * reach), max(0.1 * off, reach)
 
 
 def _open_sides(points: Array, triangles: Indices, reach: float) -> int:
@@ -154,14 +175,21 @@ def _open_sides(points: Array, triangles: Indices, reach: float) -> int:
     return int(np.count_nonzero(np.unique(sides, axis=0, return_counts=True)[1] == 1))
 
 
-def _closed(points: Array, triangles: Indices, span: float, reach: float) -> _Closed:
-    """Triangles over merged vertices, turned alike, sewn, their gaps closed."""
+def _closed(points: Array, triangles: Indices, reach: float, beside: float, thin: float) -> _Closed:
+    """Triangles over vertices merged within `reach`, turned alike, sewn within `beside`, their gaps closed.
+
+    Those that are not as high as `thin` are left out, as where they fill what a side lacks of vertices on it.
+    """
+    span = float(np.linalg.norm(np.ptp(points, axis=0)))
     merged, corners, numbers = merged_vertices(points, triangles, reach)
     notes = _left_out(points, triangles, numbers)
     moved = _moved(points, merged) if reach > _MERGE * span else 0.0
     corners, numbers, doubled = _once(corners, numbers)
+    if thin > 0.0:
+        high = _heights(merged, corners) > thin
+        corners, numbers = corners[high], numbers[high]
     notes += [f"{doubled} triangles stand twice in the file and count once"] if doubled else []
-    corners, numbers = _sewn(merged, turned_alike(merged, corners), numbers, max(_FLAT * span, 0.5 * reach))
+    corners, numbers = _sewn(merged, turned_alike(merged, corners), numbers, beside)
     corners = turned_alike(merged, corners)
     mended = tuple(
         replace(patch, beside=int(numbers[patch.beside])) for patch in patches(merged, corners, _FLAT * span)
@@ -171,6 +199,13 @@ def _closed(points: Array, triangles: Indices, span: float, reach: float) -> _Cl
     closed = turned_outward(merged, closed)
     notes += _turned(points, triangles, merged[closed], called)
     return _Closed(merged, closed, called, mended, moved, tuple(notes))
+
+
+def _heights(points: Array, triangles: Indices) -> Array:
+    """The least heights (m,) of triangles, m."""
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    return area / np.max([np.linalg.norm(side, axis=1) for side in (b - a, c - b, a - c)], axis=0)
 
 
 def _moved(points: Array, merged: Array) -> float:
