@@ -65,14 +65,13 @@ def aligned(normals: Array, areas: Array, slack: Array) -> tuple[Array, Array]:
         if np.abs(base) > 0.0:
             turn = _near_axes(turn, slack.min())
         inside = normals @ turn
-    turns = (*_TURNS, len(sides), 2 * len(sides)) if len(sides) > 2 else _TURNS
-    for k in range(len(inside)):
-        if parallel[k]:
-            inside[k] = (0.0, 0.0, math.copysign(1.0, inside[k, 2]))
-        elif square[k]:
-            inside[k] = _direction(_whole_part(math.atan2(inside[k, 1], inside[k, 0]), slack[k], turns))
-        else:
-            inside[k] = _leaning(inside[k], slack[k])
+    whole = _families(np.arctan2(inside[sides, 1], inside[sides, 0]), areas[sides], slack[sides])
+    for k, angle in zip(sides.tolist(), whole.tolist(), strict=True):
+        inside[k] = _direction(angle)
+    for k in np.flatnonzero(~square).tolist():
+        inside[k] = (
+            (0.0, 0.0, math.copysign(1.0, inside[k, 2])) if parallel[k] else _leaning(inside[k], float(slack[k]))
+        )
     return turn, inside
 
 
@@ -119,6 +118,31 @@ def _common_turn(angle: Array, areas: Array, slack: Array) -> float:
     known = parts != angle
     weight = areas[known] / slack[known] ** 2
     return float(np.sum(weight * (angle - parts)[known]) / weight.sum()) if known.any() else 0.0
+
+
+def _families(angle: Array, areas: Array, slack: Array) -> Array:
+    """Angles (k,) of side faces about z, rad, at whole parts of a turn from each other where they are so but for slack.
+
+    Those that go with x come first, then those that go with the largest of the others, and so on.
+    """
+    turns = (*_TURNS, len(angle), 2 * len(angle)) if len(angle) > 2 else _TURNS
+    made, left, base = np.array(angle), list(range(len(angle))), 0.0
+    while left:
+        parts = {k: _whole_part(float(angle[k]) - base, float(slack[k]), turns) for k in left}
+        own = [k for k in left if abs(float(angle[k]) - base - parts[k]) <= slack[k] and _is_whole(parts[k], turns)]
+        if base != 0.0:
+            weight = areas[own] / slack[own] ** 2
+            base += float(weight @ np.array([float(angle[k]) - base - parts[k] for k in own]) / weight.sum())
+        for k in own:
+            made[k] = base + parts[k]
+        left = [k for k in left if k not in own]
+        if left:
+            base = float(angle[max(left, key=lambda k: areas[k])])
+    return made
+
+
+def _is_whole(angle: float, turns: Sequence[int]) -> bool:
+    return any(angle == 2.0 * math.pi / parts * round(angle / (2.0 * math.pi / parts)) for parts in turns)
 
 
 def _whole_part(angle: float, slack: float, turns: Sequence[int] = _TURNS) -> float:
