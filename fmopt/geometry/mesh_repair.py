@@ -230,9 +230,10 @@ def _is_flush(points: Array, triangles: Indices, patch: Patch) -> bool:
     corners = points[np.unique(patch.triangles)]
     a, b, c = (points[patch.triangles[:, k]] for k in range(3))
     area = np.cross(b - a, c - a).sum(axis=0)
-    normal = area / np.linalg.norm(area)
-    if np.ptp(corners @ normal) > MOST_OFF:
+    size = float(np.linalg.norm(area))
+    if size == 0.0 or np.ptp(corners @ area) > MOST_OFF * size:
         return False
+    normal = area / size
     rim = set(np.unique(patch.triangles).tolist())
     for triangle in triangles[np.isin(triangles, list(rim)).sum(axis=1) == 2]:
         own = _normal(points[triangle])
