@@ -28,6 +28,7 @@ from fmopt.geometry.polyhedron import Polyhedron, placed, rounded, scaled, with_
 from fmopt.se3 import Pose
 from fmopt.values import Array, Value, frozen
 
+_ELSEWHERE = 1.5  # times: how far facets are off faces in frames that fit a mesh to them by other measures
 _MESH_VOLUME = 1e-4  # of the volume
 _FAR_END = 0.05  # of a feature's length: gaps no further from its far end than this are at its far rim
 
@@ -39,7 +40,7 @@ class Part(Value):
     """A part: its boundary, the convex pieces whose union it is, its features, and the sagitta of its curves in m.
 
     `notes` say what a user should know of an imported mesh, one statement each. The facets of its file lie up to `off`
-    (m, counted in the sagitta) from the boundary, at `where` (3,), m, in the numbers of the file.
+    (m, counted half as much again in the sagitta) from the boundary, at `where` (3,), m, in the numbers of the file.
     """
 
     name: str
@@ -105,7 +106,7 @@ def mesh_part(
     known = found_features(part.polyhedron, part.pieces) if features is None else tuple(features)
     for feature in known:
         _require_intact(name, mesh, feature)
-    true = mesh.off + (mesh.chord_error if chord_error is None else chord_error)
+    true = _ELSEWHERE * mesh.off + (mesh.chord_error if chord_error is None else chord_error)
     notes = tuple(f"warning: {name}: {note}" for note in mesh.notes)
     return replace(part, features=known, chord_error=true, notes=notes)
 
