@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import json
+import lzma
 import struct
 import zipfile
 import zlib
@@ -24,6 +25,10 @@ _DEEPEST = 32  # levels of solids that are made of solids
 _JSON, _BINARY = 0x4E4F534A, 0x004E4942
 _KINDS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 
+_UNREADABLE = (
+    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
+    *(EOFError, NotImplementedError, RuntimeError, OSError, ValueError, LookupError),
+)
 Shell = tuple[Array, Any]  # points (n, 3), triangles (m, 3)
 
 
@@ -48,7 +53,9 @@ def three_mf(data: bytes, most: int) -> tuple[str, list[Shell]]:
                 raise Broken(f"the archive holds {len(names)} models; only one is read")
             with archive.open(names[0]) as model:
                 text = model.read(most + 1)
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OSError) as error:
+    except Broken:
+        raise
+    except _UNREADABLE as error:
         raise Broken(f"the archive cannot be read: {error}") from None
     if len(text) > most:
         raise Broken(f"its model has more than {most} bytes")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import lzma
 import struct
 import zipfile
 import zlib
@@ -18,6 +19,11 @@ _METRES = {"micron": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "inch": 0.025
 _ONE: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
 _DEEPEST, _LARGEST = 32, 50_000_000
 _LETTERS = {5120: "b", 5121: "B", 5122: "h", 5123: "H", 5125: "I", 5126: "f"}
+
+_UNREADABLE = (
+    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error),
+    *(EOFError, NotImplementedError, RuntimeError, OSError, ValueError, LookupError),
+)
 
 
 class NoMesh(ValueError):
@@ -37,7 +43,9 @@ def three_mf(content: bytes) -> Iterator[Triangle]:
                 raise NoMesh("holds no model, or several")
             with archive.open(names[0]) as file:
                 text = file.read(_LARGEST + 1)
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OSError):
+    except NoMesh:
+        raise
+    except _UNREADABLE:
         raise NoMesh("is no readable archive") from None
     if len(text) > _LARGEST:
         raise NoMesh("has a model that is too large")
