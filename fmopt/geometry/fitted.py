@@ -92,7 +92,7 @@ def _axis(normals: Array, areas: Array, slack: Array) -> Array:
             spread += (weight * along).sum() * np.eye(3) - np.einsum("k,ki,kj->ij", weight * along, normals, normals)
             refined = np.linalg.eigh(spread)[1][:, 0]
             best, found = score, refined if refined @ axis > 0.0 else -refined
-    return found
+    return np.asarray(found)
 
 
 def _near_axes(turn: Array, slack: float) -> Array:

@@ -110,6 +110,7 @@ class _Heap:
         self.most, self.around = most, parts.neighbours
         self.age = [0] * count
         pairs = np.array([(a, b) for a, row in enumerate(self.around) for b in sorted(row) if a < b], dtype=np.int64)
+        pairs = pairs.reshape(-1, 2)
         costs = self._costs(pairs[:, 0], pairs[:, 1])
         self.heap = [(cost, a, b, 0, 0) for cost, (a, b) in zip(costs.tolist(), pairs.tolist(), strict=True)]
         heapify(self.heap)
@@ -153,7 +154,7 @@ class _Heap:
         """About how wide regions are where they are narrow (k,), m."""
         middle = self.sums[which] / self.size[which, None]
         spread = np.trace(self.products[which], axis1=1, axis2=2) / self.size[which] - np.sum(middle**2, axis=1)
-        return np.linalg.norm(self.areas[which], axis=1) / np.sqrt(np.maximum(spread, 1e-24))
+        return np.asarray(np.linalg.norm(self.areas[which], axis=1) / np.sqrt(np.maximum(spread, 1e-24)))
 
 
 def _off_plane(points: Array) -> float:

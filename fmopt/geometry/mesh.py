@@ -143,6 +143,8 @@ def _best(points: Array, triangles: Indices, span: float) -> _Closed:
             if not attempt.mended:
                 return attempt
             with_gaps = with_gaps or attempt
+        elif len(_loose(_sides(attempt.triangles))) > _MOST_LOOSE:
+            break
     found = with_gaps or first
     return found if found is not None else _closed(points, triangles, _MERGE * span, _FLAT * span, 0.0)
 
@@ -205,7 +207,7 @@ def _heights(points: Array, triangles: Indices) -> Array:
     """The least heights (m,) of triangles, m."""
     a, b, c = (points[triangles[:, k]] for k in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    return area / np.max([np.linalg.norm(side, axis=1) for side in (b - a, c - b, a - c)], axis=0)
+    return np.asarray(area / np.max([np.linalg.norm(side, axis=1) for side in (b - a, c - b, a - c)], axis=0))
 
 
 def _moved(points: Array, merged: Array) -> float:

@@ -132,7 +132,10 @@ def _turns(points: Array, triangles: Indices) -> NDArray[np.bool_]:
 
 
 def turned_outward(points: Array, triangles: Indices) -> Indices:
-    """Closed shells that are inside out, and inside no other one, turned round; shells inside others are cavities."""
+    """Closed shells that are inside out, and inside no other one, turned round; shells inside others are cavities.
+
+    Where there are very many, they are no bodies.
+    """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -140,6 +143,8 @@ def turned_outward(points: Array, triangles: Indices) -> Indices:
     links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
     shell = connected_components(links, directed=False)[1][triangles[:, 0]]
     names = np.unique(shell)
+    if len(names) > _MOST_GAPS:
+        return triangles
     low = np.array([points[triangles[shell == n]].min(axis=(0, 1)) for n in names])
     high = np.array([points[triangles[shell == n]].max(axis=(0, 1)) for n in names])
     turned = np.zeros(len(triangles), dtype=bool)
