@@ -85,7 +85,7 @@ class _Closed:
     def is_closed(self) -> bool:
         """Whether every side of a triangle has one other across it."""
         sides = _sides(self.triangles)
-        return len(sides) == 3 * len(self.triangles) and not _loose(sides)
+        return len(self.triangles) > 3 and len(sides) == 3 * len(self.triangles) and not _loose(sides)
 
 
 def load_mesh(path: Path | str, unit: Unit) -> Imported:
