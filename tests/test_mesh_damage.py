@@ -84,7 +84,7 @@ def found_on(moving: Part, fixed: Part) -> tuple[list[tuple[str, str, bool]], li
 
 
 def clearance_of(moving: Part, fixed: Part) -> float:
-    return mating_clearance(moving, fixed, min(fixed.features[0].length, 0.01)).per_side
+    return mating_clearance(moving, fixed, 0.9 * min(fixed.features[0].length, moving.features[0].length)).per_side
 
 
 @cache
