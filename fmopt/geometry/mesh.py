@@ -171,8 +171,14 @@ def _reaches(points: Array, triangles: Indices, span: float) -> Iterator[tuple[f
 
 
 def _open_sides(points: Array, triangles: Indices, reach: float) -> int:
-    """How many sides of triangles have no other across once vertices are merged."""
+    """How many sides of triangles have no other across once vertices are merged.
+
+    Raises:
+        GeometryError: the vertices lie in heaps, or most triangles are smaller than that.
+    """
     corners = merged_vertices(points, triangles, reach)[1]
+    if 2 * len(corners) < len(triangles):
+        raise GeometryError("most triangles are no larger than noise", "export the mesh again, in the right unit")
     sides = np.sort(np.vstack([corners[:, [k, (k + 1) % 3]] for k in range(3)]), axis=1)
     return int(np.count_nonzero(np.unique(sides, axis=0, return_counts=True)[1] == 1))
 
