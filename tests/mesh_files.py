@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import io
+import json
+import struct
+import zipfile
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -58,3 +62,44 @@ def rounded(across: tuple[float, float], length: float, corner: float = 0.0) -> 
         return Box((*across, length))
     outline = [(x, y - corner), (x - corner, y), (corner - x, y), (-x, y - corner)]
     return Prism(tuple(outline + [(-a, -b) for a, b in outline]), length)
+
+
+def three_mf(points: np.ndarray, triangles: np.ndarray, unit: str, shift: tuple[float, float, float]) -> bytes:
+    """A 3MF file of one solid, built where the shift puts it."""
+    vertices = "".join(f'<vertex x="{x!r}" y="{y!r}" z="{z!r}"/>' for x, y, z in points.tolist())
+    rows = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in triangles.tolist())
+    place = " ".join(map(str, (1, 0, 0, 0, 1, 0, 0, 0, 1, *shift)))
+    model = (
+        f'<?xml version="1.0"?><model unit="{unit}" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02">'
+        f'<resources><object id="1" type="model"><mesh><vertices>{vertices}</vertices><triangles>{rows}</triangles>'
+        f'</mesh></object></resources><build><item objectid="1" transform="{place}"/></build></model>'
+    )
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("3D/3dmodel.model", model)
+    return out.getvalue()
+
+
+def glb(points: np.ndarray, triangles: np.ndarray, node: dict[str, object]) -> bytes:
+    """A GLB file of one solid, its points in m, in a node that places it."""
+    block = points.astype("<f4").tobytes() + triangles.astype("<u4").tobytes()
+    size = 12 * len(points)
+    scene = {
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, **node}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": len(points), "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5125, "count": 3 * len(triangles), "type": "SCALAR"},
+        ],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": 0, "byteLength": size},
+            {"buffer": 0, "byteOffset": size, "byteLength": len(block) - size},
+        ],
+        "buffers": [{"byteLength": len(block)}],
+    }
+    text = json.dumps(scene).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(block), 0x004E4942) + block
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks

@@ -12,7 +12,7 @@ from fmopt.errors import GeometryError
 from fmopt.geometry.clearance import mating_clearance
 from fmopt.geometry.csg import Box, Cylinder, Difference, Hull, Placed, Prism, Solid, Union, frustum
 from fmopt.geometry.mating import Feature
-from fmopt.geometry.mesh import Imported, decimal_step, load_mesh, mesh_polyhedron
+from fmopt.geometry.mesh import Imported, load_mesh, mesh_polyhedron
 from fmopt.geometry.part import Part, mesh_part, rebased
 from fmopt.se3 import Pose, exp
 
@@ -136,10 +136,12 @@ def test_a_slit_around_the_far_rim_is_closed(gap: float) -> None:
 def test_gaps_in_mating_faces_are_refused_with_their_triangle() -> None:
     points, triangles = triangles_of(PLATE)
     wall = np.all(np.abs(points[triangles][:, :, 0]) < 7.0, axis=1) & (np.ptp(points[triangles][:, :, 2], axis=1) > 5.0)
-    first = int(np.flatnonzero(wall)[0])
-    mesh = mesh_polyhedron(1e-3 * points, np.delete(triangles, first, axis=0))
+    side = wall & (points[triangles][:, :, 0].max(axis=1) < 0.0) & (np.ptp(points[triangles][:, :, 0], axis=1) == 0.0)
+    mesh = mesh_polyhedron(1e-3 * points, triangles[~side])
     with pytest.raises(GeometryError, match=r"mesh 'plate' is open beside triangle \d+, .* feature 'hole' of 10 mm"):
         mesh_part("plate", mesh)
+    half = mesh_polyhedron(1e-3 * points, np.delete(triangles, int(np.flatnonzero(side)[0]), axis=0))
+    assert mesh_part("plate", half).polyhedron.volume == pytest.approx(mesh_of(PLATE).body.volume, rel=1e-12)
     mouthless = triangles[~np.all(points[triangles][:, :, 2] == 10.0, axis=1)]
     with pytest.raises(GeometryError, match="which is 0 mm along feature 'hole'"):
         mesh_part("plate", mesh_polyhedron(1e-3 * points, mouthless))
@@ -159,8 +161,7 @@ def test_faults_name_the_triangle_of_the_file(tmp_path: Path) -> None:
     turned = np.vstack([flat, triangles])
     turned[7] = turned[7, ::-1]
     path.write_text(stl_text(points, turned))
-    with pytest.raises(GeometryError, match=r"runs the same way in triangles (\d+ and 7|7 and \d+)$|triangles 7 and"):
-        load_mesh(path, "mm")
+    assert "triangle 7 at (" in " ".join(load_mesh(path, "mm").notes)
     crossing = np.vstack([points, points @ exp([0.3, 0.0, 0.4]).T + 0.5])
     path.write_text(stl_text(crossing, np.vstack([triangles, triangles + len(points)])))
     with pytest.raises(GeometryError, match=r"itself: triangles \d+ and \d+ cross at \(") as told:
@@ -249,7 +250,8 @@ def test_a_chamfer_that_is_plane_but_for_rounding_is_plane(tmp_path: Path, times
     assert len(part.polyhedron.faces) == 10
     assert 0.0 < part.chord_error < 2e-6
     (note,) = part.notes
-    assert note.startswith("warning: bar: the file gives its numbers to 1 µm only; facets that are up to")
+    assert note.startswith("warning: bar: facets are up to")
+    assert note.endswith("they were made plane, which is added to its deviation")
     hole = part_of("plate", plate((0.0085, 0.0073)))
     pair = [mating_clearance(seated(one, "peg"), seated(hole, "hole"), 0.01) for one in (part, part_of("bar", bar))]
     assert pair[0].per_side == pytest.approx(pair[1].per_side, abs=1e-6)
@@ -258,23 +260,10 @@ def test_a_chamfer_that_is_plane_but_for_rounding_is_plane(tmp_path: Path, times
 def test_facets_that_are_not_plane_are_named() -> None:
     points, triangles = finely(rounded((0.008201, 0.006911), 0.05, 0.000257), 2, (3.85, 3.2))
     rng = np.random.default_rng(5)
-    uneven = points + rng.uniform(-2.5e-4, 2.5e-4, points.shape)
-    mesh = mesh_polyhedron(1e-3 * uneven, triangles)
-    assert mesh.rounding == 0.0
-    with pytest.raises(GeometryError, match=r"the facets around \(.*\) mm are [\d.]+ µm off one plane") as told:
-        mesh_part("bar", mesh)
-    assert "more digits" in told.value.advice
-
-
-@pytest.mark.parametrize("step", [1.0, 0.1, 0.01, 0.001, 0.0001])
-def test_only_fine_steps_are_taken_for_rounding(step: float) -> None:
-    rng = np.random.default_rng(11)
-    points = rng.uniform(-30.0, 30.0, (200, 3))
-    on_grid = step * np.round(points / step)
-    expected = step if step in (0.01, 0.001) else 0.0  # of 103 mm
-    for same in (on_grid, on_grid.astype(np.float32).astype(np.float64)):
-        assert decimal_step(same) == pytest.approx(expected, rel=1e-12)
-    assert decimal_step(points) == 0.0
+    uneven = points + rng.uniform(-5e-2, 5e-2, points.shape)
+    with pytest.raises(GeometryError, match=r"at \(.*\) mm|µm off") as told:
+        mesh_part("bar", mesh_polyhedron(1e-3 * uneven, triangles))
+    assert told.value.advice
 
 
 @pytest.mark.parametrize("decimals", [3, 9])

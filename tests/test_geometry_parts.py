@@ -248,7 +248,8 @@ def test_bad_meshes_are_refused_by_name(tmp_path: Path) -> None:
     refused(
         stl(points, triangles[~corner]), r"part\.stl: the surface is open: edge \d+-\d+ from \(.*\) mm .* triangle \d"
     )
-    refused(stl(points, triangles[:, ::-1]), "inside out: triangle 0 at")
+    path.write_text(stl(points, triangles[:, ::-1]))
+    assert load_mesh(path, "mm").notes == ("all triangles faced inward and were turned",)
     twice = np.vstack([points, points + 5.0])
     refused(stl(twice, [*triangles, *(triangles + len(points))]), r"triangles \d+ and \d+ cross at")
     refused("solid empty\nendsolid empty\n", "no triangles")

@@ -7,19 +7,21 @@ meshes the exact half-space pieces of a CSG solid.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import combinations, product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.csg import Difference, Hull, Placed, Solid
+from fmopt.geometry.csg import Difference, Hull, Placed, Solid, exact_pose
 from fmopt.geometry.facets import merged_vertices
-from fmopt.geometry.pieces import ROUNDING, clip, convex_manifold
+from fmopt.geometry.pieces import ROUNDING, bounded, clip, convex_manifold, snapped
 from fmopt.geometry.polyhedron import (
     Face,
     Polyhedron,
     convex_hull_polyhedron,
+    from_faces,
     from_triangles,
     placed,
     plane_basis,
@@ -36,6 +38,9 @@ Plane = tuple[Array, float]
 MESH_NOISE = 1e-6  # of the diameter: what is cleaned away from imported meshes
 _CUTS = 64  # one after the other; a mesh that needs more is no machined part
 _PUSHED = 0.05  # of the diameter: how far tools stand out of the hull
+_LEVEL = 1e-6  # of three normals: less is as good as a plane
+_NEAR = 1e-6  # of the size: no step worth taking
+_OVERLAP = 1e-9  # of the volume: what two bodies have in common by rounding
 _PAIRS = 128  # reflex edges up to which planes through any two are tried; above, through neighbours only
 
 
@@ -48,10 +53,24 @@ def solid_of(body: Polyhedron, tol: float) -> Solid:
     Raises:
         GeometryError: the excess does not come apart into convex bodies.
     """
+    return apart(body, tol)[0]
+
+
+def apart(body: Polyhedron, tol: float) -> tuple[Solid, Polyhedron]:
+    """As `solid_of`, with the polyhedron cleaned of noise as well: its faces and corners, the coordinates of the solid.
+
+    Raises:
+        GeometryError: the excess does not come apart into convex bodies.
+    """
     turn = _squared(body, 4.0 * tol / body.diameter)
+    loops = [face.loops for face in body.faces]
     if np.array_equal(turn, np.eye(3)):
-        return _upright(body, tol)
-    return Placed(_upright(placed(body, Pose(np.zeros(3), turn.T)), tol), Pose(np.zeros(3), turn))
+        solid, ideal = _upright(body, tol)
+        return solid, bounded(solid, from_faces(ideal, loops))
+    back = Pose(np.zeros(3), turn)
+    solid, ideal = _upright(placed(body, Pose(np.zeros(3), turn.T)), tol)
+    whole = Placed(solid, back)
+    return whole, bounded(whole, placed(from_faces(ideal, loops), exact_pose(back)))
 
 
 def _squared(body: Polyhedron, slack: float) -> Array:
@@ -76,26 +95,68 @@ def _face_area(body: Polyhedron, face: Face) -> float:
     return 0.5 * float(np.linalg.norm(area))
 
 
-def _upright(body: Polyhedron, tol: float) -> Solid:
+def _upright(body: Polyhedron, tol: float) -> tuple[Solid, Array]:
+    """The solid, and the vertices (n, 3) of the body as cleaned."""
     from manifold3d import Manifold, Mesh64
 
     ideal = _idealised(body, tol)
     shape = Manifold(Mesh64(vert_properties=ideal, tri_verts=triangulated(body).astype(np.uint64)))
     excess = [part for part in (shape.hull() - shape).decompose() if _thickness(part) > tol]
     outer = convex_hull_polyhedron(ideal)
-    tools = tuple(_opened(part, outer, tol) for whole in excess for part in _convex_parts(whole, ideal, tol, _CUTS))
-    return Difference(_hull(ideal), tools) if tools else _hull(ideal)
+    parts = [part for whole in excess for part in _overlapping(_convex_parts(whole, ideal, tol, _CUTS), shape, ideal)]
+    tools = tuple(_opened(part, outer, tol) for part in parts)
+    return (Difference(_hull(ideal), tools) if tools else _hull(ideal)), ideal
+
+
+def _overlapping(parts: Sequence[Polyhedron], shape: Manifold, known: Array) -> list[Polyhedron]:
+    """Convex parts of one excess, each as large as keeps it out of the shape.
+
+    Where two parts share the whole of a face, rounding would leave a skin between them.
+    """
+    return [_grown(part, shape, known) for part in parts] if len(parts) > 1 else list(parts)
+
+
+def _grown(part: Polyhedron, shape: Manifold, known: Array) -> Polyhedron:
+    """The part, its faces pushed out one after the other to where the farthest of the known points (n, 3) allows it."""
+    size = float(np.linalg.norm(np.ptp(known, axis=0)))
+    for normal, offset in [(face.normal, face.offset) for face in part.faces]:
+        heights = np.unique(np.round((known @ normal)[known @ normal > offset + _NEAR * size], 12))
+        low, high = 0, len(heights)
+        while low < high:
+            middle = (low + high) // 2
+            pushed = _pushed(part, normal, offset, float(heights[middle]))
+            free = pushed is not None and (convex_manifold(pushed) ^ shape).volume() <= _OVERLAP * part.volume
+            low, high = (middle + 1, high) if free else (low, middle)
+        if low:
+            part = _pushed(part, normal, offset, float(heights[low - 1])) or part
+    return part
+
+
+def _pushed(part: Polyhedron, normal: Array, offset: float, height: float) -> Polyhedron | None:
+    """The part with the face in a plane pushed out to a height along its normal (m), as far as the others let it."""
+    faces = [
+        face for face in part.faces if not (face.normal @ normal > 1.0 - 1e-9 and abs(face.offset - offset) < 1e-9)
+    ]
+    reach = 2.0 * (part.diameter + height - offset)
+    body: Polyhedron | None = convex_hull_polyhedron(
+        part.vertices.mean(axis=0) + reach * np.array(list(product((-1.0, 1.0), repeat=3)))
+    )
+    for plane in [*((face.normal, face.offset) for face in faces), (normal, height)]:
+        body = clip(body, *plane) if body is not None else None
+    return body
 
 
 def _convex_parts(shape: Manifold, known: Array, tol: float, patience: int) -> list[Polyhedron]:
     mesh = shape.to_mesh64()
     points, triangles, _ = merged_vertices(
-        _onto(np.asarray(mesh.vert_properties)[:, :3], known, tol), np.asarray(mesh.tri_verts, dtype=np.int64), tol
+        _onto(snapped(np.asarray(mesh.vert_properties)[:, :3], known), known, tol),
+        np.asarray(mesh.tri_verts, dtype=np.int64),
+        tol,
     )
     body = from_triangles(points, triangles, tol)
     plane = _best_cut(body, tol)
     if plane is None:
-        return [convex_hull_polyhedron(points)]
+        return [convex_hull_polyhedron(body.vertices[_solid_corners(body)])]
     if patience == 0:
         raise GeometryError(
             f"the mesh does not come apart into convex bodies in {_CUTS} cuts",
@@ -103,6 +164,15 @@ def _convex_parts(shape: Manifold, known: Array, tol: float, patience: int) -> l
         )
     parts = [part for half in _halves(shape, body, plane) for part in half.decompose() if _thickness(part) > tol]
     return [tool for part in parts for tool in _convex_parts(part, known, tol, patience - 1)]
+
+
+def _solid_corners(body: Polyhedron) -> list[int]:
+    """The vertices at which faces meet whose normals span space: none of a skin that rounding left on a face."""
+    return [
+        vertex
+        for vertex, faces in enumerate(body.vertex_faces)
+        if np.linalg.svd(body.normals[list(faces)], compute_uv=False)[-1] > _LEVEL and len(faces) >= 3
+    ]
 
 
 def _opened(tool: Polyhedron, outer: Polyhedron, tol: float) -> Hull:
@@ -168,7 +238,8 @@ def _through(a: Array, b: Array, tol: float) -> Plane | None:
     normal = np.linalg.svd(corners - centre)[2][2]
     normal = np.where(np.abs(normal) < 1e-12, 0.0, normal)
     flat = np.all(np.abs((corners - centre) @ normal) <= tol)
-    return (normal, float(normal @ centre)) if flat else None
+    offset = float(normal @ (corners[0] if np.abs(normal).max() == 1.0 else centre))
+    return (normal, offset) if flat else None
 
 
 def _hull(points: Array) -> Hull:

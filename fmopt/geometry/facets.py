@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,46 @@ class _Mesh:
     across: tuple[tuple[tuple[int, int], ...], ...]
 
 
+@dataclass(frozen=True, eq=False)
+class Patchwork:
+    """A closed mesh and the regions that its triangles make.
+
+    Attributes:
+        vertices: (n, 3), m.
+        triangles: (m, 3), counter-clockwise seen from outside.
+        across: for each side k of a triangle, from corner k to k + 1, the triangle and the side across it.
+        region: number of the region of each triangle (m,), from 0.
+    """
+
+    vertices: Array
+    triangles: Indices
+    across: tuple[tuple[tuple[int, int], ...], ...]
+    region: Indices
+
+    @cached_property
+    def areas(self) -> Array:
+        """Normals (m, 3) of the triangles, as long as their areas, m²."""
+        a, b, c = (self.vertices[self.triangles[:, k]] for k in range(3))
+        return 0.5 * np.cross(b - a, c - a)
+
+    @cached_property
+    def members(self) -> tuple[Indices, ...]:
+        """The triangles of each region."""
+        order = np.argsort(self.region, kind="stable")
+        return tuple(np.split(order, np.flatnonzero(np.diff(self.region[order])) + 1))
+
+    @property
+    def neighbours(self) -> list[set[int]]:
+        """The regions beside each region."""
+        around: list[set[int]] = [set() for _ in self.members]
+        for number, sides in enumerate(self.across):
+            own = int(self.region[number])
+            around[own].update(int(self.region[other]) for other, _ in sides)
+        for own, row in enumerate(around):
+            row.discard(own)
+        return around
+
+
 def polygon_faces(
     vertices: Array, triangles: Indices, tol: float, numbers: Indices | None = None
 ) -> tuple[tuple[Loop, ...], ...]:
@@ -45,11 +86,41 @@ def polygon_faces(
             there are more than `MAX_FACES`.
     """
     called = np.arange(len(triangles)) if numbers is None else numbers
-    mesh = _Mesh(vertices, triangles, _across(vertices, triangles, called))
+    parts = patchwork(vertices, triangles, tol, called)
+    return faces_of(parts, parts.region)
+
+
+def patchwork(vertices: Array, triangles: Indices, tol: float, numbers: Indices, most: int = MAX_FACES) -> Patchwork:
+    """A closed triangle mesh with the number of the planar face of each triangle; arguments as of `polygon_faces`.
+
+    There may be `most` faces.
+
+    Raises:
+        GeometryError: as `polygon_faces`.
+    """
+    mesh = _Mesh(vertices, triangles, _across(vertices, triangles, numbers))
     normals, heights = _frames(vertices, triangles)
-    region = _regions(mesh, normals, heights, tol)
-    outlines = _outlines(mesh, region)
-    return _straightened(vertices, triangles, normals, region, outlines)
+    return Patchwork(vertices, triangles, mesh.across, _regions(mesh, normals, heights, (tol, most)))
+
+
+def faces_of(parts: Patchwork, region: Indices) -> tuple[tuple[Loop, ...], ...]:
+    """The faces of regions of triangles (m,) as loops, outer loop first, collinear vertices dropped.
+
+    A region without corners, such as a sliver along an edge, goes to the one beside it with which it shares most.
+
+    Raises:
+        GeometryError: a region has no corners and no region beside it; or there are more than `MAX_FACES`.
+    """
+    mesh = _Mesh(parts.vertices, parts.triangles, parts.across)
+    if len(np.unique(region)) > MAX_FACES:
+        raise _too_many(len(region))
+    for _ in range(len(parts.triangles)):
+        outlines = _outlines(mesh, region)
+        bare = _without_corners(outlines)
+        if bare is None:
+            return _straightened(parts, region, outlines)
+        region = _handed_over(parts, region, bare)
+    raise GeometryError("the surface has no corners", "export the mesh again")
 
 
 def merged_vertices(points: Array, triangles: Indices, reach: float) -> tuple[Array, Indices, Indices]:
@@ -140,11 +211,15 @@ def _frames(vertices: Array, triangles: Indices) -> tuple[Array, Array]:
     area = np.cross(b - a, c - a)
     size = np.linalg.norm(area, axis=1)
     longest = np.max([np.linalg.norm(side, axis=1) for side in (b - a, c - b, a - c)], axis=0)
-    return area / np.where(size > 0.0, size, 1.0)[:, None], size / longest
+    return area / np.where(size > 0.0, size, 1.0)[:, None], size / np.where(longest > 0.0, longest, 1.0)
 
 
-def _regions(mesh: _Mesh, normals: Array, heights: Array, tol: float) -> Indices:
-    """Number of the planar face of each triangle, grown from large triangles so that slivers decide nothing."""
+def _regions(mesh: _Mesh, normals: Array, heights: Array, limits: tuple[float, int]) -> Indices:
+    """Number of the planar face of each triangle, grown from large triangles so that slivers decide nothing.
+
+    `limits`: how far off a plane its triangles may be, m, and how many faces there may be.
+    """
+    tol, most = limits
     region = np.full(len(mesh.triangles), -1, dtype=np.int64)
     offsets = np.einsum("ij,ij->i", normals, mesh.vertices[mesh.triangles[:, 0]])
     spans = np.ptp(mesh.vertices[mesh.triangles], axis=1).max(axis=1)
@@ -156,9 +231,8 @@ def _regions(mesh: _Mesh, normals: Array, heights: Array, tol: float) -> Indices
             region[seed] = _over_longest_side(mesh, region, int(seed))
         if region[seed] >= 0:
             continue
-        if count == MAX_FACES:
-            message = f"the {len(region)} triangles make more than {MAX_FACES} faces"
-            raise GeometryError(message, "export it coarser: curved surfaces with fewer facets")
+        if count == most:
+            raise _too_many(len(region))
         near = np.abs(mesh.vertices @ normals[seed] - offsets[seed]) <= tol
         region[seed] = count
         front = [int(seed)]
@@ -170,6 +244,11 @@ def _regions(mesh: _Mesh, normals: Array, heights: Array, tol: float) -> Indices
                     front.append(neighbour)
         count += 1
     return region
+
+
+def _too_many(triangles: int) -> GeometryError:
+    message = f"the {triangles} triangles make more than {MAX_FACES} faces"
+    return GeometryError(message, "export it coarser: curved surfaces with fewer facets")
 
 
 def _over_longest_side(mesh: _Mesh, region: Indices, triangle: int) -> int:
@@ -199,24 +278,50 @@ def _outlines(mesh: _Mesh, region: Indices) -> dict[int, list[list[int]]]:
     return loops
 
 
+def _meeting(outlines: dict[int, list[list[int]]]) -> Counter[int]:
+    """How many loops run through each vertex: where two do, their edge runs straight through."""
+    return Counter(vertex for loops in outlines.values() for loop in loops for vertex in loop)
+
+
+def _without_corners(outlines: dict[int, list[list[int]]]) -> int | None:
+    """The first region none of whose loops has three corners or more."""
+    meeting = _meeting(outlines)
+    for number in sorted(outlines):
+        if all(sum(meeting[vertex] > 2 for vertex in loop) < 3 for loop in outlines[number]):
+            return number
+    return None
+
+
+def _handed_over(parts: Patchwork, region: Indices, bare: int) -> Indices:
+    """The regions with one of them made part of that beside it along the longest border.
+
+    Raises:
+        GeometryError: there is none.
+    """
+    shared: dict[int, float] = {}
+    for number in np.flatnonzero(region == bare).tolist():
+        for k, (other, _) in enumerate(parts.across[number]):
+            if region[other] != bare:
+                a, b = parts.vertices[parts.triangles[number][[k, (k + 1) % 3]]]
+                beside = int(region[other])
+                shared[beside] = shared.get(beside, 0.0) + float(np.linalg.norm(b - a))
+    if not shared:
+        where = place(parts.vertices[parts.triangles[np.flatnonzero(region == bare)[0], 0]])
+        raise GeometryError(f"the face at {where} has no corners", "export the mesh again: it bounds no solid there")
+    return np.where(region == bare, max(sorted(shared), key=lambda number: shared[number]), region)
+
+
 def _straightened(
-    vertices: Array, triangles: Indices, normals: Array, region: Indices, outlines: dict[int, list[list[int]]]
+    parts: Patchwork, region: Indices, outlines: dict[int, list[list[int]]]
 ) -> tuple[tuple[Loop, ...], ...]:
     """Drop vertices where only two faces meet (their edge runs straight through), put outer loops first."""
-    meeting: Counter[int] = Counter(vertex for loops in outlines.values() for loop in loops for vertex in loop)
+    meeting = _meeting(outlines)
     faces = []
     for number in sorted(outlines):
-        members = np.flatnonzero(region == number)
-        a, b, c = (vertices[triangles[members, k]] for k in range(3))
-        axis = np.cross(b - a, c - a).sum(axis=0)
+        axis = parts.areas[region == number].sum(axis=0)
         kept = [tuple(vertex for vertex in loop if meeting[vertex] > 2) for loop in outlines[number]]
         loops = [loop for loop in kept if len(loop) >= 3]
-        if not loops:
-            raise GeometryError(
-                f"the face around triangle {members[0]} near {place(a[0])} has no corners",
-                "lower the merging tolerance",
-            )
-        faces.append(tuple(sorted(loops, key=lambda loop: -_area(vertices, loop, axis))))
+        faces.append(tuple(sorted(loops, key=lambda loop: -_area(parts.vertices, loop, axis))))
     return tuple(faces)
 
 

@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 _SLENDER = 1.5  # a part with holes is a peg too when it is this many times as long as its section is wide
 _SAME = 1e-6  # of the diameter, and rad
 _ROUND = 1e-9  # m: to which origins are rounded
+_ALIKE = 1e-3  # of lengths and areas that are meant to be equal
+_REPEATED = 1e-12  # m: origins this close to multiples of a nanometre are meant to be them
 
 FeatureKind = Literal["solid", "hollow"]
 
@@ -87,7 +89,8 @@ def found_features(body: Polyhedron, pieces: Sequence[Polyhedron]) -> tuple[Feat
         raise GeometryError("no peg or hole was found on it", DESCRIBE)
     made = []
     for kind, name in (("solid", "peg"), ("hollow", "hole")):
-        own = sorted((f for f in found if f.kind == kind), key=_rank)
+        level = _levels([f.area for f in found])
+        own = sorted((f for f in found if f.kind == kind), key=lambda f: (-level[f.area], *_rank(f)))
         names = [name] if len(own) == 1 else [f"{name}_{i}" for i in range(1, len(own) + 1)]
         made += [Feature(n, f.kind, f.frame, f.length, f.through) for n, f in zip(names, own, strict=True)]
     return tuple(made)
@@ -95,7 +98,7 @@ def found_features(body: Polyhedron, pieces: Sequence[Polyhedron]) -> tuple[Feat
 
 def _rank(found: _Found) -> tuple[float, ...]:
     x, y, z = found.frame.p
-    return (-round(found.area, 12), round(float(x), 9), round(float(y), 9), round(float(z), 9))
+    return (round(float(x), 6), round(float(y), 6), round(float(z), 6))
 
 
 def _around_inner_loops(body: Polyhedron, pieces: Sequence[Polyhedron]) -> Iterator[_Found]:
@@ -231,7 +234,8 @@ def _slenderest(ends: Sequence[_Found]) -> _Found:
 def _without_far_mouths(found: Sequence[_Found]) -> list[_Found]:
     """Of the two mouths of a through hole the wider one, of equal ones that which looks up in the model."""
     kept: list[_Found] = []
-    for one in sorted(found, key=lambda f: (round(f.mouth, 12), _upward(f.frame.R[:, 2])), reverse=True):
+    level = _levels([one.mouth for one in found])
+    for one in sorted(found, key=lambda f: (level[f.mouth], _upward(f.frame.R[:, 2])), reverse=True):
         if not (one.far and any(other.far and one.rim in (other.rim, other.far) for other in kept)):
             kept.append(one)
     return kept
@@ -248,6 +252,15 @@ def _without_steps(found: Sequence[_Found], reach: float) -> list[_Found]:
         return bool(ahead and reach < depth < other.length - reach and beside <= 0.5 * np.sqrt(other.mouth))
 
     return [one for one in found if not any(within(one, other) for other in found)]
+
+
+def _levels(sizes: Sequence[float]) -> dict[float, int]:
+    """Sizes that are alike have the same number, larger ones a larger one."""
+    level, found, before = 0, {}, 0.0
+    for size in sorted(sizes):
+        level += size > before * (1.0 + _ALIKE)
+        found[size], before = level, size
+    return found
 
 
 def _upward(z: Array) -> tuple[float, float, float]:
@@ -292,7 +305,20 @@ def _ring(
         return None
     rings = [ring for shape in shapes.geoms for ring in (shape.interiors if hollow else (shape.exterior,))]
     around = [Polygon(ring) for ring in rings if Polygon(ring).contains(Point(0.0, 0.0))]
-    return min(around, key=lambda shape: shape.area) if around else None
+    return _straightened(min(around, key=lambda shape: shape.area)) if around else None
+
+
+def _straightened(shape: Polygon) -> Polygon:
+    """The outline without corners that lie between their neighbours but for rounding."""
+    from shapely import Polygon
+
+    corners = np.array(shape.exterior.coords)[:-1]
+    corners = corners[np.hypot(*(corners - np.roll(corners, 1, axis=0)).T) > _ROUND]
+    ahead = np.roll(corners, -1, axis=0) - np.roll(corners, 1, axis=0)
+    arms = corners - np.roll(corners, 1, axis=0)
+    beside = np.abs(ahead[:, 0] * arms[:, 1] - ahead[:, 1] * arms[:, 0])
+    kept = corners[beside > _ROUND * np.hypot(*ahead.T)]
+    return Polygon(kept) if len(kept) >= 3 else shape
 
 
 def _frame(ring: Polygon, at: Array, z: Array) -> Pose:
@@ -311,7 +337,9 @@ def _frame(ring: Polygon, at: Array, z: Array) -> Pose:
     z = _straight(z)
     x = _straight(x - (x @ z) * z)
     turn = np.column_stack([x, np.cross(z, x), z])
-    return Pose(np.round((at + basis @ centre(corners)) / _ROUND) * _ROUND + 0.0, turn)
+    origin = at + basis @ centre(corners)
+    near = np.round(origin / _ROUND) * _ROUND + 0.0
+    return Pose(np.where(np.abs(near - origin) <= _REPEATED, near, origin), turn)
 
 
 def _straight(axis: Array) -> Array:

@@ -1,12 +1,9 @@
-"""Meshes from files: vertices merged, faults named by triangle, coplanar facets merged, a rim left open closed.
-
-Meshes whose numbers are rounded: facets that were meant to be plane, and are so only to the last digit written.
-"""
+"""Meshes from files: vertices merged, triangles turned the same way, gaps closed, facets made plane, faults named."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Literal
@@ -15,28 +12,29 @@ import numpy as np
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.csg import Solid
-from fmopt.geometry.excess import MESH_NOISE, solid_of
+from fmopt.geometry.excess import MESH_NOISE, apart
 from fmopt.geometry.facets import Indices, merged_vertices, place
+from fmopt.geometry.flatten import flattened
 from fmopt.geometry.mating import chord_error
 from fmopt.geometry.mesh_file import read_triangles
-from fmopt.geometry.mesh_repair import Crossing, Patch, first_crossing, patches
-from fmopt.geometry.pieces import polyhedron
-from fmopt.geometry.polyhedron import Polyhedron, from_triangles, triangulated
+from fmopt.geometry.mesh_repair import MOST_OFF, Crossing, Patch, first_crossing, patches, turned_alike, turned_outward
+from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.geometry.section import require_plausible
-from fmopt.values import Array, Value, remembered
+from fmopt.values import Array, Value, frozen, remembered
 
 Unit = Literal["m", "dm", "cm", "mm", "um", "in"]
 
 _PER_METRE: dict[Unit, float] = {"m": 1.0, "dm": 10.0, "cm": 100.0, "mm": 1e3, "um": 1e6, "in": 1.0 / 0.0254}
 _MERGE = 1e-7  # of the diameter: vertices this close are one
+_WIDER = (10.0, 100.0, 1000.0, 10000.0)  # times that: so close where the surface does not close otherwise
+_TRIES = 2  # distances that are tried
 _FLAT = 1e-6  # of the diameter: triangles this close to a plane are coplanar
-_COARSE = 1e-4  # of the diameter: coordinates that are multiples of more than this are meant, not rounded
 _MOST_LOOSE = 5_000  # open edges: more are no rims of gaps
 _MOST_SPLITS = 10  # times that triangles are split at the rims of gaps
 _MENDED = -1  # what triangles that no file holds are called
-
-_REACH = 2.0  # steps of rounding: corners that are half a step off each way leave their plane by less
+_COUNTS = 1e-9  # m: what facets are off their faces by less is rounding
 _UNEVEN = 1e-4  # of the diameter: facets this close to one plane are said to be uneven
+_TOLD = 1e-7  # m: what facets are off their faces by more is said
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,23 +46,55 @@ class Imported(Value):
         chord_error: how far the curved surfaces that it stands for may lie from it, m.
         mended: what closes gaps of the mesh.
         notes: what was done to the mesh that a user should know of.
-        rounding: step of the grid that all coordinates lie on, as where a file gives few decimals, m; 0 where that is
-            too fine or too coarse to be rounding.
+        off: how far the facets of the file lie from the faces of the polyhedron at most, m.
+        where: the place (3,) of that, m.
     """
 
     body: Polyhedron
     chord_error: float
     mended: tuple[Patch, ...] = ()
     notes: tuple[str, ...] = ()
-    rounding: float = 0.0
+    off: float = 0.0
+    where: Array = field(default_factory=lambda: np.zeros(3))
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "where", frozen(self.where, 3, name="place"))
+
+
+@dataclass(frozen=True)
+class _Closed:
+    """A surface that closes, as far as it can be closed.
+
+    Attributes:
+        points: (n, 3), m.
+        triangles: (m, 3).
+        numbers: what each triangle is called (m,).
+        mended: what closes its gaps.
+        moved: how far points were moved to become one, m.
+        notes: what was done.
+    """
+
+    points: Array
+    triangles: Indices
+    numbers: Indices
+    mended: tuple[Patch, ...]
+    moved: float
+    notes: tuple[str, ...]
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether every side of a triangle has one other across it."""
+        sides = _sides(self.triangles)
+        return len(self.triangles) > 3 and len(sides) == 3 * len(self.triangles) and not _loose(sides)
 
 
 def load_mesh(path: Path | str, unit: Unit) -> Imported:
-    """The polyhedron of an STL, OBJ or PLY file.
+    """The polyhedron of a mesh file.
 
-    Vertices within 1e-7 of the diameter are merged, facets within 1e-6 of it of a plane are coplanar. Gaps are closed
-    where the missing surface is flat or a band between two rims, see `mended.patches`: whoever uses the part is to
-    look at them.
+    Vertices within 1e-7 of the diameter are merged, of a surface that does not close then those farther apart.
+    Triangles that face the other way than those around them are turned. Gaps are closed where the missing surface is
+    flat or a band between two rims, see `mended.patches`: whoever uses the part is to look at them. Facets that are
+    plane but for noise become plane faces, see `flatten.flattened`; how far they lie from the file's is `off`.
 
     Args:
         path: the file.
@@ -73,52 +103,163 @@ def load_mesh(path: Path | str, unit: Unit) -> Imported:
     Raises:
         ResourceError: there is no such file.
         SizeError: too large or too small for a part, as where the unit is another one.
-        GeometryError: unreadable, open, inside out or crossing itself; names the triangle, the edge, the place.
+        GeometryError: unreadable, open or crossing itself; names the triangle, the edge, the place.
     """
     points, triangles = read_triangles(Path(path))
     require_plausible(points / _PER_METRE[unit])
     try:
-        mesh = mesh_polyhedron(points / _PER_METRE[unit], triangles)
+        return mesh_polyhedron(points / _PER_METRE[unit], triangles)
     except GeometryError as error:
         raise GeometryError(f"{path}: {error.message}", error.advice) from error
-    return replace(mesh, rounding=decimal_step(points) / _PER_METRE[unit])
-
-
-def decimal_step(points: Array) -> float:
-    """The largest power of ten that all coordinates (n, 3) are multiples of, to a single's precision.
-
-    0 where that is less than 1e-6 of the diameter, too fine to matter, or more than 1e-4, too coarse to be rounding.
-    """
-    span = float(np.linalg.norm(np.ptp(points, axis=0)))
-    slack = float(np.finfo(np.float32).eps) * float(np.abs(points).max())
-    for power in range(math.floor(math.log10(span)), math.ceil(math.log10(_FLAT * span)) - 1, -1):
-        step = 10.0**power
-        if np.abs(points - step * np.round(points / step)).max() <= min(slack, 0.01 * step):
-            return step if step <= _COARSE * span else 0.0
-    return 0.0
 
 
 def mesh_polyhedron(points: Array, triangles: Indices) -> Imported:
     """The polyhedron of loose triangles (m, 3) over points (n, 3) in m, merged, mended and checked as by `load_mesh`.
 
     Raises:
-        GeometryError: open, inside out or crossing itself.
+        GeometryError: open or crossing itself.
     """
     span = float(np.linalg.norm(np.ptp(points, axis=0)))
-    merged, corners, numbers = merged_vertices(points, triangles, _MERGE * span)
+    closed = _best(points, triangles, span)
+    flat = flattened(closed.points, closed.triangles, closed.numbers, closed.moved)
+    off = flat.off + closed.moved
+    crossing = first_crossing(closed.points, closed.triangles, max(_FLAT * span, 2.0 * off))
+    if crossing is not None and _MENDED in closed.numbers[list(crossing[:2])]:
+        whole = closed.numbers != _MENDED
+        flattened(closed.points, closed.triangles[whole], closed.numbers[whole])
+    _require_simple(closed.points, closed.triangles, crossing, closed.numbers)
+    off = off if off > _COUNTS else 0.0
+    notes = (*closed.notes, *(_gap(patch) for patch in closed.mended), *_evened(off, flat.where))
+    return Imported(flat.body, chord_error(flat.body), closed.mended, notes, off, flat.where)
+
+
+def _best(points: Array, triangles: Indices, span: float) -> _Closed:
+    """The surface closed with as little as it takes: without closing gaps if it can be; as the file has it if not."""
+    first, with_gaps = None, None
+    for reaches in _reaches(points, triangles, span):
+        attempt = _closed(points, triangles, *reaches)
+        first = first or attempt
+        if attempt.is_closed:
+            if not attempt.mended:
+                return attempt
+            with_gaps = with_gaps or attempt
+        elif len(_loose(_sides(attempt.triangles))) > _MOST_LOOSE:
+            break
+    found = with_gaps or first
+    return found if found is not None else _closed(points, triangles, _MERGE * span, _FLAT * span, 0.0)
+
+
+def _reaches(points: Array, triangles: Indices, span: float) -> Iterator[tuple[float, float, float]]:
+    """How close vertices are to be one, how close to a side to be on it, and how thin triangles are left out, m.
+
+    What leaves little open comes first.
+    """
+    least = _MERGE * span
+    open_ = {least: _open_sides(points, triangles, least)}
+    for times in _WIDER if open_[least] else ():
+        reach = min(times * least, 2.0 * MOST_OFF)
+        try:
+            open_[reach] = _open_sides(points, triangles, reach)
+        except GeometryError:  # in heaps, which the least distance may leave apart
+            break
+    fewest = min(open_.values())
+    good = sorted(reach for reach, count in open_.items() if count <= 1.1 * fewest + 3)
+    yield good[0], max(_FLAT * span, 0.5 * good[0]), 0.0
+    for off in (_FLAT * span, 0.1 * MOST_OFF, MOST_OFF):
+        for reach in good[:_TRIES]:
+            yield reach, max(off, 0.5 * reach), max(0.1 * off, reach)
+
+
+def _open_sides(points: Array, triangles: Indices, reach: float) -> int:
+    """How many sides of triangles have no other across once vertices are merged.
+
+    Raises:
+        GeometryError: the vertices lie in heaps, or most triangles are smaller than that.
+    """
+    corners = merged_vertices(points, triangles, reach)[1]
+    if 2 * len(corners) < len(triangles):
+        raise GeometryError("most triangles are no larger than noise", "export the mesh again, in the right unit")
+    sides = np.sort(np.vstack([corners[:, [k, (k + 1) % 3]] for k in range(3)]), axis=1)
+    return int(np.count_nonzero(np.unique(sides, axis=0, return_counts=True)[1] == 1))
+
+
+def _closed(points: Array, triangles: Indices, reach: float, beside: float, thin: float) -> _Closed:
+    """Triangles over vertices merged within `reach`, turned alike, sewn within `beside`, their gaps closed.
+
+    Those that are not as high as `thin` are left out, as where they fill what a side lacks of vertices on it.
+    """
+    span = float(np.linalg.norm(np.ptp(points, axis=0)))
+    merged, corners, numbers = merged_vertices(points, triangles, reach)
     notes = _left_out(points, triangles, numbers)
-    corners, numbers = _sewn(merged, corners, numbers, _FLAT * span)
+    moved = _moved(points, merged) if reach > _MERGE * span else 0.0
+    corners, numbers, doubled = _once(corners, numbers)
+    if thin > 0.0:
+        high = _heights(merged, corners) > thin
+        corners, numbers = corners[high], numbers[high]
+    notes += [f"{doubled} triangles stand twice in the file and count once"] if doubled else []
+    corners, numbers = _sewn(merged, turned_alike(merged, corners), numbers, beside)
+    corners = turned_alike(merged, corners)
     mended = tuple(
         replace(patch, beside=int(numbers[patch.beside])) for patch in patches(merged, corners, _FLAT * span)
     )
     closed = np.vstack([corners, *(patch.triangles for patch in mended)])
     called = np.append(numbers, np.full(len(closed) - len(numbers), _MENDED))
-    crossing = first_crossing(merged, closed, _FLAT * span)
-    if crossing is not None and _MENDED in called[list(crossing[:2])]:
-        closed, called, mended = corners, numbers, ()
-    body = from_triangles(merged, closed, _FLAT * span, called)
-    _require_simple(merged, closed, crossing, called)
-    return Imported(body, chord_error(body), mended, (*notes, *(_gap(patch) for patch in mended)))
+    closed = turned_outward(merged, closed)
+    notes += _turned(points, triangles, merged[closed], called)
+    return _Closed(merged, closed, called, mended, moved, tuple(notes))
+
+
+def _heights(points: Array, triangles: Indices) -> Array:
+    """The least heights (m,) of triangles, m."""
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    return np.asarray(area / np.max([np.linalg.norm(side, axis=1) for side in (b - a, c - b, a - c)], axis=0))
+
+
+def _moved(points: Array, merged: Array) -> float:
+    """How far points (n, 3) are from those (k, 3) that they became, m, at most."""
+    from scipy.spatial import cKDTree
+
+    return float(np.max(cKDTree(merged).query(points)[0]))
+
+
+def _once(triangles: Indices, numbers: Indices) -> tuple[Indices, Indices, int]:
+    """Each triangle once, whichever corner comes first, and how many were left out."""
+    first = np.argmin(triangles, axis=1)
+    alike = np.stack(
+        [np.take_along_axis(triangles, ((first + k) % 3)[:, None], axis=1)[:, 0] for k in range(3)], axis=1
+    )
+    kept = np.sort(np.unique(alike, axis=0, return_index=True)[1])
+    return triangles[kept], numbers[kept], len(triangles) - len(kept)
+
+
+def _turned(points: Array, triangles: Indices, corners: Array, called: Indices) -> list[str]:
+    """Which triangles of the file (m, 3) face the other way than those (k, 3, 3) that were made of them."""
+    own = np.flatnonzero(called != _MENDED)
+    before, after = (
+        np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) for t in (points[triangles[called[own]]], corners[own])
+    )
+    turned = np.unique(called[own[np.einsum("ij,ij->i", before, after) < 0.0]])
+    if not len(turned):
+        return []
+    if len(turned) >= len(np.unique(called[own])):
+        return ["all triangles faced inward and were turned"]
+    where = f"triangle {turned[0]} at {place(points[triangles[turned[0], 0]])}"
+    one = len(turned) == 1
+    return [
+        f"{where} faced the other way and was turned"
+        if one
+        else f"{len(turned)} triangles faced the other way and were turned, {where} first"
+    ]
+
+
+def _evened(off: float, where: Array) -> list[str]:
+    if off <= _TOLD:
+        return []
+    return [
+        f"facets are up to {1e6 * off:.3g} µm off plane faces, most at {place(where)}; they were made plane, which is "
+        "added to its deviation"
+    ]
 
 
 def extents(path: Path) -> tuple[float, float, float]:
@@ -149,6 +290,16 @@ def _gap(patch: Patch) -> str:
     return f"the mesh is open beside triangle {patch.beside}, from {place(a)} to {place(b)}; it was closed there"
 
 
+def _sides(triangles: Indices) -> dict[tuple[int, int], tuple[int, int]]:
+    """The triangle and the side of it that runs from one vertex to another."""
+    return {(t[k], t[(k + 1) % 3]): (i, k) for i, t in enumerate(triangles.tolist()) for k in range(3)}
+
+
+def _loose(sides: dict[tuple[int, int], tuple[int, int]]) -> list[tuple[int, int]]:
+    """The sides without another one across."""
+    return [side for side in sides if side[::-1] not in sides]
+
+
 def _sewn(points: Array, triangles: Indices, numbers: Indices, reach: float) -> tuple[Indices, Indices]:
     """Triangles with an open edge are split at the vertices that lie on it, as where a rim was subdivided on one side.
 
@@ -156,8 +307,8 @@ def _sewn(points: Array, triangles: Indices, numbers: Indices, reach: float) -> 
     a triangle keep its number. Where there are too many to be a rim, the surface is left as open as it is.
     """
     for _ in range(_MOST_SPLITS):
-        sides = {(int(t[k]), int(t[(k + 1) % 3])): (i, k) for i, t in enumerate(triangles) for k in range(3)}
-        loose = [side for side in sides if side[::-1] not in sides]
+        sides = _sides(triangles)
+        loose = _loose(sides)
         if len(loose) > _MOST_LOOSE:
             break
         rim = np.unique(np.array(loose, dtype=np.int64))
@@ -210,23 +361,17 @@ def _require_simple(points: Array, triangles: Indices, crossing: Crossing | None
 
 
 @remembered(1)
-def come_apart(mesh: Imported) -> tuple[Solid, float]:
-    """The solid of a mesh by way of `excess.solid_of`, and how far its faces were moved to make them plane, m.
-
-    Noise of 1e-6 of the diameter is cleaned away. Where the mesh has neighbouring faces that are one plane but for the
-    rounding of its numbers, corners within two steps of the rounding of a plane are in it.
+def come_apart(mesh: Imported) -> tuple[Solid, Polyhedron]:
+    """The solid of a mesh by way of `excess.apart`, and its boundary.
 
     Raises:
         GeometryError: it does not come apart into convex bodies, and where its facets are uneven.
     """
-    body, reach = mesh.body, _REACH * mesh.rounding
-    uneven, where = _flattest_edge(body)
+    body = mesh.body
     try:
-        if uneven > reach:
-            return solid_of(body, MESH_NOISE * body.diameter), 0.0
-        triangles = triangulated(body)
-        solid = solid_of(from_triangles(body.vertices, triangles, reach), reach)
+        return apart(body, MESH_NOISE * body.diameter)
     except GeometryError as error:
+        uneven, where = _flattest_edge(body)
         if uneven > _UNEVEN * body.diameter:
             raise
         raise GeometryError(
@@ -234,7 +379,6 @@ def come_apart(mesh: Imported) -> tuple[Solid, float]:
             "apart into convex bodies",
             "make them plane in the program that made the mesh, or write the file with more digits",
         ) from error
-    return solid, _shift(body.vertices, triangles, polyhedron(solid))
 
 
 def _flattest_edge(body: Polyhedron) -> tuple[float, Array]:
@@ -246,11 +390,3 @@ def _flattest_edge(body: Polyhedron) -> tuple[float, Array]:
         if one.normal @ other.normal > 0.0 and beyond < least:
             least, where = beyond, body.vertices[list(edge.vertices)].mean(axis=0)
     return least, where
-
-
-def _shift(points: Array, triangles: Indices, flat: Polyhedron) -> float:
-    """How far a triangle is off the face that it became, the nearest that looks its way, m, at most."""
-    corners = points[triangles]
-    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    off = np.abs(corners @ flat.normals.T - flat.offsets).max(axis=1)
-    return float(np.where(area @ flat.normals.T > 0.0, off, np.inf).min(axis=1).max())

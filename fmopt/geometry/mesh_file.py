@@ -1,4 +1,4 @@
-"""STL, OBJ and PLY files: strict readers of their triangles, which refuse whatever a file does not say plainly.
+"""STL, OBJ, PLY, 3MF and GLB files: strict readers of their triangles, which refuse what a file does not say plainly.
 
 Work and memory are bounded by the bytes of the file. Comments, names and materials may hold any bytes. Polygons become
 fans of triangles; points that no face uses are left out.
@@ -18,7 +18,8 @@ from fmopt.errors import GeometryError, ResourceError
 from fmopt.geometry.facets import Indices
 from fmopt.values import Array
 
-FORMATS = ("stl", "obj", "ply")
+FORMATS = ("stl", "obj", "ply", "3mf", "glb")
+OWN_UNIT = ("3mf", "glb")  # formats that say their unit: their numbers become m
 MAX_BYTES = 50_000_000
 MAX_TRIANGLES = 100_000
 _MAX_POINTS = 3 * MAX_TRIANGLES
@@ -84,7 +85,7 @@ class _Surface:
 
 
 def read_triangles(path: Path) -> tuple[Array, Indices]:
-    """Points (n, 3) and triangles (m, 3) of a mesh file as they stand there, in the file's own unit.
+    """Points (n, 3) and triangles (m, 3) of a mesh file as they stand there, in the file's own unit, or m (`OWN_UNIT`).
 
     Raises:
         ResourceError: the file cannot be read.
@@ -92,7 +93,7 @@ def read_triangles(path: Path) -> tuple[Array, Indices]:
     """
     kind = path.suffix.lower().removeprefix(".")
     if kind not in FORMATS:
-        advice = "use .stl, .obj or .ply, or .step with the extra step"
+        advice = "use .stl, .obj, .ply, .3mf or .glb, or .step with the extra step"
         raise GeometryError(f"{path}: {path.suffix or 'a name without suffix'} is no mesh format", advice)
     try:
         with path.open("rb") as file:
@@ -100,6 +101,7 @@ def read_triangles(path: Path) -> tuple[Array, Indices]:
     except OSError as error:
         raise ResourceError(f"cannot read mesh {path}: {error.strerror}", "check the path") from error
     readers: dict[str, Callable[[bytes], _Surface]] = {"stl": _stl, "obj": _obj, "ply": _ply}
+    readers |= {"3mf": _three_mf, "glb": _glb}
     try:
         if len(data) > MAX_BYTES:
             raise _Damage(f"the file has more than {MAX_BYTES} bytes", advice=_COARSER)
@@ -107,6 +109,36 @@ def read_triangles(path: Path) -> tuple[Array, Indices]:
     except _Damage as damage:
         place = f"{path}, {damage.where}" if damage.where else str(path)
         raise GeometryError(f"{place}: {damage.message}", damage.advice) from None
+
+
+def _three_mf(data: bytes) -> _Surface:
+    from fmopt.geometry.mesh_archive import METRES, Broken, three_mf, together
+
+    try:
+        unit, shells = three_mf(data, MAX_BYTES)
+        points, triangles = together(shells)
+    except Broken as error:
+        raise _Damage(str(error)) from None
+    return _packed(METRES[unit] * points, triangles)
+
+
+def _glb(data: bytes) -> _Surface:
+    from fmopt.geometry.mesh_archive import Broken, glb, together
+
+    try:
+        return _packed(*together(glb(data)))
+    except Broken as error:
+        raise _Damage(str(error)) from None
+
+
+def _packed(points: Array, triangles: Indices) -> _Surface:
+    """Points and triangles of a package, as if read one by one."""
+    surface = _Surface()
+    for number, point in enumerate(points.tolist()):
+        surface.point(point, f"point {number}")
+    for number, corners in enumerate(triangles.tolist()):
+        surface.face(corners, f"triangle {number}")
+    return surface
 
 
 def _lines(data: bytes, first: int = 1) -> Iterator[tuple[str, list[bytes]]]:

@@ -3,16 +3,19 @@
 A gap whose loops lie in one plane is closed by flat triangles. Two loops that run along each other, as where a wall
 ends short of the face below it, are joined by a band. Any other gap stays open.
 
+Triangles that face the other way than those around them, and shells that are inside out: turned round.
+
 Triangles of a mesh that cross each other: a surface that passes through itself bounds no solid.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.facets import Indices
@@ -21,6 +24,8 @@ from fmopt.values import Array, Value, frozen
 
 _BAND = 0.05  # of a loop's size: as far apart as this, two loops run along each other
 _MOST_GAPS = 100  # beyond which nothing is plain to see
+MOST_OFF = 2.5e-5  # m: facets farther off one plane are meant to be several
+_ALIKE = 0.9  # of the cosine: what looks the same way
 _MOST = 0.45  # of the whole surface: gaps beyond this are no gaps
 
 Crossing: TypeAlias = tuple[int, int, Array]
@@ -37,11 +42,13 @@ class Patch(Value):
         triangles: (k, 3) vertex indices, counter-clockwise seen from outside.
         corners: (n, 3), the rim of the gap, m.
         beside: index of a triangle at the rim.
+        flush: whether it goes on a face that is there, in its plane.
     """
 
     triangles: Indices
     corners: Array
     beside: int
+    flush: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "corners", frozen(self.corners, None, 3, name="rim of a gap"))
@@ -78,7 +85,75 @@ def patches(points: Array, triangles: Indices, tol: float) -> tuple[Patch, ...]:
         gaps = [gap for gap in gaps if gap not in level]
         made.append(_patch(points, _cap(points, level), level))
     whole = _area(points, triangles)
+    made = [replace(patch, flush=_is_flush(points, triangles, patch)) for patch in made]
     return tuple(made) if sum(_area(points, patch.triangles) for patch in made) <= _MOST * whole else ()
+
+
+def turned_alike(points: Array, triangles: Indices) -> Indices:
+    """Triangles (m, 3) turned so that neighbours run along their common side in opposite directions.
+
+    Of triangles that hang together those of the smaller area are turned. Where more than two share a side nothing
+    follows from it; where triangles cannot agree, as in a band with a twist, they stay as they are.
+    """
+    turned = _turns(points, triangles)
+    return np.where(turned[:, None], triangles[:, [0, 2, 1]], triangles) if turned.any() else triangles
+
+
+def _turns(points: Array, triangles: Indices) -> NDArray[np.bool_]:
+    """Which triangles (m,) have to be turned."""
+    sides: dict[tuple[int, int], list[tuple[int, bool]]] = {}
+    for number, (a, b, c) in enumerate(triangles.tolist()):
+        for u, v in ((a, b), (b, c), (c, a)):
+            sides.setdefault((min(u, v), max(u, v)), []).append((number, u < v))
+    beside: list[list[tuple[int, bool]]] = [[] for _ in range(len(triangles))]
+    for pair in sides.values():
+        if len(pair) == 2 and pair[0][0] != pair[1][0]:
+            (one, up), (other, down) = pair
+            beside[one].append((other, up == down))
+            beside[other].append((one, up == down))
+    corners = points[triangles]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    turned, seen = np.zeros(len(triangles), dtype=bool), np.zeros(len(triangles), dtype=bool)
+    for start in range(len(triangles)):
+        if seen[start]:
+            continue
+        seen[start], group, agree = True, [start], True
+        for number in group:
+            for other, opposed in beside[number]:
+                if not seen[other]:
+                    seen[other], turned[other] = True, turned[number] ^ opposed
+                    group.append(other)
+                agree &= bool(turned[other] == (turned[number] ^ opposed))
+        if not agree:
+            turned[group] = False
+        elif area[group] @ turned[group] > 0.5 * area[group].sum():
+            turned[group] = ~turned[group]
+    return turned
+
+
+def turned_outward(points: Array, triangles: Indices) -> Indices:
+    """Closed shells that are inside out, and inside no other one, turned round; shells inside others are cavities.
+
+    Where there are very many, they are no bodies.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    pairs = np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]]])
+    links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
+    shell = connected_components(links, directed=False)[1][triangles[:, 0]]
+    names = np.unique(shell)
+    if len(names) > _MOST_GAPS:
+        return triangles
+    low = np.array([points[triangles[shell == n]].min(axis=(0, 1)) for n in names])
+    high = np.array([points[triangles[shell == n]].max(axis=(0, 1)) for n in names])
+    turned = np.zeros(len(triangles), dtype=bool)
+    for k, name in enumerate(names):
+        a, b, c = (points[triangles[shell == name][:, i]] - low[k] for i in range(3))
+        inside = np.all(low <= low[k], axis=1) & np.all(high >= high[k], axis=1) & (names != name)
+        if float(np.einsum("ij,ij->", a, np.cross(b, c))) < 0.0 and not inside.any():
+            turned |= shell == name
+    return np.where(turned[:, None], triangles[:, [0, 2, 1]], triangles) if turned.any() else triangles
 
 
 def _gaps(triangles: Indices) -> list[_Gap]:
@@ -153,6 +228,24 @@ def _cap(points: Array, gaps: Sequence[_Gap]) -> Indices:
 def _patch(points: Array, triangles: Indices, gaps: Sequence[_Gap]) -> Patch:
     corners = points[[index for gap in gaps for index in gap.loop]]
     return Patch(triangles, corners, min(gap.beside for gap in gaps))
+
+
+def _is_flush(points: Array, triangles: Indices, patch: Patch) -> bool:
+    """Whether a flat patch lies in the plane of a triangle at its rim that looks the same way."""
+    corners = points[np.unique(patch.triangles)]
+    a, b, c = (points[patch.triangles[:, k]] for k in range(3))
+    area = np.cross(b - a, c - a).sum(axis=0)
+    size = float(np.linalg.norm(area))
+    if size == 0.0 or np.ptp(corners @ area) > MOST_OFF * size:
+        return False
+    normal = area / size
+    rim = set(np.unique(patch.triangles).tolist())
+    for triangle in triangles[np.isin(triangles, list(rim)).sum(axis=1) == 2]:
+        own = _normal(points[triangle])
+        near = np.abs(points[triangle] @ normal - np.mean(corners @ normal)).max() <= MOST_OFF
+        if near and own @ normal > _ALIKE * np.linalg.norm(own):
+            return True
+    return False
 
 
 def _normal(loop: Array) -> Array:

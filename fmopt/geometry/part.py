@@ -12,7 +12,7 @@ Lengths are in m.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,11 +23,12 @@ from fmopt.geometry.exact import MOST, Exact, exact_vertices, facing_directions
 from fmopt.geometry.facets import place
 from fmopt.geometry.mating import Feature, found_features, in_frame
 from fmopt.geometry.mesh import Imported, come_apart
-from fmopt.geometry.pieces import pieces, polyhedron
+from fmopt.geometry.pieces import pieces, polyhedron, union_manifold
 from fmopt.geometry.polyhedron import Polyhedron, levelled, placed, rounded, scaled, with_vertices
 from fmopt.se3 import Pose
 from fmopt.values import Array, Value, frozen
 
+_ELSEWHERE = 1.5  # times: how far facets are off faces in frames that fit a mesh to them by other measures
 _MESH_VOLUME = 1e-4  # of the volume
 _FAR_END = 0.05  # of a feature's length: gaps no further from its far end than this are at its far rim
 
@@ -38,7 +39,8 @@ _DRAWN_IN = 0.25
 class Part(Value):
     """A part: its boundary, the convex pieces whose union it is, its features, and the sagitta of its curves in m.
 
-    `notes` say what a user should know of an imported mesh, one statement each.
+    `notes` say what a user should know of an imported mesh, one statement each. The facets of its file lie up to `off`
+    (m, counted half as much again in the sagitta) from the boundary, at `where` (3,), m, in the numbers of the file.
     """
 
     name: str
@@ -47,6 +49,8 @@ class Part(Value):
     features: tuple[Feature, ...]
     chord_error: float
     notes: tuple[str, ...] = ()
+    off: float = 0.0
+    where: Array = field(default_factory=lambda: np.zeros(3))
 
     def feature(self, name: str) -> Feature:
         """The feature of that name.
@@ -73,7 +77,7 @@ def part_of(name: str, solid: Solid, features: Sequence[Feature] = ()) -> Part:
 def mesh_part(
     name: str, mesh: Imported, features: Sequence[Feature] | None = None, chord_error: float | None = None
 ) -> Part:
-    """The part of an imported mesh; it gets exact convex pieces by way of `evened.come_apart`.
+    """The part of an imported mesh; it gets exact convex pieces by way of `mesh.come_apart`.
 
     >>> from fmopt.geometry import csg, mesh, pieces, polyhedron
     >>> bar = pieces.polyhedron(csg.Box((0.01, 0.01, 0.03)))
@@ -91,37 +95,32 @@ def mesh_part(
         GeometryError: the mesh does not come apart into convex bodies, nothing was found on it to mate with, or it is
             open at a mating face.
     """
-    body = mesh.body
-    solid, shift = come_apart(mesh)
-    part = part_of(name, solid, features or ())
-    if abs(part.polyhedron.volume - body.volume) > _MESH_VOLUME * body.volume:
+    solid, body = come_apart(mesh)
+    part = Part(name, body, pieces(solid), tuple(features or ()), 0.0, (), mesh.off, mesh.where)
+    volume = union_manifold(part.pieces).volume()
+    if abs(volume - body.volume) > _MESH_VOLUME * body.volume:
         raise GeometryError(
-            f"mesh {name!r} has {body.volume:.6g} m³, its convex pieces {part.polyhedron.volume:.6g} m³",
+            f"mesh {name!r} has {body.volume:.6g} m³, its convex pieces {volume:.6g} m³",
             "give one connected solid, or model it as a CSG solid",
         )
     known = found_features(part.polyhedron, part.pieces) if features is None else tuple(features)
     for feature in known:
         _require_intact(name, mesh, feature)
-    true = shift + (mesh.chord_error if chord_error is None else chord_error)
-    notes = mesh.notes if shift == 0.0 else (*mesh.notes, _evened(mesh, shift))
-    return replace(part, features=known, chord_error=true, notes=tuple(f"warning: {name}: {note}" for note in notes))
-
-
-def _evened(mesh: Imported, shift: float) -> str:
-    return (
-        f"the file gives its numbers to {1e6 * mesh.rounding:.3g} µm only; facets that are up to {1e6 * shift:.3g} µm "
-        "off a plane for it were made plane, which is added to its deviation"
-    )
+    true = _ELSEWHERE * mesh.off + (mesh.chord_error if chord_error is None else chord_error)
+    notes = tuple(f"warning: {name}: {note}" for note in mesh.notes)
+    return replace(part, features=known, chord_error=true, notes=notes)
 
 
 def _require_intact(name: str, mesh: Imported, feature: Feature) -> None:
-    """Gaps of a mesh may lie at the far end of a feature, where nothing mates.
+    """Gaps of a mesh may lie in a face that is there beside them, or at the far end of a feature, where nothing mates.
 
     Raises:
         GeometryError: one reaches into the mating faces.
     """
     sign = -1.0 if feature.kind == "hollow" else 1.0
     for gap in mesh.mended:
+        if gap.flush:
+            continue
         depth = float(np.min(sign * feature.frame.inverse().apply(gap.corners)[:, 2]))
         if depth < (1.0 - _FAR_END) * feature.length:
             raise GeometryError(

@@ -6,7 +6,7 @@ overlap on purpose: each is as large as it can be, so that one plane keeps anoth
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from heapq import heapify, heappop, heappush
 from typing import TYPE_CHECKING, assert_never
 
@@ -112,8 +112,7 @@ def polyhedron(solid: Solid) -> Polyhedron:
     starts = np.cumsum([0, *(len(shell.vert_properties) for shell in shells[:-1])])
     triangles = [np.asarray(shell.tri_verts, np.int64) + start for shell, start in zip(shells, starts, strict=True)]
     known = np.vstack(stock)
-    exact = np.column_stack([_snapped(points[:, axis], known[:, axis]) for axis in range(3)])
-    body = from_triangles(exact, np.vstack(triangles))
+    body = from_triangles(snapped(points, known), np.vstack(triangles))
     order = np.lexsort(body.vertices.T)
     if len(double := np.flatnonzero(np.all(np.diff(body.vertices[order], axis=0) == 0.0, axis=1))):
         raise GeometryError(
@@ -121,6 +120,29 @@ def polyhedron(solid: Solid) -> Polyhedron:
             "let the operands overlap there or leave a gap",
         )
     return body
+
+
+def bounded(solid: Solid, body: Polyhedron) -> Polyhedron:
+    """The boundary of a solid that is known but for rounding, coordinates of its operands kept to the bit."""
+    known = np.vstack(list(_operands(solid, Pose.identity())))
+    return from_faces(snapped(body.vertices, known), [face.loops for face in body.faces])
+
+
+def _operands(solid: Solid, pose: Pose) -> Iterator[Array]:
+    """The vertices (n, 3) of each convex operand."""
+    match solid:
+        case Box() | Cylinder() | Cone() | Sphere() | Prism() | Wedge() | Hull():
+            yield convex_polyhedron(solid, pose).vertices
+        case Placed(inner, move):
+            yield from _operands(inner, exact_pose(pose).compose(exact_pose(move)))
+        case Union(parts):
+            for part in parts:
+                yield from _operands(part, pose)
+        case Difference(base, tools):
+            for part in (base, *tools):
+                yield from _operands(part, pose)
+        case _:
+            assert_never(solid)
 
 
 def convex_manifold(body: Polyhedron) -> Manifold:
@@ -267,6 +289,11 @@ def _crossing(a: Array, b: Array, at_a: float, at_b: float, normal: Array, offse
 def _is_thick(shell: Manifold) -> bool:
     """Whether a shell is more than the skin that rounding leaves between two tools."""
     return bool(2.0 * abs(shell.volume()) > ROUNDING * shell.surface_area())
+
+
+def snapped(points: Array, known: Array) -> Array:
+    """Points (n, 3) whose coordinates that differ from a coordinate of the known points by rounding are that one."""
+    return np.column_stack([_snapped(points[:, axis], known[:, axis]) for axis in range(3)])
 
 
 def _snapped(values: Array, known: Array) -> Array:

@@ -293,7 +293,8 @@ def _triple(a: Array, b: Array, c: Array) -> Array:
 def _convex_loop(cloud: Array, on: np.ndarray, normal: Array, reach: float) -> Loop:
     """Corners of the convex hull of the coplanar points `on`, counter-clockwise about `normal` (monotone chain)."""
     flat = cloud[on] @ plane_basis(normal)
-    order = [int(i) for i in np.lexsort((flat[:, 1], flat[:, 0]))]
+    column = np.round((flat[:, 0] - flat[:, 0].min()) / reach) if reach > 0.0 else flat[:, 0]
+    order = [int(i) for i in np.lexsort((flat[:, 1], column))]  # rounding puts points over each other side by side
 
     def half(indices: Iterable[int]) -> list[int]:
         chain: list[int] = []

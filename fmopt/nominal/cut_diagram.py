@@ -50,6 +50,7 @@ Limit: TypeAlias = Literal[-1, 1]
 ON_PLANE = 1e-12  # m: nearer corners and discs lie in the plane
 _EXACT = 1e-14
 _STRAIGHT = 1e-15
+_COLUMN = 1e-10  # of the size of an outline: points this close across are over each other
 _LEAST_WEIGHT = 0.5
 
 
@@ -310,7 +311,8 @@ def convex_outline(points: Array) -> Array:
     if len(points) < 3:
         return np.zeros((0, 2))
     size = float(np.max(np.ptp(points, axis=0)))
-    order = points[np.lexsort((points[:, 1], points[:, 0]))]
+    column = np.round(points[:, 0] / (_COLUMN * size)) if size > 0.0 else points[:, 0]
+    order = points[np.lexsort((points[:, 1], column))]  # of points over each other, which rounding puts side by side
     slack = 1e-13 * size * size
     halves = []
     for run in (order, order[::-1]):

@@ -26,14 +26,19 @@ def is_step(mesh: Mesh) -> bool:
     return Path(mesh.file).suffix.lower() in STEP
 
 
+def says_unit(mesh: Mesh) -> bool:
+    """Whether the file that a model names says its unit itself."""
+    return Path(mesh.file).suffix.lower() in (*STEP, ".3mf", ".glb")
+
+
 def mesh_faults(source: Source, mesh: Mesh) -> list[Fault]:
-    """A mesh without a unit, with its size in the numbers of its file to choose by; or a STEP file with one."""
-    if is_step(mesh):
-        return list(_step_faults(source, mesh))
+    """A mesh without a unit, with its size in the numbers of its file to choose by; or a file that says it with one."""
     faults = []
-    if mesh.body is not None:
+    if mesh.body is not None and not is_step(mesh):
         place = source.place(("mesh", "body"), of_key=True)
         faults.append(place.fault("conflict", "only a STEP file holds bodies to choose from", "remove 'body'"))
+    if says_unit(mesh):
+        return [*faults, *_own_unit_faults(source, mesh)]
     if mesh.unit is not None:
         return faults
     advice = "add 'unit' to [mesh]: m, cm, mm, um or in"
@@ -47,11 +52,12 @@ def mesh_faults(source: Source, mesh: Mesh) -> list[Fault]:
     return [*faults, source.place(("mesh",), of_key=True).fault("missing-key", message, advice)]
 
 
-def _step_faults(source: Source, mesh: Mesh) -> Iterator[Fault]:
+def _own_unit_faults(source: Source, mesh: Mesh) -> Iterator[Fault]:
     if mesh.unit is not None:
         place = source.place(("mesh", "unit"), of_key=True)
-        yield place.fault("conflict", "a STEP file says its unit itself", "remove 'unit'")
-    if mesh.deviation == 0.0:
+        kind = "STEP" if is_step(mesh) else Path(mesh.file).suffix.removeprefix(".").upper()
+        yield place.fault("conflict", f"a {kind} file says its unit itself", "remove 'unit'")
+    if is_step(mesh) and mesh.deviation == 0.0:
         message = "curved faces cannot be cut into facets that lie in them"
         yield source.place(("mesh", "deviation")).fault("zero", message, "give a deviation such as 0.01 mm")
 
@@ -78,7 +84,7 @@ def imported(source: Source, mesh: Mesh) -> Imported:
             return load_step(path, mesh.deviation or DEVIATION, str(mesh.body or ""))
         from fmopt.geometry.mesh import load_mesh
 
-        return load_mesh(path, mesh.unit or "mm")
+        return load_mesh(path, "m" if says_unit(mesh) else mesh.unit or "mm")
     except SizeError as error:
         key = ("mesh", "file" if mesh.unit is None else "unit")
         raise InputError(implausible(source, key, mesh.unit, error)) from error

@@ -149,9 +149,9 @@ class Mesh(Table):
     """A closed triangle mesh, or a STEP file, in place of solids."""
 
     file: File
-    """STL, OBJ or PLY file, or STEP with the extra of that name, relative to this model file."""
+    """STL, OBJ, PLY, 3MF or GLB file, or STEP with the extra of that name, relative to this model file."""
     unit: Literal["m", "cm", "mm", "um", "in"] | None = None
-    """Unit of the numbers in a mesh file, which does not say it itself. A STEP file does: leave it out there."""
+    """Unit of the numbers in a mesh file, which does not say it itself. STEP, 3MF and GLB do: leave it out there."""
     body: Annotated[str, Field(min_length=1, max_length=200)] | Annotated[int, Field(ge=1, le=10_000)] | None = None
     """Which body of a STEP file that holds several: the name of its product, or its number, counted from 1. It is
     then in its product's own frame, as if its part had been exported alone."""

@@ -15,6 +15,7 @@ import numpy as np
 
 from fmopt.errors import Fault, GeometryError, InputError, SizeError
 from fmopt.geometry.clearance import Clearance, checked_clearance
+from fmopt.geometry.facets import place
 from fmopt.geometry.part import Part
 from fmopt.geometry.section import LARGEST, SMALLEST, told
 from fmopt.se3 import Pose
@@ -150,6 +151,7 @@ def measured_clearance(problem: Problem) -> Clearance:
     """
     seated = Pose.from_vector(problem.goal)
     found = checked_clearance(problem.moving, problem.fixed, seated, -float(problem.goal[2]))
+    _require_even((problem.moving, problem.fixed), found.per_side)
     for axis, declared, play in zip("xy", problem.declared_clearance, found.play, strict=True):
         side = 0.5 * play
         if declared > 0.0 and math.isfinite(side) and not declared / _FAR <= side <= declared * _FAR:
@@ -160,6 +162,23 @@ def measured_clearance(problem: Problem) -> Clearance:
                 "correct [clearance]",
             )
     return found
+
+
+def _require_even(parts: Sequence[Part], clearance: float) -> None:
+    """Refuses parts whose facets lie farther off the plane faces that they stand for than the clearance allows.
+
+    Raises:
+        GeometryError: they do, together; with the place of the larger one.
+    """
+    if sum(part.off for part in parts) < clearance:
+        return
+    worst = max(parts, key=lambda part: part.off)
+    raise GeometryError(
+        f"the facets of {worst.name!r} are up to {1e6 * worst.off:.3g} µm off plane faces, most at "
+        f"{place(worst.where)} of its file; with the other part's that is {1e6 * sum(part.off for part in parts):.3g} "
+        f"µm, and the clearance is {1e6 * clearance:.3g} µm a side",
+        "export the mesh with more digits, its plane faces plane",
+    )
 
 
 def characteristic_length(problem: Problem, clearance: Clearance) -> float:

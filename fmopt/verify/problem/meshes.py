@@ -1,4 +1,4 @@
-"""Triangles of STL, OBJ and PLY files, as they stand there; strict, and bounded by the size of the file."""
+"""Triangles of STL, OBJ, PLY, 3MF and GLB files, as they stand there; strict, and bounded by the size of the file."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ import struct
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 
-Point = tuple[float, float, float]
-Triangle = tuple[Point, Point, Point]
+from fmopt.verify.problem.packages import NoMesh, Point, Triangle, glb, three_mf
+
+__all__ = ["NoMesh", "Point", "Triangle", "triangles"]
+
 MOST_TRIANGLES = 200_000
 _TYPES = {
     **dict.fromkeys(("char", "int8"), "b"),
@@ -22,22 +24,19 @@ _TYPES = {
 }
 
 
-class NoMesh(ValueError):
-    """A file that is no mesh, in words."""
-
-
 def triangles(content: bytes, kind: str, per_metre: float) -> list[Triangle]:
     """The triangles of a mesh file, m.
 
     Args:
         content: of the file.
-        kind: its suffix, "stl", "obj" or "ply".
+        kind: its suffix, "stl", "obj", "ply", "3mf" or "glb"; the last two become m.
         per_metre: how many units of its numbers are a metre.
 
     Raises:
         NoMesh: it is none, or has too many triangles.
     """
     readers: dict[str, Callable[[bytes], Iterator[Triangle]]] = {"stl": _stl, "obj": _obj, "ply": _ply}
+    readers |= {"3mf": three_mf, "glb": glb}
     if kind not in readers:
         raise NoMesh(f"{kind or 'a name without suffix'} is no mesh format")
     found: list[Triangle] = []

@@ -122,10 +122,10 @@ def _features(file: Table) -> dict[str, Feature]:
 
 def _mesh(table: Table) -> Mesh:
     path = table.file.parent / table.text("file")
-    step = path.suffix.lower() in (".step", ".stp")
-    if step and table.has("unit"):
-        raise table.error("unit", "a STEP file says its unit itself")
-    scale = None if step else _PER_METRE[table.text("unit", tuple(_PER_METRE))]
+    step, own = path.suffix.lower() in (".step", ".stp"), path.suffix.lower() in (".3mf", ".glb")
+    if (step or own) and table.has("unit"):
+        raise table.error("unit", f"a {'STEP' if step else path.suffix[1:].upper()} file says its unit itself")
+    scale = None if step else 1.0 if own else _PER_METRE[table.text("unit", tuple(_PER_METRE))]
     return Mesh(table.text("file"), path, scale, table.maybe("deviation", LENGTH))
 
 
