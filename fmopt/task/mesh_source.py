@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 MAX_MESH_BYTES = 100_000_000
 STEP = (".step", ".stp")
+MESHES = (".stl", ".obj", ".ply", *STEP)
 _OF_MESHES = re.compile(r"\b(mesh|facets?|triangles?|CSG|digits|tolerance)\b")
 
 
