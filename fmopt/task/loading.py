@@ -72,7 +72,7 @@ def problem_of(source: Source) -> Problem:
     if {"objects", "tasks"} & set(source.data):
         advice = "check it with fmopt check; a plan is of one task, which a problem file describes"
         raise InputError(source.place(()).fault("file-kind", "this is an assembly, not a problem", advice))
-    whole, short = files.spelled_out(source)
+    whole, short = files.spelled_out(source) if _is_short(source) else (source, [])
     reading = Reading.of(whole.data)
     file, faults = checked(files.ProblemFile, whole, reading)
     faults += short
@@ -90,6 +90,13 @@ def problem_of(source: Source) -> Problem:
     if faults or file is None:
         raise InputError(*dict.fromkeys(faults))
     return _problem(source, whole, file, models)
+
+
+def _is_short(source: Source) -> bool:
+    """Whether text stands for a table anywhere in a problem file."""
+    errors = source.data.get("uncertainty")
+    start = errors.get("start") if isinstance(errors, Mapping) else None
+    return any(isinstance(value, str) for value in (source.data.get("moving"), source.data.get("fixed"), start))
 
 
 def _operand(source: Source, reading: Reading, side: str) -> tuple[Model | None, list[Fault]]:
@@ -428,7 +435,8 @@ def _seen(share: Contribution, exchanged: bool) -> Contribution:
 def _stated_box(box: files.Box | None) -> Array:
     if box is None:
         return np.zeros(6)
-    return np.array(box.half_widths())
+    given = [(getattr(box, name), getattr(box, of_all)) for name, of_all in _OF_ALL.items()]
+    return np.array([next((value for value in pair if value is not None), 0.0) for pair in given])
 
 
 def _plane(file: files.ProblemFile, models: Mapping[str, Model]) -> Profiles | None:

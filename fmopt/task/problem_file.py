@@ -149,12 +149,6 @@ class Box(Table):
     ry: Tilt | None = None
     rz: Tilt | None = None
 
-    def half_widths(self) -> list[float]:
-        """The box (6,), m and rad, 0 where nothing is given."""
-        shifts = ((self.x, self.position), (self.y, self.position), (self.z, self.position))
-        tilts = ((self.rx, self.angle), (self.ry, self.angle), (self.rz, self.angle))
-        return [next((value for value in pair if value is not None), 0.0) for pair in (*shifts, *tilts)]
-
 
 class Deviation(Table):
     """Greatest deviation in position (a distance) and in orientation (an angle about any axis)."""
