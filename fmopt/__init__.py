@@ -33,6 +33,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from fmopt.desk import stages as stages
+    from fmopt.desk.asking import problem as problem
     from fmopt.desk.drawing import Drawing as Drawing
     from fmopt.desk.drawing import drawings as drawings
     from fmopt.desk.drawing import show as show
@@ -65,6 +66,7 @@ __version__ = "0.1.0"
 _HOMES = {
     "load": "fmopt.desk.problem",
     "solve": "fmopt.desk.plan",
+    "problem": "fmopt.desk.asking",
     "read": "fmopt.desk.plan",
     "show": "fmopt.desk.drawing",
     "drawings": "fmopt.desk.drawing",

@@ -161,7 +161,7 @@ def _solved_words(plan: Plan, findings: Sequence[str]) -> Iterator[str]:
     from fmopt.report.sections import clearance_words
     from fmopt.report.tube_view import ends_words
 
-    sides = [f"{kind} {clearance_words(plan, kind)}" for kind in ("measured", "declared")]
+    sides = [f"{kind} {words}" for kind in ("measured", "declared") if (words := clearance_words(plan, kind))]
     yield f"clearance a side: {'; '.join(sides)}"
     least = min(plan.segments, key=lambda segment: segment.margin)
     margin = f"{1e6 * least.margin:.2f} µm ({binding_words(plan, least.binding)})"

@@ -18,6 +18,7 @@ from fmopt.compiled import clock, deadline, heed, until
 from fmopt.contact.graph import Scale
 from fmopt.control.strategy import controlled
 from fmopt.errors import FmoptError, InfeasibleError, OverdueError, SearchError
+from fmopt.geometry.clearance import Clearance
 from fmopt.knowledge.command import Answer, answer
 from fmopt.motion import Attempt, Posed, Progress, Stages, motion, under_errors
 from fmopt.nominal.freedom import freedom, half_widths
@@ -107,12 +108,12 @@ def nearest(problem: Problem, seconds: float, progress: Progress = lambda _: Non
     """
     lates, moment = list[bool](), clock() + seconds
 
-    def tried(share: float) -> tuple[Problem, CertifiedMotion, Stages] | None:
+    def of(share: float) -> tuple[Problem, CertifiedMotion, Stages] | None:
         left = max(moment - clock(), 0.0) / max(ATTEMPTS - len(lates), 1)
         return _for_share(problem, share, left, progress, lates)
 
     with until(moment):
-        found = largest_share(tried)
+        found = largest_share(of)
     if found is None:
         return Share(0.0, 0.0, any(lates))
     return Share(found[0], found[1][1].placed.margin, any(lates))
@@ -121,6 +122,18 @@ def nearest(problem: Problem, seconds: float, progress: Progress = lambda _: Non
 def _within(problem: Problem, seconds: float) -> Problem:
     """The problem with another time limit."""
     return replace(problem, settings=replace(problem.settings, time_limit=seconds))
+
+
+def tried(problem: Problem) -> Clearance:
+    """The measured clearance of a problem, once all has been tried that a plan of it needs to begin with.
+
+    Raises:
+        InterferenceError: the parts overlap when assembled, or their clearance is not positive.
+        GeometryError, TaskError: a plan cannot be made of the problem as it is; as `synthesise` would raise them.
+    """
+    posed = Posed.of(problem)
+    answer(*task_command(problem))
+    return posed.clearance
 
 
 @few_collections()

@@ -92,8 +92,8 @@ def _proof(problem: Problem, motion: ControlledMotion) -> dict[str, Any]:
         "touch_tolerance": 1e-9,
         "not_covered": plan.NOT_COVERED,
         "parts": {
-            "moving": part_record(problem.moving, declared, clearance, own),
-            "fixed": part_record(problem.fixed, declared, clearance, other),
+            "moving": {**part_record(problem.moving, declared, clearance, own), **_found(problem, 0)},
+            "fixed": {**part_record(problem.fixed, declared, clearance, other), **_found(problem, 1)},
         },
         "contacts": [contact_record(contacts[name]) for name in sorted(contacts)],
         "segments": segments,
@@ -208,10 +208,16 @@ def _segments(motion: ControlledMotion) -> list[dict[str, Any]]:
     return found
 
 
+def _found(problem: Problem, number: int) -> dict[str, Any]:
+    """How a part mates, where that was found; nothing where the files state it."""
+    mated = problem.mated[number]
+    return {} if mated is None else {"found": mated.record()}
+
+
 def part_record(
-    part: Part, declared: tuple[float, float], measured: float, exact: abc.Mapping[int, Exact] | None = None
+    part: Part, declared: tuple[float, float] | None, measured: float, exact: abc.Mapping[int, Exact] | None = None
 ) -> dict[str, Any]:
-    """A part as the plan file holds it, with the clearance a side that was declared and measured (m).
+    """A part as the plan file holds it, with the clearance a side that was declared, if it was, and measured (m).
 
     Vertices whose exact coordinates are no floats have these beside them, as fractions.
     """

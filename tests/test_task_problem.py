@@ -127,7 +127,7 @@ def test_a_given_depth_and_settings_left_out(tmp_path: Path) -> None:
     path.write_text(written[: written.index("[settings]")], encoding="utf-8")
     problem = load(path)
     assert problem.goal[2] == -0.012
-    assert problem.settings.max_tilt == math.radians(12)
+    assert problem.settings.max_tilt == math.radians(25)
     assert problem.settings.time_limit == 600.0
     assert "12 mm below the mouth (40% of full depth)" in explain(problem, measured_clearance(problem))
 

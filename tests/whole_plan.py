@@ -64,6 +64,7 @@ def whole_plan() -> dict[str, Any]:
     box = plan["uncertainty"]["start_box"]
     uncertainty = {**plan["uncertainty"], "sources": [{"frame": "world", "box": box}]}
     fixed = {**plan["parts"]["fixed"], "exact": [{"vertex": 0, "at": ["-1/20", "-1/20", "-1/50"]}]}
+    fixed["found"] = {"side": "fixed", "feature": "hole", "frame": ZERO, "turn": 0.0}
     told["parts"] = {**plan["parts"], "fixed": fixed}
     whole = {"segments": segments, "specification": specification, "uncertainty": uncertainty}
     return sealed({**plan, **told, **whole})

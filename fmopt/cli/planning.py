@@ -19,9 +19,35 @@ if TYPE_CHECKING:
     from fmopt.verify.problem import Given
 
 
-@app.command(epilog="Example: fmopt solve problems/square_peg.toml --report")
+Error = Annotated[
+    str | None,
+    typer.Option("--error", help='How far off the part may start, with units: "1 mm, 1 deg"; without a problem file.'),
+]
+MeshUnit = Annotated[str | None, typer.Option("--unit", help="Of the numbers of mesh files; mm if not given.")]
+Moving = Annotated[str | None, typer.Option("--moving", help="Body of an assembly (STEP) that moves: name or number.")]
+Fixed = Annotated[str | None, typer.Option("--fixed", help="Body of an assembly that stays: name or number.")]
+Parts = Annotated[
+    list[Path],
+    typer.Argument(help="PEG HOLE: mesh, STEP or model files; or one STEP file of an assembly.", metavar="PEG HOLE"),
+]
+
+
+@app.command(
+    epilog='Example: fmopt solve problems/square_peg.toml --report, or fmopt solve PEG HOLE --error "1 mm, 1 deg"'
+)
 def solve(
-    file: Annotated[Path, typer.Argument(help="Problem file (TOML); - for standard input.")],
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Problem file (TOML; - for standard input); or PEG HOLE, two mesh, STEP or model files, or one STEP "
+            "file of an assembly, with --error.",
+            metavar="FILE | PEG HOLE",
+        ),
+    ],
+    error: Error = None,
+    unit: MeshUnit = None,
+    moving: Moving = None,
+    fixed: Fixed = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder for the results; default: out/<problem>.")] = None,
     report: Annotated[bool, typer.Option("--report", help="Write report.html and its figures, too.")] = False,
     as_json: Json = False,
@@ -32,11 +58,19 @@ def solve(
     from fmopt.compiled import announce, clock
     from fmopt.console import Stages, print_solved
     from fmopt.pipeline import RESERVED, synthesise
+    from fmopt.task.mesh_source import MESHES
     from fmopt.task.problem import load
 
-    folder = out if out is not None else Path("out") / ("stdin" if file == STDIO else file.stem)
-    problem = load(file)
-    output.prepare(folder)
+    stem = "stdin" if files[0] == STDIO else "_".join(file.stem for file in files)
+    folder = out if out is not None else Path("out") / stem
+    options = (error, unit, moving, fixed)
+    if len(files) == 1 and options == (None,) * 4 and files[0].suffix.lower() not in MESHES:
+        problem = load(files[0])
+        output.prepare(folder)
+    else:
+        from fmopt.cli.asked import problem_in
+
+        problem = problem_in(folder, files, options, quiet)
     with Stages(quiet or as_json) as stages:
         announce(stages)
         begun = clock()
@@ -148,27 +182,70 @@ def _given(problem: Path) -> Mapping[str, Given]:
     return given(load(problem))
 
 
-@app.command(epilog="Example: fmopt check problems/square_peg.toml")
-def check(
-    file: Annotated[Path, typer.Argument(help="Problem or assembly file (TOML); - for standard input.")],
+@app.command(epilog='Example: fmopt init peg.step plate.step --error "1 mm, 1 deg"')
+def init(
+    files: Parts,
+    error: Error = None,
+    unit: MeshUnit = None,
+    moving: Moving = None,
+    fixed: Fixed = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Problem file to write; default: <peg>_<hole>.toml here.")
+    ] = None,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Validate a problem file, or an assembly and each of its tasks, with all models and say it back in words."""
+    """Write the problem file for two parts, with what is found on them as comments, and a drawing of it."""
+    from fmopt.cli.asked import asked_problem, refuse_problem, stem_of, written
+
+    target = out if out is not None else Path(f"{stem_of(files)}.toml")
+    asked = asked_problem(files, (error or "1 mm, 1 deg", unit, moving, fixed))
+    if asked is None:
+        raise refuse_problem(files[0])
+    paths = written(asked, target, stated=error is not None)
+    if as_json:
+        typer.echo(json.dumps({"written": [str(path) for path in paths]}))
+    elif not quiet:
+        say("\n".join(f"wrote {path}" for path in paths))
+        say(f"next: fmopt check {paths[0]}, then fmopt solve {paths[0]}")
+
+
+@app.command(epilog="Example: fmopt check problems/square_peg.toml, or fmopt check peg.step --out peg.svg")
+def check(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            help="Problem or assembly file (TOML; - for standard input); or a part: mesh, STEP or model file."
+        ),
+    ],
+    unit: MeshUnit = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Draw what was found, too: a file .svg, .png or .html.")
+    ] = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Validate a problem file with all models, an assembly and each of its tasks, or one part; say it back in words."""
+    from fmopt.cli.asked import check_part, draw_found
+    from fmopt.desk.parts import is_part
+    from fmopt.pipeline import tried
     from fmopt.task.assembly import is_assembly
     from fmopt.task.explain import explain, facts
     from fmopt.task.problem import load
-    from fmopt.task.sizes import measured_clearance
 
+    if is_part(file):
+        check_part(file, unit, out, (as_json, quiet))
+        return
     if is_assembly(file):
         _check_assembly(file, as_json, quiet)
         return
     problem = load(file)
-    clearance = measured_clearance(problem)
+    clearance = tried(problem)
+    drawn = [] if out is None else [draw_found(problem, out)]
     if as_json:
-        typer.echo(json.dumps(facts(problem, clearance)))
+        typer.echo(json.dumps({**facts(problem, clearance), "written": [str(path) for path in drawn]}))
     elif not quiet:
-        say(explain(problem, clearance))
+        say("\n".join([explain(problem, clearance), *(f"wrote {path}" for path in drawn)]))
 
 
 def _check_assembly(file: Path, as_json: bool, quiet: bool) -> None:

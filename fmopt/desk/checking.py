@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from fmopt.desk.problem import Problem
 from fmopt.errors import Fault, InputError, PlanFormatError, UnprovedError
 from fmopt.geometry.part import Part
@@ -25,16 +27,17 @@ def held_against(plan: Plan, problem: task.Problem) -> Held:
     if found.differences:
         return found
     velocity = problem.velocity_error
+    declared = problem.declared_clearance or (math.nan, math.nan)
     pairs = (
         ("start errors", plan.start_box, problem.start_box.tolist(), 1e-12),
         ("velocity error", plan.velocity_error, (velocity.translation, velocity.rotation), 1e-12),
-        ("declared clearance", plan.moving.declared_clearance, problem.declared_clearance, 1e-12),
+        ("declared clearance", plan.moving.declared_clearance, declared, 1e-12),
         ("depth", plan.goal[2:3], problem.goal[2:3].tolist(), 1e-6),
     )
     words = [
         f"the plan is for another {what} than the problem in memory, which is not that of its file"
         for what, stated, wanted, off in pairs
-        if max(abs(a - b) for a, b in zip(stated, wanted, strict=True)) > off
+        if stated is not None and max(abs(a - b) for a, b in zip(stated, wanted, strict=True)) > off
     ]
     return Held(tuple(words), found.remarks)
 

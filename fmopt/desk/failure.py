@@ -186,5 +186,5 @@ def _part(solid: Solid, problem: Problem, posed: Posed) -> Part:
         return Body(corners, tuple(face.loops for face in of.faces))
 
     pieces = tuple(map(body, solid.pieces))
-    x, y = problem.declared_clearance
-    return Part(body(solid.polyhedron), pieces, line(solid.name), (x, y), posed.clearance.per_side)
+    declared, measured = problem.declared_clearance, posed.clearance.per_side
+    return Part(body(solid.polyhedron), pieces, line(solid.name), declared, measured)

@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fmopt.desk.drawing import SUFFIXES, Drawing, drawings
-from fmopt.errors import ChoiceError, InputError
+from fmopt.desk.found import drawing_of
+from fmopt.desk.parts import is_part, load_part
+from fmopt.errors import ChoiceError
 from fmopt.plan import STDIO
-from fmopt.task.toml_source import Source, read
+from fmopt.task.toml_source import read
 
 if TYPE_CHECKING:
     from fmopt.geometry.part import Part
@@ -31,7 +33,7 @@ def gallery(file: Path) -> Mapping[str, Drawing]:
     """The drawings that there are of a file, by name; none is made before it is asked for.
 
     Args:
-        file: a plan (JSON; "-" for standard input), or a problem, model or assembly (TOML).
+        file: a plan (JSON; "-" for standard input), a problem, model or assembly (TOML), or a mesh or STEP file.
 
     Raises:
         FmoptError: the file cannot be read, or is none of these.
@@ -40,11 +42,11 @@ def gallery(file: Path) -> Mapping[str, Drawing]:
         from fmopt.desk.plan import read as read_plan
 
         return drawings(read_plan(file))
+    if is_part(file):
+        return {name: drawing for part in load_part(file) for name, drawing in _of_part(part).items()}
     source = read(file)
     if {"objects", "tasks"} & set(source.data):
         return _tasks(file)
-    if {"features", "solids", "mesh", "profile"} & set(source.data) and "moving" not in source.data:
-        return drawings(_part(source))
     from fmopt.desk.problem import load
 
     return drawings(load(file))
@@ -81,14 +83,9 @@ def draw(file: Path, what: str | None, out: Path | None) -> bytes | Path:
     return drawing.save(out if out is not None else Path(f"{stem}-{name}{suffix}"))
 
 
-def _part(source: Source) -> Part:
-    from fmopt.task.model import load_model
-    from fmopt.task.tree import build_part
-
-    model, faults = load_model(source.path, source.place(()), {})
-    if model is None:
-        raise InputError(*faults)
-    return build_part(model.source, model.file)
+def _of_part(part: Part) -> dict[str, Drawing]:
+    """The drawings of a part, with what was found on it."""
+    return {**drawings(part), "found": drawing_of((part,))}
 
 
 def _tasks(file: Path) -> dict[str, Drawing]:

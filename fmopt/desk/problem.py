@@ -20,7 +20,8 @@ from fmopt.study.targets import Base, Target, assigned, blamed
 from fmopt.task import problem as task
 from fmopt.task.loading import problem_of
 from fmopt.task.model import overrides_of, parameter_values
-from fmopt.task.tables import Reading, factors
+from fmopt.task.problem_file import spelled_out
+from fmopt.task.tables import Reading
 from fmopt.task.toml_source import Source, dotted, read
 from fmopt.task.units import LENGTH, did_you_mean
 from fmopt.values import Array
@@ -134,7 +135,7 @@ class Problem(task.Problem):
         if faults:
             raise InputError(*faults)
         try:
-            return _problem(assigned(self.source, placed))
+            return _problem(assigned(spelled_out(self.source)[0], placed))
         except InputError as error:
             raise InputError(*blamed(error.faults, mine)) from error
 
@@ -207,7 +208,7 @@ def resized(problem: Problem, asked: str) -> Problem:
 
 
 def _wanted(problem: Problem) -> Array:
-    x, y = problem.declared_clearance
+    x, y = problem.declared_clearance or (0.0, 0.0)
     return np.array([x] if problem.plane is not None else [x, y])
 
 
@@ -220,7 +221,7 @@ def _play(problem: Problem) -> Array:
 
 def _dimensions(problem: Problem, side: str) -> dict[str, float]:
     """The lengths among the parameters of a part's model, m, as the problem has them."""
-    reading = Reading(factors(problem.source.data.get("units")))
+    reading = Reading.of(problem.source.data)
     given, _ = overrides_of(problem.source, reading, (side, "parameters"))
     values = dict(parameter_values(Base.read(problem.path).models[side])) | {n: o.value for n, o in given.items()}
     return {name: value.value for name, value in values.items() if value.dimension == LENGTH}

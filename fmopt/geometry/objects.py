@@ -116,6 +116,28 @@ def _of_shape(thing: object, unit: Unit, deviation: float) -> Imported:
             raise GeometryError(message, advice) from error
 
 
+def step_of(thing: object, path: Path, unit: str | None = None) -> bool:
+    """Writes a solid of a CAD library as a STEP file, which its own kernel does; False for any other object.
+
+    Args:
+        thing: see `imported_of`.
+        path: of the file.
+        unit: of the solid's numbers, mm if not given.
+
+    Raises:
+        GeometryError: it holds no shape.
+    """
+    from fmopt.geometry.step_file import write
+
+    if not any(_library(kind) in _READERS[:3] for kind in type(thing).__mro__):
+        return False
+    shapes = list(_wrapped(thing))
+    if not shapes:
+        raise GeometryError(f"the {type(thing).__name__} holds no shape", "give it once it is built")
+    write(path, shapes, _factor(unit or "mm", "a solid") / _METRES["mm"])
+    return True
+
+
 def _wrapped(thing: Any) -> Iterable[Any]:
     """The kernel's shapes of an object of CadQuery or build123d, or a shape of the kernel itself."""
     if _library(type(thing)) == "OCP":

@@ -34,6 +34,7 @@ from fmopt.se3 import Pose
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import Array, Value, frozen
 
+_MOST_ALONE = 1e6  # factor of a start error alone beyond which it makes no contact: its part in it is rounding
 LARGEST = 4.0  # factor of the start errors up to which contacts are looked for
 _SURELY = 1.001 * LARGEST  # up to which gaps may close at first sight
 _MOST = 4  # contacts that are told of each move
@@ -217,7 +218,7 @@ def _alone(gap: float, r: Array, rows: Sequence[tuple[Array, Array]]) -> tuple[f
     found = [(math.inf, "")]
     for k in np.flatnonzero(r):
         u = -gap / float(r[k])
-        if any(bool((g + u * B[:, k] <= _OPEN).all()) for g, B in rows):
+        if abs(u) <= _MOST_ALONE and any(bool((g + u * B[:, k] <= _OPEN).all()) for g, B in rows):
             found.append((abs(u), AXES[k]))
     return min(found)
 

@@ -44,24 +44,29 @@ def alt(name: str, body: Polyhedron) -> str:
 def paint(name: str, body: Polyhedron, pieces: Sequence[Polyhedron], height: float, figure: Figure) -> None:
     """Four views: from a corner, and three sections; the one across the axis at a height, m."""
     grid = figure.subplots(2, 2)
-    _corner(grid[0][0], body)
+    corner(grid[0][0], body)
     grid[0][0].set_title(name)
     for axes, plane in zip((grid[0][1], grid[1][0], grid[1][1]), _PLANES, strict=True):
-        _section(axes, plane, pieces, height if plane == "x–y" else 0.0)
+        cut(axes, plane, pieces, height if plane == "x–y" else 0.0)
 
 
-def _corner(axes: Axes, body: Polyhedron) -> None:
+def view() -> Array:
+    """Directions (3, 3), unit vectors as rows: to the right, up, and towards who looks at a part from its corner."""
+    return np.asarray(_VIEW / np.linalg.norm(_VIEW, axis=1)[:, None])
+
+
+def corner(axes: Axes, body: Polyhedron) -> None:
     """The faces that look at the viewer, far ones first, each lighter the more it faces the lamp."""
     from matplotlib.patches import PathPatch
 
-    view = _VIEW / np.linalg.norm(_VIEW, axis=1)[:, None]
-    seen = [face for face in body.faces if float(face.normal @ view[2]) > 1e-9]
-    for order, face in enumerate(sorted(seen, key=lambda f: float(np.mean(_corners(body, f) @ view[2])))):
+    across = view()
+    seen = [face for face in body.faces if float(face.normal @ across[2]) > 1e-9]
+    for order, face in enumerate(sorted(seen, key=lambda f: float(np.mean(_corners(body, f) @ across[2])))):
         light = 0.72 + 0.26 * max(0.0, float(face.normal @ _LAMP))
-        path = _outline([1e3 * body.vertices[list(loop)] @ view[:2].T for loop in face.loops])
+        path = _outline([1e3 * body.vertices[list(loop)] @ across[:2].T for loop in face.loops])
         axes.add_patch(PathPatch(path, facecolor=(light,) * 3, edgecolor="none", zorder=order))
         for a, b in _creases(body, face):
-            ends = 1e3 * np.array([a, b]) @ view[:2].T
+            ends = 1e3 * np.array([a, b]) @ across[:2].T
             axes.plot(*ends.T, color=INK, linewidth=0.7, zorder=order, solid_capstyle="round")
     axes.autoscale_view()
     axes.set_aspect("equal")
@@ -80,7 +85,8 @@ def _creases(body: Polyhedron, face: Face) -> list[Array]:
     return [body.vertices[list(edge.vertices)] for edge in sharp]
 
 
-def _section(axes: Axes, plane: str, pieces: Sequence[Polyhedron], height: float) -> None:
+def cut(axes: Axes, plane: str, pieces: Sequence[Polyhedron], height: float) -> None:
+    """The section of pieces by the plane "x–z", "y–z" or, at a height in m, "x–y" of their frame; mm."""
     from matplotlib.patches import PathPatch
 
     origin = np.array([0.0, 0.0, height])

@@ -50,7 +50,7 @@ def clearance_words(plan: Plan, kind: str) -> str:
     """The declared or measured clearance on each side along x and y; where a plan has only the least, that one."""
     if kind == "measured" and plan.diagnostics is None:
         return f"{millimetres(plan.fixed.measured_clearance)} mm where it is least"
-    value: tuple[float | None, ...] = plan.fixed.declared_clearance
+    value: tuple[float | None, ...] = plan.fixed.declared_clearance or ()
     if kind == "measured" and plan.diagnostics is not None:
         value = plan.diagnostics.measured_clearance
     stated = [(v, axis) for v, axis in zip(value, AXES, strict=False) if v]
@@ -70,7 +70,7 @@ def _task_rows(plan: Plan) -> list[tuple[str, str]]:
         if words := clearance_words(plan, kind):
             rows.append((f"{kind} clearance on each side", words))
     rows.append(("start error, half-widths", _box_words(box)))
-    if max(box[:2]) > (part.measured_clearance or min(part.declared_clearance)):
+    if max(box[:2]) > (part.measured_clearance or min(part.declared_clearance or (0.0,))):
         rows.append(("what follows", "the start error is larger than the clearance: contacts have to shrink it"))
     reduced = None if plan.diagnostics is None else plan.diagnostics.reduced
     if reduced is not None:

@@ -14,9 +14,9 @@ from typing import Any, Literal, get_args, get_origin
 
 from fmopt.errors import Fault
 from fmopt.study.batch import Assigned
-from fmopt.task.mesh_source import MAX_MESH_BYTES
+from fmopt.task.mesh_source import MAX_MESH_BYTES, MESHES
 from fmopt.task.model import parameter_values
-from fmopt.task.problem_file import ProblemFile
+from fmopt.task.problem_file import ProblemFile, spelled_out
 from fmopt.task.tables import Measured, Table
 from fmopt.task.toml_source import Key, Source, read, read_bytes
 from fmopt.task.units import ANGLE, FORCE, LENGTH, RATIO, SPEED, TIME, TORQUE, Dimension, Quantity, did_you_mean
@@ -59,12 +59,17 @@ class Base:
         Raises:
             InputError: a file cannot be read.
         """
-        source = read(path)
+        source, _ = spelled_out(read(path))
         files = {Path(normpath(path.absolute())): path}
         models, said = {}, dict[str, Any]()
         for side in SIDES:
             model = Path(normpath(path.parent / source.data[side]["model"]))
             files[Path(normpath(model.absolute()))] = model
+            if model.suffix.lower() in MESHES:
+                models[side] = Source(model, {}, {}, {})
+                content = read_bytes(model, source.place((side, "model")), MAX_MESH_BYTES)
+                said[side] = hashlib.sha256(content).hexdigest()
+                continue
             models[side] = read(model, source.place((side, "model")))
             said[side] = models[side].data
             if "mesh" in models[side].data:

@@ -16,7 +16,7 @@ from fmopt.knowledge.workcell import Link, Ref, Workcell
 from fmopt.se3 import Pose
 from fmopt.task import assembly_file as files
 from fmopt.task.model import load_model, overrides_of
-from fmopt.task.tables import Reading, checked, factors
+from fmopt.task.tables import Reading, checked
 from fmopt.task.toml_source import Source, read
 from fmopt.task.tree import build_tree
 from fmopt.values import Value
@@ -57,7 +57,7 @@ def load_assembly(path: str | PathLike[str]) -> Assembly:
         InputError: with every fault of the file and of its models.
     """
     source = read(Path(path))
-    reading = Reading(factors(source.data.get("units")))
+    reading = Reading.of(source.data)
     file, faults = checked(files.AssemblyFile, source, reading)
     if file is None:
         raise InputError(*faults)

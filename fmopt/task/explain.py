@@ -51,7 +51,7 @@ def facts(problem: Problem, clearance: Clearance) -> dict[str, Any]:
         "start_box": problem.start_box.tolist(),
         "budget": [share.record() for share in problem.budget],
         "velocity_error": asdict(problem.velocity_error),
-        "declared_clearance": list(problem.declared_clearance),
+        "declared_clearance": None if problem.declared_clearance is None else list(problem.declared_clearance),
         "measured_clearance": clearance.per_side,
         "play": play,
         "specification": problem.specification.record(),
@@ -131,9 +131,10 @@ def _goal(problem: Problem) -> str:
 
 
 def _clearance(problem: Problem, clearance: Clearance) -> Iterator[str]:
-    x, y = problem.declared_clearance
-    across = "" if problem.plane is not None else f", {_mm(y)} mm along y"
-    yield f"declared on each side: {_mm(x)} mm along x{across}"
+    if problem.declared_clearance is not None:
+        x, y = problem.declared_clearance
+        across = "" if problem.plane is not None else f", {_mm(y)} mm along y"
+        yield f"declared on each side: {_mm(x)} mm along x{across}"
     found = f"measured on the parts: {_mm(round(clearance.per_side, 12))} mm where it is least"
     error = max(float(problem.start_box[0]), float(problem.start_box[1]))
     if error > clearance.per_side:
@@ -168,7 +169,7 @@ def _far(problem: Problem) -> Iterator[str]:
 
 def _mismatch(problem: Problem, clearance: Clearance) -> Iterator[str]:
     """Where the drawing and the parts disagree by more than 1 % and 1 µm; the plan rests on the parts."""
-    for axis, declared, play in zip("xy", problem.declared_clearance, clearance.play, strict=True):
+    for axis, declared, play in zip("xy", problem.declared_clearance or (), clearance.play, strict=False):
         side = 0.5 * play
         if math.isfinite(side) and abs(side - declared) > max(1e-6, 0.01 * declared):
             yield (

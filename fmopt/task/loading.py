@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from os.path import normpath
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from fmopt.se3 import Pose, exp
 from fmopt.task import problem_file as files
 from fmopt.task.command import PLANNED, attributes, is_round
 from fmopt.task.mesh_source import MAX_MESH_BYTES
-from fmopt.task.model import Model, load_model, overrides_of, reaching
+from fmopt.task.model import Bare, Model, load_model, overrides_of, reaching
 from fmopt.task.problem import Attributes, Problem, Settings, Specification, VelocityError
 from fmopt.task.sizes import force_faults, refuse_far, refuse_reaching, refuse_wild
 from fmopt.task.sources import (
@@ -35,14 +35,19 @@ from fmopt.task.sources import (
     start_box,
     total,
 )
-from fmopt.task.tables import Reading, checked, factors, in_words
+from fmopt.task.tables import Reading, checked, in_words
 from fmopt.task.toml_source import Source, read, read_bytes
 from fmopt.task.tree import build_part, build_tree
 from fmopt.task.units import LENGTH, did_you_mean
 from fmopt.values import Array
 
+if TYPE_CHECKING:
+    from fmopt.task.pairing import Mated
+
 T = TypeVar("T")
 _SIDES: dict[str, Frame] = {"moving": "hand", "fixed": "hole"}
+_LEAST_HEIGHT = 1e-3  # m: of the lowest point at the start
+_ROOM = 1.25  # times what the start errors could bring the lowest point down by, it starts above the mouth
 _LEAST = 1e-9  # m and rad: the least start error where velocity adds none, which rounding is small beside
 
 
@@ -62,27 +67,36 @@ def problem_of(source: Source) -> Problem:
         InputError: with every fault of the document and of its models.
     """
     if not {"moving", "fixed"} & set(source.data) and {"features", "solids", "mesh"} & set(source.data):
-        advice = "name a problem file, which names two models under [moving] and [fixed]"
+        advice = "name a problem file, which names two models under [moving] and [fixed]; or both parts, with --error"
         raise InputError(source.place(()).fault("file-kind", "this is a model file, not a problem", advice))
     if {"objects", "tasks"} & set(source.data):
         advice = "check it with fmopt check; a plan is of one task, which a problem file describes"
         raise InputError(source.place(()).fault("file-kind", "this is an assembly, not a problem", advice))
-    reading = Reading(factors(source.data.get("units")))
-    file, faults = checked(files.ProblemFile, source, reading)
+    whole, short = files.spelled_out(source) if _is_short(source) else (source, [])
+    reading = Reading.of(whole.data)
+    file, faults = checked(files.ProblemFile, whole, reading)
+    faults += short
     models: dict[str, Model] = {}
     for side in ("moving", "fixed"):
-        model, more = _operand(source, reading, side)
+        model, more = _operand(whole, reading, side)
         faults += more
         if model is not None:
             models[side] = model
     if file is not None:
-        named = {side: _table(file, side).feature for side in models}
+        named = {side: _table(file, side).feature or "" for side in models}
         if len(models) == 2 and all(named[side] in model.file.features for side, model in models.items()):
             models = reaching(models, named)
-        faults += _cross_checks(source, file, models)
+        faults += _cross_checks(whole, file, models)
     if faults or file is None:
         raise InputError(*dict.fromkeys(faults))
-    return _problem(source, file, models)
+    return _problem(source, whole, file, models)
+
+
+def _is_short(source: Source) -> bool:
+    """Whether text stands for a table anywhere in a problem file."""
+    errors = source.data.get("uncertainty")
+    start = errors.get("start") if isinstance(errors, Mapping) else None
+    return any(isinstance(value, str) for value in (source.data.get("moving"), source.data.get("fixed"), start))
 
 
 def _operand(source: Source, reading: Reading, side: str) -> tuple[Model | None, list[Fault]]:
@@ -93,7 +107,8 @@ def _operand(source: Source, reading: Reading, side: str) -> tuple[Model | None,
         return None, []
     overrides, faults = overrides_of(source, reading, (side, "parameters"))
     try:
-        model, more = load_model(Path(normpath(source.path.parent / name)), source.place((side, "model")), overrides)
+        path, said = Path(normpath(source.path.parent / name)), Bare.of(source, side)
+        model, more = load_model(path, source.place((side, "model")), overrides, said)
     except InputError as error:
         return None, [*faults, *error.faults]
     return (None if faults else model), [*faults, *more]
@@ -110,14 +125,25 @@ def _cross_checks(source: Source, file: files.ProblemFile, models: Mapping[str, 
     if (start is None) == (sources is None):
         message = "the start error is described twice" if start else "the start error is not described"
         place = source.place(("uncertainty",), of_key=True)
-        yield place.fault("conflict", message, "give either [uncertainty.start] or [uncertainty.sources]")
-    if sources is not None and _is_exchanged(file, models):
-        message = "with the hollow part in the hand the sources do not say how far the peg's leading face is off"
-        advice = "give [uncertainty.start]: errors of the peg's leading face against the hole"
-        yield source.place(("uncertainty", "sources"), of_key=True).fault("conflict", message, advice)
+        advice = f"give either [uncertainty.start], or [uncertainty] start = {files.EXAMPLE}, or [uncertainty.sources]"
+        yield place.fault("conflict", message, advice)
+    yield from _exchange_faults(source, file, models)
     yield from _configuration_faults(source, sources)
     yield from force_faults(source, file.specification)
     yield from _plane_faults(source, file, models)
+    yield from _depth_faults(source, file, models)
+
+
+def _exchange_faults(source: Source, file: files.ProblemFile, models: Mapping[str, Model]) -> Iterator[Fault]:
+    """Sources with the hollow part in the hand."""
+    if file.uncertainty.sources is not None and _is_exchanged(file, models):
+        message = "with the hollow part in the hand the sources do not say how far the peg's leading face is off"
+        advice = "give [uncertainty.start]: errors of the peg's leading face against the hole"
+        yield source.place(("uncertainty", "sources"), of_key=True).fault("conflict", message, advice)
+
+
+def _depth_faults(source: Source, file: files.ProblemFile, models: Mapping[str, Model]) -> Iterator[Fault]:
+    """A goal deeper than hole and peg allow."""
     deepest = _deepest(file, models)
     if deepest is not None and file.goal.depth is not None and file.goal.depth > deepest:
         message = f"{in_words(file.goal.depth, LENGTH)} is deeper than hole and peg allow, {in_words(deepest, LENGTH)}"
@@ -129,6 +155,8 @@ def _feature_faults(source: Source, file: files.ProblemFile, models: Mapping[str
     kinds = {}
     for side, model in models.items():
         features, name = model.file.features, _table(file, side).feature
+        if name is None:
+            continue
         if name not in features:
             message = f"the model {model.file.name!r} has no feature {name!r}"
             advice = did_you_mean(name, features) or f"features: {', '.join(features)}"
@@ -145,35 +173,35 @@ def _feature_faults(source: Source, file: files.ProblemFile, models: Mapping[str
 
 def _is_exchanged(file: files.ProblemFile, models: Mapping[str, Model]) -> bool:
     """Whether the moving feature is a hollow one."""
-    feature = models["moving"].file.features.get(file.moving.feature) if "moving" in models else None
+    feature = models["moving"].file.features.get(file.moving.feature or "") if "moving" in models else None
     return feature is not None and feature.kind == "hollow"
 
 
 _OUT_OF_PLANE = (("clearance", "y"), *(("uncertainty", "start", name) for name in ("y", "rx", "rz")))
+_OF_ALL = {"x": "position", "y": "position", "z": "position", "rx": "angle", "ry": "angle", "rz": "angle"}
 
 
 def _plane_faults(source: Source, file: files.ProblemFile, models: Mapping[str, Model]) -> Iterator[Fault]:
     """Two profiles make a planar problem, which states nothing out of its plane; any other states all six freedoms."""
     profiles = [side for side, model in models.items() if model.file.profile is not None]
-    if len(models) < 2:
-        return
-    if len(profiles) == 1:
+    if len(profiles) == 1 and len(models) == 2:
         message = f"the {profiles[0]} part is a profile, the other one is a body"
         place = source.place(("fixed", "model"))
         yield place.fault("conflict", message, "give both models a [profile], or none")
         return
-    for key in _OUT_OF_PLANE:
+    for key in _OUT_OF_PLANE if profiles and len(models) == 2 else ():
         table = file.clearance if key[0] == "clearance" else file.uncertainty.start
-        if table is None:
-            continue
-        value = getattr(table, key[-1])
-        if profiles and value:
+        if table is not None and getattr(table, key[-1]):
             message = f"{key[-1]!r} leaves the plane of a planar problem"
             yield source.place(key).fault("out-of-plane", message, "leave it out")
-        elif not profiles and value is None and key[-1] not in table.model_fields_set:
-            place = source.place(key[:-1], of_key=True)
-            advice = f"add {key[-1]!r} to [{'.'.join(key[:-1])}]"
-            yield replace(place, key=".".join(key)).fault("missing-key", "this key is missing", advice)
+    box, above = file.uncertainty.start, ("uncertainty", "start")
+    for name, of_all in _OF_ALL.items():
+        in_plane = (*above, name) not in _OUT_OF_PLANE
+        asked = in_plane or (len(models) == 2 and not profiles)
+        if box is not None and asked and not {name, of_all} & box.model_fields_set:
+            place = replace(source.place(above, of_key=True), key=".".join((*above, name)))
+            advice = f"add {name!r} to [uncertainty.start], or {of_all!r} for all three axes"
+            yield place.fault("missing-key", "this key is missing", advice)
 
 
 def _configuration_faults(source: Source, sources: files.Sources | None) -> Iterator[Fault]:
@@ -206,20 +234,33 @@ def _deepest(file: files.ProblemFile, models: Mapping[str, Model]) -> float | No
     """The full depth in m: to the floor of a blind hole or the far side of a through hole, or the peg's length."""
     lengths = []
     for side, model in models.items():
-        feature = model.file.features.get(_table(file, side).feature)
+        feature = model.file.features.get(_table(file, side).feature or "")
         if feature is not None and feature.length is not None:
             lengths.append(feature.length)
     return min(lengths) if len(lengths) == 2 else None
 
 
-def _problem(source: Source, file: files.ProblemFile, models: Mapping[str, Model]) -> Problem:
+def _problem(said: Source, source: Source, file: files.ProblemFile, models: Mapping[str, Model]) -> Problem:
+    """The problem of tables without fault: `said` as they stand in the file, `source` spelled out."""
+    built = _both(lambda _, model: _noted(model), models)
+    mated: Mapping[str, Mated] = {}
+    if any(_table(file, side).feature is None or model.is_found(_named(file, side)) for side, model in models.items()):
+        from fmopt.task.pairing import paired
+
+        file, mated = paired(source, file, models, built)
+        if faults := list(_pair_faults(source, file, models)):
+            raise InputError(*faults)
+        models, before = reaching(models, {side: _named(file, side) for side in models}), models
+        if models != before:
+            built = _both(lambda _, model: _noted(model), models)
     exchanged = _is_exchanged(file, models)
     peg, hole = ("fixed", "moving") if exchanged else ("moving", "fixed")
-    refuse_reaching(source, parts := _parts(file, models))
+    refuse_reaching(source, parts := _parts(file, built))
     depth = file.goal.depth or _deepest(file, models) or 0.0
     trees = _trees(models)
-    begin, grasp = _start(file, exchanged), Pose.from_vector([*file.grasp.at, *file.grasp.turn])
-    round_peg = is_round(trees[peg].feature(_table(file, peg).feature))
+    height = _height(file, parts[peg])
+    begin, grasp = _start(file, height, exchanged), Pose.from_vector([*file.grasp.at, *file.grasp.turn])
+    round_peg = is_round(trees[peg].feature(_named(file, peg)))
     task = _attributes(source, file, round_peg, begin, exchanged, grasp)
     turned = Pose(np.zeros(3), exp([0.0, 0.0, -task.turn]))
     moving, fixed = settled(rebased(parts[peg], turned), parts[hole])
@@ -228,7 +269,7 @@ def _problem(source: Source, file: files.ProblemFile, models: Mapping[str, Model
     table = file.uncertainty.sources
     sources = None if table is None else sources_of(table, moving_points, fixed_points)
     stated = Contribution("as stated", "", _stated_box(file.uncertainty.start), _stated_frame(file.uncertainty.start))
-    shares = _budget(file, sources, moving) if sources else (stated,)
+    shares = _budget(file, sources, moving, height) if sources else (stated,)
     shares = (*shares, *_tessellation(models, parts))
     shares = (*shares, *_allowance(file.uncertainty.velocity, shares))
     plane = _plane(file, models)
@@ -239,19 +280,20 @@ def _problem(source: Source, file: files.ProblemFile, models: Mapping[str, Model
     refuse_wild(source, shares)
     refuse_far(source, box, (moving, fixed))
     return Problem(
-        title=file.title,
+        title=file.title or f"{parts['moving'].name} into {parts['fixed'].name}",
         path=source.path,
-        sha256=_sha256(source, models),
+        sha256=_sha256(said, models),
         moving=moving,
         fixed=fixed,
         trees=(trees[peg], trees[hole]),
-        moving_feature=_table(file, peg).feature,
-        fixed_feature=_table(file, hole).feature,
+        moving_feature=_named(file, peg),
+        fixed_feature=_named(file, hole),
+        mated=(mated.get(peg), mated.get(hole)),
         goal=Pose(np.array([0.0, 0.0, -depth]), np.eye(3)).vector(),
         start=begin.compose(turned).vector(),
         task=task,
-        declared_clearance=(file.clearance.x, file.clearance.y or 0.0),
-        approach=file.start.height,
+        declared_clearance=_declared(file, plane is not None),
+        approach=height,
         start_box=box,
         framing=framing(shares),
         trapezoid=None if trapezoid is None else (trapezoid.ball, trapezoid.cone),
@@ -264,11 +306,47 @@ def _problem(source: Source, file: files.ProblemFile, models: Mapping[str, Model
     )
 
 
-def _start(file: files.ProblemFile, exchanged: bool) -> Pose:
+def _named(file: files.ProblemFile, side: str) -> str:
+    """The feature of a side, which is stated or was found."""
+    return _table(file, side).feature or ""
+
+
+def _noted(model: Model) -> Part:
+    """The part of a model in its frame, with what is to be known of how the model was taken."""
+    part = build_part(model.source, model.file)
+    return replace(part, notes=(*model.notes, *part.notes)) if model.notes else part
+
+
+def _pair_faults(source: Source, file: files.ProblemFile, models: Mapping[str, Model]) -> Iterator[Fault]:
+    """The faults that are seen only once it is known which features mate."""
+    yield from _exchange_faults(source, file, models)
+    yield from _depth_faults(source, file, models)
+
+
+def _declared(file: files.ProblemFile, planar: bool) -> tuple[float, float] | None:
+    """The clearance on each side as declared; one that is declared along x alone holds along y, too."""
+    if file.clearance is None:
+        return None
+    y = file.clearance.y
+    return file.clearance.x, (0.0 if planar else file.clearance.x) if y is None else y
+
+
+def _height(file: files.ProblemFile, peg: Part) -> float:
+    """Height of the lowest point at the start, m: stated, or as high as the start errors ask for, at least 1 mm."""
+    if file.start.height is not None:
+        return file.start.height
+    tip = peg.polyhedron.vertices[np.abs(peg.polyhedron.vertices[:, 2]) <= 1e-9]
+    radius = float(np.linalg.norm(tip[:, :2], axis=1).max(initial=0.0))
+    box = _stated_box(file.uncertainty.start)
+    down = float(box[2]) + radius * math.hypot(float(box[3]), float(box[4]))
+    return max(_LEAST_HEIGHT, math.ceil(round(_ROOM * down / _LEAST_HEIGHT, 6)) * _LEAST_HEIGHT)
+
+
+def _start(file: files.ProblemFile, height: float, exchanged: bool) -> Pose:
     """P(0): pose of the peg's feature in the frame of the hole where the nominal trajectory begins."""
     if file.start.at is None:
         turn = exp(file.start.turn)
-        return Pose(np.array([0.0, 0.0, file.start.height]), turn.T if exchanged else turn)
+        return Pose(np.array([0.0, 0.0, height]), turn.T if exchanged else turn)
     given = Pose.from_vector([*file.start.at, *file.start.turn])
     return given.inverse() if exchanged else given
 
@@ -283,14 +361,9 @@ def _attributes(
         raise InputError(place.fault("task-rule", error.message, error.advice)) from error
 
 
-def _parts(file: files.ProblemFile, models: Mapping[str, Model]) -> dict[str, Part]:
-    """The two parts, each in the frame of its mating feature; faults of both are found."""
-
-    def built(side: str, model: Model) -> Part:
-        part = build_part(model.source, model.file)
-        return rebased(part, part.feature(_table(file, side).feature).frame)
-
-    return _both(built, models)
+def _parts(file: files.ProblemFile, built: Mapping[str, Part]) -> dict[str, Part]:
+    """The two parts, each in the frame of its mating feature."""
+    return {side: rebased(part, part.feature(_named(file, side)).frame) for side, part in built.items()}
 
 
 def _trees(models: Mapping[str, Model]) -> dict[str, ObjectTree]:
@@ -310,7 +383,7 @@ def _both(build: Callable[[str, Model], T], models: Mapping[str, Model]) -> dict
     return built
 
 
-def _budget(file: files.ProblemFile, sources: Sources, moving: Part) -> tuple[Contribution, ...]:
+def _budget(file: files.ProblemFile, sources: Sources, moving: Part, start: float) -> tuple[Contribution, ...]:
     """What each source contributes to the start error.
 
     Where the part starts is for the planner to choose. The sources' box holds for all that it may choose: leaning by
@@ -319,7 +392,7 @@ def _budget(file: files.ProblemFile, sources: Sources, moving: Part) -> tuple[Co
     lean = min(1.3 * math.sqrt(2.0) * file.settings.max_tilt, 0.5 * math.pi)
     tip = moving.polyhedron.vertices[np.abs(moving.polyhedron.vertices[:, 2]) <= 1e-9]
     radius = float(np.linalg.norm(tip[:, :2], axis=1).max())
-    height = file.start.height + radius * math.sin(lean)
+    height = start + radius * math.sin(lean)
     upright = start_box(sources, height, 0.0, lean)
     swing = radius * float(np.linalg.norm(upright[3:]))
     aside = 7.0 * float(upright[0]) + 3.0 * swing + radius * (1.0 - math.cos(lean))
@@ -362,7 +435,8 @@ def _seen(share: Contribution, exchanged: bool) -> Contribution:
 def _stated_box(box: files.Box | None) -> Array:
     if box is None:
         return np.zeros(6)
-    return np.array([box.x, box.y or 0.0, box.z, box.rx or 0.0, box.ry, box.rz or 0.0])
+    given = [(getattr(box, name), getattr(box, of_all)) for name, of_all in _OF_ALL.items()]
+    return np.array([next((value for value in pair if value is not None), 0.0) for pair in given])
 
 
 def _plane(file: files.ProblemFile, models: Mapping[str, Model]) -> Profiles | None:
@@ -371,7 +445,7 @@ def _plane(file: files.ProblemFile, models: Mapping[str, Model]) -> Profiles | N
     for side, model in models.items():
         if model.file.profile is None:
             return None
-        at = model.file.features[_table(file, side).feature].at or (0.0, 0.0, 0.0)
+        at = model.file.features[_named(file, side)].at or (0.0, 0.0, 0.0)
         found[side] = [np.subtract(polygon, (at[0], at[2])) for polygon in model.file.profile.polygons]
     return Profiles(found["moving"][0], outline(found["fixed"]))
 
@@ -380,7 +454,8 @@ def _sha256(source: Source, models: Mapping[str, Model]) -> str:
     """Hash of what the files say: their data in one canonical form, meshes byte by byte."""
     content: dict[str, Any] = {"problem": source.data, "models": {}, "meshes": {}}
     for side, model in models.items():
-        content["models"][side] = model.source.data
+        if model.given:
+            content["models"][side] = model.source.data
         if model.file.mesh is not None:
             path = model.source.path.parent / model.file.mesh.file
             mesh = read_bytes(path, model.source.place(("mesh", "file")), MAX_MESH_BYTES)

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 MAX_MESH_BYTES = 100_000_000
 STEP = (".step", ".stp")
+OWN_UNIT = (*STEP, ".3mf", ".glb")  # files that say the unit of their numbers
+MESHES = (".stl", ".obj", ".ply", *OWN_UNIT)
 _OF_MESHES = re.compile(r"\b(mesh|facets?|triangles?|CSG|digits|tolerance)\b")
 
 
@@ -28,7 +30,7 @@ def is_step(mesh: Mesh) -> bool:
 
 def says_unit(mesh: Mesh) -> bool:
     """Whether the file that a model names says its unit itself."""
-    return Path(mesh.file).suffix.lower() in (*STEP, ".3mf", ".glb")
+    return Path(mesh.file).suffix.lower() in OWN_UNIT
 
 
 def mesh_faults(source: Source, mesh: Mesh) -> list[Fault]:

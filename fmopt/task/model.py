@@ -5,8 +5,9 @@ Mating features that a model file leaves to be found, wholly or in part, are fou
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,28 +15,42 @@ import numpy as np
 
 from fmopt.errors import Fault, InputError, SizeError
 from fmopt.se3 import Pose
-from fmopt.task.mesh_source import mesh_faults
+from fmopt.task.mesh_source import MAX_MESH_BYTES, MESHES, OWN_UNIT, STEP, mesh_faults
 from fmopt.task.model_file import MatingFeature, ModelFile, Profile
 from fmopt.task.sizes import implausible
-from fmopt.task.tables import Reading, checked, factors
-from fmopt.task.toml_source import Key, Place, Source, read
-from fmopt.task.tree import bare_part, part_reach, tree_faults, unstated
-from fmopt.task.units import Quantity, QuantityError, did_you_mean
+from fmopt.task.tables import NAME, Reading, checked
+from fmopt.task.toml_source import Key, Place, Source, read, read_bytes
+from fmopt.task.tree import bare_part, build_part, part_reach, tree_faults, unstated
+from fmopt.task.units import UNITS, Quantity, QuantityError, did_you_mean
 
 if TYPE_CHECKING:
     from fmopt.geometry.mating import Feature
     from fmopt.geometry.part import Part
 
+USUAL_UNIT = "mm"  # of the numbers of a mesh file for which nobody says one
 _SAME = 1e-9  # m
 _ORIGIN = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
 class Model:
-    """A valid model file with its parameters bound."""
+    """A valid model file with its parameters bound, or a mesh or STEP file in place of one.
+
+    Args:
+        source: its document; of a mesh or STEP file the one that would name it.
+        file: its tables, with what was found of its features.
+        given: whether it is a model file.
+        notes: what a user should know of how it was taken.
+    """
 
     source: Source
     file: ModelFile
+    given: bool = True
+    notes: tuple[str, ...] = ()
+
+    def is_found(self, name: str) -> bool:
+        """Whether anything of a feature was found on the part, as its file does not state it."""
+        return not self.source.data.get("features") or name in unstated(self.source, self.file)
 
 
 @dataclass(frozen=True)
@@ -46,32 +61,109 @@ class Override:
     place: Place
 
 
-def load_model(path: Path, cited: Place, overrides: Mapping[str, Override]) -> tuple[Model | None, list[Fault]]:
+@dataclass(frozen=True)
+class Bare:
+    """What a problem says of a mesh or STEP file that it names itself: the unit of its numbers, or which body of it."""
+
+    unit: str | None = None
+    body: str | int | None = None
+    places: Mapping[str, Place] = field(default_factory=dict)
+
+    @staticmethod
+    def of(source: Source, side: str) -> Bare:
+        """What a problem says in a table, as far as it is right; the rest is told elsewhere."""
+        table = source.data[side]
+        unit, body = table.get("unit"), table.get("body")
+        known = isinstance(unit, str) and unit in UNITS["length"][1]
+        named = isinstance(body, str | int) and not isinstance(body, bool)
+        places = {name: source.place((side, name), of_key=True) for name in ("unit", "body")}
+        return Bare(unit if known else None, body if named else None, places)
+
+    def misplaced(self, name: str, cited: Place, message: str, advice: str) -> list[Fault]:
+        """The fault of the unit or the body, where one is stated for a file that takes none."""
+        if getattr(self, name) is None:
+            return []
+        return [self.places.get(name, cited).fault("conflict", message, advice)]
+
+
+def load_model(
+    path: Path, cited: Place, overrides: Mapping[str, Override], said: Bare = Bare()
+) -> tuple[Model | None, list[Fault]]:
     """A model file with parameters overridden, or all its faults.
 
     Args:
-        path: the file.
+        path: the file; a mesh or STEP file is taken for a part without parameters, whose features are found.
         cited: where the problem names it.
         overrides: parameter values that replace the file's.
+        said: of a mesh or STEP file.
 
     Raises:
         InputError: the file cannot be read or is not TOML.
     """
+    if path.suffix.lower() in MESHES:
+        return _bare_model(path, cited, said, overrides)
     source = read(path, cited)
     if {"moving", "fixed"} <= set(source.data):
         advice = "name a model file, which describes one part by [solids], [mesh] or [profile] and its [features]"
         raise InputError(source.place(()).fault("file-kind", "this is a problem file, not a model", advice))
-    scale = factors(source.data.get("units"))
-    reading, faults = _parameters(source, Reading(scale, {}), overrides)
+    reading, faults = _parameters(source, replace(Reading.of(source.data), names={}), overrides)
     file, more = checked(ModelFile, source, reading)
     faults += more
+    for name in ("unit", "body"):
+        advice = f"leave {name!r} out, or put it into the model file under [mesh]"
+        faults += said.misplaced(name, cited, "this is for mesh and STEP files", advice)
     if file is not None:
+        file = file if file.name else file.model_copy(update={"name": _called(path.stem)})
         faults += _cross_checks(source, file)
         if file.mesh is None and not faults:
             faults += _size_faults(source, file)
         if not faults:
             file = with_features(source, file)
     return (Model(source, file) if file is not None and not faults else None), faults
+
+
+def _bare_model(
+    path: Path, cited: Place, said: Bare, overrides: Mapping[str, Override]
+) -> tuple[Model | None, list[Fault]]:
+    """The model that a mesh or STEP file is by itself."""
+    read_bytes(path, cited, MAX_MESH_BYTES)
+    advice = "name a model file, or leave it out"
+    faults = [
+        given.place.fault("unknown-parameter", f"{path.name} has no parameters", advice) for given in overrides.values()
+    ]
+    step, own = path.suffix.lower() in STEP, path.suffix.lower() in OWN_UNIT
+    if own:
+        faults += said.misplaced("unit", cited, f"{path.name} says its unit itself", "leave 'unit' out")
+    if not step:
+        faults += said.misplaced("body", cited, f"{path.name} is one body", "leave 'body' out")
+    table: dict[str, object] = {"file": path.name}
+    if step and said.body is not None:
+        table["body"] = said.body
+    elif not own:
+        table["unit"] = said.unit or USUAL_UNIT
+    source = Source(
+        path, {"name": _called(said.body if isinstance(said.body, str) else path.stem), "mesh": table}, {}, {}
+    )
+    file, more = checked(ModelFile, source, Reading())
+    if file is None or faults or more:
+        return None, [*faults, *more]
+    file = with_features(source, file)
+    notes = () if own or said.unit is not None else (_assumed(source, file),)
+    return Model(source, file, given=False, notes=notes), []
+
+
+def _assumed(source: Source, file: ModelFile) -> str:
+    """What is to be said of a mesh file for whose numbers nobody says a unit."""
+    widths = np.ptp(build_part(source, file).polyhedron.vertices, axis=0).tolist()
+    size = " x ".join(f"{1e3 * width:.6g}" for width in widths)
+    name = source.path.name
+    return f"warning: {name} has no unit; its numbers are taken for mm, so that the part is {size} mm: state its unit"
+
+
+def _called(said: str) -> str:
+    """A part's name from that of its file, or of a body of it."""
+    name = re.sub(r"[^A-Za-z0-9_-]+", "_", said).strip("_")[:60]
+    return name if re.match(NAME, name) else f"part_{name}".rstrip("_")
 
 
 def overrides_of(source: Source, reading: Reading, key: Key) -> tuple[dict[str, Override], list[Fault]]:
@@ -92,7 +184,7 @@ def overrides_of(source: Source, reading: Reading, key: Key) -> tuple[dict[str, 
 
 def parameter_values(source: Source) -> Mapping[str, Quantity]:
     """The parameters of a model file by name, as the file gives them; those at fault are left out."""
-    reading, _ = _parameters(source, Reading(factors(source.data.get("units")), {}), {})
+    reading, _ = _parameters(source, replace(Reading.of(source.data), names={}), {})
     return reading.names or {}
 
 
@@ -168,7 +260,10 @@ def _size_faults(source: Source, file: ModelFile) -> list[Fault]:
     try:
         require_plausible(part_reach(source, file))
     except SizeError as error:
-        return [implausible(source, ("units", "length"), file.units.length, error)]
+        unit = file.units.length
+        if unit is None:
+            return [source.place(()).fault("implausible-size", error.message, error.advice)]
+        return [implausible(source, ("units", "length"), unit, error)]
     return []
 
 

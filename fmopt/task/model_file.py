@@ -29,10 +29,10 @@ from fmopt.task.tables import (
 
 
 class ModelUnits(Table):
-    """The units of the plain numbers of this file."""
+    """The units of the plain numbers of this file; what has its unit beside it needs none here."""
 
-    length: Literal["m", "cm", "mm", "um", "in"]
-    angle: Literal["rad", "mrad", "deg"]
+    length: Literal["m", "cm", "mm", "um", "in"] | None = None
+    angle: Literal["rad", "mrad", "deg"] | None = None
 
 
 class _Placed(Table):
@@ -192,9 +192,10 @@ class MatingFeature(Table):
 class ModelFile(Table):
     """A part for fmopt: a tree of solids (or a mesh, or a profile), parameters, and mating features."""
 
-    name: Name
+    name: Name = ""
+    """What the part is called; as its file if not given."""
     description: Title = "a part"
-    units: ModelUnits
+    units: ModelUnits = Field(default_factory=ModelUnits)
     parameters: Annotated[dict[ParameterName, Parameter], Field(max_length=256)] = Field(default_factory=dict)
     """Named quantities for use in expressions; plain numbers are lengths. Later ones may use earlier ones."""
     part: Name | None = None
@@ -208,4 +209,5 @@ class ModelFile(Table):
     profile: Profile | None = None
     """The profile of a part in the plane, in place of solids."""
     features: Annotated[dict[Name, MatingFeature], Field(max_length=64)] = Field(default_factory=dict)
-    """Mating features by name; found if there are none: peg and hole, or hole_1, hole_2 and so on."""
+    """Mating features by name; found if there are none: peg and hole, or hole_1, hole_2 and so on. A profile states
+    them."""

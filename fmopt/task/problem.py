@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from fmopt.knowledge.tree import ObjectTree
     from fmopt.knowledge.workcell import LowerPair
     from fmopt.se3 import Pose
+    from fmopt.task.pairing import Mated
 
 
 @dataclass(frozen=True)
@@ -105,10 +106,11 @@ class Problem(Value):
         trees: the object trees of the moving and the fixed part, in their models' frames.
         moving_feature: name of the peg.
         fixed_feature: name of the hole.
+        mated: how the moving and the fixed part mate, as far as that was found; None for a part whose files state it.
         goal: pose (6,) of the moving part when seated, m and rad.
         start: P(0) (6,), where the nominal trajectory begins, m and rad.
         task: attachment, grasp and what the goal leaves free.
-        declared_clearance: on each side along x and y of the B-frame, m.
+        declared_clearance: on each side along x and y of the B-frame, m; None where the file declares none.
         approach: height of the tilted part's lowest point above the mouth at the start, m.
         start_box: half-widths (6,) of the start error in local coordinates (d, δ), m and rad.
         framing: which share of it is fixed in the hole, in the hand, and in the world.
@@ -129,10 +131,11 @@ class Problem(Value):
     trees: tuple[ObjectTree, ObjectTree]
     moving_feature: str
     fixed_feature: str
+    mated: tuple[Mated | None, Mated | None]
     goal: Array
     start: Array
     task: Attributes
-    declared_clearance: tuple[float, float]
+    declared_clearance: tuple[float, float] | None
     approach: float
     start_box: Array
     framing: Framing

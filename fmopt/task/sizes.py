@@ -152,7 +152,7 @@ def measured_clearance(problem: Problem) -> Clearance:
     seated = Pose.from_vector(problem.goal)
     found = checked_clearance(problem.moving, problem.fixed, seated, -float(problem.goal[2]))
     _require_even((problem.moving, problem.fixed), found.per_side)
-    for axis, declared, play in zip("xy", problem.declared_clearance, found.play, strict=True):
+    for axis, declared, play in zip("xy", problem.declared_clearance or (0.0, 0.0), found.play, strict=True):
         side = 0.5 * play
         if declared > 0.0 and math.isfinite(side) and not declared / _FAR <= side <= declared * _FAR:
             raise GeometryError(

@@ -72,12 +72,26 @@ class Table(BaseModel):
 class Reading:
     """What the numbers of a file mean: the factor to SI of plain ones, and the parameters expressions may name.
 
-    `broken` are parameters at fault: what names them is not judged.
+    `broken` are parameters at fault: what names them is not judged. `bare` are the dimensions for which the file names
+    no unit: plain numbers other than 0 are refused there.
     """
 
     factors: Mapping[Dimension, float] = field(default_factory=dict)
     names: Mapping[str, Quantity] | None = None
     broken: frozenset[str] = frozenset()
+    bare: frozenset[Dimension] = frozenset()
+
+    @staticmethod
+    def of(data: Mapping[str, Any]) -> Reading:
+        """The reading of a file, from its `[units]` table as it stands, right or wrong.
+
+        Without the table every plain number lacks its unit; with it lengths and angles do where it leaves them out, and
+        what else it leaves out is in SI.
+        """
+        units = data.get("units", {})
+        known = units if isinstance(units, Mapping) else {"length": "", "angle": ""}
+        asked = ("length", "angle") if known else tuple(UNITS)
+        return Reading(factors(units), bare=frozenset(UNITS[name][0] for name in asked if name not in known))
 
     def excuses(self, value: object) -> bool:
         """Whether the value is text that names a parameter which is at fault itself."""
@@ -97,6 +111,8 @@ class Reading:
         if isinstance(value, str):
             result = evaluate(value, self.names)
         elif isinstance(value, int | float) and not isinstance(value, bool):
+            if wanted in self.bare and value:
+                raise _bare(value, wanted)
             result = Quantity(scaled(_float(value), self.factors.get(wanted, 1.0)), wanted)
         else:
             message = f"{kind_of(value)} stands where {wanted} is asked for"
@@ -108,6 +124,13 @@ class Reading:
             message = f"{shown(value)} is {result.dimension}, not {' or '.join(str(kind) for kind in allowed)}"
             raise QuantityError("wrong-unit", message, f"write a number, or text such as {EXAMPLES[wanted]}")
         return result
+
+
+def _bare(value: int | float, wanted: Dimension) -> QuantityError:
+    name, choices = next((name, known) for name, (kind, known) in UNITS.items() if kind == wanted)
+    unit = {"length": "mm", "angle": "deg"}.get(name, next(iter(choices)))
+    advice = f'write text with its unit, such as {EXAMPLES[wanted]}, or add {name} = "{unit}" under [units]'
+    return QuantityError("no-unit", f"{shown(value)} stands without a unit", advice)
 
 
 def _float(value: int | float) -> float:
@@ -180,6 +203,14 @@ class Measured:
         limit = f"at {'least' if side == 'small' else 'most'} {in_words(bound, self.dimension)}"
         advice = f"keep it {limit}, and check the unit"
         return fault("out-of-range", f"{text} is too {side}", advice)
+
+
+@dataclass(frozen=True)
+class Short:
+    """Annotation of a table that text may stand for; `spelled_out` puts the table in its place before it is read."""
+
+    def __get_pydantic_json_schema__(self, source: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {"anyOf": [handler(source), _TEXT]}
 
 
 def fault(code: str, message: str, advice: str) -> PydanticCustomError:

@@ -165,13 +165,16 @@ def build_tree(source: Source, file: files.ModelFile) -> ObjectTree:
     }
     try:
         chain = _whole_chain(source, file)
-        if not all(claims[feature.name].terms or is_made(chain, feature) for feature in features):
-            if file.mesh is None:
-                body = polyhedron(chain_solid(chain))
-                solid = solid_of(body, MESH_NOISE * body.diameter)
-            else:
-                solid, _ = come_apart(imported(source, file.mesh))
-            chain = chain_of(solid, file.name)
+        if all(claims[feature.name].terms or is_made(chain, feature) for feature in features):
+            tree = object_tree(file.name, chain, features, claims)
+            if not unstated(source, file) or any(claim.terms for claim in claims.values()) or _is_central(tree):
+                return checked(tree)
+        if file.mesh is None:
+            body = polyhedron(chain_solid(chain))
+            solid = solid_of(body, MESH_NOISE * body.diameter)
+        else:
+            solid, _ = come_apart(imported(source, file.mesh))
+        chain = chain_of(solid, file.name)
         return checked(object_tree(file.name, chain, features, claims))
     except TaskError as error:
         key = ("features", error.feature) if error.feature in file.features else ("features",)
@@ -179,6 +182,20 @@ def build_tree(source: Source, file: files.ModelFile) -> ObjectTree:
     except GeometryError as error:
         place = source.place(("solids", file.part) if file.part else ("mesh", "file"), of_key=True)
         raise InputError(place.fault("geometry", error.message, error.advice)) from error
+
+
+def _is_central(tree: ObjectTree) -> bool:
+    """Whether all frames obey the rules beside the solids that their features are made of.
+
+    One that was found may be that of several solids together, of which none is the feature.
+    """
+    from fmopt.knowledge.frames import checked
+
+    try:
+        checked(tree)
+    except TaskError:
+        return False
+    return True
 
 
 def _whole_chain(source: Source, file: files.ModelFile) -> Chain:

@@ -27,14 +27,32 @@ class Body:
 
 
 @dataclass(frozen=True)
+class Found:
+    """How a part mates, where its files do not say it: which side of the problem it is and by which feature.
+
+    `frame` is that of the feature in the model's frame (position, rotation vector), None where the model states it;
+    `turn` the angle of the peg about the axis of the hole at the goal, rad.
+    """
+
+    side: str
+    feature: str
+    frame: Numbers | None
+    turn: float
+
+
+@dataclass(frozen=True)
 class Part:
-    """A part: its surface, its convex pieces, its name, and the clearance a side declared (in x, y) and measured, m."""
+    """A part: its surface, its convex pieces, its name, and the clearance a side declared (in x, y) and measured, m.
+
+    No clearance is declared where the problem declares none; `found` says how the part mates where that was found.
+    """
 
     body: Body
     pieces: tuple[Body, ...]
     name: str
-    declared_clearance: tuple[float, float]
+    declared_clearance: tuple[float, float] | None
     measured_clearance: float
+    found: Found | None = None
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import re
 from dataclasses import replace
 from typing import Any
 
-from fmopt.verify.document import Body, Contact, Part, Plan, Specification
+from fmopt.verify.document import Body, Contact, Found, Part, Plan, Specification
 from fmopt.verify.file import FIXED_IN, FORMAT, FRAMES, UNITS, VERDICTS, Numbers, digest
 from fmopt.verify.parse_diagnostics import DIAGNOSTIC_FIELDS, read_diagnostics
 from fmopt.verify.parse_segments import (
@@ -53,16 +53,17 @@ _PART = fields(
     "parts.*",
     compared="vertices faces declared_clearance",
     commentary="name measured_clearance",
-    objects="pieces exact",
-    optional=("exact",),
+    objects="pieces exact found",
+    optional=("exact", "found"),
 )
+_FOUND = fields("parts.*.found", proved="frame turn", compared="side feature", optional=("frame",))
 _EXACT = fields("parts.*.exact[]", proved="vertex at")
 _PIECE = fields("parts.*.pieces[]", proved="vertices faces")
 _CONTACT = fields("contacts[]", proved="id kind", objects="moving fixed")
 _SIDE = fields("contacts[].*", proved="vertices")
 FIELDS: tuple[Fields, ...] = (
-    _TOP, _PROBLEM, _UNITS, _FRAMES, _UNCERTAINTY, _SOURCE, _SPECIFICATION, _PARTS, _PART, _EXACT, _PIECE, _CONTACT,
-    _SIDE, *SEGMENT_FIELDS, *ACCOUNT_FIELDS, *DIAGNOSTIC_FIELDS,
+    _TOP, _PROBLEM, _UNITS, _FRAMES, _UNCERTAINTY, _SOURCE, _SPECIFICATION, _PARTS, _PART, _EXACT, _FOUND, _PIECE,
+    _CONTACT, _SIDE, *SEGMENT_FIELDS, *ACCOUNT_FIELDS, *DIAGNOSTIC_FIELDS,
 )  # fmt: skip
 
 
@@ -150,11 +151,24 @@ def _part(place: Reader) -> Part:
         if any(len(face) != 1 for face in piece.faces):
             raise item.fail("a face of a convex piece has one loop")
         pieces.append(piece)
-    x, y = place.at("declared_clearance").numbers(2, 0.0)
+    declared = place.filled("declared_clearance")
+    stated = None if declared is None else declared.numbers(2, 0.0)
     measured = place.at("measured_clearance").number()
     body = _body(place)
     body = replace(body, exact=_exact(place, len(body.vertices)))
-    return Part(body, tuple(pieces), place.at("name").text(), (x, y), measured)
+    clearance = None if stated is None else (stated[0], stated[1])
+    return Part(body, tuple(pieces), place.at("name").text(), clearance, measured, _found(place))
+
+
+def _found(place: Reader) -> Found | None:
+    """How a part mates, where the planner found that."""
+    found = place.maybe("found")
+    if found is None:
+        return None
+    found.only(_FOUND)
+    frame = found.at("frame").numbers(6, -1e3, 1e3) if found.has("frame") else None
+    turn = found.at("turn").number(-6.3, 6.3)
+    return Found(found.at("side").text(("moving", "fixed")), found.at("feature").text(), frame, turn)
 
 
 def _exact(place: Reader, count: int) -> dict[int, tuple[int, int, int, int]]:

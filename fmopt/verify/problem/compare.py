@@ -60,7 +60,8 @@ def held(plan: Plan, path: Path, data: Mapping[str, Any] | None = None, reader: 
     Raises:
         ProblemError: the problem or one of its files cannot be read.
     """
-    problem = load_problem(path, data)
+    chosen = {side: mated for side in SIDES if (mated := plan.parts[side].found) is not None}
+    problem = load_problem(path, data, chosen)
     # The digest is told first, and taken last, as others say better which key of a file is wrong.
     parts = {side: part_beside_its_model(plan.parts[side], problem, side, reader) for side in SIDES}
     found = [*_task(plan, problem), *_errors(plan, problem, {side: part.chord for side, part in parts.items()})]
@@ -68,6 +69,8 @@ def held(plan: Plan, path: Path, data: Mapping[str, Any] | None = None, reader: 
     remarks = [line for side in SIDES for line in parts[side].remarks]
     if problem.depth is None:
         remarks.append(f"the goal is {-plan.goal[2]!r} m deep by the plan, as deep as the features that it found allow")
+    if problem.approach is None:
+        remarks.append("the height of the start is the planner's choice, as the problem states none")
     return Held((*_digest(plan, problem), *found), tuple(remarks))
 
 
@@ -81,10 +84,12 @@ def _digest(plan: Plan, problem: Problem) -> Iterator[str]:
 
 def _declared(plan: Plan, problem: Problem, side: str) -> Iterator[str]:
     own = plan.parts[side].declared_clearance
-    if not _same(own, problem.declared_clearance):
+    wanted = problem.declared_clearance
+    if (own is None) != (wanted is None) or not _same(own or (), wanted or ()):
+        stated, given = (None if pair is None else list(pair) for pair in (own, wanted))
         yield (
-            f"parts.{side}.declared_clearance: the plan states another declared clearance: {list(own)} stands where "
-            f"the problem gives {list(problem.declared_clearance)}"
+            f"parts.{side}.declared_clearance: the plan states another declared clearance: {stated} stands where "
+            f"the problem gives {given}"
         )
 
 
@@ -97,7 +102,7 @@ def _task(plan: Plan, problem: Problem) -> Iterator[str]:
         yield f"goal: the plan ends in another orientation: {list(plan.goal[3:])} rad, by the problem 0"
     begin = pose(plan.segments[0].start)
     lowest = min(number(begin.apply(vector(corner))[2]) for corner in plan.moving.body.vertices)
-    if abs(lowest - problem.approach) > STARTED:
+    if problem.approach is not None and abs(lowest - problem.approach) > STARTED:
         yield (
             f"segments[0].start: the part's lowest point starts {lowest!r} m above the mouth, by the problem "
             f"{problem.approach!r} m"

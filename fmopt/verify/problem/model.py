@@ -16,6 +16,9 @@ from fmopt.verify.problem.tables import Table, parameters, read
 MOST_INSTANCES = 1000
 _ZERO = (0.0, 0.0, 0.0)
 _FEATURE = ("kind", "at", "turn", "length", "through", "classification", "solids")
+_STEP = (".step", ".stp")
+_OWN_UNIT = (".3mf", ".glb")
+_MESHES = (".stl", ".obj", ".ply", *_STEP, *_OWN_UNIT)
 _PER_METRE = {"m": 1.0, "cm": 100.0, "mm": 1e3, "um": 1e6, "in": 1.0 / 0.0254}
 
 
@@ -43,7 +46,8 @@ class Solid:
 class Feature:
     """A peg or hole: its kind, its frame in the model's, its length, and the named solids it is made of.
 
-    One that is `found` by the planner has no frame here, and one without a length an infinite one.
+    One that is `found` by the planner has the frame that the plan states, if it states one, and one without a length an
+    infinite one.
     """
 
     kind: str
@@ -66,7 +70,10 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Model:
-    """A model with its parameters bound: solids, or a mesh; `planar` for a profile."""
+    """A model with its parameters bound: solids, or a mesh; `planar` for a profile.
+
+    One that is not `given` is a mesh or STEP file by itself, its table the one that names it.
+    """
 
     table: Table
     name: str
@@ -74,6 +81,7 @@ class Model:
     mesh: Mesh | None
     planar: bool
     features: Mapping[str, Feature]
+    given: bool = True
 
 
 def load_model(operand: Table, overrides: Mapping[str, Quantity]) -> Model:
@@ -83,6 +91,11 @@ def load_model(operand: Table, overrides: Mapping[str, Quantity]) -> Model:
         ProblemError: it cannot be read.
     """
     path = Path(normpath(operand.file.parent / operand.text("model")))
+    if path.suffix.lower() in _MESHES:
+        return _bare(path, operand)
+    for key in ("unit", "body"):
+        if operand.has(key):
+            raise operand.error(key, "is for mesh and STEP files")
     file = read(path, operand, "model").only(
         *("name", "description", "units", "parameters", "part", "solids", "mesh", "profile", "features")
     )
@@ -96,10 +109,11 @@ def load_model(operand: Table, overrides: Mapping[str, Quantity]) -> Model:
     if given == ["solids"]:
         solid = _Tree(file.table("solids")).solid(file.text("part"))
     elif given == ["profile"]:
-        solid = _profile(file.table("profile").only("polygons"), file.text("name"), features)
+        solid = _profile(file.table("profile").only("polygons"), path.stem, features)
     else:
-        mesh = _mesh(file.table("mesh").only("file", "unit", "deviation"))
-    return Model(file, file.text("name"), solid, mesh, given == ["profile"], features)
+        mesh = _mesh(file.table("mesh").only("file", "unit", "body", "deviation"))
+    name = file.text("name") if file.has("name") else path.stem
+    return Model(file, name, solid, mesh, given == ["profile"], features)
 
 
 def _features(file: Table) -> dict[str, Feature]:
@@ -122,7 +136,7 @@ def _features(file: Table) -> dict[str, Feature]:
 
 def _mesh(table: Table) -> Mesh:
     path = table.file.parent / table.text("file")
-    step, own = path.suffix.lower() in (".step", ".stp"), path.suffix.lower() in (".3mf", ".glb")
+    step, own = path.suffix.lower() in _STEP, path.suffix.lower() in _OWN_UNIT
     if (step or own) and table.has("unit"):
         raise table.error("unit", f"a {'STEP' if step else path.suffix[1:].upper()} file says its unit itself")
     scale = None if step else 1.0 if own else _PER_METRE[table.text("unit", tuple(_PER_METRE))]
@@ -137,6 +151,18 @@ def _profile(table: Table, name: str, features: Mapping[str, Feature]) -> Solid:
         raise table.error("polygons", "what moves in a plane is one convex polygon")
     bodies = tuple(Solid(name, convex) for convex in extruded(polygons, moving=moving))
     return bodies[0] if len(bodies) == 1 else Solid(name, None, bodies)
+
+
+def _bare(path: Path, operand: Table) -> Model:
+    """The model that a mesh or STEP file is by itself; its features are found."""
+    step, own = path.suffix.lower() in _STEP, path.suffix.lower() in _OWN_UNIT
+    if operand.has("parameters") and operand.table("parameters").data:
+        raise operand.error("parameters", "a mesh or STEP file has none")
+    if (step or own) and operand.has("unit"):
+        raise operand.error("unit", f"a {'STEP' if step else path.suffix[1:].upper()} file says its unit itself")
+    unit = operand.text("unit", tuple(_PER_METRE)) if operand.has("unit") else "mm"
+    mesh = Mesh(path.name, path, None if step else 1.0 if own else _PER_METRE[unit], None)
+    return Model(operand, path.stem, None, mesh, False, {}, given=False)
 
 
 class _Tree:

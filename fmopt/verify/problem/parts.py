@@ -65,12 +65,12 @@ def part_beside_its_model(part: Part, problem: Problem, side: str, reader: Reade
     """
     model = problem.model(side)
     try:
-        if model.solid is not None and problem.feature(side).found:
+        if model.solid is not None and problem.feature(side).found and not problem.framed(side):
             return _beside_turned(part, side, model.name, model.solid)
         if model.solid is not None:
             tree = tree_of(model.solid, problem.frame(side))
             comparison = Comparison(tree, [of_piece(piece) for piece in part.pieces])
-            return Compared(tuple(_differences(comparison, side, model.name)))
+            return Compared(tuple(_differences(comparison, side, model.name)), tuple(_choices(problem, side)))
         if model.mesh is not None and model.mesh.per_metre is not None:
             return _beside_mesh(part, problem, side, model.mesh, model.mesh.per_metre)
     except (Unbounded, ArithmeticRefusal) as error:
@@ -94,6 +94,12 @@ def _beside_turned(part: Part, side: str, name: str, solid: Solid) -> Compared:
             return Compared((), (words,))
         flaws = found
     return Compared(flaws)
+
+
+def _choices(problem: Problem, side: str) -> Iterator[str]:
+    """What of how a part mates is the planner's choice, in words."""
+    if problem.feature(side).found:
+        yield f"the frame in which the {side} part mates is the planner's choice, as its model declares no features"
 
 
 def _differences(comparison: Comparison, side: str, name: str) -> Iterator[str]:
@@ -125,16 +131,16 @@ def _beside_given(part: Part, side: str, given: Given) -> Compared:
 
 
 def _beside_mesh(part: Part, problem: Problem, side: str, mesh: Mesh, per_metre: float) -> Compared:
-    table = problem.model(side).table.table("mesh")
-    content = read_bytes(mesh.path, table, "file", LARGEST_MESH)
+    model = problem.model(side)
+    table, key = (model.table.table("mesh"), "file") if model.given else (model.table, "model")
+    content = read_bytes(mesh.path, table, key, LARGEST_MESH)
     try:
         found = triangles(content, mesh.path.suffix.lower().removeprefix("."), per_metre)
     except NoMesh as error:
-        raise table.error("file", f"{mesh.name} {error}") from None
-    remarks: tuple[str, ...] = ()
-    if problem.feature(side).found:
-        words = f"the frame in which the {side} part mates is the planner's choice, as its model declares no features"
-        placed, remarks = seated(found, part.body), (words,)
+        raise table.error(key, f"{mesh.name} {error}") from None
+    remarks = tuple(_choices(problem, side))
+    if problem.feature(side).found and not problem.framed(side):
+        placed = seated(found, part.body)
     else:
         at = problem.frame(side)
         placed = iter([[_moved(triangle, at) for triangle in found]])

@@ -6,11 +6,12 @@ import hashlib
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from fmopt.verify.document import Found
 from fmopt.verify.problem.model import Feature, Model, load_model, overrides_of
 from fmopt.verify.problem.quantities import (
     ANGLE,
@@ -25,12 +26,16 @@ from fmopt.verify.problem.quantities import (
 )
 from fmopt.verify.problem.solids import Frame, Tree, frame, tree_of
 from fmopt.verify.problem.sources import HAND, HOLE, TILT, WORLD, Boxed, Point, Pose, Sources, total
-from fmopt.verify.problem.tables import LARGEST_MESH, ProblemError, Table, read, read_bytes, with_units
+from fmopt.verify.problem.tables import LARGEST_MESH, ProblemError, Table, read, read_bytes, spelled_out, with_units
 from fmopt.verify.rational import dot, number, vector
 
 _ZERO = (0.0, 0.0, 0.0)
 _INNER = 1e-6  # m: how far inside a peg whose length is found its axis is looked at
 _LEAST = 1e-9  # m and rad: the least start error where velocity adds none
+_LEAST_HEIGHT = 1e-3  # m: of the lowest point at the start where the errors come from sources
+# What holds where the file says nothing.
+_USUAL_DRIFT, _USUAL_TILT = 0.01, math.radians(25.0)
+_USUAL = {"speed": 0.02, "contact_force": 20.0, "torque_limit": 1.0, "friction": 0.3, "termination_force": 2.0}
 _PAIRS = ("cylindrical", "prismatic", "planar", "screw", "spherical", "revolute")
 _TURNING = ("cylindrical", "revolute")
 _SPECIFIED: tuple[tuple[str, Dimension], ...] = (
@@ -49,14 +54,18 @@ class Problem:
     The moving part is the one with the peg, also where the hole is in the hand and the operands are exchanged.
 
     Attributes:
-        table: the file.
+        table: the file, its short forms spelled out.
+        said: what stands in it.
         models: by the side that the file gives them, "moving" and "fixed".
-        names: of the features that mate, by the same.
+        names: of the features that mate, by the same, where the file names them.
+        found: how they mate where the files do not say it, by side of the plan, as the plan states it.
     """
 
     table: Table
+    said: Mapping[str, Any]
     models: Mapping[str, Model]
-    names: Mapping[str, str]
+    names: Mapping[str, str | None]
+    found: Mapping[str, Found]
 
     @cached_property
     def exchanged(self) -> bool:
@@ -71,18 +80,44 @@ class Problem:
         """The feature by which a side of the plan mates."""
         return self._feature(self._given(side))
 
+    def framed(self, side: str) -> bool:
+        """Whether the frame of a side's feature is known: from its model, or from the plan."""
+        return not self.feature(side).found or (side in self.found and self.found[side].frame is not None)
+
     def _given(self, side: str) -> str:
         other = {"moving": "fixed", "fixed": "moving"}
         return other[side] if self.exchanged else side
 
     def _feature(self, side: str) -> Feature:
-        features, name = self.models[side].features, self.names[side]
-        if not features and not self.models[side].planar:
+        """The feature by which the part of a table mates."""
+        model, name = self.models[side], self.names[side]
+        chosen = next(((own, choice) for own, choice in self.found.items() if choice.side == side), None)
+        if name is None and chosen is not None:
+            name = chosen[1].feature
+        stated = model.features.get(name or "")
+        if (stated is None or stated.found) and chosen is not None and chosen[1].frame is not None:
+            return self._framed(side, chosen, stated)
+        if not model.features and not model.planar and name is not None:
             # Found by the planner, which calls pegs "peg" and holes "hole".
             return Feature("hollow" if name.startswith("hole") else "solid", _ZERO, _ZERO, math.inf, (), found=True)
-        if name not in features:
-            raise self.table.table(side).error("feature", f"the model has no feature {self.names[side]!r}")
-        return features[self.names[side]]
+        if name is None:
+            raise self.table.table(side).error("feature", "is not stated, and the plan does not say what was found")
+        if name not in model.features:
+            raise self.table.table(side).error("feature", f"the model has no feature {name!r}")
+        return model.features[name]
+
+    def _framed(self, side: str, chosen: tuple[str, Found], stated: Feature | None) -> Feature:
+        """A feature in the frame that the plan states, where the model leaves it to be found."""
+        x, y, z, *turn = chosen[1].frame or (*_ZERO, *_ZERO)
+        kind = "solid" if chosen[0] == "moving" else "hollow"
+        if stated is None:
+            if self.models[side].features or self.models[side].planar:
+                raise self.table.table(side).error("feature", f"the model has no feature {chosen[1].feature!r}")
+            return Feature(kind, (x, y, z), tuple(turn), math.inf, (), found=True)
+        if stated.kind != kind:
+            message = "states another kind of feature than the plan"
+            raise self.models[side].table.table("features").error(chosen[1].feature, message)
+        return replace(stated, at=(x, y, z), turn=tuple(turn))
 
     @cached_property
     def planar(self) -> bool:
@@ -95,11 +130,13 @@ class Problem:
     @cached_property
     def sha256(self) -> str:
         """Digest of what the files say: their data in one canonical form, meshes byte by byte."""
-        content: dict[str, Any] = {"problem": self.table.data, "models": {}, "meshes": {}}
+        content: dict[str, Any] = {"problem": self.said, "models": {}, "meshes": {}}
         for side, model in self.models.items():
-            content["models"][side] = model.table.data
+            if model.given:
+                content["models"][side] = model.table.data
             if model.mesh is not None:
-                mesh = read_bytes(model.mesh.path, model.table.table("mesh"), "file", LARGEST_MESH)
+                table, key = (model.table.table("mesh"), "file") if model.given else (model.table, "model")
+                mesh = read_bytes(model.mesh.path, table, key, LARGEST_MESH)
                 content["meshes"][side] = hashlib.sha256(mesh).hexdigest()
         try:
             text = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
@@ -110,9 +147,9 @@ class Problem:
     @cached_property
     def depth(self) -> float | None:
         """How far the peg's leading face goes below the mouth, m; None where features that were found decide it."""
-        goal = self.table.table("goal")
+        goal = self._maybe("goal")
         deepest = min(self.feature(side).length for side in ("moving", "fixed"))
-        if goal.value("depth") in ("full", "free"):
+        if not goal.has("depth") or goal.value("depth") in ("full", "free"):
             features = [self.feature(side) for side in ("moving", "fixed")]
             return None if any(one.found or math.isinf(one.length) for one in features) else deepest
         depth = goal.number("depth", LENGTH, _LEAST)
@@ -123,14 +160,17 @@ class Problem:
     @cached_property
     def turn(self) -> float:
         """Angle of the peg about the axis of the hole at the goal, by which its mating frame is turned, rad."""
-        goal = self.table.table("goal").only("depth", "turn", "attachment")
-        if self.feature("moving").found:
+        goal = self._maybe("goal").only("depth", "turn", "attachment")
+        if not self.framed("moving"):
             return 0.0  # its frame is found, however it is turned
         stated = goal.text("attachment", _PAIRS) if goal.has("attachment") else None
         pair = stated or ("cylindrical" if self.is_round else "prismatic")
         if goal.has("turn") and goal.value("turn") != "free":
             angle = goal.number("turn", ANGLE, -6.3, 6.3)
             return -angle if self.exchanged else angle
+        chosen = next(iter(self.found.values()), None)
+        if chosen is not None and chosen.turn != 0.0 and not goal.has("turn"):
+            return chosen.turn
         if pair not in _TURNING or not (goal.has("turn") or self.is_round):
             return 0.0
         twist = self._twist
@@ -139,7 +179,7 @@ class Problem:
     @property
     def _twist(self) -> float:
         """The twist about z of the orientation in which the nominal trajectory begins, rad."""
-        turn = self.table.table("start").vector("turn", ANGLE, _ZERO)
+        turn = self._maybe("start").vector("turn", ANGLE, _ZERO)
         angle = math.hypot(*turn)
         if angle == 0.0:
             return 0.0
@@ -167,27 +207,36 @@ class Problem:
         return frame(_ZERO, (0.0, 0.0, self.turn)).after(inward) if side == "moving" and self.turn else inward
 
     @cached_property
-    def approach(self) -> float:
-        """Height of the tilted part's lowest point above the mouth at the start, m."""
-        return self.table.table("start").only("height", "at", "turn").number("height", LENGTH, 1e-9)
+    def approach(self) -> float | None:
+        """Height of the tilted part's lowest point above the mouth at the start, m; None where the planner chose it."""
+        return self._maybe("start").only("height", "at", "turn").maybe("height", LENGTH, 1e-9)
 
     @cached_property
-    def declared_clearance(self) -> tuple[float, float]:
-        """Clearance on each side along x and y, m."""
+    def declared_clearance(self) -> tuple[float, float] | None:
+        """Clearance on each side along x and y, m; None where none is declared."""
+        if not self.table.has("clearance"):
+            return None
         table = self.table.table("clearance").only("x", "y")
-        return table.number("x", LENGTH), table.maybe("y", LENGTH) or 0.0
+        x, y = table.number("x", LENGTH), table.maybe("y", LENGTH)
+        return x, (0.0 if self.planar else x) if y is None else y
 
     @cached_property
     def velocity_error(self) -> tuple[float, float]:
         """Shares of translation and of rotation."""
-        table = self.table.table("uncertainty").table("velocity").only("translation", "rotation")
-        return table.number("translation", RATIO, 0.0, 1.0), table.number("rotation", RATIO, 0.0, 1.0)
+        uncertainty = self.table.table("uncertainty")
+        if not uncertainty.has("velocity"):
+            return _USUAL_DRIFT, _USUAL_DRIFT
+        table = uncertainty.table("velocity").only("translation", "rotation")
+        across, turning = (table.maybe(name, RATIO, 0.0, 1.0) for name in ("translation", "rotation"))
+        return _USUAL_DRIFT if across is None else across, _USUAL_DRIFT if turning is None else turning
 
     @cached_property
     def specification(self) -> dict[str, float]:
         """What is given of speed, forces and friction, by name."""
-        table = self.table.table("specification").only(*(name for name, _ in (*_SPECIFIED, *_IMPACT)))
-        found = {name: table.number(name, kind, 0.0, 1e12) for name, kind in _SPECIFIED}
+        table = self._maybe("specification").only(*(name for name, _ in (*_SPECIFIED, *_IMPACT)))
+        found = {
+            name: table.number(name, kind, 0.0, 1e12) if table.has(name) else _USUAL[name] for name, kind in _SPECIFIED
+        }
         return found | {name: table.number(name, kind, 0.0, 1e12) for name, kind in _IMPACT if table.has(name)}
 
     @cached_property
@@ -198,10 +247,14 @@ class Problem:
     @cached_property
     def settings(self) -> Table:
         """The table [settings]."""
-        if not self.table.has("settings"):
-            return Table(self.table.file, "settings", {}, self.table.factors)
         known = ("method", "placement", "max_tilt", "characteristic_length", "reduce_errors", "time_limit")
-        return self.table.table("settings").only(*known)
+        return self._maybe("settings").only(*known)
+
+    def _maybe(self, key: str) -> Table:
+        """A table that may be missing, which is then empty."""
+        if self.table.has(key):
+            return self.table.table(key)
+        return replace(self.table, key=key, data={})
 
     def start_boxes(self, moving: Sequence[Point], fixed: Sequence[Point], chords: Mapping[str, float]) -> list[Boxed]:
         """What adds up to the half-widths of the start error, with the frame in which each is fixed.
@@ -235,10 +288,11 @@ class Problem:
         return [Boxed(HOLE if b.frame == HAND else HAND, b.box) for b in found] if self.exchanged else found
 
     def _stated(self, table: Table) -> Boxed:
-        table.only("frame", "x", "y", "z", "rx", "ry", "rz")
+        table.only("frame", "position", "angle", "x", "y", "z", "rx", "ry", "rz")
         frame_ = table.text("frame", (WORLD, HOLE, HAND)) if table.has("frame") else WORLD
-        lengths = [table.maybe(axis, LENGTH) for axis in ("x", "y", "z")]
-        angles = [table.maybe(axis, ANGLE, 0.0, TILT) for axis in ("rx", "ry", "rz")]
+        shift, tilt = table.maybe("position", LENGTH), table.maybe("angle", ANGLE, 0.0, TILT)
+        lengths = [table.maybe(axis, LENGTH) if table.has(axis) else shift for axis in ("x", "y", "z")]
+        angles = [table.maybe(axis, ANGLE, 0.0, TILT) if table.has(axis) else tilt for axis in ("rx", "ry", "rz")]
         for name, value, asked in zip(("x", "y", "z", "rx", "ry", "rz"), (*lengths, *angles), "101010", strict=True):
             if value is None and (asked == "1" or not self.planar):
                 raise table.error(name, "this key is missing")
@@ -247,34 +301,41 @@ class Problem:
     def _pose(self, sources: Sources, moving: Sequence[Point]) -> Pose:
         """Where the part may start at most: leaning by 1.3 times the tilts, a few errors beside the axis."""
         tilt = self.settings.maybe("max_tilt", ANGLE, 0.0, TILT)
-        lean = min(1.3 * math.sqrt(2.0) * (math.radians(12.0) if tilt is None else tilt), 0.5 * math.pi)
+        lean = min(1.3 * math.sqrt(2.0) * (_USUAL_TILT if tilt is None else tilt), 0.5 * math.pi)
         radius = max((math.hypot(x, y) for x, y, z in moving if abs(z) <= 1e-9), default=0.0)
-        height = self.approach + radius * math.sin(lean)
+        height = (_LEAST_HEIGHT if self.approach is None else self.approach) + radius * math.sin(lean)
         upright = total(sources.boxes(Pose(height, 0.0, lean)))
         swing = radius * math.hypot(*upright[3:])
         return Pose(height, 7.0 * upright[0] + 3.0 * swing + radius * (1.0 - math.cos(lean)), lean)
 
 
-def load_problem(path: Path, data: Mapping[str, Any] | None = None) -> Problem:
+def load_problem(
+    path: Path, data: Mapping[str, Any] | None = None, found: Mapping[str, Found] | None = None
+) -> Problem:
     """The problem of a file, or of the data that is given in its place.
+
+    Args:
+        path: the problem file.
+        data: what it holds, where that is something else by now.
+        found: how parts mate where the files do not say it, by side of the plan.
 
     Raises:
         ProblemError: the file or one of its models cannot be read.
     """
     known = ("title", "units", "moving", "fixed", "goal", "clearance", "start", "grasp", "uncertainty")
     whole = read(path, None, "") if data is None else with_units(path, data)
-    table = whole.only(*known, "specification", "settings")
+    table = spelled_out(whole).only(*known, "specification", "settings")
     models, names = {}, {}
     for side in ("moving", "fixed"):
-        operand = table.table(side).only("model", "feature", "parameters")
+        operand = table.table(side).only("model", "unit", "body", "feature", "parameters")
         models[side] = load_model(operand, overrides_of(operand))
-        names[side] = operand.text("feature")
-    found = Problem(table, models, names)
-    if not any(found.feature(side).found for side in models):
-        kinds = {found.feature(side).kind for side in ("moving", "fixed")}
+        names[side] = operand.text("feature") if operand.has("feature") else None
+    problem = Problem(table, whole.data, models, names, found or {})
+    if not any(problem.feature(side).found for side in models):
+        kinds = {problem.feature(side).kind for side in ("moving", "fixed")}
         if len(kinds) == 1:
             raise table.table("moving").error("feature", f"both features are {kinds.pop()}")
-    return found
+    return problem
 
 
 def _convex(solid: Any) -> Iterator[tuple[str, bool]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import stat
 import sys
 import tomllib
@@ -28,6 +29,7 @@ from fmopt.verify.problem.quantities import (
     scaled,
 )
 
+_SPLIT = re.compile(r"[,;]|\band\b")
 LARGEST_FILE, LARGEST_MESH, DEEPEST = 1_000_000, 100_000_000, 24
 STDIN = Path("-")
 FAR, TURN = 1e3, 2.0 * math.pi  # m, rad
@@ -39,6 +41,9 @@ _UNITS: Mapping[str, tuple[Dimension, tuple[str, ...]]] = {
     "torque": (TORQUE, ("N*m", "N*mm")),
     "time": (TIME, ("s", "ms", "min")),
 }
+
+
+_DIMENSIONS = frozenset(kind for kind, _ in _UNITS.values())
 
 
 class ProblemError(ValueError):
@@ -62,7 +67,7 @@ class Table:
         file: the file.
         key: its key, empty for the file as a whole.
         data: what it holds.
-        factors: to SI, of plain numbers.
+        factors: to SI, of plain numbers; a dimension that it lacks takes no plain number but 0.
         names: parameters that its expressions may name; None where there are no expressions.
     """
 
@@ -197,6 +202,8 @@ class Table:
                 return evaluate(raw, self.names)
             if isinstance(raw, bool) or not isinstance(raw, int | float):
                 raise self.error(key, "must be a number")
+            if raw and kind in _DIMENSIONS and kind not in self.factors:
+                raise self.error(key, "is a number without a unit")
             return Quantity(scaled(float(raw), self.factors.get(kind, Fraction(1))), kind)
         except OverflowError:
             raise self.error(key, "is not finite") from None
@@ -229,7 +236,7 @@ def read(path: Path, cited: Table | None, key: str) -> Table:
     """The TOML file at a path, named by `key` of the table `cited`; plain numbers have the units it says.
 
     Raises:
-        ProblemError: no such file, too large, no TOML, or without units.
+        ProblemError: no such file, too large, or no TOML.
     """
     content = read_bytes(path, cited, key, LARGEST_FILE)
     try:
@@ -243,17 +250,17 @@ def with_units(path: Path, data: Mapping[str, Any]) -> Table:
     """The table of a file's data, whose plain numbers have the units that it says.
 
     Raises:
-        ProblemError: it is nested too deeply, or has no units.
+        ProblemError: it is nested too deeply, or its units are none.
     """
     if any(depth >= DEEPEST for depth in _depths(data)):
         raise ProblemError(str(path), "", f"tables and arrays are nested more than {DEEPEST} deep")
     bare = Table(path, "", data, {})
+    if not bare.has("units"):
+        return bare
     units, factors = bare.table("units"), {}
     for name, (kind, known) in _UNITS.items():
-        chosen = units.text(name, known) if units.has(name) else known[0]
-        if not units.has(name) and name in ("length", "angle"):
-            raise units.error(name, "this key is missing")
-        factors[kind] = _factor(chosen)
+        if units.has(name) or name not in ("length", "angle"):
+            factors[kind] = _factor(units.text(name, known) if units.has(name) else known[0])
     return replace(bare, factors=factors)
 
 
@@ -301,3 +308,29 @@ def read_bytes(path: Path, cited: Table | None, key: str, most: int) -> bytes:
     if cited is None:
         raise ProblemError(str(path), "", message)
     raise cited.error(key, f"{path!s} {message}")
+
+
+def spelled_out(whole: Table) -> Table:
+    """A problem file with its short forms as tables: a model by its name alone, a start error as text.
+
+    Raises:
+        ProblemError: the text is not a distance and an angle.
+    """
+    data = dict(whole.data)
+    data.update({side: {"model": data[side]} for side in ("moving", "fixed") if isinstance(data.get(side), str)})
+    errors = data.get("uncertainty")
+    if isinstance(errors, dict) and isinstance(errors.get("start"), str):
+        table = whole.table("uncertainty")
+        parts = [
+            part.strip().removeprefix("±").removeprefix("+-").removeprefix("+/-")
+            for part in _SPLIT.split(errors["start"])
+        ]
+        kinds = [table.quantity("start", part.strip()).dimension for part in parts if part]
+        if sorted(map(str, kinds)) != sorted(map(str, (LENGTH, ANGLE))):
+            raise table.error("start", "must be a distance and an angle")
+        position, angle = (
+            next(part for part, kind in zip(filter(None, parts), kinds, strict=True) if kind == wanted)
+            for wanted in (LENGTH, ANGLE)
+        )
+        data["uncertainty"] = {**errors, "start": {"position": position.strip(), "angle": angle.strip()}}
+    return replace(whole, data=data)

@@ -1,0 +1,172 @@
+"""What is asked for without a problem file: two parts, or an assembly, and a start error."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from fmopt.cli.entry import say
+from fmopt.desk.asking import Asked, of_assembly
+from fmopt.desk.parts import is_part
+from fmopt.errors import Fault, InputError
+from fmopt.plan import STDIO
+from fmopt.task.mesh_source import STEP
+
+if TYPE_CHECKING:
+    from fmopt.task.problem import Problem
+
+PROBLEM = "problem.toml"
+_EXAMPLE = 'fmopt solve peg.step plate.step --error "1 mm, 1 deg"'
+_WARNING = "warning: "
+
+Options = tuple[str | None, str | None, str | None, str | None]
+
+
+def stem_of(files: Sequence[Path]) -> str:
+    """What results are called after."""
+    return "stdin" if files[0] == STDIO else "_".join(file.stem for file in files)
+
+
+def asked_problem(files: Sequence[Path], options: Options) -> Asked | None:
+    """The question that files and options ask; None for a problem file.
+
+    Args:
+        files: a problem file; two parts; or an assembly.
+        options: --error, --unit, --moving and --fixed.
+
+    Raises:
+        InputError: they do not go together; with an example of what does.
+    """
+    error, unit, moving, fixed = options
+    if len(files) > 2:
+        raise _wrong(
+            files[2], "too-many", f"{len(files)} files are named", f"name a problem file, or two parts: {_EXAMPLE}"
+        )
+    parts = [is_part(file) for file in files]
+    if len(files) == 1 and not parts[0]:
+        for option, value in (("--error", error), ("--unit", unit), ("--moving", moving), ("--fixed", fixed)):
+            if value is not None:
+                message = f"{option} is for parts without a problem file, and this is one"
+                raise _wrong(files[0], "conflict", message, f"leave {option} out and state it in the file")
+        return None
+    if not all(parts):
+        other = files[parts.index(False)]
+        message = "this is no part but a problem or an assembly file"
+        raise _wrong(other, "file-kind", message, f"name it alone, or two parts: {_EXAMPLE}")
+    if len(files) == 2 and files[0].absolute() == files[1].absolute():
+        raise _wrong(
+            files[0],
+            "same-part",
+            "this part is named twice",
+            f"name the part that moves and the one that stays: {_EXAMPLE}",
+        )
+    single = len(files) == 1
+    if single and files[0].suffix.lower() not in STEP:
+        message = "this is one part, and an insertion takes two"
+        raise _wrong(files[0], "one-part", message, f"name the other one, too: {_EXAMPLE}")
+    if error is None:
+        message = "how far off the part may start is not stated, and nobody but you can know it"
+        raise _wrong(files[0], "missing-error", message, f'add --error "1 mm, 1 deg": {_EXAMPLE}')
+    if single:
+        return of_assembly(files[0], error, moving, fixed)
+    return Asked((files[0], files[1]), error, (unit, unit), (moving, fixed))
+
+
+def problem_in(folder: Path, files: Sequence[Path], options: Options, quiet: bool) -> Problem:
+    """The problem that files and options ask for, its file written into the folder of the results.
+
+    Raises:
+        InputError: as of `asked_problem`, or something is at fault with the parts.
+        ResourceError: it cannot be written.
+    """
+    from fmopt import output
+    from fmopt.task.problem import load
+
+    asked = asked_problem(files, options)
+    if asked is None:
+        return load(files[0])
+    output.prepare(folder)
+    problem = asked.written(folder / PROBLEM)
+    if not quiet:
+        told(problem)
+    return problem
+
+
+def refuse_problem(file: Path) -> InputError:
+    """The error of a problem file where parts are asked for."""
+    return _wrong(file, "file-kind", "this is a problem file already", f"check it with fmopt check {file}")
+
+
+def _wrong(file: Path, code: str, message: str, advice: str) -> InputError:
+    return InputError(Fault(str(file), 1, 1, "", code, message, advice))
+
+
+def told(problem: Problem) -> None:
+    """Says what a user has to know of how the parts were taken, on standard error."""
+    for part in (problem.moving, problem.fixed):
+        for note in part.notes:
+            if note.startswith(_WARNING):
+                say(note, err=True)
+
+
+def written(asked: Asked, target: Path, stated: bool) -> list[Path]:
+    """Writes the problem file of a question with what is found as comments, and the drawing beside it.
+
+    Args:
+        asked: the question.
+        target: the problem file.
+        stated: whether the start error is the user's own.
+
+    Raises:
+        InputError: something is at fault, or the file is there already.
+    """
+    from fmopt import output
+    from fmopt.desk.found import commented
+    from fmopt.pipeline import tried
+
+    if target.exists():
+        raise _wrong(target, "file-there", "this file is there already", "name another one with --out, or remove it")
+    problem = asked.written(target)
+    try:
+        clearance = tried(problem)
+    except BaseException:
+        target.unlink()
+        raise
+    output.save(commented(asked, target.parent, problem, clearance, stated).encode(), target)
+    told(problem)
+    return [target, draw_found(problem, target.with_suffix(".svg"))]
+
+
+def draw_found(problem: Problem, target: Path) -> Path:
+    """Draws what was taken for what on both parts of a problem."""
+    from fmopt.desk.found import drawing_of
+
+    return drawing_of((problem.moving, problem.fixed)).save(target)
+
+
+def check_part(file: Path, unit: str | None, out: Path | None, form: tuple[bool, bool]) -> None:
+    """Says what is found on one part, and draws it where that is asked for.
+
+    Args:
+        file: of the part.
+        unit: of the numbers of a mesh.
+        out: file of the drawing.
+        form: whether as JSON, and whether to say nothing.
+    """
+    from fmopt.desk.found import drawing_of
+    from fmopt.desk.parts import load_part, part_facts, part_words
+
+    parts = load_part(file, unit)
+    drawn = [] if out is None else [drawing_of(parts).save(out)]
+    as_json, quiet = form
+    if as_json:
+        told_ = {"valid": True, "parts": [part_facts(part) for part in parts]}
+        typer.echo(json.dumps({**told_, "written": [str(path) for path in drawn]}))
+    elif not quiet:
+        lines = [line for part in parts for line in part_words(part)]
+        hint = f"drawn by: fmopt check {file} --out {file.stem}.svg" if out is None else f"wrote {out}"
+        say("\n".join([str(file), *lines, hint]))

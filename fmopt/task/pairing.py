@@ -1,0 +1,235 @@
+"""Which features of two parts mate and how they are turned, where the files do not say it: the pair that fits best."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from fmopt.errors import GeometryError, InputError
+from fmopt.task.toml_source import Source
+
+if TYPE_CHECKING:
+    from fmopt.geometry.fit import Fit
+    from fmopt.geometry.part import Part
+    from fmopt.se3 import Pose
+    from fmopt.task.model import Model
+    from fmopt.task.problem_file import ProblemFile
+
+Side = Literal["moving", "fixed"]
+SIDES: tuple[Side, Side] = ("moving", "fixed")
+_ALIKE = 1e-6  # m: pairs whose clearances differ by less fit alike
+_MOST = 256  # pairs that are tried
+
+
+@dataclass(frozen=True)
+class Mated:
+    """How a part mates, as far as that was found.
+
+    Args:
+        side: of the part in the problem file.
+        feature: name of the feature.
+        frame: of the feature in the model's frame (x, y, z and rotation vector), m and rad; None where the model states
+            it.
+        turn: angle of the peg about the axis of the hole at the goal, rad.
+    """
+
+    side: Side
+    feature: str
+    frame: tuple[float, ...] | None
+    turn: float
+
+    def record(self) -> dict[str, Any]:
+        """As a plan holds it."""
+        known = {"side": self.side, "feature": self.feature, "turn": self.turn}
+        return known if self.frame is None else {**known, "frame": list(self.frame)}
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """Two features that could mate, how they fit, and how deep the goal is, m, where a file has the parts seated."""
+
+    names: Mapping[Side, str]
+    fit: Fit
+    depth: float | None = None
+
+
+def paired(
+    source: Source, file: ProblemFile, models: Mapping[str, Model], parts: Mapping[str, Part]
+) -> tuple[ProblemFile, Mapping[str, Mated]]:
+    """The problem file with features and turn as they were found where it does not state them, and what was found.
+
+    Args:
+        source: the problem file.
+        file: its tables.
+        models: by side.
+        parts: by side, in the frames of their models.
+
+    Raises:
+        InputError: no two features can mate, or several pairs fit alike.
+    """
+    stated: dict[Side, str | None] = {side: _operand(file, side).feature for side in SIDES}
+    missing = [side for side in SIDES if stated[side] is not None and stated[side] not in models[side].file.features]
+    if missing:
+        return file, {}
+    turning = "turn" not in file.goal.model_fields_set and is_found(models, stated)
+    pairs = list(_pairs(source, file, parts, stated, turning))
+    if not pairs:
+        return file, {}
+    seated = _seated(file, models)
+    best = _best(source, pairs) if seated is None else _in_place(source, pairs, parts, seated)
+    exchanged = parts["moving"].feature(best.names["moving"]).kind == "hollow"
+    if file.clearance is None:
+        _require_near(source, best, parts, exchanged)
+    turn = best.fit.turn
+    operands: dict[str, Any] = {
+        side: _operand(file, side).model_copy(update={"feature": best.names[side]}) for side in SIDES
+    }
+    update = {"turn": -turn if exchanged else turn} if turn else {}
+    if best.depth is not None and "depth" not in file.goal.model_fields_set:
+        update["depth"] = best.depth
+    goal = file.goal.model_copy(update=update) if update else file.goal
+    found: dict[str, Mated] = {
+        side: Mated(side, best.names[side], _frame(models[side], best.names[side]), turn)
+        for side in SIDES
+        if stated[side] is None or models[side].is_found(best.names[side])
+    }
+    return file.model_copy(update={**operands, "goal": goal}), found
+
+
+def is_found(models: Mapping[str, Model], names: Mapping[Side, str | None]) -> bool:
+    """Whether any feature of these names, all where none is named, was found on its part."""
+    return any(
+        model.is_found(name)
+        for side in SIDES
+        for model in (models[side],)
+        for name in model.file.features
+        if names[side] in (None, name)
+    )
+
+
+def _frame(model: Model, name: str) -> tuple[float, ...] | None:
+    table = model.file.features[name]
+    return (*(table.at or (0.0, 0.0, 0.0)), *table.turn) if model.is_found(name) else None
+
+
+def _operand(file: ProblemFile, side: Side) -> Any:
+    return file.moving if side == "moving" else file.fixed
+
+
+def _pairs(
+    source: Source, file: ProblemFile, parts: Mapping[str, Part], stated: Mapping[Side, str | None], turning: bool
+) -> Iterator[_Pair]:
+    """The pairs of a solid and a hollow feature among those that are stated, or of all.
+
+    Raises:
+        InputError: there is none.
+    """
+    from fmopt.geometry.fit import best_fit
+    from fmopt.geometry.part import rebased
+
+    own, others = ([one for one in parts[side].features if stated[side] in (None, one.name)] for side in SIDES)
+    kinds = [(a, b) for a in own for b in others if a.kind != b.kind]
+    if not kinds:
+        if all(stated.values()):
+            return  # two of one kind are stated, which is told elsewhere
+        raise _no_pair(source, parts)
+    if len(kinds) > _MOST:
+        message = f"there are {len(kinds)} pairs of a peg and a hole"
+        place = source.place(("moving",), of_key=True)
+        raise InputError(place.fault("ambiguous", message, "name the features that mate: feature = under [moving]"))
+    for a, b in kinds:
+        mating = {"moving": rebased(parts["moving"], a.frame), "fixed": rebased(parts["fixed"], b.frame)}
+        peg, hole = ("fixed", "moving") if a.kind == "hollow" else ("moving", "fixed")
+        depth = file.goal.depth or min(a.length, b.length)
+        depth = min(depth, a.length, b.length)
+        yield _Pair({"moving": a.name, "fixed": b.name}, best_fit(mating[peg], mating[hole], depth, turning))
+
+
+def _no_pair(source: Source, parts: Mapping[str, Part]) -> InputError:
+    listed = "; ".join(
+        f"{part.name}: {', '.join(f'{one.name} ({one.kind})' for one in part.features) or 'none'}"
+        for part in (parts[side] for side in SIDES)
+    )
+    message = f"no peg of one part and hole of the other were found ({listed})"
+    advice = "check that the files are those of a peg and of a part with a hole for it; fmopt check FILE draws a part"
+    return InputError(source.place(("fixed",), of_key=True).fault("no-pair", message, advice))
+
+
+def _best(source: Source, pairs: list[_Pair]) -> _Pair:
+    """The tightest pair with room; where none has any, the one that overlaps the least.
+
+    Raises:
+        InputError: two of them fit alike.
+    """
+    roomy = sorted((pair for pair in pairs if pair.fit.gap > 0.0), key=lambda pair: pair.fit.gap)
+    if not roomy:
+        return max(pairs, key=lambda pair: pair.fit.gap)
+    alike = [pair for pair in roomy if pair.fit.gap - roomy[0].fit.gap <= _ALIKE]
+    for side in SIDES:
+        names = list(dict.fromkeys(pair.names[side] for pair in alike))
+        if len(names) > 1:
+            message = f"{' and '.join(repr(name) for name in names)} of the {side} part fit alike"
+            advice = f'say which: feature = "{names[0]}" under [{side}]'
+            raise InputError(source.place((side,), of_key=True).fault("ambiguous", message, advice))
+    return roomy[0]
+
+
+def _seated(file: ProblemFile, models: Mapping[str, Model]) -> Pose | None:
+    """The pose of the moving part's frame in that of the fixed one, where both are bodies of one STEP file."""
+    from fmopt.geometry.step import bodies
+    from fmopt.geometry.step_file import chosen
+
+    paths = {model.source.path for model in models.values()}
+    which = [_operand(file, side).body for side in SIDES]
+    if len(paths) > 1 or any(model.given for model in models.values()) or None in which:
+        return None
+    found = bodies(paths.pop())
+    moving, fixed = (found[chosen([body.name for body in found], str(name))] for name in which)
+    return fixed.pose.inverse().compose(moving.pose)
+
+
+def _in_place(source: Source, pairs: list[_Pair], parts: Mapping[str, Part], seated: Pose) -> _Pair:
+    """The pair that the file has on one axis, in each other, with the depth and the turn that it has.
+
+    Raises:
+        InputError: there is none.
+    """
+    from fmopt.geometry.fit import turned_to
+
+    placed, aside = list[_Pair](), list[tuple[float, _Pair]]()
+    for pair in pairs:
+        frames = {side: parts[side].feature(pair.names[side]).frame for side in SIDES}
+        pose = frames["fixed"].inverse().compose(seated.compose(frames["moving"]))
+        exchanged = parts["moving"].feature(pair.names["moving"]).kind == "hollow"
+        at = pose.inverse() if exchanged else pose
+        off, lean, depth = float(np.hypot(*at.p[:2])), float(at.R[2, 2]), -float(at.p[2])
+        room = max(_ALIKE, pair.fit.gap)
+        if lean > 1.0 - 1e-9 and off <= room and depth > _ALIKE:
+            turn = turned_to(float(np.arctan2(at.R[1, 0], at.R[0, 0])))
+            full = min(parts[side].feature(pair.names[side]).length for side in SIDES)
+            stated = depth if depth < full - _ALIKE else None
+            placed.append(replace(pair, depth=stated, fit=replace(pair.fit, turn=turn)))
+        aside.append((off, pair))
+    if placed:
+        return _best(source, placed)
+    off, pair = min(aside, key=lambda one: one[0])
+    message = (
+        f"in the file {pair.names['moving']!r} of {parts['moving'].name!r} does not stand in "
+        f"{pair.names['fixed']!r} of {parts['fixed'].name!r}: {1e3 * off:.4g} mm beside its axis, leaning or outside"
+    )
+    advice = "export the assembly with the parts seated; or export each part on its own and name both files"
+    raise InputError(source.place(("moving",), of_key=True).fault("not-seated", message, advice))
+
+
+def _require_near(source: Source, best: _Pair, parts: Mapping[str, Part], exchanged: bool) -> None:
+    from fmopt.geometry.fit import require_near
+
+    peg, hole = (parts[side].name for side in (SIDES[::-1] if exchanged else SIDES))
+    try:
+        require_near(best.fit, peg, hole)
+    except GeometryError as error:
+        place = source.place(("fixed",), of_key=True)
+        raise InputError(place.fault("implausible-fit", error.message, error.advice)) from error
