@@ -273,8 +273,10 @@ class Meeting(Value):
     def of(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> Meeting:
         """The meeting of a primitive contact of two parts at a pose."""
         arms = moving.vertices[list(contact.moving)] @ pose.R.T
+        if contact.kind is Kind.BALL_FACE:
+            arms = (contact_point(contact, moving, fixed, pose) - pose.p)[None]
         match contact.kind:
-            case Kind.VERTEX_FACE:
+            case Kind.VERTEX_FACE | Kind.BALL_FACE:
                 leverage = 0.0
             case Kind.FACE_VERTEX:
                 leverage = 1.0

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +25,7 @@ from fmopt.geometry.facets import place
 from fmopt.geometry.mating import Feature, found_features, in_frame
 from fmopt.geometry.mesh import Imported, come_apart
 from fmopt.geometry.pieces import pieces, polyhedron
-from fmopt.geometry.polyhedron import Polyhedron, placed, rounded, scaled, with_vertices
+from fmopt.geometry.polyhedron import Polyhedron, from_faces, placed, rounded, scaled, with_vertices
 from fmopt.se3 import Pose
 from fmopt.values import Array, Value, frozen
 
@@ -32,12 +33,14 @@ _MESH_VOLUME = 1e-4  # of the volume
 _FAR_END = 0.05  # of a feature's length: gaps no further from its far end than this are at its far rim
 
 _DRAWN_IN = 0.25
+_SAME_PLACE = 1e-9  # m
 
 
 @dataclass(frozen=True, eq=False)
 class Part(Value):
     """A part: its boundary, the convex pieces whose union it is, its features, and the sagitta of its curves in m.
 
+    Balls beside the boundary are parts of it; `pieces` are what is bounded by faces, `bodies` all that it is made of.
     `notes` say what a user should know of an imported mesh, one statement each.
     """
 
@@ -47,6 +50,17 @@ class Part(Value):
     features: tuple[Feature, ...]
     chord_error: float
     notes: tuple[str, ...] = ()
+
+    @cached_property
+    def balls(self) -> tuple[Polyhedron, ...]:
+        """The balls of the part, each as a body without faces."""
+        whole = self.polyhedron
+        return tuple(from_faces(whole.vertices[[n]], (), balls=((0, radius),)) for n, radius in whole.balls)
+
+    @property
+    def bodies(self) -> tuple[Polyhedron, ...]:
+        """The convex bodies whose union the part is: its pieces, then its balls."""
+        return (*self.pieces, *self.balls)
 
     def feature(self, name: str) -> Feature:
         """The feature of that name.
@@ -68,6 +82,28 @@ def part_of(name: str, solid: Solid, features: Sequence[Feature] = ()) -> Part:
         GeometryError: the solid is empty or has edges of no thickness.
     """
     return Part(name, polyhedron(solid), pieces(solid), tuple(features), sagitta(solid))
+
+
+def with_balls(part: Part, balls: Sequence[tuple[ArrayLike, float]]) -> Part:
+    """A part with exact balls besides, whose centres are the last vertices of its boundary.
+
+    Args:
+        part: the part, in the frame of the centres.
+        balls: centre (3,) and radius of each, m.
+
+    Raises:
+        GeometryError: a radius is not positive, or two balls, or a ball and a corner, are in one place.
+    """
+    body = part.polyhedron
+    centres = np.array([centre for centre, _ in balls], dtype=np.float64).reshape(-1, 3)
+    points = np.vstack([body.vertices, centres])
+    for n, (_, radius) in enumerate(balls, len(body.vertices)):
+        if not radius > 0.0:
+            raise GeometryError(f"a ball at {place(points[n])} has a radius of {radius:.3g} m", "give it a positive one")
+        if (np.linalg.norm(points[:n] - points[n], axis=1) <= _SAME_PLACE).any():
+            raise GeometryError(f"a ball at {place(points[n])} is where a corner or another ball is", "move it a little")
+    rounds = tuple((len(body.vertices) + n, float(radius)) for n, (_, radius) in enumerate(balls))
+    return replace(part, polyhedron=Polyhedron(points, body.faces, body.edges, rounds))
 
 
 def mesh_part(

@@ -72,7 +72,7 @@ def _fans(facing: Facing, places: tuple[int, ...]) -> Fans:
 def _candidates(assembly: Assembly, pair: Pair) -> tuple[Witness, ...]:
     """Planes of faces, and those along the two edges of the pair's edge–edge contacts."""
     own = [Witness("moving-face", face.loops[0], ()) for face in pair.moving.faces]
-    if not pair.touched:
+    if own and not pair.touched:
         return tuple(own)
     faces = [Witness("fixed-face", (), face.loops[0]) for face in pair.fixed.faces]
     return (*faces, *own, *_contact_edges(assembly, pair))
@@ -128,18 +128,21 @@ class FreePlanes:
 class Fans:
     """The planes through all edges of some fixed pieces against one moving piece with vertices `body` (v, 3).
 
+    A ball has its centre for a vertex, and is a radius (m) nearer.
+
     What the errors cost a plane depends on its normal alone, and pieces share many.
     """
 
     body: Array
     edges: Edges
+    radius: float = 0.0
 
     def best(self, course: Course) -> FreePlanes:
         """For each fixed piece the plane with the largest certified margin over pieces of motion."""
         p, R, columns, cuts, twist, half, coupling = course.motion
         motion = p, R, columns, cuts, twist, half, coupling
         normals, offsets, margins, clearances = best(self.edges, self.body, motion)
-        return FreePlanes(normals, offsets, margins - BEHIND, clearances - BEHIND)
+        return FreePlanes(normals, offsets, margins - self.radius - BEHIND, clearances - self.radius - BEHIND)
 
 
 @remembered(_FANS)
@@ -159,4 +162,4 @@ def fans(moving: Polyhedron, pieces: tuple[Polyhedron, ...]) -> Fans:
     normals = np.frombuffer(b"".join(numbers)).reshape(-1, 3).copy()
     cuts = np.cumsum([0, *(len(faces) for faces in sides)])
     edges = Edges(arcs, cuts, normals, which.reshape(fan.shape[:2]), offsets, corners)
-    return Fans(np.array(moving.vertices), edges)
+    return Fans(np.array(moving.vertices), edges, float(moving.radii.max()))
