@@ -47,7 +47,7 @@ def penetration(body: Polyhedron, other: Polyhedron) -> float:
     """
     faces = np.vstack([body.normals, -other.normals])
     if body.balls:
-        return _overlaps(body, other, np.vstack([faces, *(_towards(other, centre) for centre in body.vertices)]))
+        return _overlaps(body, other, np.vstack([faces, *(towards(other, centre) for centre in body.vertices)]))
     shallow = _overlaps(body, other, faces)
     if shallow <= _TOUCH:
         return shallow
@@ -63,7 +63,7 @@ def _overlaps(body: Polyhedron, other: Polyhedron, axes: Array) -> float:
     return float(np.min(np.max(reach, axis=1) - np.min(axes @ other.vertices.T, axis=1)))
 
 
-def _towards(body: Polyhedron, centre: Array) -> Array:
+def towards(body: Polyhedron, centre: Array) -> Array:
     """Unit directions (k, 3) from a ball's centre to the nearest points of the edges of a polyhedron."""
     start, end = body.vertices[np.array([edge.vertices for edge in body.edges]).T]
     along = end - start

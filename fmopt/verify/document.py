@@ -18,12 +18,14 @@ __all__ = ["FORMAT", "NOT_COVERED", "Numbers", "PlanError"]
 class Body:
     """A polyhedron as the plan states it: vertices and faces, each a tuple of vertex loops.
 
-    `exact` has the vertices whose coordinates are no floats, each as integers (x, y, z, w) for (x, y, z)/w.
+    `exact` has the vertices whose coordinates are no floats, each as integers (x, y, z, w) for (x, y, z)/w. `balls` are
+    (vertex, radius in m): the vertex, of no face, is the centre of a ball of the body.
     """
 
     vertices: tuple[Numbers, ...]
     faces: tuple[tuple[tuple[int, ...], ...], ...]
     exact: Mapping[int, tuple[int, int, int, int]] = field(default_factory=dict)
+    balls: tuple[tuple[int, float], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,16 @@ class Part:
     name: str
     declared_clearance: tuple[float, float]
     measured_clearance: float
+
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """What the part is the union of: its pieces, then its balls, each a body with its centre for a vertex."""
+        own = self.body
+        balls = (
+            Body((own.vertices[n],), (), {0: own.exact[n]} if n in own.exact else {}, ((0, radius),))
+            for n, radius in own.balls
+        )
+        return (*self.pieces, *balls)
 
 
 @dataclass(frozen=True)

@@ -49,6 +49,10 @@ def unit_wrench(touch: Touch, X: Pose) -> Contact:
         across = cross(other, m)
         s = dot(across, _sub(q, a)) / dot(across, own)
         point = tuple(x + s * y for x, y in zip(a, own, strict=True))
+    elif touch.kind == "ball-face" and touch.plane is not None:
+        normal = doubles(touch.plane.normal)
+        radius = number(touch.plane.offset - touch.faces[0].offset)
+        point = tuple(x - radius * n for x, n in zip(_placed(touch.moving[0], X), normal, strict=True))
     elif touch.kind == "vertex-face" and touch.plane is not None:
         normal, point = doubles(touch.plane.normal), _placed(touch.moving[0], X)
     else:
@@ -61,7 +65,7 @@ def unit_wrench(touch: Touch, X: Pose) -> Contact:
 
 def touching(assembly: Assembly, touch: Touch, X: Pose) -> float:
     """How far the touching point lies inside both features (m), negative outside; for level edges minus 1 m."""
-    if touch.kind == "vertex-face":
+    if touch.kind in ("vertex-face", "ball-face"):
         return _inside(assembly.fixed, touch.face, _placed(touch.moving[0], X))
     if touch.kind == "face-vertex":
         away = _sub(doubles(touch.fixed[0]), X.in_doubles[0])

@@ -285,6 +285,8 @@ def _met(touch: Touch, arrival: Arrival) -> float:
     """The greatest normal speed at which a contact can be met, for the unit twist V."""
     goal, V, theta, error, rho = arrival
     arms = [doubles(goal.turned(v)) for v in touch.moving]
+    if touch.kind == "ball-face":
+        arms = [unit_wrench(touch, goal).arm]
     normal, turn = _normal(touch, goal, arms, theta)
     v, w = V[:3], V[3:]
     found = 0.0
@@ -300,7 +302,7 @@ def _met(touch: Touch, arrival: Arrival) -> float:
 
 def _normal(touch: Touch, goal: Pose, arms: Sequence[Numbers], theta: float) -> tuple[Numbers, float]:
     """The unit normal of a contact, and by what angle errors may turn it."""
-    if touch.kind == "vertex-face" and touch.plane is not None:
+    if touch.kind in ("vertex-face", "ball-face") and touch.plane is not None:
         return doubles(touch.plane.normal), 0.0
     if touch.kind == "face-vertex" and touch.plane is not None:
         return doubles(goal.turned(touch.plane.normal)), math.asin(min(theta, 1.0))
