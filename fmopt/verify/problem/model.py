@@ -66,7 +66,10 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Model:
-    """A model with its parameters bound: solids, or a mesh; `planar` for a profile."""
+    """A model with its parameters bound: solids, or a mesh; `planar` for a profile.
+
+    `balls` are the exact balls beside the solids, by centre and radius, m.
+    """
 
     table: Table
     name: str
@@ -74,6 +77,7 @@ class Model:
     mesh: Mesh | None
     planar: bool
     features: Mapping[str, Feature]
+    balls: tuple[tuple[tuple[float, ...], float], ...] = ()
 
 
 def load_model(operand: Table, overrides: Mapping[str, Quantity]) -> Model:
@@ -84,7 +88,7 @@ def load_model(operand: Table, overrides: Mapping[str, Quantity]) -> Model:
     """
     path = Path(normpath(operand.file.parent / operand.text("model")))
     file = read(path, operand, "model").only(
-        *("name", "description", "units", "parameters", "part", "solids", "mesh", "profile", "features")
+        *("name", "description", "units", "parameters", "part", "solids", "balls", "mesh", "profile", "features")
     )
     cited = operand.table("parameters") if operand.has("parameters") else operand
     file = parameters(file, overrides, cited)
@@ -99,7 +103,18 @@ def load_model(operand: Table, overrides: Mapping[str, Quantity]) -> Model:
         solid = _profile(file.table("profile").only("polygons"), file.text("name"), features)
     else:
         mesh = _mesh(file.table("mesh").only("file", "unit", "deviation"))
-    return Model(file, file.text("name"), solid, mesh, given == ["profile"], features)
+    balls = _balls(file.table("balls")) if file.has("balls") else ()
+    if balls and (given != ["solids"] or any(feature.kind == "hollow" for feature in features.values())):
+        raise file.error("balls", "are for parts of solids that go in")
+    return Model(file, file.text("name"), solid, mesh, given == ["profile"], features, balls)
+
+
+def _balls(tables: Table) -> tuple[tuple[tuple[float, ...], float], ...]:
+    found = []
+    for name in tables.data:
+        table = tables.table(name).only("at", "radius")
+        found.append((table.vector("at"), table.number("radius", LENGTH, 1e-9)))
+    return tuple(found)
 
 
 def _features(file: Table) -> dict[str, Feature]:
