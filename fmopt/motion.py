@@ -16,7 +16,15 @@ from fmopt.control.strategy import least_firm, least_steady, runs_against
 from fmopt.errors import FmoptError, InfeasibleError, SearchError
 from fmopt.geometry.clearance import Clearance
 from fmopt.placement.attitude import Image, images
-from fmopt.placement.entry import Entry, Shape, hovering_entries, planar_entries, start_spread, straight_entry, tilted_entry
+from fmopt.placement.entry import (
+    Entry,
+    Shape,
+    hovering_entries,
+    planar_entries,
+    start_spread,
+    straight_entry,
+    tilted_entry,
+)
 from fmopt.placement.growth import COARSE, grown
 from fmopt.placement.motion import Move, Reached, claims_of_moves
 from fmopt.placement.polish import Method, Turns, polish

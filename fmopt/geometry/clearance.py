@@ -17,11 +17,10 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from fmopt.errors import GeometryError, InterferenceError
-from fmopt.geometry.csg import Sphere, corners
 from fmopt.geometry.facets import place
 from fmopt.geometry.part import Part
-from fmopt.geometry.pieces import union_manifold
-from fmopt.geometry.polyhedron import Polyhedron, convex_hull_polyhedron, diameter, placed, plane_basis
+from fmopt.geometry.pieces import faceted, union_manifold
+from fmopt.geometry.polyhedron import Polyhedron, diameter, placed, plane_basis
 from fmopt.geometry.section import section_limit
 from fmopt.se3 import Pose
 from fmopt.values import Array, Value, frozen
@@ -30,7 +29,6 @@ if TYPE_CHECKING:
     from shapely import MultiPolygon
 
 
-_MERIDIANS = 32  # of the polyhedron that shows where a ball overlaps
 _TOUCH = 1e-9  # m, overlaps up to this count as touching
 
 
@@ -166,7 +164,7 @@ def interference(moving: Part, fixed: Part, pose: Pose) -> Interference:
     deepest = max(penetration(body, other) for body in bodies for other in fixed.pieces)
     if deepest <= _TOUCH:
         return Interference(0.0, max(deepest, 0.0), "nowhere")
-    common = union_manifold([*map(_faceted, bodies)]) ^ union_manifold(fixed.pieces)
+    common = union_manifold([*map(faceted, bodies)]) ^ union_manifold(fixed.pieces)
     centre = 0.5 * np.sum(np.reshape(common.bounding_box(), (2, 3)), axis=0)
     return Interference(float(common.volume()), deepest, place(centre))
 
@@ -221,14 +219,6 @@ def past_shoulders(peg: Part, hole: Part, length: float, depth: float) -> float:
             return float(body.vertices[:, 2].max())
         length = ahead[0]
     return length
-
-
-def _faceted(body: Polyhedron) -> Polyhedron:
-    """A body that is bounded by faces: of a ball a polyhedron inside it."""
-    if not body.balls:
-        return body
-    hull = convex_hull_polyhedron(corners(Sphere(float(body.radii[0]), _MERIDIANS)))
-    return placed(hull, Pose(np.array(body.vertices[0]), np.eye(3)))
 
 
 def _slices(part: Part, low: float, high: float) -> list[_Slice]:

@@ -99,9 +99,13 @@ def with_balls(part: Part, balls: Sequence[tuple[ArrayLike, float]]) -> Part:
     points = np.vstack([body.vertices, centres])
     for n, (_, radius) in enumerate(balls, len(body.vertices)):
         if not radius > 0.0:
-            raise GeometryError(f"a ball at {place(points[n])} has a radius of {radius:.3g} m", "give it a positive one")
+            raise GeometryError(
+                f"a ball at {place(points[n])} has a radius of {radius:.3g} m", "give it a positive one"
+            )
         if (np.linalg.norm(points[:n] - points[n], axis=1) <= _SAME_PLACE).any():
-            raise GeometryError(f"a ball at {place(points[n])} is where a corner or another ball is", "move it a little")
+            raise GeometryError(
+                f"a ball at {place(points[n])} is where a corner or another ball is", "move it a little"
+            )
     rounds = tuple((len(body.vertices) + n, float(radius)) for n, (_, radius) in enumerate(balls))
     return replace(part, polyhedron=Polyhedron(points, body.faces, body.edges, rounds))
 

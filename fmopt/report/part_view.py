@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fmopt.geometry.pieces import faceted
 from fmopt.geometry.polyhedron import Face, Polyhedron
 from fmopt.geometry.section import section
 from fmopt.report.drawing import BLUE, GREY, INK, PALE, WIDTH
@@ -54,6 +55,7 @@ def _corner(axes: Axes, body: Polyhedron) -> None:
     """The faces that look at the viewer, far ones first, each lighter the more it faces the lamp."""
     from matplotlib.patches import PathPatch
 
+    body = faceted(body)
     view = _VIEW / np.linalg.norm(_VIEW, axis=1)[:, None]
     seen = [face for face in body.faces if float(face.normal @ view[2]) > 1e-9]
     for order, face in enumerate(sorted(seen, key=lambda f: float(np.mean(_corners(body, f) @ view[2])))):

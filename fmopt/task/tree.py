@@ -145,7 +145,6 @@ def build_part(source: Source, file: files.ModelFile) -> Part:
         place = source.place(("solids", root), of_key=True)
         raise InputError(place.fault("geometry", error.message, error.advice)) from error
 
-
     try:
         return with_balls(part, _balls(file)) if file.balls else part
     except GeometryError as error:

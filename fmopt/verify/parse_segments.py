@@ -67,7 +67,12 @@ _IMPACT = fields("segments[].hybrid.impact", proved="approach force")
 SEGMENT_FIELDS: tuple[Fields, ...] = (
     _SEGMENT, _BASIS, _TUBE, _SEPARATION, _WITNESS, _CLAIM, _HYBRID, _FORCE, _TERMINATION, _JAM_FREE, _PLANE, _IMPACT,
 )  # fmt: skip
-_SIZES = {"vertex-face": (1, 3), "face-vertex": (3, 1), "edge-edge": (2, 2), "ball-face": (1, 3)}  # vertices; 3 or more of a face
+_SIZES = {
+    "vertex-face": (1, 3),
+    "face-vertex": (3, 1),
+    "edge-edge": (2, 2),
+    "ball-face": (1, 3),
+}  # vertices; 3 or more of a face
 _MANY = 256  # generators of an error set, twists that prove a range
 _WITNESSES = ("fixed-face", "moving-face", "edges", "plane")
 

@@ -189,5 +189,8 @@ def test_nlp_solved(benchmark: BenchmarkFixture) -> None:
 
 @pytest.mark.benchmark(group="placement of the square peg on two contacts")
 def test_nlp_built(benchmark: BenchmarkFixture) -> None:
-    contacts, obstacles = (2, 0, 0, 0, 0), (6, 0, 8, 0, 0)  # vertex–face and edge–edge rows of STATE and of what it leaves
+    contacts, obstacles = (
+        (2, 0, 0, 0, 0),
+        (6, 0, 8, 0, 0),
+    )  # vertex–face and edge–edge rows of STATE and of what it leaves
     assert benchmark.pedantic(formation_derivatives.__wrapped__, (contacts, obstacles), rounds=5) is not None
