@@ -185,8 +185,15 @@ def _guarded(
         bound,
         _resisting(assembly, held, claim),
         rest < _NEAR * bound,
+        _centres(problem.moving.polyhedron, held, piece.goal),
     )
     return move, held, made
+
+
+def _centres(body: Polyhedron, contacts: Sequence[PrimitiveContact], pose: Pose) -> Array | None:
+    """The centres (k, 3) of balls that contacts push through, m; None where none is a ball's."""
+    balls = dict.fromkeys(c.moving[0] for c in contacts if c.kind is Kind.BALL_FACE)
+    return pose.apply(body.vertices[[*balls]]) if balls else None
 
 
 def _pushes(problem: Problem, contacts: Sequence[PrimitiveContact], pose: Pose) -> tuple[Array, Array]:
