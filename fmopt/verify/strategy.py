@@ -116,9 +116,9 @@ def _axes(hybrid: Hybrid, held: Sequence[Contact], stage: Stage, scale: Numbers,
     """
     frame, goal = pose(hybrid.frame), pose(stage.segment.goal)
     R, arm = frame.in_doubles[1], doubles(sub(frame.p, goal.p))
-    origins = [(0.0, 0.0, 0.0), *(c.arm for c in held)]
+    origins = [(0.0, 0.0, 0.0), *(c.arm for c in held), *(c.centre for c in held if c.centre is not None)]
     if min(math.dist(arm, origin) for origin in origins) > _EXACT:
-        notes.add("frame", "its origin is neither the part's reference point nor a contact point")
+        notes.add("frame", "its origin is neither the part's reference point nor a contact point, nor a ball's centre")
     for contact in held:
         force, torque = contact.wrench[:3], contact.wrench[3:]
         moved = [t - x for t, x in zip(torque, cross(arm, force), strict=True)]
