@@ -272,7 +272,7 @@ def _rounds(
         yield straight
     if moving.polyhedron.balls:
         yield from hovering_entries(moving, box, problem.approach)
-    if problem.plane is not None:
+    elif problem.plane is not None:
         yield from planar_entries(moving, problem.fixed, roomy, problem.approach, tilt)
     else:
         rate = problem.velocity_error.translation + problem.velocity_error.rotation

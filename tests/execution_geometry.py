@@ -152,8 +152,8 @@ class Touch:
     """A contact as an exact function of the pose: f > 0 apart, f = 0 in touch.
 
     Args:
-        kind: "vertex-face", "ball-face", "face-vertex", "edge-edge", or "hinge": the edge (a, b), of which a stays in a fixed
-            plane that holds the fixed edge, meets that edge's line exactly when b is in the plane too.
+        kind: "vertex-face", "ball-face", "face-vertex", "edge-edge", or "hinge": the edge (a, b), of which a stays in a
+            fixed plane that holds the fixed edge, meets that edge's line exactly when b is in the plane too.
         moving, fixed: points (k, 3) of the two features, in the frames of their parts; a face by its outer loop.
         counted: which bounds of the fixed feature count (sides of a face, ends of an edge); others lead into material.
         radius: of a ball about the moving point, m.

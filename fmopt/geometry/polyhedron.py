@@ -7,7 +7,7 @@ holes, clockwise. Coordinates that come in are kept to the bit.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -80,6 +80,12 @@ class Polyhedron(Value):
         for vertex, radius in self.balls:
             found[vertex] = radius
         return frozen(found)
+
+    @property
+    def widths(self) -> Array:
+        """How wide it is along the axes, balls and all (3,), m."""
+        round_ = self.radii[:, None]
+        return np.asarray((self.vertices + round_).max(axis=0) - (self.vertices - round_).min(axis=0))
 
     @property
     def vertex_faces(self) -> tuple[tuple[int, ...], ...]:
@@ -231,8 +237,11 @@ def placed(polyhedron: Polyhedron, pose: Pose) -> Polyhedron:
 
 
 def scaled(polyhedron: Polyhedron, factors: Sequence[float]) -> Polyhedron:
-    """The polyhedron stretched along the axes by positive factors (3,)."""
-    return with_vertices(polyhedron, polyhedron.vertices * np.asarray(factors))
+    """The polyhedron stretched along the axes by positive factors (3,); balls stay balls, by the least of these."""
+    found = with_vertices(polyhedron, polyhedron.vertices * np.asarray(factors))
+    if not polyhedron.balls:
+        return found
+    return replace(found, balls=tuple((vertex, min(factors) * radius) for vertex, radius in polyhedron.balls))
 
 
 def rounded(polyhedron: Polyhedron) -> Polyhedron:

@@ -264,8 +264,8 @@ def straight_entry(moving: Part, play: tuple[float, float], start_box: Array, ap
 def hovering_entries(moving: Part, start_box: Array, approach: float) -> Iterator[tuple[Entry, ...]]:
     """Entries of an upright part that stays above the mouth, to meet walls that stand beside it, in rounds.
 
-    A ball has no corner that could go in first: where walls go on above the mouth it touches them there. Over the mouth
-    it stands away from any of them by a few times what the errors displace it.
+    A ball has no corner that could go in first: where walls go on above the mouth it touches them there, from a few
+    times away what the errors displace it.
 
     Args:
         moving: the moving part, tip centre at the origin.
@@ -274,7 +274,7 @@ def hovering_entries(moving: Part, start_box: Array, approach: float) -> Iterato
     """
     spread = start_spread(moving, start_box)
     corner = moving.polyhedron.vertices[moving.polyhedron.balls[0][0]]
-    lowest = float((moving.polyhedron.vertices[:, 2] - moving.polyhedron.radii).min())
+    lowest = float(leading_corners(moving)[0, 2])
     for far in _HOVERING:
         found = []
         for way in product((1.0, -1.0, 0.0), repeat=2):
@@ -320,9 +320,14 @@ def lowest(tip: Array, shape: Shape) -> Array:
 
 
 def leading_corners(moving: Part) -> Array:
-    """The corners that go in first: those of the leading face, or of what stands out below it."""
-    vertices = moving.polyhedron.vertices
-    return np.asarray(vertices[vertices[:, 2] <= vertices[:, 2].min() + 1e-9])
+    """The corners that go in first: of the leading face, of what stands out below it, or of a box round a ball."""
+    vertices, radii = moving.polyhedron.vertices, moving.polyhedron.radii
+    heights = vertices[:, 2] - radii
+    first = heights <= heights.min() + 1e-9
+    if not radii[first].any():
+        return np.asarray(vertices[first])
+    sides = np.array([(x, y, -1.0) for x, y in product((-1.0, 1.0), repeat=2)])
+    return np.vstack([v + r * sides if r else v[None] for v, r in zip(vertices[first], radii[first], strict=True)])
 
 
 def outline(tip: Array) -> Array:

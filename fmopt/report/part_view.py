@@ -37,7 +37,7 @@ def size() -> tuple[float, float]:
 
 def alt(name: str, body: Polyhedron) -> str:
     """What is to be seen, for who cannot see it."""
-    extent = " × ".join(f"{1e3 * width:.4g}" for width in np.ptp(body.vertices, axis=0))
+    extent = " × ".join(f"{1e3 * width:.4g}" for width in body.widths)
     words = f"{name}, {extent} mm, {len(body.faces)} faces, {len(body.edges)} edges, {len(body.vertices)} vertices"
     return f"{words}: seen from a corner, and cut by the planes x–z and y–z through its axis and across it."
 

@@ -115,6 +115,10 @@ def _cross_checks(source: Source, file: files.ProblemFile, models: Mapping[str, 
         message = "with the hollow part in the hand the sources do not say how far the peg's leading face is off"
         advice = "give [uncertainty.start]: errors of the peg's leading face against the hole"
         yield source.place(("uncertainty", "sources"), of_key=True).fault("conflict", message, advice)
+    if sources is not None and any(model.file.balls for model in models.values()):
+        message = "the tip is a ball, and the sources add up what they displace its leading face by"
+        advice = "give [uncertainty.start]: errors of the ball's lowest point against the hole"
+        yield source.place(("uncertainty", "sources"), of_key=True).fault("not-supported", message, advice)
     yield from _configuration_faults(source, sources)
     yield from force_faults(source, file.specification)
     yield from _plane_faults(source, file, models)
