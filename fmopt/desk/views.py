@@ -275,7 +275,8 @@ def _outline(directions: Array, support: Array) -> Any:
 def stated_part(part: Part) -> StatedPart:
     """A part as a plan would state it, without clearances."""
     pieces = tuple(_body(piece) for piece in part.pieces)
-    return StatedPart(_body(part.polyhedron), pieces, part.name, (0.0, 0.0), 0.0)
+    balls = tuple(_body(ball) for ball in part.balls)
+    return StatedPart(_body(part.polyhedron), pieces, part.name, (0.0, 0.0), 0.0, balls)
 
 
 def _body(body: Polyhedron) -> Body:

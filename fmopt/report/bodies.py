@@ -26,7 +26,7 @@ def body_of(body: Body) -> Polyhedron:
 
 def pieces_of(part: Part) -> tuple[Polyhedron, ...]:
     """The convex pieces of a part of a plan, and its balls."""
-    return tuple(body_of(piece) for piece in part.bodies)
+    return tuple(body_of(piece) for piece in (*part.pieces, *part.balls))
 
 
 def upright_plane(azimuth: float) -> Pose:

@@ -63,7 +63,7 @@ def _part_row(side: str, part: Part) -> tuple[str, ...]:
         radii[vertex] = radius
     widths = (points + radii).max(axis=0) - (points - radii).min(axis=0)
     extent = " × ".join(millimetres(width) for width in widths)
-    return side, part.name, extent, str(len(part.body.faces)), str(len(part.bodies))
+    return side, part.name, extent, str(len(part.body.faces)), str(len(part.pieces) + len(part.balls))
 
 
 def _task_rows(plan: Plan) -> list[tuple[str, str]]:

@@ -30,23 +30,17 @@ class Body:
 
 @dataclass(frozen=True)
 class Part:
-    """A part: its surface, its convex pieces, its name, and the clearance a side declared (in x, y) and measured, m."""
+    """A part: its surface, its convex pieces, its name, and the clearance a side declared (in x, y) and measured, m.
+
+    `balls` come after the pieces, each a body with its centre for a vertex.
+    """
 
     body: Body
     pieces: tuple[Body, ...]
     name: str
     declared_clearance: tuple[float, float]
     measured_clearance: float
-
-    @property
-    def bodies(self) -> tuple[Body, ...]:
-        """What the part is the union of: its pieces, then its balls, each a body with its centre for a vertex."""
-        own = self.body
-        balls = (
-            Body((own.vertices[n],), (), {0: own.exact[n]} if n in own.exact else {}, ((0, radius),))
-            for n, radius in own.balls
-        )
-        return (*self.pieces, *balls)
+    balls: tuple[Body, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -67,7 +67,7 @@ class Incidence:
 
     def __init__(self, moving: Part, fixed: Part) -> None:
         self.moving, self.fixed = Shape(moving.body), Shape(fixed.body)
-        self.moving_pieces = tuple(Shape(_sharing(piece, moving.body)) for piece in moving.bodies)
+        self.moving_pieces = tuple(Shape(_sharing(piece, moving.body)) for piece in (*moving.pieces, *moving.balls))
         self.fixed_pieces = tuple(Shape(_sharing(piece, fixed.body)) for piece in fixed.pieces)
         own = (self.moving, *self.moving_pieces)
         self.body_points = tuple(dict.fromkeys(v for shape in own for v in shape.vertices))

@@ -176,7 +176,11 @@ def _part(place: Reader) -> Part:
     measured = place.at("measured_clearance").number()
     body = _body(place, _balls(place))
     body = replace(body, exact=_exact(place, len(body.vertices)))
-    return Part(body, tuple(pieces), place.at("name").text(), (x, y), measured)
+    balls = tuple(
+        Body((body.vertices[n],), (), {0: body.exact[n]} if n in body.exact else {}, ((0, radius),))
+        for n, radius in body.balls
+    )
+    return Part(body, tuple(pieces), place.at("name").text(), (x, y), measured, balls)
 
 
 def _exact(place: Reader, count: int) -> dict[int, tuple[int, int, int, int]]:

@@ -152,7 +152,7 @@ def read_segment(place: Reader, known: Iterable[str], moving: Part, fixed: Part)
         direction = item.at("direction").numbers(6, -4096.0, 4096.0)
         basis.append((item.at("contact").text(known), direction, item.at("made").flag()))
     claims = place.at("contacts").items()
-    separations = place.at("separations").items(most=2 * len(moving.bodies) * len(fixed.bodies))
+    separations = place.at("separations").items(most=2 * (len(moving.pieces) + len(moving.balls)) * len(fixed.pieces))
     return Segment(
         place.at("critical_point").integer(),
         place.at("move").integer(),
@@ -187,14 +187,14 @@ def _tube(place: Reader) -> Tube:
 
 def _separation(place: Reader, moving: Part, fixed: Part) -> Separation:
     place.only(_SEPARATION)
-    i = place.at("moving_piece").integer(len(moving.bodies))
-    j = place.at("fixed_piece").integer(len(fixed.bodies))
+    i = place.at("moving_piece").integer(len(moving.pieces) + len(moving.balls))
+    j = place.at("fixed_piece").integer(len(fixed.pieces))
     witness = place.at("witness").only(_WITNESS)
     kind = witness.at("kind").text(_WITNESSES)
     witness.only(("kind", "moving", "fixed"), ("normal", "offset") if kind == "plane" else ())
     counts = {"fixed-face": (0, None), "moving-face": (None, 0), "edges": (2, 2), "plane": (0, 0)}[kind]
     own, other = (
-        witness.at(key).indices(len(part.bodies[n].vertices), 0, count)
+        witness.at(key).indices(len((*part.pieces, *part.balls)[n].vertices), 0, count)
         for key, part, n, count in zip(("moving", "fixed"), (moving, fixed), (i, j), counts, strict=True)
     )
     normal: Numbers = (0.0, 0.0, 0.0)

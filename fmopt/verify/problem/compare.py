@@ -148,7 +148,7 @@ def _errors(plan: Plan, problem: Problem, chords: Mapping[str, Chord]) -> Iterat
         )
     stated = problem.characteristic_length
     depth = -plan.goal[2] if problem.depth is None else problem.depth
-    pieces = [plan.parts[side].bodies for side in SIDES]
+    pieces = [(*plan.parts[side].pieces, *plan.parts[side].balls) for side in SIDES]
     halves = half_diagonals(pieces[0], pieces[1], depth) if stated is None else ()
     lengths = [max(half, LEAST_LEVER) for half in halves] if stated is None else [stated]
     if not any(abs(plan.rho - length) <= SAME for length in lengths):
