@@ -189,7 +189,7 @@ def near_contacts(
     crossing = edges_at_edges(own.ridges, other.ridges, T, reach, angle, math.sin(PARALLEL))
     return (
         *(vertex_face(fixed, v, f) for v, f in _pairs(tips, own.vertices) if not moving.radii[v]),
-        *(face_vertex(moving, f, v) for v, f in _pairs(horns, other.vertices)),
+        *(face_vertex(moving, f, v) for v, f in _pairs(horns, other.vertices) if not fixed.radii[v]),
         *_crossing(moving, fixed, pose.R, _pairs(crossing, own.edges, other.edges)),
         *(ball_face(fixed, v, f) for v, f in _pairs(tips, own.vertices) if moving.radii[v]),
     )
