@@ -21,7 +21,7 @@ from restate import restated
 from table_plan import sealed
 from test_contact_parts import block
 
-from fmopt.certificate.rows import balls_above
+from fmopt.certificate.rows import balls_above, points_above
 from fmopt.contact import definitions
 from fmopt.contact.derive import derived, latex
 from fmopt.contact.primitive import Kind, ball_face, feature_distance, near_contacts
@@ -97,6 +97,11 @@ def test_rows_and_surfaces_are_distances_of_the_ball() -> None:
             value = float(Surfaces.of([contact], body, fixed).values(pose)[0])
             row = balls_above(body.vertices[[centre]], face.normal, face.offset, body.radii[[centre]]).at(pose)
             assert row.f[0] == pytest.approx(value, abs=1e-17)
+            point_row = points_above(body.vertices[[centre]], face.normal, face.offset + radius)
+            assert (
+                balls_above(body.vertices[[centre]], face.normal, face.offset, body.radii[[centre]]).table
+                == point_row.table
+            )
             heights = (pose.apply(body.vertices[centre]) + sphere) @ face.normal - face.offset
             assert value <= heights.min() < value + 4e-3 * radius
             point = contact_point(contact, body, fixed, pose)
