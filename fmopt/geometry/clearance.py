@@ -161,12 +161,15 @@ def interference(moving: Part, fixed: Part, pose: Pose) -> Interference:
     shortest shift that takes the pair apart, so that parts which only touch have depth 0.
     """
     bodies = [placed(body, pose) for body in moving.bodies]
-    deepest = max(penetration(body, other) for body in bodies for other in fixed.pieces)
-    if deepest <= _TOUCH:
-        return Interference(0.0, max(deepest, 0.0), "nowhere")
+    depth = deepest(bodies, fixed.pieces)
+    if depth <= _TOUCH:
+        return Interference(0.0, max(depth, 0.0), "nowhere")
     common = union_manifold([*map(faceted, bodies)]) ^ union_manifold(fixed.pieces)
+    if moving.balls and common.is_empty():  # a ball overlaps with what its facets leave out
+        body = max((body for body in bodies if body.balls), key=lambda body: deepest([body], fixed.pieces))
+        return Interference(0.0, depth, place(body.vertices[0]))
     centre = 0.5 * np.sum(np.reshape(common.bounding_box(), (2, 3)), axis=0)
-    return Interference(float(common.volume()), deepest, place(centre))
+    return Interference(float(common.volume()), depth, place(centre))
 
 
 def checked_clearance(moving: Part, fixed: Part, seated: Pose, depth: float) -> Clearance:
