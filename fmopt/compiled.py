@@ -4,21 +4,27 @@ What is compiled is kept for later processes, in the package's folder or, where 
 cache. Numba looks at the file of a kernel alone to tell whether that is still valid. What kernels of several files call
 is therefore in files named kernels….py, and what they contain names the folder; all else kernels call, and the named
 tuples that they take, is in their own file.
+
+The clock that time limits go by, which does not count compiling, and the moment that all stages of a computation heed.
 """
 
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cache
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
 from numba import config, njit
 from numba.core import event
+
+from fmopt.errors import OverdueError
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -97,3 +103,31 @@ def announce(tell: Callable[[str], None]) -> None:
 def clock() -> float:
     """Seconds since some moment, but for those spent on compiling kernels, which time limits do not count."""
     return time.monotonic() - _compiling.seconds
+
+
+_moment: ContextVar[float] = ContextVar("moment", default=math.inf)
+
+
+def deadline() -> float:
+    """The `clock()` at which a computation is to stop; infinite where there is none."""
+    return _moment.get()
+
+
+@contextmanager
+def until(moment: float) -> Iterator[None]:
+    """What runs inside is to stop at a `clock()`, whatever moment was set around it; it heeds that where it is long."""
+    token = _moment.set(moment)
+    try:
+        yield
+    finally:
+        _moment.reset(token)
+
+
+def heed() -> None:
+    """Goes on if there is time left.
+
+    Raises:
+        OverdueError: there is none.
+    """
+    if clock() > _moment.get():
+        raise OverdueError("the time limit is used up", advice="raise settings.time_limit")

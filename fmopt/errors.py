@@ -95,9 +95,15 @@ class InterferenceError(FmoptError):
 
 
 class InfeasibleError(FmoptError):
-    """A state, placement or sequence that was shown not to exist; `shortfall` in metres."""
+    """A state, placement or sequence that was shown not to exist; `shortfall` in metres.
+
+    `attempt` is how far a motion came, `fmopt.motion.Attempt`, where one was looked for, and `failure` what there is to
+    say of it, `fmopt.report.attempt.Failure`, where that was worked out.
+    """
 
     exit_code = 1
+    attempt: Any = None
+    failure: Any = None
 
     def __init__(self, message: str, shortfall: float = 0.0, advice: str = "") -> None:
         super().__init__(message, advice)
@@ -127,13 +133,24 @@ class SearchError(FmoptError):
     Args:
         message: how far the search came.
         late: whether a time limit ended it, so that how far it came depends on the machine.
+        attempt: how far it came, `fmopt.motion.Attempt`; None where no motion could begin.
+
+    `failure` is what there is to say of that, `fmopt.report.attempt.Failure`, where it was worked out.
     """
 
     exit_code = 3
+    failure: Any = None
 
-    def __init__(self, message: str, advice: str = "", late: bool = False) -> None:
+    def __init__(self, message: str, advice: str = "", late: bool = False, attempt: Any = None) -> None:
         super().__init__(message, advice)
         self.late = late
+        self.attempt = attempt
+
+
+class OverdueError(FmoptError):
+    """A time limit ended a computation before it had a result; how far it came depends on the machine."""
+
+    exit_code = 3
 
 
 class SolverError(FmoptError):

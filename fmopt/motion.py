@@ -11,9 +11,10 @@ from itertools import chain, islice, repeat, tee
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.paper import as_in_the_paper
 from fmopt.certificate.segment import Tolerance
-from fmopt.compiled import clock
+from fmopt.compiled import clock, until
+from fmopt.compiled import deadline as set_deadline
 from fmopt.control.strategy import least_firm, least_steady, runs_against
-from fmopt.errors import FmoptError, InfeasibleError, SearchError
+from fmopt.errors import FmoptError, InfeasibleError, OverdueError, SearchError
 from fmopt.geometry.clearance import Clearance
 from fmopt.placement.attitude import Image, images
 from fmopt.placement.entry import (
@@ -46,6 +47,8 @@ FINE = math.radians(1.0)
 TRIES = 40  # of entries, when one is varied
 STEADY = 0.05  # share of the contact force that presses what a part turns along, whatever friction turns it off
 FIRM = 0.05  # share of the contact force that presses all that a part slides along to its next contact
+GRACE = 2.0  # s beyond the time limit for what is needed to make something of what there is by then
+_LATE = "raise settings.time_limit"
 _AMPLE = 0.1  # of the clearance, a margin for which no other sequence is looked at
 _MORE = 2  # sequences that are looked at beside one with less
 _LIKELY = 32  # ways to begin that are tried in each attitude before the rest are
@@ -151,6 +154,57 @@ def under_errors(found: CertifiedMotion, problem: Problem) -> Motion:
     return Motion(found.assembly, found.placed.moves, problem.start_box, tolerance, FINE, problem.framing)
 
 
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """How far a motion came that was not found.
+
+    Args:
+        stage: in which it ended, "search" or "placement".
+        moves: its moves, not all of which may be certified.
+        names: the freedom of each.
+        onward: the moves that were tried from their end, each with the name of its freedom.
+        seated: whether they come to the goal.
+    """
+
+    stage: str
+    moves: tuple[Move, ...]
+    names: tuple[str, ...]
+    onward: tuple[tuple[str, Move], ...] = ()
+    seated: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """A failure in one attitude, with what came closest to a motion in it."""
+
+    image: Image
+    error: FmoptError
+    moves: MoveSequence | None = None
+
+    @property
+    def order(self) -> tuple[bool, int, float]:
+        """What makes one come farther than another."""
+        if self.moves is not None:
+            return True, 6, self.moves.reached.margin
+        closest = getattr(self.error, "attempt", None)
+        return (False, -1, -math.inf) if closest is None else closest.order
+
+    @property
+    def attempt(self) -> Attempt | None:
+        """How far it came, in the parts' own axes."""
+        if self.moves is not None:
+            searched = self.image.own_search(self.moves.searched)
+            return Attempt("placement", self.image.own_moves(self.moves.moves), searched.names, seated=True)
+        closest = getattr(self.error, "attempt", None)
+        if closest is None:
+            return None
+        image, onward = self.image, closest.ways_on
+        named = image.own_names(name for name, _ in onward)
+        ways = tuple(zip(named, image.own_moves(move for _, move in onward), strict=True))
+        names = image.own_names(closest.node.names)
+        return Attempt("search", image.own_moves(closest.node.moves), names, ways, closest.order[0])
+
+
 def motion(posed: Posed, stages: Stages) -> tuple[Searched, Placed]:
     """A sequence of contact states with its goal poses placed, found in the attitude that its parts are planned for.
 
@@ -165,25 +219,49 @@ def motion(posed: Posed, stages: Stages) -> tuple[Searched, Placed]:
         InfeasibleError: some were found in each attempt, none of which fine pieces can follow.
     """
     deadline = clock() + posed.problem.settings.time_limit
+    try:
+        with until(deadline):
+            return _motion(posed, stages, deadline)
+    except OverdueError as error:
+        raise SearchError("the time limit is used up before a motion could begin", _LATE, late=True) from error
+
+
+def _motion(posed: Posed, stages: Stages, deadline: float) -> tuple[Searched, Placed]:
     best: tuple[Searched, Placed] | None = None
-    failures: list[FmoptError] = []
+    failures: list[_Tried] = []
     stood = (_Stood.of(posed, image) for image in images(posed.assembly, posed.problem.start_box))
     first, again = tee(stood)
     for here, most in chain(zip(first, repeat(_LIKELY)), zip(again, repeat(None))):
         try:
             found, placed = here.motion(islice(here.rounds, most), deadline, stages)
-            own = certified(posed.assembly, here.image.own_moves(placed.moves), posed.start, posed.tolerance, FINE)
-            own = _by_method(posed, own)
+            with until(deadline + GRACE):
+                own = certified(posed.assembly, here.image.own_moves(placed.moves), posed.start, posed.tolerance, FINE)
+                own = _by_method(posed, own)
         except (SearchError, InfeasibleError) as error:
-            failures.append(error.with_traceback(None))
+            failures.append(_Tried(here.image, error.with_traceback(None), here.found))
+        except OverdueError:
+            late = SearchError("the time limit is used up before a motion was certified", _LATE, late=True)
+            failures.append(_Tried(here.image, late, here.found))
         else:
             best = (here.image.own_search(found), own) if best is None or own.margin > best[1].margin else best
         if (best is not None and best[1].margin > 0.0) or clock() >= deadline:
             break
     if best is None:
-        failures.sort(key=_telling)
-        raise failures.pop(0)
+        raise _told(failures, deadline)
     return best
+
+
+def _told(failures: Sequence[_Tried], deadline: float) -> FmoptError:
+    """The failure that is told of some attempts, with how far the one came that came farthest."""
+    farthest = max(failures, key=lambda tried: tried.order)
+    told = min(failures, key=lambda tried: (_telling(tried.error), tried is not farthest)).error
+    assert isinstance(told, SearchError | InfeasibleError)
+    try:
+        with until(deadline + GRACE):
+            told.attempt = farthest.attempt
+    except OverdueError:
+        told.attempt = None
+    return told
 
 
 def _telling(error: FmoptError) -> int:
@@ -200,6 +278,12 @@ class _Stood:
     task: Task
     entry_of: Callable[[Shape], Entry]
     rounds: Iterator[Sequence[Entry]]
+    found_last: list[MoveSequence]
+
+    @property
+    def found(self) -> MoveSequence | None:
+        """The last sequence that was found, whether or not it could be placed."""
+        return self.found_last[-1] if self.found_last else None
 
     @staticmethod
     def of(own: Posed, image: Image) -> _Stood:
@@ -211,7 +295,7 @@ class _Stood:
         turn = 1.3 * problem.settings.max_tilt
         task = Task(parts, Pose.from_vector(problem.goal), posed.errors, posed.tolerance, costs, turn)
         entry_of = partial(tilted_entry, parts.moving, clearance.play, problem.approach)
-        return _Stood(image, posed, task, entry_of, _rounds(problem, clearance, roomy, entry_of))
+        return _Stood(image, posed, task, entry_of, _rounds(problem, clearance, roomy, entry_of), [])
 
     def motion(self, rounds: Iterator[Sequence[Entry]], deadline: float, stages: Stages) -> tuple[Searched, Placed]:
         """What `motion` finds for some ways to begin: the first sequence whose margin is positive, else the best."""
@@ -247,6 +331,7 @@ class _Stood:
                 found = tuned(task, candidates, self.entry_of, limits, tuning, steady)
                 found = deepened(task, found, self.entry_of, firm, limits)
                 stages.ended("entry")
+                self.found_last[:] = [found]
                 placed = placement(posed, found.moves, stages.progress)
                 stages.ended("placement")
             except SearchError as error:
@@ -290,10 +375,12 @@ def placement(posed: Posed, moves: Sequence[Move], progress: Progress) -> Placed
 
     Raises:
         InfeasibleError: fine pieces cannot follow the motion, or no contact would be felt that ends one.
+        OverdueError: there is no time to certify it.
     """
     problem, clearance = posed.problem, posed.clearance.per_side
     turns = Turns(3, 0.5 * (posed.spread + clearance))
-    begun = certified(posed.assembly, moves, posed.start, posed.tolerance, FINE)
+    with until(set_deadline() + GRACE):
+        begun = certified(posed.assembly, moves, posed.start, posed.tolerance, FINE)
     aim = Aim(posed.assembly, posed.start, posed.tolerance, FINE, _as_good_as(posed, begun))
 
     def told(margin: float) -> None:

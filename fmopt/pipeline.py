@@ -5,6 +5,7 @@ Problem → Posed (assembly, errors) → CertifiedMotion → ControlledMotion �
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -13,11 +14,12 @@ from typing import Any, TypeVar
 import numpy as np
 
 from fmopt import plan
+from fmopt.compiled import clock, deadline, heed, until
 from fmopt.contact.graph import Scale
 from fmopt.control.strategy import controlled
-from fmopt.errors import FmoptError, InfeasibleError, SearchError
+from fmopt.errors import FmoptError, InfeasibleError, OverdueError, SearchError
 from fmopt.knowledge.command import Answer, answer
-from fmopt.motion import Posed, Progress, Stages, motion, under_errors
+from fmopt.motion import Attempt, Posed, Progress, Stages, motion, under_errors
 from fmopt.nominal.freedom import freedom, half_widths
 from fmopt.nominal.mapping import answered
 from fmopt.nominal.trajectory import critical_poses
@@ -32,6 +34,9 @@ from fmopt.task.problem import Problem
 from fmopt.uncertainty.error_set import ErrorSet
 from fmopt.values import few_collections
 from fmopt.verify import CERTIFIED, Verdict, verify
+
+_CHECKING = 4.0  # s beyond the time limit for the check of what there is by then
+RESERVED = 0.25  # of the time limit, what commands keep to find the nearest problem that works
 
 T = TypeVar("T")
 
@@ -55,23 +60,67 @@ class Synthesis:
         return _certified(self.verdict)
 
 
+@dataclass(frozen=True)
+class Share:
+    """The largest share of all start errors for which a plan is proved.
+
+    Args:
+        share: 0 where there is none.
+        margin: the least of its motion, m.
+        late: whether time ended an attempt, so that more of it might have found more.
+    """
+
+    share: float
+    margin: float
+    late: bool
+
+
 @few_collections()
-def synthesise(problem: Problem, progress: Progress = lambda _: None) -> Synthesis:
+def synthesise(problem: Problem, progress: Progress = lambda _: None, reserved: float = 0.0) -> Synthesis:
     """Solves a problem, or as much of its start errors as there is a plan for where its settings ask for that.
 
     Args:
         problem: the task.
         progress: told what is being done.
+        reserved: share of the time limit that the search leaves for `nearest`.
 
     Raises:
         InterferenceError: the parts overlap when assembled, or their clearance is not positive.
         SearchError: no motion was found.
         InfeasibleError: no bias force holds the contacts.
     """
-    if problem.settings.reduce_errors:
-        return _for_as_much(problem, progress)
-    stages = Stages(progress)
-    return _completed(problem, certified_motion(problem, stages), stages)
+    with until(clock() + problem.settings.time_limit):
+        if problem.settings.reduce_errors:
+            return _for_as_much(problem, progress)
+        stages = Stages(progress)
+        found = certified_motion(_within(problem, (1.0 - reserved) * problem.settings.time_limit), stages)
+        return _completed(problem, found, stages)
+
+
+def nearest(problem: Problem, seconds: float, progress: Progress = lambda _: None) -> Share:
+    """The largest share of the start errors, in steps of 5 %, below that of 1 %, for which a plan is proved.
+
+    Args:
+        problem: the task, which has no plan for all of them.
+        seconds: how long that may take; each share that is tried may take its part of what is left of it.
+        progress: told what is being done.
+    """
+    lates, moment = list[bool](), clock() + seconds
+
+    def tried(share: float) -> tuple[Problem, CertifiedMotion, Stages] | None:
+        left = max(moment - clock(), 0.0) / max(ATTEMPTS - len(lates), 1)
+        return _for_share(problem, share, left, progress, lates)
+
+    with until(moment):
+        found = largest_share(tried)
+    if found is None:
+        return Share(0.0, 0.0, any(lates))
+    return Share(found[0], found[1][1].placed.margin, any(lates))
+
+
+def _within(problem: Problem, seconds: float) -> Problem:
+    """The problem with another time limit."""
+    return replace(problem, settings=replace(problem.settings, time_limit=seconds))
 
 
 @few_collections()
@@ -90,11 +139,15 @@ def certified_motion(problem: Problem, stages: Stages | None = None) -> Certifie
 
 
 def _completed(problem: Problem, motion: CertifiedMotion, stages: Stages) -> Synthesis:
-    """A motion with its plan, and how much error it tolerates."""
+    """A motion with its plan, and how much error it tolerates, where there is time to find out."""
     stages.progress("how much error the motion tolerates")
     measured, notes = _described("how much error it tolerates", lambda: _error_tolerance(problem, motion))
     stages.ended("tolerances")
-    document, verdict = planned(problem, motion, stages, measured, notes)
+    try:
+        document, verdict = planned(problem, motion, stages, measured, notes)
+    except InfeasibleError as error:
+        error.attempt = Attempt("control", motion.placed.moves, motion.found.names, seated=True)
+        raise
     return Synthesis(document, verdict, stages.seconds)
 
 
@@ -108,6 +161,8 @@ def planned(
 ) -> tuple[dict[str, Any], Verdict]:
     """The sealed plan of a motion, and the verdict of the independent check on it; errors as of `synthesise`.
 
+    What its verdict does not rest on is left out where there is no time for it.
+
     Args:
         problem: the task.
         motion: the motion.
@@ -116,6 +171,27 @@ def planned(
         notes: what could not be found of that, and why.
     """
     stages = stages or Stages()
+    try:
+        document = _told(problem, motion, stages, measured, notes)
+    except OverdueError:
+        with until(math.inf):  # a motion that is certified is worth the second that this takes
+            document = proof_document(problem, controlled(problem, motion))
+    stages.ended("control")
+    stages.progress("checking the certificate")
+    checked = _checked(document)
+    stages.ended("verify")
+    return checked
+
+
+def _told(
+    problem: Problem, motion: CertifiedMotion, stages: Stages, measured: Tolerated | None, notes: tuple[str, ...]
+) -> dict[str, Any]:
+    """The plan with all that only describes its motion, as far as it can be found; arguments as of `planned`.
+
+    Raises:
+        OverdueError: there is no time for any of it.
+    """
+    heed()
     stages.progress("nominal trajectory")
     task = answer(*task_command(problem))
     nominal, lost = _described(
@@ -126,17 +202,14 @@ def planned(
     stages.ended("contact")
     stages.progress("control strategies")
     told = Described(task, nominal, states, measured, (*notes, *lost, *unseen))
-    document = plan_document(problem, told, controlled(problem, motion, ranges=True))
-    stages.ended("control")
-    stages.progress("checking the certificate")
-    checked = _checked(document)
-    stages.ended("verify")
-    return checked
+    with until(math.inf):
+        return plan_document(problem, told, controlled(problem, motion, ranges=True))
 
 
 def _described(name: str, found: Callable[[], T]) -> tuple[T | None, tuple[str, ...]]:
     """What only describes a motion; None with a note why where it cannot be found, which costs no plan."""
     try:
+        heed()
         return found(), ()
     except FmoptError as error:
         return None, (f"{name} is left out: {error.message}",)
@@ -187,8 +260,8 @@ def _error_tolerance(problem: Problem, motion: CertifiedMotion) -> Tolerated:
 
 def _checked(document: dict[str, Any]) -> tuple[dict[str, Any], Verdict]:
     """The sealed plan with its verdict, which the independent check gives."""
-    hoped = plan.sealed({**document, "verdict": CERTIFIED})
-    verdict = verify(hoped)
+    hoped, last = plan.sealed({**document, "verdict": CERTIFIED}), deadline() + _CHECKING
+    verdict = verify(hoped, overdue=lambda: clock() > last)
     if _certified(verdict):
         return hoped, verdict
     stated = str(verdict.verdict)
@@ -205,7 +278,7 @@ def _for_as_much(problem: Problem, progress: Progress) -> Synthesis:
     Half of the time limit is for all of the errors, the other half for shares of them, the same for each.
     """
     settings, stages = problem.settings, Stages(progress)
-    half = replace(problem, settings=replace(settings, time_limit=0.5 * settings.time_limit))
+    half = _within(problem, 0.5 * settings.time_limit)
     try:
         whole = certified_motion(half, stages)
         verdict = proved(half, whole)[1]
@@ -214,7 +287,8 @@ def _for_as_much(problem: Problem, progress: Progress) -> Synthesis:
         short = verdict.findings[0].message
     except (SearchError, InfeasibleError) as error:
         whole, short = None, error.message
-    found = largest_share(lambda share: _for_share(problem, share, progress))
+    seconds = 0.5 * settings.time_limit / ATTEMPTS
+    found = largest_share(lambda share: _for_share(problem, share, seconds, progress))
     if found is not None:
         share, (part, motion, own) = found
         return _reduced(problem, share, _completed(part, motion, own), short)
@@ -223,16 +297,25 @@ def _for_as_much(problem: Problem, progress: Progress) -> Synthesis:
     return _completed(half, whole, stages)
 
 
-def _for_share(problem: Problem, share: float, progress: Progress) -> tuple[Problem, CertifiedMotion, Stages] | None:
-    """The motion for a share of the start errors, if it is proved; None when there is none."""
-    settings = replace(problem.settings, time_limit=0.5 * problem.settings.time_limit / ATTEMPTS)
-    part = replace(problem, start_box=share * problem.start_box, settings=settings)
+def _for_share(
+    problem: Problem, share: float, seconds: float, progress: Progress, lates: list[bool] | None = None
+) -> tuple[Problem, CertifiedMotion, Stages] | None:
+    """The motion for a share of the start errors, if it is proved within some time; None when there is none.
+
+    Whether that was for want of time is noted in `lates`.
+    """
+    part, noted = (
+        replace(_within(problem, seconds), start_box=share * problem.start_box),
+        [] if lates is None else lates,
+    )
     stages = Stages(lambda words: progress(f"{share:.0%} of the errors: {words}"))
     try:
         motion = certified_motion(part, stages)
         verdict = proved(part, motion)[1]
-    except (SearchError, InfeasibleError):
+    except (SearchError, InfeasibleError, OverdueError) as error:
+        noted.append(isinstance(error, OverdueError) or (isinstance(error, SearchError) and error.late))
         return None
+    noted.append(False)
     return (part, motion, stages) if _certified(verdict) else None
 
 

@@ -461,7 +461,7 @@ def solved(monkeypatch: pytest.MonkeyPatch, square_peg_plan: dict[str, Any]) -> 
     from fmopt import pipeline, verify
 
     answer = pipeline.Synthesis(square_peg_plan, verify.verify(square_peg_plan), {"search": 1.0})
-    monkeypatch.setattr(pipeline, "synthesise", lambda problem, progress: answer)
+    monkeypatch.setattr(pipeline, "synthesise", lambda problem, progress, reserved: answer)
 
 
 @pytest.mark.usefixtures("solved")

@@ -17,7 +17,8 @@ PACKAGE = Path(fmopt.__file__).parent
 
 # From the ground up. A room sees every lower floor, never its own: rooms of one floor do not know each other.
 FLOORS: tuple[frozenset[str], ...] = (
-    frozenset({"errors", "values", "compiled", "escape"}),
+    frozenset({"errors"}),
+    frozenset({"values", "compiled", "escape"}),
     frozenset({"kernels"}),
     frozenset({"output", "child"}),
     frozenset({"process"}),
@@ -43,7 +44,7 @@ APART = "verify"
 ONLY: dict[str, frozenset[str]] = {
     "errors": frozenset(),
     "values": frozenset(),
-    "compiled": frozenset(),
+    "compiled": frozenset({"errors"}),
     "escape": frozenset(),
     "output": frozenset({"errors"}),
     "child": frozenset({"errors"}),
@@ -107,9 +108,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "cvxpy": frozenset({"placement/program.py", "desk/placing.py"}),
     "networkx": frozenset({"contact/graph.py"}),
     "manifold3d": frozenset({"geometry", "nominal/touch.py"}),
-    "OCP": frozenset(
-        {"geometry/step_kernel.py", "geometry/step_file.py", "geometry/step_facets.py", "geometry/step_surfaces.py"}
-    ),
+    "OCP": frozenset(f"geometry/step_{part}.py" for part in ("kernel", "file", "facets", "surfaces", "exact")),
     "shapely": frozenset({"plane", "geometry", "knowledge", "uncertainty/planar", "report"}),
     "matplotlib": frozenset({"report", "study/figures.py", "desk"}),
     "mpl_toolkits": frozenset({"report/surface_view.py"}),

@@ -275,3 +275,13 @@ def test_a_slot_that_is_open_to_the_side_mates_where_the_advice_says(tmp_path: P
     found = measured_clearance(problem)
     assert found.per_side == pytest.approx(0.05e-3, abs=1e-9)
     assert found.play[1] == np.inf
+
+
+@pytest.mark.parametrize("family", ["L", "T", "U", "plus", "rectangle"])
+def test_faces_across_an_axis_are_exactly_so_however_a_model_is_turned(family: str, tmp_path: Path) -> None:
+    """A part lies flat in two walls at once only where they are as exactly square as its faces are."""
+    for seed in SEEDS:
+        problem = load(families.write_toml(families.pair(family, seed), tmp_path))
+        for body in (problem.moving.polyhedron, *problem.moving.pieces, *problem.fixed.pieces[:2]):
+            square = np.abs(body.normals).max(axis=1) > 1.0 - 1e-9
+            assert np.all(np.abs(body.normals[square]).max(axis=1) == 1.0)

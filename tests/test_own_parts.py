@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -13,11 +14,15 @@ from mesh_files import at, plate, rounded, stl_text, triangles_of, write_stl
 from step_files import write_step
 
 import fmopt
+from fmopt.errors import GeometryError
 from fmopt.geometry.csg import Box, Cylinder, Difference, Placed
 from fmopt.report.sections import asked
 from fmopt.task.explain import explain, facts
+from fmopt.task.mesh_source import geometry_fault
+from fmopt.task.model_file import Mesh
 from fmopt.task.problem import load
 from fmopt.task.sizes import measured_clearance
+from fmopt.task.toml_source import read
 
 MODEL = """name = "{name}"
 
@@ -179,6 +184,18 @@ def test_a_step_file_of_two_solids_or_none_is_refused(folder: Path) -> None:
         fmopt.InputError, match=r"holds 2 bodies: 1, 2; say which with 'body' in \[mesh\], such as body = 1, or"
     ):
         load(folder / "problem.toml")
+
+
+def test_advice_about_a_step_file_speaks_of_its_solid(folder: Path) -> None:
+    source = read(folder / "plate.toml")
+    for advice, words in (
+        ("write the file with more digits", "leave out what does not mate, or mend the faces there"),
+        ("describe where it mates under [features]", r"describe where it mates under \[features\]"),
+    ):
+        error = GeometryError("the mesh does not come apart into convex bodies", advice)
+        fault = geometry_fault(source, Mesh(file="plate.step"), error)
+        assert re.search(f"the solid does not come apart into convex bodies; {words}", str(fault))
+        assert str(error) in str(geometry_fault(source, Mesh(file="plate.stl"), error))
 
 
 def test_found_features_are_those_that_could_be_written_there(folder: Path) -> None:

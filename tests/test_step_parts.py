@@ -79,6 +79,15 @@ def test_fillets_are_inside_of_their_facets(tmp_path: Path) -> None:
     assert -2e-5 < depth.min() < -1e-6
 
 
+def test_facets_of_fillets_are_no_ends_of_a_peg(tmp_path: Path) -> None:
+    shape = step_parts.filleted(np.random.default_rng(7))
+    step_parts.write(tmp_path / "part.step", shape)
+    mesh = load_step(tmp_path / "part.step")
+    (peg,) = mesh_part("part", mesh).features
+    np.testing.assert_allclose(np.abs(peg.frame.R[:, 2]), [0.0, 0.0, 1.0], atol=1e-12)
+    assert peg.length == pytest.approx(np.ptp(mesh.body.vertices[:, 2]), abs=EXACT)
+
+
 def test_coarser_rounds_are_said_to_be_coarser(tmp_path: Path) -> None:
     write_step(tmp_path / "rod.step", cylinder(6.0, 30.0))
     for deviation in (1e-4, 1e-5, 1e-6):

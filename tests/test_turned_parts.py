@@ -1,9 +1,11 @@
-"""Parts turned about their axis by any angle: no coordinate is a round number."""
+"""Parts turned about their axis by any angle: no coordinate is a round number, and their plans hold all the same."""
 
 from __future__ import annotations
 
 from fractions import Fraction
+from pathlib import Path
 
+import families
 import numpy as np
 import pytest
 
@@ -11,7 +13,9 @@ from fmopt.geometry.csg import Box, Difference, Placed, Prism
 from fmopt.geometry.exact import exact_vertices, facing_directions
 from fmopt.geometry.part import part_of, rebased, settled
 from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.pipeline import certified_motion, proved
 from fmopt.se3 import Pose, exp
+from fmopt.task.problem import load
 
 SEED = 20261125
 
@@ -20,6 +24,15 @@ def turned_polygon(sides: int, radius: float, angle: float) -> list[list[float]]
     """The corners (n, 2) of a regular polygon, counter-clockwise."""
     angles = angle + 2.0 * np.pi * np.arange(sides) / sides
     return (radius * np.column_stack([np.cos(angles), np.sin(angles)])).tolist()
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_plans_of_parts_turned_about_their_axis_pass_the_check(seed: int, tmp_path: Path) -> None:
+    problem = load(families.write_toml(families.pair("4-gon", seed), tmp_path, error=(0.3, 0.3)))
+    found = certified_motion(problem)
+    _, verdict = proved(problem, found)
+    assert found.placed.margin > 0.0
+    assert str(verdict.verdict) == "CERTIFIED", verdict.findings[:2]
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -93,23 +93,31 @@ class Assembly:
 
 
 def _carried(part: Polyhedron, piece: Polyhedron) -> frozenset[tuple[str, int]]:
-    vertices = [n for n, v in enumerate(part.vertices) if (lengths(piece.vertices - v) <= TOUCH).any()]
+    """See `Assembly.carried`; only what lies in a box around the piece is held against it."""
+    low, high = piece.vertices.min(axis=0) - 2.0 * TOUCH, piece.vertices.max(axis=0) + 2.0 * TOUCH
+    inside = np.all((part.vertices >= low) & (part.vertices <= high), axis=1)
+    vertices = [
+        n for n in np.flatnonzero(inside).tolist() if (lengths(piece.vertices - part.vertices[n]) <= TOUCH).any()
+    ]
     if piece.balls:
         return frozenset(("ball", n) for n, _ in part.balls if n in vertices)
     spans = piece.vertices[[edge.vertices for edge in piece.edges]]
+    ends = part.vertices[[edge.vertices for edge in part.edges]]
+    ways = ends[:, 1] - ends[:, 0]
+    ways = ways / lengths(ways)[:, None]
     edges = []
-    for n, edge in enumerate(part.edges):
-        a, b = part.vertices[list(edge.vertices)]
-        off = lengths(cross(spans - a, (b - a) / length(b - a)))
-        if (off <= TOUCH).all(axis=1).any():
-            edges.append(n)
-    planes = [(face.normal, face.offset) for face in piece.faces]
-    faces = [
-        n
-        for n, face in enumerate(part.faces)
-        if any(in_plane(part.vertices[list(face.loops[0])], normal, offset) for normal, offset in planes)
-    ]
-    return frozenset([*(("vertex", n) for n in vertices), *(("edge", n) for n in edges), *(("face", n) for n in faces)])
+    for a, b in spans:
+        # An edge of the part is carried by one of the piece that lies on its line.
+        off = np.maximum(lengths(cross(a - ends[:, 0], ways)), lengths(cross(b - ends[:, 0], ways)))
+        edges += np.flatnonzero(off <= TOUCH).tolist()
+    faces = set[int]()
+    own = [part.vertices[list(face.loops[0])] for face in part.faces]
+    firsts = np.array([points[0] for points in own])
+    for face in piece.faces:
+        level = np.flatnonzero(np.abs(firsts @ face.normal - face.offset) <= TOUCH)
+        faces.update(n for n in level.tolist() if in_plane(own[n], face.normal, face.offset))
+    kinds = (("vertex", vertices), ("edge", edges), ("face", faces))
+    return frozenset((kind, n) for kind, found in kinds for n in found)
 
 
 def in_plane(points: Array, normal: Array, offset: float) -> bool:

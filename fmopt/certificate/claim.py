@@ -12,6 +12,7 @@ from fmopt.certificate.curvature import AtEnd, Course, Heights
 from fmopt.certificate.pair import Facing, facing
 from fmopt.certificate.segment import Advance, Piece, Tolerance, advance
 from fmopt.certificate.separating_plane import Separation
+from fmopt.compiled import heed
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import InfeasibleError
 from fmopt.uncertainty.error_set import ErrorSet
@@ -70,12 +71,14 @@ def stepped(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Toler
     if step.approach <= 0.0 and piece.made is not None:
         raise InfeasibleError(
             f"some executions could move away from contact {piece.made.id} before they touch: errors may change how "
-            f"much nearer it comes by {-step.approach * 1e6:.1f} um more than it does"
+            f"much nearer it comes by {-step.approach * 1e6:.1f} um more than it does",
+            -step.approach,
         )
     if step.departure <= 0.0:
         raise InfeasibleError(
             f"some executions could stay in touch with {', '.join(c.id for c in piece.left)}, which the move gives up: "
-            f"errors may change how much farther away it gets by {-step.departure * 1e6:.1f} um more than it does"
+            f"errors may change how much farther away it gets by {-step.departure * 1e6:.1f} um more than it does",
+            -step.departure,
         )
     return step
 
@@ -94,10 +97,12 @@ def claimed(
 
     Raises:
         InfeasibleError: a pair of pieces overlaps nominally.
+        OverdueError: there is no time left.
     """
     found: list[Claim] = []
     # Of pieces of motion one after the other under the same contacts the same is asked: at once.
     for _, group in groupby(steps, lambda step: _contacts_of(step[0])):
+        heed()
         alike = list(group)
         listed = facing(assembly, alike[0][0])
         course = Course.of([step.ends for _, step in alike])

@@ -42,6 +42,22 @@ class Motion(NamedTuple):
     coupling: Array
 
 
+class Sides(NamedTuple):
+    """The faces (f) of a moving piece over fixed pieces (m) that no contact touches, so that all rows count.
+
+    Args:
+        normals: unit normals (f, 3).
+        offsets: how far out the moving piece reaches along them (f,), m.
+        corners: vertices (v, 3) of the fixed pieces, one after the other, m.
+        cuts: where those of each begin, and the last ones end (m + 1,).
+    """
+
+    normals: Array
+    offsets: Array
+    corners: Array
+    cuts: Places
+
+
 class Witnesses(NamedTuple):
     """Witnesses (w) that may keep pairs (m) apart, their rows (k) one after the other.
 
@@ -243,5 +259,72 @@ def best(
                 margin, clear = _margin(rows, begins[w], table, motion, n, (scales[w], most))
                 if clear >= -grazing and (margin > most or (margin == most and i < at)):
                     at, most, found[n, m], margins[n, m], clearances[n, m] = i, margin, w, margin, clear
+                i = _widest(rooms)
+    return found, margins, clearances
+
+
+@part
+def _side(sides: Sides, i: int, scratch: Table) -> None:
+    """Makes the row of a face, whose point of the fixed piece is still to be put in."""
+    for c in range(3):
+        scratch[0]["b"][c] = sides.normals[i, c]
+    scratch[0]["sign"], scratch[0]["c"], scratch[0]["bilinear"] = -1.0, sides.offsets[i], 1
+
+
+@part
+def _at_corner(sides: Sides, v: int, scratch: Table) -> Row:
+    for c in range(3):
+        scratch[0]["s"][c] = sides.corners[v, c]
+    return scratch[0]
+
+
+@compiled
+def best_sides(
+    sides: Sides, scratch: Table, motion: Motion, least: Array, grazing: float
+) -> tuple[Places, Array, Array]:
+    """The first face that keeps each pair (m) apart with the largest margin over pieces of motion (n).
+
+    What `best` does with rows that are listed, for so many faces and pieces that their rows would fill the memory: a
+    face is given up at the first corner that it does not keep off.
+
+    Args:
+        sides: the faces and the fixed pieces.
+        scratch: a row of zeros.
+        motion: the pieces of motion.
+        least: margins (n, m) that are asked for, m.
+        grazing: how far nominal distances may be below zero, m.
+
+    Returns:
+        faces (n, m), −1 where none is good enough, their margins and their clearances, m.
+    """
+    count, pairs, rooms = motion.p.shape[1], len(sides.cuts) - 1, np.empty(len(sides.normals))
+    found, margins, clearances = (
+        np.empty((count, pairs), dtype=np.intp),
+        np.empty((count, pairs)),
+        np.empty((count, pairs)),
+    )
+    for n in range(count):
+        for m in range(pairs):
+            first, last, most, at = sides.cuts[m], sides.cuts[m + 1], least[n, m], len(rooms)
+            found[n, m], margins[n, m], clearances[n, m] = -1, -np.inf, -np.inf
+            for i in range(len(rooms)):
+                _side(sides, i, scratch)
+                rooms[i], enough = np.inf, max(most, -grazing)
+                for v in range(first, last):
+                    corner = _at_corner(sides, v, scratch)
+                    rooms[i] = min(rooms[i], _value(corner, motion, n, 0)[0], _value(corner, motion, n, 1)[0])
+                    if rooms[i] < enough:
+                        break
+            i = _widest(rooms)
+            while rooms[i] >= max(most, -grazing):
+                rooms[i], margin, clear = -np.inf, np.inf, np.inf
+                _side(sides, i, scratch)
+                for v in range(first, last):
+                    nominal, lower = _bounds(_at_corner(sides, v, scratch), motion, n)
+                    margin, clear = min(margin, lower), min(clear, nominal)
+                    if margin < most:
+                        break
+                if clear >= -grazing and (margin > most or (margin == most and i < at)):
+                    at, most, found[n, m], margins[n, m], clearances[n, m] = i, margin, i, margin, clear
                 i = _widest(rooms)
     return found, margins, clearances

@@ -121,7 +121,11 @@ def _at(table: Table, p: Array, R: Array) -> tuple[Array, Array, Array, Array, A
 
 def stacked(*parts: Forms) -> Forms:
     """All rows one after the other."""
-    return Forms(np.concatenate([np.zeros(0, ROW), *(part.table for part in parts)]))
+    ends = np.cumsum([0, *(len(part) for part in parts)])
+    table = np.empty(ends[-1], ROW)  # NumPy would find out anew for each part of what type all of them are
+    for part, first, last in zip(parts, ends, ends[1:], strict=False):
+        table[first:last] = part.table
+    return Forms(table)
 
 
 def points_above(points: Array, normals: Array, offsets: Array | float) -> Forms:

@@ -209,7 +209,7 @@ def counted_rows(assembly: Assembly, pair: Pair, witness: Witness) -> Counted:
 def rows_along(assembly: Assembly, pair: Pair, witnesses: tuple[Witness, ...]) -> tuple[Counted, ...]:
     """The counted rows of several witnesses along faces or edges of a pair."""
     known, walls = facts(assembly, pair.state), coming_off(assembly, pair.state, pair.left)
-    over, beneath = _over(pair.moving, pair.fixed), _beneath(pair.moving, pair.fixed)
+    over = _over(pair.moving, pair.fixed)
     found = []
     for witness in witnesses:
         if witness.kind == "fixed-face":
@@ -222,7 +222,7 @@ def rows_along(assembly: Assembly, pair: Pair, witnesses: tuple[Witness, ...]) -
             settled &= pair.moving.radii == 0.0
             found.append(_all(Forms(forms.table[~settled])))
         elif witness.kind == "moving-face":
-            n, offset, forms = beneath[witness.moving]
+            n, offset, forms = _beneath(pair.moving, pair.fixed)[witness.moving]
             found.append(_all(Forms(forms.table[~_touched(assembly, pair, n, offset)])))
         else:
             found.append(_edge_rows(assembly, pair, witness, known))

@@ -79,6 +79,8 @@ def _told(error: FmoptError) -> int:
     if "--json" in sys.argv[1:]:
         faults = [asdict(fault) for fault in error.faults] if isinstance(error, InputError) else []
         data = {name: getattr(error, name) for name in _DATA if hasattr(error, name)}
+        if (failure := getattr(error, "failure", None)) is not None:
+            data["failure"] = failure.record()
         told = {"message": error.message, "advice": error.advice, **data, "faults": faults}
         with suppress(ResourceError):  # standard output takes nothing: the exit code still says what was wrong
             typer.echo(json.dumps({"error": told, "exit_code": error.exit_code}))
@@ -97,7 +99,9 @@ def _message(error: FmoptError) -> list[str]:
         more = len(error.findings) - _SHOWN
         listed = [f"  {finding}" for finding in error.findings[:_SHOWN]] + [f"  and {more} more"] * (more > 0)
         return [error.message, *listed, f"advice: {error.advice}"]
-    return [f"{error.message}" + (f"\nadvice: {error.advice}" if error.advice else "")]
+    failure = getattr(error, "failure", None)
+    more = [] if failure is None else failure.lines()
+    return [error.message, *more, *([f"advice: {error.advice}"] if error.advice else [])]
 
 
 def say(text: str, err: bool = False) -> None:

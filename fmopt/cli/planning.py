@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fmopt.cli.entry import EXIT, Json, Quiet, app, say
-from fmopt.errors import Fault, InputError, PlanFormatError, ResourceError
+from fmopt.errors import Fault, InfeasibleError, InputError, PlanFormatError, ResourceError, SearchError
 from fmopt.plan import STDIO, Plan
 
 if TYPE_CHECKING:
@@ -29,9 +29,9 @@ def solve(
 ) -> None:
     """Plan an insertion, check the certificate, write plan.json."""
     from fmopt import output, plan
-    from fmopt.compiled import announce
+    from fmopt.compiled import announce, clock
     from fmopt.console import Stages, print_solved
-    from fmopt.pipeline import synthesise
+    from fmopt.pipeline import RESERVED, synthesise
     from fmopt.task.problem import load
 
     folder = out if out is not None else Path("out") / ("stdin" if file == STDIO else file.stem)
@@ -39,7 +39,16 @@ def solve(
     output.prepare(folder)
     with Stages(quiet or as_json) as stages:
         announce(stages)
-        result = synthesise(problem, stages)
+        begun = clock()
+        try:
+            result = synthesise(problem, stages, RESERVED)
+        except (SearchError, InfeasibleError) as error:
+            from fmopt.desk.failure import explained, write
+
+            written = write(explained(problem, error, begun, stages), folder)
+            if not (quiet or as_json):
+                say("\n".join(f"wrote {path}" for path in written))
+            raise
     plan.write(result.document, folder / "plan.json")
     timings = json.dumps(result.seconds, indent=1) + "\n"
     output.save(timings.encode(), folder / "timings.json")

@@ -19,6 +19,7 @@ from fmopt.values import Array
 Bits = NDArray[np.bool_]
 
 _PARALLEL = 1e-12  # squared sine below which two normals span no arc
+_BALL = 0.5 + 1e-9  # of an edge's length, the radius of the ball around it
 _TOGETHER = 1e-12  # distance of a unit vector from an arc on which it lies
 
 
@@ -94,7 +95,11 @@ def vertices_at_faces(corners: Corners, walls: Walls, T: Array, reach: float, an
                 continue
             inward = turned_back(T, (-normal[0], -normal[1], -normal[2]))
             if math.asin(min(_from_cone(corners.away[i], corners.arcs[i], inward), 1.0)) <= angle:
-                near[i, f] = face_distance(walls, f, x) - corners.radii[i] <= limit
+                # Next to an edge of the face there is no need to ask on which side of it.
+                near[i, f] = (
+                    _from_edges(walls, f, x) - corners.radii[i] <= limit
+                    or face_distance(walls, f, x) - corners.radii[i] <= limit
+                )
     return near
 
 
@@ -119,13 +124,34 @@ def edges_at_edges(own: Ridges, other: Ridges, T: Array, reach: float, angle: fl
         b = plus(turned(T, last), 1.0, p)
         left, right = turned(T, row(own.arcs[i], 0)), turned(T, row(own.arcs[i], 1))
         left, right = (-left[0], -left[1], -left[2]), (-right[0], -right[1], -right[2])
+        # Edges are no nearer than the balls around them.
+        middle, radius = plus(a, 0.5, plus(b, -1.0, a)), _BALL * size(plus(b, -1.0, a))
         for j in range(near.shape[1]):
+            c, d = row(other.ends[j], 0), row(other.ends[j], 1)
+            way = plus(d, -1.0, c)
+            far = plus(plus(c, 0.5, way), -1.0, middle)
+            room = limit + radius + _BALL * size(way)
+            if dot(far, far) > room * room:
+                continue
             if size(cross(along, row(other.directions, j))) < sine:
                 continue
             if segment_distance(a, b, row(other.ends[j], 0), row(other.ends[j], 1)) > limit:
                 continue
             near[i, j] = arc_angle(left, right, row(other.arcs[j], 0), row(other.arcs[j], 1)) <= angle
     return near
+
+
+@part
+def _from_edges(walls: Walls, face: int, x: Vector) -> float:
+    """Distance from a point to the edges of a face, m."""
+    found = np.inf
+    for s in range(walls.begun[face], walls.begun[face + 1]):
+        u, v = plus(row(walls.tails, s), -1.0, x), plus(row(walls.heads, s), -1.0, x)
+        e = plus(v, -1.0, u)
+        t = min(max(-dot(u, e) / dot(e, e), 0.0), 1.0)
+        w = plus(u, t, e)
+        found = min(found, dot(w, w))
+    return math.sqrt(found)
 
 
 @compiled

@@ -14,6 +14,7 @@ from typing import assert_never
 import numpy as np
 from numpy.typing import NDArray
 
+from fmopt.compiled import heed
 from fmopt.contact.nearness import (
     Corners,
     Ridges,
@@ -28,7 +29,7 @@ from fmopt.se3 import Pose, cross
 from fmopt.values import Array, remembered
 
 PARALLEL = math.radians(1.0)  # rad; edges closer than this in direction have no edge–edge contact
-_CONTACTS = 4096
+_CONTACTS = 32768
 
 
 class Kind(StrEnum):
@@ -181,17 +182,33 @@ def near_contacts(
         pose: pose of the moving part.
         reach: largest shift of the body origin, m.
         angle: largest turn about the body origin, rad.
+
+    Raises:
+        OverdueError: there is no time left.
     """
+    heed()
     own, other, back = _features(moving), _features(fixed), pose.inverse()
     T, T_back = matrices(pose.p, pose.R), matrices(back.p, back.R)
-    tips = vertices_at_faces(own.corners, other.walls, T, reach, angle, True)
+    tips = near_tips(moving, fixed, pose, reach, angle)
     horns = vertices_at_faces(other.corners, own.walls, T_back, reach, angle, False)
     crossing = edges_at_edges(own.ridges, other.ridges, T, reach, angle, math.sin(PARALLEL))
     return (
-        *(vertex_face(fixed, v, f) for v, f in _pairs(tips, own.vertices) if not moving.radii[v]),
+        *(tip for tip in tips if tip.kind is Kind.VERTEX_FACE),
         *(face_vertex(moving, f, v) for v, f in _pairs(horns, other.vertices) if not fixed.radii[v]),
         *_crossing(moving, fixed, pose.R, _pairs(crossing, own.edges, other.edges)),
-        *(ball_face(fixed, v, f) for v, f in _pairs(tips, own.vertices) if moving.radii[v]),
+        *(tip for tip in tips if tip.kind is Kind.BALL_FACE),
+    )
+
+
+def near_tips(
+    moving: Polyhedron, fixed: Polyhedron, pose: Pose, reach: float, angle: float
+) -> tuple[PrimitiveContact, ...]:
+    """Those of `near_contacts` that are of a moving vertex or ball on a fixed face; arguments and errors as there."""
+    heed()
+    own, other = _features(moving), _features(fixed)
+    tips = vertices_at_faces(own.corners, other.walls, matrices(pose.p, pose.R), reach, angle, True)
+    return tuple(
+        ball_face(fixed, v, f) if moving.radii[v] else vertex_face(fixed, v, f) for v, f in _pairs(tips, own.vertices)
     )
 
 

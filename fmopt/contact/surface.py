@@ -114,11 +114,46 @@ def values_and_rows(
 
 @remembered(_MEMORY)
 def _surfaces(moving: Polyhedron, fixed: Polyhedron, contacts: tuple[PrimitiveContact, ...]) -> Surfaces:
-    kinds, numbers = [definition(c.kind) for c in contacts], [parameters(moving, fixed, c) for c in contacts]
-    places, tables = stacked(kinds, numbers)
+    places, tables = list[int](), list[Records]()
+    for kind in sorted(Kind, key=lambda kind: [*CONTACTS.values()].index(definition(kind))):
+        group = [n for n, contact in enumerate(contacts) if contact.kind is kind]
+        places += group
+        numbers = _numbers(moving, fixed, kind, [contacts[n] for n in group])
+        tables.append(records(definition(kind), numbers))
     order = np.argsort(places, kind="stable").astype(np.intp)
     order.setflags(write=False)
-    return Surfaces(contacts, order, tables)
+    return Surfaces(contacts, order, tuple(tables))
+
+
+def _numbers(moving: Polyhedron, fixed: Polyhedron, kind: Kind, contacts: Sequence[PrimitiveContact]) -> Array:
+    """The `parameters` (k, n) of contacts of one kind."""
+    one = np.array([contact.moving_feature for contact in contacts], dtype=np.intp)
+    other = np.array([contact.fixed_feature for contact in contacts], dtype=np.intp)
+    match kind:
+        case Kind.VERTEX_FACE:
+            return np.column_stack([moving.vertices[one], fixed.normals[other], fixed.offsets[other]])
+        case Kind.BALL_FACE:
+            plane = fixed.normals[other], fixed.offsets[other]
+            return np.column_stack([moving.vertices[one], *plane, moving.radii[one]])
+        case Kind.FACE_VERTEX:
+            return np.column_stack([moving.normals[one], fixed.vertices[other], moving.offsets[one]])
+        case Kind.EDGE_EDGE:
+            first = np.array([contact.moving[0] for contact in contacts], dtype=np.intp)
+            begun = np.array([contact.fixed[0] for contact in contacts], dtype=np.intp)
+            (a, e), (b, f) = _along_edges(moving), _along_edges(fixed)
+            e = np.where((first == a[one])[:, None], e[one], -e[one]) + 0.0  # no negative zeros
+            f = np.where((begun == b[other])[:, None], f[other], -f[other]) + 0.0
+            return np.column_stack([e, moving.vertices[first], f, fixed.vertices[begun]])
+        case _:
+            assert_never(kind)
+
+
+@remembered(1)
+def _along_edges(body: Polyhedron) -> tuple[NDArray[np.intp], Array]:
+    """The first vertex (e,) of each edge, and unit vectors (e, 3) along them."""
+    ends = [body.vertices[list(edge.vertices)] for edge in body.edges]
+    ways = np.array([(b - a) / np.linalg.norm(b - a) for a, b in ends])
+    return np.array([edge.vertices[0] for edge in body.edges], dtype=np.intp), ways
 
 
 def stacked(

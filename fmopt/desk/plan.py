@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from fmopt import output
 from fmopt import plan as files
 from fmopt.desk.checking import held_against
-from fmopt.errors import ChoiceError, PlanFormatError, ResourceError
+from fmopt.errors import ChoiceError, InfeasibleError, PlanFormatError, ResourceError, SearchError
 from fmopt.guarded.axes import AXES
 from fmopt.report.moves import Move, moves, smallest_margin
 from fmopt.report.moves import verdict as spoken
@@ -359,12 +359,22 @@ def solve(problem: task.Problem, progress: Callable[[str], None] = lambda _: Non
 
     Raises:
         InterferenceError: the parts overlap when assembled, or their clearance is not positive.
-        SearchError: no motion was found, which proves nothing.
-        InfeasibleError: no bias force holds the contacts.
+        SearchError: no motion was found, which proves nothing. Its `failure` says what is missing, in which move and by
+            how much, and the nearest problem that does work: `error.failure.reason`, `.lack`, `.nearest`, `.advice`,
+            `.figures["attempt"]`, `.page()`.
+        InfeasibleError: no bias force holds the contacts; `failure` as above.
     """
-    from fmopt.pipeline import synthesise
+    from fmopt.compiled import clock
+    from fmopt.pipeline import RESERVED, synthesise
 
-    found = synthesise(problem, progress)
+    begun = clock()
+    try:
+        found = synthesise(problem, progress, RESERVED)
+    except (SearchError, InfeasibleError) as error:
+        from fmopt.desk.failure import explained
+
+        explained(problem, error, begun, progress)
+        raise
     return Plan(found.document, found.seconds)
 
 

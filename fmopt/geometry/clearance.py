@@ -179,11 +179,12 @@ def checked_clearance(moving: Part, fixed: Part, seated: Pose, depth: float) -> 
         InterferenceError: the clearance is not positive, or the parts overlap when seated.
     """
     measured = mating_clearance(moving, fixed, depth)
-    if measured.per_side <= 0.0:
+    if measured.per_side <= _TOUCH:
         short = abs(min(measured.per_side, 0.0))
+        fit = "it is too thick by" if short > _TOUCH else "there is no clearance, which is"
         raise InterferenceError(
-            f"{moving.name!r} does not go into {fixed.name!r}: at {place(measured.where)} of the hole the clearance is "
-            f"{-1e3 * short + 0.0:.6f} mm a side, face {measured.moving_face} on face {measured.fixed_face}",
+            f"{moving.name!r} does not go into {fixed.name!r}: {fit} {1e3 * short + 0.0:.6f} mm a side at "
+            f"{place(measured.where)} of the hole, face {measured.moving_face} on face {measured.fixed_face}",
             short,
             f"{place(measured.where)} in the B-frame",
             "make the peg thinner or the hole wider, and check the units of both",

@@ -46,6 +46,7 @@ DESCRIBE = (
     "there into the part, length = how long it is"
 )
 
+_NARROW = 2e-3  # of the diameter: facets of curved surfaces are off them by less
 _SMOOTH = math.radians(30.5)  # facets that meet at less than this may stand for one curved surface: 12 to a circle
 
 
@@ -161,7 +162,10 @@ def _pegs(body: Polyhedron, pieces: Sequence[Polyhedron]) -> list[_Found]:
     """The part as a peg: none, or one by its longest axis and better end."""
     reach = _SAME * body.diameter
     ends = []
-    for face in body.faces:
+    strips = _strips(body)
+    for number, face in enumerate(body.faces):
+        if number in strips:
+            continue
         heights = body.vertices @ face.normal - face.offset
         along = body.normals @ face.normal
         levels = body.offsets - face.offset  # of the faces that look the same way; others are not asked
@@ -189,6 +193,24 @@ def _around(body: Polyhedron, end: Face, shoulders: NDArray[np.bool_], reach: fl
     for number in np.flatnonzero(shoulders):
         found[number] = not tip.contains(Polygon(body.vertices[list(body.faces[number].loops[0])] @ basis))
     return found
+
+
+def _strips(body: Polyhedron) -> set[int]:
+    """The faces that are facets of a curved surface, such as a fillet: they turn little from two neighbours, and are
+    narrow for it."""
+    found: Counter[int] = Counter()
+    for edge in body.edges:
+        one, other = (body.faces[number].normal for number in edge.faces)
+        turn = math.atan2(float(np.linalg.norm(np.cross(one, other))), float(one @ other))
+        if turn <= _SMOOTH:
+            start, end = body.vertices[list(edge.vertices)]
+            along = (end - start) / np.linalg.norm(end - start)
+            found.update(
+                number
+                for number in edge.faces
+                if 0.5 * _width(body, body.faces[number], along) * math.tan(0.25 * turn) <= _NARROW * body.diameter
+            )
+    return {number for number, count in found.items() if count > 1}
 
 
 def _slenderest(ends: Sequence[_Found]) -> _Found:

@@ -25,7 +25,7 @@ from fmopt.geometry.facets import place
 from fmopt.geometry.mating import Feature, found_features, in_frame
 from fmopt.geometry.mesh import Imported, come_apart
 from fmopt.geometry.pieces import pieces, polyhedron
-from fmopt.geometry.polyhedron import Polyhedron, from_faces, placed, rounded, scaled, with_vertices
+from fmopt.geometry.polyhedron import Polyhedron, from_faces, levelled, placed, rounded, scaled, with_vertices
 from fmopt.se3 import Pose
 from fmopt.values import Array, Value, frozen
 
@@ -175,12 +175,11 @@ def _require_intact(name: str, mesh: Imported, feature: Feature) -> None:
 def rebased(part: Part, pose: Pose) -> Part:
     """The part expressed in the frame `pose` (given in the part's present frame), which becomes the origin."""
     inward = exact_pose(pose).inverse()
-    return replace(
-        part,
-        polyhedron=rounded(placed(part.polyhedron, inward)),
-        pieces=tuple(rounded(placed(piece, inward)) for piece in part.pieces),
-        features=tuple(in_frame(feature, pose) for feature in part.features),
-    )
+    bodies = tuple(rounded(placed(body, inward)) for body in (part.polyhedron, *part.pieces))
+    if not np.all(np.isin(inward.R, (-1.0, 0.0, 1.0))):
+        bodies = levelled(bodies)
+    features = tuple(in_frame(feature, pose) for feature in part.features)
+    return replace(part, polyhedron=bodies[0], pieces=bodies[1:], features=features)
 
 
 def stretched(part: Part, factors: Sequence[float]) -> Part:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, assert_never
 
 import numpy as np
 
+from fmopt.compiled import heed
 from fmopt.errors import GeometryError
 from fmopt.geometry.csg import (
     Box,
@@ -203,6 +204,7 @@ def _slabs(piece: Polyhedron, tool: Polyhedron) -> list[Polyhedron]:
 def _common(piece: Polyhedron, other: Polyhedron) -> Polyhedron | None:
     """The intersection of two convex polyhedra, None when it is empty or a sliver."""
     common = piece
+    heed()
     for face in other.faces:
         left = clip(common, face.normal, face.offset)
         if left is None:
@@ -226,6 +228,7 @@ def _irredundant(bodies: Sequence[Polyhedron], whole: float) -> tuple[Polyhedron
     queue = [(-body.volume, i, 0) for i, body in enumerate(bodies)]
     heapify(queue)
     while queue and union.volume() < (1.0 - _NOISE) * whole:
+        heed()
         gain, i, age = heappop(queue)
         if age == len(kept):
             union += solids[i]

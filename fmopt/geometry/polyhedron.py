@@ -19,6 +19,7 @@ from fmopt.geometry.facets import Loop, place, polygon_faces
 from fmopt.se3 import Pose, cross
 from fmopt.values import Array, Value, frozen
 
+_LEVEL = 1e-12  # m
 _DECIMALS = 15  # of coordinates in m, once rounded: the normals of faces of 1 mm stay the same to 1e-12
 
 
@@ -242,6 +243,20 @@ def scaled(polyhedron: Polyhedron, factors: Sequence[float]) -> Polyhedron:
     if not polyhedron.balls:
         return found
     return replace(found, balls=tuple((vertex, min(factors) * radius) for vertex, radius in polyhedron.balls))
+
+
+def levelled(bodies: Sequence[Polyhedron]) -> tuple[Polyhedron, ...]:
+    """Polyhedra with coordinates that differ by rounding alone made equal, so that faces across an axis are exactly so.
+
+    Values along an axis of which each is within 1e-12 m of the next become the least of them.
+    """
+    points = np.vstack([body.vertices for body in bodies])
+    for column in points.T:
+        order = np.argsort(column, kind="stable")
+        first = np.concatenate([[True], np.diff(column[order]) > _LEVEL])
+        column[order] = column[order][np.maximum.accumulate(np.where(first, np.arange(len(column)), 0))]
+    ends = np.cumsum([len(body.vertices) for body in bodies])[:-1]
+    return tuple(with_vertices(body, own) for body, own in zip(bodies, np.split(points, ends), strict=True))
 
 
 def rounded(polyhedron: Polyhedron) -> Polyhedron:

@@ -21,6 +21,7 @@ from typing import Literal, TypeAlias, assert_never
 
 import numpy as np
 
+from fmopt.compiled import heed
 from fmopt.geometry.csg import (
     Box,
     Cone,
@@ -103,6 +104,7 @@ def _leaves(solid: Solid, pose: Pose) -> Iterator[tuple[Region, Region]]:
 
 def _section(solid: Solid, leaves: Iterator[Region]) -> Region:
     """The section of a tree, of those of its instances."""
+    heed()
     match solid:
         case Box() | Cylinder() | Cone() | Sphere() | Prism() | Wedge() | Hull():
             return next(leaves)

@@ -18,6 +18,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from fmopt.compiled import heed
 from fmopt.errors import InterferenceError, SolverError
 from fmopt.geometry.clearance import penetration, towards
 from fmopt.geometry.csg import Placed, Solid, Sphere, Union, exact_pose
@@ -219,6 +220,7 @@ def _on_leg(bodies: Sequence[_Piece], others: Sequence[_Piece], path: NominalTra
     span = (float(path.times[k]), float(path.times[k + 1]))
     hits: list[_Hit | None] = []
     for body in bodies:
+        heed()
         ends = _Stretch(body, path, span, _radius(body.body))
         for other in _reached(ends, others):
             hits.append(_first(ends, other))

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fmopt.compiled import heed
 from fmopt.geometry.polyhedron import Face, Polyhedron, plane_basis
 from fmopt.se3 import cross
 from fmopt.values import Array, Value
@@ -110,6 +111,7 @@ def candidates(moving: Body, fixed: Body, p: Array, R: Array, half_widths: Array
     Returns:
         Which position (k,), and there the kind and the feature of the moving and of the fixed body (k, 3).
     """
+    heed()
     D, theta = float(np.linalg.norm(half_widths[:3])), float(np.linalg.norm(half_widths[3:]))
     tilt = theta + 1e-9
 

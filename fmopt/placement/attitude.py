@@ -129,8 +129,11 @@ class Image:
         """What is said of the search, in the parts' own axes."""
         c, s = math.cos(found.heading), math.sin(found.heading)
         x, y, _ = self.attitude.axes.T @ np.array([c, s, 0.0])
-        names = tuple(map(_in_mirror, found.names)) if self.attitude.mirrored else found.names
-        return replace(found, heading=math.atan2(y, x), names=names)
+        return replace(found, heading=math.atan2(y, x), names=self.own_names(found.names))
+
+    def own_names(self, names: Iterable[str]) -> tuple[str, ...]:
+        """The names of freedoms in the parts' own axes."""
+        return tuple(map(_in_mirror, names)) if self.attitude.mirrored else tuple(names)
 
     def own_contacts(self, contacts: Iterable[PrimitiveContact]) -> tuple[PrimitiveContact, ...]:
         """Contacts of the images as those of the parts themselves."""

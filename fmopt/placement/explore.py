@@ -15,7 +15,7 @@ from fmopt.certificate.knowledge import Assembly, aligned, flushes
 from fmopt.certificate.segment import Compliance
 from fmopt.contact.bounds import BoundTable
 from fmopt.contact.meet import Poses
-from fmopt.contact.primitive import Kind, PrimitiveContact, feature_distance, near_contacts
+from fmopt.contact.primitive import Kind, PrimitiveContact, feature_distance, near_contacts, near_tips
 from fmopt.contact.surface import Surfaces
 from fmopt.errors import InfeasibleError
 from fmopt.placement.keeping import along, roots
@@ -157,10 +157,20 @@ def neighbourhood(assembly: Assembly, place: Place, freedom: Freedom, reach: flo
 
     A turn is not taken to bring parts nearer than `reach` (m) do.
     """
-    turning = bool(freedom.twist[3:].any())
-    near, angle = (reach, 1.2 * freedom.limit) if turning else (1.2 * freedom.limit, _STILL)
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
-    return Near.of(assembly, near_contacts(body, fixed, place.pose, near, angle))
+    return Near.of(assembly, near_contacts(body, fixed, place.pose, *_range(freedom, reach)))
+
+
+def _range(freedom: Freedom, reach: float) -> tuple[float, float]:
+    """How near (m) features are, and how far from turned against each other (rad), that a move may bring together."""
+    turning = bool(freedom.twist[3:].any())
+    return (reach, 1.2 * freedom.limit) if turning else (1.2 * freedom.limit, _STILL)
+
+
+def tips(assembly: Assembly, place: Place, freedom: Freedom, reach: float) -> tuple[PrimitiveContact, ...]:
+    """Those of a `neighbourhood` that are of a moving vertex on a fixed face."""
+    body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
+    return near_tips(body, fixed, place.pose, *_range(freedom, reach))
 
 
 def guarded(assembly: Assembly, place: Place, freedom: Freedom, near: Near) -> Move | None:

@@ -15,6 +15,7 @@ from fmopt.certificate.claim import Claim, Stepped, claimed, stepped
 from fmopt.certificate.kernels_rows import Table
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Compliance, Piece, Tolerance
+from fmopt.compiled import heed
 from fmopt.contact.meet import Poses
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.errors import InfeasibleError
@@ -163,6 +164,7 @@ def unroll(
 
     Raises:
         InfeasibleError: parts overlap nominally on the way, or a step is impossible.
+        OverdueError: there is no time left.
     """
     turn = length(se3.log(move.goal.R @ move.start.R.T))
     count = max(math.ceil(turn / step - 1e-9), 1)
@@ -171,6 +173,7 @@ def unroll(
     # Most of the moves that a search tries fail in every way: there two of them say enough.
     others = (2 * count, -(-2 * count // 3), -(-count // 2), 4 * count, -(-count // 3)) if thorough else ()
     for pieces in dict.fromkeys((count, *others, 1)):
+        heed()
         try:
             return _unroll(assembly, move, reached, tolerance, pieces, thorough)
         except InfeasibleError as error:

@@ -22,7 +22,8 @@ from numpy.typing import ArrayLike
 
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.separating_plane import Separation, row_bounds
-from fmopt.errors import InfeasibleError, SolverError
+from fmopt.compiled import heed
+from fmopt.errors import InfeasibleError, OverdueError, SolverError
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.placement.clearance import Flat, Metric, Placement
 from fmopt.placement.formation import Row, ball_face, evaluate, face_vertex, vertex_face
@@ -182,7 +183,7 @@ def polish(
     turns: Turns,
     progress: Callable[[float], None] = lambda _: None,
 ) -> Placed:
-    """Moves one goal pose after the other while the certified margin rises.
+    """Moves one goal pose after the other while the certified margin rises, and there is time.
 
     Args:
         aim: what for; whether a sequence is fit is not asked.
@@ -198,7 +199,11 @@ def polish(
         for k in range(len(best.moves) - 1):
             for reach in (turns.radius, _SHORTER * turns.radius):
                 metric = Metric(aim.tolerance.rho, clearance)
-                candidate = _one(aim, best, metric, method, k, reach)
+                try:
+                    heed()
+                    candidate = _one(aim, best, metric, method, k, reach)
+                except OverdueError:
+                    return best
                 if candidate is not None:
                     best = candidate
                     progress(best.margin)

@@ -18,18 +18,19 @@ import heapq
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import islice
 
 import numpy as np
 
 from fmopt.compiled import clock
-from fmopt.contact.primitive import Kind, PrimitiveContact
-from fmopt.errors import SearchError
+from fmopt.contact.primitive import PrimitiveContact
+from fmopt.errors import OverdueError, SearchError
 from fmopt.placement.entry import Entry, Leant
-from fmopt.placement.explore import Freedom, Near, Place, guarded, insides, neighbourhood
+from fmopt.placement.explore import Freedom, Near, Place, guarded, insides, neighbourhood, tips
 from fmopt.placement.motion import Move, Reached
-from fmopt.placement.step import Costs, Node, Task, son, sons
+from fmopt.placement.step import Costs, Node, Task, son, sons, ways_on
 from fmopt.se3 import Pose
 from fmopt.values import Array
 
@@ -85,6 +86,29 @@ class Searched:
     cost: float
     lower_bound: float
     expanded: int
+
+
+@dataclass(frozen=True, eq=False)
+class Closest:
+    """The state that came closest to the seated part in a search that found no sequence.
+
+    Args:
+        task: what the search is about.
+        node: the state.
+    """
+
+    task: Task
+    node: Node
+
+    @property
+    def order(self) -> tuple[bool, int, float]:
+        """What makes one state come closer than another: seated, freedoms taken away, margin."""
+        return self.task.seated(self.node.place.pose), self.node.rank, round(self.node.reached.margin, _PLACES)
+
+    @property
+    def ways_on(self) -> tuple[tuple[str, Move], ...]:
+        """The guarded moves from there, each with the name of its freedom, whether or not they can be certified."""
+        return () if self.task.seated(self.node.place.pose) else tuple(ways_on(self.task, self.node))
 
 
 @dataclass(order=True)
@@ -148,7 +172,7 @@ def _first_sequences(
         try:
             found.append(search(task, entries, deadline, progress))
         except SearchError as error:
-            failures = [error.with_traceback(None)]  # which would hold on to this frame, and all that is in it
+            failures = [_farther(error.with_traceback(None), *failures)]  # a traceback would hold on to this frame
         else:
             if found[-1].reached.margin > 0.0:
                 return (found[-1],)
@@ -157,6 +181,14 @@ def _first_sequences(
     if not found:
         raise failures.pop() if failures else SearchError("no way to begin is left", advice=_BEGIN)
     return tuple(sorted(found, key=lambda sequence: -round(sequence.reached.margin, _PLACES)))
+
+
+def _farther(error: SearchError, before: SearchError | None = None) -> SearchError:
+    """The latest failure, with the attempt of the one before where that came farther."""
+    known = None if before is None else before.attempt
+    if known is not None and (error.attempt is None or known.order > error.attempt.order):
+        error.attempt = known
+    return error
 
 
 def search(
@@ -176,8 +208,11 @@ def search(
     Raises:
         SearchError: no sequence was found.
     """
-    tries = (begin(task, entry) for entry in entries)
-    nodes = [node for node in tries if node is not None]
+    nodes = list[Node]()
+    with suppress(OverdueError):  # those that could begin by then count
+        for entry in entries:
+            node = begin(task, entry)
+            nodes += [] if node is None else [node]
     # A part that stands upright in the mouth with room for its errors may go straight down, all freedoms left.
     final = 0 if any(task.upright(node.place.pose) for node in nodes) else task.final_rank
     front = _Frontier(final, task.costs, nodes)
@@ -192,21 +227,26 @@ def search(
             return _sequence(node, front, expanded)
         expanded += 1
         progress(" ".join(node.names))
-        for successor in sons(task, node):
-            front.push(successor, 0 if task.seated(successor.place.pose) else final)
-            closest = successor if closest is None else min(successor, closest, key=lambda n: (-n.rank, n.cost))
-            if task.seated(successor.place.pose) and successor.reached.margin > 0.0:
-                ready = successor if ready is None else min(successor, ready, key=lambda n: n.cost)
+        try:
+            for successor in sons(task, node):
+                front.push(successor, 0 if task.seated(successor.place.pose) else final)
+                closest = successor if closest is None else min(successor, closest, key=lambda n: (-n.rank, n.cost))
+                if task.seated(successor.place.pose) and successor.reached.margin > 0.0:
+                    ready = successor if ready is None else min(successor, ready, key=lambda n: n.cost)
+        except OverdueError:
+            break
     if ready is not None:
         return _sequence(ready, front, expanded)
     late = clock() > deadline
     advice = _SMALLER if expanded else _BEGIN
+    farthest = closest or max(nodes, key=lambda node: node.reached.margin, default=None)
     raise SearchError(
         f"no sequence of contacts to the seated part was found among {expanded} states"
         + (", the time limit is used up" if late else "")
         + (f", the closest came after {' '.join(closest.names)}{shortfall(closest)}" if closest else ""),
         advice="raise settings.time_limit" if late else advice,
         late=late,
+        attempt=None if farthest is None else Closest(task, farthest),
     )
 
 
@@ -327,8 +367,8 @@ def _onto_top(task: Task, node: Node, freedom: Freedom, corners: Array) -> Node 
     vertices = assembly.moving.polyhedron.vertices
     near = [
         contact
-        for contact in neighbourhood(assembly, node.place, freedom, task.costs.reach).contacts
-        if contact.kind is Kind.VERTEX_FACE and (corners == vertices[contact.moving_feature]).all(axis=1).any()
+        for contact in tips(assembly, node.place, freedom, task.costs.reach)
+        if (corners == vertices[contact.moving_feature]).all(axis=1).any()
     ]
     move = guarded(assembly, node.place, freedom, Near.of(assembly, near))
     if move is None:

@@ -5,12 +5,16 @@ Planes through the edges of fixed pieces, between the two faces of each, that ke
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.curvature import Course
+from fmopt.certificate.kernels_rows import ROW
+from fmopt.certificate.lower import Places, Sides, best_sides
 from fmopt.certificate.pair import BEHIND, Facing, Pair, Witness, free_plane
 from fmopt.certificate.separating_plane import Block, Candidates, Separation
 from fmopt.contact.primitive import Kind
@@ -32,35 +36,70 @@ def choose_separations(assembly: Assembly, facing: Facing, course: Course) -> li
     Pieces in touch are kept apart by a plane that the contacts themselves lie in; others by any plane through an edge
     of the fixed piece, or by a face of the moving one.
     """
-    table = _tables(assembly, facing)
-    least = np.full((len(course.motion.twist), len(facing.listed)), -np.inf)
-    free = [(places, _fans(facing, places).best(course)) for _, places in facing.apart]
-    for places, planes in free:
-        least[:, places] = np.where(planes.clearances >= -_GRAZING, planes.margins, -np.inf)
-    found = table.best(course, least, _GRAZING)
-    chosen = [
-        [
-            Separation(table.witnesses[n], margin, clearance) if n >= 0 else None
-            for n, margin, clearance in zip(*row, strict=True)
-        ]
-        for row in zip(*(each.tolist() for each in found), strict=True)
-    ]
-    for places, planes in free:
-        for k, row in enumerate(chosen):
-            for m, n in enumerate(places):
-                if row[n] is None and least[k, n] > -np.inf:
-                    row[n] = planes.separation(k, m)
+    pieces, pairs = len(course.motion.twist), len(facing.listed)
+    chosen: list[list[Separation | None]] = [[None] * pairs for _ in range(pieces)]
+    least, before = np.full((pieces, pairs), -np.inf), np.zeros((pieces, pairs), dtype=np.bool_)
+    touched = _touched(assembly, facing)
+    if touched is not None:
+        places = list(touched.places)
+        for k, m, found in _listed(*touched.table.best(course, least[:, places], _GRAZING)):
+            witness = touched.table.witnesses[found.number]
+            chosen[k][places[m]] = Separation(witness, found.margin, found.clearance)
+            least[k, places[m]], before[k, places[m]] = found.margin, witness.kind != "edges"
+    for _, free in facing.apart:
+        planes = _fans(facing, free).best(course)
+        for k, m in np.argwhere(planes.clearances >= -_GRAZING).tolist():
+            chosen[k][free[m]], least[k, free[m]] = planes.separation(k, m), planes.margins[k, m]
+    for own in _facing_faces(facing):
+        for k, m, found in _listed(*own.best(course, least[:, own.places], _GRAZING)):
+            place = own.places[m]
+            # Of two that keep as much the first in the order of kinds counts: fixed faces, moving ones, edges.
+            if found.margin > least[k, place] or not before[k, place]:
+                chosen[k][place] = Separation(own.witnesses[found.number], found.margin, found.clearance)
     return chosen
 
 
+class _Found(NamedTuple):
+    """The number of a witness with its margin and its clearance, m."""
+
+    number: int
+    margin: float
+    clearance: float
+
+
+def _listed(numbers: Places, margins: Array, clearances: Array) -> Iterator[tuple[int, int, _Found]]:
+    """What was found for pairs (m) over pieces of motion (n), each with both places."""
+    for k, m in np.argwhere(numbers >= 0).tolist():
+        yield k, m, _Found(int(numbers[k, m]), float(margins[k, m]), float(clearances[k, m]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Touched:
+    """The pairs of pieces that contacts bear on, by their places in the list, and what may keep each apart.
+
+    Where no contact is on a face of the moving piece, its faces are no part of it.
+    """
+
+    places: tuple[int, ...]
+    table: Candidates
+
+
 @remembered(_MEMORY)
-def _tables(assembly: Assembly, facing: Facing) -> Candidates:
-    return Candidates.of([_block(assembly, pair) for _, _, pair in facing.listed])
+def _touched(assembly: Assembly, facing: Facing) -> _Touched | None:
+    touched = [(n, pair) for n, (_, _, pair) in enumerate(facing.listed) if pair.touched]
+    blocks = [(n, _block(assembly, pair)) for n, pair in touched]
+    told = [(n, block) for n, block in blocks if block.counted]
+    return _Touched(tuple(n for n, _ in told), Candidates.of([block for _, block in told])) if told else None
 
 
 @remembered(_MEMORY)
 def _block(assembly: Assembly, pair: Pair) -> Block:
     return Block.of(assembly, pair, _candidates(assembly, pair))
+
+
+def _faces_count(pair: Pair) -> bool:
+    """Whether all rows of the moving piece's faces count: no contact puts a vertex of the fixed piece on one."""
+    return not any(contact.kind is Kind.FACE_VERTEX for contact in (*pair.state, *pair.beside))
 
 
 @remembered(_MEMORY)
@@ -69,11 +108,43 @@ def _fans(facing: Facing, places: tuple[int, ...]) -> Fans:
     return fans(pairs[0].moving, tuple(pair.fixed for pair in pairs))
 
 
+@remembered(1)
+def _facing_faces(facing: Facing) -> tuple[Faces, ...]:
+    """The faces of each moving piece with the pairs of it for which all of their rows count."""
+    found: dict[Polyhedron, list[int]] = {}
+    for n, (_, _, pair) in enumerate(facing.listed):
+        if _faces_count(pair) and pair.moving.faces:
+            found.setdefault(pair.moving, []).append(n)
+    return tuple(Faces.of(facing, piece, places) for piece, places in found.items())
+
+
+@dataclass(frozen=True, eq=False)
+class Faces:
+    """The faces of a moving piece as planes that may keep it off fixed ones, by the places of these pairs."""
+
+    places: list[int]
+    witnesses: tuple[Witness, ...]
+    sides: Sides
+
+    @staticmethod
+    def of(facing: Facing, moving: Polyhedron, places: list[int]) -> Faces:
+        """The faces of a moving piece in some pairs."""
+        pieces = [facing.listed[n][2].fixed for n in places]
+        normals = np.array([face.normal for face in moving.faces])
+        offsets = np.array([float((moving.vertices @ face.normal).max()) for face in moving.faces])
+        cuts = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
+        corners = np.concatenate([piece.vertices for piece in pieces])
+        witnesses = tuple(Witness("moving-face", face.loops[0], ()) for face in moving.faces)
+        return Faces(places, witnesses, Sides(normals, offsets, corners, cuts))
+
+    def best(self, course: Course, least: Array, grazing: float) -> tuple[Places, Array, Array]:
+        """For each piece the face with the largest margin over pieces of motion; see `best_sides`."""
+        return best_sides(self.sides, np.zeros(1, ROW), course.motion, least, grazing)
+
+
 def _candidates(assembly: Assembly, pair: Pair) -> tuple[Witness, ...]:
     """Planes of faces, and those along the two edges of the pair's edge–edge contacts."""
-    own = [Witness("moving-face", face.loops[0], ()) for face in pair.moving.faces]
-    if own and not pair.touched:
-        return tuple(own)
+    own = [] if _faces_count(pair) else [Witness("moving-face", face.loops[0], ()) for face in pair.moving.faces]
     faces = [Witness("fixed-face", (), face.loops[0]) for face in pair.fixed.faces]
     return (*faces, *own, *_contact_edges(assembly, pair))
 

@@ -19,8 +19,9 @@ import numpy as np
 from fmopt.certificate.assembly import contact_rows
 from fmopt.certificate.knowledge import Assembly
 from fmopt.certificate.segment import Tolerance
+from fmopt.compiled import heed
 from fmopt.contact.primitive import PrimitiveContact
-from fmopt.errors import InfeasibleError, SolverError
+from fmopt.errors import InfeasibleError, OverdueError, SolverError
 from fmopt.placement.motion import Move, Reached, unroll
 from fmopt.placement.program import ConeProgram, Norm, Solver
 from fmopt.placement.sequence_rows import SequenceRows, sequence_rows
@@ -128,7 +129,7 @@ def better(aim: Aim, moves: Sequence[Move], than: Placed, by: float) -> Placed |
 def refine(
     aim: Aim, placed: Placed, solver: Solver, settings: Refinement, progress: Callable[[float], None] = lambda _: None
 ) -> Placed:
-    """Moves all goal poses until the certified margin rises no more; the margin never falls.
+    """Moves all goal poses until the certified margin rises no more, or time is up; the margin never falls.
 
     Args:
         aim: what for.
@@ -138,24 +139,28 @@ def refine(
         progress: told the margin (m) after each gain.
     """
     best, radius = placed, settings.radius
-    rows = sequence_rows(aim.assembly, best.reached, aim.tolerance, settings.radius)
-    for _ in range(settings.rounds):
-        if not len(rows.values) or radius < settings.least_radius:
-            break
-        try:
-            solution = solver.solve(program_of(aim, best, rows, radius))
-        except (InfeasibleError, SolverError):
-            radius *= SHORTER
-            continue
-        if solution.value <= best.margin + settings.least_gain:
-            break
-        candidate = _moved(aim, best, solution.x[:-1].reshape(-1, 6), settings.least_gain)
-        if candidate is None:
-            radius *= SHORTER
-            continue
-        best, radius = candidate, min(2.0 * radius, 4.0 * settings.radius)
+    try:
         rows = sequence_rows(aim.assembly, best.reached, aim.tolerance, settings.radius)
-        progress(best.margin)
+        for _ in range(settings.rounds):
+            heed()
+            if not len(rows.values) or radius < settings.least_radius:
+                break
+            try:
+                solution = solver.solve(program_of(aim, best, rows, radius))
+            except (InfeasibleError, SolverError):
+                radius *= SHORTER
+                continue
+            if solution.value <= best.margin + settings.least_gain:
+                break
+            candidate = _moved(aim, best, solution.x[:-1].reshape(-1, 6), settings.least_gain)
+            if candidate is None:
+                radius *= SHORTER
+                continue
+            best, radius = candidate, min(2.0 * radius, 4.0 * settings.radius)
+            rows = sequence_rows(aim.assembly, best.reached, aim.tolerance, settings.radius)
+            progress(best.margin)
+    except OverdueError:
+        pass  # what there is by now counts
     return best
 
 

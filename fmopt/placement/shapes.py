@@ -9,6 +9,7 @@ from itertools import chain, islice, product, tee
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from fmopt.certificate.assembly import Assembly
 from fmopt.geometry.clearance import Clearance
@@ -202,13 +203,13 @@ def likely_headings(moving: Part) -> tuple[Way, ...]:
     found.sort(key=lambda one: (*one[:2], one[2].wall or 0, abs(one[2].heading)))
     if all(way.wall is None for *_, way in found):
         found.insert(0, (0.0, 0.0, Way(0.0)))
-    ways, seen = list[Way](), list[tuple[bool, Array]]()
+    ways, seen = list[Way](), list[tuple[bool, KDTree]]()
     for *_, way in found:
         shown = hull @ turned_axes(way.heading)[:2, :2]
         kind, sight = way.wall is None, shown[:, ::-1] if way.wall else shown
         if not any(kind == other and _looks_the_same(sight, before) for other, before in seen):
             ways.append(way)
-            seen.append((kind, sight))
+            seen.append((kind, KDTree(sight)))
     return tuple(ways)
 
 
@@ -216,10 +217,10 @@ def _direction(n: Array) -> float:
     return math.atan2(n[1], n[0])
 
 
-def _looks_the_same(one: Array, other: Array) -> bool:
+def _looks_the_same(one: Array, other: KDTree) -> bool:
     """Whether the corners (n, 2) of two outlines are the same."""
-    apart = np.linalg.norm(one[:, None] - other[None], axis=2).min(axis=1)
-    return bool(apart.max() <= _SAME * float(np.ptp(one)))
+    apart, _ = other.query(one)
+    return bool(np.max(apart) <= _SAME * float(np.ptp(one)))
 
 
 def _in_turn(*runs: tuple[Iterator[Shape], int]) -> Iterator[Shape]:

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.certificate.assembly import Assembly
+from fmopt.compiled import heed
 from fmopt.contact.bounds import INSIDE, BoundTable, cell, touching
 from fmopt.contact.descent import Bits
 from fmopt.contact.graph import Cell, ContactGraph, LocalSpace, Scale, contact_graph, faces, local_space
@@ -159,6 +160,7 @@ def space_at(
         near = near_contacts(body, fixed, reference, scale.reach, scale.angle)
         if _regular(assembly, near, reference):
             break
+    heed()
     kept, limits = cell(near, body, fixed, reference, scale.reach + scale.angle * scale.rho)
     within = Cell(limits, wide * scale.reach, wide * scale.angle)
     space = local_space(kept, body, fixed, reference, scale, within)
@@ -251,6 +253,7 @@ def confirm(graph: ContactGraph, moving: Polyhedron, fixed: Polyhedron) -> tuple
     best = _Best.of(near, on, meet(near, on, facets, _ROOMS[0]))
     tried = set[tuple[int, bytes]]()
     for _ in range(_ROUNDS):
+        heed()
         left = np.flatnonzero(~best.found)
         which, starts = _starts(graph, best, points, left, tried)
         before = int(best.found.sum())

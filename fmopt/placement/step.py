@@ -18,7 +18,18 @@ from fmopt.contact.primitive import Kind, PrimitiveContact, near_contacts
 from fmopt.contact.surface import Surfaces
 from fmopt.errors import InfeasibleError
 from fmopt.placement.entry import Entry, deeper, leading_corners, next_to_round, turned_axes
-from fmopt.placement.explore import Freedom, Near, Place, freedoms, implied, insides, meetings, neighbourhood, pinned
+from fmopt.placement.explore import (
+    Freedom,
+    Near,
+    Place,
+    freedoms,
+    guarded,
+    implied,
+    insides,
+    meetings,
+    neighbourhood,
+    pinned,
+)
 from fmopt.placement.flush import described, on_wall
 from fmopt.placement.motion import Move, Reached, unroll
 from fmopt.se3 import Pose, cross
@@ -247,6 +258,18 @@ def sons(task: Task, node: Node) -> Iterator[Node]:
         if after is not None:
             yield after
     yield from _given_up(task, node)
+
+
+def ways_on(task: Task, node: Node) -> Iterator[tuple[str, Move]]:
+    """The first guarded move along each freedom from a state, whether or not it can be certified, with its name."""
+    near: dict[tuple[bool, float], Near] = {}
+    for freedom in _freedoms(task, node):
+        kind = bool(freedom.twist[3:].any()), freedom.limit
+        if kind not in near:
+            near[kind] = neighbourhood(task.assembly, node.place, freedom, task.costs.reach)
+        move = guarded(task.assembly, node.place, freedom, near[kind])
+        if move is not None:
+            yield freedom.name, move
 
 
 def _given_up(task: Task, node: Node) -> Iterator[Node]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fmopt.compiled import clock
+from fmopt.errors import OverdueError
 from fmopt.placement.entry import Entry, Shape
 from fmopt.placement.search import MoveSequence, begin
 from fmopt.placement.step import Node, Task, follow
@@ -124,9 +125,11 @@ def deepened(
         if enough(best) or clock() >= limits.deadline:
             break
         factor += _STEPS[0]
-        other = _from_entry(
-            task, found, entry_of(replace(shape, depth=factor * shape.depth)), _KEPT * found.reached.margin
-        )
+        entry = entry_of(replace(shape, depth=factor * shape.depth))
+        try:
+            other = _from_entry(task, found, entry, _KEPT * found.reached.margin)
+        except OverdueError:
+            break
         if other is None:
             break
         best = other
@@ -176,7 +179,10 @@ class _Tuning:
         self._margins.append(self.best.reached.margin)
         factors = self.factors + step
         entry = self._entry_of(Shape.of(self._shape.numbers * factors, self._shape.heading))
-        other = _from_entry(self._task, self._found, entry, self.best.reached.margin + gain)
+        try:
+            other = _from_entry(self._task, self._found, entry, self.best.reached.margin + gain)
+        except OverdueError:
+            return False  # and there is no time for another try
         if other is None or not self._kept(other):
             return False
         self.factors, self.best = factors, other

@@ -9,7 +9,8 @@ import numpy as np
 
 from fmopt.geometry.polyhedron import Polyhedron, from_faces, placed, plane_of
 from fmopt.geometry.section import section
-from fmopt.plan import Body, Part, Plan
+from fmopt.plan import Body, Part
+from fmopt.report.naming import Parts
 from fmopt.se3 import Pose
 from fmopt.values import Array
 
@@ -41,7 +42,7 @@ def upright_plane(azimuth: float) -> Pose:
 CUTS = {"x–z": upright_plane(0.0), "y–z": upright_plane(0.5 * math.pi)}
 
 
-def contact_place(plan: Plan, contact: str, pose: Pose) -> Array:
+def contact_place(plan: Parts, contact: str, pose: Pose) -> Array:
     """Where a contact touches (3,), m: its vertex, or the point of a ball, or of an edge, nearest to what is fixed."""
     record = next(c for c in plan.contacts if c.id == contact)
     moving = pose.apply(np.array([plan.moving.body.vertices[i] for i in record.moving]))

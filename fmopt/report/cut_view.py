@@ -14,7 +14,7 @@ from fmopt.plan import Plan
 from fmopt.report.bodies import CUTS, contact_place, extent, pieces_of, section_of, upright_plane
 from fmopt.report.drawing import BLUE, INK, PALE, RUST, WIDTH
 from fmopt.report.moves import moves
-from fmopt.report.naming import quantity
+from fmopt.report.naming import Parts, quantity
 from fmopt.se3 import Pose
 from fmopt.values import Array
 
@@ -78,7 +78,8 @@ class _Gap:
 
 def size(plan: Plan) -> tuple[float, float]:
     """Width and height in inches."""
-    return WIDTH, _rows(plan) * (_HEADS + _ROW) + 0.05 + (_GAPS if _all_gaps(plan) else 0.0)
+    width, height = panels_size(move_ends(plan))
+    return width, height + (_GAPS if _all_gaps(plan) else 0.0)
 
 
 def alt(plan: Plan) -> str:
@@ -91,9 +92,25 @@ def alt(plan: Plan) -> str:
 
 def paint(plan: Plan, figure: Figure) -> None:
     """A section for each move's end; below them the gaps in the seated pose, magnified across."""
-    gaps, ends = _all_gaps(plan), move_ends(plan)
+    gaps = _all_gaps(plan)
     figure.set_layout_engine("none")  # by hand: half the time
     height = size(plan)[1]
+    panels(plan, move_ends(plan), figure, height)
+    if gaps:
+        figure.text(0.01, 1.85 / height, "The gaps in the goal pose, magnified across", fontweight="bold", fontsize=9.5)
+        room = {"left": 0.085, "right": 0.985, "top": 1.55 / height, "bottom": 0.45 / height, "wspace": 0.55}
+        below = figure.add_gridspec(1, max(len(gaps), 4), **room)
+        for number, (plane, gap) in enumerate(gaps):
+            _gap_panel(figure.add_subplot(below[number]), plane, gap)
+
+
+def panels_size(ends: Sequence[End]) -> tuple[float, float]:
+    """Width and height of the panels of `panels`, inches."""
+    return WIDTH, -(-len(ends) // _COLUMNS) * (_HEADS + _ROW) + 0.05
+
+
+def panels(plan: Parts, ends: Sequence[End], figure: Figure, height: float) -> None:
+    """A section for each of some poses, from the top of a figure that is so high (inches)."""
     drawn = [sections(plan, end) for end in ends]
     middle, scale = _window(drawn)
     for number, (end, (peg, block)) in enumerate(zip(ends, drawn, strict=True)):
@@ -108,12 +125,6 @@ def paint(plan: Plan, figure: Figure) -> None:
         axes.tick_params(labelleft=column == 0, labelbottom=False, bottom=False)
         for line, (words, style) in enumerate(_head(end)):
             figure.text(left, (top + _HEADS - 0.08 - 0.14 * line) / height, words, fontsize=8.0, va="top", **style)
-    if gaps:
-        figure.text(0.01, 1.85 / height, "The gaps in the goal pose, magnified across", fontweight="bold", fontsize=9.5)
-        room = {"left": 0.085, "right": 0.985, "top": 1.55 / height, "bottom": 0.45 / height, "wspace": 0.55}
-        below = figure.add_gridspec(1, max(len(gaps), 4), **room)
-        for number, (plane, gap) in enumerate(gaps):
-            _gap_panel(figure.add_subplot(below[number]), plane, gap)
 
 
 def _window(drawn: Sequence[tuple[MultiPolygon, MultiPolygon]]) -> tuple[Array, float]:
@@ -122,10 +133,6 @@ def _window(drawn: Sequence[tuple[MultiPolygon, MultiPolygon]]) -> tuple[Array, 
     both = np.vstack([pegs, blocks])
     low, high = np.array([pegs[:, 0].min(), both[:, 1].min()]), np.array([pegs[:, 2].max(), both[:, 3].max()])
     return 0.5 * (low + high), float(np.max((high - low) * 1.06 / _PANEL))
-
-
-def _rows(plan: Plan) -> int:
-    return -(-len(move_ends(plan)) // _COLUMNS)
 
 
 def _degrees(angle: float) -> str:
@@ -143,14 +150,14 @@ def _head(end: End) -> list[tuple[str, dict[str, Any]]]:
     ]
 
 
-def sections(plan: Plan, end: End) -> tuple[MultiPolygon, MultiPolygon]:
+def sections(plan: Parts, end: End) -> tuple[MultiPolygon, MultiPolygon]:
     """The sections of the moving and the fixed part in the plane in which the part leans, m."""
     plane = upright_plane(end.azimuth)
     moving, fixed = (pieces_of(part) for part in (plan.moving, plan.fixed))
     return section_of(moving, end.pose, plane), section_of(fixed, Pose.identity(), plane)
 
 
-def _section_panel(axes: Axes, plan: Plan, end: End, peg: MultiPolygon, block: MultiPolygon) -> None:
+def _section_panel(axes: Axes, plan: Parts, end: End, peg: MultiPolygon, block: MultiPolygon) -> None:
     _fill(axes, block, facecolor=PALE, edgecolor="#999999", hatch="////", linewidth=0)
     _outline(axes, block, color=INK, linewidth=0.8)
     _fill(axes, peg, facecolor=BLUE, alpha=0.15, linewidth=0)

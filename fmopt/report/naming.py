@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 
@@ -15,6 +16,22 @@ from fmopt.values import Array
 _SAME = 1e-9  # m
 _SLIGHT = 0.005  # of the greatest component of a direction
 _ALONG = 0.94  # cosine within which a direction is called by one axis
+
+
+class Parts(Protocol):
+    """What names are of: two parts and contacts between them, as a plan has them."""
+
+    @property
+    def moving(self) -> Part:
+        """The moving part."""
+
+    @property
+    def fixed(self) -> Part:
+        """The fixed part."""
+
+    @property
+    def contacts(self) -> tuple[Contact, ...]:
+        """The contacts."""
 
 
 def quantity(length: float) -> str:
@@ -58,7 +75,7 @@ def spoken_axis(vector: Array, always_signed: bool = False) -> str:
     return ", ".join(words[:-1]) + " and " + words[-1] if len(words) > 1 else words[0]
 
 
-def contact_words(plan: Plan, contact: str) -> str:
+def contact_words(plan: Parts, contact: str) -> str:
     """A contact in words, the moving part's feature first: "side edge e0 touches rim edge e8 (x = −10.1 mm)"."""
     record = next((c for c in plan.contacts if c.id == contact), None)
     if record is None:
@@ -67,7 +84,7 @@ def contact_words(plan: Plan, contact: str) -> str:
     return meeting_words(plan, record, f" {own}", f" {other}")
 
 
-def meeting_words(plan: Plan, record: Contact | Foreseen, own: str = "", other: str = "") -> str:
+def meeting_words(plan: Parts, record: Contact | Foreseen, own: str = "", other: str = "") -> str:
     """What touches what, by the vertices of both sides, with names for the two: "corner touches wall (y = 10 mm)"."""
     tip, wall = _points(plan.moving, record.moving), _points(plan.fixed, record.fixed)
     moved = "ball" if record.kind == "ball-face" else _moving_words(plan.moving, tip)
@@ -128,7 +145,7 @@ def _place(points: Array) -> str:
     return f" ({values})" if values else ""
 
 
-def binding_words(plan: Plan, binding: str) -> str:
+def binding_words(plan: Parts, binding: str) -> str:
     """What a margin is of, in words; the names are those of the plan's `binding_contact`."""
     pair = re.fullmatch(r"(?:pieces )?(\d+)[/-](\d+)", binding)
     if pair:

@@ -12,7 +12,7 @@ import numpy as np
 from fmopt.errors import Fault, GeometryError, InputError, TaskError
 from fmopt.se3 import Pose
 from fmopt.task import model_file as files
-from fmopt.task.mesh_source import deviation, imported
+from fmopt.task.mesh_source import deviation, geometry_fault, imported
 from fmopt.task.toml_source import Key, Place, Source
 from fmopt.task.units import did_you_mean
 from fmopt.values import Array
@@ -128,8 +128,7 @@ def build_part(source: Source, file: files.ModelFile) -> Part:
             part = mesh_part(file.name, mesh, features, deviation(file.mesh))
             return replace(part, notes=(*part.notes, *notes))
         except GeometryError as error:
-            place = source.place(("mesh", "file"))
-            raise InputError(place.fault("geometry", error.message, error.advice)) from error
+            raise InputError(geometry_fault(source, file.mesh, error)) from error
     if file.profile is not None:
         try:
             return part_of(file.name, _extruded(file, file.profile), features)
@@ -314,14 +313,15 @@ def bare_part(source: Source, file: files.ModelFile) -> Part:
     from fmopt.geometry.mating import found_features
     from fmopt.geometry.part import mesh_part, part_of
 
-    key = ("mesh", "file") if file.mesh is not None else ("solids", file.part or "")
     try:
         if file.mesh is not None:
             return mesh_part(file.name, imported(source, file.mesh))
         part = part_of(file.name, _solid(source, file, file.part or ""))
         return replace(part, features=found_features(part.polyhedron, part.pieces))
     except GeometryError as error:
-        place = source.place(key, of_key=file.mesh is None)
+        if file.mesh is not None:
+            raise InputError(geometry_fault(source, file.mesh, error)) from error
+        place = source.place(("solids", file.part or ""), of_key=True)
         raise InputError(place.fault("geometry", error.message, error.advice)) from error
 
 

@@ -5,7 +5,7 @@ A proof that two convex pieces overlap at a pose: a point deeper than the tolera
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from fmopt.verify.assembly import Assembly
@@ -43,7 +43,9 @@ Failed = tuple[tuple[int, int, tuple[Distance, Distance] | None], ...]
 Point = tuple[float, float, float]
 
 
-def verify(document: Mapping[str, Any], expected_sha256: str | None = None) -> Verdict:
+def verify(
+    document: Mapping[str, Any], expected_sha256: str | None = None, overdue: Callable[[], bool] = lambda: False
+) -> Verdict:
     """Checks a plan from its own geometry, poses, bases and witnesses.
 
     Everything else that the plan states is derived again, in exact arithmetic with stated rounding, and compared.
@@ -57,14 +59,15 @@ def verify(document: Mapping[str, Any], expected_sha256: str | None = None) -> V
     Args:
         document: the plan as JSON gives it.
         expected_sha256: digest of the problem that the plan should belong to; not compared when None.
+        overdue: whether there is no time for another segment; a plan that was not checked to its end is not proved.
 
     Raises:
         PlanError: the document is no plan.
     """
-    return judge(parse(document), expected_sha256)
+    return judge(parse(document), expected_sha256, overdue)
 
 
-def judge(plan: Plan, expected_sha256: str | None = None) -> Verdict:
+def judge(plan: Plan, expected_sha256: str | None = None, overdue: Callable[[], bool] = lambda: False) -> Verdict:
     """Checks a plan that was read, as `verify` does.
 
     Raises:
@@ -86,14 +89,16 @@ def judge(plan: Plan, expected_sha256: str | None = None) -> Verdict:
     check_outline(plan, notes)
     check_diagnostics(plan, notes)
     check_recovery(plan, (assembly.moving, assembly.fixed), notes)
-    findings, margins, witness = _segments(plan, assembly)
+    findings, margins, witness = _segments(plan, assembly, overdue)
     found = (*notes.found, *findings)
     verdict = REFUTED if witness is not None else NOT_PROVED if found else CERTIFIED
     least = min(margins) if len(margins) == len(plan.segments) else None
     return Verdict(verdict, found, witness, len(plan.segments), least, plan.not_covered, plan.verdict)
 
 
-def _segments(plan: Plan, assembly: Assembly) -> tuple[list[Finding], list[float], Witness | None]:
+def _segments(
+    plan: Plan, assembly: Assembly, overdue: Callable[[], bool]
+) -> tuple[list[Finding], list[float], Witness | None]:
     chain = Chain(plan, assembly)
     findings: list[Finding] = []
     margins: list[float] = []
@@ -101,6 +106,9 @@ def _segments(plan: Plan, assembly: Assembly) -> tuple[list[Finding], list[float
     everything = [(i, j, None) for i in range(len(assembly.moving_pieces)) for j in range(len(assembly.fixed_pieces))]
     for k, segment in enumerate(plan.segments):
         notes = Notes(k)
+        if overdue():
+            notes.add("time", "there was no time left to check this segment and those after it")
+            return findings + notes.found, margins, witness
         start = chain.link.errors
         failed: Failed = tuple(everything)
         try:

@@ -1,0 +1,268 @@
+"""Where there is no plan: how far the motion came that came closest, what it lacks, and what would work.
+
+One page of HTML and one figure, as a plan has them, and the same facts as data.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+from fmopt.guarded.axes import AXES
+from fmopt.plan import Contact, Part
+from fmopt.report import cut_view
+from fmopt.report.cut_view import End
+from fmopt.report.figures import Figure
+from fmopt.report.naming import binding_words, contact_words, degrees, millimetres, pose_words, quantity
+from fmopt.report.scene import resource
+from fmopt.report.shell import chaptered, figure, page, table
+from fmopt.se3 import Pose
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Sheet
+
+Numbers = tuple[float, ...]
+_TITLE = "The closest attempt: both parts cut through the mating axis, at every move's end in the plane of the lean"
+
+
+@dataclass(frozen=True)
+class Step:
+    """A move of an attempt.
+
+    Args:
+        name: of the freedom that it goes along or about.
+        start: pose (6,) where it begins, m and rad.
+        goal: pose (6,) where it ends.
+        made: ids of the contacts that it ends with.
+        margin: the least that is certified of it, m; None where nothing is.
+    """
+
+    name: str
+    start: Numbers
+    goal: Numbers
+    made: tuple[str, ...]
+    margin: float | None
+
+
+@dataclass(frozen=True)
+class Lack:
+    """What an attempt lacks.
+
+    Args:
+        move: the move that it is about, from 1; one more than there are where none leads on.
+        name: of that move's freedom.
+        words: what is wrong, as the planner says it; empty where a margin is short.
+        binding: what the margin is of, as a plan names it: a contact, or two pieces; empty where no margin is short.
+        contact: id of the contact that the move makes or that binds; empty where there is none.
+        short: by how much, m; None where that is not a length.
+    """
+
+    move: int
+    name: str
+    words: str
+    binding: str
+    contact: str
+    short: float | None
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """The nearest problem that does work: the same with a share of all start errors.
+
+    Args:
+        share: of them.
+        box: half-widths (6,) of the start error then, m and rad.
+        margin: the least certified margin of its plan, m.
+    """
+
+    share: float
+    box: Numbers
+    margin: float
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why there is no plan.
+
+    Args:
+        title: of the problem.
+        stage: which did not come to an end: begin, search, placement or control.
+        message: what it says.
+        late: whether the time limit ended it.
+        lack: what the closest attempt lacks; None where no motion could begin.
+        steps: its moves.
+        box: half-widths (6,) of the start error that was asked for, m and rad.
+        rho: characteristic length, m.
+        nearest: the nearest problem that does work; None where none was found.
+        advice: what to change, each of it on its own.
+        moving: the moving part.
+        fixed: the fixed part.
+        contacts: those that the moves make.
+    """
+
+    title: str
+    stage: str
+    message: str
+    late: bool
+    lack: Lack | None
+    steps: tuple[Step, ...]
+    box: Numbers
+    rho: float
+    nearest: Nearest | None
+    advice: tuple[str, ...]
+    moving: Part
+    fixed: Part
+    contacts: tuple[Contact, ...]
+
+    @property
+    def reason(self) -> str:
+        """What is missing, in words: in which move, of what, by how much."""
+        lack = self.lack
+        if lack is None:
+            return f"no motion could begin: {self.message}"
+        where = f"move {lack.move} ({lack.name})" if lack.move <= len(self.steps) else f"after move {lack.move - 1}"
+        if lack.move > len(self.steps) and lack.name:
+            where += f", going on with {lack.name}"
+        what = lack.words or binding_words(self, lack.binding)
+        if lack.short is None:
+            return f"{where}: {what}"
+        angle = degrees(lack.short / self.rho)
+        much = f"{quantity(lack.short)} short, as a turn {angle}° at the part's characteristic length"
+        return f"{where}: {what}: {much}"
+
+    def lines(self) -> list[str]:
+        """The same for a terminal, line by line."""
+        found = [f"stage: {self.stage}; {self.reason}"]
+        if self.nearest is not None:
+            found.append(self.nearest_words)
+        return found
+
+    @property
+    def nearest_words(self) -> str:
+        """What would work, in words."""
+        near = self.nearest
+        if near is None:
+            return "No share of the start errors was found to have a certified plan."
+        return (
+            f"certified for {100.0 * near.share:.3g} % of the start errors ({box_words(near.box)}), "
+            f"with a least margin of {quantity(near.margin)}"
+        )
+
+    def record(self) -> dict[str, Any]:
+        """The facts as plain values: m, rad."""
+        lack, near = self.lack, self.nearest
+        short = None if lack is None else lack.short
+        return {
+            "stage": self.stage,
+            "message": self.message,
+            "late": self.late,
+            "reason": self.reason,
+            "move": None if lack is None else lack.move,
+            "contact": (lack.contact or None) if lack is not None else None,
+            "binding": (lack.binding or None) if lack is not None else None,
+            "short": short,
+            "short_angle": None if short is None else short / self.rho,
+            "start_box": list(self.box),
+            "nearest": None
+            if near is None
+            else {"share": round(near.share, 9), "start_box": list(near.box), "margin": near.margin},
+            "advice": list(self.advice),
+            "moves": [
+                {"name": s.name, "start": [*s.start], "goal": [*s.goal], "made": [*s.made], "margin": s.margin}
+                for s in self.steps
+            ],
+        }
+
+    @property
+    def figures(self) -> Mapping[str, Figure]:
+        """The closest attempt, by name; none where no motion could begin."""
+        return {"attempt": attempt_figure(self)} if self.steps else {}
+
+    def page(self) -> str:
+        """One page of HTML that holds everything and opens offline."""
+        return failure_page(self, {name: figure.svg() for name, figure in self.figures.items()})
+
+
+def box_words(box: Numbers) -> str:
+    """Half-widths (6,) of errors: "x ±0.45 mm, rx ±0.45°"; those that are zero are left out."""
+    said = [f"{AXES[k]} ±{millimetres(v) + ' mm' if k < 3 else degrees(v) + '°'}" for k, v in enumerate(box) if v]
+    return ", ".join(said) or "none"
+
+
+def move_ends(failure: Failure) -> list[End]:
+    """The start and the end of every move."""
+    ends = [
+        End(f"end of move {number}", Pose.from_vector(step.goal), step.made)
+        for number, step in enumerate(failure.steps, start=1)
+    ]
+    return [End("start", Pose.from_vector(failure.steps[0].start), ()), *ends]
+
+
+def attempt_figure(failure: Failure) -> Figure:
+    """Sections of both parts at the end of each move of the closest attempt, with the contacts just made."""
+    ends = move_ends(failure)
+    words = "; ".join(f"{end.name}, {end.plane}, lean {math.degrees(end.lean):.1f}°" for end in ends)
+    alt = f"Sections of {failure.moving.name} and {failure.fixed.name} through the mating axis: {words}."
+    return Figure("attempt", _TITLE, alt, cut_view.panels_size(ends), partial(_paint, failure))
+
+
+def _paint(failure: Failure, sheet: Sheet) -> None:
+    ends = move_ends(failure)
+    sheet.set_layout_engine("none")
+    cut_view.panels(failure, ends, sheet, cut_view.panels_size(ends)[1])
+
+
+def failure_page(failure: Failure, svgs: Mapping[str, str]) -> str:
+    """The page: what is missing first, then the closest attempt, what would work, and what was asked.
+
+    Args:
+        failure: why there is no plan.
+        svgs: its figures as SVG by name.
+    """
+    catalogue = failure.figures
+    drawn = "".join(figure(svg, *_said(catalogue[name])) for name, svg in svgs.items())
+    chapters = [
+        ("attempt", "The closest attempt", drawn + _moves(failure)),
+        ("works", "What does work", _paragraph(_sentence(failure.nearest_words)) + _advice(failure)),
+        ("asked", "What was asked", _paragraph(f"Start errors: {box_words(failure.box)}.")),
+    ]
+    limit = "The time limit ended this. " if failure.late else ""
+    lead = (
+        '<div class="verdict unproved">\n<p class="word">No plan</p>\n'
+        f"<p>{escape(_sentence(failure.reason))}</p>\n"
+        f"<p>{escape(f'Stage: {failure.stage}. {limit}{_sentence(failure.message)}')}</p>\n"
+        f"<p>That no motion was found does not prove that there is none.</p>\n</div>\n"
+    )
+    title = failure.title or "insertion"
+    return page(f"{title}: no plan", resource("page.css"), chaptered("No insertion plan", title, chapters, lead))
+
+
+def _said(drawing: Figure) -> tuple[str, str, tuple[float, float]]:
+    return drawing.alt, drawing.title, drawing.size
+
+
+def _moves(failure: Failure) -> str:
+    rows = []
+    for number, step in enumerate(failure.steps, start=1):
+        made = "; ".join(contact_words(failure, name) for name in step.made)
+        margin = "not certified" if step.margin is None else quantity(step.margin)
+        rows.append((str(number), step.name, pose_words(step.goal), made or "none", margin))
+    worst = -1 if failure.lack is None or failure.lack.move > len(rows) else failure.lack.move - 1
+    head = ("move", "along or about", "ends at", "contacts made", "certified margin")
+    return table("The moves of the closest attempt", head, rows, "n....", worst)
+
+
+def _advice(failure: Failure) -> str:
+    return "<ul>\n" + "".join(f"<li>{escape(_sentence(words))}</li>\n" for words in failure.advice) + "</ul>\n"
+
+
+def _paragraph(words: str) -> str:
+    return f"<p>{escape(words)}</p>\n"
+
+
+def _sentence(words: str) -> str:
+    return words[:1].upper() + words[1:] + ("" if words.endswith(".") else ".")

@@ -1,0 +1,188 @@
+"""Where there is no plan: what is said of it, what is drawn, and whether the advice works."""
+
+from __future__ import annotations
+
+import json
+import math
+import pickle
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fmopt
+from fmopt.cli.entry import command
+from fmopt.desk.problem import Problem
+from fmopt.errors import InterferenceError, SearchError
+from fmopt.motion import Posed
+from fmopt.report.attempt import Failure
+
+_UNITS = '[units]\nlength = "mm"\nangle = "deg"\n'
+_TASK = """title = "{title}"
+[units]
+length = "mm"
+angle = "deg"
+speed = "mm/s"
+[moving]
+model = "peg.toml"
+feature = "peg"
+[fixed]
+model = "hole.toml"
+feature = "hole"
+[goal]
+depth = "full"
+[clearance]
+x = {stated}
+y = {stated}
+[start]
+height = 1
+[uncertainty.start]
+x = {error}
+y = {error}
+z = 0
+rx = {error}
+ry = {error}
+rz = {error}
+[uncertainty.velocity]
+translation = 0.0005
+rotation = 0.0001
+[specification]
+speed = 20
+contact_force = 20
+torque_limit = 1
+friction = 0.3
+termination_force = 2
+[settings]
+max_tilt = 25
+time_limit = {limit}
+"""
+
+
+def prism(folder: Path, polygon: list[list[float]], hole: list[list[float]], **said: float) -> Path:
+    """The files of a prism and a through hole, with outlines in mm; the problem's."""
+    wide = 2.0 * max(abs(x) for corner in hole for x in corner) + 20.0
+    peg = f'[solids.prism]\nshape = "prism"\npolygon = {polygon}\nheight = 40\n'
+    block = f'[solids.block]\nshape = "box"\nsize = [{wide}, {wide}, 25]\n'
+    block += f'[solids.hole]\nshape = "prism"\npolygon = {hole}\nheight = 27\nat = [0, 0, -1]\n'
+    block += '[solids.drilled]\nshape = "difference"\nof = "block"\nminus = ["hole"]\n'
+    (folder / "peg.toml").write_text(
+        f'name = "peg"\npart = "prism"\n{_UNITS}{peg}[features.peg]\nkind = "solid"\nat = [0, 0, 0]\nlength = 40\n'
+    )
+    (folder / "hole.toml").write_text(
+        f'name = "hole"\npart = "drilled"\n{_UNITS}{block}[features.hole]\nkind = "hollow"\nat = [0, 0, 25]\n'
+        "length = 25\nthrough = true\n"
+    )
+    values = {"error": 1.0, "limit": 20, "stated": 0.1, "title": "prism"} | said
+    (folder / "task.toml").write_text(_TASK.format(**values))
+    return folder / "task.toml"
+
+
+def regular(n: int, inside: float) -> list[list[float]]:
+    """A regular polygon around a circle, mm."""
+    size = inside / math.cos(math.pi / n)
+    angles = [2.0 * math.pi * (k + 0.5) / n for k in range(n)]
+    return [[size * math.cos(a), size * math.sin(a)] for a in angles]
+
+
+def rectangle(x: float, y: float) -> list[list[float]]:
+    """A rectangle of half-widths, mm."""
+    return [[x, -y], [x, y], [-x, y], [-x, -y]]
+
+
+@pytest.fixture(scope="module")
+def failed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Problem, SearchError]:
+    """A rectangle of ten to one under errors of ten clearances, in a time in which there is no plan."""
+    folder = tmp_path_factory.mktemp("rectangle")
+    problem = fmopt.load(prism(folder, rectangle(25, 2.5), rectangle(25.1, 2.6), limit=12))
+    with pytest.raises(SearchError) as caught:
+        fmopt.solve(problem)
+    return problem, caught.value
+
+
+def test_a_failure_says_what_is_missing_and_what_would_work(failed: tuple[Problem, SearchError]) -> None:
+    _, error = failed
+    failure: Failure = error.failure
+    assert failure.stage in {"search", "placement", "control", "begin"}
+    assert failure.lack is not None
+    assert failure.steps
+    assert 1 <= failure.lack.move <= len(failure.steps) + 1
+    if failure.lack.short is not None:
+        assert 0.0 < failure.lack.short < 0.01  # m: a length of the parts, no stand-in for one
+        assert "µm" in failure.reason or "mm" in failure.reason
+    for step in failure.steps:
+        assert step.margin is None or abs(step.margin) < 0.1
+    for before, after in zip(failure.steps, failure.steps[1:], strict=False):
+        np.testing.assert_allclose(before.goal, after.start, atol=1e-12)
+    assert error.advice == "; or ".join(failure.advice)
+    assert "time_limit" in error.advice or not failure.late
+    record = json.loads(json.dumps(failure.record(), allow_nan=False))
+    assert record["reason"] == failure.reason
+    assert len(record["moves"]) == len(failure.steps)
+    assert pickle.loads(pickle.dumps(error)).failure.reason == failure.reason
+
+
+def test_the_advice_works(failed: tuple[Problem, SearchError]) -> None:
+    problem, error = failed
+    near = error.failure.nearest
+    assert near is not None
+    assert 0.0 < near.share < 1.0
+    lower = replace(problem, start_box=np.array(near.box))
+    plan = fmopt.solve(lower)
+    assert plan.proved
+    assert plan.margin == pytest.approx(near.margin, rel=0.5)
+    assert any(f"{100.0 * near.share:.3g} %" in words for words in error.failure.advice)
+
+
+def test_a_failure_is_drawn(failed: tuple[Problem, SearchError], tmp_path: Path) -> None:
+    _, error = failed
+    page = error.failure.page()
+    assert error.failure.moving.name in page
+    assert "No plan" in page
+    assert "http" not in page.replace("http-equiv", "")
+    assert page.count("<figure>") == 1
+    assert "1000000" not in page
+    assert "1e+06" not in page
+    figure = error.failure.figures["attempt"]
+    assert figure.svg() == figure.svg()
+    assert figure.png(30.0).startswith(b"\x89PNG")
+    assert f"end of move {len(error.failure.steps)}" in figure.alt
+
+
+def test_more_time_is_advised_where_time_was_short_and_helps() -> None:
+    short = fmopt.load(fmopt.example("square_peg")).with_(settings_time_limit="1e-3 s")
+    with pytest.raises(SearchError) as caught:
+        fmopt.solve(short)
+    assert caught.value.failure.late
+    assert "raise settings.time_limit" in caught.value.advice
+    assert fmopt.solve(short.with_(settings_time_limit="60 s")).proved
+
+
+def test_the_command_writes_page_and_figure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:  # type: ignore[no-untyped-def]
+    task = prism(tmp_path, rectangle(25, 2.5), rectangle(25.1, 2.6), limit=4)
+    out = tmp_path / "out"
+    monkeypatch.setattr("sys.argv", ["fmopt", "solve", str(task), "--out", str(out), "--json"])
+    assert command() == 3
+    said = json.loads(capsys.readouterr().out)
+    assert said["exit_code"] == 3
+    failure = said["error"]["failure"]
+    assert failure["start_box"][:2] == pytest.approx([1e-3, 1e-3])
+    assert failure["advice"]
+    assert (out / "attempt.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+    if failure["moves"]:
+        assert (out / "figures" / "attempt.svg").is_file()
+        assert (out / "figures" / "attempt.png").is_file()
+    assert not (out / "plan.json").exists()
+
+
+@pytest.mark.parametrize("n", [4, 5, 8, 24])
+@pytest.mark.parametrize("clearance", [0.0, -0.02, 1e-7])
+def test_a_fit_without_clearance_is_refused_with_number_and_place(n: int, clearance: float, tmp_path: Path) -> None:
+    problem = fmopt.load(prism(tmp_path, regular(n, 10.0), regular(n, 10.0 + clearance), stated=0))
+    with pytest.raises(InterferenceError) as caught:
+        Posed.of(problem)
+    assert caught.value.exit_code == 1
+    assert caught.value.interference == pytest.approx(1e-3 * max(-clearance, 0.0), abs=1e-8)
+    said = "no clearance" if clearance > -1e-3 else "too thick by 0.020000 mm"
+    assert said in str(caught.value)
+    assert "of the hole" in str(caught.value)
