@@ -17,7 +17,15 @@ from fmopt.control.strategy import least_firm, least_steady, runs_against
 from fmopt.errors import FmoptError, InfeasibleError, OverdueError, SearchError
 from fmopt.geometry.clearance import Clearance
 from fmopt.placement.attitude import Image, images
-from fmopt.placement.entry import Entry, Shape, planar_entries, start_spread, straight_entry, tilted_entry
+from fmopt.placement.entry import (
+    Entry,
+    Shape,
+    hovering_entries,
+    planar_entries,
+    start_spread,
+    straight_entry,
+    tilted_entry,
+)
 from fmopt.placement.growth import COARSE, grown
 from fmopt.placement.motion import Move, Reached, claims_of_moves
 from fmopt.placement.polish import Method, Turns, polish
@@ -347,7 +355,9 @@ def _rounds(
     straight = straight_entry(moving, clearance.play, box, problem.approach)
     if straight:
         yield straight
-    if problem.plane is not None:
+    if moving.polyhedron.balls:
+        yield from hovering_entries(moving, box, problem.approach)
+    elif problem.plane is not None:
         yield from planar_entries(moving, problem.fixed, roomy, problem.approach, tilt)
     else:
         rate = problem.velocity_error.translation + problem.velocity_error.rotation

@@ -222,6 +222,8 @@ def part_record(
     Vertices whose exact coordinates are no floats have these beside them, as fractions.
     """
     shapes: dict[str, Any] = {**_shape(part.polyhedron), "pieces": [_shape(piece) for piece in part.pieces]}
+    if part.polyhedron.balls:
+        shapes["balls"] = [{"vertex": n, "radius": radius} for n, radius in part.polyhedron.balls]
     if exact:
         shapes["exact"] = [{"vertex": n, "at": [str(x) for x in exact[n]]} for n in sorted(exact)]
     record: dict[str, Any] = plan.clean(

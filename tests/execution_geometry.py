@@ -63,12 +63,17 @@ def normal_of(loop: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Convex:
-    """A convex piece: vertices (v, 3), planes n·x ≤ a as rows (n, a), normals and edge directions, each once."""
+    """A convex piece: vertices (v, 3), planes n·x ≤ a as rows (n, a), normals and edge directions, each once.
+
+    `sides` are the ends (k, 2, 3) of its edges; a ball has its centre for a vertex, a radius, and none of the rest.
+    """
 
     vertices: Array
     outward: Array
     normals: Array
     directions: Array
+    sides: Array
+    radius: float = 0.0
 
     @staticmethod
     def read(document: dict[str, Any]) -> Convex:
@@ -78,7 +83,15 @@ class Convex:
         sides = [vertices[b] - vertices[a] for loop in loops for a, b in zip(loop, loop[1:] + loop[:1], strict=True)]
         normals = np.array([normal_of(vertices[x]) for x in loops])
         offsets = [n @ vertices[x[0]] for n, x in zip(normals, loops, strict=True)]
-        return Convex(vertices, np.column_stack([normals, offsets]), _once(normals), _once(unit(np.array(sides))))
+        ends = np.array([vertices[[a, b]] for loop in loops for a, b in zip(loop, loop[1:] + loop[:1], strict=True)])
+        outward = np.column_stack([normals, offsets])
+        return Convex(vertices, outward, _once(normals), _once(unit(np.array(sides))), ends)
+
+    @staticmethod
+    def ball(centre: Sequence[float], radius: float) -> Convex:
+        """A ball."""
+        none = np.zeros((0, 3))
+        return Convex(np.array([centre], dtype=float), np.zeros((0, 4)), none, none, np.zeros((0, 2, 3)), radius)
 
     def holds(self, x: Array) -> bool:
         """Whether a point (3,) is in the piece or within a nanometre of it."""
@@ -98,6 +111,8 @@ def gaps(moving: Convex, fixed: Convex, p: Array, R: Array) -> Array:
 
     Two convex polyhedra are apart exactly when a face normal or a cross product of two edges separates them.
     """
+    if moving.radius:
+        return _beside_ball(p + R @ moving.vertices[0], fixed) - moving.radius
     turned = moving.normals @ R.transpose(0, 2, 1)
     standing = np.broadcast_to(fixed.normals, (len(p), *fixed.normals.shape))
     best = _slabs(moving, fixed, p, R, np.concatenate([turned, standing], axis=1))
@@ -111,6 +126,21 @@ def gaps(moving: Convex, fixed: Convex, p: Array, R: Array) -> Array:
     return best
 
 
+def _beside_ball(x: Array, fixed: Convex) -> Array:
+    """Distances (n,) of points from a piece; inside, minus how far it is to the nearest face.
+
+    The nearest point is the foot on a face, or lies on an edge.
+    """
+    heights = (x @ fixed.outward[:, :3].T - fixed.outward[:, 3]).max(axis=1)
+    a, along = fixed.sides[:, 0], fixed.sides[:, 1] - fixed.sides[:, 0]
+    share = np.clip(dots(x[:, None] - a, along) / dots(along, along), 0.0, 1.0)
+    near = np.linalg.norm(x[:, None] - a - share[:, :, None] * along, axis=2).min(axis=1)
+    foot = x[:, None] - (x @ fixed.outward[:, :3].T - fixed.outward[:, 3])[:, :, None] * fixed.outward[:, :3]
+    on = (foot @ fixed.outward[:, :3].T <= fixed.outward[:, 3] + 1e-12).all(axis=2)
+    over = np.where(on, x @ fixed.outward[:, :3].T - fixed.outward[:, 3], -np.inf).max(axis=1)
+    return np.where(heights <= 0.0, heights, np.where(over > 0.0, np.minimum(over, near), near))
+
+
 def _slabs(moving: Convex, fixed: Convex, p: Array, R: Array, axes: Array) -> Array:
     mine = axes @ (moving.vertices @ R.transpose(0, 2, 1) + p[:, None]).transpose(0, 2, 1)
     theirs = axes @ fixed.vertices.T
@@ -122,14 +152,15 @@ class Touch:
     """A contact as an exact function of the pose: f > 0 apart, f = 0 in touch.
 
     Args:
-        kind: "vertex-face", "face-vertex", "edge-edge", or "hinge": the edge (a, b), of which a stays in a fixed
-            plane that holds the fixed edge, meets that edge's line exactly when b is in the plane too.
+        kind: "vertex-face", "ball-face", "face-vertex", "edge-edge", or "hinge": the edge (a, b), of which a stays in a
+            fixed plane that holds the fixed edge, meets that edge's line exactly when b is in the plane too.
         moving, fixed: points (k, 3) of the two features, in the frames of their parts; a face by its outer loop.
         counted: which bounds of the fixed feature count (sides of a face, ends of an edge); others lead into material.
+        radius: of a ball about the moving point, m.
     """
 
-    def __init__(self, kind: str, moving: Array, fixed: Array, counted: Array) -> None:
-        self.kind, self.moving, self.fixed, self.counted = kind, moving, fixed, counted
+    def __init__(self, kind: str, moving: Array, fixed: Array, counted: Array, radius: float = 0.0) -> None:
+        self.kind, self.moving, self.fixed, self.counted, self.radius = kind, moving, fixed, counted, radius
         if kind == "edge-edge":
             self.side, self.along = unit(moving[1] - moving[0]), unit(fixed[1] - fixed[0])
         elif kind != "direction":
@@ -137,8 +168,8 @@ class Touch:
 
     def value(self, p: Array, R: Array) -> Array:
         """f (n,) in m; for crossing edges the distance of their lines times the sine of their angle."""
-        if self.kind == "vertex-face":
-            return np.asarray((p + R @ self.moving[0] - self.fixed[0]) @ self.normal)
+        if self.kind in ("vertex-face", "ball-face"):
+            return np.asarray((p + R @ self.moving[0] - self.fixed[0]) @ self.normal) - self.radius
         if self.kind == "hinge":
             return np.asarray((R @ (self.moving[1] - self.moving[0])) @ self.normal)
         if self.kind == "direction":
@@ -150,7 +181,7 @@ class Touch:
 
     def row(self, p: Array, R: Array) -> Array:
         """Gradient (n, 6) of f in (d, δ): p ↦ p + d, R ↦ exp([δ]×) R."""
-        if self.kind == "vertex-face":
+        if self.kind in ("vertex-face", "ball-face"):
             n = np.broadcast_to(self.normal, p.shape)
             return np.hstack([n, cross(R @ self.moving[0], n)])
         if self.kind == "hinge":
@@ -174,7 +205,7 @@ class Touch:
 
         Bounds (n, k): sides of the face in the order of its loop; or both ends of the moving, then of the fixed edge.
         """
-        if self.kind == "vertex-face":
+        if self.kind in ("vertex-face", "ball-face"):
             inward = np.cross(self.normal[None], unit(np.roll(self.fixed, -1, axis=0) - self.fixed))
             depth = (p + R @ self.moving[0]) @ inward.T - dots(self.fixed, inward)
             return np.where(self.counted, depth, np.inf)
@@ -205,6 +236,8 @@ class Scene:
         self.rho = plan["uncertainty"]["rho"]
         self.moving, self.fixed = ([Convex.read(q) for q in plan["parts"][x]["pieces"]] for x in ("moving", "fixed"))
         points = {x: np.array(plan["parts"][x]["vertices"]) for x in ("moving", "fixed")}
+        balls = {ball["vertex"]: ball["radius"] for ball in plan["parts"]["moving"].get("balls", ())}
+        self.moving += [Convex.ball(points["moving"][n], radius) for n, radius in balls.items()]
         self.points, faces = points["fixed"], plan["parts"]["fixed"]["faces"]
         self.body = points["moving"]
         self.body_loops = [loop for face in plan["parts"]["moving"]["faces"] for loop in face[:1]]
@@ -218,6 +251,7 @@ class Scene:
                 points["moving"][c["moving"]["vertices"]],
                 points["fixed"][c["fixed"]["vertices"]],
                 self._counted(c["kind"], c["fixed"]["vertices"]),
+                balls.get(c["moving"]["vertices"][0], 0.0),
             )
             for c in plan["contacts"]
         }

@@ -62,6 +62,7 @@ class Witness:
     margin: float
     counted: Array
     beside: Array
+    radius: float = 0.0
 
     @staticmethod
     def read(moving: Convex, fixed: Convex, pair: dict[str, Any], landmarks: Sequence[Poses]) -> Witness:
@@ -75,7 +76,8 @@ class Witness:
             normal, offset = normal_of(loop), float(normal_of(loop) @ loop[0])
         every = np.array([], dtype=bool)
         witness = Witness(
-            said["kind"], moving.vertices, fixed.vertices, normal, offset, (a, b), 1.0, margin, every, every
+            *(said["kind"], moving.vertices, fixed.vertices, normal, offset, (a, b), 1.0, margin, every, every),
+            moving.radius,
         )
         if witness.kind == "edges" and witness.heights(landmarks[0])[0, : len(moving.vertices)].mean() < 0.0:
             witness = replace(witness, sign=-1.0)
@@ -90,7 +92,7 @@ class Witness:
             return np.asarray(np.einsum("nvi,ni->nv", self.fixed - p[:, None], R @ self.normal) - self.offset)
         X = self.moving @ R.transpose(0, 2, 1) + p[:, None]
         if self.kind != "edges":
-            return np.asarray(X @ self.normal - self.offset)
+            return np.asarray(X @ self.normal - self.offset - self.radius)
         (a, b), (c, d) = self.edges
         n = self.sign * unit(cross(R @ (b - a), d - c))
         return np.hstack([np.einsum("nvi,ni->nv", X - c, n), n @ (c - self.fixed).T])

@@ -14,7 +14,7 @@ from fmopt.contact.primitive import Kind, near_contacts
 from fmopt.contact.surface import Surfaces
 from fmopt.geometry import csg
 from fmopt.geometry.csg import Box, Prism, Union
-from fmopt.geometry.part import Part, part_of, rebased
+from fmopt.geometry.part import Part, part_of, rebased, with_balls
 from fmopt.motion import placement
 from fmopt.pipeline import certified_motion, proved
 from fmopt.placement.attitude import Image, all_attitudes, image_in, images
@@ -110,7 +110,8 @@ def test_contacts_of_an_image_are_those_of_the_parts(number: int) -> None:
     rng, kinds = np.random.default_rng(number), set[Kind]()
     for peg_moves in (True, False, True, False):
         pose = Pose(rng.uniform(-1e-3, 1e-3, 3) - [0, 0, 0.005], se3.exp(rng.uniform(-0.2, 0.2, 3)))
-        parts = (problem.moving, problem.fixed) if peg_moves else (problem.fixed, problem.moving)
+        peg = with_balls(problem.moving, [((0.001, 0.002, 0.004), 0.008)])
+        parts = (peg, problem.fixed) if peg_moves else (problem.fixed, problem.moving)
         kinds |= compare(Assembly(*parts), pose if peg_moves else pose.inverse(), number)
     assert kinds == set(Kind)
 

@@ -165,7 +165,7 @@ def test_what_quadratic_programs_do_not_settle_the_interior_point_method_does(mo
 def test_derivatives_of_a_formation_agree_with_finite_differences() -> None:
     rng = np.random.default_rng(3)
     rows = sorted(random_rows(3), key=lambda row: list(RowKind).index(row.kind))
-    functions = formation_derivatives((0, 0, 0, 0), counts(rows))
+    functions = formation_derivatives(counts(()), counts(rows))
     units = np.array([1e-2] * 3 + [0.5] * 3)
     scale = np.zeros((4, len(rows)))
     scale[0], scale[3] = rng.uniform(1.0, 2.0, (2, len(rows)))

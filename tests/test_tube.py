@@ -7,14 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 from test_ellipsoid import contains
-from tube_segments import RHO, SCALE, SEGMENTS, Segment, executions, segment, unit_rows
+from tube_segments import KINDS, RHO, SCALE, SEGMENTS, Segment, executions, segment, unit_rows
 
 from fmopt.certificate.assembly import contact_rows
 from fmopt.certificate.paper import goal_in_the_paper
 from fmopt.certificate.segment import advance
 from fmopt.certificate.tube import Numbers, carried
 from fmopt.certificate.way import Piece, Tolerance
-from fmopt.contact.primitive import Kind
 from fmopt.errors import InfeasibleError
 from fmopt.se3 import Pose
 from fmopt.uncertainty.error_set import ErrorSet, Support
@@ -123,7 +122,7 @@ def test_no_execution_leaves_the_tube(pool: Pool, part: int) -> None:
 
 def test_the_segments_are_of_every_kind() -> None:
     made = [segment(index) for index in range(SEGMENTS)]
-    assert {contact.kind for each in made for contact in each.contacts} == set(Kind)
+    assert {contact.kind for each in made for contact in each.contacts} == set(KINDS)
     assert {len(each.piece.basis) for each in made} == {0, 1, 2, 3}
     assert sum(each.linear for each in made) == SEGMENTS // 5
     assert sum(max(each.tolerance.velocity_error) > 0.0 for each in made) == 3 * SEGMENTS // 5

@@ -69,6 +69,10 @@ def unit_rows(rng: np.random.Generator, k: int, n: int = 6) -> Array:
     return np.asarray(u / np.linalg.norm(u, axis=1, keepdims=True))
 
 
+# A ball's row is that of a vertex over a plane a radius farther out, see `test_balls`.
+KINDS = (Kind.VERTEX_FACE, Kind.FACE_VERTEX, Kind.EDGE_EDGE)
+
+
 @cache
 def segment(index: int) -> Segment:
     """The segment of this number, the first of its kind that can be made at all.
@@ -86,7 +90,7 @@ def _segment(rng: np.random.Generator, index: int) -> Segment | None:
     linear, drifts = index % 5 == 0, index % 5 in (1, 2, 3)
     rank = index % 3 if linear else index % 4
     assembly = Assembly(*(_hull(name, rng) for name in ("peg", "block")))
-    contacts = _contacts(assembly, rank + 1, (Kind.VERTEX_FACE, Kind.FACE_VERTEX) if linear else tuple(Kind), rng)
+    contacts = _contacts(assembly, rank + 1, KINDS[:2] if linear else KINDS, rng)
     basis, made = contacts[:rank], contacts[rank]
     goal = _settled(assembly, Pose(rng.uniform(-5e-3, 5e-3, 3), exp(rng.normal(size=3))), contacts, np.eye(6))
     if goal is None:

@@ -11,7 +11,17 @@ from functools import cached_property
 
 import numpy as np
 
-from fmopt.certificate.rows import Forms, Mask, Rows, directions_along, edges_apart, faces_above, points_above, stacked
+from fmopt.certificate.rows import (
+    Forms,
+    Mask,
+    Rows,
+    balls_above,
+    directions_along,
+    edges_apart,
+    faces_above,
+    points_above,
+    stacked,
+)
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import Polyhedron
@@ -50,7 +60,7 @@ class Assembly:
     def radius(self) -> float:
         """How far from the origin a plane may matter, m."""
         parts = (self.moving.polyhedron, self.fixed.polyhedron)
-        return sum(float(lengths(part.vertices).max()) for part in parts)
+        return sum(float((lengths(part.vertices) + part.radii).max()) for part in parts)
 
     @cached_property
     def units(self) -> Array:
@@ -70,10 +80,10 @@ class Assembly:
     @cached_property
     def _carried(self) -> dict[Polyhedron, frozenset[tuple[str, int]]]:
         parts = (self.moving, self.fixed)
-        return {piece: _carried(part.polyhedron, piece) for part in parts for piece in part.pieces}
+        return {piece: _carried(part.polyhedron, piece) for part in parts for piece in part.bodies}
 
     def carried(self, piece: Polyhedron) -> frozenset[tuple[str, int]]:
-        """Which vertices, edges and faces of its part a piece carries, as (kind, index)."""
+        """Which vertices, edges, faces and balls of its part a piece carries, as (kind, index)."""
         return self._carried[piece]
 
     def agree(self, normal: Array, offset: float, other: Array, other_offset: float) -> bool:
@@ -89,6 +99,8 @@ def _carried(part: Polyhedron, piece: Polyhedron) -> frozenset[tuple[str, int]]:
     vertices = [
         n for n in np.flatnonzero(inside).tolist() if (lengths(piece.vertices - part.vertices[n]) <= TOUCH).any()
     ]
+    if piece.balls:
+        return frozenset(("ball", n) for n, _ in part.balls if n in vertices)
     spans = piece.vertices[[edge.vertices for edge in piece.edges]]
     ends = part.vertices[[edge.vertices for edge in part.edges]]
     ways = ends[:, 1] - ends[:, 0]
@@ -234,6 +246,10 @@ def _form(assembly: Assembly, contact: PrimitiveContact, together: Sequence[Prim
     if contact.kind is Kind.VERTEX_FACE:
         face = fixed.faces[contact.fixed_feature]
         return points_above(body[[contact.moving[0]]], face.normal, face.offset)
+    if contact.kind is Kind.BALL_FACE:
+        face, centre = fixed.faces[contact.fixed_feature], [contact.moving[0]]
+        radii = assembly.moving.polyhedron.radii[centre]
+        return balls_above(body[centre], face.normal, face.offset, radii)
     if contact.kind is Kind.FACE_VERTEX:
         own = assembly.moving.polyhedron.faces[contact.moving_feature]
         return faces_above(own.normal, own.offset, fixed.vertices[[contact.fixed[0]]])

@@ -147,7 +147,7 @@ class _Questions:
 def _judge(
     assembly: Assembly, contact: PrimitiveContact, together: Sequence[PrimitiveContact], rows: _Questions
 ) -> Judge:
-    if contact.kind is Kind.VERTEX_FACE:
+    if contact.kind in (Kind.VERTEX_FACE, Kind.BALL_FACE):  # a ball touches where its centre is over the face
         return _in_face(assembly, contact, together, rows)
     if contact.kind is Kind.EDGE_EDGE:
         return _in_edges(assembly, contact, together, rows)

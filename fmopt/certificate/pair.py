@@ -19,6 +19,7 @@ _FEATURES = {
     Kind.VERTEX_FACE: ("vertex", "face"),
     Kind.FACE_VERTEX: ("face", "vertex"),
     Kind.EDGE_EDGE: ("edge", "edge"),
+    Kind.BALL_FACE: ("ball", "face"),
 }
 
 Features = frozenset[tuple[str, int]]
@@ -101,7 +102,7 @@ def _facing(
     beside: tuple[PrimitiveContact, ...],
 ) -> Facing:
     found = []
-    for i, M in enumerate(assembly.moving.pieces):
+    for i, M in enumerate(assembly.moving.bodies):
         for j, F in enumerate(assembly.fixed.pieces):
             own, new = (touching(assembly, M, F, contacts) for contacts in (held, opening))
             known = (held, left, beside) if own or new else ((), (), ())

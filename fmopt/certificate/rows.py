@@ -133,6 +133,11 @@ def points_above(points: Array, normals: Array, offsets: Array | float) -> Forms
     return Forms(records(definitions.vertex_face, v=points, n=normals, c=offsets))
 
 
+def balls_above(points: Array, normals: Array, offsets: Array | float, radii: Array) -> Forms:
+    """n·(p + R v) − a − r for balls of radii r (k,) about body points v (k, 3), see `points_above`."""
+    return Forms(records(definitions.ball_face, v=points, n=normals, c=offsets, r=radii))
+
+
 def directions_along(u: Array, k: Array) -> Forms:
     """u·(R k) for world vectors u and body vectors k, (r, 3) or one for all: rows that only the rotation moves."""
     return Forms(records(definitions.hinge, k=k, u=u))

@@ -23,7 +23,16 @@ from fmopt.certificate.kernels_rows import Table
 from fmopt.certificate.knowledge import Facts, Wall, coming_off, facts, rising
 from fmopt.certificate.lower import Places, Witnesses, best
 from fmopt.certificate.pair import Pair, Witness, pairs, touching
-from fmopt.certificate.rows import Forms, Mask, directions_along, edges_apart, faces_above, points_above, stacked
+from fmopt.certificate.rows import (
+    Forms,
+    Mask,
+    balls_above,
+    directions_along,
+    edges_apart,
+    faces_above,
+    points_above,
+    stacked,
+)
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.se3 import Pose, cross, length, lengths
@@ -192,7 +201,7 @@ class Counted:
 def counted_rows(assembly: Assembly, pair: Pair, witness: Witness) -> Counted:
     """The rows of a witness that contacts do not settle."""
     if witness.plane is not None:
-        return _all(points_above(pair.moving.vertices, np.array(witness.plane[:3]), witness.plane[3]))
+        return _all(_bodies_above(pair.moving, np.array(witness.plane[:3]), witness.plane[3]))
     return rows_along(assembly, pair, (witness,))[0]
 
 
@@ -205,7 +214,12 @@ def rows_along(assembly: Assembly, pair: Pair, witnesses: tuple[Witness, ...]) -
     for witness in witnesses:
         if witness.kind == "fixed-face":
             n, offset, forms = over[witness.fixed]
+            if pair.moving.balls and _pressed(assembly, pair, n, offset):
+                # The contact settles the ball's row; what is left to say is that its centre is on this side.
+                found.append(_all(points_above(pair.moving.vertices, n, offset)))
+                continue
             settled = known.not_below(n, offset, pair.moving.vertices, _above(assembly, pair, walls, n, offset))
+            settled &= pair.moving.radii == 0.0
             found.append(_all(Forms(forms.table[~settled])))
         elif witness.kind == "moving-face":
             n, offset, forms = _beneath(pair.moving, pair.fixed)[witness.moving]
@@ -224,7 +238,7 @@ def _over(moving: Polyhedron, fixed: Polyhedron) -> Faces:
     found = {}
     for face in fixed.faces:
         offset = float((fixed.vertices @ face.normal).max())
-        found[face.loops[0]] = face.normal, offset, points_above(moving.vertices, face.normal, offset)
+        found[face.loops[0]] = face.normal, offset, _bodies_above(moving, face.normal, offset)
     return found
 
 
@@ -236,6 +250,21 @@ def _beneath(moving: Polyhedron, fixed: Polyhedron) -> Faces:
         offset = float((moving.vertices @ face.normal).max())
         found[face.loops[0]] = face.normal, offset, faces_above(face.normal, offset, fixed.vertices)
     return found
+
+
+def _bodies_above(body: Polyhedron, normal: Array, offset: float) -> Forms:
+    """Vertices and balls of a moving piece over a fixed plane."""
+    if body.balls:
+        return balls_above(body.vertices, normal, offset, body.radii)
+    return points_above(body.vertices, normal, offset)
+
+
+def _pressed(assembly: Assembly, pair: Pair, normal: Array, offset: float) -> bool:
+    """Whether a contact keeps the ball that the moving piece is on a fixed plane, or from crossing it."""
+    faces, own = assembly.fixed.polyhedron.faces, assembly.carried(pair.moving)
+    balls = (c for c in _contacts(pair) if c.kind is Kind.BALL_FACE and ("ball", c.moving_feature) in own)
+    touched = (faces[c.fixed_feature] for c in balls)
+    return any(assembly.agree(face.normal, face.offset, normal, offset) for face in touched)
 
 
 def _all(forms: Forms) -> Counted:

@@ -198,7 +198,7 @@ def _clauses(crossings: Crossings, sides: bytes) -> tuple[tuple[Clause, ...], ..
     found = list[tuple[Clause, ...]]()
     for contact in crossings.contacts:
         match contact.kind:
-            case Kind.VERTEX_FACE:
+            case Kind.VERTEX_FACE | Kind.BALL_FACE:
                 found.append(_vertex_clauses(fixed, contact.moving_feature, contact.fixed_feature))
             case Kind.FACE_VERTEX:
                 found.append(_face_clauses(moving, contact.moving_feature, contact.fixed_feature))
@@ -211,7 +211,7 @@ def _clauses(crossings: Crossings, sides: bytes) -> tuple[tuple[Clause, ...], ..
 
 @remembered(_MEMORY)
 def _vertex_clauses(fixed: Polyhedron, vertex: int, face: int) -> tuple[Clause, ...]:
-    """The bounds of a moving vertex on a fixed face."""
+    """The bounds of a moving vertex, or of a ball's centre over where it touches, on a fixed face."""
     return tuple(
         tuple(tuple(Bound(vertex_face(fixed, vertex, g), 1) for g in group) for group in clause)
         for clause in face_clauses(fixed, face)

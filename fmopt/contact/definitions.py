@@ -33,6 +33,12 @@ def edge_edge(p: Vector, R: Matrix, a: Body, v: Body, e: World, q: World) -> Sca
     return dot(m, p + R @ v - q) / norm(m)
 
 
+@contact
+def ball_face(p: Vector, R: Matrix, v: Body, n: World, c: Scalar, r: Scalar) -> Scalar:
+    """A ball of the moving part, of radius r about its point v, over the fixed plane n·x = c."""
+    return dot(n, p + R @ v) - c - r
+
+
 @row
 def edges_apart(p: Vector, R: Matrix, a: Body, v: Body, e: World, q: World) -> Scalar:
     """The distance of edges times the sine between them, |R a × e|; of any point v over the plane along both."""

@@ -106,9 +106,29 @@ def _edge_edge_regularity(row: Row, p: Position, R: Array) -> Any:
 
 
 @part
+def _ball_face_height(row: Row, p: Position, R: Array) -> Any:
+    p_0, p_1, p_2 = vector(p)
+    v_0, v_1, v_2 = turned(R, vector(row["v"]))
+    n_0, n_1, n_2 = vector(row["n"])
+    c = row["c"]
+    r = row["r"]
+    return -c + n_0*(p_0 + v_0) + n_1*(p_1 + v_1) + n_2*(p_2 + v_2) - r
+
+
+@part
+def _ball_face_wrench(row: Row, p: Position, R: Array) -> Any:
+    p_0, p_1, p_2 = vector(p)
+    v_0, v_1, v_2 = turned(R, vector(row["v"]))
+    n_0, n_1, n_2 = vector(row["n"])
+    c = row["c"]
+    r = row["r"]
+    return (-c + n_0*(p_0 + v_0) + n_1*(p_1 + v_1) + n_2*(p_2 + v_2) - r, n_0, n_1, n_2, -n_1*v_2 + n_2*v_1, n_0*v_2 - n_2*v_0, -n_0*v_1 + n_1*v_0)
+
+
+@part
 def height(tables: Tables, i: int, p: Position, R: Array) -> float:
     """The distance of a contact at a pose p (3,), R (3, 3)."""
-    vertex_face, face_vertex, edge_edge = tables
+    vertex_face, face_vertex, edge_edge, ball_face = tables
     if i < len(vertex_face):
         row = vertex_face[i]
         return float(_vertex_face_height(row, p, R))
@@ -117,14 +137,18 @@ def height(tables: Tables, i: int, p: Position, R: Array) -> float:
         row = face_vertex[i]
         return float(_face_vertex_height(row, p, R))
     i -= len(face_vertex)
-    row = edge_edge[i]
-    return float(_edge_edge_height(row, p, R))
+    if i < len(edge_edge):
+        row = edge_edge[i]
+        return float(_edge_edge_height(row, p, R))
+    i -= len(edge_edge)
+    row = ball_face[i]
+    return float(_ball_face_height(row, p, R))
 
 
 @part
 def wrench(tables: Tables, i: int, p: Position, R: Array, N: Array) -> float:
     """The distance of a contact at a pose p (3,), R (3, 3), and its wrench into the first six numbers of N."""
-    vertex_face, face_vertex, edge_edge = tables
+    vertex_face, face_vertex, edge_edge, ball_face = tables
     if i < len(vertex_face):
         row = vertex_face[i]
         f, N[0], N[1], N[2], N[3], N[4], N[5] = _vertex_face_wrench(row, p, R)
@@ -135,27 +159,35 @@ def wrench(tables: Tables, i: int, p: Position, R: Array, N: Array) -> float:
         f, N[0], N[1], N[2], N[3], N[4], N[5] = _face_vertex_wrench(row, p, R)
         return float(f)
     i -= len(face_vertex)
-    row = edge_edge[i]
-    f, N[0], N[1], N[2], N[3], N[4], N[5] = _edge_edge_wrench(row, p, R)
+    if i < len(edge_edge):
+        row = edge_edge[i]
+        f, N[0], N[1], N[2], N[3], N[4], N[5] = _edge_edge_wrench(row, p, R)
+        return float(f)
+    i -= len(edge_edge)
+    row = ball_face[i]
+    f, N[0], N[1], N[2], N[3], N[4], N[5] = _ball_face_wrench(row, p, R)
     return float(f)
 
 
 @part
 def regularity(tables: Tables, i: int, p: Position, R: Array) -> float:
     """At a pose p (3,), R (3, 3) the least of what a distance has roots of, as the squared sine of edges; else 1."""
-    vertex_face, face_vertex, edge_edge = tables
+    vertex_face, face_vertex, edge_edge, ball_face = tables
     if i < len(vertex_face):
         return 1.0
     i -= len(vertex_face)
     if i < len(face_vertex):
         return 1.0
     i -= len(face_vertex)
-    row = edge_edge[i]
-    return float(_edge_edge_regularity(row, p, R))
+    if i < len(edge_edge):
+        row = edge_edge[i]
+        return float(_edge_edge_regularity(row, p, R))
+    i -= len(edge_edge)
+    return 1.0
 
 
 @part
 def number_of(tables: Tables) -> int:
     """How many contacts there are."""
-    vertex_face, face_vertex, edge_edge = tables
-    return len(vertex_face) + len(face_vertex) + len(edge_edge)
+    vertex_face, face_vertex, edge_edge, ball_face = tables
+    return len(vertex_face) + len(face_vertex) + len(edge_edge) + len(ball_face)

@@ -24,15 +24,17 @@ _TOGETHER = 1e-12  # distance of a unit vector from an arc on which it lies
 
 
 class Corners(NamedTuple):
-    """The n convex vertices of a part.
+    """The n convex vertices of a part, and the centres of its balls.
 
     Attributes:
         points: (n, 3), m.
+        radii: of the balls about them (n,), m; 0 of vertices.
         away: unit vectors (n, k, 3) along their edges, away from them; zero where there are fewer than k.
         arcs: normals (n, k, 2, 3) of the faces beside these; zero where there are fewer.
     """
 
     points: Array
+    radii: Array
     away: Array
     arcs: Array
 
@@ -89,12 +91,15 @@ def vertices_at_faces(corners: Corners, walls: Walls, T: Array, reach: float, an
         limit = reach + angle * size(point if lever else x)
         for f in range(near.shape[1]):
             normal = row(walls.normals, f)
-            if abs(dot(normal, x) - walls.offsets[f]) > limit:
+            if abs(dot(normal, x) - walls.offsets[f] - corners.radii[i]) > limit:
                 continue
             inward = turned_back(T, (-normal[0], -normal[1], -normal[2]))
             if math.asin(min(_from_cone(corners.away[i], corners.arcs[i], inward), 1.0)) <= angle:
                 # Next to an edge of the face there is no need to ask on which side of it.
-                near[i, f] = _from_edges(walls, f, x) <= limit or face_distance(walls, f, x) <= limit
+                near[i, f] = (
+                    _from_edges(walls, f, x) - corners.radii[i] <= limit
+                    or face_distance(walls, f, x) - corners.radii[i] <= limit
+                )
     return near
 
 

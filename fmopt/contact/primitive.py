@@ -1,4 +1,4 @@
-"""Primitive contacts: a vertex on a face, a face on a vertex, or two crossing edges, found near a pose.
+"""Primitive contacts: a vertex or a ball on a face, a face on a vertex, or two crossing edges, found near a pose.
 
 [DakinPopplestone1993] section 2.
 """
@@ -38,14 +38,15 @@ class Kind(StrEnum):
     VERTEX_FACE = "vertex-face"
     FACE_VERTEX = "face-vertex"
     EDGE_EDGE = "edge-edge"
+    BALL_FACE = "ball-face"
 
 
 @dataclass(frozen=True)
 class PrimitiveContact:
     """A contact in one point between a convex vertex and a face, or between two convex edges.
 
-    `moving` and `fixed` list vertex indices: one for a vertex, two for an edge, the outer loop for a face. Edges run
-    so that (R e_moving) × e_fixed points out of the fixed part.
+    `moving` and `fixed` list vertex indices: one for a vertex or a ball, whose centre it is, two for an edge, the outer
+    loop for a face. Edges run so that (R e_moving) × e_fixed points out of the fixed part.
     """
 
     id: str
@@ -64,6 +65,13 @@ def vertex_face(fixed: Polyhedron, vertex: int, face: int) -> PrimitiveContact:
     """The contact of a moving vertex on a fixed face."""
     outer = fixed.faces[face].loops[0]
     return PrimitiveContact(f"v{vertex}-f{face}", Kind.VERTEX_FACE, (vertex,), outer, vertex, face)
+
+
+@remembered(_CONTACTS)
+def ball_face(fixed: Polyhedron, vertex: int, face: int) -> PrimitiveContact:
+    """The contact of a moving ball, of which a vertex is the centre, on a fixed face."""
+    outer = fixed.faces[face].loops[0]
+    return PrimitiveContact(f"b{vertex}-f{face}", Kind.BALL_FACE, (vertex,), outer, vertex, face)
 
 
 @remembered(_CONTACTS)
@@ -146,7 +154,7 @@ def _features(polyhedron: Polyhedron) -> _Features:
     for n, (v, at) in enumerate(zip(vertices, around, strict=True)):
         away[n, : len(at)] = np.where(ends[at, :1] == v, directions[at], -directions[at])
         arcs[n, : len(at)] = beside[at]
-    corners = Corners(polyhedron.vertices[vertices], away, arcs)
+    corners = Corners(polyhedron.vertices[vertices], np.array(polyhedron.radii[vertices]), away, arcs)
     ridges = Ridges(polyhedron.vertices[ends[edges]], directions[edges], beside[edges])
     return _Features(vertices, edges, directions, beside.sum(axis=1), corners, ridges, _walls(polyhedron))
 
@@ -181,23 +189,27 @@ def near_contacts(
     heed()
     own, other, back = _features(moving), _features(fixed), pose.inverse()
     T, T_back = matrices(pose.p, pose.R), matrices(back.p, back.R)
+    tips = near_tips(moving, fixed, pose, reach, angle)
     horns = vertices_at_faces(other.corners, own.walls, T_back, reach, angle, False)
     crossing = edges_at_edges(own.ridges, other.ridges, T, reach, angle, math.sin(PARALLEL))
     return (
-        *near_tips(moving, fixed, pose, reach, angle),
-        *(face_vertex(moving, f, v) for v, f in _pairs(horns, other.vertices)),
+        *(tip for tip in tips if tip.kind is Kind.VERTEX_FACE),
+        *(face_vertex(moving, f, v) for v, f in _pairs(horns, other.vertices) if not fixed.radii[v]),
         *_crossing(moving, fixed, pose.R, _pairs(crossing, own.edges, other.edges)),
+        *(tip for tip in tips if tip.kind is Kind.BALL_FACE),
     )
 
 
 def near_tips(
     moving: Polyhedron, fixed: Polyhedron, pose: Pose, reach: float, angle: float
 ) -> tuple[PrimitiveContact, ...]:
-    """Those of `near_contacts` that are of a moving vertex on a fixed face; arguments and errors as there."""
+    """Those of `near_contacts` that are of a moving vertex or ball on a fixed face; arguments and errors as there."""
     heed()
     own, other = _features(moving), _features(fixed)
     tips = vertices_at_faces(own.corners, other.walls, matrices(pose.p, pose.R), reach, angle, True)
-    return tuple(vertex_face(fixed, v, f) for v, f in _pairs(tips, own.vertices))
+    return tuple(
+        ball_face(fixed, v, f) if moving.radii[v] else vertex_face(fixed, v, f) for v, f in _pairs(tips, own.vertices)
+    )
 
 
 def matrices(p: Array, R: Array) -> Array:
@@ -230,6 +242,11 @@ def feature_distance(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyh
         case Kind.VERTEX_FACE:
             x, y, z = pose.apply(moving.vertices[contact.moving[0]]).tolist()
             return face_distance(_features(fixed).walls, contact.fixed_feature, (x, y, z))
+        case Kind.BALL_FACE:
+            at = contact.moving[0]
+            x, y, z = pose.apply(moving.vertices[at]).tolist()
+            centre = face_distance(_features(fixed).walls, contact.fixed_feature, (x, y, z))
+            return abs(centre - float(moving.radii[at]))
         case Kind.FACE_VERTEX:
             x, y, z = ((fixed.vertices[contact.fixed[0]] - pose.p) @ pose.R).tolist()
             return face_distance(_features(moving).walls, contact.moving_feature, (x, y, z))

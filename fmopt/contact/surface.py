@@ -132,6 +132,9 @@ def _numbers(moving: Polyhedron, fixed: Polyhedron, kind: Kind, contacts: Sequen
     match kind:
         case Kind.VERTEX_FACE:
             return np.column_stack([moving.vertices[one], fixed.normals[other], fixed.offsets[other]])
+        case Kind.BALL_FACE:
+            plane = fixed.normals[other], fixed.offsets[other]
+            return np.column_stack([moving.vertices[one], *plane, moving.radii[one]])
         case Kind.FACE_VERTEX:
             return np.column_stack([moving.normals[one], fixed.vertices[other], moving.offsets[one]])
         case Kind.EDGE_EDGE:
@@ -194,6 +197,9 @@ def parameters(moving: Polyhedron, fixed: Polyhedron, contact: PrimitiveContact)
         case Kind.VERTEX_FACE:
             face = fixed.faces[contact.fixed_feature]
             return frozen([*moving.vertices[contact.moving[0]], *face.normal, face.offset])
+        case Kind.BALL_FACE:
+            face, centre = fixed.faces[contact.fixed_feature], contact.moving[0]
+            return frozen([*moving.vertices[centre], *face.normal, face.offset, moving.radii[centre]])
         case Kind.FACE_VERTEX:
             face = moving.faces[contact.moving_feature]
             return frozen([*face.normal, *fixed.vertices[contact.fixed[0]], face.offset])
@@ -237,6 +243,9 @@ def contact_point(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedr
     match contact.kind:
         case Kind.VERTEX_FACE:
             return pose.apply(moving.vertices[contact.moving[0]])
+        case Kind.BALL_FACE:
+            centre, normal = contact.moving[0], fixed.faces[contact.fixed_feature].normal
+            return np.asarray(pose.apply(moving.vertices[centre]) - moving.radii[centre] * normal)
         case Kind.FACE_VERTEX:
             return np.asarray(fixed.vertices[contact.fixed[0]])
         case Kind.EDGE_EDGE:

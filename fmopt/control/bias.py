@@ -56,6 +56,7 @@ class GuardedMove(Value):
         resisting: how much work normal forces (m,) of the held contacts may take from the motion as errors turn them,
             J; none by default.
         near: whether the new contacts may be met on this way; on the first pieces of a longer move they may not.
+        centres: of balls through which held contacts push (k, 3), m; None without any.
     """
 
     reference: Pose
@@ -66,6 +67,7 @@ class GuardedMove(Value):
     bound: float
     resisting: Callable[[Array], float] = _nothing
     near: bool = True
+    centres: Array | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "displacement", frozen(self.displacement, 6, name="displacement"))

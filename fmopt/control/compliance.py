@@ -81,11 +81,11 @@ def compliance_frame(wrenches: Array, points: Array, reference: Pose, rho: float
     """The frame in which most freedoms of held contacts lie along axes.
 
     Tried are the axes of the B-frame, of the moving part, and of each contact normal with another one or an axis of
-    the B-frame, at the reference point and at each contact point; of equals the first.
+    the B-frame, at the reference point and at each point; of equals the first.
 
     Args:
         wrenches: held contact wrenches (m, 6) about the reference point, axes of the B-frame.
-        points: contact points (m, 3) in the B-frame, m.
+        points: contact points (m, 3) in the B-frame, m, and other places through which contacts push.
         reference: pose of the moving part.
         rho: characteristic length, m.
     """

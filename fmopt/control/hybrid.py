@@ -124,7 +124,8 @@ def hybrid_strategy(move: GuardedMove, rho: float, specification: Specification)
         InfeasibleError: the move does not approach its contact, or no bias within the forces holds all contacts.
     """
     V = move.direction(rho)
-    frame = compliance_frame(move.held, move.points, move.reference, rho)
+    points = move.points if move.centres is None else np.vstack([move.points, move.centres])
+    frame = compliance_frame(move.held, points, move.reference, rho)
     split = axes(wrenches_in(frame, move.held, move.reference), rho)
     bias = bias_wrench(move, V, rho, specification)
     threshold = specification.termination_force

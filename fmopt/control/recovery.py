@@ -158,7 +158,7 @@ def lowest(body: Polyhedron, segment: Mapping[str, Any], rho: float) -> float:
     tube = segment["tube"]
     errors = np.array([0.0, 0.0, tube["offset_box"][2], *tube["angle_box"]])
     sunk = np.maximum(_sunk(body, start, errors), _sunk(body, goal, errors))
-    return float((np.minimum(ends.min(axis=0) - reach * angle**2 / 8.0, ends[1] - after) - sunk).min())
+    return float((np.minimum(ends.min(axis=0) - reach * angle**2 / 8.0, ends[1] - after) - sunk - body.radii).min())
 
 
 def _sunk(body: Polyhedron, pose: Pose, errors: Array) -> Array:
@@ -174,15 +174,15 @@ def _top(fixed: Polyhedron) -> float:
 
 def _begun(body: Polyhedron, first: Pose, box: Array) -> float:
     """The height of the part's lowest point as it starts, with the worst of the start errors, m."""
-    return float((first.apply(body.vertices)[:, 2] - _sunk(body, first, box)).min())
+    return float((first.apply(body.vertices)[:, 2] - body.radii - _sunk(body, first, box)).min())
 
 
 def _clear(body: Polyhedron, fixed: Polyhedron, first: Pose, box: Array, turn: float) -> float:
     """The height from which the part may be carried: the turn bows ways by r θ²/8, errors lower it."""
-    r = float(np.linalg.norm(body.vertices, axis=1).max())
+    r = float((np.linalg.norm(body.vertices, axis=1) + body.radii).max())
     errors = float(box[2]) + r * float(box[3] + box[4]) + 0.5 * r * float(box[3:] @ box[3:])
     over = _top(fixed) + r * turn**2 / 8.0 + errors + _SPARE
-    return max(over, float(first.apply(body.vertices)[:, 2].min()) + _SLACK)
+    return max(over, float((first.apply(body.vertices)[:, 2] - body.radii).min()) + _SLACK)
 
 
 def _runs(segments: Sequence[Mapping[str, Any]]) -> list[list[int]]:

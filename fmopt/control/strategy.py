@@ -185,8 +185,15 @@ def _guarded(
         bound,
         _resisting(assembly, held, claim),
         rest < _NEAR * bound,
+        _centres(problem.moving.polyhedron, held, piece.goal),
     )
     return move, held, made
+
+
+def _centres(body: Polyhedron, contacts: Sequence[PrimitiveContact], pose: Pose) -> Array | None:
+    """The centres (k, 3) of balls that contacts push through, m; None where none is a ball's."""
+    balls = dict.fromkeys(c.moving[0] for c in contacts if c.kind is Kind.BALL_FACE)
+    return pose.apply(body.vertices[[*balls]]) if balls else None
 
 
 def _pushes(problem: Problem, contacts: Sequence[PrimitiveContact], pose: Pose) -> tuple[Array, Array]:
@@ -273,8 +280,10 @@ class Meeting(Value):
     def of(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> Meeting:
         """The meeting of a primitive contact of two parts at a pose."""
         arms = moving.vertices[list(contact.moving)] @ pose.R.T
+        if contact.kind is Kind.BALL_FACE:
+            arms = (contact_point(contact, moving, fixed, pose) - pose.p)[None]
         match contact.kind:
-            case Kind.VERTEX_FACE:
+            case Kind.VERTEX_FACE | Kind.BALL_FACE:
                 leverage = 0.0
             case Kind.FACE_VERTEX:
                 leverage = 1.0

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, assert_never
 
 import numpy as np
 
-from fmopt.contact.primitive import Kind, PrimitiveContact, crossed, face_vertex, vertex_face
+from fmopt.contact.primitive import Kind, PrimitiveContact, ball_face, crossed, face_vertex, vertex_face
 from fmopt.errors import ResourceError, SolverError
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.motion import FINE, Posed
@@ -122,6 +122,8 @@ def _contact(contact: Contact, moving: Polyhedron, fixed: Polyhedron) -> Primiti
     match Kind(contact.kind):
         case Kind.VERTEX_FACE:
             return vertex_face(fixed, one, other)
+        case Kind.BALL_FACE:
+            return ball_face(fixed, one, other)
         case Kind.FACE_VERTEX:
             return face_vertex(moving, one, other)
         case Kind.EDGE_EDGE:

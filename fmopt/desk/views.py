@@ -133,10 +133,10 @@ def _part_sheet(*parts: Part, name: str) -> Drawing:
         from fmopt.desk.views import middle
 
         if len(parts) == 1:
-            part_view.paint(parts[0].name, parts[0].polyhedron, parts[0].pieces, middle(parts[0]), sheet)
+            part_view.paint(parts[0].name, parts[0].polyhedron, parts[0].bodies, middle(parts[0]), sheet)
             return
         for half, part in zip(sheet.subfigures(len(parts), 1), parts, strict=True):
-            part_view.paint(part.name, part.polyhedron, part.pieces, middle(part), half)
+            part_view.paint(part.name, part.polyhedron, part.bodies, middle(part), half)
 
     width, height = part_view.size()
     alt = " ".join(part_view.alt(part.name, part.polyhedron) for part in parts)
@@ -275,12 +275,13 @@ def _outline(directions: Array, support: Array) -> Any:
 def stated_part(part: Part) -> StatedPart:
     """A part as a plan would state it, without clearances."""
     pieces = tuple(_body(piece) for piece in part.pieces)
-    return StatedPart(_body(part.polyhedron), pieces, part.name, (0.0, 0.0), 0.0)
+    balls = tuple(_body(ball) for ball in part.balls)
+    return StatedPart(_body(part.polyhedron), pieces, part.name, (0.0, 0.0), 0.0, balls=balls)
 
 
 def _body(body: Polyhedron) -> Body:
     vertices = tuple(map(tuple, body.vertices.tolist()))
-    return Body(vertices, tuple(tuple(tuple(loop) for loop in face.loops) for face in body.faces))
+    return Body(vertices, tuple(tuple(tuple(loop) for loop in face.loops) for face in body.faces), balls=body.balls)
 
 
 def middle(part: Part) -> float:

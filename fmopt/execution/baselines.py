@@ -48,10 +48,12 @@ class Task:
     @staticmethod
     def of(plan: Plan) -> Task:
         """Of a plan; its moves are not looked at."""
-        vertices = np.array(plan.moving.body.vertices)
+        body, vertices = plan.moving.body, np.array(plan.moving.body.vertices)
         leading = vertices[vertices[:, 2] < vertices[:, 2].min() + 1e-6]
         limits = (max(PUSH, plan.specification.contact_force), plan.specification.torque_limit)
         half = np.abs(leading[:, :2]).max(axis=0)
+        for vertex, radius in body.balls:
+            half = np.maximum(half, np.abs(vertices[vertex, :2]) + radius)
         return Task(
             Fit.of(plan),
             (float(half[0]), float(half[1])),

@@ -23,7 +23,7 @@ from fmopt.errors import FmoptError, ResourceError
 from fmopt.execution.engine import FIELDS, THROWN, Maker, Put, Setup
 from fmopt.execution.physics import Physics
 from fmopt.execution.rotation import from_quaternions
-from fmopt.execution.scene import pieces
+from fmopt.execution.scene import balls, pieces
 from fmopt.values import Array
 
 _STIFF = 4e7  # N/m of each part at a contact, at least
@@ -148,6 +148,8 @@ def _library() -> Any:
 def _put(setup: Setup) -> Put:
     """The scene, with contacts as stiff as the clearance asks for, relaxing over the time constant of MuJoCo's."""
     _library()
+    from pydrake.geometry import Sphere
+    from pydrake.math import RigidTransform
     from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
     from pydrake.multibody.tree import SpatialInertia, UnitInertia
     from pydrake.systems.framework import DiagramBuilder
@@ -171,6 +173,9 @@ def _put(setup: Setup) -> Put:
     _register(plant, plant.world_body(), "fixed", pieces(setup.plan, "fixed"), material)
     corners = [corner for piece in pieces(setup.plan, "moving") for corner in with_corners(piece)]
     _register(plant, part, "moving", corners, material)
+    for i, (centre, radius) in enumerate(balls(setup.plan.moving.body)):
+        at, name = RigidTransform(centre), f"ball{i}"
+        plant.RegisterCollisionGeometry(part, at, Sphere(radius), name, material)
     plant.Finalize()
     return partial(DrakeEngine, builder.Build())
 

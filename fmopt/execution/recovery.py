@@ -37,6 +37,7 @@ class Recovery(Value):
         orders: for each move, in which order they are tried, after it failed `EARLY` or `LATE`.
         start: commanded pose of the part as it begins.
         points: vertices (v, 3) of the moving part.
+        radii: of the balls about them (v,), m, 0 of those that are points.
     """
 
     above: float
@@ -47,6 +48,7 @@ class Recovery(Value):
     orders: tuple[Mapping[str, tuple[int, ...]], ...]
     start: Pose
     points: Array
+    radii: Array
 
     def __post_init__(self) -> None:
         for name in ("shifts", "points"):
@@ -59,12 +61,17 @@ class Recovery(Value):
         if said is None or said.lift is None or not said.retries:
             return None
         points, box = np.array(plan.moving.body.vertices), np.array(plan.start_box)
-        reach = float(np.linalg.norm(points, axis=1).max())
+        radii = np.zeros(len(points))
+        for vertex, radius in plan.moving.body.balls:
+            radii[vertex] = radius
+        reach = float((np.linalg.norm(points, axis=1) + radii).max())
         sunk = box[2] + reach * (box[3] + box[4] + 0.5 * float(box[3:] @ box[3:]))
         shifts = np.array(said.retries)[:, :3]
         orders = tuple({EARLY: move.early, LATE: move.late} for move in said.moves)
         start = Pose.from_vector(plan.segments[0].start)
-        return Recovery(said.lift.above, said.lift.clear, said.lift.turn, float(sunk), shifts, orders, start, points)
+        return Recovery(
+            said.lift.above, said.lift.clear, said.lift.turn, float(sunk), shifts, orders, start, points, radii
+        )
 
     def next(self, move: int, felt: str, tried: Sequence[int]) -> int | None:
         """The shift to try after a move failed; None when all have been tried."""
@@ -80,7 +87,7 @@ class Recovery(Value):
         """
         turned = from_quaternions(product(at, begun[3:] * np.array([1.0, -1.0, -1.0, -1.0])))
         points = self.points @ (turned @ self.start.R).T
-        return float(self.start.p[2] + q[2] - begun[2] + points[:, 2].min())
+        return float(self.start.p[2] + q[2] - begun[2] + (points[:, 2] - self.radii).min())
 
     def liftable(self, q: Array, begun: Array) -> bool:
         """Whether the plan says that the part can be lifted from where it is, and turned back."""

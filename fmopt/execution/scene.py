@@ -14,10 +14,12 @@ import numpy as np
 
 from fmopt.errors import ResourceError
 from fmopt.execution.physics import Physics
-from fmopt.plan import Plan
+from fmopt.plan import Body, Plan
 from fmopt.values import Array
 
 CONTACTS = 16  # contacts that a sensor reports
+
+_COLOUR = "0.85 0.45 0.1 1"  # of the moving part
 
 _SCENE = """\
 <mujoco model="fmopt">
@@ -76,7 +78,7 @@ def scene(plan: Plan, physics: Physics, mass: float, inertia: float, friction: f
         friction=friction,
         meshes="\n".join(meshes),
         fixed=_geoms("fixed", len(found["fixed"]), "0.6 0.65 0.7 0.35"),
-        moving=_geoms("moving", len(found["moving"]), "0.85 0.45 0.1 1"),
+        moving=_geoms("moving", len(found["moving"]), _COLOUR) + _spheres(plan.moving.body),
         mass=mass,
         inertia=inertia,
         contacts=CONTACTS,
@@ -86,6 +88,11 @@ def scene(plan: Plan, physics: Physics, mass: float, inertia: float, friction: f
 def pieces(plan: Plan, side: str) -> list[Array]:
     """The vertices (v, 3) of the convex pieces of a plan's "fixed" or "moving" part, m."""
     return [np.array(piece.vertices) for piece in plan.parts[side].pieces]
+
+
+def balls(body: Body) -> list[tuple[Array, float]]:
+    """Centres (3,) and radii of the balls of a part, m."""
+    return [(np.array(body.vertices[vertex]), radius) for vertex, radius in body.balls]
 
 
 def engine() -> Any:
@@ -119,6 +126,15 @@ def _mesh(name: str, vertices: Array) -> str:
 
 def _geoms(side: str, count: int, colour: str) -> str:
     return "\n".join(f'      <geom name="{side}{i}" mesh="{side}{i}" rgba="{colour}"/>' for i in range(count))
+
+
+def _spheres(body: Body) -> str:
+    """The balls of the moving part, which the engine collides as they are."""
+    listed = enumerate(balls(body))
+    return "".join(
+        f'\n      <geom name="ball{i}" type="sphere" size="{radius!r}" pos="{_numbers(at.tolist())}" rgba="{_COLOUR}"/>'
+        for i, (at, radius) in listed
+    )
 
 
 def _numbers(values: Sequence[float]) -> str:

@@ -152,20 +152,26 @@ def lines(found: dict[str, Any]) -> list[str]:
 
 @dataclass(frozen=True)
 class Fit:
-    """The fit that success is measured by: clearance a side and depth, m, the half-diagonal ρ, m, and the goal pose."""
+    """The fit that success is measured by: clearance a side and depth, m, the half-diagonal ρ, m, and the goal pose.
+
+    Contacts of balls leave a part turned as it is, and what is fixed to it beside them where that is: `free` is what
+    the plan's error sets then leave open of the pose (6,), m and rad, and 0 without balls.
+    """
 
     clearance: float
     depth: float
     rho: float
     goal: Pose
     loose: float
+    free: tuple[float, ...] = (0.0,) * 6
 
     @staticmethod
     def of(plan: Plan) -> Fit:
         """The fit of a plan; `loose` is what its own error sets leave open of the depth, m."""
         goal, last = Pose.from_vector(plan.goal), plan.segments[-1]
         loose = 0.0 if last.hybrid.felt else last.tube.box[2]
-        return Fit(plan.moving.measured_clearance, -float(goal.p[2]), plan.rho, goal, loose)
+        free = (*last.tube.box, *last.tube.angles) if plan.moving.body.balls else (0.0,) * 6
+        return Fit(plan.moving.measured_clearance, -float(goal.p[2]), plan.rho, goal, loose, free)
 
 
 @dataclass(frozen=True)
@@ -261,14 +267,14 @@ def rest(log: Log, rig: Rig, body: int, fit: Fit) -> dict[str, Any]:
     q, v = rig.qpos[body], rig.qvel[body]
     off = q[:3] - fit.goal.p
     turned = between(q[3:], quaternions(fit.goal.vector()[3:]))
-    room = 2.0 * (1.0 + SHARE) * fit.clearance
+    room, free = 2.0 * (1.0 + SHARE) * fit.clearance, np.array(fit.free)
     failed = bool(rig.state.step[body] == FAILED)
     checks = (
         (not failed, "stopped on the way"),
         (abs(off[2]) <= fit.clearance + fit.loose, f"{1e3 * off[2]:.3f} mm from its depth"),
-        (float(np.abs(off[:2]).max()) <= room, "beside the hole"),
-        (float(np.abs(turned[:2]).max()) <= 2.0 * room / fit.depth, "tilted"),
-        (abs(turned[2]) <= 2.0 * room / fit.rho, "turned about its axis"),
+        (float((np.abs(off[:2]) - free[:2]).max()) <= room, "beside the hole"),
+        (float((np.abs(turned[:2]) - free[3:5]).max()) <= 2.0 * room / fit.depth, "tilted"),
+        (abs(turned[2]) - fit.free[5] <= 2.0 * room / fit.rho, "turned about its axis"),
         (np.linalg.norm(v[:3]) <= _SLOW[0] and np.linalg.norm(v[3:]) <= _SLOW[1], "not at rest"),
         (fit.goal.p[2] - log.lowest <= SHARE * fit.clearance + fit.loose, "overshot"),
         (rig.depth[body] <= SHARE * fit.clearance, f"penetration {1e6 * rig.depth[body]:.1f} µm"),

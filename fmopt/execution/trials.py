@@ -238,12 +238,14 @@ def _drifts(draws: Sequence[Draw]) -> Array:
 
 
 def grown(plan: Plan, growth: float) -> Plan:
-    """A plan whose moving part is thicker by `growth`, m, on each side: its pieces' faces that look sideways move out.
+    """A plan whose moving part is thicker by `growth`, m, on each side: faces that look sideways move out, balls grow.
 
     Only what the scene is built from changes; moves and contacts stay as they are.
     """
     pieces = tuple(_piece(piece, growth) for piece in plan.moving.pieces)
-    return replace(plan, moving=replace(plan.moving, pieces=pieces))
+    body = plan.moving.body
+    body = replace(body, balls=tuple((vertex, radius + growth) for vertex, radius in body.balls))
+    return replace(plan, moving=replace(plan.moving, body=body, pieces=pieces))
 
 
 def _piece(piece: Body, growth: float) -> Body:

@@ -19,7 +19,7 @@ import numpy as np
 from fmopt.errors import GeometryError, InterferenceError
 from fmopt.geometry.facets import place
 from fmopt.geometry.part import Part
-from fmopt.geometry.pieces import union_manifold
+from fmopt.geometry.pieces import faceted, union_manifold
 from fmopt.geometry.polyhedron import Polyhedron, diameter, placed, plane_basis
 from fmopt.geometry.section import section_limit
 from fmopt.se3 import Pose
@@ -44,6 +44,8 @@ def penetration(body: Polyhedron, other: Polyhedron) -> float:
     most their distance.
     """
     faces = np.vstack([body.normals, -other.normals])
+    if body.balls:
+        return _overlaps(body, other, np.vstack([faces, *(towards(other, centre) for centre in body.vertices)]))
     shallow = _overlaps(body, other, faces)
     if shallow <= _TOUCH:
         return shallow
@@ -55,7 +57,18 @@ def penetration(body: Polyhedron, other: Polyhedron) -> float:
 
 def _overlaps(body: Polyhedron, other: Polyhedron, axes: Array) -> float:
     """Smallest over the axes n (k, 3) of max n·body − min n·other."""
-    return float(np.min(np.max(axes @ body.vertices.T, axis=1) - np.min(axes @ other.vertices.T, axis=1)))
+    reach = axes @ body.vertices.T + body.radii
+    return float(np.min(np.max(reach, axis=1) - np.min(axes @ other.vertices.T, axis=1)))
+
+
+def towards(body: Polyhedron, centre: Array) -> Array:
+    """Unit directions (k, 3) from a ball's centre to the nearest points of the edges of a polyhedron."""
+    start, end = body.vertices[np.array([edge.vertices for edge in body.edges]).T]
+    along = end - start
+    share = np.clip(np.vecdot(centre - start, along) / np.vecdot(along, along), 0.0, 1.0)
+    way = start + share[:, None] * along - centre
+    far = np.linalg.norm(way, axis=1)
+    return np.asarray(way[far > 0.0] / far[far > 0.0, None])
 
 
 def _directions(body: Polyhedron) -> Array:
@@ -147,13 +160,16 @@ def interference(moving: Part, fixed: Part, pose: Pose) -> Interference:
     The volume is that of the boolean intersection; the depth is the largest over all pairs of convex pieces of the
     shortest shift that takes the pair apart, so that parts which only touch have depth 0.
     """
-    bodies = [placed(piece, pose) for piece in moving.pieces]
-    deepest = max(penetration(body, other) for body in bodies for other in fixed.pieces)
-    if deepest <= _TOUCH:
-        return Interference(0.0, max(deepest, 0.0), "nowhere")
-    common = union_manifold(bodies) ^ union_manifold(fixed.pieces)
+    bodies = [placed(body, pose) for body in moving.bodies]
+    depth = deepest(bodies, fixed.pieces)
+    if depth <= _TOUCH:
+        return Interference(0.0, max(depth, 0.0), "nowhere")
+    common = union_manifold([*map(faceted, bodies)]) ^ union_manifold(fixed.pieces)
+    if moving.balls and common.is_empty():  # a ball overlaps with what its facets leave out
+        body = max((body for body in bodies if body.balls), key=lambda body: deepest([body], fixed.pieces))
+        return Interference(0.0, depth, place(body.vertices[0]))
     centre = 0.5 * np.sum(np.reshape(common.bounding_box(), (2, 3)), axis=0)
-    return Interference(float(common.volume()), deepest, place(centre))
+    return Interference(float(common.volume()), depth, place(centre))
 
 
 def checked_clearance(moving: Part, fixed: Part, seated: Pose, depth: float) -> Clearance:
@@ -211,13 +227,13 @@ def past_shoulders(peg: Part, hole: Part, length: float, depth: float) -> float:
 
 def _slices(part: Part, low: float, high: float) -> list[_Slice]:
     """Sections of the part between two heights: limits at both ends and the middle of each stretch without vertices."""
-    heights = np.unique(np.clip([low, high, *(z for piece in part.pieces for z in piece.vertices[:, 2])], low, high))
+    heights = np.unique(np.clip([low, high, *(z for body in part.bodies for z in body.vertices[:, 2])], low, high))
     heights = heights[np.append(True, np.diff(heights) > 1e-9)]
     made = []
     for bottom, top in pairwise(heights):
         for height, side in ((bottom, 1), (0.5 * (bottom + top), 1), (top, -1)):
             level = Pose(np.array([0.0, 0.0, height]), np.eye(3))
-            shape = section_limit(part.pieces, level, 1 if side > 0 else -1)
+            shape = section_limit(part.bodies, level, 1 if side > 0 else -1)
             if not shape.is_empty:
                 made.append(_Slice(float(height), side, shape))
     if not made:

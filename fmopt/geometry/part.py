@@ -13,18 +13,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.csg import Hull, Solid, Union, exact_pose, sagitta
-from fmopt.geometry.exact import MOST, Exact, exact_vertices, facing_directions
+from fmopt.geometry.exact import Exact, exact_vertices, facing_directions
 from fmopt.geometry.facets import place
 from fmopt.geometry.mating import Feature, found_features, in_frame
 from fmopt.geometry.mesh import Imported, come_apart
 from fmopt.geometry.pieces import pieces, polyhedron, union_manifold
-from fmopt.geometry.polyhedron import Polyhedron, levelled, placed, rounded, scaled, with_vertices
+from fmopt.geometry.polyhedron import Polyhedron, from_faces, levelled, placed, rounded, scaled, with_vertices
 from fmopt.se3 import Pose
 from fmopt.values import Array, Value, frozen
 
@@ -32,13 +33,16 @@ _ELSEWHERE = 1.5  # times: how far facets are off faces in frames that fit a mes
 _MESH_VOLUME = 1e-4  # of the volume
 _FAR_END = 0.05  # of a feature's length: gaps no further from its far end than this are at its far rim
 
+_ASIDE, _IN_PLANE = 1e-10, 1e-15  # m: planes are one up to here; vertices that are so near are in a plane
 _DRAWN_IN = 0.25
+_SAME_PLACE = 1e-9  # m
 
 
 @dataclass(frozen=True, eq=False)
 class Part(Value):
     """A part: its boundary, the convex pieces whose union it is, its features, and the sagitta of its curves in m.
 
+    Balls beside the boundary are parts of it; `pieces` are what is bounded by faces, `bodies` all that it is made of.
     `notes` say what a user should know of an imported mesh, one statement each. The facets of its file lie up to `off`
     (m, counted half as much again in the sagitta) from the boundary, at `where` (3,), m, in the numbers of the file.
     """
@@ -51,6 +55,17 @@ class Part(Value):
     notes: tuple[str, ...] = ()
     off: float = 0.0
     where: Array = field(default_factory=lambda: np.zeros(3))
+
+    @cached_property
+    def balls(self) -> tuple[Polyhedron, ...]:
+        """The balls of the part, each as a body without faces."""
+        whole = self.polyhedron
+        return tuple(from_faces(whole.vertices[[n]], (), balls=((0, radius),)) for n, radius in whole.balls)
+
+    @property
+    def bodies(self) -> tuple[Polyhedron, ...]:
+        """The convex bodies whose union the part is: its pieces, then its balls."""
+        return (*self.pieces, *self.balls)
 
     def feature(self, name: str) -> Feature:
         """The feature of that name.
@@ -72,6 +87,32 @@ def part_of(name: str, solid: Solid, features: Sequence[Feature] = ()) -> Part:
         GeometryError: the solid is empty or has edges of no thickness.
     """
     return Part(name, polyhedron(solid), pieces(solid), tuple(features), sagitta(solid))
+
+
+def with_balls(part: Part, balls: Sequence[tuple[ArrayLike, float]]) -> Part:
+    """A part with exact balls besides, whose centres are the last vertices of its boundary.
+
+    Args:
+        part: the part, in the frame of the centres.
+        balls: centre (3,) and radius of each, m.
+
+    Raises:
+        GeometryError: a radius is not positive, or two balls, or a ball and a corner, are in one place.
+    """
+    body = part.polyhedron
+    centres = np.array([centre for centre, _ in balls], dtype=np.float64).reshape(-1, 3)
+    points = np.vstack([body.vertices, centres])
+    for n, (_, radius) in enumerate(balls, len(body.vertices)):
+        if not radius > 0.0:
+            raise GeometryError(
+                f"a ball at {place(points[n])} has a radius of {radius:.3g} m", "give it a positive one"
+            )
+        if (np.linalg.norm(points[:n] - points[n], axis=1) <= _SAME_PLACE).any():
+            raise GeometryError(
+                f"a ball at {place(points[n])} is where a corner or another ball is", "move it a little"
+            )
+    rounds = tuple((len(body.vertices) + n, float(radius)) for n, (_, radius) in enumerate(balls))
+    return replace(part, polyhedron=Polyhedron(points, body.faces, body.edges, rounds))
 
 
 def mesh_part(
@@ -171,20 +212,43 @@ def settled(moving: Part, fixed: Part) -> tuple[Part, Part]:
 
 
 def _settled(part: Part, exact: Mapping[int, Exact]) -> Part:
-    """A part with some vertices of its boundary, and those of its pieces that are there, at exact coordinates."""
-    if not exact:
-        return part
-    numbers = sorted(exact)
-    places = part.polyhedron.vertices[numbers]
-    nearest = np.array([[float(x) for x in exact[n]] for n in numbers])
-
-    def moved(body: Polyhedron) -> Polyhedron:
+    """A part with some vertices of its boundary at exact coordinates, and its pieces with their faces in the part's."""
+    body = part.polyhedron
+    if exact:
         points = body.vertices.copy()
-        for at, to in zip(places, nearest, strict=True):
-            points[(np.abs(points - at) <= MOST).all(axis=1)] = to
-        return with_vertices(body, points + 0.0)
+        for n, at in exact.items():
+            points[n] = [float(x) for x in at]
+        body = with_vertices(body, points + 0.0)
+    moved = {before.tobytes(): after for before, after in zip(part.polyhedron.vertices, body.vertices, strict=True)}
+    return replace(part, polyhedron=body, pieces=tuple(_in_planes(piece, body, moved) for piece in part.pieces))
 
-    return replace(part, polyhedron=moved(part.polyhedron), pieces=tuple(moved(piece) for piece in part.pieces))
+
+def _in_planes(piece: Polyhedron, body: Polyhedron, moved: Mapping[bytes, Array]) -> Polyhedron:
+    """A piece whose faces are in the planes of a part's faces where they were but for rounding.
+
+    A face of 2 mm that rounding turns is 1e-12 off 10 mm farther out, where a piece goes on behind it.
+
+    Args:
+        piece: the piece.
+        body: the part's boundary.
+        moved: where vertices that it had before are now, by their bytes.
+    """
+    planes = list[tuple[Array, float]]()
+    for face in piece.faces:
+        corners = piece.vertices[list(face.vertices)]
+        off = np.abs(corners @ body.normals.T - body.offsets).max(axis=0) + (body.normals @ face.normal < 0.0)
+        nearest = int(off.argmin())
+        own = off[nearest] <= _ASIDE
+        planes.append((body.normals[nearest], body.offsets[nearest]) if own else (face.normal, face.offset))
+    points = piece.vertices.copy()
+    for n, faces in enumerate(piece.vertex_faces):
+        at = moved.get(piece.vertices[n].tobytes())
+        N, c = np.array([planes[k][0] for k in faces]), np.array([planes[k][1] for k in faces])
+        if at is not None:
+            points[n] = at
+        elif np.abs(N @ points[n] - c).max() > _IN_PLANE:
+            points[n] += np.linalg.lstsq(N, c - N @ points[n], rcond=1e-6)[0]
+    return piece if np.array_equal(points, piece.vertices) else with_vertices(piece, points + 0.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,10 +29,11 @@ from fmopt.geometry.csg import (
     Union,
     Wedge,
     convex_polyhedron,
+    corners,
     exact_pose,
 )
 from fmopt.geometry.facets import place
-from fmopt.geometry.polyhedron import Polyhedron, from_faces, from_triangles
+from fmopt.geometry.polyhedron import Polyhedron, convex_hull_polyhedron, from_faces, from_triangles
 from fmopt.se3 import Pose
 from fmopt.values import Array, remembered
 
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
 ROUNDING = 1e-12  # m: vertices this close to a plane lie on it, coordinates this close to an operand's are that one
 _SLIVER = 1e-9  # of the volume of the piece that was cut
 _NOISE = 1e-13  # relative, of volumes
+_MERIDIANS = 32  # of the polyhedra that stand for balls where those are only shown
 
 
 @remembered(1)
@@ -341,3 +343,15 @@ def _loft(below: Ring, above: Ring, pose: Pose, stock: list[Array]) -> Manifold:
     if made.is_empty():
         raise GeometryError(f"the walls between two sections do not close: {made.status()}", "check both outlines")
     return made
+
+
+def faceted(body: Polyhedron) -> Polyhedron:
+    """The same bounded by faces alone: in place of each ball a polyhedron inside it, its corners on the ball."""
+    if not body.balls:
+        return body
+    points, loops = list(body.vertices), [face.loops for face in body.faces]
+    for vertex, radius in body.balls:
+        globe = convex_hull_polyhedron(corners(Sphere(radius, _MERIDIANS)))
+        loops += [(tuple(len(points) + i for i in face.loops[0]),) for face in globe.faces]
+        points += list(globe.vertices + body.vertices[vertex])
+    return from_faces(points, loops)

@@ -7,7 +7,7 @@ holes, clockwise. Coordinates that come in are kept to the bit.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -51,11 +51,15 @@ class Edge:
 
 @dataclass(frozen=True, eq=False)
 class Polyhedron(Value):
-    """A closed polyhedron, oriented outward: vertices (n, 3) in m, planar faces, edges."""
+    """A closed polyhedron, oriented outward: vertices (n, 3) in m, planar faces, edges; and exact balls beside it.
+
+    `balls` are (vertex, radius in m): the vertex, which belongs to no face, is the centre of a ball of the body.
+    """
 
     vertices: Array
     faces: tuple[Face, ...]
     edges: tuple[Edge, ...]
+    balls: tuple[tuple[int, float], ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vertices", frozen(self.vertices, None, 3, name="vertices"))
@@ -63,12 +67,26 @@ class Polyhedron(Value):
     @cached_property
     def normals(self) -> Array:
         """Outward unit normals (m, 3) of the faces."""
-        return frozen([face.normal for face in self.faces])
+        return frozen(np.reshape([face.normal for face in self.faces], (-1, 3)))
 
     @cached_property
     def offsets(self) -> Array:
         """Plane offsets (m,) of the faces, m."""
         return frozen([face.offset for face in self.faces])
+
+    @cached_property
+    def radii(self) -> Array:
+        """Radii (n,) of the balls about the vertices, m; 0 about those that are points."""
+        found = np.zeros(len(self.vertices))
+        for vertex, radius in self.balls:
+            found[vertex] = radius
+        return frozen(found)
+
+    @property
+    def widths(self) -> Array:
+        """How wide it is along the axes, balls and all (3,), m."""
+        round_ = self.radii[:, None]
+        return np.asarray((self.vertices + round_).max(axis=0) - (self.vertices - round_).min(axis=0))
 
     @property
     def vertex_faces(self) -> tuple[tuple[int, ...], ...]:
@@ -105,19 +123,25 @@ def from_faces(
     vertices: ArrayLike,
     faces: Sequence[Sequence[Sequence[int]]],
     planes: Sequence[tuple[Array, float] | None] | None = None,
+    balls: Sequence[tuple[int, float]] = (),
 ) -> Polyhedron:
     """The polyhedron of planar faces given by their loops; unused vertices are dropped, the others keep their order.
+
+    >>> tip = from_faces([[0.0, 0.0, 0.005]], [], balls=[(0, 0.005)])
+    >>> len(tip.faces), tip.radii.tolist()
+    (0, [0.005])
 
     Args:
         vertices: (n, 3), m.
         faces: for each face its loops, outer loop first, seen from outside counter-clockwise, holes clockwise.
         planes: (normal, offset) of each face where it is known; else it is computed from the loops.
+        balls: (vertex, radius) of balls beside it, m; there need be no faces then.
 
     Raises:
         GeometryError: an edge without exactly two faces in opposite directions, or a volume that is not positive.
     """
     points = np.asarray(vertices, dtype=np.float64) + 0.0
-    used = sorted({index for loops in faces for loop in loops for index in loop})
+    used = sorted({index for loops in faces for loop in loops for index in loop}.union(n for n, _ in balls))
     number = {old: new for new, old in enumerate(used)}
     points = points[used]
     renumbered = [tuple(tuple(number[index] for index in loop) for loop in loops) for loops in faces]
@@ -125,11 +149,14 @@ def from_faces(
     made = tuple(
         Face(loops, *(plane or plane_of(points, loops))) for loops, plane in zip(renumbered, known, strict=True)
     )
+    rounds = tuple(sorted((number[vertex], radius) for vertex, radius in balls))
+    if rounds and not faces:
+        return Polyhedron(points, (), (), rounds)
     edges = _edges(points, made)
     volume = _volume(points, renumbered)
     if not volume > 0.0:
         raise GeometryError(f"the volume is {volume:.3g} m³, not positive", "turn the faces round or give it thickness")
-    return Polyhedron(points, made, edges)
+    return Polyhedron(points, made, edges, rounds)
 
 
 def from_triangles(
@@ -211,8 +238,11 @@ def placed(polyhedron: Polyhedron, pose: Pose) -> Polyhedron:
 
 
 def scaled(polyhedron: Polyhedron, factors: Sequence[float]) -> Polyhedron:
-    """The polyhedron stretched along the axes by positive factors (3,)."""
-    return with_vertices(polyhedron, polyhedron.vertices * np.asarray(factors))
+    """The polyhedron stretched along the axes by positive factors (3,); balls stay balls, by the least of these."""
+    found = with_vertices(polyhedron, polyhedron.vertices * np.asarray(factors))
+    if not polyhedron.balls:
+        return found
+    return replace(found, balls=tuple((vertex, min(factors) * radius) for vertex, radius in polyhedron.balls))
 
 
 def levelled(bodies: Sequence[Polyhedron]) -> tuple[Polyhedron, ...]:
@@ -238,7 +268,7 @@ def with_vertices(polyhedron: Polyhedron, points: Array) -> Polyhedron:
     """The polyhedron with its vertices at other points (n, 3), m, as good as in the same planes."""
     planes = [plane_of(points, face.loops) for face in polyhedron.faces]
     faces = tuple(Face(face.loops, *plane) for face, plane in zip(polyhedron.faces, planes, strict=True))
-    return Polyhedron(points, faces, polyhedron.edges)
+    return Polyhedron(points, faces, polyhedron.edges, polyhedron.balls)
 
 
 def convex_hull_polyhedron(points: ArrayLike, tol: float = 1e-9) -> Polyhedron:

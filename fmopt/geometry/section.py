@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
 
 _ON_PLANE = 1e-12  # m
+_QUARTER = 128  # sides of the polygon that stands for a quarter of a ball's section
 
 LARGEST = 4.0  # m: what the check of a plan takes
 SMALLEST = 1e-4  # m
@@ -56,12 +57,17 @@ def section(bodies: Sequence[Polyhedron], frame: Pose) -> MultiPolygon:
 
 def section_limit(bodies: Sequence[Polyhedron], frame: Pose, side: Literal[-1, 1]) -> MultiPolygon:
     """The limit of the sections of a union of convex bodies when the plane comes from above (1) or below (−1)."""
-    from shapely import MultiPoint, unary_union
+    from shapely import MultiPoint, Point, unary_union
 
     to_frame = exact_pose(frame).inverse()
     parts = []
     for body in bodies:
         points = to_frame.apply(body.vertices)
+        for (x, y, z), radius in zip(points, body.radii, strict=True) if body.balls else ():
+            if abs(z) < radius:
+                parts.append(Point(x, y).buffer(float(np.sqrt(radius**2 - z**2)), quad_segs=_QUARTER))
+        if not body.faces:
+            continue
         if np.any(side * points[:, 2] > _ON_PLANE):
             outline = MultiPoint(_crossings(body, points)).convex_hull
             if outline.geom_type == "Polygon":

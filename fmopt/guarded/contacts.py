@@ -24,9 +24,10 @@ class Contact(Value):
 
     Args:
         name: as in the plan.
-        kind: vertex-face, face-vertex or edge-edge, the moving part's feature first.
-        moving, fixed: vertices (n, 3) of the features, in the moving part and in B, m.
+        kind: vertex-face, face-vertex, edge-edge or ball-face, the moving part's feature first.
+        moving, fixed: vertices (n, 3) of the features, in the moving part and in B, m; of a ball its centre.
         moving_normal, fixed_normal: outward normals (3,) of a face, or the sum of those beside an edge; 0 for vertices.
+        radius: of a ball, m.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Contact(Value):
     fixed: Array
     moving_normal: Array
     fixed_normal: Array
+    radius: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("moving", "fixed"):
@@ -66,6 +68,9 @@ class Contact(Value):
         moving = pose.apply(self.moving)
         if self.kind == "vertex-face":
             return moving[0], self.fixed_normal, self.above(moving[0])
+        if self.kind == "ball-face":
+            point = moving[0] - self.radius * self.fixed_normal
+            return point, self.fixed_normal, self.above(point)
         if self.kind == "face-vertex":
             normal = -pose.R @ self.moving_normal
             return self.fixed[0], normal, float(normal @ (moving[0] - self.fixed[0]))
@@ -119,7 +124,7 @@ class _Side:
 
     def __init__(self, body: Body) -> None:
         self.vertices = np.array(body.vertices, dtype=np.float64)
-        self.faces = body.faces
+        self.faces, self.radii = body.faces, dict(body.balls)
 
     def normal(self, indices: Sequence[int]) -> Array:
         """Sum of the unit normals of the faces that hold all these vertices on one loop; 0 for a single vertex."""
@@ -142,4 +147,5 @@ def _contact(row: Row, sides: Mapping[str, _Side]) -> Contact:
     indices = {"moving": list(row.moving), "fixed": list(row.fixed)}
     points = {side: sides[side].vertices[indices[side]] for side in sides}
     normals = {side: sides[side].normal(indices[side]) for side in sides}
-    return Contact(row.id, row.kind, points["moving"], points["fixed"], normals["moving"], normals["fixed"])
+    radius = sides["moving"].radii.get(row.moving[0], 0.0) if row.kind == "ball-face" else 0.0
+    return Contact(row.id, row.kind, points["moving"], points["fixed"], normals["moving"], normals["fixed"], radius)

@@ -20,13 +20,13 @@ import numpy as np
 
 from fmopt.compiled import heed
 from fmopt.errors import InterferenceError, SolverError
-from fmopt.geometry.clearance import penetration
-from fmopt.geometry.csg import Solid
+from fmopt.geometry.clearance import penetration, towards
+from fmopt.geometry.csg import Placed, Solid, Sphere, Union, exact_pose
 from fmopt.geometry.pieces import pieces
-from fmopt.geometry.polyhedron import Polyhedron, placed
+from fmopt.geometry.polyhedron import Polyhedron, from_faces, placed
 from fmopt.nominal.shrink_expand import enclosing, finer, grown
 from fmopt.nominal.trajectory import NominalTrajectory
-from fmopt.se3 import cross
+from fmopt.se3 import Pose, cross
 from fmopt.values import Array, Value, frozen
 
 Body: TypeAlias = tuple[str, Solid]
@@ -81,10 +81,8 @@ def meetings(moving: Sequence[Body], fixed: Sequence[Body], path: NominalTraject
     Returns:
         The meetings in the order of time; none when the motion is free.
     """
-    movers, standing = (
-        [(name, [_Piece.of(piece) for piece in pieces(enclosing(solid))]) for name, solid in side]
-        for side in (moving, fixed)
-    )
+    movers = [(name, [_Piece.of(body) for body in _bodies(solid)]) for name, solid in moving]
+    standing = [(name, [_Piece.of(piece) for piece in pieces(enclosing(solid))]) for name, solid in fixed]
     found = []
     for mover, bodies in movers:
         for name, others in standing:
@@ -135,13 +133,12 @@ def free_until(moving: Sequence[Body], fixed: Sequence[Body], path: NominalTraje
     Returns:
         The last node up to which all legs are shown to; 0 when the first leg is not.
     """
-    movers, standing = (
-        [_Piece.of(piece) for _, solid in side for piece in pieces(enclosing(solid))] for side in (moving, fixed)
-    )
+    movers = [_Piece.of(body) for _, solid in moving for body in _bodies(solid)]
+    standing = [_Piece.of(piece) for _, solid in fixed for piece in pieces(enclosing(solid))]
     for k, start in enumerate(path.times[:-1].tolist()):
         span = (start, float(path.times[k + 1]))
         for body in movers:
-            ends = _Stretch(body, path, span, float(np.linalg.norm(body.body.vertices, axis=1).max()))
+            ends = _Stretch(body, path, span, _radius(body.body))
             if not all(_keeps(ends, other, margin) for other in standing):
                 return float(start)
     return path.duration
@@ -155,9 +152,44 @@ def _keeps(stretch: _Stretch, other: _Piece, margin: float) -> bool:
     return stray > 0.1 * margin and all(_keeps(half, other, margin) for half in stretch.halves())
 
 
+def _bodies(solid: Solid) -> list[Polyhedron]:
+    """The convex pieces of a solid that moves: polygons around what is round, but for balls, which stay what they are.
+
+    A ball that is cut is none.
+    """
+    balls, rest = list[tuple[Array, float]](), list[Solid]()
+    _parted(solid, Pose.identity(), balls, rest)
+    if not balls:
+        return list(pieces(enclosing(solid)))
+    own = list(pieces(enclosing(Union(tuple(rest))))) if rest else []
+    return own + [from_faces([centre], (), balls=((0, radius),)) for centre, radius in balls]
+
+
+def _parted(solid: Solid, at: Pose, balls: list[tuple[Array, float]], rest: list[Solid]) -> None:
+    """Sorts what a solid, put in a place, is the union of into balls, by centre and radius, and the rest."""
+    match solid:
+        case Sphere(radius, _):
+            balls.append((at.p, radius))
+        case Placed(inner, own):
+            _parted(inner, at.compose(exact_pose(own)), balls, rest)
+        case Union(parts):
+            for part in parts:
+                _parted(part, at, balls, rest)
+        case _:
+            rest.append(Placed(solid, at))
+
+
+def _radius(body: Polyhedron) -> float:
+    """How far a body reaches from the origin, m."""
+    return float((np.linalg.norm(body.vertices, axis=1) + body.radii).max())
+
+
 @dataclass(frozen=True, eq=False)
 class _Piece(Value):
-    """A convex piece with its outward normals (m, 3) and the directions (k, 3) of its edges, parallel ones once."""
+    """A convex piece with its outward normals (m, 3) and the directions (k, 3) of its edges, parallel ones once.
+
+    One that moves may be a ball, which has neither.
+    """
 
     body: Polyhedron
     normals: Array
@@ -165,6 +197,8 @@ class _Piece(Value):
 
     @staticmethod
     def of(body: Polyhedron) -> _Piece:
+        if body.balls:
+            return _Piece(body, body.normals, np.zeros((0, 3)))
         start, end = body.vertices[np.array([edge.vertices for edge in body.edges]).T]
         along = (end - start) / np.linalg.norm(end - start, axis=1)[:, None]
         along *= np.sign(along[np.arange(len(along)), np.argmax(np.abs(along) > 1e-9, axis=1)])[:, None]
@@ -187,8 +221,7 @@ def _on_leg(bodies: Sequence[_Piece], others: Sequence[_Piece], path: NominalTra
     hits: list[_Hit | None] = []
     for body in bodies:
         heed()
-        radius = float(np.linalg.norm(body.body.vertices, axis=1).max())
-        ends = _Stretch(body, path, span, radius)
+        ends = _Stretch(body, path, span, _radius(body.body))
         for other in _reached(ends, others):
             hits.append(_first(ends, other))
     return min(filter(None, hits), key=lambda hit: hit.time, default=None)
@@ -214,7 +247,7 @@ class _Stretch(Value):
 
     @property
     def hull(self) -> Array:
-        """Vertices (2n, 3) of the piece at both ends."""
+        """Vertices (2n, 3) of the piece at both ends; of a ball its centre."""
         return np.vstack([self.path.pose(t).apply(self.piece.body.vertices) for t in self.span])
 
     def overlap(self, other: _Piece, enough: float) -> float:
@@ -223,10 +256,12 @@ class _Stretch(Value):
         Exactly so where the two ends are not turned against one another: the axes are then those of the hull. A bound
         of −`enough` (m) or less, from the faces alone, is not made smaller.
         """
-        points, still = self.hull, other.body.vertices
+        points, still, round_ = self.hull, other.body.vertices, float(self.piece.body.radii.max())
         turned = [self.path.pose(t).R.T for t in dict.fromkeys(self.span)]
         normals = np.vstack([*(self.piece.normals @ R for R in turned), -other.normals])
-        least = _least(points, still, normals)
+        if round_:
+            normals = np.vstack([normals, *(towards(other.body, centre) for centre in points)])
+        least = _least(points, still, normals) + round_
         if least <= -enough:
             return least
         travel = self.path.at(self.span[1])[:3] - self.path.at(self.span[0])[:3]
@@ -235,7 +270,7 @@ class _Stretch(Value):
         crossed = np.vstack([cross(along[:, None], other.along[None]).reshape(-1, 3), cross(along, travel)])
         length = np.linalg.norm(crossed, axis=1)
         axes = crossed[length > 1e-9] / length[length > 1e-9, None]
-        return min(least, _least(points, still, np.vstack([axes, -axes])))
+        return min(least, _least(points, still, np.vstack([axes, -axes])) + round_)
 
     def halves(self) -> tuple[_Stretch, _Stretch]:
         middle = 0.5 * (self.span[0] + self.span[1])
@@ -249,8 +284,8 @@ def _least(points: Array, others: Array, axes: Array) -> float:
 
 def _reached(stretch: _Stretch, others: Sequence[_Piece]) -> Iterator[_Piece]:
     """The pieces whose boxes the box of the stretch overlaps."""
-    points = stretch.hull
-    low, high = points.min(axis=0) - stretch.stray, points.max(axis=0) + stretch.stray
+    points, beyond = stretch.hull, stretch.stray + float(stretch.piece.body.radii.max())
+    low, high = points.min(axis=0) - beyond, points.max(axis=0) + beyond
     for other in others:
         points = other.body.vertices
         if np.all(low <= points.max(axis=0)) and np.all(points.min(axis=0) <= high):
@@ -297,6 +332,11 @@ def _meeting(mover: str, name: str, hit: _Hit, path: NominalTrajectory) -> Meeti
 
 
 def _common(body: Polyhedron, other: Polyhedron) -> tuple[Array, Array]:
+    """The planes of faces of both; of a ball those of the cube around it."""
+    if body.balls:
+        sides = np.vstack([np.eye(3), -np.eye(3)])
+        offsets = sides @ body.vertices[0] + body.radii[0]
+        return np.vstack([sides, other.normals]), np.concatenate([offsets, other.offsets])
     return np.vstack([body.normals, other.normals]), np.concatenate([body.offsets, other.offsets])
 
 

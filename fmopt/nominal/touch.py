@@ -33,7 +33,8 @@ class Body(Value):
 
     Attributes:
         vertices: (n, 3), m.
-        spokes: unit directions (n, s, 3) of the edges that leave each vertex.
+        radii: of the balls about them (n,), m; 0 of those that are points.
+        spokes: unit directions (n, s, 3) of the edges that leave each vertex; 0 of a ball.
         normals: unit outward normals (m, 3) of the plates, convex pieces of faces.
         corners: (m, k, 3), counter-clockwise seen from outside.
         inward: unit in-plane normals (m, k, 3) of the plates' sides, pointing inside.
@@ -42,6 +43,7 @@ class Body(Value):
     """
 
     vertices: Array
+    radii: Array
     spokes: Array
     normals: Array
     corners: Array
@@ -57,6 +59,7 @@ class Body(Value):
         along = _unit(spans[:, 1] - spans[:, 0])
         count = range(len(polyhedron.vertices))
         spokes = [np.vstack([along[ends[:, 0] == v], -along[ends[:, 1] == v]]) for v in count]
+        spokes = [leaving if len(leaving) else np.zeros((1, 3)) for leaving in spokes]
         convex = np.array([edge.convex for edge in polyhedron.edges])
         n = polyhedron.normals[np.array([edge.faces for edge in polyhedron.edges])[convex]]
         tangents = _unit(np.sum(n[:, :1] * n[:, 1:], axis=2, keepdims=True) * n - n[:, ::-1])
@@ -64,6 +67,7 @@ class Body(Value):
         sides = [_unit(cross(normal, np.roll(plate, -1, axis=0) - plate)) for normal, plate in plates]
         return Body(
             polyhedron.vertices,
+            polyhedron.radii,
             _padded(spokes),
             np.array([normal for normal, _ in plates]),
             _padded([plate for _, plate in plates]),
@@ -111,8 +115,8 @@ def candidates(moving: Body, fixed: Body, p: Array, R: Array, half_widths: Array
     D, theta = float(np.linalg.norm(half_widths[:3])), float(np.linalg.norm(half_widths[3:]))
     tilt = theta + 1e-9
 
-    def near(one: Array, other: Array) -> tuple[Indices, Indices, Indices]:
-        grow = D + theta * np.linalg.norm(one, axis=2).max(axis=1)[:, None] + 1e-9
+    def near(one: Array, other: Array, radii: Array | float = 0.0) -> tuple[Indices, Indices, Indices]:
+        grow = D + theta * np.linalg.norm(one, axis=2).max(axis=1)[:, None] + 1e-9 + np.reshape(radii, (-1, 1))
         turned = one @ R.T
         box = turned.min(axis=1) - grow, turned.max(axis=1) + grow
         return _meeting(box, (other.min(axis=1), other.max(axis=1)), p)
@@ -121,7 +125,7 @@ def candidates(moving: Body, fixed: Body, p: Array, R: Array, half_widths: Array
         at, i, j = (row[meets] for row in rows)
         return at, np.column_stack([np.full(len(at), kind), i, j])
 
-    vertices = near(moving.vertices[:, None], fixed.corners)
+    vertices = near(moving.vertices[:, None], fixed.corners, moving.radii)
     _, i, j = vertices
     outside = _dot(moving.spokes[i] @ R.T, fixed.normals[j][:, None]).min(axis=1, initial=1.0) >= -tilt
     faces = near(moving.corners, fixed.vertices[:, None])
@@ -166,7 +170,7 @@ def _vertex_face(moving: Body, fixed: Body, i: Indices, j: Indices, at: _At, rea
     normal, inward = fixed.normals[j], fixed.inward[j]
     x = (p + arm)[:, None]
     return Linear(
-        _dot(normal, x[:, 0] - fixed.corners[j, 0]),
+        _dot(normal, x[:, 0] - fixed.corners[j, 0]) - moving.radii[i],
         np.concatenate([normal, cross(arm, normal)], axis=1),
         _dot(inward, x - fixed.corners[j]),
         np.concatenate([inward, cross(arm[:, None], inward)], axis=2),

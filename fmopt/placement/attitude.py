@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from fmopt.certificate.assembly import Assembly
-from fmopt.contact.primitive import Kind, PrimitiveContact, crossed, face_vertex, vertex_face
+from fmopt.contact.primitive import Kind, PrimitiveContact, ball_face, crossed, face_vertex, vertex_face
 from fmopt.framing import Framing
 from fmopt.geometry.clearance import Clearance
 from fmopt.geometry.part import Part
@@ -145,6 +145,8 @@ class Image:
         match contact.kind:
             case Kind.VERTEX_FACE:
                 return vertex_face(fixed, int(self.moving.vertices[one]), int(self.fixed.faces[other]))
+            case Kind.BALL_FACE:
+                return ball_face(fixed, int(self.moving.vertices[one]), int(self.fixed.faces[other]))
             case Kind.FACE_VERTEX:
                 return face_vertex(body, int(self.moving.faces[one]), int(self.fixed.vertices[other]))
             case Kind.EDGE_EDGE:
@@ -191,6 +193,8 @@ def _alike(own: Assembly, box: Array, one: Attitude, other: Attitude) -> bool:
         body = part.polyhedron
         apart, place = KDTree(body.vertices @ other.axes.T).query(body.vertices @ one.axes.T)
         if np.max(apart) > _SAME * np.abs(body.vertices).max():
+            return False
+        if np.any(np.abs(body.radii[place] - body.radii) > _SAME * np.abs(body.vertices).max()):
             return False
         faces = {frozenset(face.vertices) for face in body.faces}
         if faces != {frozenset(np.asarray(place)[list(face)].tolist()) for face in faces}:
@@ -250,7 +254,8 @@ def _in_order(body: Polyhedron, attitude: Attitude) -> tuple[Polyhedron, _Number
         outer, *holes = (_from_least(place[list(loop)].tolist()[::way]) for loop in face.loops)
         loops.append((outer, *sorted(holes)))
     faces = sorted(range(len(loops)), key=loops.__getitem__)
-    image = from_faces(points[order], [loops[k] for k in faces])
+    balls = [(int(place[vertex]), radius) for vertex, radius in body.balls]
+    image = from_faces(points[order], [loops[k] for k in faces], balls=balls)
     known = {frozenset(edge.vertices): k for k, edge in enumerate(body.edges)}
     edges = [known[frozenset(order[list(edge.vertices)].tolist())] for edge in image.edges]
     return image, _Numbers(order, np.array(faces, dtype=np.intp), np.array(edges, dtype=np.intp))

@@ -28,6 +28,7 @@ from fmopt.values import Array
 _LEVELS = (4.5, 5.5, 3.5, 7.0, 2.5)
 _LEAST = 0.03  # of the part's width, which what its height is uncertain by is taken to be at least
 _ACROSS = 2.0  # times as far as along the edge that it comes down on, a part leans across it at least
+_HOVERING = (2.0, 3.0, 1.5, 0.0)  # times the errors that a ball is away from walls
 # The same for a corner once caught on a slope; where it goes in, as shares of the way from the middle to a wall.
 _DEEPER, _ASIDE = (2.6, 3.2, 4.5), (0.5, 0.0)
 
@@ -260,6 +261,29 @@ def straight_entry(moving: Part, play: tuple[float, float], start_box: Array, ap
     return (Entry(start, inside, tip[0]),)
 
 
+def hovering_entries(moving: Part, start_box: Array, approach: float) -> Iterator[tuple[Entry, ...]]:
+    """Entries of an upright part that stays above the mouth, to meet walls that stand beside it, in rounds.
+
+    A ball has no corner that could go in first: where walls go on above the mouth it touches them there, from a few
+    times away what the errors displace it.
+
+    Args:
+        moving: the moving part, tip centre at the origin.
+        start_box: half-widths (6,) of the start error, m and rad.
+        approach: height of the lowest point above the mouth at the start, m.
+    """
+    spread = start_spread(moving, start_box)
+    corner = moving.polyhedron.vertices[moving.polyhedron.balls[0][0]]
+    lowest = float(leading_corners(moving)[0, 2])
+    for far in _HOVERING:
+        found = []
+        for way in product((1.0, -1.0, 0.0), repeat=2):
+            aside = far * spread * np.array(way)
+            start, inside = (Pose(np.append(aside, share * approach - lowest), np.eye(3)) for share in (1.0, 0.5))
+            found.append(Entry(start, inside, corner))
+        yield tuple(found)
+
+
 def start_spread(moving: Part, start_box: Array) -> float:
     """How far the start errors displace the tip's corners sideways at most, about: half-widths and swing, m."""
     return float(start_box[:2].max()) + swung_by(leading_corners(moving), start_box)
@@ -296,9 +320,14 @@ def lowest(tip: Array, shape: Shape) -> Array:
 
 
 def leading_corners(moving: Part) -> Array:
-    """The corners that go in first: those of the leading face, or of what stands out below it."""
-    vertices = moving.polyhedron.vertices
-    return np.asarray(vertices[vertices[:, 2] <= vertices[:, 2].min() + 1e-9])
+    """The corners that go in first: of the leading face, of what stands out below it, or of a box round a ball."""
+    vertices, radii = moving.polyhedron.vertices, moving.polyhedron.radii
+    heights = vertices[:, 2] - radii
+    first = heights <= heights.min() + 1e-9
+    if not radii[first].any():
+        return np.asarray(vertices[first])
+    sides = np.array([(x, y, -1.0) for x, y in product((-1.0, 1.0), repeat=2)])
+    return np.vstack([v + r * sides if r else v[None] for v, r in zip(vertices[first], radii[first], strict=True)])
 
 
 def outline(tip: Array) -> Array:

@@ -281,7 +281,7 @@ def implied(
     Walls and rims of several holes may be met together, too: those that are parallel and as far from each other as what
     meets them.
     """
-    if first.kind is not other.kind or first.kind is Kind.FACE_VERTEX:
+    if first.kind is not other.kind or first.kind in (Kind.FACE_VERTEX, Kind.BALL_FACE):
         return False
     known = flushes(assembly, held)
     body, fixed = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron

@@ -30,7 +30,7 @@ from fmopt.values import Array, Value, frozen
 _SERIES = 13
 _SMOOTH = 1e-12
 
-Counts = tuple[int, int, int, int]
+Counts = tuple[int, ...]
 
 _FIXED = (("units", 6), ("p0", 3), ("R0", 9), ("start", 6), ("unit", 1))
 
@@ -40,8 +40,7 @@ _FIXED = (("units", 6), ("p0", 3), ("R0", 9), ("start", 6), ("unit", 1))
 def counts(rows: Sequence[Row]) -> Counts:
     """How many rows there are of each kind."""
     kinds = [row.kind for row in rows]
-    one, two, three, four = (kinds.count(kind) for kind in RowKind)
-    return one, two, three, four
+    return tuple(kinds.count(kind) for kind in RowKind)
 
 
 class Derivatives:
@@ -157,6 +156,7 @@ class RowKind(StrEnum):
     VERTEX_FACE = "vertex-face"
     FACE_VERTEX = "face-vertex"
     EDGE_EDGE = "edge-edge"
+    BALL_FACE = "ball-face"
     PLANE = "plane"
 
     @property
@@ -195,6 +195,12 @@ def vertex_face(v: ArrayLike, n: ArrayLike, a: ArrayLike) -> Row:
     """n·(R v + p − a): body point v, unit world normal n, world point a of the face (m)."""
     offset = float(np.dot(np.asarray(n), np.asarray(a)))
     return Row(RowKind.VERTEX_FACE, np.concatenate([v, n, [offset]]))
+
+
+def ball_face(v: ArrayLike, radius: float, n: ArrayLike, a: ArrayLike) -> Row:
+    """n·(R v + p − a) − r: centre v in the body and radius r (m) of a ball, unit world normal n, world point a (m)."""
+    offset = float(np.dot(np.asarray(n), np.asarray(a)))
+    return Row(RowKind.BALL_FACE, np.concatenate([v, n, [offset, radius]]))
 
 
 def face_vertex(n: ArrayLike, offset: float, w: ArrayLike) -> Row:

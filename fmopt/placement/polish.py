@@ -26,7 +26,7 @@ from fmopt.compiled import heed
 from fmopt.errors import InfeasibleError, OverdueError, SolverError
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.placement.clearance import Flat, Metric, Placement
-from fmopt.placement.formation import Row, evaluate, face_vertex, vertex_face
+from fmopt.placement.formation import Row, ball_face, evaluate, face_vertex, vertex_face
 from fmopt.placement.motion import Move
 from fmopt.placement.nlp import SurfacePlacement, place_on_surfaces
 from fmopt.placement.program import ConeProgram, Solution
@@ -282,7 +282,7 @@ def _obstacles(assembly: Assembly, placed: Placed, k: int, near: float, idle: fl
             bounds = row_bounds(assembly, pair, separation.witness, claim.advance.ends)
             at = bounds.goal if ending else bounds.start
             functions = _functions(pair.moving, pair.fixed, separation, bounds.scale)
-            if len(functions) != len(at.f):
+            if len(functions) != len(at.f) or (pair.touched and pair.moving.balls):
                 continue  # a pair in touch: its contacts keep it apart, not this pose
             loss = np.minimum(bounds.start.f, bounds.goal.f) - bounds.lower
             for i in np.flatnonzero(at.f - loss < (placed.margin + near) * bounds.scale):
@@ -312,9 +312,16 @@ def _functions(moving: Polyhedron, fixed: Polyhedron, separation: Separation, sc
     if witness.kind == "plane" and witness.plane is not None:
         n = np.array(witness.plane[:3]) / scale
         at = n * witness.plane[3] / scale / float(n @ n)
-        return [vertex_face(v, n, at) for v in moving.vertices]
+        return _bodies_above(moving, n, at)
     if witness.kind == "moving-face":
         face = next(face for face in moving.faces if face.loops[0] == witness.moving)
         return [face_vertex(face.normal, face.offset, w) for w in fixed.vertices]
     face = next(face for face in fixed.faces if face.loops[0] == witness.fixed)
-    return [vertex_face(v, face.normal, face.normal * face.offset) for v in moving.vertices]
+    return _bodies_above(moving, face.normal, face.normal * face.offset)
+
+
+def _bodies_above(moving: Polyhedron, normal: Array, at: Array) -> list[Row]:
+    """Vertices and balls of a moving piece over the plane through a point."""
+    if moving.balls:
+        return [ball_face(moving.vertices[k], radius, normal, at) for k, radius in moving.balls]
+    return [vertex_face(v, normal, at) for v in moving.vertices]

@@ -113,7 +113,7 @@ def _facing_faces(facing: Facing) -> tuple[Faces, ...]:
     """The faces of each moving piece with the pairs of it for which all of their rows count."""
     found: dict[Polyhedron, list[int]] = {}
     for n, (_, _, pair) in enumerate(facing.listed):
-        if _faces_count(pair):
+        if _faces_count(pair) and pair.moving.faces:
             found.setdefault(pair.moving, []).append(n)
     return tuple(Faces.of(facing, piece, places) for piece, places in found.items())
 
@@ -199,18 +199,21 @@ class FreePlanes:
 class Fans:
     """The planes through all edges of some fixed pieces against one moving piece with vertices `body` (v, 3).
 
+    A ball has its centre for a vertex, and is a radius (m) nearer.
+
     What the errors cost a plane depends on its normal alone, and pieces share many.
     """
 
     body: Array
     edges: Edges
+    radius: float = 0.0
 
     def best(self, course: Course) -> FreePlanes:
         """For each fixed piece the plane with the largest certified margin over pieces of motion."""
         p, R, columns, cuts, twist, half, coupling = course.motion
         motion = p, R, columns, cuts, twist, half, coupling
         normals, offsets, margins, clearances = best(self.edges, self.body, motion)
-        return FreePlanes(normals, offsets, margins - BEHIND, clearances - BEHIND)
+        return FreePlanes(normals, offsets, margins - self.radius - BEHIND, clearances - self.radius - BEHIND)
 
 
 @remembered(_FANS)
@@ -230,4 +233,4 @@ def fans(moving: Polyhedron, pieces: tuple[Polyhedron, ...]) -> Fans:
     normals = np.frombuffer(b"".join(numbers)).reshape(-1, 3).copy()
     cuts = np.cumsum([0, *(len(faces) for faces in sides)])
     edges = Edges(arcs, cuts, normals, which.reshape(fan.shape[:2]), offsets, corners)
-    return Fans(np.array(moving.vertices), edges)
+    return Fans(np.array(moving.vertices), edges, float(moving.radii.max()))

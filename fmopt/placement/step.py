@@ -97,7 +97,12 @@ class Task:
     @property
     def pinned_upright(self) -> int:
         """Freedoms that contacts have taken away when the part can only go up and down."""
-        return 2 if self.assembly.planar else 5
+        return 2 if self.assembly.planar or self.rounded else 5
+
+    @cached_property
+    def rounded(self) -> bool:
+        """Whether the moving part has balls, which contacts do not keep from turning."""
+        return bool(self.assembly.moving.polyhedron.balls)
 
     @cached_property
     def blunt(self) -> bool:

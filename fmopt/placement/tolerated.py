@@ -304,7 +304,7 @@ def _slimmer(motion: Motion, gap: float) -> Motion | None:
     Sides that run askew between x and y leave the surfaces where the two are not slimmed alike. None where the contacts
     do not fit a slimmer part either way.
     """
-    x, y, _ = 0.5 * np.ptp(motion.assembly.moving.polyhedron.vertices, axis=0)
+    x, y, _ = 0.5 * motion.assembly.moving.polyhedron.widths
     for one, other in ((x, y), (min(x, y), min(x, y))):
         slim = stretched(motion.assembly.moving, (1.0 - gap / one, 1.0 - gap / other, 1.0))
         assembly = replace(motion.assembly, moving=slim)

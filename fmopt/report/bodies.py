@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fmopt.geometry.polyhedron import Polyhedron, from_faces, placed
+from fmopt.geometry.polyhedron import Polyhedron, from_faces, placed, plane_of
 from fmopt.geometry.section import section
 from fmopt.plan import Body, Part
 from fmopt.report.naming import Parts
@@ -22,12 +22,12 @@ _SLIT = 1e-10  # m: rounding leaves slits between the sections of neighbouring p
 
 def body_of(body: Body) -> Polyhedron:
     """The polyhedron of a part or piece of a plan."""
-    return from_faces(body.vertices, body.faces)
+    return from_faces(body.vertices, body.faces, balls=body.balls)
 
 
 def pieces_of(part: Part) -> tuple[Polyhedron, ...]:
-    """The convex pieces of a part of a plan."""
-    return tuple(body_of(piece) for piece in part.pieces)
+    """The convex pieces of a part of a plan, and its balls."""
+    return tuple(body_of(piece) for piece in (*part.pieces, *part.balls))
 
 
 def upright_plane(azimuth: float) -> Pose:
@@ -43,10 +43,13 @@ CUTS = {"x–z": upright_plane(0.0), "y–z": upright_plane(0.5 * math.pi)}
 
 
 def contact_place(plan: Parts, contact: str, pose: Pose) -> Array:
-    """Where a contact touches (3,), m: its vertex, or the point of the moving edge nearest to the fixed one."""
+    """Where a contact touches (3,), m: its vertex, or the point of a ball, or of an edge, nearest to what is fixed."""
     record = next(c for c in plan.contacts if c.id == contact)
     moving = pose.apply(np.array([plan.moving.body.vertices[i] for i in record.moving]))
     fixed = np.array([plan.fixed.body.vertices[i] for i in record.fixed])
+    if record.kind == "ball-face":
+        normal, _ = plane_of(fixed, [range(len(fixed))])
+        return np.asarray(moving[0] - dict(plan.moving.body.balls)[record.moving[0]] * normal)
     if len(moving) == 1 or len(fixed) == 1:
         return np.asarray((moving if len(moving) == 1 else fixed)[0])
     e, f, d = moving[1] - moving[0], fixed[1] - fixed[0], fixed[0] - moving[0]

@@ -87,7 +87,8 @@ def contact_words(plan: Parts, contact: str) -> str:
 def meeting_words(plan: Parts, record: Contact | Foreseen, own: str = "", other: str = "") -> str:
     """What touches what, by the vertices of both sides, with names for the two: "corner touches wall (y = 10 mm)"."""
     tip, wall = _points(plan.moving, record.moving), _points(plan.fixed, record.fixed)
-    return f"{_moving_words(plan.moving, tip)}{own} touches {_fixed_words(wall)}{other}{_place(wall)}"
+    moved = "ball" if record.kind == "ball-face" else _moving_words(plan.moving, tip)
+    return f"{moved}{own} touches {_fixed_words(wall)}{other}{_place(wall)}"
 
 
 def touched_words(plan: Plan, contact: str) -> str:
@@ -184,6 +185,8 @@ def _side_words(part: Part, number: int) -> str:
 def _piece_words(part: Part, number: int) -> str:
     """A convex piece by the part's name and, where there are several, the axis on which it is a slice of the part."""
     pieces = part.pieces
+    if number >= len(pieces) and part.body.balls:
+        return f"{part.name} ball" if len(part.body.balls) == 1 else f"{part.name} ball {number - len(pieces)}"
     if len(pieces) < 2 or number >= len(pieces):
         return part.name
     whole, piece = (_vertices(body) for body in (part.body, pieces[number]))

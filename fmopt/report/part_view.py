@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fmopt.geometry.pieces import faceted
 from fmopt.geometry.polyhedron import Face, Polyhedron
 from fmopt.geometry.section import section
 from fmopt.report.drawing import BLUE, GREY, INK, PALE, WIDTH
@@ -36,7 +37,7 @@ def size() -> tuple[float, float]:
 
 def alt(name: str, body: Polyhedron) -> str:
     """What is to be seen, for who cannot see it."""
-    extent = " × ".join(f"{1e3 * width:.4g}" for width in np.ptp(body.vertices, axis=0))
+    extent = " × ".join(f"{1e3 * width:.4g}" for width in body.widths)
     words = f"{name}, {extent} mm, {len(body.faces)} faces, {len(body.edges)} edges, {len(body.vertices)} vertices"
     return f"{words}: seen from a corner, and cut by the planes x–z and y–z through its axis and across it."
 
@@ -59,7 +60,7 @@ def corner(axes: Axes, body: Polyhedron) -> None:
     """The faces that look at the viewer, far ones first, each lighter the more it faces the lamp."""
     from matplotlib.patches import PathPatch
 
-    across = view()
+    body, across = faceted(body), view()
     seen = [face for face in body.faces if float(face.normal @ across[2]) > 1e-9]
     for order, face in enumerate(sorted(seen, key=lambda f: float(np.mean(_corners(body, f) @ across[2])))):
         light = 0.72 + 0.26 * max(0.0, float(face.normal @ _LAMP))

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from fmopt.geometry.pieces import clip
+from fmopt.geometry.pieces import clip, faceted
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.geometry.section import section
 from fmopt.plan import Numbers, Part, Plan, Segment
@@ -70,7 +70,7 @@ def seating(moving: Part, fixed: Part, nodes: Sequence[Numbers]) -> str:
 
 def part_scene(part: Part) -> str:
     """A part alone, as a fragment of HTML: it can be turned and cut open, and nothing moves."""
-    body, stock, quarter = body_of(part.body), pieces_of(part), (1, -1)
+    body, stock, quarter = faceted(body_of(part.body)), [*map(faceted, pieces_of(part))], (1, -1)
     nothing: dict[str, Any] = {"polygons": [], "lines": []}
     data = {
         "moving": nothing,
@@ -114,10 +114,10 @@ def scene_data(plan: Plan) -> dict[str, Any]:
 
 def _data(moving: Part, fixed: Part, legs: Sequence[Leg]) -> dict[str, Any]:
     """What the viewer shows of two parts on a way without moves."""
-    peg, block, stock = body_of(moving.body), body_of(fixed.body), pieces_of(fixed)
+    peg, block, stock = faceted(body_of(moving.body)), body_of(fixed.body), pieces_of(fixed)
     quarter, azimuth = _opening(legs)
     return {
-        "moving": {"polygons": _skin(peg, pieces_of(moving)), "lines": _rounded(_creases(peg))},
+        "moving": {"polygons": _skin(peg, [*map(faceted, pieces_of(moving))]), "lines": _rounded(_creases(peg))},
         "fixed": {"polygons": _skin(block, stock), "lines": _rounded(_creases(block))},
         "open": _opened(block, stock, quarter),
         "quarter": list(quarter),

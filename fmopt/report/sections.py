@@ -58,9 +58,12 @@ def clearance_words(plan: Plan, kind: str) -> str:
 
 
 def _part_row(side: str, part: Part) -> tuple[str, ...]:
-    widths = np.ptp(np.array(part.body.vertices, dtype=np.float64), axis=0)
+    points, radii = np.array(part.body.vertices, dtype=np.float64), np.zeros((len(part.body.vertices), 1))
+    for vertex, radius in part.body.balls:
+        radii[vertex] = radius
+    widths = (points + radii).max(axis=0) - (points - radii).min(axis=0)
     extent = " × ".join(millimetres(width) for width in widths)
-    return side, part.name, extent, str(len(part.body.faces)), str(len(part.pieces))
+    return side, part.name, extent, str(len(part.body.faces)), str(len(part.pieces) + len(part.balls))
 
 
 def _task_rows(plan: Plan) -> list[tuple[str, str]]:

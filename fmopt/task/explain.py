@@ -10,8 +10,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
 
-import numpy as np
-
 from fmopt.geometry.clearance import Clearance
 from fmopt.geometry.mating import Feature
 from fmopt.geometry.part import Part
@@ -93,8 +91,10 @@ def _parts(problem: Problem) -> Iterator[str]:
 
 def _part(side: str, part: Part, feature: Feature) -> str:
     shape = part.polyhedron
-    extent = " x ".join(_mm(float(width)) for width in np.ptp(shape.vertices, axis=0))
+    extent = " x ".join(_mm(float(width)) for width in shape.widths)
     pieces = "1 convex piece" if len(part.pieces) == 1 else f"{len(part.pieces)} convex pieces"
+    if shape.balls:
+        pieces += " and 1 ball" if len(shape.balls) == 1 else f" and {len(shape.balls)} balls"
     kind = "length" if feature.kind == "solid" else "open at both ends, depth" if feature.through else "blind, depth"
     words = f"{side}: {part.name}, {extent} mm, {len(shape.faces)} faces, {pieces}"
     words += f"; mates by {feature.name} ({feature.kind}, {kind} {_mm(feature.length)} mm)"
@@ -158,7 +158,7 @@ def _warnings(problem: Problem, clearance: Clearance) -> Iterator[str]:
 
 def _far(problem: Problem) -> Iterator[str]:
     """Where the start error may put the peg beside the hole altogether, which is a wrong unit more often than not."""
-    widths = np.ptp(problem.moving.polyhedron.vertices, axis=0)
+    widths = problem.moving.polyhedron.widths
     for axis, error, width in zip("xy", problem.start_box.tolist(), widths.tolist(), strict=False):
         if error > 0.5 * width:
             yield (

@@ -127,6 +127,10 @@ def _cross_checks(source: Source, file: files.ProblemFile, models: Mapping[str, 
         place = source.place(("uncertainty",), of_key=True)
         advice = f"give either [uncertainty.start], or [uncertainty] start = {files.EXAMPLE}, or [uncertainty.sources]"
         yield place.fault("conflict", message, advice)
+    if sources is not None and any(model.file.balls for model in models.values()):
+        message = "the tip is a ball, and the sources add up what they displace its leading face by"
+        advice = "give [uncertainty.start]: errors of the ball's lowest point against the hole"
+        yield source.place(("uncertainty", "sources"), of_key=True).fault("not-supported", message, advice)
     yield from _exchange_faults(source, file, models)
     yield from _configuration_faults(source, sources)
     yield from force_faults(source, file.specification)

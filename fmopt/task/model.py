@@ -241,6 +241,8 @@ def _cross_checks(source: Source, file: ModelFile) -> list[Fault]:
         faults += mesh_faults(source, file.mesh)
     if file.profile is not None:
         faults += _profile_faults(source, file, file.profile)
+    if file.balls:
+        faults += _ball_faults(source, file)
     for name, feature in file.features.items():
         if feature.kind == "solid" and feature.through:
             place = source.place(("features", name, "through"))
@@ -264,6 +266,17 @@ def _size_faults(source: Source, file: ModelFile) -> list[Fault]:
         if unit is None:
             return [source.place(()).fault("implausible-size", error.message, error.advice)]
         return [implausible(source, ("units", "length"), unit, error)]
+    return []
+
+
+def _ball_faults(source: Source, file: ModelFile) -> list[Fault]:
+    """Balls go with solids, and on what goes in: a wall is no ball."""
+    place = source.place(("balls",), of_key=True)
+    if not file.solids:
+        return [place.fault("conflict", "there are balls without solids", "give [solids] and part beside them")]
+    if any(feature.kind == "hollow" for feature in file.features.values()):
+        advice = 'give them to the part that goes in, or a solid of shape = "sphere" to this one'
+        return [place.fault("not-supported", "a part with a hollow feature has balls", advice)]
     return []
 
 

@@ -3,6 +3,7 @@
 part = "part"                       the named solid that the model is
 [parameters]  width = 20            plain numbers are lengths; angles are written "5 deg"
 [solids.part] shape = "box"         size, at, turn: numbers, or arithmetic on parameters
+[balls.tip]   radius = 5            exact balls that the part has besides
 [profile] polygons = [[[0, 0], …]]  a part in the plane of x and z
 [features.peg] kind = "solid"       a frame on the centre line and a length, after [LeeHuang1985] section 3
 """
@@ -145,6 +146,14 @@ class Difference(_Placed):
 Shape: TypeAlias = Box | Cylinder | Cone | Sphere | Prism | Stack | Wedge | Hull | Union | Difference
 
 
+class Ball(Table):
+    """An exact ball that the part has besides its solids, which it may reach into: no facets stand for it."""
+
+    at: Vector
+    """Its centre."""
+    radius: Length
+
+
 class Mesh(Table):
     """A closed triangle mesh, or a STEP file, in place of solids."""
 
@@ -204,6 +213,8 @@ class ModelFile(Table):
         default_factory=dict
     )
     """Named solids; an instance may be used several times."""
+    balls: Annotated[dict[Name, Ball], Field(max_length=16)] = Field(default_factory=dict)
+    """Exact balls of the part besides its solids, by name: of what moves, such as the tip of a ball-ended pin."""
     mesh: Mesh | None = None
     """A mesh file in place of solids."""
     profile: Profile | None = None

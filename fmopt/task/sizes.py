@@ -71,7 +71,7 @@ def refuse_reaching(source: Source, parts: Mapping[str, Part]) -> None:
     """
     faults = []
     for side, part in parts.items():
-        far = float(np.abs(part.polyhedron.vertices).max())
+        far = float((np.abs(part.polyhedron.vertices) + part.polyhedron.radii[:, None]).max())
         if far > LARGEST:
             message = f"the part reaches {told(far)} from this feature, more than {told(LARGEST)}"
             faults.append(source.place((side, "feature")).fault("out-of-range", message, "check where the feature is"))
@@ -104,7 +104,7 @@ def refuse_far(source: Source, box: Array, parts: Sequence[Part]) -> None:
         message += f" and {in_words(float(np.max(box[3:])), ANGLE)}"
         advice = f"keep them at most {in_words(_LARGEST_ERROR, LENGTH)} and {in_words(_LARGEST_ERROR, ANGLE)}"
         raise InputError(source.place(("uncertainty",), of_key=True).fault("out-of-range", message, advice))
-    size = max(float(np.linalg.norm(np.ptp(part.polyhedron.vertices, axis=0))) for part in parts)
+    size = max(float(np.linalg.norm(part.polyhedron.widths)) for part in parts)
     for axis, error in zip("xyz", box[:3].tolist(), strict=True):
         if error > size:
             stated = ("uncertainty", "start", axis)

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from fmopt.knowledge.tree import ObjectTree
 
 MAX_INSTANCES = 1000
+_MERIDIANS = 16  # of the polyhedron that stands for a ball in the tree of features
 
 
 def tree_faults(source: Source, file: files.ModelFile) -> list[Fault]:
@@ -105,7 +106,8 @@ def part_reach(source: Source, file: files.ModelFile) -> Array:
     from fmopt.geometry.section import reach
 
     if file.profile is None:
-        return reach(_solid(source, file, file.part or ""))
+        round_ = [centre + side * radius for centre, radius in _balls(file) for side in (-1.0, 1.0)]
+        return np.vstack([reach(_solid(source, file, file.part or "")), *round_])
     return np.array([(x, 0.0, z) for polygon in file.profile.polygons for x, z in polygon])
 
 
@@ -115,7 +117,7 @@ def build_part(source: Source, file: files.ModelFile) -> Part:
     Raises:
         InputError: no solid comes out; at the place of the solid or mesh in the file.
     """
-    from fmopt.geometry.part import mesh_part, part_of
+    from fmopt.geometry.part import mesh_part, part_of, with_balls
 
     features = [_feature(name, feature) for name, feature in file.features.items()]
     kind = "part" if file.mesh is None else "mesh"
@@ -137,10 +139,21 @@ def build_part(source: Source, file: files.ModelFile) -> Part:
     root = file.part or ""
     solid = _solid(source, file, root)
     try:
-        return replace(part_of(file.name, solid, features), notes=notes)
+        part = replace(part_of(file.name, solid, features), notes=notes)
     except GeometryError as error:
         place = source.place(("solids", root), of_key=True)
         raise InputError(place.fault("geometry", error.message, error.advice)) from error
+
+    try:
+        return with_balls(part, _balls(file)) if file.balls else part
+    except GeometryError as error:
+        place = source.place(("balls",), of_key=True)
+        raise InputError(place.fault("geometry", error.message, error.advice)) from error
+
+
+def _balls(file: files.ModelFile) -> list[tuple[Array, float]]:
+    """Centres (3,) and radii of the balls of a model, m."""
+    return [(np.array(ball.at), ball.radius) for ball in file.balls.values()]
 
 
 def build_tree(source: Source, file: files.ModelFile) -> ObjectTree:
@@ -199,12 +212,19 @@ def _is_central(tree: ObjectTree) -> bool:
 
 
 def _whole_chain(source: Source, file: files.ModelFile) -> Chain:
-    """The chain of the part; none for a mesh, one term for a profile."""
-    from fmopt.knowledge.chain import Term
+    """The chain of the part; none for a mesh, one term for a profile. Polyhedra stand for balls."""
+    from fmopt.geometry import csg
+    from fmopt.knowledge.chain import Term, joined
 
     if file.profile is not None:
         return (Term("+", file.name, _extruded(file, file.profile)),)
-    return _chain(source, file, file.part or "") if file.mesh is None else ()
+    if file.mesh is not None:
+        return ()
+    found = _chain(source, file, file.part or "")
+    for name, ball in file.balls.items():
+        solid = csg.Placed(csg.Sphere(ball.radius, _MERIDIANS), Pose.from_vector([*ball.at, 0.0, 0.0, 0.0]))
+        found = joined(found, (Term("+", name, solid),))
+    return found
 
 
 def _chain(source: Source, file: files.ModelFile, name: str) -> Chain:

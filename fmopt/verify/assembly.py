@@ -21,11 +21,13 @@ class Touch:
 
     Attributes:
         id: name in the plan.
-        kind: "vertex-face", "face-vertex" or "edge-edge".
+        kind: "vertex-face", "face-vertex", "edge-edge" or "ball-face".
         moving: body points.
         fixed: world points.
-        plane: of the face (in the world for vertex-face, in the body for face-vertex), None for edge-edge.
-        faces: planes of the fixed faces left and right of a fixed edge, in the world; for vertex-face its own.
+        plane: of the face (in the world for vertex-face, in the body for face-vertex), None for edge-edge; for
+            ball-face that on which the ball's centre is, a radius over the face.
+        faces: planes of the fixed faces left and right of a fixed edge, in the world; for vertex-face and ball-face its
+            own.
         face: index of the face, −1 for edge-edge.
         indices: vertex indices of the moving and of the fixed part.
     """
@@ -110,9 +112,10 @@ class Assembly(Incidence):
             ("fixed", self.fixed, self.fixed_pieces),
         ):
             flaws = list(part.flaws())
-            for n, piece in enumerate(pieces):
+            flat = [piece for piece in pieces if not piece.ball]
+            for n, piece in enumerate(flat):
                 flaws += [f"piece {n}: {flaw}" for flaw in piece.bulges()]
-            yield from (f"{name} part: {flaw}" for flaw in flaws or uncovered(part, pieces))
+            yield from (f"{name} part: {flaw}" for flaw in flaws or uncovered(part, flat))
 
     @cached_property
     def _found(self) -> _Found:
@@ -131,7 +134,7 @@ class Assembly(Incidence):
         plane: Plane | None = None
         faces: tuple[Plane, ...] = ()
         face = -1
-        if contact.kind == "vertex-face":
+        if contact.kind in ("vertex-face", "ball-face"):
             found = self.fixed.face_of(contact.fixed)
             if found is None:
                 return None
@@ -149,6 +152,8 @@ class Assembly(Incidence):
             faces = tuple(self.fixed.faces[k].plane for k in sides)
         if not all(self.agree(p, p) for p in (*faces, *([plane] if plane is not None else []))):
             return None
+        if contact.kind == "ball-face":
+            plane = over_balls(faces[0], self.moving.radii[contact.moving[0]])
         return Touch(contact.id, contact.kind, own, other, plane, faces, face, (contact.moving, contact.fixed))
 
     def hinge(self, touch: Touch, together: Sequence[Touch]) -> tuple[Plane, Vector, Vector] | None:
@@ -218,7 +223,7 @@ class Assembly(Incidence):
         return found
 
     def _function(self, touch: Touch, together: Sequence[Touch]) -> Function:
-        if touch.kind == "vertex-face" and touch.plane is not None:
+        if touch.kind in ("vertex-face", "ball-face") and touch.plane is not None:
             v = touch.moving[0]
             return PointAbove(touch.plane, v, length(v))
         if touch.kind == "face-vertex" and touch.plane is not None:
@@ -232,6 +237,11 @@ class Assembly(Incidence):
             along, across = level.held.fixed_line.direction, scaled(level.far, level.normal)
             return DirectionAlong(along, across, abs(level.far) + 2)
         return EdgesApart(touch.moving_line, touch.fixed_line, touch.moving[0])
+
+
+def over_balls(plane: Plane, radius: int) -> Plane:
+    """The plane in front of which a ball's centre is where the ball is in front of a plane."""
+    return Plane(plane.normal, plane.offset + radius)
 
 
 def outward(plane: Plane, a: Vector, b: Vector) -> int:

@@ -24,9 +24,11 @@ from fmopt.verify.rational import (
     dot,
     exponential,
     fixed,
+    length,
     number,
     product,
     row_dot,
+    scaled,
     sub,
     transposed,
     turned,
@@ -167,6 +169,9 @@ def overlap(M: Shape, F: Shape, X: Pose, least: float) -> float:
 
     Candidates come from floats (corners of the intersection and their mean); the depth of a candidate is exact.
     """
+    if M.ball:
+        found = _sunk_in(M, F, X)
+        return found if found > least else 0.0
     back = transposed(X.R)
     own = [X.apply(v) for v in M.vertices]
     planes = [face.plane for face in F.faces]
@@ -185,6 +190,16 @@ def overlap(M: Shape, F: Shape, X: Pose, least: float) -> float:
         height = max(max(face.plane.height(x) for face in F.faces), max(face.plane.height(body) for face in M.faces))
         best = max(best, -number(height + (ONE >> 100)))
     return best if best > least else 0.0
+
+
+def _sunk_in(M: Shape, F: Shape, X: Pose) -> float:
+    """A depth (m) to which a ball is certainly inside a piece; not positive when none was found."""
+    centre, radius = X.apply(M.vertices[0]), M.radii[0] - (ONE >> 100)
+    nearest = max(F.faces, key=lambda face: face.plane.height(centre)).plane
+    height = nearest.height(centre)
+    x = sub(centre, scaled((height + radius) >> 1, nearest.normal))
+    inside = min(-face.plane.height(x) for face in F.faces)
+    return number(min(inside, radius - length(sub(x, centre))) - (ONE >> 100))
 
 
 def _vertices(own: Sequence[Vector], M: Shape, F: Shape, planes: Sequence[Plane]) -> Iterator[Point]:

@@ -18,12 +18,14 @@ __all__ = ["FORMAT", "NOT_COVERED", "Numbers", "PlanError"]
 class Body:
     """A polyhedron as the plan states it: vertices and faces, each a tuple of vertex loops.
 
-    `exact` has the vertices whose coordinates are no floats, each as integers (x, y, z, w) for (x, y, z)/w.
+    `exact` has the vertices whose coordinates are no floats, each as integers (x, y, z, w) for (x, y, z)/w. `balls` are
+    (vertex, radius in m): the vertex, of no face, is the centre of a ball of the body.
     """
 
     vertices: tuple[Numbers, ...]
     faces: tuple[tuple[tuple[int, ...], ...], ...]
     exact: Mapping[int, tuple[int, int, int, int]] = field(default_factory=dict)
+    balls: tuple[tuple[int, float], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,7 @@ class Part:
     """A part: its surface, its convex pieces, its name, and the clearance a side declared (in x, y) and measured, m.
 
     No clearance is declared where the problem declares none; `found` says how the part mates where that was found.
+    `balls` come after the pieces, each a body with its centre for a vertex.
     """
 
     body: Body
@@ -53,6 +56,7 @@ class Part:
     declared_clearance: tuple[float, float] | None
     measured_clearance: float
     found: Found | None = None
+    balls: tuple[Body, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -74,7 +74,7 @@ def facet_margin(assembly: Assembly, touch: Touch, together: Sequence[Touch], mo
         held: whether the contact is held along the piece; else it has just been made at the piece's end.
     """
     way = _Way(motion, held)
-    if touch.kind == "vertex-face":
+    if touch.kind in ("vertex-face", "ball-face"):  # a ball touches where its centre is over the face
         return _in_face(assembly, touch, together, way)
     if touch.kind == "edge-edge":
         return _in_edges(assembly, touch, together, way)

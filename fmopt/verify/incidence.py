@@ -61,13 +61,13 @@ class Incidence:
 
     Attributes:
         moving, fixed: surfaces of the parts.
-        moving_pieces, fixed_pieces: convex pieces.
+        moving_pieces, fixed_pieces: convex pieces, the balls of the moving part the last of them.
         body_points: vertices of the moving part and of its pieces.
     """
 
     def __init__(self, moving: Part, fixed: Part) -> None:
         self.moving, self.fixed = Shape(moving.body), Shape(fixed.body)
-        self.moving_pieces = tuple(Shape(_sharing(piece, moving.body)) for piece in moving.pieces)
+        self.moving_pieces = tuple(Shape(_sharing(piece, moving.body)) for piece in (*moving.pieces, *moving.balls))
         self.fixed_pieces = tuple(Shape(_sharing(piece, fixed.body)) for piece in fixed.pieces)
         own = (self.moving, *self.moving_pieces)
         self.body_points = tuple(dict.fromkeys(v for shape in own for v in shape.vertices))
@@ -175,7 +175,7 @@ class Incidence:
 
 def _sharing(piece: Body, part: Body) -> Body:
     """A piece with the exact coordinates of those of its vertices that are the part's."""
-    if not part.exact:
+    if not part.exact or piece.balls:
         return piece
     exact = {part.vertices[i]: p for i, p in part.exact.items()}
     return Body(piece.vertices, piece.faces, {n: exact[v] for n, v in enumerate(piece.vertices) if v in exact})

@@ -290,6 +290,9 @@ class Facts:
         if touch.kind == "vertex-face":
             return self._on_wall(touch.faces[0], touch.moving[0])
         assembly = self.assembly
+        if touch.kind == "ball-face":
+            same = (known for known in self.held if known.kind == touch.kind and known.moving == touch.moving)
+            return any(assembly.agree(known.faces[0], touch.faces[0]) for known in same)
         if touch.kind == "face-vertex":
             assert touch.plane is not None
             own, w = assembly.exact(touch.plane), assembly.point(touch.fixed[0])

@@ -26,6 +26,8 @@ from fmopt.verify.reader import Fields, Reader, fields
 
 LARGEST_TOLERANCE = 1e-9  # m
 LARGEST_NUMBER_OF_PIECES = 400
+LARGEST_NUMBER_OF_BALLS = 16
+SMALLEST_RADIUS, LARGEST_RADIUS = 1e-6, 4.0  # m
 _FRACTION = re.compile(r"(-?[0-9]+)(?:/([1-9][0-9]*))?", re.ASCII)
 _LONGEST_FRACTION = 800
 _VERSION = re.compile(r"[0-9A-Za-z][0-9A-Za-z.+-]{0,39}", re.ASCII)
@@ -53,16 +55,18 @@ _PART = fields(
     "parts.*",
     compared="vertices faces declared_clearance",
     commentary="name measured_clearance",
-    objects="pieces exact found",
-    optional=("exact", "found"),
+    objects="pieces exact found balls",
+    optional=("exact", "found", "balls"),
 )
 _FOUND = fields("parts.*.found", proved="frame turn", compared="side feature", optional=("frame",))
+_BALL = fields("parts.*.balls[]", compared="vertex radius")
 _EXACT = fields("parts.*.exact[]", proved="vertex at")
 _PIECE = fields("parts.*.pieces[]", proved="vertices faces")
 _CONTACT = fields("contacts[]", proved="id kind", objects="moving fixed")
 _SIDE = fields("contacts[].*", proved="vertices")
 FIELDS: tuple[Fields, ...] = (
-    _TOP, _PROBLEM, _UNITS, _FRAMES, _UNCERTAINTY, _SOURCE, _SPECIFICATION, _PARTS, _PART, _EXACT, _FOUND, _PIECE,
+    _TOP, _PROBLEM, _UNITS, _FRAMES, _UNCERTAINTY, _SOURCE, _SPECIFICATION, _PARTS, _PART, _EXACT, _FOUND, _BALL,
+    _PIECE,
     _CONTACT, _SIDE, *SEGMENT_FIELDS, *ACCOUNT_FIELDS, *DIAGNOSTIC_FIELDS,
 )  # fmt: skip
 
@@ -80,6 +84,8 @@ def parse(document: Any) -> Plan:
     top.only(_TOP)
     _the_formats_own(top)
     moving, fixed = (_part(top.at("parts").only(_PARTS).at(key)) for key in ("moving", "fixed"))
+    if fixed.body.balls:
+        raise top.at("parts").at("fixed").at("balls").fail("are for the moving part only")
     contacts = tuple(_contact(item, moving, fixed) for item in top.at("contacts").items())
     known = dict.fromkeys(c.id for c in contacts)
     if len(known) != len(contacts):
@@ -132,15 +138,32 @@ def _version(place: Reader) -> str:
     return place.value
 
 
-def _body(place: Reader) -> Body:
+def _body(place: Reader, balls: tuple[tuple[int, float], ...] = ()) -> Body:
     vertices = tuple(item.numbers(3, -4.0, 4.0) for item in place.at("vertices").items(4))
     faces = tuple(
         tuple(loop.indices(len(vertices), 3) for loop in face.items(1)) for face in place.at("faces").items(4)
     )
     loose = set(range(len(vertices))).difference(*(loop for face in faces for loop in face))
-    if loose:
-        raise place.at("vertices").fail(f"vertex {min(loose)} belongs to no face")
-    return Body(vertices, faces)
+    centres = {vertex for vertex, _ in balls}
+    if loose - centres:
+        raise place.at("vertices").fail(f"vertex {min(loose - centres)} belongs to no face")
+    if centres - loose:
+        raise place.at("balls").fail(f"vertex {min(centres - loose)} belongs to a face")
+    return Body(vertices, faces, balls=balls)
+
+
+def _balls(place: Reader) -> tuple[tuple[int, float], ...]:
+    """The balls of a part: the vertices that are their centres, and their radii, m."""
+    if not place.has("balls"):
+        return ()
+    count = len(place.at("vertices").items(4))
+    found = []
+    for item in place.at("balls").items(1, most=LARGEST_NUMBER_OF_BALLS):
+        item.only(_BALL)
+        found.append((item.at("vertex").integer(count), item.at("radius").number(SMALLEST_RADIUS, LARGEST_RADIUS)))
+    if len({vertex for vertex, _ in found}) != len(found):
+        raise place.at("balls").fail("repeat a vertex")
+    return tuple(found)
 
 
 def _part(place: Reader) -> Part:
@@ -154,10 +177,14 @@ def _part(place: Reader) -> Part:
     declared = place.filled("declared_clearance")
     stated = None if declared is None else declared.numbers(2, 0.0)
     measured = place.at("measured_clearance").number()
-    body = _body(place)
+    body = _body(place, _balls(place))
     body = replace(body, exact=_exact(place, len(body.vertices)))
     clearance = None if stated is None else (stated[0], stated[1])
-    return Part(body, tuple(pieces), place.at("name").text(), clearance, measured, _found(place))
+    balls = tuple(
+        Body((body.vertices[n],), (), {0: body.exact[n]} if n in body.exact else {}, ((0, radius),))
+        for n, radius in body.balls
+    )
+    return Part(body, tuple(pieces), place.at("name").text(), clearance, measured, _found(place), balls)
 
 
 def _found(place: Reader) -> Found | None:

@@ -67,7 +67,12 @@ _IMPACT = fields("segments[].hybrid.impact", proved="approach force")
 SEGMENT_FIELDS: tuple[Fields, ...] = (
     _SEGMENT, _BASIS, _TUBE, _SEPARATION, _WITNESS, _CLAIM, _HYBRID, _FORCE, _TERMINATION, _JAM_FREE, _PLANE, _IMPACT,
 )  # fmt: skip
-_SIZES = {"vertex-face": (1, 3), "face-vertex": (3, 1), "edge-edge": (2, 2)}  # vertices; 3 or more of a face
+_SIZES = {
+    "vertex-face": (1, 3),
+    "face-vertex": (3, 1),
+    "edge-edge": (2, 2),
+    "ball-face": (1, 3),
+}  # vertices; 3 or more of a face
 _MANY = 256  # generators of an error set, twists that prove a range
 _WITNESSES = ("fixed-face", "moving-face", "edges", "plane")
 
@@ -113,6 +118,9 @@ def feature_pair(
     for indices, size in zip((own, other), _SIZES[kind], strict=True):
         if len(indices) < size or (size < 3 and len(indices) != size):
             raise place.fail(f"a {kind} contact has other numbers of vertices")
+    centres = {vertex for vertex, _ in moving.body.balls}
+    if kind in ("vertex-face", "ball-face") and (own[0] in centres) != (kind == "ball-face"):
+        raise place.fail(f"a {kind} contact is one of a {'point' if own[0] in centres else 'ball'} of the moving part")
     return kind, own, other
 
 
@@ -144,7 +152,7 @@ def read_segment(place: Reader, known: Iterable[str], moving: Part, fixed: Part)
         direction = item.at("direction").numbers(6, -4096.0, 4096.0)
         basis.append((item.at("contact").text(known), direction, item.at("made").flag()))
     claims = place.at("contacts").items()
-    separations = place.at("separations").items(most=2 * len(moving.pieces) * len(fixed.pieces))
+    separations = place.at("separations").items(most=2 * (len(moving.pieces) + len(moving.balls)) * len(fixed.pieces))
     return Segment(
         place.at("critical_point").integer(),
         place.at("move").integer(),
@@ -179,14 +187,14 @@ def _tube(place: Reader) -> Tube:
 
 def _separation(place: Reader, moving: Part, fixed: Part) -> Separation:
     place.only(_SEPARATION)
-    i = place.at("moving_piece").integer(len(moving.pieces))
+    i = place.at("moving_piece").integer(len(moving.pieces) + len(moving.balls))
     j = place.at("fixed_piece").integer(len(fixed.pieces))
     witness = place.at("witness").only(_WITNESS)
     kind = witness.at("kind").text(_WITNESSES)
     witness.only(("kind", "moving", "fixed"), ("normal", "offset") if kind == "plane" else ())
     counts = {"fixed-face": (0, None), "moving-face": (None, 0), "edges": (2, 2), "plane": (0, 0)}[kind]
     own, other = (
-        witness.at(key).indices(len(part.pieces[n].vertices), 0, count)
+        witness.at(key).indices(len((*part.pieces, *part.balls)[n].vertices), 0, count)
         for key, part, n, count in zip(("moving", "fixed"), (moving, fixed), (i, j), counts, strict=True)
     )
     normal: Numbers = (0.0, 0.0, 0.0)

@@ -23,11 +23,13 @@ class Contact(NamedTuple):
         point: where it touches, in the world, m.
         arm: the same from the part's reference point.
         wrench: of a unit normal force, about the reference point.
+        centre: of a ball, from the reference point; None of others.
     """
 
     point: Numbers
     arm: Numbers
     wrench: Numbers
+    centre: Numbers | None = None
 
     def sliding(self, V: Numbers) -> float:
         """The speed at which the contact point slides along the contact for the twist V."""
@@ -40,6 +42,7 @@ class Contact(NamedTuple):
 
 def unit_wrench(touch: Touch, X: Pose) -> Contact:
     """The contact with its wrench at a pose."""
+    centre: Numbers | None = None
     if touch.kind == "edge-edge":
         (a, b), (q, r) = (_placed(v, X) for v in touch.moving), (doubles(w) for w in touch.fixed)
         own, other = _sub(b, a), _sub(r, q)
@@ -49,6 +52,13 @@ def unit_wrench(touch: Touch, X: Pose) -> Contact:
         across = cross(other, m)
         s = dot(across, _sub(q, a)) / dot(across, own)
         point = tuple(x + s * y for x, y in zip(a, own, strict=True))
+    elif touch.kind == "ball-face" and touch.plane is not None:
+        normal = doubles(touch.plane.normal)
+        radius, middle = number(touch.plane.offset - touch.faces[0].offset), _placed(touch.moving[0], X)
+        point, centre = (
+            tuple(x - radius * n for x, n in zip(middle, normal, strict=True)),
+            _sub(middle, X.in_doubles[0]),
+        )
     elif touch.kind == "vertex-face" and touch.plane is not None:
         normal, point = doubles(touch.plane.normal), _placed(touch.moving[0], X)
     else:
@@ -56,12 +66,12 @@ def unit_wrench(touch: Touch, X: Pose) -> Contact:
         normal = tuple(-x for x in _turned(touch.plane.normal, X))
         point = doubles(touch.fixed[0])
     arm = _sub(point, X.in_doubles[0])
-    return Contact(point, arm, (*normal, *cross(arm, normal)))
+    return Contact(point, arm, (*normal, *cross(arm, normal)), centre)
 
 
 def touching(assembly: Assembly, touch: Touch, X: Pose) -> float:
     """How far the touching point lies inside both features (m), negative outside; for level edges minus 1 m."""
-    if touch.kind == "vertex-face":
+    if touch.kind in ("vertex-face", "ball-face"):
         return _inside(assembly.fixed, touch.face, _placed(touch.moving[0], X))
     if touch.kind == "face-vertex":
         away = _sub(doubles(touch.fixed[0]), X.in_doubles[0])

@@ -142,13 +142,13 @@ def lowest(shape: Shape, segment: Segment, rho: float) -> int:
     angle, farther = times(length(turn), length(turn)), times(further, further)
     down, tilts = fixed(segment.tube.box[2]), vector(segment.tube.angles)
     found = []
-    for v, reach in zip(shape.vertices, shape.lengths, strict=True):
+    for v, reach, radius in zip(shape.vertices, shape.lengths, shape.radii, strict=True):
         bow = times(reach, angle) >> 3
         fall = -(shift[2] + cross(turn, goal.turned(v))[2])
         after = times(surplus, max(0, fall)) + (times(reach, farther) >> 1)
         sunk = max(_sunk(X.turned(v), reach, down, tilts) for X in (start, goal))
         ends = (start.apply(v)[2], goal.apply(v)[2])
-        found.append(min(min(ends) - bow, ends[1] - after) - sunk)
+        found.append(min(min(ends) - bow, ends[1] - after) - sunk - radius)
     return min(found)
 
 
@@ -179,7 +179,7 @@ def _check_carrying(lift: _Lift, plan: Plan, parts: tuple[Shape, Shape], notes: 
     room = lift.clear - bow - errors - (times(shape.radius, dot(tilts, tilts)) >> 1) - SLACK - top
     if room <= 0:
         notes.add("recovery.lift.clear", f"is short by {micrometres(number(-room))}", number(-room))
-    heights = [first.apply(v)[2] for v in shape.vertices]
+    heights = [first.apply(v)[2] - radius for v, radius in zip(shape.vertices, shape.radii, strict=True)]
     if min(heights) > lift.clear:
         notes.add("recovery.lift.clear", "is below the start")
     sunk = [

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from fmopt.verify.assembly import Assembly, Rim, Touch
+from fmopt.verify.assembly import Assembly, Rim, Touch, over_balls
 from fmopt.verify.document import Witness
 from fmopt.verify.exact import height
 from fmopt.verify.knowledge import Facts, near
@@ -61,6 +61,11 @@ class Known:
     def all(self) -> tuple[Touch, ...]:
         """Contacts held, being made and given up."""
         return (*self.facts.held, *self.beside)
+
+    def presses(self, assembly: Assembly, centre: Vector, plane: Plane) -> bool:
+        """Whether a contact keeps the ball about a body point on a plane, or from crossing it."""
+        balls = (t for t in self.all if t.kind == "ball-face" and t.moving[0] == centre)
+        return any(assembly.agree(t.faces[0], plane) for t in balls)
 
     def above(self, assembly: Assembly, plane: Plane) -> list[Vector]:
         """Body points that contacts not yet made, or given up, keep from crossing a plane, or that lay flat there."""
@@ -134,6 +139,12 @@ def _fixed_plane_rows(assembly: Assembly, M: Shape, F: Shape, witness: Witness, 
             raise WitnessError("has no unit normal")
         n = unit(normal)
         plane = Plane(n, max(over(fixed(witness.offset), size), *(dot(n, w) for w in F.vertices)))
+    elif M.ball:
+        face = _face(F, witness.fixed)
+        plane, backed = F.supporting(face), assembly.backed(assembly.fixed, F, face)
+        if backed is not None and known.presses(assembly, M.vertices[0], backed.wall):
+            # The contact settles the ball's row; what is left to say is that its centre is on this side.
+            return [PointAbove(backed.cover, M.vertices[0], M.lengths[0])]
     else:
         face = _face(F, witness.fixed)
         plane, backed = F.supporting(face), assembly.backed(assembly.fixed, F, face)
@@ -141,6 +152,8 @@ def _fixed_plane_rows(assembly: Assembly, M: Shape, F: Shape, witness: Witness, 
             done = known.facts.not_below(backed.wall, M.vertices, known.above(assembly, backed.wall))
             plane = backed.cover if done else plane
     kept = [k for k in range(len(M.vertices)) if k not in done]
+    if M.ball:
+        plane = over_balls(plane, M.radii[0])
     return [PointAbove(plane, M.vertices[k], M.lengths[k]) for k in kept]
 
 

@@ -39,6 +39,7 @@ from fmopt.verify.rational import (
 
 ROUNDING = ONE >> 150  # more than the arithmetic's own error of a height, and less than SLACK
 DEVIATION = fixed(1e-12)  # m: how far vertices of pieces may be off the planes of the part that they stand for
+_OUTWARD = 64  # in fixed point: a normal is no longer than 1 by more than 16 of these, radii are up to 4 m
 SHORT = fixed(1e-6)  # m: what is nearer to a line than this is not taken to span a plane with it
 
 
@@ -94,6 +95,9 @@ class Shape:
     Attributes:
         points: vertices exactly.
         vertices: the same in fixed point, m: where the plan states none other, these are the points themselves.
+        radii: of the balls about the vertices, m, 0 of those that are points; more than planes whose normals are longer
+            than 1 by rounding make of them.
+        ball: whether it is a ball, and has no faces.
         faces: faces with their planes.
     """
 
@@ -104,6 +108,9 @@ class Shape:
         self.deviation = max((length(sub(self.vertices[i], stated[i])) for i in body.exact), default=0)
         if self.deviation > DEVIATION:
             raise ArithmeticRefusal("exact coordinates are not those stated as floats")
+        radii = {n: fixed(radius) + _OUTWARD for n, radius in body.balls}
+        self.radii = tuple(radii.get(n, 0) for n in range(len(stated)))
+        self.ball = bool(body.balls) and not body.faces
         self.faces = tuple(self._face(loops) for loops in body.faces)
         self._rims: dict[int, list[tuple[int, int, Plane]] | None] = {}
 
@@ -124,8 +131,8 @@ class Shape:
 
     @cached_property
     def radius(self) -> int:
-        """The largest distance of a vertex from the origin."""
-        return max(length(v) for v in self.vertices)
+        """The largest distance of a vertex, or of a point of a ball about one, from the origin."""
+        return max(length(v) + r for v, r in zip(self.vertices, self.radii, strict=True))
 
     @cached_property
     def lengths(self) -> tuple[int, ...]:

@@ -116,9 +116,9 @@ def _axes(hybrid: Hybrid, held: Sequence[Contact], stage: Stage, scale: Numbers,
     """
     frame, goal = pose(hybrid.frame), pose(stage.segment.goal)
     R, arm = frame.in_doubles[1], doubles(sub(frame.p, goal.p))
-    origins = [(0.0, 0.0, 0.0), *(c.arm for c in held)]
+    origins = [(0.0, 0.0, 0.0), *(c.arm for c in held), *(c.centre for c in held if c.centre is not None)]
     if min(math.dist(arm, origin) for origin in origins) > _EXACT:
-        notes.add("frame", "its origin is neither the part's reference point nor a contact point")
+        notes.add("frame", "its origin is neither the part's reference point nor a contact point, nor a ball's centre")
     for contact in held:
         force, torque = contact.wrench[:3], contact.wrench[3:]
         moved = [t - x for t, x in zip(torque, cross(arm, force), strict=True)]
@@ -285,6 +285,8 @@ def _met(touch: Touch, arrival: Arrival) -> float:
     """The greatest normal speed at which a contact can be met, for the unit twist V."""
     goal, V, theta, error, rho = arrival
     arms = [doubles(goal.turned(v)) for v in touch.moving]
+    if touch.kind == "ball-face":
+        arms = [unit_wrench(touch, goal).arm]
     normal, turn = _normal(touch, goal, arms, theta)
     v, w = V[:3], V[3:]
     found = 0.0
@@ -300,7 +302,7 @@ def _met(touch: Touch, arrival: Arrival) -> float:
 
 def _normal(touch: Touch, goal: Pose, arms: Sequence[Numbers], theta: float) -> tuple[Numbers, float]:
     """The unit normal of a contact, and by what angle errors may turn it."""
-    if touch.kind == "vertex-face" and touch.plane is not None:
+    if touch.kind in ("vertex-face", "ball-face") and touch.plane is not None:
         return doubles(touch.plane.normal), 0.0
     if touch.kind == "face-vertex" and touch.plane is not None:
         return doubles(goal.turned(touch.plane.normal)), math.asin(min(theta, 1.0))

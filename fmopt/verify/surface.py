@@ -48,6 +48,7 @@ class Surface:
 
     Attributes:
         points: vertices on the lattice.
+        centres: those of them that are the centres of balls, which need no face.
         loops: of each face, as vertices.
         triangles: as vertices; empty where a face cannot be cut up.
         faces: the face that each is of.
@@ -59,6 +60,7 @@ class Surface:
 
     def __init__(self, shape: Shape, work: Work) -> None:
         self.points: tuple[Point, ...] = tuple(on_lattice(v) for v in shape.vertices)
+        self.centres = {n for n, radius in enumerate(shape.radii) if radius}
         self.loops: tuple[Loops, ...] = tuple(face.loops for face in shape.faces)
         self.triangles: list[Triangle] = []
         self.faces: list[int] = []
@@ -77,7 +79,7 @@ class Surface:
                         return
                     following[at][i] = before
         for i in range(len(self.points)):
-            if i not in following:
+            if i not in following and i not in self.centres:
                 yield f"vertex {i} belongs to no face"
                 return
         for i, around in following.items():

@@ -12,7 +12,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from fmopt.placement import nlp, solvers
 from fmopt.placement.clearance import max_min_clearance
-from fmopt.placement.formation import Counts, formation_derivatives
+from fmopt.placement.formation import Counts, counts, formation_derivatives
 from fmopt.placement.nlp import place_on_surfaces
 from fmopt.placement.program import ConeProgram, Norm, as_cvxpy
 from fmopt.placement.solvers import LinearSolver
@@ -123,7 +123,7 @@ def surface_programs(count: int) -> list[tuple[tuple[Counts, Counts], Any]]:
             found.append((formation[0], arguments))
             return largest(functions, *arguments)
 
-        formation: list[tuple[Counts, Counts]] = [((0, 0, 0, 0), (0, 0, 0, 0))]
+        formation: list[tuple[Counts, Counts]] = [(counts(()), counts(()))]
 
         def built(contacts: Counts, obstacles: Counts) -> Any:
             formation[0] = contacts, obstacles
@@ -189,5 +189,8 @@ def test_nlp_solved(benchmark: BenchmarkFixture) -> None:
 
 @pytest.mark.benchmark(group="placement of the square peg on two contacts")
 def test_nlp_built(benchmark: BenchmarkFixture) -> None:
-    contacts, obstacles = (2, 0, 0, 0), (6, 0, 8, 0)  # vertex–face and edge–edge rows of STATE and of what it leaves
+    contacts, obstacles = (
+        (2, 0, 0, 0, 0),
+        (6, 0, 8, 0, 0),
+    )  # vertex–face and edge–edge rows of STATE and of what it leaves
     assert benchmark.pedantic(formation_derivatives.__wrapped__, (contacts, obstacles), rounds=5) is not None

@@ -25,6 +25,7 @@ LEAST_LEVER = 2.0**-10  # m: what ρ is at least, where the problem does not sta
 STARTED = 1e-9  # m: between the lowest point at the start and the height that it has by the problem
 SIDES = ("moving", "fixed")
 
+_SIDES = 128  # of the polygon in a ball's section
 _ON, _APART, _TIE = 1e-12, 1e-9, 1e-11  # m: on a plane; two heights; two gaps that are the same
 
 Flat = tuple[float, float]
@@ -101,7 +102,9 @@ def _task(plan: Plan, problem: Problem) -> Iterator[str]:
     if max(map(abs, plan.goal[3:])) > SEATED:
         yield f"goal: the plan ends in another orientation: {list(plan.goal[3:])} rad, by the problem 0"
     begin = pose(plan.segments[0].start)
-    lowest = min(number(begin.apply(vector(corner))[2]) for corner in plan.moving.body.vertices)
+    radii = dict(plan.moving.body.balls)
+    corners = enumerate(plan.moving.body.vertices)
+    lowest = min(number(begin.apply(vector(corner))[2]) - radii.get(n, 0.0) for n, corner in corners)
     if problem.approach is not None and abs(lowest - problem.approach) > STARTED:
         yield (
             f"segments[0].start: the part's lowest point starts {lowest!r} m above the mouth, by the problem "
@@ -150,7 +153,7 @@ def _errors(plan: Plan, problem: Problem, chords: Mapping[str, Chord]) -> Iterat
         )
     stated = problem.characteristic_length
     depth = -plan.goal[2] if problem.depth is None else problem.depth
-    pieces = [plan.parts[side].pieces for side in SIDES]
+    pieces = [(*plan.parts[side].pieces, *plan.parts[side].balls) for side in SIDES]
     halves = half_diagonals(pieces[0], pieces[1], depth) if stated is None else ()
     lengths = [max(half, LEAST_LEVER) for half in halves] if stated is None else [stated]
     if not any(abs(plan.rho - length) <= SAME for length in lengths):
@@ -239,7 +242,17 @@ def _slices(pieces: Sequence[Body], low: float, high: float) -> list[_Slice]:
 
 
 def _outline(piece: Body, z: float, side: int) -> Outline:
-    """The section of a convex piece at a height, as its limit from above (1) or below (−1): corners in order."""
+    """The section of a convex piece at a height, as its limit from above (1) or below (−1): corners in order.
+
+    Of a ball's section, a polygon in it that has its diameter.
+    """
+    for n, radius in piece.balls:
+        x, y, height = piece.vertices[n]
+        if abs(height - z) >= radius:
+            return ()
+        wide = math.sqrt(radius**2 - (height - z) ** 2)
+        turns = [2.0 * math.pi * k / _SIDES for k in range(_SIDES)]
+        return tuple((x + wide * math.cos(turn), y + wide * math.sin(turn)) for turn in turns)
     heights = [0.0 if abs(p[2] - z) <= _ON else p[2] - z for p in piece.vertices]
     if not any(side * h > 0.0 for h in heights):
         return ()

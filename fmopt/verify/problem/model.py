@@ -72,7 +72,8 @@ class Mesh:
 class Model:
     """A model with its parameters bound: solids, or a mesh; `planar` for a profile.
 
-    One that is not `given` is a mesh or STEP file by itself, its table the one that names it.
+    One that is not `given` is a mesh or STEP file by itself, its table the one that names it. `balls` are the exact
+    balls beside the solids, by centre and radius, m.
     """
 
     table: Table
@@ -82,6 +83,7 @@ class Model:
     planar: bool
     features: Mapping[str, Feature]
     given: bool = True
+    balls: tuple[tuple[tuple[float, ...], float], ...] = ()
 
 
 def load_model(operand: Table, overrides: Mapping[str, Quantity]) -> Model:
@@ -97,7 +99,7 @@ def load_model(operand: Table, overrides: Mapping[str, Quantity]) -> Model:
         if operand.has(key):
             raise operand.error(key, "is for mesh and STEP files")
     file = read(path, operand, "model").only(
-        *("name", "description", "units", "parameters", "part", "solids", "mesh", "profile", "features")
+        *("name", "description", "units", "parameters", "part", "solids", "balls", "mesh", "profile", "features")
     )
     cited = operand.table("parameters") if operand.has("parameters") else operand
     file = parameters(file, overrides, cited)
@@ -113,7 +115,18 @@ def load_model(operand: Table, overrides: Mapping[str, Quantity]) -> Model:
     else:
         mesh = _mesh(file.table("mesh").only("file", "unit", "body", "deviation"))
     name = file.text("name") if file.has("name") else path.stem
-    return Model(file, name, solid, mesh, given == ["profile"], features)
+    balls = _balls(file.table("balls")) if file.has("balls") else ()
+    if balls and (given != ["solids"] or any(feature.kind == "hollow" for feature in features.values())):
+        raise file.error("balls", "are for parts of solids that go in")
+    return Model(file, name, solid, mesh, given == ["profile"], features, balls=balls)
+
+
+def _balls(tables: Table) -> tuple[tuple[tuple[float, ...], float], ...]:
+    found = []
+    for name in tables.data:
+        table = tables.table(name).only("at", "radius")
+        found.append((table.vector("at"), table.number("radius", LENGTH, 1e-9)))
+    return tuple(found)
 
 
 def _features(file: Table) -> dict[str, Feature]:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 from fmopt.verify.document import Body, Part
-from fmopt.verify.problem.meshes import NoMesh, Triangle, triangles
+from fmopt.verify.problem.meshes import NoMesh, Point, Triangle, triangles
 from fmopt.verify.problem.model import Mesh, Solid
 from fmopt.verify.problem.problem import Problem
 from fmopt.verify.problem.seating import frames
 from fmopt.verify.problem.solids import Comparison, Frame, Unbounded, of_piece, tree_of
 from fmopt.verify.problem.surfaces import FLAT, OFF, chord_error, compared, diameter, fitting, seated
 from fmopt.verify.problem.tables import LARGEST_MESH, read_bytes
-from fmopt.verify.rational import ArithmeticRefusal, number
+from fmopt.verify.rational import ArithmeticRefusal, number, vector
 
 _SAME = 1e-12  # m: between coordinates that went the same way
 
@@ -70,7 +71,8 @@ def part_beside_its_model(part: Part, problem: Problem, side: str, reader: Reade
         if model.solid is not None:
             tree = tree_of(model.solid, problem.frame(side))
             comparison = Comparison(tree, [of_piece(piece) for piece in part.pieces])
-            return Compared(tuple(_differences(comparison, side, model.name)), tuple(_choices(problem, side)))
+            found = (*_differences(comparison, side, model.name), *_ball_differences(part, problem, side))
+            return Compared(found, tuple(_choices(problem, side)))
         if model.mesh is not None and model.mesh.per_metre is not None:
             return _beside_mesh(part, problem, side, model.mesh, model.mesh.per_metre)
     except (Unbounded, ArithmeticRefusal) as error:
@@ -114,6 +116,31 @@ def _differences(comparison: Comparison, side: str, name: str) -> Iterator[str]:
             f"parts.{side}.pieces: the plan is for another {side} part: at {missing} of its frame the model "
             f"{name!r} has material, no piece has"
         )
+
+
+def _ball_differences(part: Part, problem: Problem, side: str) -> Iterator[str]:
+    """Balls of a part that its model has not, and those of the model that it lacks."""
+    model, at = problem.model(side), problem.frame(side)
+    left = [(part.body.vertices[n], radius) for n, radius in part.body.balls]
+    for centre, radius in model.balls:
+        x, y, z = (number(coordinate) for coordinate in at(vector(centre)))
+        same = [ball for ball in left if math.dist(ball[0], (x, y, z)) <= _SAME and abs(ball[1] - radius) <= _SAME]
+        if same:
+            left.remove(same[0])
+        else:
+            yield (
+                f"parts.{side}.balls: the plan is for another {side} part: the model {model.name!r} has a ball of "
+                f"radius {radius!r} m at {_told((x, y, z))} of its frame, the part has none like it"
+            )
+    for (x, y, z), radius in left:
+        yield (
+            f"parts.{side}.balls: the plan is for another {side} part: it has a ball of radius {radius!r} m at "
+            f"{_told((x, y, z))} of its frame, the model {model.name!r} has none like it"
+        )
+
+
+def _told(p: Point) -> str:
+    return "(" + ", ".join(f"{1e3 * x + 0.0:.6g}" for x in p) + ") mm"
 
 
 def _beside_given(part: Part, side: str, given: Given) -> Compared:
