@@ -51,7 +51,7 @@ class Flattened(Value):
 def flattened(points: Array, triangles: Indices, numbers: Indices, noise: float = 0.0) -> Flattened:
     """The polyhedron of a closed mesh whose facets are plane but for noise.
 
-    A mesh whose facets are plane to 1e-12 m is kept to the bit.
+    A mesh whose facets are plane to 1e-12 m is kept to the bit, but where noise may have turned its faces.
 
     Args:
         points: (n, 3), m.
@@ -193,10 +193,12 @@ def _made_plane(parts: Patchwork, region: Indices, noise: float) -> Flattened:
     members = [np.flatnonzero(region == k) for k in range(int(region.max()) + 1)]
     corners = [np.unique(parts.triangles[which]) for which in members]
     off = max(_off_plane(parts.vertices[which]) for which in corners)
-    if off <= EXACT:
-        return Flattened(from_faces(parts.vertices, faces), 0.0, parts.vertices[0])
-    off = max(off + noise, 0.1 * _NOISE * float(np.linalg.norm(np.ptp(parts.vertices, axis=0))))
     surface = _Surface(parts, faces, members, corners)
+    if off <= EXACT:  # rounding turns side faces of a prism, which stay plane
+        kept = Flattened(from_faces(parts.vertices, faces), 0.0, parts.vertices[0])
+        straight = _attempt(surface, noise, _TURN[0]) if noise > 0.0 else kept
+        return straight if isinstance(straight, Flattened) and EXACT < straight.off <= 4.0 * noise else kept
+    off = max(off + noise, 0.1 * _NOISE * float(np.linalg.norm(np.ptp(parts.vertices, axis=0))))
     far, near = (_attempt(surface, off, times) for times in _TURN)
     if isinstance(near, GeometryError) and isinstance(far, GeometryError):
         raise near

@@ -108,20 +108,31 @@ def load_mesh(path: Path | str, unit: Unit) -> Imported:
     points, triangles = read_triangles(Path(path))
     require_plausible(points / _PER_METRE[unit])
     try:
-        return mesh_polyhedron(points / _PER_METRE[unit], triangles)
+        return mesh_polyhedron(points / _PER_METRE[unit], triangles, _rounding(points) / _PER_METRE[unit])
     except GeometryError as error:
         raise GeometryError(f"{path}: {error.message}", error.advice) from error
 
 
-def mesh_polyhedron(points: Array, triangles: Indices) -> Imported:
+def _rounding(points: Array) -> float:
+    """By how much numbers (n, 3) may be rounded: half a step of single precision where they are of it, else nothing."""
+    single = points.astype(np.float32)
+    return 0.5 * float(np.spacing(np.abs(single).max())) if np.array_equal(single, points) else 0.0
+
+
+def mesh_polyhedron(points: Array, triangles: Indices, rounding: float = 0.0) -> Imported:
     """The polyhedron of loose triangles (m, 3) over points (n, 3) in m, merged, mended and checked as by `load_mesh`.
+
+    Args:
+        points: (n, 3), m.
+        triangles: (m, 3), counter-clockwise seen from outside.
+        rounding: by how much numbers of the file may be rounded, m.
 
     Raises:
         GeometryError: open or crossing itself.
     """
     span = float(np.linalg.norm(np.ptp(points, axis=0)))
     closed = _best(points, triangles, span)
-    flat = flattened(closed.points, closed.triangles, closed.numbers, closed.moved)
+    flat = flattened(closed.points, closed.triangles, closed.numbers, closed.moved + rounding)
     off = flat.off + closed.moved
     crossing = first_crossing(closed.points, closed.triangles, max(_FLAT * span, 2.0 * off))
     if crossing is not None and _MENDED in closed.numbers[list(crossing[:2])]:
