@@ -52,7 +52,7 @@ def test_no_sampled_meeting_is_faster_than_the_bound(kind: Kind, theta: float) -
     rng = np.random.default_rng(int(100 * theta))
     error, nearest = (0.02, 0.05), 0.0
     for _ in range(20):
-        arms = 0.02 * rng.normal(size=({Kind.VERTEX_FACE: 1, Kind.FACE_VERTEX: 4, Kind.EDGE_EDGE: 2}[kind], 3))
+        arms = 0.02 * rng.normal(size=({Kind.FACE_VERTEX: 4, Kind.EDGE_EDGE: 2}.get(kind, 1), 3))
         edge, V = ball(rng, 1.0), unit_twist(rng)
         normal = ball(rng, 1.0)
         leverage = 1.0 if kind is Kind.FACE_VERTEX else 0.0

@@ -108,7 +108,7 @@ def test_a_failure_says_what_is_missing_and_what_would_work(failed: tuple[Proble
     assert failure.steps
     assert 1 <= failure.lack.move <= len(failure.steps) + 1
     if failure.lack.short is not None:
-        assert 0.0 < failure.lack.short < 0.01  # m: a length of the parts, no stand-in for one
+        assert 0.0 < failure.lack.short < 0.05  # m: a length of the parts, no stand-in for one
         assert "µm" in failure.reason or "mm" in failure.reason
     for step in failure.steps:
         assert step.margin is None or abs(step.margin) < 0.1

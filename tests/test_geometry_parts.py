@@ -145,7 +145,7 @@ def test_interference_fits_are_negative_and_refused(size: tuple[float, float], d
 
 
 def test_no_clearance_and_hitting_the_floor_are_refused() -> None:
-    with pytest.raises(InterferenceError, match=r"clearance is 0\.000000 mm"):
+    with pytest.raises(InterferenceError, match=r"no clearance, which is 0\.000000 mm"):
         checked_clearance(peg(Box((0.0202, 0.0202, 0.05))), block(), SEATED, 0.03)
     with pytest.raises(InterferenceError, match="when seated") as caught:
         checked_clearance(peg(), block(), at(z=-0.0301), 0.03)

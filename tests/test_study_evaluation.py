@@ -60,5 +60,5 @@ def test_parts_that_overlap_are_a_row_that_says_where() -> None:
     row = evaluation.evaluate(Run("key", ((("fixed", "parameters", "width"), "0.0199 m"),), question), ROOT)
     assert (row.outcome, row.answers["verdict"]) == ("done", "INFEASIBLE")
     assert row.answers["shortfall"] == pytest.approx(5e-5, rel=1e-3)
-    assert "overlap" in row.reason or "clearance" in row.reason
+    assert "too thick by 0.05" in row.reason
     assert "\n" not in row.reason

@@ -68,9 +68,9 @@ def enumerate_faces(normals: ArrayLike, offsets: ArrayLike) -> Faces:
     else:
         active, dimensions, points = closed_faces(corners, incidence)
         for reach in _COARSER:
-            if dimensions.max() > cut.rows.shape[1]:
+            if not _is_one_solid(dimensions, cut.rows.shape[1]):
                 active, dimensions, points = closed_faces(*_told_apart(corners, incidence, reach))
-        if dimensions.max() > cut.rows.shape[1]:
+        if not _is_one_solid(dimensions, cut.rows.shape[1]):
             raise SolverError(f"the {len(corners)} corners of {len(cut.rows)} half-spaces cannot be told apart")
         order = ordered(active, dimensions)
         active, dimensions, points = active[order], dimensions[order], points[order]
@@ -150,6 +150,12 @@ class _Cut(Value):
         real, found = self.kinds >= 0, np.tile(self.everywhere, (len(on), 1))
         found[:, real] = on[:, self.kinds[real]]
         return found
+
+
+def _is_one_solid(dimensions: NDArray[np.intp], most: int) -> bool:
+    """Whether faces of these dimensions can be those of one polytope: all of it is its one largest face."""
+    largest = int(dimensions.max())
+    return largest <= most and int(np.count_nonzero(dimensions == largest)) == 1
 
 
 def _told_apart(corners: Array, incidence: Bits, tolerance: float) -> tuple[Array, Bits]:

@@ -360,8 +360,7 @@ def solve(problem: task.Problem, progress: Callable[[str], None] = lambda _: Non
     Raises:
         InterferenceError: the parts overlap when assembled, or their clearance is not positive.
         SearchError: no motion was found, which proves nothing. Its `failure` says what is missing, in which move and by
-            how much, and the nearest problem that does work: `error.failure.reason`, `.lack`, `.nearest`, `.advice`,
-            `.figures["attempt"]`, `.page()`.
+            how much, and the nearest problem that does work: reason, lack, nearest, advice, figures, page.
         InfeasibleError: no bias force holds the contacts; `failure` as above.
     """
     from fmopt.compiled import clock

@@ -30,7 +30,7 @@ _ALIKE = 1e-3  # rad, and of the longest side: turns and sides that differ by le
 
 
 def inside(ring: Array) -> Array:
-    """A point (2,) well inside an outline (n, 2): its centroid where that is, else the middle of a largest circle."""
+    """A point (2,) well inside an outline (n, 2), m: its centroid where it is, else the middle of a large circle."""
     from shapely import Polygon, maximum_inscribed_circle
 
     shape = Polygon(ring)
@@ -41,7 +41,7 @@ def inside(ring: Array) -> Array:
 
 
 def centre(ring: Array) -> Array:
-    """The point (2,) of an outline (n, 2), counter-clockwise, through which its central line goes.
+    """The point (2,) of an outline (n, 2), m, counter-clockwise, through which its central line goes.
 
     It turns and shifts with the outline, and an even gap all around leaves it where it is.
     """
@@ -49,7 +49,7 @@ def centre(ring: Array) -> Array:
 
 
 def centres(ring: Array) -> Iterator[Array]:
-    """The points that may be taken for the centre of an outline, the best first."""
+    """The points (2,) that may be taken for the centre of an outline (n, 2), m, the best first."""
     whole = _corners(ring)
     middle = _centroid(whole)
     corners = whole - middle
@@ -103,7 +103,7 @@ def axis(ring: Array, known: Array | None = None) -> Array:
 
 
 def is_round(ring: Array) -> bool:
-    """Whether an outline has so many sides of about one length that it stands for a circle."""
+    """Whether an outline (n, 2), m, has so many sides of about one length that it stands for a circle."""
     lengths = np.linalg.norm(np.roll(ring, -1, axis=0) - ring, axis=1)
     return bool(np.count_nonzero(lengths >= lengths.max() * (1.0 - _EVEN)) > _MANY)
 

@@ -54,7 +54,7 @@ class Patchwork:
 
     @cached_property
     def members(self) -> tuple[Indices, ...]:
-        """The triangles of each region."""
+        """The triangles (k,) of each region (m,)."""
         order = np.argsort(self.region, kind="stable")
         return tuple(np.split(order, np.flatnonzero(np.diff(self.region[order])) + 1))
 
@@ -91,9 +91,9 @@ def polygon_faces(
 
 
 def patchwork(vertices: Array, triangles: Indices, tol: float, numbers: Indices, most: int = MAX_FACES) -> Patchwork:
-    """A closed triangle mesh with the number of the planar face of each triangle; arguments as of `polygon_faces`.
+    """A closed triangle mesh with the number of the planar face of each triangle (m,); arguments as of `polygon_faces`.
 
-    There may be `most` faces.
+    Vertices are (n, 3), m; there may be `most` faces.
 
     Raises:
         GeometryError: as `polygon_faces`.

@@ -134,7 +134,7 @@ def _turns(points: Array, triangles: Indices) -> NDArray[np.bool_]:
 def turned_outward(points: Array, triangles: Indices) -> Indices:
     """Closed shells that are inside out, and inside no other one, turned round; shells inside others are cavities.
 
-    Where there are very many, they are no bodies.
+    Where there are very many, they are no bodies. Points are (n, 3), m, triangles (m, 3) their indices.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components

@@ -203,7 +203,7 @@ def settled(moving: Part, fixed: Part) -> tuple[Part, Part]:
         fixed: the fixed one in the same frame, but for a shift.
 
     Raises:
-        GeometryError: there are no exact coordinates within `MOST` of the floats.
+        GeometryError: there are no exact coordinates within 1e-12 m of the floats.
     """
     own = exact_vertices(moving.polyhedron)
     walls = range(len(fixed.polyhedron.faces))

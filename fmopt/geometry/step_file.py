@@ -115,7 +115,7 @@ def inside(shape: TopoDS_Shape, kind: str) -> Iterator[Any]:
 
 
 def cast(shape: TopoDS_Shape, kind: str) -> Any:
-    """The shape as what it is; versions of the kernel call that `TopoDS.Face_s` or `TopoDS.Face`."""
+    """The shape as what it is; versions of the kernel call that Face_s or Face."""
     from OCP.TopoDS import TopoDS
 
     name = kind.capitalize()

@@ -29,10 +29,10 @@ class Cuts:
     """Where the members of one class are cut.
 
     Args:
-        axis: the frame of the angles: a point on the axis, and the axes in columns; None where stops are fractions of
-            each member's own range.
-        stops: angles in rad, ascending, or fractions from 0 to 1.
-        stretch: how much further out than the surface each stop lies, 1 on it.
+        axis: the frame of the angles: a point (3,) on the axis, mm, and the axes (3, 3) in columns; None where stops
+            are fractions of each member's own range.
+        stops: angles (k,) in rad, ascending, or fractions from 0 to 1.
+        stretch: how much further out than the surface each stop (k,) lies, 1 on it.
         off: how far the surface may lie outside of its facets, or inside of those around a hole, mm.
         around: how much larger the facets make the solid at most, mm.
     """
@@ -66,7 +66,7 @@ class Grid:
         return self._cuts[self._root(member)] if member in self._parent else None
 
     def idle(self, point: Array) -> bool:
-        """Whether a vertex is there for the sake of a seam only."""
+        """Whether a vertex (3,), mm, is there for the sake of a seam only."""
         return any(np.linalg.norm(point - seam) <= REACH for seam in self._seams)
 
     def seam(self, edge: Same, number: int) -> bool:

@@ -30,7 +30,7 @@ class OtherSurfaceError(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """An edge: the kernel's curve from `first` to `last`; of a circle its centre, its axes in columns, its radius."""
+    """An edge: the kernel's curve, from `first` to `last`; a circle's centre (3,), axes (3, 3), radius, mm."""
 
     curve: Any
     first: float
@@ -54,7 +54,7 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A face: its surface, with the axes of its frame in columns, and the ranges of its parameters.
+    """A face: its surface, with origin (3,), mm, and axes (3, 3) of its frame in columns; its parameters' ranges.
 
     `sign` is 1 where the surface's own normal points out of the solid, -1 where it points in.
     """
@@ -72,7 +72,7 @@ class Surface:
     edges: frozenset[Same] = field(default_factory=frozenset)
 
     def at(self, u: float, v: float, across: float = 1.0, along: float = 1.0) -> Array:
-        """The point at its parameters, the distance from its axis and from its profile's centre stretched."""
+        """The point (3,), mm, at its parameters, the distance from its axis and from its profile's centre stretched."""
         if self.kind == "Cylinder":
             r, z = self.radius, v
         elif self.kind == "Cone":
@@ -103,7 +103,7 @@ class Surface:
         return np.asarray(self.sign * handed * (self.axes @ local))
 
     def around(self, point: Array) -> float:
-        """The angle u of a point about the axis."""
+        """The angle u of a point (3,) about the axis, rad."""
         x, y, _ = (point - self.origin) @ self.axes
         return float(np.arctan2(y, x))
 
