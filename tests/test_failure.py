@@ -94,7 +94,7 @@ def rectangle(x: float, y: float) -> list[list[float]]:
 def failed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Problem, SearchError]:
     """A rectangle of ten to one under errors of ten clearances, in a time in which there is no plan."""
     folder = tmp_path_factory.mktemp("rectangle")
-    problem = fmopt.load(prism(folder, rectangle(25, 2.5), rectangle(25.1, 2.6), limit=12))
+    problem = fmopt.load(prism(folder, rectangle(25, 2.5), rectangle(25.1, 2.6), limit=16))
     with pytest.raises(SearchError) as caught:
         fmopt.solve(problem)
     return problem, caught.value
@@ -130,7 +130,7 @@ def test_the_advice_works(failed: tuple[Problem, SearchError]) -> None:
     lower = replace(problem, start_box=np.array(near.box))
     plan = fmopt.solve(lower)
     assert plan.proved
-    assert plan.margin == pytest.approx(near.margin, rel=0.5)
+    assert plan.margin >= 0.5 * near.margin  # there is more time for it than there was for the share
     assert any(f"{100.0 * near.share:.3g} %" in words for words in error.failure.advice)
 
 
