@@ -16,7 +16,7 @@ from fmopt.geometry.excess import solid_of
 from fmopt.geometry.mating import Feature
 from fmopt.geometry.mesh import Imported, load_mesh
 from fmopt.geometry.part import Part, mesh_part, part_of, rebased
-from fmopt.geometry.pieces import pieces, polyhedron
+from fmopt.geometry.pieces import _chain, pieces, polyhedron
 from fmopt.geometry.polyhedron import triangulated
 from fmopt.geometry.section import section, section_limit
 from fmopt.se3 import Pose
@@ -257,3 +257,10 @@ def test_bad_meshes_are_refused_by_name(tmp_path: Path) -> None:
         load_mesh(tmp_path / "part.xyz", "mm")
     with pytest.raises(ResourceError, match="cannot read"):
         load_mesh(tmp_path / "absent.stl", "mm")
+
+
+def test_a_cut_that_rounding_leaves_no_loop_for_ends() -> None:
+    assert _chain({4: 5, 5: 6, 6: 4}) == [4, 5, 6]
+    assert _chain({4: 5, 5: 6, 6: 5}) is None
+    assert _chain({4: 5, 5: 6}) is None
+    assert _chain({}) is None

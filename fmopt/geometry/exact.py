@@ -39,15 +39,18 @@ class _Plane:
         return _dot(self.normal, p) == self.offset
 
 
-def exact_vertices(body: Polyhedron, directions: Mapping[int, Direction] | None = None) -> dict[int, Exact]:
+def exact_vertices(
+    body: Polyhedron, directions: Mapping[int, Direction] | None = None, most: float = MOST
+) -> dict[int, Exact]:
     """The exact coordinates of those vertices whose floats are not in all planes of their faces.
 
     Args:
         body: the part's boundary.
         directions: normals that faces are to have, which they have but for rounding.
+        most: how far from the floats they may be, m.
 
     Raises:
-        GeometryError: there are none within `MOST`.
+        GeometryError: there are none within that.
     """
     alike = _alike(body)
     planes = [_own_plane(body, [n]) for n in range(len(body.faces))]
@@ -57,7 +60,7 @@ def exact_vertices(body: Polyhedron, directions: Mapping[int, Direction] | None 
     found = _Placing(body, alike, asked).vertices()
     for n, p in found.items():
         off = max(abs(float(x - Fraction(y))) for x, y in zip(p, body.vertices[n].tolist(), strict=True))
-        if off > MOST:
+        if off > most:
             raise _refused(body, n, f"its exact place is {1e6 * off:.3g} µm from there")
     return found
 

@@ -34,6 +34,7 @@ _MESH_VOLUME = 1e-4  # of the volume
 _FAR_END = 0.05  # of a feature's length: gaps no further from its far end than this are at its far rim
 
 _ASIDE, _IN_PLANE = 1e-10, 1e-15  # m: planes are one up to here; vertices that are so near are in a plane
+_MOVED = 1e-10  # m: how far coordinates may go to exact ones before anything rests on them
 _DRAWN_IN = 0.25
 _SAME_PLACE = 1e-9  # m
 
@@ -203,12 +204,12 @@ def settled(moving: Part, fixed: Part) -> tuple[Part, Part]:
         fixed: the fixed one in the same frame, but for a shift.
 
     Raises:
-        GeometryError: there are no exact coordinates within 1e-12 m of the floats.
+        GeometryError: there are no exact coordinates within 0.1 nm of the floats.
     """
-    own = exact_vertices(moving.polyhedron)
+    own = exact_vertices(moving.polyhedron, most=_MOVED)
     walls = range(len(fixed.polyhedron.faces))
     facing = facing_directions(moving.polyhedron, own, fixed.polyhedron, walls)
-    return _settled(moving, own), _settled(fixed, exact_vertices(fixed.polyhedron, facing))
+    return _settled(moving, own), _settled(fixed, exact_vertices(fixed.polyhedron, facing, _MOVED))
 
 
 def _settled(part: Part, exact: Mapping[int, Exact]) -> Part:

@@ -95,7 +95,10 @@ def clip(body: Polyhedron, normal: Array, offset: float) -> Polyhedron | None:
         following.update(
             {loop[(i + 1) % len(loop)]: loop[i] for i in range(len(loop)) if flat[i] and flat[i + 1 - len(loop)]}
         )
-    loops.append([_chain(following)])
+    rim = _chain(following)
+    if rim is None:
+        return _hulled(np.array([*body.vertices[side <= 0], *points[len(body.vertices) :]]))
+    loops.append([rim])
     planes.append((normal, offset))
     return from_faces(np.array(points), loops, planes)
 
@@ -270,12 +273,26 @@ def _clipped_loop(loop: tuple[int, ...], side: np.ndarray, cuts: dict[tuple[int,
     return kept
 
 
-def _chain(following: dict[int, int]) -> list[int]:
-    start = min(following)
+def _chain(following: dict[int, int]) -> list[int] | None:
+    """The vertices around a cut; None where rounding leaves no loop, as beside faces that the plane next to touches."""
+    start = min(following, default=-1)
     loop = [start]
-    while following[loop[-1]] != start:
-        loop.append(following[loop[-1]])
-    return loop
+    for _ in following:
+        ahead = following.get(loop[-1])
+        if ahead is None:
+            return None
+        if ahead == start:
+            return loop
+        loop.append(ahead)
+    return None
+
+
+def _hulled(points: Array) -> Polyhedron | None:
+    """The convex body around points (n, 3), m; None where they lie in a plane."""
+    try:
+        return convex_hull_polyhedron(points)
+    except GeometryError:
+        return None
 
 
 def _crossing(a: Array, b: Array, at_a: float, at_b: float, normal: Array, offset: float) -> Array:
