@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 from asked_parts import FORMS, Asked, generated, rectangle, write, write_assembly
+from commands import ended
 
 import fmopt
-from fmopt.cli import main
 from fmopt.errors import GeometryError, InputError, InterferenceError
 
 ERROR = "0.02 mm, 0.02 deg"  # small beside every clearance, so that the way is straight and soon found
@@ -30,12 +30,7 @@ def run(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_
     def command(*words: str | Path) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["fmopt", *map(str, words)])
         monkeypatch.setenv("COLUMNS", "200")
-        capfd.readouterr()
-        with pytest.raises(SystemExit) as stop:
-            main()
-        out, err = capfd.readouterr()
-        assert "Traceback" not in out + err
-        return stop.value.code if isinstance(stop.value.code, int) else 0, out, err
+        return ended(capfd)
 
     return command
 

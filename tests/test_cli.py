@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from commands import ended
 
 from fmopt import __version__, plan
-from fmopt.cli import EXIT, main
+from fmopt.cli import EXIT
 from fmopt.verify.parse import parse
 from fmopt.verify.problem import differences
 
@@ -43,12 +44,7 @@ def fmopt(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) ->
         monkeypatch.setattr(sys, "argv", ["fmopt", *map(str, words)])
         monkeypatch.setenv("COLUMNS", "200")
         monkeypatch.setenv("NO_COLOR", "1")
-        capfd.readouterr()
-        with pytest.raises(SystemExit) as stop:
-            main()
-        out, err = capfd.readouterr()
-        assert "Traceback" not in out + err
-        return Outcome(stop.value.code if isinstance(stop.value.code, int) else 0, out, err)
+        return Outcome(*ended(capfd))
 
     return run
 

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from commands import ended
 from report_plans import cube_plan
 
 from fmopt import plan
-from fmopt.cli import main
 
 ROOT = Path(__file__).parent.parent
 Command = Callable[..., tuple[int, str, str]]
@@ -27,12 +27,7 @@ def fmopt(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tm
     def run(*words: str | Path, given: bytes = b"") -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["fmopt", *map(str, words)])
         monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(given), encoding="utf-8"))
-        capfd.readouterr()
-        with pytest.raises(SystemExit) as stop:
-            main()
-        out, err = capfd.readouterr()
-        assert "Traceback" not in out + err
-        return stop.value.code if isinstance(stop.value.code, int) else 0, out, err
+        return ended(capfd)
 
     return run
 

@@ -13,7 +13,7 @@ from itertools import pairwise
 from typing import Any
 
 from fmopt.verify.problem.quantities import LENGTH
-from fmopt.verify.problem.shapes import MOST_CORNERS, Convex, Flat, Point
+from fmopt.verify.problem.shapes import MOST_CORNERS, Convex, Flat, Point, corners_of
 from fmopt.verify.problem.tables import FAR, Table
 
 MOST_SECTIONS, MOST_HOLES, MOST_REFLEX = 64, 64, 200
@@ -60,10 +60,7 @@ def simple(table: Table, key: str, items: Any) -> Outline:
     Raises:
         ProblemError: it is none.
     """
-    if not isinstance(items, list) or not 3 <= len(items) <= MOST_CORNERS:
-        raise table.error(key, "must be an array of three corners or more")
-    rows = [table.row(f"{key}[{i}]", item, count=2) for i, item in enumerate(items)]
-    corners = [(x, y) for x, y in rows]
+    corners = corners_of(table, key, items)
     if math.fsum(a * d - b * c for (a, b), (c, d) in zip(corners, corners[1:] + corners[:1], strict=True)) <= 0.0:
         raise table.error(key, "is not counter-clockwise")
     count = len(corners)

@@ -116,8 +116,8 @@ def _stack(levels: Sequence[tuple[Sequence[Flat], float]], *, turned: bool = Fal
     return Convex(rings, tuple(point for ring in rings for point in ring), turned)
 
 
-def polygon_of(table: Table, key: str, items: object) -> list[Flat]:
-    """The corners of a convex polygon, counter-clockwise.
+def corners_of(table: Table, key: str, items: object) -> list[Flat]:
+    """The corners of a polygon as they are listed.
 
     Raises:
         ProblemError: it is none.
@@ -125,7 +125,16 @@ def polygon_of(table: Table, key: str, items: object) -> list[Flat]:
     if not isinstance(items, list) or not 3 <= len(items) <= MOST_CORNERS:
         raise table.error(key, "must be an array of three corners or more")
     rows = [table.row(f"{key}[{i}]", item, count=2) for i, item in enumerate(items)]
-    corners = [(x, y) for x, y in rows]
+    return [(x, y) for x, y in rows]
+
+
+def polygon_of(table: Table, key: str, items: object) -> list[Flat]:
+    """The corners of a convex polygon, counter-clockwise.
+
+    Raises:
+        ProblemError: it is none.
+    """
+    corners = corners_of(table, key, items)
     around = 0.0
     for (ax, ay), (bx, by), (cx, cy) in zip(corners, corners[1:] + corners[:1], corners[2:] + corners[:2], strict=True):
         turn = (bx - ax) * (cy - by) - (by - ay) * (cx - bx)
