@@ -32,21 +32,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from fmopt.desk import stages as stages
-    from fmopt.desk.asking import problem as problem
-    from fmopt.desk.drawing import Drawing as Drawing
-    from fmopt.desk.drawing import drawings as drawings
-    from fmopt.desk.drawing import show as show
-    from fmopt.desk.plan import Plan as Plan
-    from fmopt.desk.plan import Segment as Segment
-    from fmopt.desk.plan import read as read
-    from fmopt.desk.plan import solve as solve
-    from fmopt.desk.problem import Problem as Problem
-    from fmopt.desk.problem import load as load
-    from fmopt.desk.shipped import copy_examples as copy_examples
-    from fmopt.desk.shipped import example as example
-    from fmopt.desk.shipped import examples as examples
-    from fmopt.desk.slider import slider as slider
     from fmopt.errors import ChoiceError as ChoiceError
     from fmopt.errors import FmoptError as FmoptError
     from fmopt.errors import GeometryError as GeometryError
@@ -58,28 +43,43 @@ if TYPE_CHECKING:
     from fmopt.errors import SearchError as SearchError
     from fmopt.errors import SolverError as SolverError
     from fmopt.execution.trials import Trials as Trials
+    from fmopt.notebook import stages as stages
+    from fmopt.notebook.asking import problem as problem
+    from fmopt.notebook.drawing import Drawing as Drawing
+    from fmopt.notebook.drawing import drawings as drawings
+    from fmopt.notebook.drawing import show as show
+    from fmopt.notebook.plan import Plan as Plan
+    from fmopt.notebook.plan import Segment as Segment
+    from fmopt.notebook.plan import read as read
+    from fmopt.notebook.plan import solve as solve
+    from fmopt.notebook.problem import Problem as Problem
+    from fmopt.notebook.problem import load as load
+    from fmopt.notebook.shipped import copy_examples as copy_examples
+    from fmopt.notebook.shipped import example as example
+    from fmopt.notebook.shipped import examples as examples
+    from fmopt.notebook.slider import slider as slider
     from fmopt.study.outcome import study as study
 
 __version__ = "0.1.0"
 
 # Where each public name lives; it is imported when it is first used, so that `import fmopt` stays light.
 _HOMES = {
-    "load": "fmopt.desk.problem",
-    "solve": "fmopt.desk.plan",
-    "problem": "fmopt.desk.asking",
-    "read": "fmopt.desk.plan",
-    "show": "fmopt.desk.drawing",
-    "drawings": "fmopt.desk.drawing",
-    "slider": "fmopt.desk.slider",
+    "load": "fmopt.notebook.problem",
+    "solve": "fmopt.notebook.plan",
+    "problem": "fmopt.notebook.asking",
+    "read": "fmopt.notebook.plan",
+    "show": "fmopt.notebook.drawing",
+    "drawings": "fmopt.notebook.drawing",
+    "slider": "fmopt.notebook.slider",
     "study": "fmopt.study",
-    "stages": "fmopt.desk.stages",
-    "example": "fmopt.desk.shipped",
-    "examples": "fmopt.desk.shipped",
-    "copy_examples": "fmopt.desk.shipped",
-    "Problem": "fmopt.desk.problem",
-    "Plan": "fmopt.desk.plan",
-    "Segment": "fmopt.desk.plan",
-    "Drawing": "fmopt.desk.drawing",
+    "stages": "fmopt.notebook.stages",
+    "example": "fmopt.notebook.shipped",
+    "examples": "fmopt.notebook.shipped",
+    "copy_examples": "fmopt.notebook.shipped",
+    "Problem": "fmopt.notebook.problem",
+    "Plan": "fmopt.notebook.plan",
+    "Segment": "fmopt.notebook.plan",
+    "Drawing": "fmopt.notebook.drawing",
     "Trials": "fmopt.execution.trials",
     "ChoiceError": "fmopt.errors",
     "FmoptError": "fmopt.errors",
@@ -111,4 +111,4 @@ def __dir__() -> list[str]:
 
 
 if "IPython" in sys.modules:
-    import_module("fmopt.desk.notebook").introduce()
+    import_module("fmopt.notebook.display").introduce()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NoReturn
 
-from fmopt.process import run
+from fmopt.runtime.process import run
 
 
 def main() -> NoReturn:

@@ -97,7 +97,7 @@ class InterferenceError(FmoptError):
 class InfeasibleError(FmoptError):
     """A state, placement or sequence that was shown not to exist; `shortfall` in metres.
 
-    `attempt` is how far a motion came, `fmopt.motion.Attempt`, where one was looked for, and `failure` what there is to
+    `attempt` is how far a motion came, `fmopt.planning.motion.Attempt`, where one was looked for, and `failure` what there is to
     say of it, `fmopt.report.attempt.Failure`, where that was worked out.
     """
 
@@ -133,7 +133,7 @@ class SearchError(FmoptError):
     Args:
         message: how far the search came.
         late: whether a time limit ended it, so that how far it came depends on the machine.
-        attempt: how far it came, `fmopt.motion.Attempt`; None where no motion could begin.
+        attempt: how far it came, `fmopt.planning.motion.Attempt`; None where no motion could begin.
 
     `failure` is what there is to say of that, `fmopt.report.attempt.Failure`, where it was worked out.
     """
@@ -199,7 +199,7 @@ class SettingsError(FmoptError):
 
 
 class Interruption(BaseException):
-    """A signal asks the command to end; `run` of `fmopt.process` turns it into an exit code.
+    """A signal asks the command to end; `run` of `fmopt.runtime.process` turns it into an exit code.
 
     No `Exception`, so that nobody takes it for a failure of what was being done.
 

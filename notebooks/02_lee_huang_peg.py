@@ -10,8 +10,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import fmopt
-from fmopt.control.decomposition import position_force
-from fmopt.guarded.axes import Decomposition, contact_forces
+from fmopt.papers.lee_huang.hand_position_force import position_force
+from fmopt.plan.position_force import Decomposition, contact_forces
 
 problem = fmopt.load(fmopt.example("lee_huang_peg"))
 fmopt.show(problem, "parts")
@@ -94,7 +94,7 @@ for axes in (above, below):
 # %%
 from itertools import product
 
-from fmopt.se3 import Pose, exp
+from fmopt.spatial.se3 import Pose, exp
 
 walls = [face for face in problem.fixed.polyhedron.faces if abs(face.normal[2]) < 1e-9 and -0.02 < face.offset < 0]
 normals, offsets = np.array([face.normal for face in walls]), np.array([face.offset for face in walls])

@@ -12,9 +12,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import fmopt
+from fmopt.contact.c_surface import Surfaces, contact_wrench, symbolic_surface
 from fmopt.contact.primitive import Kind
-from fmopt.contact.surface import Surfaces, contact_wrench, symbolic_surface
-from fmopt.se3 import Pose
+from fmopt.spatial.se3 import Pose
 
 problem = fmopt.load(fmopt.example("square_peg"))
 nominal = fmopt.stages.nominal(problem)

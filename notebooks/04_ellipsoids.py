@@ -10,8 +10,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import fmopt
-from fmopt.certificate import paper as published
-from fmopt.uncertainty.error_set import ErrorSet
+from fmopt.certificate.error_set import ErrorSet
+from fmopt.papers import dakin_popplestone as published
 
 # %% [markdown]
 # ## In the plane

@@ -11,10 +11,10 @@ from functools import partial
 import numpy as np
 
 import fmopt
+from fmopt.papers.basanez_suarez.account import contact_records, surface_record
+from fmopt.papers.basanez_suarez.contact import CU, Kind, Range
 from fmopt.plan import boundary, surface
-from fmopt.report import planar_view, surface_view
-from fmopt.uncertainty.planar.account import contact_records, surface_record
-from fmopt.uncertainty.planar.contact import CU, Kind, Range
+from fmopt.report.views import planar_view, surface_view
 
 MM = 1e-3
 whole = Range(-np.pi, np.pi)

@@ -10,8 +10,8 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 
 import fmopt
-from fmopt.study.allocation import allocate
-from fmopt.study.tolerances import load_allocation
+from fmopt.study.allocation.allocation import allocate
+from fmopt.study.allocation.tolerances import load_allocation
 
 if not Path("trial").exists():
     fmopt.copy_examples("trial")

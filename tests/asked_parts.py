@@ -12,8 +12,8 @@ import numpy as np
 from mesh_files import stl_text
 from step_files import write_step
 
-from fmopt.geometry.objects import imported_of
 from fmopt.geometry.polyhedron import triangulated
+from fmopt.geometry.python_objects import imported_of
 
 Outline = tuple[tuple[float, float], ...]
 FORMS = ("toml", "stl", "step")

@@ -32,7 +32,7 @@ def square_peg_plan_file(tmp_path_factory: pytest.TempPathFactory, worker_id: st
     with (shared / "square_peg.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not path.exists():
-            from fmopt.pipeline import synthesise
+            from fmopt.planning.pipeline import synthesise
             from fmopt.task.problem import load
 
             plan.write(synthesise(load(ROOT / "problems" / "square_peg.toml")).document, path)

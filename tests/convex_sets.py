@@ -9,8 +9,8 @@ import cvxpy as cp
 import numpy as np
 from scipy.sparse import block_diag, csr_array
 
-from fmopt.placement.route import ConvexSets
-from fmopt.values import Array
+from fmopt.planning.optimise.convex_route import ConvexSets
+from fmopt.spatial.values import Array
 
 
 def in_space(count: int, seed: int, corners: int = 12) -> ConvexSets:

@@ -8,7 +8,7 @@ import numpy as np
 from execution_geometry import Array, Convex, Poses, Scene
 from execution_model import Piece
 
-from fmopt.execution.scene import engine
+from fmopt.execution.engines.scene import engine
 
 mujoco = engine()  # with the settings for drawing that the package makes before the library is first imported
 

@@ -28,8 +28,8 @@ from plan_mutations import claims, junk, numbers
 
 from fmopt.cli import entry
 from fmopt.verify import PlanError
-from fmopt.verify.parse import parse
 from fmopt.verify.problem import differences
+from fmopt.verify.reading.parse import parse
 
 SLOWER, LEAST = 10.0, 0.05  # times its original's check, which counts as this many seconds at least
 INTERNAL = 70

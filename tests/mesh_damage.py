@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fmopt.se3 import exp
+from fmopt.spatial.se3 import exp
 
 Mesh = tuple[np.ndarray, np.ndarray]  # points (n, 3) in mm, triangles (m, 3)
 Damage = Callable[[np.ndarray, np.ndarray, np.random.Generator], Mesh]

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
+from fmopt.geometry.convex_pieces import polyhedron
 from fmopt.geometry.csg import Box, Difference, Placed, Prism, Solid
-from fmopt.geometry.pieces import polyhedron
 from fmopt.geometry.polyhedron import triangulated
-from fmopt.se3 import Pose
+from fmopt.spatial.se3 import Pose
 
 
 def at(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Pose:

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from shapely import Polygon
 
+from fmopt.spatial.values import Array
 from fmopt.task.problem import Problem, load
-from fmopt.values import Array
 
 ROOT = Path(__file__).parent.parent
 ASLANT = [[-10.0, -10.0], [10.0, -10.0], [10.0, 10.0], [-6.0, 10.0]]  # a square, one of its sides leans inwards

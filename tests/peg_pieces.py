@@ -10,14 +10,14 @@ import numpy as np
 
 from fmopt.certificate.assembly import Assembly, contact_rows
 from fmopt.certificate.claim import Claim, claimed, stepped
-from fmopt.certificate.segment import Compliance, Piece, Tolerance
+from fmopt.certificate.error_set import ErrorSet
+from fmopt.certificate.propagation import Compliance, Piece, Tolerance
 from fmopt.contact.primitive import PrimitiveContact, edge_edge, vertex_face
 from fmopt.geometry.csg import Box, Difference, Placed
 from fmopt.geometry.part import part_of
-from fmopt.placement.separating_planes import choose_separations
-from fmopt.se3 import Pose, exp
-from fmopt.uncertainty.error_set import ErrorSet
-from fmopt.values import Array
+from fmopt.planning.moves.separating_planes import choose_separations
+from fmopt.spatial.se3 import Pose, exp
+from fmopt.spatial.values import Array
 
 HALF, CLEAR, DEPTH = 0.010, 0.0101, 0.030
 START_BOX = (3e-4, 3e-4, 0.0, 0.005, 0.005, 0.005)

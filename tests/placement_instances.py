@@ -6,11 +6,11 @@ from itertools import combinations
 
 import numpy as np
 
-from fmopt.placement.clearance import Flat, Metric, Placement
-from fmopt.placement.formation import Row, edge_edge, plane, vertex_face
-from fmopt.placement.nlp import SurfacePlacement
-from fmopt.se3 import Pose
-from fmopt.values import Array
+from fmopt.planning.placement.formation import Row, edge_edge, plane, vertex_face
+from fmopt.planning.placement.largest_clearance import Flat, Metric, Placement
+from fmopt.planning.placement.nonlinear_program import SurfacePlacement
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
 
 CLEARANCE = 1e-4
 METRIC = Metric(0.014, CLEARANCE)
@@ -136,7 +136,7 @@ def peg_placement(contacts: tuple[str, ...], depth: float = 0.015) -> SurfacePla
 
 def linearised(problem: SurfacePlacement, X: Array) -> Placement:
     """The tangent placement of a surface placement at X (rotation of X small)."""
-    from fmopt.placement.formation import evaluate
+    from fmopt.planning.placement.formation import evaluate
 
     f, E = evaluate(problem.contacts, problem.reference, X)
     g, N = evaluate(problem.obstacles, problem.reference, X)

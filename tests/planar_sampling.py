@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fmopt.uncertainty.planar.contact import CU, Kind, Range
-from fmopt.uncertainty.planar.edge import Case, TurnedEdge
+from fmopt.papers.basanez_suarez.contact import CU, Kind, Range
+from fmopt.papers.basanez_suarez.edge import Case, TurnedEdge
 
 ALL = Range(-math.pi, math.pi)
 

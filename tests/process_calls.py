@@ -168,7 +168,7 @@ def kept(folder: Path) -> set[str]:
         _, *records = [json.loads(line) for line in file.read_text().splitlines()]
         found |= {f"{file.name} {json.dumps(record, sort_keys=True)}" for record in records}
     if (folder / "study.sqlite").is_file():
-        from fmopt.study.store import recorded
+        from fmopt.study.running.store import recorded
 
         found |= {repr(one.row) for one in recorded(folder)[1] if one.row is not None}
     return found

@@ -16,17 +16,17 @@ from typing import Any
 from restate_control import restated_axes, touching_names
 from table_plan import sealed
 
-from fmopt.verify.assembly import Assembly
-from fmopt.verify.chain import Broken, Chain, Stage
-from fmopt.verify.claims import check_segment
-from fmopt.verify.document import ContactClaim, Plan, Segment, Separation, Witness
-from fmopt.verify.errors import ErrorSet, metric
+from fmopt.verify.arithmetic.rational import SLACK, ArithmeticRefusal, fixed, number
+from fmopt.verify.certificate.chain import Broken, Chain, Stage
+from fmopt.verify.certificate.claims import check_segment
+from fmopt.verify.certificate.error_set import ErrorSet, metric
+from fmopt.verify.certificate.separating_plane import Known, WitnessError, apart
+from fmopt.verify.control.recovery import check_recovery, lowest, underside
+from fmopt.verify.control.strategy import check_strategy
 from fmopt.verify.findings import Notes
-from fmopt.verify.parse import parse
-from fmopt.verify.rational import SLACK, ArithmeticRefusal, fixed, number
-from fmopt.verify.recovery import check_recovery, lowest, underside
-from fmopt.verify.separation import Known, WitnessError, apart
-from fmopt.verify.strategy import check_strategy
+from fmopt.verify.parts.assembly import Assembly
+from fmopt.verify.reading.document import ContactClaim, Plan, Segment, Separation, Witness
+from fmopt.verify.reading.parse import parse
 
 Document = dict[str, Any]
 _ROUNDS = 40

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from fmopt.verify.assembly import Assembly
-from fmopt.verify.chain import Stage
-from fmopt.verify.reach import touching, unit_wrench
-from fmopt.verify.rows import pose
+from fmopt.verify.certificate.chain import Stage
+from fmopt.verify.parts.assembly import Assembly
+from fmopt.verify.parts.reach import touching, unit_wrench
+from fmopt.verify.parts.rows import pose
 
 _RANK = 1e-6
 

@@ -5,21 +5,21 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from fmopt.certificate.knowledge import Assembly
-from fmopt.certificate.segment import Tolerance
-from fmopt.motion import FINE
-from fmopt.pipeline import planned
-from fmopt.placement.entry import Entry, Shape, start_spread, tilted_entry
-from fmopt.placement.motion import Reached
-from fmopt.placement.search import search
-from fmopt.placement.sequence import certified
-from fmopt.placement.shapes import room
-from fmopt.placement.step import Costs, Task
-from fmopt.placement.tolerated import CertifiedMotion
-from fmopt.se3 import Pose
+from fmopt.certificate.contact_implications import Assembly
+from fmopt.certificate.error_set import ErrorSet
+from fmopt.certificate.propagation import Tolerance
+from fmopt.planning.motion import FINE
+from fmopt.planning.moves.moves import Reached
+from fmopt.planning.pipeline import planned
+from fmopt.planning.placement.sequence_program import certified
+from fmopt.planning.robustness.error_tolerance import CertifiedMotion
+from fmopt.planning.search.best_first import search
+from fmopt.planning.search.entry import Entry, Shape, start_spread, tilted_entry
+from fmopt.planning.search.entry_candidates import room
+from fmopt.planning.search.successors import Costs, Task
+from fmopt.spatial.se3 import Pose
 from fmopt.task.problem import Problem, VelocityError
 from fmopt.task.sizes import characteristic_length, drift, measured_clearance
-from fmopt.uncertainty.error_set import ErrorSet
 
 
 def steadier(problem: Problem) -> Problem:

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Sequence
 from itertools import product
 
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.verify.document import Body
-from fmopt.verify.solids import Shape
+from fmopt.verify.parts.solids import Shape
+from fmopt.verify.reading.document import Body
 
 MM = 1e-3
 Vertices = list[list[float]]

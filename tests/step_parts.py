@@ -10,8 +10,8 @@ import numpy as np
 from step_files import write_step
 
 from fmopt.geometry.csg import Hull
-from fmopt.geometry.step_file import inside
-from fmopt.se3 import Pose
+from fmopt.geometry.step.step_file import inside
+from fmopt.spatial.se3 import Pose
 
 UNITS = {"mm": (".MILLI.,.METRE.", 1.0), "m": ("$,.METRE.", 1e-3), "inch": ("", 1.0 / 25.4)}
 

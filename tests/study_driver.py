@@ -16,8 +16,8 @@ import study_evaluations as evaluations
 from study_naive import NaiveStore
 
 from fmopt.errors import FmoptError
-from fmopt.study.running import Options, run
-from fmopt.study.store import Effort, Row, Store
+from fmopt.study.running.running import Options, run
+from fmopt.study.running.store import Effort, Row, Store
 
 STORES = {"store": Store, "naive": NaiveStore}
 

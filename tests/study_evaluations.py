@@ -8,9 +8,9 @@ import signal
 import time
 from pathlib import Path
 
-from fmopt.study.batch import Limits, Question, Run
-from fmopt.study.running import Work
-from fmopt.study.store import Row
+from fmopt.study.running.batch import Limits, Question, Run
+from fmopt.study.running.running import Work
+from fmopt.study.running.store import Row
 
 BEGUN = "STUDY_TEST_BEGUN"
 QUESTION = Question("problem.toml", ("test",))

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 
-from fmopt.study.store import Effort, Numbered, Row, Store
+from fmopt.study.running.store import Effort, Numbered, Row, Store
 
 
 class NaiveStore(Store):

@@ -15,11 +15,11 @@ from pathlib import Path
 
 from fmopt.study.design import load_study
 from fmopt.study.evaluation import evaluate
-from fmopt.study.running import Options, Tally, run
-from fmopt.study.store import efforts, recorded
-from fmopt.task.tables import Reading, factors
-from fmopt.task.toml_source import read
-from fmopt.task.units import LENGTH
+from fmopt.study.running.running import Options, Tally, run
+from fmopt.study.running.store import efforts, recorded
+from fmopt.task.toml.source import read
+from fmopt.task.toml.tables import Reading, factors
+from fmopt.task.toml.units import LENGTH
 
 STUDY = """\
 title = "plans by the thousand"

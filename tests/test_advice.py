@@ -14,8 +14,8 @@ from step_files import write_step
 
 import fmopt
 from fmopt.errors import Fault, FmoptError, InputError
-from fmopt.pipeline import tried
-from fmopt.task.schema import model_schema, problem_schema
+from fmopt.planning.pipeline import tried
+from fmopt.task.toml.schema import model_schema, problem_schema
 
 PACKAGE = Path(fmopt.__file__).parent
 BASE = 'moving = "peg.toml"\nfixed = "plate.toml"\n[uncertainty]\nstart = "0.02 mm, 0.02 deg"\n'

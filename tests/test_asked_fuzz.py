@@ -12,7 +12,7 @@ from asked_parts import generated, write
 
 from fmopt.cli import main
 from fmopt.errors import FmoptError
-from fmopt.pipeline import tried
+from fmopt.planning.pipeline import tried
 from fmopt.task.problem import load
 
 FOUR = 'moving = "peg.{form}"\nfixed = "plate.{form}"\n[uncertainty]\nstart = "0.02 mm, 0.02 deg"\n'
@@ -60,7 +60,7 @@ def test_wrong_words_on_the_command_line_end_with_a_code_of_their_own(
     (tmp_path / "problem.toml").write_text(FOUR.format(form="stl"))
     words = [str(peg), str(plate), str(tmp_path / "problem.toml"), str(tmp_path / "none.step"), str(tmp_path), "-x", ""]
     options = ["--error", "1 mm", "1 mm, 1 deg", "nan mm, 1 deg", "--unit", "mm", "parsec", "--moving", "1", "--json"]
-    monkeypatch.setattr("fmopt.pipeline.synthesise", lambda *_: (_ for _ in ()).throw(FmoptErrorOfTests()))
+    monkeypatch.setattr("fmopt.planning.pipeline.synthesise", lambda *_: (_ for _ in ()).throw(FmoptErrorOfTests()))
     for _ in range(60):
         command = [rng.choice(["solve", "check", "init"]), *rng.choices(words, k=rng.randint(0, 3))]
         command += [*rng.choices(options, k=rng.randint(0, 4)), "--out", str(tmp_path / "made" / str(rng.random()))]

@@ -8,21 +8,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fmopt import motion, se3
-from fmopt.certificate.knowledge import Assembly
+from fmopt.certificate.contact_implications import Assembly
+from fmopt.contact.c_surface import Surfaces
 from fmopt.contact.primitive import Kind, near_contacts
-from fmopt.contact.surface import Surfaces
 from fmopt.geometry import csg
 from fmopt.geometry.csg import Box, Prism, Union
 from fmopt.geometry.part import Part, part_of, rebased, with_balls
-from fmopt.motion import placement
-from fmopt.pipeline import certified_motion, proved
-from fmopt.placement.attitude import Image, all_attitudes, image_in, images
-from fmopt.placement.search import Searched
-from fmopt.placement.sequence import Placed
-from fmopt.se3 import Pose
+from fmopt.planning import motion
+from fmopt.planning.motion import placement
+from fmopt.planning.pipeline import certified_motion, proved
+from fmopt.planning.placement.sequence_program import Placed
+from fmopt.planning.search.best_first import Searched
+from fmopt.planning.search.symmetry import Image, all_attitudes, image_in, images
+from fmopt.spatial import se3
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
 from fmopt.task.problem import load
-from fmopt.values import Array
 
 ROOT = Path(__file__).parent.parent
 BOX = np.array([1e-3, 1e-3, 0.0, 0.01, 0.01, 0.01])

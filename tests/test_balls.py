@@ -23,22 +23,22 @@ from test_contact_parts import block
 
 from fmopt.certificate.rows import balls_above, points_above
 from fmopt.contact import definitions
+from fmopt.contact.c_surface import Surfaces, contact_point, definition
 from fmopt.contact.derive import derived, latex
 from fmopt.contact.primitive import Kind, ball_face, feature_distance, near_contacts
-from fmopt.contact.surface import Surfaces, contact_point, definition
 from fmopt.errors import InputError
 from fmopt.execution.trials import Trials, run
 from fmopt.geometry import csg
 from fmopt.geometry.clearance import interference, penetration
+from fmopt.geometry.convex_pieces import faceted
 from fmopt.geometry.part import Part, part_of, with_balls
-from fmopt.geometry.pieces import faceted
 from fmopt.geometry.polyhedron import Polyhedron, from_faces, placed
 from fmopt.plan import parsed
-from fmopt.se3 import Pose, exp
+from fmopt.spatial.se3 import Pose, exp
 from fmopt.task.problem import load
 from fmopt.verify import CERTIFIED, NOT_PROVED, REFUTED, PlanError, verify
-from fmopt.verify.parse import parse
 from fmopt.verify.problem import differences
+from fmopt.verify.reading.parse import parse
 
 PROBLEM = Path(__file__).parent.parent / "problems" / "ball_pin.toml"
 Document = dict[str, Any]
@@ -48,7 +48,7 @@ Document = dict[str, Any]
 def solved() -> str:
     """The plan of the shipped problem, as JSON."""
     from fmopt import plan
-    from fmopt.pipeline import synthesise
+    from fmopt.planning.pipeline import synthesise
 
     return plan.canonical(synthesise(load(PROBLEM)).document)
 

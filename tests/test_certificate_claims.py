@@ -11,17 +11,17 @@ from peg_pieces import CLEAR, HALF, START_BOX, TOLERANCE, claims, moves, peg, se
 
 from fmopt import plan
 from fmopt.certificate.assembly import contact_rows
-from fmopt.certificate.bounds import UNBOUNDED, bounds
 from fmopt.certificate.claim import claimed, facet_rows, stepped
-from fmopt.certificate.curvature import Course
-from fmopt.certificate.pair import Witness, facing, free_plane, pairs
+from fmopt.certificate.error_set import ErrorSet
+from fmopt.certificate.facet_margin import UNBOUNDED, bounds
+from fmopt.certificate.piece_pairs import Witness, facing, free_plane, pairs
+from fmopt.certificate.remainder import Course
 from fmopt.certificate.separating_plane import counted_rows, row_bounds, separation
 from fmopt.contact.primitive import face_vertex
 from fmopt.errors import InfeasibleError
-from fmopt.placement.separating_planes import choose_separations
-from fmopt.plan_record import contact_record, part_record, segment_record
-from fmopt.se3 import Pose
-from fmopt.uncertainty.error_set import ErrorSet
+from fmopt.planning.moves.separating_planes import choose_separations
+from fmopt.planning.plan_record import contact_record, part_record, segment_record
+from fmopt.spatial.se3 import Pose
 from fmopt.verify import CERTIFIED, NOT_PROVED, verify
 
 NO_STRATEGY = {

@@ -8,12 +8,12 @@ from peg_pieces import CLEAR, DEPTH, HALF, Peg, Way, moves, peg
 from scipy.optimize import least_squares
 
 from fmopt.certificate.assembly import contact_rows, hinge
-from fmopt.certificate.knowledge import aligned, facts, flushes, taken_turns
-from fmopt.certificate.pair import Pair, Witness, pairs
+from fmopt.certificate.contact_implications import aligned, facts, flushes, taken_turns
+from fmopt.certificate.piece_pairs import Pair, Witness, pairs
 from fmopt.certificate.separating_plane import counted_rows
 from fmopt.contact.primitive import PrimitiveContact
-from fmopt.se3 import Pose
-from fmopt.values import Array
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
 
 TOLERANCE = 1e-9
 LEFT = np.array([1.0, 0.0, 0.0])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fmopt.certificate.curvature import Curvature, Extent
+from fmopt.certificate.remainder import Curvature, Extent
 from fmopt.certificate.rows import (
     Forms,
     Rows,
@@ -16,8 +16,8 @@ from fmopt.certificate.rows import (
 )
 from fmopt.contact import definitions
 from fmopt.contact.algebra import Body, Definition, Matrix, Scalar, Vector, dot, row
-from fmopt.se3 import Pose, exp, turns
-from fmopt.values import Array
+from fmopt.spatial.se3 import Pose, exp, turns
+from fmopt.spatial.values import Array
 
 KINDS = ("points", "directions", "faces", "edges")
 SAMPLES = 120

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from peg_pieces import START_BOX, TOLERANCE, Way, claims, moves, peg, pieces_of, settled
 
-from fmopt import ellipsoid
 from fmopt.certificate.assembly import contact_rows
 from fmopt.certificate.claim import Claim, stepped
-from fmopt.certificate.segment import advance
-from fmopt.certificate.way import Compliance, Piece
+from fmopt.certificate.error_set import ErrorSet
+from fmopt.certificate.propagation import advance
+from fmopt.certificate.segment_linearisation import Compliance, Piece
 from fmopt.errors import InfeasibleError
-from fmopt.se3 import Pose, exp, length, log
-from fmopt.uncertainty.error_set import ErrorSet
-from fmopt.values import Array
+from fmopt.spatial import ellipsoid
+from fmopt.spatial.se3 import Pose, exp, length, log
+from fmopt.spatial.values import Array
 
 EXECUTIONS = 12
 ROUNDING = 1e-10  # of a metre: how exactly an execution keeps its contacts, times the levers

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fmopt import ellipsoid
 from fmopt.certificate import rows, tube
-from fmopt.certificate.curvature import Curvature
+from fmopt.certificate.remainder import Curvature
 from fmopt.certificate.rows import Forms, edges_apart, faces_above, points_above, stacked
-from fmopt.se3 import Pose
-from fmopt.values import Array
+from fmopt.spatial import ellipsoid
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
 
 RHO = 0.014
 

@@ -17,8 +17,8 @@ from commands import ended
 
 from fmopt import __version__, plan
 from fmopt.cli import EXIT
-from fmopt.verify.parse import parse
 from fmopt.verify.problem import differences
+from fmopt.verify.reading.parse import parse
 
 ROOT = Path(__file__).parent.parent
 PROBLEM, PEG, BLOCK = "problems/square_peg.toml", "models/square_peg.toml", "models/square_hole_block.toml"
@@ -455,7 +455,8 @@ def test_verify_of_a_missing_plan(fmopt: Command, tmp_path: Path) -> None:
 @pytest.fixture
 def solved(monkeypatch: pytest.MonkeyPatch, square_peg_plan: dict[str, Any]) -> None:
     """Lets `solve` answer with the session's plan at once."""
-    from fmopt import pipeline, verify
+    from fmopt import verify
+    from fmopt.planning import pipeline
 
     answer = pipeline.Synthesis(square_peg_plan, verify.verify(square_peg_plan), {"search": 1.0})
     monkeypatch.setattr(pipeline, "synthesise", lambda problem, progress, reserved: answer)

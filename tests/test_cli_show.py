@@ -146,7 +146,7 @@ def test_output_that_is_no_terminal_has_no_colours_and_no_progress() -> None:
 def test_no_color_is_heeded(square_peg_plan: dict[str, Any], forced: dict[str, str], coloured: bool) -> None:
     code = (
         "import json, sys; from pathlib import Path; from fmopt.plan import parsed\n"
-        "from fmopt.console import print_solved\n"
+        "from fmopt.cli.console import print_solved\n"
         "print_solved(parsed(json.load(sys.stdin)), [], Path('x'), False)"
     )
     env = {key: value for key, value in os.environ.items() if key not in ("NO_COLOR", "FORCE_COLOR")} | forced

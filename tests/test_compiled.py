@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from fmopt import compiled
+from fmopt.runtime import compiled
 
 PROBLEM = Path(__file__).parent.parent / "problems" / "lee_huang_peg.toml"
 KERNEL = """
-from fmopt.compiled import announce, compiled, part
+from fmopt.runtime.compiled import announce, compiled, part
 
 @part
 def _twice(x: float) -> float:
@@ -74,7 +74,7 @@ def test_the_clock_stands_still_while_something_is_compiled_and_only_then() -> N
 def test_no_kernel_reaches_beyond_its_arrays() -> None:
     """Compiled, kernels do not look where they read and write; as they are written, Python does."""
     code = (
-        "import sys\nfrom fmopt.pipeline import synthesise\nfrom fmopt.task.problem import load\n"
+        "import sys\nfrom fmopt.planning.pipeline import synthesise\nfrom fmopt.task.problem import load\n"
         "print(synthesise(load(sys.argv[1])).document['sha256'])"
     )
     found = []

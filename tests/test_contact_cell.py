@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from test_contact_parts import MID_DEPTH, block, peg
 
-from fmopt.contact.bounds import Bound, cell
-from fmopt.contact.graph import Cell, Scale, contact_graph, faces, local_space
+from fmopt.contact.c_surface import Surfaces
+from fmopt.contact.facet_bounds import Bound, cell
 from fmopt.contact.primitive import near_contacts
-from fmopt.contact.surface import Surfaces
+from fmopt.contact.state_graph import Cell, Scale, contact_graph, faces, local_space
 from fmopt.errors import InfeasibleError
-from fmopt.placement.states import Verdict, confirm
-from fmopt.se3 import Pose, exp
+from fmopt.planning.robustness.contact_space import Verdict, confirm
+from fmopt.spatial.se3 import Pose, exp
 from fmopt.task.problem import load
 
 PROBLEMS = Path(__file__).parent.parent / "problems"

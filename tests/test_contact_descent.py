@@ -8,15 +8,15 @@ from test_contact_cell import POSES
 from test_contact_parts import MID_DEPTH, block, peg, spike
 
 from fmopt.contact import descent
-from fmopt.contact.bounds import cell
+from fmopt.contact.c_surface import Surfaces
 from fmopt.contact.descent import Bits
-from fmopt.contact.graph import Cell, Scale, local_space
-from fmopt.contact.meet import Neighbourhood, Poses, meet, project
+from fmopt.contact.facet_bounds import cell
 from fmopt.contact.primitive import PrimitiveContact, face_vertex, near_contacts
-from fmopt.contact.surface import Surfaces
+from fmopt.contact.realisation import Neighbourhood, Poses, meet, project
+from fmopt.contact.state_graph import Cell, Scale, local_space
 from fmopt.geometry.polyhedron import Polyhedron, from_faces
-from fmopt.se3 import Pose, turns
-from fmopt.values import Array
+from fmopt.spatial.se3 import Pose, turns
+from fmopt.spatial.values import Array
 
 CLEARANCE, RHO = 1e-4, 0.5 * float(np.hypot(0.02, 0.02))
 SPIKE = from_faces(*spike())

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 import scipy.spatial
 
-from fmopt.certificate.knowledge import Assembly
-from fmopt.contact.graph import Scale
+from fmopt.certificate.contact_implications import Assembly
 from fmopt.contact.polytope import enumerate_faces
+from fmopt.contact.state_graph import Scale
 from fmopt.errors import SolverError
-from fmopt.placement.states import space_at
-from fmopt.se3 import Pose
+from fmopt.planning.robustness.contact_space import space_at
+from fmopt.spatial.se3 import Pose
 from fmopt.task.problem import load
 
 PROBLEMS = Path(__file__).parent.parent / "problems"

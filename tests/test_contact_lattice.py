@@ -8,9 +8,18 @@ import numpy as np
 import pytest
 
 from fmopt.contact.closed_sets import closed_sets
-from fmopt.contact.lattice import Bits, closed_faces, covers, distinct, ordered, simple_faces, subset_rows, subset_tree
+from fmopt.contact.face_lattice import (
+    Bits,
+    closed_faces,
+    covers,
+    distinct,
+    ordered,
+    simple_faces,
+    subset_rows,
+    subset_tree,
+)
 from fmopt.contact.polytope import enumerate_faces
-from fmopt.values import Array
+from fmopt.spatial.values import Array
 
 
 def corners_of(rows: int, r: int, seed: int, bounded: bool) -> tuple[Array, Bits]:

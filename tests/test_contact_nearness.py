@@ -8,7 +8,7 @@ from scipy.optimize import lsq_linear, nnls
 from shapely.geometry import Point, Polygon
 from test_contact_parts import block, peg, tilted
 
-from fmopt.contact.nearness import (
+from fmopt.contact.detection import (
     Vector,
     arc_angle,
     arc_distance,
@@ -19,8 +19,8 @@ from fmopt.contact.nearness import (
 )
 from fmopt.contact.primitive import _features
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.se3 import Pose
-from fmopt.values import Array
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
 
 REACH, ANGLE = 1e-3, 0.05
 POSES = [tilted((0.03, -0.05, 0.02)), tilted((0.0, 0.0, 0.0), 0.015), tilted((0.1, 0.0, 0.7), -0.0005)]

@@ -5,7 +5,7 @@ import pytest
 
 from fmopt.contact.primitive import Kind, convex_vertices, near_contacts
 from fmopt.geometry.polyhedron import Polyhedron, from_faces
-from fmopt.se3 import Pose
+from fmopt.spatial.se3 import Pose
 
 MID_DEPTH = Pose(np.array([0.0, 0.0, -0.015]), np.eye(3))
 

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_contact_parts import MID_DEPTH, block, peg
 
-from fmopt.contact.graph import LocalSpace, Scale, faces, local_space
 from fmopt.contact.polytope import Faces, enumerate_faces
 from fmopt.contact.primitive import near_contacts
+from fmopt.contact.state_graph import LocalSpace, Scale, faces, local_space
 from fmopt.errors import InfeasibleError
 
 WALLS = np.array([(0, 0, 1), (0, 1, 0), (1, 0, 0), (-1, 0, 0), (0, -1, 0)], dtype=float)

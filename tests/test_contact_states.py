@@ -8,13 +8,13 @@ import pytest
 from test_contact_cell import gap
 from test_contact_parts import MID_DEPTH, block, peg
 
-from fmopt.contact.bounds import cell, touching
-from fmopt.contact.graph import Cell, ContactGraph, ContactState, Scale, contact_graph, faces, local_space
-from fmopt.contact.meet import Neighbourhood, Poses, meet
+from fmopt.contact.c_surface import Surfaces
+from fmopt.contact.facet_bounds import cell, touching
 from fmopt.contact.primitive import near_contacts, vertex_face
-from fmopt.contact.surface import Surfaces
-from fmopt.placement.states import APART, RESIDUAL, Confirmation, Verdict, confirm
-from fmopt.se3 import Pose
+from fmopt.contact.realisation import Neighbourhood, Poses, meet
+from fmopt.contact.state_graph import Cell, ContactGraph, ContactState, Scale, contact_graph, faces, local_space
+from fmopt.planning.robustness.contact_space import APART, RESIDUAL, Confirmation, Verdict, confirm
+from fmopt.spatial.se3 import Pose
 
 CLEARANCE = 1e-4
 RHO = 0.5 * float(np.hypot(0.02, 0.02))

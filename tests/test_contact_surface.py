@@ -9,15 +9,15 @@ from test_contact_parts import MID_DEPTH, block, peg, spike, tilted
 
 from fmopt.contact import generate
 from fmopt.contact.algebra import Definition
-from fmopt.contact.bounds import BoundTable, bounds
+from fmopt.contact.c_surface import Surfaces, contact_wrench, definition, over, parameters, records, values_and_rows
 from fmopt.contact.definitions import CONTACTS
 from fmopt.contact.derive import derived, latex
+from fmopt.contact.facet_bounds import BoundTable, bounds
 from fmopt.contact.primitive import Kind, PrimitiveContact, face_vertex, near_contacts, vertex_face
-from fmopt.contact.surface import Surfaces, contact_wrench, definition, over, parameters, records, values_and_rows
 from fmopt.errors import InfeasibleError
 from fmopt.geometry.polyhedron import Polyhedron, from_faces
-from fmopt.se3 import Pose, exp
-from fmopt.uncertainty.planar.surface import casadi_function
+from fmopt.papers.basanez_suarez.surface import casadi_function
+from fmopt.spatial.se3 import Pose, exp
 
 PLAIN, BLOCK, SPIKE = peg(), block(), from_faces(*spike())
 BALL = len(PLAIN.vertices), 0.0095  # about the middle of the tip, m

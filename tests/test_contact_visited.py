@@ -12,14 +12,14 @@ from peg_pieces import TOLERANCE, claims, peg
 from fmopt import plan
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.claim import Claim
-from fmopt.contact.graph import Scale
+from fmopt.contact.state_graph import Scale
 from fmopt.geometry.csg import Box, Difference, Placed
 from fmopt.geometry.part import part_of
-from fmopt.nominal.trajectory import CriticalPose
-from fmopt.placement.states import Space, Verdict, contact_spaces, space_at
-from fmopt.placement.visited import Visited, visited
-from fmopt.se3 import Pose
-from fmopt.values import Array
+from fmopt.papers.lee_huang.nominal_trajectory import CriticalPose
+from fmopt.planning.robustness.contact_space import Space, Verdict, contact_spaces, space_at
+from fmopt.planning.robustness.state_trace import Visited, visited
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
 
 SCALE = Scale(1e-4, TOLERANCE.rho)
 

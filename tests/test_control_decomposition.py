@@ -6,9 +6,9 @@ from itertools import product
 import numpy as np
 import pytest
 
-from fmopt.control.decomposition import position_force
-from fmopt.guarded.axes import Decomposition, contact_forces, gamma, natural_constraints, omega
-from fmopt.nominal.trajectory import FreedomInterval, insertion
+from fmopt.papers.lee_huang.hand_position_force import position_force
+from fmopt.papers.lee_huang.nominal_trajectory import FreedomInterval, insertion
+from fmopt.plan.position_force import Decomposition, contact_forces, gamma, natural_constraints, omega
 from fmopt.task.problem import Specification
 
 SPECIFICATION = Specification(0.02, 5.0, 0.5, 0.3, 2.0)

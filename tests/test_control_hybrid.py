@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
-from fmopt.control.bias import GuardedMove, Hold, firmness, steadiness
-from fmopt.control.compliance import (
+from fmopt.errors import InfeasibleError, SolverError
+from fmopt.planning.control.bias_wrench import GuardedMove, Hold, firmness, steadiness
+from fmopt.planning.control.compliance_frame import (
     _orientations,
     axes,
     compliance_frame,
@@ -18,9 +19,8 @@ from fmopt.control.compliance import (
     twists_in,
     wrenches_in,
 )
-from fmopt.control.hybrid import hybrid_strategy
-from fmopt.errors import InfeasibleError, SolverError
-from fmopt.se3 import Pose
+from fmopt.planning.control.hybrid_strategy import hybrid_strategy
+from fmopt.spatial.se3 import Pose
 from fmopt.task.problem import Specification
 
 SPECIFICATION = Specification(0.02, 5.0, 0.5, 0.3, 2.0)

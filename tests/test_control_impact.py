@@ -13,20 +13,20 @@ import pytest
 from table_plan import sealed
 
 from fmopt.contact.primitive import Kind, PrimitiveContact
-from fmopt.control.strategy import Meeting, approach_speed, impact_force, impact_record, slowed
 from fmopt.errors import InputError
 from fmopt.execution.program import planned
 from fmopt.execution.robot import Robot
-from fmopt.guarded.moves import moves
 from fmopt.plan import parsed
+from fmopt.plan.guarded_moves import moves
+from fmopt.planning.control.controlled_motion import Meeting, approach_speed, impact_force, impact_record, slowed
 from fmopt.report.control_tables import hybrid_table
-from fmopt.se3 import Pose, exp
+from fmopt.spatial.se3 import Pose, exp
+from fmopt.spatial.values import Array
 from fmopt.task.explain import explain
 from fmopt.task.problem import Problem, Specification, load
 from fmopt.task.sizes import measured_clearance
-from fmopt.values import Array
 from fmopt.verify import CERTIFIED, NOT_PROVED, verify
-from fmopt.verify.document import PlanError
+from fmopt.verify.reading.document import PlanError
 
 ROOT = Path(__file__).parent.parent
 RHO = 0.014

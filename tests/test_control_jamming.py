@@ -11,15 +11,15 @@ import pytest
 from plan_mutations import claims
 from scipy.optimize import nnls
 
-from fmopt.control.bias import GuardedMove
-from fmopt.control.compliance import twist_scale
-from fmopt.control.friction_cones import FrictionCones, cone_angle, least_push, plane_angle
-from fmopt.control.hybrid import HybridStrategy, JamFree, hybrid_strategy, jam_free
 from fmopt.plan import parsed
+from fmopt.planning.control.bias_wrench import GuardedMove
+from fmopt.planning.control.compliance_frame import twist_scale
+from fmopt.planning.control.friction_cones import FrictionCones, cone_angle, least_push, plane_angle
+from fmopt.planning.control.hybrid_strategy import HybridStrategy, JamFree, hybrid_strategy, jam_free
 from fmopt.report.control_tables import jamming_table, jamming_words
-from fmopt.se3 import Pose
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
 from fmopt.task.problem import Specification
-from fmopt.values import Array
 from fmopt.verify import CERTIFIED, NOT_PROVED, verify
 
 RHO = 0.014

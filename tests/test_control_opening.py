@@ -8,8 +8,8 @@ import daqp
 import numpy as np
 import pytest
 
-from fmopt.control.friction_cones import nearest, nearest_opening
-from fmopt.values import Array
+from fmopt.planning.control.friction_cones import nearest, nearest_opening
+from fmopt.spatial.values import Array
 
 
 def held_rows() -> tuple[Array, Any, Array]:

@@ -21,12 +21,12 @@ from fmopt.geometry.csg import (
     convex_polyhedron,
 )
 from fmopt.geometry.part import part_of
+from fmopt.geometry.plane.boolean import difference, intersection, union
+from fmopt.geometry.plane.region import polygon_region
 from fmopt.geometry.section import section
-from fmopt.nominal.cut_diagram import cut_diagram, frame_planes
-from fmopt.plane.boolean import difference, intersection, union
-from fmopt.plane.region import polygon_region
-from fmopt.se3 import Pose, exp
-from fmopt.values import Array
+from fmopt.papers.lee_huang.cut_diagram import cut_diagram, frame_planes
+from fmopt.spatial.se3 import Pose, exp
+from fmopt.spatial.values import Array
 
 HEXAGON = tuple((math.cos(k * math.pi / 3.0), math.sin(k * math.pi / 3.0)) for k in range(6))
 

@@ -12,18 +12,18 @@ import pytest
 from test_failure import prism, regular
 
 import fmopt
-from fmopt.certificate.curvature import Course
-from fmopt.certificate.pair import facing
+from fmopt.certificate.piece_pairs import facing
+from fmopt.certificate.remainder import Course
 from fmopt.certificate.separating_plane import separation
-from fmopt.compiled import clock, deadline, heed, until
+from fmopt.contact.c_surface import Surfaces, definition, parameters
 from fmopt.contact.primitive import near_contacts, near_tips
-from fmopt.contact.surface import Surfaces, definition, parameters
 from fmopt.errors import OverdueError, SearchError
-from fmopt.motion import Posed, certified, placement
-from fmopt.pipeline import certified_motion, planned, synthesise
-from fmopt.placement.separating_planes import Faces
-from fmopt.placement.tolerated import CertifiedMotion
-from fmopt.se3 import Pose
+from fmopt.planning.motion import Posed, certified, placement
+from fmopt.planning.moves.separating_planes import Faces
+from fmopt.planning.pipeline import certified_motion, planned, synthesise
+from fmopt.planning.robustness.error_tolerance import CertifiedMotion
+from fmopt.runtime.compiled import clock, deadline, heed, until
+from fmopt.spatial.se3 import Pose
 from fmopt.task.problem import Problem
 from fmopt.verify import verify
 

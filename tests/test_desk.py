@@ -135,7 +135,7 @@ def test_segments_as_a_data_frame(square_peg_plan_file: Path) -> None:
 
 
 def test_exports_are_those_of_the_command_line(square_peg_plan_file: Path, tmp_path: Path) -> None:
-    from fmopt.export.write import Form, export
+    from fmopt.plan.export.write import Form, export
 
     plan, base = fmopt.read(square_peg_plan_file), (0.4, -0.1, 0.2, 0.0, 3.0, 0.0)
     for to in ("csv", "json", "urscript"):

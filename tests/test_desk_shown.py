@@ -99,7 +99,7 @@ assert "matplotlib" not in sys.modules and "sympy" not in sys.modules
 problem = fmopt.load(fmopt.example("square_peg"))
 nominal = fmopt.stages.nominal(problem)
 from fmopt.contact.primitive import Kind
-from fmopt.contact.surface import symbolic_surface
+from fmopt.contact.c_surface import symbolic_surface
 plan = fmopt.read({plan!r})
 for value in (problem, plan, plan.segments[3], plan.verify(), plan.segments[3].start, nominal, problem.moving,
               fmopt.stages.start_errors(problem), nominal.planes.planes[0].fixed):
@@ -123,8 +123,8 @@ def test_values_show_themselves_in_a_notebook(square_peg_plan_file: Path, tmp_pa
 def test_the_tables_of_views_name_types_that_exist() -> None:
     from importlib import import_module
 
-    from fmopt.desk.notebook import HTML
-    from fmopt.desk.views import VIEWS
+    from fmopt.notebook.display import HTML
+    from fmopt.notebook.views import VIEWS
 
     for name in (*VIEWS, *HTML):
         module, _, kind = name.rpartition(".")

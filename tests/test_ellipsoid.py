@@ -5,9 +5,9 @@ from itertools import product
 import numpy as np
 import pytest
 
-from fmopt import ellipsoid
 from fmopt.errors import InfeasibleError
-from fmopt.values import Array
+from fmopt.spatial import ellipsoid
+from fmopt.spatial.values import Array
 
 
 def contains(F: Array, points: Array, tolerance: float) -> Array:

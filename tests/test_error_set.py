@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.linalg import null_space
 
-from fmopt import ellipsoid
-from fmopt.certificate.paper import section, step_in_the_paper
-from fmopt.uncertainty.error_set import ErrorSet, Support
+from fmopt.certificate.error_set import ErrorSet, Support
+from fmopt.papers.dakin_popplestone import section, step_in_the_paper
+from fmopt.spatial import ellipsoid
 
 RHO = 0.02
 

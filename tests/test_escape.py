@@ -12,7 +12,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fmopt import escape
+from fmopt.runtime import escape
 
 BREAKS = ("\n", "\r", "\r\n", "\v", "\f", "\x1c", "\x1d", "\x1e", "\x85", "\u2028", "\u2029", "\0", "\x1b[2J", "\u202e")
 ANY = st.text(st.characters(codec="utf-8") | st.sampled_from("\n\r\x85\u2028\"'\\#:=@+-,;\x1b\0"))

@@ -14,7 +14,7 @@ from execution_geometry import Convex, Scene, Touch, gaps, rotations, vectors
 from execution_model import Piece, execute, first_zero
 from restate import restated
 
-from fmopt.pipeline import synthesise
+from fmopt.planning.pipeline import synthesise
 from fmopt.task.problem import load
 from fmopt.verify import verify
 

@@ -16,15 +16,15 @@ import fmopt
 from fmopt.cli import app
 from fmopt.errors import FmoptError, ResourceError, SettingsError
 from fmopt.execution import execute as running
-from fmopt.execution.drake_engine import DRAKE, with_corners
-from fmopt.execution.engine import Engine, Setup
+from fmopt.execution.engines.drake_engine import DRAKE, with_corners
+from fmopt.execution.engines.engine import Engine, Setup
+from fmopt.execution.engines.mujoco_engine import MUJOCO
 from fmopt.execution.execute import run_all
-from fmopt.execution.mujoco_engine import MUJOCO
 from fmopt.execution.robot import Robot
 from fmopt.execution.rotation import quaternions
 from fmopt.execution.trials import ENGINES, Trials, run
 from fmopt.plan import parsed
-from fmopt.values import Array
+from fmopt.spatial.values import Array
 
 Plan = dict[str, Any]
 THREE = Trials(3, seed=1, engine="drake")

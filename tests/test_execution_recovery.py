@@ -13,21 +13,21 @@ from test_execution_trials import record
 
 from fmopt.errors import PlanFormatError
 from fmopt.execution.attempt import Course, carried_out
-from fmopt.execution.mujoco_engine import MujocoEngine
-from fmopt.execution.physics import Physics
+from fmopt.execution.engines.mujoco_engine import MujocoEngine
+from fmopt.execution.engines.physics import Physics
+from fmopt.execution.engines.scene import compiled, scene
 from fmopt.execution.program import Program, planned
 from fmopt.execution.recovery import EARLY, LATE, Recovery, WayBack
 from fmopt.execution.rig import Rig
 from fmopt.execution.robot import Robot
 from fmopt.execution.rotation import from_quaternions, product, quaternions
-from fmopt.execution.scene import compiled, scene
 from fmopt.execution.summary import Fit, Log, lines, summary
 from fmopt.execution.trials import Noise, Trials, draw
-from fmopt.guarded.contacts import contacts
-from fmopt.guarded.moves import moves
 from fmopt.plan import parsed
-from fmopt.se3 import Pose
-from fmopt.values import Array
+from fmopt.plan.contact_geometry import contacts
+from fmopt.plan.guarded_moves import moves
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
 
 Plan = dict[str, Any]
 DEAF = 1  # the move whose contact is not felt at the first attempt

@@ -11,19 +11,19 @@ import numpy as np
 import pytest
 
 from fmopt.errors import SettingsError
-from fmopt.execution import mujoco_engine
-from fmopt.execution.mujoco_engine import MujocoEngine
-from fmopt.execution.physics import DEFAULTS, Physics
+from fmopt.execution.engines import mujoco_engine
+from fmopt.execution.engines.mujoco_engine import MujocoEngine
+from fmopt.execution.engines.physics import DEFAULTS, Physics
+from fmopt.execution.engines.scene import compiled, engine, scene
 from fmopt.execution.program import DONE, Program, Step, planned
 from fmopt.execution.rig import Rig
 from fmopt.execution.robot import Robot
 from fmopt.execution.rotation import between, from_quaternions, product, quaternions
-from fmopt.execution.scene import compiled, engine, scene
 from fmopt.plan import Plan, parsed
-from fmopt.se3 import Pose, exp, log
+from fmopt.spatial.se3 import Pose, exp, log
+from fmopt.spatial.values import Array
 from fmopt.task.problem import load
-from fmopt.values import Array
-from fmopt.verify.document import Body
+from fmopt.verify.reading.document import Body
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 # Positions and quaternions at which the tight 12 mm fit lies flat on one wall, 0.05 µm in it.

@@ -29,7 +29,7 @@ from fmopt.execution.robot import Robot
 from fmopt.execution.summary import Fit, Log, failures, lines, note, summary, wilson
 from fmopt.execution.trials import Noise, Trials, draw, run
 from fmopt.plan import parsed
-from fmopt.se3 import Pose
+from fmopt.spatial.se3 import Pose
 
 FOUR = Trials(4, seed=1)
 

@@ -22,15 +22,15 @@ from urscript_robot import ForceModeRobot
 from fmopt import plan
 from fmopt.cli import app
 from fmopt.errors import PlanFormatError, ResourceError, UnprovedError
-from fmopt.export import ros2
-from fmopt.export.cautions import base_pose, insertion_words
-from fmopt.export.frame import task_frame
-from fmopt.export.sampled import COLUMNS, csv_text, json_text, read_csv, samples
-from fmopt.export.urscript import Settings, program
-from fmopt.guarded.contacts import contacts
-from fmopt.guarded.moves import Move, from_frame, moves, to_frame
 from fmopt.plan import parsed as read
-from fmopt.se3 import Pose, exp
+from fmopt.plan.contact_geometry import contacts
+from fmopt.plan.export import ros2
+from fmopt.plan.export.cautions import base_pose, insertion_words
+from fmopt.plan.export.frame import task_frame
+from fmopt.plan.export.sampled import COLUMNS, csv_text, json_text, read_csv, samples
+from fmopt.plan.export.urscript import Settings, program
+from fmopt.plan.guarded_moves import Move, from_frame, moves, to_frame
+from fmopt.spatial.se3 import Pose, exp
 
 RHO = 0.014
 BASE = Pose.from_vector([0.4, -0.1, 0.2, 0.3, 3.0, -0.2])

@@ -15,11 +15,11 @@ import yaml
 from lark import Token, Tree
 from urscript_language import parsed
 
-from fmopt.desk.checking import admitted
 from fmopt.errors import FmoptError
-from fmopt.export.write import Form, exported
+from fmopt.notebook.checking import admitted
 from fmopt.plan import Plan
 from fmopt.plan import parsed as read
+from fmopt.plan.export.write import Form, exported
 
 MOVEJ = "movej([0,0,0,0,0,0])"
 BREAKS = ("\n", "\r", "\r\n", "\v", "\f", "\x1c", "\x1d", "\x1e", "\x85", "\u2028", "\u2029", "\0", "\x1b[2J", "\x9b2J")

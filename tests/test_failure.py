@@ -13,9 +13,9 @@ import pytest
 
 import fmopt
 from fmopt.cli.entry import command
-from fmopt.desk.problem import Problem
 from fmopt.errors import InterferenceError, SearchError
-from fmopt.motion import Posed
+from fmopt.notebook.problem import Problem
+from fmopt.planning.motion import Posed
 from fmopt.report.attempt import Failure
 
 _UNITS = '[units]\nlength = "mm"\nangle = "deg"\n'

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmopt.certificate.knowledge import Assembly
-from fmopt.pipeline import synthesise
-from fmopt.placement.shapes import room
+from fmopt.certificate.contact_implications import Assembly
+from fmopt.planning.pipeline import synthesise
+from fmopt.planning.search.entry_candidates import room
+from fmopt.spatial.values import Array
 from fmopt.task.explain import explain
 from fmopt.task.problem import VelocityError, load
 from fmopt.task.sizes import drift, measured_clearance
-from fmopt.values import Array
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 PEG, SLOT = (load(PROBLEMS / f"{name}.toml") for name in ("square_peg_100um", "mit_planar_slot"))

@@ -16,9 +16,9 @@ from mesh_files import ply_text, rounded, stl_text, triangles_of
 from step_files import write_step
 
 from fmopt.errors import FmoptError, GeometryError, ResourceError, SizeError
-from fmopt.geometry import step
-from fmopt.geometry.mesh import load_mesh
-from fmopt.geometry.mesh_file import MAX_TRIANGLES, read_triangles
+from fmopt.geometry.mesh.mesh_file import MAX_TRIANGLES, read_triangles
+from fmopt.geometry.mesh.mesh_import import load_mesh
+from fmopt.geometry.step import step_import as step
 
 POINTS, TRIANGLES = triangles_of(rounded((0.012, 0.008), 0.03))
 OBJ, PLY, STL = obj_text(POINTS, TRIANGLES), ply_text(POINTS, TRIANGLES), stl_text(POINTS, TRIANGLES)
@@ -276,7 +276,7 @@ def test_what_befalls_the_kernel_befalls_no_other(
 
 
 def test_too_much_memory_is_the_files_fault(block: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    before = "import fmopt.geometry.step_kernel as k; k._bodies = lambda *_: bytearray(9 << 30); "
+    before = "import fmopt.geometry.step.kernel as k; k._bodies = lambda *_: bytearray(9 << 30); "
     monkeypatch.setattr(step, "_CODE", step._CODE.replace("from fmopt", before + "from fmopt"))
     with pytest.raises(GeometryError, match="the CAD kernel needs more than 4 GiB for it; export one part on its own"):
         step.load_step(block)
@@ -285,11 +285,11 @@ def test_too_much_memory_is_the_files_fault(block: Path, monkeypatch: pytest.Mon
 def test_the_kernels_process_ends_with_its_owner(block: Path, tmp_path: Path) -> None:
     note = tmp_path / "note"
     stuck = (
-        "import fmopt.geometry.step_kernel as k, os, time; "
+        "import fmopt.geometry.step.kernel as k, os, time; "
         f"k._read = lambda *_: (open({str(note)!r}, 'w').write(str(os.getpid())), time.sleep(99)); from fmopt"
     )
     owner = (
-        "import sys; from pathlib import Path; from fmopt.geometry import step; "
+        "import sys; from pathlib import Path; from fmopt.geometry.step import step_import as step; "
         f"step._CODE = step._CODE.replace('from fmopt', {stuck!r}); step.load_step(Path({str(block)!r}))"
     )
     process = subprocess.Popen([sys.executable, "-c", owner])

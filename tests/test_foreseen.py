@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 
 from fmopt.certificate.claim import Claim
-from fmopt.certificate.knowledge import Assembly
-from fmopt.certificate.segment import Tolerance
-from fmopt.contact.bounds import BoundTable
+from fmopt.certificate.contact_implications import Assembly
+from fmopt.certificate.error_set import ErrorSet
+from fmopt.certificate.propagation import Tolerance
+from fmopt.contact.c_surface import Surfaces, angle_between, friction_cone
+from fmopt.contact.facet_bounds import BoundTable
 from fmopt.contact.primitive import near_contacts
-from fmopt.contact.surface import Surfaces, angle_between, friction_cone
-from fmopt.control.recovery import offsets, order, told_apart
 from fmopt.geometry.csg import Box, Difference, Placed
 from fmopt.geometry.part import part_of
-from fmopt.placement.foreseen import LARGEST, Foreseen, foreseen, images_of
-from fmopt.placement.motion import Move, Reached, unroll
-from fmopt.se3 import Pose, exp
+from fmopt.planning.control.recovery import offsets, order, told_apart
+from fmopt.planning.moves.moves import Move, Reached, unroll
+from fmopt.planning.robustness.unplanned_contacts import LARGEST, UnplannedContact, images_of, unplanned_contacts
+from fmopt.spatial.se3 import Pose, exp
 from fmopt.task.problem import Specification
-from fmopt.uncertainty.error_set import ErrorSet
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 BOX = np.array([3e-4, 2e-4, 1e-4, 4e-3, 5e-3, 6e-3])
@@ -79,7 +79,7 @@ def entered() -> tuple[Assembly, list[Claim]]:
     return assembly, list(found.claims)
 
 
-def value(assembly: Assembly, found: Foreseen, pose: Pose) -> tuple[float, float]:
+def value(assembly: Assembly, found: UnplannedContact, pose: Pose) -> tuple[float, float]:
     """The contact's distance at a pose, and how far inside its bounds it is."""
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     f = float(Surfaces.of([found.contact], body, fixed).values(pose)[0])
@@ -92,7 +92,7 @@ def off(pose: Pose, e: Array) -> Pose:
 
 def test_errors_below_the_least_factor_make_no_contact(entered: tuple[Assembly, list[Claim]]) -> None:
     assembly, claims = entered
-    found = foreseen(assembly, claims, BOX, 0.3, RHO)
+    found = unplanned_contacts(assembly, claims, BOX, 0.3, RHO)
     assert 1 < len(found) <= 4
     least = found[0].factor
     assert [one.factor for one in found] == sorted(one.factor for one in found)
@@ -111,7 +111,7 @@ def test_errors_below_the_least_factor_make_no_contact(entered: tuple[Assembly, 
 def test_the_first_contact_is_made_at_its_factor(entered: tuple[Assembly, list[Claim]]) -> None:
     """Both by all errors together, at the worst corner, and by the one that does it alone."""
     assembly, claims = entered
-    first = foreseen(assembly, claims, BOX, 0.3, RHO)[0]
+    first = unplanned_contacts(assembly, claims, BOX, 0.3, RHO)[0]
     corner = -np.sign(first.row) * BOX
     ends = [claims[0].piece.start, *(claim.piece.goal for claim in claims)]
     for e, factor in ((corner, first.factor), *_alone(first)):
@@ -120,7 +120,7 @@ def test_the_first_contact_is_made_at_its_factor(entered: tuple[Assembly, list[C
         assert min(gaps) < 0.03 * first.gap
 
 
-def _alone(first: Foreseen) -> list[tuple[Array, float]]:
+def _alone(first: UnplannedContact) -> list[tuple[Array, float]]:
     if not first.axis:
         return []
     k = ("x", "y", "z", "rx", "ry", "rz").index(first.axis)
@@ -135,8 +135,8 @@ def test_larger_errors_come_to_contacts_sooner_in_proportion(entered: tuple[Asse
     start, goal = entered[1][0].piece.start, entered[1][-1].piece.goal
     begun = Reached(ErrorSet.from_box(1.2 * BOX), (), ())
     larger = unroll(assembly, Move(start, goal, (), ()), begun, Tolerance((0.0, 0.0), RHO), 0.02, True).claims
-    before = foreseen(assembly, entered[1], BOX, 0.3, RHO)
-    after = foreseen(assembly, larger, 1.2 * BOX, 0.3, RHO)
+    before = unplanned_contacts(assembly, entered[1], BOX, 0.3, RHO)
+    after = unplanned_contacts(assembly, larger, 1.2 * BOX, 0.3, RHO)
     sooner = {one.contact.id: 1.2 * one.factor for one in after}
     assert after[0].contact.id == before[0].contact.id
     assert all(
@@ -149,7 +149,7 @@ def test_shifts_that_bring_the_first_contact_away_are_tried_first(entered: tuple
     """A part that met something too early is likely off towards it: the shift away from it comes first."""
     assembly, claims = entered
     shifts = offsets(BOX)
-    found = foreseen(assembly, claims, BOX, 0.3, RHO)[:1]
+    found = unplanned_contacts(assembly, claims, BOX, 0.3, RHO)[:1]
     tried = order(assembly, claims, found, BOX, shifts)
     assert sorted(tried["early"]) == sorted(tried["late"]) == list(range(9))
     gains = [float(found[0].row @ (np.array(shifts[k]) / BOX)) for k in tried["early"][:-1]]
@@ -161,12 +161,12 @@ def test_shifts_that_bring_the_first_contact_away_are_tried_first(entered: tuple
 
 def test_noise_hides_small_angles(entered: tuple[Assembly, list[Claim]]) -> None:
     assembly, claims = entered
-    one = foreseen(assembly, claims, BOX, 0.3, RHO)[0]
+    one = unplanned_contacts(assembly, claims, BOX, 0.3, RHO)[0]
     assert one.angle is None
     asked = Specification(0.02, 20.0, 1.0, 0.3, 2.0)
     assert told_apart(one, asked, RHO)
     for angle, told in ((0.01, False), (0.5, True), (math.pi, True)):
-        made = Foreseen(one.contact, 1.0, "", math.inf, 1e-4, one.row, one.wrench, angle)
+        made = UnplannedContact(one.contact, 1.0, "", math.inf, 1e-4, one.row, one.wrench, angle)
         assert told_apart(made, asked, RHO) is told
 
 

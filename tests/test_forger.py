@@ -20,8 +20,8 @@ from restate import restated
 from table_plan import table_plan
 
 from fmopt.verify import CERTIFIED, PlanError, verify
-from fmopt.verify.parse import parse
 from fmopt.verify.problem import differences
+from fmopt.verify.reading.parse import parse
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 Plan = dict[str, Any]

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from execution_model import execute
 
-from fmopt.certificate.bounds import _blocked
-from fmopt.certificate.knowledge import Assembly
-from fmopt.pipeline import synthesise
+from fmopt.certificate.contact_implications import Assembly
+from fmopt.certificate.facet_margin import _blocked
+from fmopt.planning.pipeline import synthesise
 from fmopt.task.problem import load
 
 PROBLEM = load(Path(__file__).parent.parent / "problems" / "bilba_chamfered_60.toml")

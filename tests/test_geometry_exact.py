@@ -12,16 +12,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fmopt.errors import GeometryError
+from fmopt.geometry.convex_pieces import polyhedron
 from fmopt.geometry.csg import Box, Difference, Hull, Placed, Solid
-from fmopt.geometry.exact import MOST, Exact, direction, exact_vertices, facing_directions
-from fmopt.geometry.pieces import polyhedron
+from fmopt.geometry.exact_coordinates import MOST, Exact, direction, exact_vertices, facing_directions
 from fmopt.geometry.polyhedron import Polyhedron, convex_hull_polyhedron, placed, rounded
-from fmopt.plan_record import part_record
-from fmopt.se3 import Pose, exp
+from fmopt.planning.plan_record import part_record
+from fmopt.spatial.se3 import Pose, exp
 from fmopt.task.problem import load
-from fmopt.verify.document import Body
-from fmopt.verify.exact import parallel
-from fmopt.verify.solids import Shape
+from fmopt.verify.arithmetic.exact import parallel
+from fmopt.verify.parts.solids import Shape
+from fmopt.verify.reading.document import Body
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 ASKEW = ("lee_huang_figure1",)  # problems with a part whose faces are not plane in floats

@@ -11,15 +11,15 @@ import pytest
 
 from fmopt.errors import GeometryError, InterferenceError, ResourceError
 from fmopt.geometry.clearance import checked_clearance, interference, mating_clearance
+from fmopt.geometry.convex_pieces import _chain, pieces, polyhedron
 from fmopt.geometry.csg import Box, Cylinder, Difference, Placed, Prism, Solid, Union, Wedge, chamfered_box, frustum
-from fmopt.geometry.excess import solid_of
-from fmopt.geometry.mating import Feature
-from fmopt.geometry.mesh import Imported, load_mesh
+from fmopt.geometry.inverse_csg import solid_of
+from fmopt.geometry.mating_features import Feature
+from fmopt.geometry.mesh.mesh_import import Imported, load_mesh
 from fmopt.geometry.part import Part, mesh_part, part_of, rebased
-from fmopt.geometry.pieces import _chain, pieces, polyhedron
 from fmopt.geometry.polyhedron import triangulated
 from fmopt.geometry.section import section, section_limit
-from fmopt.se3 import Pose
+from fmopt.spatial.se3 import Pose
 
 
 def at(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Pose:

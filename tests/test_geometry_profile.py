@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 import shapely
 
+from fmopt.contact.c_surface import Surfaces
 from fmopt.contact.primitive import Kind, near_contacts
-from fmopt.contact.surface import Surfaces
 from fmopt.errors import GeometryError
+from fmopt.geometry.convex_pieces import pieces
 from fmopt.geometry.part import Part, Profiles, convex, outline, part_of, ridge, slab, width
-from fmopt.geometry.pieces import pieces
-from fmopt.se3 import Pose, exp
-from fmopt.uncertainty.planar.contact import basic_contacts
-from fmopt.uncertainty.planar.profile import Profile
-from fmopt.uncertainty.sources import Deviations
+from fmopt.papers.basanez_suarez.contact import basic_contacts
+from fmopt.papers.basanez_suarez.profile import Profile
+from fmopt.papers.basanez_suarez.sources import Deviations
+from fmopt.spatial.se3 import Pose, exp
 
 PEG = [(-0.01, 0.0), (0.008, 0.0), (0.01, 0.002), (0.01, 0.05), (-0.01, 0.05)]
 LEFT = [(-0.03, -0.04), (-0.0105, -0.04), (-0.0105, -0.004), (-0.0145, 0.0), (-0.03, 0.0)]

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fmopt.errors import GeometryError
+from fmopt.geometry.convex_pieces import clip, pieces, polyhedron
 from fmopt.geometry.csg import (
     Box,
     Cone,
@@ -30,9 +31,8 @@ from fmopt.geometry.csg import (
     ring,
     sagitta,
 )
-from fmopt.geometry.pieces import clip, pieces, polyhedron
 from fmopt.geometry.polyhedron import Polyhedron, convex_hull_polyhedron, from_triangles, placed
-from fmopt.se3 import Pose
+from fmopt.spatial.se3 import Pose
 
 
 def raised(solid: Solid, z: float) -> Placed:

@@ -11,13 +11,13 @@ import pytest
 
 import fmopt
 from fmopt.errors import InfeasibleError
-from fmopt.motion import FINE, Posed
-from fmopt.placement import growth
-from fmopt.placement import motion as moving
-from fmopt.placement.motion import Move
-from fmopt.placement.sequence import certified, in_a_row, onto_surfaces
-from fmopt.placement.tolerated import CertifiedMotion
-from fmopt.se3 import length, log
+from fmopt.planning.motion import FINE, Posed
+from fmopt.planning.moves import moves as moving
+from fmopt.planning.moves.moves import Move
+from fmopt.planning.placement import error_growth as growth
+from fmopt.planning.placement.sequence_program import certified, in_a_row, onto_surfaces
+from fmopt.planning.robustness.error_tolerance import CertifiedMotion
+from fmopt.spatial.se3 import length, log
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 OFF, TURNED = 3e-4, math.radians(1.0)  # m and rad: by how much poses are disturbed

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 import fmopt
-from fmopt.guarded.axes import AXES, Decomposition, Stretch, gamma, omega, stretches
-from fmopt.guarded.contacts import contacts
 from fmopt.plan import Plan, parsed
+from fmopt.plan.contact_geometry import contacts
+from fmopt.plan.position_force import AXES, Decomposition, Stretch, gamma, omega, stretches
 from fmopt.report.control_tables import motion_table
-from fmopt.se3 import Pose
+from fmopt.spatial.se3 import Pose
 
 STEP = 1e-7  # m, or rad at a lever of 1 m
 PROBLEMS = Path(__file__).parent.parent / "problems"

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fmopt.guarded.contacts import Contact
-from fmopt.se3 import Pose
+from fmopt.plan.contact_geometry import Contact
+from fmopt.spatial.se3 import Pose
 
 
 def crossing(beyond: float) -> Contact:

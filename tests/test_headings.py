@@ -13,17 +13,17 @@ from outlines import ASLANT, prism
 from searched import certified_plan, steadier, task_of, tilted_motion
 
 from fmopt.contact.primitive import Kind
-from fmopt.control.strategy import least_steady
-from fmopt.placement.entry import Entry, Shape, leading_corners, lowest, start_spread, swung_by, tilted_entry
-from fmopt.placement.explore import freedoms
-from fmopt.placement.search import MoveSequence, begin, best_sequences, search
-from fmopt.placement.shapes import ample, likely_headings, likely_shapes, tilted_shapes
-from fmopt.placement.step import Task, follow
-from fmopt.placement.tune import Limits, tuned
-from fmopt.se3 import exp
+from fmopt.planning.control.controlled_motion import least_steady
+from fmopt.planning.search.best_first import MoveSequence, begin, best_sequences, search
+from fmopt.planning.search.entry import Entry, Shape, leading_corners, lowest, start_spread, swung_by, tilted_entry
+from fmopt.planning.search.entry_candidates import ample, likely_headings, likely_shapes, tilted_shapes
+from fmopt.planning.search.entry_tuning import Limits, tuned
+from fmopt.planning.search.guarded_move import freedoms
+from fmopt.planning.search.successors import Task, follow
+from fmopt.spatial.se3 import exp
+from fmopt.spatial.values import Array
 from fmopt.task.problem import Problem, load
 from fmopt.task.sizes import measured_clearance
-from fmopt.values import Array
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 KITE = Shape(0.34907, 0.43633, 0.06092, 0.001635, (0.003788, 0.004788), heading=0.25 * math.pi)

@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 from test_knowledge_tree import assert_same_volume
 
-from fmopt.control.decomposition import hand_pose
 from fmopt.errors import InputError, InterferenceError
+from fmopt.geometry.convex_pieces import polyhedron
 from fmopt.geometry.csg import Box, Cylinder, contains
-from fmopt.geometry.pieces import polyhedron
-from fmopt.knowledge.chain import moved
-from fmopt.knowledge.command import answer
-from fmopt.knowledge.tree import Feature
-from fmopt.knowledge.workcell import Link, Ref
-from fmopt.se3 import Pose
+from fmopt.papers.lee_huang.hand_position_force import hand_pose
+from fmopt.spatial.se3 import Pose
 from fmopt.task.assembly import Step, carried_out, load_assembly
-from fmopt.task.command import is_round, task_command
+from fmopt.task.object_model.chain import moved
+from fmopt.task.object_model.command import answer
+from fmopt.task.object_model.tree import Feature
+from fmopt.task.object_model.workcell import Link, Ref
 from fmopt.task.problem import load
+from fmopt.task.task_command import is_round, task_command
 
 ROOT = Path(__file__).parent.parent
 ASSEMBLY = ROOT / "problems" / "assemblies" / "lee_huang_bush.toml"

@@ -9,9 +9,9 @@ import pytest
 from workcells import DOWN
 
 from fmopt.errors import TaskError
-from fmopt.knowledge.goal import FREE, SETTLED, Goal, settle
-from fmopt.knowledge.workcell import LowerPair
-from fmopt.se3 import Pose, exp, log
+from fmopt.spatial.se3 import Pose, exp, log
+from fmopt.task.object_model.goal import FREE, SETTLED, Goal, settle
+from fmopt.task.object_model.workcell import LowerPair
 
 
 @pytest.mark.parametrize("seed", range(30))

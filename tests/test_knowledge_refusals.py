@@ -10,10 +10,10 @@ from workcells import IN_BUSH, SIDES, above, at, bush, cell, feature, peg, plate
 
 from fmopt.errors import InterferenceError, TaskError
 from fmopt.geometry.csg import Box
-from fmopt.knowledge.command import APART, CLEAR, KINDS, STALE, START, Specification, Task, answer, completed
-from fmopt.knowledge.frames import MOUTH
-from fmopt.knowledge.goal import FREE, INSERTED, ON_AXIS, SETTLED, Goal
-from fmopt.knowledge.workcell import EXIST, Link, LinkKind, LowerPair, Ref, Workcell
+from fmopt.task.object_model.command import APART, CLEAR, KINDS, STALE, START, Specification, Task, answer, completed
+from fmopt.task.object_model.frames import MOUTH
+from fmopt.task.object_model.goal import FREE, INSERTED, ON_AXIS, SETTLED, Goal
+from fmopt.task.object_model.workcell import EXIST, Link, LinkKind, LowerPair, Ref, Workcell
 
 
 def refused(base: Workcell, wanted: Task) -> TaskError:

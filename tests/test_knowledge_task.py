@@ -9,13 +9,19 @@ import numpy as np
 import pytest
 from workcells import IN_BUSH, above, at, bush, cell, close, feature, peg, plate, task, thing
 
-from fmopt.control.decomposition import grasped_pose, grasped_twist, grasped_wrench, hand_pose, world_pose
 from fmopt.geometry.csg import Box, Placed, contains
-from fmopt.knowledge.command import Answer, answer, completed
-from fmopt.knowledge.goal import FREE
-from fmopt.knowledge.tree import ObjectTree
-from fmopt.knowledge.workcell import Link, Ref
-from fmopt.se3 import Pose, exp
+from fmopt.papers.lee_huang.hand_position_force import (
+    grasped_pose,
+    grasped_twist,
+    grasped_wrench,
+    hand_pose,
+    world_pose,
+)
+from fmopt.spatial.se3 import Pose, exp
+from fmopt.task.object_model.command import Answer, answer, completed
+from fmopt.task.object_model.goal import FREE
+from fmopt.task.object_model.tree import ObjectTree
+from fmopt.task.object_model.workcell import Link, Ref
 
 SOMEWHERE = [Pose.identity(), at(0.3, -0.7, 1.1, (0.5, -1.0, 0.8)), at(-2.0, 0.1, 0.0, (math.pi, 0.0, 0.0))]
 

@@ -12,19 +12,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fmopt.errors import GeometryError, InputError, TaskError
+from fmopt.geometry.convex_pieces import polyhedron
 from fmopt.geometry.csg import Box, Cylinder, Difference, Hull, Placed, Solid, Union, contains, frustum
-from fmopt.geometry.excess import MESH_NOISE, solid_of
-from fmopt.geometry.mating import Feature as MatingFeature
-from fmopt.geometry.pieces import polyhedron
+from fmopt.geometry.inverse_csg import MESH_NOISE, solid_of
+from fmopt.geometry.mating_features import Feature as MatingFeature
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.knowledge.chain import Term, chain_of, chain_solid, joined, moved, without
-from fmopt.knowledge.classify import Claim, object_tree
-from fmopt.knowledge.frames import checked
-from fmopt.knowledge.tree import Feature, FeatureClass, ObjectTree, instances, tree_part
-from fmopt.se3 import Pose
+from fmopt.spatial.se3 import Pose
 from fmopt.task.model import load_model
-from fmopt.task.toml_source import Place
-from fmopt.task.tree import build_part, build_tree
+from fmopt.task.object_model.chain import Term, chain_of, chain_solid, joined, moved, without
+from fmopt.task.object_model.classify import Claim, object_tree
+from fmopt.task.object_model.frames import checked
+from fmopt.task.object_model.tree import Feature, FeatureClass, ObjectTree, instances, tree_part
+from fmopt.task.solid_tree import build_part, build_tree
+from fmopt.task.toml.source import Place
 
 ROOT = Path(__file__).parent.parent
 MODELS = sorted((ROOT / "models").glob("*.toml"))

@@ -92,36 +92,36 @@ LIBRARIES: dict[str, frozenset[str]] = {
         | {"desk", "plan_record"}
     ),
     "scipy": frozenset({"plane", "geometry", "contact", "nominal", "placement", "study"})
-    | {"certificate/paper.py"}
-    | {"execution/trials.py", "execution/drake_engine.py"},
+    | {"papers/dakin_popplestone.py"}
+    | {"execution/trials.py", "execution/engines/drake_engine.py"},
     "numba": frozenset({"compiled.py"}),
-    "distributed": frozenset({"study/cluster.py"}),
-    "polars": frozenset({"study/__init__.py", "study/outcome.py", "study/table.py", "desk/plan.py"}),
+    "distributed": frozenset({"study/running/cluster.py"}),
+    "polars": frozenset({"study/__init__.py", "study/outcome.py", "study/results/table.py", "notebook/plan.py"}),
     "sympy": frozenset(
-        {"uncertainty/planar/surface.py", "nominal/symbolic_diagram.py"}
+        {"papers/basanez_suarez/surface.py", "papers/lee_huang/symbolic_diagram.py"}
         | {"contact/algebra.py", "contact/derive.py", "contact/generate.py"}
     ),
-    "casadi": frozenset({"uncertainty/planar/surface.py", "contact/algebra.py", "placement/formation.py"}),
+    "casadi": frozenset({"papers/basanez_suarez/surface.py", "contact/algebra.py", "planning/placement/formation.py"}),
     "mpmath": frozenset({"contact/algebra.py"}),
-    "clarabel": frozenset({"placement/solvers.py"}),
-    "daqp": frozenset({"placement/solvers.py", "placement/nlp.py"}),
-    "cvxpy": frozenset({"placement/program.py", "desk/placing.py"}),
-    "networkx": frozenset({"contact/graph.py"}),
-    "manifold3d": frozenset({"geometry", "nominal/touch.py"}),
+    "clarabel": frozenset({"planning/optimise/solvers.py"}),
+    "daqp": frozenset({"planning/optimise/solvers.py", "planning/placement/nonlinear_program.py"}),
+    "cvxpy": frozenset({"planning/optimise/cone_program.py", "notebook/placing.py"}),
+    "networkx": frozenset({"contact/state_graph.py"}),
+    "manifold3d": frozenset({"geometry", "papers/lee_huang/touch.py"}),
     "OCP": frozenset(f"geometry/step_{part}.py" for part in ("kernel", "file", "facets", "surfaces", "exact")),
     "shapely": frozenset({"plane", "geometry", "knowledge", "uncertainty/planar", "report"}),
-    "matplotlib": frozenset({"report", "study/figures.py", "desk"}),
-    "mpl_toolkits": frozenset({"report/surface_view.py"}),
+    "matplotlib": frozenset({"report", "study/results/figures.py", "desk"}),
+    "mpl_toolkits": frozenset({"report/views/surface_view.py"}),
     "pydantic": frozenset({"task", "study/study_file.py"}),
     "pydantic_core": frozenset({"task"}),
-    "pint": frozenset({"task/units.py"}),
-    "tree_sitter": frozenset({"task/toml_source.py"}),
-    "tree_sitter_toml": frozenset({"task/toml_source.py"}),
+    "pint": frozenset({"task/toml/units.py"}),
+    "tree_sitter": frozenset({"task/toml/source.py"}),
+    "tree_sitter_toml": frozenset({"task/toml/source.py"}),
     "mujoco": frozenset({"execution"}),
-    "pydrake": frozenset({"execution/drake_engine.py"}),
+    "pydrake": frozenset({"execution/engines/drake_engine.py"}),
     "PIL": frozenset({"execution/replay.py"}),
-    "rosbags": frozenset({"export/ros2.py"}),
-    "IPython": frozenset({"desk/notebook.py"}),
+    "rosbags": frozenset({"plan/export/ros2.py"}),
+    "IPython": frozenset({"notebook/display.py"}),
     "typer": frozenset({"cli"}),
     "rich": frozenset({"console.py"}),
     "markdown_it": frozenset({"manual"}),
@@ -271,7 +271,7 @@ def test_no_files_import_each_other() -> None:
 
 def test_a_plan_is_made_in_few_files(tmp_path: Path) -> None:
     entered = ran("problems/square_peg.toml", tmp_path / "out")
-    assert {"pipeline.py", "placement/search.py", "certificate/claim.py", "verify/check.py"} <= entered
+    assert {"pipeline.py", "planning/search/best_first.py", "certificate/claim.py", "verify/check.py"} <= entered
     assert len(entered) <= MOST_ENTERED
 
 
@@ -291,14 +291,16 @@ def test_no_text_is_run_as_code() -> None:
 
 
 def test_the_readers_see_what_they_should() -> None:
-    assert strangers("nominal/touch.py", "def f():\n    from fmopt.contact.graph import ContactGraph") == ["contact"]
-    assert strangers("contact/graph.py", "import fmopt.nominal.touch") == ["nominal"]
+    assert strangers(
+        "papers/lee_huang/touch.py", "def f():\n    from fmopt.contact.state_graph import ContactGraph"
+    ) == ["contact"]
+    assert strangers("contact/state_graph.py", "import fmopt.papers.lee_huang.touch") == ["nominal"]
     assert strangers("geometry/csg.py", "from fmopt import cli, errors") == ["cli"]
-    assert strangers("placement/search.py", "from fmopt.verify import verify") == ["verify"]
-    assert strangers("control/hybrid.py", "from fmopt.report.page import report_page") == ["report"]
-    assert strangers("verify/check.py", "from fmopt.values import frozen") == ["values"]
+    assert strangers("planning/search/best_first.py", "from fmopt.verify import verify") == ["verify"]
+    assert strangers("planning/control/hybrid_strategy.py", "from fmopt.report.page import report_page") == ["report"]
+    assert strangers("verify/check.py", "from fmopt.spatial.values import frozen") == ["values"]
     assert foreign("verify/check.py", "import math, numpy") == ["numpy"]
-    assert foreign("contact/graph.py", "if True:\n    import matplotlib.pyplot, numpy, torch") == [
+    assert foreign("contact/state_graph.py", "if True:\n    import matplotlib.pyplot, numpy, torch") == [
         "matplotlib",
         "torch",
     ]

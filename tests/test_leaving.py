@@ -14,12 +14,12 @@ from plan_mutations import changed
 from searched import certified_plan, leaving, motion_from
 
 from fmopt.certificate.assembly import contact_rows
-from fmopt.certificate.segment import advance
-from fmopt.certificate.way import Piece
+from fmopt.certificate.propagation import advance
+from fmopt.certificate.segment_linearisation import Piece
 from fmopt.errors import InfeasibleError
-from fmopt.placement.entry import planar_entries
-from fmopt.placement.tolerated import CertifiedMotion
 from fmopt.plan import parsed
+from fmopt.planning.robustness.error_tolerance import CertifiedMotion
+from fmopt.planning.search.entry import planar_entries
 from fmopt.report.moves import move_words, moves
 from fmopt.task.problem import Problem, load
 from fmopt.verify import verify

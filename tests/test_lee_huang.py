@@ -6,21 +6,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmopt.control.decomposition import position_force
 from fmopt.errors import GeometryError, InterferenceError
 from fmopt.geometry.csg import Box, Cone, Cylinder, Difference, Placed, Prism, Union, ring
-from fmopt.guarded.axes import Decomposition, contact_forces
-from fmopt.knowledge.command import answer
-from fmopt.nominal.freedom import freedom, half_widths
-from fmopt.nominal.mapping import Task, answered, plane_diagrams, records, task_mapping
+from fmopt.papers.lee_huang.freedom import freedom, half_widths
+from fmopt.papers.lee_huang.hand_position_force import position_force
+from fmopt.papers.lee_huang.mapping import Task, answered, plane_diagrams, records, task_mapping
 from fmopt.plan import clean, diagram
-from fmopt.report import diagram_view, trajectory_view
+from fmopt.plan.position_force import Decomposition, contact_forces
 from fmopt.report.drawing import drawn
-from fmopt.se3 import Pose, exp
-from fmopt.task.command import task_command
+from fmopt.report.views import diagram_view, trajectory_view
+from fmopt.spatial.se3 import Pose, exp
+from fmopt.task.object_model.command import answer
 from fmopt.task.problem import load
-from fmopt.verify.parse_segments import read_nominal, read_position_force
-from fmopt.verify.reader import Reader
+from fmopt.task.task_command import task_command
+from fmopt.verify.reading.parse_segments import read_nominal, read_position_force
+from fmopt.verify.reading.reader import Reader
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 SPEED, RHO = 0.02, 0.014

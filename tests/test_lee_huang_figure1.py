@@ -11,20 +11,20 @@ import pytest
 from workcells import SPECIFICATION, at, cell, feature, thing
 
 from fmopt.geometry.csg import Box, Cylinder, Placed
-from fmopt.knowledge.command import Answer, Task, answer
-from fmopt.knowledge.goal import FREE, Goal
-from fmopt.knowledge.tree import ObjectTree
-from fmopt.knowledge.workcell import Ref, Workcell
-from fmopt.nominal.freedom import half_widths
-from fmopt.nominal.mapping import Mapping, answered, plane_diagrams
-from fmopt.nominal.plane_freedom import freedom_on_planes
-from fmopt.nominal.trajectory import insertion
-from fmopt.se3 import Pose
-from fmopt.task.command import task_command
+from fmopt.papers.lee_huang.freedom import half_widths
+from fmopt.papers.lee_huang.mapping import Mapping, answered, plane_diagrams
+from fmopt.papers.lee_huang.nominal_trajectory import insertion
+from fmopt.papers.lee_huang.plane_freedom import freedom_on_planes
+from fmopt.spatial.se3 import Pose
 from fmopt.task.model import load_model
+from fmopt.task.object_model.command import Answer, Task, answer
+from fmopt.task.object_model.goal import FREE, Goal
+from fmopt.task.object_model.tree import ObjectTree
+from fmopt.task.object_model.workcell import Ref, Workcell
 from fmopt.task.problem import load
-from fmopt.task.toml_source import Place
-from fmopt.task.tree import build_tree
+from fmopt.task.solid_tree import build_tree
+from fmopt.task.task_command import task_command
+from fmopt.task.toml.source import Place
 
 ROOT = Path(__file__).parent.parent
 WIDE, RHO = np.array([1e-4, 1e-4, 1e-4, 0.05, 0.05, 0.05]), 0.014

@@ -15,12 +15,12 @@ from test_lee_huang import BORE, GOAL, PEG, RHO, SPEED, START, block, hexagon
 from test_nominal_planes import loop, random_case
 
 from fmopt.geometry.csg import Box, Solid, ring
-from fmopt.nominal.diagram import polygon
-from fmopt.nominal.line_contact import Leg
-from fmopt.nominal.mapping import Mapping, Task, task_mapping
-from fmopt.nominal.plane_freedom import spans
-from fmopt.nominal.uncertainty_zone import PLANES
-from fmopt.values import Array
+from fmopt.papers.lee_huang.diagram import polygon
+from fmopt.papers.lee_huang.line_contact import Leg
+from fmopt.papers.lee_huang.mapping import Mapping, Task, task_mapping
+from fmopt.papers.lee_huang.plane_freedom import spans
+from fmopt.papers.lee_huang.uncertainty_zone import PLANES
+from fmopt.spatial.values import Array
 
 BALL, CONE = 1e-4, 0.012
 LENGTH, HIGH = 0.05, 0.04

@@ -10,19 +10,19 @@ import pytest
 from test_task_keys import shipped, swapped
 from workcells import at, cell, feature, task, thing
 
+from fmopt.certificate.error_set import ErrorSet
 from fmopt.errors import InputError, InterferenceError, TaskError
 from fmopt.geometry.csg import Box, Cylinder, Placed, Prism, Solid, ring
-from fmopt.knowledge.command import Answer, Task, answer
-from fmopt.knowledge.goal import FREE, Goal
-from fmopt.knowledge.tree import ObjectTree
-from fmopt.knowledge.workcell import LowerPair, Workcell
-from fmopt.nominal.mapping import Mapping, answered
-from fmopt.pipeline import nominal_motion, synthesise
-from fmopt.se3 import Pose
+from fmopt.papers.lee_huang.mapping import Mapping, answered
+from fmopt.planning.pipeline import nominal_motion, synthesise
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
 from fmopt.task.assembly import carried_out, load_assembly
+from fmopt.task.object_model.command import Answer, Task, answer
+from fmopt.task.object_model.goal import FREE, Goal
+from fmopt.task.object_model.tree import ObjectTree
+from fmopt.task.object_model.workcell import LowerPair, Workcell
 from fmopt.task.problem import load
-from fmopt.uncertainty.error_set import ErrorSet
-from fmopt.values import Array
 
 ROOT = Path(__file__).parent.parent
 BOX, RHO = np.array([1e-4, 1e-4, 1e-4, 0.01, 0.01, 0.03]), 0.014

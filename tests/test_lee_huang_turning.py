@@ -10,17 +10,17 @@ from test_lee_huang import BOX, GOAL, RHO, SPEED, at, block
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.clearance import penetration
+from fmopt.geometry.convex_pieces import pieces
 from fmopt.geometry.csg import Box, Solid, Union
-from fmopt.geometry.pieces import pieces
+from fmopt.geometry.plane.region import polygon_region
 from fmopt.geometry.polyhedron import placed
-from fmopt.nominal.mapping import Mapping, Task, records, task_mapping
-from fmopt.nominal.shrink_expand import expanded, expanded_over, section_at
-from fmopt.nominal.uncertainty_zone import PLANES
+from fmopt.papers.lee_huang.mapping import Mapping, Task, records, task_mapping
+from fmopt.papers.lee_huang.shrink_expand import expanded, expanded_over, section_at
+from fmopt.papers.lee_huang.uncertainty_zone import PLANES
 from fmopt.plan import diagram
-from fmopt.plane.region import polygon_region
-from fmopt.report import diagram_view
 from fmopt.report.drawing import drawn
-from fmopt.values import Array
+from fmopt.report.views import diagram_view
+from fmopt.spatial.values import Array
 
 FREE, ROUND = (0,) * 6, (2, 2, 0, 2, 2, 0)
 LYING = np.array([0.0, np.pi / 2, 0.0])  # its length along +x

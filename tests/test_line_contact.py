@@ -7,8 +7,8 @@ from itertools import pairwise, product
 import numpy as np
 import pytest
 
-from fmopt.nominal.line_contact import Leg, Lines, possible
-from fmopt.values import Array
+from fmopt.papers.lee_huang.line_contact import Leg, Lines, possible
+from fmopt.spatial.values import Array
 
 SIGNS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 ROUNDING = 1e-12

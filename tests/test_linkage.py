@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fmopt.certificate.error_set import ErrorSet, Linkage
 from fmopt.certificate.tube import coupled
-from fmopt.framing import IN_THE_WORLD, Framing
-from fmopt.se3 import exp, log
-from fmopt.uncertainty.error_set import ErrorSet, Linkage
-from fmopt.values import Array
+from fmopt.spatial.framing import IN_THE_WORLD, Framing
+from fmopt.spatial.se3 import exp, log
+from fmopt.spatial.values import Array
 
 BOX = np.array([3e-4, 2e-4, 1e-4, 6e-3, 4e-3, 8e-3])
 FRAMING = Framing(np.array([0.3, 0.3, 0.5, 0.2, 0.2, 0.2]), np.array([0.4, 0.2, 0.0, 0.5, 0.5, 0.5]))

@@ -5,14 +5,14 @@ import pytest
 from peg_pieces import claims, peg
 from test_certificate_rows import KINDS, box, forms, moved, pose
 
-from fmopt.certificate.curvature import Course, Curvature
-from fmopt.certificate.lower import Motion, Witnesses, best, over
+from fmopt.certificate.error_set import Support
+from fmopt.certificate.remainder import Course, Curvature
+from fmopt.certificate.row_bounds import Motion, Witnesses, best, over
 from fmopt.certificate.rows import Forms, points_above, stacked
 from fmopt.certificate.tube import left
-from fmopt.placement.arcs import SHARES
-from fmopt.placement.separating_planes import fans
-from fmopt.uncertainty.error_set import Support
-from fmopt.values import Array
+from fmopt.planning.moves.plane_arcs import SHARES
+from fmopt.planning.moves.separating_planes import fans
+from fmopt.spatial.values import Array
 
 PIECES = 3
 CUTS = (4, 6, 7, 9)  # generators, slide, swing, shape; the rest is slack

@@ -13,14 +13,14 @@ from execution_model import execute
 from plan_mutations import changed
 from searched import certified_plan, leaving, steadier, tilted_motion
 
-from fmopt.certificate.knowledge import coming_off
-from fmopt.certificate.segment import advance
-from fmopt.certificate.way import Piece
+from fmopt.certificate.contact_implications import coming_off
+from fmopt.certificate.propagation import advance
+from fmopt.certificate.segment_linearisation import Piece
 from fmopt.execution.trials import Trials, run
-from fmopt.placement.entry import Shape, tilted_entry
-from fmopt.placement.shapes import flat_shapes, tilted_shapes
-from fmopt.placement.tolerated import CertifiedMotion
 from fmopt.plan import parsed
+from fmopt.planning.robustness.error_tolerance import CertifiedMotion
+from fmopt.planning.search.entry import Shape, tilted_entry
+from fmopt.planning.search.entry_candidates import flat_shapes, tilted_shapes
 from fmopt.report.moves import move_words, moves
 from fmopt.task.problem import Problem, load
 from fmopt.task.sizes import measured_clearance

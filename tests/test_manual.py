@@ -302,8 +302,8 @@ def _run(command: str, where: str) -> None:
 
 def _read(text: str, place: Path) -> None:
     """Reads a whole file by its kind; what is only some tables takes the place of these in the square peg's problem."""
+    from fmopt.study.allocation.tolerances import load_allocation
     from fmopt.study.design import load_study
-    from fmopt.study.tolerances import load_allocation
     from fmopt.task.problem import load
 
     kind = re.match(r"#:schema \./(\w+)\.schema\.json", text)

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from study_problems import straight
 
-from fmopt.pipeline import certified_motion
+from fmopt.planning.pipeline import certified_motion
+from fmopt.spatial.values import few_collections, remembered
 from fmopt.task.problem import load
-from fmopt.values import few_collections, remembered
 
 ROOT = Path(__file__).parent.parent
 

@@ -19,13 +19,13 @@ from test_verify_meshes import packed_stl, part
 import fmopt
 from fmopt.errors import GeometryError
 from fmopt.geometry.clearance import mating_clearance
+from fmopt.geometry.convex_pieces import pieces, polyhedron
 from fmopt.geometry.csg import Box, Difference, Placed, Prism, Solid, Union
-from fmopt.geometry.excess import MESH_NOISE, solid_of
 from fmopt.geometry.facets import merged_vertices
-from fmopt.geometry.mesh import load_mesh, mesh_polyhedron
-from fmopt.geometry.mesh_file import read_triangles
+from fmopt.geometry.inverse_csg import MESH_NOISE, solid_of
+from fmopt.geometry.mesh.mesh_file import read_triangles
+from fmopt.geometry.mesh.mesh_import import load_mesh, mesh_polyhedron
 from fmopt.geometry.part import Part, mesh_part, rebased
-from fmopt.geometry.pieces import pieces, polyhedron
 from fmopt.task.problem import load
 from fmopt.task.sizes import measured_clearance
 from fmopt.verify.problem.meshes import NoMesh, triangles

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from fmopt import motion
 from fmopt.errors import FmoptError, InfeasibleError, SearchError
-from fmopt.pipeline import certified_motion
+from fmopt.planning import motion
+from fmopt.planning.pipeline import certified_motion
 from fmopt.task.problem import Problem, load
 
 ROOT = Path(__file__).parent.parent

@@ -10,19 +10,19 @@ import pytest
 from execution_model import execute
 from searched import certified_plan, task_of, tilted_motion
 
-from fmopt import se3
 from fmopt.execution.program import planned
 from fmopt.execution.rig import Rig
 from fmopt.execution.robot import Robot
 from fmopt.execution.rotation import from_quaternions
 from fmopt.execution.trials import Trials, run
-from fmopt.guarded.moves import moves
-from fmopt.placement.entry import Shape, corner_turns, leading_corners, next_to_round, tilted_entry
-from fmopt.placement.search import begin
-from fmopt.placement.step import Task, follow, sons
-from fmopt.placement.tolerated import CertifiedMotion
 from fmopt.plan import parsed
-from fmopt.se3 import Pose, length
+from fmopt.plan.guarded_moves import moves
+from fmopt.planning.robustness.error_tolerance import CertifiedMotion
+from fmopt.planning.search.best_first import begin
+from fmopt.planning.search.entry import Shape, corner_turns, leading_corners, next_to_round, tilted_entry
+from fmopt.planning.search.successors import Task, follow, sons
+from fmopt.spatial import se3
+from fmopt.spatial.se3 import Pose, length
 from fmopt.task.problem import Problem, load
 from fmopt.task.sizes import measured_clearance
 from fmopt.verify import verify

@@ -5,8 +5,8 @@ import pytest
 
 from fmopt.geometry.csg import Box, Cylinder, Difference, Placed, Union, chamfered_box, frustum
 from fmopt.geometry.part import part_of
-from fmopt.nominal.trajectory import critical_poses, insertion
-from fmopt.se3 import Pose
+from fmopt.papers.lee_huang.nominal_trajectory import critical_poses, insertion
+from fmopt.spatial.se3 import Pose
 
 REACH = 5e-4
 SPEED = 0.02

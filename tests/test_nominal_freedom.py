@@ -9,11 +9,11 @@ from scipy.optimize import linprog
 from fmopt.errors import SolverError
 from fmopt.geometry.csg import Box, Cylinder, Difference, Placed
 from fmopt.geometry.part import part_of
-from fmopt.nominal import freedom as slack_module
-from fmopt.nominal.freedom import freedom, half_widths
-from fmopt.nominal.touch import Linear
-from fmopt.nominal.trajectory import NominalTrajectory, insertion
-from fmopt.se3 import Pose
+from fmopt.papers.lee_huang import freedom as slack_module
+from fmopt.papers.lee_huang.freedom import freedom, half_widths
+from fmopt.papers.lee_huang.nominal_trajectory import NominalTrajectory, insertion
+from fmopt.papers.lee_huang.touch import Linear
+from fmopt.spatial.se3 import Pose
 
 SPEED = 0.02
 ENGAGED = (2, 2, 0, 2, 2, 2)

@@ -9,13 +9,13 @@ from shapely import Polygon, affinity
 from fmopt.errors import GeometryError
 from fmopt.geometry.csg import Box, Cylinder, Difference, Placed
 from fmopt.geometry.part import part_of
-from fmopt.nominal.diagram import circle, polygon, together
-from fmopt.nominal.freedom import freedom, half_widths
-from fmopt.nominal.line_contact import Leg
-from fmopt.nominal.plane_freedom import Slice, View, freedom_on_planes, spans
-from fmopt.nominal.trajectory import insertion
-from fmopt.nominal.uncertainty_zone import PLANES, zones
-from fmopt.se3 import Pose
+from fmopt.papers.lee_huang.diagram import circle, polygon, together
+from fmopt.papers.lee_huang.freedom import freedom, half_widths
+from fmopt.papers.lee_huang.line_contact import Leg
+from fmopt.papers.lee_huang.nominal_trajectory import insertion
+from fmopt.papers.lee_huang.plane_freedom import Slice, View, freedom_on_planes, spans
+from fmopt.papers.lee_huang.uncertainty_zone import PLANES, zones
+from fmopt.spatial.se3 import Pose
 
 FREE = (0,) * 6
 PEG, HOLE, LONG = 0.01, 0.0101, 0.04

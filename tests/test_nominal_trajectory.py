@@ -5,9 +5,9 @@ import pickle
 import numpy as np
 import pytest
 
-from fmopt import se3
 from fmopt.errors import GeometryError
-from fmopt.nominal.trajectory import NominalTrajectory, insertion
+from fmopt.papers.lee_huang.nominal_trajectory import NominalTrajectory, insertion
+from fmopt.spatial import se3
 
 START = [0.002, -0.001, 0.005, 0.0, 0.0, 0.1]
 GOAL = [0.0, 0.0, -0.03, 0.0, 0.0, 0.2]

@@ -7,8 +7,8 @@ import pytest
 from shapely import LineString
 
 from fmopt.errors import GeometryError
-from fmopt.nominal.visibility import Sight, bends, position_nodes
-from fmopt.plane.region import polygon_region
+from fmopt.geometry.plane.region import polygon_region
+from fmopt.papers.lee_huang.visibility import Sight, bends, position_nodes
 
 C = 1e-4  # clearance of the expanded hole
 SQUARE = [(-0.04, -0.04), (0.04, -0.04), (0.04, 0.04), (-0.04, 0.04)]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from shapely import MultiPoint, Point, Polygon
 
-from fmopt.nominal.uncertainty_zone import PLANES, Ball, Cone, Trapezoid, wrapped_distance, zones
+from fmopt.papers.lee_huang.uncertainty_zone import PLANES, Ball, Cone, Trapezoid, wrapped_distance, zones
 
 ZONE = Trapezoid(Ball([0.01, -0.02], 0.001), Cone(np.pi / 2, 0.1), 0.04)
 

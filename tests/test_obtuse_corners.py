@@ -12,10 +12,10 @@ from execution_model import execute
 from outlines import prism
 from searched import certified_plan, task_of, tilted_motion
 
-from fmopt.placement.entry import Shape, corner_walls, leading_corners, outline, tilted_entry
-from fmopt.placement.search import begin
-from fmopt.placement.shapes import Way, likely_headings, likely_shapes, obtuse_shapes
-from fmopt.placement.step import Node, follow
+from fmopt.planning.search.best_first import begin
+from fmopt.planning.search.entry import Shape, corner_walls, leading_corners, outline, tilted_entry
+from fmopt.planning.search.entry_candidates import Way, likely_headings, likely_shapes, obtuse_shapes
+from fmopt.planning.search.successors import Node, follow
 from fmopt.task.problem import Problem, load
 from fmopt.task.sizes import measured_clearance
 

@@ -14,27 +14,27 @@ import numpy as np
 import pytest
 from shapely import Polygon, union_all
 
-from fmopt import pipeline
 from fmopt.certificate.assembly import Assembly
 from fmopt.contact.polytope import enumerate_faces
 from fmopt.errors import GeometryError, InputError
 from fmopt.geometry import csg
 from fmopt.geometry.centre import axis, centre
-from fmopt.geometry.outline import Convex, convex_pieces, stack
+from fmopt.geometry.convex_pieces import pieces, polyhedron, union_manifold
+from fmopt.geometry.outline_solids import Convex, convex_pieces, stack
 from fmopt.geometry.part import Part
-from fmopt.geometry.pieces import pieces, polyhedron, union_manifold
-from fmopt.nominal.trajectory import critical_poses, insertion
-from fmopt.placement.states import Scale, contact_spaces
+from fmopt.papers.lee_huang.nominal_trajectory import critical_poses, insertion
 from fmopt.plan import sealed
+from fmopt.planning import pipeline
+from fmopt.planning.robustness.contact_space import Scale, contact_spaces
 from fmopt.report.sections import asked
-from fmopt.se3 import Pose
+from fmopt.spatial.se3 import Pose
 from fmopt.task.problem import Problem, load
 from fmopt.task.sizes import measured_clearance
 from fmopt.verify import verify
-from fmopt.verify.document import Body
-from fmopt.verify.document import Part as Stated
 from fmopt.verify.problem.parts import Compared, part_beside_its_model
 from fmopt.verify.problem.problem import load_problem
+from fmopt.verify.reading.document import Body
+from fmopt.verify.reading.document import Part as Stated
 
 SEEDS = (0, 1, 2)
 U = ((0.0, 0.0), (3.0, 0.0), (3.0, 3.0), (2.0, 3.0), (2.0, 1.0), (1.0, 1.0), (1.0, 3.0), (0.0, 3.0))

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from fmopt import output
 from fmopt.errors import ResourceError
+from fmopt.runtime import output
 
 
 def left(folder: Path) -> list[str]:

@@ -19,10 +19,10 @@ from fmopt.geometry.csg import Box, Cylinder, Difference, Placed
 from fmopt.report.sections import asked
 from fmopt.task.explain import explain, facts
 from fmopt.task.mesh_source import geometry_fault
-from fmopt.task.model_file import Mesh
 from fmopt.task.problem import load
 from fmopt.task.sizes import measured_clearance
-from fmopt.task.toml_source import read
+from fmopt.task.toml.model_file import Mesh
+from fmopt.task.toml.source import read
 
 MODEL = """name = "{name}"
 

@@ -7,8 +7,8 @@ import pytest
 from placement_instances import CLEARANCE, random_placement, translations
 
 from fmopt.errors import InfeasibleError, SolverError
-from fmopt.placement.clearance import Flat, max_min_clearance
-from fmopt.placement.polish import Descent, _Cost, descend
+from fmopt.planning.placement.goal_refinement import Descent, _Cost, descend
+from fmopt.planning.placement.largest_clearance import Flat, max_min_clearance
 
 
 def test_it_centres_between_walls() -> None:

@@ -11,9 +11,9 @@ import pytest
 from outlines import prism
 
 from fmopt.geometry.clearance import checked_clearance
-from fmopt.placement.entry import Entry, Shape, corner_walls, leading_corners, straight_entry, tilted_entry
-from fmopt.placement.shapes import funnel_depth, tilted_shapes
-from fmopt.se3 import Pose
+from fmopt.planning.search.entry import Entry, Shape, corner_walls, leading_corners, straight_entry, tilted_entry
+from fmopt.planning.search.entry_candidates import funnel_depth, tilted_shapes
+from fmopt.spatial.se3 import Pose
 from fmopt.task.problem import Problem, load
 
 PROBLEMS = Path(__file__).parent.parent / "problems"

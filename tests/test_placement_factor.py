@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fmopt.placement.bisection import Trial, factor, largest
+from fmopt.planning.optimise.bisection import Trial, factor, largest
 
 GRID = [factor(step) for step in range(-448, 385)]
 

@@ -11,12 +11,12 @@ from test_contact_surface import CASES, PEG
 
 from fmopt.certificate.kernels_rows import ROW
 from fmopt.certificate.rows import Forms, points_above, stacked
+from fmopt.contact.c_surface import Surfaces, heights, records
 from fmopt.contact.definitions import CONTACTS
-from fmopt.contact.surface import Surfaces, heights, records
-from fmopt.placement import keeping
-from fmopt.placement.keeping import KEPT, LOST, SINGULAR
-from fmopt.se3 import Pose, turns
-from fmopt.values import Array
+from fmopt.planning.moves import constrained_path as keeping
+from fmopt.planning.moves.constrained_path import KEPT, LOST, SINGULAR
+from fmopt.spatial.se3 import Pose, turns
+from fmopt.spatial.values import Array
 
 Kernel = Any
 # An edge of each part, both along x, the fixed one a metre below.

@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 from placement_instances import METRIC, linear_surfaces, linearised, peg_placement, peg_rows, random_placement
 
+from fmopt.contact.c_surface import values_and_rows
 from fmopt.contact.primitive import near_contacts
-from fmopt.contact.surface import values_and_rows
 from fmopt.errors import SolverError
 from fmopt.geometry.csg import Box, convex_polyhedron
-from fmopt.placement import nlp
-from fmopt.placement.clearance import max_min_clearance
-from fmopt.placement.formation import (
+from fmopt.planning.placement import nonlinear_program as nlp
+from fmopt.planning.placement.formation import (
     Row,
     RowKind,
     counts,
@@ -25,8 +24,15 @@ from fmopt.placement.formation import (
     formation_derivatives,
     vertex_face,
 )
-from fmopt.placement.nlp import SurfacePlacement, certify_on_surfaces, largest, place_on_surfaces, project
-from fmopt.se3 import Pose
+from fmopt.planning.placement.largest_clearance import max_min_clearance
+from fmopt.planning.placement.nonlinear_program import (
+    SurfacePlacement,
+    certify_on_surfaces,
+    largest,
+    place_on_surfaces,
+    project,
+)
+from fmopt.spatial.se3 import Pose
 
 STATES = [
     (),

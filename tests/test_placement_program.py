@@ -11,9 +11,18 @@ import pytest
 from placement_instances import random_placement
 
 from fmopt.errors import InfeasibleError, SolverError
-from fmopt.placement.clearance import max_min_clearance
-from fmopt.placement.program import ConeProgram, Duals, Norm, Solution, as_cvxpy, certify, checked, dual_bound
-from fmopt.placement.solvers import ClarabelSolver
+from fmopt.planning.optimise.cone_program import (
+    ConeProgram,
+    Duals,
+    Norm,
+    Solution,
+    as_cvxpy,
+    certify,
+    checked,
+    dual_bound,
+)
+from fmopt.planning.optimise.solvers import ClarabelSolver
+from fmopt.planning.placement.largest_clearance import max_min_clearance
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ import pytest
 from fmopt.contact.primitive import edge_edge
 from fmopt.geometry.csg import Box, Difference, Placed
 from fmopt.geometry.part import Part, part_of
-from fmopt.placement import flush
-from fmopt.placement.flush import DOUBT, Edges, Rims
-from fmopt.se3 import Pose, cross, exp
-from fmopt.values import Array
+from fmopt.planning.moves import contact_transition as flush
+from fmopt.planning.moves.contact_transition import DOUBT, Edges, Rims
+from fmopt.spatial.se3 import Pose, cross, exp
+from fmopt.spatial.values import Array
 
 
 def both(kernel: Any) -> tuple[Any, Any]:

@@ -10,12 +10,12 @@ from convex_sets import in_space, overlapping, relaxation, shortest_of_all
 from scipy.optimize import linprog
 from test_contact_parts import MID_DEPTH, block, peg
 
-from fmopt.contact.graph import ContactGraph, Scale, contact_graph, faces, local_space
 from fmopt.contact.primitive import near_contacts
+from fmopt.contact.state_graph import ContactGraph, Scale, contact_graph, faces, local_space
 from fmopt.errors import InfeasibleError
-from fmopt.placement.route import ConvexSets, Route, shortest_route
-from fmopt.placement.state_route import state_route
-from fmopt.values import Array
+from fmopt.planning.optimise.convex_route import ConvexSets, Route, shortest_route
+from fmopt.planning.search.state_route import state_route
+from fmopt.spatial.values import Array
 
 
 def inside(corners: Array, point: Array) -> float:

@@ -12,21 +12,21 @@ import numpy as np
 import pytest
 
 from fmopt.certificate.assembly import Assembly
-from fmopt.certificate.segment import Tolerance
+from fmopt.certificate.error_set import ErrorSet
+from fmopt.certificate.propagation import Tolerance
+from fmopt.contact.c_surface import Surfaces
 from fmopt.contact.primitive import Kind
-from fmopt.contact.surface import Surfaces
 from fmopt.errors import SearchError
 from fmopt.geometry.clearance import mating_clearance
 from fmopt.geometry.csg import Box, Difference, Placed
 from fmopt.geometry.part import part_of
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.placement.entry import Entry, start_spread, straight_entry, tilted_entry
-from fmopt.placement.explore import Freedom, Near, Place, guarded, neighbourhood
-from fmopt.placement.search import _Frontier, begin, best_sequences, search, shortfall
-from fmopt.placement.shapes import tilted_shapes
-from fmopt.placement.step import Costs, Task
-from fmopt.se3 import Pose, exp
-from fmopt.uncertainty.error_set import ErrorSet
+from fmopt.planning.search.best_first import _Frontier, begin, best_sequences, search, shortfall
+from fmopt.planning.search.entry import Entry, start_spread, straight_entry, tilted_entry
+from fmopt.planning.search.entry_candidates import tilted_shapes
+from fmopt.planning.search.guarded_move import Freedom, Near, Place, guarded, neighbourhood
+from fmopt.planning.search.successors import Costs, Task
+from fmopt.spatial.se3 import Pose, exp
 
 DEGREE = math.pi / 180.0
 

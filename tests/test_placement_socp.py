@@ -18,10 +18,10 @@ from placement_instances import (
 )
 
 from fmopt.errors import InfeasibleError, SolverError
-from fmopt.placement import solvers
-from fmopt.placement.clearance import Flat, Metric, Placement, lexicographic, max_min_clearance
-from fmopt.placement.nlp import place_on_surfaces
-from fmopt.placement.solvers import LinearSolver
+from fmopt.planning.optimise import solvers
+from fmopt.planning.optimise.solvers import LinearSolver
+from fmopt.planning.placement.largest_clearance import Flat, Metric, Placement, lexicographic, max_min_clearance
+from fmopt.planning.placement.nonlinear_program import place_on_surfaces
 
 
 def close(one: float, other: float, unit: float = CLEARANCE) -> bool:

@@ -10,10 +10,17 @@ import numpy as np
 import pytest
 
 from fmopt.errors import InfeasibleError
-from fmopt.motion import FINE
-from fmopt.pipeline import certified_motion, planned
-from fmopt.placement.tolerated import CertifiedMotion, Motion, Tolerated, largest_factor, tolerated, what_fails
 from fmopt.plan import parsed
+from fmopt.planning.motion import FINE
+from fmopt.planning.pipeline import certified_motion, planned
+from fmopt.planning.robustness.error_tolerance import (
+    CertifiedMotion,
+    ErrorTolerance,
+    Motion,
+    error_tolerance,
+    largest_factor,
+    what_fails,
+)
 from fmopt.report.recovery_tables import rates, tolerance_chapter, tolerated_words
 from fmopt.task.problem import Problem, load
 
@@ -39,13 +46,13 @@ def motion(solved: tuple[Problem, CertifiedMotion]) -> Motion:
 
 
 @pytest.fixture(scope="module")
-def found(solved: tuple[Problem, CertifiedMotion], motion: Motion) -> Tolerated:
+def found(solved: tuple[Problem, CertifiedMotion], motion: Motion) -> ErrorTolerance:
     x, y = (0.5 * play for play in solved[1].clearance.play)
-    return tolerated(motion, (x, y))
+    return error_tolerance(motion, (x, y))
 
 
 def test_the_independent_check_agrees_with_the_factor(
-    solved: tuple[Problem, CertifiedMotion], found: Tolerated
+    solved: tuple[Problem, CertifiedMotion], found: ErrorTolerance
 ) -> None:
     problem, done = solved
     for share, verdict in ((1.0, "CERTIFIED"), (1.0 + 2.0 * FINENESS, None)):
@@ -61,14 +68,14 @@ def test_the_independent_check_agrees_with_the_factor(
         assert str(judged.verdict) == verdict, judged.findings
 
 
-def test_the_factor_is_relative_to_the_errors(motion: Motion, found: Tolerated) -> None:
+def test_the_factor_is_relative_to_the_errors(motion: Motion, found: ErrorTolerance) -> None:
     half = largest_factor(replace(motion, box=0.5 * motion.box))
     assert half == pytest.approx(2.0 * found.factor, rel=2.0 * FINENESS)
     beyond = largest_factor(replace(motion, box=2.0 * found.box))
     assert beyond == pytest.approx(0.5, rel=2.0 * FINENESS)
 
 
-def test_what_ends_the_factor_is_what_fails(motion: Motion, found: Tolerated) -> None:
+def test_what_ends_the_factor_is_what_fails(motion: Motion, found: ErrorTolerance) -> None:
     end = found.end
     assert end is not None
     beyond = replace(motion, box=(1.0 + 1.5 * FINENESS) * found.box)
@@ -84,7 +91,7 @@ def test_what_ends_the_factor_is_what_fails(motion: Motion, found: Tolerated) ->
         assert worst.binding == end.binding
 
 
-def test_sensitivities_are_differences_of_margins(motion: Motion, found: Tolerated) -> None:
+def test_sensitivities_are_differences_of_margins(motion: Motion, found: ErrorTolerance) -> None:
     now = motion.margin
     assert now is not None
     by_name = {s.name: s for s in found.sensitivities}
@@ -103,7 +110,9 @@ def test_sensitivities_are_differences_of_margins(motion: Motion, found: Tolerat
     assert then - now == pytest.approx(by_name["start.rx"].change, abs=1e-12)
 
 
-def test_a_slimmer_peg_gains_what_the_clearance_does(solved: tuple[Problem, CertifiedMotion], found: Tolerated) -> None:
+def test_a_slimmer_peg_gains_what_the_clearance_does(
+    solved: tuple[Problem, CertifiedMotion], found: ErrorTolerance
+) -> None:
     """Planned anew for a peg that is slimmer by 5 µm a side, the margin is no less than the rate foretells."""
     from fmopt.geometry.part import stretched
 
@@ -120,7 +129,7 @@ def test_a_slimmer_peg_gains_what_the_clearance_does(solved: tuple[Problem, Cert
     assert other.placed.margin - done.placed.margin >= expected - 0.1 * gap
 
 
-def test_people_read_it(solved: tuple[Problem, CertifiedMotion], found: Tolerated) -> None:
+def test_people_read_it(solved: tuple[Problem, CertifiedMotion], found: ErrorTolerance) -> None:
     plan = parsed(planned(*solved, measured=found)[0])
     words = tolerated_words(plan)
     assert f"up to {found.factor:.3g} times the start errors" in words

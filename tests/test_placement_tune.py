@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from searched import task_of
 
-from fmopt.placement.entry import Entry, Shape, tilted_entry
-from fmopt.placement.search import MoveSequence, best_sequences
-from fmopt.placement.shapes import tilted_shapes
-from fmopt.placement.step import Task
-from fmopt.placement.tune import Limits, deepened, tuned
+from fmopt.planning.search.best_first import MoveSequence, best_sequences
+from fmopt.planning.search.entry import Entry, Shape, tilted_entry
+from fmopt.planning.search.entry_candidates import tilted_shapes
+from fmopt.planning.search.entry_tuning import Limits, deepened, tuned
+from fmopt.planning.search.successors import Task
 from fmopt.task.problem import Problem, load
 from fmopt.task.sizes import measured_clearance
 

@@ -9,8 +9,8 @@ import pytest
 from scipy.optimize import linprog
 
 from fmopt.errors import SolverError
-from fmopt.placement.solvers import least_vertex
-from fmopt.values import Array
+from fmopt.planning.optimise.solvers import least_vertex
+from fmopt.spatial.values import Array
 
 NOWHERE = np.zeros((0, 2)), np.zeros(0)
 POSITIVE = np.zeros(2), np.full(2, np.inf)

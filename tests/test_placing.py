@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import fmopt
-from fmopt.desk.placing import Placing
+from fmopt.notebook.placing import Placing
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 CERTAIN = 1e-9  # m

@@ -18,9 +18,9 @@ from whole_plan import whole_plan
 from fmopt import plan
 from fmopt.errors import PlanFormatError, ResourceError
 from fmopt.verify import PlanError, Verdict, verify
-from fmopt.verify.file import LARGEST_FILE, decoded
-from fmopt.verify.parse import FIELDS, parse
-from fmopt.verify.reader import Fields, Reader, table
+from fmopt.verify.reading.file import LARGEST_FILE, decoded
+from fmopt.verify.reading.parse import FIELDS, parse
+from fmopt.verify.reading.reader import Fields, Reader, table
 
 PAGE = Path(__file__).parent.parent / "fmopt" / "manual" / "certificate.md"
 WRONG: tuple[Any, ...] = (

@@ -11,14 +11,14 @@ import shapely
 from planar_sampling import instances
 
 from fmopt.errors import GeometryError
-from fmopt.plane.curve import Arc
-from fmopt.uncertainty.planar.boundary import Carrier, Piece
-from fmopt.uncertainty.planar.contact import Kind
-from fmopt.uncertainty.planar.edge import Case, TurnedEdge, edge_position
-from fmopt.uncertainty.planar.gap import wrapped
-from fmopt.uncertainty.planar.planar_set import PlanarSet
-from fmopt.uncertainty.planar.reach import Reach
-from fmopt.uncertainty.planar.vertex import ArcSum, vertex_position
+from fmopt.geometry.plane.curve import Arc
+from fmopt.papers.basanez_suarez.boundary import Carrier, Piece
+from fmopt.papers.basanez_suarez.contact import Kind
+from fmopt.papers.basanez_suarez.edge import Case, TurnedEdge, edge_position
+from fmopt.papers.basanez_suarez.gap import wrapped
+from fmopt.papers.basanez_suarez.planar_set import PlanarSet
+from fmopt.papers.basanez_suarez.reach import Reach
+from fmopt.papers.basanez_suarez.vertex import ArcSum, vertex_position
 
 ORIGIN = (0.0, 0.0)
 

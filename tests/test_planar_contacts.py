@@ -11,12 +11,12 @@ from planar_sampling import deviations as sampled_deviations
 from planar_sampling import disc, instances
 
 from fmopt.errors import GeometryError
-from fmopt.plane.curve import Segment
-from fmopt.uncertainty.planar.c_obstacle import PossibleContacts
-from fmopt.uncertainty.planar.contact import CU, Kind, Range, basic_contacts
-from fmopt.uncertainty.planar.edge import Case
-from fmopt.uncertainty.planar.profile import Profile
-from fmopt.uncertainty.sources import Deviations
+from fmopt.geometry.plane.curve import Segment
+from fmopt.papers.basanez_suarez.c_obstacle import PossibleContacts
+from fmopt.papers.basanez_suarez.contact import CU, Kind, Range, basic_contacts
+from fmopt.papers.basanez_suarez.edge import Case
+from fmopt.papers.basanez_suarez.profile import Profile
+from fmopt.papers.basanez_suarez.sources import Deviations
 
 NONE = Deviations(np.zeros(1), 0.0, 0.0)
 EVERY = Range(-math.pi, math.pi)

@@ -11,10 +11,10 @@ from planar_sampling import disc
 from test_planar_contacts import gon, notched, slot, spread
 
 from fmopt.errors import GeometryError, InfeasibleError
-from fmopt.uncertainty.planar.c_obstacle import PossibleContacts
-from fmopt.uncertainty.planar.motion import MotionKind, classify, clearance, clearance_for_gross, possible_spans
-from fmopt.uncertainty.planar.profile import Profile
-from fmopt.uncertainty.sources import Deviations
+from fmopt.papers.basanez_suarez.c_obstacle import PossibleContacts
+from fmopt.papers.basanez_suarez.motion import MotionKind, classify, clearance, clearance_for_gross, possible_spans
+from fmopt.papers.basanez_suarez.profile import Profile
+from fmopt.papers.basanez_suarez.sources import Deviations
 
 BODY, STATIC = gon(5, 0.01, 0.2), notched()
 TOTAL = spread(STATIC, 1e-3, 0.02, shape=2e-4)

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from planar_sampling import Instance, deviations, instances
 
-from fmopt.uncertainty.planar.contact import CU, FULL, Kind, Range, basic_contacts
-from fmopt.uncertainty.planar.edge import Case
-from fmopt.uncertainty.planar.profile import Profile
-from fmopt.uncertainty.planar.reach import Reach
-from fmopt.uncertainty.planar.vertex import ArcSum
-from fmopt.uncertainty.sources import Deviations, edge_turn
+from fmopt.papers.basanez_suarez.contact import CU, FULL, Kind, Range, basic_contacts
+from fmopt.papers.basanez_suarez.edge import Case
+from fmopt.papers.basanez_suarez.profile import Profile
+from fmopt.papers.basanez_suarez.reach import Reach
+from fmopt.papers.basanez_suarez.sources import Deviations, edge_turn
+from fmopt.papers.basanez_suarez.vertex import ArcSum
 
 ORIGIN = np.zeros(2)
 EVERY = Range(-math.pi, math.pi)

@@ -14,24 +14,24 @@ import numpy as np
 import pytest
 from searched import task_of
 
-from fmopt import motion, pipeline
+from fmopt.contact.c_surface import Surfaces
 from fmopt.contact.primitive import Kind, PrimitiveContact, vertex_face
-from fmopt.contact.surface import Surfaces
-from fmopt.control.strategy import _touching
 from fmopt.errors import InputError, SearchError
-from fmopt.placement.bisection import ATTEMPTS, largest_share
-from fmopt.placement.entry import Entry, planar_entries
-from fmopt.placement.explore import IN_PLANE, freedoms
-from fmopt.placement.motion import Move, Reached
-from fmopt.placement.search import best_sequences, search
-from fmopt.placement.sequence import Placed, certified
-from fmopt.placement.shapes import roomy_in_plane
-from fmopt.placement.step import Task
-from fmopt.se3 import Pose
+from fmopt.planning import motion, pipeline
+from fmopt.planning.control.controlled_motion import _touching
+from fmopt.planning.moves.moves import Move, Reached
+from fmopt.planning.optimise.bisection import ATTEMPTS, largest_share
+from fmopt.planning.placement.sequence_program import Placed, certified
+from fmopt.planning.search.best_first import best_sequences, search
+from fmopt.planning.search.entry import Entry, planar_entries
+from fmopt.planning.search.entry_candidates import roomy_in_plane
+from fmopt.planning.search.guarded_move import IN_PLANE, freedoms
+from fmopt.planning.search.successors import Task
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
 from fmopt.task.explain import explain, facts
 from fmopt.task.problem import Problem, load
 from fmopt.task.sizes import measured_clearance
-from fmopt.values import Array
 from fmopt.verify.findings import NOT_PROVED, Verdict
 
 ROOT = Path(__file__).parent.parent

@@ -12,11 +12,7 @@ import numpy as np
 import pytest
 from report_plans import cube, diagnostics
 
-from fmopt.plan import boundary, surface
-from fmopt.report import planar_view, surface_view
-from fmopt.report.drawing import drawn
-from fmopt.report.page import possible_contacts
-from fmopt.uncertainty.planar.account import (
+from fmopt.papers.basanez_suarez.account import (
     Nominal,
     Stretch,
     account,
@@ -25,11 +21,15 @@ from fmopt.uncertainty.planar.account import (
     reach_of,
     surface_record,
 )
-from fmopt.uncertainty.planar.c_obstacle import PossibleContacts
-from fmopt.uncertainty.planar.contact import CU, Kind, Range
-from fmopt.uncertainty.planar.profile import Profile
-from fmopt.uncertainty.sources import Deviations
-from fmopt.verify.diagnostics import Agreement, Planar
+from fmopt.papers.basanez_suarez.c_obstacle import PossibleContacts
+from fmopt.papers.basanez_suarez.contact import CU, Kind, Range
+from fmopt.papers.basanez_suarez.profile import Profile
+from fmopt.papers.basanez_suarez.sources import Deviations
+from fmopt.plan import boundary, surface
+from fmopt.report.drawing import drawn
+from fmopt.report.page import possible_contacts
+from fmopt.report.views import planar_view, surface_view
+from fmopt.verify.reading.diagnostics import Agreement, Planar
 
 RANGE, SURE = Range(-0.6, 0.9), Range(-0.4, 0.7)
 EDGE = {"1": [[0.02, 0.0], [-0.02, 0.005]], "A": [[-0.015, -0.02], [0.025, -0.02]], "B": [[0.01, -0.02], [0.04, -0.02]]}

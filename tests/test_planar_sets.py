@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from planar_sampling import Instance, deviations, instances, nearest
 
-from fmopt.uncertainty.planar.contact import Kind
-from fmopt.uncertainty.planar.edge import Case
-from fmopt.uncertainty.planar.planar_set import PlanarSet
+from fmopt.papers.basanez_suarez.contact import Kind
+from fmopt.papers.basanez_suarez.edge import Case
+from fmopt.papers.basanez_suarez.planar_set import PlanarSet
 
 GROUPS = [(Kind.TYPE_1, None), (Kind.TYPE_2, Case.A), (Kind.TYPE_2, Case.B)]
 NAMES = ["type 1", "type 2 case A", "type 2 case B"]

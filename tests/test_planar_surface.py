@@ -9,8 +9,8 @@ import pytest
 import sympy
 from planar_sampling import Instance, instances
 
-from fmopt.uncertainty.planar.contact import Kind
-from fmopt.uncertainty.planar.surface import boundary_rank, envelope_function, family, geometry_values
+from fmopt.papers.basanez_suarez.contact import Kind
+from fmopt.papers.basanez_suarez.surface import boundary_rank, envelope_function, family, geometry_values
 
 KINDS = pytest.mark.parametrize("kind", list(Kind))
 

@@ -11,14 +11,14 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from fmopt.errors import GeometryError
-from fmopt.plane.arrangement import linked
-from fmopt.plane.boolean import difference, intersection, positive, union
-from fmopt.plane.conic import ConicArc, ellipse_arcs
-from fmopt.plane.convolution import components
-from fmopt.plane.curve import Arc, Curve, Segment
-from fmopt.plane.meet import meet
-from fmopt.plane.region import Region, polygon_region
-from fmopt.values import Array
+from fmopt.geometry.plane.arrangement import linked
+from fmopt.geometry.plane.boolean import difference, intersection, positive, union
+from fmopt.geometry.plane.conic import ConicArc, ellipse_arcs
+from fmopt.geometry.plane.convolution import components
+from fmopt.geometry.plane.curve import Arc, Curve, Segment
+from fmopt.geometry.plane.meet import meet
+from fmopt.geometry.plane.region import Region, polygon_region
+from fmopt.spatial.values import Array
 
 TOLERANCE = 1e-12
 

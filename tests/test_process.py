@@ -57,7 +57,7 @@ def test_a_signal_ends_a_command_that_is_inside_a_library(number: signal.Signals
     code = (
         "import ctypes, signal, sys\n"
         "from pathlib import Path\n"
-        "from fmopt import output, process\n"
+        "from fmopt.runtime import output, process\n"
         "signal.signal(int(sys.argv[2]), signal.SIG_DFL)  # whoever runs the tests may have it ignored\n"
         "def command():\n"
         "    with output.fresh(Path(sys.argv[1])) as folder:\n"
@@ -84,7 +84,7 @@ def test_a_signal_ends_a_command_that_is_inside_a_library(number: signal.Signals
 def test_a_signal_that_a_library_turns_into_an_error_of_its_own_is_still_one(number: signal.Signals) -> None:
     code = (
         "import os, sys\n"
-        "from fmopt import process\n"
+        "from fmopt.runtime import process\n"
         "from fmopt.cli import entry\n"
         "from fmopt.errors import ResourceError\n"
         "def imported():\n"
@@ -104,7 +104,7 @@ def test_a_signal_that_a_library_turns_into_an_error_of_its_own_is_still_one(num
 
 
 def test_signals_that_who_started_it_ignores_are_ignored() -> None:
-    code = "import os, signal; from fmopt import process; process.run(lambda: os.kill(os.getpid(), signal.SIGHUP) or 7)"
+    code = "import os, signal; from fmopt.runtime import process; process.run(lambda: os.kill(os.getpid(), signal.SIGHUP) or 7)"
     line = f"trap '' HUP; exec '{sys.executable}' -c '{code}'"
     assert subprocess.run(["bash", "-c", line], cwd=ROOT, timeout=60, check=False).returncode == 7
 
@@ -112,7 +112,7 @@ def test_signals_that_who_started_it_ignores_are_ignored() -> None:
 def test_a_child_ends_with_its_parent_however_that_ends(tmp_path: Path) -> None:
     code = (
         "import os, signal, time\n"
-        "from fmopt.child import Child\n"
+        "from fmopt.runtime.child_process import Child\n"
         "children = [Child('fmopt.execution.workers:serve') for _ in range(2)]\n"
         "time.sleep(0.5)\n"
         "os.kill(os.getpid(), signal.SIGKILL)\n"

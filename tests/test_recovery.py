@@ -12,20 +12,20 @@ import pytest
 from execution_geometry import Convex, gaps, rotations
 from plan_mutations import changed
 
-from fmopt.control.recovery import underside
-from fmopt.export.cautions import failing_words
-from fmopt.export.urscript import program
+from fmopt.geometry.convex_pieces import pieces, polyhedron
 from fmopt.geometry.csg import Box, Difference, Hull, Placed, Prism, Solid, Union, frustum
-from fmopt.geometry.pieces import pieces, polyhedron
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.plan import parsed
+from fmopt.plan.export.cautions import failing_words
+from fmopt.plan.export.urscript import program
+from fmopt.planning.control.recovery import underside
 from fmopt.report.recovery_tables import recovery_chapter, recovery_words
-from fmopt.se3 import Pose, exp
+from fmopt.spatial.se3 import Pose, exp
 from fmopt.verify import PlanError, verify
-from fmopt.verify.document import Body
-from fmopt.verify.rational import number
-from fmopt.verify.recovery import underside as checked_underside
-from fmopt.verify.solids import Shape
+from fmopt.verify.arithmetic.rational import number
+from fmopt.verify.control.recovery import underside as checked_underside
+from fmopt.verify.parts.solids import Shape
+from fmopt.verify.reading.document import Body
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 Plan = dict[str, Any]

@@ -10,15 +10,15 @@ import pytest
 from report_plans import bare_plan, cube, cube_plan, diagnostics, with_graph
 
 from fmopt.plan import Contact, parsed
-from fmopt.report import budget_view
 from fmopt.report.bodies import contact_place
-from fmopt.report.cut_view import alt as cut_alt
-from fmopt.report.cut_view import move_ends, sections
 from fmopt.report.drawing import sheet
 from fmopt.report.figures import Figure, catalogue, figures
-from fmopt.report.graph_view import graphs
-from fmopt.report.tube_view import error_sets, outline
-from fmopt.se3 import Pose
+from fmopt.report.views import budget_view
+from fmopt.report.views.cut_view import alt as cut_alt
+from fmopt.report.views.cut_view import move_ends, sections
+from fmopt.report.views.graph_view import graphs
+from fmopt.report.views.tube_view import error_sets, outline
+from fmopt.spatial.se3 import Pose
 
 NAMES = ["cut", "states", "margin", "tube", "budget", "trajectory"]
 

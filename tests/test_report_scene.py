@@ -9,7 +9,7 @@ from report_plans import box, cube, cube_plan
 
 from fmopt.plan import parsed
 from fmopt.report.scene import embedded, resource, scene, scene_data, seating
-from fmopt.se3 import Pose, exp
+from fmopt.spatial.se3 import Pose, exp
 
 MM = 1e-3
 

@@ -18,7 +18,7 @@ import pytest
 from report_plans import cube_plan, diagnostics, with_graph
 
 import fmopt
-from fmopt import console
+from fmopt.cli import console
 from fmopt.plan import Plan, parsed
 from fmopt.report.figures import figures
 from fmopt.report.page import report_page

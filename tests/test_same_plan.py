@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from outlines import prism
 
-from fmopt.pipeline import synthesise
+from fmopt.planning.pipeline import synthesise
 from fmopt.task.problem import Problem, load
 
 ROOT = Path(__file__).parent.parent

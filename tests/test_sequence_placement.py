@@ -8,17 +8,26 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fmopt.control.strategy import least_firm, least_steady
 from fmopt.errors import InfeasibleError
-from fmopt.motion import FINE, FIRM, STEADY
-from fmopt.pipeline import certified_motion
-from fmopt.placement.motion import Reached
-from fmopt.placement.sequence import Aim, Placed, Refinement, certified, in_a_row, onto_surfaces, refine, state_rows
-from fmopt.placement.sequence_rows import SequenceRows, sensitivities, sequence_rows
-from fmopt.placement.solvers import ClarabelSolver
-from fmopt.placement.tolerated import CertifiedMotion
+from fmopt.planning.control.controlled_motion import least_firm, least_steady
+from fmopt.planning.motion import FINE, FIRM, STEADY
+from fmopt.planning.moves.moves import Reached
+from fmopt.planning.optimise.solvers import ClarabelSolver
+from fmopt.planning.pipeline import certified_motion
+from fmopt.planning.placement.sequence_program import (
+    Aim,
+    Placed,
+    Refinement,
+    certified,
+    in_a_row,
+    onto_surfaces,
+    refine,
+    state_rows,
+)
+from fmopt.planning.placement.sequence_rows import SequenceRows, sensitivities, sequence_rows
+from fmopt.planning.robustness.error_tolerance import CertifiedMotion
+from fmopt.spatial.values import Array
 from fmopt.task.problem import Problem, load
-from fmopt.values import Array
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 STEP = 1e-6

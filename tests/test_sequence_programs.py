@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 
 from fmopt.errors import InfeasibleError, SolverError
-from fmopt.pipeline import synthesise
-from fmopt.placement import nlp, polish
-from fmopt.placement.program import ConeProgram, Solution, as_cvxpy
-from fmopt.placement.solvers import ClarabelSolver
+from fmopt.planning.optimise.cone_program import ConeProgram, Solution, as_cvxpy
+from fmopt.planning.optimise.solvers import ClarabelSolver
+from fmopt.planning.pipeline import synthesise
+from fmopt.planning.placement import goal_refinement
+from fmopt.planning.placement import nonlinear_program as nlp
 from fmopt.task.problem import load
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
@@ -27,7 +28,7 @@ ASKED = 10
 def solves(name: str) -> tuple[tuple[tuple[ConeProgram, Solution], ...], int, int]:
     """The cone programs that a plan asked, with their solutions; poses placed on true surfaces; calls of CasADi's."""
     found, placed, called = list[tuple[ConeProgram, Solution]](), list[object](), list[object]()
-    own, derivatives, place = ClarabelSolver.solve, nlp.formation_derivatives, polish.place_on_surfaces
+    own, derivatives, place = ClarabelSolver.solve, nlp.formation_derivatives, goal_refinement.place_on_surfaces
 
     def kept(self: ClarabelSolver, program: ConeProgram) -> Solution:
         found.append((program, own(self, program)))
@@ -44,7 +45,7 @@ def solves(name: str) -> tuple[tuple[tuple[ConeProgram, Solution], ...], int, in
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ClarabelSolver, "solve", kept)
         patch.setattr(nlp, "formation_derivatives", counted)
-        patch.setattr(polish, "place_on_surfaces", watched)
+        patch.setattr(goal_refinement, "place_on_surfaces", watched)
         assert synthesise(load(PROBLEMS / f"{name}.toml")).proved
     return tuple(found), len(placed), len(called)
 

@@ -10,15 +10,15 @@ import pytest
 from execution_model import execute
 from searched import certified_plan, steadier, tilted_motion
 
-from fmopt.certificate.knowledge import Assembly
-from fmopt.contact.bounds import touching
+from fmopt.certificate.contact_implications import Assembly
+from fmopt.certificate.error_set import ErrorSet
+from fmopt.contact.facet_bounds import touching
 from fmopt.contact.primitive import Kind, PrimitiveContact, feature_distance, near_contacts, vertex_face
-from fmopt.placement.entry import Shape
-from fmopt.placement.explore import implied
-from fmopt.placement.flush import described
-from fmopt.se3 import Pose
+from fmopt.planning.moves.contact_transition import described
+from fmopt.planning.search.entry import Shape
+from fmopt.planning.search.guarded_move import implied
+from fmopt.spatial.se3 import Pose
 from fmopt.task.problem import load
-from fmopt.uncertainty.error_set import ErrorSet
 
 PROBLEMS = Path(__file__).parent.parent / "problems"
 SLOT, KEY = load(PROBLEMS / "two_pegs_slot.toml"), load(PROBLEMS / "bilba_puzzle.toml")

@@ -8,7 +8,7 @@ import pytest
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.clearance import mating_clearance
-from fmopt.geometry.mesh import Unit, load_mesh
+from fmopt.geometry.mesh.mesh_import import Unit, load_mesh
 from fmopt.geometry.part import Part, mesh_part, rebased
 
 PARTS = Path(__file__).parent.parent.parent / "shared" / "parts"

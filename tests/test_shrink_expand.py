@@ -10,12 +10,12 @@ import pytest
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from fmopt.nominal.shrink_expand import expanded, expanded_turning, turn_swept, turned
-from fmopt.plane.boolean import difference, intersection, union
-from fmopt.plane.conic import ellipse_arcs
-from fmopt.plane.curve import Arc
-from fmopt.plane.region import Region, polygon_region
-from fmopt.values import Array
+from fmopt.geometry.plane.boolean import difference, intersection, union
+from fmopt.geometry.plane.conic import ellipse_arcs
+from fmopt.geometry.plane.curve import Arc
+from fmopt.geometry.plane.region import Region, polygon_region
+from fmopt.papers.lee_huang.shrink_expand import expanded, expanded_turning, turn_swept, turned
+from fmopt.spatial.values import Array
 
 
 def disc(x: float, y: float, radius: float) -> Region:

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import fmopt
-from fmopt.pipeline import synthesise
-from fmopt.placement.entry import leading_corners, start_spread, swung_by
-from fmopt.placement.shapes import roomy_errors, tilted_shapes
+from fmopt.planning.pipeline import synthesise
+from fmopt.planning.search.entry import leading_corners, start_spread, swung_by
+from fmopt.planning.search.entry_candidates import roomy_errors, tilted_shapes
+from fmopt.spatial.values import Array
 from fmopt.task.explain import explain
 from fmopt.task.problem import VelocityError, load
 from fmopt.task.sizes import measured_clearance
-from fmopt.values import Array
 
 PROBLEM = load(Path(__file__).parent.parent / "problems" / "square_peg_100um.toml")
 VELOCITY = ("uncertainty.velocity.translation", "uncertainty.velocity.rotation")

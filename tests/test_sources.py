@@ -10,8 +10,7 @@ import pytest
 from planar_sampling import disc
 
 from fmopt.errors import GeometryError
-from fmopt.task.sources import Deviation, Sources, start_box
-from fmopt.uncertainty.sources import (
+from fmopt.papers.basanez_suarez.sources import (
     Budget,
     Configuration,
     GraspedSources,
@@ -31,6 +30,7 @@ from fmopt.uncertainty.sources import (
     placed_in_turn,
     static_budget,
 )
+from fmopt.task.sources import Deviation, Sources, start_box
 
 SHAPE, FEEDER, ROBOT, SLIDE = Shape(2e-5), KnownConfiguration(1e-4), Robot(3e-4, 0.004), Slide(5e-5, 0.001)
 GRASPED = GraspedSources(SHAPE, FEEDER, ROBOT, SLIDE)

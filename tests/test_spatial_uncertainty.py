@@ -9,12 +9,12 @@ import pytest
 from planar_sampling import instances
 from test_contact_parts import MID_DEPTH, block, peg
 
+from fmopt.contact.c_surface import Surfaces
 from fmopt.contact.primitive import Kind as SpatialKind
 from fmopt.contact.primitive import near_contacts
-from fmopt.contact.surface import Surfaces
-from fmopt.se3 import Pose, exp, log
-from fmopt.uncertainty.planar.contact import Kind
-from fmopt.uncertainty.spatial import Interval, Turns, edge_edge, face_vertex, vertex_face
+from fmopt.papers.basanez_suarez.contact import Kind
+from fmopt.papers.basanez_suarez.spatial import Interval, Turns, edge_edge, face_vertex, vertex_face
+from fmopt.spatial.se3 import Pose, exp, log
 
 Z = np.array([0.0, 0.0, 1.0])
 

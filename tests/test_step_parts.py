@@ -20,15 +20,15 @@ from fmopt.errors import GeometryError, ResourceError
 from fmopt.geometry.clearance import mating_clearance
 from fmopt.geometry.csg import Box as Block
 from fmopt.geometry.csg import Cylinder, Difference, Placed, Prism, Solid
-from fmopt.geometry.mating import found_features
-from fmopt.geometry.mesh import load_mesh
-from fmopt.geometry.objects import imported_of, part_of
+from fmopt.geometry.mating_features import found_features
+from fmopt.geometry.mesh.mesh_import import load_mesh
 from fmopt.geometry.part import Part, mesh_part, rebased
 from fmopt.geometry.part import part_of as part_of_solid
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.geometry.step import bodies, load_step
-from fmopt.geometry.step_facets import facets_of
-from fmopt.se3 import Pose, exp
+from fmopt.geometry.python_objects import imported_of, part_of
+from fmopt.geometry.step.facets import facets_of
+from fmopt.geometry.step.step_import import bodies, load_step
+from fmopt.spatial.se3 import Pose, exp
 
 EXACT = 1e-9  # m
 MICRON = 1e-6  # m
@@ -252,8 +252,8 @@ def test_objects_that_are_no_part_say_why(thing: object, unit: Any, words: str) 
 
 OWN_FILES = """
 import cadquery as cq, build123d as bd, mujoco, trimesh
-from fmopt.geometry.objects import part_of
-from fmopt.geometry.step import bodies, load_step
+from fmopt.geometry.python_objects import part_of
+from fmopt.geometry.step.step_import import bodies, load_step
 from pathlib import Path
 dowel = cq.Workplane().circle(5).extrude(30).faces("<Z").chamfer(1)
 bar = bd.Box(10, 8, 30)

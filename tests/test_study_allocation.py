@@ -14,10 +14,10 @@ from typer.testing import CliRunner
 
 from fmopt.cli import app
 from fmopt.errors import InfeasibleError, InputError
-from fmopt.study.cheapest import cheapest
+from fmopt.spatial.values import Array
+from fmopt.study.allocation.cheapest import cheapest
+from fmopt.study.allocation.tolerances import load_allocation
 from fmopt.study.command import report
-from fmopt.study.tolerances import load_allocation
-from fmopt.values import Array
 
 ROOT = Path(__file__).parent.parent
 ONE, LOW, HIGH = np.ones(3), np.ones(3), np.full(3, 50.0)

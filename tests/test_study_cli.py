@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 import fmopt.study
 from fmopt.cli import app
 from fmopt.errors import InputError
-from fmopt.study.store import owned
+from fmopt.study.running.store import owned
 
 ROOT = Path(__file__).parent.parent
 STUDY = f"""\

@@ -16,11 +16,11 @@ import pytest
 import study_evaluations as evaluations
 
 from fmopt.errors import ResourceError
-from fmopt.study import workers
-from fmopt.study.batch import Batch, Limits, digest
-from fmopt.study.cluster import cluster
-from fmopt.study.running import Options, run
-from fmopt.study.store import Effort, Row, Store, recorded
+from fmopt.study.running import workers
+from fmopt.study.running.batch import Batch, Limits, digest
+from fmopt.study.running.cluster import cluster
+from fmopt.study.running.running import Options, run
+from fmopt.study.running.store import Effort, Row, Store, recorded
 
 ROOT = Path(__file__).parent.parent
 
@@ -134,7 +134,7 @@ def test_inputs_are_told_apart_by_name_and_content() -> None:
 
 
 def test_a_scheduler_without_workers_is_told_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fmopt.study.cluster._COMING", 1.0)
+    monkeypatch.setattr("fmopt.study.running.cluster._COMING", 1.0)
     with (
         running_scheduler() as address,
         pytest.raises(ResourceError, match="the scheduler has no workers"),
@@ -144,7 +144,7 @@ def test_a_scheduler_without_workers_is_told_in_words(monkeypatch: pytest.Monkey
 
 
 def test_a_study_without_hosts_ends_and_goes_on_later(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr("fmopt.study.cluster._RETURN", 2.0)
+    monkeypatch.setattr("fmopt.study.running.cluster._RETURN", 2.0)
     work, over = evaluations.work(6), threading.Event()
     with running_scheduler() as address:
         host = threading.Thread(target=kept_alive, args=(address, over, 1))
@@ -159,7 +159,7 @@ def test_a_study_without_hosts_ends_and_goes_on_later(monkeypatch: pytest.Monkey
 
 
 def test_no_scheduler_is_told_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fmopt.study.cluster._PATIENCE", 1.0)
+    monkeypatch.setattr("fmopt.study.running.cluster._PATIENCE", 1.0)
     began = time.monotonic()
     with (
         pytest.raises(ResourceError, match=r"tcp://127\.0\.0\.1:9: no scheduler answers"),
@@ -178,7 +178,7 @@ def test_what_is_no_address_is_refused_at_once(address: str) -> None:
 def test_a_scheduler_that_dies_ends_the_study_in_words_and_without_failures(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("fmopt.study.cluster._PATIENCE", 3.0)
+    monkeypatch.setattr("fmopt.study.running.cluster._PATIENCE", 3.0)
     work, over = evaluations.work(400), threading.Event()
     with started() as running:
         assert running.stdout is not None

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from fmopt.errors import InputError
 from fmopt.study import evaluation
 from fmopt.study.design import load_study
-from fmopt.study.program import program
+from fmopt.study.running.program import program
 from fmopt.study.sampling import Normal, Uniform, cube, grid, stepped
 from fmopt.study.targets import Base, assigned
 from fmopt.task.loading import problem_of

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from study_problems import ROOT, straight
 
-from fmopt import pipeline
 from fmopt.errors import SearchError
+from fmopt.planning import pipeline
 from fmopt.study import evaluation
-from fmopt.study.batch import Question, Run
+from fmopt.study.running.batch import Question, Run
 
 
 @pytest.fixture(autouse=True)

@@ -13,8 +13,8 @@ from study_problems import straight
 from fmopt.execution import trials
 from fmopt.plan import parsed
 from fmopt.study import evaluation
-from fmopt.study.batch import Question, Run
-from fmopt.study.shares import share
+from fmopt.study.results.shares import share
+from fmopt.study.running.batch import Question, Run
 
 
 def test_a_run_says_how_often_its_plan_succeeds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

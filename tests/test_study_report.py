@@ -17,14 +17,14 @@ import pytest
 from scipy import stats
 
 from fmopt.errors import ResourceError
-from fmopt.study import table
-from fmopt.study.figures import _grid, binding, figures, title
-from fmopt.study.page import page
+from fmopt.study.results import table
+from fmopt.study.results.figures import _grid, binding, figures, title
+from fmopt.study.results.page import page
+from fmopt.study.results.shares import bins, rank_correlation, share, sobol_indices, trials
+from fmopt.study.results.table import Results, Varied
+from fmopt.study.results.view import View, ticks
+from fmopt.study.running.store import Scalar
 from fmopt.study.sampling import cube
-from fmopt.study.shares import bins, rank_correlation, share, sobol_indices, trials
-from fmopt.study.store import Scalar
-from fmopt.study.table import Results, Varied
-from fmopt.study.view import View, ticks
 
 X, Y, W = Varied("gap", "m", None, False), Varied("turn", "rad", None, False), Varied("how", "word", None, False)
 COLUMNS = ("outcome", "reason", "verdict", "margin", "binding_contact", "binding_move")

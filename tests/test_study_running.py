@@ -13,10 +13,10 @@ import pytest
 import study_evaluations as evaluations
 
 from fmopt.errors import ResourceError
-from fmopt.study import running
-from fmopt.study.batch import Limits
-from fmopt.study.running import Options, Tally, run
-from fmopt.study.store import Recorded, Row, recorded
+from fmopt.study.running import running
+from fmopt.study.running.batch import Limits
+from fmopt.study.running.running import Options, Tally, run
+from fmopt.study.running.store import Recorded, Row, recorded
 
 
 def table(folder: Path) -> list[Recorded]:

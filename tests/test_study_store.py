@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from fmopt.errors import InputError, ResourceError
-from fmopt.study.store import Effort, Numbered, Row, Store, efforts, kept, owned, recorded
+from fmopt.study.running.store import Effort, Numbered, Row, Store, efforts, kept, owned, recorded
 
 EFFORT = Effort(0.5, 1000)
 
@@ -95,7 +95,7 @@ def test_a_store_of_another_format_is_refused(tmp_path: Path) -> None:
 
 def test_a_folder_has_one_owner_who_is_named(tmp_path: Path) -> None:
     code = (
-        "import sys\nfrom pathlib import Path\nfrom fmopt.study.store import owned\n"
+        "import sys\nfrom pathlib import Path\nfrom fmopt.study.running.store import owned\n"
         "with owned(Path(sys.argv[1])):\n    print('held', flush=True)\n    sys.stdin.read()"
     )
     with subprocess.Popen(

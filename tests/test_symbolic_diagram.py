@@ -11,12 +11,12 @@ import pytest
 import sympy
 
 from fmopt.geometry.csg import Box, Cone, Cylinder, Primitive, Prism, Sphere, Wedge
-from fmopt.nominal import symbolic_diagram as symbolic
-from fmopt.nominal.cut_diagram import instance_sections
-from fmopt.nominal.symbolic_diagram import Ball, Shape, SymbolicCurve, any_pose, shape_of, symbolic_diagram
-from fmopt.plane.region import Region
-from fmopt.se3 import Pose, exp
-from fmopt.values import Array
+from fmopt.geometry.plane.region import Region
+from fmopt.papers.lee_huang import symbolic_diagram as symbolic
+from fmopt.papers.lee_huang.cut_diagram import instance_sections
+from fmopt.papers.lee_huang.symbolic_diagram import Ball, Shape, SymbolicCurve, any_pose, shape_of, symbolic_diagram
+from fmopt.spatial.se3 import Pose, exp
+from fmopt.spatial.values import Array
 
 Values: TypeAlias = Mapping[Any, float]
 

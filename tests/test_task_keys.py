@@ -10,16 +10,16 @@ import pytest
 from workcells import close
 
 from fmopt.errors import InputError
+from fmopt.geometry.convex_pieces import polyhedron
 from fmopt.geometry.csg import Cylinder, Placed, Sphere, contains
-from fmopt.geometry.pieces import polyhedron
-from fmopt.knowledge.command import answer
-from fmopt.knowledge.tree import Feature, ObjectTree
-from fmopt.se3 import Pose, exp
-from fmopt.task.command import is_round, task_command
+from fmopt.spatial.se3 import Pose, exp
 from fmopt.task.model import load_model
+from fmopt.task.object_model.command import answer
+from fmopt.task.object_model.tree import Feature, ObjectTree
 from fmopt.task.problem import Problem, load
-from fmopt.task.toml_source import Place
-from fmopt.task.tree import build_tree
+from fmopt.task.solid_tree import build_tree
+from fmopt.task.task_command import is_round, task_command
+from fmopt.task.toml.source import Place
 
 ROOT = Path(__file__).parent.parent
 NOSED = """

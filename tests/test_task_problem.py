@@ -16,10 +16,9 @@ import numpy as np
 import pytest
 
 from fmopt.errors import GeometryError
-from fmopt.se3 import exp, log
+from fmopt.spatial.se3 import exp, log
 from fmopt.task.explain import explain, facts
 from fmopt.task.problem import Problem, load
-from fmopt.task.schema import model_schema, problem_schema, text
 from fmopt.task.sizes import measured_clearance
 from fmopt.task.sources import (
     Deviation,
@@ -34,7 +33,8 @@ from fmopt.task.sources import (
     start_box,
     total,
 )
-from fmopt.task.toml_source import read
+from fmopt.task.toml.schema import model_schema, problem_schema, text
+from fmopt.task.toml.source import read
 
 ROOT = Path(__file__).parent.parent
 PROBLEMS = sorted((ROOT / "problems").glob("*.toml"))

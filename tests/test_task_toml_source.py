@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from fmopt.errors import Fault, InputError
-from fmopt.task.toml_source import MAX_BYTES, Key, dotted, read
+from fmopt.task.toml.source import MAX_BYTES, Key, dotted, read
 
 DOCUMENT = """\
 title = "ä ö" # first

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fmopt.task.tables import Reading, factors
-from fmopt.task.units import (
+from fmopt.task.toml.tables import Reading, factors
+from fmopt.task.toml.units import (
     ANGLE,
     FORCE,
     LENGTH,

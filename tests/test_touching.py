@@ -11,13 +11,13 @@ from execution_model import execute
 from peg_pieces import peg
 from searched import certified_plan, steadier, tilted_motion
 
-from fmopt.certificate.bounds import bounds
+from fmopt.certificate.facet_margin import bounds
 from fmopt.contact.primitive import vertex_face
 from fmopt.geometry.clearance import Clearance
-from fmopt.placement.entry import Shape, tilted_entry
-from fmopt.placement.shapes import funnel_depth, funnel_width, tilted_shapes, touching_shapes
-from fmopt.placement.tolerated import CertifiedMotion
-from fmopt.se3 import Pose
+from fmopt.planning.robustness.error_tolerance import CertifiedMotion
+from fmopt.planning.search.entry import Shape, tilted_entry
+from fmopt.planning.search.entry_candidates import funnel_depth, funnel_width, tilted_shapes, touching_shapes
+from fmopt.spatial.se3 import Pose
 from fmopt.task.problem import Problem, load
 from fmopt.task.sizes import measured_clearance
 

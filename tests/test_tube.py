@@ -10,14 +10,14 @@ from test_ellipsoid import contains
 from tube_segments import KINDS, RHO, SCALE, SEGMENTS, Segment, executions, segment, unit_rows
 
 from fmopt.certificate.assembly import contact_rows
-from fmopt.certificate.paper import goal_in_the_paper
-from fmopt.certificate.segment import advance
+from fmopt.certificate.error_set import ErrorSet, Support
+from fmopt.certificate.propagation import advance
+from fmopt.certificate.segment_linearisation import Piece, Tolerance
 from fmopt.certificate.tube import Numbers, carried
-from fmopt.certificate.way import Piece, Tolerance
 from fmopt.errors import InfeasibleError
-from fmopt.se3 import Pose
-from fmopt.uncertainty.error_set import ErrorSet, Support
-from fmopt.values import Array
+from fmopt.papers.dakin_popplestone import goal_in_the_paper
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
 
 SAMPLES = 100_000
 DIRECTIONS = 16
@@ -150,7 +150,7 @@ def test_the_same_test_catches_drift_counted_over_the_commanded_way(
     def commanded(layers: Any, way: Numbers, *rest: Any) -> Any:
         return carried(layers, way._replace(leaning=0.0, seen=np.zeros(6)), *rest)  # no error is seen along the way
 
-    monkeypatch.setattr("fmopt.certificate.segment.carried", commanded)
+    monkeypatch.setattr("fmopt.certificate.propagation.carried", commanded)
 
     def careless(made: Segment) -> ErrorSet:
         return advance(made.assembly, made.piece, made.errors, made.tolerance).ends.goal_set

@@ -11,18 +11,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from searched import steadier, tilted_motion
 
-from fmopt import se3
-from fmopt.certificate.knowledge import Assembly, aligned, facts, rising
+from fmopt.certificate.contact_implications import Assembly, aligned, facts, rising
 from fmopt.contact.primitive import PrimitiveContact, near_contacts
-from fmopt.pipeline import proved
-from fmopt.placement.entry import Shape
-from fmopt.se3 import Pose
+from fmopt.planning.pipeline import proved
+from fmopt.planning.search.entry import Shape
+from fmopt.spatial import se3
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
 from fmopt.task.problem import Problem, load
 from fmopt.task.sizes import measured_clearance
-from fmopt.values import Array
-from fmopt.verify.incidence import Turn
-from fmopt.verify.knowledge import Facts
-from fmopt.verify.rational import ONE, vector
+from fmopt.verify.arithmetic.rational import ONE, vector
+from fmopt.verify.certificate.contact_implications import Facts
+from fmopt.verify.parts.incidence import Turn
 
 ROOT = Path(__file__).parent.parent
 SHAPE = Shape(0.4363, 0.2094, 0.0463, 0.000867, (0.00454, 0.00562), (0.0019, 0.000387))

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from fmopt.geometry.csg import Box, Difference, Placed, Prism
-from fmopt.geometry.exact import exact_vertices, facing_directions
+from fmopt.geometry.exact_coordinates import exact_vertices, facing_directions
 from fmopt.geometry.part import part_of, rebased, settled
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.pipeline import certified_motion, proved
-from fmopt.se3 import Pose, exp
+from fmopt.planning.pipeline import certified_motion, proved
+from fmopt.spatial.se3 import Pose, exp
 from fmopt.task.problem import load
 
 SEED = 20261125

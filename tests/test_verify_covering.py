@@ -24,15 +24,15 @@ from solid_bodies import (
     with_box,
 )
 
+from fmopt.geometry.convex_pieces import pieces, polyhedron
 from fmopt.geometry.csg import Box, Cylinder, Difference, Placed, Solid, Union, Wedge
-from fmopt.geometry.pieces import pieces, polyhedron
-from fmopt.se3 import Pose
+from fmopt.spatial.se3 import Pose
 from fmopt.task.problem import load
-from fmopt.verify.covering import DEVIATION, Hull, uncovered
-from fmopt.verify.lattice import FINENESS, TooMuchWork, Work
-from fmopt.verify.rational import number
-from fmopt.verify.solids import Shape
-from fmopt.verify.surface import Surface
+from fmopt.verify.arithmetic.lattice import FINENESS, TooMuchWork, Work
+from fmopt.verify.arithmetic.rational import number
+from fmopt.verify.parts.covering import DEVIATION, Hull, uncovered
+from fmopt.verify.parts.solids import Shape
+from fmopt.verify.parts.surface import Surface
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
 SHIPPED = (

@@ -14,8 +14,7 @@ from table_plan import box_body, sealed, table_plan
 from test_verify_knowledge import LEFT, PEG, V0, V3, V3_LEFT, A, assembly, facts, same, vertex_on
 
 from fmopt.verify import CERTIFIED, NOT_PROVED, PlanError, verify
-from fmopt.verify.assembly import Assembly, Touch
-from fmopt.verify.exact import (
+from fmopt.verify.arithmetic.exact import (
     Point,
     area,
     balanced,
@@ -31,9 +30,22 @@ from fmopt.verify.exact import (
     unit_of,
     way,
 )
-from fmopt.verify.incidence import Turn, about, cancel, image_of
-from fmopt.verify.rational import ONE, ArithmeticRefusal, Vector, add, cross, fixed, length, neg, number, sub, vector
-from fmopt.verify.solids import Plane, Shape
+from fmopt.verify.arithmetic.rational import (
+    ONE,
+    ArithmeticRefusal,
+    Vector,
+    add,
+    cross,
+    fixed,
+    length,
+    neg,
+    number,
+    sub,
+    vector,
+)
+from fmopt.verify.parts.assembly import Assembly, Touch
+from fmopt.verify.parts.incidence import Turn, about, cancel, image_of
+from fmopt.verify.parts.solids import Plane, Shape
 
 __all__ = ["assembly"]
 

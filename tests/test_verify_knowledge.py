@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 from solid_bodies import box, pocket, shape
 
-from fmopt.verify.assembly import Assembly, Touch
-from fmopt.verify.knowledge import Facts
-from fmopt.verify.rational import Vector, fixed, vector
-from fmopt.verify.rows import pose
-from fmopt.verify.solids import Plane
+from fmopt.verify.arithmetic.rational import Vector, fixed, vector
+from fmopt.verify.certificate.contact_implications import Facts
+from fmopt.verify.parts.assembly import Assembly, Touch
+from fmopt.verify.parts.rows import pose
+from fmopt.verify.parts.solids import Plane
 
 MM = 1e-3
 PEG = box(-10, 10, -10, 10, 0, 40)

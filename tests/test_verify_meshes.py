@@ -15,10 +15,10 @@ from fmopt.geometry.csg import Box, Cylinder, Difference, Placed, Solid
 from fmopt.geometry.part import Part as PlannersPart
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.task.problem import load
-from fmopt.verify.document import Body, Part
 from fmopt.verify.problem.meshes import NoMesh, Triangle, triangles
 from fmopt.verify.problem.parts import Compared, chord_error, part_beside_its_model
 from fmopt.verify.problem.problem import load_problem
+from fmopt.verify.reading.document import Body, Part
 
 DECLARED = """
 [features.{name}]
@@ -166,7 +166,7 @@ def test_facets_add_what_the_planner_says_they_add(tmp_path: Path) -> None:
 
 
 def test_step_files_are_held_against_what_the_planner_makes_of_them(tmp_path: Path) -> None:
-    from fmopt.desk.checking import given
+    from fmopt.notebook.checking import given
 
     file = folder(tmp_path, *OWN, TOLD)
     problem = load(file)

@@ -10,7 +10,7 @@ from plan_mutations import changed
 
 from fmopt.plan import NOT_COVERED
 from fmopt.verify import CERTIFIED, NOT_PROVED, verify
-from fmopt.verify.document import NOT_COVERED as KNOWN
+from fmopt.verify.reading.document import NOT_COVERED as KNOWN
 
 Plan = dict[str, Any]
 

@@ -20,16 +20,16 @@ from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.task.problem import Problem as PlannersProblem
 from fmopt.task.problem import load
 from fmopt.task.sizes import characteristic_length, measured_clearance
-from fmopt.task.units import LENGTH as PINT_LENGTH
-from fmopt.task.units import evaluate as planners
-from fmopt.verify.document import Body
-from fmopt.verify.parse import parse
+from fmopt.task.toml.units import LENGTH as PINT_LENGTH
+from fmopt.task.toml.units import evaluate as planners
 from fmopt.verify.problem import ProblemError, differences
 from fmopt.verify.problem.compare import half_diagonals
 from fmopt.verify.problem.problem import Problem, load_problem
 from fmopt.verify.problem.quantities import LENGTH, UNITS, NoQuantity, Quantity, evaluate
 from fmopt.verify.problem.solids import Comparison, of_piece, tree_of
 from fmopt.verify.problem.sources import Boxed, by_frame, total
+from fmopt.verify.reading.document import Body
+from fmopt.verify.reading.parse import parse
 
 ROOT = Path(__file__).parent.parent
 SHIPPED = sorted((ROOT / "problems").glob("*.toml"))
@@ -273,7 +273,7 @@ HEAVY = ("numpy", "scipy", "casadi", "pydantic", "manifold3d", "trimesh", "shape
 
 def test_the_check_of_a_problem_loads_no_numerics(square_peg_plan_file: Path) -> None:
     code = (
-        "import sys\nfrom pathlib import Path\nfrom fmopt import verify\nfrom fmopt.verify.parse import parse\n"
+        "import sys\nfrom pathlib import Path\nfrom fmopt import verify\nfrom fmopt.verify.reading.parse import parse\n"
         "from fmopt.verify.problem import differences\n"
         f"document = verify.load({str(square_peg_plan_file)!r})\n"
         f"verdict = verify.verify(document).unless(differences(parse(document), Path({str(PEG)!r})))\n"

@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fmopt.verify import rational as q
-from fmopt.verify.errors import (
+from fmopt.verify.arithmetic import rational as q
+from fmopt.verify.certificate.error_set import (
     NOTHING,
     congruent,
     diagonal,

@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from solid_bodies import SLABS, box, pocket, shape, with_box
 
+from fmopt.verify.arithmetic.rational import Vector, length
 from fmopt.verify.check import overlap
-from fmopt.verify.rational import Vector, length
-from fmopt.verify.rows import pose
-from fmopt.verify.solids import SHORT, short
+from fmopt.verify.parts.rows import pose
+from fmopt.verify.parts.solids import SHORT, short
 
 
 def test_a_pocketed_block_and_its_slabs_close() -> None:

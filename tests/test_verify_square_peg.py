@@ -7,8 +7,9 @@ from typing import Any
 import pytest
 from plan_mutations import claims, numbers
 
-from fmopt.verify import CERTIFIED, NOT_PROVED, PlanError, facets, findings, verify
-from fmopt.verify.rows import Function
+from fmopt.verify import CERTIFIED, NOT_PROVED, PlanError, findings, verify
+from fmopt.verify.certificate import facet_margin as facets
+from fmopt.verify.parts.rows import Function
 
 
 def test_the_untouched_plan_is_certified(square_peg_plan: dict[str, Any]) -> None:

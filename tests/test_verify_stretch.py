@@ -10,10 +10,10 @@ import pytest
 from plan_mutations import changed
 
 from fmopt.verify import CERTIFIED, verify
-from fmopt.verify.chain import Leg, check_fit, misfit
-from fmopt.verify.errors import square_of
+from fmopt.verify.arithmetic.rational import ONE, fixed, number, row
+from fmopt.verify.certificate.chain import Leg, check_fit, misfit
+from fmopt.verify.certificate.error_set import square_of
 from fmopt.verify.findings import LEFT_ASIDE, Notes
-from fmopt.verify.rational import ONE, fixed, number, row
 
 Vector = tuple[float, ...]
 WHAT = "pieces of the move"

@@ -9,17 +9,17 @@ from functools import cache
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from fmopt import ellipsoid
 from fmopt.certificate.assembly import Assembly, contact_rows
-from fmopt.certificate.segment import Advance, advance
-from fmopt.certificate.way import Compliance, Piece, Tolerance
+from fmopt.certificate.error_set import ErrorSet
+from fmopt.certificate.propagation import Advance, advance
+from fmopt.certificate.segment_linearisation import Compliance, Piece, Tolerance
 from fmopt.contact.primitive import Kind, PrimitiveContact, edge_edge, face_vertex, vertex_face
 from fmopt.errors import InfeasibleError
 from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import from_faces
-from fmopt.se3 import Pose, exp, hat
-from fmopt.uncertainty.error_set import ErrorSet
-from fmopt.values import Array
+from fmopt.spatial import ellipsoid
+from fmopt.spatial.se3 import Pose, exp, hat
+from fmopt.spatial.values import Array
 
 RHO = 0.014
 SCALE = ellipsoid.metric(RHO)

@@ -13,15 +13,15 @@ from typing import Any
 import numpy as np
 from urscript_language import Halt, Interpreter, distance, parsed
 
-from fmopt.execution.physics import Physics
+from fmopt.execution.engines.physics import Physics
+from fmopt.execution.engines.scene import compiled, engine, scene
 from fmopt.execution.robot import Robot
 from fmopt.execution.rotation import between, from_quaternions, product, quaternions
-from fmopt.execution.scene import compiled, engine, scene
 from fmopt.execution.summary import Fit
-from fmopt.guarded.moves import moves
 from fmopt.plan import Plan
-from fmopt.se3 import Pose, exp, hat
-from fmopt.values import Array
+from fmopt.plan.guarded_moves import moves
+from fmopt.spatial.se3 import Pose, exp, hat
+from fmopt.spatial.values import Array
 
 STEP = 0.002  # s between calls of the program
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from fmopt.geometry.csg import Box, Cylinder, Placed, Solid
-from fmopt.knowledge.command import Specification, Task
-from fmopt.knowledge.goal import FREE, Goal
-from fmopt.knowledge.tree import Feature, FeatureClass, ObjectTree
-from fmopt.knowledge.workcell import Link, LowerPair, Ref, Workcell
-from fmopt.se3 import Pose, exp
+from fmopt.spatial.se3 import Pose, exp
+from fmopt.task.object_model.command import Specification, Task
+from fmopt.task.object_model.goal import FREE, Goal
+from fmopt.task.object_model.tree import Feature, FeatureClass, ObjectTree
+from fmopt.task.object_model.workcell import Link, LowerPair, Ref, Workcell
 
 SIDES = 12
 SPECIFICATION = Specification(0.02, 10.0, 1.0)

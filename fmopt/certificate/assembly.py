@@ -25,8 +25,8 @@ from fmopt.certificate.rows import (
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.se3 import Pose, cross, length, lengths
-from fmopt.values import Array, remembered
+from fmopt.spatial.se3 import Pose, cross, length, lengths
+from fmopt.spatial.values import Array, remembered
 
 TOUCH = 1e-9  # m: features of a part and of its pieces closer than this are the same
 NEAR = 1e-12  # m: what is incident but for this is so in exact coordinates, on which the proof rests, see `plan_record`

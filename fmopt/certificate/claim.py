@@ -7,16 +7,16 @@ from dataclasses import dataclass
 from itertools import groupby
 
 from fmopt.certificate.assembly import Assembly, contact_forms, made_form, made_scale
-from fmopt.certificate.bounds import Bounds, bounds
-from fmopt.certificate.curvature import AtEnd, Course, Heights
-from fmopt.certificate.pair import Facing, facing
-from fmopt.certificate.segment import Advance, Piece, Tolerance, advance
+from fmopt.certificate.error_set import ErrorSet
+from fmopt.certificate.facet_margin import Bounds, bounds
+from fmopt.certificate.piece_pairs import Facing, facing
+from fmopt.certificate.propagation import Advance, Piece, Tolerance, advance
+from fmopt.certificate.remainder import AtEnd, Course, Heights
 from fmopt.certificate.separating_plane import Separation
-from fmopt.compiled import heed
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import InfeasibleError
-from fmopt.uncertainty.error_set import ErrorSet
-from fmopt.values import Array
+from fmopt.runtime.compiled import heed
+from fmopt.spatial.values import Array
 
 Chooser = Callable[[Assembly, Facing, Course], Sequence[Sequence[Separation | None]]]
 """Finds separating planes for all pairs over pieces of motion, None where there is none."""

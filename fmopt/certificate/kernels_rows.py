@@ -13,9 +13,9 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from fmopt.compiled import part
-from fmopt.kernels import Vector, cross, dot, plus, size, swung, turned, vector
-from fmopt.values import Array
+from fmopt.runtime.compiled import part
+from fmopt.spatial.kernels import Vector, cross, dot, plus, size, swung, turned, vector
+from fmopt.spatial.values import Array
 
 ROW = np.dtype(
     [

@@ -23,12 +23,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.certificate.kernels_rows import ROW, Table, Turned, value
-from fmopt.compiled import compiled
 from fmopt.contact import definitions
 from fmopt.contact.algebra import Definition, Role
-from fmopt.kernels import vector
-from fmopt.se3 import Pose, cross, lengths
-from fmopt.values import Array
+from fmopt.runtime.compiled import compiled
+from fmopt.spatial.kernels import vector
+from fmopt.spatial.se3 import Pose, cross, lengths
+from fmopt.spatial.values import Array
 
 Mask = NDArray[np.bool_]
 Places = NDArray[np.intp]

@@ -18,11 +18,11 @@ from itertools import pairwise
 import numpy as np
 
 from fmopt.certificate.assembly import NEAR, Assembly, hinge, level, on_line
-from fmopt.certificate.curvature import AtEnd, Course, Ends, Extent
+from fmopt.certificate.contact_implications import Facts, Wall, coming_off, facts, rising
 from fmopt.certificate.kernels_rows import Table
-from fmopt.certificate.knowledge import Facts, Wall, coming_off, facts, rising
-from fmopt.certificate.lower import Places, Witnesses, best
-from fmopt.certificate.pair import Pair, Witness, pairs, touching
+from fmopt.certificate.piece_pairs import Pair, Witness, pairs, touching
+from fmopt.certificate.remainder import AtEnd, Course, Ends, Extent
+from fmopt.certificate.row_bounds import Places, Witnesses, best
 from fmopt.certificate.rows import (
     Forms,
     Mask,
@@ -35,8 +35,8 @@ from fmopt.certificate.rows import (
 )
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.se3 import Pose, cross, length, lengths
-from fmopt.values import Array, remembered
+from fmopt.spatial.se3 import Pose, cross, length, lengths
+from fmopt.spatial.values import Array, remembered
 
 __all__ = ["Ends", "Pair", "RowBounds", "Separation", "Witness", "pairs", "row_bounds", "separation", "touching"]
 

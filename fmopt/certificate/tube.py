@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from fmopt.certificate.kernels_rows import Bending, End, Turned, power, reach, remainder
-from fmopt.compiled import compiled, part
-from fmopt.kernels import halves, size, vector
-from fmopt.values import Array
+from fmopt.runtime.compiled import compiled, part
+from fmopt.spatial.kernels import halves, size, vector
+from fmopt.spatial.values import Array
 
 _ROUNDS = 80
 _FAR = 0.5  # m or rad; errors as wide as this certify nothing
@@ -156,7 +156,7 @@ def powers(bending: Bending) -> Array:
 
 @part
 def _coupled(links: Array, offset: float, angle: float, turn: float) -> tuple[float, float]:
-    """What the linear picture leaves of errors in different frames, m and rad; see `uncertainty.error_set`.
+    """What the linear picture leaves of errors in different frames, m and rad; see `certificate.error_set`.
 
     Args:
         links: sizes of h_p, h, g_p and g_r, and P (5,), m and rad.

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import typer
 
 from fmopt.cli.entry import say
-from fmopt.desk.asking import Asked, of_assembly
-from fmopt.desk.parts import is_part
 from fmopt.errors import Fault, InputError
+from fmopt.notebook.asking import Asked, of_assembly
+from fmopt.notebook.parts import is_part
 from fmopt.plan import STDIO
 from fmopt.task.mesh_source import STEP
 
@@ -83,7 +83,7 @@ def problem_in(folder: Path, files: Sequence[Path], options: Options, quiet: boo
         InputError: as of `asked_problem`, or something is at fault with the parts.
         ResourceError: it cannot be written.
     """
-    from fmopt import output
+    from fmopt.runtime import output
     from fmopt.task.problem import load
 
     asked = asked_problem(files, options)
@@ -124,9 +124,9 @@ def written(asked: Asked, target: Path, stated: bool) -> list[Path]:
     Raises:
         InputError: something is at fault, or the file is there already.
     """
-    from fmopt import output
-    from fmopt.desk.found import commented
-    from fmopt.pipeline import tried
+    from fmopt.notebook.found import commented
+    from fmopt.planning.pipeline import tried
+    from fmopt.runtime import output
 
     if target.exists():
         raise _wrong(target, "file-there", "this file is there already", "name another one with --out, or remove it")
@@ -143,7 +143,7 @@ def written(asked: Asked, target: Path, stated: bool) -> list[Path]:
 
 def draw_found(problem: Problem, target: Path) -> Path:
     """Draws what was taken for what on both parts of a problem."""
-    from fmopt.desk.found import drawing_of
+    from fmopt.notebook.found import drawing_of
 
     return drawing_of((problem.moving, problem.fixed)).save(target)
 
@@ -157,8 +157,8 @@ def check_part(file: Path, unit: str | None, out: Path | None, form: tuple[bool,
         out: file of the drawing.
         form: whether as JSON, and whether to say nothing.
     """
-    from fmopt.desk.found import drawing_of
-    from fmopt.desk.parts import load_part, part_facts, part_words
+    from fmopt.notebook.found import drawing_of
+    from fmopt.notebook.parts import load_part, part_facts, part_words
 
     parts = load_part(file, unit)
     drawn = [] if out is None else [drawing_of(parts).save(out)]

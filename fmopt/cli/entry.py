@@ -15,8 +15,8 @@ import typer
 
 from fmopt import __version__
 from fmopt.errors import FmoptError, InputError, InterferenceError, ResourceError, UnprovedError
-from fmopt.escape import one_line
-from fmopt.process import interrupted
+from fmopt.runtime.escape import one_line
+from fmopt.runtime.process import interrupted
 
 _SHOWN = 5  # findings that a refusal lists
 _DATA = ("interference", "place", "shortfall", "feature", "rule", "findings")  # what errors carry beside their words

@@ -54,10 +54,11 @@ def solve(
     quiet: Quiet = False,
 ) -> None:
     """Plan an insertion, check the certificate, write plan.json."""
-    from fmopt import output, plan
-    from fmopt.compiled import announce, clock
-    from fmopt.console import Stages, print_solved
-    from fmopt.pipeline import RESERVED, synthesise
+    from fmopt import plan
+    from fmopt.cli.console import Stages, print_solved
+    from fmopt.planning.pipeline import RESERVED, synthesise
+    from fmopt.runtime import output
+    from fmopt.runtime.compiled import announce, clock
     from fmopt.task.mesh_source import MESHES
     from fmopt.task.problem import load
 
@@ -77,7 +78,7 @@ def solve(
         try:
             result = synthesise(problem, stages, RESERVED)
         except (SearchError, InfeasibleError) as error:
-            from fmopt.desk.failure import explained, write
+            from fmopt.notebook.failure import explained, write
 
             written = write(explained(problem, error, begun, stages), folder)
             if not (quiet or as_json):
@@ -96,9 +97,9 @@ def solve(
 
 
 def _write_report(found: Plan, folder: Path) -> None:
-    from fmopt import output
     from fmopt.report.figures import figures
     from fmopt.report.page import report_page
+    from fmopt.runtime import output
 
     drawn = figures(found)
     for name, svg in drawn.items():
@@ -176,7 +177,7 @@ def verify(
 
 def _given(problem: Path) -> Mapping[str, Given]:
     """The parts of a problem as the planner reads them, for those that come as STEP files."""
-    from fmopt.desk.checking import given
+    from fmopt.notebook.checking import given
     from fmopt.task.problem import load
 
     return given(load(problem))
@@ -227,8 +228,8 @@ def check(
 ) -> None:
     """Validate a problem file with all models, an assembly and each of its tasks, or one part; say it back in words."""
     from fmopt.cli.asked import check_part, draw_found
-    from fmopt.desk.parts import is_part
-    from fmopt.pipeline import tried
+    from fmopt.notebook.parts import is_part
+    from fmopt.planning.pipeline import tried
     from fmopt.task.assembly import is_assembly
     from fmopt.task.explain import explain, facts
     from fmopt.task.problem import load
@@ -266,7 +267,7 @@ def schema(
 ) -> None:
     """Print the JSON Schema of such files, for editors that complete and check as you type."""
     from fmopt.study import study_file as of_studies
-    from fmopt.task import schema as schemas
+    from fmopt.task.toml import schema as schemas
 
     kinds = {
         "problem": schemas.problem_schema,

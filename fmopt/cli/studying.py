@@ -45,7 +45,7 @@ def study_run(
     quiet: Quiet = False,
 ) -> None:
     """Run a study, or go on with one that was interrupted: what is done is not done again."""
-    from fmopt.console import Runs, Stages
+    from fmopt.cli.console import Runs, Stages
     from fmopt.study import command
 
     asked = command.Asked(jobs, limit, retry_failed, cluster)
@@ -75,7 +75,7 @@ def study_run(
 
 
 def _allocate(file: Path, folder: Path, dry_run: bool, as_json: bool, quiet: bool) -> None:
-    from fmopt.console import Stages
+    from fmopt.cli.console import Stages
     from fmopt.study import command
 
     if dry_run:
@@ -108,7 +108,7 @@ def study_report(
 
 
 def _foretold(file: Path, found: Any) -> str:
-    from fmopt.console import duration
+    from fmopt.cli.console import duration
 
     lines = [f"{file}: {found.total} runs, {found.done} of them done", *found.listing]
     if found.seconds is None:
@@ -120,7 +120,7 @@ def _foretold(file: Path, found: Any) -> str:
 
 
 def _told(tally: Any, folder: Path) -> str:
-    from fmopt.console import duration
+    from fmopt.cli.console import duration
 
     left = tally.total - tally.done
     words = f"{tally.done} of {tally.total} runs done"

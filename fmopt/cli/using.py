@@ -41,8 +41,8 @@ def export(
     quiet: Quiet = False,
 ) -> None:
     """Write a certified plan as a program or bag for robots, or its nominal position/force trajectory as a table."""
-    from fmopt.export.write import Form, place
-    from fmopt.export.write import export as write
+    from fmopt.plan.export.write import Form, place
+    from fmopt.plan.export.write import export as write
 
     if as_json and out == STDIO:
         raise typer.BadParameter("--json lists the files that were written, --out - writes none: leave one of them out")
@@ -66,7 +66,7 @@ def export(
 
 def _admitted(file: Path, unverified: bool) -> tuple[Any, str]:
     """A plan that the check certifies, or what is said of it, on standard error, too, as the check was not asked."""
-    from fmopt.desk.checking import admitted
+    from fmopt.notebook.checking import admitted
     from fmopt.plan import read
 
     plan = read(file)
@@ -90,7 +90,7 @@ def show(
     quiet: Quiet = False,
 ) -> None:
     """Draw models, cut-diagrams, contact states, plans: as SVG or PNG, or as a page that turns and plays offline."""
-    from fmopt.desk.gallery import draw, gallery
+    from fmopt.notebook.gallery import draw, gallery
 
     if listing:
         found = {name: drawing.title for name, drawing in gallery(file).items()}
@@ -112,7 +112,7 @@ def examples(
     quiet: Quiet = False,
 ) -> None:
     """Copy the shipped problems and models into a folder; without --out, say which there are."""
-    from fmopt.desk import shipped
+    from fmopt.notebook import shipped
 
     if out is None:
         names = shipped.examples()
@@ -157,7 +157,7 @@ def execute(
     quiet: Quiet = False,
 ) -> None:
     """Carry a certified plan out in a physics engine, under sampled errors (extra sim, or drake)."""
-    from fmopt.console import Trials as Progress
+    from fmopt.cli.console import Trials as Progress
     from fmopt.execution.execute import Settled
     from fmopt.execution.execute import execute as run
     from fmopt.execution.summary import lines
@@ -187,8 +187,8 @@ def execute(
 
 
 def _replay(plan: Any, wanted: Any, number: int, folder: Path) -> None:
-    from fmopt import output
     from fmopt.execution.replay import replay
+    from fmopt.runtime import output
 
     if number >= wanted.inside + wanted.beyond:
         raise typer.BadParameter(f"trial {number} of {wanted.inside + wanted.beyond}", param_hint="--replay")
@@ -212,8 +212,8 @@ def compare(
     quiet: Quiet = False,
 ) -> None:
     """Carry certified plans out beside what people do without one, as push, spiral, search, tilt (extra sim)."""
-    from fmopt.console import Trials as Progress
-    from fmopt.console import print_compared
+    from fmopt.cli.console import Trials as Progress
+    from fmopt.cli.console import print_compared
     from fmopt.execution.execute import Settled
     from fmopt.execution.execute import compare as run
     from fmopt.execution.trials import METHODS
@@ -237,8 +237,8 @@ def manual(
     quiet: Quiet = False,
 ) -> None:
     """Write the manual as one page of HTML that opens and is searched offline."""
-    from fmopt import output
     from fmopt.manual import manual as book
+    from fmopt.runtime import output
 
     if out == STDIO:
         typer.echo(book(), nl=False)

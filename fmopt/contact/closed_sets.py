@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.compiled import compiled, part
+from fmopt.runtime.compiled import compiled, part
 
 Words = NDArray[np.uint64]
 Numbers = NDArray[np.integer[Any]]

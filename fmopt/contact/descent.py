@@ -1,6 +1,6 @@
 """Searches on C-surfaces, pose by pose, compiled: where what is short falls no further, and where contacts touch.
 
-What contacts and their bounds ask of a pose is told in `fmopt.contact.meet`; here is the arithmetic of it.
+What contacts and their bounds ask of a pose is told in `fmopt.contact.realisation`; here is the arithmetic of it.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.compiled import compiled, part
 from fmopt.contact.kernels_generated import Tables, height, number_of, regularity, wrench
-from fmopt.kernels import Vector, cross, dot
-from fmopt.values import Array
+from fmopt.runtime.compiled import compiled, part
+from fmopt.spatial.kernels import Vector, cross, dot
+from fmopt.spatial.values import Array
 
 Bits = NDArray[np.bool_]
 Numbers = NDArray[np.int64]
@@ -38,11 +38,11 @@ class Functions(NamedTuple):
     """The functions of k contacts of a local space, of l bounds that end them, and of the space's limits.
 
     Attributes:
-        tables: records of the C-surfaces of each kind; see `fmopt.contact.surface.Surfaces`. All of them together are
+        tables: records of the C-surfaces of each kind; see `fmopt.contact.c_surface.Surfaces`. All of them together are
             numbered in that order.
         own: (k,), the surface of each contact.
         bounds: the surface of each bound (l,), the signs (l,), where they are in the clauses of each contact
-            (k, clauses, alternatives, bounds together), see `fmopt.contact.bounds.BoundTable`, and the contact that
+            (k, clauses, alternatives, bounds together), see `fmopt.contact.facet_bounds.BoundTable`, and the contact that
             begins at each bound (l + 2,), −1 for none.
         limits: (7, w), a column of each limit's unit row and offset.
         scale: (6,), scaled units in m and rad.
@@ -336,7 +336,7 @@ def _shortest(rows: Array, rank: int, step: Array) -> None:
 
 @part
 def _move(scale: Array, step: Array, T: Array, moved: Array) -> None:
-    """The pose at scaled local coordinates (6,) around another; see `fmopt.se3.turns`."""
+    """The pose at scaled local coordinates (6,) around another; see `fmopt.spatial.se3.turns`."""
     w = (scale[3] * step[3], scale[4] * step[4], scale[5] * step[5])
     square = dot(w, w)
     angle = max(math.sqrt(square), 1e-9)

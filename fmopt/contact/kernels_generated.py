@@ -10,9 +10,9 @@ from typing import Any, TypeAlias
 
 from numpy import sqrt
 
-from fmopt.compiled import part
-from fmopt.kernels import turned, vector
-from fmopt.values import Array
+from fmopt.runtime.compiled import part
+from fmopt.spatial.kernels import turned, vector
+from fmopt.spatial.values import Array
 
 Tables: TypeAlias = tuple[Any, ...]
 Row: TypeAlias = Any

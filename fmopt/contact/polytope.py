@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fmopt.compiled import compiled, part
-from fmopt.contact.lattice import Bits, closed_faces, distinct, ordered, simple_faces
+from fmopt.contact.face_lattice import Bits, closed_faces, distinct, ordered, simple_faces
 from fmopt.errors import InfeasibleError, SolverError
-from fmopt.values import Array, Value
+from fmopt.runtime.compiled import compiled, part
+from fmopt.spatial.values import Array, Value
 
 INCIDENCE = 1e-8  # scaled units; a point this close to a unit half-space's plane lies on it
 _COARSER = (INCIDENCE, 10.0 * INCIDENCE, 100.0 * INCIDENCE)  # how close corners are one, where faces do not fit

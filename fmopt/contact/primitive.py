@@ -14,8 +14,7 @@ from typing import assert_never
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.compiled import heed
-from fmopt.contact.nearness import (
+from fmopt.contact.detection import (
     Corners,
     Ridges,
     Walls,
@@ -25,8 +24,9 @@ from fmopt.contact.nearness import (
     vertices_at_faces,
 )
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.se3 import Pose, cross
-from fmopt.values import Array, remembered
+from fmopt.runtime.compiled import heed
+from fmopt.spatial.se3 import Pose, cross
+from fmopt.spatial.values import Array, remembered
 
 PARALLEL = math.radians(1.0)  # rad; edges closer than this in direction have no edge–edge contact
 _CONTACTS = 32768

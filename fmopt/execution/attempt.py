@@ -15,9 +15,9 @@ from fmopt.execution.program import FAILED
 from fmopt.execution.recovery import EARLY, LATE, Recovery, WayBack
 from fmopt.execution.rig import Event, Rig
 from fmopt.execution.summary import Fit, Log, Retry, note, rest, watch
-from fmopt.guarded.contacts import Contact
-from fmopt.guarded.moves import Move
-from fmopt.values import Array
+from fmopt.plan.contact_geometry import Contact
+from fmopt.plan.guarded_moves import Move
+from fmopt.spatial.values import Array
 
 _QUIET = 0.15  # s after the end of a program, before the pose at rest is judged
 _LONGEST = 30.0  # s that an attempt may take

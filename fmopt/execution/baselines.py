@@ -17,8 +17,8 @@ from fmopt.execution.program import DONE, FAILED, Program, Step
 from fmopt.execution.robot import Robot
 from fmopt.execution.summary import Fit
 from fmopt.plan import Plan
-from fmopt.se3 import Pose, exp
-from fmopt.values import Array
+from fmopt.spatial.se3 import Pose, exp
+from fmopt.spatial.values import Array
 
 HEIGHT = 0.001  # m above the mouth, at the start
 SPEED = 0.02  # m/s, before and after contact

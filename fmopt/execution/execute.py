@@ -14,12 +14,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from fmopt import output
 from fmopt.errors import Interruption, ResourceError
 from fmopt.execution.summary import summary
 from fmopt.execution.trials import ENGINES, LATER, METHODS, Trials, run
 from fmopt.execution.workers import spread
 from fmopt.plan import Plan
+from fmopt.runtime import output
 
 CHUNK = 125  # trials that run together; more make each cheaper
 _FEWEST = 10  # trials that are worth a process

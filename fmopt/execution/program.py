@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fmopt.execution.robot import Robot
-from fmopt.guarded.moves import Move, moves, to_frame
 from fmopt.plan import Plan
-from fmopt.se3 import Pose
-from fmopt.values import Array, Value, frozen
+from fmopt.plan.guarded_moves import Move, moves, to_frame
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array, Value, frozen
 
 DONE, FAILED = -1, -2
 _GIVE = 2.0  # of what the servo's spring gives way under a contact's force, by which the part may go on as it is felt

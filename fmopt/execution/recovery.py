@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from fmopt.execution.rotation import between, from_quaternions, product, quaternions
 from fmopt.plan import Plan
-from fmopt.se3 import Pose
-from fmopt.values import Array, Value, frozen
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array, Value, frozen
 
 EARLY, LATE = "early", "late"  # the part stands before its travel is used up; it is used up, and nothing was felt
 _SPEED = 0.05  # m/s and

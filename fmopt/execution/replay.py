@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from fmopt import output
 from fmopt.errors import ResourceError
-from fmopt.execution.physics import Physics
+from fmopt.execution.engines.physics import Physics
+from fmopt.execution.engines.scene import compiled, engine, scene
 from fmopt.execution.rig import Rig
 from fmopt.execution.robot import Robot
-from fmopt.execution.scene import compiled, engine, scene
 from fmopt.execution.trials import Trials, run
 from fmopt.plan import Plan
-from fmopt.values import Array
+from fmopt.runtime import output
+from fmopt.spatial.values import Array
 
 FRAMES = 20  # a second of the trial
 SLOWER = 2.0  # times that the picture takes for it

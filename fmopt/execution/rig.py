@@ -19,12 +19,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.execution.engine import Engine
+from fmopt.execution.engines.engine import Engine
 from fmopt.execution.program import FAILED, Program, Table
 from fmopt.execution.recovery import WayBack
 from fmopt.execution.robot import Robot
 from fmopt.execution.rotation import between, hats, product, quaternions
-from fmopt.values import Array
+from fmopt.spatial.values import Array
 
 TRAVEL, TIMEOUT, DUE, FORCE, DEEP, PUSH, SOFT, ON_STOP, ON_END, ON_LATE, MOVE, TOUCH, SURE, GENTLE = range(14)
 Ints = NDArray[np.int64]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from fmopt.se3 import cross
-from fmopt.values import Array
+from fmopt.spatial.se3 import cross
+from fmopt.spatial.values import Array
 
 
 def hats(w: Array) -> Array:

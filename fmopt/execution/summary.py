@@ -16,10 +16,10 @@ import numpy as np
 from fmopt.execution.program import FAILED
 from fmopt.execution.rig import Event, Rig
 from fmopt.execution.rotation import between, from_quaternions, quaternions
-from fmopt.guarded.contacts import Contact
-from fmopt.guarded.moves import Move
 from fmopt.plan import Plan
-from fmopt.se3 import Pose
+from fmopt.plan.contact_geometry import Contact
+from fmopt.plan.guarded_moves import Move
+from fmopt.spatial.se3 import Pose
 
 _Z = 1.959963984540054  # normal quantile of 95 %
 

@@ -17,20 +17,20 @@ import numpy as np
 from fmopt.errors import PlanFormatError, SettingsError
 from fmopt.execution.attempt import Course, carried_out
 from fmopt.execution.baselines import BASELINES
-from fmopt.execution.drake_engine import DRAKE
-from fmopt.execution.engine import Maker, Setup
-from fmopt.execution.mujoco_engine import MUJOCO
+from fmopt.execution.engines.drake_engine import DRAKE
+from fmopt.execution.engines.engine import Maker, Setup
+from fmopt.execution.engines.mujoco_engine import MUJOCO
 from fmopt.execution.program import Program, planned
 from fmopt.execution.recovery import Recovery
 from fmopt.execution.rig import Rig
 from fmopt.execution.robot import Robot
 from fmopt.execution.rotation import product, quaternions
 from fmopt.execution.summary import Fit, Log
-from fmopt.guarded.contacts import contacts
-from fmopt.guarded.moves import moves
 from fmopt.plan import Body, Plan
-from fmopt.se3 import Pose
-from fmopt.values import Array
+from fmopt.plan.contact_geometry import contacts
+from fmopt.plan.guarded_moves import moves
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
 
 METHODS: dict[str, Callable[[Plan, Robot], Program]] = {"plan": planned, **BASELINES}
 ENGINES: dict[str, Maker] = {"mujoco": MUJOCO, "drake": DRAKE}

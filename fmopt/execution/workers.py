@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-from fmopt.child import Child
 from fmopt.errors import FmoptError, ResourceError
+from fmopt.runtime.child_process import Child
 
 _ENTRY = "fmopt.execution.workers:serve"
 Take = Callable[[list[Any]], None]

@@ -16,8 +16,8 @@ from itertools import product
 
 import numpy as np
 
-from fmopt.geometry.outline import convex_pieces
-from fmopt.values import Array
+from fmopt.geometry.outline_solids import convex_pieces
+from fmopt.spatial.values import Array
 
 _ON, _SHORT = 1e-5, 1e-3  # of an outline's size: lines so close are one, sides so short are noise
 _STRAIGHT = 1e-6  # rad: corners that turn less are none

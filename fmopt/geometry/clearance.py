@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from fmopt.errors import GeometryError, InterferenceError
+from fmopt.geometry.convex_pieces import faceted, union_manifold
 from fmopt.geometry.facets import place
 from fmopt.geometry.part import Part
-from fmopt.geometry.pieces import faceted, union_manifold
 from fmopt.geometry.polyhedron import Polyhedron, diameter, placed, plane_basis
 from fmopt.geometry.section import section_limit
-from fmopt.se3 import Pose
-from fmopt.values import Array, Value, frozen
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array, Value, frozen
 
 if TYPE_CHECKING:
     from shapely import MultiPolygon

@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.polyhedron import Polyhedron, convex_hull_polyhedron
-from fmopt.se3 import Pose
-from fmopt.values import Array, Value, remembered
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array, Value, remembered
 
 _PROBE = 1e-9  # m, how far a point on a boundary looks for interior
 _MAX_SIDES = 4096
@@ -142,7 +142,7 @@ Ring: TypeAlias = tuple[tuple[float, float, float], ...]
 
 @dataclass(frozen=True)
 class Stack(Union):
-    """The union of convex parts that together fill a stack of outlines, see `fmopt.geometry.outline.stack`.
+    """The union of convex parts that together fill a stack of outlines, see `fmopt.geometry.outline_solids.stack`.
 
     Args:
         parts: its convex pieces, primitives that may be placed.

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.errors import GeometryError
-from fmopt.values import Array
+from fmopt.spatial.values import Array
 
 MAX_FACES = 2_000  # what is planned with them takes a time that grows by their square, at least
 _MOST_PAIRS = 2_000_000  # of vertices near each other: more than any honest mesh has

@@ -19,15 +19,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fmopt.errors import GeometryError
+from fmopt.geometry.convex_pieces import pieces, polyhedron, union_manifold
 from fmopt.geometry.csg import Hull, Solid, Union, exact_pose, sagitta
-from fmopt.geometry.exact import Exact, exact_vertices, facing_directions
+from fmopt.geometry.exact_coordinates import Exact, exact_vertices, facing_directions
 from fmopt.geometry.facets import place
-from fmopt.geometry.mating import Feature, found_features, in_frame
-from fmopt.geometry.mesh import Imported, come_apart
-from fmopt.geometry.pieces import pieces, polyhedron, union_manifold
+from fmopt.geometry.mating_features import Feature, found_features, in_frame
+from fmopt.geometry.mesh.mesh_import import Imported, come_apart
 from fmopt.geometry.polyhedron import Polyhedron, from_faces, levelled, placed, rounded, scaled, with_vertices
-from fmopt.se3 import Pose
-from fmopt.values import Array, Value, frozen
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array, Value, frozen
 
 _ELSEWHERE = 1.5  # times: how far facets are off faces in frames that fit a mesh to them by other measures
 _MESH_VOLUME = 1e-4  # of the volume
@@ -121,7 +121,7 @@ def mesh_part(
 ) -> Part:
     """The part of an imported mesh; it gets exact convex pieces by way of `mesh.come_apart`.
 
-    >>> from fmopt.geometry import csg, mesh, pieces, polyhedron
+    >>> from fmopt.geometry import csg, convex_pieces as pieces, polyhedron; from fmopt.geometry.mesh import mesh_import as mesh
     >>> bar = pieces.polyhedron(csg.Box((0.01, 0.01, 0.03)))
     >>> part = mesh_part("bar", mesh.mesh_polyhedron(bar.vertices, polyhedron.triangulated(bar)))
     >>> [(feature.name, feature.kind, feature.length) for feature in part.features]

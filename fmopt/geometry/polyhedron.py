@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.facets import Loop, place, polygon_faces
-from fmopt.se3 import Pose, cross
-from fmopt.values import Array, Value, frozen
+from fmopt.spatial.se3 import Pose, cross
+from fmopt.spatial.values import Array, Value, frozen
 
 _LEVEL = 1e-12  # m
 _DECIMALS = 15  # of coordinates in m, once rounded: the normals of faces of 1 mm stay the same to 1e-12

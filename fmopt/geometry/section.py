@@ -27,8 +27,8 @@ from fmopt.geometry.csg import (
     exact_pose,
 )
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.se3 import Pose
-from fmopt.values import Array
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
 
 if TYPE_CHECKING:
     from shapely import MultiPolygon

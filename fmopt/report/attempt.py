@@ -12,15 +12,15 @@ from functools import partial
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from fmopt.guarded.axes import AXES
 from fmopt.plan import Contact, Part
-from fmopt.report import cut_view
-from fmopt.report.cut_view import End
+from fmopt.plan.position_force import AXES
 from fmopt.report.figures import Figure
 from fmopt.report.naming import binding_words, contact_words, degrees, millimetres, pose_words, quantity
 from fmopt.report.scene import resource
 from fmopt.report.shell import chaptered, figure, page, table
-from fmopt.se3 import Pose
+from fmopt.report.views import cut_view
+from fmopt.report.views.cut_view import End
+from fmopt.spatial.se3 import Pose
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Sheet

@@ -11,8 +11,8 @@ from fmopt.geometry.polyhedron import Polyhedron, from_faces, placed, plane_of
 from fmopt.geometry.section import section
 from fmopt.plan import Body, Part
 from fmopt.report.naming import Parts
-from fmopt.se3 import Pose
-from fmopt.values import Array
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
 
 if TYPE_CHECKING:
     from shapely import MultiPolygon

@@ -12,13 +12,13 @@ from itertools import groupby
 
 import numpy as np
 
-from fmopt.guarded.axes import AXES, stretches
 from fmopt.plan import Hybrid, JamFree, Plan, Segment
+from fmopt.plan.position_force import AXES, stretches
 from fmopt.report.moves import moves, turn_of, way_of
 from fmopt.report.naming import combination, direction, quantity, signed
 from fmopt.report.shell import table
-from fmopt.report.trajectory_view import STOPS
-from fmopt.values import Array
+from fmopt.report.views.trajectory_view import STOPS
+from fmopt.spatial.values import Array
 
 _TURNS = 1e-3  # rad/s, a rate worth a word
 

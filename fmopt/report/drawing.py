@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
-from fmopt.escape import one_line
+from fmopt.runtime.escape import one_line
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

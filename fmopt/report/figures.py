@@ -8,7 +8,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from fmopt.plan import Plan
-from fmopt.report import (
+from fmopt.report.drawing import drawn
+from fmopt.report.views import (
     budget_view,
     cut_view,
     diagram_view,
@@ -19,7 +20,6 @@ from fmopt.report import (
     trajectory_view,
     tube_view,
 )
-from fmopt.report.drawing import drawn
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Sheet

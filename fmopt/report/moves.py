@@ -10,8 +10,8 @@ import numpy as np
 
 from fmopt.plan import Numbers, Plan, Segment
 from fmopt.report.naming import binding_words, contact_words, quantity, spoken_axis, touched_words
-from fmopt.se3 import Pose
-from fmopt.values import Array
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ from typing import Protocol
 
 import numpy as np
 
-from fmopt.guarded.axes import AXES
-from fmopt.plan import Body, Contact, Foreseen, Part, Plan
-from fmopt.values import Array
+from fmopt.plan import Body, Contact, Part, Plan, UnplannedContact
+from fmopt.plan.position_force import AXES
+from fmopt.spatial.values import Array
 
 _SAME = 1e-9  # m
 _SLIGHT = 0.005  # of the greatest component of a direction
@@ -84,7 +84,7 @@ def contact_words(plan: Parts, contact: str) -> str:
     return meeting_words(plan, record, f" {own}", f" {other}")
 
 
-def meeting_words(plan: Parts, record: Contact | Foreseen, own: str = "", other: str = "") -> str:
+def meeting_words(plan: Parts, record: Contact | UnplannedContact, own: str = "", other: str = "") -> str:
     """What touches what, by the vertices of both sides, with names for the two: "corner touches wall (y = 10 mm)"."""
     tip, wall = _points(plan.moving, record.moving), _points(plan.fixed, record.fixed)
     moved = "ball" if record.kind == "ball-face" else _moving_words(plan.moving, tip)

@@ -10,7 +10,6 @@ from html import escape
 
 from fmopt.plan import Phase, Plan, Planar, PlanarSegment
 from fmopt.report import control_tables, sections
-from fmopt.report.budget_view import budget_table
 from fmopt.report.control_tables import jamming_table
 from fmopt.report.figures import catalogue
 from fmopt.report.moves import Verdict, moves, verdict
@@ -18,6 +17,7 @@ from fmopt.report.naming import degrees, quantity
 from fmopt.report.recovery_tables import recovery_chapter, tolerance_chapter
 from fmopt.report.scene import resource, scene
 from fmopt.report.shell import chaptered, figure, page, table
+from fmopt.report.views.budget_view import budget_table
 
 
 def report_page(plan: Plan, figures: Mapping[str, str]) -> str:

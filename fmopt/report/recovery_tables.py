@@ -9,8 +9,8 @@ import math
 from collections.abc import Sequence
 from html import escape
 
-from fmopt.guarded.axes import AXES
-from fmopt.plan import MoveRecovery, Plan, Recovery, Tolerated, ToleratedEnd
+from fmopt.plan import ErrorTolerance, MoveRecovery, Plan, Recovery, ToleranceEnd
+from fmopt.plan.position_force import AXES
 from fmopt.report.moves import verdict
 from fmopt.report.naming import binding_words, degrees, meeting_words, millimetres, signed
 from fmopt.report.shell import table
@@ -128,11 +128,11 @@ def tolerated_words(plan: Plan) -> str:
     return words + " That is the planner's own figure, and not proved."
 
 
-def _tolerated(plan: Plan) -> Tolerated | None:
+def _tolerated(plan: Plan) -> ErrorTolerance | None:
     return None if plan.diagnostics is None else plan.diagnostics.tolerated
 
 
-def _end_words(plan: Plan, end: ToleratedEnd | None) -> str:
+def _end_words(plan: Plan, end: ToleranceEnd | None) -> str:
     """What fails first beyond that, as a sentence."""
     if end is None:
         return ""

@@ -18,14 +18,14 @@ from typing import Any
 
 import numpy as np
 
-from fmopt.geometry.pieces import clip, faceted
+from fmopt.geometry.convex_pieces import clip, faceted
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.geometry.section import section
 from fmopt.plan import Numbers, Part, Plan, Segment
 from fmopt.report.bodies import body_of, pieces_of
 from fmopt.report.moves import Move, margin_claim, move_words, moves, turn_between
-from fmopt.se3 import Pose
-from fmopt.values import Array
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
 
 _ROUND = 4  # decimals of a coordinate in mm: 0.1 µm
 _SAME = 1e-9

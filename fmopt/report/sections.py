@@ -8,20 +8,12 @@ from html import escape
 
 import numpy as np
 
-from fmopt.guarded.axes import AXES
 from fmopt.plan import FORMAT, FRAMES, UNITS, Part, Plan
-from fmopt.report.moves import (
-    margin_claim,
-    margin_name,
-    margin_words,
-    move_words,
-    moves,
-    states,
-    verdict,
-)
+from fmopt.plan.position_force import AXES
+from fmopt.report.moves import margin_claim, margin_name, margin_words, move_words, moves, states, verdict
 from fmopt.report.naming import binding_words, contact_words, degrees, millimetres, pose_words, quantity, signed
 from fmopt.report.shell import table
-from fmopt.report.tube_view import ends_words, error_sets
+from fmopt.report.views.tube_view import ends_words, error_sets
 
 
 def asked(plan: Plan) -> str:

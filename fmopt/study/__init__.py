@@ -37,6 +37,6 @@ def frame(folder: str | PathLike[str]) -> polars.DataFrame:
         InputError: there is no study in this folder.
         ResourceError: the store cannot be read, or polars is not installed.
     """
-    from fmopt.study import table
+    from fmopt.study.results import table
 
     return table.frame(table.results(Path(folder)))

@@ -9,12 +9,12 @@ import numpy as np
 
 from fmopt.errors import Fault, InputError
 from fmopt.study import study_file as files
-from fmopt.study.batch import Assigned
+from fmopt.study.running.batch import Assigned
 from fmopt.study.sampling import CUBES, Normal, Uniform, cube, grid, rounded, stepped
 from fmopt.study.targets import Target, in_file, target
-from fmopt.task.tables import Reading, in_words, shown
-from fmopt.task.toml_source import Key, Place, Source, dotted
-from fmopt.task.units import LENGTH, Dimension, Quantity, QuantityError, did_you_mean, evaluate
+from fmopt.task.toml.source import Key, Place, Source, dotted
+from fmopt.task.toml.tables import Reading, in_words, shown
+from fmopt.task.toml.units import LENGTH, Dimension, Quantity, QuantityError, did_you_mean, evaluate
 
 Number = float | str
 

@@ -12,15 +12,15 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from fmopt.study.batch import Batch, laid_out
 from fmopt.study.design import Study, load_study
 from fmopt.study.evaluation import evaluate
-from fmopt.study.running import Options, Tally, Work, run
-from fmopt.study.store import NAME, efforts, owned, recorded
-from fmopt.study.table import csv_text, parquet, results
-from fmopt.study.workers import Local, run_batch
-from fmopt.task.tables import in_words
-from fmopt.task.toml_source import read
+from fmopt.study.results.table import csv_text, parquet, results
+from fmopt.study.running.batch import Batch, laid_out
+from fmopt.study.running.running import Options, Tally, Work, run
+from fmopt.study.running.store import NAME, efforts, owned, recorded
+from fmopt.study.running.workers import Local, run_batch
+from fmopt.task.toml.source import read
+from fmopt.task.toml.tables import in_words
 
 _SHOWN = 10  # runs that a dry run lists
 _ALLOCATION = "allocation.json"
@@ -55,11 +55,11 @@ def carry_out(file: Path, folder: Path, asked: Asked, progress: Callable[[Tally]
         InputError: the file cannot be used.
         ResourceError: the folder, the workers or the cluster cannot be had.
     """
-    from fmopt import output
+    from fmopt.runtime import output
 
     work = load_study(file).work()
     if asked.cluster is not None:
-        from fmopt.study.cluster import cluster
+        from fmopt.study.running.cluster import cluster
 
         with cluster(asked.cluster) as (executor, threads):
             options = Options(asked.jobs or threads, asked.limit, asked.retry_failed, executor)
@@ -78,11 +78,11 @@ def report(folder: Path) -> list[Path]:
         InputError: there is no study in this folder.
         ResourceError: a file cannot be read or written.
     """
-    from fmopt import output
-    from fmopt.study.allocation import allocation_page
-    from fmopt.study.figures import figures
-    from fmopt.study.page import page
-    from fmopt.study.view import View
+    from fmopt.runtime import output
+    from fmopt.study.allocation.allocation import allocation_page
+    from fmopt.study.results.figures import figures
+    from fmopt.study.results.page import page
+    from fmopt.study.results.view import View
 
     if (folder / _ALLOCATION).is_file() and not (folder / NAME).is_file():
         output.save(allocation_page(json.loads((folder / _ALLOCATION).read_text())).encode(), folder / "report.html")
@@ -112,7 +112,7 @@ def asked_for(file: Path) -> tuple[dict[str, Any], list[str]]:
     Raises:
         InputError: the file cannot be used.
     """
-    from fmopt.study.tolerances import load_allocation
+    from fmopt.study.allocation.tolerances import load_allocation
 
     question = load_allocation(file)
     record = {"title": question.file.title, "tolerances": [allowed.record() for allowed in question.tolerances]}
@@ -127,9 +127,10 @@ def allocated(file: Path, folder: Path, progress: Callable[[str], None]) -> tupl
         ResourceError: the folder is owned by another, or cannot be written.
         SearchError, InfeasibleError: there is no motion for the present tolerances, or its margin is too small already.
     """
-    from fmopt import output, plan
-    from fmopt.study.allocation import allocate
-    from fmopt.study.tolerances import load_allocation
+    from fmopt import plan
+    from fmopt.runtime import output
+    from fmopt.study.allocation.allocation import allocate
+    from fmopt.study.allocation.tolerances import load_allocation
 
     question = load_allocation(file)
     output.prepare(folder)
@@ -204,7 +205,7 @@ def _workers(asked: Asked) -> int:
     """How many runs would be under way at a time."""
     if asked.cluster is None:
         return asked.jobs or processors()
-    from fmopt.study.cluster import cluster
+    from fmopt.study.running.cluster import cluster
 
     with cluster(asked.cluster) as (_, threads):
         return asked.jobs or threads

@@ -11,17 +11,17 @@ from pathlib import Path
 from fmopt.errors import Fault, InputError
 from fmopt.study import study_file as files
 from fmopt.study.axes import Axis, Number, assignments, axes_of, count_of, points_of, unusable
-from fmopt.study.batch import Limits, Question, Run
 from fmopt.study.evaluation import QUANTITIES, missing
-from fmopt.study.program import program
-from fmopt.study.running import Work
+from fmopt.study.running.batch import Limits, Question, Run
+from fmopt.study.running.program import program
+from fmopt.study.running.running import Work
 from fmopt.study.sampling import CUBES
 from fmopt.study.targets import UNIT_NAMES, Base, assigned, blamed, canonical_digest
 from fmopt.task.loading import problem_of
 from fmopt.task.problem import load
-from fmopt.task.tables import Reading, checked, factors
-from fmopt.task.toml_source import Source, dotted, read
-from fmopt.task.units import QuantityError, did_you_mean
+from fmopt.task.toml.source import Source, dotted, read
+from fmopt.task.toml.tables import Reading, checked, factors
+from fmopt.task.toml.units import QuantityError, did_you_mean
 
 _COMMON = ("number", "outcome", "reason")  # columns that every table has
 

@@ -13,16 +13,16 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 from fmopt import plan
 from fmopt.errors import FmoptError, InfeasibleError, InputError, InterferenceError, SearchError
 from fmopt.plan import Plan
-from fmopt.study.batch import Run
-from fmopt.study.store import Row, Scalar
+from fmopt.study.running.batch import Run
+from fmopt.study.running.store import Row, Scalar
 from fmopt.study.targets import assigned, canonical_digest
 from fmopt.task.loading import problem_of
 from fmopt.task.problem import Problem
-from fmopt.task.toml_source import Source, read
+from fmopt.task.toml.source import Source, read
 
 if TYPE_CHECKING:
     from fmopt.geometry.clearance import Clearance
-    from fmopt.placement.tolerated import CertifiedMotion
+    from fmopt.planning.robustness.error_tolerance import CertifiedMotion
 
 T = TypeVar("T")
 NoAnswer: TypeAlias = InterferenceError | InfeasibleError | SearchError
@@ -77,7 +77,7 @@ class Solved:
 
     @cached_property
     def _motion(self) -> CertifiedMotion | NoAnswer:
-        from fmopt.pipeline import certified_motion
+        from fmopt.planning.pipeline import certified_motion
 
         data = {key: value for key, value in self._source.data.items() if key not in ("title", "specification")}
         key = f"{self._inputs} {canonical_digest(data)}"
@@ -103,7 +103,7 @@ class Solved:
 
     @cached_property
     def _written(self) -> dict[str, Any] | NoAnswer:
-        from fmopt.pipeline import planned, proved
+        from fmopt.planning.pipeline import planned, proved
 
         if self._kept:
             return _tried(lambda: planned(self.problem, self.motion)[0])
@@ -211,15 +211,15 @@ def _margins(solved: Solved) -> dict[str, Scalar]:
 
 def _tolerated(solved: Solved) -> dict[str, Scalar]:
     """The largest factor of the whole start box at which this motion, moved alike, is still certified."""
-    from fmopt.motion import under_errors
-    from fmopt.placement.tolerated import largest_factor
+    from fmopt.planning.motion import under_errors
+    from fmopt.planning.robustness.error_tolerance import largest_factor
 
     return {"tolerated_factor": largest_factor(under_errors(solved.motion, solved.problem))}
 
 
 def _bias(solved: Solved) -> dict[str, Scalar]:
     """Whether every held contact can be held while the next is felt: the least normal force over all segments."""
-    from fmopt.control.strategy import controlled
+    from fmopt.planning.control.controlled_motion import controlled
 
     try:
         strategies = [piece.strategy for piece in controlled(solved.problem, solved.motion).pieces]
@@ -233,7 +233,7 @@ def _bias(solved: Solved) -> dict[str, Scalar]:
 def _execution(solved: Solved) -> dict[str, Scalar]:
     """Trials of the plan in the physics engine, errors uniform in the certified box; the share with its interval."""
     from fmopt.execution.trials import Trials, run
-    from fmopt.study.shares import share
+    from fmopt.study.results.shares import share
 
     records = run(solved.plan, Trials(TRIALS), range(TRIALS))
     successes = sum(bool(record["success"]) for record in records)

@@ -9,13 +9,13 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fmopt.study import table
-from fmopt.study.store import Scalar
+from fmopt.study.results import table
+from fmopt.study.running.store import Scalar
 
 if TYPE_CHECKING:
     import polars
 
-    from fmopt.study.view import View
+    from fmopt.study.results.view import View
 
 _SHOWN = 12  # lines of the table that a notebook shows
 
@@ -55,7 +55,7 @@ class Outcome:
     @cached_property
     def figures(self) -> Mapping[str, tuple[str, str]]:
         """The figures by name: what each shows, and its SVG."""
-        from fmopt.study.figures import figures
+        from fmopt.study.results.figures import figures
 
         return figures(self._view)
 
@@ -71,7 +71,7 @@ class Outcome:
 
     @cached_property
     def _view(self) -> View:
-        from fmopt.study.view import View
+        from fmopt.study.results.view import View
 
         return View(self.results)
 

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from fmopt.values import Array
+from fmopt.spatial.values import Array
 
 Method = Literal["grid", "list", "random", "latin-hypercube", "sobol", "saltelli"]
 CUBES = ("random", "latin-hypercube", "sobol", "saltelli")

@@ -9,9 +9,9 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import Field, WithJsonSchema
 
-from fmopt.task.problem_file import Units
-from fmopt.task.schema import DIALECT
-from fmopt.task.tables import Distance, Duration, File, Name, Ratio, Table, Title
+from fmopt.task.toml.problem_file import Units
+from fmopt.task.toml.schema import DIALECT
+from fmopt.task.toml.tables import Distance, Duration, File, Name, Ratio, Table, Title
 
 Value: TypeAlias = Annotated[
     Any, WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string", "minLength": 1, "maxLength": 200}]})

@@ -13,13 +13,13 @@ from types import MappingProxyType
 from typing import Any, Literal, get_args, get_origin
 
 from fmopt.errors import Fault
-from fmopt.study.batch import Assigned
+from fmopt.study.running.batch import Assigned
 from fmopt.task.mesh_source import MAX_MESH_BYTES, MESHES
 from fmopt.task.model import parameter_values
-from fmopt.task.problem_file import ProblemFile, spelled_out
-from fmopt.task.tables import Measured, Table
-from fmopt.task.toml_source import Key, Source, read, read_bytes
-from fmopt.task.units import ANGLE, FORCE, LENGTH, RATIO, SPEED, TIME, TORQUE, Dimension, Quantity, did_you_mean
+from fmopt.task.toml.problem_file import ProblemFile, spelled_out
+from fmopt.task.toml.source import Key, Source, read, read_bytes
+from fmopt.task.toml.tables import Measured, Table
+from fmopt.task.toml.units import ANGLE, FORCE, LENGTH, RATIO, SPEED, TIME, TORQUE, Dimension, Quantity, did_you_mean
 
 SIDES = ("moving", "fixed")
 UNIT_NAMES = {LENGTH: "m", ANGLE: "rad", SPEED: "m/s", FORCE: "N", TORQUE: "N*m", TIME: "s"}

@@ -9,17 +9,17 @@ from os.path import normpath
 from pathlib import Path
 
 from fmopt.errors import Fault, InputError, TaskError
-from fmopt.knowledge.command import Answer, Specification, Task, answer, completed
-from fmopt.knowledge.goal import FREE, Entry
-from fmopt.knowledge.tree import ObjectTree
-from fmopt.knowledge.workcell import Link, Ref, Workcell
-from fmopt.se3 import Pose
-from fmopt.task import assembly_file as files
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Value
 from fmopt.task.model import load_model, overrides_of
-from fmopt.task.tables import Reading, checked
-from fmopt.task.toml_source import Source, read
-from fmopt.task.tree import build_tree
-from fmopt.values import Value
+from fmopt.task.object_model.command import Answer, Specification, Task, answer, completed
+from fmopt.task.object_model.goal import FREE, Entry
+from fmopt.task.object_model.tree import ObjectTree
+from fmopt.task.object_model.workcell import Link, Ref, Workcell
+from fmopt.task.solid_tree import build_tree
+from fmopt.task.toml import assembly_file as files
+from fmopt.task.toml.source import Source, read
+from fmopt.task.toml.tables import Reading, checked
 
 
 @dataclass(frozen=True, eq=False)

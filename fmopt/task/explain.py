@@ -11,15 +11,15 @@ from dataclasses import asdict
 from typing import Any
 
 from fmopt.geometry.clearance import Clearance
-from fmopt.geometry.mating import Feature
+from fmopt.geometry.mating_features import Feature
 from fmopt.geometry.part import Part
-from fmopt.knowledge.command import answer
-from fmopt.knowledge.workcell import Operand
+from fmopt.spatial.values import Array
 from fmopt.task.assembly import Assembly, Step
-from fmopt.task.command import task_command
+from fmopt.task.object_model.command import answer
+from fmopt.task.object_model.workcell import Operand
 from fmopt.task.problem import Problem
 from fmopt.task.sizes import drift
-from fmopt.values import Array
+from fmopt.task.task_command import task_command
 
 _WARNING = "warning: "
 _FREE = {"p_z": "free_depth", "q_z": "free_turn"}

@@ -14,16 +14,16 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from fmopt.errors import Fault, InputError, TaskError
-from fmopt.geometry.mating import DESCRIBE
+from fmopt.geometry.mating_features import DESCRIBE
 from fmopt.geometry.part import Part, Profiles, outline, rebased, settled
-from fmopt.knowledge.tree import ObjectTree
-from fmopt.se3 import Pose, exp
-from fmopt.task import problem_file as files
-from fmopt.task.command import PLANNED, attributes, is_round
+from fmopt.spatial.se3 import Pose, exp
+from fmopt.spatial.values import Array
 from fmopt.task.mesh_source import MAX_MESH_BYTES
 from fmopt.task.model import Bare, Model, load_model, overrides_of, reaching
+from fmopt.task.object_model.tree import ObjectTree
 from fmopt.task.problem import Attributes, Problem, Settings, Specification, VelocityError
 from fmopt.task.sizes import force_faults, refuse_far, refuse_reaching, refuse_wild
+from fmopt.task.solid_tree import build_part, build_tree
 from fmopt.task.sources import (
     Contribution,
     Frame,
@@ -35,11 +35,11 @@ from fmopt.task.sources import (
     start_box,
     total,
 )
-from fmopt.task.tables import Reading, checked, in_words
-from fmopt.task.toml_source import Source, read, read_bytes
-from fmopt.task.tree import build_part, build_tree
-from fmopt.task.units import LENGTH, did_you_mean
-from fmopt.values import Array
+from fmopt.task.task_command import PLANNED, attributes, is_round
+from fmopt.task.toml import problem_file as files
+from fmopt.task.toml.source import Source, read, read_bytes
+from fmopt.task.toml.tables import Reading, checked, in_words
+from fmopt.task.toml.units import LENGTH, did_you_mean
 
 if TYPE_CHECKING:
     from fmopt.task.pairing import Mated

@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fmopt.errors import Fault, GeometryError, InputError, ResourceError, SizeError
-from fmopt.task.model_file import Mesh
+from fmopt.spatial.values import remembered
 from fmopt.task.sizes import implausible
-from fmopt.task.toml_source import Source, read_bytes
-from fmopt.values import remembered
+from fmopt.task.toml.model_file import Mesh
+from fmopt.task.toml.source import Source, read_bytes
 
 if TYPE_CHECKING:
-    from fmopt.geometry.mesh import Imported
+    from fmopt.geometry.mesh.mesh_import import Imported
 
 MAX_MESH_BYTES = 100_000_000
 STEP = (".step", ".stp")
@@ -45,7 +45,7 @@ def mesh_faults(source: Source, mesh: Mesh) -> list[Fault]:
         return faults
     advice = "add 'unit' to [mesh]: m, cm, mm, um or in"
     try:
-        from fmopt.geometry.mesh import extents
+        from fmopt.geometry.mesh.mesh_import import extents
 
         size = " x ".join(f"{width:.6g}" for width in extents(_path(source, mesh)))
     except (GeometryError, ResourceError, InputError) as error:
@@ -81,10 +81,10 @@ def imported(source: Source, mesh: Mesh) -> Imported:
     path = _path(source, mesh)
     try:
         if is_step(mesh):
-            from fmopt.geometry.step import DEVIATION, load_step
+            from fmopt.geometry.step.step_import import DEVIATION, load_step
 
             return load_step(path, mesh.deviation or DEVIATION, str(mesh.body or ""))
-        from fmopt.geometry.mesh import load_mesh
+        from fmopt.geometry.mesh.mesh_import import load_mesh
 
         return load_mesh(path, "m" if says_unit(mesh) else mesh.unit or "mm")
     except SizeError as error:

@@ -14,17 +14,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmopt.errors import Fault, InputError, SizeError
-from fmopt.se3 import Pose
+from fmopt.spatial.se3 import Pose
 from fmopt.task.mesh_source import MAX_MESH_BYTES, MESHES, OWN_UNIT, STEP, mesh_faults
-from fmopt.task.model_file import MatingFeature, ModelFile, Profile
 from fmopt.task.sizes import implausible
-from fmopt.task.tables import NAME, Reading, checked
-from fmopt.task.toml_source import Key, Place, Source, read, read_bytes
-from fmopt.task.tree import bare_part, build_part, part_reach, tree_faults, unstated
-from fmopt.task.units import UNITS, Quantity, QuantityError, did_you_mean
+from fmopt.task.solid_tree import bare_part, build_part, part_reach, tree_faults, unstated
+from fmopt.task.toml.model_file import MatingFeature, ModelFile, Profile
+from fmopt.task.toml.source import Key, Place, Source, read, read_bytes
+from fmopt.task.toml.tables import NAME, Reading, checked
+from fmopt.task.toml.units import UNITS, Quantity, QuantityError, did_you_mean
 
 if TYPE_CHECKING:
-    from fmopt.geometry.mating import Feature
+    from fmopt.geometry.mating_features import Feature
     from fmopt.geometry.part import Part
 
 USUAL_UNIT = "mm"  # of the numbers of a mesh file for which nobody says one

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from fmopt.errors import GeometryError, InputError
-from fmopt.task.toml_source import Source
+from fmopt.task.toml.source import Source
 
 if TYPE_CHECKING:
-    from fmopt.geometry.fit import Fit
+    from fmopt.geometry.mating_fit import Fit
     from fmopt.geometry.part import Part
-    from fmopt.se3 import Pose
+    from fmopt.spatial.se3 import Pose
     from fmopt.task.model import Model
-    from fmopt.task.problem_file import ProblemFile
+    from fmopt.task.toml.problem_file import ProblemFile
 
 Side = Literal["moving", "fixed"]
 SIDES: tuple[Side, Side] = ("moving", "fixed")
@@ -127,7 +127,7 @@ def _pairs(
     Raises:
         InputError: there is none.
     """
-    from fmopt.geometry.fit import best_fit
+    from fmopt.geometry.mating_fit import best_fit
     from fmopt.geometry.part import rebased
 
     own, others = ([one for one in parts[side].features if stated[side] in (None, one.name)] for side in SIDES)
@@ -179,8 +179,8 @@ def _best(source: Source, pairs: list[_Pair]) -> _Pair:
 
 def _seated(file: ProblemFile, models: Mapping[str, Model]) -> Pose | None:
     """The pose of the moving part's frame in that of the fixed one, where both are bodies of one STEP file."""
-    from fmopt.geometry.step import bodies
-    from fmopt.geometry.step_file import chosen
+    from fmopt.geometry.step.step_file import chosen
+    from fmopt.geometry.step.step_import import bodies
 
     paths = {model.source.path for model in models.values()}
     which = [_operand(file, side).body for side in SIDES]
@@ -197,7 +197,7 @@ def _in_place(source: Source, pairs: list[_Pair], parts: Mapping[str, Part], sea
     Raises:
         InputError: there is none.
     """
-    from fmopt.geometry.fit import turned_to
+    from fmopt.geometry.mating_fit import turned_to
 
     placed, aside = list[_Pair](), list[tuple[float, _Pair]]()
     for pair in pairs:
@@ -225,7 +225,7 @@ def _in_place(source: Source, pairs: list[_Pair], parts: Mapping[str, Part], sea
 
 
 def _require_near(source: Source, best: _Pair, parts: Mapping[str, Part], exchanged: bool) -> None:
-    from fmopt.geometry.fit import require_near
+    from fmopt.geometry.mating_fit import require_near
 
     peg, hole = (parts[side].name for side in (SIDES[::-1] if exchanged else SIDES))
     try:

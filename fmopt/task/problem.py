@@ -10,16 +10,16 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from fmopt.framing import Framing
+from fmopt.spatial.framing import Framing
+from fmopt.spatial.values import Array, Value, frozen
 from fmopt.task.sources import Contribution, Sources
-from fmopt.values import Array, Value, frozen
 
 if TYPE_CHECKING:
-    from fmopt.geometry.mating import Feature
+    from fmopt.geometry.mating_features import Feature
     from fmopt.geometry.part import Part, Profiles
-    from fmopt.knowledge.tree import ObjectTree
-    from fmopt.knowledge.workcell import LowerPair
-    from fmopt.se3 import Pose
+    from fmopt.spatial.se3 import Pose
+    from fmopt.task.object_model.tree import ObjectTree
+    from fmopt.task.object_model.workcell import LowerPair
     from fmopt.task.pairing import Mated
 
 

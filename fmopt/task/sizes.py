@@ -18,14 +18,14 @@ from fmopt.geometry.clearance import Clearance, checked_clearance
 from fmopt.geometry.facets import place
 from fmopt.geometry.part import Part
 from fmopt.geometry.section import LARGEST, SMALLEST, told
-from fmopt.se3 import Pose
-from fmopt.task import problem_file as files
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
 from fmopt.task.problem import Problem
 from fmopt.task.sources import Contribution, total
-from fmopt.task.tables import in_words
-from fmopt.task.toml_source import Key, Source, holds
-from fmopt.task.units import ANGLE, FORCE, LENGTH, UNITS
-from fmopt.values import Array
+from fmopt.task.toml import problem_file as files
+from fmopt.task.toml.source import Key, Source, holds
+from fmopt.task.toml.tables import in_words
+from fmopt.task.toml.units import ANGLE, FORCE, LENGTH, UNITS
 
 _LARGEST_ERROR = 0.5  # m and rad: what the check of a plan takes
 _USUAL = 0.05  # m: about how long a part is

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, assert_never
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fmopt.framing import Framing
-from fmopt.values import Array, Value, frozen
+from fmopt.spatial.framing import Framing
+from fmopt.spatial.values import Array, Value, frozen
 
 if TYPE_CHECKING:
-    from fmopt.task import problem_file as files
+    from fmopt.task.toml import problem_file as files
 
 Point: TypeAlias = tuple[float, float, float]
 Frame: TypeAlias = Literal["world", "hole", "hand"]

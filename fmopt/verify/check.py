@@ -8,14 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from fmopt.verify.assembly import Assembly
-from fmopt.verify.chain import Broken, Chain, Stage
-from fmopt.verify.claims import check_segment
-from fmopt.verify.document import Plan, PlanError, Segment
-from fmopt.verify.findings import CERTIFIED, NOT_PROVED, REFUTED, Finding, Notes, Verdict, Witness
-from fmopt.verify.outline import check_diagnostics, check_outline
-from fmopt.verify.parse import parse
-from fmopt.verify.rational import (
+from fmopt.verify.arithmetic.rational import (
     ONE,
     ArithmeticRefusal,
     Row,
@@ -33,10 +26,17 @@ from fmopt.verify.rational import (
     transposed,
     turned,
 )
-from fmopt.verify.recovery import check_recovery
-from fmopt.verify.rows import Distance, Pose, pose
-from fmopt.verify.solids import Plane, Shape
-from fmopt.verify.strategy import check_strategy
+from fmopt.verify.certificate.chain import Broken, Chain, Stage
+from fmopt.verify.certificate.claims import check_segment
+from fmopt.verify.control.recovery import check_recovery
+from fmopt.verify.control.strategy import check_strategy
+from fmopt.verify.findings import CERTIFIED, NOT_PROVED, REFUTED, Finding, Notes, Verdict, Witness
+from fmopt.verify.outline import check_diagnostics, check_outline
+from fmopt.verify.parts.assembly import Assembly
+from fmopt.verify.parts.rows import Distance, Pose, pose
+from fmopt.verify.parts.solids import Plane, Shape
+from fmopt.verify.reading.document import Plan, PlanError, Segment
+from fmopt.verify.reading.parse import parse
 
 Failed = tuple[tuple[int, int, tuple[Distance, Distance] | None], ...]
 

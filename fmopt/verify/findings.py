@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from fmopt.verify.rational import fixed, number
+from fmopt.verify.arithmetic.rational import fixed, number
 
 CERTIFIED = "CERTIFIED"
 REFUTED = "REFUTED"

@@ -17,13 +17,13 @@ from bisect import bisect_left
 from collections.abc import Sequence
 from itertools import pairwise
 
-from fmopt.verify.diagnostics import Diagnostics, Interval, Visit
-from fmopt.verify.document import CriticalPoint, Nominal, Plan, PositionForce, Search, Segment
-from fmopt.verify.file import NOT_COVERED, Numbers
+from fmopt.verify.arithmetic.rational import ArithmeticRefusal, doubles, logarithm, product, sub, transposed
 from fmopt.verify.findings import CERTIFIED, Notes
-from fmopt.verify.rational import ArithmeticRefusal, doubles, logarithm, product, sub, transposed
-from fmopt.verify.reach import dot
-from fmopt.verify.rows import pose
+from fmopt.verify.parts.reach import dot
+from fmopt.verify.parts.rows import pose
+from fmopt.verify.reading.diagnostics import Diagnostics, Interval, Visit
+from fmopt.verify.reading.document import CriticalPoint, Nominal, Plan, PositionForce, Search, Segment
+from fmopt.verify.reading.file import NOT_COVERED, Numbers
 
 _SAME = 1e-12  # m, rad, s: stated twice, from one number
 _FOLLOWS = 1e-9  # m, rad: interpolated again

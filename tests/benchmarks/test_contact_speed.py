@@ -11,15 +11,15 @@ from scipy.spatial import ConvexHull
 from test_contact_cell import POSES
 from test_contact_parts import MID_DEPTH, block, peg
 
-from fmopt.contact import surface
-from fmopt.contact.bounds import cell
+from fmopt.contact import c_surface as surface
 from fmopt.contact.definitions import CONTACTS as KINDS
 from fmopt.contact.derive import derived
-from fmopt.contact.graph import Cell, LocalSpace, Scale, contact_graph, faces, local_space
+from fmopt.contact.facet_bounds import cell
 from fmopt.contact.polytope import enumerate_faces
 from fmopt.contact.primitive import near_contacts
-from fmopt.placement.states import confirm
-from fmopt.values import Array
+from fmopt.contact.state_graph import Cell, LocalSpace, Scale, contact_graph, faces, local_space
+from fmopt.planning.robustness.contact_space import confirm
+from fmopt.spatial.values import Array
 
 PEG, BLOCK = peg(), block()
 CLEARANCE, RHO = 1e-4, 0.5 * np.hypot(0.02, 0.02)

@@ -9,11 +9,11 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from fmopt.geometry.csg import Box, Cone, Cylinder, Difference, Placed, Solid, Union
-from fmopt.nominal.cut_diagram import cut_diagram
-from fmopt.nominal.shrink_expand import expanded, expanded_turning
-from fmopt.plane.curve import Arc
-from fmopt.plane.region import Region, polygon_region
-from fmopt.se3 import Pose, exp
+from fmopt.geometry.plane.curve import Arc
+from fmopt.geometry.plane.region import Region, polygon_region
+from fmopt.papers.lee_huang.cut_diagram import cut_diagram
+from fmopt.papers.lee_huang.shrink_expand import expanded, expanded_turning
+from fmopt.spatial.se3 import Pose, exp
 
 COUNTS = [10, 100, 1000]
 PLANE = Pose(np.array([0.0, 0.0, 0.05]), np.eye(3))

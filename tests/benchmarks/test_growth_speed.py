@@ -10,15 +10,15 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from fmopt.certificate.assembly import Assembly
-from fmopt.certificate.way import Tolerance
+from fmopt.certificate.error_set import ErrorSet
+from fmopt.certificate.segment_linearisation import Tolerance
 from fmopt.contact.primitive import near_contacts
-from fmopt.placement.entry import start_spread, straight_entry
-from fmopt.placement.search import begin
-from fmopt.placement.step import Costs, Node, Task, sons
-from fmopt.se3 import Pose
+from fmopt.planning.search.best_first import begin
+from fmopt.planning.search.entry import start_spread, straight_entry
+from fmopt.planning.search.successors import Costs, Node, Task, sons
+from fmopt.spatial.se3 import Pose
 from fmopt.task.problem import Problem, load
 from fmopt.task.sizes import measured_clearance
-from fmopt.uncertainty.error_set import ErrorSet
 
 ROOT = Path(__file__).parent.parent.parent
 RADIUS, GAP = 20.0, 0.4  # mm

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from fmopt.knowledge.command import Answer, answer
-from fmopt.nominal.freedom import freedom
-from fmopt.nominal.mapping import Mapping, Task, plane_diagrams, task_mapping
-from fmopt.nominal.plane_freedom import freedom_on_planes
-from fmopt.nominal.swept import meetings
-from fmopt.task.command import task_command
+from fmopt.papers.lee_huang.freedom import freedom
+from fmopt.papers.lee_huang.mapping import Mapping, Task, plane_diagrams, task_mapping
+from fmopt.papers.lee_huang.plane_freedom import freedom_on_planes
+from fmopt.papers.lee_huang.swept import meetings
+from fmopt.task.object_model.command import Answer, answer
 from fmopt.task.problem import Problem, load
+from fmopt.task.task_command import task_command
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 TASKS = ["lee_huang_peg", "lee_huang_figure1", "square_peg", "factory_rect_8mm_tight"]

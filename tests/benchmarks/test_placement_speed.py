@@ -10,12 +10,13 @@ import pytest
 from placement_instances import linearised, peg_placement, random_placement
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from fmopt.placement import nlp, solvers
-from fmopt.placement.clearance import max_min_clearance
-from fmopt.placement.formation import Counts, counts, formation_derivatives
-from fmopt.placement.nlp import place_on_surfaces
-from fmopt.placement.program import ConeProgram, Norm, as_cvxpy
-from fmopt.placement.solvers import LinearSolver
+from fmopt.planning.optimise import solvers
+from fmopt.planning.optimise.cone_program import ConeProgram, Norm, as_cvxpy
+from fmopt.planning.optimise.solvers import LinearSolver
+from fmopt.planning.placement import nonlinear_program as nlp
+from fmopt.planning.placement.formation import Counts, counts, formation_derivatives
+from fmopt.planning.placement.largest_clearance import max_min_clearance
+from fmopt.planning.placement.nonlinear_program import place_on_surfaces
 
 GROWING = random_placement(0, rows=80, contacts=2, growth=0.02).program()
 VALUE = solvers.ClarabelSolver().solve(GROWING).value

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from fmopt import pipeline
+from fmopt.planning import pipeline
 from fmopt.task.problem import load
 from fmopt.verify import verify
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from fmopt.uncertainty.planar.c_obstacle import PossibleContacts
-from fmopt.uncertainty.planar.motion import classify
-from fmopt.uncertainty.planar.profile import Profile
-from fmopt.uncertainty.sources import Deviations
+from fmopt.papers.basanez_suarez.c_obstacle import PossibleContacts
+from fmopt.papers.basanez_suarez.motion import classify
+from fmopt.papers.basanez_suarez.profile import Profile
+from fmopt.papers.basanez_suarez.sources import Deviations
 
 
 def gon(n: int, radius: float) -> Profile:

@@ -9,7 +9,7 @@ from pydrake.geometry.optimization import GraphOfConvexSets, GraphOfConvexSetsOp
 from pydrake.solvers import Binding, Cost, L2NormCost
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from fmopt.placement.route import ConvexSets, shortest_route
+from fmopt.planning.optimise.convex_route import ConvexSets, shortest_route
 
 SETS = [in_space(50, seed) for seed in range(8)]
 

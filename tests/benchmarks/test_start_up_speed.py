@@ -12,7 +12,7 @@ COMMANDS = {
     "python -c pass": ["-c", "pass"],
     "fmopt --help": ["-m", "fmopt", "--help"],
     "import fmopt.verify": ["-c", "import fmopt.verify"],
-    "import fmopt.pipeline": ["-c", "import fmopt.pipeline"],
+    "import fmopt.planning.pipeline": ["-c", "import fmopt.planning.pipeline"],
     "import of the solvers": ["-c", "import casadi, clarabel, daqp, scipy.optimize, sympy"],
 }
 

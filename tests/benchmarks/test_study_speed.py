@@ -10,7 +10,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from study_plans import measured
 from study_problems import straight
 
-from fmopt.study.running import Options, run
+from fmopt.study.running.running import Options, run
 
 RUNS = 200  # of 20 ms
 PLANS = 16

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from fmopt.verify.rational import BITS, ONE, Vector, cross, dot, fixed, length, number, over, sub
+from fmopt.verify.arithmetic.rational import BITS, ONE, Vector, cross, dot, fixed, length, number, over, sub
 
 DEVIATION = 1e-10  # m: a point so close to a plane lies on it, and a cell no thicker than this is none
 _NEAR = fixed(DEVIATION)

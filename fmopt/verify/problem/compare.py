@@ -12,12 +12,12 @@ from itertools import combinations, pairwise
 from pathlib import Path
 from typing import Any
 
-from fmopt.verify.document import Body, Plan
+from fmopt.verify.arithmetic.rational import number, vector
+from fmopt.verify.parts.rows import pose
 from fmopt.verify.problem.parts import Chord, Reader, part_beside_its_model
 from fmopt.verify.problem.problem import Problem, load_problem
 from fmopt.verify.problem.sources import WORLD, by_frame, total
-from fmopt.verify.rational import number, vector
-from fmopt.verify.rows import pose
+from fmopt.verify.reading.document import Body, Plan
 
 SAME = 1e-12  # m, rad: between numbers that went the same way
 SEATED = 1e-6  # m, rad: walls of rounded numbers seat a part a little off the pose of its goal

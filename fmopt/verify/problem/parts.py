@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
-from fmopt.verify.document import Body, Part
+from fmopt.verify.arithmetic.rational import ArithmeticRefusal, number, vector
 from fmopt.verify.problem.meshes import NoMesh, Point, Triangle, triangles
 from fmopt.verify.problem.model import Mesh, Solid
 from fmopt.verify.problem.problem import Problem
@@ -14,7 +14,7 @@ from fmopt.verify.problem.seating import frames
 from fmopt.verify.problem.solids import Comparison, Frame, Unbounded, of_piece, tree_of
 from fmopt.verify.problem.surfaces import FLAT, OFF, chord_error, compared, diameter, fitting, seated
 from fmopt.verify.problem.tables import LARGEST_MESH, read_bytes
-from fmopt.verify.rational import ArithmeticRefusal, number, vector
+from fmopt.verify.reading.document import Body, Part
 
 _SAME = 1e-12  # m: between coordinates that went the same way
 

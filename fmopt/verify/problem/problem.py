@@ -11,23 +11,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from fmopt.verify.document import Found
+from fmopt.verify.arithmetic.rational import dot, number, vector
 from fmopt.verify.problem.model import Feature, Model, load_model, overrides_of
-from fmopt.verify.problem.quantities import (
-    ANGLE,
-    FORCE,
-    LENGTH,
-    MASS,
-    RATIO,
-    SPEED,
-    STIFFNESS,
-    TORQUE,
-    Dimension,
-)
+from fmopt.verify.problem.quantities import ANGLE, FORCE, LENGTH, MASS, RATIO, SPEED, STIFFNESS, TORQUE, Dimension
 from fmopt.verify.problem.solids import Frame, Tree, frame, tree_of
 from fmopt.verify.problem.sources import HAND, HOLE, TILT, WORLD, Boxed, Point, Pose, Sources, total
 from fmopt.verify.problem.tables import LARGEST_MESH, ProblemError, Table, read, read_bytes, spelled_out, with_units
-from fmopt.verify.rational import dot, number, vector
+from fmopt.verify.reading.document import Found
 
 _ZERO = (0.0, 0.0, 0.0)
 _INNER = 1e-6  # m: how far inside a peg whose length is found its axis is looked at

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from fmopt.verify.document import Body
+from fmopt.verify.arithmetic.rational import Matrix, add, number, turned, vector
 from fmopt.verify.problem.model import Solid
 from fmopt.verify.problem.solids import Frame, Unbounded, frame
-from fmopt.verify.rational import Matrix, add, number, turned, vector
+from fmopt.verify.reading.document import Body
 
 NEAR = 1e-8  # m: between corners that are one
 MOST_CORNERS, MOST_TRIPLES = 3000, 2000

@@ -11,11 +11,23 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
 
-from fmopt.verify.document import Body as Piece
+from fmopt.verify.arithmetic.rational import (
+    ONE,
+    Matrix,
+    Vector,
+    add,
+    dot,
+    exponential,
+    number,
+    product,
+    sub,
+    turned,
+    vector,
+)
 from fmopt.verify.problem.cells import Cell, Plane, box_cell, cell_of, cut, heights, is_before, is_behind, plane_of
 from fmopt.verify.problem.model import Solid
 from fmopt.verify.problem.shapes import MOST_POINTS, Convex
-from fmopt.verify.rational import ONE, Matrix, Vector, add, dot, exponential, number, product, sub, turned, vector
+from fmopt.verify.reading.document import Body as Piece
 
 MOST_CUTS = 10_000
 _ROOM = ONE >> 10

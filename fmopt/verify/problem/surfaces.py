@@ -10,9 +10,9 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from fmopt.verify.document import Body
 from fmopt.verify.problem.meshes import Point, Triangle
 from fmopt.verify.problem.solids import Unbounded
+from fmopt.verify.reading.document import Body
 
 FLAT = 2e-6  # of the diameter: facets so close to a plane are taken for plane
 COARSE = 2e-4  # of the diameter: corners farther off those of a part are not the same

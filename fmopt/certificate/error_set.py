@@ -1,0 +1,228 @@
+"""Sets of pose errors e = (d, δ): an ellipsoid, and beside it the sum of a zonotope and an ellipsoid.
+
+Errors that are fixed in the hole or in the hand, and so turn with a part as the other one moves.
+
+With a hole that is askew by H, a grasp that is off by G, and κ for what robot and contacts add in the world, the part's
+pose in the hole's frame is H⁻¹ · (C ⊕ κ) · G for the commanded pose C = (p̄, R̄). Let h and h_p be the turn and the shift
+of the hole about the start position p̄₀, g = (g_p, g_r) the grasp error in the part's axes. To first order
+
+    e = h_p + h × (p̄ − p̄₀) + κ_p + R̄ g_p,    ε = h + κ_r + R̄ g_r:
+
+as the part goes by Δ, a generator with turn h moves by h × Δ, and one fixed in the hand turns as the part does. With
+|e| ≤ D, |ε| ≤ θ, |p̄ − p̄₀| ≤ P, hence |κ_p| ≤ D + |h_p| + |h|P + |g_p| and |κ_r| ≤ θ + |h| + |g_r|, what is left is
+
+    ½|h|²P + |h|(|κ_p| + |g_p|) + |κ_r||g_p|    and    ½ab(1 + a + b) + ½|h|c(1 + |h| + c),
+
+a = |κ_r|, b = |g_r|, c = a + b, by the composition of turns; an arc of a turn τ is off its chord by τ²/8 of g at most.
+These bounds, the coupling, hold at any one moment: they do not add up along the way.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fmopt.spatial import ellipsoid
+from fmopt.spatial.framing import Framing
+from fmopt.spatial.se3 import cross, length, lengths
+from fmopt.spatial.values import Array, Value, frozen
+
+_NONE = np.zeros((0, 6))
+_POINT = np.zeros((6, 0))
+UNCOUPLED = frozen(np.zeros(2))
+
+"""What the linear picture leaves of errors that are all fixed in the world: nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorSet(Value):
+    """A set of error coordinates e = (d, δ) in m and rad, symmetric about zero, known from outside in two ways.
+
+    Every error lies in the ellipsoid with root `shape_root` and also in the Minkowski sum of the zonotope
+    {Σ uᵢ gᵢ, |uᵢ| ≤ 1} and the ellipsoids with roots `slide_root` and `swing_root`, of what errors of velocity add in
+    translation and in rotation. Both stay true under linear maps and sums, so that of two bounds the smaller counts.
+    The one ellipsoid is what cone constraints are written in; the sum spares the factor √6 that a box of six
+    independent errors costs, and up to √2 that one ellipsoid around both drifts does. The generators are a core, images
+    of the start box, and the thickness of contact surfaces.
+
+    Args:
+        shape_root: root (6, a) of the outer ellipsoid of everything.
+        generators: rows gᵢ (k, 6).
+        slide_root: root (6, b).
+        swing_root: root (6, c).
+        thick: how many generators, the last ones, are thickness.
+        compliant: twists (r, 6) along which the contacts of that thickness give way.
+        linkage: how the first generators move on with the part; None where all stay as they are.
+    """
+
+    shape_root: Array
+    generators: Array
+    slide_root: Array
+    swing_root: Array = field(default_factory=lambda: _POINT)
+    thick: int = 0
+    compliant: Array = field(default_factory=lambda: _NONE)
+    linkage: Linkage | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "shape_root", frozen(ellipsoid.narrow(self.shape_root, 6), 6, None, name="shape"))
+        object.__setattr__(self, "generators", frozen(self.generators, None, 6, name="generators"))
+        object.__setattr__(self, "slide_root", frozen(ellipsoid.narrow(self.slide_root, 6), 6, None, name="slide"))
+        object.__setattr__(self, "swing_root", frozen(ellipsoid.narrow(self.swing_root, 6), 6, None, name="swing"))
+        object.__setattr__(self, "compliant", frozen(self.compliant, None, 6, name="compliant twists"))
+
+    @staticmethod
+    def from_box(half_widths: ArrayLike) -> ErrorSet:
+        """The box |eᵢ| ≤ aᵢ, half-widths a (6,) in m and rad; exact in its zonotope."""
+        a = frozen(half_widths, 6, name="half-widths")
+        return ErrorSet(ellipsoid.box_root(a), np.diag(a)[a > 0.0], _POINT)
+
+    @staticmethod
+    def of(half_widths: ArrayLike, framing: Framing) -> ErrorSet:
+        """The box of start errors with half-widths (6,) in m and rad, each share of it fixed where the framing says."""
+        a = frozen(half_widths, 6, name="half-widths")
+        generators, linkage = Linkage.of(a, framing)
+        return ErrorSet(ellipsoid.box_root(a), generators, _POINT, linkage=linkage)
+
+    @staticmethod
+    def from_ellipsoid(shape: Array) -> ErrorSet:
+        """The ellipsoid with this shape matrix (6, 6), exact."""
+        root = ellipsoid.root(frozen(shape, 6, 6, name="shape"))
+        return ErrorSet(root, _NONE, root)
+
+    @cached_property
+    def shape(self) -> Array:
+        """Shape matrix (6, 6) of the outer ellipsoid."""
+        return frozen(self.shape_root @ self.shape_root.T)
+
+    def growth(self, rho: float) -> Array:
+        """Shape matrix (6, 6) of the ellipsoid of least trace around both drifts, in the metric of ρ, m."""
+        root = ellipsoid.outer_sum(self.slide_root, self.swing_root, ellipsoid.metric(rho))
+        return frozen(root @ root.T)
+
+    def core(self, directions: Array) -> Array:
+        """The generators (k, 6) that a motion with these held compliant twists (r, 6) carries on.
+
+        The projection along the twists removes a thickness that lies in their span; else all of it is kept.
+        """
+        held = {direction.tobytes() for direction in directions}
+        if all(old.tobytes() in held for old in self.compliant):
+            return self.generators[: len(self.generators) - self.thick]
+        return self.generators
+
+    @cached_property
+    def bound(self) -> Support:
+        """The support function of the whole set."""
+        return Support.of(self.generators, self)
+
+    def support(self, rows: ArrayLike) -> Array:
+        """Bound of N·e over the set along rows N (k, 6), or one row (6,); see `Support`."""
+        return self.bound(np.asarray(rows, dtype=np.float64))
+
+    def half_widths(self, generators: Array) -> Array:
+        """Half-widths (6,) of the box around generators (k, 6) and both drifts, in m and rad."""
+        return np.asarray(np.abs(generators).sum(axis=0) + lengths(self.slide_root) + lengths(self.swing_root))
+
+
+@dataclass(frozen=True, eq=False)
+class Support:
+    """How far errors reach along rows: min(|FᵀN|, Σ|g·N| + |AᵀN| + |BᵀN|) + Σ|s·N|, all from one matrix product.
+
+    Args:
+        columns: (6, k), generators, roots A and B of slide and swing, root F of the shape, and slack s, side by side.
+        cuts: where each of these ends.
+    """
+
+    columns: Array
+    cuts: tuple[int, int, int, int]
+
+    @staticmethod
+    def of(generators: Array, errors: ErrorSet, slack: Array | None = None) -> Support:
+        """The support of generators (k, 6) with the ellipsoids of a set, and of slack columns (6, s) on top."""
+        parts = [generators.T, errors.slide_root, errors.swing_root, errors.shape_root]
+        first = len(generators)
+        second = first + errors.slide_root.shape[1]
+        third = second + errors.swing_root.shape[1]
+        fourth = third + errors.shape_root.shape[1]
+        return Support(np.hstack(parts if slack is None else [*parts, slack]), (first, second, third, fourth))
+
+    def seen(self, X: Array) -> Array:
+        """The bound (…) from the products N·columns (…, k)."""
+        first, second, third, fourth = self.cuts
+        reach = np.add.reduce(np.abs(X[..., :first]), axis=-1)
+        for begin, end in ((first, second), (second, third)):
+            if end > begin:
+                reach += lengths(X[..., begin:end])
+        reach = np.minimum(lengths(X[..., third:fourth]), reach)
+        if X.shape[-1] > fourth:
+            reach += np.add.reduce(np.abs(X[..., fourth:]), axis=-1)
+        return np.asarray(reach)
+
+    def __call__(self, N: Array) -> Array:
+        """The bound (k,) along rows N (k, 6)."""
+        return self.seen(N @ self.columns)
+
+
+@dataclass(frozen=True, eq=False)
+class Linkage(Value):
+    """How generators of the start error move on with the part, the first ones of an error set.
+
+    Args:
+        hole: turns (k, 3) of the hole, rad; zero for generators that are not fixed there.
+        hand: generators (k, 6) that are fixed in the hand, as they are turned now, m and rad; zero for others.
+        sizes: of h_p, h, g_p and g_r at most (4,), m and rad.
+        origin: p̄₀ (3,), m; None before the first piece of motion.
+    """
+
+    hole: Array
+    hand: Array
+    sizes: Array
+    origin: Array | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "hole", frozen(self.hole, None, 3, name="turns of the hole"))
+        object.__setattr__(self, "hand", frozen(self.hand, None, 6, name="errors in the hand"))
+        object.__setattr__(self, "sizes", frozen(self.sizes, 4, name="sizes"))
+
+    @staticmethod
+    def of(box: Array, framing: Framing) -> tuple[Array, Linkage | None]:
+        """The generators (k, 6) of a box of start errors, and how they move on; None where all stay as they are."""
+        if framing.still:
+            return np.diag(box)[box > 0.0], None
+        hole, hand, world = framing.parts(box)
+        generators = np.vstack([np.diag(part)[part > 0.0] for part in (hole, hand, world)])
+        askew, gripped = np.zeros((len(generators), 3)), np.zeros((len(generators), 6))
+        first, second = np.count_nonzero(hole), np.count_nonzero(hole) + np.count_nonzero(hand)
+        askew[:first] = generators[:first, 3:]
+        gripped[first:second] = generators[first:second]
+        sizes = np.array([length(hole[:3]), length(hole[3:]), length(hand[:3]), length(hand[3:])])
+        return generators, Linkage(askew, gripped, sizes)
+
+    def begun(self, start: Array) -> Linkage:
+        """The linkage of errors at a position (3,), which is the origin where there is none yet."""
+        return self if self.origin is not None else replace(self, origin=start)
+
+    def links(self, start: Array, goal: Array) -> Array:
+        """The sizes of errors in different frames, and the greatest way from the origin of two positions (3,), (5,)."""
+        origin = start if self.origin is None else self.origin
+        return np.append(self.sizes, max(length(start - origin), length(goal - origin)))
+
+    def moves(self, travel: Array, turn: Array, count: int) -> Array:
+        """By how much generators (count, 6) move as the part goes by `travel` (3,) and turns by a rotation (3, 3)."""
+        found = np.zeros((count, 6))
+        after = self.turned(turn).hand
+        found[: len(self.hole)] = after - self.hand
+        found[: len(self.hole), :3] += cross(self.hole, travel)
+        return found
+
+    @property
+    def linked(self) -> int:
+        """How many generators move on otherwise than the world's."""
+        return int(np.count_nonzero(self.hole.any(axis=1) | self.hand.any(axis=1)))
+
+    def turned(self, turn: Array) -> Linkage:
+        """The linkage after the part has turned by a rotation (3, 3)."""
+        hand = np.hstack([self.hand[:, :3] @ turn.T, self.hand[:, 3:] @ turn.T])
+        return replace(self, hand=hand)

@@ -1,0 +1,401 @@
+"""Whether a contact stays inside its facet: the touching point within the face, or within both edges."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fmopt.certificate.assembly import NEAR, Assembly
+from fmopt.certificate.contact_implications import held_on, other_rim, taken_turns
+from fmopt.certificate.rows import Forms, directions_along, faces_above, points_above, stacked
+from fmopt.contact.primitive import Kind, PrimitiveContact
+from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.spatial.se3 import cross, length, lengths
+from fmopt.spatial.values import Array, remembered
+
+UNBOUNDED = 1.0  # m; the margin of a contact that nothing bounds
+_BEYOND = 1e-6  # m; how far beyond a blocked rim material must go on
+_SURELY = 1e-9  # m; what takes over is farther inside by this at least, that rounding does not decide
+_DIFFERENCE = 1e-8  # m
+_STEEP = 100.0  # what changes faster jumps
+_MEMORY = 512
+
+Span = tuple[float, float]
+"""An open interval of depths, m."""
+
+Lower = Sequence[float]
+"""The lower bounds (k,) of all rows, m and rad: plain numbers, of which few are looked at."""
+
+Judge = Callable[[Lower], float]
+"""The margin of a contact, m, from the lower bounds of all rows."""
+
+
+class _Looked(list[float]):
+    """Numbers that note which of them were looked at."""
+
+    def __init__(self, numbers: Sequence[float]) -> None:
+        super().__init__(numbers)
+        self.at: set[int] = set()
+
+    def __getitem__(self, k: Any) -> Any:
+        self.at.add(k)
+        return super().__getitem__(k)
+
+
+@dataclass(frozen=True, eq=False)
+class Bounds:
+    """Rows that bound contacts, and what their lower bounds say of each contact.
+
+    Args:
+        forms: the rows.
+        judges: for each contact, its margin from the lower bounds of the rows.
+    """
+
+    forms: Forms
+    judges: tuple[Judge, ...]
+
+    def margins(self, lower: Array) -> list[float]:
+        """Margins of the contacts, m, from the lower bounds (k,) of the rows."""
+        numbers = lower.tolist()
+        return [judge(numbers) for judge in self.judges]
+
+    def slope(self, contact: int, lower: Array) -> Array:
+        """How the margin of a contact changes with the lower bounds (k,) of the rows, by differences; (k,).
+
+        Zero where it jumps, as another wall or contact takes over there.
+        """
+        judge, numbers, found = self.judges[contact], lower.tolist(), np.zeros(len(lower))
+        looked = _Looked(numbers)
+        here = judge(looked)
+        for way in (-_DIFFERENCE, _DIFFERENCE):  # a least of several falls with each of them, a greatest only rises
+            for k in sorted(looked.at):  # what was not looked at makes no difference
+                number = numbers[k]
+                numbers[k] = number + way
+                found[k] = (judge(numbers) - here) / way
+                numbers[k] = number
+            found[np.abs(found) > _STEEP] = 0.0
+            if found.any():
+                break
+        return found
+
+
+@remembered(_MEMORY)
+def bounds(
+    assembly: Assembly, contacts: tuple[PrimitiveContact, ...], together: tuple[PrimitiveContact, ...]
+) -> Bounds:
+    """How far contacts stay from the boundaries of their facets.
+
+    A vertex on a face keeps away from the face's rims. A rim with another wall behind it is waived as far as material
+    goes on there: that wall, as a piece, keeps the vertex out. So is a rim that an edge through the vertex crosses,
+    when the edge's other end is held on the same face farther inside, or the edge properly crosses another rim: edge
+    and vertex take turns, the edge's line lies in the wall either way. Two edges cross where each has its ends on both
+    sides of the other. Where a face has holes, the vertex keeps beyond an edge of each that has the hole on one side.
+
+    Args:
+        assembly: the two parts.
+        contacts: held, or just made.
+        together: all contacts held with them.
+    """
+    rows = _Questions([], [], [])
+    judges = tuple(_judge(assembly, contact, together, rows) for contact in contacts)
+    return Bounds(rows.forms(), judges)
+
+
+_Asked = tuple[int, Array, Array, float]
+"""The number of a row with two vectors and an offset."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Questions:
+    """Rows asked for while a table of bounds is built: of body points, of directions, and of world points."""
+
+    points: list[_Asked]
+    directions: list[_Asked]
+    faces: list[_Asked]
+
+    def _ask(self, kind: list[_Asked], a: Array, b: Array, offset: float) -> int:
+        number = len(self.points) + len(self.directions) + len(self.faces)
+        kind.append((number, a, b, offset))
+        return number
+
+    def above(self, v: Array, normal: Array, offset: float) -> int:
+        return self._ask(self.points, v, normal, offset)
+
+    def along(self, u: Array, k: Array) -> int:
+        return self._ask(self.directions, u, k, 0.0)
+
+    def beneath(self, normal: Array, offset: float, w: Array) -> int:
+        return self._ask(self.faces, w, normal, offset)
+
+    def forms(self) -> Forms:
+        """All rows by their numbers."""
+        numbers, parts = list[int](), list[Forms]()
+        for kind in (self.points, self.directions, self.faces):
+            if kind:
+                which, a, b, offsets = (np.array(column) for column in zip(*kind, strict=True))
+                numbers += which.tolist()
+                if kind is self.points:
+                    parts.append(points_above(a, b, offsets))
+                else:
+                    parts.append(directions_along(a, b) if kind is self.directions else faces_above(b, offsets, a))
+        return Forms(stacked(*parts).table[np.argsort(numbers)])
+
+
+def _judge(
+    assembly: Assembly, contact: PrimitiveContact, together: Sequence[PrimitiveContact], rows: _Questions
+) -> Judge:
+    if contact.kind in (Kind.VERTEX_FACE, Kind.BALL_FACE):  # a ball touches where its centre is over the face
+        return _in_face(assembly, contact, together, rows)
+    if contact.kind is Kind.EDGE_EDGE:
+        return _in_edges(assembly, contact, together, rows)
+    return _on_moving_face(assembly, contact, rows)
+
+
+@dataclass(frozen=True, eq=False)
+class _Rim:
+    """An edge of a convex face: its vertices, its inward plane, and the depths to which a wall goes on behind it."""
+
+    span: tuple[int, int]
+    inward: Array
+    offset: float
+    swallowed: tuple[Span, ...]
+
+
+@remembered(_MEMORY)
+def _rims(assembly: Assembly, part: Polyhedron, face: int) -> tuple[_Rim, ...] | None:
+    """The edges around a face whose outline is convex; None for other faces."""
+    loop, normal = part.faces[face].loops[0], part.faces[face].normal
+    points = part.vertices[list(loop)]
+    convex = {frozenset(edge.vertices): edge.convex for edge in part.edges}
+    found = []
+    for i, j in zip(loop, (*loop[1:], loop[0]), strict=True):
+        p, q = part.vertices[i], part.vertices[j]
+        inward = cross(normal, (q - p) / length(q - p))
+        if (points @ inward - float(inward @ p) < -NEAR).any():
+            return None
+        behind = () if convex[frozenset((i, j))] else _swallowed(assembly, np.array([p, q]), inward)
+        found.append(_Rim((i, j), inward, float(inward @ p), behind))
+    return tuple(found)
+
+
+@remembered(_MEMORY)
+def _holes(assembly: Assembly, part: Polyhedron, face: int) -> tuple[tuple[tuple[Array, float], ...], ...]:
+    """For each hole of a face, the planes across those of its edges that have all of it behind them."""
+    normal, found = part.faces[face].normal, []
+    for loop in part.faces[face].loops[1:]:
+        points = part.vertices[list(loop)]
+        ways = cross(normal, np.roll(points, -1, axis=0) - points)
+        ways = ways / lengths(ways)[:, None]
+        planes = [(way, float(way @ p)) for way, p in zip(ways, points, strict=True)]
+        found.append(tuple((way, at) for way, at in planes if (points @ way <= at + NEAR).all()))
+    return tuple(found)
+
+
+def _in_face(
+    assembly: Assembly, contact: PrimitiveContact, together: Sequence[PrimitiveContact], rows: _Questions
+) -> Judge:
+    fixed, body = assembly.fixed.polyhedron, assembly.moving.polyhedron.vertices
+    rims = _rims(assembly, fixed, contact.fixed_feature)
+    if rims is None:
+        return lambda lower: -UNBOUNDED
+    asked = [
+        (
+            rows.above(body[contact.moving[0]], rim.inward, rim.offset),
+            rim.swallowed,
+            _slips(assembly, contact, together, rim, rows),
+        )
+        for rim in rims
+    ]
+    holes = [
+        [rows.above(body[contact.moving[0]], way, at) for way, at in planes]
+        for planes in _holes(assembly, fixed, contact.fixed_feature)
+    ]
+
+    def judge(lower: Lower) -> float:
+        found = min((max([-UNBOUNDED, *(lower[k] for k in beyond)]) for beyond in holes), default=UNBOUNDED)
+        for room, swallowed, slips in asked:
+            value = lower[room]
+            if value < found and not (_within(swallowed, value) or slips(lower, value)):
+                found = value
+        return found
+
+    return judge
+
+
+def _slips(
+    assembly: Assembly,
+    contact: PrimitiveContact,
+    together: Sequence[PrimitiveContact],
+    rim: _Rim,
+    rows: _Questions,
+) -> Callable[[Lower, float], bool]:
+    """Whether an edge held across a rim takes over when the vertex, this far from it, slips over it.
+
+    That edge has its other end on the same wall, farther inside the rim, or properly crosses another rim of the wall;
+    its line is then in the wall either way, so that edge contact and vertex contact have the same zeros.
+    """
+    body, wall, vertex = assembly.moving.polyhedron.vertices, contact.fixed_feature, contact.moving[0]
+    inside = held_on(assembly, wall, together)
+    far: list[int] = []
+    crossings: list[tuple[Judge, Judge]] = []
+    for other in together:
+        if other.kind is Kind.EDGE_EDGE and set(other.fixed) == set(rim.span) and vertex in other.moving:
+            end = other.moving[1] if other.moving[0] == vertex else other.moving[0]
+            if end in inside:
+                far.append(rows.above(body[end], rim.inward, rim.offset))
+            for kept in together:
+                if other_rim(assembly, other, kept, wall):
+                    crossings.append((_sides(assembly, kept, wall, rows), _sides(assembly, other, wall, rows)))
+
+    def slips(lower: Lower, room: float) -> bool:
+        return any(lower[k] > max(room, 0.0) + _SURELY for k in far) or any(
+            kept(lower) > max(waived(lower), 0.0) + _SURELY for kept, waived in crossings
+        )
+
+    return slips
+
+
+def _sides(assembly: Assembly, contact: PrimitiveContact, along: int, rows: _Questions) -> Judge:
+    """How far the ends of a moving edge stay on different sides of the face across its fixed edge from a wall."""
+    body, fixed = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron
+    wall = fixed.faces[along]
+    asked = []
+    for n in fixed.edges[contact.fixed_feature].faces:
+        face = fixed.faces[n]
+        if not assembly.agree(face.normal, face.offset, wall.normal, wall.offset):
+            for a, b in (contact.moving, contact.moving[::-1]):
+                below = rows.above(body[a], -face.normal, -face.offset)
+                asked.append((below, rows.above(body[b], face.normal, face.offset)))
+    return lambda lower: max(min(lower[below], lower[above]) for below, above in asked)
+
+
+def _within(spans: Sequence[Span], room: float) -> bool:
+    depth = max(0.0, -room) + _BEYOND
+    return any(low < depth < high for low, high in spans)
+
+
+def _swallowed(assembly: Assembly, ends: Array, inward: Array) -> tuple[Span, ...]:
+    """Depths to which the strip of a wall beyond a re-entrant edge is inside a fixed piece, its middle strictly.
+
+    A contact cannot leave its face there without the parts overlapping, which the separations rule out.
+    """
+    spans = []
+    for normals, offsets in assembly.fixed_planes:
+        heights, rise = ends @ normals.T - offsets, -(normals @ inward)
+        if (heights > NEAR).any():
+            continue
+        middle = heights.mean(axis=0)
+        limits = [(NEAR - heights.max(axis=0), rise), (-NEAR - middle, 0.5 * rise)]
+        spans.append(_span([pair for room, slope in limits for pair in zip(room, slope, strict=True)]))
+    return tuple(span for span in spans if span[0] < span[1])
+
+
+def _span(limits: Sequence[tuple[float, float]]) -> Span:
+    """Where slope·t < room holds for all (room, slope), t > 0."""
+    low, high = 0.0, np.inf
+    for room, slope in limits:
+        if slope > 0.0:
+            high = min(high, room / slope)
+        elif slope < 0.0:
+            low = max(low, room / slope)
+        elif room <= 0.0:
+            return 0.0, 0.0
+    return float(low), float(high)
+
+
+def _in_edges(
+    assembly: Assembly, contact: PrimitiveContact, together: Sequence[PrimitiveContact], rows: _Questions
+) -> Judge:
+    fixed = assembly.fixed.polyhedron
+    lies_in = _lying_in(assembly, contact, together, rows)
+    crossings = []
+    for number in fixed.edges[contact.fixed_feature].faces:
+        for ends in (contact.moving, contact.moving[::-1]):
+            crossings.append((number, _across(assembly, contact, number, ends, rows)))
+
+    def judge(lower: Lower) -> float:
+        shared = lies_in(lower)
+        return max(across(lower, shared is not None) for number, across in crossings if number != shared)
+
+    return judge
+
+
+def _lying_in(
+    assembly: Assembly, contact: PrimitiveContact, together: Sequence[PrimitiveContact], rows: _Questions
+) -> Callable[[Lower], int | None]:
+    """The wall in which a moving edge lies whether or not it crosses here, when another contact warrants that."""
+    shared = taken_turns(assembly, contact, together)
+    if shared is None:
+        return lambda lower: None
+    if set(contact.moving) <= held_on(assembly, shared, together):
+        return lambda lower: shared
+    own = _sides(assembly, contact, shared, rows)
+    others = [_sides(assembly, c, shared, rows) for c in together if other_rim(assembly, contact, c, shared)]
+    return lambda lower: shared if any(kept(lower) > max(own(lower), 0.0) + _SURELY for kept in others) else None
+
+
+def _across(
+    assembly: Assembly, contact: PrimitiveContact, number: int, ends: tuple[int, ...], rows: _Questions
+) -> Callable[[Lower, bool], float]:
+    """How far an edge that runs from below a wall to above it crosses within both edges.
+
+    The result takes the lower bounds, and whether the edge lies in the other wall and need not cross at all.
+    """
+    a, b = assembly.moving.polyhedron.vertices[list(ends)]
+    wall = assembly.fixed.polyhedron.faces[number]
+    below, above = rows.above(a, -wall.normal, -wall.offset), rows.above(b, wall.normal, wall.offset)
+    rise, depth = rows.along(wall.normal, b - a), rows.above(a, wall.normal, wall.offset)
+    rooms = [
+        (rows.above(a, way, float(way @ end)), rows.along(way, b - a), blocked)
+        for end, way, blocked in _blocked(assembly, contact.fixed_feature, number)
+    ]
+
+    def margin(lower: Lower, lies: bool) -> float:
+        found, share = UNBOUNDED, 1.0
+        if not lies:
+            found = min(lower[below], lower[above])
+            if lower[rise] > 0.0:
+                share = min(1.0, -lower[depth] / lower[rise])
+        for room, turned, blocked in rooms:
+            value = lower[room] + min(0.0, share * lower[turned])
+            if value < found and not _within(blocked, value):
+                found = value
+        return found
+
+    return margin
+
+
+@remembered(_MEMORY)
+def _blocked(assembly: Assembly, edge: int, wall: int) -> tuple[tuple[Array, Array, tuple[Span, ...]], ...]:
+    """Both ends of a fixed edge: end, direction inward, and the depths to which the edge's line goes on beyond it
+    within a piece, or within a piece's face in a wall's plane.
+
+    An edge that crosses the wall there would enter that piece, which the separations rule out.
+    """
+    fixed = assembly.fixed.polyhedron
+    face = fixed.faces[wall]
+    c, d = fixed.vertices[list(fixed.edges[edge].vertices)]
+    u = (d - c) / length(d - c)
+    found = []
+    for end, inward in ((c, u), (d, -u)):
+        spans = []
+        for normals, offsets in assembly.fixed_planes:
+            heights, rise = normals @ end - offsets, -(normals @ inward)
+            flush = [n for n in range(len(normals)) if assembly.agree(normals[n], offsets[n], face.normal, face.offset)]
+            for others in (np.ones(len(normals), dtype=bool), *(np.arange(len(normals)) != n for n in flush)):
+                if (heights[others] <= NEAR).all():
+                    spans.append(_span(list(zip(-NEAR - heights[others], rise[others], strict=True))))
+        found.append((end, inward, tuple(span for span in spans if span[0] < span[1])))
+    return tuple(found)
+
+
+def _on_moving_face(assembly: Assembly, contact: PrimitiveContact, rows: _Questions) -> Judge:
+    rims = _rims(assembly, assembly.moving.polyhedron, contact.moving_feature)
+    if rims is None or len(assembly.moving.polyhedron.faces[contact.moving_feature].loops) > 1:
+        return lambda lower: -UNBOUNDED
+    w = assembly.fixed.polyhedron.vertices[contact.fixed[0]]
+    asked = [rows.beneath(rim.inward, rim.offset, w) for rim in rims]
+    return lambda lower: min(lower[k] for k in asked)

@@ -1,0 +1,133 @@
+"""Pairs of convex pieces, the contacts between them, and the planes that may keep them apart."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, NamedTuple
+
+from fmopt.certificate.assembly import Assembly
+from fmopt.certificate.segment_linearisation import Piece
+from fmopt.contact.primitive import Kind, PrimitiveContact
+from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.spatial.values import remembered
+
+BEHIND = 1e-15  # m; how far in front of the fixed piece a free plane is put, against rounding
+_MEMORY = 2048
+_FEATURES = {
+    Kind.VERTEX_FACE: ("vertex", "face"),
+    Kind.FACE_VERTEX: ("face", "vertex"),
+    Kind.EDGE_EDGE: ("edge", "edge"),
+    Kind.BALL_FACE: ("ball", "face"),
+}
+
+Features = frozenset[tuple[str, int]]
+
+
+@dataclass(frozen=True)
+class Witness:
+    """A plane between two pieces: along a face or edges, as vertex indices of the pieces, or any plane of the B-frame.
+
+    Args:
+        kind: what the plane runs along.
+        moving: vertices of the moving piece's face or edge.
+        fixed: vertices of the fixed piece's face or edge.
+        plane: for kind "plane" the unit normal (3) and the offset; the fixed piece lies behind it.
+    """
+
+    kind: Literal["fixed-face", "moving-face", "edges", "plane"]
+    moving: tuple[int, ...]
+    fixed: tuple[int, ...]
+    plane: tuple[float, float, float, float] | None = None
+
+
+class Pair(NamedTuple):
+    """A moving piece against a fixed one, with the contacts that bear on the two.
+
+    Args:
+        moving: the moving piece.
+        fixed: the fixed piece.
+        held: contacts held between the two.
+        opening: contacts being made or given up between the two.
+        state: all contacts held, for a pair that is touched by one; else none.
+        left: all contacts given up, for a pair that is touched; else none.
+        beside: the contact being made that counts and those given up, wherever, for a pair that is touched; else none.
+    """
+
+    moving: Polyhedron
+    fixed: Polyhedron
+    held: tuple[PrimitiveContact, ...]
+    opening: tuple[PrimitiveContact, ...]
+    state: tuple[PrimitiveContact, ...]
+    left: tuple[PrimitiveContact, ...]
+    beside: tuple[PrimitiveContact, ...]
+
+    @property
+    def touched(self) -> bool:
+        """Whether a contact bears on the two."""
+        return bool(self.held or self.opening)
+
+
+@dataclass(frozen=True, eq=False)
+class Facing:
+    """All pairs of a moving piece and a fixed one under the same contacts, by the numbers of both pieces.
+
+    One for each contact state and what opens or closes: what is worked out of it once can be kept by its identity.
+    """
+
+    listed: tuple[tuple[int, int, Pair], ...]
+
+    @cached_property
+    def apart(self) -> tuple[tuple[Polyhedron, tuple[int, ...]], ...]:
+        """For each moving piece the places in the list of its pairs that no contact touches."""
+        found: dict[Polyhedron, list[int]] = {}
+        for n, (_, _, pair) in enumerate(self.listed):
+            if not pair.touched:
+                found.setdefault(pair.moving, []).append(n)
+        return tuple((piece, tuple(places)) for piece, places in found.items())
+
+
+def facing(assembly: Assembly, piece: Piece) -> Facing:
+    """All pairs of convex pieces, moving and fixed, in order, with the contacts of a piece of motion."""
+    return _facing(assembly, piece.held, (*piece.making, *piece.left), piece.left, piece.opening)
+
+
+@remembered(_MEMORY)
+def _facing(
+    assembly: Assembly,
+    held: tuple[PrimitiveContact, ...],
+    opening: tuple[PrimitiveContact, ...],
+    left: tuple[PrimitiveContact, ...],
+    beside: tuple[PrimitiveContact, ...],
+) -> Facing:
+    found = []
+    for i, M in enumerate(assembly.moving.bodies):
+        for j, F in enumerate(assembly.fixed.pieces):
+            own, new = (touching(assembly, M, F, contacts) for contacts in (held, opening))
+            known = (held, left, beside) if own or new else ((), (), ())
+            found.append((i, j, Pair(M, F, own, new, *known)))
+    return Facing(tuple(found))
+
+
+def pairs(assembly: Assembly, piece: Piece) -> tuple[tuple[int, int, Pair], ...]:
+    """The pairs of `facing`."""
+    return facing(assembly, piece).listed
+
+
+def touching(
+    assembly: Assembly, moving: Polyhedron, fixed: Polyhedron, contacts: Iterable[PrimitiveContact]
+) -> tuple[PrimitiveContact, ...]:
+    """The contacts that two pieces can have with each other: on a face plane or along an edge of each."""
+    own, other = assembly.carried(moving), assembly.carried(fixed)
+    return tuple(c for c in contacts if _between(c, own, other))
+
+
+def _between(contact: PrimitiveContact, moving: Features, fixed: Features) -> bool:
+    one, other = _FEATURES[contact.kind]
+    return (one, contact.moving_feature) in moving and (other, contact.fixed_feature) in fixed
+
+
+def free_plane(normal: Sequence[float], offset: float) -> Witness:
+    """The plane of a unit normal (3) just in front of a fixed piece that reaches out to an offset, m."""
+    return Witness("plane", (), (), (normal[0], normal[1], normal[2], offset + BEHIND))

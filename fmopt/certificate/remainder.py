@@ -1,0 +1,243 @@
+"""What a row's linear picture leaves over a piece of motion: second order in the errors, arcs, and turning gradients.
+
+A piece turns by τ and travels Δ, at a constant twist. Its errors (d, ε) stay in a box, |ε| ≤ θ, and are interpolated
+between the ends, as are value and gradient of the row. With w = R k, β = R b and y = A p + s, A = σ + [a]×, of a row
+n·p + u·w + β·y − c:
+
+A row without b. Turned by ε, u·w changes by u·(ε × w) and, the rest of the exponential as an integral,
+−∫(1 − t)(ε × exp(−tε)u)·(ε × w) dt, at most ½|ε × u||ε × w|. On the nominal path it bends off its chord by at most
+⅛|τ × u||τ × w|. Its gradient turns along the path, weighted 2s(1 − s) ≤ ½ between the ends: ½|ε × u||τ × w|.
+
+A bilinear row has the Hessian −G in ε, G = (u·w + β·y) − (w uᵀ + β yᵀ) made symmetric, and [β]× A in ε and d.
+At a contact u·w + β·y is nearly zero, and the two parts cancel. J = (Aᵀ(τ × β), β × AΔ − G τ) is the derivative of its
+gradient along the path, J·(Δ, τ) that of its slope. All are taken at both ends; what they change in between and terms
+of third order have closed bounds. A bound by lengths alone serves where it is better.
+
+Pieces of motion with their errors, several at once, and rows over them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import accumulate
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmopt.certificate.error_set import UNCOUPLED, ErrorSet
+from fmopt.certificate.kernels_rows import Bending, Turned
+from fmopt.certificate.row_bounds import Motion, over
+from fmopt.certificate.rows import Forms, Mask, Rows
+from fmopt.certificate.tube import left, powers, varied
+from fmopt.spatial.se3 import Pose, length, lengths
+from fmopt.spatial.values import Array
+
+_NONE = np.zeros((0, 6))
+
+Reaching = tuple[Array, Array, Array, Array, Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Extent:
+    """How far a piece of motion and its errors reach.
+
+    Args:
+        twist: V = (Δ, τ) (6,) of the nominal motion, m and rad.
+        half: half-widths (6,) of a box around the errors all along, m and rad.
+        coupling: what the linear picture leaves of errors in different frames (2,), at most, m and rad.
+    """
+
+    twist: Array
+    half: Array
+    coupling: Array = field(default_factory=lambda: UNCOUPLED)
+
+    @property
+    def turn(self) -> float:
+        """|τ|, rad."""
+        return length(self.twist[3:])
+
+    @property
+    def theta(self) -> float:
+        """Bound θ of |ε|, rad."""
+        return length(self.half[3:])
+
+    @property
+    def angles(self) -> Array:
+        """Half-widths (3,) of the box around ε, rad."""
+        return self.half[3:]
+
+    @property
+    def offset(self) -> Array:
+        """Half-widths (3,) of the box around the translation error, m."""
+        return self.half[:3]
+
+
+@dataclass(frozen=True, eq=False)
+class Curvature:
+    """How rows (k) bend over a piece of motion: what of their remainders does not depend on the errors."""
+
+    bending: Bending
+
+    @staticmethod
+    def of(start: Rows, goal: Rows, twist: Array) -> Curvature:
+        """The curvature of rows over a piece with a twist (6,)."""
+        w, b, y = (np.array(ends) for ends in zip(start.turned, goal.turned, strict=True))
+        return Curvature(Bending(start.forms.table, Turned(w, b, y), np.array(twist)))
+
+    @staticmethod
+    def joined(one: Curvature, other: Curvature) -> Curvature:
+        """The curvature of the rows of both, over the same piece."""
+        (table, turned, twist), (more, ends, _) = one.bending, other.bending
+        w, b, y = (np.concatenate(both, axis=1) for both in zip(turned, ends, strict=True))
+        return Curvature(Bending(np.concatenate([table, more]), Turned(w, b, y), twist))
+
+    def bound(self, half: Array) -> Array:
+        """Bound (k,) of |f − (linear in the error, interpolated between the ends)|, m, errors in one frame.
+
+        Args:
+            half: half-widths (6,) of a box around the errors.
+        """
+        return left(self.bending, half, UNCOUPLED)
+
+    def power(self) -> Array:
+        """How N·V, V the twist, changes with the error at the start, to first order: rows (k, 6)."""
+        return powers(self.bending)
+
+    def variation(self, half: Array, motion: Array) -> Array:
+        """Bound (k,) of how much N·v may differ between poses of the piece, errors included.
+
+        Args:
+            half: half-widths (6,) of a box around the errors.
+            motion: v (6,).
+        """
+        return varied(self.bending, half, motion)
+
+
+"""The columns (…, 6) of a support: generators, roots of slide, swing and shape, and slack."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ends:
+    """A piece of motion: nominal poses and error sets at both ends, its extent, and the thickness of its contacts.
+
+    `slack` (6, h) holds the columns T^Sᵢtᵢ: how far the true contact surfaces may push the error at the start, beyond
+    the start set's core; `core` (k, 6) its generators, those of the whole start set by default.
+    """
+
+    start: Pose
+    goal: Pose
+    start_set: ErrorSet
+    goal_set: ErrorSet
+    extent: Extent
+    slack: Array
+    core: Array | None = None
+
+    @property
+    def columns(self) -> tuple[Reaching, Reaching]:
+        """What errors reach along rows with at both ends."""
+        core = self.start_set.generators if self.core is None else self.core
+        start, goal = self.start_set, self.goal_set
+        return (
+            (core, start.slide_root.T, start.swing_root.T, start.shape_root.T, self.slack.T),
+            (goal.generators, goal.slide_root.T, goal.swing_root.T, goal.shape_root.T, _NONE),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """Several pieces of motion (n), of which the same is asked: what `Ends` has of one, at once."""
+
+    motion: Motion
+
+    @staticmethod
+    def of(listed: Sequence[Ends]) -> Course:
+        """Pieces of motion together."""
+        at, to = zip(*(ends.columns for ends in listed), strict=True)
+        columns, cuts = _columns((*at, *to))
+        p = np.array([ends.start.p for ends in listed] + [ends.goal.p for ends in listed])
+        R = np.array([ends.start.R for ends in listed] + [ends.goal.R for ends in listed])
+        twist = np.array([ends.extent.twist for ends in listed])
+        half = np.array([ends.extent.half for ends in listed])
+        n, coupling = len(listed), np.array([ends.extent.coupling for ends in listed])
+        shapes = p.reshape(2, n, 3), R.reshape(2, n, 3, 3), columns.reshape(2, n, *columns.shape[1:])
+        return Course(Motion(*shapes, cuts, twist, half, coupling))
+
+    def piece(self, n: int) -> Course:
+        """One of the pieces."""
+        p, R, columns, cuts, twist, half, coupling = self.motion
+        if len(twist) == 1:
+            return self
+        only = np.array([n])
+        return Course(Motion(p[:, only], R[:, only], columns[:, only], cuts, twist[only], half[only], coupling[only]))
+
+    def ended(self) -> Course:
+        """The same pieces when they have ended, without the motion."""
+        p, R, columns, cuts, twist, half, coupling = self.motion
+        goal = np.array([1, 1])
+        return Course(Motion(p[goal], R[goal], columns[goal], cuts, np.zeros_like(twist), half, coupling))
+
+    def spread(self, end: int, N: Array) -> Mask:
+        """Whether generators and drifts, not the ellipsoid of everything, bound the errors along rows (m, 6): (m,).
+
+        Args:
+            end: of the first piece.
+            N: the rows.
+        """
+        first, second, third, fourth = self.motion.cuts.tolist()
+        X = N @ self.motion.columns[end, 0].T
+        summed = np.abs(X[:, :first]).sum(axis=1) + lengths(X[:, first:second]) + lengths(X[:, second:third])
+        return np.asarray(summed <= lengths(X[:, third:fourth]))
+
+    def over(self, forms: Forms) -> Heights:
+        """Rows (k) over all pieces."""
+        return Heights(*over(forms.table, self.motion))
+
+
+def _columns(supports: Sequence[Reaching]) -> tuple[Array, NDArray[np.intp]]:
+    """The columns (n, k, 6) of supports, some zero where others have more, and their cuts (4,)."""
+    ends = list(accumulate(max(map(len, parts)) for parts in zip(*supports, strict=True)))
+    columns = np.zeros((len(supports), ends[-1], 6))
+    for parts, found in zip(supports, columns, strict=True):
+        for first, part in zip((0, *ends), parts, strict=False):
+            found[first : first + len(part)] = part
+    return columns, np.array(ends[:4])
+
+
+@dataclass(frozen=True, eq=False)
+class Heights:
+    """Rows (k) over pieces of motion (n): at both ends values and gradients, what errors take there, and remainders.
+
+    Args:
+        f: values (2, n, k), m.
+        N: gradients (2, n, k, 6), m and m/rad.
+        reach: how far errors reach along the gradients (2, n, k), m.
+        rest: remainders (n, k), m.
+    """
+
+    f: Array
+    N: Array
+    reach: Array
+    rest: Array
+
+    @property
+    def bounds(self) -> Array:
+        """Certified lower bounds (2, n, k) where either end is the worst, m."""
+        return np.asarray(self.f - self.reach - self.rest)
+
+    @property
+    def lower(self) -> Array:
+        """Certified lower bounds (n, k): worst end, less errors and remainder, m."""
+        return np.asarray((self.f - self.reach).min(axis=0) - self.rest)
+
+    def end(self, end: int) -> AtEnd:
+        """The rows at one end of the first piece."""
+        return AtEnd(self.f[end, 0], self.N[end, 0])
+
+
+@dataclass(frozen=True, eq=False)
+class AtEnd:
+    """Rows at one end of a piece: values (k,) and gradients (k, 6), m and m/rad."""
+
+    f: Array
+    N: Array

@@ -1,0 +1,289 @@
+"""The linear picture of a piece of motion: the twist inside the held contacts, and how it projects the errors.
+
+Pieces of a move, the compliance with which contacts are held along them, and the tolerances of the problem.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fmopt.certificate.assembly import Assembly, contact_forms, hinge, level, made_form
+from fmopt.certificate.contact_implications import coming_off
+from fmopt.certificate.error_set import Linkage
+from fmopt.certificate.remainder import Curvature, Extent
+from fmopt.certificate.rows import Forms, Rows, points_above
+from fmopt.certificate.tube import Layers
+from fmopt.contact.primitive import PrimitiveContact
+from fmopt.errors import InfeasibleError
+from fmopt.spatial import ellipsoid
+from fmopt.spatial.se3 import Pose, length, lengths
+from fmopt.spatial.values import Array, remembered
+
+LARGEST_TURN = 0.5  # rad; the bounds of the certificate hold for pieces that turn no farther
+_STANDSTILL = 1e-12  # m
+_RECEDING = 1e-9  # m
+_MEMORY = 512
+
+
+@dataclass(frozen=True, eq=False)
+class Linearisation:
+    """The linear picture of a piece; letters are those of `segment`.
+
+    Args:
+        twist: V (6,) from S to G.
+        turn: τ, rad.
+        length: L in the metric of ρ, m.
+        directions: compliant twists C_h of the held basis (h, 6).
+        held: rows N_h of the held basis, by the contacts held, at both ends.
+        made: row of the contact being made, by the contacts held, at both ends; None without.
+        start_dual: T^S (6, h), dual to the held rows at the start.
+        goal_dual: T^h (6, h), dual to the held rows at the goal.
+        hold: Π_h = I − T^h N_h (6, 6).
+        motion: v = Π_h V (6,), the motion inside the held contacts.
+        rate: −N_m·v, how much nearer the contact being made comes, m.
+        seen: N′ = Π_hᵀ N_m (6,).
+        projector: Π = Π_h + φ v N′ᵀ/rate (6, 6).
+    """
+
+    twist: Array
+    turn: float
+    length: float
+    directions: Array
+    held: tuple[Rows, Rows]
+    made: tuple[Rows, Rows] | None
+    start_dual: Array
+    goal_dual: Array
+    hold: Array
+    motion: Array
+    rate: float
+    seen: Array
+    projector: Array
+
+    @property
+    def travel(self) -> Array:
+        """Translation (3,) from S to G, m."""
+        return self.twist[:3]
+
+    @cached_property
+    def held_curvature(self) -> Curvature:
+        """Of the held rows."""
+        return Curvature.of(*self.held, self.twist)
+
+    @cached_property
+    def made_curvature(self) -> Curvature:
+        """Of the row of the contact being made."""
+        assert self.made is not None
+        return Curvature.of(*self.made, self.twist)
+
+    @cached_property
+    def on_the_way(self) -> Layers:
+        """The thickness of contact surfaces on pieces that do not end the move."""
+        first, second = self.held
+        none = np.zeros(len(first.f))
+        return self._layers(self.held_curvature, np.abs(second.f), np.zeros(2), self.goal_dual, none)
+
+    @cached_property
+    def closing(self) -> Layers:
+        """The same where the contact being made is."""
+        assert self.made is not None
+        (_, second), end = self.held, self.made[1]
+        C = np.vstack([self.directions, self.motion]).T
+        inverse = ellipsoid.coupling_inverse(np.vstack([second.N, end.N]), C)
+        left = end.N[0] @ self.projector
+        residue = np.array([length(left[:3]), length(left[3:])])
+        off = np.abs(np.append(second.f, end.f))
+        curvature = Curvature.joined(self.held_curvature, self.made_curvature)
+        return self._layers(curvature, off, residue, C @ inverse, np.abs(inverse[-1]))
+
+    def _layers(self, curvature: Curvature, off: Array, residue: Array, goal_dual: Array, delay: Array) -> Layers:
+        start = self.held[0]
+        return Layers(curvature.bending, start.f, start.N, off, residue, self.start_dual, goal_dual, delay)
+
+
+def linearisation_of(assembly: Assembly, piece: Piece, tolerance: Tolerance) -> Linearisation:
+    """The linear picture of a piece.
+
+    Raises:
+        InfeasibleError: the piece turns too far or goes nowhere, contacts do not determine their compliant
+            directions, or the motion does not lead to the contact that it is to make.
+    """
+    twists = np.array([c.direction for c in piece.basis]).tobytes()
+    basis = tuple(c.contact for c in piece.basis), twists
+    made = None if piece.made is None else (piece.made, piece.share)
+    return _way(assembly, (piece.start, piece.goal), piece.held, basis, made, tolerance.rho)
+
+
+@remembered(_MEMORY)
+def _way(
+    assembly: Assembly,
+    ends: tuple[Pose, Pose],
+    held_all: tuple[PrimitiveContact, ...],
+    basis: tuple[tuple[PrimitiveContact, ...], bytes],
+    making: tuple[PrimitiveContact, float] | None,
+    rho: float,
+) -> Linearisation:
+    """See `linearisation_of`: no error enters it, so that a motion certified under other errors has the same.
+
+    Args:
+        assembly: the two parts.
+        ends: nominal poses.
+        held_all: all contacts held.
+        basis: the independent ones, and the bytes of their compliant twists.
+        making: the contact being made and the share φ of what is left of its move; None without.
+        rho: characteristic length, m.
+    """
+    (start, goal), (contacts, twists) = ends, basis
+    V = start.local(goal)
+    turn, far = length(V[3:]), length(V * ellipsoid.metric(rho))
+    if turn > LARGEST_TURN or far <= _STANDSTILL:
+        raise InfeasibleError(f"a piece of motion turns by {turn:.3g} rad, goes {far:.3g} m", advice="split the move")
+    C = np.frombuffer(twists).reshape(-1, 6)
+    held = contact_forms(assembly, contacts, held_all).over(start, goal)
+    duals = [C.T @ ellipsoid.coupling_inverse(rows.N, C.T) if len(C) else np.zeros((6, 0)) for rows in held]
+    hold = np.eye(6) - duals[1] @ held[1].N
+    v = hold @ V
+    if making is None:
+        return Linearisation(V, turn, far, C, held, None, duals[0], duals[1], hold, v, 0.0, np.zeros(6), hold)
+    contact, share = making
+    made = made_form(assembly, contact, held_all).over(start, goal)
+    N = made[1].N[0]
+    rate, seen = -float(N @ v), N @ hold
+    if rate <= _RECEDING:
+        raise InfeasibleError(f"the move does not lead to contact {contact.id}")
+    projector = hold + np.outer(share / rate * v, seen)
+    return Linearisation(V, turn, far, C, held, made, duals[0], duals[1], hold, v, rate, seen, projector)
+
+
+def cone(tolerance: Tolerance, way: Linearisation, N: Array) -> float:
+    """How far the velocity error can move a row (6,) along the piece, m."""
+    t, r = tolerance.velocity_error[0], tolerance.velocity_error[1] / tolerance.rho
+    return (t * length(N[:3]) + r * length(N[3:])) * way.length
+
+
+def approach(tolerance: Tolerance, way: Linearisation, extent: Extent, linkage: Linkage | None) -> float:
+    """Lower bound of how much nearer the contact being made comes along a piece, at every error in the bounds, m.
+
+    An execution stops when it first touches: that needs the distance to fall all along. Infinite when nothing is made.
+    """
+    if way.made is None:
+        return float(np.inf)
+    first, second = (float(rows.N[0] @ way.motion) for rows in way.made)
+    return min(-first, -second) - _change(tolerance, way, extent, linkage, way.made[1], way.made_curvature)
+
+
+def departure(
+    assembly: Assembly, piece: Piece, tolerance: Tolerance, way: Linearisation, extent: Extent, linkage: Linkage | None
+) -> float:
+    """Lower bound of how much farther away the contacts given up get along a piece, at every error in the bounds, m.
+
+    They are touched when the move starts: where their distances rise all along, none of them is touched again. So are
+    the other points of an edge or face that lies flat with them, and are no contacts as there is nothing below them.
+    Infinite when nothing is given up.
+
+    Raises:
+        InfeasibleError: a contact given up meets another one of its edge or face that stays held.
+    """
+    least = float(np.inf)
+
+    def opening(form: Forms) -> float:
+        """Lower bound of how much a row (1) grows along the piece, m."""
+        rows = form.over(piece.start, piece.goal)
+        first, second = (float(end.N[0] @ way.motion) for end in rows)
+        curvature = Curvature.of(*rows, way.twist)
+        return min(first, second) - _change(tolerance, way, extent, linkage, rows[1], curvature)
+
+    for contact in piece.left:
+        if hinge(assembly, contact, piece.held) is not None or level(assembly, contact, piece.held) is not None:
+            raise InfeasibleError(f"contact {contact.id} cannot be given up without those that it turns about")
+        least = min(least, opening(contact_forms(assembly, (contact,), ())))
+    for wall in coming_off(assembly, piece.held, piece.left):
+        for i in sorted(wall.points):
+            point = points_above(assembly.body_points[[i]], wall.normal, wall.offset)
+            least = min(least, opening(point))
+    return least
+
+
+def _change(
+    tolerance: Tolerance, way: Linearisation, extent: Extent, linkage: Linkage | None, row: Rows, curvature: Curvature
+) -> float:
+    """By how much a row (1) may grow more or less along a piece than at the nominal poses of its ends, m.
+
+    The row turns along the piece; the velocity error adds to the motion; and the held rows turn as well, so that the
+    motion inside them changes (their share counted twice, which covers the second order). In a hole that is askew by h
+    all motion is seen turned by it, and a part that is off by g in the hand swings by its turn across g.
+    """
+    N = row.N[0]
+    turned, held = (bends.variation(extent.half, way.motion) for bends in (curvature, way.held_curvature))
+    change = float(turned[0]) + cone(tolerance, way, N @ way.hold) + 2.0 * float(np.abs(N @ way.goal_dual) @ held)
+    if linkage is None:
+        return change
+    _, askew, off, _ = linkage.sizes.tolist()
+    seen, drift = N @ way.hold, np.multiply(tolerance.velocity_error, way.length)
+    slid = length(way.motion[:3]) + 2.0 * float(held @ lengths(way.goal_dual[:3].T)) + float(drift[0])
+    spun = length(way.motion[3:]) + 2.0 * float(held @ lengths(way.goal_dual[3:].T)) + float(drift[1]) / tolerance.rho
+    linked = length(seen[:3]) * (askew * slid + off * spun) + length(seen[3:]) * askew * spun
+    return change + float(linked)
+
+
+@dataclass(frozen=True, eq=False)
+class Compliance:
+    """A held contact of the basis and the twist (6,) along which the part gives way to keep it."""
+
+    contact: PrimitiveContact
+    direction: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A piece of a move: nominal poses, contacts held and to be held, the basis, and which fraction of the move it is.
+
+    Args:
+        start: nominal pose at the beginning.
+        goal: nominal pose at the end.
+        held: all contacts held along the piece.
+        goal_contacts: all contacts held after the whole move.
+        basis: independent contacts of `held`, each with its compliant direction.
+        made: the contact that the move makes, one for all that are made together, or None.
+        progress: fractions of the move at both ends.
+        left: contacts held up to the start of the move, which it gives up.
+    """
+
+    start: Pose
+    goal: Pose
+    held: tuple[PrimitiveContact, ...]
+    goal_contacts: tuple[PrimitiveContact, ...]
+    basis: tuple[Compliance, ...]
+    made: PrimitiveContact | None
+    progress: tuple[float, float]
+    left: tuple[PrimitiveContact, ...] = ()
+
+    @property
+    def last(self) -> bool:
+        """Whether the move ends with this piece."""
+        return self.progress[1] >= 1.0
+
+    @property
+    def making(self) -> tuple[PrimitiveContact, ...]:
+        """The contacts that the move adds."""
+        return tuple(c for c in self.goal_contacts if c not in self.held) if self.made is not None else ()
+
+    @property
+    def opening(self) -> tuple[PrimitiveContact, ...]:
+        """The contacts that never pass but may be open: the one being made that counts, and those given up."""
+        return self.left if self.made is None else (self.made, *self.left)
+
+    @property
+    def share(self) -> float:
+        """The part φ of what is left of the move that this piece covers."""
+        return 1.0 if self.last else (self.progress[1] - self.progress[0]) / (1.0 - self.progress[0])
+
+
+@dataclass(frozen=True, eq=False)
+class Tolerance:
+    """What steps need of the problem: velocity errors (translation, rotation) and the characteristic length ρ, m."""
+
+    velocity_error: tuple[float, float]
+    rho: float

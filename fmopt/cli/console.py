@@ -1,0 +1,187 @@
+"""What people see in a terminal: progress on standard error, a table of the moves, the verdict in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from fmopt.runtime.escape import one_line
+
+if TYPE_CHECKING:
+    from fmopt.plan import Plan
+
+_WIDE = 120  # columns that the whole table of moves needs
+
+
+class Stages:
+    """Progress of a long command: one changing line, on a terminal only.
+
+    Args:
+        silent: show nothing.
+    """
+
+    def __init__(self, silent: bool) -> None:
+        self._console = Console(stderr=True)
+        self._status = None if silent or not self._console.is_terminal else self._console.status("")
+
+    def __enter__(self) -> Stages:
+        if self._status is not None:
+            self._status.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._status is not None:
+            self._status.stop()
+
+    def __call__(self, doing: str) -> None:
+        """Says what is being done."""
+        if self._status is not None:
+            self._status.update(_shown(doing))
+
+
+class Runs:
+    """Progress of a study: one bar with rate and time left, on a terminal only.
+
+    Args:
+        title: of the study.
+        silent: show nothing.
+    """
+
+    def __init__(self, title: str, silent: bool) -> None:
+        from rich.progress import BarColumn, Progress, TextColumn
+
+        console = Console(stderr=True)
+        columns = (TextColumn("{task.description}", markup=False), BarColumn(), TextColumn("{task.fields[words]}"))
+        self._bar = None if silent or not console.is_terminal else Progress(*columns, console=console)
+        self._task = None if self._bar is None else self._bar.add_task(one_line(title), total=None, words="")
+
+    def __enter__(self) -> Runs:
+        if self._bar is not None:
+            self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def __call__(self, tally: Any) -> None:
+        """Shows how far a study is."""
+        if self._bar is not None and self._task is not None:
+            failed = f", {tally.failed} failed" if tally.failed else ""
+            pace = f", {tally.rate:.3g} a second, {duration(tally.left)} left" if tally.fresh else ""
+            words = f"{tally.done} of {tally.total}{failed}{pace}"
+            self._bar.update(self._task, total=tally.total, completed=tally.done, words=words)
+
+
+def duration(seconds: float) -> str:
+    """A time as people say it."""
+    for size, name in ((86400.0, "days"), (3600.0, "h"), (60.0, "min")):
+        if seconds >= 2.0 * size:
+            return f"{seconds / size:.3g} {name}"
+    return f"{seconds:.3g} s"
+
+
+class Trials:
+    """Progress of trials: a bar on a terminal.
+
+    Args:
+        total: trials in all.
+        silent: show nothing.
+    """
+
+    def __init__(self, total: int, silent: bool) -> None:
+        from rich.progress import Progress
+
+        console = Console(stderr=True)
+        self._bar = Progress(console=console, disable=silent or not console.is_terminal)
+        self._task = self._bar.add_task("trials", total=total)
+
+    def __enter__(self) -> Trials:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bar.stop()
+
+    def advance(self, done: int) -> None:
+        """So many more trials are done."""
+        self._bar.advance(self._task, done)
+
+
+def print_compared(rows: list[dict[str, Any]]) -> None:
+    """Prints the table of `fmopt compare`: a row a fit, a column a method."""
+    table = Table("fit", *rows[0]["methods"])
+    for row in rows:
+        table.add_row(_shown(row["title"]), *(_compared(part) for part in row["methods"].values()))
+    Console(width=max(Console().width, 100)).print(table)
+
+
+def _compared(part: dict[str, Any]) -> str:
+    low, high = (100.0 * share for share in part["interval"])
+    seconds = part["seconds"].get("median")
+    return f"{100.0 * part['share']:.1f} %\n{low:.1f} to {high:.1f} %" + (f"\n{seconds:.1f} s" if seconds else "")
+
+
+def print_solved(plan: Plan, findings: Sequence[str], folder: Path, report: bool) -> None:
+    """Prints the outcome of `fmopt solve`: the plan, and the first findings where it is not certified."""
+    from fmopt.report.moves import summary_rows
+
+    console = Console(highlight=False)
+    head, *rows = summary_rows(plan)
+    if console.width < _WIDE:
+        head, rows = (head[0], head[1], head[5]), [(row[0], row[1], row[5]) for row in rows]
+    table = Table(title=_shown(plan.title), title_justify="left")
+    for name in head:
+        table.add_column(name, justify="right" if "margin" in name or "clearance" in name else "left")
+    for row in rows:
+        table.add_row(*map(_shown, row))
+    console.print(table)
+    for words in _solved_words(plan, findings):
+        console.print(_shown(words))
+    console.print(_shown(f"wrote {folder / 'plan.json'}" + (f", {folder / 'report.html'}" if report else "")))
+
+
+def _solved_words(plan: Plan, findings: Sequence[str]) -> Iterator[str]:
+    """What is said of a plan below its table, line by line."""
+    from fmopt.report.control_tables import jamming_words
+    from fmopt.report.naming import binding_words
+    from fmopt.report.recovery_tables import rates, recovery_words, tolerated_words
+    from fmopt.report.sections import clearance_words
+    from fmopt.report.views.tube_view import ends_words
+
+    sides = [f"{kind} {words}" for kind in ("measured", "declared") if (words := clearance_words(plan, kind))]
+    yield f"clearance a side: {'; '.join(sides)}"
+    least = min(plan.segments, key=lambda segment: segment.margin)
+    margin = f"{1e6 * least.margin:.2f} µm ({binding_words(plan, least.binding)})"
+    if plan.verdict == "CERTIFIED":
+        yield f"CERTIFIED: least margin {margin}, checked independently"
+    else:
+        yield f"{plan.verdict}: least computed margin {margin}, not proved"
+        yield from (f"  {finding}" for finding in findings[:5])
+    said = (
+        ends_words(plan),
+        jamming_words(plan),
+        tolerated_words(plan),
+        "; ".join(": ".join((row[0], row[2])) for row in rates(plan)[:4]),
+        " ".join(recovery_words(plan)),
+    )
+    yield from filter(None, said)
+    yield from () if plan.diagnostics is None else plan.diagnostics.imported
+    yield "not covered: " + "; ".join(plan.not_covered)
+
+
+def _shown(words: str) -> Text:
+    """Words that may come from a file, on one line and without markup, so that nothing in them steers the terminal."""
+    return Text(one_line(words))

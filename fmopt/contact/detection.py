@@ -1,0 +1,231 @@
+"""Which features of two parts can come together, compiled: vertices and faces, edges and edges, one pair at a time.
+
+Features can when they are near enough to each other, and when some turn small enough brings a normal of the one against
+a normal of the other. The normals of a convex vertex are a cone, those of a convex edge an arc.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmopt.runtime.compiled import compiled, part
+from fmopt.spatial.kernels import Vector, cross, dot, plus, row, size, turned, turned_back
+from fmopt.spatial.values import Array
+
+Bits = NDArray[np.bool_]
+
+_PARALLEL = 1e-12  # squared sine below which two normals span no arc
+_BALL = 0.5 + 1e-9  # of an edge's length, the radius of the ball around it
+_TOGETHER = 1e-12  # distance of a unit vector from an arc on which it lies
+
+
+class Corners(NamedTuple):
+    """The n convex vertices of a part, and the centres of its balls.
+
+    Attributes:
+        points: (n, 3), m.
+        radii: of the balls about them (n,), m; 0 of vertices.
+        away: unit vectors (n, k, 3) along their edges, away from them; zero where there are fewer than k.
+        arcs: normals (n, k, 2, 3) of the faces beside these; zero where there are fewer.
+    """
+
+    points: Array
+    radii: Array
+    away: Array
+    arcs: Array
+
+
+class Walls(NamedTuple):
+    """The m faces of a part.
+
+    Attributes:
+        normals: (m, 3), unit length.
+        offsets: (m,), m.
+        tails: (s, 3), where the edges of each face begin, m.
+        heads: (s, 3), where they end.
+        begun: (m + 1,), which of the edges are the first of each face, and how many there are.
+    """
+
+    normals: Array
+    offsets: Array
+    tails: Array
+    heads: Array
+    begun: NDArray[np.int64]
+
+
+class Ridges(NamedTuple):
+    """The n convex edges of a part.
+
+    Attributes:
+        ends: (n, 2, 3), m.
+        directions: unit vectors (n, 3) along them.
+        arcs: normals (n, 2, 3) of the faces beside them.
+    """
+
+    ends: Array
+    directions: Array
+    arcs: Array
+
+
+@compiled
+def vertices_at_faces(corners: Corners, walls: Walls, T: Array, reach: float, angle: float, lever: bool) -> Bits:
+    """Which vertices (n) of one part can meet which faces (m) of another: (n, m).
+
+    Args:
+        corners: the vertices.
+        walls: the faces.
+        T: (3, 4), rotation and position that carry the vertices into the frame of the faces, m.
+        reach: largest shift, m.
+        angle: largest turn, rad.
+        lever: whether it is about the origin of the vertices' part, or else about that of the faces' part.
+    """
+    near = np.zeros((len(corners.points), len(walls.normals)), dtype=np.bool_)
+    for i in range(near.shape[0]):
+        point = row(corners.points, i)
+        x = turned(T, point)
+        x = (x[0] + T[0, 3], x[1] + T[1, 3], x[2] + T[2, 3])
+        limit = reach + angle * size(point if lever else x)
+        for f in range(near.shape[1]):
+            normal = row(walls.normals, f)
+            if abs(dot(normal, x) - walls.offsets[f] - corners.radii[i]) > limit:
+                continue
+            inward = turned_back(T, (-normal[0], -normal[1], -normal[2]))
+            if math.asin(min(_from_cone(corners.away[i], corners.arcs[i], inward), 1.0)) <= angle:
+                # Next to an edge of the face there is no need to ask on which side of it.
+                near[i, f] = (
+                    _from_edges(walls, f, x) - corners.radii[i] <= limit
+                    or face_distance(walls, f, x) - corners.radii[i] <= limit
+                )
+    return near
+
+
+@compiled
+def edges_at_edges(own: Ridges, other: Ridges, T: Array, reach: float, angle: float, sine: float) -> Bits:
+    """Which edges (n) of one part can meet which edges (m) of another: (n, m).
+
+    Args:
+        own: the edges of the one part.
+        other: those of the other.
+        T: (3, 4), rotation and position that carry the first into the frame of the others, m.
+        reach: largest shift, m.
+        angle: largest turn about the origin of the first, rad.
+        sine: least sine of the angle between edges that meet.
+    """
+    near = np.zeros((len(own.ends), len(other.ends)), dtype=np.bool_)
+    p = (T[0, 3], T[1, 3], T[2, 3])
+    for i in range(near.shape[0]):
+        first, last = row(own.ends[i], 0), row(own.ends[i], 1)
+        limit = reach + angle * max(size(first), size(last))
+        a, along = plus(turned(T, first), 1.0, p), turned(T, row(own.directions, i))
+        b = plus(turned(T, last), 1.0, p)
+        left, right = turned(T, row(own.arcs[i], 0)), turned(T, row(own.arcs[i], 1))
+        left, right = (-left[0], -left[1], -left[2]), (-right[0], -right[1], -right[2])
+        # Edges are no nearer than the balls around them.
+        middle, radius = plus(a, 0.5, plus(b, -1.0, a)), _BALL * size(plus(b, -1.0, a))
+        for j in range(near.shape[1]):
+            c, d = row(other.ends[j], 0), row(other.ends[j], 1)
+            way = plus(d, -1.0, c)
+            far = plus(plus(c, 0.5, way), -1.0, middle)
+            room = limit + radius + _BALL * size(way)
+            if dot(far, far) > room * room:
+                continue
+            if size(cross(along, row(other.directions, j))) < sine:
+                continue
+            if segment_distance(a, b, row(other.ends[j], 0), row(other.ends[j], 1)) > limit:
+                continue
+            near[i, j] = arc_angle(left, right, row(other.arcs[j], 0), row(other.arcs[j], 1)) <= angle
+    return near
+
+
+@part
+def _from_edges(walls: Walls, face: int, x: Vector) -> float:
+    """Distance from a point to the edges of a face, m."""
+    found = np.inf
+    for s in range(walls.begun[face], walls.begun[face + 1]):
+        u, v = plus(row(walls.tails, s), -1.0, x), plus(row(walls.heads, s), -1.0, x)
+        e = plus(v, -1.0, u)
+        t = min(max(-dot(u, e) / dot(e, e), 0.0), 1.0)
+        w = plus(u, t, e)
+        found = min(found, dot(w, w))
+    return math.sqrt(found)
+
+
+@compiled
+def face_distance(walls: Walls, face: int, x: Vector) -> float:
+    """Distance from a point to a face as a region of its plane, m."""
+    normal = row(walls.normals, face)
+    height = dot(normal, x) - walls.offsets[face]
+    foot = plus(x, -height, normal)
+    aside, round_ = np.inf, 0.0
+    for s in range(walls.begun[face], walls.begun[face + 1]):
+        u, v = plus(row(walls.tails, s), -1.0, foot), plus(row(walls.heads, s), -1.0, foot)
+        e = plus(v, -1.0, u)
+        t = min(max(-dot(u, e) / dot(e, e), 0.0), 1.0)
+        aside = min(aside, size(plus(u, t, e)))
+        round_ += math.atan2(dot(cross(u, v), normal), dot(u, v))
+    return abs(height) if round_ > math.pi else math.hypot(height, aside)
+
+
+@compiled
+def segment_distance(a: Vector, b: Vector, c: Vector, d: Vector) -> float:
+    """Distance between the segments from a to b and from c to d, m."""
+    u, w, r = plus(b, -1.0, a), plus(d, -1.0, c), plus(a, -1.0, c)
+    uu, ww, uw, ru, rw = dot(u, u), dot(w, w), dot(u, w), dot(r, u), dot(r, w)
+    det, least = uu * ww - uw * uw, np.inf
+    s = min(max((uw * rw - ww * ru) / det, 0.0), 1.0) if det > 1e-12 * uu * ww else 0.0
+    # The least distance is at the clamped stationary point or has one parameter at an end.
+    for start in (s, 0.0, 1.0):
+        t = min(max((uw * start + rw) / ww, 0.0), 1.0)
+        s = min(max((uw * t - ru) / uu, 0.0), 1.0)
+        least = min(least, size(plus(plus(r, s, u), -t, w)))
+    return least
+
+
+@part
+def arc_distance(x: Vector, a: Vector, b: Vector) -> float:
+    """Distance of a unit vector from the cone of two unit generators, 1 at most."""
+    xa, xb, ab = dot(x, a), dot(x, b), dot(a, b)
+    rest, found = max(1.0 - ab * ab, _PARALLEL), 1.0
+    s, t = (xa - ab * xb) / rest, (xb - ab * xa) / rest
+    if s >= 0.0 and t >= 0.0 and rest > _PARALLEL:
+        found = size(plus(plus(x, -s, a), -t, b))
+    if xa > 0.0:
+        found = min(found, size(plus(x, -xa, a)))
+    if xb > 0.0:
+        found = min(found, size(plus(x, -xb, b)))
+    return found
+
+
+@part
+def arc_angle(a: Vector, b: Vector, c: Vector, d: Vector) -> float:
+    """Least angle between the great-circle arcs from a to b and from c to d, rad; π/2 when more."""
+    ends = min(arc_distance(a, c, d), arc_distance(b, c, d))
+    ends = min(ends, arc_distance(c, a, b), arc_distance(d, a, b))
+    meet = cross(cross(a, b), cross(c, d))
+    far = size(meet)
+    if far > 0.0:
+        for sign in (1.0, -1.0):
+            m = (sign * meet[0] / far, sign * meet[1] / far, sign * meet[2] / far)
+            if max(arc_distance(m, a, b), arc_distance(m, c, d)) < _TOGETHER:
+                return 0.0
+    return math.asin(min(ends, 1.0))
+
+
+@part
+def _from_cone(away: Array, arcs: Array, x: Vector) -> float:
+    """Distance of a unit vector from the cone of a vertex' normals, 1 at most.
+
+    It is what no edge leaves the vertex along; its boundary are arcs across the edges.
+    """
+    within, least = True, 1.0
+    for k in range(len(away)):
+        within = within and dot(row(away, k), x) <= 0.0
+    if within:
+        return 0.0
+    for k in range(len(away)):
+        least = min(least, arc_distance(x, row(arcs[k], 0), row(arcs[k], 1)))
+    return least

@@ -1,0 +1,349 @@
+"""Bounds of primitive contacts: the neighbouring contacts at which a facet ends. [DakinPopplestone1993] eq. 1.
+
+Where faces and edges end: the faces across the edges of a face, and how edges pass the faces beside each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeAlias, assert_never
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmopt.contact.c_surface import Surfaces
+from fmopt.contact.primitive import Kind, PrimitiveContact, convex_vertices, face_vertex, vertex_face
+from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.spatial.se3 import Pose, cross
+from fmopt.spatial.values import Array, Value, remembered
+
+_MEMORY, _SIDES = 1024, 16
+
+INSIDE = 1e-9  # m; a pose no further than this inside a bound is on it
+
+_REMEMBERED = 1024
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A bounding function g = sign × f of a neighbouring contact; g < 0 inside the facet."""
+
+    contact: PrimitiveContact
+    sign: int
+
+
+Clause: TypeAlias = tuple[tuple[Bound, ...], ...]
+
+
+"""Alternatives, each a set of bounds that hold together; one of them must."""
+
+
+def bounds(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> tuple[Clause, ...]:
+    """The bounding functions of a contact: a pose of its surface is on the facet when every clause holds.
+
+    For a face, the same vertex on the neighbour across each convex edge; a convex face gives one alternative a clause,
+    a hole or a notch gives several. For edges, their end points against the other edge's faces. What ends at a wall
+    (a reflex edge) is not bounded: the wall's own contacts stop it.
+
+    Args:
+        contact: the contact.
+        moving: the moving part in its body frame.
+        fixed: the fixed part.
+        pose: a pose near the contact; it tells the sides of the edges' ends apart.
+    """
+    return BoundTable.of((contact,), moving, fixed, pose).clauses[0]
+
+
+@dataclass(frozen=True, eq=False)
+class BoundTable(Value):
+    """The bounds of k contacts, tabulated for evaluation.
+
+    Attributes:
+        clauses: of each contact.
+        listed: every bound, once.
+        surfaces: C-surface functions of the bounds' contacts.
+        places: (k, clauses, alternatives, bounds together), index into `listed`; the number of bounds where a set is
+            full, one more where a clause has no further alternative.
+    """
+
+    clauses: tuple[tuple[Clause, ...], ...]
+    listed: tuple[Bound, ...]
+    surfaces: Surfaces
+    places: NDArray[np.intp]
+
+    @staticmethod
+    def of(contacts: Sequence[PrimitiveContact], moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> BoundTable:
+        """The table of the contacts' bounds, told apart at a pose."""
+        crossings = Crossings.of(contacts, moving, fixed)
+        return _table(crossings, crossings.sides(pose))
+
+    @cached_property
+    def signs(self) -> NDArray[np.intp]:
+        """The sign (n,) of each of `listed`."""
+        return np.array([bound.sign for bound in self.listed], dtype=np.intp)
+
+    def depths(self, g: Array) -> tuple[Array, NDArray[np.intp]]:
+        """How far (m) poses are inside each clause of each contact, and by which bound.
+
+        Args:
+            g: values (…, m) of `surfaces` at the poses.
+
+        Returns:
+            (…, k, clauses) depths, inf for a clause that a contact does not have, and the indices into `listed`.
+        """
+        ends = np.broadcast_to([np.inf, -np.inf], (*g.shape[:-1], 2))
+        depth = np.concatenate([-self.signs * g, ends], axis=-1)[..., self.places]
+        if 0 in depth.shape[-3:]:
+            none = np.full((*g.shape[:-1], *self.places.shape[:2]), np.inf)
+            return none, np.full(none.shape, len(self.listed), dtype=np.intp)
+        if self.places.shape[2:] == (1, 1):
+            return depth[..., 0, 0], np.broadcast_to(self.places[..., 0, 0], depth.shape[:-2])
+        together = np.argmin(depth, axis=-1)[..., None]
+        least = np.take_along_axis(depth, together, axis=-1)[..., 0]
+        best = np.argmax(least, axis=-1)[..., None]
+        places = np.broadcast_to(self.places, depth.shape)
+        which = np.take_along_axis(np.take_along_axis(places, together, axis=-1)[..., 0], best, axis=-1)[..., 0]
+        return np.take_along_axis(least, best, axis=-1)[..., 0], which
+
+    def insides(self, pose: Pose) -> Array:
+        """How far (m) the pose is inside each contact's bounds (k,): −g of the binding one, inf when unbounded."""
+        depth, _ = self.depths(self.surfaces.values(pose))
+        return np.asarray(np.min(depth, axis=-1, initial=np.inf))
+
+
+def touching(
+    contacts: Sequence[PrimitiveContact],
+    moving: Polyhedron,
+    fixed: Polyhedron,
+    pose: Pose,
+    within: float = INSIDE,
+) -> tuple[PrimitiveContact, ...]:
+    """Those of the contacts that touch at a pose: f = 0 to 1e-9 m, and more than `within` (m) inside their bounds."""
+    level = np.abs(Surfaces.of(contacts, moving, fixed).values(pose)) <= INSIDE
+    found = [contact for contact, on in zip(contacts, level, strict=True) if on]
+    inside = BoundTable.of(found, moving, fixed, pose).insides(pose)
+    return tuple(contact for contact, depth in zip(found, inside, strict=True) if depth > within)
+
+
+def cell(
+    contacts: Sequence[PrimitiveContact], moving: Polyhedron, fixed: Polyhedron, pose: Pose, within: float
+) -> tuple[tuple[PrimitiveContact, ...], tuple[Bound, ...]]:
+    """The contacts that are within their bounds at a pose, and the bounds that have to stay as they are there.
+
+    Where parts are open, as at the mouth of a hole, free space is no intersection of half-spaces. In the cell around a
+    pose in which no listed bound changes sign it is: the kept contacts' f ≥ 0 and nothing else. A contact that the free
+    pose violates is none: in a notch, a face told edge by edge seems to go on over the notch.
+
+    Args:
+        contacts: primitive contacts near the pose.
+        moving: the moving part in its body frame.
+        fixed: the fixed part.
+        pose: a free pose inside the cell.
+        within: bounds further away than this (m) are left out; they are not reached.
+
+    Returns:
+        the kept contacts, and the limits g < 0 of the cell.
+    """
+    table = BoundTable.of(contacts, moving, fixed, pose)
+    g = dict(zip((bound.contact.id for bound in table.listed), table.surfaces.values(pose), strict=True))
+    unviolated = Surfaces.of(contacts, moving, fixed).values(pose) >= -INSIDE
+
+    def depth(bound: Bound) -> float:
+        return -bound.sign * float(g[bound.contact.id])
+
+    kept, limits = [], dict[Bound, None]()
+    for contact, clauses, may_be in zip(contacts, table.clauses, unviolated, strict=True):
+        groups = [max(clause, key=lambda group: min(map(depth, group))) for clause in clauses]
+        insides = [min(map(depth, group)) for group in groups]
+        if min(insides, default=1.0) > INSIDE:
+            if may_be:
+                kept.append(contact)
+                limits.update(dict.fromkeys(bound for group in groups for bound in group))
+        else:
+            outside = clauses[int(np.argmin(insides))]
+            worst = (min(group, key=depth) for group in outside)
+            limits.update(dict.fromkeys(Bound(bound.contact, -bound.sign) for bound in worst))
+    held = {Bound(contact, -1) for contact in kept}
+    return tuple(kept), tuple(bound for bound in limits if depth(bound) <= within and bound not in held)
+
+
+@remembered(_SIDES)
+def _table(crossings: Crossings, sides: bytes) -> BoundTable:
+    """The bounds of contacts whose edges pass each other in this way, tabulated."""
+    clauses = _clauses(crossings, sides)
+    groups = [[group for clause in of_contact for group in clause] for of_contact in clauses]
+    listed = tuple(dict.fromkeys(bound for of_contact in groups for group in of_contact for bound in group))
+    number = {bound: i for i, bound in enumerate(listed)}
+    sizes = (
+        max((len(of_contact) for of_contact in clauses), default=0),
+        max((len(clause) for of_contact in clauses for clause in of_contact), default=0),
+        max((len(group) for of_contact in groups for group in of_contact), default=0),
+    )
+    places = np.full((len(clauses), *sizes), len(listed), dtype=np.intp)
+    for i, of_contact in enumerate(clauses):
+        for j, clause in enumerate(of_contact):
+            places[i, j, len(clause) :] = len(listed) + 1
+            for n, group in enumerate(clause):
+                places[i, j, n, : len(group)] = [number[bound] for bound in group]
+    places.setflags(write=False)
+    surfaces = Surfaces.of([bound.contact for bound in listed], *crossings.parts)
+    return BoundTable(clauses, listed, surfaces, places)
+
+
+def _clauses(crossings: Crossings, sides: bytes) -> tuple[tuple[Clause, ...], ...]:
+    """The bounds of each of the contacts."""
+    (moving, fixed), pairs = crossings.parts, zip(sides[::2], sides[1::2], strict=True)
+    found = list[tuple[Clause, ...]]()
+    for contact in crossings.contacts:
+        match contact.kind:
+            case Kind.VERTEX_FACE | Kind.BALL_FACE:
+                found.append(_vertex_clauses(fixed, contact.moving_feature, contact.fixed_feature))
+            case Kind.FACE_VERTEX:
+                found.append(_face_clauses(moving, contact.moving_feature, contact.fixed_feature))
+            case Kind.EDGE_EDGE:
+                found.append(_edge_clauses(contact, moving, fixed, next(pairs)))
+            case _:
+                assert_never(contact.kind)
+    return tuple(found)
+
+
+@remembered(_MEMORY)
+def _vertex_clauses(fixed: Polyhedron, vertex: int, face: int) -> tuple[Clause, ...]:
+    """The bounds of a moving vertex, or of a ball's centre over where it touches, on a fixed face."""
+    return tuple(
+        tuple(tuple(Bound(vertex_face(fixed, vertex, g), 1) for g in group) for group in clause)
+        for clause in face_clauses(fixed, face)
+    )
+
+
+@remembered(_MEMORY)
+def _face_clauses(moving: Polyhedron, face: int, vertex: int) -> tuple[Clause, ...]:
+    """The bounds of a moving face on a fixed vertex."""
+    return tuple(
+        tuple(tuple(Bound(face_vertex(moving, g, vertex), 1) for g in group) for group in clause)
+        for clause in face_clauses(moving, face)
+    )
+
+
+def _edge_clauses(
+    contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, sides: tuple[int, int]
+) -> tuple[Clause, ...]:
+    """For each free end of the two edges, the end against that face of the other edge which it passes most steeply.
+
+    Args:
+        contact: of the edges.
+        moving: the part with the one edge.
+        fixed: the part with the other.
+        sides: how they pass each other, see `Crossings`.
+    """
+    one, other = moving.edges[contact.moving_feature], fixed.edges[contact.fixed_feature]
+    (passed, slope), (passing, turned) = (divmod(side, 3) for side in sides)
+    found = [
+        Bound(vertex_face(fixed, vertex, other.faces[passed]), 1 if away * (slope - 1) < 0 else -1)
+        for vertex, away in zip(contact.moving, (-1, 1), strict=True)
+        if vertex in convex_vertices(moving)
+    ]
+    found += [
+        Bound(face_vertex(moving, one.faces[passing], vertex), 1 if away * (turned - 1) < 0 else -1)
+        for vertex, away in zip(contact.fixed, (-1, 1), strict=True)
+        if vertex in convex_vertices(fixed)
+    ]
+    return tuple(((bound,),) for bound in found)
+
+
+@remembered(_REMEMBERED)
+def face_clauses(polyhedron: Polyhedron, face: int) -> tuple[tuple[tuple[int, ...], ...], ...]:
+    """The region of a face as clauses of alternatives, each naming the faces across edges that bound together.
+
+    Edges that meet in a reflex corner are alternatives, others hold together: along the outer loop each run of edges
+    joined by reflex corners is a clause; round a hole the runs joined by convex corners are one clause's alternatives.
+    """
+    across = {
+        (f, *(edge.vertices if side == 0 else edge.vertices[::-1])): (edge.faces[1 - side] if edge.convex else None)
+        for edge in polyhedron.edges
+        for side, f in enumerate(edge.faces)
+    }
+    outer, *holes = polyhedron.faces[face].loops
+    clauses: list[list[tuple[int | None, ...]]] = [
+        [(across[face, a, b],) for a, b in run] for run in _runs(polyhedron, face, outer, reflex=True)
+    ]
+    clauses += [
+        [tuple(across[face, a, b] for a, b in run) for run in _runs(polyhedron, face, hole, reflex=False)]
+        for hole in holes
+    ]
+    bounded = [[tuple(g for g in group if g is not None) for group in clause] for clause in clauses]
+    return tuple(tuple(dict.fromkeys(clause)) for clause in dict.fromkeys(map(tuple, bounded)) if all(clause))
+
+
+def _runs(polyhedron: Polyhedron, face: int, loop: tuple[int, ...], reflex: bool) -> list[list[tuple[int, int]]]:
+    """Maximal runs of the loop's edges joined at reflex (or else at convex) corners."""
+    points = polyhedron.vertices[list(loop)]
+    ahead = np.roll(points, -1, axis=0) - points
+    bend = cross(np.roll(ahead, 1, axis=0), ahead) @ polyhedron.faces[face].normal
+    joins = (bend < 0.0) if reflex else (bend > 0.0)
+    edges = list(zip(loop, loop[1:] + loop[:1], strict=True))
+    start = int(np.argmin(joins))
+    runs: list[list[tuple[int, int]]] = []
+    for i in range(len(loop)):
+        k = (start + i) % len(loop)
+        if i > 0 and joins[k]:
+            runs[-1].append(edges[k])
+        else:
+            runs.append([edges[k]])
+    return runs
+
+
+@dataclass(frozen=True, eq=False)
+class Crossings:
+    """The m edge–edge contacts among some of two parts, and what tells at a pose how their edges pass each other.
+
+    Attributes:
+        parts: the moving part and the fixed one.
+        contacts: all of the contacts.
+        moving: ends (m, 2, 3) of the moving edges, m.
+        beside: normals (m, 2, 3) of the faces beside them.
+        along: vectors (m, 3) along the fixed edges, m.
+        across: normals (m, 2, 3) of the faces beside these.
+    """
+
+    parts: tuple[Polyhedron, Polyhedron]
+    contacts: tuple[PrimitiveContact, ...]
+    moving: Array
+    beside: Array
+    along: Array
+    across: Array
+
+    @staticmethod
+    def of(contacts: Sequence[PrimitiveContact], moving: Polyhedron, fixed: Polyhedron) -> Crossings:
+        """Those of the contacts between these parts."""
+        return _crossings(moving, fixed, tuple(contacts))
+
+    def sides(self, pose: Pose) -> bytes:
+        """Which of the faces beside the other one each edge passes most steeply at a pose, and which way.
+
+        Two numbers for each of the m contacts, the moving edge's and the fixed one's: 3 times the number of the face,
+        and 0, 1 or 2 for a slope below, at or above zero.
+        """
+        if not len(self.moving):
+            return b""
+        ends = self.moving @ pose.R.T
+        # Turned one by one: rounding must not depend on how many there are.
+        beside = (self.beside[..., None, :] @ pose.R.T)[..., 0, :]
+        passing = np.vecdot(self.across, (ends[:, 1] - ends[:, 0])[:, None]), np.vecdot(beside, self.along[:, None])
+        slopes = np.stack(passing, axis=1)
+        steep = np.argmax(np.abs(slopes), axis=2)
+        slope = np.take_along_axis(slopes, steep[..., None], axis=2)[..., 0]
+        return bytes((3 * steep + 1 + np.sign(slope)).astype(np.uint8))
+
+
+@remembered(_REMEMBERED)
+def _crossings(moving: Polyhedron, fixed: Polyhedron, contacts: tuple[PrimitiveContact, ...]) -> Crossings:
+    edges = [contact for contact in contacts if contact.kind is Kind.EDGE_EDGE]
+    own, other = ([c.moving_feature for c in edges], [c.fixed_feature for c in edges])
+    ends = moving.vertices[np.reshape([c.moving for c in edges], (-1, 2)).astype(np.intp)]
+    still = fixed.vertices[np.reshape([c.fixed for c in edges], (-1, 2)).astype(np.intp)]
+    beside = moving.normals[np.reshape([moving.edges[e].faces for e in own], (-1, 2)).astype(np.intp)]
+    across = fixed.normals[np.reshape([fixed.edges[e].faces for e in other], (-1, 2)).astype(np.intp)]
+    return Crossings((moving, fixed), contacts, ends, beside, still[:, 1] - still[:, 0], across)

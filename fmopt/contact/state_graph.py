@@ -1,0 +1,282 @@
+"""The contact-state graph of a local contact space. [DakinPopplestone1993] sections 2 and 3.
+
+Local contact space: the half-spaces N·X ≥ D of linearised contacts around a pose, and all faces of their polyhedron.
+
+Each face is one contact state: the contacts that are active together, as a closed set.
+[DakinPopplestone1993] section 2, Appendix I and II.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fmopt.contact.c_surface import values_and_rows
+from fmopt.contact.face_lattice import Bits, Numbers, covers, held
+from fmopt.contact.facet_bounds import Bound
+from fmopt.contact.polytope import Faces, enumerate_faces, enumerate_vertices, first_equal
+from fmopt.contact.primitive import PrimitiveContact
+from fmopt.errors import InfeasibleError
+from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array, Value, frozen
+
+Item = TypeVar("Item")
+
+
+@dataclass(frozen=True, eq=False)
+class ContactState(Value):
+    """The contacts that are active together on one facet, merged.
+
+    Attributes:
+        id: name within the graph, "free" for free space.
+        contacts: ids of the active contacts.
+        dimension: of the facet, 6 − rank.
+        point: (6,), local coordinates X in m and rad of a point in its relative interior.
+    """
+
+    id: str
+    contacts: tuple[str, ...]
+    dimension: int
+    point: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "point", frozen(self.point, 6, name="point"))
+
+    @staticmethod
+    def all_of(
+        ids: Sequence[str], contacts: Sequence[tuple[str, ...]], dimensions: Sequence[int], points: Array
+    ) -> tuple[ContactState, ...]:
+        """Many states with their points (n, 6), which are checked and frozen together: a tenth of the time."""
+        found = []
+        for name, touching, dimension, point in zip(
+            ids, contacts, dimensions, frozen(points, len(ids), 6), strict=True
+        ):
+            state = object.__new__(ContactState)
+            own = state.__dict__
+            own["id"], own["contacts"], own["dimension"], own["point"] = name, touching, dimension, point
+            found.append(state)
+        return tuple(found)
+
+
+@dataclass(frozen=True, eq=False)
+class ContactGraph(Value):
+    """Contact states, largest dimension first, and for each the adjacent ones of lower and of higher dimension.
+
+    Attributes:
+        space: the local contact space.
+        states: the states.
+        sons: for each state the indices of the states on the boundary of its facet, one dimension lower.
+        fathers: for each state the indices of the states whose facets it bounds, one dimension higher.
+    """
+
+    space: LocalSpace
+    states: tuple[ContactState, ...]
+    sons: tuple[tuple[int, ...], ...]
+    fathers: tuple[tuple[int, ...], ...]
+
+    def index(self, contacts: frozenset[str]) -> int | None:
+        """The state with exactly these active contacts, if there is one."""
+        return next((i for i, state in enumerate(self.states) if frozenset(state.contacts) == contacts), None)
+
+    def obstacles(self, state: int, goal: int, start: int | None = None) -> tuple[str, ...]:
+        """Contacts a segment in `state` that comes from `start` and ends in `goal` has to stay clear of.
+
+        The contacts of the state's sons, minus those of the state, its goal and its start.
+        """
+        own = {c for i in (state, goal, start) if i is not None for c in self.states[i].contacts}
+        near = {c for son in self.sons[state] for c in self.states[son].contacts}
+        return tuple(contact.id for contact in self.space.contacts if contact.id in near - own)
+
+    def count(self) -> dict[int, int]:
+        """Number of states by dimension."""
+        dimensions = [state.dimension for state in self.states]
+        return {d: dimensions.count(d) for d in sorted(set(dimensions))}
+
+    def network(self) -> Any:
+        """The graph as a networkx digraph from fathers to sons, nodes by state id."""
+        import networkx
+
+        graph = networkx.DiGraph()
+        for state in self.states:
+            graph.add_node(state.id, contacts=state.contacts, dimension=state.dimension)
+        for i, sons in enumerate(self.sons):
+            graph.add_edges_from((self.states[i].id, self.states[j].id) for j in sons)
+        return graph
+
+
+def contact_graph(space: LocalSpace, faces: Faces) -> ContactGraph:
+    """The contact-state graph of a local space and its faces."""
+    n, names = len(faces.points), np.array([contact.id for contact in space.contacts], dtype=np.object_)
+    ends, rows = held(faces.active)
+    contacts = _cut(names[rows].tolist(), ends)
+    ids = _ids(n) if contacts[0] else ("free", *_ids(n)[1:])
+    states = ContactState.all_of(ids, contacts, faces.dimensions.tolist(), space.scale * faces.points)
+    sons, son, fathers, father = covers(faces.active, faces.dimensions)
+    return ContactGraph(space, states, _cut(son.tolist(), sons), _cut(father.tolist(), fathers))
+
+
+@lru_cache
+def _ids(n: int) -> tuple[str, ...]:
+    """Names of as many states."""
+    return tuple(f"s{i}" for i in range(n))
+
+
+def _cut(listed: Sequence[Item], ends: Numbers) -> tuple[tuple[Item, ...], ...]:
+    """A list in n pieces, by where they begin and the last one ends (n + 1,)."""
+    whole = tuple(listed)
+    return tuple([whole[begin:end] for begin, end in pairwise(ends.tolist())])
+
+
+@dataclass(frozen=True, eq=False)
+class LocalSpace(Value):
+    """Half-spaces normals·x ≥ offsets in scaled local coordinates x = X / scale around a pose.
+
+    Attributes:
+        pose: where the contacts were linearised.
+        contacts: the k contacts.
+        normals: unit rows (k, 6).
+        offsets: (k,), distances in scaled units (clearances).
+        scale: (6,), a clearance in m for lengths, clearance / ρ in rad for angles.
+        limits: (l, 7), unit rows and offsets of half-spaces that bound where the contacts hold; no contact is there.
+    """
+
+    pose: Pose
+    contacts: tuple[PrimitiveContact, ...]
+    normals: Array
+    offsets: Array
+    scale: Array
+    limits: Array
+
+    def __post_init__(self) -> None:
+        k = len(self.contacts)
+        object.__setattr__(self, "normals", frozen(self.normals, k, 6, name="normals"))
+        object.__setattr__(self, "offsets", frozen(self.offsets, k, name="offsets"))
+        object.__setattr__(self, "scale", frozen(self.scale, 6, name="scale"))
+        object.__setattr__(self, "limits", frozen(self.limits, None, 7, name="limits"))
+
+    @property
+    def half_spaces(self) -> tuple[Array, Array]:
+        """Rows (k + l, 6) and offsets (k + l,) of contacts, and of limits after them."""
+        limits = self.limits
+        return np.vstack([self.normals, limits[:, :6]]), np.append(self.offsets, limits[:, 6])
+
+    def poses(self, points: ArrayLike) -> tuple[Pose, ...]:
+        """The poses of scaled points (n, 6)."""
+        return tuple(self.pose.moved(self.scale * x) for x in np.atleast_2d(np.asarray(points, dtype=np.float64)))
+
+
+@dataclass(frozen=True, eq=False)
+class Scale:
+    """What a local space is measured in: the clearance a side and the characteristic length ρ, both in m."""
+
+    clearance: float
+    rho: float
+
+    @property
+    def units(self) -> Array:
+        """Scaled units (6,): lengths in clearances (m), angles in clearance / ρ (rad)."""
+        return np.array([self.clearance] * 3 + [self.clearance / self.rho] * 3)
+
+    @property
+    def reach(self) -> float:
+        """How far off contacts are looked for, m."""
+        return 3.0 * self.clearance
+
+    @property
+    def angle(self) -> float:
+        """How far turned contacts are looked for, rad."""
+        return self.reach / self.rho
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """Where contacts make up a local space.
+
+    Attributes:
+        limits: bounds of the cell in which exactly these contacts count; see `fmopt.contact.facet_bounds.cell`.
+        reach: m; |dx|, |dy| and |dz| stay below it, where the linear picture is to be trusted.
+        angle: rad; the same for each rotation coordinate.
+    """
+
+    limits: Sequence[Bound] = ()
+    reach: float = np.inf
+    angle: float = np.inf
+
+
+_EVERYWHERE = Cell()
+
+
+def local_space(
+    contacts: Sequence[PrimitiveContact],
+    moving: Polyhedron,
+    fixed: Polyhedron,
+    pose: Pose,
+    scale: Scale,
+    within: Cell = _EVERYWHERE,
+) -> LocalSpace:
+    """The contacts' half-spaces N·X ≥ D around a pose, in scaled units with unit rows.
+
+    Args:
+        contacts: primitive contacts near the pose.
+        moving: the moving part in its body frame.
+        fixed: the fixed part.
+        pose: the reference pose X = 0.
+        scale: units of lengths and angles.
+        within: where they do so.
+    """
+    units = scale.units
+    signs = np.concatenate([np.ones(len(contacts)), [-bound.sign for bound in within.limits]])
+    listed = (*contacts, *(bound.contact for bound in within.limits))
+    f, N = values_and_rows(listed, moving, fixed, pose)
+    rows = signs[:, None] * N * units
+    size = np.linalg.norm(rows, axis=1)
+    planes = np.column_stack([rows, -signs * f]) / size[:, None]
+    k = len(contacts)
+    box = np.array([within.reach] * 3 + [within.angle] * 3) / units
+    # A limit in the plane of a contact is that contact's own doing.
+    own = first_equal(planes)[k:] < k
+    walls = [[*-side * axis, -size] for axis, size in zip(np.eye(6), box, strict=True) for side in (1.0, -1.0)]
+    walls = [wall for wall in walls if np.isfinite(wall[6])]
+    cut = np.concatenate([planes[k:][~own], np.reshape(walls, (-1, 7))])
+    return LocalSpace(pose, tuple(contacts), planes[:k, :6], planes[:k, 6], units, cut)
+
+
+def faces(space: LocalSpace) -> Faces:
+    """All faces of the local contact space in scaled units: free space included, faces on a limit left out.
+
+    Raises:
+        InfeasibleError: the contacts violate each other, or every face lies on a limit.
+    """
+    k = len(space.contacts)
+    found = enumerate_faces(*space.half_spaces)
+    if not len(space.limits):
+        return found
+    open_ = ~found.active[:, k:].any(axis=1)
+    if not open_.any():
+        raise InfeasibleError(
+            f"the local contact space at {space.pose.vector()} has no extent between its limits",
+            advice="linearise at a pose that is not on the end of a face or an edge",
+        )
+    return Faces(found.active[open_, :k], found.dimensions[open_], found.points[open_], found.lineality)
+
+
+def vertices(space: LocalSpace) -> tuple[Array, Bits, Bits]:
+    """Vertices of the local contact space in scaled units, also on limits, and the directions in which it has no end.
+
+    Where parts may slide both ways without end, there is one vertex for all of the way.
+
+    Returns:
+        vertices and unit directions (m, 6), which contacts are active there (m, k), and which are directions (m,).
+
+    Raises:
+        InfeasibleError: the contacts violate each other.
+    """
+    points, on, endless = enumerate_vertices(*space.half_spaces)
+    return points, on[:, : len(space.contacts)], endless

@@ -1,0 +1,141 @@
+"""The scene: a plan's convex pieces as they are, the fixed part in the world, the moving part as the robot's tool.
+
+Pieces become convex meshes, which the engine collides by their exact hulls; round surfaces are the plan's n-gons. The
+moving part is one free body about its reference point, with the apparent mass of the robot; its weight is compensated.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from fmopt.errors import ResourceError
+from fmopt.execution.engines.physics import Physics
+from fmopt.plan import Body, Plan
+from fmopt.spatial.values import Array
+
+CONTACTS = 16  # contacts that a sensor reports
+
+_COLOUR = "0.85 0.45 0.1 1"  # of the moving part
+
+_SCENE = """\
+<mujoco model="fmopt">
+  <compiler angle="radian"/>
+  <option timestep="{step!r}" gravity="0 0 0" cone="{cone}" impratio="{impratio!r}" integrator="implicitfast"
+          solver="Newton" tolerance="1e-12" iterations="50" jacobian="dense"><flag multiccd="enable"/></option>
+  <visual>
+    <global offwidth="640" offheight="480"/><map znear="0.005"/>
+    <headlight ambient="0.5 0.5 0.5" diffuse="0.45 0.45 0.45" specular="0 0 0"/><rgba haze="1 1 1 1"/>
+  </visual>
+  <default>
+    <geom type="mesh" mass="0" margin="{margin!r}" solref="{solref}" solimp="{solimp}"
+          friction="{friction!r} 0 0" condim="3"/>
+  </default>
+  <asset>
+    <texture type="skybox" builtin="flat" rgb1="1 1 1" rgb2="1 1 1" width="16" height="16"/>
+{meshes}
+  </asset>
+  <worldbody>
+    <light directional="true" dir="-0.2 0.4 -1" diffuse="0.3 0.3 0.3" specular="0 0 0" castshadow="false"/>
+{fixed}
+    <body name="part">
+      <freejoint/>
+      <inertial pos="0 0 0" mass="{mass!r}" diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>
+{moving}
+    </body>
+  </worldbody>
+  <sensor><contact name="contacts" body1="part" num="{contacts}" reduce="mindist" data="found force dist pos"/></sensor>
+</mujoco>
+"""
+
+
+def scene(plan: Plan, physics: Physics, mass: float, inertia: float, friction: float) -> str:
+    """The scene as MJCF.
+
+    Args:
+        plan: its parts are used.
+        physics: trusted settings.
+        mass: apparent mass of robot and part, kg.
+        inertia: about each axis through the moving frame's origin, kg·m².
+        friction: coefficient.
+
+    Raises:
+        SettingsError: the settings cannot be trusted.
+    """
+    physics.trusted()
+    found = {side: pieces(plan, side) for side in ("fixed", "moving")}
+    meshes = [_mesh(f"{side}{i}", vertices) for side in found for i, vertices in enumerate(found[side])]
+    return _SCENE.format(
+        step=physics.time_step,
+        cone=physics.cone,
+        impratio=physics.impratio,
+        margin=physics.margin,
+        solref=_numbers(physics.contact),
+        solimp=_numbers(physics.solimp),
+        friction=friction,
+        meshes="\n".join(meshes),
+        fixed=_geoms("fixed", len(found["fixed"]), "0.6 0.65 0.7 0.35"),
+        moving=_geoms("moving", len(found["moving"]), _COLOUR) + _spheres(plan.moving.body),
+        mass=mass,
+        inertia=inertia,
+        contacts=CONTACTS,
+    )
+
+
+def pieces(plan: Plan, side: str) -> list[Array]:
+    """The vertices (v, 3) of the convex pieces of a plan's "fixed" or "moving" part, m."""
+    return [np.array(piece.vertices) for piece in plan.parts[side].pieces]
+
+
+def balls(body: Body) -> list[tuple[Array, float]]:
+    """Centres (3,) and radii of the balls of a part, m."""
+    return [(np.array(body.vertices[vertex]), radius) for vertex, radius in body.balls]
+
+
+def engine() -> Any:
+    """The engine's library.
+
+    Raises:
+        ResourceError: the extra is missing.
+    """
+    if not os.environ.get("DISPLAY"):
+        os.environ.setdefault("MUJOCO_GL", "egl")  # read once, as the library is imported
+    try:
+        import mujoco
+    except ImportError as error:
+        raise ResourceError("execution needs the extra sim", "install fmopt[sim]") from error
+    return mujoco
+
+
+def compiled(text: str) -> Any:
+    """The engine's model of a scene.
+
+    Raises:
+        ResourceError: the extra is missing.
+    """
+    return engine().MjModel.from_xml_string(text)
+
+
+def _mesh(name: str, vertices: Array) -> str:
+    flat = _numbers(vertices.ravel().tolist())
+    return f'    <mesh name="{name}" inertia="exact" vertex="{flat}"/>'
+
+
+def _geoms(side: str, count: int, colour: str) -> str:
+    return "\n".join(f'      <geom name="{side}{i}" mesh="{side}{i}" rgba="{colour}"/>' for i in range(count))
+
+
+def _spheres(body: Body) -> str:
+    """The balls of the moving part, which the engine collides as they are."""
+    listed = enumerate(balls(body))
+    return "".join(
+        f'\n      <geom name="ball{i}" type="sphere" size="{radius!r}" pos="{_numbers(at.tolist())}" rgba="{_COLOUR}"/>'
+        for i, (at, radius) in listed
+    )
+
+
+def _numbers(values: Sequence[float]) -> str:
+    return " ".join(repr(value) for value in values)

@@ -1,0 +1,374 @@
+"""From a CSG tree to polyhedra: its exact convex half-space pieces, and its boundary.
+
+A difference base ∖ tool with tool = {x : h_i(x) ≤ 0, all i} is the union of the slabs base ∩ {h_i ≥ 0}. The slabs
+overlap on purpose: each is as large as it can be, so that one plane keeps another body off it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from heapq import heapify, heappop, heappush
+from typing import TYPE_CHECKING, assert_never
+
+import numpy as np
+
+from fmopt.errors import GeometryError
+from fmopt.geometry.csg import (
+    Box,
+    Cone,
+    Cylinder,
+    Difference,
+    Hull,
+    Placed,
+    Prism,
+    Ring,
+    Solid,
+    Sphere,
+    Stack,
+    Union,
+    Wedge,
+    convex_polyhedron,
+    corners,
+    exact_pose,
+)
+from fmopt.geometry.facets import place
+from fmopt.geometry.polyhedron import Polyhedron, convex_hull_polyhedron, from_faces, from_triangles
+from fmopt.runtime.compiled import heed
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array, remembered
+
+if TYPE_CHECKING:
+    from manifold3d import Manifold
+
+ROUNDING = 1e-12  # m: vertices this close to a plane lie on it, coordinates this close to an operand's are that one
+_SLIVER = 1e-9  # of the volume of the piece that was cut
+_NOISE = 1e-13  # relative, of volumes
+_MERIDIANS = 32  # of the polyhedra that stand for balls where those are only shown
+
+
+@remembered(1)
+def pieces(solid: Solid) -> tuple[Polyhedron, ...]:
+    """Convex polyhedra whose union is the solid; they overlap.
+
+    Slivers below 1e-9 of the volume of the piece they were cut from, and pieces inside others, are dropped.
+
+    Raises:
+        GeometryError: nothing is left.
+    """
+    made = _pieces(solid, Pose.identity())
+    if not made:
+        raise GeometryError("the solid is empty: its tools take all of its base away", "make the tools smaller")
+    return made
+
+
+def clip(body: Polyhedron, normal: Array, offset: float) -> Polyhedron | None:
+    """The part of a convex polyhedron in the half-space normal·x ≤ offset, None when there is none.
+
+    Vertices on the plane stay as they are; cuts across an axis get that coordinate exactly.
+
+    Args:
+        body: a convex polyhedron.
+        normal: unit normal (3,).
+        offset: m.
+    """
+    height = body.vertices @ normal - offset
+    side = np.where(np.abs(height) <= ROUNDING, 0, np.sign(height)).astype(int)
+    if not np.any(side > 0):
+        return body
+    if not np.any(side < 0):
+        return None
+    points = [*body.vertices]
+    cuts: dict[tuple[int, int], int] = {}
+    for edge in body.edges:
+        a, b = edge.vertices
+        if side[a] * side[b] < 0:
+            cuts[a, b] = cuts[b, a] = len(points)
+            points.append(_crossing(body.vertices[a], body.vertices[b], height[a], height[b], normal, offset))
+    loops, planes, following = [], [], {}
+    for face in body.faces:
+        loop = _clipped_loop(face.loops[0], side, cuts)
+        if len(loop) < 3:
+            continue
+        loops.append([loop])
+        planes.append((face.normal, face.offset))
+        flat = [vertex >= len(body.vertices) or side[vertex] == 0 for vertex in loop]
+        following.update(
+            {loop[(i + 1) % len(loop)]: loop[i] for i in range(len(loop)) if flat[i] and flat[i + 1 - len(loop)]}
+        )
+    rim = _chain(following)
+    if rim is None:
+        return _hulled(np.array([*body.vertices[side <= 0], *points[len(body.vertices) :]]))
+    loops.append([rim])
+    planes.append((normal, offset))
+    return from_faces(np.array(points), loops, planes)
+
+
+def polyhedron(solid: Solid) -> Polyhedron:
+    """The boundary of the solid, coordinates of its operands kept to the bit.
+
+    Raises:
+        GeometryError: the solid is empty, or touches itself along an edge or at a corner.
+    """
+    stock: list[Array] = []
+    shells = [s.to_mesh64() for s in _manifold(solid, Pose.identity(), stock).decompose() if _is_thick(s)]
+    if not shells:
+        raise GeometryError("the solid is empty: its tools take all of its base away", "make the tools smaller")
+    points = np.vstack([np.asarray(shell.vert_properties)[:, :3] for shell in shells])
+    starts = np.cumsum([0, *(len(shell.vert_properties) for shell in shells[:-1])])
+    triangles = [np.asarray(shell.tri_verts, np.int64) + start for shell, start in zip(shells, starts, strict=True)]
+    known = np.vstack(stock)
+    body = from_triangles(snapped(points, known), np.vstack(triangles))
+    order = np.lexsort(body.vertices.T)
+    if len(double := np.flatnonzero(np.all(np.diff(body.vertices[order], axis=0) == 0.0, axis=1))):
+        raise GeometryError(
+            f"the solid touches itself at {place(body.vertices[order[double[0]]])}",
+            "let the operands overlap there or leave a gap",
+        )
+    return body
+
+
+def bounded(solid: Solid, body: Polyhedron) -> Polyhedron:
+    """The boundary of a solid that is known but for rounding, coordinates of its operands kept to the bit."""
+    known = np.vstack(list(_operands(solid, Pose.identity())))
+    return from_faces(snapped(body.vertices, known), [face.loops for face in body.faces])
+
+
+def _operands(solid: Solid, pose: Pose) -> Iterator[Array]:
+    """The vertices (n, 3) of each convex operand."""
+    match solid:
+        case Box() | Cylinder() | Cone() | Sphere() | Prism() | Wedge() | Hull():
+            yield convex_polyhedron(solid, pose).vertices
+        case Placed(inner, move):
+            yield from _operands(inner, exact_pose(pose).compose(exact_pose(move)))
+        case Union(parts):
+            for part in parts:
+                yield from _operands(part, pose)
+        case Difference(base, tools):
+            for part in (base, *tools):
+                yield from _operands(part, pose)
+        case _:
+            assert_never(solid)
+
+
+def convex_manifold(body: Polyhedron) -> Manifold:
+    """The manifold3d solid of a convex polyhedron.
+
+    Raises:
+        GeometryError: its faces do not close.
+    """
+    from manifold3d import Manifold, Mesh64
+
+    fans = [
+        (loop[0], loop[i], loop[i + 1]) for (loop,) in (f.loops for f in body.faces) for i in range(1, len(loop) - 1)
+    ]
+    made = Manifold(Mesh64(vert_properties=np.array(body.vertices), tri_verts=np.array(fans, dtype=np.uint64)))
+    if made.is_empty():
+        raise GeometryError(f"a convex body is no solid: {made.status()}", "report the model: its faces do not close")
+    return made
+
+
+def union_manifold(bodies: Sequence[Polyhedron]) -> Manifold:
+    """The manifold3d union of convex polyhedra."""
+    from manifold3d import Manifold, OpType
+
+    return Manifold.batch_boolean([convex_manifold(body) for body in bodies], OpType.Add)
+
+
+def _pieces(solid: Solid, pose: Pose) -> tuple[Polyhedron, ...]:
+    match solid:
+        case Box() | Cylinder() | Cone() | Sphere() | Prism() | Wedge() | Hull():
+            return (convex_polyhedron(solid, pose),)
+        case Placed(inner, move):
+            return _pieces(inner, exact_pose(pose).compose(exact_pose(move)))
+        case Stack(parts):
+            return tuple(piece for part in parts for piece in _pieces(part, pose))
+        case Union(parts):
+            bodies = [piece for part in parts for piece in _pieces(part, pose)]
+            return _irredundant(bodies, union_manifold(bodies).volume())
+        case Difference(base, tools):
+            left = _pieces(base, pose)
+            for tool in tools:
+                left = _minus(left, tool, pose)
+            return left
+        case _:
+            assert_never(solid)
+
+
+def _minus(stock: tuple[Polyhedron, ...], tool: Solid, pose: Pose) -> tuple[Polyhedron, ...]:
+    """Pieces of (union of stock) ∖ tool; a tool that is itself a difference gives back what its own tools spare."""
+    match tool:
+        case Box() | Cylinder() | Cone() | Sphere() | Prism() | Wedge() | Hull():
+            body = convex_polyhedron(tool, pose)
+            whole = (union_manifold(stock) - convex_manifold(body)).volume()
+            return _irredundant([slab for piece in stock for slab in _slabs(piece, body)], whole)
+        case Placed(inner, move):
+            return _minus(stock, inner, exact_pose(pose).compose(exact_pose(move)))
+        case Union(parts):
+            for part in parts:
+                stock = _minus(stock, part, pose)
+            return stock
+        case Difference(base, tools):
+            spared = [_common(piece, body) for inner in tools for body in _pieces(inner, pose) for piece in stock]
+            bodies = [*_minus(stock, base, pose), *(piece for piece in spared if piece is not None)]
+            return _irredundant(bodies, union_manifold(bodies).volume())
+        case _:
+            assert_never(tool)
+
+
+def _slabs(piece: Polyhedron, tool: Polyhedron) -> list[Polyhedron]:
+    """Pieces of piece ∖ tool, one for each plane of the tool that bounds piece ∩ tool; the other planes are idle."""
+    common = _common(piece, tool)
+    if common is None:
+        return [piece]
+    bounding = {(face.offset, *face.normal) for face in common.faces}
+    planes = [face for face in tool.faces if (face.offset, *face.normal) in bounding]
+    cut = [clip(piece, -face.normal, -face.offset) for face in planes]
+    return [slab for slab in cut if slab is not None and slab.volume > _SLIVER * piece.volume]
+
+
+def _common(piece: Polyhedron, other: Polyhedron) -> Polyhedron | None:
+    """The intersection of two convex polyhedra, None when it is empty or a sliver."""
+    common = piece
+    heed()
+    for face in other.faces:
+        left = clip(common, face.normal, face.offset)
+        if left is None:
+            return None
+        common = left
+    return common if common.volume > _SLIVER * piece.volume else None
+
+
+def _irredundant(bodies: Sequence[Polyhedron], whole: float) -> tuple[Polyhedron, ...]:
+    """Few of the bodies whose union has the volume `whole` (m³), chosen by the volume they add; input order.
+
+    Gains only fall while the union grows, so a body whose gain is old is measured again before it is chosen.
+    """
+    from manifold3d import Manifold
+
+    if len(bodies) < 2:
+        return tuple(bodies)
+    solids = [convex_manifold(body) for body in bodies]
+    union = Manifold()
+    kept: list[int] = []
+    queue = [(-body.volume, i, 0) for i, body in enumerate(bodies)]
+    heapify(queue)
+    while queue and union.volume() < (1.0 - _NOISE) * whole:
+        heed()
+        gain, i, age = heappop(queue)
+        if age == len(kept):
+            union += solids[i]
+            kept.append(i)
+        elif (gain := (solids[i] - union).volume()) > _SLIVER * bodies[i].volume:
+            heappush(queue, (-gain, i, len(kept)))
+    return tuple(bodies[i] for i in sorted(kept))
+
+
+def _clipped_loop(loop: tuple[int, ...], side: np.ndarray, cuts: dict[tuple[int, int], int]) -> list[int]:
+    kept = []
+    for a, b in zip(loop, loop[1:] + loop[:1], strict=True):
+        if side[a] <= 0:
+            kept.append(a)
+        if (a, b) in cuts:
+            kept.append(cuts[a, b])
+    return kept
+
+
+def _chain(following: dict[int, int]) -> list[int] | None:
+    """The vertices around a cut; None where rounding leaves no loop, as beside faces that the plane next to touches."""
+    start = min(following, default=-1)
+    loop = [start]
+    for _ in following:
+        ahead = following.get(loop[-1])
+        if ahead is None:
+            return None
+        if ahead == start:
+            return loop
+        loop.append(ahead)
+    return None
+
+
+def _hulled(points: Array) -> Polyhedron | None:
+    """The convex body around points (n, 3), m; None where they lie in a plane."""
+    try:
+        return convex_hull_polyhedron(points)
+    except GeometryError:
+        return None
+
+
+def _crossing(a: Array, b: Array, at_a: float, at_b: float, normal: Array, offset: float) -> Array:
+    """Where the segment from a to b meets the plane, interpolated from its nearer end."""
+    if abs(at_a) > abs(at_b):
+        a, b, at_a, at_b = b, a, at_b, at_a
+    point = a + at_a / (at_a - at_b) * (b - a)
+    for axis in np.flatnonzero(np.abs(normal) == 1.0):
+        point[axis] = normal[axis] * offset
+    return np.asarray(point)
+
+
+def _is_thick(shell: Manifold) -> bool:
+    """Whether a shell is more than the skin that rounding leaves between two tools."""
+    return bool(2.0 * abs(shell.volume()) > ROUNDING * shell.surface_area())
+
+
+def snapped(points: Array, known: Array) -> Array:
+    """Points (n, 3) whose coordinates that differ from a coordinate of the known points by rounding are that one."""
+    return np.column_stack([_snapped(points[:, axis], known[:, axis]) for axis in range(3)])
+
+
+def _snapped(values: Array, known: Array) -> Array:
+    grid = np.unique(known)
+    above = np.clip(np.searchsorted(grid, values), 1, len(grid) - 1)
+    nearest = np.where(values - grid[above - 1] < grid[above] - values, grid[above - 1], grid[above])
+    return np.where(np.abs(nearest - values) <= ROUNDING, nearest, values)
+
+
+def _manifold(solid: Solid, pose: Pose, stock: list[Array]) -> Manifold:
+    """The manifold3d solid, the vertices of its operands noted in `stock`."""
+    from manifold3d import Manifold, OpType
+
+    match solid:
+        case Box() | Cylinder() | Cone() | Sphere() | Prism() | Wedge() | Hull():
+            body = convex_polyhedron(solid, pose)
+            stock.append(body.vertices)
+            return convex_manifold(body)
+        case Placed(inner, move):
+            return _manifold(inner, exact_pose(pose).compose(exact_pose(move)), stock)
+        case Stack(_, lofts):
+            return Manifold.batch_boolean([_loft(below, above, pose, stock) for below, above in lofts], OpType.Add)
+        case Union(parts):
+            return Manifold.batch_boolean([_manifold(part, pose, stock) for part in parts], OpType.Add)
+        case Difference(base, tools):
+            operands = [_manifold(part, pose, stock) for part in (base, *tools)]
+            return Manifold.batch_boolean(operands, OpType.Subtract)
+        case _:
+            assert_never(solid)
+
+
+def _loft(below: Ring, above: Ring, pose: Pose, stock: list[Array]) -> Manifold:
+    """What is between two rings of corners, the walls straight, one above the other."""
+    from manifold3d import Manifold, Mesh64, triangulate
+
+    points, count = exact_pose(pose).apply(np.array([*below, *above])) + 0.0, len(below)
+    cap = np.asarray(triangulate([np.array(below)[:, :2]]), dtype=np.int64)
+    lid = np.asarray(triangulate([np.array(above)[:, :2]]), dtype=np.int64) + count
+    one = np.arange(count)
+    two = np.roll(one, -1)
+    walls = [np.column_stack([one, two, two + count]), np.column_stack([one, two + count, one + count])]
+    triangles = np.vstack([cap[:, ::-1], *walls, lid]).astype(np.uint64)
+    stock.append(points)
+    made = Manifold(Mesh64(vert_properties=points, tri_verts=triangles))
+    if made.is_empty():
+        raise GeometryError(f"the walls between two sections do not close: {made.status()}", "check both outlines")
+    return made
+
+
+def faceted(body: Polyhedron) -> Polyhedron:
+    """The same bounded by faces alone: in place of each ball a polyhedron inside it, its corners on the ball."""
+    if not body.balls:
+        return body
+    points, loops = list(body.vertices), [face.loops for face in body.faces]
+    for vertex, radius in body.balls:
+        globe = convex_hull_polyhedron(corners(Sphere(radius, _MERIDIANS)))
+        loops += [(tuple(len(points) + i for i in face.loops[0]),) for face in globe.faces]
+        points += list(globe.vertices + body.vertices[vertex])
+    return from_faces(points, loops)

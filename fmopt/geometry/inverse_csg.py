@@ -1,0 +1,297 @@
+"""From a polyhedron back to a CSG tree: its convex hull minus convex bodies that make up what the hull has too much.
+
+The excess is cut through its reflex edges, one plane at a time, the plane that settles most of them first. Tools may
+be many and small, the pieces that they leave are as large as those of a model written by hand. It gives imported
+meshes the exact half-space pieces of a CSG solid.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations, product
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmopt.errors import GeometryError
+from fmopt.geometry.convex_pieces import ROUNDING, bounded, clip, convex_manifold, snapped
+from fmopt.geometry.csg import Difference, Hull, Placed, Solid, exact_pose
+from fmopt.geometry.facets import merged_vertices
+from fmopt.geometry.polyhedron import (
+    Face,
+    Polyhedron,
+    convex_hull_polyhedron,
+    from_faces,
+    from_triangles,
+    placed,
+    plane_basis,
+    triangulated,
+)
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
+
+if TYPE_CHECKING:
+    from manifold3d import Manifold
+
+Plane = tuple[Array, float]
+
+MESH_NOISE = 1e-6  # of the diameter: what is cleaned away from imported meshes
+_CUTS = 64  # one after the other; a mesh that needs more is no machined part
+_PUSHED = 0.05  # of the diameter: how far tools stand out of the hull
+_LEVEL = 1e-6  # of three normals: less is as good as a plane
+_NEAR = 1e-6  # of the size: no step worth taking
+_OVERLAP = 1e-9  # of the volume: what two bodies have in common by rounding
+_PAIRS = 128  # reflex edges up to which planes through any two are tried; above, through neighbours only
+
+
+def solid_of(body: Polyhedron, tol: float) -> Solid:
+    """A CSG solid equal to the polyhedron but for noise of size `tol` (m).
+
+    Face planes within `tol` of each other or of an axis direction become one, vertices move onto their planes, and
+    excess thinner than `tol` is dropped.
+
+    Raises:
+        GeometryError: the excess does not come apart into convex bodies.
+    """
+    return apart(body, tol)[0]
+
+
+def apart(body: Polyhedron, tol: float) -> tuple[Solid, Polyhedron]:
+    """As `solid_of`, with the polyhedron cleaned of noise as well: its faces and corners, the coordinates of the solid.
+
+    Raises:
+        GeometryError: the excess does not come apart into convex bodies.
+    """
+    turn = _squared(body, 4.0 * tol / body.diameter)
+    loops = [face.loops for face in body.faces]
+    if np.array_equal(turn, np.eye(3)):
+        solid, ideal = _upright(body, tol)
+        return solid, bounded(solid, from_faces(ideal, loops))
+    back = Pose(np.zeros(3), turn)
+    solid, ideal = _upright(placed(body, Pose(np.zeros(3), turn.T)), tol)
+    whole = Placed(solid, back)
+    return whole, bounded(whole, placed(from_faces(ideal, loops), exact_pose(back)))
+
+
+def _squared(body: Polyhedron, slack: float) -> Array:
+    """A rotation (3, 3) whose columns are normals of large faces, where coordinates of corners coincide to the bit."""
+    areas = [_face_area(body, face) for face in body.faces]
+    order = [body.normals[i] for i in np.argsort(np.negative(areas), kind="stable")]
+    z = order[0]
+    x = next((normal for normal in order if abs(normal @ z) <= slack), None)
+    across = [z] if x is None else [z, x]
+    if all(np.abs(normal).max() >= 1.0 - slack for normal in across):
+        return np.eye(3)
+    x = plane_basis(z)[:, 0] if x is None else x - (x @ z) * z
+    x = x / np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])
+
+
+def _face_area(body: Polyhedron, face: Face) -> float:
+    area = np.zeros(3)
+    for loop in face.loops:
+        arms = body.vertices[list(loop)] - body.vertices[loop[0]]
+        area += np.cross(arms[1:-1], arms[2:]).sum(axis=0)
+    return 0.5 * float(np.linalg.norm(area))
+
+
+def _upright(body: Polyhedron, tol: float) -> tuple[Solid, Array]:
+    """The solid, and the vertices (n, 3) of the body as cleaned."""
+    from manifold3d import Manifold, Mesh64
+
+    ideal = _idealised(body, tol)
+    shape = Manifold(Mesh64(vert_properties=ideal, tri_verts=triangulated(body).astype(np.uint64)))
+    excess = [part for part in (shape.hull() - shape).decompose() if _thickness(part) > tol]
+    outer = convex_hull_polyhedron(ideal)
+    parts = [part for whole in excess for part in _overlapping(_convex_parts(whole, ideal, tol, _CUTS), shape, ideal)]
+    tools = tuple(_opened(part, outer, tol) for part in parts)
+    return (Difference(_hull(ideal), tools) if tools else _hull(ideal)), ideal
+
+
+def _overlapping(parts: Sequence[Polyhedron], shape: Manifold, known: Array) -> list[Polyhedron]:
+    """Convex parts of one excess, each as large as keeps it out of the shape.
+
+    Where two parts share the whole of a face, rounding would leave a skin between them.
+    """
+    return [_grown(part, shape, known) for part in parts] if len(parts) > 1 else list(parts)
+
+
+def _grown(part: Polyhedron, shape: Manifold, known: Array) -> Polyhedron:
+    """The part, its faces pushed out one after the other to where the farthest of the known points (n, 3) allows it."""
+    size = float(np.linalg.norm(np.ptp(known, axis=0)))
+    for normal, offset in [(face.normal, face.offset) for face in part.faces]:
+        heights = np.unique(np.round((known @ normal)[known @ normal > offset + _NEAR * size], 12))
+        low, high = 0, len(heights)
+        while low < high:
+            middle = (low + high) // 2
+            pushed = _pushed(part, normal, offset, float(heights[middle]))
+            free = pushed is not None and (convex_manifold(pushed) ^ shape).volume() <= _OVERLAP * part.volume
+            low, high = (middle + 1, high) if free else (low, middle)
+        if low:
+            part = _pushed(part, normal, offset, float(heights[low - 1])) or part
+    return part
+
+
+def _pushed(part: Polyhedron, normal: Array, offset: float, height: float) -> Polyhedron | None:
+    """The part with the face in a plane pushed out to a height along its normal (m), as far as the others let it."""
+    faces = [
+        face for face in part.faces if not (face.normal @ normal > 1.0 - 1e-9 and abs(face.offset - offset) < 1e-9)
+    ]
+    reach = 2.0 * (part.diameter + height - offset)
+    body: Polyhedron | None = convex_hull_polyhedron(
+        part.vertices.mean(axis=0) + reach * np.array(list(product((-1.0, 1.0), repeat=3)))
+    )
+    for plane in [*((face.normal, face.offset) for face in faces), (normal, height)]:
+        body = clip(body, *plane) if body is not None else None
+    return body
+
+
+def _convex_parts(shape: Manifold, known: Array, tol: float, patience: int) -> list[Polyhedron]:
+    mesh = shape.to_mesh64()
+    points, triangles, _ = merged_vertices(
+        _onto(snapped(np.asarray(mesh.vert_properties)[:, :3], known), known, tol),
+        np.asarray(mesh.tri_verts, dtype=np.int64),
+        tol,
+    )
+    body = from_triangles(points, triangles, tol)
+    plane = _best_cut(body, tol)
+    if plane is None:
+        return [convex_hull_polyhedron(body.vertices[_solid_corners(body)])]
+    if patience == 0:
+        raise GeometryError(
+            f"the mesh does not come apart into convex bodies in {_CUTS} cuts",
+            "model it as a CSG solid (Union, Difference): its half-space pieces are exact",
+        )
+    parts = [part for half in _halves(shape, body, plane) for part in half.decompose() if _thickness(part) > tol]
+    return [tool for part in parts for tool in _convex_parts(part, known, tol, patience - 1)]
+
+
+def _solid_corners(body: Polyhedron) -> list[int]:
+    """The vertices at which faces meet whose normals span space: none of a skin that rounding left on a face."""
+    return [
+        vertex
+        for vertex, faces in enumerate(body.vertex_faces)
+        if np.linalg.svd(body.normals[list(faces)], compute_uv=False)[-1] > _LEVEL and len(faces) >= 3
+    ]
+
+
+def _opened(tool: Polyhedron, outer: Polyhedron, tol: float) -> Hull:
+    """The tool, its faces in those of the hull pushed out of the hull, so that cutting leaves no skin there.
+
+    Only what lies beyond a plane of the hull is added, where there is nothing to cut.
+    """
+    from scipy.spatial import HalfspaceIntersection
+
+    alike = tool.normals @ outer.normals.T > 1.0 - 1e-9
+    at_hull = np.any(alike & (np.abs(tool.offsets[:, None] - outer.offsets) <= 4.0 * tol), axis=1)
+    offsets = tool.offsets + np.where(at_hull, _PUSHED * outer.diameter, 0.0)
+    middle, size = tool.vertices.mean(axis=0), outer.diameter
+    room = np.column_stack([tool.normals, (tool.normals @ middle - offsets) / size])
+    corners = middle + size * HalfspaceIntersection(room, np.zeros(3)).intersections
+    for normal, offset in zip(tool.normals[~at_hull], offsets[~at_hull], strict=True):
+        for axis in np.flatnonzero(np.abs(normal) == 1.0):
+            near = np.abs(corners[:, axis] - normal[axis] * offset) <= tol
+            corners[near, axis] = normal[axis] * offset
+    return _hull(_onto(corners, tool.vertices, tol))
+
+
+def _halves(shape: Manifold, body: Polyhedron, plane: Plane) -> list[Manifold]:
+    """The shape on both sides of a plane, by subtraction: that leaves no skin where a face lies in the plane."""
+    corners = np.array(list(product((-2.0, 2.0), repeat=3)))
+    room = convex_hull_polyhedron(body.vertices.mean(axis=0) + body.diameter * corners)
+    sides = (clip(room, *plane), clip(room, -plane[0], -plane[1]))
+    return [shape - convex_manifold(side) for side in sides if side is not None]
+
+
+def _best_cut(body: Polyhedron, tol: float) -> Plane | None:
+    """The plane that holds most reflex edges, which it leaves convex on both sides; None when there are none.
+
+    Candidates are the planes of the faces at reflex edges and the planes through two of the edges.
+    """
+    reflex = []
+    for edge in body.edges:
+        one, other = (body.faces[number] for number in edge.faces)
+        beyond = body.vertices[list(other.vertices)] @ one.normal - one.offset
+        if not edge.convex and beyond.max() > tol:
+            reflex.append((edge.vertices, one.normal, other.normal))
+    spans = [body.vertices[list(ends)] for ends, *_ in reflex]
+    planes = [
+        (normal, float(normal @ span[0]))
+        for span, (_, *normals) in zip(spans, reflex, strict=True)
+        for normal in normals
+    ]
+    for i, j in combinations(range(len(reflex)), 2):
+        near = len(reflex) <= _PAIRS or set(reflex[i][0]) & set(reflex[j][0])
+        if near and (plane := _through(spans[i], spans[j], tol)):
+            planes.append(plane)
+    if not planes:
+        return None
+    normals, offsets = np.array([normal for normal, _ in planes]), np.array([offset for _, offset in planes])
+    held = np.all(np.abs(np.array(spans) @ normals.T - offsets) <= tol, axis=1)
+    return planes[int(np.argmax(held.sum(axis=0)))]
+
+
+def _through(a: Array, b: Array, tol: float) -> Plane | None:
+    """The plane through two segments (2, 3), if there is one."""
+    corners = np.vstack([a, b])
+    centre = corners.mean(axis=0)
+    normal = np.linalg.svd(corners - centre)[2][2]
+    normal = np.where(np.abs(normal) < 1e-12, 0.0, normal)
+    flat = np.all(np.abs((corners - centre) @ normal) <= tol)
+    offset = float(normal @ (corners[0] if np.abs(normal).max() == 1.0 else centre))
+    return (normal, offset) if flat else None
+
+
+def _hull(points: Array) -> Hull:
+    return Hull(tuple((float(x), float(y), float(z)) for x, y, z in convex_hull_polyhedron(points).vertices))
+
+
+def _thickness(body: Manifold) -> float:
+    return 2.0 * float(body.volume()) / float(body.surface_area())
+
+
+def _onto(points: Array, known: Array, tol: float) -> Array:
+    """Points that lie within `tol` of a known one become that one."""
+    from scipy.spatial import cKDTree
+
+    distance, index = cKDTree(known).query(points)
+    return np.where(np.asarray(distance)[:, None] <= tol, known[index], points)
+
+
+def _idealised(body: Polyhedron, tol: float) -> Array:
+    """The vertices (n, 3) moved onto the cleaned planes of their faces, by the smallest shift that does it."""
+    planes: list[tuple[Array, float]] = []
+    slack = 4.0 * tol / body.diameter
+    chosen = [_cleaned(face, body.vertices[list(face.vertices)], planes, tol, slack) for face in body.faces]
+    points = np.array(body.vertices)
+    for vertex, faces in enumerate(body.vertex_faces):
+        own = sorted({chosen[number] for number in faces})
+        normals = np.array([planes[i][0] for i in own])
+        offsets = np.array([planes[i][1] for i in own])
+        shift = np.linalg.pinv(normals, rcond=1e-3) @ (offsets - normals @ points[vertex])
+        if np.linalg.norm(shift) <= 100.0 * tol:
+            points[vertex] += shift
+        for normal, offset in zip(normals, offsets, strict=True):
+            for axis in np.flatnonzero(np.abs(normal) == 1.0):
+                points[vertex, axis] = normal[axis] * offset
+    return np.column_stack([_levelled(column) for column in points.T])
+
+
+def _levelled(values: Array) -> Array:
+    """Values that differ by rounding only, made equal."""
+    order = np.argsort(values, kind="stable")
+    first = np.concatenate([[True], np.diff(values[order]) > ROUNDING])
+    levelled = np.empty_like(values)
+    levelled[order] = values[order][np.maximum.accumulate(np.where(first, np.arange(len(values)), 0))]
+    return levelled
+
+
+def _cleaned(face: Face, corners: Array, planes: list[tuple[Array, float]], tol: float, slack: float) -> int:
+    """Index of the face's cleaned plane in `planes`, appended when it is new; opposite planes are one."""
+    for index, (normal, offset) in enumerate(planes):
+        if abs(normal @ face.normal) > 1.0 - 1e-6 and np.all(np.abs(corners @ normal - offset) <= tol):
+            return index
+    normal = np.where(np.abs(face.normal) <= slack, 0.0, face.normal)
+    normal = normal / np.linalg.norm(normal)
+    planes.append((normal, float(np.median(corners @ normal))))
+    return len(planes) - 1

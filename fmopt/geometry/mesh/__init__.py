@@ -1,0 +1,1 @@
+"""Meshes: read from files, closed, and their facets made plane."""

@@ -1,0 +1,253 @@
+"""Planes fitted to facets, made to belong together: along one frame, square, at equal turns, meeting in corners."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from fmopt.errors import GeometryError
+from fmopt.geometry.facets import Loop, place
+from fmopt.geometry.polyhedron import plane_basis
+from fmopt.spatial.values import Array
+
+EXACT = 1e-12  # m: what is this close to a plane lies in it
+_LEAST_LEAN = 1e-3  # of planes that are to fix a corner
+_STRAY = 100.0  # times how far facets are off their planes: corners may move so far along an edge
+_ROUNDS = 20  # of Newton's method
+_TURNS = (
+    4,
+    24,
+    5,
+    7,
+    9,
+    11,
+    16,
+    18,
+    22,
+    32,
+    36,
+)  # into how many parts a turn is divided by normals that belong together
+
+Planes = tuple[Array, Array]
+
+
+def fit(points: Array) -> tuple[Array, float]:
+    """The plane that fits points (n, 3) best, with the least largest distance for its normal."""
+    centre = points.mean(axis=0)
+    arms = points - centre
+    normal = np.linalg.eigh(arms.T @ arms)[1][:, 0]
+    heights = arms @ normal
+    return normal, float(normal @ centre + 0.5 * (heights.min() + heights.max()))
+
+
+def aligned(normals: Array, areas: Array, slack: Array) -> tuple[Array, Array]:
+    """A frame (3, 3) along the faces, and the normals (k, 3) in it, exactly along, square, or at equal turns.
+
+    Args:
+        normals: (k, 3).
+        areas: of the faces (k,), m².
+        slack: by how much each normal may be turned (k,), rad.
+    """
+    z = _axis(normals, areas, slack)
+    parallel = np.abs(normals @ z) > np.cos(np.minimum(slack, 0.1))
+    square = np.abs(normals @ z) < np.sin(np.minimum(slack, 0.1))
+    sides = np.flatnonzero(square)
+    first = normals[sides[np.argmax(areas[sides])]] if len(sides) else plane_basis(z)[:, 0]
+    x = first - (first @ z) * z
+    turn = _near_axes(np.column_stack([x / np.linalg.norm(x), np.cross(z, x / np.linalg.norm(x)), z]), slack.min())
+    inside = normals @ turn
+    if len(sides):
+        angle = np.arctan2(inside[sides, 1], inside[sides, 0])
+        base = _common_turn(angle, areas[sides], slack[sides])
+        turn = turn @ _about_z(base)
+        if np.abs(base) > 0.0:
+            turn = _near_axes(turn, slack.min())
+        inside = normals @ turn
+    whole = _families(np.arctan2(inside[sides, 1], inside[sides, 0]), areas[sides], slack[sides])
+    for k, angle in zip(sides.tolist(), whole.tolist(), strict=True):
+        inside[k] = _direction(angle)
+    for k in np.flatnonzero(~square).tolist():
+        inside[k] = (
+            (0.0, 0.0, math.copysign(1.0, inside[k, 2])) if parallel[k] else _leaning(inside[k], float(slack[k]))
+        )
+    return turn, inside
+
+
+def _axis(normals: Array, areas: Array, slack: Array) -> Array:
+    """The direction along or across which most of the faces lie."""
+    large = np.argsort(-areas, kind="stable")[:12]
+    choices = [normals[i] for i in large]
+    crossed = [np.cross(normals[i], normals[j]) for n, i in enumerate(large[:6]) for j in large[:n]]
+    choices += [axis / np.linalg.norm(axis) for axis in crossed if np.linalg.norm(axis) > 0.1]
+    best, found = -1.0, choices[0]
+    for axis in choices:
+        lean = np.abs(normals @ axis)
+        along, across = lean > np.cos(np.minimum(3.0 * slack, 0.1)), lean < np.sin(np.minimum(3.0 * slack, 0.1))
+        score = float(areas[along | across].sum() + 1e-6 * areas[along].sum())
+        if score > best * (1.0 + 1e-9):
+            weight = areas / slack**2
+            spread = np.einsum("k,ki,kj->ij", weight * across, normals, normals)
+            spread += (weight * along).sum() * np.eye(3) - np.einsum("k,ki,kj->ij", weight * along, normals, normals)
+            refined = np.linalg.eigh(spread)[1][:, 0]
+            best, found = score, refined if refined @ axis > 0.0 else -refined
+    return np.asarray(found)
+
+
+def _near_axes(turn: Array, slack: float) -> Array:
+    """The frame, along the model's axes where it is so but for the slack."""
+    nearest = np.round(turn)
+    alike = np.abs(turn - nearest).max() <= slack and np.array_equal(np.abs(nearest).sum(axis=0), np.ones(3))
+    if alike:
+        return np.asarray(nearest + 0.0)
+    for k in range(3):  # one axis may lie along the model's
+        axis = np.round(turn[:, k])
+        if np.abs(turn[:, k] - axis).max() <= slack and np.abs(axis).sum() == 1.0:
+            other = turn[:, (k + 1) % 3] - (turn[:, (k + 1) % 3] @ axis) * axis
+            other /= np.linalg.norm(other)
+            made = np.empty((3, 3))
+            made[:, k], made[:, (k + 1) % 3], made[:, (k + 2) % 3] = axis, other, np.cross(axis, other)
+            return made
+    return turn
+
+
+def _common_turn(angle: Array, areas: Array, slack: Array) -> float:
+    """By how much side faces at equal turns from the largest are turned from it on average, rad."""
+    parts = np.array([_whole_part(a, s) for a, s in zip(angle, slack, strict=True)])
+    known = parts != angle
+    weight = areas[known] / slack[known] ** 2
+    return float(np.sum(weight * (angle - parts)[known]) / weight.sum()) if known.any() else 0.0
+
+
+def _families(angle: Array, areas: Array, slack: Array) -> Array:
+    """Angles (k,) of side faces about z, rad, at whole parts of a turn from each other where they are so but for slack.
+
+    Those that go with x come first, then those that go with the largest of the others, and so on.
+    """
+    turns = (*_TURNS, len(angle), 2 * len(angle)) if len(angle) > 2 else _TURNS
+    made, left, base = np.array(angle), list(range(len(angle))), 0.0
+    while left:
+        parts = {k: _whole_part(float(angle[k]) - base, float(slack[k]), turns) for k in left}
+        own = [k for k in left if abs(float(angle[k]) - base - parts[k]) <= slack[k] and _is_whole(parts[k], turns)]
+        if base != 0.0:
+            weight = areas[own] / slack[own] ** 2
+            base += float(weight @ np.array([float(angle[k]) - base - parts[k] for k in own]) / weight.sum())
+        for k in own:
+            made[k] = base + parts[k]
+        left = [k for k in left if k not in own]
+        if left:
+            base = float(angle[max(left, key=lambda k: areas[k])])
+    return made
+
+
+def _is_whole(angle: float, turns: Sequence[int]) -> bool:
+    return any(angle == 2.0 * math.pi / parts * round(angle / (2.0 * math.pi / parts)) for parts in turns)
+
+
+def _whole_part(angle: float, slack: float, turns: Sequence[int] = _TURNS) -> float:
+    """The whole part of a turn nearest to an angle, within the slack; else the angle itself."""
+    for parts in turns:
+        step = 2.0 * math.pi / parts
+        near = step * round(angle / step)
+        if abs(angle - near) <= slack:
+            return near
+    return angle
+
+
+def _direction(angle: float) -> tuple[float, float, float]:
+    """The unit vector at an angle from x about z, with exact zeros and ones."""
+    quarter, rest = divmod(angle + 0.25 * math.pi, 0.5 * math.pi)
+    rest -= 0.25 * math.pi
+    c, s = (1.0, 0.0) if abs(rest) < 1e-14 else (math.cos(rest), math.sin(rest))
+    x, y = ((c, s), (-s, c), (-c, -s), (s, -c))[int(quarter) % 4]
+    return x + 0.0, y + 0.0, 0.0
+
+
+def _about_z(angle: float) -> Array:
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _leaning(normal: Array, slack: float) -> Array:
+    """A normal that is neither along z nor across it: its turn about z and its slope where these are whole parts."""
+    around = math.atan2(normal[1], normal[0])
+    slope = _whole_part(math.atan2(normal[2], math.hypot(normal[0], normal[1])), slack)
+    x, y, _ = _direction(_whole_part(around, slack / max(math.hypot(normal[0], normal[1]), 0.05)))
+    return np.array([math.cos(slope) * x, math.cos(slope) * y, math.sin(slope)])
+
+
+def corners_of(points: Array, faces: Sequence[Sequence[Loop]], planes: Planes, off: float) -> Array:
+    """The points (n, 3) with the corners of the faces moved into all of their planes.
+
+    Where more than three planes meet, offsets give way, and normals that are neither along z nor across it.
+
+    Raises:
+        GeometryError: there is no such place near a corner; names it.
+    """
+    around: dict[int, list[int]] = {}
+    for number, loops in enumerate(faces):
+        for vertex in {vertex for loop in loops for vertex in loop}:
+            around.setdefault(vertex, []).append(number)
+    normals, offsets = planes
+    if any(len(own) > 3 for own in around.values()):
+        normals, offsets = _agreed(points, around, planes)
+    moved = np.array(points)
+    for vertex, own in around.items():
+        rows, wanted = normals[own], offsets[own]
+        lean = np.linalg.svd(rows, compute_uv=False)
+        if lean[2] < _LEAST_LEAN:
+            message = f"the faces at {place(points[vertex])} are {1e6 * off:.3g} µm off planes that meet there"
+            raise GeometryError(message, "export the mesh with more digits")
+        for _ in range(2):
+            moved[vertex] += np.linalg.lstsq(rows, wanted - rows @ moved[vertex], rcond=None)[0]
+        for normal, offset in zip(rows, wanted, strict=True):
+            for axis in np.flatnonzero(np.abs(normal) == 1.0):
+                moved[vertex, axis] = normal[axis] * offset
+        missed = float(np.abs(rows @ moved[vertex] - wanted).max())
+        if missed > EXACT or np.linalg.norm(moved[vertex] - points[vertex]) > _STRAY * max(off, EXACT):
+            message = f"the faces at {place(points[vertex])} have no corner in common near it"
+            raise GeometryError(message, "export the mesh with more digits")
+    return moved
+
+
+def _agreed(points: Array, around: dict[int, list[int]], planes: Planes) -> Planes:
+    """Normals and offsets of planes (k,) that meet in corners, changed by as little as does it, by Newton's method.
+
+    Unknown are corners, offsets, and normals that are neither along z nor across it; the step is the shortest one that
+    solves the linear equations n·v = o.
+    """
+    from scipy.sparse import coo_array, diags_array, eye_array
+    from scipy.sparse.linalg import splu
+
+    normals, offsets = np.array(planes[0]), np.array(planes[1])
+    vertices = np.array(sorted(around))
+    at, face = np.array([(i, f) for i, v in enumerate(vertices.tolist()) for f in around[v]]).T
+    row = np.arange(len(at))
+    moved, free = points[vertices], (normals[:, 2] != 0.0) & (np.abs(normals[:, 2]) != 1.0)
+    size = float(np.linalg.norm(np.ptp(moved, axis=0)))
+    first = 3 * len(vertices)
+    weights = np.concatenate([np.ones(first), np.full(len(offsets), 0.1), np.repeat(0.1 / size**2 * free, 3)])
+    weigh = diags_array(weights)
+    for _ in range(_ROUNDS):
+        missed = np.einsum("ij,ij->i", normals[face], moved[at]) - offsets[face]
+        if np.abs(missed).max() <= 0.1 * EXACT:
+            break
+        columns = [
+            *(3 * at + k for k in range(3)),
+            first + face,
+            *(first + len(offsets) + 3 * face + k for k in range(3)),
+        ]
+        values = [*normals[face].T, -np.ones(len(at)), *moved[at].T]
+        slope = coo_array(
+            (np.concatenate(values), (np.tile(row, 7), np.concatenate(columns))), shape=(len(at), len(weights))
+        ).tocsr()
+        square = (slope @ weigh @ slope.T + 1e-12 * eye_array(len(at))).tocsc()
+        step = -(weigh @ (slope.T @ splu(square).solve(missed)))
+        moved = moved + step[:first].reshape(-1, 3)
+        offsets = offsets + step[first : first + len(offsets)]
+        normals = normals + step[first + len(offsets) :].reshape(-1, 3)
+        length = np.linalg.norm(normals[free], axis=1)
+        normals[free] /= length[:, None]
+        offsets[free] /= length
+    return normals, offsets

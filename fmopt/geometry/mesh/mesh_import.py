@@ -1,0 +1,411 @@
+"""Meshes from files: vertices merged, triangles turned the same way, gaps closed, facets made plane, faults named."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from fmopt.errors import GeometryError
+from fmopt.geometry.csg import Solid
+from fmopt.geometry.facets import Indices, merged_vertices, place
+from fmopt.geometry.inverse_csg import MESH_NOISE, apart
+from fmopt.geometry.mating_features import chord_error
+from fmopt.geometry.mesh.mesh_file import read_triangles
+from fmopt.geometry.mesh.mesh_repair import (
+    MOST_OFF,
+    Crossing,
+    Patch,
+    first_crossing,
+    patches,
+    turned_alike,
+    turned_outward,
+)
+from fmopt.geometry.mesh.plane_facets import flattened
+from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.geometry.section import require_plausible
+from fmopt.spatial.values import Array, Value, frozen, remembered
+
+Unit = Literal["m", "dm", "cm", "mm", "um", "in"]
+
+_PER_METRE: dict[Unit, float] = {"m": 1.0, "dm": 10.0, "cm": 100.0, "mm": 1e3, "um": 1e6, "in": 1.0 / 0.0254}
+_MERGE = 1e-7  # of the diameter: vertices this close are one
+_WIDER = (10.0, 100.0, 1000.0, 10000.0)  # times that: so close where the surface does not close otherwise
+_TRIES = 2  # distances that are tried
+_FLAT = 1e-6  # of the diameter: triangles this close to a plane are coplanar
+_MOST_LOOSE = 5_000  # open edges: more are no rims of gaps
+_MOST_SPLITS = 10  # times that triangles are split at the rims of gaps
+_MENDED = -1  # what triangles that no file holds are called
+_COUNTS = 1e-9  # m: what facets are off their faces by less is rounding
+_UNEVEN = 1e-4  # of the diameter: facets this close to one plane are said to be uneven
+_TOLD = 1e-7  # m: what facets are off their faces by more is said
+
+
+@dataclass(frozen=True, eq=False)
+class Imported(Value):
+    """A mesh as it came in.
+
+    Args:
+        body: the polyhedron, m.
+        chord_error: how far the curved surfaces that it stands for may lie from it, m.
+        mended: what closes gaps of the mesh.
+        notes: what was done to the mesh that a user should know of.
+        off: how far the facets of the file lie from the faces of the polyhedron at most, m.
+        where: the place (3,) of that, m.
+    """
+
+    body: Polyhedron
+    chord_error: float
+    mended: tuple[Patch, ...] = ()
+    notes: tuple[str, ...] = ()
+    off: float = 0.0
+    where: Array = field(default_factory=lambda: np.zeros(3))
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "where", frozen(self.where, 3, name="place"))
+
+
+@dataclass(frozen=True)
+class _Closed:
+    """A surface that closes, as far as it can be closed.
+
+    Attributes:
+        points: (n, 3), m.
+        triangles: (m, 3).
+        numbers: what each triangle is called (m,).
+        mended: what closes its gaps.
+        moved: how far points were moved to become one, m.
+        notes: what was done.
+    """
+
+    points: Array
+    triangles: Indices
+    numbers: Indices
+    mended: tuple[Patch, ...]
+    moved: float
+    notes: tuple[str, ...]
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether every side of a triangle has one other across it."""
+        sides = _sides(self.triangles)
+        return len(self.triangles) > 3 and len(sides) == 3 * len(self.triangles) and not _loose(sides)
+
+
+def load_mesh(path: Path | str, unit: Unit) -> Imported:
+    """The polyhedron of a mesh file.
+
+    Vertices within 1e-7 of the diameter are merged, of a surface that does not close then those farther apart.
+    Triangles that face the other way than those around them are turned. Gaps are closed where the missing surface is
+    flat or a band between two rims, see `mended.patches`: whoever uses the part is to look at them. Facets that are
+    plane but for noise become plane faces, see `flatten.flattened`; how far they lie from the file's is `off`.
+
+    Args:
+        path: the file.
+        unit: length unit of its numbers; mesh files do not say.
+
+    Raises:
+        ResourceError: there is no such file.
+        SizeError: too large or too small for a part, as where the unit is another one.
+        GeometryError: unreadable, open or crossing itself; names the triangle, the edge, the place.
+    """
+    points, triangles = read_triangles(Path(path))
+    require_plausible(points / _PER_METRE[unit])
+    try:
+        return mesh_polyhedron(points / _PER_METRE[unit], triangles, _rounding(points) / _PER_METRE[unit])
+    except GeometryError as error:
+        raise GeometryError(f"{path}: {error.message}", error.advice) from error
+
+
+def _rounding(points: Array) -> float:
+    """By how much numbers (n, 3) may be rounded: half a step of single precision where they are of it, else nothing."""
+    single = points.astype(np.float32)
+    return 0.5 * float(np.spacing(np.abs(single).max())) if np.array_equal(single, points) else 0.0
+
+
+def mesh_polyhedron(points: Array, triangles: Indices, rounding: float = 0.0) -> Imported:
+    """The polyhedron of loose triangles (m, 3) over points (n, 3) in m, merged, mended and checked as by `load_mesh`.
+
+    Args:
+        points: (n, 3), m.
+        triangles: (m, 3), counter-clockwise seen from outside.
+        rounding: by how much numbers of the file may be rounded, m.
+
+    Raises:
+        GeometryError: open or crossing itself.
+    """
+    span = float(np.linalg.norm(np.ptp(points, axis=0)))
+    closed = _best(points, triangles, span)
+    flat = flattened(closed.points, closed.triangles, closed.numbers, closed.moved + rounding)
+    off = flat.off + closed.moved
+    crossing = first_crossing(closed.points, closed.triangles, max(_FLAT * span, 2.0 * off))
+    if crossing is not None and _MENDED in closed.numbers[list(crossing[:2])]:
+        whole = closed.numbers != _MENDED
+        flattened(closed.points, closed.triangles[whole], closed.numbers[whole])
+    _require_simple(closed.points, closed.triangles, crossing, closed.numbers)
+    off = off if off > _COUNTS else 0.0
+    notes = (*closed.notes, *(_gap(patch) for patch in closed.mended), *_evened(off, flat.where))
+    return Imported(flat.body, chord_error(flat.body), closed.mended, notes, off, flat.where)
+
+
+def _best(points: Array, triangles: Indices, span: float) -> _Closed:
+    """The surface closed with as little as it takes: without closing gaps if it can be; as the file has it if not."""
+    first, with_gaps = None, None
+    for reaches in _reaches(points, triangles, span):
+        attempt = _closed(points, triangles, *reaches)
+        first = first or attempt
+        if attempt.is_closed:
+            if not attempt.mended:
+                return attempt
+            with_gaps = with_gaps or attempt
+        elif len(_loose(_sides(attempt.triangles))) > _MOST_LOOSE:
+            break
+    found = with_gaps or first
+    return found if found is not None else _closed(points, triangles, _MERGE * span, _FLAT * span, 0.0)
+
+
+def _reaches(points: Array, triangles: Indices, span: float) -> Iterator[tuple[float, float, float]]:
+    """How close vertices are to be one, how close to a side to be on it, and how thin triangles are left out, m.
+
+    What leaves little open comes first.
+    """
+    least = _MERGE * span
+    open_ = {least: _open_sides(points, triangles, least)}
+    for times in _WIDER if open_[least] else ():
+        reach = min(times * least, 2.0 * MOST_OFF)
+        try:
+            open_[reach] = _open_sides(points, triangles, reach)
+        except GeometryError:  # in heaps, which the least distance may leave apart
+            break
+    fewest = min(open_.values())
+    good = sorted(reach for reach, count in open_.items() if count <= 1.1 * fewest + 3)
+    yield good[0], max(_FLAT * span, 0.5 * good[0]), 0.0
+    for off in (_FLAT * span, 0.1 * MOST_OFF, MOST_OFF):
+        for reach in good[:_TRIES]:
+            yield reach, max(off, 0.5 * reach), max(0.1 * off, reach)
+
+
+def _open_sides(points: Array, triangles: Indices, reach: float) -> int:
+    """How many sides of triangles have no other across once vertices are merged.
+
+    Raises:
+        GeometryError: the vertices lie in heaps, or most triangles are smaller than that.
+    """
+    corners = merged_vertices(points, triangles, reach)[1]
+    if 2 * len(corners) < len(triangles):
+        raise GeometryError("most triangles are no larger than noise", "export the mesh again, in the right unit")
+    sides = np.sort(np.vstack([corners[:, [k, (k + 1) % 3]] for k in range(3)]), axis=1)
+    return int(np.count_nonzero(np.unique(sides, axis=0, return_counts=True)[1] == 1))
+
+
+def _closed(points: Array, triangles: Indices, reach: float, beside: float, thin: float) -> _Closed:
+    """Triangles over vertices merged within `reach`, turned alike, sewn within `beside`, their gaps closed.
+
+    Those that are not as high as `thin` are left out, as where they fill what a side lacks of vertices on it.
+    """
+    span = float(np.linalg.norm(np.ptp(points, axis=0)))
+    merged, corners, numbers = merged_vertices(points, triangles, reach)
+    notes = _left_out(points, triangles, numbers)
+    moved = _moved(points, merged) if reach > _MERGE * span else 0.0
+    corners, numbers, doubled = _once(corners, numbers)
+    if thin > 0.0:
+        high = _heights(merged, corners) > thin
+        corners, numbers = corners[high], numbers[high]
+    notes += [f"{doubled} triangles stand twice in the file and count once"] if doubled else []
+    corners, numbers = _sewn(merged, turned_alike(merged, corners), numbers, beside)
+    corners = turned_alike(merged, corners)
+    mended = tuple(
+        replace(patch, beside=int(numbers[patch.beside])) for patch in patches(merged, corners, _FLAT * span)
+    )
+    closed = np.vstack([corners, *(patch.triangles for patch in mended)])
+    called = np.append(numbers, np.full(len(closed) - len(numbers), _MENDED))
+    closed = turned_outward(merged, closed)
+    notes += _turned(points, triangles, merged[closed], called)
+    return _Closed(merged, closed, called, mended, moved, tuple(notes))
+
+
+def _heights(points: Array, triangles: Indices) -> Array:
+    """The least heights (m,) of triangles, m."""
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    return np.asarray(area / np.max([np.linalg.norm(side, axis=1) for side in (b - a, c - b, a - c)], axis=0))
+
+
+def _moved(points: Array, merged: Array) -> float:
+    """How far points (n, 3) are from those (k, 3) that they became, m, at most."""
+    from scipy.spatial import cKDTree
+
+    return float(np.max(cKDTree(merged).query(points)[0]))
+
+
+def _once(triangles: Indices, numbers: Indices) -> tuple[Indices, Indices, int]:
+    """Each triangle once, whichever corner comes first, and how many were left out."""
+    first = np.argmin(triangles, axis=1)
+    alike = np.stack(
+        [np.take_along_axis(triangles, ((first + k) % 3)[:, None], axis=1)[:, 0] for k in range(3)], axis=1
+    )
+    kept = np.sort(np.unique(alike, axis=0, return_index=True)[1])
+    return triangles[kept], numbers[kept], len(triangles) - len(kept)
+
+
+def _turned(points: Array, triangles: Indices, corners: Array, called: Indices) -> list[str]:
+    """Which triangles of the file (m, 3) face the other way than those (k, 3, 3) that were made of them."""
+    own = np.flatnonzero(called != _MENDED)
+    before, after = (
+        np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) for t in (points[triangles[called[own]]], corners[own])
+    )
+    turned = np.unique(called[own[np.einsum("ij,ij->i", before, after) < 0.0]])
+    if not len(turned):
+        return []
+    if len(turned) >= len(np.unique(called[own])):
+        return ["all triangles faced inward and were turned"]
+    where = f"triangle {turned[0]} at {place(points[triangles[turned[0], 0]])}"
+    one = len(turned) == 1
+    return [
+        f"{where} faced the other way and was turned"
+        if one
+        else f"{len(turned)} triangles faced the other way and were turned, {where} first"
+    ]
+
+
+def _evened(off: float, where: Array) -> list[str]:
+    if off <= _TOLD:
+        return []
+    return [
+        f"facets are up to {1e6 * off:.3g} µm off plane faces, most at {place(where)}; they were made plane, which is "
+        "added to its deviation"
+    ]
+
+
+def extents(path: Path) -> tuple[float, float, float]:
+    """Width of a mesh file along x, y and z in the numbers of the file, whose unit it does not say.
+
+    Raises:
+        ResourceError: there is no such file.
+        GeometryError: unreadable.
+    """
+    x, y, z = np.ptp(read_triangles(path)[0], axis=0)
+    return float(x), float(y), float(z)
+
+
+def _left_out(points: Array, triangles: Indices, kept: Indices) -> list[str]:
+    lost = np.setdiff1d(np.arange(len(triangles)), kept)
+    if not len(lost):
+        return []
+    where = f"triangle {lost[0]} at {place(points[triangles[lost[0], 0]])}"
+    return [
+        f"{where} has no area and was left out"
+        if len(lost) == 1
+        else f"{len(lost)} triangles have no area and were left out, {where} first"
+    ]
+
+
+def _gap(patch: Patch) -> str:
+    a, b = patch.corners.min(axis=0), patch.corners.max(axis=0)
+    return f"the mesh is open beside triangle {patch.beside}, from {place(a)} to {place(b)}; it was closed there"
+
+
+def _sides(triangles: Indices) -> dict[tuple[int, int], tuple[int, int]]:
+    """The triangle and the side of it that runs from one vertex to another."""
+    return {(t[k], t[(k + 1) % 3]): (i, k) for i, t in enumerate(triangles.tolist()) for k in range(3)}
+
+
+def _loose(sides: dict[tuple[int, int], tuple[int, int]]) -> list[tuple[int, int]]:
+    """The sides without another one across."""
+    return [side for side in sides if side[::-1] not in sides]
+
+
+def _sewn(points: Array, triangles: Indices, numbers: Indices, reach: float) -> tuple[Indices, Indices]:
+    """Triangles with an open edge are split at the vertices that lie on it, as where a rim was subdivided on one side.
+
+    Only vertices of open edges within `reach` of the edge count, so that the surface stays where it is. The parts of
+    a triangle keep its number. Where there are too many to be a rim, the surface is left as open as it is.
+    """
+    for _ in range(_MOST_SPLITS):
+        sides = _sides(triangles)
+        loose = _loose(sides)
+        if len(loose) > _MOST_LOOSE:
+            break
+        rim = np.unique(np.array(loose, dtype=np.int64))
+        splits: dict[int, tuple[int, list[int]]] = {}
+        for a, b in loose:
+            if between := _between(points, a, b, rim, reach):
+                splits.setdefault(sides[a, b][0], (sides[a, b][1], between))
+        if not 0 < sum(len(between) for _, between in splits.values()) <= _MOST_LOOSE:
+            break
+        kept = [triangle for i, triangle in enumerate(triangles.tolist()) if i not in splits]
+        called = [number for i, number in enumerate(numbers.tolist()) if i not in splits]
+        for i, (k, between) in splits.items():
+            a, b, c = np.roll(triangles[i], -k).tolist()
+            parts = [[one, two, c] for one, two in pairwise([a, *between, b])]
+            kept.extend(parts)
+            called.extend([int(numbers[i])] * len(parts))
+        triangles, numbers = np.array(kept, dtype=np.int64), np.array(called, dtype=np.int64)
+    return triangles, numbers
+
+
+def _between(points: Array, a: int, b: int, candidates: Indices, reach: float) -> list[int]:
+    """The candidates strictly inside the segment from a to b, in order along it."""
+    along = points[b] - points[a]
+    length = float(np.linalg.norm(along))
+    arms = points[candidates] - points[a]
+    run = arms @ along / length
+    off = np.linalg.norm(arms - np.outer(run / length, along), axis=1)
+    on = (off <= reach) & (run > reach) & (run < length - reach)
+    return [int(index) for index in candidates[on][np.argsort(run[on])]]
+
+
+def _require_simple(points: Array, triangles: Indices, crossing: Crossing | None, numbers: Indices) -> None:
+    """Refuse a surface that passes through itself, and shells inside each other: together they would count twice."""
+    if crossing is not None:
+        one, other, where = crossing
+        message = f"the surface passes through itself: triangles {numbers[one]} and {numbers[other]} cross"
+        advice = "unite the bodies in the program that made the mesh, and export it again"
+        raise GeometryError(f"{message} at {place(where)}", advice)
+    from manifold3d import Manifold, Mesh64, OpType
+
+    body = Manifold(Mesh64(vert_properties=points, tri_verts=triangles.astype(np.uint64)))
+    shells = [shell for shell in body.decompose() if shell.volume() > 0.0]
+    apart = sum(shell.volume() for shell in shells)
+    together = Manifold.batch_boolean(shells, OpType.Add).volume()
+    if together < (1.0 - 1e-6) * apart:
+        raise GeometryError(
+            f"{len(shells)} shells overlap by {apart - together:.3g} m³",
+            "unite them in the program that made the mesh",
+        )
+
+
+@remembered(1)
+def come_apart(mesh: Imported) -> tuple[Solid, Polyhedron]:
+    """The solid of a mesh by way of `excess.apart`, and its boundary.
+
+    Raises:
+        GeometryError: it does not come apart into convex bodies, and where its facets are uneven.
+    """
+    body = mesh.body
+    try:
+        return apart(body, MESH_NOISE * body.diameter)
+    except GeometryError as error:
+        uneven, where = _flattest_edge(body)
+        if uneven > _UNEVEN * body.diameter:
+            raise
+        raise GeometryError(
+            f"the facets around {place(where)} are {1e6 * uneven:.3g} µm off one plane, and the mesh does not come "
+            "apart into convex bodies",
+            "make them plane in the program that made the mesh, or write the file with more digits",
+        ) from error
+
+
+def _flattest_edge(body: Polyhedron) -> tuple[float, Array]:
+    """The least distance by which the faces at an edge, looking the same way, are off one plane, m, and where."""
+    least, where = np.inf, np.zeros(3)
+    for edge in body.edges:
+        one, other = (body.faces[number] for number in edge.faces)
+        beyond = float(np.abs(body.vertices[list(other.vertices)] @ one.normal - one.offset).max())
+        if one.normal @ other.normal > 0.0 and beyond < least:
+            least, where = beyond, body.vertices[list(edge.vertices)].mean(axis=0)
+    return least, where

@@ -1,0 +1,295 @@
+"""Facets that were meant to be plane, made plane: planes are fitted to them, corners are where these planes meet.
+
+Numbers of a file are rounded, and tessellation leaves corners off the planes that they stand for. Neighbouring facets
+are joined, those first that lie closest to one plane, up to the widest gap in how far they lie off it: below are
+facets of one face, above faces that are meant to be two. Normals that are parallel, square to each other, or apart by
+whole parts of a turn, but for what the fit leaves open, are so exactly afterwards.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from heapq import heapify, heappop, heappush
+
+import numpy as np
+
+from fmopt.errors import GeometryError
+from fmopt.geometry.facets import Indices, Loop, Patchwork, faces_of, patchwork
+from fmopt.geometry.mesh.fitted_planes import EXACT, aligned, corners_of, fit
+from fmopt.geometry.mesh.mesh_repair import MOST_OFF
+from fmopt.geometry.polyhedron import Polyhedron, from_faces, plane_basis
+from fmopt.spatial.values import Array, Value, frozen
+
+_SHARE = 2.5e-3  # of the diameter: the same for small parts
+_NOISE = 2e-6  # of the diameter: facets this close to one plane are one face, whatever the gap
+_TURN = (12.0, 3.0)  # times how far facets are off their planes: what a normal may be turned by, over its width
+_GAP = 1.25  # the least ratio of two neighbouring distances that tells facets of one face from faces
+_TRIES = 8  # gaps that are looked at, the widest first
+_STEP = 1e-9  # m: what planes lie apart by is a multiple of this
+
+
+@dataclass(frozen=True, eq=False)
+class Flattened(Value):
+    """A surface of plane faces beside the facets that it stands for.
+
+    Args:
+        body: the surface, m.
+        off: how far apart it and the facets are at most, m.
+        where: the place (3,) of that, m.
+    """
+
+    body: Polyhedron
+    off: float
+    where: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "where", frozen(self.where, 3, name="place"))
+
+
+def flattened(points: Array, triangles: Indices, numbers: Indices, noise: float = 0.0) -> Flattened:
+    """The polyhedron of a closed mesh whose facets are plane but for noise.
+
+    A mesh whose facets are plane to 1e-12 m is kept to the bit, but where noise may have turned its faces.
+
+    Args:
+        points: (n, 3), m.
+        triangles: (m, 3), counter-clockwise seen from outside.
+        numbers: what to call each triangle (m,) in an error.
+        noise: how far the points are known to be off, m.
+
+    Raises:
+        GeometryError: the mesh is open or its triangles disagree about orientation, naming a triangle and an edge; or
+            its faces do not meet in corners near those of the file, naming the place.
+    """
+    span = float(np.linalg.norm(np.ptp(points, axis=0)))
+    parts = patchwork(points, triangles, 0.5 * _NOISE * span, numbers, len(triangles))
+    order = _joined(parts, min(MOST_OFF, _SHARE * span))
+    fault: GeometryError | None = None
+    for count in _gaps([cost for cost, _, _ in order], _NOISE * span):
+        try:
+            return _made_plane(parts, _labels(parts, order[:count]), noise)
+        except GeometryError as error:
+            fault = fault or error
+    raise fault if fault is not None else GeometryError("the mesh has no plane faces", "export it again")
+
+
+def _joined(parts: Patchwork, most: float) -> list[tuple[float, int, int]]:
+    """Pairs of regions in the order in which they are joined, with how far the two together lie off one plane, m.
+
+    That is twice the root of the mean square of their corners' distances from the plane that fits best. The last entry
+    is the first pair that lies off by more than `most`: it stays apart.
+    """
+    heap_ = _Heap(parts, most)
+    made: list[tuple[float, int, int]] = []
+    while (pair := heap_.nearest()) is not None:
+        made.append(pair)
+        if pair[0] > most:
+            break
+        heap_.join(pair[1], pair[2])
+    return made
+
+
+class _Heap:
+    """Regions and how far pairs of neighbours lie off one plane, kept by the sums of their corners and of products."""
+
+    def __init__(self, parts: Patchwork, most: float) -> None:
+        corners = parts.vertices[parts.triangles] - parts.vertices.mean(axis=0)
+        count = len(parts.members)
+        self.size, self.sums, self.products, self.areas = (
+            np.zeros(count),
+            np.zeros((count, 3)),
+            np.zeros((count, 3, 3)),
+            np.zeros((count, 3)),
+        )
+        np.add.at(self.size, parts.region, 3.0)
+        np.add.at(self.sums, parts.region, corners.sum(axis=1))
+        np.add.at(self.products, parts.region, np.einsum("nki,nkj->nij", corners, corners))
+        np.add.at(self.areas, parts.region, parts.areas)
+        self.most, self.around = most, parts.neighbours
+        self.age = [0] * count
+        pairs = np.array([(a, b) for a, row in enumerate(self.around) for b in sorted(row) if a < b], dtype=np.int64)
+        pairs = pairs.reshape(-1, 2)
+        costs = self._costs(pairs[:, 0], pairs[:, 1])
+        self.heap = [(cost, a, b, 0, 0) for cost, (a, b) in zip(costs.tolist(), pairs.tolist(), strict=True)]
+        heapify(self.heap)
+
+    def nearest(self) -> tuple[float, int, int] | None:
+        """The pair closest to one plane."""
+        while self.heap:
+            cost, a, b, age_a, age_b = heappop(self.heap)
+            if (self.age[a], self.age[b]) == (age_a, age_b):
+                return cost, a, b
+        return None
+
+    def join(self, a: int, b: int) -> None:
+        """Makes the second region part of the first."""
+        for sums in (self.size, self.sums, self.products, self.areas):
+            sums[a] += sums[b]
+        self.around[a] = (self.around[a] | self.around[b]) - {a, b}
+        self.age[a], self.age[b] = self.age[a] + 1, -1
+        near = sorted(self.around[a])
+        for c in near:
+            self.around[c].discard(b)
+            self.around[c].add(a)
+        costs = self._costs(np.full(len(near), a), np.array(near, dtype=np.int64)) if near else np.zeros(0)
+        for cost, c in zip(costs.tolist(), near, strict=True):
+            low, high = min(a, c), max(a, c)
+            heappush(self.heap, (cost, low, high, self.age[low], self.age[high]))
+
+    def _costs(self, one: Indices, other: Indices) -> Array:
+        """How far pairs of regions (k,) lie off one plane, m; infinite where they look different ways."""
+        size = self.size[one] + self.size[other]
+        middle = (self.sums[one] + self.sums[other]) / size[:, None]
+        spread = (self.products[one] + self.products[other]) / size[:, None, None] - middle[:, :, None] * middle[
+            :, None
+        ]
+        off = 2.0 * np.sqrt(np.maximum(np.linalg.eigvalsh(spread)[:, 0], 0.0))
+        opposed = np.einsum("ij,ij->i", self.areas[one], self.areas[other]) <= 0.0
+        thin = np.minimum(self._thickness(one), self._thickness(other)) <= self.most
+        return np.where(opposed & ~thin, np.inf, off)
+
+    def _thickness(self, which: Indices) -> Array:
+        """About how wide regions are where they are narrow (k,), m."""
+        middle = self.sums[which] / self.size[which, None]
+        spread = np.trace(self.products[which], axis1=1, axis2=2) / self.size[which] - np.sum(middle**2, axis=1)
+        return np.asarray(np.linalg.norm(self.areas[which], axis=1) / np.sqrt(np.maximum(spread, 1e-24)))
+
+
+def _off_plane(points: Array) -> float:
+    """How far points (n, 3) are off the plane that fits them best, m, at most."""
+    normal, offset = fit(points)
+    return float(np.abs(points @ normal - offset).max())
+
+
+def _gaps(costs: Sequence[float], floor: float) -> Iterator[int]:
+    """How many pairs to join, the widest gap between what is joined and what is not first."""
+    running = np.maximum.accumulate(np.maximum(costs, floor)) if costs else np.zeros(0)
+    low = np.concatenate([[floor], running[:-1]])
+    ratios = running / low
+    wide = [int(k) for k in np.flatnonzero(ratios >= _GAP)]
+    wide = sorted(wide, key=lambda k: (-ratios[k], k))[:_TRIES]
+    last = len(costs) - 1 if costs and (not math.isfinite(costs[-1]) or costs[-1] > floor) else len(costs)
+    yield from dict.fromkeys([*wide, max(last, 0)])
+
+
+def _labels(parts: Patchwork, pairs: Sequence[tuple[float, int, int]]) -> Indices:
+    """The face of each triangle (m,) once pairs of regions are joined."""
+    into = np.arange(int(parts.region.max()) + 1)
+    for _, a, b in pairs:
+        into[into == b] = a
+    return into[parts.region]
+
+
+def _made_plane(parts: Patchwork, region: Indices, noise: float) -> Flattened:
+    """The surface of regions, each of which is one face.
+
+    Normals are made to belong together as far as the noise may have turned them. Of few corners nothing much follows
+    about the noise: more is tried first, and kept where it takes the surface no farther off.
+    """
+    region = np.unique(region, return_inverse=True)[1].astype(np.int64)
+    faces = faces_of(parts, region)
+    members = [np.flatnonzero(region == k) for k in range(int(region.max()) + 1)]
+    corners = [np.unique(parts.triangles[which]) for which in members]
+    off = max(_off_plane(parts.vertices[which]) for which in corners)
+    surface = _Surface(parts, faces, members, corners)
+    if off <= EXACT:  # rounding turns side faces of a prism, which stay plane
+        kept = Flattened(from_faces(parts.vertices, faces), 0.0, parts.vertices[0])
+        straight = _attempt(surface, noise, _TURN[0]) if noise > 0.0 else kept
+        return straight if isinstance(straight, Flattened) and EXACT < straight.off <= 4.0 * noise else kept
+    off = max(off + noise, 0.1 * _NOISE * float(np.linalg.norm(np.ptp(parts.vertices, axis=0))))
+    far, near = (_attempt(surface, off, times) for times in _TURN)
+    if isinstance(near, GeometryError) and isinstance(far, GeometryError):
+        raise near
+    if isinstance(far, GeometryError) or (isinstance(near, Flattened) and far.off > max(4.0 * off, 2.0 * near.off)):
+        assert isinstance(near, Flattened)
+        return near
+    return far
+
+
+@dataclass(frozen=True)
+class _Surface:
+    """Facets with the faces that they are to become: loops, triangles and vertices of each."""
+
+    parts: Patchwork
+    faces: Sequence[Sequence[Loop]]
+    members: Sequence[Indices]
+    corners: Sequence[Indices]
+
+
+def _attempt(surface: _Surface, off: float, times: float) -> Flattened | GeometryError:
+    """The surface where normals may be turned by so many times what the noise does, or why there is none."""
+    parts = surface.parts
+    areas = np.array([parts.areas[which].sum(axis=0) for which in surface.members])
+    normals, slack = [], []
+    for which, area in zip(surface.corners, areas, strict=True):
+        normal = fit(parts.vertices[which])[0]
+        normals.append(normal if normal @ area > 0.0 else -normal)
+        slack.append(times * off / max(_width(parts.vertices[which], normal), off))
+    turn, straight = aligned(np.array(normals), np.linalg.norm(areas, axis=1), np.array(slack))
+    points = parts.vertices @ turn
+    offsets = np.array([_middle(points[which] @ n) for which, n in zip(surface.corners, straight, strict=True)])
+    offsets = np.round(offsets / _STEP) * _STEP
+    try:
+        moved = corners_of(points, surface.faces, (straight, offsets), off)
+        moved = moved if np.array_equal(turn, np.eye(3)) else moved @ turn.T
+        return Flattened(from_faces(moved, surface.faces), *_apart(surface, moved))
+    except GeometryError as error:
+        return error
+
+
+def _middle(heights: Array) -> float:
+    return 0.5 * float(heights.min() + heights.max())
+
+
+def _width(points: Array, normal: Array) -> float:
+    """The least extent of points (n, 3) of a plane, m."""
+    flat = (points - points.mean(axis=0)) @ plane_basis(normal)
+    axes = np.linalg.eigh(flat.T @ flat)[1]
+    return float(np.ptp(flat @ axes, axis=0).min())
+
+
+def _apart(surface: _Surface, moved: Array) -> tuple[float, Array]:
+    """How far facets and faces are apart at most, m, and where: facets from their face, corners from their facets."""
+    from shapely import Polygon, distance
+    from shapely import points as dots
+
+    parts, most, where = surface.parts, 0.0, moved[0]
+    for corners, loops in zip(surface.corners, surface.faces, strict=True):
+        normal, offset = fit(moved[[vertex for loop in loops for vertex in loop]])
+        basis = plane_basis(normal)
+        outer, *holes = (moved[list(loop)] @ basis for loop in loops)
+        beside = distance(Polygon(outer, holes), dots(parts.vertices[corners] @ basis))
+        apart = np.hypot(beside, parts.vertices[corners] @ normal - offset)
+        if apart.max() > most:
+            most, where = float(apart.max()), parts.vertices[corners[int(apart.argmax())]]
+    around: dict[int, list[int]] = {}
+    used = {vertex for loops in surface.faces for loop in loops for vertex in loop}
+    for number, triangle in enumerate(parts.triangles.tolist()):
+        for vertex in triangle:
+            if vertex in used:
+                around.setdefault(vertex, []).append(number)
+    for vertex, own in around.items():
+        near = min(_from_triangle(moved[vertex], parts.vertices[parts.triangles[k]]) for k in own)
+        if near > most:
+            most, where = near, moved[vertex]
+    return most, where
+
+
+def _from_triangle(p: Array, corners: Array) -> float:
+    """Distance of a point from a triangle (3, 3), m."""
+    a, b, c = corners
+    normal = np.cross(b - a, c - a)
+    size = float(np.linalg.norm(normal))
+    ends = zip(corners, (b, c, a), strict=True)
+    if size > 0.0 and all(float(np.cross(v - u, p - u) @ normal) >= 0.0 for u, v in ends):
+        return abs(float((p - a) @ normal)) / size
+    return min(_from_segment(p, u, v) for u, v in ((a, b), (b, c), (c, a)))
+
+
+def _from_segment(p: Array, a: Array, b: Array) -> float:
+    along = b - a
+    square = float(along @ along)
+    share = min(max(float((p - a) @ along) / square, 0.0), 1.0) if square > 0.0 else 0.0
+    return float(np.linalg.norm(p - a - share * along))

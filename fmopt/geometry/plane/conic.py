@@ -1,0 +1,293 @@
+"""A piece of any conic as a rational quadratic: elliptic, parabolic and hyperbolic arcs in one well-conditioned form.
+
+p(t) = ((1−t)² p₀ + 2 w t (1−t) p₁ + t² p₂) / ((1−t)² + 2 w t (1−t) + t²): p₁ is where the end tangents meet, w < 1 an
+ellipse, w = 1 a parabola, w > 1 a hyperbola. Nothing blows up where an ellipse grows into a parabola or a line.
+
+Real roots of polynomials on [0, 1], touching ones included, by bracketing between the roots of the derivative.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fmopt.spatial.values import Array, Value, frozen
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
+_MAX_HALVINGS = 40
+
+
+@dataclass(frozen=True, eq=False)
+class ConicArc(Value):
+    """The conic arc from `first` to `last` (2,) in m whose end tangents meet in `shoulder` (2,).
+
+    Args:
+        first: p₀.
+        shoulder: p₁.
+        last: p₂.
+        weight: w > 0.
+    """
+
+    first: Array
+    shoulder: Array
+    last: Array
+    weight: float
+
+    def __post_init__(self) -> None:
+        for name in ("first", "shoulder", "last"):
+            object.__setattr__(self, name, frozen(getattr(self, name), 2, name=name))
+        if not (math.isfinite(self.weight) and self.weight > 0.0):
+            raise ValueError(f"a conic arc of weight {self.weight}")
+
+    @property
+    def homogeneous(self) -> Array:
+        """Power-basis coefficients (3, 3): rows t⁰, t¹, t², columns x ω, y ω, ω."""
+        p0, p1, p2 = (np.append(p, 1.0) for p in (self.first, self.shoulder, self.last))
+        p1 = self.weight * p1
+        return np.stack([p0, 2.0 * (p1 - p0), p0 - 2.0 * p1 + p2])
+
+    def point(self, t: ArrayLike) -> Array:
+        """Points (…, 2) in m at parameters t (…)."""
+        t = np.asarray(t, dtype=np.float64)[..., None]
+        b0, b1, b2 = (1.0 - t) ** 2, 2.0 * self.weight * t * (1.0 - t), t**2
+        return np.asarray((b0 * self.first + b1 * self.shoulder + b2 * self.last) / (b0 + b1 + b2))
+
+    def derivative(self, t: ArrayLike) -> Array:
+        """dp/dt, shape (…, 2).
+
+        ω² p′ = 2w(1−t)²(p₁−p₀) + 2t(1−t)(p₂−p₀) + 2w t²(p₂−p₁).
+        """
+        t = np.asarray(t, dtype=np.float64)[..., None]
+        w, s = self.weight, 1.0 - t
+        bottom = (s**2 + 2.0 * w * t * s + t**2) ** 2
+        top = w * s**2 * (self.shoulder - self.first) + t * s * (self.last - self.first)
+        return np.asarray(2.0 * (top + w * t**2 * (self.last - self.shoulder)) / bottom)
+
+    def tangent(self, t: ArrayLike) -> Array:
+        """Unit tangents (…, 2); zero where the arc has no length."""
+        rate = self.derivative(t)
+        size = np.linalg.norm(rate, axis=-1, keepdims=True)
+        return np.asarray(rate / np.where(size > 0.0, size, 1.0))
+
+    def curvature(self, t: ArrayLike) -> Array:
+        """Signed curvature (…,) in 1/m, positive when turning left: w [p₀p₁p₂] / ω³ |p′|³ times 4."""
+        t = np.asarray(t, dtype=np.float64)
+        bottom = (1.0 - t) ** 2 + 2.0 * self.weight * t * (1.0 - t) + t**2
+        size = np.linalg.norm(self.derivative(t), axis=-1)
+        return np.asarray(4.0 * self.weight * self.turn / (bottom * size) ** 3)
+
+    @property
+    def turn(self) -> float:
+        """(p₁ − p₀) × (p₂ − p₁) in m²: twice the area of the control triangle, positive when turning left."""
+        (ax, ay), (bx, by) = self.shoulder - self.first, self.last - self.shoulder
+        return float(ax * by - ay * bx)
+
+    def reversed(self) -> ConicArc:
+        """The same points run through the other way."""
+        return ConicArc(self.last, self.shoulder, self.first, self.weight)
+
+    def part(self, a: float, b: float) -> ConicArc:
+        """The piece between the parameters a < b, by blossoming."""
+        p0, p1, p2 = (np.append(p, 1.0) for p in (self.first, self.shoulder, self.last))
+        p1 = self.weight * p1
+
+        def blossom(s: float, t: float) -> Array:
+            return np.asarray((1.0 - s) * (1.0 - t) * p0 + (s * (1.0 - t) + t * (1.0 - s)) * p1 + s * t * p2)
+
+        q0, q1, q2 = blossom(a, a), blossom(a, b), blossom(b, b)
+        first = self.first if a == 0.0 else q0[:2] / q0[2]
+        last = self.last if b == 1.0 else q2[:2] / q2[2]
+        return ConicArc(first, q1[:2] / q1[2], last, q1[2] / math.sqrt(q0[2] * q2[2]))
+
+    def moved(self, R: ArrayLike, offset: ArrayLike) -> ConicArc:
+        """The image under p ↦ R p + offset, R (2, 2)."""
+        R, offset = np.asarray(R, dtype=np.float64), np.asarray(offset, dtype=np.float64)
+        return ConicArc(R @ self.first + offset, R @ self.shoulder + offset, R @ self.last + offset, self.weight)
+
+    @property
+    def length(self) -> float:
+        """Length in m, by Gauss's rule on pieces that are nearly straight."""
+        return sum(float(_WEIGHTS @ np.linalg.norm(p.derivative(0.5 * _NODES + 0.5), axis=1)) / 2 for p in self._even())
+
+    def moment(self) -> float:
+        """½ ∫ (x dy − y dx) in m²: the chord's part and the segment between chord and arc, by Gauss's rule."""
+        return sum(piece._moment() for piece in self._even())
+
+    def _moment(self) -> float:
+        t = 0.5 * _NODES + 0.5
+        p, rate = self.point(t) - self.first, self.derivative(t)
+        bulge = 0.25 * float(_WEIGHTS @ (p[:, 0] * rate[:, 1] - p[:, 1] * rate[:, 0]))
+        return bulge + 0.5 * float(self.first[0] * self.last[1] - self.first[1] * self.last[0])
+
+    def _even(self) -> list[ConicArc]:
+        """Pieces whose weight lies in [0.5, 2], on which the integrands are smooth enough for 32 nodes."""
+        if 0.5 <= self.weight <= 2.0:
+            return [self]
+        return [*self.part(0.0, 0.5)._even(), *self.part(0.5, 1.0)._even()]
+
+    def extremum(self, direction: ArrayLike) -> list[float]:
+        """Parameters in [0, 1] at which the tangent is square to `direction` (2,)."""
+        d = np.asarray(direction, dtype=np.float64)
+        w = self.weight
+        a, c, e = (float((q - p) @ d) for p, q in _pairs(self))
+        a, e = w * a, w * e
+        return unit_roots((a, c - 2.0 * a, a - c + e), 0.0)
+
+    def support(self, direction: ArrayLike) -> float:
+        """max p · direction (2,) over the points p of the curve, in m for a unit direction."""
+        d = np.asarray(direction, dtype=np.float64)
+        return float(np.max(self.point([0.0, 1.0, *self.extremum(d)]) @ d))
+
+    def nearest(self, points: ArrayLike) -> Array:
+        """Parameters (n,) of the nearest points of the curve to `points` (n, 2).
+
+        The feet of perpendiculars are the roots of a quartic; all of them and the ends are compared.
+        """
+        points = np.asarray(points, dtype=np.float64)
+        return np.array([self._nearest(point) for point in points])
+
+    def _nearest(self, point: Array) -> float:
+        size = max(float(np.max(np.abs(q - point))) for q in (self.first, self.shoulder, self.last)) or 1.0
+        own = self.homogeneous
+        offset = (own[:, :2] - own[:, 2:] * point) / size
+        w = self.weight
+        a, c, e = ((q - p) / size for p, q in _pairs(self))
+        rate = np.stack([w * a, c - 2.0 * w * a, w * a - c + w * e])
+        quartic = np.convolve(offset[:, 0], rate[:, 0]) + np.convolve(offset[:, 1], rate[:, 1])
+        t = np.array([0.0, 1.0, *unit_roots(quartic.tolist(), 0.0)])
+        return float(t[np.argmin(np.linalg.norm(self.point(t) - point, axis=1))])
+
+    def distance(self, points: ArrayLike) -> Array:
+        """Distances (n,) in m of `points` (n, 2) from the curve."""
+        points = np.asarray(points, dtype=np.float64)
+        return np.asarray(np.linalg.norm(points - self.point(self.nearest(points)), axis=1))
+
+    @cached_property
+    def box(self) -> tuple[Array, Array]:
+        """Lower and upper corner (2,) of the bounding box."""
+        t = [0.0, 1.0, *self.extremum((1.0, 0.0)), *self.extremum((0.0, 1.0))]
+        points = self.point(t)
+        return frozen(points.min(axis=0)), frozen(points.max(axis=0))
+
+    def polyline(self, tolerance: float, side: Literal["on", "left", "right"] = "on") -> Array:
+        """Points (n, 2) of a polyline within `tolerance` (m) of the arc.
+
+        Args:
+            tolerance: largest distance allowed, in m.
+            side: "on" puts every corner on the arc; "left" and "right" keep the whole polyline on that side of it.
+        """
+        pieces = self._flat(tolerance, _MAX_HALVINGS)
+        if side != "on" and (side == "right") == (self.turn > 0.0):
+            return np.vstack([*[np.stack([piece.first, piece.shoulder]) for piece in pieces], self.last])
+        return np.vstack([*[piece.first for piece in pieces], self.last])
+
+    def _flat(self, tolerance: float, halvings: int) -> list[ConicArc]:
+        chord = self.last - self.first
+        length = float(np.hypot(*chord))
+        height = abs(self.turn) / length if length > 0.0 else float(np.hypot(*(self.shoulder - self.first)))
+        if height <= tolerance or halvings == 0:
+            return [self]
+        return [p for half in (self.part(0.0, 0.5), self.part(0.5, 1.0)) for p in half._flat(tolerance, halvings - 1)]
+
+    def quadratics(self) -> list[tuple[float, float, ConicArc]]:
+        """The arc as rational quadratics: itself."""
+        return [(0.0, 1.0, self)]
+
+    def implicit(self) -> Array:
+        """The symmetric matrix (3, 3) of the conic: (x, y, 1) M (x, y, 1)ᵀ = 0, from 4 w² τ₀ τ₂ = τ₁²."""
+        inverse = np.linalg.inv(np.stack([np.append(p, 1.0) for p in (self.first, self.shoulder, self.last)]).T)
+        a, b, c = inverse
+        return np.asarray(2.0 * self.weight**2 * (np.outer(a, c) + np.outer(c, a)) - np.outer(b, b))
+
+
+def ellipse_arcs(centre: ArrayLike, major: ArrayLike, minor: ArrayLike, start: float, sweep: float) -> list[ConicArc]:
+    """The arc centre + cos φ major + sin φ minor, φ from `start` through `sweep` (rad), in pieces of at most 90°.
+
+    Args:
+        centre: of the ellipse (2,), in m.
+        major: conjugate half diameter at φ = 0, (2,).
+        minor: conjugate half diameter at φ = 90°, (2,).
+        start: first φ in rad.
+        sweep: signed.
+    """
+    centre = np.asarray(centre, dtype=np.float64)
+    axes = np.stack([np.asarray(major, dtype=np.float64), np.asarray(minor, dtype=np.float64)])
+    count = max(math.ceil(abs(sweep) / (0.5 * math.pi) - 1e-9), 1)
+    half = 0.5 * sweep / count
+    angles = start + half * np.arange(2 * count + 1)
+    radii = np.where(np.arange(2 * count + 1) % 2 == 1, 1.0 / math.cos(half), 1.0)
+    points = centre + (radii[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)) @ axes
+    return [ConicArc(points[k], points[k + 1], points[k + 2], math.cos(half)) for k in range(0, 2 * count, 2)]
+
+
+def _pairs(arc: ConicArc) -> tuple[tuple[Array, Array], tuple[Array, Array], tuple[Array, Array]]:
+    return (arc.first, arc.shoulder), (arc.first, arc.last), (arc.shoulder, arc.last)
+
+
+def unit_roots(coefficients: Sequence[float], touch: float) -> list[float]:
+    """Roots in [0, 1] of c₀ + c₁t + …, ascending.
+
+    Between two roots of the derivative a polynomial is monotone, so a bracket holds at most one root and nothing is
+    missed; a turning point where the value is at most `touch` counts as a (double) root.
+
+    Args:
+        coefficients: c₀, c₁, … of any degree.
+        touch: values of this size and less are zero.
+
+    Returns:
+        The roots; none when the whole polynomial is at most `touch` in size.
+    """
+    if sum(abs(c) for c in coefficients) <= touch:
+        return []
+    if len(coefficients) == 1:
+        return []
+    if len(coefficients) == 2:
+        root = -coefficients[0] / coefficients[1] if coefficients[1] != 0.0 else math.nan
+        return [root] if 0.0 <= root <= 1.0 else _touching_ends(coefficients, touch)
+    derivative = [k * c for k, c in enumerate(coefficients)][1:]
+    stops = [0.0, *unit_roots(derivative, 0.0), 1.0]
+    values = [_value(coefficients, stop) for stop in stops]
+    found = [stop for stop, value in zip(stops, values, strict=True) if abs(value) <= touch]
+    for a, b, fa, fb in zip(stops, stops[1:], values, values[1:], strict=False):
+        if abs(fa) > touch and abs(fb) > touch and (fa < 0.0) != (fb < 0.0):
+            found.append(_bracketed(coefficients, a, b, fa))
+    return sorted(set(found))
+
+
+def _touching_ends(coefficients: Sequence[float], touch: float) -> list[float]:
+    return [t for t in (0.0, 1.0) if abs(_value(coefficients, t)) <= touch]
+
+
+def _value(coefficients: Sequence[float], t: float) -> float:
+    value = 0.0
+    for c in reversed(coefficients):
+        value = value * t + c
+    return value
+
+
+def _bracketed(coefficients: Sequence[float], a: float, b: float, fa: float) -> float:
+    """The root in [a, b] by Newton's method kept inside a shrinking bracket."""
+    slope = [k * c for k, c in enumerate(coefficients)][1:]
+    t = 0.5 * (a + b)
+    for _ in range(80):
+        value = _value(coefficients, t)
+        if value == 0.0:
+            return t
+        if (value < 0.0) == (fa < 0.0):
+            a = t
+        else:
+            b = t
+        rate = _value(slope, t)
+        following = t - value / rate if rate != 0.0 else a
+        if not a < following < b:
+            following = 0.5 * (a + b)
+        if abs(following - t) <= 1e-17 + 1e-16 * abs(t):
+            return following
+        t = following
+    return t

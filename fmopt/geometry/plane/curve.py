@@ -1,0 +1,273 @@
+"""Directed plane curves with exact parameters: the segment and the circular arc; the conic arc is next door.
+
+A curve runs over t in [0, 1]; the region it bounds lies on its left. Lengths in m, angles in rad.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fmopt.geometry.plane.conic import ConicArc
+from fmopt.spatial.values import Array, Value, frozen
+
+Side: TypeAlias = Literal["on", "left", "right"]
+
+
+@dataclass(frozen=True, eq=False)
+class Segment(Value):
+    """The straight piece from `start` (2,) to `end` (2,), both in m."""
+
+    start: Array
+    end: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "start", frozen(self.start, 2, name="start"))
+        object.__setattr__(self, "end", frozen(self.end, 2, name="end"))
+
+    def point(self, t: ArrayLike) -> Array:
+        """Points (…, 2) in m at parameters t (…)."""
+        t = np.asarray(t, dtype=np.float64)[..., None]
+        return np.asarray((1.0 - t) * self.start + t * self.end)
+
+    def tangent(self, t: ArrayLike) -> Array:
+        """Unit tangents (…, 2); zero for a segment of no length."""
+        along = self.end - self.start
+        length = float(np.hypot(*along))
+        return np.broadcast_to(along / length if length > 0.0 else along, (*np.shape(t), 2))
+
+    def curvature(self, t: ArrayLike) -> Array:
+        """Signed curvature (…,) in 1/m, positive when turning left."""
+        return np.zeros(np.shape(t))
+
+    def reversed(self) -> Segment:
+        """The same points run through the other way."""
+        return Segment(self.end, self.start)
+
+    def part(self, a: float, b: float) -> Segment:
+        """The piece between the parameters a < b."""
+        return Segment(
+            self.start if a == 0.0 else self.point(a),
+            self.end if b == 1.0 else self.point(b),
+        )
+
+    def moved(self, R: ArrayLike, offset: ArrayLike) -> Segment:
+        """The image under p ↦ R p + offset with R (2, 2) orthogonal."""
+        R, offset = np.asarray(R, dtype=np.float64), np.asarray(offset, dtype=np.float64)
+        return Segment(R @ self.start + offset, R @ self.end + offset)
+
+    @property
+    def first(self) -> Array:
+        """The first point (2,)."""
+        return self.start
+
+    @property
+    def last(self) -> Array:
+        """The last point (2,)."""
+        return self.end
+
+    @property
+    def length(self) -> float:
+        """Length in m."""
+        return float(np.hypot(*(self.end - self.start)))
+
+    def moment(self) -> float:
+        """½ ∫ (x dy − y dx) in m²: what the curve adds to the area that a closed loop encloses."""
+        return 0.5 * float(self.start[0] * self.end[1] - self.start[1] * self.end[0])
+
+    def support(self, direction: ArrayLike) -> float:
+        """max p · direction (2,) over the points p of the curve, in m for a unit direction."""
+        direction = np.asarray(direction, dtype=np.float64)
+        return float(max(self.start @ direction, self.end @ direction))
+
+    def nearest(self, points: ArrayLike) -> Array:
+        """Parameters (n,) of the nearest points of the curve to `points` (n, 2)."""
+        along = self.end - self.start
+        square = float(along @ along)
+        if square == 0.0:
+            return np.zeros(len(np.asarray(points)))
+        return np.clip((np.asarray(points, dtype=np.float64) - self.start) @ along / square, 0.0, 1.0)
+
+    def distance(self, points: ArrayLike) -> Array:
+        """Distances (n,) in m of `points` (n, 2) from the curve."""
+        points = np.asarray(points, dtype=np.float64)
+        return np.asarray(np.linalg.norm(points - self.point(self.nearest(points)), axis=1))
+
+    @cached_property
+    def box(self) -> tuple[Array, Array]:
+        """Lower and upper corner (2,) of the bounding box."""
+        return frozen(np.minimum(self.start, self.end)), frozen(np.maximum(self.start, self.end))
+
+    def polyline(self, tolerance: float, side: Side = "on") -> Array:
+        """Points (n, 2) of a polyline; a segment is its own."""
+        return np.stack([self.start, self.end])
+
+
+@dataclass(frozen=True, eq=False)
+class Arc(Value):
+    """A circular arc about `centre` (2,) from the angle `start` through the signed angle `sweep`, |sweep| ≤ 2π (rad).
+
+    A positive sweep runs counter-clockwise.
+    """
+
+    centre: Array
+    radius: float
+    start: float
+    sweep: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "centre", frozen(self.centre, 2, name="centre"))
+        if not (math.isfinite(self.radius) and self.radius >= 0.0):
+            raise ValueError(f"an arc of radius {self.radius} m")
+        if not (math.isfinite(self.start) and abs(self.sweep) <= 2.0 * math.pi + 1e-12):
+            raise ValueError(f"an arc from {self.start} rad through {self.sweep} rad")
+
+    def point(self, t: ArrayLike) -> Array:
+        """Points (…, 2) in m at parameters t (…)."""
+        angle = self.start + np.asarray(t, dtype=np.float64) * self.sweep
+        return np.asarray(self.centre + self.radius * np.stack([np.cos(angle), np.sin(angle)], axis=-1))
+
+    @cached_property
+    def first(self) -> Array:
+        """The first point (2,)."""
+        return self._on(self.start)
+
+    @cached_property
+    def last(self) -> Array:
+        """The last point (2,)."""
+        return self._on(self.start + self.sweep)
+
+    def _on(self, angle: float) -> Array:
+        x, y = self.centre
+        return frozen((x + self.radius * math.cos(angle), y + self.radius * math.sin(angle)))
+
+    def tangent(self, t: ArrayLike) -> Array:
+        """Unit tangents (…, 2)."""
+        angle = self.start + np.asarray(t, dtype=np.float64) * self.sweep
+        return math.copysign(1.0, self.sweep) * np.stack([-np.sin(angle), np.cos(angle)], axis=-1)
+
+    def curvature(self, t: ArrayLike) -> Array:
+        """Signed curvature (…,) in 1/m, positive when turning left."""
+        return np.full(np.shape(t), math.copysign(1.0 / self.radius if self.radius > 0.0 else math.inf, self.sweep))
+
+    def reversed(self) -> Arc:
+        """The same points run through the other way."""
+        return Arc(self.centre, self.radius, self.start + self.sweep, -self.sweep)
+
+    def part(self, a: float, b: float) -> Arc:
+        """The piece between the parameters a < b."""
+        return Arc(self.centre, self.radius, self.start + a * self.sweep, (b - a) * self.sweep)
+
+    def moved(self, R: ArrayLike, offset: ArrayLike) -> Arc:
+        """The image under p ↦ R p + offset with R (2, 2) orthogonal; a reflection turns the sweep round."""
+        R, offset = np.asarray(R, dtype=np.float64), np.asarray(offset, dtype=np.float64)
+        x, y = R @ (math.cos(self.start), math.sin(self.start))
+        sweep = math.copysign(self.sweep, self.sweep * float(R[0, 0] * R[1, 1] - R[0, 1] * R[1, 0]))
+        return Arc(R @ self.centre + offset, self.radius, math.atan2(y, x), sweep)
+
+    @property
+    def length(self) -> float:
+        """Length in m."""
+        return self.radius * abs(self.sweep)
+
+    def moment(self) -> float:
+        """½ ∫ (x dy − y dx) in m²: what the curve adds to the area that a closed loop encloses."""
+        step = self.last - self.first
+        return 0.5 * float(self.centre[0] * step[1] - self.centre[1] * step[0] + self.radius**2 * self.sweep)
+
+    def support(self, direction: ArrayLike) -> float:
+        """max p · direction (2,) over the points p of the curve, in m for a unit direction."""
+        d = np.asarray(direction, dtype=np.float64)
+        size = float(np.hypot(*d))
+        if size == 0.0:
+            return 0.0
+        if self.share(math.atan2(d[1], d[0])) is not None:
+            return float(self.centre @ d) + self.radius * size
+        return float(max(self.first @ d, self.last @ d))
+
+    def share(self, angle: float, slack: float = 0.0) -> float | None:
+        """The parameter at which the arc passes the polar `angle` (rad) of its circle, None when it does not.
+
+        Args:
+            angle: about the centre, any turn.
+            slack: an overshoot in rad that still counts as an end.
+        """
+        if self.sweep == 0.0:
+            return 0.0 if abs(math.remainder(angle - self.start, math.tau)) <= slack else None
+        run = math.fmod((angle - self.start) * math.copysign(1.0, self.sweep), math.tau)
+        run += math.tau if run < 0.0 else 0.0
+        if run <= abs(self.sweep):
+            return run / abs(self.sweep)
+        if math.tau - run <= slack:
+            return 0.0
+        return 1.0 if run - abs(self.sweep) <= slack else None
+
+    def nearest(self, points: ArrayLike) -> Array:
+        """Parameters (n,) of the nearest points of the curve to `points` (n, 2)."""
+        d = np.asarray(points, dtype=np.float64) - self.centre
+        if self.sweep == 0.0:
+            return np.zeros(len(d))
+        run = np.mod((np.arctan2(d[:, 1], d[:, 0]) - self.start) * math.copysign(1.0, self.sweep), math.tau)
+        size = abs(self.sweep)
+        beyond = np.where(run - size < math.tau - run, 1.0, 0.0)
+        return np.where(run <= size, run / size, beyond)
+
+    def distance(self, points: ArrayLike) -> Array:
+        """Distances (n,) in m of `points` (n, 2) from the curve."""
+        points = np.asarray(points, dtype=np.float64)
+        return np.asarray(np.linalg.norm(points - self.point(self.nearest(points)), axis=1))
+
+    @cached_property
+    def box(self) -> tuple[Array, Array]:
+        """Lower and upper corner (2,) of the bounding box."""
+        low, high = sorted((self.start, self.start + self.sweep))
+        quarter = 0.5 * math.pi
+        lower, upper = np.minimum(self.first, self.last), np.maximum(self.first, self.last)
+        for k in range(math.ceil(low / quarter), math.floor(high / quarter) + 1):
+            side = lower if k % 4 >= 2 else upper
+            side[k % 2] = self.centre[k % 2] + (self.radius if k % 4 < 2 else -self.radius)
+        return frozen(lower), frozen(upper)
+
+    def polyline(self, tolerance: float, side: Side = "on") -> Array:
+        """Points (n, 2) of a polyline within `tolerance` (m) of the arc.
+
+        Args:
+            tolerance: largest distance allowed, in m.
+            side: "on" puts every corner on the arc; "left" and "right" keep the whole polyline on that side of it.
+        """
+        share = min(1.0, tolerance / self.radius) if self.radius > 0.0 else 1.0
+        outside = side != "on" and (side == "right") == (self.sweep > 0.0)
+        widest = 2.0 * math.acos(1.0 / (1.0 + share) if outside else 1.0 - share)
+        count = max(math.ceil(abs(self.sweep) / max(widest, 1e-6)), 1, math.ceil(abs(self.sweep) / (0.5 * math.pi)))
+        if not outside:
+            return self.point(np.linspace(0.0, 1.0, count + 1))
+        half = 0.5 * abs(self.sweep) / count
+        corners = self.centre + (self.point((np.arange(count) + 0.5) / count) - self.centre) / math.cos(half)
+        return np.vstack([self.first, corners, self.last])
+
+    def quadratics(self) -> list[tuple[float, float, ConicArc]]:
+        """The arc as rational quadratics of at most 90°: (parameter of the first point, of the last, piece)."""
+        count = max(math.ceil(abs(self.sweep) / (0.5 * math.pi) - 1e-9), 1)
+        half = 0.5 * self.sweep / count
+        pieces = []
+        for k in range(count):
+            arc = self.part(k / count, (k + 1) / count)
+            shoulder = self.centre + (arc.point(0.5) - self.centre) / math.cos(half)
+            pieces.append((k / count, (k + 1) / count, ConicArc(arc.first, shoulder, arc.last, math.cos(half))))
+        return pieces
+
+
+Curve: TypeAlias = Segment | Arc | ConicArc
+
+
+def boxes_of(curves: Sequence[Curve]) -> Array:
+    """Bounding boxes (n, 4) in m: lower x, lower y, upper x, upper y."""
+    corners = [(curve.start, curve.end) if isinstance(curve, Segment) else curve.box for curve in curves]
+    pairs = np.array(corners).reshape(-1, 2, 2)
+    return np.concatenate([pairs.min(axis=1), pairs.max(axis=1)], axis=1)

@@ -1,0 +1,234 @@
+"""Plane regions bounded by closed loops of exact curves, the interior on the left; coordinates in m."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fmopt.errors import GeometryError
+from fmopt.geometry.plane.arrangement import Table, simple
+from fmopt.geometry.plane.curve import Curve, Segment, Side, boxes_of
+from fmopt.geometry.plane.meet import meet
+from fmopt.spatial.values import Array, Value
+
+if TYPE_CHECKING:
+    from shapely import MultiPolygon
+
+_CLOSED = 1e-8
+_SAMPLES = 17
+_REFINEMENTS = 60
+
+
+@dataclass(frozen=True, eq=False)
+class Region(Value):
+    """A regular closed set of the plane; without loops it is empty.
+
+    Args:
+        loops: closed chains of curves with the interior on their left, outer ones counter-clockwise, holes clockwise.
+
+    Raises:
+        GeometryError: a loop is open.
+    """
+
+    loops: tuple[tuple[Curve, ...], ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "loops", tuple(tuple(loop) for loop in self.loops))
+        for number, loop in enumerate(self.loops):
+            ends = np.array([curve.last for curve in loop]).reshape(-1, 2)
+            starts = np.array([curve.first for curve in loop]).reshape(-1, 2)
+            gap = float(np.max(np.abs(ends - np.roll(starts, -1, axis=0)), initial=0.0))
+            if not loop or gap > _CLOSED * float(np.max(np.abs(starts), initial=0.0)):
+                raise GeometryError(
+                    f"loop {number} of a region is open by {gap:g} m", "let every curve begin where the last one ended"
+                )
+
+    @property
+    def curves(self) -> tuple[Curve, ...]:
+        """All boundary curves."""
+        return tuple(curve for loop in self.loops for curve in loop)
+
+    @property
+    def empty(self) -> bool:
+        """Whether the region has no point."""
+        return not self.loops
+
+    @cached_property
+    def area(self) -> float:
+        """Area in m², by Green's theorem."""
+        return float(sum(curve.moment() for curve in self.curves))
+
+    @cached_property
+    def box(self) -> tuple[Array, Array]:
+        """Lower and upper corner (2,) of the bounding box.
+
+        Raises:
+            GeometryError: the region is empty.
+        """
+        self._require_points("bounding box")
+        boxes = boxes_of(self.curves)
+        return boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
+
+    @property
+    def size(self) -> float:
+        """Diagonal of the bounding box in m, 0 when empty."""
+        return 0.0 if self.empty else float(np.hypot(*(self.box[1] - self.box[0])))
+
+    @cached_property
+    def _table(self) -> Table:
+        pieces = [[piece for curve in loop for piece in simple(curve)] for loop in self.loops]
+        first = [np.array([piece.first for piece in loop]) for loop in pieces]
+        last = [np.roll(points, -1, axis=0) for points in first]
+        flat = [piece for loop in pieces for piece in loop]
+        return Table.of(flat, np.vstack(first), np.vstack(last)) if flat else Table.of([])
+
+    def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Whether each of `points` (n, 2) lies inside, shape (n,); on the boundary rounding decides."""
+        points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
+        return np.asarray(self._table.winding(points) >= 1)
+
+    def boundary_distance(self, points: ArrayLike) -> Array:
+        """Distance (n,) in m of `points` (n, 2) from the boundary, infinite for the empty region."""
+        points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
+        nearest = np.full(len(points), np.inf)
+        boxes = self._boxes
+        far = np.full(len(points), np.inf)
+        for lower, upper in boxes:
+            reach = np.maximum(np.abs(points - lower), np.abs(points - upper))
+            far = np.minimum(far, np.hypot(*reach.T))
+        for curve, (lower, upper) in zip(self.curves, boxes, strict=True):
+            beyond = np.maximum(np.maximum(lower - points, points - upper), 0.0)
+            asked = np.flatnonzero(np.hypot(*beyond.T) <= np.minimum(far, nearest))
+            if asked.size:
+                nearest[asked] = np.minimum(nearest[asked], curve.distance(points[asked]))
+        return nearest
+
+    @cached_property
+    def _boxes(self) -> list[tuple[Array, Array]]:
+        return [curve.box for curve in self.curves]
+
+    def distance(self, points: ArrayLike) -> Array:
+        """Distance (n,) in m of `points` (n, 2) from the region: 0 inside, infinite for the empty region."""
+        points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
+        return np.where(self.contains(points), 0.0, self.boundary_distance(points))
+
+    def depth(self, points: ArrayLike) -> Array:
+        """Signed distance (n,) in m of `points` (n, 2) from the boundary, positive inside."""
+        points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
+        return np.where(self.contains(points), 1.0, -1.0) * self.boundary_distance(points)
+
+    def support(self, direction: ArrayLike) -> float:
+        """max p · direction (2,) over the points p of the region, in m for a unit direction.
+
+        Raises:
+            GeometryError: the region is empty.
+        """
+        self._require_points("support")
+        return max(curve.support(direction) for curve in self.curves)
+
+    def crossings(self, curve: Curve) -> Array:
+        """Parameters (k,) in [0, 1], ascending, at which `curve` meets the boundary; ends of common pieces included."""
+        lower, upper = curve.box
+        tolerance = 1e-12 * max(self.size, float(np.hypot(*(upper - lower))))
+        found = []
+        for own, (low, high) in zip(self.curves, self._boxes, strict=True):
+            if np.all(low <= upper + tolerance) and np.all(lower <= high + tolerance):
+                found += [t for t, _ in meet(curve, own, tolerance)]
+        slack = tolerance / curve.length if curve.length > 0.0 else 0.0
+        kept: list[float] = []
+        for t in sorted(found):
+            if not kept or t - kept[-1] > 2.0 * slack:
+                kept.append(t)
+        return np.array(kept)
+
+    def moved(self, R: ArrayLike, offset: ArrayLike) -> Region:
+        """The image under p ↦ R p + offset with R (2, 2) orthogonal; a reflection turns the loops round."""
+        R = np.asarray(R, dtype=np.float64)
+        loops = tuple(tuple(curve.moved(R, offset) for curve in loop) for loop in self.loops)
+        if R[0, 0] * R[1, 1] - R[0, 1] * R[1, 0] < 0.0:
+            loops = tuple(tuple(curve.reversed() for curve in reversed(loop)) for loop in loops)
+        return Region(loops)
+
+    def polygon(self, tolerance: float, side: Side = "on") -> MultiPolygon:
+        """The region with curves replaced by polylines within `tolerance` (m); empty when the region is.
+
+        Args:
+            tolerance: in m.
+            side: "left" gives a polygon within the region, "right" one that contains it.
+        """
+        from shapely import MultiPolygon, Polygon, get_parts, unary_union
+
+        rings = [np.vstack([curve.polyline(tolerance, side)[:-1] for curve in loop]) for loop in self.loops]
+        turning = [sum(curve.moment() for curve in loop) for loop in self.loops]
+        outer = [Polygon(ring) for ring, area in zip(rings, turning, strict=True) if area > 0.0]
+        holes = [Polygon(ring) for ring, area in zip(rings, turning, strict=True) if area <= 0.0]
+        solid = unary_union(outer).difference(unary_union(holes)) if holes else unary_union(outer)
+        return MultiPolygon([part for part in get_parts(solid) if isinstance(part, Polygon) and not part.is_empty])
+
+    def hausdorff(self, other: Region) -> float:
+        """Hausdorff distance in m of the two boundaries: the largest distance of a point of one from the other.
+
+        Every curve is sampled and the maxima are refined, so that the answer is approached from below; ends and
+        middles are among the samples, which makes it exact for boundaries of segments.
+
+        Raises:
+            GeometryError: just one of the regions is empty.
+        """
+        if self.empty and other.empty:
+            return 0.0
+        self._require_points("Hausdorff distance")
+        other._require_points("Hausdorff distance")
+        return max(_farthest(self, other), _farthest(other, self))
+
+    def _require_points(self, what: str) -> None:
+        if self.empty:
+            raise GeometryError(f"an empty region has no {what}", "test Region.empty first")
+
+
+def polygon_region(*rings: ArrayLike) -> Region:
+    """The region bounded by closed polygons (n, 2), outer ones counter-clockwise and holes clockwise."""
+    loops = []
+    for ring in rings:
+        points = np.asarray(ring, dtype=np.float64)
+        loops.append(tuple(Segment(a, b) for a, b in zip(points, np.roll(points, -1, axis=0), strict=True)))
+    return Region(tuple(loops))
+
+
+def _farthest(a: Region, b: Region) -> float:
+    """The largest distance of a boundary point of `a` from the boundary of `b`."""
+    t = np.linspace(0.0, 1.0, _SAMPLES)
+    values = b.boundary_distance(np.vstack([curve.point(t) for curve in a.curves])).reshape(-1, _SAMPLES)
+    best = float(values.max())
+    for curve, row in zip(a.curves, values, strict=True):
+        peak = int(np.argmax(row))
+        step = curve.length / (_SAMPLES - 1)
+        if 0 < peak < _SAMPLES - 1 and row[peak] + step > best:
+            best = max(best, _refined(_distance_along(curve, b), t, peak))
+    return best
+
+
+def _distance_along(curve: Curve, region: Region) -> Callable[[float], float]:
+    return lambda t: float(region.boundary_distance(curve.point([t]))[0])
+
+
+def _refined(value: Callable[[float], float], t: Array, peak: int) -> float:
+    """The largest value between the neighbours of a peak of the samples, by golden section."""
+    golden = 0.5 * (np.sqrt(5.0) - 1.0)
+    a, b = float(t[peak - 1]), float(t[peak + 1])
+    c, d = b - golden * (b - a), a + golden * (b - a)
+    fc, fd = value(c), value(d)
+    for _ in range(_REFINEMENTS):
+        if fc > fd:
+            b, d, fd = d, c, fc
+            c = b - golden * (b - a)
+            fc = value(c)
+        else:
+            a, c, fc = c, d, fd
+            d = a + golden * (b - a)
+            fd = value(d)
+    return max(fc, fd)

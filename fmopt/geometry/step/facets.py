@@ -1,0 +1,145 @@
+"""Facets of a solid of the CAD kernel: plane faces exactly, curved ones no further off than stated."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fmopt.errors import GeometryError
+from fmopt.geometry.mesh.mesh_file import MAX_TRIANGLES
+from fmopt.geometry.mesh.mesh_repair import first_crossing
+from fmopt.geometry.polyhedron import from_triangles
+from fmopt.geometry.step.exact_facets import Facets, exact_facets
+from fmopt.geometry.step.step_file import inside, openings
+from fmopt.geometry.step.surfaces import OtherSurfaceError
+
+if TYPE_CHECKING:
+    from OCP.TopoDS import TopoDS_Shape
+
+    from fmopt.geometry.facets import Indices
+    from fmopt.spatial.values import Array
+
+_COARSEST = 0.5  # rad between neighbouring facets
+_INSIDE = np.array([[1, 1, 1], [1.5, 1.5, 0], [0, 1.5, 1.5], [1.5, 0, 1.5]]) / 3.0  # where facets are held to surfaces
+_METRES = 1e-3  # a mm
+_FLAT = 1e-6  # of the diameter: facets that cross by less touch
+_ROUNDING = 1e-6  # of the volume
+_HEAL = "heal the solid where it was made"
+_COARSER = "export one part on its own, with simpler surfaces, or give a larger 'deviation'"
+
+
+def facets_of(solid: TopoDS_Shape, deviation: float) -> dict[str, Any]:
+    """The boundary of a solid: {"points": (n, 3) in mm, "triangles": (m, 3) outward, "off", "around", "own"}.
+
+    "off" is how far curved faces are from the facets, mm, None where there are none; "around" how much larger the
+    facets are than fillets of the solid; "own" whether they are of its own surfaces and close by themselves. A solid of
+    other surfaces than `step_exact` follows is cut by the kernel.
+
+    Raises:
+        GeometryError: the solid is open, or a face of it cannot be cut into facets.
+    """
+    _require_closed(solid)
+    found = _from_surfaces(solid, deviation)
+    own = found is not None
+    if found is None:
+        points, triangles, off = _facets(solid, deviation)
+        found = Facets(points, triangles, None if off is None else max(deviation, off), 0.0)
+    return {
+        "points": found.points.tolist(),
+        "triangles": found.triangles.tolist(),
+        "off": found.off,
+        "around": found.around,
+        "own": own,
+    }
+
+
+def _from_surfaces(solid: TopoDS_Shape, deviation: float) -> Facets | None:
+    """Facets of the solid's own surfaces, if they close and hold as much as the solid, but for what they are off."""
+    from OCP.BRepGProp import BRepGProp
+    from OCP.GProp import GProp_GProps
+
+    try:
+        found = exact_facets(solid, deviation)
+    except OtherSurfaceError:
+        return None
+    volume, surface = GProp_GProps(), GProp_GProps()
+    BRepGProp.VolumeProperties_s(solid, volume)
+    BRepGProp.SurfaceProperties_s(solid, surface)
+    corners = found.points[found.triangles] - found.points.mean(axis=0)
+    held = float(np.linalg.det(corners).sum()) / 6.0
+    spare = surface.Mass() * ((found.off or 0.0) + found.around) + _ROUNDING * abs(volume.Mass())
+    return found if abs(held - volume.Mass()) <= spare and _closes(found) else None
+
+
+def _closes(found: Facets) -> bool:
+    """Whether each edge has two facets, and none passes through another."""
+    try:
+        from_triangles(_METRES * found.points, found.triangles)
+    except GeometryError:
+        return False
+    span = float(np.linalg.norm(np.ptp(found.points, axis=0)))
+    return first_crossing(found.points, found.triangles, _FLAT * span) is None
+
+
+def _require_closed(solid: TopoDS_Shape) -> None:
+    if not any(inside(solid, "FACE")):
+        raise GeometryError("its solid has no faces", _HEAL)
+    if where := openings([solid]):
+        raise GeometryError(f"its shell is not closed: {where}", _HEAL)
+
+
+def _facets(shape: TopoDS_Shape, deviation: float) -> tuple[Array, Indices, float | None]:
+    """Points (n, 3), outward triangles (m, 3), and how far they are from curved faces, mm; None if none is."""
+    from OCP.BRepAdaptor import BRepAdaptor_Surface
+    from OCP.BRepMesh import BRepMesh_IncrementalMesh
+    from OCP.GeomAbs import GeomAbs_SurfaceType
+
+    BRepMesh_IncrementalMesh(shape, deviation, False, _COARSEST, False)
+    points: list[Array] = []
+    triangles: list[Indices] = []
+    off: list[float] = []
+    count = 0
+    for face in inside(shape, "FACE"):
+        corners, sides, places = _mesh_of(face)
+        surface = BRepAdaptor_Surface(face)
+        if surface.GetType() != GeomAbs_SurfaceType.GeomAbs_Plane:
+            off.append(_distance(surface, corners[sides], places[sides]))
+        points.append(corners)
+        triangles.append(sides + count)
+        count += len(corners)
+    return np.vstack(points), np.vstack(triangles), max(off, default=None)
+
+
+def _mesh_of(face: Any) -> tuple[Array, Indices, Array]:
+    """Corners (n, 3) in mm of a face's facets, the facets (m, 3) seen from outside, and the corners' parameters."""
+    from OCP.BRep import BRep_Tool
+    from OCP.TopAbs import TopAbs_Orientation
+    from OCP.TopLoc import TopLoc_Location
+
+    location = TopLoc_Location()
+    mesh = BRep_Tool.Triangulation_s(face, location)
+    if mesh is None or not mesh.NbTriangles() or not mesh.HasUVNodes():
+        raise GeometryError("a face of the STEP file has no facets", _HEAL)
+    if mesh.NbTriangles() > MAX_TRIANGLES:
+        raise GeometryError(f"a face becomes {mesh.NbTriangles()} facets", _COARSER)
+    move = location.Transformation()
+    nodes = [mesh.Node(i).Transformed(move) for i in range(1, mesh.NbNodes() + 1)]
+    corners = np.array([(node.X(), node.Y(), node.Z()) for node in nodes])
+    sides = np.array([mesh.Triangle(i).Get() for i in range(1, mesh.NbTriangles() + 1)], dtype=np.int64) - 1
+    places = np.array([(uv.X(), uv.Y()) for uv in (mesh.UVNode(i) for i in range(1, mesh.NbNodes() + 1))])
+    reversed_ = face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED
+    return corners, sides[:, ::-1] if reversed_ else sides, places
+
+
+def _distance(surface: Any, facets: Array, places: Array) -> float:
+    """Largest distance in mm of a surface from facets (m, 3, 3), at the middles of facets and of their edges."""
+    normal = np.cross(facets[:, 1] - facets[:, 0], facets[:, 2] - facets[:, 0])
+    size = np.linalg.norm(normal, axis=1)
+    normal = normal[size > 0.0] / size[size > 0.0, None]
+    largest = 0.0
+    for weights in _INSIDE:
+        for (u, v), corner, across in zip(weights @ places[size > 0.0], facets[size > 0.0, 0], normal, strict=True):
+            point = surface.Value(float(u), float(v))
+            largest = max(largest, abs(float(across @ (np.array([point.X(), point.Y(), point.Z()]) - corner))))
+    return largest

@@ -1,0 +1,223 @@
+"""STEP files: plane faces exactly, curved ones as facets no further from them than stated.
+
+The CAD kernel reads them in a process of its own, see `step_kernel`: what breaks it down does not break this one.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fmopt.errors import FmoptError, GeometryError, ResourceError, SizeError
+from fmopt.geometry.csg import exact_pose
+from fmopt.geometry.mesh.mesh_file import MAX_TRIANGLES
+from fmopt.geometry.mesh.mesh_import import Imported, mesh_polyhedron
+from fmopt.geometry.polyhedron import from_triangles, placed
+from fmopt.geometry.section import require_plausible
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Value
+
+DEVIATION = 1e-5  # m: how finely curved faces are cut into facets where nothing else is asked for
+_MILLIMETRE = 1e-3
+_SECONDS = 300.0  # by the clock; the process has less of the processor
+_AGAIN = "export it again, as AP203, AP214 or AP242; or export the part as STL"
+_HEAL = "heal the solid where it was made, leave out what does not mate, or give a larger 'deviation'"
+_OUTSIDE = {signal.SIGKILL, signal.SIGTERM, signal.SIGHUP}  # what others send
+_CODE = (
+    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
+    "from fmopt.geometry.step.kernel import main; main(sys.argv[2:])"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Body(Value):
+    """A body of a STEP file.
+
+    Args:
+        name: of its product in the file, told apart from others by a number at its end; "" where it has none.
+        number: its place in the file, from 1.
+        mesh: the body in its product's own frame, as if its part had been exported alone, m.
+        pose: of that frame in the file's.
+    """
+
+    name: str
+    number: int
+    mesh: Imported
+    pose: Pose
+
+
+def bodies(path: Path, deviation: float = DEVIATION) -> tuple[Body, ...]:
+    """All bodies of a STEP file, of an assembly each in its place; lengths in m, the file says its unit itself.
+
+    The pose of one part relative to another, as the file has them, is `one.pose.inverse().compose(other.pose)`.
+
+    Args:
+        path: the file.
+        deviation: how far facets may lie from curved faces, m, positive.
+
+    Raises:
+        ResourceError, SizeError, GeometryError: as of `load_step`; the message names the body at fault.
+    """
+    found = _read(path, deviation, "*")
+    return tuple(
+        Body(one["name"], number, _imported(path, one, _called(one, number, len(found))), _place(one))
+        for number, one in enumerate(found, 1)
+    )
+
+
+def load_step(path: Path, deviation: float = DEVIATION, body: str = "") -> Imported:
+    """One solid of a STEP file, in m; the file says its unit itself.
+
+    Where the file holds several bodies it is in its product's own frame, else in the frame of the file. Corners of
+    plane faces are those of the file. Curved faces become facets that lie within `deviation` of them; the distance is
+    measured again at the middles of facets and their edges, and the larger of the two is the mesh's `chord_error`, 0
+    where all faces are plane.
+
+    Args:
+        path: the file.
+        deviation: how far facets may lie from curved faces, m, positive.
+        body: its name or its number, from 1; "" where there is but one.
+
+    Raises:
+        ResourceError: there is no such file, or no CAD kernel is installed or works, or no process can be started.
+        SizeError: too large or too small for a part.
+        GeometryError: unreadable, without a unit, no solid, or several where none is named, or one whose boundary does
+            not close; or reading it breaks the CAD kernel down, or takes more time or memory than there is for it.
+    """
+    found = _read(path, deviation, body)
+    number, one = next((number, one) for number, one in enumerate(found, 1) if "points" in one)
+    mesh = _imported(path, one, _called(one, number, len(found)))
+    if len(found) > 1 or np.array_equal(_place(one).vector(), np.zeros(6)):
+        return mesh
+    return replace(mesh, body=placed(mesh.body, _place(one)))
+
+
+def _read(path: Path, deviation: float, body: str) -> list[dict[str, Any]]:
+    """What the process finds in the file: each body's name and place, facets of those that are asked for."""
+    if not path.is_file():
+        raise ResourceError(f"cannot read {path}: there is no such file", "check the path")
+    if find_spec("OCP") is None:
+        advice = "install fmopt[step], or export the part as STL"
+        raise ResourceError(f"{path}: STEP files need the extra step", advice)
+    try:
+        answer = _answer(path, deviation, body)
+        if "kernel" in answer:
+            advice = "install one of cadquery-ocp and cadquery-ocp-novtk anew, the one that stands beside the others"
+            raise ResourceError(f"{path}: the installed CAD kernel does not work: {answer['kernel']}", advice)
+        if "message" in answer:
+            raise GeometryError(answer["message"], answer["advice"])
+    except GeometryError as error:
+        raise GeometryError(f"{path}: {error.message}", error.advice) from error
+    found: list[dict[str, Any]] = answer["bodies"]
+    return found
+
+
+def _called(one: dict[str, Any], number: int, count: int) -> str:
+    """What to call a body in a message: nothing where it is the only one."""
+    return f", body {one['name'] or number}" if count > 1 else ""
+
+
+def _place(one: dict[str, Any]) -> Pose:
+    place = np.array(one["place"], dtype=np.float64)
+    return exact_pose(Pose(_MILLIMETRE * place[:, 3], place[:, :3]))
+
+
+def _imported(path: Path, one: dict[str, Any], called: str) -> Imported:
+    try:
+        points, triangles, off = _facets(one)
+        require_plausible(points)
+    except SizeError:
+        raise
+    except GeometryError as error:
+        raise GeometryError(f"{path}{called}: {error.message}", error.advice) from error
+    try:
+        if one["own"]:
+            mesh = Imported(from_triangles(points, triangles), off or 0.0)
+        else:
+            mesh = mesh_polyhedron(points, triangles)
+    except GeometryError as error:
+        raise GeometryError(f"{path}{called}: cut into facets, {error.message}", _HEAL) from error
+    notes = mesh.notes if one["around"] == 0.0 else (*mesh.notes, _enclosed(_MILLIMETRE * one["around"]))
+    return replace(mesh, chord_error=off or 0.0, notes=notes)
+
+
+def _enclosed(size: float) -> str:
+    return (
+        f"its fillets are enclosed by facets, which makes it up to {1e6 * size:.3g} µm larger there and nowhere smaller"
+    )
+
+
+def _facets(answer: dict[str, Any]) -> tuple[Any, Any, float | None]:
+    """Points (n, 3) in m, triangles (m, 3), and how far they are from curved faces, m; None if none is."""
+    points = _MILLIMETRE * np.array(answer["points"], dtype=np.float64).reshape(-1, 3)
+    triangles = np.array(answer["triangles"], dtype=np.int64).reshape(-1, 3)
+    if len(triangles) > MAX_TRIANGLES:
+        raise GeometryError(f"it becomes {len(triangles)} facets", "give a larger 'deviation'")
+    if not np.isfinite(points).all() or triangles.min() < 0 or triangles.max() >= len(points):
+        raise GeometryError("the CAD kernel makes no surface of it", _AGAIN)
+    off = answer["off"]
+    return points, triangles, None if off is None else _MILLIMETRE * off
+
+
+def _answer(path: Path, deviation: float, body: str) -> dict[str, Any]:
+    """What the process says that reads the file.
+
+    Raises:
+        ResourceError: it cannot be started, or was ended from outside.
+        GeometryError: it breaks down on the file, or comes to no end.
+    """
+    watched, life = os.pipe()
+    try:
+        with _process(path, deviation, body, watched) as process:
+            os.close(watched)
+            try:
+                told, said = process.communicate(timeout=_SECONDS)
+            except subprocess.TimeoutExpired:
+                raise GeometryError(f"the CAD kernel has not read it in {_SECONDS:g} s", _AGAIN) from None
+            finally:
+                process.kill()
+    finally:
+        os.close(life)
+    if process.returncode == 0:
+        answer: dict[str, Any] = json.loads(told)
+        return answer
+    raise _ending(path, process.returncode, said)
+
+
+def _process(path: Path, deviation: float, body: str, watched: int) -> subprocess.Popen[bytes]:
+    """The process that reads the file, and ends when the other end of the pipe `watched` is closed."""
+    asked = [str(path.resolve()), repr(deviation / _MILLIMETRE), body, str(watched), str(os.getpid())]
+    try:
+        return subprocess.Popen(
+            [sys.executable, "-c", _CODE, json.dumps(sys.path), *asked],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            pass_fds=(watched,),
+            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+        )
+    except OSError as error:
+        os.close(watched)
+        raise ResourceError(f"{path}: no process can be started to read it: {error.strerror}", "free memory") from error
+
+
+def _ending(path: Path, code: int, said: bytes) -> FmoptError:
+    """The error of a process that did not answer."""
+    if code > 0:
+        last = said[-2000:].decode(errors="replace").strip().split("\n")[-1]
+        return FmoptError(f"{path}: the process that reads it ended with exit code {code}: {last}")
+    name = signal.Signals(-code).name
+    if -code in _OUTSIDE:
+        return ResourceError(f"{path}: the process that reads it was ended by {name}", "free memory, and try again")
+    if -code == signal.SIGXCPU:
+        return GeometryError("the CAD kernel comes to no end with it", _AGAIN)
+    return GeometryError(f"the CAD kernel breaks down on it ({name})", _AGAIN)

@@ -1,1 +1,0 @@
-"""The guarded moves of a plan file, and its contacts, as whoever runs them needs them."""

@@ -1,0 +1,263 @@
+"""Problems that are asked for without a problem file: two parts and how far off they start.
+
+The problem file that such a question stands for is written, so that a plan can be held against it later.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
+
+import numpy as np
+
+from fmopt.errors import Fault, InputError
+from fmopt.notebook.problem import Problem, load
+from fmopt.runtime import output
+from fmopt.task.mesh_source import MESHES, STEP
+from fmopt.task.toml.problem_file import error_of
+from fmopt.task.toml.units import QuantityError
+
+if TYPE_CHECKING:
+    from fmopt.geometry.mesh.mesh_import import Unit
+
+SIDES = ("moving", "fixed")
+Size: TypeAlias = str | float
+Part: TypeAlias = str | PathLike[str] | Any
+_UNITS = ("m", "cm", "mm", "um", "in")
+_BODIES_ADVICE = "say which with --moving NAME and --fixed NAME, or by their numbers"
+
+
+@dataclass(frozen=True)
+class Asked:
+    """Two parts and a start error, in place of a problem file.
+
+    Args:
+        files: of the moving and the fixed part: mesh, STEP or model files; one STEP file twice for an assembly.
+        error: how far off the part may start, as text: a distance and an angle.
+        units: of the numbers of mesh files; mm where it is not given, which is said.
+        bodies: of the STEP files, by name or number; None for the only one.
+    """
+
+    files: tuple[Path, Path]
+    error: str
+    units: tuple[str | None, str | None] = (None, None)
+    bodies: tuple[str | None, str | None] = (None, None)
+
+    def text(self, folder: Path) -> str:
+        """The problem file that it stands for, as it would be in a folder.
+
+        Raises:
+            InputError: the error is not understood, the unit is none, or a file has a name that TOML cannot hold.
+        """
+        try:
+            error_of(self.error)
+        except QuantityError as error:
+            raise InputError(Fault("--error", 1, 1, "", error.code, error.message, error.advice)) from error
+        lines = [
+            f"{side} = {_table(keys) if len(keys) > 1 else quoted(str(keys['model']))}"
+            for side, keys in zip(SIDES, self.operands(folder), strict=True)
+        ]
+        return "\n".join([*lines, "[uncertainty]", f"start = {quoted(self.error)}", ""])
+
+    def operands(self, folder: Path) -> tuple[dict[str, str | int], dict[str, str | int]]:
+        """The tables [moving] and [fixed] of a problem file in a folder.
+
+        Raises:
+            InputError: the unit is none, or a file has a name that TOML cannot hold.
+        """
+        found = []
+        for file, unit, body in zip(self.files, self.units, self.bodies, strict=True):
+            keys: dict[str, str | int] = {"model": _from(file, folder)}
+            if unit is not None and unit not in _UNITS:
+                message, advice = f"{unit!r} is no unit of a mesh", f"write one of {', '.join(_UNITS)}"
+                raise InputError(Fault("--unit", 1, 1, "", "unknown-unit", message, advice))
+            if unit is not None and file.suffix.lower() in MESHES and file.suffix.lower() not in STEP:
+                keys["unit"] = unit
+            if body is not None:
+                keys["body"] = int(body) if body.isdecimal() else body
+            found.append(keys)
+        return found[0], found[1]
+
+    def written(self, file: Path) -> Problem:
+        """The problem, its file written first.
+
+        Raises:
+            InputError: as of `fmopt.load`; the file stays, to be mended.
+            ResourceError: it cannot be written.
+        """
+        for part in self.files:
+            _require_file(part)
+        text = self.text(file.parent)
+        output.save(text.encode(), file)
+        return load(file)
+
+
+def _from(file: Path, folder: Path) -> str:
+    """A file as a problem file in a folder names it."""
+    name = os.path.relpath(file.absolute(), folder.absolute())
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        fault = Fault(ascii(str(file)), 1, 1, "", "file-name", "its name is no text", "give the file another name")
+        raise InputError(fault) from None
+    return Path(name).as_posix()
+
+
+def _require_file(file: Path) -> None:
+    if not file.is_file():
+        what = "is no file" if file.exists() else "does not exist"
+        advice = "name the two files of the parts: mesh (.stl, .obj, .ply), STEP or model files (.toml)"
+        raise InputError(Fault(str(file), 1, 1, "", "file-missing", f"{file} {what}", advice))
+
+
+def quoted(text: str) -> str:
+    """A text as TOML has it."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _table(keys: Mapping[str, Any]) -> str:
+    return f"{{ {', '.join(f'{key} = {quoted(v) if isinstance(v, str) else v}' for key, v in keys.items())} }}"
+
+
+def of_assembly(file: Path, error: str, moving: str | None, fixed: str | None) -> Asked:
+    """The question that an assembly asks: one of its bodies into another, as they stand there.
+
+    Of two bodies the one that goes into the other is found where neither is named: the one with the peg; of two that
+    could, the smaller one moves.
+
+    Raises:
+        InputError: there are too few or too many bodies to choose from, or one does not exist.
+        ResourceError: no library that reads STEP files.
+    """
+    from fmopt.errors import GeometryError
+    from fmopt.geometry.step.step_file import chosen
+    from fmopt.geometry.step.step_import import bodies
+
+    _require_file(file)
+    try:
+        found = bodies(file)
+        names = [body.name for body in found]
+        known = ", ".join(f"{n} {name!r}" if name else f"{n}" for n, name in enumerate(names, 1))
+        if len(found) < 2:
+            message, advice = f"{file} holds one body", "name the file of the other part, too"
+            raise InputError(Fault(str(file), 1, 1, "", "one-body", message, advice))
+        picks = [None if which is None else chosen(names, which) for which in (moving, fixed)]
+    except GeometryError as error_:
+        raise InputError(Fault(str(file), 1, 1, "", "geometry", error_.message, error_.advice)) from error_
+    rest = [n for n in range(len(found)) if n not in picks]
+    if picks[0] is not None and picks[0] == picks[1]:
+        message = f"{names[picks[0]] or picks[0] + 1!r} is to move and to stand"
+        raise InputError(Fault(str(file), 1, 1, "", "conflict", message, f"name two of {known}"))
+    if len(rest) != picks.count(None):
+        message = f"{file} holds {len(found)} bodies: {known}"
+        raise InputError(Fault(str(file), 1, 1, "", "ambiguous", message, _BODIES_ADVICE))
+    if picks == [None, None]:
+        order = _guessed([found[n].mesh for n in rest])
+        picks = [rest[n] for n in order]
+    else:
+        picks = [rest[0] if pick is None else pick for pick in picks]
+    called = [names[n] if names[n] and not names[n].isdecimal() else str(n + 1) for n in picks if n is not None]
+    return Asked((file, file), error, bodies=(called[0], called[1]))
+
+
+def _guessed(meshes: Sequence[Any]) -> tuple[int, int]:
+    """Which of two bodies moves and which stands: the one without a hole moves, else the smaller one."""
+    from fmopt.errors import GeometryError
+    from fmopt.geometry.part import mesh_part
+
+    holes = []
+    for mesh in meshes:
+        try:
+            holes.append(any(one.kind == "hollow" for one in mesh_part("body", mesh).features))
+        except GeometryError:
+            holes.append(False)
+    if holes[0] != holes[1]:
+        return (1, 0) if holes[0] else (0, 1)
+    return (0, 1) if meshes[0].body.volume <= meshes[1].body.volume else (1, 0)
+
+
+def problem(
+    peg: Part,
+    hole: Part,
+    error: str | tuple[Size, Size],
+    unit: str | None = None,
+    folder: str | PathLike[str] | None = None,
+) -> Problem:
+    """The problem of two parts and a start error; all the rest is found, as `explain` says.
+
+    >>> folder = fmopt.example("square_peg").parent.parent / "models"
+    >>> problem = fmopt.problem(folder / "square_peg.toml", folder / "square_hole_block.toml", ("0.3 mm", "0.3 deg"))
+    >>> problem.hole.length, round(problem.measured.per_side, 9)
+    (0.03, 0.0001)
+
+    Args:
+        peg: the part that moves: path of a mesh, STEP or model file; a mesh of trimesh or manifold3d; a solid of
+            CadQuery or build123d; or a pair of an outline (n, 2) and a height.
+        hole: the part that stays, likewise.
+        error: half-widths of the start error along and about every axis: a distance and an angle as text with their
+            units, or in m and rad.
+        unit: of the numbers of meshes and outlines that do not say it; mm if not given.
+        folder: where the problem file goes that this stands for, and files of parts that have none; a temporary one if
+            not given, which is there as long as the interpreter runs.
+
+    Raises:
+        InputError: with every fault.
+        GeometryError: an object that is no part.
+        ResourceError: a file cannot be written.
+    """
+    place = Path(folder) if folder is not None else _temporary()
+    output.prepare(place)
+    one, two = (_file(part, place / name, unit) for part, name in ((peg, "peg"), (hole, "hole")))
+    text = error if isinstance(error, str) else _error_text(error)
+    return Asked((one[0], two[0]), text, (one[1], two[1])).written(place / "problem.toml")
+
+
+_kept: list[tempfile.TemporaryDirectory[str]] = []
+
+
+def _temporary() -> Path:
+    _kept.append(tempfile.TemporaryDirectory(prefix="fmopt-"))
+    return Path(_kept[-1].name)
+
+
+def _error_text(error: tuple[Size, Size]) -> str:
+    distance, angle = error
+    parts = (
+        (distance if isinstance(distance, str) else f"{float(distance)!r} m"),
+        (angle if isinstance(angle, str) else f"{float(angle)!r} rad"),
+    )
+    return ", ".join(parts)
+
+
+def _file(part: Part, stem: Path, unit: str | None) -> tuple[Path, str | None]:
+    """The file of a part and the unit of its numbers; what stands in Python is written, with all of its digits."""
+    if isinstance(part, str | PathLike):
+        return Path(part), unit
+    from fmopt.geometry.polyhedron import triangulated
+    from fmopt.geometry.python_objects import imported_of, step_of
+
+    target = stem.with_suffix(".step")
+    if step_of(part, target, unit):
+        return target, None
+    known = unit or getattr(part, "units", None)
+    mesh = imported_of(part, cast("Unit | None", unit) if known else "mm").body
+    target = stem.with_suffix(".ply")
+    output.save(_ply(1e3 * mesh.vertices, triangulated(mesh)), target)
+    return target, "mm" if known else None
+
+
+def _ply(points: Any, triangles: Any) -> bytes:
+    head = (
+        "ply\nformat binary_little_endian 1.0\n"
+        f"element vertex {len(points)}\nproperty double x\nproperty double y\nproperty double z\n"
+        f"element face {len(triangles)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    rows = np.empty(len(triangles), dtype=[("count", "u1"), ("corners", "<i4", (3,))])
+    rows["count"], rows["corners"] = 3, triangles
+    return head.encode() + np.ascontiguousarray(points, dtype="<f8").tobytes() + rows.tobytes()

@@ -1,0 +1,50 @@
+"""How values show themselves in a notebook: tables, drawings and formulas, told to IPython by name of their types."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from fmopt.notebook.views import VIEWS, views_of
+
+
+def introduce() -> None:
+    """Tells the running IPython how values of this package are shown; without one, nothing happens."""
+    from IPython import get_ipython
+
+    shell = get_ipython()
+    if shell is None:
+        return
+    html = shell.display_formatter.formatters["text/html"]
+    for name, view in HTML.items():
+        html.for_type_by_name(*name.rsplit(".", 1), view)
+
+
+def _drawn(value: Any) -> str:
+    return str(next(iter(views_of(value).values()))._repr_html_())
+
+
+def _pose(pose: Any) -> str:
+    from fmopt.notebook.sheets import pose_sheet
+
+    return pose_sheet(pose)
+
+
+def _verdict(verdict: Any) -> str:
+    from fmopt.notebook.sheets import verdict_sheet
+
+    return verdict_sheet(verdict)
+
+
+def _nominal(nominal: Any) -> str:
+    from fmopt.notebook.sheets import freedom_sheet
+
+    return freedom_sheet(nominal.freedoms)
+
+
+HTML: Mapping[str, Callable[[Any], str]] = {
+    **{name: _drawn for name in VIEWS if not name.startswith(("fmopt.notebook", "fmopt.task"))},
+    "fmopt.spatial.se3.Pose": _pose,
+    "fmopt.verify.findings.Verdict": _verdict,
+    "fmopt.planning.plan_record.Nominal": _nominal,
+}

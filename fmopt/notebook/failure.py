@@ -1,0 +1,190 @@
+"""Why there is no plan for a problem: how far a motion came, what it lacks, and the nearest problem that does work."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fmopt.errors import InfeasibleError, OverdueError, SearchError
+from fmopt.plan import Body, Contact, Part, line
+from fmopt.report.attempt import Failure, Lack, Nearest, Step, box_words, failure_page
+from fmopt.report.naming import quantity
+from fmopt.runtime import output
+from fmopt.runtime.compiled import clock, until
+from fmopt.task.problem import Problem
+
+if TYPE_CHECKING:
+    from fmopt.contact.primitive import PrimitiveContact
+    from fmopt.geometry.part import Part as Solid
+    from fmopt.geometry.polyhedron import Polyhedron
+    from fmopt.planning.motion import Attempt, Posed
+    from fmopt.planning.moves.moves import Move
+
+Progress = Callable[[str], None]
+_SHORTEST = 1e-12  # m, below which nothing is called short
+
+
+def explained(
+    problem: Problem, error: SearchError | InfeasibleError, begun: float, progress: Progress = lambda _: None
+) -> Failure:
+    """What there is to say of a problem for which no motion was found, which the error has from then on.
+
+    Args:
+        problem: the task.
+        error: of `fmopt.planning.pipeline.synthesise`.
+        begun: `fmopt.runtime.compiled.clock()` when that began.
+        progress: told what is being done.
+    """
+    from fmopt.planning.pipeline import RESERVED
+
+    limit = problem.settings.time_limit
+    seconds = max(begun + limit - clock(), 0.5 * RESERVED * limit)
+    with until(clock() + seconds):
+        failure = _failure(problem, error, seconds, progress)
+    error.failure, error.advice = failure, "; or ".join(failure.advice)
+    return failure
+
+
+def _failure(problem: Problem, error: SearchError | InfeasibleError, seconds: float, progress: Progress) -> Failure:
+    from fmopt.planning.motion import Posed
+    from fmopt.planning.pipeline import nearest
+
+    begun, posed = clock(), Posed.of(problem)
+    attempt: Attempt | None = error.attempt
+    steps, lack = ((), None) if attempt is None else _followed(posed, attempt)
+    late = isinstance(error, SearchError) and error.late
+    found, cut = None, False
+    if not problem.settings.reduce_errors:
+        progress("the nearest problem that works")
+        tried = nearest(problem, seconds - (clock() - begun), progress)
+        cut = tried.late
+        if tried.share:
+            found = Nearest(tried.share, tuple(map(float, tried.share * problem.start_box)), tried.margin)
+    moves = () if attempt is None else (*attempt.moves, *(move for _, move in attempt.onward))
+    return Failure(
+        title=problem.title,
+        stage="begin" if attempt is None else attempt.stage,
+        message=line(error.message),
+        late=late,
+        lack=lack,
+        steps=steps,
+        box=tuple(map(float, problem.start_box)),
+        rho=posed.tolerance.rho,
+        nearest=found,
+        advice=tuple(_advice(problem, error, found, cut)),
+        moving=_part(problem.moving, problem, posed),
+        fixed=_part(problem.fixed, problem, posed),
+        contacts=tuple(_contacts(moves)),
+    )
+
+
+def write(failure: Failure, folder: Path) -> list[Path]:
+    """Writes `attempt.html`, and its figure as SVG and PNG, to a folder.
+
+    Raises:
+        ResourceError: a file cannot be written.
+    """
+    figures = failure.figures
+    svgs = {name: figure.svg() for name, figure in figures.items()}
+    files = {folder / "attempt.html": failure_page(failure, svgs).encode()}
+    for name, figure in figures.items():
+        files[folder / "figures" / f"{name}.svg"] = svgs[name].encode()
+        files[folder / "figures" / f"{name}.png"] = figure.png()
+    for path, content in files.items():
+        output.save(content, path)
+    return list(files)
+
+
+def _advice(problem: Problem, error: SearchError | InfeasibleError, found: Nearest | None, cut: bool) -> Iterator[str]:
+    """What to change, each true of what was tried; `cut` says whether time ended a try with smaller errors."""
+    late, now = isinstance(error, SearchError) and error.late, f"{problem.settings.time_limit:g} s now"
+    if found is not None:
+        yield (
+            f"lower all start errors to {100.0 * found.share:.3g} % ({box_words(found.box)}), "
+            f"which is certified with {quantity(found.margin)}"
+        )
+    if late:
+        yield f"raise settings.time_limit, {now}, which ended the search before its end"
+    elif found is None and cut:
+        yield f"raise settings.time_limit, {now}, which left too little for tries with smaller start errors"
+    elif found is None:
+        yield "widen the clearance, or try another settings.max_tilt or start.height; smaller start errors did not help"
+    if not isinstance(error, SearchError) and error.advice:
+        yield error.advice
+
+
+def _followed(posed: Posed, attempt: Attempt) -> tuple[tuple[Step, ...], Lack | None]:
+    """The moves of an attempt with what is certified of them, and what is missing first."""
+    from fmopt.planning.motion import FINE
+    from fmopt.planning.moves.moves import Reached, unroll
+
+    def after(move: Move, reached: Reached) -> tuple[Reached, float, str]:
+        there = unroll(posed.assembly, move, reached, posed.tolerance, FINE, thorough=True)
+        worst = min(there.claims[len(reached.claims) :], key=lambda claim: claim.margin)
+        return there, worst.margin, worst.binding
+
+    reached, steps, lack = posed.start, list[Step](), None
+    for number, (name, move) in enumerate(zip(attempt.names, attempt.moves, strict=False), start=1):
+        margin: float | None = None
+        if lack is None or lack.binding:
+            try:
+                reached, margin, binding = after(move, reached)
+                if margin <= 0.0 and (lack is None or -margin > (lack.short or 0.0)):
+                    lack = Lack(number, name, "", binding, _contact(move, binding), -margin)
+            except InfeasibleError as error:
+                lack = lack or _impossible(number, name, move, error)
+            except OverdueError:
+                lack = lack or Lack(number, name, "the time limit is used up", "", "", None)
+        steps.append(_step(name, move, margin))
+    if lack is not None or attempt.seated:
+        return tuple(steps), lack
+    ways = list[Lack]()
+    for name, move in attempt.onward:
+        try:
+            _, margin, binding = after(move, reached)
+        except InfeasibleError as error:
+            ways.append(_impossible(len(steps) + 1, name, move, error))
+        except OverdueError:
+            break
+        else:
+            if margin <= 0.0:
+                ways.append(Lack(len(steps) + 1, name, "", binding, _contact(move, binding), -margin))
+    told = [way for way in ways if way.short is not None]
+    if told:
+        return tuple(steps), min(told, key=lambda way: way.short or 0.0)
+    words = "no move from there makes another contact that errors leave sure"
+    return tuple(steps), ways[0] if ways else Lack(len(steps) + 1, "", words, "", "", None)
+
+
+def _impossible(number: int, name: str, move: Move, error: InfeasibleError) -> Lack:
+    short = error.shortfall if error.shortfall > _SHORTEST else None
+    return Lack(number, name, error.message, "", _contact(move, ""), short)
+
+
+def _contact(move: Move, binding: str) -> str:
+    """The contact that binds, else the one that a move makes."""
+    own = next((c.id for c in (*move.held, *move.making, *move.left) if binding.split(" ")[0] == c.id), "")
+    return own or next((c.id for c in move.making), "")
+
+
+def _step(name: str, move: Move, margin: float | None) -> Step:
+    start, goal = (tuple(map(float, pose.vector())) for pose in (move.start, move.goal))
+    return Step(name, start, goal, tuple(contact.id for contact in move.making), margin)
+
+
+def _contacts(moves: Iterable[Move]) -> list[Contact]:
+    found: dict[str, PrimitiveContact] = {}
+    for move in moves:
+        found |= {contact.id: contact for contact in (*move.held, *move.making, *move.left)}
+    return [Contact(c.id, str(c.kind), c.moving, c.fixed) for c in found.values()]
+
+
+def _part(solid: Solid, problem: Problem, posed: Posed) -> Part:
+    def body(of: Polyhedron) -> Body:
+        corners = tuple(tuple(map(float, vertex)) for vertex in of.vertices)
+        return Body(corners, tuple(face.loops for face in of.faces))
+
+    pieces = tuple(map(body, solid.pieces))
+    declared, measured = problem.declared_clearance, posed.clearance.per_side
+    return Part(body(solid.polyhedron), pieces, line(solid.name), declared, measured)

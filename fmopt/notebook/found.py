@@ -1,0 +1,93 @@
+"""What was found on parts: as comments of the problem file that asks for nothing of it, and as a drawing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fmopt.notebook.asking import SIDES, quoted
+from fmopt.notebook.drawing import Drawing
+from fmopt.task.explain import explain
+from fmopt.task.mesh_source import MESHES, STEP
+
+if TYPE_CHECKING:
+    from fmopt.geometry.clearance import Clearance
+    from fmopt.geometry.part import Part
+    from fmopt.notebook.asking import Asked
+    from fmopt.task.problem import Problem
+
+UNITLESS = frozenset(MESHES) - frozenset(STEP)
+
+
+def commented(asked: Asked, folder: Path, problem: Problem, clearance: Clearance, stated: bool) -> str:
+    """The problem file of a question, with what was found, and what holds where nothing is stated, as comments.
+
+    Args:
+        asked: the question.
+        folder: where the file goes.
+        problem: that it asks for.
+        clearance: as measured.
+        stated: whether the start error is the user's own.
+    """
+    yours = "how far off the part may start, along and about every axis (half-widths)"
+    note = yours if stated else f"AN EXAMPLE, put your own: {yours}"
+    goal, exchanged = problem.task, problem.task.exchanged
+    names = (problem.hole.name, problem.peg.name) if exchanged else (problem.peg.name, problem.hole.name)
+    lines = [f"# {problem.title}. What stands behind # was found or is as usual: take the # away to state it.", ""]
+    for side, keys, name in zip(SIDES, asked.operands(folder), names, strict=True):
+        lines += [f"[{side}]", *(f"{key} = {quoted(v) if isinstance(v, str) else v}" for key, v in keys.items())]
+        if "unit" not in keys and Path(str(keys["model"])).suffix.lower() in UNITLESS:
+            lines.append('# unit = "mm"')
+        lines += [f"# feature = {quoted(name)}", ""]
+    lines += ["[goal]", f'# depth = "{_number(-1e3 * float(problem.goal[2]))} mm" # or "full"']
+    if goal.turn and not goal.free_turn:
+        lines.append(f'# turn = "{-goal.turn if exchanged else goal.turn!r} rad"')
+    lines += ["", "# [clearance] # on each side, as measured"]
+    for axis, play in zip("xy", clearance.play, strict=True):
+        lines.append(f'# {axis} = "{_number(500.0 * (play if play < 1e3 else 2.0 * clearance.per_side))} mm"')
+    lines += ["", "[start]", f'# height = "{_number(1e3 * problem.approach)} mm"', ""]
+    lines += ["[uncertainty]", f"start = {quoted(asked.error)} # {note}", "", "[uncertainty.velocity]"]
+    lines += [f"# {name} = {getattr(problem.velocity_error, name)!r}" for name in ("translation", "rotation")]
+    lines += ["", *_usual(problem), ""]
+    said = explain(problem, clearance).split("\n")[2:]
+    return "\n".join([*lines, "# What fmopt check says of it:", *(f"# {line}".rstrip() for line in said), ""])
+
+
+def _usual(problem: Problem) -> Iterator[str]:
+    """Speed, forces and settings, which are as usual."""
+    wanted, settings = problem.specification, problem.settings
+    yield "[specification]"
+    yield f'# speed = "{_number(1e3 * wanted.speed)} mm/s"'
+    yield f'# contact_force = "{_number(wanted.contact_force)} N"'
+    yield f'# torque_limit = "{_number(wanted.torque_limit)} N*m"'
+    yield f"# friction = {wanted.friction!r}"
+    yield f'# termination_force = "{_number(wanted.termination_force)} N"'
+    yield ""
+    yield "[settings]"
+    yield f'# max_tilt = "{_number(math.degrees(settings.max_tilt))} deg"'
+    yield f'# time_limit = "{_number(settings.time_limit)} s"'
+
+
+def _number(value: float) -> str:
+    return f"{value:.9g}"
+
+
+def drawing_of(parts: Sequence[Part]) -> Drawing:
+    """What was taken for what: each part seen from a corner with its frames, and cut through each feature.
+
+    Args:
+        parts: in any frames.
+    """
+    from fmopt.report.views import feature_view
+
+    def paint(sheet: Any) -> None:
+        rows = sheet.subfigures(len(parts), 1, squeeze=False)[:, 0]
+        for half, part in zip(rows, parts, strict=True):
+            feature_view.paint(part, half)
+
+    title = " and ".join(part.name for part in parts)
+    width, height = feature_view.size()
+    alt = " ".join(feature_view.alt(part) for part in parts)
+    return Drawing("found", f"What was found on {title}", alt, (width, height * len(parts)), paint=paint)

@@ -1,0 +1,112 @@
+"""What `fmopt show` draws of a file: of a plan, a problem, a model, or the tasks of an assembly."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fmopt.errors import ChoiceError
+from fmopt.notebook.drawing import SUFFIXES, Drawing, drawings
+from fmopt.notebook.found import drawing_of
+from fmopt.notebook.parts import is_part, load_part
+from fmopt.plan import STDIO
+from fmopt.task.toml.source import read
+
+if TYPE_CHECKING:
+    from fmopt.geometry.part import Part
+    from fmopt.task.object_model.command import Answer
+
+_SAID = {  # what people call drawings of a plan, beside their names
+    "moves": "cut",
+    "motion": "scene",
+    "3d": "scene",
+    "graph": "states",
+    "margins": "margin",
+    "errors": "tube",
+}
+_RHO = 0.01  # m: an assembly states no errors, so that the characteristic length plays no part
+
+
+def gallery(file: Path) -> Mapping[str, Drawing]:
+    """The drawings that there are of a file, by name; none is made before it is asked for.
+
+    Args:
+        file: a plan (JSON; "-" for standard input), a problem, model or assembly (TOML), or a mesh or STEP file.
+
+    Raises:
+        FmoptError: the file cannot be read, or is none of these.
+    """
+    if file == STDIO or file.suffix.lower() == ".json":
+        from fmopt.notebook.plan import read as read_plan
+
+        return drawings(read_plan(file))
+    if is_part(file):
+        return {name: drawing for part in load_part(file) for name, drawing in _of_part(part).items()}
+    source = read(file)
+    if {"objects", "tasks"} & set(source.data):
+        return _tasks(file)
+    from fmopt.notebook.problem import load
+
+    return drawings(load(file))
+
+
+def draw(file: Path, what: str | None, out: Path | None) -> bytes | Path:
+    """Draws a file.
+
+    Args:
+        file: see `gallery`.
+        what: name of the drawing, or what people call it, as "moves" and "motion"; the first when not given.
+        out: file whose ending says the format; "-" for SVG, or HTML of what moves, as bytes; None for a file named
+            after both in the current folder.
+
+    Returns:
+        The file that was written, or the bytes.
+
+    Raises:
+        ChoiceError: there is no such drawing, or not in this format.
+        ResourceError: it cannot be written.
+        FmoptError: the file cannot be read or drawn.
+    """
+    found = gallery(file)
+    name = what or next(iter(found))
+    name = name if name in found else _SAID.get(name.lower(), name)
+    if name not in found:
+        advice = f"choose from {', '.join(found)}; fmopt show {file} --list says what each shows"
+        raise ChoiceError(f"{file}: no drawing {name!r} of it", advice)
+    drawing = found[name]
+    if out == STDIO:
+        return (drawing.html() if drawing.paint is None else drawing.svg()).encode()
+    stem = "plan" if file == STDIO else file.stem
+    suffix = SUFFIXES[2] if drawing.paint is None else SUFFIXES[0]
+    return drawing.save(out if out is not None else Path(f"{stem}-{name}{suffix}"))
+
+
+def _of_part(part: Part) -> dict[str, Drawing]:
+    """The drawings of a part, with what was found on it."""
+    return {**drawings(part), "found": drawing_of((part,))}
+
+
+def _tasks(file: Path) -> dict[str, Drawing]:
+    """The cut-diagrams of each task, without the errors, which an assembly does not state."""
+    from fmopt.report.views import diagram_view
+    from fmopt.task.assembly import carried_out, load_assembly
+
+    size = diagram_view.paper(3)
+    found = {}
+    for step in carried_out(load_assembly(file)):
+        task = step.answer.task
+        title = f"{step.name}: {task.moving} into {task.fixed}, cut-diagrams without errors"
+        found[step.name] = Drawing(step.name, title, title, size, paint=partial(_paint_task, step.answer))
+    return found
+
+
+def _paint_task(found: Answer, sheet: Any) -> None:
+    from fmopt.papers.lee_huang.mapping import answered, records
+    from fmopt.plan import diagram
+    from fmopt.report.views import diagram_view
+
+    mapping = answered(found, [0.0] * 6, _RHO)
+    drawn = records(mapping, float(-mapping.path.nodes[-1, 2]) or _RHO)
+    diagram_view.paint([diagram(record) for record in drawn], sheet)

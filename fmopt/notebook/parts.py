@@ -1,0 +1,137 @@
+"""One part by itself: read from a mesh, STEP or model file, and what is found on it in words and as data."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fmopt.errors import Fault, GeometryError, InputError
+from fmopt.plan import STDIO
+from fmopt.task.mesh_source import MESHES, STEP
+from fmopt.task.model import Bare, load_model
+from fmopt.task.solid_tree import build_part, build_tree
+from fmopt.task.toml.source import Place, read
+
+if TYPE_CHECKING:
+    from fmopt.geometry.mating_features import Feature
+    from fmopt.geometry.part import Part
+
+_OF_PART = {"features", "solids", "mesh", "profile", "part", "parameters"}
+
+
+def is_part(file: Path) -> bool:
+    """Whether a file is one part, a mesh, STEP or model file, to go by its name and its tables.
+
+    Raises:
+        InputError: it is a TOML file that cannot be read.
+    """
+    if file.suffix.lower() in MESHES:
+        return True
+    if file == STDIO or file.suffix.lower() != ".toml":
+        return False
+    data = read(file).data
+    return bool(_OF_PART & set(data)) and not {"moving", "fixed", "objects", "tasks"} & set(data)
+
+
+def load_part(file: Path, unit: str | None = None) -> tuple[Part, ...]:
+    """The part of a file in its model's frame, of an assembly (STEP) all of its bodies, with what is found on it.
+
+    Args:
+        file: mesh, STEP or model file.
+        unit: of the numbers of a mesh.
+
+    Raises:
+        InputError: with every fault.
+        ResourceError: no library that reads STEP files.
+    """
+    bodies: Sequence[str | None] = _bodies(file) if file.suffix.lower() in STEP else (None,)
+    return tuple(_loaded(file, Bare(unit, body)) for body in bodies)
+
+
+def _bodies(file: Path) -> Sequence[str | None]:
+    from fmopt.geometry.step.step_import import bodies
+
+    if not file.is_file():
+        return (None,)  # the reader of models says what is wrong
+    try:
+        found = bodies(file)
+    except GeometryError as error:
+        raise InputError(Fault(str(file), 1, 1, "", "geometry", error.message, error.advice)) from error
+    return (None,) if len(found) == 1 else [body.name or str(body.number) for body in found]
+
+
+def _loaded(file: Path, said: Bare) -> Part:
+    model, faults = load_model(file, Place(str(file)), {}, said)
+    if model is None:
+        raise InputError(*faults)
+    part = build_part(model.source, model.file)
+    build_tree(model.source, model.file)
+    return replace(part, notes=(*model.notes, *part.notes))
+
+
+def part_words(part: Part) -> Iterator[str]:
+    """What is found on a part, one statement a line, lengths in mm and angles in degrees."""
+    shape = part.polyhedron
+    extent = " x ".join(_mm(width) for width in np.ptp(shape.vertices, axis=0).tolist())
+    pieces = "1 convex piece" if len(part.pieces) == 1 else f"{len(part.pieces)} convex pieces"
+    yield f"{'part':<10} {part.name}: {extent} mm, volume {1e9 * shape.volume:.6g} mm3"
+    yield (
+        f"{'surface':<10} {len(shape.faces)} faces, {len(shape.edges)} edges, {len(shape.vertices)} corners, closed; "
+        f"{pieces}"
+    )
+    said = f"facets lie up to {_mm(part.chord_error)} mm off the true surface, which adds to the start error"
+    yield f"{'deviation':<10} {said if part.chord_error else 'none: every face is plane'}"
+    for feature in part.features:
+        yield f"{'feature':<10} {_feature_words(feature)}"
+    if not part.features:
+        yield f"{'feature':<10} none"
+    yield from (f"{'':<10} {note}" for note in part.notes)
+
+
+def _feature_words(feature: Feature) -> str:
+    x, y, z, *turn = feature.frame.vector().tolist()
+    kind = "peg" if feature.kind == "solid" else "hole, open at both ends" if feature.through else "hole, blind"
+    name = "length" if feature.kind == "solid" else "depth"
+    origin = "leading end" if feature.kind == "solid" else "mouth"
+    axis = ", ".join(f"{value + 0.0:.6g}" for value in np.round(feature.frame.R[:, 2], 9).tolist())
+    place = ", ".join(_mm(value) for value in (x, y, z))
+    about = ", ".join(f"{math.degrees(angle) + 0.0:.6g}" for angle in turn)
+    return (
+        f"{feature.name}: {kind}, {name} {_mm(feature.length)} mm; centre of its {origin} at ({place}) mm, axis "
+        f"({axis}) out of it, frame turned by ({about}) deg"
+    )
+
+
+def _mm(length: float) -> str:
+    return f"{round(1e3 * length, 9) + 0.0:.6g}"
+
+
+def part_facts(part: Part) -> dict[str, Any]:
+    """The same as data, in SI units, poses as (x, y, z, rotation vector) in the model's frame."""
+    shape = part.polyhedron
+    return {
+        "name": part.name,
+        "extent": np.ptp(shape.vertices, axis=0).tolist(),
+        "volume": shape.volume,
+        "faces": len(shape.faces),
+        "edges": len(shape.edges),
+        "vertices": len(shape.vertices),
+        "convex_pieces": len(part.pieces),
+        "deviation": part.chord_error,
+        "features": [
+            {
+                "name": feature.name,
+                "kind": feature.kind,
+                "frame": feature.frame.vector().tolist(),
+                "length": feature.length,
+                "through": feature.through,
+            }
+            for feature in part.features
+        ],
+        "notes": list(part.notes),
+    }

@@ -1,0 +1,108 @@
+"""Problems, plans and segments as tables of HTML, for notebooks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+from fmopt.plan.position_force import AXES
+from fmopt.report.control_tables import hybrid_cells, jamming_cells
+from fmopt.report.moves import summary_rows
+from fmopt.report.moves import verdict as spoken
+from fmopt.report.shell import table
+
+if TYPE_CHECKING:
+    from fmopt.notebook.plan import Plan, Segment
+    from fmopt.notebook.problem import Problem
+
+_SHOWN = 8  # findings of a verdict
+# Notebooks centre captions and set cells to the right; what is read as words starts on the left.
+_STYLE = (
+    "<style>.fmopt-sheet td, .fmopt-sheet th, .fmopt-sheet caption { text-align: left !important; } "
+    ".fmopt-sheet td.number, .fmopt-sheet th.number { text-align: right !important; } "
+    ".fmopt-sheet caption { font-weight: bold; white-space: nowrap; }</style>"
+)
+
+
+def problem_sheet(problem: Problem) -> str:
+    """What a problem asks for, line by line, and its parts."""
+    from fmopt.errors import InterferenceError
+    from fmopt.notebook.drawing import show
+
+    try:
+        _, _, *lines = problem.explain().splitlines()
+        rows = [(line[:10].strip(), line[11:]) for line in lines]
+    except InterferenceError as error:
+        rows = [("infeasible", str(error))]
+    said = table(problem.title, ("", ""), rows)
+    return _sheet(said + show(problem, "parts")._repr_html_())
+
+
+def plan_sheet(plan: Plan) -> str:
+    """A plan: verdict in words, moves, and the motion in three dimensions."""
+    found = spoken(plan.stated)
+    head, *rows = summary_rows(plan.stated)
+    margins = [move.margin for move in plan.moves]
+    worst = margins.index(min(margins))
+    kinds = "".join("n" if name in ("move", "travel", "turn") or "margin" in name else "." for name in head)
+    return _sheet(
+        f"<p><strong>{escape(found.word)}</strong>: {escape(plan.stated.title)}<br>"
+        f"{escape(found.sentence)}</p>{table('Moves', head, rows, kinds, worst)}{plan.scene()._repr_html_()}"
+    )
+
+
+def segment_sheet(segment: Segment) -> str:
+    """A segment: where it goes, what it keeps, what it leaves, and how it is controlled."""
+    rows = [
+        ("from", pose_words(segment.start.vector())),
+        ("to", pose_words(segment.goal.vector())),
+        ("keeps", ", ".join(segment.state) or "nothing"),
+        ("ends with", ", ".join(segment.goal_state) or "nothing"),
+        ("margin", f"{1e6 * segment.margin:.2f} µm, {segment.binds}"),
+    ]
+    names = ("position axes", "force axes", "velocity", "bias wrench", "end")
+    rows += zip(names, hybrid_cells(segment.record, segment.record.progress[1] == 1.0, segment.rho), strict=True)
+    if segment.hybrid.jam_free is not None:
+        of_jamming = ("push", "cannot jam within", "narrow ranges")
+        rows += zip(of_jamming, jamming_cells(segment.hybrid, segment.hybrid.jam_free, segment.rho), strict=True)
+    return _sheet(table(f"segments[{segment.number}], of move {segment.move}", ("", ""), rows))
+
+
+def pose_words(pose: Iterable[float]) -> str:
+    """A pose or error (6,) in words: mm and degrees."""
+    values = [float(value) for value in pose]
+    place = ", ".join(f"{round(1e3 * value, 6) + 0.0:.4g}" for value in values[:3])
+    turn = ", ".join(f"{round(math.degrees(value), 6) + 0.0:.4g}" for value in values[3:])
+    return f"({place}) mm, turned by ({turn})°".replace("-", "−")
+
+
+def pose_sheet(pose: Any) -> str:
+    """A pose as a table of its six coordinates."""
+    values = [float(value) for value in pose.vector()]
+    cells = [f"{1e3 * v:.6g} mm" for v in values[:3]] + [f"{math.degrees(v):.6g}°" for v in values[3:]]
+    return _sheet(table("Pose", ("", *AXES), [("", *cells)], ".nnnnnn"))
+
+
+def freedom_sheet(freedoms: Sequence[Any]) -> str:
+    """S(t): a line for each interval, a column for each axis."""
+    rows = [
+        (f"{i.start:.4g} to {i.end:.4g} s", *(f"{s:+d}" if s in (-1, 1) else str(s) for s in i.s)) for i in freedoms
+    ]
+    return _sheet(table("S(t): 0 free, ±1 stopped on one side, 2 on both", ("t", *AXES), rows, ".nnnnnn"))
+
+
+def verdict_sheet(verdict: Any) -> str:
+    """The outcome of the independent check, with what stands in its way."""
+    lines = "".join(f"<li>{escape(str(finding))}</li>" for finding in verdict.findings[:_SHOWN])
+    more = len(verdict.findings) - _SHOWN
+    rest = f"<li>and {more} more</li>" if more > 0 else ""
+    least = "least margin" if str(verdict.verdict) == "CERTIFIED" else "least stated margin, not proved,"
+    first = "" if verdict.margin is None else f", {least} {1e6 * verdict.margin:.2f} µm"
+    listed = f"<ul>{lines}{rest}</ul>" if lines else ""
+    return _sheet(f"<strong>{verdict.verdict}</strong>: {verdict.segments} segments{first}{listed}")
+
+
+def _sheet(text: str) -> str:
+    return f'<div class="fmopt-sheet">{_STYLE}{text}</div>'

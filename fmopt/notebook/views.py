@@ -1,0 +1,301 @@
+"""Which drawings there are of which values: a table by type, looked up by name so that nothing is imported in vain.
+
+Regions of the plane, contact graphs and sets of errors on a sheet.
+
+Parts as the scene in three dimensions takes them, and a part alone on a turntable.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fmopt.certificate.error_set import ErrorSet
+from fmopt.contact.state_graph import ContactGraph
+from fmopt.geometry.part import Part
+from fmopt.geometry.plane.region import Region
+from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.notebook.drawing import Drawing
+from fmopt.plan import Body
+from fmopt.plan import Part as StatedPart
+from fmopt.plan.position_force import AXES
+from fmopt.report.drawing import BLUE, GREY, INK, PALE, RUST
+from fmopt.spatial.values import Array
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Sheet
+
+    from fmopt.certificate.error_set import ErrorSet
+    from fmopt.contact.state_graph import ContactGraph
+    from fmopt.geometry.part import Part
+    from fmopt.geometry.plane.region import Region
+    from fmopt.notebook.plan import Plan
+    from fmopt.papers.lee_huang.mapping import Mapping as Diagrams
+    from fmopt.report.figures import Figure
+    from fmopt.task.problem import Problem
+
+
+_SCENE, _STILL = (8.2, 8.0), (8.2, 6.5)  # inches
+
+_PAIRS = ((0, 1), (0, 2), (3, 4))
+_MANY = 1500  # lines of a graph that can still be told apart
+
+
+def views_of(value: Any) -> dict[str, Drawing]:
+    """The drawings of a value by name; none for a type that the table does not have."""
+    for kind in type(value).__mro__:
+        views = VIEWS.get(f"{kind.__module__}.{kind.__qualname__}")
+        if views is not None:
+            return {drawing.name: drawing for drawing in views(value)}
+    return {}
+
+
+def _plan(plan: Plan) -> Iterable[Drawing]:
+    from fmopt.report.figures import catalogue
+    from fmopt.report.scene import scene
+
+    stated = plan.stated
+    title = f"{stated.moving.name} going into {stated.fixed.name}, to be turned and played"
+    yield Drawing("scene", title, title, _SCENE, fragment=partial(scene, stated))
+    yield from map(figure_drawing, catalogue(stated).values())
+
+
+def figure_drawing(figure: Figure) -> Drawing:
+    """A figure of a report as a drawing."""
+    return Drawing(figure.name, figure.title, figure.alt, figure.size, figure.paint)
+
+
+def _problem(problem: Problem) -> Iterable[Drawing]:
+    from fmopt.report.views import diagram_view
+
+    title = f"{problem.moving.name} and {problem.fixed.name}"
+    yield _part_sheet(problem.moving, problem.fixed, name="parts")
+    yield Drawing("scene", f"{title}, seated along the axis", title, _SCENE, fragment=partial(_seating, problem))
+    yield Drawing(
+        "diagrams",
+        diagram_view.TITLE,
+        f"{title}: cut-diagrams G and GE on three planes.",
+        diagram_view.paper(3),
+        paint=partial(_paint_diagrams, problem),
+    )
+
+
+def _seating(problem: Problem) -> str:
+    """The parts with the nominal trajectory straight down, which no plan has confirmed."""
+    from fmopt.notebook.views import stated_part
+    from fmopt.report.scene import seating
+
+    nodes = [tuple(pose.tolist()) for pose in (problem.start, problem.goal)]
+    return seating(stated_part(problem.moving), stated_part(problem.fixed), nodes)
+
+
+def _paint_diagrams(problem: Problem, sheet: Any) -> None:
+    from fmopt.notebook.stages import nominal
+    from fmopt.papers.lee_huang.mapping import records
+    from fmopt.plan import diagram
+    from fmopt.report.views import diagram_view
+
+    found = records(nominal(problem).planes, problem.peg.length)
+    diagram_view.paint([diagram(record) for record in found], sheet)
+
+
+def _diagrams(mapping: Diagrams) -> Iterable[Drawing]:
+    from fmopt.papers.lee_huang.mapping import records
+    from fmopt.plan import diagram
+    from fmopt.report.views import diagram_view
+
+    length = float(-mapping.path.nodes[-1, 2]) or 0.01
+    found = [diagram(record) for record in records(mapping, length)]
+    yield Drawing(
+        "diagrams",
+        diagram_view.TITLE,
+        diagram_view.alt(found),
+        diagram_view.size(found),
+        paint=partial(diagram_view.paint, found),
+    )
+
+
+def _part(part: Part) -> Iterable[Drawing]:
+    from fmopt.notebook.views import turning
+
+    yield _part_sheet(part, name="part")
+    yield Drawing("scene", f"{part.name}, to be turned", part.name, _STILL, fragment=partial(turning, part))
+
+
+def _part_sheet(*parts: Part, name: str) -> Drawing:
+    from fmopt.report.views import part_view
+
+    def paint(sheet: Any) -> None:
+        from fmopt.notebook.views import middle
+
+        if len(parts) == 1:
+            part_view.paint(parts[0].name, parts[0].polyhedron, parts[0].bodies, middle(parts[0]), sheet)
+            return
+        for half, part in zip(sheet.subfigures(len(parts), 1), parts, strict=True):
+            part_view.paint(part.name, part.polyhedron, part.bodies, middle(part), half)
+
+    width, height = part_view.size()
+    alt = " ".join(part_view.alt(part.name, part.polyhedron) for part in parts)
+    title = " and ".join(part.name for part in parts)
+    return Drawing(name, title, alt, (width, height * len(parts)), paint=paint)
+
+
+def _region(region: Region) -> Iterable[Drawing]:
+    from fmopt.notebook.views import paint_region
+
+    low, high = region.box if not region.empty else ((0.0, 0.0), (0.0, 0.0))
+    width, height = (1e3 * float(b - a) for a, b in zip(low, high, strict=True))
+    alt = f"A region of the plane, {width:.4g} by {height:.4g} mm, area {1e6 * region.area:.4g} mm²."
+    yield Drawing("region", "Region of the plane", alt, (4.5, 4.0), paint=partial(paint_region, region))
+
+
+def _graph(graph: ContactGraph) -> Iterable[Drawing]:
+    from fmopt.notebook.views import paint_graph
+
+    counts = ", ".join(f"{n} of dimension {d}" for d, n in reversed(graph.count().items()))
+    alt = f"{len(graph.states)} contact states: {counts}. Each row is a dimension, lines join states that touch."
+    yield Drawing(
+        "states", f"{len(graph.states)} contact states by dimension", alt, (7.0, 4.6), partial(paint_graph, graph)
+    )
+
+
+def _errors(errors: ErrorSet) -> Iterable[Drawing]:
+    from fmopt.notebook.views import error_words, paint_errors
+
+    alt = f"Half-widths of the set of errors: {error_words(errors)}."
+    yield Drawing(
+        "errors", "Set of pose errors, seen along pairs of axes", alt, (7.0, 2.9), partial(paint_errors, errors)
+    )
+
+
+VIEWS: Mapping[str, Callable[[Any], Iterable[Drawing]]] = {
+    "fmopt.notebook.plan.Plan": _plan,
+    "fmopt.task.problem.Problem": _problem,
+    "fmopt.geometry.part.Part": _part,
+    "fmopt.geometry.plane.region.Region": _region,
+    "fmopt.contact.state_graph.ContactGraph": _graph,
+    "fmopt.papers.lee_huang.mapping.Mapping": _diagrams,
+    "fmopt.certificate.error_set.ErrorSet": _errors,
+}
+
+
+def paint_region(region: Region, sheet: Sheet) -> None:
+    """The region hatched, each loop with an arrow that has the interior on its left; mm."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
+
+    axes = sheet.subplots()
+    tolerance = 1e-4 * region.size if not region.empty else 1.0
+    loops = [1e3 * np.vstack([curve.polyline(tolerance)[:-1] for curve in loop]) for loop in region.loops]
+    if loops:
+        closed = [Path(np.vstack([loop, loop[:1]]), closed=True) for loop in loops]
+        path = Path.make_compound_path(*closed)
+        axes.add_patch(PathPatch(path, facecolor=PALE, edgecolor=BLUE, linewidth=1.1))
+    for loop in region.loops:
+        longest = max(loop, key=lambda curve: curve.length)
+        at, along = 1e3 * longest.point(0.5), longest.tangent(0.5)
+        tip = at + 1e3 * 0.04 * region.size * along / np.linalg.norm(along)
+        axes.annotate("", (tip[0], tip[1]), (at[0], at[1]), arrowprops={"arrowstyle": "-|>", "color": BLUE})
+    axes.autoscale_view()
+    axes.margins(0.06)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("u, mm")
+    axes.set_ylabel("v, mm")
+
+
+def paint_graph(graph: ContactGraph, sheet: Sheet) -> None:
+    """A row for each dimension, free space on top; a dot for each state, lines to the states on its boundary."""
+    axes = sheet.subplots()
+    counts = graph.count()
+    rank: dict[int, int] = dict.fromkeys(counts, 0)
+    places = np.zeros((len(graph.states), 2))
+    for i, state in enumerate(graph.states):
+        number = rank[state.dimension]
+        rank[state.dimension] += 1
+        places[i] = (number + 0.5) / counts[state.dimension] - 0.5, state.dimension
+    links = [(i, j) for i, sons in enumerate(graph.sons) for j in sons]
+    if len(links) <= _MANY:
+        lines = np.array([[places[i], places[j]] for i, j in links]).reshape(-1, 2, 2)
+        axes.plot(lines[:, :, 0].T, lines[:, :, 1].T, color=GREY, linewidth=0.25, zorder=1)
+    axes.plot(*places.T, "o", markersize=3.6 if len(places) < 100 else 2.4, color=BLUE, zorder=2)
+    for dimension, count in counts.items():
+        axes.annotate(f"{count}", (0.56, dimension), va="center", color=INK)
+    axes.set_xlim(-0.55, 0.62)
+    axes.set_yticks(list(counts), [f"dimension {d}" for d in counts])
+    axes.set_xticks([])
+    axes.spines[["bottom", "left"]].set_visible(False)
+    lines_said = "" if len(links) <= _MANY else f", {len(links)} borders not drawn"
+    axes.set_title(f"{len(graph.states)} contact states{lines_said}")
+
+
+def paint_errors(errors: ErrorSet, sheet: Sheet) -> None:
+    """Shadows of the set on three pairs of axes: of its ellipsoid, and of what is known of it altogether."""
+    turn = np.linspace(0.0, 2.0 * math.pi, 181)
+    round_ = np.column_stack([np.cos(turn), np.sin(turn)])
+    for axes, pair in zip(sheet.subplots(1, len(_PAIRS)), _PAIRS, strict=True):
+        scale = np.array([1e3 if axis < 3 else math.degrees(1.0) for axis in pair])
+        rows = np.zeros((len(turn), 6))
+        rows[:, list(pair)] = round_
+        both = _outline(round_, errors.support(rows)) * scale
+        root = errors.shape_root[list(pair)]
+        size = np.sqrt(np.einsum("ij,jk,ik->i", round_, root @ root.T, round_))
+        axes.plot(*(_outline(round_, size) * scale).T, color=RUST, linestyle="--", label="ellipsoid")
+        axes.fill(*both.T, facecolor=PALE, edgecolor=BLUE, linewidth=1.1, label="bound in use")
+        axes.set_aspect("equal", adjustable="datalim")
+        unit = "mm" if pair[0] < 3 else "°"
+        axes.set_xlabel(f"{AXES[pair[0]]}, {unit}")
+        axes.set_ylabel(f"{AXES[pair[1]]}, {unit}")
+    handles, labels = axes.get_legend_handles_labels()
+    sheet.legend(handles, labels, loc="outside lower center", ncols=2)
+
+
+def error_words(errors: ErrorSet) -> str:
+    """Half-widths of the set along the six axes, in words."""
+    widths = errors.support(np.eye(6))
+    said = [
+        f"{AXES[i]} {1e3 * w:.4g} mm" if i < 3 else f"{AXES[i]} {math.degrees(w):.4g}°" for i, w in enumerate(widths)
+    ]
+    return ", ".join(said)
+
+
+def _outline(directions: Array, support: Array) -> Any:
+    """Corners (n, 2) of the set with these support values along unit directions (n, 2) that go once around."""
+    ahead, further = np.roll(directions, -1, axis=0), np.roll(support, -1)
+    det = directions[:, 0] * ahead[:, 1] - directions[:, 1] * ahead[:, 0]
+    kept = np.abs(det) > 1e-12
+    x = (support * ahead[:, 1] - further * directions[:, 1])[kept] / det[kept]
+    y = (directions[:, 0] * further - ahead[:, 0] * support)[kept] / det[kept]
+    return np.column_stack([x, y])[[*range(int(kept.sum())), 0]]
+
+
+def stated_part(part: Part) -> StatedPart:
+    """A part as a plan would state it, without clearances."""
+    pieces = tuple(_body(piece) for piece in part.pieces)
+    balls = tuple(_body(ball) for ball in part.balls)
+    return StatedPart(_body(part.polyhedron), pieces, part.name, (0.0, 0.0), 0.0, balls=balls)
+
+
+def _body(body: Polyhedron) -> Body:
+    vertices = tuple(map(tuple, body.vertices.tolist()))
+    return Body(vertices, tuple(tuple(tuple(loop) for loop in face.loops) for face in body.faces), balls=body.balls)
+
+
+def middle(part: Part) -> float:
+    """Height, in the part's frame, of the middle of its first feature; of the part without any, m."""
+    if part.features:
+        feature = part.features[0]
+        inward = -0.5 if feature.kind == "hollow" else 0.5
+        return float(feature.frame.apply(np.array([0.0, 0.0, inward * feature.length]))[2])
+    heights = part.polyhedron.vertices[:, 2]
+    return float(0.5 * (heights.min() + heights.max()))
+
+
+def turning(part: Part) -> str:
+    """A part alone in three dimensions, as a fragment of HTML."""
+    from fmopt.report.scene import part_scene
+
+    return part_scene(stated_part(part))

@@ -1,0 +1,1 @@
+"""Methods of the papers as they are published, on the same parts."""

@@ -1,0 +1,270 @@
+"""What the sets of possible contact say of a plan in the plane: gross and fine parts, and whether S(t) agrees.
+
+In the plane of x and z the orientation φ runs counter-clockwise as drawn, x to the right and z up: a turn by ry about y
+is φ = −ry.
+
+Planar sets as plain data, for the plan's diagnostics and for whoever draws them: arcs, segments, and what they are.
+
+A piece of a boundary is {"on": carrier, "line": [x, y, x, y]} or {"on": carrier, "arc": [x, y, radius, start, sweep]},
+m and rad.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fmopt.errors import InfeasibleError
+from fmopt.geometry.plane.curve import Arc, Segment
+from fmopt.papers.basanez_suarez.boundary import Loop
+from fmopt.papers.basanez_suarez.c_obstacle import PossibleContacts
+from fmopt.papers.basanez_suarez.contact import CU, Kind
+from fmopt.papers.basanez_suarez.edge import TurnedEdge, edge_position
+from fmopt.papers.basanez_suarez.motion import MotionKind, Phase, classify, clearance_for_gross, possible_spans
+from fmopt.papers.basanez_suarez.planar_set import PlanarSet
+from fmopt.papers.basanez_suarez.profile import Profile
+from fmopt.papers.basanez_suarez.reach import Reach
+from fmopt.papers.basanez_suarez.sources import Deviations
+from fmopt.papers.basanez_suarez.vertex import vertex_position
+from fmopt.spatial.values import Array, Value, frozen
+
+_TOLERANCE = 1e-5  # m, to which motions are followed
+_SIDEWAYS = 1.5  # times the deviation: how far a part is carried to either side above the mouth
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch(Value):
+    """A straight part of a motion with the errors on it.
+
+    Args:
+        path: its two ends (2, 3), x and z in m and φ in rad.
+        position: greatest deviation of the reference point, m.
+        angle: greatest deviation of the orientation, rad.
+    """
+
+    path: Array
+    position: float
+    angle: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "path", frozen(self.path, 2, 3, name="path"))
+
+
+@dataclass(frozen=True, eq=False)
+class Nominal(Value):
+    """The nominal trajectory in the plane, and which of x, z and ry S(t) says are stopped when.
+
+    Args:
+        path: waypoints (k, 3), x and z in m and φ in rad.
+        times: of the waypoints (k,), s.
+        stops: start and end of each interval of S, s, and whether it stops anything in the plane.
+    """
+
+    path: Array
+    times: Array
+    stops: tuple[tuple[float, float, bool], ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "path", frozen(self.path, None, 3, name="path"))
+        object.__setattr__(self, "times", frozen(self.times, len(self.path), name="times"))
+
+    def time(self, parameter: float) -> float:
+        """When a parameter of the path, waypoint i at i, is passed, s."""
+        return float(np.interp(parameter, np.arange(len(self.times)), self.times))
+
+
+def in_plane(poses: ArrayLike) -> Array:
+    """Configurations (…, 3), x and z in m and φ in rad, of poses (…, 6) without a motion out of the plane."""
+    x = np.asarray(poses, dtype=np.float64)
+    return np.stack([x[..., 0], x[..., 2], -x[..., 4]], axis=-1)
+
+
+def account(moving: ArrayLike, fixed: Sequence[ArrayLike], nominal: Nominal, run: Sequence[Stretch]) -> dict[str, Any]:
+    """The planar part of a plan's diagnostics.
+
+    Args:
+        moving: corners (n, 2) of the moving profile about its reference point, m.
+        fixed: loops (k, 2) of the fixed one, m.
+        nominal: the nominal trajectory, on which the errors are those of the first stretch.
+        run: the motion, in order.
+    """
+    grasped, static = Profile.of(moving), Profile.of(*fixed)
+    first = run[0]
+    start = _deviations(static, first)
+    phases = classify(nominal.path, static, grasped, start, _TOLERANCE)
+    possible = PossibleContacts.between(grasped, static, start)
+    shown = _shown(possible, run)
+    return {
+        "deviations": {"position": first.position, "angle": first.angle},
+        "nominal": [_phase(phase, nominal.time(phase.start), nominal.time(phase.end)) for phase in phases],
+        "agreement": _agreement(phases, nominal),
+        "segments": [_stretch(stretch, grasped, static) for stretch in run],
+        "carry": _carry(first, grasped, static, start),
+        "sets": [record for cu, pose in shown for record in contact_records(cu, float(pose[2]), pose)],
+        "surfaces": [surface_record(cu) for cu, _ in shown],
+    }
+
+
+def _deviations(static: Profile, stretch: Stretch) -> Deviations:
+    return Deviations(np.zeros(len(static.vertices)), stretch.position, stretch.angle)
+
+
+def _phase(phase: Phase, start: float, end: float) -> dict[str, Any]:
+    contacts = [cu.name for cu in phase.contacts]
+    return {"kind": str(phase.kind), "start": start, "end": end, "contacts": contacts}
+
+
+def _stretch(stretch: Stretch, grasped: Profile, static: Profile) -> dict[str, Any]:
+    """Gross and fine parts of a stretch, from 0 to 1; a part becomes fine where a contact becomes possible."""
+    phases = classify(stretch.path, static, grasped, _deviations(static, stretch), _TOLERANCE)
+    kinds = {phase.kind for phase in phases}
+    whole = MotionKind.BLOCKED if MotionKind.BLOCKED in kinds else MotionKind.FINE if len(kinds) > 1 else kinds.pop()
+    return {"kind": str(whole), "phases": [_phase(phase, phase.start, phase.end) for phase in phases]}
+
+
+def _agreement(phases: Sequence[Phase], nominal: Nominal) -> dict[str, Any]:
+    """Where on the nominal trajectory the sets allow a contact and S(t) stops a motion, in seconds.
+
+    S takes the errors as a box and contact surfaces as planes at the nominal pose, the sets take a disc around that box
+    and turns as they are. Hence the sets may allow more; that S stops a motion where no contact is possible would be a
+    fault of one of them.
+    """
+    spans = [(nominal.time(p.start), nominal.time(p.end), p.kind is not MotionKind.GROSS) for p in phases]
+    times = sorted({t for spans_ in (spans, nominal.stops) for start, end, _ in spans_ for t in (start, end)})
+    found = {"both": 0.0, "neither": 0.0, "only_possible": 0.0, "only_stopped": 0.0}
+    for start, end in pairwise(times):
+        middle = 0.5 * (start + end)
+        possible, stopped = (any(a <= middle <= b and on for a, b, on in s) for s in (spans, nominal.stops))
+        name = {(1, 1): "both", (0, 0): "neither", (1, 0): "only_possible", (0, 1): "only_stopped"}[possible, stopped]
+        found[name] += end - start
+    blur = 1e-9 * float(nominal.times[-1]) + _TOLERANCE * _pace(nominal)
+    agrees = found["only_stopped"] <= blur
+    words = "S(t) stops motions only where the sets allow a contact"
+    if not agrees:
+        words = "S(t) stops a motion where the sets allow no contact: one of the two is wrong"
+    elif found["only_possible"] > blur:
+        words += "; the sets allow some earlier, as they take the errors as a disc around the box and turns as they are"
+    return {**found, "agrees": agrees, "words": words}
+
+
+def _pace(nominal: Nominal) -> float:
+    """The slowest pace along the path, s/m: what a length of tolerance takes at most."""
+    lengths = np.hypot(*np.diff(nominal.path[:, :2], axis=0).T)
+    moving = lengths > 0.0
+    return float((np.diff(nominal.times)[moving] / lengths[moving]).max(initial=0.0))
+
+
+def _carry(first: Stretch, grasped: Profile, static: Profile, start: Deviations) -> dict[str, Any]:
+    """How far above its start the part is to be carried sideways so that it meets nothing, m; None beyond its size."""
+    aside = _SIDEWAYS * first.position
+    path = first.path[[0, 0]] + np.array([[-aside, 0.0, 0.0], [aside, 0.0, 0.0]])
+    limit = float(np.ptp(grasped.vertices, axis=0).max())
+    try:
+        height = clearance_for_gross(path, static, grasped, start, (0.0, limit), _TOLERANCE)
+    except InfeasibleError:
+        return {"aside": aside, "height": None}
+    return {"aside": aside, "height": height}
+
+
+def _shown(possible: PossibleContacts, run: Sequence[Stretch]) -> list[tuple[CU, Array]]:
+    """Of each type the contact that becomes possible first, type 2 in both cases, and the pose where it does."""
+    found: dict[object, tuple[CU, Array]] = {}
+    for stretch in run:
+        spans = possible_spans(possible, stretch.path, 100.0 * _TOLERANCE)
+        for index in sorted(spans, key=lambda i: (spans[i][0][0], i)):
+            cu, t = possible.sets[index], spans[index][0][0]
+            pose = stretch.path[0] + t * (stretch.path[1] - stretch.path[0])
+            found.setdefault(_sort(cu), (cu, pose))
+    return [found[key] for key in sorted(found, key=str)]
+
+
+def _sort(cu: CU) -> str:
+    if cu.kind is Kind.TYPE_1:
+        return cu.kind
+    e = cu.edge[1] - cu.edge[0]
+    along = -float(cu.edge[0] @ e) / float(e @ e)
+    return f"{cu.kind} {'A' if 0.0 < along < 1.0 else 'B'}"
+
+
+def reach_of(half_widths: ArrayLike) -> tuple[float, float]:
+    """The disc (m) and the turn (rad) in the plane that hold errors with these half-widths (6,)."""
+    a = np.asarray(half_widths, dtype=np.float64)
+    return math.hypot(a[0], a[2]), float(a[4])
+
+
+def boundary_record(found: PlanarSet, name: str, nominal: ArrayLike = ()) -> dict[str, Any]:
+    """A set with its name, its boundary, and the polyline (k, 2) that it shrinks to without deviations, m."""
+    return {
+        "name": name,
+        "loops": [_loop(loop) for loop in found.boundary()],
+        "nominal": np.reshape(np.asarray(nominal, dtype=np.float64), (-1, 2)).tolist(),
+    }
+
+
+def _loop(loop: Loop) -> list[dict[str, Any]]:
+    pieces: list[dict[str, Any]] = []
+    for piece in loop:
+        curve = piece.curve
+        if isinstance(curve, Segment):
+            pieces.append({"on": str(piece.on), "line": [*curve.start.tolist(), *curve.end.tolist()]})
+        elif isinstance(curve, Arc):
+            arc = [*curve.centre.tolist(), curve.radius, curve.start, curve.sweep]
+            pieces.append({"on": str(piece.on), "arc": arc})
+    return pieces
+
+
+def contact_records(cu: CU, phi: float, pose: Sequence[float] | Array) -> list[dict[str, Any]]:
+    """The sets of one contact at an orientation φ (rad): where the feature may be, and what reference points touch.
+
+    Type 1: Uv, CUv of the middle of the edge, CUl. Type 2: Ul with its case, CUl.
+
+    Args:
+        cu: the contact.
+        phi: orientation, rad.
+        pose: reference point (2,) at which Uv and Ul are drawn, m.
+    """
+    reference = np.asarray(pose, dtype=np.float64)[:2]
+    exact = CU(cu.kind, cu.moving, cu.static, cu.edge, cu.vertex, cu.range, cu.nominal, 0.0, 0.0)
+    touching = boundary_record(cu.at(phi), f"CUl of {cu.name}", _core(exact, phi))
+    if cu.kind is Kind.TYPE_1:
+        reach = Reach.of(cu.vertex)
+        held = vertex_position(reference, phi, reach, cu.spread, cu.radius)
+        there = reference + reach.point(phi)
+        point = boundary_record(cu.point_contact(phi, 0.5), f"CUv of {cu.name}", _middle(exact, phi))
+        return [boundary_record(held, f"Uv of vertex {cu.moving}", there), point, touching]
+    edge = edge_position(reference, phi, cu.edge[0], cu.edge[1], cu.spread, cu.radius)
+    ends = edge_position(reference, phi, cu.edge[0], cu.edge[1], 0.0, 0.0)
+    name = f"Ul of edge {cu.moving}, case {edge.case.value}"
+    return [boundary_record(edge, name, reference + np.array([ends.start, ends.end])), touching]
+
+
+def _core(exact: CU, phi: float) -> Array:
+    """The segment (2, 2) of reference points that make the contact without deviations."""
+    at = exact.at(phi)
+    if isinstance(at, TurnedEdge):
+        return np.asarray(at.pivot + np.array([at.start, at.end]))
+    arm = at.h * np.array([math.cos(at.angle), math.sin(at.angle)])
+    return np.asarray(np.array([at.start, at.end]) + arm)
+
+
+def _middle(exact: CU, phi: float) -> Array:
+    return np.asarray(_core(exact, phi).mean(axis=0))
+
+
+def surface_record(cu: CU, count: int = 25) -> dict[str, Any]:
+    """CU over its range of φ, in slices, with the nominal C-surface (a segment a slice) where there is one."""
+    turns = 2.0 * math.pi * round((cu.range.low + cu.range.high) / (4.0 * math.pi))
+    low, high = cu.range.low - turns, min(cu.range.high, cu.range.low + 2.0 * math.pi) - turns
+    slices = []
+    for phi in np.linspace(low, high, count).tolist():
+        inside = cu.nominal is not None and bool(cu.nominal.contains(phi))
+        exact = CU(cu.kind, cu.moving, cu.static, cu.edge, cu.vertex, cu.range, cu.nominal, 0.0, 0.0)
+        nominal = _core(exact, phi) if inside else ()
+        slices.append({"phi": phi, **boundary_record(cu.at(phi), "CUl", nominal)})
+    return {"contact": cu.name, "kind": str(cu.kind), "slices": slices}

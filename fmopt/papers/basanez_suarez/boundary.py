@@ -1,0 +1,279 @@
+"""Boundaries of planar sets {x : gap(x) ≤ r} out of arcs and segments that may lie on them.
+
+Every boundary point of such a set lies on the offset, by r, of one feature of its core: a vertex, an edge, an arc.
+These offset curves are cut where they meet, the parts that lie inside the set are dropped, and the rest is chained.
+
+Where lines and circles meet.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmopt.errors import GeometryError
+from fmopt.geometry.plane.curve import Arc, Segment
+from fmopt.spatial.values import Array
+
+# Of the size: a point closer than this to a curve lies on it. Where that leaves curves open, as two of them are just
+# about that close, the next one is tried.
+MEETS = (2e-14, 3e-13, 5e-12)
+JOIN = 32.0  # times as much: points closer than this are one
+INSIDE = 0.2  # times as much: a curve deeper than this is inside
+PROBE = 5.0  # times as much: step beside a curve of a set that was not widened by a disc
+TURN = 2.0 * math.pi
+
+
+class Carrier(StrEnum):
+    """The circle or line that a part of a boundary lies on, by the names of [BasanezSuarez].
+
+    FAR and NEAR are Cr_M and Cr_m (CCr_M, CCr_m), about the centre of rotation; PLUS and MINUS are Cg_M and Cg_m
+    (CCg_M, CCg_m), about a vertex turned by +ε_φ or −ε_φ; FOOT is the additional arc, eqs. (36) and (41); LINE a
+    tangent line.
+    """
+
+    FAR = "r_M"
+    NEAR = "r_m"
+    PLUS = "g_M"
+    MINUS = "g_m"
+    FOOT = "n"
+    LINE = "line"
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A part of a boundary, the set on its left, and what it lies on."""
+
+    curve: Segment | Arc
+    on: Carrier
+
+
+Loop = tuple[Piece, ...]
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A piece between two nodes of the arrangement."""
+
+    piece: Piece
+    first: int
+    last: int
+
+
+def moved(loops: tuple[Loop, ...], by: Array) -> tuple[Loop, ...]:
+    """The loops, displaced by a vector (2,) in m."""
+    return tuple(tuple(Piece(piece.curve.moved(np.eye(2), by), piece.on) for piece in loop) for loop in loops)
+
+
+def outline(candidates: Sequence[Piece], gap: Callable[[Array], Array], radius: float, size: float) -> tuple[Loop, ...]:
+    """The boundary of {x : gap(x) ≤ radius} as closed loops, the set on their left.
+
+    A set without interior is run round along both its sides. A single point has no boundary curve, hence no loop.
+
+    Args:
+        candidates: directed curves that contain the boundary, the core on their left.
+        gap: distance (k,) of points (k, 2) from the core of the set, m.
+        radius: r, m.
+        size: of the set, m; tolerances are relative to it.
+
+    Raises:
+        GeometryError: the curves do not close, because features are closer than the tolerance without being one.
+    """
+    for meet in MEETS:
+        loops = _outline(candidates, gap, radius, meet * size)
+        if loops is not None:
+            return loops
+    raise GeometryError(
+        f"the boundary of an uncertainty set of {size:.6g} m with ε = {radius:.6g} m does not close",
+        "change a deviation by a millionth of it, or set it to zero",
+    )
+
+
+def _outline(
+    candidates: Sequence[Piece], gap: Callable[[Array], Array], radius: float, meet: float
+) -> tuple[Loop, ...] | None:
+    parts = _split([piece for piece in candidates if piece.curve.length > JOIN * meet], meet)
+    if not parts:
+        return ()
+    middle = np.array([part.piece.curve.point(0.5) for part in parts])
+    step = PROBE * meet
+    if radius > step:
+        kept = gap(middle) >= radius - INSIDE * meet
+    else:
+        normals = np.array([_outward(part.piece.curve) for part in parts])
+        kept = gap(middle + step * normals) >= radius + 0.5 * step
+    return _chain([part for part, keep in zip(parts, kept, strict=True) if keep], JOIN * meet)
+
+
+def _split(pieces: list[Piece], meet: float) -> list[_Part]:
+    """The pieces cut at all nodes that lie on them; a node is a cluster of points where pieces end or meet."""
+    if not pieces:
+        return []
+    curves = [piece.curve for piece in pieces]
+    points = np.vstack([np.array([curve.point(t) for curve in curves for t in (0.0, 1.0)]), meetings(curves)])
+    nodes = _clusters(points, JOIN * meet)
+    parts = []
+    for i, piece in enumerate(pieces):
+        t, apart = _nearest(piece.curve, points)
+        on = np.flatnonzero((apart <= meet) & (nodes != nodes[2 * i]) & (nodes != nodes[2 * i + 1]))
+        stops = [(0.0, int(nodes[2 * i]))]
+        for k in on[np.argsort(t[on], kind="stable")]:
+            if nodes[k] != stops[-1][1]:
+                stops.append((float(t[k]), int(nodes[k])))
+        stops.append((1.0, int(nodes[2 * i + 1])))
+        for (a, first), (b, last) in pairwise(stops):
+            if first != last or len(stops) == 2:
+                parts.append(_Part(Piece(piece.curve.part(a, b), piece.on), first, last))
+    return parts
+
+
+def _clusters(points: Array, tolerance: float) -> NDArray[np.intp]:
+    """A number for each point, the same for points that a chain of steps within the tolerance connects."""
+    x, y = points.T
+    near = np.hypot(x[:, None] - x, y[:, None] - y) <= tolerance
+    number = np.arange(len(points))
+    while True:
+        least = np.min(np.where(near, number, len(points)), axis=1)
+        if np.array_equal(least, number):
+            return number
+        number = least
+
+
+def _chain(parts: list[_Part], tolerance: float) -> tuple[Loop, ...] | None:
+    """The parts as closed loops, of two that coincide one; None when they do not close."""
+    leaving: dict[int, list[_Part]] = {}
+    for part in parts:
+        others = leaving.get(part.first, [])
+        if not any(other.last == part.last and _twins(other, part, tolerance) for other in others):
+            leaving.setdefault(part.first, []).append(part)
+    loops = []
+    while leaving:
+        start = next(iter(leaving))
+        run = [_taken(leaving, start, leaving[start][0])]
+        while run[-1].last != start:
+            here, arriving = run[-1].last, run[-1].piece.curve
+            if here not in leaving:
+                return None
+            onward = max(leaving[here], key=lambda part: _left_turn(arriving, part.piece.curve))
+            run.append(_taken(leaving, here, onward))
+        loops.append(_merged([part.piece for part in run], tolerance))
+    return tuple(loops)
+
+
+def _twins(one: _Part, other: _Part, tolerance: float) -> bool:
+    a, b = one.piece.curve, other.piece.curve
+    along = float(a.tangent(0.5) @ b.tangent(0.5))
+    return along > 0.0 and math.hypot(*(a.point(0.5) - b.point(0.5))) <= tolerance
+
+
+def _taken(leaving: dict[int, list[_Part]], node: int, part: _Part) -> _Part:
+    leaving[node].remove(part)
+    if not leaving[node]:
+        del leaving[node]
+    return part
+
+
+def _left_turn(arriving: Segment | Arc, going: Segment | Arc) -> float:
+    """Turn from one curve into the next, rad, left positive; straight back is the last choice."""
+    a, b = arriving.tangent(1.0), going.tangent(0.0)
+    turn = math.atan2(float(cross(a, b)), float(a @ b))
+    return turn if turn < math.pi - 1e-9 else -math.pi
+
+
+def _merged(run: list[Piece], tolerance: float) -> Loop:
+    """The run with neighbours on one curve joined, also across its seam."""
+    joined: list[Piece] = []
+    for piece in run:
+        if joined and (whole := _joined(joined[-1], piece, tolerance)):
+            joined[-1] = whole
+        else:
+            joined.append(piece)
+    if len(joined) > 1 and (whole := _joined(joined[-1], joined[0], tolerance)):
+        joined = [whole, *joined[1:-1]]
+    return tuple(joined)
+
+
+def _joined(one: Piece, other: Piece, tolerance: float) -> Piece | None:
+    a, b = one.curve, other.curve
+    if one.on is not other.on:
+        return None
+    if isinstance(a, Segment) and isinstance(b, Segment):
+        if (a.end - a.start) @ (b.end - b.start) <= 0.0:
+            return None
+        whole = Segment(a.start, b.end)
+        _, bend = _nearest(whole, a.end[None])
+        return Piece(whole, one.on) if bend[0] <= tolerance else None
+    if isinstance(a, Arc) and isinstance(b, Arc):
+        same = math.hypot(*(a.centre - b.centre)) + abs(a.radius - b.radius) <= tolerance
+        if same and a.sweep * b.sweep > 0.0 and abs(a.sweep + b.sweep) <= TURN + 1e-9:
+            return Piece(Arc(a.centre, a.radius, a.start, a.sweep + b.sweep), one.on)
+    return None
+
+
+def _outward(curve: Segment | Arc) -> Array:
+    x, y = curve.tangent(0.5)
+    return np.array([y, -x])
+
+
+def _nearest(curve: Segment | Arc, points: Array) -> tuple[Array, Array]:
+    """Parameters (k,) of the curve's points nearest to the points (k, 2), and their distances in m."""
+    t = curve.nearest(points)
+    return t, np.hypot(*(points - curve.point(t)).T)
+
+
+def meetings(curves: Sequence[Segment | Arc]) -> Array:
+    """All points (k, 2) in m where the lines and circles of the curves meet."""
+    lines = [(c.start, c.end - c.start) for c in curves if isinstance(c, Segment)]
+    rounds = sorted({(*map(float, c.centre), c.radius) for c in curves if isinstance(c, Arc)})
+    L = np.reshape([np.concatenate(line) for line in lines], (-1, 4))
+    C = np.reshape(rounds, (-1, 3))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = [_lines_meet(L), _line_circle_meet(L, C), _circles_meet(C)]
+    points = np.vstack(found)
+    return points[np.isfinite(points).all(axis=1)]
+
+
+def _lines_meet(L: Array) -> Array:
+    i, j = np.triu_indices(len(L), 1)
+    d, e, gap = L[i, 2:], L[j, 2:], L[j, :2] - L[i, :2]
+    t = cross(gap, e) / cross(d, e)
+    return np.asarray(L[i, :2] + t[:, None] * d)
+
+
+def _line_circle_meet(L: Array, C: Array) -> Array:
+    start, d = L[:, None, :2] - C[None, :, :2], L[:, None, 2:]
+    square = np.sum(d * d, axis=-1)
+    middle = -np.sum(start * d, axis=-1) / square
+    aside = np.abs(cross(start, d)) / np.sqrt(square)
+    half = _half_chord(C[None, :, 2], aside) / np.sqrt(square)
+    points = [L[:, None, :2] + (middle + side * half)[..., None] * d for side in (-1.0, 1.0)]
+    return np.reshape(points, (-1, 2))
+
+
+def _circles_meet(C: Array) -> Array:
+    i, j = np.triu_indices(len(C), 1)
+    between = C[j, :2] - C[i, :2]
+    apart = np.hypot(between[:, 0], between[:, 1])
+    along = 0.5 * (apart + (C[i, 2] - C[j, 2]) * (C[i, 2] + C[j, 2]) / apart)
+    half = _half_chord(C[i, 2], np.abs(along))
+    u = between / apart[:, None]
+    normal = np.stack([-u[:, 1], u[:, 0]], axis=-1)
+    points = [C[i, :2] + along[:, None] * u + (side * half)[:, None] * normal for side in (-1.0, 1.0)]
+    return np.reshape(points, (-1, 2))
+
+
+def _half_chord(radius: Array, aside: Array) -> Array:
+    """Half the chord of a circle at a distance from its centre; touching within rounding counts as touching."""
+    square = (radius - aside) * (radius + aside)
+    return np.sqrt(np.where(np.abs(square) <= 1e-14 * radius**2, 0.0, square))
+
+
+def cross(a: Array, b: Array) -> Array:
+    """a × b along the last axis, of vectors (…, 2)."""
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])

@@ -1,0 +1,226 @@
+"""Basic planar contacts, the orientations at which they are possible, and their C-surface values."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fmopt.papers.basanez_suarez.edge import TurnedEdge
+from fmopt.papers.basanez_suarez.gap import segment_arc_gap
+from fmopt.papers.basanez_suarez.profile import Profile
+from fmopt.papers.basanez_suarez.reach import Reach
+from fmopt.papers.basanez_suarez.sources import Deviations
+from fmopt.papers.basanez_suarez.vertex import ArcSum, arc_support
+from fmopt.spatial.values import Array, Value, frozen
+
+FULL = 2.0 * math.pi
+
+
+class Kind(StrEnum):
+    """Type 1: a vertex of the grasped object on a static edge. Type 2: an edge of it on a static vertex."""
+
+    TYPE_1 = "type-1"
+    TYPE_2 = "type-2"
+
+
+@dataclass(frozen=True)
+class Range:
+    """Orientations φ from `low` on, counter-clockwise to `high`, rad; all of them when that is a full turn."""
+
+    low: float
+    high: float
+
+    def contains(self, phi: ArrayLike) -> NDArray[np.bool_]:
+        """Whether φ (…), at any number of turns, lies in the range, to 1e-12 rad."""
+        ahead = np.mod(np.asarray(phi, dtype=np.float64) - self.low + 1e-12, FULL)
+        return np.asarray(ahead <= self.high - self.low + 2e-12)
+
+
+@dataclass(frozen=True, eq=False)
+class CU(Value):
+    """CU of a basic contact: all configurations (p_x, p_y, φ) at which deviations may bring it about.
+
+    At each orientation of `range`, eq. (34) or (45), it is the set CUl.
+
+    Args:
+        kind: type 1 or type 2.
+        moving: index of the grasped object's vertex (type 1) or edge (type 2).
+        static: index of the static object's edge (type 1) or vertex (type 2).
+        edge: ends (2, 2) of the edge, m, a static one in the world, one of the grasped object in its frame.
+        vertex: (2,), m, likewise.
+        range: orientations at which the contact is possible.
+        nominal: orientations at which it is possible without uncertainty; None when only deviations make it possible.
+        spread: ε_φrφg, rad.
+        radius: ε_prpgv + ε_a, m.
+    """
+
+    kind: Kind
+    moving: int
+    static: int
+    edge: Array
+    vertex: Array
+    range: Range
+    nominal: Range | None
+    spread: float
+    radius: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "edge", frozen(self.edge, 2, 2, name="edge"))
+        object.__setattr__(self, "vertex", frozen(self.vertex, 2, name="vertex"))
+
+    @property
+    def name(self) -> str:
+        """The contact in a few letters, the grasped object's feature first."""
+        one, other = ("v", "e") if self.kind is Kind.TYPE_1 else ("e", "v")
+        return f"{one}{self.moving}-{other}{self.static}"
+
+    @property
+    def reach(self) -> float:
+        """Greatest distance of the grasped object's feature from the reference point, m."""
+        points = self.vertex[None] if self.kind is Kind.TYPE_1 else self.edge
+        return float(np.hypot(*points.T).max())
+
+    def at(self, phi: float) -> ArcSum | TurnedEdge:
+        """CUl at φ (rad), eqs. (20)-(30) or (38)-(41): reference points (m) that may make the contact."""
+        if self.kind is Kind.TYPE_1:
+            polar = Reach.of(self.vertex)
+            return ArcSum(self.edge[0], self.edge[1], polar.h, phi + polar.gamma + math.pi, self.spread, self.radius)
+        start, end = -self.edge @ _rotation(phi).T
+        return TurnedEdge(self.vertex, start, end, self.spread, self.radius)
+
+    def point_contact(self, phi: float, k: float) -> ArcSum:
+        """CUv of a type-1 contact at φ (rad) with the point of the static edge at k ∈ [0, 1], eqs. (20)-(24)."""
+        if self.kind is not Kind.TYPE_1:
+            raise ValueError("CUv belongs to a vertex of the grasped object, hence to a type-1 contact")
+        a, polar = self.edge[0] + k * (self.edge[1] - self.edge[0]), Reach.of(self.vertex)
+        return ArcSum(a, a, polar.h, phi + polar.gamma + math.pi, self.spread, self.radius)
+
+    def gap(self, poses: ArrayLike) -> Array:
+        """Distance (…) in m, within the plane of its φ, of poses (…, 3) from CU; negative inside by what is left of
+        the radius; ∞ at orientations outside the range."""
+        x = np.asarray(poses, dtype=np.float64)
+        core = core_gap(self.kind, self.edge, self.vertex, self.spread, x)
+        return np.where(self.range.contains(x[..., 2]), core - self.radius, np.inf)
+
+    def contains(self, poses: ArrayLike) -> NDArray[np.bool_]:
+        """Whether the contact is possible at poses (…, 3) in m and rad, to 1e-9 of the size of the features."""
+        size = self.reach + float(np.ptp(self.edge, axis=0).max()) + self.radius
+        return np.asarray(self.gap(poses) <= 1e-9 * size)
+
+    def value_interval(self, poses: ArrayLike) -> tuple[Array, Array]:
+        """Least and greatest value (…) in m of the C-surface function at poses (…, 3) over all deviations.
+
+        The function is the signed distance of vertex and edge line, positive when apart: n·(p + R b − a) in type 1,
+        R n·(a − p − R b) in type 2. Its zero set is the nominal C-surface. For type 1 the interval is that of d_e and
+        d_i, eqs. (25)-(30), whose cosine has the wrong sign in print. The contact is possible only where 0 is inside.
+        """
+        x = np.asarray(poses, dtype=np.float64)
+        e = self.edge[1] - self.edge[0]
+        n = np.array([e[1], -e[0]]) / math.hypot(*e)
+        if self.kind is Kind.TYPE_1:
+            polar = Reach.of(self.vertex)
+            base, h, angle = (x[..., :2] - self.edge[0]) @ n, polar.h, x[..., 2] + polar.gamma
+            low, high = -arc_support(-n, h, angle, self.spread), arc_support(n, h, angle, self.spread)
+        else:
+            u = self.vertex - x[..., :2]
+            angle = x[..., 2] + math.atan2(n[1], n[0])
+            base = np.broadcast_to(-float(self.edge[0] @ n), angle.shape)
+            low, high = -arc_support(-u, 1.0, angle, self.spread), arc_support(u, 1.0, angle, self.spread)
+        return np.asarray(base + low - self.radius), np.asarray(base + high + self.radius)
+
+    def without_uncertainty(self) -> CU | None:
+        """The nominal C-surface with its ends, as the CU of no deviation; None when the contact needs deviations."""
+        if self.nominal is None:
+            return None
+        return CU(self.kind, self.moving, self.static, self.edge, self.vertex, self.nominal, self.nominal, 0.0, 0.0)
+
+
+def core_gap(kind: Kind, edge: Array, vertex: Array, spread: float | Array, poses: Array) -> Array:
+    """Distance (…) in m of poses (…, 3) from contact without the deviations of position, of any number of contacts.
+
+    Args:
+        kind: of all contacts.
+        edge: (…, 2, 2), m; see `CU`.
+        vertex: (…, 2), m.
+        spread: ε_φrφg (…), rad.
+        poses: (…, 3), m and rad.
+    """
+    p, phi = poses[..., :2], poses[..., 2]
+    if kind is Kind.TYPE_1:
+        h, gamma = np.hypot(vertex[..., 0], vertex[..., 1]), np.arctan2(vertex[..., 1], vertex[..., 0])
+        return segment_arc_gap(p - edge[..., 0, :], p - edge[..., 1, :], h, phi + gamma + math.pi, spread)
+    c, s = np.cos(phi), np.sin(phi)
+    x, y = edge[..., 0], edge[..., 1]
+    turned = -np.stack([c[..., None] * x - s[..., None] * y, s[..., None] * x + c[..., None] * y], axis=-1)
+    to = p - vertex
+    radius, angle = np.hypot(to[..., 0], to[..., 1]), np.arctan2(to[..., 1], to[..., 0])
+    return segment_arc_gap(turned[..., 0, :], turned[..., 1, :], radius, angle, spread)
+
+
+def basic_contacts(moving: Profile, static: Profile, deviations: Deviations) -> tuple[CU, ...]:
+    """CU of every basic contact that deviations may bring about between a grasped and a static object.
+
+    A contact needs the normal of the edge, turned about, in the normal cone of the vertex. Deviations widen the range
+    of φ by ε_φrφg and by the turns of the edge and of the vertex's edge that comes to lie on it: in type 1 the second
+    one at the range's lower end, the first one at the upper; in type 2 the other way round. Eq. (34) has them
+    exchanged, and both its ends at the maximum; eq. (45) leaves ε_φr out and counts both at either end. Edges of the
+    grasped object turn with its ε_v alone. A reflex vertex counts when deviations may make it convex.
+    """
+    own = moving.edge_turns(deviations.shape)
+    other = static.edge_turns(np.broadcast_to(deviations.static, len(static.vertices)))
+    return (*_type_1(moving, static, deviations, own, other), *_type_2(moving, static, deviations, own, other))
+
+
+def _type_1(moving: Profile, static: Profile, deviations: Deviations, own: Array, other: Array) -> list[CU]:
+    psi, epsilon_a, found = moving.normals, _edge_deviations(static, deviations), []
+    for i in _corners(moving, own):
+        before, turn = moving.before[i], float(moving.turns[i])
+        for j in range(len(static.vertices)):
+            high = float(static.normals[j]) + math.pi - float(psi[before])
+            spare = other[j] + deviations.angle
+            ranges = _ranges(high - turn, high, own[i] + spare, own[before] + spare)
+            edge = static.vertices[[j, static.after[j]]]
+            radius = deviations.position + float(epsilon_a[j])
+            found.append(CU(Kind.TYPE_1, i, j, edge, moving.vertices[i], *ranges, deviations.angle, radius))
+    return found
+
+
+def _type_2(moving: Profile, static: Profile, deviations: Deviations, own: Array, other: Array) -> list[CU]:
+    psi, epsilon_a, found = static.normals, np.broadcast_to(deviations.static, len(static.vertices)), []
+    for j in _corners(static, other):
+        before, turn = static.before[j], float(static.turns[j])
+        for i in range(len(moving.vertices)):
+            low = float(psi[before]) - math.pi - float(moving.normals[i])
+            spare = own[i] + deviations.angle
+            ranges = _ranges(low, low + turn, other[before] + spare, other[j] + spare)
+            edge = moving.vertices[[i, moving.after[i]]]
+            radius = deviations.position + float(epsilon_a[j])
+            found.append(CU(Kind.TYPE_2, i, j, edge, static.vertices[j], *ranges, deviations.angle, radius))
+    return found
+
+
+def _corners(profile: Profile, edge_turns: Array) -> list[int]:
+    """Vertices that are convex or may be made so."""
+    possible = profile.turns + edge_turns + edge_turns[profile.before] >= 0.0
+    return [int(i) for i in np.flatnonzero(possible)]
+
+
+def _ranges(low: float, high: float, below: float, above: float) -> tuple[Range, Range | None]:
+    wide = Range(low - below, high + above)
+    if wide.high - wide.low >= FULL:
+        wide = Range(-math.pi, math.pi)
+    return wide, Range(low, high) if high >= low else None
+
+
+def _edge_deviations(static: Profile, deviations: Deviations) -> Array:
+    epsilon_a = np.broadcast_to(deviations.static, len(static.vertices))
+    return np.asarray(np.maximum(epsilon_a, epsilon_a[static.after]))
+
+
+def _rotation(phi: float) -> Array:
+    c, s = math.cos(phi), math.sin(phi)
+    return np.array([[c, -s], [s, c]])

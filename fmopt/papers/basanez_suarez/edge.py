@@ -1,0 +1,200 @@
+"""Rotated edge ⊕ disc: where an edge of the grasped object may be, and which vertex it may touch, eqs. (35)-(41).
+
+[BasanezSuarez] calls it case A when the perpendicular from the reference point meets the edge, case B otherwise. An
+edge that turns about the reference point has its nearest point sweep an arc exactly in case A: there the boundary has
+four segments and the additional arc (36), in case B two segments. The paper's text has the two the other way round.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fmopt.geometry.plane.curve import Segment
+from fmopt.papers.basanez_suarez.boundary import TURN, Carrier, Piece
+from fmopt.papers.basanez_suarez.gap import segment_arc_gap
+from fmopt.papers.basanez_suarez.planar_set import PlanarSet
+from fmopt.papers.basanez_suarez.sources import require
+from fmopt.papers.basanez_suarez.vertex import ArcSum, arc_support, directed_arc, norm, unit
+from fmopt.spatial.values import Array, frozen
+
+ON_LINE = 1e-13  # of the size: a foot nearer than this to an end, or to the pivot, is there
+
+
+class Case(Enum):
+    """Whether the foot of the perpendicular from the reference point lies inside the edge (A) or not (B)."""
+
+    A = "A"
+    B = "B"
+
+
+@dataclass(frozen=True, eq=False)
+class TurnedEdge(PlanarSet):
+    """The set {c + R(δ)(s + k(e − s)) + ρ : |δ| ≤ spread, k ∈ [0, 1], |ρ| ≤ radius}.
+
+    Args:
+        pivot: c (2,), m.
+        start: s (2,) relative to the pivot, m.
+        end: e (2,) relative to the pivot, m.
+        spread: ε_φ, rad; π or more is a full turn.
+        radius: of the disc, m.
+
+    Raises:
+        ValueError: a number is not finite, or a length or opening is negative.
+    """
+
+    pivot: Array
+    start: Array
+    end: Array
+    spread: float
+    radius: float
+
+    def __post_init__(self) -> None:
+        for name in ("pivot", "start", "end"):
+            object.__setattr__(self, name, frozen(getattr(self, name), 2, name=name))
+        require(spread=self.spread, radius=self.radius)
+
+    @property
+    def size(self) -> float:
+        """Bound of the set's extent from the pivot, m."""
+        return max(math.hypot(*self.start), math.hypot(*self.end)) + self.radius
+
+    @property
+    def origin(self) -> Array:
+        """The pivot (2,), m."""
+        return self.pivot
+
+    def widened(self, radius: float) -> TurnedEdge:
+        """The Minkowski sum with a further disc of this radius in m."""
+        return replace(self, radius=self.radius + radius)
+
+    def displaced(self, by: Array) -> TurnedEdge:
+        """The set displaced by a vector (2,) in m."""
+        return replace(self, pivot=np.add(self.pivot, by))
+
+    @property
+    def case(self) -> Case:
+        """Case A or B of the edge."""
+        return Case.B if self._foot() is None else Case.A
+
+    def core_distance(self, points: ArrayLike) -> Array:
+        """Distance (…) in m of points (…, 2) from the turned edge: the point, turned back, is an arc."""
+        x = np.asarray(points, dtype=np.float64) - self.pivot
+        start, end = np.broadcast_to(self.start, x.shape), np.broadcast_to(self.end, x.shape)
+        return segment_arc_gap(start, end, norm(x), np.arctan2(x[..., 1], x[..., 0]), self.spread)
+
+    def support(self, directions: ArrayLike) -> Array:
+        """max n·x, (…) in m for n (…, 2): the larger of both ends' arcs, and |n| times the radius."""
+        n = np.asarray(directions, dtype=np.float64)
+        arcs = [arc_support(n, math.hypot(*v), math.atan2(v[1], v[0]), self.spread) for v in (self.start, self.end)]
+        return np.asarray(n @ self.pivot + np.maximum(*arcs) + self.radius * norm(n))
+
+    def candidates(self) -> list[Piece]:
+        """Arcs about the pivot, arcs about the ends of both extreme edges, and those edges moved out by the radius.
+
+        The edge is cut at the foot of the perpendicular; along each half the distance from the pivot grows.
+        """
+        foot = self._foot()
+        if not (self.end - self.start).any():
+            arc = ArcSum(self.pivot, self.pivot, float(norm(self.start)), _angle(self.start), self.spread, self.radius)
+            return arc.candidates()
+        if self.spread >= math.pi:
+            return self._ring(foot)
+        if foot is not None:
+            towards = foot if foot.any() else _across(self.end - self.start)
+            halves = self._half(foot, self.start) + self._half(foot, self.end)
+            return halves + self._inner(foot, _angle(towards), Carrier.FOOT)
+        near, far = sorted((self.start, self.end), key=lambda v: float(v @ v))
+        ahead = _angle(near) if near.any() else _angle(far - near)
+        return self._half(near, far) + self._inner(near, ahead, Carrier.NEAR) + self._near_tips(near, far, ahead)
+
+    def _foot(self) -> Array | None:
+        """Foot (2,) of the perpendicular from the pivot, when it lies between the ends."""
+        e = self.end - self.start
+        length = math.hypot(*e)
+        if length == 0.0:
+            return None
+        along = -float(self.start @ e) / length
+        margin = ON_LINE * self.size
+        if not margin < along < length - margin:
+            return None
+        foot = self.start + (along / length) * e
+        return np.asarray(foot if math.hypot(*foot) > ON_LINE * self.size else np.zeros(2))
+
+    def _ring(self, foot: Array | None) -> list[Piece]:
+        """Both circles of an edge that may be turned any way."""
+        outer = max(math.hypot(*self.start), math.hypot(*self.end)) + self.radius
+        inner = math.hypot(*(min((self.start, self.end), key=lambda v: float(v @ v)) if foot is None else foot))
+        found = [directed_arc(self.pivot, outer, -math.pi, math.pi, Carrier.FAR)]
+        if inner > self.radius:
+            on = Carrier.NEAR if foot is None else Carrier.FOOT
+            found.append(directed_arc(self.pivot, self.radius - inner, -math.pi, math.pi, on))
+        return found
+
+    def _half(self, near: Array, far: Array) -> list[Piece]:
+        """Both extreme positions of a half edge with the rounded tips and the arc of its far end."""
+        s, r = self.spread, self.radius
+        h, ahead, along = math.hypot(*far), _angle(far), _angle(far - near)
+        found = [directed_arc(self.pivot, h + r, ahead - s, ahead + s, Carrier.FAR)]
+        for side, on in ((1.0, Carrier.PLUS), (-1.0, Carrier.MINUS)):
+            normal = along + side * (s + 0.5 * math.pi)
+            ends = [self.pivot + _turned(v, side * s) + r * unit(normal) for v in (far, near)]
+            found.append(Piece(Segment(*(ends if side > 0.0 else ends[::-1])), Carrier.LINE))
+            found += self._tip(far, side, ahead + side * s, normal, on)
+        return found
+
+    def _near_tips(self, near: Array, far: Array, ahead: float) -> list[Piece]:
+        """The rounded tips of an edge's near end in both extreme positions."""
+        s, along = self.spread, _angle(far - near)
+        found = []
+        for side, on in ((1.0, Carrier.PLUS), (-1.0, Carrier.MINUS)):
+            found += self._tip(near, side, along + side * (s + 0.5 * math.pi), ahead + side * (s + math.pi), on)
+        return found
+
+    def _tip(self, vertex: Array, side: float, one: float, other: float, on: Carrier) -> list[Piece]:
+        """The arc about a vertex turned to side × ε_φ, from one outward normal to the other, at most half a turn."""
+        quarter = 0.5 * math.pi
+        turn = min(max(math.remainder(side * (other - one) - quarter, TURN) + quarter, 0.0), math.pi)
+        first, last = (one, one + turn) if side > 0.0 else (one - turn, one)
+        return [directed_arc(self.pivot + _turned(vertex, side * self.spread), self.radius, first, last, on)]
+
+    def _inner(self, nearest: Array, ahead: float, on: Carrier) -> list[Piece]:
+        """The arc that the nearest point sweeps, moved in by the radius; none when that passes the pivot."""
+        inner, s = math.hypot(*nearest) - self.radius, self.spread
+        if inner <= 0.0:
+            return []
+        return [directed_arc(self.pivot, -inner, ahead + math.pi - s, ahead + math.pi + s, on)]
+
+
+def edge_position(
+    reference: ArrayLike, phi: float, first: ArrayLike, second: ArrayLike, spread: float, radius: float
+) -> TurnedEdge:
+    """Ul: where an edge of the grasped object may be, eqs. (12), (35)-(37).
+
+    Args:
+        reference: p_ro (2,), m.
+        phi: φ_ro + φ_go, rad.
+        first: b₁ (2,) in the gripper's frame, m.
+        second: b₂ (2,), m.
+        spread: ε_φrφg, rad.
+        radius: ε_prpgv, m.
+    """
+    ends = [_turned(frozen(b, 2, name="end of an edge"), phi) for b in (first, second)]
+    return TurnedEdge(frozen(reference), ends[0], ends[1], spread, radius)
+
+
+def _turned(v: Array, angle: float) -> Array:
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([c * v[0] - s * v[1], s * v[0] + c * v[1]])
+
+
+def _angle(v: Array) -> float:
+    return math.atan2(v[1], v[0])
+
+
+def _across(v: Array) -> Array:
+    return np.array([-v[1], v[0]])

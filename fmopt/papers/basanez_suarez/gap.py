@@ -1,0 +1,74 @@
+"""The distance between a line segment and an arc about the origin: what all planar contact sets are measured with."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmopt.spatial.values import Array
+
+
+def segment_arc_gap(start: Array, end: Array, h: Any, angle: Any, spread: Any) -> Array:
+    """Least distance (…) between segments and the arcs {h (cos θ, sin θ), |θ − angle| ≤ spread}, in m.
+
+    The least distance is zero where they cross; otherwise it belongs to an end of either, or to the foot of the
+    perpendicular from the centre. Each of these is a distance that occurs, so their minimum is exact.
+
+    Args:
+        start: (…, 2) in m, relative to the arc's centre.
+        end: (…, 2) in m; equal to `start` for a point.
+        h: radius (…) in m, not negative.
+        angle: middle of the arc (…) in rad.
+        spread: half of its opening (…) in rad; π or more is a full circle.
+    """
+    e = end - start
+    square = np.sum(e * e, axis=-1)
+    safe = np.where(square > 0.0, square, 1.0)
+    best = np.minimum(point_arc_gap(start, h, angle, spread), point_arc_gap(end, h, angle, spread))
+    for side in (-1.0, 1.0):
+        tip = np.asarray(h)[..., None] * _unit(angle + side * spread)
+        best = np.minimum(best, _point_segment(tip, start, e, safe))
+    t_foot = -np.sum(start * e, axis=-1) / safe
+    foot = start + t_foot[..., None] * e
+    d = np.hypot(foot[..., 0], foot[..., 1])
+    on_edge = (square > 0.0) & (t_foot >= 0.0) & (t_foot <= 1.0)
+    facing = _within(np.arctan2(foot[..., 1], foot[..., 0]), angle, spread)
+    best = np.where(on_edge & facing, np.minimum(best, np.abs(d - h)), best)
+    chord = np.sqrt(np.maximum(h * h - d * d, 0.0) / safe)
+    for side in (-1.0, 1.0):
+        t = t_foot + side * chord
+        x = start + t[..., None] * e
+        crosses = (square > 0.0) & (d <= h) & (t >= 0.0) & (t <= 1.0)
+        crosses &= _within(np.arctan2(x[..., 1], x[..., 0]), angle, spread)
+        best = np.where(crosses, 0.0, best)
+    return np.asarray(best)
+
+
+def point_arc_gap(point: Array, h: Any, angle: Any, spread: Any) -> Array:
+    """Distance (…) in m from points (…, 2) to the arc {h (cos θ, sin θ), |θ − angle| ≤ spread} about the origin."""
+    x, y = point[..., 0], point[..., 1]
+    radius = np.hypot(x, y)
+    # How far beyond the nearer tip, at most π, so that the law of cosines holds for every point.
+    beyond = np.maximum(np.abs(wrapped(np.arctan2(y, x) - angle)) - spread, 0.0)
+    return np.asarray(np.hypot(radius - h, 2.0 * np.sqrt(radius * h) * np.sin(0.5 * beyond)))
+
+
+def wrapped(angle: Any) -> Any:
+    """The angle in [−π, π), rad; a scalar or an array."""
+    return np.mod(np.asarray(angle) + np.pi, 2.0 * np.pi) - np.pi
+
+
+def _within(theta: Array, angle: Any, spread: Any) -> NDArray[np.bool_]:
+    return np.asarray(np.abs(wrapped(theta - angle)) <= spread)
+
+
+def _unit(angle: Any) -> Array:
+    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
+def _point_segment(point: Array, start: Array, e: Array, square: Array) -> Array:
+    t = np.clip(np.sum((point - start) * e, axis=-1) / square, 0.0, 1.0)
+    apart = start + t[..., None] * e - point
+    return np.asarray(np.hypot(apart[..., 0], apart[..., 1]))

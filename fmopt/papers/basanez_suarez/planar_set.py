@@ -1,0 +1,153 @@
+"""What every planar uncertainty set can be asked: membership, distance, support, boundary, area, polygons.
+
+Polygons on a chosen side of boundaries of arcs and segments.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fmopt.errors import GeometryError
+from fmopt.geometry.plane.curve import Side as CurveSide
+from fmopt.papers.basanez_suarez.boundary import Loop, Piece, moved, outline
+from fmopt.papers.basanez_suarez.gap import wrapped
+from fmopt.spatial.values import Array, Value
+
+if TYPE_CHECKING:
+    from shapely import MultiPolygon
+
+
+ROUNDING = 1e-9  # of the size
+
+Side = Literal["inside", "outside"]
+SIDES: dict[Side, CurveSide] = {"inside": "left", "outside": "right"}
+
+
+class PlanarSet(Value, ABC):
+    """A core curve or region widened by a disc of radius `radius`: {x : distance of x from the core ≤ radius}."""
+
+    radius: float
+
+    @property
+    @abstractmethod
+    def size(self) -> float:
+        """A length that bounds the set's extent from its own centre, m; tolerances are relative to it."""
+
+    @property
+    @abstractmethod
+    def origin(self) -> Array:
+        """A point (2,) near the set, m, that `displaced` carries along."""
+
+    @abstractmethod
+    def displaced(self, by: Array) -> Self:
+        """The set displaced by a vector (2,) in m."""
+
+    @abstractmethod
+    def widened(self, radius: float) -> Self:
+        """The Minkowski sum with a further disc of this radius in m."""
+
+    @abstractmethod
+    def core_distance(self, points: ArrayLike) -> Array:
+        """Distance (…) in m of points (…, 2) from the core."""
+
+    @abstractmethod
+    def support(self, directions: ArrayLike) -> Array:
+        """max n·x over the set, (…) in m, for directions n (…, 2) that need not be unit vectors."""
+
+    @abstractmethod
+    def candidates(self) -> list[Piece]:
+        """Directed curves that contain the boundary, the set on their left."""
+
+    def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Whether points (…, 2) in m lie in the closed set, to 1e-9 of its size."""
+        return np.asarray(self.core_distance(points) <= self.radius + ROUNDING * self.size)
+
+    def distance(self, points: ArrayLike) -> Array:
+        """Distance (…) in m of points (…, 2) from the set, 0 inside."""
+        return np.asarray(np.maximum(self.core_distance(points) - self.radius, 0.0))
+
+    def boundary(self) -> tuple[Loop, ...]:
+        """The boundary as closed loops of exact arcs and segments, the set on their left.
+
+        Holes run clockwise. A set without interior is run along both its sides; a single point has no loop.
+
+        Raises:
+            GeometryError: two features differ by less than the tolerance without being one.
+        """
+        here = self.displaced(-self.origin)
+        return moved(outline(here.candidates(), here.core_distance, here.radius, here.size), self.origin)
+
+    def area(self) -> float:
+        """Area in m², by Green's theorem along the boundary."""
+        return max(float(sum(piece.curve.moment() for loop in self.boundary() for piece in loop)), 0.0)
+
+    def polygon(self, tolerance: float, side: Side) -> MultiPolygon:
+        """A polygon that contains the set, or lies in it, each arc replaced within `tolerance`.
+
+        No point of the outer one is farther from the set than that. Where the set, or a gap in it, is thinner, the
+        polygon is cut off or closed. A set without interior is first widened by half the tolerance when it is to be
+        contained.
+
+        Args:
+            tolerance: m.
+            side: "outside" contains the set, "inside" lies in it.
+
+        Raises:
+            GeometryError: the tolerance is not positive.
+        """
+        if not tolerance > 0.0:
+            raise GeometryError(f"polygon of an uncertainty set to a tolerance of {tolerance} m", "give a positive one")
+        loops = self.boundary()
+        if (
+            side == "inside"
+            or sum(float(p.curve.moment()) for loop in loops for p in loop) > (ROUNDING * self.size) ** 2
+        ):
+            return polygon(loops, tolerance, side)
+        return polygon(self.widened(0.5 * tolerance).boundary(), 0.5 * tolerance, side)
+
+
+def polygon(loops: Sequence[Loop], tolerance: float, side: Side) -> MultiPolygon:
+    """The polygon of loops that have their set on the left; see `PlanarSet.polygon`.
+
+    Chords where an arc bulges away from the chosen side, tangents where it bulges to it. Each arc is moved within the
+    set, or within its complement, so that every point that a thin place lets the polygon run round wrongly has winding
+    number zero.
+    """
+    from shapely import MultiPolygon, Polygon
+
+    rings = [ring(loop, tolerance, side) for loop in loops]
+    if len(rings) == 1 and len(rings[0]) > 3:
+        simple = Polygon(rings[0])
+        if simple.is_valid and simple.exterior.is_ccw:
+            return MultiPolygon([simple])
+    return _wound(rings)
+
+
+def ring(loop: Loop, tolerance: float, side: Side) -> Array:
+    """The closed polyline (k, 2) in m of a loop, the first point not repeated."""
+    return np.vstack([piece.curve.polyline(tolerance, SIDES[side])[:-1] for piece in loop])
+
+
+def _wound(rings: Sequence[Array]) -> MultiPolygon:
+    """What the rings wind round, a set without interior left out."""
+    from shapely import LinearRing, MultiPolygon, get_parts, node, polygonize, union_all
+
+    lines = [LinearRing(points) for points in rings if len(points) > 2]
+    if not lines:
+        return MultiPolygon()
+    faces = get_parts(polygonize([*get_parts(node(union_all(lines)))]))
+    inside = [face for face in faces if sum(_winding(points, face.representative_point()) for points in rings) > 0]
+    return MultiPolygon([part for part in get_parts(union_all(inside)) if part.area > 0.0])
+
+
+def _winding(points: Array, at: object) -> int:
+    from shapely import get_coordinates
+
+    to = points - get_coordinates(at)[0]
+    theta = np.arctan2(to[:, 1], to[:, 0])
+    return round(float(np.sum(wrapped(np.roll(theta, -1) - theta))) / (2.0 * np.pi))

@@ -1,0 +1,178 @@
+"""C-PF along the axes for the nominal trajectory, [LeeHuang1985] section 4.2: Pₐ(t) and Fₐ(t) from P(t) and S(t).
+
+What the hand does: the motion of what is grasped, and the wrenches on it, from a plan of operand 1 in operand 2.
+
+Where the hollow part is in the hand the plan moves the peg in the frame of the hole all the same, and the hand makes
+the counterpart of that motion. Where the task gives the grasp transform H_ho the poses are those of the hand itself.
+
+From the task that fits the assumptions back to the task that was given: poses, twists and wrenches.
+
+Let X be the pose of operand 1 in the B-frame. When the operands were not exchanged, operand 1 is what the hand holds.
+When they were, the hand holds operand 2, and its pose in the frame of operand 1, which stands still, is X⁻¹.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fmopt.papers.lee_huang.nominal_trajectory import FreedomInterval, NominalTrajectory
+from fmopt.plan.position_force import Decomposition, gamma, natural_constraints, omega
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array, Value, frozen
+from fmopt.task.object_model.command import Answer
+
+
+@dataclass(frozen=True, eq=False)
+class PositionForce(Value):
+    """Pₐ(t) and Fₐ(t) on [start, end], where P(t) is straight and S constant.
+
+    Args:
+        start, end: s.
+        s: S.
+        pa_start, pa_end: Pₐ (6,) at both ends, straight between, m and rad.
+        pn_start, pn_end: Pₙ (6,) likewise; P = Pₐ + Pₙ.
+        fa: Fₐ (6,), the reaction on the moving part, N and N·m.
+    """
+
+    start: float
+    end: float
+    s: tuple[int, ...]
+    pa_start: Array
+    pa_end: Array
+    pn_start: Array
+    pn_end: Array
+    fa: Array
+
+    def __post_init__(self) -> None:
+        for name in ("pa_start", "pa_end", "pn_start", "pn_end", "fa"):
+            object.__setattr__(self, name, frozen(getattr(self, name), 6, name=name))
+
+    @property
+    def applied(self) -> Array:
+        """The wrench (6,) that a controller applies to the moving part, −Fₐ."""
+        return frozen(0.0 - self.fa)
+
+    def document(self) -> dict[str, Any]:
+        """A row of the plan file's "position_force"."""
+        return {
+            "t0": self.start,
+            "t1": self.end,
+            "s": list(self.s),
+            "pa_start": self.pa_start.tolist(),
+            "pa_end": self.pa_end.tolist(),
+            "pn_start": self.pn_start.tolist(),
+            "pn_end": self.pn_end.tolist(),
+            "fa": self.fa.tolist(),
+            "fa_sign": "reaction",
+            "applied": self.applied.tolist(),
+            "either_sign": list(Decomposition(self.s).either_sign),
+        }
+
+
+def position_force(
+    path: NominalTrajectory, freedom: Sequence[FreedomInterval], forces: ArrayLike
+) -> tuple[PositionForce, ...]:
+    """C-PF: P(t) × S(t) → Pₐ(t) × Fₐ(t), one row for each stretch on which P is straight and S constant.
+
+    Args:
+        path: P(t).
+        freedom: S(t) on [0, T].
+        forces: fᵢ (6,), N and N·m.
+    """
+    rows = []
+    for interval in freedom:
+        inner = [float(t) for t in path.times if interval.start < t < interval.end]
+        for a, b in pairwise([interval.start, *inner, interval.end]):
+            pa, pn = ([split(interval.s, path.at(t)) for t in (a, b)] for split in (gamma, natural_constraints))
+            rows.append(PositionForce(a, b, interval.s, pa[0], pa[1], pn[0], pn[1], omega(interval.s, forces)))
+    return tuple(rows)
+
+
+def hand_record(found: Answer, segments: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The motion of the hand as plain data, in the frame of the feature that stays; nothing where that is the plan's.
+
+    Args:
+        found: the task, answered.
+        segments: of the plan, with `start`, `goal` and `hybrid`.
+
+    Returns:
+        Names of both features, and for each segment poses (6,) of the hand at its ends, the twist (6,) of the grasped
+        feature at the goal about its origin (m/s, rad/s), and the bias wrench (6,) on it about that origin (N, N·m).
+    """
+    task = found.task
+    if not (found.exchanged or task.grasp.vector().any()):
+        return {}
+    made = [_move(found, segment) for segment in segments]
+    names = {"grasped": str(task.moving), "standing": str(task.fixed), "exchanged": found.exchanged}
+    return {"hand": {**names, "segments": made}}
+
+
+def _move(found: Answer, segment: Mapping[str, Any]) -> dict[str, Any]:
+    goal, hybrid = segment["goal"], segment["hybrid"]
+    velocity = hybrid["speed"] * np.asarray(hybrid["velocity"], dtype=np.float64)
+    return {
+        "start": _held(found, segment["start"]).vector(),
+        "goal": _held(found, goal).vector(),
+        "velocity": grasped_twist(found, goal, velocity),
+        "bias_wrench": grasped_wrench(found, goal, hybrid["bias_wrench"]),
+    }
+
+
+def _held(found: Answer, X: Array) -> Pose:
+    """Pose of the hand in the frame of the feature that stays."""
+    return grasped_pose(found, X).compose(found.task.grasp.inverse())
+
+
+def grasped_pose(found: Answer, X: ArrayLike) -> Pose:
+    """Pose of the grasped feature in the frame of the one that stays, of X (6,) in m and rad."""
+    pose = Pose.from_vector(X)
+    return pose.inverse() if found.exchanged else pose
+
+
+def world_pose(found: Answer, X: ArrayLike) -> Pose:
+    """Pose of the grasped feature in the global reference frame, for an X (6,) in m and rad."""
+    base = found.moving.frame if found.exchanged else found.fixed.frame
+    return base.compose(grasped_pose(found, X))
+
+
+def hand_pose(found: Answer, X: ArrayLike) -> Pose:
+    """Pose of the hand in the global reference frame, by the grasp H_ho, for an X (6,) in m and rad."""
+    return world_pose(found, X).compose(found.task.grasp.inverse())
+
+
+def grasped_twist(found: Answer, X: ArrayLike, V: ArrayLike) -> Array:
+    """Twist (v, ω) of the grasped feature against the one that stays, in the axes of the latter.
+
+    Args:
+        found: the answer.
+        X: pose (6,) of operand 1 in the B-frame, m and rad.
+        V: its twist (6,): velocity of its frame's origin (m/s) and angular velocity (rad/s), in the B-frame's axes.
+    """
+    v, w = np.split(np.asarray(V, dtype=np.float64), 2)
+    if not found.exchanged:
+        return np.concatenate([v, w])
+    pose = Pose.from_vector(X)
+    return np.concatenate([pose.R.T @ (np.cross(w, pose.p) - v), -pose.R.T @ w])
+
+
+def grasped_wrench(found: Answer, X: ArrayLike, F: ArrayLike) -> Array:
+    """Wrench (f, τ) on the grasped object about its feature's origin, in the axes of the feature that stays.
+
+    What acts on operand 1 acts on operand 2 with the opposite sign. The power with `grasped_twist` is that of F with V.
+
+    Args:
+        found: the answer.
+        X: pose (6,) of operand 1 in the B-frame, m and rad.
+        F: wrench (6,) on operand 1 about its frame's origin, in N and N·m, in the B-frame's axes.
+    """
+    f, tau = np.split(np.asarray(F, dtype=np.float64), 2)
+    if not found.exchanged:
+        return np.concatenate([f, tau])
+    pose = Pose.from_vector(X)
+    return np.concatenate([-pose.R.T @ f, -pose.R.T @ (tau + np.cross(pose.p, f))])

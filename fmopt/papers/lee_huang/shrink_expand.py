@@ -1,0 +1,308 @@
+"""SHR_EXP: the moving operand shrinks to its nominal centre while the cut-diagrams of the fixed one expand.
+
+The expansion over the moving operand's instances is the union of the expansions by each ([LeeHuang1985] Assertion 1).
+The fixed operand's tree has to be evaluated first: the expansion of a difference is not the difference of expansions,
+as what is taken away shrinks where the rest grows.
+
+Regions swept by a rotation about the origin.
+
+GE where operand 1 is turned: at one orientation, and over all those that it takes on its way to the goal's.
+
+While operand 1 still turns, GE belongs to an orientation: one expansion at the goal's does not cover the first leg of
+P(t), [LeeHuang1985] section 4.1.1 with errata.
+
+Polyhedral stand-ins that contain a solid, so that what is free of them is free of its true round surfaces.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Literal, assert_never
+
+import numpy as np
+
+from fmopt.geometry import section
+from fmopt.geometry.convex_pieces import pieces
+from fmopt.geometry.csg import (
+    Box,
+    Cone,
+    Cylinder,
+    Difference,
+    Hull,
+    Placed,
+    Prism,
+    Solid,
+    Sphere,
+    Union,
+    Wedge,
+    convex_polyhedron,
+)
+from fmopt.geometry.plane.boolean import positive, union
+from fmopt.geometry.plane.conic import ConicArc, unit_roots
+from fmopt.geometry.plane.convolution import minkowski_sum
+from fmopt.geometry.plane.curve import Arc, Curve, Segment
+from fmopt.geometry.plane.region import Region, polygon_region
+from fmopt.geometry.polyhedron import Polyhedron, placed
+from fmopt.papers.lee_huang.cut_diagram import cut_diagram, section_limit
+from fmopt.papers.lee_huang.uncertainty_zone import Plane
+from fmopt.spatial.se3 import Pose, exp
+from fmopt.spatial.values import Array
+
+_RELATIVE = 1e-6
+
+_CENTRED = 1e-14
+_END = 1e-9
+
+_STEP = 0.05  # rad, between orientations of a turn out of the plane
+_IN_PLANE = 1e-12  # rad
+_SIDES: tuple[Literal[1, -1], ...] = (1, -1)
+
+
+def expanded(G: Region, sections: Sequence[Region], tolerance: float | None = None) -> Region:
+    """GE = ∪ G ⊕ (−section): where the nominal centre cannot be without the moving operand overlapping G.
+
+    GE is regularised: a centre on its boundary touches, and a slit or a point that leaves no play is part of GE.
+    Segments and circular arcs are exact, and so are the conic arcs of one operand where the other one is a polygon.
+
+    Args:
+        G: cut-diagram of the fixed operand.
+        sections: cut-diagrams of the moving operand's instances, about the nominal centre as origin. Empty ones add
+            nothing; without any other the operand is its centre alone, and G comes back as it is.
+        tolerance: in m; by how much GE may be too large where conic arcs meet curves, 1e-6 of the larger size if None.
+    """
+    solid = [section for section in sections if not section.empty]
+    if G.empty or not solid:
+        return G
+    room = _RELATIVE * max(G.size, *(section.size for section in solid)) if tolerance is None else tolerance
+    return union([minkowski_sum(G, section.moved(-np.eye(2), (0.0, 0.0)), room) for section in solid])
+
+
+def expanded_turning(
+    G: Region, sections: Sequence[Region], interval: tuple[float, float], tolerance: float | None = None
+) -> Region:
+    """GE while the moving operand turns in the plane: ∪ G ⊕ (−R(φ) section) over the orientations φ of an interval.
+
+    As turning and expanding commute with unions, this is the expansion by what the sections sweep about the nominal
+    centre: arcs about it and the sections at both ends, exact as in `expanded`.
+
+    Args:
+        G: cut-diagram of the fixed operand.
+        sections: of the moving operand's instances at φ = 0, about the nominal centre.
+        interval: first and last φ in rad; from a full turn on every orientation is taken.
+        tolerance: as in `expanded`.
+    """
+    return expanded(G, [turn_swept(section, *interval) for section in sections], tolerance)
+
+
+def turned(region: Region, angle: float) -> Region:
+    """The region turned about the origin through an angle in rad."""
+    return region.moved(_rotation(angle), (0.0, 0.0))
+
+
+def turn_swept(region: Region, first: float, last: float) -> Region:
+    """The union of a region's images under the rotations about the origin from `first` to `last` (rad), exact.
+
+    The images at both ends and what each boundary curve sweeps. Along a curve whose distance r from the origin grows,
+    every r has one polar angle ψ(r), and it sweeps ψ(r) + first ≤ angle ≤ ψ(r) + last: the curve at both ends and two
+    arcs about the origin.
+
+    Args:
+        region: what turns.
+        first: rad.
+        last: rad, not less than first; from a full turn on every orientation is taken.
+    """
+    if region.empty:
+        return region
+    sweep = min(last - first, math.tau)
+    begin = turned(region, first)
+    if sweep <= 0.0:
+        return begin
+    curves = [*begin.curves, *turned(region, first + sweep).curves]
+    for curve in begin.curves:
+        for piece in _pieces(curve):
+            curves += _swept(piece, sweep)
+    return positive(curves)
+
+
+def _rotation(angle: float) -> Array:
+    cos, sin = math.cos(angle), math.sin(angle)
+    return np.array([[cos, -sin], [sin, cos]])
+
+
+def _pieces(curve: Curve) -> list[Curve]:
+    """The curve in pieces along which the distance from the origin grows, or falls; none where it stays the same."""
+    match curve:
+        case Segment():
+            along = curve.end - curve.start
+            stops = [-float(curve.start @ along) / float(along @ along)]
+        case Arc():
+            x, y = curve.centre
+            if math.hypot(x, y) <= _CENTRED * curve.radius:
+                return []
+            shares = [curve.share(math.atan2(y, x) + turn) for turn in (0.0, math.pi)]
+            stops = [share for share in shares if share is not None]
+        case ConicArc():
+            stops = _turning_points(curve)
+    cuts = [0.0, *sorted(t for t in stops if _END < t < 1.0 - _END), 1.0]
+    return [curve.part(a, b) for a, b in pairwise(cuts)]
+
+
+def _turning_points(conic: ConicArc) -> list[float]:
+    """Parameters at which the distance of a conic arc's points from the origin is stationary.
+
+    p·p′ = 0: with p = X/ω that is X·X′ ω − X·X ω′ = 0, whose terms in t⁵ cancel.
+    """
+    x, y, w = conic.homogeneous.T
+    square = np.convolve(x, x) + np.convolve(y, y)
+    rate = np.polynomial.polynomial.polyder(square)
+    value = 0.5 * np.convolve(rate, w) - np.convolve(square, np.polynomial.polynomial.polyder(w))
+    scale = float(np.max(np.abs(value)))
+    return unit_roots([float(c) / scale for c in value], 0.0) if scale > 0.0 else []
+
+
+def _swept(piece: Curve, sweep: float) -> list[Curve]:
+    """The loop round what a piece sweeps counter-clockwise."""
+    outward = piece if float(np.hypot(*piece.last)) > float(np.hypot(*piece.first)) else piece.reversed()
+    back = outward.moved(_rotation(sweep), (0.0, 0.0)).reversed()
+    return [outward, *_circle(outward.last, sweep), back, *_circle(back.last, -sweep)]
+
+
+def _circle(start: Array, sweep: float) -> list[Curve]:
+    radius = float(np.hypot(*start))
+    return [Arc(np.zeros(2), radius, math.atan2(start[1], start[0]), sweep)] if radius > 0.0 else []
+
+
+def frame(plane: Plane) -> Pose:
+    """The frame of a plane in the B-frame: its x along u, its y along v."""
+    u, v = np.eye(3)[plane.u], np.eye(3)[plane.v]
+    return Pose(np.zeros(3), np.column_stack([u, v, np.cross(u, v)]))
+
+
+def section_at(moving: Solid, plane: Plane, turn: Array) -> Region:
+    """The section of operand 1, turned by a rotation vector (3,), by the plane through its nominal centre.
+
+    Where the plane runs in a face of it, the section is that on the side of the body.
+    """
+    turned = Placed(moving, Pose(np.zeros(3), exp(turn)))
+    found = cut_diagram(turned, frame(plane))
+    return found if not found.empty else union([section_limit(turned, frame(plane), side) for side in _SIDES])
+
+
+def expanded_over(G: Region, moving: Solid, plane: Plane, first: Array, last: Array) -> Region:
+    """GE over every orientation between two, the rotation vector running straight from one to the other.
+
+    A turn in the plane is swept exactly. Of any other, sections of the convex pieces at orientations at most 0.05 rad
+    apart are taken, round ones enclosed by polygons, each with the next in one hull. What is left out between two of
+    them, under 1 % of the size where sampled, is found in space, like what moves off the plane.
+
+    Args:
+        G: cut-diagram of operand 2 on the plane.
+        moving: operand 1 in its own frame, whose origin is the nominal centre.
+        plane: of the B-frame.
+        first, last: rotation vectors (3,) of one branch, rad.
+    """
+    normal = np.eye(3)[plane.turn - 3]
+    across = np.array([turn - (turn @ normal) * normal for turn in (first, last)])
+    if np.abs(across).max() <= _IN_PLANE:
+        interval = sorted([0.0, plane.sense * float((first - last) @ normal)])
+        return expanded_turning(G, [section_at(moving, plane, last)], (interval[0], interval[1]))
+    count = max(1, math.ceil(float(np.linalg.norm(last - first)) / _STEP))
+    turns = [Pose(np.zeros(3), exp(first + share * (last - first))) for share in np.linspace(0.0, 1.0, count + 1)]
+    swept = [_swept_over(body, plane, turns) for body in pieces(enclosing(moving))]
+    return expanded(G, [union([part for hulls in swept for part in hulls])])
+
+
+def _swept_over(body: Polyhedron, plane: Plane, turns: Sequence[Pose]) -> Iterator[Region]:
+    """The hulls of neighbouring sections of a convex body."""
+    from scipy.spatial import ConvexHull
+
+    for one, other in pairwise([_corners(placed(body, turn), plane) for turn in turns]):
+        points = np.vstack([one, other])
+        if len(points):
+            yield polygon_region(points[ConvexHull(points).vertices])
+
+
+def _corners(body: Polyhedron, plane: Plane) -> Array:
+    """Corners (n, 2) of the section of a convex body; where the plane runs in a face, of that on the body's side."""
+    sides = [section.section_limit([body], frame(plane), side) for side in _SIDES]
+    found = [np.asarray(part.exterior.coords) for side in sides for part in side.geoms]
+    return np.vstack(found) if found else np.zeros((0, 2))
+
+
+def enclosing(solid: Solid, outward: bool = True) -> Solid:
+    """The solid with polygons that contain its round instances; those that are taken away lie inside theirs.
+
+    Where nothing is round, that is the solid itself, whose pieces may be known.
+
+    Args:
+        solid: CSG tree.
+        outward: False for the opposite, polygons inside the solid.
+    """
+    match solid:
+        case Cylinder(radius, _, sides):
+            return replace(solid, radius=radius / math.cos(math.pi / sides)) if outward else solid
+        case Cone(bottom, top, _, sides):
+            grown = 1.0 / math.cos(math.pi / sides)
+            return replace(solid, radius_bottom=bottom * grown, radius_top=top * grown) if outward else solid
+        case Sphere(radius, _):
+            inner = float(np.min(convex_polyhedron(solid, Pose.identity()).offsets))
+            return replace(solid, radius=radius * radius / inner) if outward else solid
+        case Box() | Prism() | Wedge() | Hull():
+            return solid
+        case Placed(inner, pose):
+            body = enclosing(inner, outward)
+            return solid if body is inner else Placed(body, pose)
+        case Union(parts):
+            bodies = tuple(enclosing(part, outward) for part in parts)
+            return solid if _same(bodies, parts) else Union(bodies)
+        case Difference(base, tools):
+            body, cuts = enclosing(base, outward), tuple(enclosing(tool, not outward) for tool in tools)
+            return solid if _same((body, *cuts), (base, *tools)) else Difference(body, cuts)
+        case _:
+            assert_never(solid)
+
+
+def _same(made: Sequence[Solid], parts: Sequence[Solid]) -> bool:
+    return all(one is other for one, other in zip(made, parts, strict=True))
+
+
+def grown(solid: Solid) -> float:
+    """By how much, at most, `enclosing` moves a round surface, m."""
+    match solid:
+        case Cylinder(radius, _, sides):
+            return radius * (1.0 / math.cos(math.pi / sides) - 1.0)
+        case Cone(bottom, top, _, sides):
+            return max(bottom, top) * (1.0 / math.cos(math.pi / sides) - 1.0)
+        case Sphere(radius, _):
+            inner = float(np.min(convex_polyhedron(solid, Pose.identity()).offsets))
+            return radius * radius / inner - radius
+        case Box() | Prism() | Wedge() | Hull():
+            return 0.0
+        case Placed(inner_solid, _):
+            return grown(inner_solid)
+        case Union(parts):
+            return max(map(grown, parts))
+        case Difference(base, tools):
+            return max(map(grown, (base, *tools)))
+        case _:
+            assert_never(solid)
+
+
+def finer(solid: Solid, sides: int) -> Solid:
+    """The solid with at least so many sides for each cylinder and cone; spheres, whose faces are many, as they are."""
+    match solid:
+        case Cylinder() | Cone():
+            return replace(solid, sides=max(solid.sides, sides))
+        case Box() | Prism() | Wedge() | Hull() | Sphere():
+            return solid
+        case Placed(inner, pose):
+            return Placed(finer(inner, sides), pose)
+        case Union(parts):
+            return Union(tuple(finer(part, sides) for part in parts))
+        case Difference(base, tools):
+            return Difference(finer(base, sides), tuple(finer(tool, sides) for tool in tools))
+        case _:
+            assert_never(solid)

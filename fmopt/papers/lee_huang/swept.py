@@ -1,0 +1,369 @@
+"""The whole motion against the true solids: three sections are not enough, [LeeHuang1985] section 4.1.1 with errata.
+
+Every convex piece of what moves is swept along P(t) and held against every convex piece of what stands. A leg that does
+not turn is exact: the sweep is the convex hull of the piece at both ends. A leg that turns is bisected: over a stretch
+that turns by Δr, a point at distance ρ from the nominal centre strays from its chord by at most 3/16 |Δr|² ρ, so that
+the hull of both ends, apart from the other body by more, is proof.
+
+Round surfaces are enclosed: of what moves and of what stands every solid instance is circumscribed and every hollow one
+inscribed, so that what is free here is free for the true surfaces. The guarantee is for all times, not for samples: no
+two points of the bodies come closer than touching to 1e-9 m.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+
+from fmopt.errors import InterferenceError, SolverError
+from fmopt.geometry.clearance import penetration, towards
+from fmopt.geometry.convex_pieces import pieces
+from fmopt.geometry.csg import Placed, Solid, Sphere, Union, exact_pose
+from fmopt.geometry.polyhedron import Polyhedron, from_faces, placed
+from fmopt.papers.lee_huang.nominal_trajectory import NominalTrajectory
+from fmopt.papers.lee_huang.shrink_expand import enclosing, finer, grown
+from fmopt.runtime.compiled import heed
+from fmopt.spatial.se3 import Pose, cross
+from fmopt.spatial.values import Array, Value, frozen
+
+Body: TypeAlias = tuple[str, Solid]
+
+_TOUCH = 1e-9  # m, overlap up to this is touching
+_CLOSE = 1e-7  # m, bodies that pass this close while they turn count as meeting
+_ON_PLANE = 1e-9  # m
+_FINER = (48, 96, 192, 384)  # sides of polygons around round surfaces, when fewer do not decide
+
+
+@dataclass(frozen=True, eq=False)
+class Meeting(Value):
+    """Where the nominal motion runs into something.
+
+    Args:
+        moving, fixed: names of the two bodies.
+        time: s, when they first meet, to 1e-9 of the leg.
+        pose: P (6,) then, m and rad.
+        point: (3,) in the B-frame, m, inside both bodies shortly after.
+        depth: how deep the two pieces that meet first overlap later on that leg, m; the largest at seven times.
+        planes: which of the planes xz, yz, xy of the B-frame run through both bodies' common part; none of them when a
+            cut-diagram cannot show the meeting.
+    """
+
+    moving: str
+    fixed: str
+    time: float
+    pose: Array
+    point: Array
+    depth: float
+    planes: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "pose", frozen(self.pose, 6, name="pose"))
+        object.__setattr__(self, "point", frozen(self.point, 3, name="point"))
+
+    def __str__(self) -> str:
+        x, y, z = 1e3 * self.point
+        seen = f"seen on the plane {' and '.join(self.planes)}" if self.planes else "off the planes xz, yz and xy"
+        place = f"near ({x:.4g}, {y:.4g}, {z:.4g}) mm of the B-frame, {seen}"
+        return f"{self.moving!r} meets {self.fixed!r} at {self.time:.6g} s by up to {1e3 * self.depth:.4g} mm, {place}"
+
+
+def meetings(moving: Sequence[Body], fixed: Sequence[Body], path: NominalTrajectory) -> tuple[Meeting, ...]:
+    """Every pair of bodies that overlaps on the way, where it first does so.
+
+    Args:
+        moving: names and solids in the moving operand's frame; all of them move.
+        fixed: names and solids in the B-frame, operand 2 and obstacles.
+        path: P(t).
+
+    Returns:
+        The meetings in the order of time; none when the motion is free.
+    """
+    movers = [(name, [_Piece.of(body) for body in _bodies(solid)]) for name, solid in moving]
+    standing = [(name, [_Piece.of(piece) for piece in pieces(enclosing(solid))]) for name, solid in fixed]
+    found = []
+    for mover, bodies in movers:
+        for name, others in standing:
+            legs = (_on_leg(bodies, others, path, k) for k in range(len(path.times) - 1))
+            first = next((hit for hit in legs if hit is not None), None)
+            if first is not None:
+                found.append(_meeting(mover, name, first, path))
+    return tuple(sorted(found, key=lambda meeting: (meeting.time, meeting.moving, meeting.fixed)))
+
+
+def checked(moving: Sequence[Body], fixed: Sequence[Body], path: NominalTrajectory) -> None:
+    """Refuses a nominal motion that runs into something.
+
+    Polygons around round surfaces may meet where the surfaces themselves pass: such a meeting, not deeper than the
+    polygons are proud, is looked at again with more sides, up to 384.
+
+    Raises:
+        InterferenceError: it does; names the bodies, the time, the place, and whether a cut-diagram shows it.
+    """
+    found = meetings(moving, fixed, path)
+    for sides in _FINER:
+        met = {one.moving for one in found}, {one.fixed for one in found}
+        proud = sum(
+            max((grown(solid) for name, solid in side if name in names), default=0.0)
+            for side, names in zip((moving, fixed), met, strict=True)
+        )
+        if not found or found[0].depth > proud or proud <= 0.0:
+            break
+        moving, fixed = (
+            [(name, finer(solid, sides) if name in names else solid) for name, solid in side]
+            for side, names in zip((moving, fixed), met, strict=True)
+        )
+        found = meetings(moving, fixed, path)
+    if found:
+        message = "; ".join(f"the nominal motion is not free: {meeting}" for meeting in found)
+        advice = "move the obstacle, or give nodes that lead round it"
+        raise InterferenceError(message, max(0.0, *(one.depth for one in found)), found[0].fixed, advice)
+
+
+def free_until(moving: Sequence[Body], fixed: Sequence[Body], path: NominalTrajectory, margin: float) -> float:
+    """Up to when every point of what moves keeps more than `margin` from what stands: a node of P(t), s.
+
+    Args:
+        moving, fixed: as for `meetings`.
+        path: P(t).
+        margin: m, positive: how far a point of the uncertain operand 1 strays.
+
+    Returns:
+        The last node up to which all legs are shown to; 0 when the first leg is not.
+    """
+    movers = [_Piece.of(body) for _, solid in moving for body in _bodies(solid)]
+    standing = [_Piece.of(piece) for _, solid in fixed for piece in pieces(enclosing(solid))]
+    for k, start in enumerate(path.times[:-1].tolist()):
+        span = (start, float(path.times[k + 1]))
+        for body in movers:
+            ends = _Stretch(body, path, span, _radius(body.body))
+            if not all(_keeps(ends, other, margin) for other in standing):
+                return float(start)
+    return path.duration
+
+
+def _keeps(stretch: _Stretch, other: _Piece, margin: float) -> bool:
+    """Whether a stretch is shown to keep its distance, halved until its stray is small against it."""
+    stray = stretch.stray
+    if stretch.overlap(other, margin + stray) <= -(margin + stray):
+        return True
+    return stray > 0.1 * margin and all(_keeps(half, other, margin) for half in stretch.halves())
+
+
+def _bodies(solid: Solid) -> list[Polyhedron]:
+    """The convex pieces of a solid that moves: polygons around what is round, but for balls, which stay what they are.
+
+    A ball that is cut is none.
+    """
+    balls, rest = list[tuple[Array, float]](), list[Solid]()
+    _parted(solid, Pose.identity(), balls, rest)
+    if not balls:
+        return list(pieces(enclosing(solid)))
+    own = list(pieces(enclosing(Union(tuple(rest))))) if rest else []
+    return own + [from_faces([centre], (), balls=((0, radius),)) for centre, radius in balls]
+
+
+def _parted(solid: Solid, at: Pose, balls: list[tuple[Array, float]], rest: list[Solid]) -> None:
+    """Sorts what a solid, put in a place, is the union of into balls, by centre and radius, and the rest."""
+    match solid:
+        case Sphere(radius, _):
+            balls.append((at.p, radius))
+        case Placed(inner, own):
+            _parted(inner, at.compose(exact_pose(own)), balls, rest)
+        case Union(parts):
+            for part in parts:
+                _parted(part, at, balls, rest)
+        case _:
+            rest.append(Placed(solid, at))
+
+
+def _radius(body: Polyhedron) -> float:
+    """How far a body reaches from the origin, m."""
+    return float((np.linalg.norm(body.vertices, axis=1) + body.radii).max())
+
+
+@dataclass(frozen=True, eq=False)
+class _Piece(Value):
+    """A convex piece with its outward normals (m, 3) and the directions (k, 3) of its edges, parallel ones once.
+
+    One that moves may be a ball, which has neither.
+    """
+
+    body: Polyhedron
+    normals: Array
+    along: Array
+
+    @staticmethod
+    def of(body: Polyhedron) -> _Piece:
+        if body.balls:
+            return _Piece(body, body.normals, np.zeros((0, 3)))
+        start, end = body.vertices[np.array([edge.vertices for edge in body.edges]).T]
+        along = (end - start) / np.linalg.norm(end - start, axis=1)[:, None]
+        along *= np.sign(along[np.arange(len(along)), np.argmax(np.abs(along) > 1e-9, axis=1)])[:, None]
+        kept = np.unique(np.round(along, 9), axis=0, return_index=True)[1]
+        return _Piece(body, body.normals, along[kept])
+
+
+@dataclass(frozen=True, eq=False)
+class _Hit(Value):
+    """When two pieces first meet."""
+
+    time: float
+    body: Polyhedron
+    other: Polyhedron
+
+
+def _on_leg(bodies: Sequence[_Piece], others: Sequence[_Piece], path: NominalTrajectory, k: int) -> _Hit | None:
+    """The earliest meeting of any two pieces on leg k."""
+    span = (float(path.times[k]), float(path.times[k + 1]))
+    hits: list[_Hit | None] = []
+    for body in bodies:
+        heed()
+        ends = _Stretch(body, path, span, _radius(body.body))
+        for other in _reached(ends, others):
+            hits.append(_first(ends, other))
+    return min(filter(None, hits), key=lambda hit: hit.time, default=None)
+
+
+@dataclass(frozen=True, eq=False)
+class _Stretch(Value):
+    """A piece over a stretch of time within one leg."""
+
+    piece: _Piece
+    path: NominalTrajectory
+    span: tuple[float, float]
+    radius: float
+
+    @property
+    def stray(self) -> float:
+        """How far a point of the piece leaves its chord, m: an eighth of the square of the time times |x''|.
+
+        With ω = J(r) r', |ω| ≤ |r'| and |ω'| ≤ ½|r'|², hence |x''| ≤ (|ω|² + |ω'|) ρ ≤ 3/2 |r'|² ρ.
+        """
+        turn = self.path.at(self.span[1])[3:] - self.path.at(self.span[0])[3:]
+        return 3.0 / 16.0 * float(turn @ turn) * self.radius
+
+    @property
+    def hull(self) -> Array:
+        """Vertices (2n, 3) of the piece at both ends; of a ball its centre."""
+        return np.vstack([self.path.pose(t).apply(self.piece.body.vertices) for t in self.span])
+
+    def overlap(self, other: _Piece, enough: float) -> float:
+        """Bound from above of how much the hull of both ends overlaps the other piece, m; negative when they are apart.
+
+        Exactly so where the two ends are not turned against one another: the axes are then those of the hull. A bound
+        of −`enough` (m) or less, from the faces alone, is not made smaller.
+        """
+        points, still, round_ = self.hull, other.body.vertices, float(self.piece.body.radii.max())
+        turned = [self.path.pose(t).R.T for t in dict.fromkeys(self.span)]
+        normals = np.vstack([*(self.piece.normals @ R for R in turned), -other.normals])
+        if round_:
+            normals = np.vstack([normals, *(towards(other.body, centre) for centre in points)])
+        least = _least(points, still, normals) + round_
+        if least <= -enough:
+            return least
+        travel = self.path.at(self.span[1])[:3] - self.path.at(self.span[0])[:3]
+        travel = travel / (np.linalg.norm(travel) or 1.0)
+        along = np.vstack([*(self.piece.along @ R for R in turned), travel])
+        crossed = np.vstack([cross(along[:, None], other.along[None]).reshape(-1, 3), cross(along, travel)])
+        length = np.linalg.norm(crossed, axis=1)
+        axes = crossed[length > 1e-9] / length[length > 1e-9, None]
+        return min(least, _least(points, still, np.vstack([axes, -axes])) + round_)
+
+    def halves(self) -> tuple[_Stretch, _Stretch]:
+        middle = 0.5 * (self.span[0] + self.span[1])
+        return replace(self, span=(self.span[0], middle)), replace(self, span=(middle, self.span[1]))
+
+
+def _least(points: Array, others: Array, axes: Array) -> float:
+    """Smallest over the axes n (k, 3) of max n·points − min n·others."""
+    return float(np.min(np.max(axes @ points.T, axis=1) - np.min(axes @ others.T, axis=1)))
+
+
+def _reached(stretch: _Stretch, others: Sequence[_Piece]) -> Iterator[_Piece]:
+    """The pieces whose boxes the box of the stretch overlaps."""
+    points, beyond = stretch.hull, stretch.stray + float(stretch.piece.body.radii.max())
+    low, high = points.min(axis=0) - beyond, points.max(axis=0) + beyond
+    for other in others:
+        points = other.body.vertices
+        if np.all(low <= points.max(axis=0)) and np.all(points.min(axis=0) <= high):
+            yield other
+
+
+def _first(stretch: _Stretch, other: _Piece) -> _Hit | None:
+    """The first meeting within a stretch, by proof or by halving; None when it is free."""
+    stray = stretch.stray
+    free = stray if stray > 0.0 else -_TOUCH
+    if stretch.overlap(other, free) <= -free:
+        return None
+    if stray <= _CLOSE:
+        return _Hit(_begin(stretch, other), stretch.piece.body, other.body)
+    early, late = stretch.halves()
+    return _first(early, other) or _first(late, other)
+
+
+def _begin(stretch: _Stretch, other: _Piece) -> float:
+    """When the overlap begins, to 1e-9 of the leg: the sweep from the start on overlaps from then on."""
+    free, met = stretch.span
+    while met - free > 1e-9 * (stretch.span[1] - stretch.span[0]):
+        middle = 0.5 * (free + met)
+        part = replace(stretch, span=(stretch.span[0], middle))
+        enough = part.stray if part.stray > 0.0 else -_TOUCH
+        overlap = part.overlap(other, enough) > -enough
+        free, met = (free, middle) if overlap else (middle, met)
+    return met
+
+
+def _meeting(mover: str, name: str, hit: _Hit, path: NominalTrajectory) -> Meeting:
+    """The record of a first meeting, with a point in the middle of the common part when it is deepest on that leg."""
+    k = int(np.clip(np.searchsorted(path.times, hit.time, side="right") - 1, 0, len(path.times) - 2))
+    end = float(path.times[k + 1])
+    times = [hit.time + share * (end - hit.time) for share in (1e-3, 1e-2, 0.1, 0.25, 0.5, 0.75, 1.0)]
+    bodies = [placed(hit.body, path.pose(t)) for t in times]
+    depths = [penetration(body, hit.other) for body in bodies]
+    point = _inside(bodies[int(np.argmax(depths))], hit.other)
+    planes: set[str] = set()
+    for body in (body for body, depth in zip(bodies, depths, strict=True) if depth > _TOUCH):
+        planes |= set(_planes(body, hit.other))
+    shown = tuple(plane for plane in ("xz", "yz", "xy") if plane in planes)
+    return Meeting(mover, name, hit.time, path.at(hit.time), point, max(0.0, *depths), shown)
+
+
+def _common(body: Polyhedron, other: Polyhedron) -> tuple[Array, Array]:
+    """The planes of faces of both; of a ball those of the cube around it."""
+    if body.balls:
+        sides = np.vstack([np.eye(3), -np.eye(3)])
+        offsets = sides @ body.vertices[0] + body.radii[0]
+        return np.vstack([sides, other.normals]), np.concatenate([offsets, other.offsets])
+    return np.vstack([body.normals, other.normals]), np.concatenate([body.offsets, other.offsets])
+
+
+def _inside(body: Polyhedron, other: Polyhedron) -> Array:
+    """The point (3,) deepest inside both bodies, or nearest to both.
+
+    Raises:
+        SolverError: the linear program stopped without an answer.
+    """
+    normals, offsets = _common(body, other)
+    found = _lowest(np.array([0.0, 0.0, 0.0, -1.0]), np.column_stack([normals, np.ones(len(normals))]), offsets)
+    if found is None:
+        raise SolverError("no point in the common part of two bodies was found", "check that both have volume")
+    return found[:3]
+
+
+def _planes(body: Polyhedron, other: Polyhedron) -> Iterator[str]:
+    """The planes of the B-frame that run through the common part of two bodies."""
+    for name, axis in (("xz", 1), ("yz", 0), ("xy", 2)):
+        ends = [_lowest(sign * np.eye(3)[axis], *_common(body, other)) for sign in (1.0, -1.0)]
+        if all(end is not None and sign * end[axis] > _ON_PLANE for end, sign in zip(ends, (-1.0, 1.0), strict=True)):
+            yield name
+
+
+def _lowest(cost: Array, rows: Array, offsets: Array) -> Array | None:
+    """x with the least cost·x among rows x ≤ offsets; None when there is none."""
+    from scipy.optimize import linprog
+
+    found = linprog(cost, A_ub=rows, b_ub=offsets, bounds=[(None, None)] * rows.shape[1])
+    return None if found.x is None else np.asarray(found.x)

@@ -1,0 +1,183 @@
+"""The plan file `fmopt.plan/1`: one self-contained JSON document, where makers and users of plans meet.
+
+All values are SI. Same input, same machine, same bytes: keys are sorted, numbers are the shortest that read back
+exactly, and the document ends with a digest of itself.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from fmopt.errors import PlanFormatError, ResourceError
+from fmopt.runtime import output
+from fmopt.verify.reading.diagnostics import (
+    Boundary,
+    Curve,
+    Diagnostics,
+    Diagram,
+    ErrorTolerance,
+    Interval,
+    Phase,
+    Planar,
+    PlanarSegment,
+    Polyline,
+    Slice,
+    Surface,
+    ToleranceEnd,
+)
+from fmopt.verify.reading.document import (
+    Body,
+    Contact,
+    ContactClaim,
+    CriticalPoint,
+    Hybrid,
+    JamFree,
+    Lift,
+    MoveRecovery,
+    Nominal,
+    Part,
+    Plan,
+    PositionForce,
+    Recovery,
+    Search,
+    Segment,
+    Separation,
+    Specification,
+    Tube,
+    UnplannedContact,
+    Witness,
+)
+from fmopt.verify.reading.file import FORMAT, FRAMES, NOT_COVERED, UNITS, Numbers, PlanError, content, decoded
+from fmopt.verify.reading.parse import parse
+from fmopt.verify.reading.parse_diagnostics import read_boundary, read_diagram, read_surface
+from fmopt.verify.reading.reader import LONGEST, UNSEEN, Reader
+
+__all__ = [
+    "FORMAT", "FRAMES", "NOT_COVERED", "STDIO", "UNITS", "Body", "Boundary", "Contact", "ContactClaim", "CriticalPoint",
+    "Curve", "Diagnostics", "Diagram", "ErrorTolerance", "Hybrid", "Interval", "JamFree", "Lift", "MoveRecovery", "Nominal",
+    "Numbers", "Part", "Phase", "Plan", "Planar", "PlanarSegment", "Polyline", "PositionForce", "Recovery", "Search",
+    "Segment", "Separation", "Slice", "Specification", "Surface", "ToleranceEnd", "Tube", "UnplannedContact", "Witness",
+    "boundary", "canonical", "clean", "diagram", "digest", "line", "parsed", "read", "read_document", "rounded_down",
+    "sealed", "surface", "write",
+]  # fmt: skip
+
+STDIO = Path("-")  # standard input or output, in place of a file
+
+
+def canonical(document: Mapping[str, Any]) -> str:
+    """The document as canonical JSON text: sorted keys, no spaces, no special numbers.
+
+    Raises:
+        PlanFormatError: a number is not finite.
+    """
+    try:
+        return json.dumps(
+            document, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False, check_circular=False
+        )
+    except ValueError as error:
+        raise PlanFormatError(f"the plan holds a number that JSON cannot: {error}") from error
+
+
+def digest(document: Mapping[str, Any]) -> str:
+    """SHA-256 (hex) of the canonical text without the key `sha256`."""
+    bare = {key: value for key, value in document.items() if key != "sha256"}
+    return hashlib.sha256(canonical(bare).encode()).hexdigest()
+
+
+def sealed(document: Mapping[str, Any]) -> dict[str, Any]:
+    """The document with its digest."""
+    return {**document, "sha256": digest(document)}
+
+
+def clean(value: Any) -> Any:
+    """Numbers, arrays and tuples as plain JSON values; minus zero becomes zero."""
+    if value is None or isinstance(value, (str, int)):
+        return value
+    if isinstance(value, (list, tuple)):
+        return [item + 0.0 if type(item) is float else clean(item) for item in value]
+    if hasattr(value, "tolist"):
+        return clean(value.tolist())
+    if isinstance(value, Mapping):
+        return {key: item + 0.0 if type(item) is float else clean(item) for key, item in value.items()}
+    return value + 0.0 if isinstance(value, float) else value
+
+
+def line(words: str) -> str:
+    """Words as a plan may hold them: one line without unseen characters, no longer than its reader takes."""
+    return UNSEEN.sub("\N{REPLACEMENT CHARACTER}", " ".join(words.split()))[:LONGEST]
+
+
+def write(document: Mapping[str, Any], path: Path) -> None:
+    """Writes a plan, whole or not at all.
+
+    Raises:
+        ResourceError: the file cannot be written.
+    """
+    text = json.dumps(document, sort_keys=True, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    output.save(text.encode(), path)
+
+
+def read(path: Path) -> Plan:
+    """Reads a plan file, "-" for standard input.
+
+    Raises:
+        ResourceError: the file cannot be read.
+        PlanFormatError: it is no plan of this format; says where in it, and what is wrong.
+    """
+    return parsed(read_document(path), str(path))
+
+
+def parsed(document: Any, name: str = "") -> Plan:
+    """The plan of a JSON document.
+
+    Raises:
+        PlanFormatError: it is none.
+    """
+    try:
+        return parse(document)
+    except PlanError as error:
+        raise _refused(name, error) from error
+
+
+def diagram(record: Mapping[str, Any]) -> Diagram:
+    """A cut-diagram as `fmopt.papers.lee_huang.mapping` makes it, as a plan would hold it."""
+    return read_diagram(Reader(clean(record)))
+
+
+def boundary(record: Mapping[str, Any]) -> Boundary:
+    """A set as `fmopt.papers.basanez_suarez.account.boundary_record` makes it, as a plan would hold it."""
+    return read_boundary(Reader(clean(record)))
+
+
+def surface(record: Mapping[str, Any]) -> Surface:
+    """Configurations as `fmopt.papers.basanez_suarez.account.surface_record` makes them, as a plan would hold them."""
+    return read_surface(Reader(clean(record)))
+
+
+def read_document(path: Path) -> dict[str, Any]:
+    """Reads a plan file as the JSON object that it is, "-" for standard input.
+
+    Raises:
+        ResourceError: the file cannot be read.
+        PlanFormatError: it is no JSON object.
+    """
+    try:
+        return decoded(content(path))
+    except PlanError as error:
+        raise _refused(str(path), error) from error
+    except OSError as error:
+        raise ResourceError(f"{path}: {error.strerror or error}", "give the plan.json of a solved problem") from error
+
+
+def _refused(name: str, error: PlanError) -> PlanFormatError:
+    return PlanFormatError(f"{name}: {error}" if name else str(error), "give a plan.json that fmopt solve wrote")
+
+
+def rounded_down(value: float) -> float:
+    """A little less than `value`: what may be stated of a margin that was computed in floating point."""
+    return value - 1e-15 - 1e-12 * abs(value) if math.isfinite(value) else 1.0

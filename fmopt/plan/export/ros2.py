@@ -1,0 +1,257 @@
+"""A plan for ROS 2: a bag of target poses and wrenches, the controller's parameters, and force-mode requests.
+
+The bag holds `geometry_msgs/PoseStamped` on `/cartesian_compliance_controller/target_frame` and
+`geometry_msgs/WrenchStamped` on `/cartesian_compliance_controller/target_wrench`, in the robot's base: the motion of
+`segments` without errors, and the wrench that the controller applies at the moving frame. What a bag cannot say, which
+axes are stiff and when a move ends, is in `segments.yaml`, with one request for `ur_msgs/srv/SetForceMode` a segment.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fmopt.errors import PlanFormatError, ResourceError
+from fmopt.plan import Plan
+from fmopt.plan.export.cautions import check_rate, insertion_words, turning_words
+from fmopt.plan.export.frame import TaskFrame, task_frame
+from fmopt.plan.guarded_moves import Move, moves
+from fmopt.plan.position_force import AXES
+from fmopt.runtime import output
+from fmopt.runtime.escape import one_line, yaml_string
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
+
+CONTROLLER = "cartesian_compliance_controller"
+POSES = f"/{CONTROLLER}/target_frame"
+WRENCHES = f"/{CONTROLLER}/target_wrench"
+BASE_LINK, TOOL_LINK, SENSOR_LINK = "base_link", "moving_part", "ft_sensor_link"
+_AXES = ("trans_x", "trans_y", "trans_z", "rot_x", "rot_y", "rot_z")
+_STIFF = (20000.0, 200.0)  # N/m and N·m/rad of a stiff axis
+_LEAST = 0.002  # m in the metric of ρ, limit of deviation at least: short moves begin pressed by those before them
+_SOFT = (0.0, 0.0)
+_DEBOUNCE = 3
+_NOTES = (
+    "SI units; poses and wrenches in the base frame; moving_part is the plan's moving frame, compliance_ref_link too",
+    "target_wrench: what the controller applies to the moving part, about its origin, opposite to the reaction",
+    "stiffness: along and about the axes of the segment's task frame; 0 where the axis is compliant",
+)
+
+
+class _Sample(NamedTuple):
+    time: float
+    pose: Pose
+    wrench: Array
+
+
+def export(plan: Plan, base: Pose, rate: float, folder: Path, caution: str = "") -> tuple[Path, ...]:
+    """Writes the bag (MCAP), `controllers.yaml` and `segments.yaml` into a new folder.
+
+    Args:
+        plan: the plan.
+        base: pose of the hole's frame B in the robot's base.
+        rate: samples a second of the motion.
+        folder: must not hold a bag yet.
+        caution: what is to be said of the plan, if anything.
+
+    Raises:
+        PlanFormatError: a segment cannot be run, its force axes fit no frame, or the rate is no rate for it.
+        ResourceError: the extra is missing, the bag exists, or a file cannot be written.
+    """
+    rows = moves(plan)
+    check_rate(rate, sum(move.duration for move in rows))
+    frames = [task_frame(move, plan.rho) for move in rows]
+    notes = ((f"WARNING: {one_line(caution)}",) if caution else ()) + _NOTES
+    output.prepare(folder)
+    bag, controllers, segments = folder / "bag", folder / "controllers.yaml", folder / "segments.yaml"
+    with output.fresh(bag) as partial:
+        _write_bag(list(_samples(rows, base, rate)), partial, notes)
+        output.save(_controllers(frames[0], notes).encode(), controllers)
+        listed = [_segment(*pair, base, plan.rho) for pair in zip(rows, frames, strict=True)]
+        output.save(_segments(plan, rows, listed, base, notes).encode(), segments)
+    return bag, controllers, segments
+
+
+def _samples(rows: tuple[Move, ...], base: Pose, rate: float) -> Iterator[_Sample]:
+    begun = 0.0
+    for move in rows:
+        wrench = np.concatenate([base.R @ move.hold[:3], base.R @ move.hold[3:]])
+        along = move.start.local(move.goal)
+        for k in range(int(np.floor(move.duration * rate)) + 1):
+            share = min(k / (rate * move.duration), 1.0)
+            yield _Sample(begun + k / rate, base.compose(move.start.moved(share * along)), wrench)
+        begun += move.duration
+    yield _Sample(begun, base.compose(rows[-1].goal), wrench)
+
+
+def _write_bag(samples: list[_Sample], path: Path, notes: tuple[str, ...]) -> None:
+    try:
+        from rosbags.rosbag2 import StoragePlugin, Writer
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError as error:
+        raise ResourceError("bags need the extra ros2", "install fmopt[ros2]") from error
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        for line, note in enumerate(notes):
+            writer.set_custom_data(f"note_{line}", note)
+        connections = {
+            kind: writer.add_connection(topic, f"geometry_msgs/msg/{kind}", typestore=store)
+            for kind, topic in (("PoseStamped", POSES), ("WrenchStamped", WRENCHES))
+        }
+        for sample in samples:
+            for kind, message in _messages(store.types, sample).items():
+                content = store.serialize_cdr(message, message.__msgtype__)
+                writer.write(connections[kind], round(1e9 * sample.time), content)
+
+
+def _messages(types: Mapping[str, Any], sample: _Sample) -> dict[str, Any]:
+    nanoseconds = round(1e9 * sample.time)
+    stamp = types["builtin_interfaces/msg/Time"](nanoseconds // 10**9, nanoseconds % 10**9)
+    header = types["std_msgs/msg/Header"](stamp, BASE_LINK)
+    vector, force, torque = types["geometry_msgs/msg/Vector3"], sample.wrench[:3], sample.wrench[3:]
+    position = types["geometry_msgs/msg/Point"](*(float(value) for value in sample.pose.p))
+    turn = types["geometry_msgs/msg/Quaternion"](*_quaternion(sample.pose))
+    wrench = types["geometry_msgs/msg/Wrench"](
+        vector(*(float(value) for value in force)), vector(*(float(value) for value in torque))
+    )
+    return {
+        "PoseStamped": types["geometry_msgs/msg/PoseStamped"](header, types["geometry_msgs/msg/Pose"](position, turn)),
+        "WrenchStamped": types["geometry_msgs/msg/WrenchStamped"](header, wrench),
+    }
+
+
+def _quaternion(pose: Pose) -> tuple[float, float, float, float]:
+    """(x, y, z, w), w not negative."""
+    r = pose.vector()[3:]
+    angle = float(np.linalg.norm(r))
+    x, y, z = (0.5 * np.sinc(0.5 * angle / np.pi) * r).tolist()
+    return x, y, z, float(np.cos(0.5 * angle))
+
+
+def _stiffness(task: TaskFrame) -> dict[str, float]:
+    return {name: (_SOFT if task.selection[k] else _STIFF)[k // 3] for k, name in enumerate(_AXES)}
+
+
+def _controllers(first: TaskFrame, notes: tuple[str, ...]) -> str:
+    """Parameters of FZI's Cartesian compliance controller, with the stiffness of the first segment."""
+    gains = {name: {"p": 0.05 if k < 3 else 1.5, "d": 0.005 if k < 3 else 0.0} for k, name in enumerate(_AXES)}
+    parameters = {
+        "end_effector_link": TOOL_LINK,
+        "robot_base_link": BASE_LINK,
+        "ft_sensor_ref_link": SENSOR_LINK,
+        "compliance_ref_link": TOOL_LINK,
+        "joints": [f"joint{k}" for k in range(1, 7)],
+        "command_interfaces": ["position"],
+        "stiffness": _stiffness(first),
+        "solver": {"error_scale": 0.5, "iterations": 1},
+        "pd_gains": gains,
+    }
+    manager = {"update_rate": 500, CONTROLLER: {"type": f"{CONTROLLER}/CartesianComplianceController"}}
+    return _yaml(
+        {"controller_manager": {"ros__parameters": manager}, CONTROLLER: {"ros__parameters": parameters}},
+        (*notes, "links and joints are placeholders: give your robot's names; change the stiffness at each segment"),
+    )
+
+
+def _segments(
+    plan: Plan, rows: tuple[Move, ...], listed: list[dict[str, Any]], base: Pose, notes: tuple[str, ...]
+) -> str:
+    begun = 0.0
+    for move, entry in zip(rows, listed, strict=True):
+        entry["begins"] = begun
+        begun += move.duration
+    turning = turning_words([move.twist for move in rows], [move.number for move in rows])
+    count = "segment and move count from 0, as in the plan file"
+    said = (*notes, insertion_words(base), turning, count)
+    return _yaml({"plan": plan.sha256, "frame_id": BASE_LINK, "segments": listed}, said)
+
+
+def _segment(move: Move, task: TaskFrame, base: Pose, rho: float) -> dict[str, Any]:
+    return {
+        "segment": move.segment,
+        "move": move.number,
+        "begins": 0.0,
+        "held": list(move.state),
+        "stiffness": _stiffness(task),
+        "set_force_mode": _request(move, task, base, rho),
+        "stop": None if move.stop is None else _stop(move, base),
+    }
+
+
+def _request(move: Move, task: TaskFrame, base: Pose, rho: float) -> dict[str, Any]:
+    """Request of `ur_msgs/srv/SetForceMode`, field by field; for `ros2 service call`."""
+    frame = base.compose(task.pose)
+    x, y, z, w = _quaternion(frame)
+    scale = np.array([1.0, 1.0, 1.0, rho, rho, rho])
+    speed = float(np.linalg.norm(move.twist * scale))
+    reach = max(speed * (move.stop.timeout if move.stop else 2.0 * move.duration), _LEAST)
+    selected = dict(zip(AXES, task.selection, strict=True))
+    return {
+        "task_frame": {
+            "header": {"frame_id": BASE_LINK},
+            "pose": {"position": _xyz(frame.p), "orientation": {"x": x, "y": y, "z": z, "w": w}},
+        },
+        **{f"selection_vector_{axis}": bool(value) for axis, value in selected.items()},
+        "wrench": {"force": _xyz(task.wrench[:3]), "torque": _xyz(task.wrench[3:])},
+        "type": 2,
+        "speed_limits": {"linear": _xyz(5.0 * speed * np.ones(3)), "angular": _xyz(5.0 * speed / rho * np.ones(3))},
+        "deviation_limits": (reach / scale).tolist(),
+        "damping_factor": 0.1,
+        "gain_scaling": 0.5,
+    }
+
+
+def _stop(move: Move, base: Pose) -> dict[str, Any]:
+    assert move.stop is not None
+    gain = np.concatenate([base.R @ move.stop.gain[:3], base.R @ move.stop.gain[3:]])
+    return {
+        "contacts": list(move.stop.contacts),
+        "gain": gain.tolist(),
+        "force": move.stop.force,
+        "debounce": _DEBOUNCE,
+        "max_travel": move.stop.max_travel,
+        "timeout": move.stop.timeout,
+    }
+
+
+def _xyz(values: Array) -> dict[str, float]:
+    return dict(zip("xyz", (float(value) for value in values), strict=True))
+
+
+def _yaml(value: Mapping[str, Any], notes: tuple[str, ...]) -> str:
+    """Block YAML of mappings, lists, numbers, booleans, strings and null; keys are names of ours."""
+    return "\n".join([*(f"# {one_line(note)}" for note in notes), *_block(value, 0)]) + "\n"
+
+
+def _block(value: Mapping[str, Any], depth: int) -> Iterator[str]:
+    pad = "  " * depth
+    for key, item in value.items():
+        if isinstance(item, Mapping):
+            yield f"{pad}{key}:"
+            yield from _block(item, depth + 1)
+        elif isinstance(item, list) and item and isinstance(item[0], Mapping):
+            yield f"{pad}{key}:"
+            for entry in item:
+                lines = list(_block(entry, depth + 2))
+                yield f"{pad}  - {lines[0].lstrip()}"
+                yield from lines[1:]
+        else:
+            yield f"{pad}{key}: {_scalar(item)}"
+
+
+def _scalar(value: float | str | Sequence[Any] | None) -> str:
+    """A float as YAML 1.1 reads it as one, with a point before the exponent; a text in quotes."""
+    if isinstance(value, str):
+        return yaml_string(value)
+    if isinstance(value, Sequence):
+        return f"[{', '.join(map(_scalar, value))}]"
+    if value is None or isinstance(value, bool):
+        return "null" if value is None else str(value).lower()
+    text = repr(value)
+    if not math.isfinite(value):
+        raise PlanFormatError(f"a number of the motion is {text}", "give a plan.json that fmopt solve wrote")
+    return text.replace("e", ".0e") if "e" in text and "." not in text else text

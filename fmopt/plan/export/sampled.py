@@ -1,0 +1,119 @@
+"""The position/force trajectory Pₐ(t), Fₐ(t), S(t) of a plan, sampled at a rate, as CSV and JSON."""
+
+from __future__ import annotations
+
+import io
+import json
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmopt.errors import PlanFormatError
+from fmopt.plan import Plan
+from fmopt.plan.export.cautions import check_rate
+from fmopt.plan.position_force import AXES
+from fmopt.runtime.escape import csv_comment
+from fmopt.spatial.values import Array, Value, frozen
+
+FORMAT = "fmopt.samples/1"
+COLUMNS = ("t", *(f"{name}_{axis}" for name in ("s", "pa", "fa") for axis in AXES))
+_NOTES = (
+    "units: s, m, rad, N, N m; S, Pa and Fa along and about the axes of the B-frame",
+    "S: 0 free, 1 stopped in +, -1 stopped in -, 2 stopped both ways; Pa where S = 0, servoed in position",
+    "Fa where S is not 0, servoed in force: the reaction of the fixed on the moving part, the controller applies -Fa",
+    "the nominal position/force trajectory straight in, as if there were no errors; not the motion to run, which is",
+    "the plan's segments, and what the formats for robots hold",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Samples(Value):
+    """Times (n,), s; S (n, 6); Pₐ (n, 6), m and rad; Fₐ (n, 6), the reaction, N and N·m."""
+
+    t: Array
+    s: Array
+    pa: Array
+    fa: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "t", frozen(self.t, None, name="times"))
+        for name in ("s", "pa", "fa"):
+            object.__setattr__(self, name, frozen(getattr(self, name), len(self.t), 6, name=name))
+
+    @property
+    def table(self) -> Array:
+        """Rows of `COLUMNS`, (n, 19)."""
+        return np.hstack([self.t[:, None], self.s, self.pa, self.fa])
+
+
+def samples(plan: Plan, rate: float) -> Samples:
+    """Every 1/rate seconds from the start, and the end; where S jumps, the value that begins there.
+
+    Args:
+        plan: the plan.
+        rate: Hz.
+
+    Raises:
+        PlanFormatError: the plan holds no such trajectory, or the rate is no rate for it.
+    """
+    rows = plan.position_force
+    if not rows:
+        raise PlanFormatError("the plan holds no position/force trajectory", "solve the problem again")
+    first, last = rows[0].interval.start, rows[-1].interval.end
+    starts = np.array([row.interval.start for row in rows])
+    check_rate(rate, last - first)
+    count = int(np.floor((last - first) * rate * (1.0 - 1e-12))) + 1
+    t = np.append(first + np.arange(count) / rate, last)
+    inside = np.clip(np.searchsorted(starts, t, side="right") - 1, 0, len(rows) - 1)
+    begun, length = t - starts[inside], np.array([row.interval.end - row.interval.start for row in rows])[inside]
+    share = np.divide(begun, length, out=np.ones(len(t)), where=length > 0.0)  # what lasts no time is at its end
+    ends = np.array([[row.pa_start, row.pa_end] for row in rows])[inside]
+    pa = ends[:, 0] + share[:, None] * (ends[:, 1] - ends[:, 0])
+    return Samples(
+        t, np.array([row.interval.s for row in rows])[inside], pa, np.array([row.fa for row in rows])[inside]
+    )
+
+
+def csv_text(plan: Plan, rate: float, caution: str = "") -> str:
+    """The samples as CSV: comment lines with `#`, one line of names, numbers that read back exactly, S in integers.
+
+    Args:
+        plan: the plan.
+        rate: Hz.
+        caution: what is to be said of the plan, if anything.
+    """
+    warned = (f"WARNING: {csv_comment(caution)}",) if caution else ()
+    lines = [f"# {line}" for line in (FORMAT, f"plan {csv_comment(plan.sha256)}", *warned, *_NOTES)]
+    lines.append(",".join(COLUMNS))
+    found = samples(plan, rate)
+    for t, s, pa, fa in zip(found.t.tolist(), found.s.tolist(), found.pa.tolist(), found.fa.tolist(), strict=True):
+        lines.append(",".join([repr(t), *(str(int(code)) for code in s), *(repr(value) for value in (*pa, *fa))]))
+    return "\n".join(lines) + "\n"
+
+
+def read_csv(text: str) -> Samples:
+    """Samples from the text of `csv_text`.
+
+    Raises:
+        PlanFormatError: the text is no such table.
+    """
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
+    if not lines or tuple(lines[0].split(",")) != COLUMNS:
+        raise PlanFormatError("no table of samples: the line of names differs", "give a file that fmopt export wrote")
+    try:
+        table = np.loadtxt(io.StringIO("\n".join(lines[1:])), delimiter=",", ndmin=2)
+        return Samples(table[:, 0], table[:, 1:7], table[:, 7:13], table[:, 13:19])
+    except (ValueError, IndexError) as error:
+        raise PlanFormatError(f"no table of samples: {error}", "give a file that fmopt export wrote") from error
+
+
+def json_text(plan: Plan, rate: float, caution: str = "") -> str:
+    """The samples as one JSON object; arguments as of `csv_text`."""
+    found = samples(plan, rate)
+    rows = [
+        {"t": t, "s": [int(value) for value in s], "pa": pa, "fa": fa}
+        for t, s, pa, fa in zip(found.t.tolist(), found.s.tolist(), found.pa.tolist(), found.fa.tolist(), strict=True)
+    ]
+    notes = [*([f"WARNING: {caution}"] if caution else []), *_NOTES]
+    head = {"format": FORMAT, "plan": plan.sha256, "notes": notes, "rate": rate, "fa_sign": "reaction"}
+    return json.dumps({**head, "samples": rows}, indent=1, allow_nan=False) + "\n"

@@ -1,0 +1,345 @@
+"""A plan as a URScript program: one `force_mode` call for each segment, and a guarded move while it holds.
+
+`force_mode(task_frame, selection_vector, wrench, type, limits)` takes the task frame as a pose in the base, 1 in the
+selection vector for a compliant axis, the wrench that the robot applies to its environment in the task frame, type 2
+for a frame that stays as it is, and limits: the greatest speed on compliant axes, the greatest deviation from the
+programmed motion on stiff ones. `get_tcp_force` returns the reaction on the tool in axes of the base.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmopt.errors import PlanFormatError
+from fmopt.plan import FRAMES, Plan
+from fmopt.plan.export.cautions import failing_words, insertion_words, turning_words
+from fmopt.plan.export.frame import TaskFrame, task_frame
+from fmopt.plan.guarded_moves import Move, moves
+from fmopt.runtime.escape import one_line, urscript_string
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
+
+_HEADER = """\
+# {title}
+# Plan {digest}, verdict {verdict}, written by fmopt {version}
+# {standing}
+#
+# Units: m, rad, N, N m, s. Poses p[x, y, z, rx, ry, rz] are in the robot's base, the rotation as a rotation vector.
+# The TCP has to be the moving part's frame: {moving}.
+# The frame of the hole ({hole}) is at {base} in the base.
+# If z of the base points up: {insertion}.
+# Greatest turning rate: {turning}.
+{failing}# Selection: 1 compliant, 0 stiff. Wrenches of force_mode are what the robot applies to its environment.
+# get_tcp_force is taken as the reaction of the environment on the tool, in axes of the base, torque about the TCP.
+# Limits: m/s and rad/s on compliant axes, m and rad of deviation on stiff ones.
+# Moves are counted from 1; segments[0] is the first entry of segments in the plan file.
+"""
+
+_FUNCTIONS = """\
+def fmopt_leave(reason):
+  stopl({stop}, {stop_angular})
+  end_force_mode()
+  textmsg("fmopt: ", reason)
+  halt
+end
+
+def fmopt_dot(a, b):
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
+end
+
+def fmopt_counted(told, felt):
+  if told:
+    return felt + 1
+  end
+  return 0
+end
+
+def fmopt_guarded(twist, along, gain, force, held, travel, timeout, due):
+  local step = get_steptime()
+  local elapsed = ahead
+  local felt = 0
+  local told = False
+  local still = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+  local k = held[0] + fmopt_dot(gain, get_tcp_force())
+  level = k - mean
+  while elapsed < timeout:
+    if elapsed < travel:
+      speedl(twist, {acceleration}, step, {acceleration_angular})
+      k = held[0] + (held[1] - held[0]) * elapsed / travel
+    else:
+      speedl(still, {acceleration}, step, {acceleration_angular})
+      k = held[1]
+    end
+    elapsed = elapsed + step
+    moving = moving + step
+    k = k + fmopt_dot(gain, get_tcp_force())
+    local share = fmopt_dot(along, get_actual_tcp_speed())
+    if moving < {starting}:
+      level = k
+    else:
+      if share > {slow}:
+        level = level + step / {memory} * (k - level)
+      end
+    end
+    mean = mean + step / {averaging} * (k - level - mean)
+    told = mean >= force
+    if elapsed < due:
+      told = False
+    end
+    if moving < {starting}:
+      told = False
+    end
+    felt = fmopt_counted(told, felt)
+    if felt >= {debounce}:
+      stopl({stop}, {stop_angular})
+      return True
+    end
+  end
+  ahead = elapsed - timeout
+  return False
+end
+
+def fmopt_move(twist, travel, most):
+  local step = get_steptime()
+  local elapsed = ahead
+  local felt = 0
+  while elapsed < travel:
+    speedl(twist, {acceleration}, step, {acceleration_angular})
+    elapsed = elapsed + step
+    local f = get_tcp_force()
+    felt = fmopt_counted(f[0] * f[0] + f[1] * f[1] + f[2] * f[2] > most * most, felt)
+    if felt >= {debounce}:
+      stopl({stop}, {stop_angular})
+      return True
+    end
+  end
+  ahead = elapsed - travel
+  return False
+end
+"""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the program states explicitly and the plan does not know.
+
+    Args:
+        damping: of force mode, 0 to 1.
+        gain: scaling of force mode's gain, 0 to 2.
+        acceleration, acceleration_angular: of the moves, m/s² and rad/s².
+        stop, stop_angular: decelerations at a stop, m/s² and rad/s².
+        debounce: samples in a row above the force that ends a guarded move.
+        settling: s in which the held contacts settle before a move starts.
+        starting: s at the start of a move in which the sensor's reading is noted and nothing is felt.
+        memory: s over which slow changes of the reading are taken for the level that a touch rises above.
+        averaging: s over which the force of the new contacts is averaged.
+        slow: share of the commanded speed below which the level is kept.
+        alert: share of what a plan's stop allows for friction and noise that is left after the averaging.
+        early: bounds of its travel by which a move may end early.
+        approach, turning: greatest speeds of guarded moves, m/s and rad/s.
+        most: greatest reaction in moves that nothing ends but their travel, in contact forces of the plan.
+        reach: greatest distance from the start pose at which the program may begin, m.
+        compliant_speed: limit on compliant axes, in speeds of the plan.
+        deviation: limit on stiff axes at least, m in the metric of ρ: short moves begin pressed by those before them.
+    """
+
+    damping: float = 0.1
+    gain: float = 0.5
+    acceleration: float = 1.2
+    acceleration_angular: float = 60.0
+    stop: float = 5.0
+    stop_angular: float = 250.0
+    debounce: int = 3
+    settling: float = 0.15
+    starting: float = 0.05
+    memory: float = 0.1
+    averaging: float = 0.02
+    slow: float = 0.6
+    alert: float = 0.25
+    early: float = 2.0
+    approach: float = 0.005
+    turning: float = 0.1
+    most: float = 2.0
+    reach: float = 0.02
+    compliant_speed: float = 5.0
+    deviation: float = 0.002
+
+
+def program(plan: Plan, base: Pose, caution: str = "", settings: Settings | None = None) -> str:
+    """The program as text.
+
+    Args:
+        plan: the plan.
+        base: pose of the hole's frame B in the robot's base.
+        caution: what is to be said of the plan; empty where the check has certified it.
+        settings: what the plan does not know; none for the defaults.
+
+    Raises:
+        PlanFormatError: a segment cannot be run, or its force axes are not orthogonal in any one frame.
+    """
+    settings = settings or Settings()
+    rows = moves(plan)
+    lines = [_head(plan, rows, base, caution, settings), _functions(settings), "def fmopt_insert():"]
+    lines += _indented(_beginning(base.compose(rows[0].start), plan.specification.speed, settings))
+    for index in range(len(rows)):
+        lines += _indented(_segment(plan, rows, index, base, settings))
+    arrived = "seated" if rows[-1].stop else "as far in as planned; no contact tells that the part is seated"
+    lines += _indented(["end_force_mode()", f'textmsg("fmopt: ", "{arrived}")'])
+    return "\n".join([*lines, "end", "", "fmopt_insert()", ""])
+
+
+def commanded(rows: Sequence[Move], settings: Settings | None = None) -> list[Array]:
+    """The twist (6,) that the program commands in each move: guarded ones are run no faster than the settings say."""
+    settings = settings or Settings()
+    return [move.twist if move.stop is None else _pace(move, settings) * move.twist for move in rows]
+
+
+def _head(plan: Plan, rows: Sequence[Move], base: Pose, caution: str, settings: Settings) -> str:
+    words = failing_words(plan, base)
+    said = {
+        "title": plan.title,
+        "digest": plan.sha256,
+        "verdict": plan.verdict,
+        "version": plan.version,
+        "standing": f"WARNING: {caution}." if caution else "It has passed the independent check.",
+        "moving": FRAMES["moving"],
+        "hole": FRAMES["B"],
+        "base": _pose(base),
+        "insertion": insertion_words(base),
+        "turning": turning_words(commanded(rows, settings), [move.number for move in rows]),
+    }
+    failing = f"# {one_line(words[0].upper() + words[1:])}.\n" if words else ""
+    return _HEADER.format(failing=failing, **{name: one_line(text) for name, text in said.items()})
+
+
+def _functions(settings: Settings) -> str:
+    limits = ("acceleration", "acceleration_angular", "stop", "stop_angular")
+    names = (*limits, "starting", "memory", "averaging", "slow")
+    return _FUNCTIONS.format(debounce=settings.debounce, **{name: _number(getattr(settings, name)) for name in names})
+
+
+def _beginning(start: Pose, speed: float, settings: Settings) -> list[str]:
+    pose = _pose(start)
+    return [
+        f"if point_dist(get_actual_tcp_pose(), {pose}) > {_number(settings.reach)}:",
+        f'  textmsg("fmopt: ", "bring the part to within {_number(settings.reach)} m of {pose} first")',
+        "  halt",
+        "end",
+        f"movel({pose}, {_number(settings.acceleration)}, {_number(speed)}, 0, 0)",
+        "sleep(0.5)",
+        "zero_ftsensor()",
+        f"force_mode_set_damping({_number(settings.damping)})",
+        f"force_mode_set_gain_scaling({_number(settings.gain)})",
+        "global touched = False",
+        *(f"global {name} = 0.0" for name in ("moving", "level", "mean", "ahead")),
+    ]
+
+
+def _segment(plan: Plan, rows: Sequence[Move], index: int, base: Pose, settings: Settings) -> list[str]:
+    """A move's pieces follow each other without a stop; once the contact that ends it is felt, the rest is left out.
+
+    What a piece takes longer by than it is to, as steps are whole, the next one takes less.
+    """
+    move, rho = rows[index], plan.rho
+    task = task_frame(move, rho)
+    begins = index == 0 or rows[index - 1].last
+    held = one_line(", ".join(move.state) or "nothing")
+    lines = [f"# move {move.number + 1}, segments[{move.segment}], held: {held}"]
+    lines += ["ahead = 0.0"] if begins else []
+    if begins and index and move.stop is None and (rows[index - 1].stop or rows[index - 1].state):
+        lines += [_released(move, base, rho, settings), f"sleep({_number(settings.settling)})"]
+    if move.stop is None:
+        most = settings.most * plan.specification.contact_force
+        way = f"{_list(_turned(base, move.twist))}, {_number(move.duration)}, {_number(most)}"
+        lines += [_force_mode(move, task, base, rho, settings), f"touched = fmopt_move({way})"]
+        return [*lines, "if touched:", f'  fmopt_leave("move {move.number + 1}: pushed against something")', "end"]
+    pace = _pace(move, settings)
+    guarded = [_force_mode(move, task, base, rho, settings)]
+    if begins:
+        guarded += [f"sleep({_number(settings.settling)})", "moving = 0.0", "mean = 0.0"]
+    guarded.append(f"touched = fmopt_guarded({', '.join(_guard(rows, index, base, rho, settings, pace))})")
+    lines += ["if not touched:", *("  " + line for line in guarded), "end"]
+    if move.last:
+        missed = urscript_string(f"move {move.number + 1}: {', '.join(move.stop.contacts)} not felt")
+        lines += ["if not touched:", f"  fmopt_leave({missed})", "end", "touched = False"]
+    return lines
+
+
+def _guard(
+    rows: Sequence[Move], index: int, base: Pose, rho: float, settings: Settings, pace: float
+) -> tuple[str, ...]:
+    """The arguments of a guarded move: twist, what tells its share of a speed, gain, forces, and times, s."""
+    move = rows[index]
+    stop = move.stop
+    assert stop is not None
+    speed, twist = pace * _speed(move, rho), pace * move.twist
+    along = twist * np.array([1.0, 1.0, 1.0, rho, rho, rho]) ** 2 / speed**2
+    travel, timeout = (stop.max_travel, stop.timeout / pace) if move.last else (move.length, move.length / speed)
+    ahead = [row for row in rows[index:] if row.number == move.number]
+    bound = 0.0 if ahead[-1].stop is None else ahead[-1].stop.max_travel - ahead[-1].length
+    due = sum(row.length for row in ahead) - settings.early * bound
+    force = stop.threshold + settings.alert * (stop.force - stop.threshold)
+    lists = (_turned(base, six) for six in (twist, along, stop.gain))
+    held = stop.gain @ np.column_stack([move.hold_start, move.hold])
+    times = (travel / speed, timeout, max(due, 0.0) / speed)
+    return (*map(_list, lists), _number(force), _list(held), *map(_number, times))
+
+
+def _pace(move: Move, settings: Settings) -> float:
+    """The share of the plan's speed at which a guarded move is run."""
+    speeds = float(np.linalg.norm(move.twist[:3])), float(np.linalg.norm(move.twist[3:]))
+    return min(1.0, settings.approach / max(speeds[0], 1e-9), settings.turning / max(speeds[1], 1e-9))
+
+
+def _turned(base: Pose, six: Array) -> Array:
+    """A twist or wrench (6,) in axes of B, in axes of the base."""
+    return np.concatenate([base.R @ six[:3], base.R @ six[3:]])
+
+
+def _speed(move: Move, rho: float) -> float:
+    """m/s in the metric of ρ."""
+    return float(np.linalg.norm(move.twist * np.array([1.0, 1.0, 1.0, rho, rho, rho])))
+
+
+def _force_mode(move: Move, task: TaskFrame, base: Pose, rho: float, settings: Settings) -> str:
+    scale = np.array([1.0, 1.0, 1.0, rho, rho, rho])
+    speed = _speed(move, rho)
+    deviation = max(speed * (move.stop.timeout if move.stop else 2.0 * move.duration), settings.deviation)
+    sizes = np.where(np.array(task.selection) == 1, settings.compliant_speed * speed, deviation) / scale
+    selection = ", ".join(str(value) for value in task.selection)
+    return f"force_mode({_pose(base.compose(task.pose))}, [{selection}], {_list(task.wrench)}, 2, {_list(sizes)})"
+
+
+def _released(move: Move, base: Pose, rho: float, settings: Settings) -> str:
+    """What lets the springs of the robot go after a touch: a part that leaves it would begin beside where it is."""
+    limit = settings.compliant_speed * _speed(move, rho)
+    limits = np.array([limit] * 3 + [limit / rho] * 3)
+    return f"force_mode({_pose(base.compose(move.frame))}, {[1] * 6}, {_list(np.zeros(6))}, 2, {_list(limits)})"
+
+
+def _indented(lines: Sequence[str]) -> Iterable[str]:
+    return ["  " + line for line in lines]
+
+
+def _number(value: float) -> str:
+    """Fixed point, a picometre fine: the language has no exponents.
+
+    Raises:
+        PlanFormatError: it is not finite, and would read as a name.
+    """
+    if not math.isfinite(value):
+        raise PlanFormatError(f"a number of the motion is {value!r}", "give a plan.json that fmopt solve wrote")
+    text = f"{value:.12f}".rstrip("0")
+    return "0.0" if text in ("-0.", "0.") else text + "0" * text.endswith(".")
+
+
+def _list(values: Array) -> str:
+    return "[" + ", ".join(_number(float(value)) for value in values) + "]"
+
+
+def _pose(pose: Pose) -> str:
+    return "p" + _list(pose.vector())

@@ -1,0 +1,135 @@
+"""`fmopt export`: a plan into one of the formats, where it belongs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from fmopt.plan import STDIO, Plan
+from fmopt.plan.export.cautions import base_pose, insertion_words, turning_words
+from fmopt.plan.guarded_moves import moves
+from fmopt.runtime import output
+from fmopt.spatial.se3 import Pose
+
+FORMATS = ("urscript", "ros2", "csv", "json")
+_TABLES = ("csv", "json")
+_NAMES = {"urscript": "plan.script", "ros2": "ros2", "csv": "samples.csv", "json": "samples.json"}
+
+
+@dataclass(frozen=True)
+class Form:
+    """How a plan is to be written.
+
+    Args:
+        to: one of `FORMATS`.
+        base: pose (x, y, z, rx, ry, rz) of the hole's frame in the robot's base, m and rad; None for tables.
+        rate: samples a second of tables and bags.
+        caution: what is to be said of the plan in all that is written; empty where the check has certified it.
+
+    Raises:
+        ValueError: the format is unknown, or it is for robots and the base is missing or in other units.
+    """
+
+    to: str
+    base: tuple[float, ...] | None = None
+    rate: float = 100.0
+    caution: str = ""
+
+    def __post_init__(self) -> None:
+        if self.to not in FORMATS:
+            raise ValueError(f"{self.to!r} is no format; choose from {', '.join(FORMATS)}")
+        if self.for_robots:
+            assert self.frame is not None
+
+    @property
+    def for_robots(self) -> bool:
+        """Whether robots run what is written."""
+        return self.to not in _TABLES
+
+    @property
+    def frame(self) -> Pose:
+        """The pose of the hole's frame in the robot's base."""
+        if self.base is None:
+            raise ValueError(
+                f"{self.to} needs the hole's frame in the robot's base: give --base X Y Z RX RY RZ, in m and rad"
+            )
+        return base_pose(self.base)
+
+
+class Written(NamedTuple):
+    """What was written.
+
+    Args:
+        paths: files and folders; none where the text is for standard output.
+        notes: what to know before a robot runs them.
+        text: for standard output; empty where there are files.
+    """
+
+    paths: tuple[Path, ...]
+    notes: tuple[str, ...]
+    text: str = ""
+
+
+def place(file: Path, to: str, out: Path | None) -> Path:
+    """Where a plan of this file goes: beside it unless `out` says where.
+
+    Raises:
+        ValueError: `out` is the plan itself.
+    """
+    target = out if out is not None else (Path() if file == STDIO else file.parent) / _NAMES[to]
+    if target != STDIO and target.resolve() == file.resolve():
+        raise ValueError(f"--out is {file}, the plan itself, which would be lost")
+    return target
+
+
+def export(plan: Plan, form: Form, target: Path) -> Written:
+    """Writes a plan in another format, with notes.
+
+    Args:
+        plan: that the check has certified, or of which `form` says that it was not asked.
+        form: how.
+        target: file, or folder for ros2; "-" for the text itself.
+
+    Raises:
+        ValueError: the format is several files, and `target` no folder.
+        FmoptError: the plan cannot be exported or written.
+    """
+    text = text_of(plan, form) if target == STDIO else ""
+    paths = () if target == STDIO else exported(plan, form, target)
+    if not form.for_robots:
+        return Written(
+            paths, () if form.base is None else (f"{form.to} is in the hole's frame: --base is not used",), text
+        )
+    return Written(paths, (insertion_words(form.frame), _turning(plan, form.to)), text)
+
+
+def _turning(plan: Plan, to: str) -> str:
+    """The greatest turning rate of what was written."""
+    from fmopt.plan.export.urscript import commanded
+
+    rows = moves(plan)
+    return turning_words(commanded(rows) if to == "urscript" else [m.twist for m in rows], [m.number for m in rows])
+
+
+def exported(plan: Plan, form: Form, target: Path) -> tuple[Path, ...]:
+    """Writes a plan in another format to `target`, and says what was written; the rest as of `export`."""
+    if form.to == "ros2":
+        from fmopt.plan.export import ros2
+
+        return ros2.export(plan, form.frame, form.rate, target, form.caution)
+    output.save(text_of(plan, form).encode(), target)
+    return (target,)
+
+
+def text_of(plan: Plan, form: Form) -> str:
+    """A plan as the text of another format; the rest as of `export`."""
+    if form.to == "ros2":
+        raise ValueError("ros2 is several files: --out has to be a folder")
+    if form.to == "urscript":
+        from fmopt.plan.export.urscript import program
+
+        return program(plan, form.frame, form.caution)
+    from fmopt.plan.export.sampled import csv_text, json_text
+
+    return (csv_text if form.to == "csv" else json_text)(plan, form.rate, form.caution)

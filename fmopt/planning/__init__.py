@@ -1,0 +1,1 @@
+"""From a problem to a controlled motion: search, placement, robustness, control."""

@@ -1,0 +1,335 @@
+"""The sum K of the friction cones of held contacts, and its dual cone K* of twists, which prove what K cannot balance.
+
+A twist v is in K* where it opens every contact at least as steeply as friction holds it, vₙ ≥ μ |vₜ| at the contact's
+point: then v·k ≥ 0 for every force k of these contacts. Wrenches (f, τ/ρ) and twists (v, ρω) are scaled by the
+characteristic length ρ.
+
+By Farkas' lemma −F lies outside K just where some v ∈ K* has v·F > 0: forces of the contacts cannot balance F. One such
+v speaks for a half-space of wrenches, so that a few of them prove whole ranges of directions. The steepest one is the
+rest that is left of F when the nearest forces −k are taken off, v = F + k, by Moreau's theorem: v ∈ K*, v·k = 0.
+
+Kernels: the nearest twist that opens contacts against their friction.
+
+Twists v (6,) that open a contact by some measure against sliding to any side e, vₙ + μ e·vₜ ≥ least, are cut out by the
+half-spaces of rays vₙ + μ e·vₜ: a few of each contact to begin with, then those against the sliding of the answer so
+far. The nearest twist of so many half-spaces comes by the dual method of Goldfarb and Idnani: the worst broken row
+joins those that hold with equality, and rows whose multipliers go to zero on the way leave.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmopt.geometry.polyhedron import plane_basis
+from fmopt.planning.control.compliance_frame import twist_scale
+from fmopt.planning.optimise.cone_program import ConeProgram, Norm
+from fmopt.planning.optimise.solvers import ClarabelSolver
+from fmopt.runtime.compiled import compiled, part
+from fmopt.spatial.se3 import cross, length
+from fmopt.spatial.values import Array, Value, frozen
+
+Places = NDArray[np.intp]
+
+_RAYS = 8  # of each cone, to begin with
+_STEPS = 400
+_EXACT = 5e-10  # of the wrench, by which the answer may open contacts too little
+_BROKEN = 1e-12  # of it, by which rows may be broken
+_ALONG = 1e-10  # of a row: the part that is free of others is none
+
+_ROUNDS = 50
+_SAME = 1e-9  # relative change that settles an iteration
+_NOTHING = 1e-3  # of the wrench: a smaller rest is none
+_OPEN = 1e-4  # of unit twists: contacts that none opens by more may wedge
+_INSIDE = 2e-6  # by which stated unit twists open every contact beyond friction
+NEARLY = 2e-3  # rad: an angle so near to π is as good; a share of its power that a twist keeps
+_DIGITS = 10  # of a stated number
+_DOWN = 1e-12  # rad or share, by which what is proved is rounded
+
+
+@compiled
+def nearest_opening(wrench: Array, normal: Array, tangent: Array, least: float) -> tuple[Array, bool]:
+    """The scaled twist (6,) nearest to a scaled wrench that opens each contact by `least`, and whether it is settled.
+
+    Args:
+        wrench: (6,).
+        normal: (m, 6), normal velocity at a contact point for a scaled twist, positive where the contact opens.
+        tangent: (m, 2, 6), its sliding velocity times the coefficient of friction.
+        least: by how much contacts open.
+    """
+    m, count = len(normal), len(normal) * _RAYS
+    rows = np.empty((count + m * _ROUNDS, 6))
+    for k in range(count):
+        angle = 2.0 * math.pi * (k % _RAYS) / _RAYS
+        _ray(normal, tangent, k // _RAYS, math.cos(angle), math.sin(angle), rows[k])
+    twist, held, force = wrench.copy(), np.zeros(7, dtype=np.intp), np.zeros(6)
+    for _ in range(_ROUNDS):
+        settled = nearest(wrench, rows[:count], least, twist, held, force)
+        short = least - _EXACT * math.sqrt(max(_dot(twist, twist), _dot(wrench, wrench)))
+        before = count
+        for i in range(m):
+            x, y = _dot(tangent[i, 0], twist), _dot(tangent[i, 1], twist)
+            sliding = math.sqrt(x * x + y * y)
+            if _dot(normal[i], twist) - sliding < short:
+                back = -1.0 / sliding if sliding > 0.0 else 0.0
+                _ray(normal, tangent, i, back * x, back * y, rows[count])
+                count += 1
+        if count == before or not settled:
+            return twist, settled
+    return twist, False
+
+
+@part
+def nearest(point: Array, rows: Array, least: float, twist: Array, held: Places, force: Array) -> bool:
+    """Moves a twist to the nearest one to a point with rows·v ≥ least, from the nearest for rows that are held already.
+
+    Args:
+        point: (6,).
+        rows: (n, 6).
+        least: what each comes to.
+        twist: (6,), moved.
+        held: (7,), up to six rows that hold with equality, updated; the last entry is how many.
+        force: (6,), their multipliers, not negative, updated.
+
+    Returns:
+        Whether it is settled: not where rows contradict each other, or the steps come to no end.
+    """
+    back, basis, mixed, count = np.empty(6), np.empty((7, 6)), np.empty((6, 7)), len(rows)
+    for _ in range(_STEPS):
+        most, worst = -_BROKEN * math.sqrt(max(_dot(twist, twist), _dot(point, point))), count
+        for i in range(count):
+            gap = _dot(rows[i], twist) - least
+            if gap < most:
+                most, worst = gap, i
+        if worst == count:
+            return True
+        push, number = 0.0, held[6]
+        while True:
+            _split(rows, worst, held[:number], basis, mixed, back)
+            free = basis[number]
+            step, leaving, whole, size = math.inf, -1, math.inf, _dot(free, free)
+            for j in range(number):
+                if back[j] > 0.0 and force[j] < step * back[j]:
+                    step, leaving = force[j] / back[j], j
+            if number < 6 and size > _ALONG * _ALONG * _dot(rows[worst], rows[worst]):
+                whole = max(least - _dot(rows[worst], twist), 0.0) / size
+                for x in range(6):
+                    twist[x] += min(step, whole) * free[x]
+            elif leaving < 0:
+                return False
+            push += min(step, whole)
+            for j in range(number):
+                force[j] = max(force[j] - min(step, whole) * back[j], 0.0)
+            if whole <= step:
+                break
+            number -= 1
+            for j in range(leaving, number):
+                held[j], force[j] = held[j + 1], force[j + 1]
+        held[number], force[number], held[6] = worst, push, number + 1
+    return False
+
+
+@part
+def _split(rows: Array, row: int, held: Places, basis: Array, mixed: Array, back: Array) -> None:
+    """The part of a row that is free of held rows (n,), basis[n], and the sum `back` of these that the rest is."""
+    number = len(held)
+    for j in range(number + 1):
+        k = held[j] if j < number else row
+        free = basis[j]
+        for x in range(6):
+            free[x] = rows[k, x]
+        for i in range(number):
+            mixed[i, j] = 0.0
+        for _ in range(2):  # once leaves too much of rows that are hardly apart
+            for i in range(j):
+                along = _dot(basis[i], free)
+                mixed[i, j] += along
+                for x in range(6):
+                    free[x] -= along * basis[i, x]
+        if j < number:
+            mixed[j, j] = math.sqrt(_dot(free, free))
+            for x in range(6):
+                free[x] /= mixed[j, j]
+    for j in range(number - 1, -1, -1):
+        back[j] = mixed[j, number]
+        for i in range(j + 1, number):
+            back[j] -= mixed[j, i] * back[i]
+        back[j] /= mixed[j, j]
+
+
+@part
+def _ray(normal: Array, tangent: Array, contact: int, x: float, y: float, row: Array) -> None:
+    """What a twist opens a contact by against sliding to a side (x, y), as a row (6,)."""
+    for k in range(6):
+        row[k] = normal[contact, k] + x * tangent[contact, 0, k] + y * tangent[contact, 1, k]
+
+
+@part
+def _dot(a: Array, b: Array) -> float:
+    return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5])
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionCones(Value):
+    """The friction cones of held contacts, by what a scaled twist does at their points.
+
+    Args:
+        normal: (m, 6), normal velocity at a contact point, positive where the contact opens.
+        tangent: (m, 2, 6), its sliding velocity times the coefficient of friction.
+        rho: characteristic length, m.
+    """
+
+    normal: Array
+    tangent: Array
+    rho: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "normal", frozen(self.normal, None, 6, name="normal rows"))
+        object.__setattr__(self, "tangent", frozen(self.tangent, len(self.normal), 2, 6, name="tangent rows"))
+
+    @staticmethod
+    def of(wrenches: Array, arms: Array, rho: float, friction: float) -> FrictionCones:
+        """Of contacts with unit normal wrenches (m, 6), at arms (m, 3) from the reference point, m."""
+        sides = np.array([plane_basis(n).T for n in wrenches[:, :3]]).reshape(-1, 2, 3)
+        rows = friction * np.concatenate([sides, cross(arms[:, None], sides)], axis=2)
+        return FrictionCones(wrenches / twist_scale(rho), rows / twist_scale(rho), rho)
+
+    def opening(self, twist: Array) -> Array:
+        """vₙ − μ |vₜ| (m,) at the contacts for a scaled twist (6,): none negative for one in K*."""
+        return np.asarray(self.normal @ twist - np.linalg.norm(self.tangent @ twist, axis=1))
+
+    def rest(self, wrench: Array) -> Array:
+        """What the nearest contact forces leave of a scaled wrench (6,): the twist of K* with the most power on it.
+
+        Its length is the distance of the wrench from −K; a distance that is hardly any is none.
+
+        Raises:
+            SolverError: no solver settles it.
+        """
+        twist, settled = nearest_opening(wrench, self.normal, self.tangent, 0.0)
+        if not settled:
+            unit = self._opened(wrench / length(wrench), 1.0, 0.0)[:6]
+            twist = float(unit @ wrench) * unit
+        return twist if length(twist) > _NOTHING * length(wrench) else np.zeros(6)
+
+    def inner(self) -> Array | None:
+        """The scaled unit twist (6,) that opens the least opened contact most; None where that is hardly any.
+
+        It is along the shortest one that opens all by 1. Where there is none, forces inside the cones may balance each
+        other whatever is applied: the contacts wedge.
+
+        Raises:
+            SolverError: no solver settles it.
+        """
+        twist, settled = nearest_opening(np.zeros(6), self.normal, self.tangent, 1.0)
+        if not settled:
+            twist = self._opened(np.zeros(6), 1.0, 1.0)[:6]
+        size = length(twist)
+        return twist / size if size > 0.0 and float(np.min(self.opening(twist / size))) > _OPEN else None
+
+    def _opened(self, power: Array, longest: float, share: float) -> Array:
+        """The scaled twist and t (7,) with the greatest power·v + share t, for |v| ≤ longest, t ≤ vₙ − μ |vₜ|, t ≤ 1.
+
+        Without a share t is 0. Slower than cuts, but no symmetry of contacts keeps it from its optimum.
+        """
+        m = len(self.normal)
+        lift = -np.ones((m, 1))
+        norms = (*(np.hstack([rows, np.zeros((2, 1))]) for rows in self.tangent), np.eye(6, 7))
+        program = ConeProgram(
+            np.append(power, share),
+            G=np.vstack([np.hstack([self.normal, lift]), np.zeros(7)]),
+            h=np.append(np.zeros(m), longest),
+            W=np.eye(m + 1),
+            norms=tuple(Norm(rows, np.zeros(len(rows))) for rows in norms),
+            lower=np.append(np.full(6, -np.inf), 0.0),
+            upper=np.append(np.full(6, np.inf), 1.0 if share else 0.0),
+        )
+        return np.asarray(ClarabelSolver().solve(program).x)
+
+    def turn(self, a: Array, d: Array) -> Array | None:
+        """The scaled twist (6,) of K* that keeps power on a cos θ + d sin θ from 0 up to the greatest θ, or nearly π.
+
+        For unit wrenches a and d (6,) at right angles; None where a itself is balanced. From where one twist ends, the
+        steepest one for the wrench there goes further.
+
+        Raises:
+            SolverError: no solver settles them.
+        """
+        first = best = self.rest(a)
+        angle = 0.0
+        if not length(first) > _NOTHING:
+            return None
+        for _ in range(_ROUNDS):
+            reached = float(plane_angle(best, a, d))
+            if not reached > angle + _SAME or reached > math.pi - NEARLY:
+                break
+            angle = reached
+            further = self.rest(a * math.cos(angle) + d * math.sin(angle))
+            if not length(further) > _NOTHING:
+                break
+            if not float(further @ a) > 0.0:
+                lost = max(-float(further @ a), _NOTHING * length(further))
+                return np.asarray(best + (1.0 - NEARLY) * float(best @ a) / lost * further)
+            best = further
+        return np.asarray(best / length(best) + 0.1 * NEARLY * first / length(first))
+
+    def freeing(self, held: Array, along: Array) -> Array | None:
+        """The scaled twist (6,) of K* that has power on held + b along for the least b; None where no b is free.
+
+        From the steepest twist along the push on: at the least push of one, the steepest for the wrench needs less.
+
+        Raises:
+            SolverError: no solver settles them.
+        """
+        best, push = self.rest(along), math.inf
+        if not length(best) > _NOTHING:
+            return None
+        for _ in range(_ROUNDS):
+            needed = least_push(best, held, along)
+            if not needed < push * (1.0 - _SAME):
+                break
+            push = needed
+            wrench = held + push * along
+            further = self.rest(wrench)
+            steep = length(further) > _NOTHING * length(wrench)
+            if not (steep and float(further @ along) > 0.0):
+                break
+            best = further
+        return best
+
+    def stated(self, twist: Array, inner: Array) -> Array:
+        """A scaled twist (6,) as a plan states it: moved to the inside of K* by more than rounding can be, unscaled."""
+        unit = twist / length(twist)
+        inside = unit + _INSIDE / float(np.min(self.opening(inner))) * inner
+        rounded = np.where(np.abs(inside) < 10.0 ** -(_DIGITS + 1), 0.0, inside) / twist_scale(self.rho)
+        return np.array([float(f"{x:.{_DIGITS}g}") for x in rounded])
+
+
+def cone_angle(twist: Array, wrench: Array) -> float:
+    """By what angle (rad) a scaled wrench (6,) may turn in any direction while a scaled twist (6,) has power on it."""
+    sine = float(twist @ wrench) / (length(twist) * length(wrench))
+    return float(_rounded_down(np.arcsin(min(sine, 1.0))))
+
+
+def plane_angle(twists: Array, a: Array, d: Array) -> Array:
+    """Up to what angles θ (…, rad) scaled twists (…, 6) have power on a cos θ + d sin θ, for orthogonal unit wrenches.
+
+    With power on a, that is up to cot θ = −v·d / v·a; 0 without.
+    """
+    ahead = twists @ a
+    return np.where(ahead > 0.0, _rounded_down(np.arctan2(ahead, -(twists @ d))), 0.0)
+
+
+def least_push(twist: Array, held: Array, along: Array) -> float:
+    """Above what push b a scaled twist (6,) has power on held + b along, both (6,); infinite if it has none on that."""
+    if not float(twist @ along) > 0.0:
+        return math.inf
+    push = -float(twist @ held) / float(twist @ along)
+    return max(push + _DOWN * max(abs(push), 1.0), 0.0)
+
+
+def _rounded_down(angle: Array) -> Array:
+    return angle * (1.0 - _DOWN) - _DOWN

@@ -1,0 +1,282 @@
+"""One hybrid position/force strategy for each segment, after [DakinPopplestone1993] section 3.1.
+
+The frame, and position and force axes in its coordinates; velocity, bias wrench and termination wrench about the moving
+part's reference point in axes of the B-frame. The bias is the wrench *applied to* the moving part, the termination
+wrench the extra *reaction* on it.
+
+In which directions a segment's applied wrench may turn before friction on the held contacts can balance it.
+
+The part need not move under an applied wrench F where contact forces inside the friction cones balance it, −F ∈ K, the
+sum of the cones of the held contacts: it can jam, as the jamming diagrams of [Whitney1982] show in the plane. It
+wedges, held by forces of the contacts against each other whatever is applied, where K holds a line. Each range is
+stated with twists that prove it, see `friction_cones`.
+
+Cones are taken at the goal of the segment, where its bias is chosen. The certificate of the plan says that nothing but
+the held contacts is touched before those that end the move, so that no others have a part in it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fmopt.planning.control.bias_wrench import GuardedMove, Hold, bias_wrench
+from fmopt.planning.control.compliance_frame import axes, compliance_frame, free_part, twist_scale, wrenches_in
+from fmopt.planning.control.friction_cones import NEARLY, FrictionCones, cone_angle, least_push, plane_angle
+from fmopt.spatial.se3 import Pose, hat
+from fmopt.spatial.values import Array, Value, frozen
+from fmopt.task.problem import Specification
+
+_SHOWN = 1e-3  # sine of the least angle that is worth a proof
+_WORTH = 1e-3  # rad: a proof of less is left out
+
+
+@dataclass(frozen=True, eq=False)
+class Termination(Value):
+    """When a move ends: the reaction wrench (6,) that reaches the threshold (N), or the travel (m) or time (s) used up.
+
+    The wrench is zero where no contact is expected; then the move ends with its travel.
+    """
+
+    wrench: Array
+    threshold: float
+    max_travel: float
+    timeout: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "wrench", frozen(self.wrench, 6, name="termination wrench"))
+
+
+@dataclass(frozen=True, eq=False)
+class HybridStrategy(Value):
+    """The `hybrid` entry of a plan's segment.
+
+    Args:
+        frame: compliance frame (6,), a pose in the B-frame.
+        position_axes: twists (6 − r, 6) in the frame's coordinates, orthonormal in diag(1, 1, 1, ρ², ρ², ρ²).
+        force_axes: wrenches (r, 6) in its coordinates, orthonormal in the dual metric, reciprocal to the twists.
+        velocity: twist (6,), V / ‖V‖_ρ.
+        speed: m/s.
+        bias_wrench: applied wrench (6,), N and N·m.
+        push: size of the part of the bias that pushes along the motion, N in the metric of ρ.
+        termination: when the move ends.
+        normal_forces: (m,), a normal force of each held contact that balances the rest of the bias, N.
+        stays: what the held contacts stay closed under.
+    """
+
+    frame: Array
+    position_axes: Array
+    force_axes: Array
+    velocity: Array
+    speed: float
+    bias_wrench: Array
+    push: float
+    termination: Termination
+    normal_forces: Array
+    stays: Hold
+
+    def __post_init__(self) -> None:
+        for name in ("frame", "velocity", "bias_wrench"):
+            object.__setattr__(self, name, frozen(getattr(self, name), 6, name=name))
+        for name in ("position_axes", "force_axes"):
+            object.__setattr__(self, name, frozen(getattr(self, name), None, 6, name=name))
+        object.__setattr__(self, "normal_forces", frozen(self.normal_forces, None, name="normal forces"))
+
+    def document(self, held: Sequence[str], made: Sequence[str]) -> dict[str, Any]:
+        """As in the plan file, with the names of the held and of the made contacts in the order of the guarded move."""
+        end = self.termination
+        return {
+            "frame": self.frame.tolist(),
+            "position_axes": self.position_axes.tolist(),
+            "force_axes": self.force_axes.tolist(),
+            "velocity": self.velocity.tolist(),
+            "speed": self.speed,
+            "bias_wrench": self.bias_wrench.tolist(),
+            "push": self.push,
+            "stays": self.stays.value,
+            "normal_forces": [
+                {"contact": name, "force": force} for name, force in zip(held, self.normal_forces.tolist(), strict=True)
+            ],
+            "termination": {
+                "contacts": list(made),
+                "wrench": end.wrench.tolist(),
+                "threshold": end.threshold,
+                "max_travel": end.max_travel,
+                "timeout": end.timeout,
+            },
+        }
+
+
+def hybrid_strategy(move: GuardedMove, rho: float, specification: Specification) -> HybridStrategy:
+    """The strategy of a move.
+
+    Args:
+        move: what is held, where it goes, what ends it.
+        rho: characteristic length, m.
+        specification: speed, forces and friction.
+
+    Raises:
+        ValueError: the move has no length.
+        InfeasibleError: the move does not approach its contact, or no bias within the forces holds all contacts.
+    """
+    V = move.direction(rho)
+    points = move.points if move.centres is None else np.vstack([move.points, move.centres])
+    frame = compliance_frame(move.held, points, move.reference, rho)
+    split = axes(wrenches_in(frame, move.held, move.reference), rho)
+    bias = bias_wrench(move, V, rho, specification)
+    threshold = specification.termination_force
+    travel = move.length(rho) + move.bound
+    return HybridStrategy(
+        frame.vector(),
+        split.position,
+        split.force,
+        V,
+        specification.speed,
+        bias.wrench,
+        bias.push,
+        Termination(threshold * move.reaction, threshold, travel, 2.0 * travel / specification.speed),
+        bias.normal_forces,
+        bias.stays,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class JamFree(Value):
+    """The `jam_free` entry of a segment's strategy.
+
+    Args:
+        push: along the motion for which angles are stated, N: the plan's own, or the specified contact force where the
+            move ends by its travel and the servo pushes as hard as it takes.
+        least_push: above which the push along the motion cannot be balanced with the rest of the bias as planned, N;
+            None where no push is shown to do.
+        angle: by which the applied wrench may turn in any direction without being balanced, at most a right one, rad; 0
+            where it may be balanced as it is.
+        planes: how far it may turn away from, and towards, the push and each axis of the strategy in the plane with it,
+            rad, by the names of these; none where the angle is 0, nor for axes along the wrench itself.
+        twists: (k, 6) of the reference point in axes of the B-frame, which prove that: each opens every held contact
+            beyond friction. With any the contacts cannot wedge; none are found where they may.
+    """
+
+    push: float
+    least_push: float | None
+    angle: float
+    planes: tuple[tuple[str, tuple[float, float]], ...]
+    twists: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "twists", frozen(np.reshape(self.twists, (-1, 6)), None, 6, name="twists"))
+
+    def document(self) -> dict[str, Any]:
+        """As in the plan file."""
+        return {
+            "push": self.push,
+            "least_push": self.least_push,
+            "angle": self.angle,
+            "planes": [{"towards": name, "angles": list(angles)} for name, angles in self.planes],
+            "twists": self.twists.tolist(),
+        }
+
+
+def jam_free(move: GuardedMove, strategy: HybridStrategy, rho: float, specification: Specification) -> JamFree | None:
+    """The jam-free range of a strategy's applied wrench; None where nothing is held, or nothing can be pushed.
+
+    Args:
+        move: what is held.
+        strategy: its strategy.
+        rho: characteristic length, m.
+        specification: friction, and the push of a servo where the move ends by its travel.
+
+    Raises:
+        SolverError: the forces of the contacts do not settle.
+    """
+    scale = twist_scale(rho)
+    free = free_part(strategy.velocity * scale, move.space(rho))
+    if not len(move.held) or free is None:
+        return None
+    # Scaled, the unit twist is at once the unit wrench that pushes along it.
+    along = free / float(np.linalg.norm(free))
+    cones = FrictionCones.of(move.held, move.points - move.reference.p, rho, specification.friction)
+    push = strategy.push if len(move.made) else specification.contact_force
+    inner = cones.inner()
+    if inner is None:
+        return JamFree(push, None, 0.0, (), np.zeros((0, 6)))
+    proofs = _Proofs(cones, inner)
+    held = strategy.bias_wrench / scale - strategy.push * along
+    freeing = cones.freeing(held, along)
+    if freeing is not None:
+        proofs.add(freeing)
+    a = (held + push * along) / float(np.linalg.norm(held + push * along))
+    steepest = cones.rest(a)
+    sides: list[tuple[str, Array]] = []
+    if float(np.linalg.norm(steepest)) > _SHOWN:
+        proofs.add(steepest)
+        sides = _across(a, _directions(strategy, along, move.reference, rho))
+        for _, d in sides:
+            for side in (-d, d):
+                proofs.turn(a, side)
+    least = min(proofs.each(lambda v: least_push(v, held, along)))
+    angle = max(proofs.each(lambda v: cone_angle(v, a))) if sides else 0.0
+    planes = tuple((name, (proofs.reach(a, -d), proofs.reach(a, d))) for name, d in sides)
+    return JamFree(push, least if math.isfinite(least) else None, angle, planes, np.array(proofs.stated))
+
+
+class _Proofs:
+    """Twists as a plan states them, the innermost first, and what the best of them proves."""
+
+    def __init__(self, cones: FrictionCones, inner: Array) -> None:
+        self.cones, self.inner = cones, inner
+        self.stated, self.scaled = list[Array](), np.zeros((0, 6))
+        self.add(inner)
+
+    def add(self, twist: Array) -> None:
+        """States another scaled twist."""
+        self.stated.append(self.cones.stated(twist, self.inner))
+        self.scaled = np.vstack([self.scaled, self.stated[-1] * twist_scale(self.cones.rho)])
+
+    def each(self, proved: Callable[[Array], float]) -> list[float]:
+        """What each scaled twist proves."""
+        return list(map(proved, self.scaled))
+
+    def reach(self, a: Array, d: Array) -> float:
+        """How far the unit wrench a may turn to d, rad."""
+        return float(plane_angle(self.scaled, a, d).max())
+
+    def turn(self, a: Array, d: Array) -> None:
+        """States what proves more of that, if there is more."""
+        reached = self.reach(a, d)
+        if reached < math.pi - NEARLY:
+            twist = self.cones.turn(a, d)
+            if twist is not None and plane_angle(twist, a, d) > reached + _WORTH:
+                self.add(twist)
+
+
+def _across(a: Array, directions: list[tuple[str, Array]]) -> list[tuple[str, Array]]:
+    """Unit wrenches across a in the planes that it spans with directions, those along it left out."""
+    found = []
+    for name, direction in directions:
+        d = direction - float(direction @ a) * a
+        size = float(np.linalg.norm(d))
+        if size > _SHOWN * float(np.linalg.norm(direction)):
+            found.append((name, d / size))
+    return found
+
+
+def _directions(strategy: HybridStrategy, along: Array, reference: Pose, rho: float) -> list[tuple[str, Array]]:
+    """Scaled wrenches that the applied one is turned to: the push, and both kinds of axes of the compliance frame.
+
+    A position axis is a twist; the wrench along it is the one that does the most power on it.
+    """
+    frame, scale = Pose.from_vector(strategy.frame), twist_scale(rho)
+    arm = hat(frame.p - reference.p)
+    found = [("push", along)]
+    for k, axis in enumerate(strategy.position_axes):
+        v, w = frame.R @ axis[:3], frame.R @ axis[3:]
+        found.append((f"position_axes[{k}]", np.concatenate([v + arm @ w, w]) * scale))
+    for k, axis in enumerate(strategy.force_axes):
+        force, torque = frame.R @ axis[:3], frame.R @ axis[3:]
+        found.append((f"force_axes[{k}]", np.concatenate([force, torque + arm @ force]) / scale))
+    return found

@@ -1,0 +1,1 @@
+"""Moves along held contacts, and the planes that keep parts separate meanwhile."""

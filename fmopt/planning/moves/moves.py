@@ -1,0 +1,272 @@
+"""Moves: from pose to pose along held contacts, unrolled into pieces that the certificate can follow."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from fmopt.certificate.assembly import contact_forms, contact_rows
+from fmopt.certificate.claim import Claim, Stepped, claimed, stepped
+from fmopt.certificate.contact_implications import Assembly
+from fmopt.certificate.error_set import ErrorSet
+from fmopt.certificate.kernels_rows import Table
+from fmopt.certificate.propagation import Compliance, Piece, Tolerance
+from fmopt.contact.primitive import Kind, PrimitiveContact
+from fmopt.contact.realisation import Poses
+from fmopt.errors import InfeasibleError
+from fmopt.planning.moves import constrained_path as keeping
+from fmopt.planning.moves.contact_transition import described, on_wall
+from fmopt.planning.moves.separating_planes import choose_separations
+from fmopt.runtime.compiled import heed
+from fmopt.spatial import se3
+from fmopt.spatial.se3 import Pose, length
+from fmopt.spatial.values import Array, remembered
+
+_LATEST = 2
+_SHOTS = 16
+_AIMED = 2e-15
+_RANK = 1e-6
+_CONDITION = 1e8
+
+
+@dataclass(frozen=True, eq=False)
+class Move:
+    """A move from pose to pose inside held contacts, ending as new ones are made.
+
+    Args:
+        start: nominal pose at the beginning.
+        goal: nominal pose at the end.
+        held: contacts held on the way.
+        making: contacts made at the end, all at once; the first is the one that counts.
+        left: contacts held up to the beginning, which the move gives up.
+    """
+
+    start: Pose
+    goal: Pose
+    held: tuple[PrimitiveContact, ...]
+    making: tuple[PrimitiveContact, ...]
+    left: tuple[PrimitiveContact, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Reached:
+    """Where a sequence of moves has come to: errors, basis, and the claims so far."""
+
+    errors: ErrorSet
+    basis: tuple[Compliance, ...]
+    claims: tuple[Claim, ...]
+
+    @property
+    def margin(self) -> float:
+        """The least margin so far, m; infinite before the first move."""
+        return min((c.margin for c in self.claims), default=math.inf)
+
+
+def claims_of_moves(claims: Sequence[Claim]) -> list[list[Claim]]:
+    """The claims of each move."""
+    found: list[list[Claim]] = []
+    for claim in claims:
+        if claim.piece.progress[0] == 0.0:
+            found.append([])
+        found[-1].append(claim)
+    return found
+
+
+def onto(assembly: Assembly, poses: Poses, basis: Sequence[Compliance], context: Iterable[PrimitiveContact]) -> Poses:
+    """Poses shifted along the compliant directions until all contacts of the basis are zero, by Newton's method.
+
+    Raises:
+        InfeasibleError: the contacts cannot be met near one of them.
+    """
+    p, R = np.array(poses.p), np.array(poses.R)
+    kept(keeping.onto(*held_by(assembly, basis, context), p, R))
+    return Poses(p, R)
+
+
+def held_by(
+    assembly: Assembly, basis: Sequence[Compliance], context: Iterable[PrimitiveContact]
+) -> tuple[Table, Array]:
+    """The functions of a basis (r,) as kernels take them, and its compliant twists (r, 6)."""
+    forms = contact_forms(assembly, tuple(c.contact for c in basis), tuple(context))
+    return forms.table, np.array([c.direction for c in basis]).reshape(-1, 6)
+
+
+def kept(state: int) -> None:
+    """Refuses what a kernel could not do.
+
+    Raises:
+        InfeasibleError: contacts could not be kept.
+    """
+    if state == keeping.SINGULAR:
+        raise InfeasibleError("contacts do not determine their compliant directions")
+    if state == keeping.LOST:
+        raise InfeasibleError("contacts cannot be held along the move", advice="shorten the move")
+
+
+def way(assembly: Assembly, move: Move, basis: Sequence[Compliance], count: int, shots: int) -> tuple[Pose, ...]:
+    """Nominal poses (count + 1) of a move in equal pieces that share one twist, held contacts kept by compliance.
+
+    One twist is what lets a move be certified in pieces: an execution that touches late only goes on in the direction
+    that all pieces share. Each piece is the twist and as much compliance as its contacts ask for; the twist is aimed
+    anew until the last piece ends at the goal.
+
+    Args:
+        assembly: the two parts.
+        move: the move.
+        basis: independent held contacts with their compliant directions.
+        count: how many pieces.
+        shots: how often the twist is aimed; the last piece takes up what is left.
+    """
+    if count == 1:
+        return move.start, move.goal
+    directions = np.array([c.direction for c in basis]).reshape(-1, 6)
+    return _way(move, assembly, tuple(c.contact for c in basis), directions.tobytes(), count, shots)
+
+
+@remembered(_LATEST)
+def _way(
+    move: Move, assembly: Assembly, contacts: tuple[PrimitiveContact, ...], twists: bytes, count: int, shots: int
+) -> tuple[Pose, ...]:
+    """See `way`: no error enters it, so that a move certified under other errors has the same; `twists` are bytes."""
+    table = contact_forms(assembly, contacts, contacts).table
+    C = np.frombuffer(twists).reshape(-1, 6).copy()
+    twist, gives = move.start.local(move.goal), np.zeros((count, len(contacts)))
+    p, R = np.empty((count + 1, 3)), np.empty((count + 1, 3, 3))
+    p[0], R[0] = move.start.p, move.start.R
+    for shot in range(1, shots + 1):
+        # Where the last piece of the last shot would end does not matter: it ends at the goal.
+        n = count + (shot < shots)
+        kept(keeping.repeated((table, C), twist / count, gives, shot == 1, p[:n], R[:n]))
+        if shot < shots:
+            miss = np.concatenate([move.goal.p - p[-1], se3.log(move.goal.R @ R[-1].T)])
+            if np.abs(miss).max() < _AIMED:
+                break
+            twist = twist + miss
+    return (move.start, *(Pose(p[k], R[k]) for k in range(1, count)), move.goal)
+
+
+def unroll(
+    assembly: Assembly, move: Move, reached: Reached, tolerance: Tolerance, step: float, thorough: bool = True
+) -> Reached:
+    """Certifies a move piece by piece.
+
+    Args:
+        assembly: the two parts.
+        move: the move.
+        reached: where it starts.
+        tolerance: velocity error and metric.
+        step: greatest turn of one piece, rad.
+        thorough: whether to compute how far contacts stay inside their facets, too.
+
+    Raises:
+        InfeasibleError: parts overlap nominally on the way, or a step is impossible.
+        OverdueError: there is no time left.
+    """
+    turn = length(se3.log(move.goal.R @ move.start.R.T))
+    count = max(math.ceil(turn / step - 1e-9), 1)
+    failures: list[InfeasibleError] = []
+    # Shorter pieces leave smaller remainders; but the last one must be longer than what errors make the touch differ.
+    # Most of the moves that a search tries fail in every way: there two of them say enough.
+    others = (2 * count, -(-2 * count // 3), -(-count // 2), 4 * count, -(-count // 3)) if thorough else ()
+    for pieces in dict.fromkeys((count, *others, 1)):
+        heed()
+        try:
+            return _unroll(assembly, move, reached, tolerance, pieces, thorough)
+        except InfeasibleError as error:
+            failures.append(error.with_traceback(None))  # which would hold on to this frame, and all that is in it
+            if turn == 0.0:
+                break
+    raise failures.pop(0)
+
+
+def _unroll(
+    assembly: Assembly, move: Move, reached: Reached, tolerance: Tolerance, count: int, thorough: bool
+) -> Reached:
+    steps, there = carried(assembly, move, reached, tolerance, count, thorough)
+    # What errors ask of the pieces is known by now: only where all can be followed is the rest worth its while.
+    claims = claimed(assembly, steps, tolerance, choose_separations, thorough)
+    return Reached(there.errors, there.basis, (*reached.claims, *claims))
+
+
+def carried(
+    assembly: Assembly, move: Move, reached: Reached, tolerance: Tolerance, count: int, thorough: bool
+) -> tuple[tuple[Stepped, ...], Reached]:
+    """Carries the errors through a move in so many pieces: these, and where it comes to with nothing claimed of them.
+
+    Arguments else as of `unroll`.
+
+    Raises:
+        InfeasibleError: a step is impossible.
+    """
+    basis = tuple(c for c in reached.basis if c.contact not in move.left)
+    shots = _SHOTS if thorough and count > 1 else 1
+    steps, end = _carried(move, (reached.errors, basis), assembly, tolerance, count, shots)
+    return steps, Reached(*end, reached.claims)
+
+
+_State = tuple[ErrorSet, tuple[Compliance, ...]]
+"""The errors, and the basis of what is held."""
+
+
+@remembered(_LATEST)
+def _carried(
+    move: Move, start: _State, assembly: Assembly, tolerance: Tolerance, count: int, shots: int
+) -> tuple[tuple[Stepped, ...], _State]:
+    """The pieces of a move, and the state at its end; what has been looked at may well be certified."""
+    (errors, basis), steps = start, list[Stepped]()
+    for k, (at, to) in enumerate(pairwise(way(assembly, move, basis, count, shots))):
+        share = (k / count, (k + 1) / count)
+        held = described(assembly, move.held, at, to, errors)
+        current = _carried_over(assembly, basis, held, to)
+        made = move.making[0] if move.making else None
+        piece = Piece(at, to, held, (*held, *move.making), current, made, share, move.left)
+        found = stepped(assembly, piece, errors, tolerance)
+        steps.append((piece, found))
+        errors = found.ends.goal_set
+        basis = found.basis if piece.last else current
+    return tuple(steps), (errors, basis)
+
+
+def _carried_over(
+    assembly: Assembly, basis: Sequence[Compliance], held: Sequence[PrimitiveContact], pose: Pose
+) -> tuple[Compliance, ...]:
+    """The basis in terms of the contacts now held: one that has gone is replaced by another of the same flush."""
+    kept = list(basis)
+    for n, entry in enumerate(basis):
+        if entry.contact not in held:
+            kept[n] = Compliance(_replacement(assembly, kept, n, held, pose), entry.direction)
+    return tuple(kept)
+
+
+def _replacement(
+    assembly: Assembly, kept: Sequence[Compliance], n: int, held: Sequence[PrimitiveContact], pose: Pose
+) -> PrimitiveContact:
+    """A held contact on the same wall that says, with the rest of the basis, the same as contact n did."""
+    gone = kept[n].contact
+    rest = [k for i, k in enumerate(kept) if i != n and k.contact in held]
+    C = np.array([k.direction for k in (*rest, kept[n])]).T
+    before = _rows(assembly, [*(k.contact for k in rest), gone], (*held, gone), pose)
+    for contact in held:
+        if any(contact == k.contact for k in rest) or not _same_wall(assembly, gone, contact):
+            continue
+        now = _rows(assembly, [*(k.contact for k in rest), contact], held, pose)
+        rank = np.linalg.matrix_rank(np.vstack([before, now]), _RANK)
+        regular = np.linalg.cond((now / assembly.units) @ C) < _CONDITION
+        if rank == len(now) == np.linalg.matrix_rank(now, _RANK) and regular:
+            return contact
+    raise InfeasibleError(f"contact {gone.id} ends along the move and nothing takes its place")
+
+
+def _rows(
+    assembly: Assembly, contacts: Sequence[PrimitiveContact], together: Sequence[PrimitiveContact], pose: Pose
+) -> Array:
+    """Contact rows (k, 6), angles weighed against lengths."""
+    return np.asarray(contact_rows(assembly, contacts, together, pose).N * assembly.units)
+
+
+def _same_wall(assembly: Assembly, gone: PrimitiveContact, other: PrimitiveContact) -> bool:
+    return other.kind is Kind.VERTEX_FACE and on_wall(assembly, gone, other.fixed_feature)

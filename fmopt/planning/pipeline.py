@@ -1,0 +1,343 @@
+"""The whole way from a problem to a plan, each stage with what it hands to the next.
+
+Problem → Posed (assembly, errors) → CertifiedMotion → ControlledMotion → plan document → Verdict
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, TypeVar
+
+import numpy as np
+
+from fmopt import plan
+from fmopt.certificate.error_set import ErrorSet
+from fmopt.contact.state_graph import Scale
+from fmopt.errors import FmoptError, InfeasibleError, OverdueError, SearchError
+from fmopt.geometry.clearance import Clearance
+from fmopt.papers.lee_huang.freedom import freedom, half_widths
+from fmopt.papers.lee_huang.mapping import answered
+from fmopt.papers.lee_huang.nominal_trajectory import critical_poses
+from fmopt.plan import Plan
+from fmopt.planning.control.controlled_motion import controlled
+from fmopt.planning.motion import Attempt, Posed, Progress, Stages, motion, under_errors
+from fmopt.planning.optimise.bisection import ATTEMPTS, largest_share
+from fmopt.planning.plan_record import Described, Nominal, plan_document, proof_document
+from fmopt.planning.robustness.contact_space import contact_spaces
+from fmopt.planning.robustness.error_tolerance import CertifiedMotion, ErrorTolerance, error_tolerance
+from fmopt.planning.robustness.state_trace import Visited, visited
+from fmopt.runtime.compiled import clock, deadline, heed, until
+from fmopt.spatial.values import few_collections
+from fmopt.task.object_model.command import Answer, answer
+from fmopt.task.problem import Problem
+from fmopt.task.task_command import task_command
+from fmopt.verify import CERTIFIED, Verdict, verify
+
+_CHECKING = 4.0  # s beyond the time limit for the check of what there is by then
+RESERVED = 0.25  # of the time limit, what commands keep to find the nearest problem that works
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class Synthesis:
+    """A finished synthesis: the plan document, the verdict of the independent check on it, and how long stages took."""
+
+    document: dict[str, Any]
+    verdict: Verdict
+    seconds: dict[str, float]
+
+    @cached_property
+    def plan(self) -> Plan:
+        """The plan, read back from the document."""
+        return plan.parsed(self.document)
+
+    @property
+    def proved(self) -> bool:
+        """Whether the plan is certified."""
+        return _certified(self.verdict)
+
+
+@dataclass(frozen=True)
+class Share:
+    """The largest share of all start errors for which a plan is proved.
+
+    Args:
+        share: 0 where there is none.
+        margin: the least of its motion, m.
+        late: whether time ended an attempt, so that more of it might have found more.
+    """
+
+    share: float
+    margin: float
+    late: bool
+
+
+@few_collections()
+def synthesise(problem: Problem, progress: Progress = lambda _: None, reserved: float = 0.0) -> Synthesis:
+    """Solves a problem, or as much of its start errors as there is a plan for where its settings ask for that.
+
+    Args:
+        problem: the task.
+        progress: told what is being done.
+        reserved: share of the time limit that the search leaves for `nearest`.
+
+    Raises:
+        InterferenceError: the parts overlap when assembled, or their clearance is not positive.
+        SearchError: no motion was found.
+        InfeasibleError: no bias force holds the contacts.
+    """
+    with until(clock() + problem.settings.time_limit):
+        if problem.settings.reduce_errors:
+            return _for_as_much(problem, progress)
+        stages = Stages(progress)
+        found = certified_motion(_within(problem, (1.0 - reserved) * problem.settings.time_limit), stages)
+        return _completed(problem, found, stages)
+
+
+def nearest(problem: Problem, seconds: float, progress: Progress = lambda _: None) -> Share:
+    """The largest share of the start errors, in steps of 5 %, below that of 1 %, for which a plan is proved.
+
+    Args:
+        problem: the task, which has no plan for all of them.
+        seconds: how long that may take; each share that is tried may take its part of what is left of it.
+        progress: told what is being done.
+    """
+    lates, moment = list[bool](), clock() + seconds
+
+    def of(share: float) -> tuple[Problem, CertifiedMotion, Stages] | None:
+        left = max(moment - clock(), 0.0) / max(ATTEMPTS - len(lates), 1)
+        return _for_share(problem, share, left, progress, lates)
+
+    with until(moment):
+        found = largest_share(of)
+    if found is None:
+        return Share(0.0, 0.0, any(lates))
+    return Share(found[0], found[1][1].placed.margin, any(lates))
+
+
+def _within(problem: Problem, seconds: float) -> Problem:
+    """The problem with another time limit."""
+    return replace(problem, settings=replace(problem.settings, time_limit=seconds))
+
+
+def tried(problem: Problem) -> Clearance:
+    """The measured clearance of a problem, once all has been tried that a plan of it needs to begin with.
+
+    Raises:
+        InterferenceError: the parts overlap when assembled, or their clearance is not positive.
+        GeometryError, TaskError: a plan cannot be made of the problem as it is; as `synthesise` would raise them.
+    """
+    posed = Posed.of(problem)
+    answer(*task_command(problem))
+    return posed.clearance
+
+
+@few_collections()
+def certified_motion(problem: Problem, stages: Stages | None = None) -> CertifiedMotion:
+    """Measures the parts and finds the motion; errors as of `synthesise`.
+
+    Args:
+        problem: the task.
+        stages: told what is being done.
+    """
+    stages = stages or Stages()
+    stages.progress("measuring the parts")
+    posed = Posed.of(problem)
+    stages.ended("geometry")
+    return posed.certified(*motion(posed, stages))
+
+
+def _completed(problem: Problem, motion: CertifiedMotion, stages: Stages) -> Synthesis:
+    """A motion with its plan, and how much error it tolerates, where there is time to find out."""
+    stages.progress("how much error the motion tolerates")
+    measured, notes = _described("how much error it tolerates", lambda: _error_tolerance(problem, motion))
+    stages.ended("tolerances")
+    try:
+        document, verdict = planned(problem, motion, stages, measured, notes)
+    except InfeasibleError as error:
+        error.attempt = Attempt("control", motion.placed.moves, motion.found.names, seated=True)
+        raise
+    return Synthesis(document, verdict, stages.seconds)
+
+
+@few_collections()
+def planned(
+    problem: Problem,
+    motion: CertifiedMotion,
+    stages: Stages | None = None,
+    measured: ErrorTolerance | None = None,
+    notes: tuple[str, ...] = (),
+) -> tuple[dict[str, Any], Verdict]:
+    """The sealed plan of a motion, and the verdict of the independent check on it; errors as of `synthesise`.
+
+    What its verdict does not rest on is left out where there is no time for it.
+
+    Args:
+        problem: the task.
+        motion: the motion.
+        stages: told what is being done.
+        measured: how much error the motion tolerates, where that is to be in the plan.
+        notes: what could not be found of that, and why.
+    """
+    stages = stages or Stages()
+    try:
+        document = _told(problem, motion, stages, measured, notes)
+    except OverdueError:
+        with until(math.inf):  # a motion that is certified is worth the second that this takes
+            document = proof_document(problem, controlled(problem, motion))
+    stages.ended("control")
+    stages.progress("checking the certificate")
+    checked = _checked(document)
+    stages.ended("verify")
+    return checked
+
+
+def _told(
+    problem: Problem, motion: CertifiedMotion, stages: Stages, measured: ErrorTolerance | None, notes: tuple[str, ...]
+) -> dict[str, Any]:
+    """The plan with all that only describes its motion, as far as it can be found; arguments as of `planned`.
+
+    Raises:
+        OverdueError: there is no time for any of it.
+    """
+    heed()
+    stages.progress("nominal trajectory")
+    task = answer(*task_command(problem))
+    nominal, lost = _described(
+        "the nominal trajectory", lambda: _nominal_motion(problem, task, motion.errors, motion.tolerance.rho)
+    )
+    stages.ended("nominal")
+    states, unseen = _described("its way through contact states", lambda: _contact_states(motion, nominal))
+    stages.ended("contact")
+    stages.progress("control strategies")
+    told = Described(task, nominal, states, measured, (*notes, *lost, *unseen))
+    with until(math.inf):
+        return plan_document(problem, told, controlled(problem, motion, ranges=True))
+
+
+def _described(name: str, found: Callable[[], T]) -> tuple[T | None, tuple[str, ...]]:
+    """What only describes a motion; None with a note why where it cannot be found, which costs no plan."""
+    try:
+        heed()
+        return found(), ()
+    except FmoptError as error:
+        return None, (f"{name} is left out: {error.message}",)
+
+
+def proved(problem: Problem, motion: CertifiedMotion) -> tuple[dict[str, Any], Verdict]:
+    """The plan of a motion without what its verdict does not rest on: nominal trajectory, contact states, tolerances.
+
+    Raises:
+        InfeasibleError: no bias force holds the contacts.
+    """
+    return _checked(proof_document(problem, controlled(problem, motion)))
+
+
+def nominal_motion(problem: Problem, errors: ErrorSet, rho: float) -> Nominal:
+    """T-C mapping: the nominal trajectory, its critical poses, and S(t) for the start errors or the given trapezoid.
+
+    P(t) comes from the cut-diagrams. S(t) is that of the parts in space, which holds where three planes see too little.
+    """
+    return _nominal_motion(problem, answer(*task_command(problem)), errors, rho)
+
+
+def _nominal_motion(problem: Problem, found: Answer, errors: ErrorSet, rho: float) -> Nominal:
+    """See `nominal_motion`."""
+    box = errors.support(np.eye(6)) if problem.trapezoid is None else half_widths(*problem.trapezoid)
+    made = answered(found, box, rho)
+    reach = float(np.linalg.norm(box[:3]) + 2.0 * rho * np.linalg.norm(box[3:]))
+    critical = critical_poses(problem.moving, problem.fixed, made.path, max(reach, 1e-3))
+    freedoms = freedom(problem.moving, problem.fixed, made.path, box)
+    return Nominal(made.path, critical, freedoms, found, made)
+
+
+def _contact_states(motion: CertifiedMotion, nominal: Nominal | None) -> Visited:
+    """The contact states that a motion goes through, in the spaces around critical poses."""
+    scale = Scale(motion.clearance.per_side, motion.tolerance.rho)
+    spaces = contact_spaces(motion.assembly, () if nominal is None else nominal.critical, scale)
+    return visited(motion.assembly, motion.claims, spaces, scale)
+
+
+def _error_tolerance(problem: Problem, motion: CertifiedMotion) -> ErrorTolerance:
+    """How much error a motion tolerates, from the margins that its moves were certified with where these are sound."""
+    x, y = (0.5 * play for play in motion.clearance.play)
+    under = under_errors(motion, problem)
+    if problem.settings.method != "dakin1993":
+        under = replace(under, known=motion.placed.reached)
+    return error_tolerance(under, (x, y))
+
+
+def _checked(document: dict[str, Any]) -> tuple[dict[str, Any], Verdict]:
+    """The sealed plan with its verdict, which the independent check gives."""
+    hoped, last = plan.sealed({**document, "verdict": CERTIFIED}), deadline() + _CHECKING
+    verdict = verify(hoped, overdue=lambda: clock() > last)
+    if _certified(verdict):
+        return hoped, verdict
+    stated = str(verdict.verdict)
+    return plan.sealed({**document, "verdict": stated}), replace(verdict, stated=stated)
+
+
+def _certified(verdict: Verdict) -> bool:
+    return str(verdict.verdict) == CERTIFIED
+
+
+def _for_as_much(problem: Problem, progress: Progress) -> Synthesis:
+    """A plan for all of the start errors if there is one, else for the largest share for which one is proved.
+
+    Half of the time limit is for all of the errors, the other half for shares of them, the same for each.
+    """
+    settings, stages = problem.settings, Stages(progress)
+    half = _within(problem, 0.5 * settings.time_limit)
+    try:
+        whole = certified_motion(half, stages)
+        verdict = proved(half, whole)[1]
+        if _certified(verdict):
+            return _completed(half, whole, stages)
+        short = verdict.findings[0].message
+    except (SearchError, InfeasibleError) as error:
+        whole, short = None, error.message
+    seconds = 0.5 * settings.time_limit / ATTEMPTS
+    found = largest_share(lambda share: _for_share(problem, share, seconds, progress))
+    if found is not None:
+        share, (part, motion, own) = found
+        return _reduced(problem, share, _completed(part, motion, own), short)
+    if whole is None:
+        raise SearchError(f"no motion was found for any share of the start errors; for all of them: {short}")
+    return _completed(half, whole, stages)
+
+
+def _for_share(
+    problem: Problem, share: float, seconds: float, progress: Progress, lates: list[bool] | None = None
+) -> tuple[Problem, CertifiedMotion, Stages] | None:
+    """The motion for a share of the start errors, if it is proved within some time; None when there is none.
+
+    Whether that was for want of time is noted in `lates`.
+    """
+    part, noted = (
+        replace(_within(problem, seconds), start_box=share * problem.start_box),
+        [] if lates is None else lates,
+    )
+    stages = Stages(lambda words: progress(f"{share:.0%} of the errors: {words}"))
+    try:
+        motion = certified_motion(part, stages)
+        verdict = proved(part, motion)[1]
+    except (SearchError, InfeasibleError, OverdueError) as error:
+        noted.append(isinstance(error, OverdueError) or (isinstance(error, SearchError) and error.late))
+        return None
+    noted.append(False)
+    return (part, motion, stages) if _certified(verdict) else None
+
+
+def _reduced(problem: Problem, share: float, found: Synthesis, short: str) -> Synthesis:
+    """A plan for a share of the start errors, which proves nothing for all of them, and says so."""
+    words = f"it is certified for {share:.0%} of the start errors that the problem states; for all of them: {short}"
+    verdict = found.verdict.unless([words])
+    verdict = replace(verdict, stated=str(verdict.verdict))
+    reduced = {"share": share, "stated_start_box": problem.start_box.tolist(), "short": plan.line(short)}
+    diagnostics = {**found.document["diagnostics"], "reduced": reduced}
+    document = {**found.document, "verdict": str(verdict.verdict), "diagnostics": diagnostics}
+    return Synthesis(plan.sealed(document), verdict, found.seconds)

@@ -1,0 +1,327 @@
+"""Placement of one goal pose at a time: a nonlinear program on the true surfaces, or the paper's steepest descent.
+
+Both keep all other poses. What an obstacle row loses to errors, remainders and contact thickness is taken from the last
+certificate as an allowance; a new pose is kept only when the certificate, computed anew, has a larger margin.
+
+The papers' placement, for comparison: reciprocal cost and steepest descent on the goal state's affine space.
+
+    cost = Σ 1/(dist_j − C),  C < 0                                      [DakinPopplestone1993] eq. 2, section 3
+
+with dist_j the clearance of obstacle j in the scaled metric and C the overlap at which the cost becomes infinite.
+(The paper prints C − dist.) Rows that must hold and bounds enter with C = 0 and a small factor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fmopt.certificate.contact_implications import Assembly
+from fmopt.certificate.separating_plane import Separation, row_bounds
+from fmopt.errors import InfeasibleError, OverdueError, SolverError
+from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.planning.moves.moves import Move
+from fmopt.planning.optimise.cone_program import ConeProgram, Solution
+from fmopt.planning.placement.formation import Row, ball_face, evaluate, face_vertex, vertex_face
+from fmopt.planning.placement.largest_clearance import Flat, Metric, Placement
+from fmopt.planning.placement.nonlinear_program import SurfacePlacement, place_on_surfaces
+from fmopt.planning.placement.sequence_program import Aim, Placed, better, onto_surfaces, state_rows
+from fmopt.planning.placement.sequence_rows import pairs_of
+from fmopt.runtime.compiled import heed
+from fmopt.spatial.values import Array
+
+_WALL = 1e-3
+_INTERIOR = 1e-6
+
+_GAIN = 1e-3  # of the clearance, the least gain that counts
+_NEAR = 1.5  # of the radius, how far from binding rows count
+_SHORTER = 0.3
+_IDLE = 0.1  # of the clearance; a pose with that much more margin than the sequence has no say in it
+
+Method = Literal["nlp", "descent"]
+
+
+@dataclass(frozen=True)
+class Descent:
+    """Settings: overlap C in clearances (negative), largest number of steps, and the step that ends it."""
+
+    asymptote: float = -0.1
+    max_steps: int = 2000
+    smallest_step: float = 1e-9
+
+
+def descend(problem: Placement, guess: ArrayLike | None = None, settings: Descent | None = None) -> Solution:
+    """Perturbs the poses along the state's surface until the reciprocal cost has a minimum; proves no optimum.
+
+    Args:
+        problem: as for `max_min_clearance`.
+        guess: start of the descent, poses (ends, 6), else the least-squares point of the affine spaces.
+        settings: asymptote and step limits.
+
+    Raises:
+        InfeasibleError: the affine spaces contradict each other.
+        SolverError: the first pose oversteps a bound or a row of weight 0.
+    """
+    settings = Descent() if settings is None else settings
+    scaled, n = problem.program().scaled(), len(problem.program().c) - 1
+    y = np.zeros(n) if guess is None else np.ravel(guess) / problem.program().units[:n]
+    y, Z = _state(scaled, y, problem.metric.clearance)
+    cost = _Cost.of(scaled, y, settings.asymptote)
+    if not np.isfinite(cost(y)):
+        raise SolverError("the descent starts outside its bounds", "start from a pose strictly inside them")
+    step = 1.0
+    for _ in range(settings.max_steps):
+        downhill = -Z @ (Z.T @ cost.gradient(y))
+        length = float(np.linalg.norm(downhill))
+        if length == 0.0:
+            break
+        step, y = _line_search(cost, y, downhill / length, 2.0 * step, length)
+        if step < settings.smallest_step:
+            break
+    return problem.at(np.reshape(y * problem.program().units[:n], (-1, 6)))
+
+
+def _state(scaled: ConeProgram, y: Array, unit: float) -> tuple[Array, Array]:
+    """The point of the affine spaces nearest to y, and an orthonormal basis (n, r) of their directions."""
+    n = len(y)
+    if not len(scaled.b):
+        return y, np.eye(n)
+    A = scaled.A[:, :n]
+    U, s, Vt = np.linalg.svd(A)
+    rank = int((s > 1e-10 * s[0]).sum())
+    y = y + Vt[:rank].T @ ((U[:, :rank].T @ (scaled.b - A @ y)) / s[:rank])
+    short = float(np.abs(A @ y - scaled.b).max())
+    if short > 1e-9:
+        raise InfeasibleError(f"the contacts of the state contradict by {short:.3g} clearances", short * unit)
+    return y, Vt[rank:].T
+
+
+def _line_search(cost: _Cost, y: Array, direction: Array, step: float, slope: float) -> tuple[float, Array]:
+    """Backtracking to Armijo's rule; returns the step taken and the point."""
+    here = cost(y)
+    while step > 1e-14:
+        there = y + step * direction
+        if cost(there) <= here - 1e-4 * step * slope:
+            return step, there
+        step *= 0.5
+    return 0.0, y
+
+
+@dataclass(frozen=True, eq=False)
+class _Cost:
+    """Σ 1/(dist − C) over the rows of a scaled program in (y, t), walls and bounds with C = 0."""
+
+    program: ConeProgram
+    weights: Array
+    factors: Array
+    asymptotes: Array
+
+    @staticmethod
+    def of(program: ConeProgram, y: Array, asymptote: float) -> _Cost:
+        weights = -program.G[:, -1]
+        counted = weights > 0.0
+        weights = np.where(counted, weights, 1.0)
+        distances = program.slacks(np.append(y, 0.0)) / weights
+        # A pose deeper in the overlap than C moves the asymptote below itself.
+        C = min(asymptote, 1.5 * float(distances[counted].min(initial=0.0)))
+        return _Cost(program, weights, np.where(counted, 1.0, _WALL), np.where(counted, C, -_INTERIOR))
+
+    def __call__(self, y: Array) -> float:
+        rows, low, high = self._room(y)
+        room = np.concatenate([rows, low, high])
+        if not (room > 0.0).all():
+            return float("inf")
+        return float(np.sum(self.factors / rows) + _WALL * (np.sum(1.0 / low) + np.sum(1.0 / high)))
+
+    def gradient(self, y: Array) -> Array:
+        rows, low, high = self._room(y)
+        slopes = self.program.G[:, :-1].copy()
+        for k, norm in enumerate(self.program.norms):
+            v = norm.F[:, :-1] @ y + norm.g
+            length = float(np.linalg.norm(v))
+            if length > 0.0:
+                slopes -= np.outer(self.program.W[:, k], norm.F[:, :-1].T @ v / length)
+        inner = -(self.factors / rows**2 / self.weights) @ slopes
+        return np.asarray(inner - _WALL / low**2 + _WALL / high**2)
+
+    def _room(self, y: Array) -> tuple[Array, Array, Array]:
+        rows = self.program.slacks(np.append(y, 0.0)) / self.weights - self.asymptotes
+        return rows, y - self.program.lower[:-1] + _INTERIOR, self.program.upper[:-1] - y + _INTERIOR
+
+
+_CENTRING = Descent(smallest_step=1e-3)  # finer steps change no certified margin that counts
+
+
+@dataclass(frozen=True)
+class Turns:
+    """How often each pose gets its turn, and how far it may go in one, m in the metric of ρ."""
+
+    rounds: int
+    radius: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Obstacles:
+    """Rows at one pose: as functions, as gradients N (k, 6) with values f (k,), their allowances and divisors (k,)."""
+
+    rows: tuple[Row, ...]
+    f: Array
+    N: Array
+    allowance: Array
+    scale: Array
+
+
+def refine_goals(
+    aim: Aim,
+    placed: Placed,
+    clearance: float,
+    method: Method,
+    turns: Turns,
+    progress: Callable[[float], None] = lambda _: None,
+) -> Placed:
+    """Moves one goal pose after the other while the certified margin rises, and there is time.
+
+    Args:
+        aim: what for; whether a sequence is fit is not asked.
+        placed: the sequence to improve.
+        clearance: clearance a side, m, the unit of length of the programs.
+        method: nonlinear program on the true surfaces, or reciprocal cost and steepest descent on the linear ones.
+        turns: how often each pose gets its turn, and how far it may go.
+        progress: told the margin (m) after each gain.
+    """
+    best = placed
+    for _ in range(turns.rounds):
+        before = best.margin
+        for k in range(len(best.moves) - 1):
+            for reach in (turns.radius, _SHORTER * turns.radius):
+                metric = Metric(aim.tolerance.rho, clearance)
+                try:
+                    heed()
+                    candidate = _one(aim, best, metric, method, k, reach)
+                except OverdueError:
+                    return best
+                if candidate is not None:
+                    best = candidate
+                    progress(best.margin)
+                    break
+        if best.margin <= before + _GAIN * clearance:
+            break
+    return best
+
+
+def _one(aim: Aim, placed: Placed, metric: Metric, method: Method, k: int, radius: float) -> Placed | None:
+    assembly = aim.assembly
+    move = placed.moves[k]
+    obstacles = _obstacles(assembly, placed, k, _NEAR * radius, _IDLE * metric.clearance)
+    if obstacles is None:
+        return None
+    try:
+        X = _placed_pose(assembly, move, obstacles, metric, method, radius)
+        goal = onto_surfaces(assembly, move.goal.moved(X * assembly.freedoms), move)
+        moves = list(placed.moves)
+        moves[k] = replace(move, goal=goal)
+        moves[k + 1] = replace(moves[k + 1], start=goal)
+    except (InfeasibleError, SolverError):
+        return None
+    return better(aim, moves, placed, _GAIN * metric.clearance)
+
+
+def _placed_pose(
+    assembly: Assembly, move: Move, obstacles: _Obstacles, metric: Metric, method: Method, radius: float
+) -> Array:
+    """The displacement (6,) of a goal pose that one method proposes."""
+    contacts = (*move.held, *move.making)
+    box = radius / metric.sigma
+    if method == "nlp":
+        body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
+        surfaces = tuple(Row.of(contact, body, fixed) for contact in contacts)
+        problem = SurfacePlacement(
+            move.goal,
+            surfaces,
+            obstacles.rows,
+            metric=metric,
+            lower=-box * assembly.freedoms,
+            upper=box * assembly.freedoms,
+            weights=obstacles.scale,
+            allowance=obstacles.allowance,
+        )
+        return place_on_surfaces(problem, np.zeros(6)).x[:6]
+    E = state_rows(assembly, contacts, move.goal)
+    linear = Placement(
+        obstacles.N,
+        obstacles.allowance - obstacles.f,
+        metric=metric,
+        lower=-box,
+        upper=box,
+        goal=Flat(E, np.zeros(len(E))),
+        weights=obstacles.scale,
+    )
+    return descend(linear, np.zeros((1, 6)), _CENTRING).x[:6]
+
+
+def _obstacles(assembly: Assembly, placed: Placed, k: int, near: float, idle: float) -> _Obstacles | None:
+    """The rows near binding at the goal of move k, from the pieces that end and begin there."""
+    number = -1
+    rows: list[Row] = []
+    f: list[float] = []
+    N: list[Array] = []
+    allowance: list[float] = []
+    scale: list[float] = []
+    for claim in placed.reached.claims:
+        number += claim.piece.progress[0] == 0.0
+        ending = number == k and claim.piece.last
+        if not ending and not (number == k + 1 and claim.piece.progress[0] == 0.0):
+            continue
+        for pair, separation in pairs_of(assembly, claim):
+            if separation.witness.kind == "edges" or separation.margin > placed.margin + near:
+                continue
+            bounds = row_bounds(assembly, pair, separation.witness, claim.advance.ends)
+            at = bounds.goal if ending else bounds.start
+            functions = _functions(pair.moving, pair.fixed, separation, bounds.scale)
+            if len(functions) != len(at.f) or (pair.touched and pair.moving.balls):
+                continue  # a pair in touch: its contacts keep it apart, not this pose
+            loss = np.minimum(bounds.start.f, bounds.goal.f) - bounds.lower
+            for i in np.flatnonzero(at.f - loss < (placed.margin + near) * bounds.scale):
+                rows.append(functions[int(i)])
+                f.append(float(at.f[i]) / bounds.scale)
+                N.append(at.N[i] / bounds.scale)
+                allowance.append(float(loss[i]) / bounds.scale)
+                scale.append(1.0)
+        if claim.early is not None and not ending:
+            made = claim.piece.made
+            assert made is not None
+            surface = Row.of(made, assembly.moving.polyhedron, assembly.fixed.polyhedron)
+            value, slope = evaluate([surface], claim.piece.start, np.zeros(6))
+            rows.append(surface)
+            f.append(float(value[0]))
+            N.append(slope[0])
+            allowance.append(float(value[0]) - claim.early)
+            scale.append(1.0)
+    if not rows or min(v - a for v, a in zip(f, allowance, strict=True)) > placed.margin + idle:
+        return None
+    return _Obstacles(tuple(rows), np.array(f), np.array(N), np.array(allowance), np.array(scale))
+
+
+def _functions(moving: Polyhedron, fixed: Polyhedron, separation: Separation, scale: float) -> Sequence[Row]:
+    """The rows of a witness as functions of the pose, in the order in which the certificate counts them."""
+    witness = separation.witness
+    if witness.kind == "plane" and witness.plane is not None:
+        n = np.array(witness.plane[:3]) / scale
+        at = n * witness.plane[3] / scale / float(n @ n)
+        return _bodies_above(moving, n, at)
+    if witness.kind == "moving-face":
+        face = next(face for face in moving.faces if face.loops[0] == witness.moving)
+        return [face_vertex(face.normal, face.offset, w) for w in fixed.vertices]
+    face = next(face for face in fixed.faces if face.loops[0] == witness.fixed)
+    return _bodies_above(moving, face.normal, face.normal * face.offset)
+
+
+def _bodies_above(moving: Polyhedron, normal: Array, at: Array) -> list[Row]:
+    """Vertices and balls of a moving piece over the plane through a point."""
+    if moving.balls:
+        return [ball_face(moving.vertices[k], radius, normal, at) for k, radius in moving.balls]
+    return [vertex_face(v, normal, at) for v in moving.vertices]

@@ -1,0 +1,295 @@
+"""Placement of all goal poses of a sequence together, so that its least certified margin is as large as possible.
+
+One cone program for the whole sequence: the unknowns are small displacements of every goal pose inside its contact
+state. Each row of each separating plane of each piece is linear in them, and so are the products N·g of that row with
+the generators of the errors, which turn with the moves: of |N·g| what cannot change its sign within the trust region is
+linear, the rest is kept as it is. The drift grows with the length of the move. The program is solved in a trust region,
+the poses are put back on the true contact surfaces, everything is certified anew, and the step is taken only if the
+certified margin rose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise, takewhile
+
+import numpy as np
+
+from fmopt.certificate.assembly import contact_rows
+from fmopt.certificate.contact_implications import Assembly
+from fmopt.certificate.propagation import Tolerance
+from fmopt.contact.primitive import PrimitiveContact
+from fmopt.errors import InfeasibleError, OverdueError, SolverError
+from fmopt.planning.moves.moves import Move, Reached, unroll
+from fmopt.planning.optimise.cone_program import ConeProgram, Norm, Solver
+from fmopt.planning.placement.sequence_rows import SequenceRows, sequence_rows
+from fmopt.runtime.compiled import heed
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
+
+_RANK = 1e-7
+_FINE = 5e-3  # times the trust radius: what changes a row by less does not count
+SHORTER = 0.35  # times the trust radius after a step that was none
+_STRAIGHT = 4.0  # times the trust radius: moves that are longer are so by the same share along all of it
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """How far placement goes: rounds, first and least trust radius (m, in the metric of ρ), when a gain counts (m)."""
+
+    rounds: int
+    radius: float
+    least_radius: float
+    least_gain: float
+
+    @classmethod
+    def of(cls, spread: float, clearance: float) -> Refinement:
+        """For a start error that displaces the tip by up to `spread` and a clearance a side, both in m."""
+        return cls(16, 0.1 * (spread + clearance), 0.05 * clearance, 0.002 * clearance)
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """A sequence of moves with its claims, and what had been reached after each move.
+
+    Where it is not `thorough`, nothing is claimed of how far contacts stay inside their facets.
+    """
+
+    moves: tuple[Move, ...]
+    reached: Reached
+    stages: tuple[Reached, ...]
+    thorough: bool
+
+    @property
+    def margin(self) -> float:
+        """Least certified margin, m."""
+        return self.reached.margin
+
+
+def certified(
+    assembly: Assembly, moves: Sequence[Move], start: Reached, tolerance: Tolerance, step: float, thorough: bool = True
+) -> Placed:
+    """Certifies a sequence of moves from the start, all that is claimed of them unless it is not `thorough`.
+
+    Raises:
+        InfeasibleError: a move is impossible.
+    """
+    stages = [start]
+    for move in moves:
+        stages.append(unroll(assembly, move, stages[-1], tolerance, step, thorough))
+    return Placed(tuple(moves), stages[-1], tuple(stages[1:]), thorough)
+
+
+@dataclass(frozen=True, eq=False)
+class Aim:
+    """What a sequence is placed for.
+
+    Args:
+        assembly: the two parts.
+        start: errors at the start.
+        tolerance: velocity error and metric.
+        step: greatest turn of one piece, rad.
+        fit: whether a sequence will do, whatever its margin.
+        turning: whether goal poses in free space may turn. If not, how the part is tilted as it enters is for the
+            search to say: what gives way under a contact that is aslant is the robot.
+    """
+
+    assembly: Assembly
+    start: Reached
+    tolerance: Tolerance
+    step: float
+    fit: Callable[[Placed], bool] = lambda _: True
+    turning: bool = False
+
+
+def better(aim: Aim, moves: Sequence[Move], than: Placed, by: float) -> Placed | None:
+    """Moves certified, if their margin is larger than that of another sequence; None if not, or one is impossible.
+
+    The moves with which both begin are not certified again, nor those after one that has too little margin.
+
+    Args:
+        aim: what for; whether they are fit is not asked.
+        moves: the sequence.
+        than: the other one, certified in the same way.
+        by: by how much the margin has to be larger, m.
+    """
+    shared = sum(1 for _ in takewhile(lambda pair: pair[0] is pair[1], zip(moves, than.moves, strict=True)))
+    stages = [aim.start, *than.stages[:shared]]
+    try:
+        for move in moves[len(stages) - 1 :]:
+            stages.append(unroll(aim.assembly, move, stages[-1], aim.tolerance, aim.step, than.thorough))
+            if stages[-1].margin <= than.margin + by:
+                return None
+    except InfeasibleError:
+        return None
+    return Placed(tuple(moves), stages[-1], tuple(stages[1:]), than.thorough)
+
+
+def refine(
+    aim: Aim, placed: Placed, solver: Solver, settings: Refinement, progress: Callable[[float], None] = lambda _: None
+) -> Placed:
+    """Moves all goal poses until the certified margin rises no more, or time is up; the margin never falls.
+
+    Args:
+        aim: what for.
+        placed: the sequence to improve.
+        solver: for cone programs.
+        settings: rounds and trust region.
+        progress: told the margin (m) after each gain.
+    """
+    best, radius = placed, settings.radius
+    try:
+        rows = sequence_rows(aim.assembly, best.reached, aim.tolerance, settings.radius)
+        for _ in range(settings.rounds):
+            heed()
+            if not len(rows.values) or radius < settings.least_radius:
+                break
+            try:
+                solution = solver.solve(program_of(aim, best, rows, radius))
+            except (InfeasibleError, SolverError):
+                radius *= SHORTER
+                continue
+            if solution.value <= best.margin + settings.least_gain:
+                break
+            candidate = _moved(aim, best, solution.x[:-1].reshape(-1, 6), settings.least_gain)
+            if candidate is None:
+                radius *= SHORTER
+                continue
+            best, radius = candidate, min(2.0 * radius, 4.0 * settings.radius)
+            rows = sequence_rows(aim.assembly, best.reached, aim.tolerance, settings.radius)
+            progress(best.margin)
+    except OverdueError:
+        pass  # what there is by now counts
+    return best
+
+
+def sequence_program(aim: Aim, placed: Placed, radius: float) -> ConeProgram:
+    """The program whose optimum `refine` takes its first step to, in a trust region (m, in the metric of ρ).
+
+    Its variables are the displacements (6) of the start and of the goal pose of each move, m and rad, then the margin,
+    m; start and seated pose stay where they are.
+    """
+    return program_of(aim, placed, sequence_rows(aim.assembly, placed.reached, aim.tolerance, radius), radius)
+
+
+def displaced(aim: Aim, placed: Placed, shift: Array) -> Placed:
+    """The sequence with its poses displaced by shifts (m + 1, 6), put back onto their surfaces, and certified anew.
+
+    Raises:
+        InfeasibleError: a pose leaves its contact state, or a move is impossible.
+    """
+    moves = _shifted(aim.assembly, placed.moves, shift)
+    return certified(aim.assembly, moves, aim.start, aim.tolerance, aim.step, placed.thorough)
+
+
+def _moved(aim: Aim, placed: Placed, shift: Array, by: float) -> Placed | None:
+    """The sequence with its poses displaced, if that is possible, better by so much (m), and will do."""
+    try:
+        moves = _shifted(aim.assembly, placed.moves, shift)
+    except InfeasibleError:
+        return None
+    found = better(aim, moves, placed, by)
+    return found if found is not None and aim.fit(found) else None
+
+
+def program_of(aim: Aim, placed: Placed, rows: SequenceRows, radius: float) -> ConeProgram:
+    """The program of a sequence with its rows, in a trust region (m, in the metric of ρ).
+
+    Variables: displacements (6) of all poses from the start to the goal, then the margin t, which is maximised.
+    """
+    rho, moves = aim.tolerance.rho, placed.moves
+    scale = np.array([1.0, 1.0, 1.0, *[rho] * 3])
+    most = np.tile(radius / scale, len(moves) + 1)
+    linear = rows.within(most, _FINE * radius)
+    n = len(most) + 1
+    G, h = np.zeros((len(linear.values), n)), linear.values.copy()
+    G[:, :-1], G[:, -1] = linear.slopes, -linear.counted
+    norms, W = list[Norm](), list[Array]()
+    drift = max(aim.tolerance.velocity_error) * np.minimum(linear.drifts, 1.0)
+    for m, move in enumerate(moves):
+        F, way = np.zeros((6, n)), scale * move.start.local(move.goal)
+        F[:, 6 * m : 6 * m + 6], F[:, 6 * m + 6 : 6 * m + 12] = -np.diag(scale), np.diag(scale)
+        far, own = float(np.linalg.norm(way)), drift * (linear.moves == m)
+        if far > _STRAIGHT * radius:  # a long way grows as much as its end is displaced along it
+            G -= np.outer(own, way / far @ F)
+        elif own.any():
+            norms.append(Norm(F, way))
+            W.append(own)
+            h += own * far
+    for number, at, slope in zip(*linear.kinks, strict=True):
+        norms.append(Norm(np.append(slope, 0.0)[None], np.array([at])))
+        W.append((np.arange(len(h)) == number).astype(np.float64))
+        h[number] += abs(at)
+    A = _equalities(aim, moves, n)
+    upper = np.append(most, np.inf)
+    weights = np.array(W).reshape(-1, len(h)).T
+    units = np.append(0.25 * most, 0.25 * radius)
+    box = {"lower": -upper, "upper": upper, "units": units}
+    c = np.append(np.zeros(n - 1), 1.0)
+    return ConeProgram(c, A=A, b=np.zeros(len(A)), G=G, h=h, W=weights, norms=tuple(norms), **box)
+
+
+def _equalities(aim: Aim, moves: Sequence[Move], n: int) -> Array:
+    """Each pose stays in its contact state; the start and the seated pose stay where they are."""
+    first = np.zeros((6, n))
+    first[:, :6] = np.eye(6)
+    blocks = [first]
+    for k, move in enumerate(moves):
+        contacts = (*move.held, *move.making)
+        rows = np.eye(6) if k == len(moves) - 1 else state_rows(aim.assembly, contacts, move.goal)
+        if not (move.held or aim.turning) and k < len(moves) - 1:
+            rows = np.vstack([rows, np.eye(6)[3:]])
+        block = np.zeros((len(rows), n))
+        block[:, 6 * (k + 1) : 6 * (k + 2)] = rows
+        blocks.append(block)
+    return np.vstack(blocks)
+
+
+def state_rows(assembly: Assembly, contacts: Sequence[PrimitiveContact], pose: Pose) -> Array:
+    """A basis (r, 6) of the displacements out of a contact state, orthonormal in the units of displacements."""
+    N = np.eye(6)[assembly.freedoms == 0.0]
+    if contacts:
+        N = np.vstack([contact_rows(assembly, contacts, contacts, pose).N, N])
+    _, s, Vt = np.linalg.svd(N * assembly.units, full_matrices=False)
+    return np.asarray(Vt[s > _RANK * s.max(initial=0.0)] / assembly.units)
+
+
+def in_a_row(moves: Sequence[Move], start: Pose, goals: Iterable[Pose]) -> tuple[Move, ...]:
+    """The moves from another start to other goals, one for each; each begins where the one before ends."""
+    ways = pairwise((start, *goals))
+    return tuple(replace(move, start=at, goal=to) for move, (at, to) in zip(moves, ways, strict=True))
+
+
+def _shifted(assembly: Assembly, moves: Sequence[Move], shift: Array) -> tuple[Move, ...]:
+    """The moves with their poses displaced and put back onto the true contact surfaces."""
+    shift = shift * assembly.freedoms
+    *placed, last = moves
+    goals = [onto_surfaces(assembly, move.goal.moved(shift[k]), move) for k, move in enumerate(placed, 1)]
+    return in_a_row(moves, moves[0].start.moved(shift[0]), (*goals, last.goal))
+
+
+def onto_surfaces(assembly: Assembly, pose: Pose, move: Move) -> Pose:
+    """The nearest pose at which all contacts are exactly zero, by Gauss–Newton with the least turn.
+
+    Args:
+        assembly: the two parts.
+        pose: a pose near by.
+        move: the move that ends with the contacts.
+
+    Raises:
+        InfeasibleError: no pose near by makes all of them.
+    """
+    contacts = (*move.held, *move.making)
+    if not contacts:
+        return pose
+    units = assembly.units * assembly.freedoms
+    for _ in range(20):
+        rows = contact_rows(assembly, contacts, contacts, pose)
+        if np.abs(rows.f).max() < 1e-16:
+            return pose
+        step = np.linalg.pinv(rows.N * units, rcond=1e-6) @ rows.f * units
+        pose = pose.moved(-step)
+    if np.abs(contact_rows(assembly, contacts, contacts, pose).f).max() > 1e-13:
+        raise InfeasibleError("a goal pose left the true surfaces of its contact state")
+    return pose

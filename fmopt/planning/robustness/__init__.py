@@ -1,0 +1,1 @@
+"""What errors a motion tolerates, and which contacts they could make."""

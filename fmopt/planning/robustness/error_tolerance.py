@@ -1,0 +1,320 @@
+"""How much error a placed motion tolerates, and what each tolerance costs: the motion certified anew, not re-planned.
+
+Every figure is a margin of the same moves under other errors, or with a slimmer part, each with all of its rows, sets
+and remainders derived again; nothing is linearised.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import cache, cached_property
+from typing import Any
+
+import numpy as np
+
+from fmopt.certificate.claim import Claim
+from fmopt.certificate.contact_implications import Assembly
+from fmopt.certificate.error_set import ErrorSet
+from fmopt.certificate.propagation import Tolerance
+from fmopt.errors import InfeasibleError
+from fmopt.geometry.clearance import Clearance
+from fmopt.geometry.part import stretched
+from fmopt.plan.position_force import AXES
+from fmopt.planning.moves.moves import Move, Reached, carried, claims_of_moves, unroll
+from fmopt.planning.optimise.bisection import Trial, largest
+from fmopt.planning.placement.sequence_program import Placed, certified, in_a_row, onto_surfaces
+from fmopt.planning.search.best_first import Searched
+from fmopt.spatial.framing import IN_THE_WORLD, Framing
+from fmopt.spatial.values import Array, Value, frozen
+
+_SHARE = 0.02
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """What widening one tolerance, or the clearance on each side, adds to the margin.
+
+    Args:
+        name: of the component: `start.x`, `velocity.translation`, `clearance`.
+        value: what it is, in m, rad or as a fraction.
+        step: by how much it was widened, in the same unit.
+        change: what the margin gained by that, m; a loss is negative. None when the motion fails altogether.
+    """
+
+    name: str
+    value: float
+    step: float
+    change: float | None
+
+
+@dataclass(frozen=True)
+class End:
+    """What fails first when the start errors grow on.
+
+    Args:
+        move: counts from 0.
+        binding: the inequality whose margin is gone, as claims name it; empty where the move becomes impossible.
+        reason: why the move becomes impossible; empty where it has a margin.
+    """
+
+    move: int
+    binding: str
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorTolerance(Value):
+    """What a placed motion tolerates.
+
+    Args:
+        factor: by how much all start errors together may grow before the margin is gone; below 1 where it is now.
+        box: half-widths (6,) of the start error at that factor, m and rad.
+        sensitivities: of the margin, one for each error that the problem states, and for the clearance.
+        end: what fails at the least factor that was found too large; None where none was.
+    """
+
+    factor: float
+    box: Array
+    sensitivities: tuple[Sensitivity, ...]
+    end: End | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "box", frozen(self.box, 6, name="box"))
+
+    def record(self) -> dict[str, Any]:
+        """As the plan file holds it."""
+        found = {"factor": self.factor, "start_box": self.box, "sensitivities": [asdict(s) for s in self.sensitivities]}
+        return found if self.end is None else {**found, "ends": asdict(self.end)}
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What is certified of a motion, or of the moves that it begins with.
+
+    Args:
+        reached: where they have come to.
+        least: the claim of least margin of each.
+        reason: why the next one is impossible; empty where it is not, or was not looked at.
+    """
+
+    reached: Reached
+    least: tuple[Claim, ...] = ()
+    reason: str = ""
+
+    @property
+    def margins(self) -> tuple[float, ...]:
+        """Margins of the moves, m."""
+        return tuple(claim.margin for claim in self.least)
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A motion that can be certified under other errors.
+
+    Args:
+        assembly: the two parts.
+        moves: the motion.
+        box: half-widths (6,) of its start error, m and rad.
+        tolerance: velocity error and metric.
+        turn: greatest turn of one piece, rad.
+        framing: where its start error is fixed.
+        known: all that is certified of it, where that has been found already; None where not.
+    """
+
+    assembly: Assembly
+    moves: tuple[Move, ...]
+    box: Array
+    tolerance: Tolerance
+    turn: float
+    framing: Framing = IN_THE_WORLD
+    known: Reached | None = None
+
+    def under(self, errors: Array) -> Motion:
+        """The motion under start errors with other half-widths (6,)."""
+        return replace(self, box=errors, known=None)
+
+    @cached_property
+    def start(self) -> Reached:
+        """Where it starts."""
+        return Reached(ErrorSet.of(self.box, self.framing), (), ())
+
+    def placed(self) -> Placed:
+        """The motion, certified for its errors.
+
+        Raises:
+            InfeasibleError: a move is impossible.
+        """
+        return certified(self.assembly, self.moves, self.start, self.tolerance, self.turn)
+
+    @cached_property
+    def begun(self) -> Outcome:
+        """What is certified of it, as far as the first move without a margin."""
+        if self.known is not None:
+            claims = claims_of_moves(self.known.claims)
+            return Outcome(self.known, tuple(min(of_move, key=_margin) for of_move in claims))
+        return self._followed(Outcome(self.start), beyond=False)
+
+    @cached_property
+    def outcome(self) -> Outcome:
+        """What is certified of it, as far as it is possible."""
+        return self._followed(self.begun, beyond=True)
+
+    def _followed(self, begun: Outcome, beyond: bool) -> Outcome:
+        """What is certified of it after the moves that it begins with; `beyond` the first without a margin, too."""
+        reached, least = begun.reached, begun.least
+        for move in () if begun.reason else self.moves[len(least) :]:
+            try:
+                after = unroll(self.assembly, move, reached, self.tolerance, self.turn, thorough=True)
+            except InfeasibleError as error:
+                return Outcome(reached, least, error.message)
+            least = (*least, min(after.claims[len(reached.claims) :], key=_margin))
+            reached = after
+            if least[-1].margin <= 0.0 and not beyond:
+                break
+        return Outcome(reached, least, begun.reason)
+
+    @property
+    def margin(self) -> float | None:
+        """Least certified margin, m; None when a move is impossible."""
+        return None if self.outcome.reason else min(self.outcome.margins)
+
+    def bears(self, pieces: Sequence[int]) -> bool:
+        """Whether errors can be carried through its moves, in so many pieces each or in one; nothing is claimed."""
+        reached = self.start
+        for move, count in zip(self.moves, pieces, strict=True):
+            for number in dict.fromkeys((count, 1)):
+                try:
+                    reached = carried(self.assembly, move, reached, self.tolerance, number, thorough=True)[1]
+                    break
+                except InfeasibleError:
+                    continue
+            else:
+                return False
+        return True
+
+
+@dataclass(frozen=True, eq=False)
+class CertifiedMotion:
+    """The motion found for a problem, and what it rests on; the problem's specification plays no part in it.
+
+    Args:
+        assembly: the two parts.
+        clearance: as measured on them.
+        errors: at the start.
+        tolerance: velocity error and metric.
+        found: what is said of the search.
+        placed: its moves, with all that is certified of them.
+    """
+
+    assembly: Assembly
+    clearance: Clearance
+    errors: ErrorSet
+    tolerance: Tolerance
+    found: Searched
+    placed: Placed
+
+    @property
+    def claims(self) -> tuple[Claim, ...]:
+        """What is certified of its pieces, in order."""
+        return self.placed.reached.claims
+
+
+def _margin(claim: Claim) -> float:
+    return claim.margin
+
+
+def error_tolerance(motion: Motion, clearance: tuple[float, float]) -> ErrorTolerance:
+    """How much error a motion tolerates and what each tolerance costs it.
+
+    Args:
+        motion: the motion.
+        clearance: on each side in x and y, m; infinite where the parts never touch.
+    """
+    factor, beyond = factors(motion)
+    end = None if beyond is None else what_fails(beyond)
+    return ErrorTolerance(factor, factor * motion.box, sensitivities(motion, clearance), end)
+
+
+def what_fails(motion: Motion) -> End:
+    """The inequality of least margin of a motion and the move that it belongs to, or why a move is impossible."""
+    found = motion.outcome
+    if found.reason:
+        return End(len(found.least), "", found.reason)
+    number, claim = min(enumerate(found.least), key=lambda pair: pair[1].margin)
+    return End(number, claim.binding, "")
+
+
+def largest_factor(motion: Motion) -> float:
+    """The largest factor of the whole start box at which the motion still has a margin, to 1/64, at most 64."""
+    return factors(motion)[0]
+
+
+def factors(motion: Motion) -> tuple[float, Motion | None]:
+    """The largest factor at which the motion still has a margin, to 1/64, and the motion at the next one, without.
+
+    There is none of the latter where a factor of 64 leaves a margin.
+    """
+    pieces = [len(claims) for claims in claims_of_moves(motion.begun.reached.claims)]
+
+    @cache
+    def under(share: float) -> Motion:
+        return motion if share == 1.0 else motion.under(share * motion.box)
+
+    def tried(share: float) -> Trial:
+        found = under(share).begun
+        return Trial(found.margins, not found.reason and min(found.margins) > 0.0)
+
+    # What errors ask of the pieces is seldom less than what there is room for, and takes half of the time.
+    share, beyond = largest(tried, lambda share: under(share).bears(pieces))
+    return share, None if beyond is None else under(beyond)
+
+
+def sensitivities(motion: Motion, clearance: tuple[float, float]) -> tuple[Sensitivity, ...]:
+    """What the margin loses as each tolerance grows by a fiftieth, and gains as the clearance does; arguments above."""
+    now, rate = motion.margin, motion.tolerance.velocity_error
+    if now is None:
+        return ()
+    found = []
+
+    def compared(name: str, value: float, other: Motion) -> None:
+        then = other.margin
+        found.append(Sensitivity(name, value, _SHARE * value, None if then is None else then - now))
+
+    for k, name in enumerate(AXES):
+        if motion.box[k] > 0.0:
+            wider = motion.box * (1.0 + _SHARE * (np.arange(6) == k))
+            compared(f"start.{name}", float(motion.box[k]), motion.under(wider))
+    for k, name in enumerate(("translation", "rotation")):
+        if rate[k] > 0.0:
+            more = (rate[0] * (1.0 + _SHARE * (k == 0)), rate[1] * (1.0 + _SHARE * (k == 1)))
+            tolerance = replace(motion.tolerance, velocity_error=more)
+            compared(f"velocity.{name}", rate[k], replace(motion, tolerance=tolerance, known=None))
+    sides = [side for side in clearance if np.isfinite(side)]
+    if sides:
+        slimmer = _slimmer(motion, _SHARE * min(sides))
+        if slimmer is not None:
+            compared("clearance", min(sides), slimmer)
+    return tuple(found)
+
+
+def _slimmer(motion: Motion, gap: float) -> Motion | None:
+    """The motion with the moving part slimmer by `gap` (m) on each side, its poses put back onto the surfaces.
+
+    Sides that run askew between x and y leave the surfaces where the two are not slimmed alike. None where the contacts
+    do not fit a slimmer part either way.
+    """
+    x, y, _ = 0.5 * motion.assembly.moving.polyhedron.widths
+    for one, other in ((x, y), (min(x, y), min(x, y))):
+        slim = stretched(motion.assembly.moving, (1.0 - gap / one, 1.0 - gap / other, 1.0))
+        assembly = replace(motion.assembly, moving=slim)
+        try:
+            return replace(motion, assembly=assembly, moves=_put_back(assembly, motion.moves), known=None)
+        except InfeasibleError:
+            continue
+    return None
+
+
+def _put_back(assembly: Assembly, moves: Sequence[Move]) -> tuple[Move, ...]:
+    """The moves with their goals on the surfaces of other parts."""
+    return in_a_row(moves, moves[0].start, [onto_surfaces(assembly, move.goal, move) for move in moves])

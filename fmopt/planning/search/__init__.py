@@ -1,0 +1,1 @@
+"""Best-first search for a sequence of contact states."""

@@ -1,0 +1,405 @@
+"""Where a motion begins: straight above the mouth, or tilted so that one corner of the leading face enters it.
+
+How deep the corner goes in is uncertain by the start errors, those of rotation too, and a part that is to turn upright
+against a wall may be in by little: its other side has to pass the mouth on the far side. The corner may touch the top
+beside the mouth first. Then its height is known but for what errors of velocity add on the way into the mouth. So are
+the part's tilts where it is laid flat on the top.
+
+Corners of the leading face, the one that goes in first: the sides on both ways from each, and how far it turns.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from fmopt.geometry.part import Part
+from fmopt.spatial import se3
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
+
+# What the errors are multiplied with in the plane: how deep the corner goes in below a level.
+_LEVELS = (4.5, 5.5, 3.5, 7.0, 2.5)
+_LEAST = 0.03  # of the part's width, which what its height is uncertain by is taken to be at least
+_ACROSS = 2.0  # times as far as along the edge that it comes down on, a part leans across it at least
+_HOVERING = (2.0, 3.0, 1.5, 0.0)  # times the errors that a ball is away from walls
+# The same for a corner once caught on a slope; where it goes in, as shares of the way from the middle to a wall.
+_DEEPER, _ASIDE = (2.6, 3.2, 4.5), (0.5, 0.0)
+
+_SHORT = 0.25  # of the longest side of the leading face, below which a side is no wall
+_NARROW = 0.1  # sine of the angle between two sides, below which they are opposite ones
+_ALIKE = 0.55  # cosine above which two sides are no corner
+_BLUNT, _SHARE = math.radians(40.0), 0.45  # turns at corners, and share of the width, below which a part is round
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A tilted way to begin, by numbers that may be varied.
+
+    Args:
+        about_y: tilt about y that lowers the leading corner, rad.
+        about_x: tilt about x that does, rad.
+        turn: turn about the part's own axis, rad.
+        depth: how far below the mouth the corner goes, m.
+        room: how far from the walls next to it the corner goes in, along x and y, m.
+        touch: how far outside the nearer of these walls the corner touches the top first, and how high above the mouth
+            it is then brought over the place where it goes in, m; None where it goes in at once.
+        flat: how far from both walls the corner is at least while the part lies flat on the top first, how high above
+            the mouth it is then brought over the place where it goes in, m, and how far the part leans along the edge
+            that it comes down on, rad; it leans twice as far away from that.
+        heading: turn about z of the axes that the other numbers are about, rad: of the axes turned so, the leading
+            corner lies towards −x and −y.
+    """
+
+    about_y: float
+    about_x: float
+    turn: float
+    depth: float
+    room: tuple[float, float]
+    touch: tuple[float, float] | None = None
+    flat: tuple[float, float, float] | None = None
+    heading: float = 0.0
+
+    @property
+    def numbers(self) -> Array:
+        """All but the heading: (6,), (8,) with those of the touch, or (9,) with those of lying flat."""
+        more = self.touch or self.flat or ()
+        return np.array([self.about_y, self.about_x, self.turn, self.depth, *self.room, *more])
+
+    @staticmethod
+    def of(numbers: Array, heading: float = 0.0) -> Shape:
+        """The shape of (6,), (8,) or (9,) numbers and a heading."""
+        about_y, about_x, turn, depth, x, y, *more = (float(number) for number in numbers)
+        shape = Shape(about_y, about_x, turn, depth, (x, y), heading=heading)
+        if len(more) == 3:
+            return replace(shape, flat=(more[0], more[1], more[2]))
+        return replace(shape, touch=(more[0], more[1])) if more else shape
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """A way to begin.
+
+    Args:
+        start: pose above the mouth, or above the top beside it.
+        inside: pose with a corner inside.
+        corner: that corner (3,) in the body.
+        shape: what it was made of.
+        shallow: whether the corner is still among the slopes of the mouth; caught on one, it may go in deeper.
+        over: pose above the mouth to which it goes after the corner has touched the top below the start; None where it
+            goes in at once.
+    """
+
+    start: Pose
+    inside: Pose
+    corner: Array
+    shape: Shape | None = None
+    shallow: bool = False
+    over: Pose | None = None
+    leant: Leant | None = None
+
+    @property
+    def heading(self) -> float:
+        """Turn about z of the axes that moves go along and about from then on, rad."""
+        return self.shape.heading if self.shape else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Leant:
+    """How a part that comes down leaning on one corner is laid flat on the top.
+
+    Args:
+        edge: ends (2, 3) in the body of the edge that it comes down on; the first one touches first.
+        axes: the two turns (2, 3) that lay it flat, one after the other, about unit vectors.
+    """
+
+    edge: Array
+    axes: Array
+
+
+def tilted_entry(moving: Part, play: tuple[float, float], approach: float, shape: Shape) -> Entry:
+    """The entry of a shape.
+
+    Args:
+        moving: the moving part, tip centre at the origin.
+        play: free travel (x, y) of the upright part between the walls, m.
+        approach: height of the lowest point above the mouth at the start, m.
+        shape: tilts, turn, depth, room, and where the corner touches first.
+    """
+    tip, axes = leading_corners(moving), turned_axes(shape.heading)
+    corner = lowest(tip, shape)
+    place, inward = _between_walls(moving, corner, play, shape.room, axes)
+    at = np.append(place, -shape.depth)
+    sx, sy = (math.copysign(1.0, x) for x in (axes.T @ corner)[:2])
+    # Turning about +x by α moves y-negative points down by α; about +y by β moves x-positive points down.
+    tilt = se3.exp([-sy * shape.about_x, 0.0, 0.0]) @ se3.exp([0.0, sx * shape.about_y, 0.0])
+    R = axes @ tilt @ axes.T @ se3.exp([0.0, 0.0, shape.turn])
+    inside = Pose(at - R @ corner, R)
+    lift = approach - float(inside.apply(tip)[:, 2].min())
+    above = inside.moved([0.0, 0.0, lift, 0.0, 0.0, 0.0])
+    if shape.flat is not None:
+        return _laid_flat(moving, play, approach, shape, Entry(above, inside, corner, shape))
+    if shape.touch is None:
+        return Entry(above, inside, corner, shape)
+    beyond, rise = shape.touch
+    nearer = int(np.argmin(shape.room))
+    aside = -(shape.room[nearer] + beyond) * inward[nearer]
+    over = inside.moved([0.0, 0.0, shape.depth + rise, 0.0, 0.0, 0.0])
+    return Entry(above.moved([*aside, 0.0, 0.0, 0.0, 0.0]), inside, corner, shape, over=over)
+
+
+def _laid_flat(moving: Part, play: tuple[float, float], approach: float, shape: Shape, entry: Entry) -> Entry:
+    """The entry of a part that lies flat on the top first, its leading corner over the mouth.
+
+    It leans on a corner opposite to that, comes down on a long edge that ends there, and then altogether.
+    """
+    assert shape.flat is not None
+    away, rise, lean = shape.flat
+    tip = leading_corners(moving)
+    room = (max(shape.room[0], away), max(shape.room[1], away))
+    axes = turned_axes(shape.heading)
+    at = np.append(_between_walls(moving, entry.corner, play, room, axes)[0], 0.0)
+    R = se3.exp([0.0, 0.0, shape.turn])
+    first, second = far_edge(moving, entry.corner)
+    along = R @ (second - first) / float(np.linalg.norm(second - first))
+    to_edge = np.cross([0.0, 0.0, 1.0], along)
+    to_face = along * -math.copysign(1.0, float(to_edge @ R @ (entry.corner - first)))
+    turns = np.array([to_edge, to_face])
+    turn = float(corner_turns(tip)[np.argmin(np.linalg.norm(outline(tip) - first, axis=1))])
+    across = max(_ACROSS, 1.0 / math.tan(0.5 * turn))
+    leaning = se3.exp(-lean * (to_edge + across * to_face)) @ R
+    start = Pose(at - R @ entry.corner + R @ first - leaning @ first, leaning)
+    lift = approach - float(start.apply(tip)[:, 2].min())
+    over = entry.inside.moved([0.0, 0.0, shape.depth + rise, 0.0, 0.0, 0.0])
+    start = start.moved([0.0, 0.0, lift, 0.0, 0.0, 0.0])
+    return replace(entry, start=start, over=over, leant=Leant(np.array([first, second]), turns))
+
+
+def planar_entries(
+    moving: Part, fixed: Part, start_box: Array, approach: float, max_tilt: float
+) -> Iterator[tuple[Entry, ...]]:
+    """Entries in the plane of x and z: the part tilted about y, one end of its leading edge in the mouth, in rounds.
+
+    The corner goes in below a level of the fixed part, such as the end of a chamfer, by a few times what its height is
+    uncertain by, the lowest level first: the deeper, the better the side of the part turns about that level, the nearer
+    the other side comes. It goes in near the middle, from where it can reach either wall.
+
+    Args:
+        moving: the moving part, tip centre at the origin.
+        fixed: the fixed part.
+        start_box: half-widths (6,) of the start error, m and rad.
+        approach: height of the lowest point above the mouth at the start, m.
+        max_tilt: greatest tilt, rad.
+    """
+    tip = leading_corners(moving)
+    end = np.array([float(tip[:, 0].min()), 0.0, 0.0])
+    width = float(np.ptp(tip[:, 0]))
+    levels = _levels(fixed, width)
+    error, angle = float(start_box[0]), float(start_box[4])
+    for level, deep, share in product(levels, _LEVELS, (0.9, 0.8, 0.7, 1.0)):
+        tilt = share * max_tilt
+        swing = max(-float(end[0]) * angle * math.cos(tilt) + float(start_box[2]), _LEAST * width)
+        found = []
+        for side in (-0.2, 0.0, 0.1):
+            R = se3.exp([0.0, -tilt, 0.0])
+            inside = Pose(np.array([side * error, 0.0, level - deep * swing]) - R @ end, R)
+            lift = approach - float(inside.apply(moving.polyhedron.vertices)[:, 2].min())
+            raised = inside.moved([0.0, 0.0, lift, 0.0, 0.0, 0.0])
+            found.append(Entry(raised, inside, end, shallow=level > levels[0]))
+        yield tuple(found)
+
+
+def deeper(moving: Part, fixed: Part, pose: Pose, corner: Array, spread: Array) -> Iterator[Pose]:
+    """Poses in the plane of x and z from which to go on once a corner was caught on a slope of the mouth.
+
+    The part stays turned as it is. The corner goes in below the lowest level of the mouth, by a few times what its
+    height is uncertain by, between the middle and the wall on the side from which it leans.
+
+    Args:
+        moving: the moving part, tip centre at the origin.
+        fixed: the fixed part.
+        pose: where the corner is caught.
+        corner: the corner (3,) in the body.
+        spread: how far the errors displace it (3,), m.
+    """
+    tip = leading_corners(moving)
+    width = float(np.ptp(tip[:, 0]))
+    level = _levels(fixed, width)[0]
+    side = math.copysign(0.5 * width, float(corner[0]))
+    height = max(float(spread[2]), _LEAST * width)
+    for deep, share in product(_DEEPER, _ASIDE):
+        at = np.array([share * side, 0.0, level - deep * height])
+        yield Pose(at - pose.R @ corner, pose.R)
+
+
+def _levels(fixed: Part, reach: float) -> list[float]:
+    """Heights of the fixed part's vertices down to so far below the mouth, the lowest first, m."""
+    return sorted({round(float(z), 9) for z in fixed.polyhedron.vertices[:, 2] if -reach < z <= 0.0})
+
+
+def straight_entry(moving: Part, play: tuple[float, float], start_box: Array, approach: float) -> tuple[Entry, ...]:
+    """The entry of an upright part on the axis, where the start errors leave room for it in the mouth; none otherwise.
+
+    Args:
+        moving: the moving part, tip centre at the origin.
+        play: free travel (x, y) of the upright part between the walls, m.
+        start_box: half-widths (6,) of the start error, m and rad.
+        approach: height of the lowest point above the mouth at the start, m.
+    """
+    slack = 0.5 * min(play)
+    if start_spread(moving, start_box) >= slack:
+        return ()
+    tip = leading_corners(moving)
+    heights = (np.array([0.0, 0.0, level - float(tip[0, 2])]) for level in (approach, -slack))
+    start, inside = (Pose(at, np.eye(3)) for at in heights)
+    return (Entry(start, inside, tip[0]),)
+
+
+def hovering_entries(moving: Part, start_box: Array, approach: float) -> Iterator[tuple[Entry, ...]]:
+    """Entries of an upright part that stays above the mouth, to meet walls that stand beside it, in rounds.
+
+    A ball has no corner that could go in first: where walls go on above the mouth it touches them there, from a few
+    times away what the errors displace it.
+
+    Args:
+        moving: the moving part, tip centre at the origin.
+        start_box: half-widths (6,) of the start error, m and rad.
+        approach: height of the lowest point above the mouth at the start, m.
+    """
+    spread = start_spread(moving, start_box)
+    corner = moving.polyhedron.vertices[moving.polyhedron.balls[0][0]]
+    lowest = float(leading_corners(moving)[0, 2])
+    for far in _HOVERING:
+        found = []
+        for way in product((1.0, -1.0, 0.0), repeat=2):
+            aside = far * spread * np.array(way)
+            start, inside = (Pose(np.append(aside, share * approach - lowest), np.eye(3)) for share in (1.0, 0.5))
+            found.append(Entry(start, inside, corner))
+        yield tuple(found)
+
+
+def start_spread(moving: Part, start_box: Array) -> float:
+    """How far the start errors displace the tip's corners sideways at most, about: half-widths and swing, m."""
+    return float(start_box[:2].max()) + swung_by(leading_corners(moving), start_box)
+
+
+def swung_by(tip: Array, start_box: Array) -> float:
+    """How far rotation errors move the tip's outermost corner, m."""
+    return float(np.linalg.norm(tip[:, :2], axis=1).max()) * float(np.linalg.norm(start_box[3:]))
+
+
+def _between_walls(
+    moving: Part, corner: Array, play: tuple[float, float], room: tuple[float, float], axes: Array
+) -> tuple[Array, Array]:
+    """Where (x, y) the corner is as far from the two walls next to it as `room` says, and their inward normals (2, 2).
+
+    The part's sides face the walls; the first is the one that faces more along the x-axis of the turned axes.
+    """
+    along = axes[:2, 0]
+    (one, on_one), (two, on_two) = sorted(corner_walls(moving, corner), key=lambda side: -abs(float(side[0] @ along)))
+    N = np.array([one, two])
+    walls = np.array([one @ on_one, two @ on_two]) - 0.5 * np.abs(N) @ np.asarray(play)
+    return np.asarray(np.linalg.solve(N, walls + np.asarray(room))), N
+
+
+def turned_axes(heading: float) -> Array:
+    """Axes (3, 3) turned about z by a heading, rad."""
+    return se3.exp([0.0, 0.0, heading])
+
+
+def lowest(tip: Array, shape: Shape) -> Array:
+    """The corner (3,) that the tilts of a shape make the lowest, of those next to the walls at −x and −y."""
+    x, y, _ = turned_axes(shape.heading).T @ tip.T
+    return np.asarray(tip[int(np.argmin(np.sin(shape.about_y) * x + np.sin(shape.about_x) * y))])
+
+
+def leading_corners(moving: Part) -> Array:
+    """The corners that go in first: of the leading face, of what stands out below it, or of a box round a ball."""
+    vertices, radii = moving.polyhedron.vertices, moving.polyhedron.radii
+    heights = vertices[:, 2] - radii
+    first = heights <= heights.min() + 1e-9
+    if not radii[first].any():
+        return np.asarray(vertices[first])
+    sides = np.array([(x, y, -1.0) for x, y in product((-1.0, 1.0), repeat=2)])
+    return np.vstack([v + r * sides if r else v[None] for v, r in zip(vertices[first], radii[first], strict=True)])
+
+
+def outline(tip: Array) -> Array:
+    """The corners (m, 3) of the outline around a tip (n, 3), counterclockwise seen from above."""
+    return np.asarray(tip[ConvexHull(tip[:, :2]).vertices])
+
+
+def corner_turns(tip: Array) -> Array:
+    """How far the outline around a tip (n, 3) turns at each of its corners (m,), rad."""
+    x, y = _sides(tip).T
+    headings = np.arctan2(y, x)
+    return np.asarray((headings - np.roll(headings, 1)) % (2.0 * math.pi))
+
+
+def next_to_round(moving: Part) -> bool:
+    """Whether no corner of the tip is one that two walls could hold, and no side is long."""
+    tip = leading_corners(moving)
+    longest = float(np.linalg.norm(_sides(tip), axis=1).max())
+    return float(corner_turns(tip).max()) < _BLUNT and longest < _SHARE * float(np.ptp(tip[:, :2], axis=0).max())
+
+
+def corner_walls(moving: Part, corner: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """The sides of the leading face on both ways from a corner: inward normal (2,) and a point (2,) on each.
+
+    Short sides, such as chamfers, are passed over, and so are sides on until the two stand at an angle. What is short
+    is told by the longest side, of an outline so slender that two opposite sides are left by its width, or nothing is.
+    """
+    vertices = moving.polyhedron.vertices
+    at = int(np.argmin(np.linalg.norm(vertices - corner, axis=1)))
+    loop = next(f.loops[0] for f in moving.polyhedron.faces if f.normal[2] < -1.0 + 1e-9 and at in f.loops[0])
+    start = loop.index(at)
+    points = vertices[[*loop[start:], *loop[:start]]][:, :2]  # clockwise seen from above
+    along = np.roll(points, -1, axis=0) - points
+    lengths = np.linalg.norm(along, axis=1)
+    inward = np.column_stack([along[:, 1], -along[:, 0]]) / lengths[:, None]
+    longest = int(lengths.argmax())
+    one, two = longest, longest
+    for size in (float(lengths[longest]), float(np.ptp(points @ inward[longest])), 0.0):
+        one, two = _at_an_angle(inward, np.flatnonzero(lengths > _SHORT * size))
+        if abs(float(np.linalg.det(inward[[one, two]]))) > _NARROW:
+            break
+    return (inward[one], points[one]), (inward[two], points[two])
+
+
+def far_edge(moving: Part, corner: Array) -> tuple[Array, Array]:
+    """The long side around the tip that reaches farthest from a corner: that end (3,), and the other (3,).
+
+    Of two that meet there, the one that runs more along x.
+    """
+    tip = leading_corners(moving)
+    loop = outline(tip)
+    after = np.roll(loop, -1, axis=0)
+    lengths = np.linalg.norm(after - loop, axis=1)
+    long = lengths > _SHORT * lengths.max()
+    ways = [*zip(loop[long], after[long], strict=True), *zip(after[long], loop[long], strict=True)]
+    apart = [float(np.linalg.norm(end - corner)) for end, _ in ways]
+    farthest = [way for way, far in zip(ways, apart, strict=True) if far >= (1.0 - 1e-9) * max(apart)]
+    return max(farthest, key=lambda way: abs(float(way[1][0] - way[0][0])))
+
+
+def _at_an_angle(inward: Array, sides: NDArray[np.intp]) -> tuple[int, int]:
+    """The first and the last of some sides around a corner, of inward normals (n, 2), that stand at an angle."""
+    first, last = 0, len(sides) - 1
+    if inward[sides[first]] @ inward[sides[last]] < math.cos(_BLUNT):
+        return int(sides[first]), int(sides[last])
+    while inward[sides[first]] @ inward[sides[last]] > _ALIKE and first + 1 < last:
+        # The one from which it is less far to the corner goes on, so that of eight sides two at right angles are found.
+        first, last = (first, last - 1) if first + last >= len(sides) - 1 else (first + 1, last)
+    return int(sides[first]), int(sides[last])
+
+
+def _sides(tip: Array) -> Array:
+    """The sides (m, 2) of the outline around a tip (n, 3), from each corner to the next."""
+    loop = outline(tip)[:, :2]
+    return np.asarray(np.roll(loop, -1, axis=0) - loop)

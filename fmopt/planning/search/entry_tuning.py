@@ -1,0 +1,222 @@
+"""The shape of an entry, varied for the largest margin of the whole sequence of guarded moves that follows from it.
+
+All later poses follow from the first: each guarded move ends where it meets its contact. A few numbers then decide what
+every piece of the motion has for margin, and a pattern search over them needs no derivative of error sets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fmopt.errors import OverdueError
+from fmopt.planning.search.best_first import MoveSequence, begin
+from fmopt.planning.search.entry import Entry, Shape
+from fmopt.planning.search.successors import Node, Task, follow
+from fmopt.runtime.compiled import clock
+from fmopt.spatial.values import Array
+
+_STEPS = (0.16, 0.08, 0.04)  # shares of the first shape's numbers
+_GAIN = 0.01  # of what is enough, the least gain that counts
+_ENOUGH, _PATIENCE = 0.25, 10  # share of what is enough below which a margin is worth so many times the tries
+_KEPT = 0.5  # of the margin, what is left at least where an entry goes in deeper
+_WIDTH, _WIDER, _NARROWER = (0.01, 0.1, 0.3), 1.3, 0.95  # of random steps: least, first and greatest; after each
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Until when (`clock()`) an entry is varied, how often it may be tried, at most, and for what margin, m, at most.
+
+    The last is the unit of gains as well, such as the clearance a side. An entry with next to no margin is tried ten
+    times as often.
+    """
+
+    deadline: float
+    tries: int
+    enough: float
+
+
+def tuned(
+    task: Task,
+    candidates: Sequence[MoveSequence],
+    entry_of: Callable[[Shape], Entry],
+    limits: Limits,
+    progress: Callable[[float], None] = lambda _: None,
+    steady: Callable[[MoveSequence], bool] = lambda _: True,
+) -> MoveSequence:
+    """One of some sequences of moves from an entry of another shape, with the largest margin that was met.
+
+    One that is steady stays so.
+
+    The numbers are varied one after the other. Where that leaves next to no margin, so are those of the next sequence;
+    where it does for all of them, all numbers of the best are varied at random.
+
+    Args:
+        task: parts, errors, goal and costs.
+        candidates: the sequences, the best first; one that does not start tilted is not varied.
+        entry_of: makes an entry of a shape.
+        limits: when to stop.
+        progress: told the margin (m) after each gain.
+        steady: whether friction leaves all contacts of a sequence closed.
+    """
+    best: _Tuning | None = None
+    for found in candidates:
+        if found.entry.shape is None:
+            return found if best is None else best.best
+        kept = steady if steady(found) else lambda _: True
+        tuning = _Tuning(task, found, entry_of, limits, progress, kept)
+        _in_turn(tuning, _GAIN * limits.enough)
+        best = tuning if best is None or tuning.best.reached.margin > best.best.reached.margin else best
+        if not best.slight:
+            return best.best
+    assert best is not None
+    _at_random(best)
+    return best.best
+
+
+def _in_turn(tuning: _Tuning, gain: float) -> None:
+    """Varies the numbers one after the other, as long as that gains so much (m)."""
+    size = len(tuning.factors)
+    for share in _STEPS:
+        improved = True
+        while improved:
+            improved = False
+            for step in share * np.vstack([-np.eye(size), np.eye(size)]):
+                # Once a number has been changed for the better, it goes on that way.
+                while tuning.open and tuning.gains(step, gain):
+                    improved = True
+
+
+def _at_random(tuning: _Tuning) -> None:
+    """Varies all numbers together, as long as there is next to no margin but one in sight."""
+    rng, (least, width, greatest) = np.random.default_rng(0), _WIDTH
+    while tuning.open and tuning.slight and not tuning.stuck:
+        step = width * rng.normal(size=len(tuning.factors)) * tuning.factors
+        gained = False
+        while tuning.open and tuning.gains(step, 0.0):
+            gained = True
+        width = min(_WIDER * width, greatest) if gained else max(_NARROWER * width, least)
+
+
+def deepened(
+    task: Task,
+    found: MoveSequence,
+    entry_of: Callable[[Shape], Entry],
+    enough: Callable[[MoveSequence], bool],
+    limits: Limits,
+) -> MoveSequence:
+    """The same sequence from an entry whose corner goes in deeper, until that is enough or half of the margin is lost.
+
+    The deeper the part is in the hole, the longer is what of its faces lies on walls.
+
+    Args:
+        task: parts, errors, goal and costs.
+        found: the sequence; one that does not start tilted, or has no margin, is given back.
+        entry_of: makes an entry of a shape.
+        enough: whether a sequence need not be deeper.
+        limits: when to stop.
+    """
+    shape, best, factor = found.entry.shape, found, 1.0
+    if shape is None or found.reached.margin <= 0.0:
+        return found
+    for _ in range(limits.tries):
+        if enough(best) or clock() >= limits.deadline:
+            break
+        factor += _STEPS[0]
+        entry = entry_of(replace(shape, depth=factor * shape.depth))
+        try:
+            other = _from_entry(task, found, entry, _KEPT * found.reached.margin)
+        except OverdueError:
+            break
+        if other is None:
+            break
+        best = other
+    return best
+
+
+class _Tuning:
+    """The best sequence so far, the factors of the first shape's numbers that led to it, and the tries it took."""
+
+    def __init__(
+        self,
+        task: Task,
+        found: MoveSequence,
+        entry_of: Callable[[Shape], Entry],
+        limits: Limits,
+        progress: Callable[[float], None],
+        kept: Callable[[MoveSequence], bool],
+    ) -> None:
+        assert found.entry.shape is not None
+        self._found, self._shape = found, found.entry.shape
+        self._task, self._entry_of, self._limits = task, entry_of, limits
+        self._progress, self._kept = progress, kept
+        self._margins: list[float] = []  # before each try
+        self.best = found
+        self.factors: Array = np.ones(len(self._shape.numbers))
+
+    @property
+    def slight(self) -> bool:
+        """Whether there is next to no margin yet."""
+        return self.best.reached.margin < _ENOUGH * self._limits.enough
+
+    @property
+    def stuck(self) -> bool:
+        """Whether there is no margin, and as many tries as an entry may have brought none nearer."""
+        margin, recent = self.best.reached.margin, self._margins[-self._limits.tries :]
+        return margin <= 0.0 and len(recent) == self._limits.tries and margin < recent[0] + _GAIN * self._limits.enough
+
+    @property
+    def open(self) -> bool:
+        """Whether to go on."""
+        most = self._limits.tries * (_PATIENCE if self.slight else 1)
+        enough = self.best.reached.margin >= self._limits.enough
+        return len(self._margins) < most and not enough and clock() < self._limits.deadline
+
+    def gains(self, step: Array, gain: float) -> bool:
+        """Takes a step of the factors if it adds more than a gain (m) to the margin and may be kept; whether it did."""
+        self._margins.append(self.best.reached.margin)
+        factors = self.factors + step
+        entry = self._entry_of(Shape.of(self._shape.numbers * factors, self._shape.heading))
+        try:
+            other = _from_entry(self._task, self._found, entry, self.best.reached.margin + gain)
+        except OverdueError:
+            return False  # and there is no time for another try
+        if other is None or not self._kept(other):
+            return False
+        self.factors, self.best = factors, other
+        self._progress(other.reached.margin)
+        return True
+
+
+def _from_entry(task: Task, found: MoveSequence, entry: Entry, least: float) -> MoveSequence | None:
+    """A found sequence from another entry, None where it fails or has no more margin (m) than this."""
+    node = replayed(task, entry, found.names, least)
+    if node is None:
+        return None
+    return replace(
+        found,
+        entry=node.entry,
+        moves=node.moves,
+        reached=node.reached,
+        cost=node.cost,
+        lower_bound=min(found.lower_bound, node.cost),  # the bound is of other entries
+    )
+
+
+def replayed(task: Task, entry: Entry, names: Sequence[str], least: float) -> Node | None:
+    """The state after the same guarded moves from another entry, None where one fails, ends elsewhere or lacks margin.
+
+    Args:
+        task: parts, errors, goal and costs.
+        entry: how to begin.
+        names: the freedoms of the moves, those that begin it first.
+        least: the margin that has to be exceeded, m.
+    """
+    node = begin(task, entry)
+    for name in names[len(node.names) if node else 0 :]:
+        if node is None or node.reached.margin <= least:
+            return None
+        node = follow(task, node, name)
+    return node if node is not None and node.reached.margin > least and task.seated(node.place.pose) else None

@@ -1,0 +1,367 @@
+"""One step of the search: the guarded moves from a contact state, what they cost, and the states that they lead to."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import chain
+
+import numpy as np
+
+from fmopt.certificate.assembly import contact_rows
+from fmopt.certificate.contact_implications import Assembly
+from fmopt.certificate.error_set import ErrorSet
+from fmopt.certificate.propagation import Tolerance
+from fmopt.contact.c_surface import Surfaces
+from fmopt.contact.facet_bounds import INSIDE
+from fmopt.contact.primitive import Kind, PrimitiveContact, near_contacts
+from fmopt.errors import InfeasibleError
+from fmopt.planning.moves.contact_transition import described, on_wall
+from fmopt.planning.moves.moves import Move, Reached, unroll
+from fmopt.planning.search.entry import Entry, deeper, leading_corners, next_to_round, turned_axes
+from fmopt.planning.search.guarded_move import (
+    Freedom,
+    Near,
+    Place,
+    freedoms,
+    guarded,
+    implied,
+    insides,
+    meetings,
+    neighbourhood,
+    pinned,
+)
+from fmopt.spatial.se3 import Pose, cross
+from fmopt.spatial.values import Array
+
+_IN = ("off", "upright", "in")  # moves of a part that contacts have told where it is
+_FREE = ("back", *_IN)  # those that may give contacts up
+_AGAINST = 0.5  # share of the reaction of a touch that is against the motion at least
+
+
+@dataclass(frozen=True)
+class Costs:
+    """Weights of the search, and when a transition is given up.
+
+    Args:
+        transition: cost of each transition.
+        signature: cost of a contact whose wrench cannot be told from that of the likeliest wrong one.
+        danger: cost of a transition with no margin at all.
+        reach: how far a move may go to its contact, turns and the way down apart, m.
+        asymptote: margin (m, negative) at which danger becomes infinite, the paper's C.
+        scale: margin (m) that is roomy; more of it is not less dangerous.
+        coarse: greatest turn of one piece while searching, rad.
+        states: most states that are expanded from one round of entries.
+        greed: weight of the transitions still to come in the order of expansion, at least 1.
+    """
+
+    reach: float
+    asymptote: float
+    scale: float
+    transition: float = 1.0
+    signature: float = 0.25
+    danger: float = 1.0
+    coarse: float = 0.03
+    states: int = 60
+    greed: float = 1.8
+
+    @classmethod
+    def of(cls, spread: float, clearance: float) -> Costs:
+        """The costs for a start error that displaces the tip by up to `spread` and a clearance a side, both in m."""
+        asymptote = -0.15 * spread - 0.5 * clearance
+        return cls(reach=7.0 * spread + 10.0 * clearance, asymptote=asymptote, scale=clearance)
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What a search is about.
+
+    Args:
+        assembly: the two parts.
+        goal: the seated pose.
+        start: error set at the start.
+        tolerance: velocity error and metric.
+        costs: weights and limits.
+        max_turn: greatest turn of a move, rad.
+    """
+
+    assembly: Assembly
+    goal: Pose
+    start: ErrorSet
+    tolerance: Tolerance
+    costs: Costs
+    max_turn: float
+
+    @property
+    def pinned_upright(self) -> int:
+        """Freedoms that contacts have taken away when the part can only go up and down."""
+        return 2 if self.assembly.planar or self.rounded else 5
+
+    @cached_property
+    def rounded(self) -> bool:
+        """Whether the moving part has balls, which contacts do not keep from turning."""
+        return bool(self.assembly.moving.polyhedron.balls)
+
+    @cached_property
+    def blunt(self) -> bool:
+        """Whether the moving part is next to round, so that no corner of it takes all freedoms away."""
+        return not self.assembly.planar and next_to_round(self.assembly.moving)
+
+    @property
+    def final_rank(self) -> int:
+        """How many freedoms the contacts of the seated part take away, at most.
+
+        Of a part that is next to round, how many transitions lead from no contact to the seat at least: it touches a
+        wall, and leaves that to go in.
+        """
+        if self.blunt:
+            return 1 + len(_IN)
+        near = near_contacts(self.assembly.moving.polyhedron, self.assembly.fixed.polyhedron, self.goal, 1e-6, 1e-3)
+        stops = [c for c in near if abs(contact_rows(self.assembly, [c], (), self.goal).f[0]) < 1e-9]
+        return self.pinned_upright + (1 if stops else 0)
+
+    def seated(self, pose: Pose) -> bool:
+        """Whether a pose is as deep as the goal."""
+        return bool(abs(self.goal.local(pose)[2]) < 1e-9)
+
+    def upright(self, pose: Pose) -> bool:
+        """Whether a pose is turned like the goal."""
+        return bool(np.linalg.norm(self.goal.local(pose)[3:]) <= 1e-9)
+
+
+@dataclass(frozen=True, eq=False)
+class Node:
+    """A contact state with its errors, and how it was reached: entry, moves with the names of their freedoms, cost."""
+
+    entry: Entry
+    place: Place
+    reached: Reached
+    moves: tuple[Move, ...]
+    names: tuple[str, ...]
+    cost: float
+    rank: int
+
+
+def danger(margin: float, costs: Costs) -> float:
+    """The reciprocal cost of a margin (m), [DakinPopplestone1993] eq. 2 with its sign right; inf past the asymptote."""
+    room = min(margin, costs.scale) - costs.asymptote
+    return costs.danger * (costs.scale - costs.asymptote) / room if room > 0.0 else math.inf
+
+
+def signature(assembly: Assembly, move: Move, tolerance: Tolerance, errors: ErrorSet) -> float:
+    """How alike the new contact's wrench is to that of the likeliest wrong contact: 1 the same, 0 orthogonal.
+
+    The likely wrong ones are the contacts that the errors at the goal could reach. Wrenches are compared modulo those
+    of the contacts already held, in the metric of ρ.
+    """
+    if not move.making:
+        return 0.0
+    scale = np.array([1.0, 1.0, 1.0, *[1.0 / tolerance.rho] * 3])
+    near = near_contacts(assembly.moving.polyhedron, assembly.fixed.polyhedron, move.goal, *_likely(errors))
+    others = [
+        c
+        for c in near
+        if c not in move.held and c not in move.making and not implied(assembly, move.held, move.making[0], c)
+    ]
+    if not others:
+        return 0.0
+    f, N = Surfaces.of(others, assembly.moving.polyhedron, assembly.fixed.polyhedron).values_and_rows(move.goal)
+    reachable = (f > 1e-9) & (f < errors.support(N)) & np.isfinite(f)
+    if not reachable.any():
+        return 0.0
+    wanted = contact_rows(assembly, [move.making[0]], move.making, move.goal).N[0] * scale
+    held = contact_rows(assembly, move.held, move.held, move.goal).N * scale if move.held else np.zeros((0, 6))
+    wanted, *wrong = modulo(held, np.vstack([wanted, N[reachable] * scale]))
+    alike = [float(wanted @ w) / max(float(np.linalg.norm(wanted) * np.linalg.norm(w)), 1e-30) for w in wrong]
+    return float(np.clip(max(alike), 0.0, 1.0))
+
+
+def _likely(errors: ErrorSet) -> tuple[float, float]:
+    """How far (m) and by what angle (rad) the errors displace the body origin at most."""
+    spread = errors.support(np.eye(6))
+    return float(np.linalg.norm(spread[:3])), float(np.linalg.norm(spread[3:]))
+
+
+def modulo(held: Array, rows: Array) -> Array:
+    """Rows (k, n) less their parts in the span of the held rows (h, n)."""
+    if not len(held):
+        return rows
+    _, s, Vt = np.linalg.svd(held, full_matrices=False)
+    basis = Vt[s > 1e-9 * s[0]]
+    return np.asarray(rows - rows @ basis.T @ basis)
+
+
+def successor_by(task: Task, node: Node, move: Move, name: str, thorough: bool = False) -> Node | None:
+    """The state after a move, None when it cannot be certified.
+
+    Args:
+        task: parts, errors, goal and costs.
+        node: where it starts.
+        move: the move.
+        name: of the freedom that it goes along.
+        thorough: whether its margin is to count how far contacts stay inside their facets, too.
+    """
+    costs = task.costs
+    try:
+        before = len(node.reached.claims)
+        reached = unroll(task.assembly, move, node.reached, task.tolerance, costs.coarse, thorough)
+    except InfeasibleError:
+        return None
+    margin = min(c.margin for c in reached.claims[before:])
+    cost = node.cost + costs.transition + danger(margin, costs)
+    if not math.isfinite(cost):
+        return None
+    cost += costs.signature * signature(task.assembly, move, task.tolerance, reached.errors)
+    held = described(task.assembly, (*move.held, *move.making), move.goal, move.goal, reached.errors)
+    if _slid_off(task.assembly, held, move.goal):
+        return None
+    place = Place(move.goal, held, reached.basis, node.place.pivot)
+    rank = pinned(task.assembly, move.goal, held)
+    return Node(node.entry, place, reached, (*node.moves, move), (*node.names, name), cost, rank)
+
+
+def _slid_off(assembly: Assembly, held: Sequence[PrimitiveContact], pose: Pose) -> bool:
+    """Whether a held contact is past the end of its facet.
+
+    Parallel edges have none to be past. Of a vertex and its edge, listed since either may touch, one has to be inside.
+    """
+    inside = insides(assembly, held, pose)
+    past = np.isfinite(inside) & (inside < -INSIDE)
+    within = [c for c, gone in zip(held, past.tolist(), strict=True) if not gone]
+    outside = (c for c, gone in zip(held, past.tolist(), strict=True) if gone)
+    return any(not any(_instead(assembly, c, other) for other in within) for c in outside)
+
+
+def _instead(assembly: Assembly, one: PrimitiveContact, other: PrimitiveContact) -> bool:
+    """Whether two contacts are a vertex on a face and an edge that ends there, across a rim of the face."""
+    vertex, edge = (one, other) if one.kind is Kind.VERTEX_FACE else (other, one)
+    if vertex.kind is not Kind.VERTEX_FACE or edge.kind is not Kind.EDGE_EDGE:
+        return False
+    return vertex.moving_feature in edge.moving and on_wall(assembly, edge, vertex.fixed_feature)
+
+
+def successors(task: Task, node: Node) -> Iterator[Node]:
+    """The states that guarded moves from a state lead to."""
+    if task.blunt and node.place.held:
+        yield from _told(task, node)
+        return
+    near: dict[tuple[bool, float], Near] = {}
+    for freedom in _freedoms(task, node):
+        kind = bool(freedom.twist[3:].any()), freedom.limit
+        if task.blunt and (kind[0] or freedom.name in node.names):
+            continue  # it is to touch walls that lie in different directions
+        if kind not in near:
+            near[kind] = neighbourhood(task.assembly, node.place, freedom, task.costs.reach)
+        after = _along(task, node, freedom, near[kind])
+        if after is not None:
+            yield after
+    yield from _given_up(task, node)
+
+
+def ways_on(task: Task, node: Node) -> Iterator[tuple[str, Move]]:
+    """The first guarded move along each freedom from a state, whether or not it can be certified, with its name."""
+    near: dict[tuple[bool, float], Near] = {}
+    for freedom in _freedoms(task, node):
+        kind = bool(freedom.twist[3:].any()), freedom.limit
+        if kind not in near:
+            near[kind] = neighbourhood(task.assembly, node.place, freedom, task.costs.reach)
+        move = guarded(task.assembly, node.place, freedom, near[kind])
+        if move is not None:
+            yield freedom.name, move
+
+
+def _given_up(task: Task, node: Node) -> Iterator[Node]:
+    """The states after all contacts of a corner caught on a slope of the mouth are given up, once on a way."""
+    place = node.place
+    if not (node.entry.shallow and place.held) or any(move.left for move in node.moves):
+        return
+    moving, fixed = task.assembly.moving, task.assembly.fixed
+    arm = place.pose.R @ place.pivot
+    spread = node.reached.errors.support(np.hstack([np.eye(3), cross(arm, np.eye(3))]))
+    for inside in deeper(moving, fixed, place.pose, place.pivot, spread):
+        after = successor_by(task, node, Move(place.pose, inside, (), (), place.held), "leave")
+        if after is not None:
+            yield after
+
+
+def _told(task: Task, node: Node) -> Iterator[Node]:
+    """What a part that is next to round does once a contact has told where it is.
+
+    Along a wall it would come to the next one at too small an angle. So it goes back from the contact to meet another
+    one, or, once it knows its place to within the clearance, leaves it, stands up over the mouth and goes straight in.
+    """
+    if float(node.reached.errors.support(np.eye(2, 6)).max()) < task.costs.scale:
+        seated: Node | None = node
+        for name in _IN:
+            seated = None if seated is None else _freely(task, seated, name)
+        if seated is not None:
+            yield seated
+    elif (back := _freely(task, node, "back")) is not None:
+        yield back
+
+
+def _climbs(task: Task, move: Move) -> bool:
+    """Whether a part that goes on after a touch climbs what it touches: it then takes its place to be another.
+
+    The servo gives way across the motion, the more the less of the reaction is against that.
+    """
+    normal = contact_rows(task.assembly, move.making[:1], move.making, move.goal).N[0, :3]
+    way = move.goal.p - move.start.p
+    return float(normal @ way) > -_AGAINST * float(np.linalg.norm(normal) * np.linalg.norm(way))
+
+
+def _freely(task: Task, node: Node, name: str) -> Node | None:
+    """The state after a move that gives up all contacts, None when it cannot be certified."""
+    if node.place.held and _climbs(task, node.moves[-1]):
+        return None
+    pose, goal, tip = node.place.pose, task.goal, leading_corners(task.assembly.moving)
+    height = float(_likely(node.reached.errors)[0]) + task.costs.scale
+    match name:
+        case "back":  # half of the way that it came
+            to = pose.moved(0.5 * pose.local(node.moves[-1].start))
+        case "off":  # away from the walls beside the corner as far as up
+            away = (goal.p - pose.apply(node.place.pivot))[:2]
+            rise = height - float(pose.apply(tip)[:, 2].min())
+            to = pose.moved([*(rise / float(np.linalg.norm(away)) * away), rise, 0.0, 0.0, 0.0])
+        case "upright":
+            to = Pose(np.array([goal.p[0], goal.p[1], height - float((goal.R @ tip.T)[2].min())]), goal.R)
+        case _:
+            to = goal
+    return successor_by(task, node, Move(pose, to, (), (), node.place.held), name)
+
+
+def follow(task: Task, node: Node, name: str) -> Node | None:
+    """The state that the guarded move along one freedom leads to, None when it cannot be certified."""
+    if name in _FREE:
+        return _freely(task, node, name)
+    for freedom in _freedoms(task, node):
+        if freedom.name == name:
+            return _along(task, node, freedom, neighbourhood(task.assembly, node.place, freedom, task.costs.reach))
+    return None
+
+
+def _freedoms(task: Task, node: Node) -> tuple[Freedom, ...]:
+    depth = float(node.place.pose.p[2] - task.goal.p[2])
+    return freedoms(task.max_turn, depth, task.costs.reach, task.assembly.planar, turned_axes(node.entry.heading))
+
+
+def _along(task: Task, node: Node, freedom: Freedom, near: Near) -> Node | None:
+    moves = meetings(task.assembly, node.place, freedom, near)
+    first = next(moves, None)
+    if first is None and freedom.name == "-z":
+        first = _straight_down(task, node.place, freedom.twist)
+    ways = moves if first is None else chain([first], moves)
+    return next((after for move in ways if (after := successor_by(task, node, move, freedom.name)) is not None), None)
+
+
+def _straight_down(task: Task, place: Place, twist: Array) -> Move | None:
+    """The last move where nothing stops it: as far as the goal's depth, when the part stands upright.
+
+    It needs contacts on all other freedoms, or none at all: then the errors have to fit into the clearance.
+    """
+    there = place.pose.moved(twist * float(place.pose.p[2] - task.goal.p[2]))
+    if not task.upright(there) or 0 < pinned(task.assembly, place.pose, place.held) < task.pinned_upright:
+        return None
+    return Move(place.pose, there, place.held, ())

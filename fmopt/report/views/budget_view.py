@@ -1,0 +1,129 @@
+"""The uncertainty budget: what each source adds to the half-widths of the start error."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fmopt.plan import Plan
+from fmopt.plan.position_force import AXES
+from fmopt.report.drawing import BLUE, GREY, INK, PALE, RUST, WIDTH
+from fmopt.report.naming import degrees, millimetres
+from fmopt.report.shell import table
+from fmopt.spatial.values import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+TITLE = "Uncertainty budget: which source adds how much to the start error"
+_FILLS = (  # face, hatch: told apart in black and white, too
+    (BLUE, ""),
+    (PALE, ""),
+    (RUST, ""),
+    ("white", "////"),
+    (GREY, ""),
+    ("white", "...."),
+    ("#9fbfe0", "\\\\\\\\"),
+    ("#e6c3a5", "xxxx"),
+)
+
+
+def shares(plan: Plan) -> list[tuple[str, Array]]:
+    """Sources with what each adds to the half-widths (6,), m and rad; those that add nothing are left out."""
+    listed = () if plan.diagnostics is None else plan.diagnostics.budget
+    return [
+        (f"{item.source} ({item.symbol})" if item.symbol else item.source, np.array(item.box, dtype=np.float64))
+        for item in listed
+        if any(item.box)
+    ]
+
+
+def has(plan: Plan) -> bool:
+    """Whether the plan states a budget."""
+    return bool(shares(plan))
+
+
+def size(plan: Plan) -> tuple[float, float]:
+    """Width and height in inches."""
+    return WIDTH, 0.9 + 0.36 * len(_bars(plan)) + 0.19 * math.ceil(len(shares(plan)) / 2)
+
+
+def alt(plan: Plan) -> str:
+    """What is to be seen, for who cannot see it."""
+    words = [f"{names}: " + ", ".join(parts) for names, _, parts in _bars(plan)]
+    return "Parts of the start error by source. " + "; ".join(words) + "."
+
+
+def budget_table(plan: Plan) -> str:
+    """One row per source and one for the sum."""
+    listed = shares(plan)
+    if not listed:
+        return ""
+    whole = np.sum([box for _, box in listed], axis=0)
+    rows = [(name, *_row(box, whole)) for name, box in listed]
+    head = ("source", *(f"{axis}, mm" for axis in AXES[:3]), *(f"{axis}, °" for axis in AXES[3:]))
+    return table("Sources of the start error, half-widths", head, [*rows, ("sum", *_row(whole, None))], ".nnnnnn")
+
+
+def _row(box: Array, whole: Array | None) -> list[str]:
+    cells = [millimetres(value) for value in box[:3]] + [degrees(value) for value in box[3:]]
+    if whole is None:
+        return cells
+    return [f"{cell} ({_percent(b, w)})" if b else "0" for cell, b, w in zip(cells, box, whole, strict=True)]
+
+
+def _percent(part: float, whole: float) -> str:
+    return f"{100.0 * part / whole:.3g} %" if whole else "0 %"
+
+
+def _bars(plan: Plan) -> list[tuple[str, Array, list[str]]]:
+    """Axes that have the same budget as one bar: their names with the sum, shares of 1, and the shares in words."""
+    listed = shares(plan)
+    boxes = np.array([box for _, box in listed]).reshape(-1, 6)
+    groups: list[tuple[list[int], Array]] = []
+    for axis in range(6):
+        column = boxes[:, axis]
+        if not column.any():
+            continue
+        twin = next((g for g in groups if (g[0][0] < 3) == (axis < 3) and np.array_equal(g[1], column)), None)
+        if twin is None:
+            groups.append(([axis], column))
+        else:
+            twin[0].append(axis)
+    bars = []
+    for axes, column in groups:
+        total = float(column.sum())
+        reach = f"±{millimetres(total)} mm" if axes[0] < 3 else f"±{degrees(total)}°"
+        parts = [f"{name} {_percent(v, total)}" for (name, _), v in zip(listed, column, strict=True) if v]
+        bars.append((f"{', '.join(AXES[i] for i in axes)}  {reach}", column / total, parts))
+    return bars
+
+
+def paint(plan: Plan, figure: Figure) -> None:
+    """One bar of 100 % for each axis, or axes alike, in parts by source."""
+    axes = figure.subplots()
+    listed, bars = shares(plan), _bars(plan)
+    left = np.zeros(len(bars))
+    places = np.arange(len(bars))[::-1]
+    for k, (name, _) in enumerate(listed):
+        face, hatch = _FILLS[k % len(_FILLS)]
+        width = np.array([100.0 * parts[k] for _, parts, _ in bars])
+        axes.barh(
+            places, width, left=left, height=0.62, label=name, facecolor=face, hatch=hatch, edgecolor=INK, linewidth=0.6
+        )
+        left = left + width
+    axes.set_yticks(places, [name for name, _, _ in bars])
+    axes.set_xlim(0.0, 100.0)
+    axes.set_xlabel("% of the half-width")
+    axes.spines["left"].set_visible(False)
+    axes.tick_params(axis="y", length=0)
+    axes.set_title("Uncertainty budget of the start error")
+    _legend(figure, axes)
+
+
+def _legend(figure: Figure, axes: Axes) -> None:
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=2)

@@ -1,0 +1,234 @@
+"""The three diagrams of the T-C mapping: operand 2 cut, expanded by operand 1, and the uncertain line L on its way."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fmopt.plan import Diagram, Plan, Polyline
+from fmopt.report.drawing import BLUE, GREY, INK, PALE, RUST, WIDTH
+from fmopt.report.naming import quantity
+from fmopt.spatial.values import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+TITLE = (
+    "The three cut-diagrams: operand 2 as it is and expanded by operand 1, which shrinks to the line L; "
+    "first contact as the planes show it, in space it may come sooner"
+)
+_ROW = 2.75  # inches
+_LEGEND = 1.0  # inches
+_COARSE = 5e-3  # m: a magnified part wider than this is shown in mm
+_GROUND = "#f4e6d8"
+_TURNING: Any = {"color": RUST, "linewidth": 0.8, "linestyle": "--"}
+_JOINED = 0.02  # of the extent, poses nearer than this have their names written together
+_CLASH = np.array([0.45, 0.1])  # of the extent, names of poses nearer than this would stand on one another
+_SIDES = ((5, -2, "left", "top"), (-5, -2, "right", "top"), (5, 2, "left", "bottom"), (-5, 2, "right", "bottom"))
+
+
+def diagrams(plan: Plan) -> tuple[Diagram, ...]:
+    """The diagrams that the plan holds, at most one a plane; of a planar problem those with material of operand 2."""
+    found = plan.diagnostics
+    if found is None:
+        return ()
+    return found.diagrams if found.planar is None else tuple(item for item in found.diagrams if item.fixed)
+
+
+def size(items: Sequence[Diagram]) -> tuple[float, float]:
+    """Width and height in inches."""
+    return paper(len(items))
+
+
+def paper(count: int) -> tuple[float, float]:
+    """Width and height, in inches, of a sheet for so many diagrams."""
+    return WIDTH, _ROW * count + _LEGEND
+
+
+def alt(items: Sequence[Diagram]) -> str:
+    """What is to be seen, for who cannot see it."""
+    words = (
+        "Operand 2 cut by the planes of the mouth's frame (G), and expanded by operand 1 (GE), which becomes a line L. "
+    )
+    said = []
+    for item in items:
+        said.append(f"{_name(item)}: ball {quantity(item.radius)}, cone {math.degrees(item.half_angle):.3g}°")
+    return words + "Uncertainty: " + "; ".join(said) + "."
+
+
+def paint(items: Sequence[Diagram], figure: Figure) -> None:
+    """A row per plane: the whole diagram on the left, the room for the nominal centre magnified on the right."""
+    height = size(items)[1]
+    figure.set_layout_engine("none")
+    bottom, top = _LEGEND / height, 1.0 - 0.3 / height
+    room = {"left": 0.09, "right": 0.985, "top": top, "bottom": bottom + 0.35 / height, "hspace": 0.42, "wspace": 0.22}
+    grid = figure.add_gridspec(len(items), 2, width_ratios=(1.0, 1.25), **room)
+    for row, item in enumerate(items):
+        whole, close = figure.add_subplot(grid[row, 0]), figure.add_subplot(grid[row, 1])
+        _whole(whole, item)
+        _close(close, item)
+    figure.align_ylabels()
+    _legend(figure, any(item.turning is not None for item in items))
+
+
+def _whole(axes: Axes, item: Diagram) -> None:
+    _regions(axes, item, 1e3)
+    _path(axes, item, 1e3)
+    _lines(axes, item, 1e3)
+    _names(axes, item, np.array([1e3, 1e3]), _extent(item))
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.margins(0.05)
+    axes.set_title(f"plane {_name(item)}, whole")
+    axes.set_xlabel(f"{item.plane[0]}, mm", labelpad=1)
+    axes.set_ylabel(f"{item.plane[1]}, mm")
+
+
+def _close(axes: Axes, item: Diagram) -> None:
+    """Magnified across the axis; on the plane of the mouth in both directions."""
+    low, high = _window(item)
+    upright = item.plane[1] == "z"
+    scale_u, unit = (1e3, "mm") if high[0] - low[0] > _COARSE else (1e6, "µm")
+    scale_v = 1e3 if upright else scale_u
+    _regions(axes, item, scale_u, scale_v)
+    _path(axes, item, scale_u, scale_v)
+    _zones(axes, item, scale_u, scale_v)
+    _lines(axes, item, scale_u, scale_v)
+    _names(axes, item, np.array([scale_u, scale_v]), high - low)
+    axes.set_xlim(scale_u * low[0], scale_u * high[0])
+    axes.set_ylim(scale_v * low[1], scale_v * high[1])
+    if not upright:
+        axes.set_aspect("equal", adjustable="box")
+    axes.set_title(f"plane {_name(item)}, magnified {'across' if upright else 'both ways'}")
+    axes.set_xlabel(f"{item.plane[0]}, {unit}", labelpad=1)
+    axes.set_ylabel(f"{item.plane[1]}, {'mm' if upright else unit}")
+
+
+def _window(item: Diagram) -> tuple[Array, Array]:
+    """Corners (2,) of the magnified part: the room of the seated nominal centre, the ball and the trapezoids."""
+    centre = np.array(item.poses[-1].centre)
+    spread = max(item.radius, item.room)
+    for pose in item.poses:
+        inside = np.array(pose.trapezoid)
+        if abs(pose.centre[0] - centre[0]) <= spread:
+            spread = max(spread, float(np.abs(inside[:, 0] - centre[0]).max()))
+    half = 1.35 * max(spread, 1e-6)
+    if item.plane[1] != "z":
+        return centre - half, centre + half
+    heights = [v for pose in item.poses for _, v in (*pose.trapezoid, pose.centre)]
+    reach = max(heights) - min(heights)
+    low = np.array([centre[0] - half, min(heights) - 0.06 * reach])
+    return low, np.array([centre[0] + half, max(heights) + 0.06 * reach])
+
+
+def _regions(axes: Axes, item: Diagram, scale: float, other: float | None = None) -> None:
+    """GE as ground, that of all orientations as its outline, and G hatched on it."""
+    factor = np.array([scale, scale if other is None else other])
+    _fill(axes, item.expanded, factor, facecolor=_GROUND, edgecolor=RUST, linewidth=1.0)
+    _fill(axes, item.fixed, factor, facecolor=PALE, edgecolor="#999999", hatch="////", linewidth=0.0)
+    for loop in item.turning or ():
+        closed = np.array([*loop, loop[0]]) * factor
+        axes.plot(*closed.T, **_TURNING)
+    for loop in item.fixed:
+        closed = np.array([*loop, loop[0]]) * factor
+        axes.plot(*closed.T, color=INK, linewidth=0.8)
+
+
+def _fill(axes: Axes, loops: Sequence[Polyline], factor: Array, **style: Any) -> None:
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
+
+    if loops:
+        closed = [Path(np.array([*loop, loop[0]]) * factor, closed=True) for loop in loops]
+        axes.add_patch(PathPatch(Path.make_compound_path(*closed), **style))
+
+
+def _path(axes: Axes, item: Diagram, scale: float, other: float | None = None) -> None:
+    factor = np.array([scale, scale if other is None else other])
+    points = np.array(item.path) * factor
+    axes.plot(*points.T, color=INK, linewidth=0.9, linestyle=":", marker="o", markersize=2.6)
+
+
+def _lines(axes: Axes, item: Diagram, scale: float, other: float | None = None) -> None:
+    """L at its poses, a dot for the nominal centre."""
+    factor = np.array([scale, scale if other is None else other])
+    for pose in item.poses:
+        line = np.array(pose.line) * factor
+        axes.plot(*line.T, color=BLUE, linewidth=1.4)
+        axes.plot(*line[0], color=BLUE, marker="o", markersize=3.4)
+
+
+def _names(axes: Axes, item: Diagram, factor: Array, extent: Array) -> None:
+    """What the poses are called, each name on a side of its pose where no other name stands.
+
+    Args:
+        axes: where to write.
+        item: the diagram.
+        factor: what a metre along u and along v is on the axes.
+        extent: width and height (2,) of what is shown, m.
+    """
+    from matplotlib.patheffects import withStroke
+
+    spots: list[tuple[Array, list[str]]] = []
+    for pose in item.poses:
+        centre = np.array(pose.centre)
+        near = [names for spot, names in spots if np.all(np.abs(spot - centre) <= _JOINED * extent)]
+        if near:
+            near[0].append(pose.name)
+        else:
+            spots.append((centre, [pose.name]))
+    style: Any = {"textcoords": "offset points", "color": BLUE, "fontsize": 8.0, "annotation_clip": True}
+    style["path_effects"] = [withStroke(linewidth=2.0, foreground="white")]
+    taken: list[tuple[Array, int]] = []
+    for spot, names in spots:
+        used = {side for other, side in taken if np.all(np.abs(other - spot) <= _CLASH * extent)}
+        side = next((k for k in range(len(_SIDES)) if k not in used), 0)
+        taken.append((spot, side))
+        right, up, across, along = _SIDES[side]
+        place = (float(spot[0] * factor[0]), float(spot[1] * factor[1]))
+        axes.annotate("\n".join(names), place, (right, up), ha=across, va=along, **style)
+
+
+def _extent(item: Diagram) -> Array:
+    """Width and height (2,) of GE, of the path and of the lines, m."""
+    points = [point for loop in item.expanded for point in loop] + list(item.path)
+    points += [point for pose in item.poses for point in pose.line]
+    return np.asarray(np.ptp(np.array(points), axis=0))
+
+
+def _zones(axes: Axes, item: Diagram, scale_u: float, scale_v: float) -> None:
+    """Ball, cone and trapezoid at every pose."""
+    factor = np.array([scale_u, scale_v])
+    for pose in item.poses:
+        trapezoid, ball = np.array(pose.trapezoid) * factor, np.array(pose.ball) * factor
+        axes.fill(*trapezoid.T, facecolor=BLUE, alpha=0.12, linewidth=0)
+        for edge in pose.edges:
+            axes.plot(*(np.array(edge) * factor).T, color=BLUE, linewidth=0.9, linestyle="--")
+        for ray in pose.cone:
+            axes.plot(*(np.array(ray) * factor).T, color=GREY, linewidth=0.8, linestyle="-.")
+        axes.plot(*np.vstack([ball, ball[:1]]).T, color=BLUE, linewidth=0.9)
+
+
+def _name(item: Diagram) -> str:
+    return f"{item.plane[0]}–{item.plane[1]}"
+
+
+def _legend(figure: Figure, turning: bool) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles: list[Any] = [
+        Patch(facecolor=PALE, edgecolor="#999999", hatch="////", linewidth=0, label="G: material of operand 2"),
+        Patch(facecolor=_GROUND, edgecolor=RUST, label="GE: where the nominal centre cannot be"),
+        *([Line2D([], [], label="GE while operand 1 turns", **_TURNING)] if turning else []),
+        Line2D([], [], color=INK, linestyle=":", marker="o", markersize=2.6, label="P(t), nominal centre"),
+        Line2D([], [], color=BLUE, linewidth=1.4, marker="o", markersize=3.4, label="L: operand 1, shrunk"),
+        Line2D([], [], color=BLUE, linewidth=0.9, label="ball of the centre"),
+        Line2D([], [], color=GREY, linewidth=0.8, linestyle="-.", label="cone of the direction"),
+        Patch(facecolor=BLUE, alpha=0.12, linewidth=0, label="trapezoid: all lines L"),
+        Line2D([], [], color=BLUE, linewidth=0.9, linestyle="--", label="its edges"),
+    ]
+    figure.legend(handles=handles, loc="lower center", ncols=3)

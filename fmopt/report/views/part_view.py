@@ -1,0 +1,116 @@
+"""A part as it is: seen from a corner, and its sections through the axis of its frame and across it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fmopt.geometry.convex_pieces import faceted
+from fmopt.geometry.polyhedron import Face, Polyhedron
+from fmopt.geometry.section import section
+from fmopt.report.drawing import BLUE, GREY, INK, PALE, WIDTH
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_CREASE = math.cos(math.radians(30.0))  # edges flatter than this belong to a curved face and are not drawn
+_LAMP = np.array([0.3, -0.5, 0.81])
+# Where the part is looked at from: rows to the right, up, and towards the viewer.
+_VIEW = np.array([[0.8, 0.6, 0.0], [-0.3, 0.4, math.sqrt(0.75)], [0.52, -0.69, 0.5]])
+_PLANES = {
+    "x–z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+    "y–z": np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
+    "x–y": np.eye(3),
+}
+
+
+def size() -> tuple[float, float]:
+    """Width and height in inches."""
+    return WIDTH, 0.8 * WIDTH
+
+
+def alt(name: str, body: Polyhedron) -> str:
+    """What is to be seen, for who cannot see it."""
+    extent = " × ".join(f"{1e3 * width:.4g}" for width in body.widths)
+    words = f"{name}, {extent} mm, {len(body.faces)} faces, {len(body.edges)} edges, {len(body.vertices)} vertices"
+    return f"{words}: seen from a corner, and cut by the planes x–z and y–z through its axis and across it."
+
+
+def paint(name: str, body: Polyhedron, pieces: Sequence[Polyhedron], height: float, figure: Figure) -> None:
+    """Four views: from a corner, and three sections; the one across the axis at a height, m."""
+    grid = figure.subplots(2, 2)
+    corner(grid[0][0], body)
+    grid[0][0].set_title(name)
+    for axes, plane in zip((grid[0][1], grid[1][0], grid[1][1]), _PLANES, strict=True):
+        cut(axes, plane, pieces, height if plane == "x–y" else 0.0)
+
+
+def view() -> Array:
+    """Directions (3, 3), unit vectors as rows: to the right, up, and towards who looks at a part from its corner."""
+    return np.asarray(_VIEW / np.linalg.norm(_VIEW, axis=1)[:, None])
+
+
+def corner(axes: Axes, body: Polyhedron) -> None:
+    """The faces that look at the viewer, far ones first, each lighter the more it faces the lamp."""
+    from matplotlib.patches import PathPatch
+
+    body, across = faceted(body), view()
+    seen = [face for face in body.faces if float(face.normal @ across[2]) > 1e-9]
+    for order, face in enumerate(sorted(seen, key=lambda f: float(np.mean(_corners(body, f) @ across[2])))):
+        light = 0.72 + 0.26 * max(0.0, float(face.normal @ _LAMP))
+        path = _outline([1e3 * body.vertices[list(loop)] @ across[:2].T for loop in face.loops])
+        axes.add_patch(PathPatch(path, facecolor=(light,) * 3, edgecolor="none", zorder=order))
+        for a, b in _creases(body, face):
+            ends = 1e3 * np.array([a, b]) @ across[:2].T
+            axes.plot(*ends.T, color=INK, linewidth=0.7, zorder=order, solid_capstyle="round")
+    axes.autoscale_view()
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+
+
+def _corners(body: Polyhedron, face: Face) -> Array:
+    return np.asarray(body.vertices[list(face.loops[0])])
+
+
+def _creases(body: Polyhedron, face: Face) -> list[Array]:
+    """The ends (2, 3) of the edges of a face that are worth a line, m."""
+    number = body.faces.index(face)
+    own = [edge for edge in body.edges if number in edge.faces]
+    sharp = [e for e in own if body.faces[e.faces[0]].normal @ body.faces[e.faces[1]].normal < _CREASE]
+    return [body.vertices[list(edge.vertices)] for edge in sharp]
+
+
+def cut(axes: Axes, plane: str, pieces: Sequence[Polyhedron], height: float) -> None:
+    """The section of pieces by the plane "x–z", "y–z" or, at a height in m, "x–y" of their frame; mm."""
+    from matplotlib.patches import PathPatch
+
+    origin = np.array([0.0, 0.0, height])
+    shape = section(pieces, Pose(origin, _PLANES[plane]))
+    offset = np.array([0.0, 0.0])
+    for polygon in shape.geoms:
+        loops = [1e3 * (np.asarray(loop.coords)[:-1] + offset) for loop in (polygon.exterior, *polygon.interiors)]
+        axes.add_patch(
+            PathPatch(_outline(loops), facecolor=PALE, edgecolor=BLUE, linewidth=0.8, hatch="////", hatch_linewidth=0.3)
+        )
+    for place in (axes.axhline, axes.axvline):
+        place(0.0, color=GREY, linewidth=0.5, linestyle=(0, (8, 2, 2, 2)))
+    axes.autoscale_view()
+    axes.margins(0.08)
+    axes.set_aspect("equal", adjustable="datalim")
+    across = f" at z = {1e3 * height:.4g} mm".replace("-", "−") if plane == "x–y" else ""
+    axes.set_title(f"section {plane}{across}")
+    axes.set_xlabel(f"{plane[0]}, mm")
+    axes.set_ylabel(f"{plane[-1]}, mm")
+
+
+def _outline(loops: Sequence[Array]) -> Any:
+    """A path of closed loops (n, 2), the outer one first."""
+    from matplotlib.path import Path
+
+    return Path.make_compound_path(*(Path(np.vstack([loop, loop[:1]]), closed=True) for loop in loops))

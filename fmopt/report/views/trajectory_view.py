@@ -1,0 +1,170 @@
+"""The trajectory over time: P(t) and the bands of S(t), and where the plan has them Pa(t) and Fa(t)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fmopt.plan import Nominal, PositionForce
+from fmopt.plan.position_force import AXES
+from fmopt.report.drawing import BLUE, GREY, INK, RUST, WIDTH
+from fmopt.spatial.values import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+TITLE = "The nominal insertion along the axis, position and force over time; the moves to run are others"
+STOPS = {0: "free", 1: "stopped in +", -1: "stopped in −", 2: "stopped in both"}
+_BANDS: dict[int, dict[str, Any]] = {
+    1: {"facecolor": "#f3e3d3", "edgecolor": "#b08050", "hatch": "///"},
+    -1: {"facecolor": "#dfe8f2", "edgecolor": "#5080b0", "hatch": "\\\\\\"},
+    2: {"facecolor": "#e4e4e4", "edgecolor": "#888888", "hatch": "xxx"},
+}
+_SHORT = 0.008  # of the duration, bands shorter than this are lines
+_NEAR = 0.12  # of the duration, labels nearer than this are one
+_SCALE = (1e3, 1e3, 1e3, math.degrees(1.0), math.degrees(1.0), math.degrees(1.0))
+
+
+@dataclass(frozen=True)
+class Course:
+    """A nominal trajectory, with the rows of Pa(t) and Fa(t) where a plan has them."""
+
+    nominal: Nominal
+    forces: tuple[PositionForce, ...] = ()
+
+
+def size(course: Course) -> tuple[float, float]:
+    """Width and height in inches."""
+    return WIDTH, 6.6
+
+
+def alt(course: Course) -> str:
+    """What is to be seen, for who cannot see it."""
+    said = []
+    for item in course.nominal.intervals:
+        bound = [f"{axis} {STOPS[code]}" for axis, code in zip(AXES, item.s, strict=True) if code]
+        said.append(f"{item.start:.3g} to {item.end:.3g} s: {', '.join(bound) or 'all free'}")
+    forces = ", and position and reaction force Pa and Fa" if course.forces else ""
+    return f"Nominal trajectory P(t) per axis with the bands of S(t){forces}. S by time: {'; '.join(said)}."
+
+
+def paint(course: Course, figure: Figure) -> None:
+    """A row per axis: position on the left with S(t) as bands, reaction force on the right where there is one."""
+    forces = course.forces
+    columns = 2 if forces else 1
+    figure.set_layout_engine("none")  # by hand: a fifth of the time
+    room = {"left": 0.09, "right": 0.985, "top": 0.945, "bottom": 0.145, "hspace": 0.3, "wspace": 0.24}
+    grid = figure.subplots(6, columns, squeeze=False, sharex=True, gridspec_kw=room)
+    for axis, row in enumerate(grid):
+        _bands(row[0], course.nominal, axis)
+        _position(row[0], course, axis)
+        if forces:
+            _bands(row[1], course.nominal, axis)
+            _force(row[1], forces, axis)
+    grid[0, 0].set_title(
+        "position P(t), Pa(t), and S(t)" if forces else "nominal position P(t) and freedoms S(t)", pad=14.0
+    )
+    if forces:
+        grid[0, 1].set_title("reaction Fa(t); applied: −Fa(t)", pad=14.0)
+    for axes in grid[-1]:
+        axes.set_xlabel("time, s")
+    _switches(grid, course.nominal)
+    figure.align_ylabels()
+    _legend(figure, bool(forces))
+
+
+def _bands(axes: Axes, nominal: Nominal, axis: int) -> None:
+    """Bands over the whole height; an interval too short to be seen is drawn as a line."""
+    duration = nominal.times[-1]
+    for start, end, code in _runs(nominal, axis):
+        style = _BANDS.get(code)
+        if style and end - start > _SHORT * duration:
+            axes.axvspan(start, end, linewidth=0, zorder=0, **style)
+        elif style:
+            axes.axvline(0.5 * (start + end), color=style["edgecolor"], linewidth=2.5, zorder=0)
+
+
+def _runs(nominal: Nominal, axis: int) -> list[tuple[float, float, int]]:
+    """The stretches of time over which one value of S stays the same."""
+    found: list[tuple[float, float, int]] = []
+    for item in nominal.intervals:
+        code = item.s[axis]
+        if found and found[-1][2] == code:
+            found[-1] = (found[-1][0], item.end, code)
+        else:
+            found.append((item.start, item.end, code))
+    return found
+
+
+def _switches(grid: Any, nominal: Nominal) -> None:
+    """A thin line where S changes, its time above the first row, unless it is too near another."""
+    duration = nominal.times[-1]
+    last = -math.inf
+    for start in (item.start for item in nominal.intervals[1:]):
+        for axes in (axes for row in grid for axes in row):
+            axes.axvline(start, color=GREY, linewidth=0.5, zorder=1)
+        if start - last > _NEAR * duration:
+            place = (start, 1.0)
+            style: Any = {"xycoords": grid[0, 0].get_xaxis_transform(), "textcoords": "offset points", "ha": "center"}
+            grid[0, 0].annotate(f"{start:.3g} s", place, (0, 1), fontsize=8.0, color=GREY, **style)
+            last = start
+
+
+def _position(axes: Axes, course: Course, axis: int) -> None:
+    nominal = course.nominal
+    values = _SCALE[axis] * np.array(nominal.nodes, dtype=np.float64)[:, axis]
+    axes.plot(nominal.times, values, color=INK, linewidth=1.2)
+    everything = [values]
+    for item in course.forces:
+        if item.interval.s[axis] != 0:
+            continue  # Γ is 0 there, and not a position: the axis is servoed in force
+        ends = _SCALE[axis] * np.array([item.pa_start[axis], item.pa_end[axis]], dtype=np.float64)
+        axes.plot([item.interval.start, item.interval.end], ends, color=BLUE, linewidth=1.6, linestyle="--")
+        everything.append(ends)
+    _limits(axes, np.concatenate(everything), 1e-3)
+    axes.set_ylabel(f"{AXES[axis]}, {'mm' if axis < 3 else '°'}")
+
+
+def _force(axes: Axes, forces: tuple[PositionForce, ...], axis: int) -> None:
+    """Steps of Fa; where the sign depends on which side touches, both signs."""
+    everything = []
+    for item in forces:
+        value = item.fa[axis]
+        signs = (1.0, -1.0) if axis in item.either_sign and value else (1.0,)
+        for sign in signs:
+            style = ":" if len(signs) > 1 else "-"
+            axes.plot(
+                [item.interval.start, item.interval.end], [sign * value] * 2, color=RUST, linewidth=1.6, linestyle=style
+            )
+            everything.append(sign * value)
+    axes.axhline(0.0, color=GREY, linewidth=0.5, zorder=1)
+    _limits(axes, np.array(everything), 1e-3)
+    axes.set_ylabel(f"F{AXES[axis]}, N" if axis < 3 else f"M{AXES[axis][1]}, N·m")
+
+
+def _limits(axes: Axes, values: Array, least: float) -> None:
+    low, high = float(np.min(values)), float(np.max(values))
+    room = max(0.15 * (high - low), least)
+    axes.set_ylim(low - room, high + room)
+    if high - low < least:
+        axes.set_ylim(low - 1.0, high + 1.0)
+    axes.locator_params(axis="y", nbins=4)
+
+
+def _legend(figure: Figure, forces: bool) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles: list[Any] = [Line2D([], [], color=INK, label="P(t)")]
+    if forces:
+        handles.append(
+            Line2D([], [], color=BLUE, linestyle="--", linewidth=1.6, label="Pa(t), where position is servoed")
+        )
+        handles.append(Line2D([], [], color=RUST, linewidth=1.6, label="Fa(t), where force is servoed"))
+        handles.append(Line2D([], [], color=RUST, linewidth=1.6, linestyle=":", label="either sign"))
+    handles += [Patch(linewidth=0, label=f"S: {STOPS[code]}", **style) for code, style in _BANDS.items()]
+    figure.legend(handles=handles, loc="lower center", ncols=3)

@@ -1,0 +1,192 @@
+"""Cross-sections of the tube: the set of errors at the start and at every move's end, in planes of two coordinates."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fmopt.plan import Plan
+from fmopt.plan.position_force import AXES
+from fmopt.report.drawing import BLUE, INK, WIDTH
+from fmopt.report.moves import moves
+from fmopt.report.naming import pose_words
+from fmopt.spatial.values import Array, Value, frozen
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+TITLE = "The set of errors at every move's end"
+PLANES = ((0, 1), (1, 3), (0, 4), (2, 5))
+_SCALE = (1e3, 1e3, 1e3, math.degrees(1.0), math.degrees(1.0), math.degrees(1.0))
+_UNIT = ("mm", "mm", "mm", "°", "°", "°")
+_DIRECTIONS = 60
+_PER_ROW = 8
+_NOTHING = 1e-12
+_LITTLE = 1e-6  # m or rad; smaller errors are not worth a word
+_FINE = 0.004  # of an axis's half-length: two points this close are drawn as one
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorSet(Value):
+    """A set of errors: inside zonotope ⊕ ellipsoid, and inside the outer ellipsoid.
+
+    Args:
+        name: where on the path.
+        generators: (k, 6), m and rad.
+        growth: shape matrix (6, 6) of the summand.
+        shape: shape matrix (6, 6) of the outer ellipsoid.
+    """
+
+    name: str
+    generators: Array
+    growth: Array
+    shape: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "generators", frozen(np.reshape(self.generators, (-1, 6)), None, 6))
+        object.__setattr__(self, "growth", frozen(self.growth, 6, 6))
+        object.__setattr__(self, "shape", frozen(self.shape, 6, 6))
+
+    def half_widths(self) -> Array:
+        """Half-widths (6,) along the axes: the smaller of the two bounds on each, m and rad."""
+        sum_ = np.sum(np.abs(self.generators), axis=0) + np.sqrt(np.maximum(np.diag(self.growth), 0.0))
+        return np.asarray(np.minimum(sum_, np.sqrt(np.maximum(np.diag(self.shape), 0.0))))
+
+
+def error_sets(plan: Plan) -> list[ErrorSet]:
+    """The set at the start and at the end of every move."""
+    ends = [
+        ("start", plan.segments[0].tube.matrices, "start"),
+        *((f"move {move.number}", move.segments[-1].tube.matrices, "goal") for move in moves(plan)),
+    ]
+    return [
+        ErrorSet(name, np.array(of[f"generators_{end}"]), np.array(of[f"growth_{end}"]), np.array(of[f"shape_{end}"]))
+        for name, of, end in ends
+    ]
+
+
+def ends_words(plan: Plan) -> str:
+    """Where the motion begins, and what is left of the errors at its end, in a sentence."""
+    half = error_sets(plan)[-1].half_widths()
+    left = [
+        f"{axis} ±{float(_SCALE[k] * half[k]):.2g}{'°' if k > 2 else ' mm'}"
+        for k, axis in enumerate(AXES)
+        if half[k] > _LITTLE
+    ]
+    words = f"It begins at {pose_words(plan.segments[0].start)}, the lowest point above the mouth, and "
+    return words + (f"ends with errors of up to {', '.join(left)}." if left else "ends with no error to speak of.")
+
+
+def size(plan: Plan) -> tuple[float, float]:
+    """Width and height in inches."""
+    return WIDTH, 4.7 * max(1, math.ceil(len(error_sets(plan)) / _PER_ROW))
+
+
+def alt(plan: Plan) -> str:
+    """What is to be seen, for who cannot see it."""
+    said = [f"{errors.name} {_largest(errors.half_widths())}" for errors in error_sets(plan)]
+    return f"Cross-sections of the set of errors. Largest half-widths: {'; '.join(said)}."
+
+
+def paint(plan: Plan, figure: Figure) -> None:
+    """A column per move's end, a row per plane; one scale in a row, so that shrinking is seen as shrinking."""
+    sets = error_sets(plan)
+    blocks = [sets[k : k + _PER_ROW] for k in range(0, len(sets), _PER_ROW)]
+    figure.set_layout_engine("none")
+    reach = _reach(sets)
+    for number, block in enumerate(blocks):
+        bottom, top = (1.0 - (number + share) / len(blocks) for share in (1.0, 0.0))
+        room = {"bottom": bottom + 0.12 / len(blocks), "top": top - 0.06 / len(blocks), "hspace": 0.62}
+        grid = figure.add_gridspec(len(PLANES), _PER_ROW, left=0.075, right=0.995, wspace=0.16, **room)
+        for row, plane in enumerate(PLANES):
+            for column, errors in enumerate(block):
+                axes = figure.add_subplot(grid[row, column])
+                _panel(axes, errors, plane, reach)
+                _scales(axes, plane, reach, column == 0)
+                if row == 0:
+                    axes.set_title(errors.name, loc="center", fontweight="normal")
+    _legend(figure)
+
+
+def _reach(sets: list[ErrorSet]) -> Array:
+    """How far the axes go on each side (6,), mm and degrees: no outline is clipped."""
+    widths = [np.sqrt(np.maximum(np.diag(errors.shape), 0.0)) for errors in sets] or [np.ones(6)]
+    return np.asarray(np.maximum(1.08 * np.array(_SCALE) * np.max(widths, axis=0), _NOTHING))
+
+
+def outline(generators: ArrayLike, growth: ArrayLike) -> Array:
+    """Boundary points (n, 2) of the plane set zonotope(generators (k, 2)) ⊕ ellipsoid(growth (2, 2)), in order.
+
+    The support point in direction u is Σ sign(gᵢ·u) gᵢ + growth·u/√(uᵀ growth u); the directions on both sides of each
+    generator's normal are among those taken, so that the zonotope's corners are exact.
+    """
+    G, Q = np.reshape(generators, (-1, 2)), np.asarray(growth, dtype=np.float64)
+    corners = np.arctan2(G[:, 0], -G[:, 1])[:, None] + np.array([0.0, np.pi])[:, None, None] + np.array([-1e-6, 1e-6])
+    even = np.linspace(-np.pi, np.pi, _DIRECTIONS, endpoint=False)
+    circle = np.column_stack([np.cos(even), np.sin(even)])
+    values, axes = np.linalg.eigh(Q)
+    if values[0] > _NOTHING * values[1]:
+        circle = np.vstack([circle, circle / np.sqrt(values) @ axes.T])
+    angles = np.sort(np.mod(np.concatenate([np.arctan2(*circle.T[::-1]), corners.ravel()]) + np.pi, 2.0 * np.pi))
+    u = np.column_stack([np.cos(angles), np.sin(angles)])
+    across = np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", u, Q, u), 0.0))
+    round_ = np.divide(u @ Q, across[:, None], out=np.zeros_like(u), where=across[:, None] > 0.0)
+    return np.asarray(np.sign(u @ G.T) @ G + round_)
+
+
+def _panel(axes: Axes, errors: ErrorSet, plane: tuple[int, int], reach: Array) -> None:
+    from matplotlib.colors import to_rgb
+    from matplotlib.patches import Polygon
+
+    pick, scale = list(plane), np.array([_SCALE[axis] for axis in plane])
+    growth, shape = (matrix[np.ix_(pick, pick)] * np.outer(scale, scale) for matrix in (errors.growth, errors.shape))
+    inner = _thinned(outline(errors.generators[:, pick] * scale, growth), reach[pick])
+    outer = _thinned(outline(np.zeros((0, 2)), shape), reach[pick])
+    axes.axhline(0.0, color="#cccccc", linewidth=0.4, zorder=0)
+    axes.axvline(0.0, color="#cccccc", linewidth=0.4, zorder=0)
+    if np.all(np.ptp(inner, axis=0) < 0.05 * reach[pick]):
+        axes.plot([0.0], [0.0], ".", color=BLUE, markersize=2.5)
+    axes.add_patch(Polygon(inner, facecolor=(*to_rgb(BLUE), 0.2), edgecolor=BLUE, linewidth=1.2))
+    axes.add_patch(Polygon(outer, fill=False, edgecolor=INK, linewidth=0.8, linestyle="--"))
+
+
+def _thinned(points: Array, reach: Array) -> Array:
+    """The outline without points that nobody could tell from the one before."""
+    kept = [points[0]]
+    for point in points[1:]:
+        if np.max(np.abs(point - kept[-1]) / reach) > _FINE:
+            kept.append(point)
+    return np.array(kept)
+
+
+def _scales(axes: Axes, plane: tuple[int, int], reach: Array, first: bool) -> None:
+    """Axes from −reach to reach with one round mark on each side."""
+    for axis, side in zip(plane, (axes.xaxis, axes.yaxis), strict=True):
+        power = 10.0 ** math.floor(math.log10(0.8 * reach[axis]))
+        mark = power * max(digit for digit in (1, 2, 4, 6, 8) if digit * power <= 0.8 * reach[axis])
+        side.set_ticks([-mark, 0.0, mark], [f"−{mark:g}", "", f"{mark:g}"])
+        (axes.set_xlim if side is axes.xaxis else axes.set_ylim)(-reach[axis], reach[axis])
+    axes.set_xlabel(f"{AXES[plane[0]]}, {_UNIT[plane[0]]}", labelpad=0)
+    axes.tick_params(labelleft=first, pad=1.5, length=2)
+    if first:
+        axes.set_ylabel(f"{AXES[plane[1]]}, {_UNIT[plane[1]]}", labelpad=1)
+
+
+def _legend(figure: Figure) -> None:
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], color=BLUE, label="zonotope ⊕ ellipsoid"),
+        Line2D([], [], color=INK, linestyle="--", linewidth=0.8, label="outer ellipsoid (errors lie in both)"),
+    ]
+    figure.legend(handles=handles, loc="lower center", ncols=2)
+
+
+def _largest(half_widths: Array) -> str:
+    way, angle = 1e3 * float(np.max(half_widths[:3])), math.degrees(float(np.max(half_widths[3:])))
+    return f"{way:.3g} mm and {angle:.3g}°"

@@ -1,0 +1,133 @@
+"""Numeric kernels: plain loops over arrays of a few numbers, which Numba compiles when they are first called.
+
+What is compiled is kept for later processes, in the package's folder or, where that cannot be written to, in the user's
+cache. Numba looks at the file of a kernel alone to tell whether that is still valid. What kernels of several files call
+is therefore in files named kernels….py, and what they contain names the folder; all else kernels call, and the named
+tuples that they take, is in their own file.
+
+The clock that time limits go by, which does not count compiling, and the moment that all stages of a computation heed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import cache
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar, cast
+
+from numba import config, njit
+from numba.core import event
+
+from fmopt.errors import OverdueError
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+_SETTINGS: dict[str, Any] = {"error_model": "numpy"}
+_PACKAGE = Path(__file__).parent.parent
+
+
+def compiled(function: Callable[P, R]) -> Callable[P, R]:
+    """A kernel: a function of numbers and arrays, compiled. The function as it is written is its attribute py_func.
+
+    Where no folder for what is compiled can be written to, each process compiles anew.
+    """
+    try:
+        with _kept_in(_folder()):
+            kernel = njit(cache=True, **_SETTINGS)(function)
+    except RuntimeError:  # no folder to keep it in
+        kernel = njit(**_SETTINGS)(function)
+    return cast("Callable[P, R]", kernel)
+
+
+@cache
+def _folder() -> str:
+    """Where what is compiled is kept: a folder of its own for each state of the files that kernels share."""
+    own = os.environ.get("NUMBA_CACHE_DIR") or _PACKAGE / "__pycache__"
+    if not os.access(own if Path(own).exists() else _PACKAGE, os.W_OK):
+        own = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()) / "fmopt"
+    shared = sorted(_PACKAGE.rglob("kernels*.py"))
+    state = hashlib.sha256(b"".join(path.read_bytes() for path in shared)).hexdigest()
+    return str(Path(own) / f"kernels-{state[:16]}")
+
+
+@contextmanager
+def _kept_in(folder: str) -> Iterator[None]:
+    """Numba keeps in this folder what is compiled of functions that are decorated meanwhile."""
+    before, config.CACHE_DIR = config.CACHE_DIR, folder
+    try:
+        yield
+    finally:
+        config.CACHE_DIR = before
+
+
+def part(function: Callable[P, R]) -> Callable[P, R]:
+    """What kernels call: compiled with them."""
+    return cast("Callable[P, R]", njit(**_SETTINGS)(function))
+
+
+class _Compiling(event.Listener):  # type: ignore[misc]
+    """How long this process has been compiling, s, and who is told when it begins to."""
+
+    def __init__(self) -> None:
+        self.seconds, self.told, self._depth, self._since = 0.0, list[Callable[[str], None]](), 0, 0.0
+
+    def on_start(self, event: Any) -> None:
+        if self._depth == 0:
+            self._since = time.monotonic()
+            for tell in self.told:
+                tell("compiling kernels, which takes about a minute the first time")
+        self._depth += 1
+
+    def on_end(self, event: Any) -> None:
+        self._depth -= 1
+        if self._depth == 0:
+            self.seconds += time.monotonic() - self._since
+
+
+_compiling = _Compiling()
+event.register("numba:compile", _compiling)
+
+
+def announce(tell: Callable[[str], None]) -> None:
+    """Has somebody told, from now on, when this process begins to compile."""
+    _compiling.told.append(tell)
+
+
+def clock() -> float:
+    """Seconds since some moment, but for those spent on compiling kernels, which time limits do not count."""
+    return time.monotonic() - _compiling.seconds
+
+
+_moment: ContextVar[float] = ContextVar("moment", default=math.inf)
+
+
+def deadline() -> float:
+    """The `clock()` at which a computation is to stop; infinite where there is none."""
+    return _moment.get()
+
+
+@contextmanager
+def until(moment: float) -> Iterator[None]:
+    """What runs inside is to stop at a `clock()`, whatever moment was set around it; it heeds that where it is long."""
+    token = _moment.set(moment)
+    try:
+        yield
+    finally:
+        _moment.reset(token)
+
+
+def heed() -> None:
+    """Goes on if there is time left.
+
+    Raises:
+        OverdueError: there is none.
+    """
+    if clock() > _moment.get():
+        raise OverdueError("the time limit is used up", advice="raise settings.time_limit")

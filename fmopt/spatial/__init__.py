@@ -1,0 +1,1 @@
+"""Vectors, poses and ellipsoids, and the frozen values that hold them."""

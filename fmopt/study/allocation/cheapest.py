@@ -1,0 +1,250 @@
+"""The cheapest tolerances that keep margins: a convex program, solved by cutting planes from the margins themselves.
+
+With u_i the tolerance i as a multiple of its present value and w_i its weight, the cost is Σ w_i/u_i, the reciprocal
+cost of tolerancing. For a fixed motion each margin is a distance less the support of the error set, Σ|N·g_i| u_i with
+the generators g_i of the start errors, less what grows and curves: affine in u but for terms of second order, which
+bend it downwards. So margins are concave where those bounds are, and their tangents are cuts that no allowed point
+violates: minimising the cost under all cuts so far bounds the cost from below, and the cheapest point whose margins
+were computed to suffice bounds it from above, after Kelley (1960). A tangent that a margin is seen above is dropped,
+and no bound is claimed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmopt.errors import InfeasibleError, SolverError
+from fmopt.planning.optimise.cone_program import ConeProgram, Norm
+from fmopt.planning.optimise.solvers import ClarabelSolver
+from fmopt.spatial.values import Array, Value, frozen
+
+Margins = Callable[[Array], Mapping[str, float] | str]
+"""Named margins (m) at multiples u (p,) of the present tolerances; words where the motion cannot be followed."""
+
+_ROUNDS = 24
+_STALLED = 4  # rounds without a better point after which no more are tried
+_STEP = 0.02  # relative step of the differences that slopes are taken from
+_BISECTIONS = 5
+_NEAR = 0.1  # share of the margin asked for that the least margin may have left to be what binds
+_MICRO = 1e6
+_BENT = 0.05  # µm that a margin must exceed its tangent by to count as bent upwards
+_NOISE = 1e-4  # µm that margins and their differences are not exact to
+
+
+@dataclass(frozen=True, eq=False)
+class Cheapest(Value):
+    """The cheapest tolerances found.
+
+    Args:
+        u: multiples (p,) of the present tolerances.
+        cost: Σ w_i/u_i.
+        bound: no point that keeps the margins costs less, where margins are concave; None where they were seen not to
+            be.
+        margin: least margin there, m.
+        binding: its name; or, where all margins are wide, why the motion could not be followed beyond.
+        rounds: programs solved.
+        evaluations: times that margins were computed.
+    """
+
+    u: Array
+    cost: float
+    bound: float | None
+    margin: float
+    binding: str
+    rounds: int
+    evaluations: int
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "u", frozen(self.u, None, name="multiples"))
+
+
+@dataclass(frozen=True, eq=False)
+class _Cut:
+    """value + slope·(u − at) ≥ required, in µm, from the margin of a name."""
+
+    name: str
+    at: Array
+    value: float
+    slope: Array
+
+    def promises(self, u: Array) -> float:
+        """What the tangent promises at u, µm."""
+        return self.value + float(self.slope @ (u - self.at))
+
+    def belies(self, other: _Cut) -> bool:
+        """Whether there is more at the other's point than this one says there can be."""
+        return other.value > self.promises(other.at) + _BENT
+
+    def least(self, low: Array, high: Array) -> float:
+        """Its least value in a box."""
+        ends = np.minimum(self.slope * (low - self.at), self.slope * (high - self.at))
+        return self.value + float(ends.sum())
+
+    def says_more(self, than: list[_Cut]) -> bool:
+        """Whether those of its name promise more at its point than there is."""
+        others = [cut.promises(self.at) for cut in than if cut.name == self.name]
+        return self.value < min(others, default=np.inf) - _NOISE
+
+
+def cheapest(margins: Margins, weights: Array, low: Array, high: Array, required: float, gap: float) -> Cheapest:
+    """Minimises Σ w_i/u_i over low ≤ u ≤ high with all margins at least `required`.
+
+    Args:
+        margins: at given multiples.
+        weights: w (p,), not negative.
+        low: least multiples (p,), positive, at which the margins suffice.
+        high: greatest multiples (p,).
+        required: m.
+        gap: stop when cost and bound are this near, relative.
+
+    Raises:
+        InfeasibleError: not even `low` keeps the margins; with the shortfall.
+    """
+    search = _Search(margins, required)
+    best = frozen(low, None)
+    reached = search.at(best)
+    if isinstance(reached, str):
+        raise InfeasibleError(f"not even for the tightest tolerances: {reached}", advice="allow tighter tolerances")
+    if min(reached.values()) < required:
+        least = min(reached.values())
+        message = f"the tightest tolerances leave {1e6 * least:.4g} um, not {1e6 * required:.4g} um"
+        raise InfeasibleError(message, required - least, "lower the margin asked for, or allow tighter tolerances")
+    cuts = search.cuts(best, reached)
+    bound, rounds, since, near, concave = 0.0, 0, 0, False, True
+    while not near and rounds < _ROUNDS and since < _STALLED:
+        rounds += 1
+        try:
+            proposed, bound = _program(cuts, weights, low, high, required)
+        except (SolverError, InfeasibleError):
+            break  # too many tangents that all but contradict; the bound of the round before still holds
+        proposed = _evaluable(search, best, proposed)
+        fresh = search.cuts(proposed, search.margins(proposed))
+        kept = [cut for cut in cuts if not any(cut.name == new.name and cut.belies(new) for new in fresh)]
+        bent = len(kept) < len(cuts)
+        concave = concave and not bent
+        cuts = kept + [cut for cut in fresh if cut.says_more(kept)]
+        better = _allowed(search, best, proposed)
+        since = 0 if _cost(weights, better) < (1.0 - 0.1 * gap) * _cost(weights, best) else since + 1
+        if _cost(weights, better) < _cost(weights, best):
+            best = better
+        near = not bent and _cost(weights, best) - bound <= gap * _cost(weights, best)
+    if not near:
+        best = _one_by_one(search, best, weights, high)
+    cost = _cost(weights, best)
+    margin, binding = search.binding(best)
+    return Cheapest(best, cost, min(bound, cost) if concave else None, margin, binding, rounds, search.count)
+
+
+def _cost(weights: Array, u: Array) -> float:
+    return float(np.sum(weights / u))
+
+
+class _Search:
+    """Margins, counted and remembered, and the cuts that they give."""
+
+    def __init__(self, margins: Margins, required: float) -> None:
+        self._margins, self._required = margins, required
+        self._known: dict[bytes, Mapping[str, float] | str] = {}
+        self._words = ""
+
+    @property
+    def count(self) -> int:
+        """Times that margins were computed."""
+        return len(self._known)
+
+    def at(self, u: Array) -> Mapping[str, float] | str:
+        """Margins at u, or words."""
+        key = np.asarray(u).tobytes()
+        if key not in self._known:
+            self._known[key] = self._margins(u)
+        found = self._known[key]
+        self._words = found if isinstance(found, str) else self._words
+        return found
+
+    def margins(self, u: Array) -> Mapping[str, float]:
+        """Margins at u; none where the motion cannot be followed."""
+        found = self.at(u)
+        return {} if isinstance(found, str) else found
+
+    def suffices(self, u: Array) -> bool:
+        """Whether all margins at u are wide enough."""
+        return min(self.margins(u).values(), default=-np.inf) >= self._required
+
+    def binding(self, u: Array) -> tuple[float, str]:
+        """The least margin at u, and what keeps u from growing."""
+        found = self.margins(u)
+        name = min(found, key=lambda key: (found[key], key))
+        wide = found[name] > self._required * (1.0 + _NEAR) + 1e-6
+        return found[name], self._words if wide and self._words else name
+
+    def cuts(self, u: Array, here: Mapping[str, float]) -> list[_Cut]:
+        """Tangents of all margins at u, by differences towards tighter tolerances."""
+        slopes = {name: np.zeros(len(u)) for name in here}
+        for i in range(len(u)):
+            step = _STEP * u[i]
+            there = self.margins(u - step * np.eye(len(u))[i])
+            for name, slope in slopes.items():
+                slope[i] = (here[name] - there.get(name, here[name])) / step
+        return [
+            _Cut(name, u, _MICRO * value, _MICRO * slopes[name]) for name, value in here.items() if slopes[name].any()
+        ]
+
+
+def _evaluable(search: _Search, good: Array, wanted: Array) -> Array:
+    """The first point between `wanted` and `good` where margins can be computed."""
+    for _ in range(_ROUNDS):
+        if search.margins(wanted):
+            return wanted
+        wanted = 0.5 * (good + wanted)
+    return good
+
+
+def _allowed(search: _Search, good: Array, wanted: Array) -> Array:
+    """The farthest point found from `good` towards `wanted` at which all margins suffice."""
+    if search.suffices(wanted):
+        return wanted
+    inside, outside = 0.0, 1.0
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (inside + outside)
+        inside, outside = (middle, outside) if search.suffices(good + middle * (wanted - good)) else (inside, middle)
+    return good + inside * (wanted - good)
+
+
+def _one_by_one(search: _Search, good: Array, weights: Array, high: Array) -> Array:
+    """Each in turn as far as it goes, those first that gain most: where no tangent says what is in the way."""
+    u = np.array(good)
+    for i in np.argsort(-weights / u, kind="stable"):
+        wanted = u.copy()
+        wanted[i] = high[i]
+        while wanted[i] > 2.0 * u[i] and not search.suffices(wanted):
+            wanted[i] = np.sqrt(wanted[i] * u[i])
+        u = _allowed(search, u, wanted)
+    return u
+
+
+def _program(cuts: list[_Cut], weights: Array, low: Array, high: Array, required: float) -> tuple[Array, float]:
+    """The cheapest u under all cuts, and its cost: least w·s with s_i u_i ≥ 1, or |(2, s_i − u_i)| ≤ s_i + u_i."""
+    p = len(weights)
+    eye = np.eye(p)
+    reach = [cut for cut in cuts if cut.least(low, high) < _MICRO * required]
+    G = np.vstack([np.hstack([eye, eye]), *(np.append(cut.slope, np.zeros(p))[None] for cut in reach)])
+    h = np.append(np.zeros(p), [cut.value - float(cut.slope @ cut.at) - _MICRO * required for cut in reach])
+    W = np.vstack([eye, np.zeros((len(reach), p))])
+    rows = [np.vstack([np.zeros(2 * p), np.append(-eye[i], eye[i])]) for i in range(p)]
+    norms = tuple(Norm(F, np.array([2.0, 0.0])) for F in rows)
+    program = ConeProgram(
+        np.append(np.zeros(p), -weights),
+        G=G,
+        h=h,
+        W=W,
+        norms=norms,
+        lower=np.append(low, np.zeros(p)),
+        upper=np.append(high, 2.0 / low),
+        units=np.append(high, 1.0 / low),
+    )
+    solution = ClarabelSolver(tolerance=1e-10).solve(program)
+    u = np.clip(solution.x[:p], low, high)
+    return u, -solution.bound

@@ -1,0 +1,284 @@
+"""Figures of a study: curves over one axis, maps over two with the border of what works, samples axis by axis."""
+
+from __future__ import annotations
+
+import string
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from functools import partial
+from textwrap import fill
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fmopt.report.drawing import BLUE, DASHES, GREY, INK, PALE, RUST, WIDTH, drawn
+from fmopt.spatial.values import Array
+from fmopt.study.results.shares import bins
+from fmopt.study.results.table import Varied
+from fmopt.study.results.view import Truth, View, answer_label, axis_label, ticks
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_LINE = 100  # characters of a title
+_MOST_TICKS = 10
+_GOOD = {"CERTIFIED": BLUE, "held": BLUE, "feasible": BLUE}
+_REST = (RUST, GREY, INK, "#6b5876", "#8c6d1f", "#4f6f52")
+_MOST_BINDING = 10  # contacts that are told apart
+
+
+def figures(view: View) -> dict[str, tuple[str, str]]:
+    """The figures of a study by name: what each shows, and its SVG, the same bytes for the same results."""
+    found: dict[str, tuple[str, str]] = {}
+    if not len(view.results.lines) or not view.done.any():
+        return found
+    grid = _grid(view)
+    for name in view.answers:
+        title = f"{answer_label(name)}, over {' and '.join(axis_label(axis) for axis in view.free)}"
+        if grid is not None:
+            paint, height = partial(_map, view, name, grid), 4.2
+        elif len(view.free) == 1:
+            paint, height = partial(_curve, view, name), 3.4
+        else:
+            paint, height = partial(_clouds, view, name), 2.6 * -(-len(view.free) // 2)
+        found[name] = (title, drawn(paint, (WIDTH, height)).decode())
+    if len(set(view.kinds)) > 1 and (grid is not None or len(view.free) == 1):
+        paint, height = (partial(_strip, view), 2.4) if grid is None else (partial(_verdicts, view, grid), 4.2)
+        words = f"what became of the runs, over {' and '.join(axis_label(axis) for axis in view.free)}"
+        found["verdict"] = (words, drawn(paint, (WIDTH, height)).decode())
+    if not view.good[view.done].all():
+        height = 2.6 * -(-len(view.free) // 2)
+        words = f"share of runs that are {view.goodness}, with 95 % intervals"
+        found["share"] = (words, drawn(partial(_shares, view), (WIDTH, height)).decode())
+    if grid is not None and "binding_contact" in view.results.columns:
+        found["binding"] = ("what binds where", drawn(partial(_binding, view, grid), (WIDTH, 4.2)).decode())
+    return found
+
+
+class _Grid:
+    """A full grid over two axes: its values along both with the borders of the cells, and the run in each cell."""
+
+    def __init__(self, view: View, x: Array, y: Array, run: Any) -> None:
+        self.x, self.y, self.run = x, y, run
+        self.borders = _edges(x, view.free[0].log), _edges(y, view.free[1].log)
+
+    def of(self, values: Any) -> Any:
+        """Values (n,) as a table over y and x."""
+        return np.asarray(values)[self.run]
+
+
+def _grid(view: View) -> _Grid | None:
+    if len(view.free) != 2:
+        return None
+    first, second = (view.axis(axis) for axis in view.free)
+    (x, i), (y, j) = (np.unique(values, return_inverse=True) for values in (first, second))
+    if len(x) * len(y) != len(first) or min(len(x), len(y)) < 2:
+        return None
+    run = np.full((len(y), len(x)), -1)
+    run[j, i] = np.arange(len(first))
+    return None if (run < 0).any() else _Grid(view, x, y, run)
+
+
+def _edges(values: Array, log: bool) -> Array:
+    """Borders (n + 1,) of cells around values (n,), half way between them, or half way in the logarithm."""
+    if log:
+        return np.asarray(np.exp(_edges(np.log(values), False)))
+    middle = 0.5 * (values[1:] + values[:-1])
+    return np.concatenate([[values[0] - (middle[0] - values[0])], middle, [values[-1] + (values[-1] - middle[-1])]])
+
+
+def _map(view: View, name: str, grid: _Grid, figure: Figure) -> None:
+    axes = figure.subplots()
+    values = np.ma.masked_invalid(grid.of(view.answer(name)))
+    x, y = grid.borders
+    axes.set_facecolor("white")
+    mesh = axes.pcolormesh(x, y, values, cmap="cividis", edgecolors="white", linewidth=0.3)
+    figure.colorbar(mesh, ax=axes, label=answer_label(name))
+    poor = np.ma.masked_array(np.ones(values.shape), values.mask | grid.of(view.good))
+    if poor.count():
+        axes.pcolor(x, y, poor, hatch="///", edgecolor="white", linewidth=0.0, facecolor="none")
+    for row, column in zip(*np.nonzero(values.mask | np.zeros(values.shape, bool)), strict=True):
+        axes.text(grid.x[column], grid.y[row], "×", ha="center", va="center", color=GREY)
+    _border(axes, x, y, grid.of(view.good), grid.of(view.done))
+    _labelled(view, axes, view.free[0], view.free[1])
+    words = f"; hatched: not {view.goodness}" if poor.count() else ""
+    axes.set_title(title(view, name, words, "; ×: no value"))
+
+
+def title(view: View, name: str, border: str, nothing: str) -> str:
+    """The title of an answer's figure, with words on runs that did not come out well, or have no value, if any."""
+    words = "" if view.good[view.done].all() else border
+    return answer_label(name) + words + ("" if np.isfinite(view.answer(name)).all() else nothing)
+
+
+def _border(axes: Axes, x: Array, y: Array, good: Truth, done: Truth) -> None:
+    """The line between cells that came out well and others, of those that have answers."""
+    rows, columns = good.shape
+    beside = (good[:, 1:] != good[:, :-1]) & done[:, 1:] & done[:, :-1]
+    above = (good[1:] != good[:-1]) & done[1:] & done[:-1]
+    lines = [((x[c + 1], x[c + 1]), (y[r], y[r + 1])) for r in range(rows) for c in range(columns - 1) if beside[r, c]]
+    lines += [((x[c], x[c + 1]), (y[r + 1], y[r + 1])) for r in range(rows - 1) for c in range(columns) if above[r, c]]
+    for across, up in lines:
+        axes.plot(across, up, color="white", linewidth=4.0, solid_capstyle="projecting")
+    for across, up in lines:
+        axes.plot(across, up, color=RUST, linewidth=2.0, solid_capstyle="projecting")
+
+
+def _labelled(view: View, axes: Axes, across: Varied, up: Varied) -> None:
+    axes.set_xlabel(axis_label(across))
+    axes.set_ylabel(axis_label(up))
+    for axis, scale, put in (
+        (across, axes.set_xscale, axes.set_xticks),
+        (up, axes.set_yscale, axes.set_yticks),
+    ):
+        if axis.log:
+            scale("log")
+        if axis.unit == "word":
+            put(range(len(view.words(axis))), view.words(axis))
+        elif len(places := np.unique(view.axis(axis))) <= _MOST_TICKS:
+            put([], minor=True)
+            put(places, ticks(places))
+
+
+def _curve(view: View, name: str, figure: Figure) -> None:
+    axes = figure.subplots()
+    axis = view.free[0]
+    order = np.argsort(view.axis(axis), kind="stable")
+    x, y, good = view.axis(axis)[order], view.answer(name)[order], view.good[order]
+    axes.plot(x, y, color=GREY, linewidth=1.0)
+    if name == "success":
+        bounds = 100.0 * view.column("success_low")[order], 100.0 * view.column("success_high")[order]
+        axes.vlines(x, *bounds, color=GREY, linewidth=3.0, label="95 % interval")
+    axes.plot(x[good], y[good], "o", color=BLUE, label=view.goodness)
+    if not good.all():
+        axes.plot(x[~good], y[~good], "o", color=RUST, markerfacecolor="white", label=f"not {view.goodness}")
+    for place in x[~np.isfinite(y)]:
+        axes.axvline(place, color=RUST, linewidth=0.8, linestyle=DASHES[1])
+    if np.nanmin(y) < 0.0 < np.nanmax(y):
+        axes.axhline(0.0, color=INK, linewidth=0.8)
+    if axis.log:
+        axes.set_xscale("log")
+    axes.set_xlabel(axis_label(axis))
+    if axis.unit == "word":
+        axes.set_xticks(range(len(view.words(axis))), view.words(axis))
+    axes.set_ylabel(answer_label(name))
+    axes.legend()
+    axes.set_title(title(view, name, "", "; dashed: no value"))
+
+
+def _clouds(view: View, name: str, figure: Figure) -> None:
+    panels = figure.subplots(-(-len(view.free) // 2), 2, squeeze=False, sharey=True).ravel()
+    y, good = view.answer(name), view.good
+    for axes, axis in zip(panels, view.free, strict=False):
+        x = view.axis(axis)
+        axes.plot(x[good], y[good], ".", color=BLUE, markersize=4)
+        axes.plot(x[~good], y[~good], "x", color=RUST, markersize=4)
+        if axis.log:
+            axes.set_xscale("log")
+        axes.set_xlabel(axis_label(axis))
+    for axes in panels[len(view.free) :]:
+        axes.set_axis_off()
+    panels[0].set_ylabel(answer_label(name))
+    figure.suptitle(f"{answer_label(name)}; dots: {view.goodness}, crosses: not")
+
+
+def _shares(view: View, figure: Figure) -> None:
+    panels = figure.subplots(-(-len(view.free) // 2), 2, squeeze=False, sharey=True).ravel()
+    for axes, axis in zip(panels, view.free, strict=False):
+        for group in bins(view, axis):
+            found, middle = group.share, group.middle
+            axes.plot([middle, middle], [found.low, found.high], color=GREY, linewidth=3.0)
+            axes.plot([group.low, group.high], [found.value, found.value], color=BLUE)
+            axes.plot([middle], [found.value], "o", color=BLUE)
+        axes.set_ylim(-0.03, 1.03)
+        if axis.log:
+            axes.set_xscale("log")
+        if axis.unit == "word":
+            axes.set_xticks(range(len(view.words(axis))), view.words(axis))
+        axes.set_xlabel(axis_label(axis))
+    for axes in panels[len(view.free) :]:
+        axes.set_axis_off()
+    panels[0].set_ylabel(view.goodness)
+    figure.suptitle(f"share that is {view.goodness}, 95 % intervals")
+
+
+def _verdicts(view: View, grid: _Grid, figure: Figure) -> None:
+    """A map of what became of each run; every kind with its own grey or colour, and its own letter."""
+    axes = figure.subplots()
+    kinds = sorted(set(view.kinds), key=lambda kind: (kind not in _GOOD, kind))
+    number = np.array([kinds.index(kind) for kind in view.kinds])[grid.run]
+    rest = [kind for kind in kinds if kind not in _GOOD]
+    shades = [_GOOD[kind] if kind in _GOOD else _REST[rest.index(kind) % len(_REST)] for kind in kinds]
+    axes.pcolormesh(*grid.borders, number, cmap=_colours(shades), vmin=-0.5, vmax=len(kinds) - 0.5, edgecolors="white")
+    letters = dict(zip(kinds, string.ascii_uppercase, strict=False))
+    for row, column in np.ndindex(number.shape):
+        letter = letters.get(kinds[number[row, column]], "…")
+        place = float(grid.x[column]), float(grid.y[row])
+        axes.text(*place, letter, ha="center", va="center", color="white", weight="bold")
+    _labelled(view, axes, view.free[0], view.free[1])
+    axes.set_title(fill("; ".join(f"{letters.get(kind, '…')}: {kind}" for kind in kinds), _LINE))
+
+
+def _colours(shades: Sequence[str]) -> Any:
+    from matplotlib.colors import ListedColormap
+
+    return ListedColormap(list(shades))
+
+
+def _strip(view: View, figure: Figure) -> None:
+    axes = figure.subplots()
+    axis = view.free[0]
+    kinds = sorted(set(view.kinds), key=lambda kind: (kind in _GOOD, kind))
+    for row, kind in enumerate(kinds):
+        mine = np.array([other == kind for other in view.kinds])
+        axes.plot(view.axis(axis)[mine], np.full(int(mine.sum()), row), "o", color=_GOOD.get(kind, RUST))
+    axes.set_yticks(range(len(kinds)), kinds)
+    axes.set_ylim(-0.6, len(kinds) - 0.4)
+    if axis.log:
+        axes.set_xscale("log")
+    if axis.unit == "word":
+        axes.set_xticks(range(len(view.words(axis))), view.words(axis))
+    axes.set_xlabel(axis_label(axis))
+    axes.set_title("what became of the runs")
+
+
+def binding(view: View) -> Mapping[str, int]:
+    """What binds, most often first, with the number of runs."""
+    counts = Counter(name for name in view.bindings if name is not None)
+    return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))
+
+
+def _binding(view: View, grid: _Grid, figure: Figure) -> None:
+    axes = figure.subplots()
+    named = list(binding(view))[:_MOST_BINDING]
+    x, y = grid.borders
+    axes.pcolormesh(x, y, np.zeros(grid.run.shape), cmap="Greys", vmin=0, vmax=1, edgecolors=PALE, linewidth=0.5)
+    for row in range(len(grid.y)):
+        for column in range(len(grid.x)):
+            name = view.bindings[grid.run[row, column]]
+            letter = "" if name is None else chr(65 + named.index(name)) if name in named else "…"
+            axes.text(grid.x[column], grid.y[row], letter, ha="center", va="center")
+    _border(axes, x, y, grid.of(view.good), grid.of(view.done))
+    _labelled(view, axes, view.free[0], view.free[1])
+    legend = "; ".join(f"{chr(65 + n)}: {name}" for n, name in enumerate(named))
+    axes.set_title(fill("what binds: " + legend, _LINE), fontsize=7.5)
+
+
+def changes(tolerances: Sequence[Mapping[str, Any]]) -> str:
+    """SVG of what tolerances become, as multiples of what they are now; from an allocation's file."""
+    return drawn(partial(_bars, tolerances), (WIDTH, 0.9 + 0.32 * len(tolerances))).decode()
+
+
+def _bars(tolerances: Sequence[Mapping[str, Any]], figure: Figure) -> None:
+    axes = figure.subplots()
+    names = [str(t["name"]).replace("_", " ") for t in tolerances]
+    factors = [float(t["after"]) / float(t["now"]) for t in tolerances]
+    colours = [GREY if t["after"] >= (1.0 - 1e-9) * t["high"] else BLUE for t in tolerances]
+    axes.barh(names, factors, color=colours, height=0.6)
+    axes.axvline(1.0, color=INK, linewidth=0.8)
+    for place, factor in enumerate(factors):
+        axes.text(factor, place, f" {factor:.3g}", va="center")
+    axes.invert_yaxis()
+    axes.set_xlim(0.0, 1.1 * max(factors))
+    axes.set_xlabel("new tolerance / present one; grey: the loosest allowed")

@@ -1,0 +1,188 @@
+"""The report of a study: one page of HTML that holds everything and opens offline."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from html import escape
+
+import numpy as np
+
+from fmopt.report import shell
+from fmopt.report.scene import resource
+from fmopt.report.shell import Chapter, chaptered, figure, table
+from fmopt.study.results.figures import binding
+from fmopt.study.results.shares import Bin, Estimate, bins, rank_correlation, share, sobol_indices, trials
+from fmopt.study.results.table import Varied
+from fmopt.study.results.view import View, answer_label, axis_label, ticks
+from fmopt.study.sampling import CUBES
+
+_NUMBER = re.compile(r"(?<![\w])-?\d+(?:\.\d+)?(?:e-?\d+)?")
+_LISTED = 6  # numbers of runs that a group of failures names
+
+
+def page(view: View, figures: dict[str, tuple[str, str]]) -> str:
+    """The report.
+
+    Args:
+        view: the results.
+        figures: what each shows, and its SVG, by name.
+
+    Returns:
+        A page without any reference to something outside it.
+    """
+    chapters = [
+        ("outcome", "What came out", _outcome(view)),
+        ("figures", "Over the axes", "".join(picture(*figures[name]) for name in figures)),
+        ("share", f"How often {view.goodness}", "".join(_share_table(view, axis) for axis in view.free)),
+        ("success", "How often it succeeds", "".join(_success_table(view, axis) for axis in view.free)),
+        ("sensitivity", "What matters", _correlations(view) + _sobol(view)),
+        ("binding", "What binds", _binding(view)),
+        ("failures", "What failed", _failures(view)),
+        ("provenance", "Where this comes from", _provenance(view)),
+    ]
+    return framed("Study", view.results.facts.get("title", "study"), chapters)
+
+
+def framed(kind: str, title: str, chapters: Sequence[Chapter]) -> str:
+    """A page of chapters, those without a text left out.
+
+    Args:
+        kind: what it is a page of.
+        title: in plain text, as are the headings.
+        chapters: what it has.
+    """
+    return shell.page(title, resource("page.css"), chaptered(kind, title, chapters))
+
+
+def picture(words: str, svg: str) -> str:
+    """A figure in the page, with what it shows in words."""
+    return figure(svg, words, words)
+
+
+def _outcome(view: View) -> str:
+    total, done, good = len(view.results.lines), int(view.done.sum()), int(view.good.sum())
+    waiting = sum(line["outcome"] is None for line in view.results.lines)
+    words = f"{total} runs: {done} with answers, {total - done - waiting} failed, {waiting} not done yet."
+    if done:
+        words += f" {good} of {done} are {view.goodness}: {_interval(share(good, done), 100.0)} %."
+    rows = [(kind, str(count)) for kind, count in sorted(Counter(view.kinds).items())]
+    ranges = []
+    for name in view.answers:
+        values = view.answer(name)[np.isfinite(view.answer(name))]
+        ranges.append((answer_label(name), *(f"{v:.4g}" for v in (values.min(), np.median(values), values.max()))))
+    return (
+        f"<p>{escape(words)}</p>\n"
+        + table("What became of the runs", ("verdict, or kind of failure", "runs"), rows, "tn")
+        + table("Answers", ("answer", "least", "median", "greatest"), ranges, "tnnn")
+    )
+
+
+def _interval(found: Estimate, scale: float = 1.0) -> str:
+    value, low, high = (f"{scale * number:.3g}".replace("-", "−") for number in (found.value, found.low, found.high))
+    return f"{value} ({low} to {high})"
+
+
+def _places(view: View, axis: Varied, spans: Sequence[tuple[float, float]]) -> list[str]:
+    """Ranges of an axis in words, all told in as many digits."""
+    bounds = np.unique(np.array(spans))
+    words = [view.words(axis)[int(b)] for b in bounds] if axis.unit == "word" else ticks(bounds)
+    said = dict(zip(bounds.tolist(), words, strict=True))
+    return [" to ".join(dict.fromkeys((said[low], said[high]))) for low, high in spans]
+
+
+def _share_table(view: View, axis: Varied) -> str:
+    if view.good[view.done].all() or not view.done.any():
+        return ""
+    return _bin_table(view, axis, bins(view, axis), (view.goodness, "runs"))
+
+
+def _success_table(view: View, axis: Varied) -> str:
+    return _bin_table(view, axis, trials(view, axis), ("succeeded", "trials"))
+
+
+def _bin_table(view: View, axis: Varied, found: Sequence[Bin], words: tuple[str, str]) -> str:
+    places = _places(view, axis, [(b.low, b.high) for b in found])
+    rows = [
+        (place, str(b.good), str(b.total), _interval(b.share, 100.0)) for place, b in zip(places, found, strict=True)
+    ]
+    return table(f"Over {axis_label(axis)}", (axis_label(axis), *words, "% (95 % interval)"), rows, "nnnn")
+
+
+def _correlations(view: View) -> str:
+    """Spearman's rank correlation of each axis with each answer."""
+    rows = []
+    for name in view.answers:
+        y = view.answer(name)
+        for axis in view.free:
+            x, known = view.axis(axis), np.isfinite(y)
+            found = None if axis.unit == "word" else rank_correlation(x[known], y[known])
+            if found is not None:
+                rows.append((answer_label(name), axis_label(axis), _interval(found), str(int(known.sum()))))
+    head = ("answer", "axis", "Spearman's ρ (95 % interval)", "runs")
+    return table("Rank correlation: 1 rises always, −1 falls always, 0 neither", head, rows, "ttnn")
+
+
+def _sobol(view: View) -> str:
+    if view.results.sampling["method"] != "saltelli":
+        return ""
+    rows = []
+    for name in view.answers:
+        found = sobol_indices(view.answer(name), len(view.free)) or []
+        for axis, index in zip(view.free, found, strict=False):
+            rows.append((answer_label(name), axis_label(axis), _interval(index.first), _interval(index.total)))
+    head = ("answer", "axis", "alone (95 % interval)", "with the others (95 % interval)")
+    return table("Sobol indices: share of the variance that an axis explains", head, rows, "ttnn")
+
+
+def _binding(view: View) -> str:
+    """Which contact binds in how many runs, and over which ranges of the axes."""
+    named = binding(view)
+    mine = [np.array([other == name for other in view.bindings]) for name in named]
+    columns = [[str(count) for count in named.values()]]
+    for axis in view.free:
+        x = view.axis(axis)
+        columns.append(_places(view, axis, [(float(x[m].min()), float(x[m].max())) for m in mine]))
+    rows = list(zip(named, *columns, strict=True))
+    head = ("contact, or pieces of moving/fixed part", "runs", *(axis_label(axis) for axis in view.free))
+    return table("The tightest inequality, run by run", head, rows, "tn")
+
+
+def _failures(view: View) -> str:
+    """Runs that have no answer, then those whose answer is that there is no motion, each by reason."""
+    failed = [n for n, line in enumerate(view.results.lines) if line["outcome"] not in ("done", None)]
+    without = [n for n, line in enumerate(view.results.lines) if line["outcome"] == "done" and line["reason"]]
+    return _reasons(view, "Runs without answers, by reason", failed) + _reasons(
+        view, "Runs without a motion, by reason; … stands for numbers that differ", without
+    )
+
+
+def _reasons(view: View, caption: str, numbers: Sequence[int]) -> str:
+    groups: dict[tuple[str, str], list[int]] = {}
+    for number in numbers:
+        groups.setdefault((view.kinds[number], _NUMBER.sub("…", str(view.results.lines[number]["reason"]))), []).append(
+            number
+        )
+    rows = []
+    for (kind, reason), mine in sorted(groups.items(), key=lambda item: (-len(item[1]), item[0])):
+        said = {str(view.results.lines[number]["reason"]) for number in mine}
+        named = ", ".join(str(number) for number in mine[:_LISTED]) + (" …" if len(mine) > _LISTED else "")
+        rows.append((kind, said.pop() if len(said) == 1 else reason, str(len(mine)), named))
+    return table(caption, ("kind", "reason", "runs", "numbers"), rows, "ttnt")
+
+
+def _provenance(view: View) -> str:
+    facts, sampling = view.results.facts, view.results.sampling
+    how = str(sampling["method"])
+    if how in CUBES:
+        how += f", {sampling['runs']} points, seed {sampling['seed']}"
+
+    def rows() -> Iterator[tuple[str, str]]:
+        yield "problem", facts.get("problem", "")
+        yield "sampling", how
+        yield "program", facts.get("program", "")
+        for axis in view.results.axes:
+            yield axis.name, f"unit {axis.unit or 'none'} in the table"
+
+    return table("", ("", ""), list(rows()))

@@ -1,0 +1,172 @@
+"""How often runs come out well, and how often their trials succeed: value by value of an axis, or bin by bin.
+
+What a table of results says in numbers: shares with intervals, rank correlations, Sobol indices.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmopt.spatial.values import Array
+from fmopt.study.results.table import Varied
+from fmopt.study.results.view import View
+
+_VALUES = 16  # of an axis, above which neighbours are put together
+_BINS = 8
+
+_Z = 1.959963984540054  # of a 95 % interval
+_DRAWS = 1000
+
+
+@dataclass(frozen=True)
+class Bin:
+    """What came well of how many, with an axis between two values.
+
+    Args:
+        low: least value of the axis, in the unit that people read.
+        high: greatest.
+        good: runs that came out well, or trials that succeeded.
+        total: all of them.
+    """
+
+    low: float
+    high: float
+    good: int
+    total: int
+
+    @property
+    def middle(self) -> float:
+        """Half way between the bounds."""
+        return 0.5 * (self.low + self.high)
+
+    @property
+    def share(self) -> Estimate:
+        """The share with its 95 % interval."""
+        return share(self.good, self.total)
+
+
+def bins(view: View, axis: Varied) -> list[Bin]:
+    """The runs that have answers, by the values of an axis."""
+    done = np.flatnonzero(view.done)
+    return _bins(view, axis, done, view.good[done].astype(float), np.ones(len(done)))
+
+
+def trials(view: View, axis: Varied) -> list[Bin]:
+    """The trials of all runs that were executed, by the values of an axis."""
+    if "trials" not in view.results.columns:
+        return []
+    good, total = view.column("successes"), view.column("trials")
+    known = np.flatnonzero(np.isfinite(total))
+    return _bins(view, axis, known, good[known], total[known])
+
+
+def _bins(view: View, axis: Varied, runs: NDArray[np.intp], good: Array, total: Array) -> list[Bin]:
+    """Value by value; where there are many, neighbouring values together, about as many runs in each bin."""
+    x = view.axis(axis)[runs]
+    places, place, counts = np.unique(x, return_inverse=True, return_counts=True)
+    if len(places) <= _VALUES or axis.unit == "word":
+        group = place
+    else:
+        middles = np.cumsum(counts) - 0.5 * counts
+        group = np.minimum(middles / len(x) * _BINS, _BINS - 1).astype(int)[place]
+    chosen = [group == number for number in np.unique(group)]
+    return [
+        Bin(float(x[c].min()), float(x[c].max()), round(float(good[c].sum())), round(float(total[c].sum())))
+        for c in chosen
+    ]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+def share(successes: int, trials: int) -> Estimate:
+    """A share with Wilson's score interval, which holds for few trials and for shares near 0 and 1, too.
+
+    Raises:
+        ValueError: there are no trials, or more successes than trials.
+    """
+    if not 0 <= successes <= trials or trials == 0:
+        raise ValueError(f"{successes} of {trials} is no share")
+    p, n = successes / trials, float(trials)
+    middle = (p + _Z**2 / (2.0 * n)) / (1.0 + _Z**2 / n)
+    half = _Z / (1.0 + _Z**2 / n) * math.sqrt(p * (1.0 - p) / n + _Z**2 / (4.0 * n**2))
+    low = 0.0 if successes == 0 else max(middle - half, 0.0)
+    return Estimate(p, low, 1.0 if successes == trials else min(middle + half, 1.0))
+
+
+def rank_correlation(x: Array, y: Array) -> Estimate | None:
+    """Spearman's ρ of two samples (n,), interval after Bonett and Wright (2000); None when it is not defined.
+
+    The interval of a perfect order reaches as far as that of the order with two neighbours exchanged.
+    """
+    from scipy.stats import rankdata
+
+    if len(x) < 4:
+        return None
+    a, b = (rankdata(values) - 0.5 * (len(x) + 1.0) for values in (x, y))
+    size = math.sqrt(float(a @ a) * float(b @ b))
+    if size == 0.0:
+        return None
+    rho = min(max(float(a @ b) / size, -1.0), 1.0)
+    n = float(len(x))
+    most = 1.0 - 12.0 / (n * (n**2 - 1.0))
+    near = math.copysign(min(abs(rho), most), rho)
+    z, spread = math.atanh(near), _Z * math.sqrt((1.0 + 0.5 * near**2) / (n - 3.0))
+    return Estimate(rho, min(math.tanh(z - spread), rho), max(math.tanh(z + spread), rho))
+
+
+@dataclass(frozen=True)
+class SobolIndex:
+    """Share of the variance that an axis explains alone, and with all others together."""
+
+    first: Estimate
+    total: Estimate
+
+
+def sobol_indices(values: Array, dimensions: int) -> list[SobolIndex] | None:
+    """Sobol indices from values at the points that `sampling.cube` makes for "saltelli", bootstrap intervals.
+
+    First order S_i = E[f(B)(f(AB_i) − f(A))]/V, total T_i = E[(f(A) − f(AB_i))²]/2V, after Saltelli et al. (2010) and
+    Jansen (1999), over the rows whose values are all known.
+
+    Args:
+        values: (n (d + 2),), not a number where a run has none.
+        dimensions: d.
+
+    Returns:
+        An index for each axis; None when fewer than eight rows are known, or the values do not vary.
+    """
+    rows = values.reshape(dimensions + 2, -1).T
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    if len(rows) < 8 or not float(np.var(rows[:, :2])) > 0.0:
+        return None
+    rng = np.random.default_rng(0)
+    draws = [_indices(rows)] + [_indices(rows[rng.integers(0, len(rows), len(rows))]) for _ in range(_DRAWS)]
+    found = np.array([draw for draw in draws if np.isfinite(draw).all()])
+    low, high = np.quantile(found[1:], [0.025, 0.975], axis=0)
+    return [
+        SobolIndex(*(Estimate(float(found[0, k, i]), float(low[k, i]), float(high[k, i])) for k in (0, 1)))
+        for i in range(dimensions)
+    ]
+
+
+def _indices(rows: Array) -> Array:
+    """First and total indices (2, d) of rows (n, d + 2)."""
+    centred = rows - rows[:, :2].mean()
+    A, B, AB = centred[:, :1], centred[:, 1:2], centred[:, 2:]
+    variance = float(np.var(centred[:, :2]))
+    if variance == 0.0:
+        return np.full((2, AB.shape[1]), np.nan)
+    first = np.mean(B * (AB - A), axis=0)
+    total = 0.5 * np.mean((A - AB) ** 2, axis=0)
+    return np.array([first, total]) / variance

@@ -1,0 +1,1 @@
+"""The runs of a study: handed out, worked off, kept."""

@@ -1,0 +1,132 @@
+"""What travels between the one who keeps a study and those who work for it: runs, batches and their results."""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from fmopt.errors import ResourceError
+from fmopt.runtime import output
+from fmopt.study.running.store import Effort, Row
+from fmopt.task.toml.source import Key
+
+Assigned = str | int | float | bool
+
+
+@dataclass(frozen=True)
+class Question:
+    """What all runs of a study have in common.
+
+    Args:
+        problem: the base problem's file, relative to the folder of inputs.
+        quantities: names of what is to be computed.
+        keep: what to keep of a run beside its row: "plan", or nothing.
+    """
+
+    problem: str
+    quantities: tuple[str, ...]
+    keep: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Run:
+    """One evaluation.
+
+    Args:
+        key: hash of its full input and of the program.
+        assigned: values put into the base problem, by key path; texts with units, numbers and choices as TOML has them.
+        question: what to compute, and of what.
+    """
+
+    key: str
+    assigned: tuple[tuple[Key, Assigned], ...]
+    question: Question
+
+
+Evaluate = Callable[[Run, Path], Row]
+"""The row of a run, given the folder of its input files; a pure function, importable by name where workers live."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What one run may take: seconds, and bytes of address space; None for no limit."""
+
+    seconds: float | None = None
+    memory: int | None = None
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Runs that one worker does in one go.
+
+    Args:
+        runs: in order.
+        evaluate: what is done with each.
+        limits: of each.
+        inputs: contents of the input files, by relative path.
+        folder: where these files are; None where only their contents are known: on another machine.
+        program: what the host must run, too; anything if empty.
+    """
+
+    runs: tuple[Run, ...]
+    evaluate: Evaluate
+    limits: Limits
+    inputs: Mapping[str, bytes]
+    folder: Path | None
+    program: str = ""
+
+
+@dataclass(frozen=True)
+class Returned:
+    """What came of a batch: rows in order, and the runs that were not done because the work was called off."""
+
+    rows: tuple[tuple[Row, Effort], ...]
+    left: tuple[Run, ...] = ()
+
+
+_FOLDERS: dict[str, tempfile.TemporaryDirectory[str]] = {}  # this process's own, until it ends
+
+
+def digest(inputs: Mapping[str, bytes]) -> str:
+    """SHA-256 (hex) of files with their names."""
+    whole = hashlib.sha256()
+    for name in sorted(inputs):
+        whole.update(f"{name}\0{len(inputs[name])}\0".encode() + inputs[name])
+    return whole.hexdigest()
+
+
+def laid_out(inputs: Mapping[str, bytes], home: Path | None) -> Path:
+    """The folder that holds these files, made if need be: whole or not at all.
+
+    Args:
+        inputs: contents by relative path.
+        home: where it belongs; a folder that this process takes away when it ends if None.
+
+    Raises:
+        ResourceError: it cannot be written.
+    """
+    name = digest(inputs)[:16]
+    if home is None:
+        home = _own_folder(name)
+    folder = home / name
+    try:
+        if not folder.is_dir():
+            with output.fresh(folder) as partial:
+                for file, content in inputs.items():
+                    output.save(content, partial / file)
+    except ResourceError:
+        if not folder.is_dir():  # unless another thread was faster
+            raise
+    return folder
+
+
+def _own_folder(name: str) -> Path:
+    try:
+        if name not in _FOLDERS:
+            _FOLDERS[name] = tempfile.TemporaryDirectory(prefix="fmopt-")
+        return Path(_FOLDERS[name].name)
+    except OSError as error:
+        raise ResourceError(f"{error.filename or name}: {error.strerror or error}", "free some disk") from error

@@ -1,0 +1,289 @@
+"""The running of a study: batches to an executor, rows to the store, until none is left or the user has enough."""
+
+from __future__ import annotations
+
+import math
+import signal
+import threading
+import time
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import FrameType
+
+from fmopt.runtime import output
+from fmopt.study.running.batch import Batch, Evaluate, Limits, Returned, Run, laid_out
+from fmopt.study.running.program import program
+from fmopt.study.running.store import Effort, Numbered, Row, Store, owned
+from fmopt.study.running.workers import ATTEMPTS, Local, run_batch
+
+BATCH_SECONDS = 0.5
+_GROWTH = 4  # times that a batch may be longer than the one before
+_LONGEST = 10_000
+_BEAT = 0.5  # s between looks at the clock and at Ctrl-C
+
+
+@dataclass(frozen=True, eq=False)
+class Work:
+    """What there is to do.
+
+    Args:
+        runs: of the design, in order; those with the same key are the same.
+        points: named values on the axes, of each run.
+        facts: what the store is to say of the study.
+        inputs: contents of the input files, by relative path.
+        limits: of each run.
+    """
+
+    runs: Sequence[Run]
+    points: Sequence[Mapping[str, str | float | int | bool | None]]
+    facts: Mapping[str, str]
+    inputs: Mapping[str, bytes]
+    limits: Limits
+
+    def numbered(self) -> Iterator[Numbered]:
+        """The runs as the store lists them."""
+        for number, (run, point) in enumerate(zip(self.runs, self.points, strict=True)):
+            yield Numbered(number, run.key, point)
+
+
+@dataclass(frozen=True)
+class Tally:
+    """How far a study is; only what is durable counts.
+
+    Args:
+        total: different runs of the design.
+        done: those with a row.
+        failed: those whose row says no answer but a failure.
+        fresh: rows written since this start.
+        seconds: since this start.
+        asked: rows that this start is to write.
+        interrupted: the signal that ended it, or 0.
+    """
+
+    total: int
+    done: int
+    failed: int
+    fresh: int = 0
+    seconds: float = 0.0
+    asked: int = 0
+    interrupted: int = 0
+
+    @property
+    def rate(self) -> float:
+        """Runs a second since this start."""
+        return self.fresh / self.seconds if self.seconds > 0.0 else 0.0
+
+    @property
+    def left(self) -> float:
+        """Seconds that the rest will take at this rate; infinite as long as there is none."""
+        return (self.asked - self.fresh) / self.rate if self.rate > 0.0 else math.inf
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to run.
+
+    Args:
+        jobs: batches under way at a time.
+        limit: rows to write at most, None for all.
+        retry_failed: whether runs whose row is a failure are done again.
+        executor: where batches go, to be shut down by the caller; processes on this machine if None.
+    """
+
+    jobs: int
+    limit: int | None = None
+    retry_failed: bool = False
+    executor: Executor | None = None
+
+
+def run(
+    work: Work,
+    folder: Path,
+    evaluate: Evaluate,
+    options: Options,
+    progress: Callable[[Tally], None] = lambda _: None,
+    store_of: Callable[[Path], Store] = Store,
+) -> Tally:
+    """Does all runs that have no row yet, and writes their rows.
+
+    Args:
+        work: what there is to do.
+        folder: where the store is; made if need be.
+        evaluate: what is done with each run.
+        options: how.
+        progress: told how far it is.
+        store_of: opens the store.
+
+    Raises:
+        ResourceError: the folder is owned by another, or cannot be written; workers cannot be started, or are all lost.
+    """
+    output.prepare(folder)
+    with owned(folder), store_of(folder) as store:
+        store.design(work.numbered(), work.facts)
+        home = laid_out(work.inputs, folder / "inputs") if options.executor is None else None
+        desk = _Desk(work, store, evaluate, options, home, progress)
+        with _stoppable() as stop:
+            if options.executor is not None:
+                return desk.served(options.executor, stop)
+            with Local(options.jobs) as local:
+                return desk.served(local, stop)
+
+
+class _Stop:
+    """The signal that asked for an end, or 0."""
+
+    def __init__(self) -> None:
+        self.signal = 0
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        self.signal = number
+
+
+@contextmanager
+def _stoppable() -> Iterator[_Stop]:
+    """Ctrl-C and SIGTERM end the study after what is under way has been put away; a second one at once."""
+    stop = _Stop()
+    if threading.current_thread() is not threading.main_thread():
+        yield stop
+        return
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+class Remote(Executor, ABC):
+    """An executor on other hosts, which may go away for good."""
+
+    @abstractmethod
+    def watch(self) -> None:
+        """Looks after the hosts; asked often.
+
+        Raises:
+            ResourceError: nobody is left to do the work.
+        """
+
+
+class _Desk:
+    """Where batches go out and rows come in; the only writer of the store."""
+
+    def __init__(
+        self,
+        work: Work,
+        store: Store,
+        evaluate: Evaluate,
+        options: Options,
+        home: Path | None,
+        progress: Callable[[Tally], None],
+    ) -> None:
+        self._store, self._options, self._progress = store, options, progress
+        self._form = Batch((), evaluate, work.limits, {}, home)
+        if home is None:
+            self._form = replace(self._form, inputs=work.inputs, program=program())
+        runs = {run.key: run for run in work.runs}
+        outcomes = store.outcomes()
+        self._failed = {key for key in runs if outcomes.get(key, "done") != "done"}
+        again = self._failed if options.retry_failed else set()
+        waiting = [run for key, run in runs.items() if key not in outcomes or key in again]
+        self._waiting = deque(waiting[: options.limit])
+        self._had = {key for key in runs if key in outcomes}
+        self._total, self._asked, self._fresh = len(runs), len(self._waiting), 0
+        self._deaths: dict[str, int] = {}
+        self._pace = _Pace()
+        self._began = time.perf_counter()
+
+    def served(self, executor: Executor, stop: _Stop) -> Tally:
+        """Keeps the executor busy until nothing waits, or until stopped."""
+        under_way: dict[Future[Returned], Batch] = {}
+        self._progress(self._tally())
+        while (self._waiting or under_way) and not stop.signal:
+            while self._waiting and len(under_way) < self._options.jobs:
+                batch = self._next()
+                under_way[executor.submit(run_batch, batch)] = batch
+            finished, _ = wait(under_way, _BEAT, FIRST_COMPLETED)
+            if isinstance(executor, Remote):
+                executor.watch()
+            for future in finished:
+                self._take(under_way.pop(future), future)
+            self._progress(self._tally())
+        if stop.signal:
+            for future in under_way:
+                future.cancel()
+            if isinstance(executor, Local):
+                executor.shutdown()
+            for future, batch in under_way.items():
+                if future.done() and not future.cancelled():
+                    self._take(batch, future)
+        return replace(self._tally(), interrupted=stop.signal)
+
+    def _next(self) -> Batch:
+        """The next batch: as many runs as make half a second, but no more than leave work for the others."""
+        first = self._waiting[0].key
+        share = math.ceil(len(self._waiting) / self._options.jobs)
+        size = 1 if first in self._deaths else min(self._pace.size(), share)
+        runs = [self._waiting.popleft() for _ in range(size)]
+        return replace(self._form, runs=tuple(runs))
+
+    def _take(self, batch: Batch, future: Future[Returned]) -> None:
+        """Writes what came of a batch; what is left of it waits again."""
+        error = future.exception() if not future.cancelled() else CancelledError()
+        if error is None:
+            returned = future.result()
+        elif isinstance(error, CancelledError) or type(error).__name__ == "KilledWorker":
+            returned = self._lost(batch)
+        else:
+            raise error
+        self._waiting.extendleft(reversed(returned.left))
+        if returned.rows:
+            self._store.add(returned.rows)
+            rows = [row for row, _ in returned.rows]
+            self._count(rows)
+            self._pace.note(returned.rows)
+
+    def _lost(self, batch: Batch) -> Returned:
+        """What becomes of a batch whose whole host was lost: its runs are tried alone, and at last given up."""
+        rows, left = [], []
+        for run in batch.runs:
+            self._deaths[run.key] = self._deaths.get(run.key, 0) + 1
+            if self._deaths[run.key] < ATTEMPTS:
+                left.append(run)
+            else:
+                row = Row(run.key, "killed", f"its host was lost {ATTEMPTS} times", {})
+                rows.append((row, Effort(0.0, 0)))
+        return Returned(tuple(rows), tuple(left))
+
+    def _count(self, rows: Sequence[Row]) -> None:
+        self._fresh += len(rows)
+        for row in rows:
+            self._had.add(row.key)
+            (self._failed.discard if row.outcome == "done" else self._failed.add)(row.key)
+
+    def _tally(self) -> Tally:
+        seconds = time.perf_counter() - self._began
+        return Tally(self._total, len(self._had), len(self._failed), self._fresh, seconds, self._asked)
+
+
+class _Pace:
+    """How many runs make a batch: half a second of them, as long as the last ones took."""
+
+    def __init__(self) -> None:
+        self._mean = math.inf
+        self._last = 0
+
+    def size(self) -> int:
+        """Runs of the next batch."""
+        wanted = math.ceil(BATCH_SECONDS / self._mean) if self._mean > 0.0 else _LONGEST
+        self._last = max(1, min(wanted, _GROWTH * self._last, _LONGEST))
+        return self._last
+
+    def note(self, rows: Sequence[tuple[Row, Effort]]) -> None:
+        """Takes the times of a batch in, the newest with the weight of all before."""
+        mean = math.fsum(effort.seconds for _, effort in rows) / len(rows)
+        self._mean = mean if math.isinf(self._mean) else 0.5 * (self._mean + mean)

@@ -1,0 +1,311 @@
+"""Results on disk, each acknowledged only when it is durable: SQLite with a write-ahead log, one writer.
+
+A transaction holds the results of one batch. The log is synchronised before `add` returns (`synchronous = FULL`), so
+that what it took is there after a kill and after a power cut; what it did not take leaves no trace.
+
+One owner of a folder at a time: a POSIX record lock, which the kernel drops when its owner dies.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import sqlite3
+import struct
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Literal
+
+from fmopt.errors import InputError, ResourceError
+from fmopt.task.toml.source import Place
+
+NAME = "study.sqlite"
+FORMAT = "fmopt.study/1"
+Outcome = Literal["done", "input", "error", "crash", "timeout", "memory", "killed"]
+Scalar = str | float | int | bool | None
+
+_TABLES = """
+CREATE TABLE IF NOT EXISTS facts (name TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS runs (number INTEGER PRIMARY KEY, key TEXT NOT NULL, point TEXT NOT NULL);
+CREATE TABLE IF NOT EXISTS results
+    (key TEXT PRIMARY KEY, outcome TEXT NOT NULL, reason TEXT NOT NULL, answers TEXT NOT NULL) WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS kept (key TEXT PRIMARY KEY, content BLOB NOT NULL);
+CREATE TABLE IF NOT EXISTS effort (key TEXT PRIMARY KEY, seconds REAL NOT NULL, peak INTEGER NOT NULL) WITHOUT ROWID;
+"""
+
+_FLOCK = "hhqqi4x"  # struct flock: type, whence, start, length, pid
+_HERE: set[tuple[int, int]] = set()  # files that this process holds: the kernel lets a process lock a file twice
+
+
+@dataclass(frozen=True)
+class Row:
+    """What came of a run.
+
+    Args:
+        key: of the run.
+        outcome: "done" when it has answers, else what kind of failure it was.
+        reason: the failure in words.
+        answers: named numbers, texts and truths, as they go into the table.
+        kept: what else the study keeps of it: a compressed plan, or nothing.
+    """
+
+    key: str
+    outcome: Outcome
+    reason: str
+    answers: Mapping[str, Scalar]
+    kept: bytes = b""
+
+
+@dataclass(frozen=True)
+class Effort:
+    """What a run took, another each time and so beside its row: seconds, and the worker's peak memory in bytes."""
+
+    seconds: float
+    peak: int
+
+
+@dataclass(frozen=True)
+class Numbered:
+    """A run of the design as the store holds it: its number, key and named values on the axes."""
+
+    number: int
+    key: str
+    point: Mapping[str, Scalar]
+
+
+class Store:
+    """The results of a study's folder, open for writing; the caller owns the folder.
+
+    Args:
+        folder: it exists.
+
+    Raises:
+        ResourceError: the file cannot be opened, written, or is damaged; so do all methods.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._path = folder / NAME
+        with self._told():
+            fresh = not self._path.exists()
+            self._file = sqlite3.connect(self._path, isolation_level=None)
+        try:
+            with self._told():
+                self._file.execute("PRAGMA journal_mode = WAL")
+                self._file.execute("PRAGMA synchronous = FULL")
+                self._file.executescript(_TABLES)
+                if fresh:
+                    _synchronise(folder)
+            self._same_format()
+        except BaseException:
+            self._file.close()
+            raise
+
+    def __enter__(self) -> Store:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        with self._told():
+            self._file.close()
+
+    def _same_format(self) -> None:
+        known = self.facts().get("format")
+        if known is None:
+            self.state({"format": FORMAT})
+        elif known != FORMAT:
+            message = f"{self._path} holds a study of format {known!r}, not {FORMAT!r}"
+            raise ResourceError(message, "choose another folder with --out")
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        with translated(self._path):
+            yield
+
+    @contextmanager
+    def _transaction(self) -> Iterator[sqlite3.Connection]:
+        with self._told():
+            self._file.execute("BEGIN IMMEDIATE")
+            try:
+                yield self._file
+                self._file.execute("COMMIT")
+            except BaseException:
+                if self._file.in_transaction:
+                    self._file.execute("ROLLBACK")
+                raise
+
+    def facts(self) -> dict[str, str]:
+        """What the store says of itself, by name."""
+        with self._told():
+            return dict(self._file.execute("SELECT name, value FROM facts"))
+
+    def state(self, facts: Mapping[str, str]) -> None:
+        """Adds facts, in place of those of the same names."""
+        with self._transaction() as file:
+            file.executemany("INSERT OR REPLACE INTO facts VALUES (?, ?)", sorted(facts.items()))
+
+    def design(self, runs: Iterable[Numbered], facts: Mapping[str, str]) -> None:
+        """Replaces the runs of the design, and states facts with them, all at once; results stay."""
+        with self._transaction() as file:
+            file.execute("DELETE FROM runs")
+            file.executemany("INSERT INTO runs VALUES (?, ?, ?)", ((r.number, r.key, _text(r.point)) for r in runs))
+            file.executemany("INSERT OR REPLACE INTO facts VALUES (?, ?)", sorted(facts.items()))
+
+    def outcomes(self) -> dict[str, str]:
+        """The outcome of every run that has a row, by key."""
+        with self._told():
+            return dict(self._file.execute("SELECT key, outcome FROM results"))
+
+    def add(self, rows: Sequence[tuple[Row, Effort]]) -> None:
+        """Takes rows, durably and all at once; a row that is done is never replaced, a failed one is."""
+        with self._transaction() as file:
+            for row, effort in rows:
+                done = file.execute("SELECT 1 FROM results WHERE key = ? AND outcome = 'done'", (row.key,)).fetchone()
+                if done is not None:
+                    continue
+                values = (row.key, row.outcome, row.reason, _text(row.answers))
+                file.execute("INSERT OR REPLACE INTO results VALUES (?, ?, ?, ?)", values)
+                file.execute("INSERT OR REPLACE INTO effort VALUES (?, ?, ?)", (row.key, effort.seconds, effort.peak))
+                if row.kept:
+                    file.execute("INSERT OR REPLACE INTO kept VALUES (?, ?)", (row.key, row.kept))
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A run of the design with its row, or None when it has none yet."""
+
+    run: Numbered
+    row: Row | None
+
+
+def recorded(folder: Path) -> tuple[dict[str, str], list[Recorded]]:
+    """What a folder's store holds: its facts, and the runs of its design in their order, with their rows.
+
+    Raises:
+        InputError: there is no study in this folder.
+        ResourceError: the store cannot be read.
+    """
+    query = (
+        "SELECT number, runs.key, point, outcome, reason, answers FROM runs "
+        "LEFT JOIN results ON results.key = runs.key ORDER BY number"
+    )
+    with _reading(folder) as file:
+        facts = dict(file.execute("SELECT name, value FROM facts"))
+        return facts, [_recorded(record) for record in file.execute(query)]
+
+
+def kept(folder: Path, key: str) -> bytes | None:
+    """What the store keeps of a run beside its row."""
+    with _reading(folder) as file:
+        found = file.execute("SELECT content FROM kept WHERE key = ?", (key,)).fetchone()
+        return None if found is None else bytes(found[0])
+
+
+def efforts(folder: Path) -> dict[str, Effort]:
+    """What the runs took, by key."""
+    with _reading(folder) as file:
+        return {key: Effort(seconds, peak) for key, seconds, peak in file.execute("SELECT * FROM effort")}
+
+
+@contextmanager
+def _reading(folder: Path) -> Iterator[sqlite3.Connection]:
+    path = folder / NAME
+    if not path.is_file():
+        fault = Place(str(folder)).fault("no-study", "there is no study in this folder", "run fmopt study FILE first")
+        raise InputError(fault)
+    with translated(path):
+        file = sqlite3.connect(path.absolute().as_uri() + "?mode=ro", uri=True)
+        try:
+            yield file
+        finally:
+            file.close()
+
+
+def _recorded(record: Sequence[Any]) -> Recorded:
+    number, key, point, outcome, reason, answers = record
+    row = None if outcome is None else Row(key, outcome, reason, json.loads(answers))
+    return Recorded(Numbered(number, key, json.loads(point)), row)
+
+
+@contextmanager
+def translated(path: Path) -> Iterator[None]:
+    """Failures of SQLite, and of the disk under it, as errors of this package.
+
+    Raises:
+        ResourceError: for each of them.
+    """
+    try:
+        yield
+    except sqlite3.Error as error:
+        advice = "free some disk and run the same command again; what was acknowledged is kept"
+        raise ResourceError(f"{path}: {error}", advice) from error
+    except OSError as error:
+        raise ResourceError(f"{path}: {error.strerror or error}", "check the disk, then run it again") from error
+
+
+def _text(values: Mapping[str, Scalar]) -> str:
+    return json.dumps(dict(values), separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+
+
+def _synchronise(folder: Path) -> None:
+    """Makes the names of new files in a folder durable."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+@contextmanager
+def owned(folder: Path) -> Iterator[None]:
+    """Holds a folder until the block ends.
+
+    Args:
+        folder: it exists.
+
+    Raises:
+        ResourceError: it is held already, by which process; or it cannot be written to.
+    """
+    path = folder / "lock"
+    if path.exists() and _name(path.stat()) in _HERE:  # opening and closing it would give up the lock
+        raise _taken(folder, os.getpid())
+    try:
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    except OSError as error:
+        raise ResourceError(f"{path}: {error.strerror or error}", "choose another folder with --out") from error
+    name = _name(os.fstat(descriptor))
+    try:
+        fcntl.lockf(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        owner = _owner(descriptor)
+        os.close(descriptor)
+        raise _taken(folder, owner) from None
+    except OSError as error:
+        os.close(descriptor)
+        raise ResourceError(f"{path}: {error.strerror or error}", "choose a folder whose disk knows locks") from error
+    _HERE.add(name)
+    try:
+        yield
+    finally:
+        _HERE.discard(name)
+        os.close(descriptor)
+
+
+def _name(status: os.stat_result) -> tuple[int, int]:
+    return status.st_dev, status.st_ino
+
+
+def _owner(descriptor: int) -> int:
+    """The process that holds the lock, as the kernel knows it; 0 when it has just let go."""
+    asked = struct.pack(_FLOCK, fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0)
+    kind, _, _, _, pid = struct.unpack(_FLOCK, fcntl.fcntl(descriptor, fcntl.F_GETLK, asked))
+    return 0 if kind == fcntl.F_UNLCK else int(pid)
+
+
+def _taken(folder: Path, owner: int) -> ResourceError:
+    who = f"process {owner}" if owner else "another process, which is just ending,"
+    return ResourceError(f"{folder}: {who} runs a study in this folder", "wait for it, or choose another with --out")

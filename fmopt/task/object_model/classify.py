@@ -1,0 +1,143 @@
+"""From the chain of a model's solids and its mating features to the object tree.
+
+A mating feature is made of the terms of its sign that it names, or through which its axis runs; what no mating feature
+is made of becomes a feature of its own, which gives shape and takes no part in tasks. A body that two mating features
+share is listed for each: A + A = A.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain, count
+
+from fmopt.errors import TaskError
+from fmopt.geometry.csg import Union
+from fmopt.geometry.mating_features import Feature as MatingFeature
+from fmopt.spatial.se3 import Pose
+from fmopt.task.object_model.chain import Chain, Sign, Term, moved
+from fmopt.task.object_model.frames import clipped, length, on_axis
+from fmopt.task.object_model.tree import Feature, FeatureClass, ObjectTree, instances
+
+MADE = "a feature is made of instances of its own sign"
+_HOLES, _PEGS = "holes", "pegs"
+_PLURAL = {"box": "boxes", "prism": "prisms"}
+
+
+@dataclass(frozen=True)
+class Claim:
+    """What a model file says of a mating feature beyond its frame.
+
+    Args:
+        classification: name of its feature class; "" for holes or pegs, by its kind.
+        terms: names of the terms that it is made of; none to have them found on its axis.
+    """
+
+    classification: str = ""
+    terms: tuple[str, ...] = ()
+
+
+def object_tree(
+    name: str, terms: Chain, mating: Sequence[MatingFeature], claims: Mapping[str, Claim], frame: Pose | None = None
+) -> ObjectTree:
+    """The tree of an object.
+
+    Args:
+        name: key name.
+        terms: its solids as a chain, in the object's frame.
+        mating: its mating features, in the object's frame.
+        claims: what is known of each of them, by name.
+        frame: of the object in the global reference frame; the identity when not given.
+
+    Raises:
+        TaskError: a mating feature that no term makes up, or that does not own one it names.
+    """
+    left = list(terms)
+    made: dict[int, tuple[str, Feature]] = {}
+    for feature in mating:
+        claim = claims.get(feature.name, Claim())
+        sign: Sign = "-" if feature.kind == "hollow" else "+"
+        owned = _named(left, claim.terms, feature.name, sign) if claim.terms else _found(left, feature)
+        term = Term(sign, feature.name, owned[0].body if len(owned) == 1 else Union(tuple(t.body for t in owned)))
+        left.insert(left.index(owned[0]), term)
+        left = [other for other in left if other not in owned or id(other) in made]
+        group = claim.classification or (_HOLES if sign == "-" else _PEGS)
+        whole = Feature(feature.name, sign, feature.frame, term.body, feature.length, feature.through)
+        made[id(term)] = (group, whole)
+    used = {feature.name for _, feature in made.values()}
+    nodes = [made[id(term)] if id(term) in made else _bulk(term, used) for term in left]
+    groups = dict.fromkeys(group for group, _ in nodes)
+    classes = tuple(FeatureClass(name, tuple(f for group, f in nodes if group == name)) for name in groups)
+    return ObjectTree(name, frame or Pose.identity(), classes, tuple(feature.name for _, feature in nodes))
+
+
+def _named(left: Sequence[Term], names: Sequence[str], feature: str, sign: Sign) -> list[Term]:
+    owned = []
+    for name in names:
+        found = [term for term in left if term.name == name and term.sign == sign]
+        if not found:
+            free = ", ".join(term.name for term in left if term.sign == sign) or "none"
+            message = f"feature {feature!r} names {name!r}, which is no term prefixed {sign} that is left"
+            raise TaskError(message, feature, MADE, f"such terms: {free}")
+        owned += found
+    return _neighbouring(left, [term for term in left if term in owned], feature)
+
+
+def is_made(terms: Sequence[Term], feature: MatingFeature) -> bool:
+    """Whether the feature's axis runs through a term of its sign over some of its length."""
+    return max(_shares(terms, feature).values(), default=0.0) > 0.0
+
+
+def _shares(terms: Sequence[Term], feature: MatingFeature) -> dict[int, float]:
+    """For each term of the feature's sign, by its number, the length in m of the feature's axis inside it."""
+    hollow = feature.kind == "hollow"
+    low, high = (-feature.length, 0.0) if hollow else (0.0, feature.length)
+    into = feature.frame.inverse()
+    return {
+        number: length(clipped(on_axis(moved(term.body, into)), low, high))
+        for number, term in enumerate(terms)
+        if (term.sign == "-") == hollow
+    }
+
+
+def _found(left: Sequence[Term], feature: MatingFeature) -> list[Term]:
+    """The terms of the feature's sign through which its axis runs over its length, neighbours of the longest one."""
+    if not is_made(left, feature):
+        sign = "-" if feature.kind == "hollow" else "+"
+        message = f"the z axis of feature {feature.name!r} runs through nothing that is prefixed {sign}"
+        advice = "check the feature's frame, or model its shape as a solid of its own"
+        raise TaskError(message, feature.name, MADE, advice)
+    share = _shares(left, feature)
+    first = last = max(share, key=lambda number: share[number])
+    while share.get(first - 1, 0.0) > 0.0:
+        first -= 1
+    while share.get(last + 1, 0.0) > 0.0:
+        last += 1
+    return list(left[first : last + 1])
+
+
+def _neighbouring(left: Sequence[Term], owned: list[Term], feature: str) -> list[Term]:
+    """The terms, when nothing of the other sign stands between them, so that they can be taken together."""
+    between = left[left.index(owned[0]) : left.index(owned[-1])]
+    if strange := [term for term in between if term.sign != owned[0].sign]:
+        message = f"feature {feature!r} is made of terms with {strange[0].name!r}, of the other sign, between them"
+        raise TaskError(message, feature, MADE, "name them one after the other in the model, or make two features")
+    return owned
+
+
+def _bulk(term: Term, used: set[str]) -> tuple[str, Feature]:
+    """A feature that gives shape only, with its class; its frame is that of its first instance.
+
+    Its name is added to those in use, with a number when another feature has it.
+    """
+    leaves = instances(term.body)
+    kinds = {leaf.key for leaf in leaves}
+    group = _plural(kinds.pop()) if len(kinds) == 1 else "bodies"
+    numbered = (f"{term.name}-{i}" for i in count(2))
+    name = next(name for name in chain([term.name], numbered) if name not in used)
+    used.add(name)
+    return (group if term.sign == "+" else f"cut {group}"), Feature(name, term.sign, leaves[0].pose, term.body)
+
+
+def _plural(key: str) -> str:
+    return _PLURAL.get(key, f"{key}s")

@@ -1,0 +1,267 @@
+"""Task commands and their answers, [LeeHuang1985] sections 3 and 4.1.
+
+A task is its five attributes. The T-C mapping assumes that the operand with the solid feature is grasped and the one
+with the hollow feature fixed. A task the other way round is exchanged for its counterpart: the fixed peg moves in the
+frame of the grasped hole, by the inverse motion; `papers.lee_huang.hand_position_force` maps results back.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fmopt.errors import InterferenceError, TaskError
+from fmopt.geometry.clearance import deepest
+from fmopt.geometry.convex_pieces import pieces
+from fmopt.geometry.csg import Solid, sagitta
+from fmopt.geometry.polyhedron import placed
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array, Value, frozen
+from fmopt.task.object_model.chain import moved
+from fmopt.task.object_model.frames import check_frame
+from fmopt.task.object_model.goal import Goal, Settled, check_goal, settle
+from fmopt.task.object_model.tree import Feature, ObjectTree
+from fmopt.task.object_model.workcell import EXIST, Link, LowerPair, Operand, Ref, Workcell, operand_of
+
+KINDS = "an insertion has one solid and one hollow feature"
+APART = "the operands are joined by nothing but the pair between them"
+START = "the start is free of overlap"
+CLEAR = "the goal is free of other objects"
+STALE = "a task is completed in the workcell that answered it"
+_TOUCH = 1e-9  # m
+_FACING = Pose(np.zeros(3), np.diag([1.0, -1.0, -1.0]))
+
+
+@dataclass(frozen=True)
+class Specification:
+    """The miscellaneous attribute: greatest speed (m/s), contact force (N), greatest torque (N·m).
+
+    Raises:
+        TaskError: one that is not positive.
+    """
+
+    speed: float
+    contact_force: float
+    torque_limit: float
+
+    def __post_init__(self) -> None:
+        for name, value in (
+            ("speed", self.speed),
+            ("contact force", self.contact_force),
+            ("torque limit", self.torque_limit),
+        ):
+            if not (math.isfinite(value) and value > 0.0):
+                raise TaskError(f"the {name} is {value}", name, "specifications are positive", "make it positive")
+
+
+@dataclass(frozen=True, eq=False)
+class Task(Value):
+    """A task command by its five attributes.
+
+    Args:
+        moving: feature-operand of the grasped object.
+        fixed: feature-operand of the object that stays.
+        goal: pose of the moving feature's frame in the `base_frame`, m and rad, entries may be "free".
+        attachment: the lower pair that the task makes.
+        specification: speed, force and torque.
+        grasp: pose of the moving feature's frame in the hand's frame, H_ho.
+    """
+
+    moving: Ref
+    fixed: Ref
+    goal: Goal
+    attachment: LowerPair
+    specification: Specification
+    grasp: Pose = field(default_factory=Pose.identity)
+
+
+@dataclass(frozen=True, eq=False)
+class Obstacle(Value):
+    """An object that takes no part in the task.
+
+    Args:
+        name: of the object.
+        solid: in the frame of the feature that stays, which is the B-frame unless the operands were exchanged. If they
+            were, the obstacle moves with operand 1.
+    """
+
+    name: str
+    solid: Solid
+
+
+@dataclass(frozen=True, eq=False)
+class Answer(Value):
+    """What the knowledge base says of a task.
+
+    Args:
+        task: as it was given.
+        exchanged: whether the operands were exchanged to fit the assumptions.
+        moving: operand 1, with the solid feature.
+        fixed: operand 2, with the hollow feature; its feature's frame is the B-frame.
+        P0, PT: poses (6,) of operand 1's feature frame in the B-frame at the start and at the goal, m and rad.
+        settled: how each free entry of the goal was settled, in the terms of the task as given.
+        obstacles: everything else in the workcell.
+        carried: objects that move with the grasped one, itself first.
+    """
+
+    task: Task
+    exchanged: bool
+    moving: Operand
+    fixed: Operand
+    P0: Array
+    PT: Array
+    settled: tuple[Settled, ...]
+    obstacles: tuple[Obstacle, ...]
+    carried: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "P0", frozen(self.P0, 6, name="P(0)"))
+        object.__setattr__(self, "PT", frozen(self.PT, 6, name="P(T)"))
+
+    @property
+    def B_frame(self) -> Pose:
+        """The base frame of the configuration space in the global reference frame, at the start."""
+        return self.fixed.frame
+
+
+def answer(workcell: Workcell, task: Task) -> Answer:
+    """The data of a task for the T-PF mapping.
+
+    Raises:
+        TaskError: a missing operand, a frame that breaks a rule, kinds of features that do not mate, a goal off the
+            axis or outside the hole, a start inside a solid. With the feature and the rule.
+        InterferenceError: the parts overlap at the goal.
+    """
+    one, other = _feature(workcell, task.moving), _feature(workcell, task.fixed)
+    exchanged = _is_exchanged(task, one, other)
+    carried = workcell.group(task.moving.object, task.fixed.object)
+    standing = workcell.group(task.fixed.object, task.moving.object)
+    if task.fixed.object in carried:
+        message = f"{task.moving} is to move against {task.fixed}, and other links join the two"
+        raise TaskError(message, str(task.moving), APART, "disconnect them, or name another feature")
+    frame, base = workcell.frame(task.moving), base_frame(workcell, task)
+    start = base.inverse().compose(frame)
+    goal, settled = _goal(task, one, other, start, exchanged)
+    moving = operand_of(workcell, task.moving, carried, frame)
+    fixed = operand_of(workcell, task.fixed, standing, base)
+    if exchanged:
+        moving, fixed, start, goal = fixed, moving, start.inverse(), goal.inverse()
+    inward = base.inverse()
+    obstacles = tuple(
+        Obstacle(tree.name, moved(tree.solid, inward.compose(tree.frame)))
+        for tree in workcell.objects
+        if tree.name not in carried and tree.name not in standing
+    )
+    found = Answer(task, exchanged, moving, fixed, start.vector(), goal.vector(), settled, obstacles, carried)
+    _check_ends(workcell, found, (*carried, *standing))
+    return found
+
+
+def base_frame(workcell: Workcell, task: Task) -> Pose:
+    """The frame, in the global reference frame, that the goal of a task is given in: that of the feature that stays.
+
+    Where a solid feature is put on a solid one, z of that frame would point into the material. It is turned about x by
+    180°, so that z points out of it as out of a mouth.
+    """
+    (_, one), (_, other) = workcell.resolve(task.moving), workcell.resolve(task.fixed)
+    facing = one is not None and other is not None and not one.hollow and not other.hollow
+    return workcell.frame(task.fixed).compose(_FACING) if facing else workcell.frame(task.fixed)
+
+
+def completed(workcell: Workcell, found: Answer) -> Workcell:
+    """The workcell after the task: the grasped object and what it carries moved, the attachment recorded.
+
+    Raises:
+        TaskError: the operands are not where the answer has them.
+    """
+    task = found.task
+    before = workcell.frame(task.moving)
+    base = base_frame(workcell, task)
+    stood = base.compose(_grasped(found, found.P0))
+    for ref, frame, known in ((task.fixed, base, _given(found).frame), (task.moving, before, stood)):
+        if np.max(np.abs(known.local(frame))) > _TOUCH:
+            message = f"{ref} stands elsewhere than the answer has it, {known.vector()} in the global frame"
+            raise TaskError(message, str(ref), STALE, "ask again")
+    move = base.compose(_grasped(found, found.PT)).compose(before.inverse())
+    return workcell.moved(found.carried, move).connect(Link(task.attachment, task.moving, task.fixed))
+
+
+def _grasped(found: Answer, P: Array) -> Pose:
+    """The grasped feature's pose in the frame of the fixed feature, as the task was given."""
+    pose = Pose.from_vector(P)
+    return pose.inverse() if found.exchanged else pose
+
+
+def _given(found: Answer) -> Operand:
+    """The operand that stays, as the task was given."""
+    return found.moving if found.exchanged else found.fixed
+
+
+def _feature(workcell: Workcell, ref: Ref) -> Feature:
+    tree, feature = workcell.resolve(ref)
+    if feature is None:
+        named = ", ".join(feature.name for feature in tree.features if feature.length is not None) or "none"
+        message = f"the task names the object {ref.object!r} without a feature"
+        raise TaskError(message, ref.object, EXIST, f"features that can be operands: {named}")
+    check_frame(tree, feature)
+    return feature
+
+
+def _is_exchanged(task: Task, one: Feature, other: Feature) -> bool:
+    """Whether the hollow part is grasped and the solid one fixed."""
+    if task.moving.object == task.fixed.object:
+        message = f"both operands belong to {task.moving.object!r}"
+        raise TaskError(message, str(task.moving), EXIST, "name features of two objects")
+    if one.hollow == other.hollow and (one.hollow or task.attachment != "planar"):
+        message = f"{task.moving} and {task.fixed} are both {'hollow' if one.hollow else 'solid'}"
+        raise TaskError(message, str(task.moving), KINDS, "name the peg of one object and the hole of the other")
+    return one.hollow
+
+
+def _goal(task: Task, one: Feature, other: Feature, start: Pose, exchanged: bool) -> tuple[Pose, tuple[Settled, ...]]:
+    peg, hole = (other, one) if exchanged else (one, other)
+    reach = peg.length or 0.0
+    full = min(reach, hole.length or 0.0)
+    sign = 1.0 if exchanged else -1.0
+    values, settled = settle(task.goal, start, task.attachment, sign * full, str(task.moving))
+    check_goal(values, task.attachment, reach if hole.through else full, sign, str(task.moving))
+    return Pose.from_vector(values), settled
+
+
+def _check_ends(workcell: Workcell, found: Answer, sides: tuple[str, ...]) -> None:
+    """At the start and at the goal what is grasped and carried overlaps nothing of what stands.
+
+    Round holes are narrower as polygons than they are: by so much a peg may overlap.
+    """
+    grasped = found.fixed if found.exchanged else found.moving
+    body = pieces(grasped.whole)
+    still = _given(found)
+    solids = [(still.ref.object, still.whole), *((other.name, other.solid) for other in found.obstacles)]
+    others = [(name, pieces(solid)) for name, solid in solids]
+    for P, at_goal in ((found.P0, False), (found.PT, True)):
+        pose = _grasped(found, P)
+        bodies = [placed(piece, pose) for piece in body]
+        for name, standing in others:
+            depth = deepest(bodies, standing)
+            if depth > _TOUCH + max(_narrowed(workcell.object(one)) for one in (*sides, name)):
+                _refuse(found.task, name, depth, at_goal)
+
+
+def _narrowed(tree: ObjectTree) -> float:
+    """By how much the round holes of an object are narrower than they are, m."""
+    return max((sagitta(feature.body) for feature in tree.features if feature.hollow), default=0.0)
+
+
+def _refuse(task: Task, name: str, depth: float, at_goal: bool) -> None:
+    amount = f"{1e3 * depth:.4g} mm"
+    if not at_goal:
+        message = f"at the start {task.moving} is inside the solid of {name!r} by {amount}"
+        raise TaskError(message, str(task.moving), START, "start outside, and check the frames of both objects")
+    if name == task.fixed.object:
+        message = f"at the goal {task.moving} overlaps {name!r} by {amount}"
+        advice = "seat it less deep, or make the peg thinner or the hole wider"
+        raise InterferenceError(message, depth, f"{task.fixed} of {name!r}", advice)
+    message = f"at the goal {task.moving} overlaps {name!r}, which takes no part in the task, by {amount}"
+    raise TaskError(message, str(task.moving), CLEAR, "move that object away, or connect it to the one that it is on")

@@ -1,0 +1,220 @@
+"""The four-level tree of an object: object, feature classes, features, instances, [LeeHuang1985] section 3.
+
+Solid features are prefixed + and hollow ones −; a feature's body is made of instances of convex primitives, joined by
+regularised + and −. Bodies are held in the object's frame, so that no coordinate is moved there and back.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator
+from dataclasses import astuple, dataclass, replace
+
+from fmopt.errors import GeometryError, TaskError
+from fmopt.geometry.csg import Difference, Placed, Primitive, Solid, Union
+from fmopt.geometry.mating_features import Feature as MatingFeature
+from fmopt.geometry.mating_features import FeatureKind
+from fmopt.geometry.part import Part, part_of
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Value
+from fmopt.task.object_model.chain import Chain, Sign, Term, chain_solid, moved
+
+UNIQUE = "names are unique"
+
+
+@dataclass(frozen=True, eq=False)
+class Instance(Value):
+    """A leaf of the tree: an instance of a convex primitive.
+
+    Args:
+        sign: whether it adds to the feature's body or takes away from it.
+        primitive: with its parameters, in m.
+        pose: in the object's frame.
+    """
+
+    sign: Sign
+    primitive: Primitive
+    pose: Pose
+
+    @property
+    def key(self) -> str:
+        """Key name of the primitive solid."""
+        return type(self.primitive).__name__.lower()
+
+    @property
+    def parameters(self) -> tuple[object, ...]:
+        """The tuple of specified parameters, in the order of the primitive's fields."""
+        return astuple(self.primitive)
+
+
+def instances(body: Solid) -> tuple[Instance, ...]:
+    """The leaves of a CSG tree, from left to right."""
+    return tuple(_leaves(body, "+", Pose.identity()))
+
+
+def _leaves(body: Solid, sign: Sign, pose: Pose) -> Iterator[Instance]:
+    match body:
+        case Placed(inner, move):
+            yield from _leaves(inner, sign, pose.compose(move))
+        case Union(parts):
+            for part in parts:
+                yield from _leaves(part, sign, pose)
+        case Difference(base, tools):
+            yield from _leaves(base, sign, pose)
+            for tool in tools:
+                yield from _leaves(tool, "-" if sign == "+" else "+", pose)
+        case _:
+            yield Instance(sign, body, pose)
+
+
+@dataclass(frozen=True, eq=False)
+class Feature(Value):
+    """A feature: a body that the object has (+) or lacks (−), with its frame.
+
+    Args:
+        name: key name, unique in its object.
+        sign: "+" for a solid feature, "-" for a hollow one.
+        frame: in the object's frame. Of a feature with a length it obeys the rules of `frames`: on the central line,
+            an axis along it; z of a hollow feature through the mouth, of a solid one from the leading end inwards.
+        body: in the object's frame.
+        length: depth of a hole or length of a peg along z, m; None for a feature that only gives shape. Such a feature
+            is never an operand, and its frame is bound by no rule.
+        through: whether a hollow feature is open at both ends.
+
+    Raises:
+        GeometryError: a length that is not positive, or a solid feature that is through.
+    """
+
+    name: str
+    sign: Sign
+    frame: Pose
+    body: Solid
+    length: float | None = None
+    through: bool = False
+
+    def __post_init__(self) -> None:
+        if self.length is not None and not (math.isfinite(self.length) and self.length > 0.0):
+            raise GeometryError(f"feature {self.name!r} has length {self.length} m", "make it positive")
+        if self.sign == "+" and self.through:
+            raise GeometryError(f"feature {self.name!r} is solid and cannot be through", "drop `through`")
+
+    @property
+    def hollow(self) -> bool:
+        """Whether the feature is prefixed −."""
+        return self.sign == "-"
+
+    @property
+    def instances(self) -> tuple[Instance, ...]:
+        """The instances that the feature is made of."""
+        return instances(self.body)
+
+    @property
+    def own_body(self) -> Solid:
+        """The body in the feature's own frame."""
+        return moved(self.body, self.frame.inverse())
+
+
+@dataclass(frozen=True, eq=False)
+class FeatureClass(Value):
+    """A feature classification of the second level, such as holes or cubes, with its features."""
+
+    name: str
+    features: tuple[Feature, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectTree(Value):
+    """An object of the workcell.
+
+    Args:
+        name: key name, unique in the workcell.
+        frame: the object's frame in the global reference frame.
+        classes: feature classes with their features.
+        order: names of all features in the order in which the object is combined from them, the first one solid.
+            Not given: as the classes list them.
+
+    Raises:
+        TaskError: names that are not unique, or an order that is none.
+    """
+
+    name: str
+    frame: Pose
+    classes: tuple[FeatureClass, ...]
+    order: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        names = [feature.name for group in self.classes for feature in group.features]
+        for group in ([group.name for group in self.classes], names):
+            if twice := [name for name in group if group.count(name) > 1]:
+                raise TaskError(f"object {self.name!r} has {twice[0]!r} twice", twice[0], UNIQUE, "rename one")
+        if not self.order:
+            object.__setattr__(self, "order", tuple(names))
+        if sorted(self.order) != sorted(names):
+            wrong = sorted(set(self.order) ^ set(names)) or [name for name in self.order if self.order.count(name) > 1]
+            raise TaskError(
+                f"the order of object {self.name!r} and its features differ in {', '.join(wrong)}",
+                wrong[0],
+                "the order names every feature once",
+                "list the features of the object, each once",
+            )
+        if not names or self.feature(self.order[0]).hollow:
+            raise TaskError(
+                f"object {self.name!r} does not begin with a solid feature",
+                self.order[0] if names else "",
+                "an object begins with a solid feature",
+                "put a feature prefixed + first",
+            )
+
+    @property
+    def features(self) -> tuple[Feature, ...]:
+        """The features in the order in which the object is combined from them."""
+        return tuple(self.feature(name) for name in self.order)
+
+    def feature(self, name: str) -> Feature:
+        """The feature of that name.
+
+        Raises:
+            TaskError: there is none.
+        """
+        found = {feature.name: feature for group in self.classes for feature in group.features}
+        if name not in found:
+            message = f"object {self.name!r} has no feature {name!r}"
+            raise TaskError(message, name, "operands exist", f"its features: {', '.join(found)}")
+        return found[name]
+
+    @property
+    def chain(self) -> Chain:
+        """The object as the chain F₁ op₁ F₂ op₂ … of its features, in the object's frame."""
+        return tuple(Term(feature.sign, feature.name, feature.body) for feature in self.features)
+
+    @property
+    def solid(self) -> Solid:
+        """The solid of all features, in the object's frame."""
+        return chain_solid(self.chain)
+
+    def solid_of(self, names: Collection[str]) -> Solid:
+        """The solid of some of the features, in the object's frame and in the object's order.
+
+        Raises:
+            GeometryError: none of them is solid.
+        """
+        return chain_solid(term for term in self.chain if term.name in names)
+
+    def at(self, frame: Pose) -> ObjectTree:
+        """The object put elsewhere."""
+        return replace(self, frame=frame)
+
+
+def tree_part(tree: ObjectTree) -> Part:
+    """The object as the contact floors see it, with the features that have a length, in the object's frame.
+
+    Raises:
+        GeometryError: the solid is empty or has edges of no thickness.
+    """
+    mating = [_mating(feature, feature.length) for feature in tree.features if feature.length is not None]
+    return part_of(tree.name, tree.solid, mating)
+
+
+def _mating(feature: Feature, length: float) -> MatingFeature:
+    kind: FeatureKind = "hollow" if feature.hollow else "solid"
+    return MatingFeature(feature.name, kind, feature.frame, length, feature.through)

@@ -1,0 +1,251 @@
+"""The workcell as a graph: objects and their features, linked by lower pairs, [LeeHuang1985] section 3.
+
+Operands: a feature with its direct neighbours in the trees and across the links, [LeeHuang1985] section 3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
+
+from fmopt.errors import TaskError
+from fmopt.geometry.clearance import deepest
+from fmopt.geometry.convex_pieces import pieces
+from fmopt.geometry.csg import Solid, Union
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Value
+from fmopt.task.object_model.chain import moved
+from fmopt.task.object_model.tree import UNIQUE, Feature, ObjectTree
+
+LowerPair: TypeAlias = Literal["cylindrical", "prismatic", "planar", "screw", "spherical", "revolute"]
+LinkKind: TypeAlias = Literal["cylindrical", "prismatic", "planar", "screw", "spherical", "revolute", "attached"]
+
+EXIST = "operands exist"
+_TOUCH = 1e-9  # m
+
+
+@dataclass(frozen=True)
+class Ref:
+    """A node of the graph: a feature of an object, or the object itself when `feature` is empty."""
+
+    object: str
+    feature: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.object}.{self.feature}" if self.feature else self.object
+
+
+@dataclass(frozen=True)
+class Link:
+    """An edge of the graph: the lower pair that joins two nodes, or "attached" for a rigid joint."""
+
+    kind: LinkKind
+    one: Ref
+    other: Ref
+
+    def joins(self, one: str, other: str) -> bool:
+        """Whether the link is between these two objects."""
+        return {self.one.object, self.other.object} == {one, other}
+
+
+@dataclass(frozen=True, eq=False)
+class Workcell(Value):
+    """All objects present, and the links between them or their features.
+
+    Raises:
+        TaskError: objects of one name, or a link to what is not there, to the same object, or given twice.
+    """
+
+    objects: tuple[ObjectTree, ...]
+    links: tuple[Link, ...] = ()
+
+    def __post_init__(self) -> None:
+        names = [tree.name for tree in self.objects]
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise TaskError(f"the workcell has two objects {twice[0]!r}", twice[0], UNIQUE, "rename one")
+        pairs: set[frozenset[Ref]] = set()
+        for link in self.links:
+            self.resolve(link.one)
+            self.resolve(link.other)
+            pair = frozenset({link.one, link.other})
+            if link.one.object == link.other.object or pair in pairs:
+                message = f"the link of {link.one} and {link.other} joins an object to itself, or is there twice"
+                raise TaskError(message, str(link.one), "a link joins two objects, once", "remove it")
+            pairs.add(pair)
+
+    def object(self, name: str) -> ObjectTree:
+        """The object of that name.
+
+        Raises:
+            TaskError: there is none.
+        """
+        for tree in self.objects:
+            if tree.name == name:
+                return tree
+        known = ", ".join(tree.name for tree in self.objects) or "none"
+        raise TaskError(f"the workcell has no object {name!r}", name, EXIST, f"its objects: {known}")
+
+    def resolve(self, ref: Ref) -> tuple[ObjectTree, Feature | None]:
+        """The object and feature of a node.
+
+        Raises:
+            TaskError: it is not there.
+        """
+        tree = self.object(ref.object)
+        return tree, tree.feature(ref.feature) if ref.feature else None
+
+    def frame(self, ref: Ref) -> Pose:
+        """The frame of an object, or of its feature, in the global reference frame."""
+        tree, feature = self.resolve(ref)
+        return tree.frame if feature is None else tree.frame.compose(feature.frame)
+
+    def connect(self, link: Link) -> Workcell:
+        """The workcell with one more link; a link of the same two nodes is replaced."""
+        kept = tuple(old for old in self.links if {old.one, old.other} != {link.one, link.other})
+        return replace(self, links=(*kept, link))
+
+    def disconnect(self, one: str, other: str) -> Workcell:
+        """The workcell without the links between two objects.
+
+        Raises:
+            TaskError: there are none.
+        """
+        kept = tuple(link for link in self.links if not link.joins(one, other))
+        if len(kept) == len(self.links):
+            raise TaskError(f"{one!r} and {other!r} are not linked", one, "only what is linked is taken apart")
+        return replace(self, links=kept)
+
+    def add(self, tree: ObjectTree) -> Workcell:
+        """The workcell with one more object."""
+        return replace(self, objects=(*self.objects, tree))
+
+    def moved(self, names: Iterable[str], move: Pose) -> Workcell:
+        """The workcell with some objects moved: a point at x of the global reference frame goes to move.apply(x)."""
+        chosen = set(names)
+        return replace(
+            self,
+            objects=tuple(tree.at(move.compose(tree.frame)) if tree.name in chosen else tree for tree in self.objects),
+        )
+
+    def group(self, name: str, apart_from: str = "") -> tuple[str, ...]:
+        """The objects that are linked to one, directly or through others, itself first.
+
+        Args:
+            name: the object.
+            apart_from: an object whose direct links to it do not count.
+        """
+        self.object(name)
+        found = [name]
+        for reached in found:
+            for link in self.links:
+                ends = (link.one.object, link.other.object)
+                if reached in ends and not link.joins(name, apart_from):
+                    found += [end for end in ends if end not in found]
+        return tuple(found)
+
+    def neighbours(self, ref: Ref) -> tuple[Ref, ...]:
+        """The nodes directly connected with a feature: those of its object that it touches, and those linked to it.
+
+        A feature counts as linked where its object is.
+        """
+        own = _touching(self.object(ref.object), ref.feature)
+        return own + tuple(self._across(ref))
+
+    def _across(self, ref: Ref) -> list[Ref]:
+        found = []
+        for link in self.links:
+            for near, far in ((link.one, link.other), (link.other, link.one)):
+                if near.object == ref.object and near.feature in ("", ref.feature):
+                    found.append(far)
+        return found
+
+    def operand(self, ref: Ref, apart_from: frozenset[str] = frozenset()) -> tuple[Ref, ...]:
+        """The features of an operand: the feature-operand, those of its object that it touches, and across every link
+        of one of these the linked feature with those that it touches in its own object.
+
+        Args:
+            ref: the feature-operand.
+            apart_from: objects that are left out.
+        """
+        own = (ref, *_touching(self.object(ref.object), ref.feature))
+        found = list(own)
+        for far in (far for near in own for far in self._across(near)):
+            if far.object not in apart_from and far.object != ref.object:
+                tree = self.object(far.object)
+                names = [far.feature, *(near.feature for near in _touching(tree, far.feature))]
+                found += [Ref(far.object, n) for n in (names if far.feature else tree.order)]
+        return tuple(dict.fromkeys(found))
+
+
+def _touching(tree: ObjectTree, name: str) -> tuple[Ref, ...]:
+    """The other features of an object whose bodies overlap or touch that of one."""
+    if not name:
+        return ()
+    body = tree.feature(name).body
+    return tuple(
+        Ref(tree.name, other.name)
+        for other in tree.features
+        if other.name != name and deepest(pieces(body), pieces(other.body)) >= -_TOUCH
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Operand(Value):
+    """One side of an answer.
+
+    Args:
+        ref: the feature-operand.
+        feature: the same, as the object's tree has it.
+        members: the feature-operand and its direct neighbours in the trees and across the links.
+        solid: their solid, in the feature-operand's frame.
+        true: the same less what takes away from it next to the feature-operand: filled in, a part that is not convex
+            would not go into its hole.
+        whole: the solid of all objects of this side with all their features, in the same frame.
+        frame: of the feature-operand in the global reference frame at the start, H_ow.
+    """
+
+    ref: Ref
+    feature: Feature
+    members: tuple[Ref, ...]
+    solid: Solid
+    true: Solid
+    whole: Solid
+    frame: Pose
+
+
+def operand_of(workcell: Workcell, ref: Ref, group: tuple[str, ...], frame: Pose) -> Operand:
+    """The operand of a feature.
+
+    Args:
+        workcell: where it is.
+        ref: the feature-operand.
+        group: the objects of its side, as they are linked.
+        frame: of the operand in the global reference frame.
+    """
+    feature = workcell.object(ref.object).feature(ref.feature)
+    others = frozenset(tree.name for tree in workcell.objects) - set(group)
+    around = members = workcell.operand(ref, others)
+    if not feature.hollow:
+        # The moving operand keeps its solid neighbours only, [LeeHuang1985] appendix B: its operators are all +.
+        members = tuple(r for r in members if not workcell.object(r.object).feature(r.feature).hollow)
+    all_of = {name: frozenset(workcell.object(name).order) for name in group}
+    some_of = {r.object: frozenset(m.feature for m in members if m.object == r.object) for r in members}
+    true_of = {r.object: frozenset(m.feature for m in around if m.object == r.object) for r in members}
+    whole = _together(workcell, all_of, frame.inverse())
+    solid = whole if list(some_of.items()) == list(all_of.items()) else _together(workcell, some_of, frame.inverse())
+    true = (
+        solid if true_of == some_of else whole if true_of == all_of else _together(workcell, true_of, frame.inverse())
+    )
+    return Operand(ref, feature, members, solid, true, whole, frame)
+
+
+def _together(workcell: Workcell, features: Mapping[str, frozenset[str]], into: Pose) -> Solid:
+    """The solid of some features of some objects, in the frame that `into` leads to; no material, no object."""
+    parts = [(workcell.object(name), names) for name, names in features.items()]
+    solids = tuple(
+        moved(tree.solid_of(names), into.compose(tree.frame))
+        for tree, names in parts
+        if any(not tree.feature(name).hollow for name in names)
+    )
+    return solids[0] if len(solids) == 1 else Union(solids)

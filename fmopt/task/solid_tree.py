@@ -1,0 +1,361 @@
+"""The tree of named solids of a model file: its references checked, and the part it describes built."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING, assert_never
+
+import numpy as np
+
+from fmopt.errors import Fault, GeometryError, InputError, TaskError
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
+from fmopt.task.mesh_source import deviation, geometry_fault, imported
+from fmopt.task.toml import model_file as files
+from fmopt.task.toml.source import Key, Place, Source
+from fmopt.task.toml.units import did_you_mean
+
+if TYPE_CHECKING:
+    from fmopt.geometry import csg
+    from fmopt.geometry.mating_features import Feature
+    from fmopt.geometry.part import Part
+    from fmopt.task.object_model.chain import Chain
+    from fmopt.task.object_model.tree import ObjectTree
+
+MAX_INSTANCES = 1000
+_MERIDIANS = 16  # of the polyhedron that stands for a ball in the tree of features
+
+
+def tree_faults(source: Source, file: files.ModelFile) -> list[Fault]:
+    """Faults of the references: unknown solids, cycles, solids that nothing uses, trees that grow too large."""
+    if file.part is None:
+        place = Place(str(source.path), key="part")
+        return [place.fault("missing-key", "this key is missing", "name the solid that the part is")]
+    faults = []
+    references = {name: list(_references(name, solid)) for name, solid in file.solids.items()}
+    for key, target in [(("part",), file.part), *(pair for pairs in references.values() for pair in pairs)]:
+        if target not in file.solids:
+            advice = did_you_mean(target, dict(file.solids)) or f"solids: {', '.join(file.solids)}"
+            faults.append(source.place(key).fault("unknown-solid", f"there is no solid {target!r}", advice))
+    if faults:
+        return faults
+    order: dict[str, int] = {}
+    for name in file.solids:
+        cycle = _count(name, references, order, ())
+        if cycle is not None:
+            message = f"the solid {cycle!r} is made of itself"
+            return [source.place(("solids", cycle), of_key=True).fault("cycle", message, "break the circle of names")]
+    if order[file.part] > MAX_INSTANCES:
+        message = f"the tree has {order[file.part]} instances"
+        return [source.place(("part",)).fault("too-large", message, f"use at most {MAX_INSTANCES}")]
+    used = _reachable(file.part, references)
+    return [
+        source.place(("solids", name), of_key=True).fault(
+            "unused-solid", f"nothing uses the solid {name!r}", "name it in a union or difference, or remove it"
+        )
+        for name in file.solids
+        if name not in used
+    ]
+
+
+def _references(name: str, solid: files.Shape) -> Iterator[tuple[Key, str]]:
+    match solid:
+        case files.Union(of=of):
+            yield from ((("solids", name, "of", i), target) for i, target in enumerate(of))
+        case files.Difference(of=base, minus=minus):
+            yield ("solids", name, "of"), base
+            yield from ((("solids", name, "minus", i), target) for i, target in enumerate(minus))
+
+
+def _count(
+    name: str, references: dict[str, list[tuple[Key, str]]], counts: dict[str, int], above: tuple[str, ...]
+) -> str | None:
+    """Fills in how many instances each solid expands to; returns a solid that contains itself, if any."""
+    if name in above:
+        return name
+    if name not in counts:
+        total = 1
+        for _, target in references[name]:
+            cycle = _count(target, references, counts, (*above, name))
+            if cycle is not None:
+                return cycle
+            total += counts[target]
+        counts[name] = min(total, 10**9)
+    return None
+
+
+def _reachable(root: str, references: dict[str, list[tuple[Key, str]]]) -> set[str]:
+    found: set[str] = set()
+    waiting = [root]
+    while waiting:
+        name = waiting.pop()
+        if name not in found:
+            found.add(name)
+            waiting.extend(target for _, target in references[name])
+    return found
+
+
+def part_reach(source: Source, file: files.ModelFile) -> Array:
+    """Points (n, 3) in m whose bounding box holds the part of a checked model file with solids or a profile.
+
+    Raises:
+        InputError: a solid has no volume; at its place in the file.
+    """
+    from fmopt.geometry.section import reach
+
+    if file.profile is None:
+        round_ = [centre + side * radius for centre, radius in _balls(file) for side in (-1.0, 1.0)]
+        return np.vstack([reach(_solid(source, file, file.part or "")), *round_])
+    return np.array([(x, 0.0, z) for polygon in file.profile.polygons for x, z in polygon])
+
+
+def build_part(source: Source, file: files.ModelFile) -> Part:
+    """The part of a checked model file, in its model frame.
+
+    Raises:
+        InputError: no solid comes out; at the place of the solid or mesh in the file.
+    """
+    from fmopt.geometry.part import mesh_part, part_of, with_balls
+
+    features = [_feature(name, feature) for name, feature in file.features.items()]
+    kind = "part" if file.mesh is None else "mesh"
+    notes = tuple(_found(_feature(name, file.features[name]), kind) for name in unstated(source, file))
+    if file.mesh is not None:
+        mesh = imported(source, file.mesh)
+        try:
+            part = mesh_part(file.name, mesh, features, deviation(file.mesh))
+            return replace(part, notes=(*part.notes, *notes))
+        except GeometryError as error:
+            raise InputError(geometry_fault(source, file.mesh, error)) from error
+    if file.profile is not None:
+        try:
+            return part_of(file.name, _extruded(file, file.profile), features)
+        except GeometryError as error:
+            raise InputError(
+                source.place(("profile", "polygons")).fault("geometry", error.message, error.advice)
+            ) from error
+    root = file.part or ""
+    solid = _solid(source, file, root)
+    try:
+        part = replace(part_of(file.name, solid, features), notes=notes)
+    except GeometryError as error:
+        place = source.place(("solids", root), of_key=True)
+        raise InputError(place.fault("geometry", error.message, error.advice)) from error
+
+    try:
+        return with_balls(part, _balls(file)) if file.balls else part
+    except GeometryError as error:
+        place = source.place(("balls",), of_key=True)
+        raise InputError(place.fault("geometry", error.message, error.advice)) from error
+
+
+def _balls(file: files.ModelFile) -> list[tuple[Array, float]]:
+    """Centres (3,) and radii of the balls of a model, m."""
+    return [(np.array(ball.at), ball.radius) for ball in file.balls.values()]
+
+
+def build_tree(source: Source, file: files.ModelFile) -> ObjectTree:
+    """The object tree of a checked model file, its frames checked, after [LeeHuang1985] section 3.
+
+    A mesh, and a part with a feature that none of its solids make (a hole that others leave between them), becomes its
+    convex hull less convex bodies.
+
+    Raises:
+        InputError: no solid comes out, or a feature breaks a rule; at its place in the file.
+    """
+    from fmopt.geometry.convex_pieces import polyhedron
+    from fmopt.geometry.inverse_csg import MESH_NOISE, solid_of
+    from fmopt.geometry.mesh.mesh_import import come_apart
+    from fmopt.task.object_model.chain import chain_of, chain_solid
+    from fmopt.task.object_model.classify import Claim, is_made, object_tree
+    from fmopt.task.object_model.frames import checked
+
+    features = [_feature(name, feature) for name, feature in file.features.items()]
+    claims = {
+        name: Claim(feature.classification or "", feature.solids or ()) for name, feature in file.features.items()
+    }
+    try:
+        chain = _whole_chain(source, file)
+        if all(claims[feature.name].terms or is_made(chain, feature) for feature in features):
+            tree = object_tree(file.name, chain, features, claims)
+            if not unstated(source, file) or any(claim.terms for claim in claims.values()) or _is_central(tree):
+                return checked(tree)
+        if file.mesh is None:
+            body = polyhedron(chain_solid(chain))
+            solid = solid_of(body, MESH_NOISE * body.diameter)
+        else:
+            solid, _ = come_apart(imported(source, file.mesh))
+        chain = chain_of(solid, file.name)
+        return checked(object_tree(file.name, chain, features, claims))
+    except TaskError as error:
+        key = ("features", error.feature) if error.feature in file.features else ("features",)
+        raise InputError(source.place(key, of_key=True).fault("frame-rule", error.message, error.advice)) from error
+    except GeometryError as error:
+        place = source.place(("solids", file.part) if file.part else ("mesh", "file"), of_key=True)
+        raise InputError(place.fault("geometry", error.message, error.advice)) from error
+
+
+def _is_central(tree: ObjectTree) -> bool:
+    """Whether all frames obey the rules beside the solids that their features are made of.
+
+    One that was found may be that of several solids together, of which none is the feature.
+    """
+    from fmopt.task.object_model.frames import checked
+
+    try:
+        checked(tree)
+    except TaskError:
+        return False
+    return True
+
+
+def _whole_chain(source: Source, file: files.ModelFile) -> Chain:
+    """The chain of the part; none for a mesh, one term for a profile. Polyhedra stand for balls."""
+    from fmopt.geometry import csg
+    from fmopt.task.object_model.chain import Term, joined
+
+    if file.profile is not None:
+        return (Term("+", file.name, _extruded(file, file.profile)),)
+    if file.mesh is not None:
+        return ()
+    found = _chain(source, file, file.part or "")
+    for name, ball in file.balls.items():
+        solid = csg.Placed(csg.Sphere(ball.radius, _MERIDIANS), Pose.from_vector([*ball.at, 0.0, 0.0, 0.0]))
+        found = joined(found, (Term("+", name, solid),))
+    return found
+
+
+def _chain(source: Source, file: files.ModelFile, name: str) -> Chain:
+    """The chain of a named solid, its terms called by the names of the file."""
+    from fmopt.task.object_model.chain import Term, joined, moved_chain, without
+
+    table = file.solids[name]
+    match table:
+        case files.Union(of=of):
+            first, *others = (_chain(source, file, target) for target in of)
+            for other in others:
+                first = joined(first, other)
+        case files.Difference(of=base, minus=minus):
+            first = _chain(source, file, base)
+            for target in minus:
+                first = without(first, _chain(source, file, target))
+        case files.Prism(holes=holes) if holes:
+            outer, cuts = _prism(table)
+            tools = tuple(Term("+", f"{name}-hole-{i}", cut) for i, cut in enumerate(cuts, 1))
+            first = without((Term("+", name, outer),), tools)
+        case _:
+            return (Term("+", name, _solid(source, file, name)),)
+    return moved_chain(first, Pose.from_vector([*table.at, *table.turn]))
+
+
+def _solid(source: Source, file: files.ModelFile, name: str) -> csg.Solid:
+    from fmopt.geometry import csg
+
+    table = file.solids[name]
+    try:
+        solid = _shape(source, file, table)
+    except GeometryError as error:
+        place = source.place(("solids", name), of_key=True)
+        raise InputError(place.fault("geometry", error.message, error.advice)) from error
+    if any(table.at) or any(table.turn):
+        return csg.Placed(solid, Pose.from_vector([*table.at, *table.turn]))
+    return solid
+
+
+def _extruded(file: files.ModelFile, profile: files.Profile) -> csg.Solid:
+    """The solid that stands for a profile: a ridge where it mates by a solid feature, a slab where by a hollow one."""
+    from fmopt.geometry.part import ridge, slab
+
+    moving = all(feature.kind == "solid" for feature in file.features.values())
+    return ridge(profile.polygons[0]) if moving else slab(profile.polygons)
+
+
+def _shape(source: Source, file: files.ModelFile, table: files.Shape) -> csg.Solid:
+    from fmopt.geometry import csg
+
+    match table:
+        case files.Box(size=size, chamfer=chamfer):
+            return csg.chamfered_box(size, chamfer) if chamfer > 0.0 else csg.Box(size)
+        case files.Cylinder(radius=radius, height=height, sides=sides):
+            return csg.Cylinder(radius, height, sides)
+        case files.Cone(radius_bottom=bottom, radius_top=top, height=height, sides=sides):
+            return csg.Cone(bottom, top, height, sides)
+        case files.Sphere(radius=radius, sides=sides):
+            return csg.Sphere(radius, sides)
+        case files.Prism():
+            outer, holes = _prism(table)
+            return csg.Difference(outer, holes) if holes else outer
+        case files.Stack(sections=sections):
+            from fmopt.geometry.outline_solids import stack
+
+            return stack([(section.at, section.polygon) for section in sections])
+        case files.Wedge(size=size, top_x=top_x):
+            return csg.Wedge(size, top_x)
+        case files.Hull(points=points):
+            return csg.Hull(points)
+        case files.Union(of=of):
+            return csg.Union(tuple(_solid(source, file, target) for target in of))
+        case files.Difference(of=base, minus=minus):
+            return csg.Difference(_solid(source, file, base), tuple(_solid(source, file, target) for target in minus))
+        case _:
+            assert_never(table)
+
+
+def _prism(table: files.Prism) -> tuple[csg.Solid, tuple[csg.Solid, ...]]:
+    """A prism without its holes, and what is cut out of it for them, standing out at both ends."""
+    from fmopt.geometry import csg
+    from fmopt.geometry.outline_solids import is_convex, stack
+
+    height, proud = table.height, 0.5 * table.height
+    convex = is_convex(table.polygon)
+    outer = csg.Prism(table.polygon, height) if convex else stack([(0.0, table.polygon), (height, table.polygon)])
+    return outer, tuple(stack([(-proud, hole), (height + proud, hole)]) for hole in table.holes)
+
+
+def unstated(source: Source, file: files.ModelFile) -> tuple[str, ...]:
+    """The names of the features of which a model file leaves something to be found."""
+    stated = source.data.get("features", {})
+    return tuple(name for name in file.features if not {"at", "length"} <= set(stated.get(name, {})))
+
+
+def bare_part(source: Source, file: files.ModelFile) -> Part:
+    """The part of a checked model file with solids or a mesh, its features as they are found on it.
+
+    Raises:
+        InputError: no solid comes out, or nothing is found on it; at its place in the file.
+        ResourceError: a STEP file without the extra that reads it.
+    """
+    from fmopt.geometry.mating_features import found_features
+    from fmopt.geometry.part import mesh_part, part_of
+
+    try:
+        if file.mesh is not None:
+            return mesh_part(file.name, imported(source, file.mesh))
+        part = part_of(file.name, _solid(source, file, file.part or ""))
+        return replace(part, features=found_features(part.polyhedron, part.pieces))
+    except GeometryError as error:
+        if file.mesh is not None:
+            raise InputError(geometry_fault(source, file.mesh, error)) from error
+        place = source.place(("solids", file.part or ""), of_key=True)
+        raise InputError(place.fault("geometry", error.message, error.advice)) from error
+
+
+def _found(feature: Feature, kind: str) -> str:
+    """A feature that the model file leaves to be found, as it would be written there."""
+    x, y, z, *turn = feature.frame.vector().tolist()
+    at = ", ".join(f"{1e3 * value + 0.0:.9g}" for value in (x, y, z))
+    about = ", ".join(f"{math.degrees(angle) + 0.0:.9g}" for angle in turn)
+    through = ", through" if feature.through else ""
+    return (
+        f"found: [features.{feature.name}] of the {kind}, {feature.kind}, at = [{at}] mm, turn = [{about}] deg, "
+        f"length = {1e3 * feature.length:.9g} mm{through}"
+    )
+
+
+def _feature(name: str, table: files.MatingFeature) -> Feature:
+    from fmopt.geometry.mating_features import Feature
+
+    at, length = table.at or (0.0, 0.0, 0.0), table.length or 0.0
+    return Feature(name, table.kind, Pose.from_vector([*at, *table.turn]), length, table.through)

@@ -1,0 +1,1 @@
+"""Exact and fixed-point arithmetic, and exact tests of points and planes."""

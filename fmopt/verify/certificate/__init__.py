@@ -1,0 +1,1 @@
+"""The claims of a plan's segments, derived again."""

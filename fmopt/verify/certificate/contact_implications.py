@@ -1,0 +1,355 @@
+"""What held contacts say exactly: body points on walls, flush faces, and what follows from them.
+
+While contacts are held, their functions are zero on every execution, not only nearly so. The height of a body point
+over a wall is affine in the point: two known points of a line put the line on the wall, a line and a point off it put
+a whole body plane there (a flush). A flush turns a body normal onto a known world direction; height differences along
+it, and with two flushes all of them, are known numbers. So they are with one flush and an edge in another wall: it is
+level with that wall and at a known angle to the flush. Nothing here uses an error set.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from fmopt.verify.arithmetic.exact import height, parallel, turned_over
+from fmopt.verify.arithmetic.rational import ONE, Matrix, Vector, dot, length, neg, scaled, sub, times, turned, unit
+from fmopt.verify.parts.assembly import Assembly, Touch
+from fmopt.verify.parts.incidence import Flush, Turn, about, cancel, crossing, directed, image_of, steep
+from fmopt.verify.parts.solids import DEVIATION, ROUNDING, Line, Plane, line, short
+
+
+@dataclass
+class Wall:
+    """A fixed plane and what is known to lie on it.
+
+    Attributes:
+        plane: the wall, normal towards the moving part.
+        points: body points exactly on it.
+        between: pairs of body points with an unknown point strictly between them on it.
+        flush: body planes that lie in it.
+        looked: how many points, flushes and turns there were when conclusions were last looked for.
+    """
+
+    plane: Plane
+    points: list[Vector] = field(default_factory=list)
+    between: list[tuple[Vector, Vector]] = field(default_factory=list)
+    flush: list[Flush] = field(default_factory=list)
+    looked: tuple[int, int, int] = (0, 0, 0)
+    _lines: tuple[int, int, tuple[Line, ...]] = (0, 0, ())
+
+    def lines(self, assembly: Assembly) -> tuple[Line, ...]:
+        """Body lines in the wall: two points, or an end of an edge and a point within the edge."""
+        known = len(self.points), len(self.between)
+        if self._lines[:2] != known:
+            self._lines = *known, tuple(self._distinct(assembly))
+        return self._lines[2]
+
+    def _distinct(self, assembly: Assembly) -> list[Line]:
+        n = len(self.points)
+        pairs = [(self.points[i], self.points[j]) for i in range(n) for j in range(i)]
+        pairs += [(a, b) for a, b in self.between if a in self.points or b in self.points]
+        distinct: list[Line] = []
+        for a, b in pairs:
+            if not any(assembly.holds(known, a) and assembly.holds(known, b) for known in distinct):
+                distinct.append(line(a, b))
+        return distinct
+
+
+def taken_turns(assembly: Assembly, touch: Touch, held: Sequence[Touch]) -> Plane | None:
+    """The wall along an edge contact's fixed edge that its moving edge lies in whether or not it still crosses there.
+
+    Held on the wall is one end of the moving edge, and either its other end or a crossing of the same edge with another
+    rim of the wall. When the end slips over the rim, the crossing there takes over from it, and both have the same
+    zeros: the edge's line in the wall. None when there is no such wall.
+    """
+    for face in touch.faces:
+        ends = [
+            other.moving[0] for other in held if other.kind == "vertex-face" and assembly.agree(face, other.faces[0])
+        ]
+        on = [end for end in touch.moving if end in ends]
+        if len(on) == 2 or (on and any(other_rim(assembly, touch, other, face) for other in held)):
+            return face
+    return None
+
+
+def other_rim(assembly: Assembly, touch: Touch, other: Touch, wall: Plane) -> bool:
+    """Whether another contact has the same moving edge against another rim of the wall."""
+    return (
+        other.kind == "edge-edge"
+        and set(other.indices[0]) == set(touch.indices[0])
+        and set(other.indices[1]) != set(touch.indices[1])
+        and any(assembly.agree(wall, face) for face in other.faces)
+    )
+
+
+class Facts:
+    """What a set of contacts, held exactly, implies.
+
+    Args:
+        assembly: parts and contacts.
+        held: the contacts; their bounds (that edges cross inside) are checked elsewhere.
+        R: a nominal rotation while they are held; it only tells the two sides of a flush face apart.
+    """
+
+    def __init__(self, assembly: Assembly, held: Sequence[Touch], R: Matrix) -> None:
+        self.assembly = assembly
+        self.held = tuple(held)
+        self.R = R
+        self.walls: list[Wall] = []
+        self.turns: list[Turn] = []
+        self._wholes: tuple[int, tuple[Turn, Turn] | None] = (0, None)
+        for touch in held:
+            if touch.kind == "vertex-face":
+                self._point(self._wall(touch.faces[0]), touch.moving[0])
+            elif touch.kind == "edge-edge":
+                shared = taken_turns(assembly, touch, held)
+                if shared is not None:
+                    for v in touch.moving:
+                        self._point(self._wall(shared), v)
+                else:
+                    for plane in touch.faces:
+                        self._wall(plane).between.append((touch.moving[0], touch.moving[1]))
+        while self._grow() or self._turn_edge():
+            pass
+
+    def _wall(self, plane: Plane) -> Wall:
+        for wall in self.walls:
+            if self.assembly.agree(wall.plane, plane):
+                return wall
+        self.walls.append(Wall(plane))
+        return self.walls[-1]
+
+    def on(self, plane: Plane) -> Wall:
+        """What is known about a plane."""
+        return next((w for w in self.walls if self.assembly.agree(w.plane, plane)), Wall(plane))
+
+    @staticmethod
+    def _point(wall: Wall, v: Vector) -> bool:
+        if v in wall.points:
+            return False
+        wall.points.append(v)
+        return True
+
+    def _grow(self) -> bool:
+        """One round of conclusions; whether anything new came of it."""
+        grown = False
+        for wall in self.walls:
+            known = len(wall.points), len(wall.flush), len(self.turns)
+            if wall.looked == known:
+                continue
+            wall.looked = known
+            lines = wall.lines(self.assembly)
+            for l in lines:
+                grown |= self._planes(wall, l)
+            for v in self.assembly.body_points:
+                if v not in wall.points and (
+                    any(self.assembly.holds(l, v) for l in lines)
+                    or any(height(flush.exact, self.assembly.point(v)) == 0 for flush in wall.flush)
+                    or (self.turns and any(self.level(wall.plane, v, p) for p in wall.points))
+                ):
+                    grown |= self._point(wall, v)
+        return grown
+
+    def _planes(self, wall: Wall, l: Line) -> bool:
+        """Body planes spanned in the wall by a line and something known off it."""
+        candidates = list(wall.points)
+        for a, b in wall.between:
+            # An unknown point between a and b is off the line, and in one plane with it, when just one end is on it.
+            if (on := self.assembly.holds(l, a)) != self.assembly.holds(l, b):
+                candidates.append(b if on else a)
+        grown = False
+        for p in candidates:
+            flush = self.assembly.spanned(l, p)
+            if flush is None or any(parallel(flush.exact, known.exact) for known in wall.flush):
+                continue
+            towards = dot(turned(self.R, flush.plane.normal), wall.plane.normal)
+            if towards > 0:
+                flush = Flush(Plane(neg(flush.plane.normal), -flush.plane.offset), turned_over(flush.exact))
+            if abs(towards) < ONE >> 1:
+                continue
+            wall.flush.append(flush)
+            against = turned_over(self.assembly.exact(wall.plane))
+            self.turns.append(Turn(flush.plane.normal, neg(wall.plane.normal), flush.exact[:3], against[:3], None))
+            grown = True
+        return grown
+
+    def _turn_edge(self) -> bool:
+        """Whether a body edge was found that lies in a wall and that a flush elsewhere leaves but one direction.
+
+        Level with the wall and at a known angle to the flush there are two, apart whatever the errors are: it is the
+        one that the nominal rotation says.
+        """
+        for touch in self.held:
+            if touch.kind != "edge-edge":
+                continue
+            u, exact = touch.moving_line.direction, self.assembly.way(*touch.moving)
+            if any(parallel(turn.exact, exact) for turn in self.turns) or self._whole is not None:
+                continue
+            for plane in touch.faces:
+                if all(self._on_wall(plane, v) for v in touch.moving):
+                    for turn in self.turns:
+                        there = directed(plane.normal, turn.world, dot(turn.body, u), turned(self.R, u))
+                        if there is not None:
+                            normal = self.assembly.exact(plane)[:3]
+                            self.turns.append(Turn(u, there, exact, crossing(normal, turn, exact, there), normal))
+                            return True
+        return False
+
+    @property
+    def _whole(self) -> tuple[Turn, Turn] | None:
+        """Two turns that together say how the whole body is turned, the first that do."""
+        known = len(self.turns)
+        if self._wholes[0] != known:
+            pairs = ((self.turns[i], self.turns[j]) for i in range(known) for j in range(i))
+            self._wholes = known, next((pair for pair in pairs if steep(*pair)), None)
+        return self._wholes[1]
+
+    def image(self, w: Vector) -> Vector | None:
+        """R w for a body vector when the flushes and turned edges say how the whole body is turned, else None."""
+        pair = self._whole
+        if pair is None:
+            return None
+        found = self._images.get(w)
+        if found is None:
+            found = self._images[w] = image_of(*pair, w)
+        return found
+
+    @cached_property
+    def _images(self) -> dict[Vector, Vector]:
+        return {}  # the two turns stay the first that there are
+
+    def keeps(self, normal: Vector, d: Vector) -> bool:
+        """Whether a body direction is known to be level with planes of a normal, both given exactly.
+
+        It is decided and not measured: either the direction is one that is turned onto one level with them, or the two
+        turned directions that it is made of, and the one across them, cancel exactly.
+        """
+        if not any(d) or any(parallel(turn.exact, d) and turn.keeps(normal) for turn in self.turns):
+            return True
+        pair = self._whole
+        return pair is not None and cancel(*pair, normal, d)
+
+    def level(self, plane: Plane, v: Vector, w: Vector) -> bool:
+        """Whether two body points are known to be equally high over a wall."""
+        key = len(self.turns), plane, v, w
+        found = self._levels.get(key)
+        if found is None:
+            image = self.image(sub(v, w))
+            far = image is not None and abs(dot(plane.normal, image)) > ROUNDING
+            found = not far and self.keeps(self.assembly.exact(plane)[:3], self.assembly.way(w, v))
+            self._levels[key] = found
+        return found
+
+    @cached_property
+    def _levels(self) -> dict[tuple[int, Plane, Vector, Vector], bool]:
+        return {}
+
+    def rises(self, normal: Vector, d: Vector) -> bool:
+        """Whether a body vector d cannot fall along a unit normal, by one known direction or by all of them.
+
+        The vector keeps its part along the direction: it rises by that part's height less all of the rest. What the
+        arithmetic is off by, `ROUNDING`, is allowed: what is taken off the rows that are left is more.
+        """
+        for turn in self.turns:
+            along, rise = dot(turn.body, d), dot(turn.world, normal)
+            rest = times(length(sub(d, scaled(along, turn.body))), length(sub(normal, scaled(rise, turn.world))))
+            if times(along, rise) - rest >= -ROUNDING:
+                return True
+        image = self.image(d)
+        return image is not None and dot(normal, image) >= -ROUNDING
+
+    def beside(self, v: Vector, w: Vector, base: Line) -> bool:
+        """Whether the vector from w to v is known to point along a world line."""
+        d = self.assembly.way(w, v)
+        if not any(d):
+            return True
+        along = self.assembly.way(base.point, base.far)
+        for turn in self.turns:
+            if turn.onto is not None and parallel(turn.exact, d) and parallel(turn.onto, along):
+                return True
+        return self._whole is not None and all(self.keeps(normal, d) for normal in about(along))
+
+    def implies(self, touch: Touch) -> bool:
+        """Whether a contact's function is zero because those of the held ones are."""
+        if any(touch.id == known.id for known in self.held):
+            return True
+        if touch.kind == "vertex-face":
+            return self._on_wall(touch.faces[0], touch.moving[0])
+        assembly = self.assembly
+        if touch.kind == "ball-face":
+            same = (known for known in self.held if known.kind == touch.kind and known.moving == touch.moving)
+            return any(assembly.agree(known.faces[0], touch.faces[0]) for known in same)
+        if touch.kind == "face-vertex":
+            assert touch.plane is not None
+            own, w = assembly.exact(touch.plane), assembly.point(touch.fixed[0])
+            return any(
+                height(assembly.exact(wall.plane), w) == 0 and any(flush.exact == own for flush in wall.flush)
+                for wall in self.walls
+            )
+        if any(self._on_wall(plane, a) and self._on_wall(plane, b) for plane in touch.faces for a, b in [touch.moving]):
+            return True
+        return any(
+            known.kind == "edge-edge"
+            and assembly.one_line(known.fixed_line, touch.fixed_line)
+            and parallel(assembly.way(*known.moving), assembly.way(*touch.moving))
+            and self.beside(touch.moving[0], known.moving[0], touch.fixed_line)
+            for known in self.held
+        )
+
+    def _on_wall(self, plane: Plane, v: Vector) -> bool:
+        return v in self.on(plane).points
+
+    def not_below(self, wall_plane: Plane, vertices: Sequence[Vector], above: Iterable[Vector]) -> set[int]:
+        """Which body points are on or above a wall, given some vertices known to be on or above it.
+
+        On a line in the wall every point is zero; on a body plane hinged there all points on the side of one that is
+        not below are not below; nor are points beyond such a one, seen from a point in the wall. The points, lines and
+        planes that are known to be there are exact. The body points asked for may be vertices of pieces, off them by
+        `DEVIATION`: as the body is rigid they are below the wall by no more than that, and nothing follows from them.
+        """
+        wall = self.on(wall_plane)
+        raised = list(above)
+        if self.turns and raised:
+            raised += [v for v in self.assembly.body_points if any(self.level(wall_plane, v, p) for p in raised)]
+        lines = wall.lines(self.assembly)
+        known = (*wall.points, *raised)
+        done = set()
+        for n, v in enumerate(vertices):
+            if (
+                v in known
+                or any(near(sub(v, p)) for p in known)
+                or any(near(l.away(v)) for l in lines)
+                or any(abs(flush.plane.height(v)) <= DEVIATION for flush in wall.flush)
+                or any(_same_side(l, v, p) for l in lines for p in raised)
+                or any(_beyond(z, v, p) for z in wall.points for p in raised)
+            ):
+                done.add(n)
+        return done
+
+
+def near(offset: Vector) -> bool:
+    """Whether an offset is no longer than `DEVIATION`."""
+    a, b, c = offset
+    return abs(a) <= DEVIATION and abs(b) <= DEVIATION and abs(c) <= DEVIATION and length(offset) <= DEVIATION
+
+
+def _same_side(l: Line, v: Vector, p: Vector) -> bool:
+    """Whether v lies in the half-plane that the line bounds and p spans, up to `DEVIATION`."""
+    across = l.away(p)
+    if short(across):
+        return False
+    u, d = unit(across), l.away(v)
+    t = dot(d, u)
+    return t > 0 and near(sub(d, scaled(t, u)))
+
+
+def _beyond(z: Vector, v: Vector, p: Vector) -> bool:
+    """Whether v lies on the ray from z through p, up to `DEVIATION`."""
+    if z == p:
+        return False
+    u = unit(sub(p, z))
+    d = sub(v, z)
+    t = dot(d, u)
+    return t > 0 and near(sub(d, scaled(t, u)))

@@ -1,0 +1,397 @@
+"""One piece of motion: how the error set is carried through it, re-derived from the plan's own statements.
+
+The model. From an error e₀ the execution runs along the commanded twist with a drift inside the stated bounds (a ball
+of translations and a ball of turns, both at once, which grow with the distance travelled), gives way along the
+compliant directions so that held contacts stay at zero, and, when a contact m is being made, goes on until it touches.
+Errors that are fixed in the hole or in the hand move on with the part, see `errors`. Measured on its own way, at every
+fraction s
+
+    e(s) = (1 − s)(ẽ₀ + Σ T^S_i t_i) + s (ẽ₁ + Σ T^G_i t_i),   |t_i| ≤ thickness_i,
+
+ẽ₀ in the start set without its old thickness, ẽ₁ = Π(ẽ₀ + what frames and drift add), T^S and T^G dual to the
+contacts' rows at either end. A row's linear part is therefore bounded at the two ends, and its remainder by
+`rows`. Thickness is what a contact's own row leaves: its remainder, and its value at the nominal poses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from fmopt.verify.arithmetic.rational import (
+    BITS,
+    ONE,
+    SLACK,
+    ArithmeticRefusal,
+    Row,
+    Vector,
+    length,
+    logarithm,
+    over,
+    product,
+    row_dot,
+    spread,
+    sub,
+    times,
+    transposed,
+)
+from fmopt.verify.certificate.error_set import (
+    NO_ROW,
+    NOTHING,
+    ErrorSet,
+    blurred,
+    complement,
+    congruent,
+    dual,
+    gram,
+    image,
+    magnified,
+    measure,
+    metric,
+    outer_sum,
+    row_of,
+    seen,
+    spheres,
+    square_of,
+    stretched,
+    without,
+)
+from fmopt.verify.parts.assembly import Assembly, Touch
+from fmopt.verify.parts.rows import (
+    DirectionAlong,
+    Distance,
+    Extent,
+    Function,
+    PointAbove,
+    Pose,
+    coarse,
+    remainder,
+    size,
+)
+
+_HALF = ONE >> 1
+
+
+@dataclass(frozen=True)
+class Task:
+    """The piece to be carried through.
+
+    Attributes:
+        start, goal: nominal poses.
+        held: basis contacts held along the piece, with directions.
+        made: basis contact that the move makes, or None.
+        state: all contacts held along the piece.
+        goal_state: all contacts held after the move.
+        share: φ, the piece's share of what is left of the move; ONE on its last piece.
+        theta: stated bound of |ε|, rad.
+        angles: stated half-widths of the box of ε, rad.
+        box: stated half-widths of the box of e, m.
+        rates: λ_t and λ_r.
+        rho: characteristic length, m.
+    """
+
+    start: Pose
+    goal: Pose
+    held: tuple[tuple[Touch, Row], ...]
+    made: Touch | None
+    state: tuple[Touch, ...]
+    goal_state: tuple[Touch, ...]
+    share: int
+    theta: int
+    angles: Vector
+    box: Vector
+    rates: tuple[int, int]
+    rho: int
+
+    @property
+    def last(self) -> bool:
+        """Whether the move ends with this piece."""
+        return self.share == ONE
+
+
+class Motion:
+    """A piece of motion with everything that rows need.
+
+    Args:
+        assembly: parts and contacts.
+        task: the piece.
+        errors: error set at its start; `thick` is the old thickness, which does not count inside the piece.
+
+    Attributes:
+        twist: V = (Δ, ω).
+        motion: the part of V inside the held contacts.
+        held, made: functions of the contacts held, and of the one being made, or None.
+        felt: the row of the contact being made at the goal, as errors inside the held contacts feel it.
+        start_slack: thickness at the start, as generators.
+        overtravel: bound of how much longer or shorter than V an execution's piece can be, as a share of V.
+        goal_errors: error set at the end.
+        half: half-widths (6,) around all errors of the piece.
+
+    Raises:
+        ArithmeticRefusal: the piece turns too far, contacts do not fix their directions, or the motion does not lead
+            to the contact it is to make.
+    """
+
+    def __init__(self, assembly: Assembly, task: Task, errors: ErrorSet) -> None:
+        self.assembly = assembly
+        self.task = task
+        self.errors = errors
+        turn = logarithm(product(task.goal.R, transposed(task.start.R)))
+        travel = sub(task.goal.p, task.start.p)
+        self.twist: Row = travel + turn
+        self.length = measure(self.twist, task.rho)
+        if self.length < ONE >> 40:
+            raise ArithmeticRefusal("a piece of motion goes nowhere")
+        self.extent = Extent(turn, length(turn), travel, task.theta, task.angles, task.box)
+        self._ends: dict[Function, tuple[Distance, Distance]] = {}
+        self._nominal: dict[Function, int] = {}
+        self._rest: dict[Function, int] = {}
+        self._at_start: dict[Function, int] = {}
+        self._at_goal: dict[Function, int] = {}
+        self._lowest: dict[Function, int] = {}
+        self._blurs: dict[tuple[int, int, int], int] = {}
+        self._move_on()
+        self._hold()
+        self._make()
+        self._thicken()
+        self.overtravel = self._overtravel()
+        self._carry()
+
+    def ends(self, function: Function) -> tuple[Distance, Distance]:
+        """A function's row at the start and at the goal."""
+        found = self._ends.get(function)
+        if found is None:
+            found = self._ends[function] = function.at(self.task.start), function.at(self.task.goal)
+        return found
+
+    def rest(self, function: Function) -> int:
+        """The remainder of a function's row."""
+        found = self._rest.get(function)
+        if found is None:
+            ends = self.ends(function)
+            found = self._rest[function] = remainder(*ends, self.extent) + self._coupled(size(*ends))
+        return found
+
+    def nominal(self, function: Function) -> int:
+        """The lesser of a function's values at the nominal poses of both ends; `lowest` is less."""
+        found = self._nominal.get(function)
+        if found is None:
+            found = self._nominal[function] = min(function.value(self.task.start), function.value(self.task.goal))
+        return found
+
+    def lowest(self, function: Function) -> int:
+        """Certified lower bound of a function over the piece."""
+        found = self._lowest.get(function)
+        if found is None:
+            start, goal = self.ends(function)
+            if start.f <= goal.f:
+                found = start.f - self._first(function)
+                if goal.f - self._boxed(goal.N) < found:
+                    found = min(found, goal.f - self._second(function))
+            else:
+                found = goal.f - self._second(function)
+                if start.f - self._boxed(start.N) < found:
+                    found = min(found, start.f - self._first(function))
+            found = self._lowest[function] = found - self.rest(function) - SLACK
+        return found
+
+    def highest(self, function: Function) -> int:
+        """Certified upper bound of a function over the piece."""
+        start, goal = self.ends(function)
+        found = max(start.f + self._first(function), goal.f + self._second(function))
+        return found + self.rest(function) + SLACK
+
+    def at_start(self, function: Function) -> int:
+        """Certified lower bound of a function at the start of the piece."""
+        return self.ends(function)[0].f - self._first(function) - self.rest(function) - SLACK
+
+    def at_goal(self, function: Function) -> tuple[int, int]:
+        """Certified lower and upper bound of a function when the piece has ended."""
+        goal = self.ends(function)[1]
+        off = self._second(function) + remainder(goal, goal, self.extent.standing) + self._coupled(size(goal, goal))
+        off += SLACK
+        return goal.f - off, goal.f + off
+
+    def _first(self, function: Function) -> int:
+        """By how much the errors at the start may change a function's linear part."""
+        found = self._at_start.get(function)
+        if found is None:
+            N = self.ends(function)[0].N
+            found = self._at_start[function] = self.errors.core_support(N) + spread(self.start_slack, N)
+        return found
+
+    def _second(self, function: Function) -> int:
+        """By how much the errors at the goal may change a function's linear part."""
+        found = self._at_goal.get(function)
+        if found is None:
+            found = self._at_goal[function] = self.goal_errors.support(self.ends(function)[1].N)
+        return found
+
+    def _boxed(self, N: Row) -> int:
+        """A quick bound of `_first` and `_second` by the box around all errors."""
+        (a, b, c, d, e, f), (u, v, w, x, y, z) = N, self.half
+        return ((abs(a) * u + abs(b) * v + abs(c) * w + abs(d) * x + abs(e) * y + abs(f) * z) >> BITS) + SLACK
+
+    def far(self, function: Function) -> int:
+        """A quick lower bound of a function: `lowest` is above it where the errors are in their stated box."""
+        return self.nominal(function) - self._blur(function, self.extent.offset, self.task.theta)
+
+    def blur(self, function: Function) -> int:
+        """A quick bound of what `lowest` and `at_goal` take off nominal values, by the derived box of the errors."""
+        offset, angle = self._reach
+        # A row that measures an angle is the same at all positions.
+        return self._blur(function, 0 if isinstance(function, DirectionAlong) else offset, angle)
+
+    @cached_property
+    def _reach(self) -> tuple[int, int]:
+        """Bounds of |e| and |ε| over the errors of the piece."""
+        x, y, z, a, b, c = self.half
+        return length((x, y, z)), length((a, b, c))
+
+    def _blur(self, function: Function, offset: int, angle: int) -> int:
+        """How much errors |e| ≤ offset and |ε| ≤ angle can take off a function, at most; |N·e| ≤ |e| + size |ε|."""
+        if isinstance(function, (PointAbove, DirectionAlong)):
+            key = function.reach, offset, angle
+            if key not in self._blurs:
+                shift = times(angle, function.reach) + times(self.extent.kappa, function.reach) + 9
+                self._blurs[key] = offset + shift + self._coupled(function.reach) + 2 * SLACK
+            return self._blurs[key]
+        start, goal = self.ends(function)
+        far = size(start, goal)
+        return offset + times(angle, far) + coarse(start, goal, self.extent) + self._coupled(far) + 2 * SLACK
+
+    def _move_on(self) -> None:
+        """The generators as the motion alone carries them on, and the ellipsoid around everything likewise."""
+        task, linkage, core = self.task, self.errors.linkage, self.errors.core
+        self.linkage, self.moved, self.moved_shape, self.coupling = linkage, core, self.errors.shape, (0, 0)
+        if linkage is None:
+            return
+        turn = product(task.goal.R, transposed(task.start.R))
+        ends = task.start.p, task.goal.p
+        self.coupling = linkage.left(self.extent.offset, task.theta, ends, self.extent.turn)
+        by = linkage.moves(self.extent.travel, turn, len(core))
+        self.moved = tuple(row_of(x + y for x, y in zip(g, d, strict=True)) for g, d in zip(core, by, strict=True))
+        around = square_of([linkage.linked * x for x in r] for r in gram(by))
+        self.moved_shape = outer_sum(self.errors.shape, around, metric(task.rho))
+        self.linkage = linkage.turned(turn)
+
+    def _coupled(self, far: int) -> int:
+        """What errors that are fixed in different frames may add to a row of this size beyond its linear part."""
+        return self.coupling[0] + times(self.coupling[1], far) + 1
+
+    def _hold(self) -> None:
+        """Functions of the held contacts, and the projection along their directions."""
+        task = self.task
+        self.held = [self.assembly.function(t, task.state) for t, _ in task.held]
+        self.directions = tuple(c for _, c in task.held)
+        ends = [self.ends(function) for function in self.held]
+        self.start_dual, _ = dual(self.directions, tuple(start.N for start, _ in ends))
+        rows = tuple(goal.N for _, goal in ends)
+        self.held_dual, _ = dual(self.directions, rows)
+        self.hold = complement(self.held_dual, rows)
+        self.motion = image(self.hold, self.twist)
+
+    def _make(self) -> None:
+        """The function of the contact being made, its direction, and the projection Π along both."""
+        task = self.task
+        self.projector, self.rate, self.felt = self.hold, 0, NO_ROW
+        self.made: Function | None = None
+        self.made_direction: Row | None = None
+        if task.made is None:
+            return
+        self.made = self.assembly.made(task.made, task.state)
+        goal = self.ends(self.made)[1]
+        self.rate = -row_dot(goal.N, self.motion)
+        if self.rate <= ONE >> 32:
+            raise ArithmeticRefusal("the motion does not lead to the contact that it is to make")
+        size = measure(self.motion, task.rho)
+        self.made_direction = row_of(over(x, size) for x in self.motion)
+        column = row_of(over(times(task.share, x), -self.rate) for x in self.motion)
+        self.felt = seen(goal.N, self.hold)
+        self.projector = without(self.hold, column, self.felt)
+
+    def _thicken(self) -> None:
+        """Thickness of the contact surfaces at both ends, and by how much it delays the touch (a share of V)."""
+        self.start_thickness = []
+        for function in self.held:
+            start, goal = self.ends(function)
+            off = max(abs(start.f) + self.errors.core_support(start.N), abs(goal.f))
+            self.start_thickness.append(self.rest(function) + off + SLACK)
+        self.thickness, self.goal_dual, self.delay = list(self.start_thickness), self.held_dual, 0
+        if self.made is None or not self.task.last:
+            return
+        goal = self.ends(self.made)[1]
+        rows = tuple(self.ends(function)[1].N for function in (*self.held, self.made))
+        self.goal_dual, solved = dual((*self.directions, self.motion), rows)
+        self.thickness.append(self.rest(self.made) + abs(goal.f) + self._left(goal.N) + SLACK)
+        self.delay = sum(times(abs(c), t) for c, t in zip(solved[-1], self.thickness, strict=True)) + SLACK
+
+    @property
+    def _angular_rate(self) -> int:
+        return over(self.task.rates[1], self.task.rho)
+
+    @property
+    def _wide(self) -> int:
+        """A bound of the angular error with its drift, before contacts take it up."""
+        return self.task.theta + 2 * times(self._angular_rate, self.length)
+
+    def _left(self, N: Row) -> int:
+        """What the projected errors leave of a row: nothing but rounding when contacts are consistent."""
+        left = seen(N, self.projector)
+        offset = self.extent.offset + 2 * times(self.task.rates[0], self.length)
+        return times(length(left[:3]), offset) + times(length(left[3:]), self._wide) + 1
+
+    def _carry(self) -> None:
+        """The error set at the end, and the box around the errors of the whole piece."""
+        weights = metric(self.task.rho)
+        shape, drifts = congruent(self.projector, self.moved_shape), []
+        before = self.errors.slide, self.errors.swing
+        for square, ball, Q in zip(self._drift(), spheres(self.projector), before, strict=True):
+            extra = magnified(square, ball) if square else NOTHING
+            drifts.append(blurred(outer_sum(congruent(self.projector, Q), extra, weights)))
+            shape = outer_sum(shape, extra, weights)
+        self.start_slack = [stretched(t, c) for t, c in zip(self.start_thickness, self.start_dual, strict=True)]
+        thick = tuple(stretched(t, c) for t, c in zip(self.thickness, self.goal_dual, strict=True))
+        if thick:
+            around = square_of([len(thick) * x for x in r] for r in gram(thick))
+            shape = outer_sum(shape, around, weights)
+        core = tuple(image(self.projector, g) for g in self.moved)
+        self.goal_errors = ErrorSet(core, thick, drifts[0], drifts[1], blurred(shape), self.linkage)
+        ends = self.errors.half_widths(self.start_slack), self.goal_errors.half_widths(thick)
+        self.half = [max(a, b) + self.coupling[k // 3] for k, (a, b) in enumerate(zip(*ends, strict=True))]
+
+    def cone(self, N: Row) -> int:
+        """How fast the velocity error can move a row, per unit of travel."""
+        t, r = self.task.rates[0], self._angular_rate
+        return times(t, length(N[:3])) + times(r, length(N[3:])) + 2
+
+    def _overtravel(self) -> int:
+        """How much longer than V, as a share of it, the way to the touch can be for any error.
+
+        It makes up for the error of the start, for the drift (of the longer way), for what the extra turn adds to
+        second order, and for the thickness: o = φ(o_start + η(1 + o) + ζ o) + delay, solved for o.
+        """
+        if self.made is None:
+            return 0
+        N = self.felt
+        eta = over(times(self.cone(N), self.length), self.rate) + 1
+        zeta = over(times(times(self._wide, self.extent.turn), length(N[3:])) * 3 // 4, self.rate) + 1
+        late = over(spread(self.moved, N) + self.errors.drift(N), self.rate) + 1
+        rest = ONE - times(self.task.share, eta + zeta)
+        if rest < _HALF:
+            raise ArithmeticRefusal("drift could carry the part past the contact that it is to make")
+        return over(times(self.task.share, late + eta) + self.delay, rest) + 1
+
+    def _drift(self) -> tuple[int, int]:
+        """Squared radii of the drift in e, and in ε with what overtravel adds to it: log(eᵃeᵇ) against a + b.
+
+        For |a| + |b| ≤ 1/2 the two differ by at most |a||b|(1 + |a| + |b|)/2.
+        """
+        overtravel = self.overtravel
+        far = times(self.length, ONE + overtravel)
+        a, b = times(self.task.rates[0], far), times(self._angular_rate, far)
+        swung, wide = times(overtravel, self.extent.turn), self.task.theta + b
+        if overtravel > ONE or wide + swung > _HALF:
+            raise ArithmeticRefusal("errors are too large for the bounds of this check")
+        c = times(times(wide, swung) >> 1, ONE + wide + swung) + 1 if swung else 0
+        return times(a, a), times(b + c, b + c)

@@ -1,0 +1,298 @@
+"""That a moving and a fixed piece stay on two sides of a witness plane, whatever the error does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from fmopt.verify.arithmetic.exact import height
+from fmopt.verify.arithmetic.rational import (
+    ONE,
+    Vector,
+    add,
+    cross,
+    dot,
+    fixed,
+    length,
+    neg,
+    over,
+    scaled,
+    sub,
+    times,
+    unit,
+    vector,
+)
+from fmopt.verify.certificate.contact_implications import Facts, near
+from fmopt.verify.certificate.propagation import Motion
+from fmopt.verify.parts.assembly import Assembly, Rim, Touch, over_balls
+from fmopt.verify.parts.rows import DirectionAlong, Distance, EdgesApart, FaceAbove, Function, PointAbove
+from fmopt.verify.parts.solids import DEVIATION, Line, Plane, Shape, line
+from fmopt.verify.reading.document import Witness
+
+
+class WitnessError(ValueError):
+    """A witness that names no face or edge, or holds nothing to be checked."""
+
+
+@dataclass(frozen=True)
+class Known:
+    """What contacts say during the piece: facts of the held ones, and those that open or close but never pass.
+
+    Attributes:
+        facts: of all contacts of the state.
+        made: the basis contact that the move makes, or None.
+        hinge: its hinge, when it has one among the held contacts.
+        leaving: contacts that the move gives up; none of them has a hinge among the held ones.
+        coming_off: planes with the body points that lay in them with the contacts given up.
+    """
+
+    facts: Facts
+    made: Touch | None
+    hinge: tuple[Plane, Vector, Vector] | None
+    leaving: tuple[Touch, ...]
+    coming_off: tuple[tuple[Plane, Vector], ...]
+
+    @property
+    def beside(self) -> tuple[Touch, ...]:
+        """Contacts whose distances are not negative on the way."""
+        return self.leaving if self.made is None else (self.made, *self.leaving)
+
+    @property
+    def all(self) -> tuple[Touch, ...]:
+        """Contacts held, being made and given up."""
+        return (*self.facts.held, *self.beside)
+
+    def presses(self, assembly: Assembly, centre: Vector, plane: Plane) -> bool:
+        """Whether a contact keeps the ball about a body point on a plane, or from crossing it."""
+        balls = (t for t in self.all if t.kind == "ball-face" and t.moving[0] == centre)
+        return any(assembly.agree(t.faces[0], plane) for t in balls)
+
+    def above(self, assembly: Assembly, plane: Plane) -> list[Vector]:
+        """Body points that contacts not yet made, or given up, keep from crossing a plane, or that lay flat there."""
+        points = [t.moving[0] for t in self.beside if t.kind == "vertex-face" and assembly.agree(t.faces[0], plane)]
+        if self.hinge is not None and assembly.agree(self.hinge[0], plane):
+            points.append(self.hinge[2])
+        return points + [v for wall, v in self.coming_off if assembly.agree(wall, plane)]
+
+
+@dataclass(frozen=True)
+class Apart:
+    """Outcome for a pair, in fixed point: certified margin and nominal clearance, m; the row that is tightest."""
+
+    margin: int
+    clearance: int
+    tightest: tuple[Distance, Distance] | None
+
+
+def apart(assembly: Assembly, M: Shape, F: Shape, witness: Witness, motion: Motion, known: Known) -> Apart:
+    """Margin and clearance of a witness over a piece of motion.
+
+    Raises:
+        WitnessError: see there.
+    """
+    scale = ONE
+    if witness.kind == "edges":
+        functions, scale = _edge_rows(assembly, M, F, witness, motion, known)
+    elif witness.kind == "moving-face":
+        functions = _moving_face_rows(assembly, M, F, witness, known)
+    else:
+        functions = _fixed_plane_rows(assembly, M, F, witness, known)
+    if not functions:
+        raise WitnessError("every row is excused")
+    clearance = min([motion.nominal(function) for function in functions])
+    margin, tightest = least(motion, functions)
+    if scale != ONE:
+        margin, clearance = over(margin, scale), over(clearance, scale)
+    return Apart(margin, clearance, tightest)
+
+
+def least(motion: Motion, functions: Sequence[Function]) -> tuple[int, tuple[Distance, Distance]]:
+    """The least certified bound of functions, with the row of the one that has it.
+
+    Those that the errors' box keeps far away are not looked at closely.
+    """
+    quick = sorted([(motion.far(function), k) for k, function in enumerate(functions)])
+    tightest = functions[quick[0][1]]
+    margin = motion.lowest(tightest)
+    for far, k in quick[1:]:
+        if far >= margin:
+            break
+        found = motion.lowest(functions[k])
+        if found < margin:
+            margin, tightest = found, functions[k]
+    return margin, motion.ends(tightest)
+
+
+def _face(shape: Shape, loop: tuple[int, ...]) -> int:
+    found = shape.face_of(loop) if len(loop) >= 3 else None
+    if found is None:
+        raise WitnessError("names no face of the piece")
+    return found
+
+
+def _fixed_plane_rows(assembly: Assembly, M: Shape, F: Shape, witness: Witness, known: Known) -> list[Function]:
+    done: set[int] = set()
+    if witness.kind == "plane":
+        normal = vector(witness.normal)
+        size = length(normal)
+        if abs(size - ONE) > ONE >> 1:
+            raise WitnessError("has no unit normal")
+        n = unit(normal)
+        plane = Plane(n, max(over(fixed(witness.offset), size), *(dot(n, w) for w in F.vertices)))
+    elif M.ball:
+        face = _face(F, witness.fixed)
+        plane, backed = F.supporting(face), assembly.backed(assembly.fixed, F, face)
+        if backed is not None and known.presses(assembly, M.vertices[0], backed.wall):
+            # The contact settles the ball's row; what is left to say is that its centre is on this side.
+            return [PointAbove(backed.cover, M.vertices[0], M.lengths[0])]
+    else:
+        face = _face(F, witness.fixed)
+        plane, backed = F.supporting(face), assembly.backed(assembly.fixed, F, face)
+        if backed is not None:
+            done = known.facts.not_below(backed.wall, M.vertices, known.above(assembly, backed.wall))
+            plane = backed.cover if done else plane
+    kept = [k for k in range(len(M.vertices)) if k not in done]
+    if M.ball:
+        plane = over_balls(plane, M.radii[0])
+    return [PointAbove(plane, M.vertices[k], M.lengths[k]) for k in kept]
+
+
+def _moving_face_rows(assembly: Assembly, M: Shape, F: Shape, witness: Witness, known: Known) -> list[Function]:
+    face = _face(M, witness.moving)
+    plane, backed = M.supporting(face), assembly.backed(assembly.moving, M, face)
+    on: list[Vector] = []
+    if backed is not None:
+        touching = [t for t in known.all if t.kind == "face-vertex" and t.plane is not None]
+        on = [t.fixed[0] for t in touching if t.plane is not None and assembly.agree(t.plane, backed.wall)]
+        plane = backed.cover if on else plane
+    kept = [w for w in F.vertices if not any(near(sub(w, x)) for x in on)]
+    return [FaceAbove(plane, w) for w in kept]
+
+
+def _edge_rows(
+    assembly: Assembly, M: Shape, F: Shape, witness: Witness, motion: Motion, known: Known
+) -> tuple[list[Function], int]:
+    moving, base = _lines(known, [M.vertices[i] for i in witness.moving], [F.vertices[i] for i in witness.fixed])
+    a, b = moving.point, moving.far
+    anchors = list(_anchors(assembly, known, moving, base))
+    functions: list[Function] = []
+    kept = M.vertices
+    if anchors:
+        levels = list(_levels(assembly, known, moving, base))
+        kept = tuple(
+            v
+            for v in M.vertices
+            if not near(moving.away(v))
+            and not any(known.facts.beside(v, p, base) for p in (a, b))
+            and not any(level.settles(v) for level in levels)
+            and not known.facts.rises(base.direction, cross(sub(v, a), moving.direction))
+        )
+        functions += [_relative(assembly, base.direction, cross(sub(v, a), moving.direction)) for v in kept]
+    else:
+        functions += [EdgesApart(moving, base, v) for v in kept]
+    below = {k for k, w in enumerate(F.vertices) if near(base.away(w))}
+    if any(held for held in anchors):
+        for v, inward, wall in _turned_onto(assembly, known, moving, base):
+            if _outside(assembly, motion, moving, base, wall):
+                functions.append(PointAbove(inward, v, assembly.reach(v)))
+                # A vertex of the piece that is off the wall by so much is in front of the witness plane by no more.
+                below |= {
+                    k
+                    for k, w in enumerate(F.vertices)
+                    if abs(wall.height(w)) <= DEVIATION and inward.height(w) >= -DEVIATION
+                }
+    for k, w in enumerate(F.vertices):
+        if k not in below:
+            functions.append(_relative(assembly, neg(cross(base.direction, sub(w, base.point))), moving.direction))
+    return functions, _scale(motion, moving, base)
+
+
+def _relative(assembly: Assembly, u: Vector, k: Vector) -> DirectionAlong:
+    return DirectionAlong(u, k, times(assembly.reach(u), assembly.reach(k)) + 2)
+
+
+def _scale(motion: Motion, moving: Line, base: Line) -> int:
+    """An upper bound of |R e_m × e_f|, at most 1."""
+    sines = [length(cross(X.turned(moving.direction), base.direction)) for X in (motion.task.start, motion.task.goal)]
+    return min(ONE, max(sines) + motion.task.theta + motion.extent.turn)
+
+
+def _lines(known: Known, own: Sequence[Vector], other: Sequence[Vector]) -> tuple[Line, Line]:
+    """The lines of the edges of pieces that a witness runs along: those of edges of the parts that touch there, if any.
+
+    The edge of a piece may be off that of its part by `DEVIATION`; the witness plane runs along the part's then, and
+    vertices of the piece are on it up to that.
+    """
+    moving, base = line(*own), line(*other)
+    for touch in known.all:
+        if touch.kind == "edge-edge":
+            one, two = touch.moving_line, touch.fixed_line
+            if all(near(one.away(v)) for v in own) and all(near(two.away(w)) for w in other):
+                return _along(one, moving), _along(two, base)
+    return moving, base
+
+
+def _along(found: Line, asked: Line) -> Line:
+    """A line, run through the way that another one is."""
+    return found if dot(found.direction, asked.direction) > 0 else line(found.far, found.point)
+
+
+def _between(assembly: Assembly, touch: Touch, moving: Line, base: Line) -> bool:
+    """Whether a contact is one of just these two edges."""
+    return (
+        touch.kind == "edge-edge"
+        and assembly.one_line(touch.moving_line, moving)
+        and assembly.one_line(touch.fixed_line, base)
+    )
+
+
+def _anchors(assembly: Assembly, known: Known, moving: Line, base: Line) -> Iterator[bool]:
+    """Contacts of just these two edges: True for a held one, False for one being made or given up."""
+    for touch in known.all:
+        if not _between(assembly, touch, moving, base):
+            continue
+        held = touch in known.facts.held
+        same_side = dot(touch.moving_line.direction, moving.direction) * dot(touch.fixed_line.direction, base.direction)
+        hinged = touch is known.made and known.hinge is not None
+        if held or (not hinged and same_side > 0):
+            yield held
+
+
+def _levels(assembly: Assembly, known: Known, moving: Line, base: Line) -> Iterator[Rim]:
+    """Faces along the moving edge, held on the fixed one, that another edge holds level with it, or will."""
+    for held in known.facts.held:
+        if not _between(assembly, held, moving, base):
+            continue
+        for touch in known.all:
+            level = assembly.level(touch, (held,))
+            if level is not None:
+                yield level
+
+
+def _turned_onto(assembly: Assembly, known: Known, moving: Line, base: Line) -> Iterator[tuple[Vector, Plane, Plane]]:
+    """Points of the moving edge known to be on or above a wall along the fixed edge: (point, rim plane, wall).
+
+    The witness plane holds the fixed edge and this point. With the point on or above the wall and inside its rim, the
+    wall is behind the plane.
+    """
+    for touch in known.all:
+        if touch.kind != "vertex-face" or not assembly.holds(moving, touch.moving[0]):
+            continue
+        wall = touch.faces[0]
+        exact = assembly.exact(wall)
+        if any(height(exact, assembly.point(w)) for w in (base.point, base.far)):
+            continue
+        total: Vector = (0, 0, 0)
+        for w in touch.fixed:
+            total = add(total, sub(w, base.point))
+        n = len(touch.fixed)
+        inward = (total[0] // n, total[1] // n, total[2] // n)
+        for axis in (base.direction, wall.normal):
+            inward = sub(inward, scaled(dot(axis, inward), axis))
+        inward = unit(inward)
+        yield touch.moving[0], Plane(inward, dot(inward, base.point)), wall
+
+
+def _outside(assembly: Assembly, motion: Motion, moving: Line, base: Line, wall: Plane) -> bool:
+    """Whether the witness plane's normal R e_m × e_f has a positive part along the wall's, over the whole piece."""
+    return motion.lowest(_relative(assembly, cross(base.direction, wall.normal), moving.direction)) > 0

@@ -1,0 +1,1 @@
+"""The strategies of a plan's segments, and what it says of failing."""

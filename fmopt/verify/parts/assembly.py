@@ -1,0 +1,258 @@
+"""The two parts of a plan with its contacts resolved to points, lines and planes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+from fmopt.verify.arithmetic.rational import Vector, add, cross, dot, length, scaled, sub
+from fmopt.verify.parts.covering import uncovered
+from fmopt.verify.parts.incidence import Incidence
+from fmopt.verify.parts.rows import DirectionAlong, EdgesApart, FaceAbove, Function, PointAbove
+from fmopt.verify.parts.solids import DEVIATION, Line, Plane, line
+from fmopt.verify.reading.document import Contact, Plan
+
+
+@dataclass(frozen=True)
+class Touch:
+    """A primitive contact with its geometry.
+
+    Attributes:
+        id: name in the plan.
+        kind: "vertex-face", "face-vertex", "edge-edge" or "ball-face".
+        moving: body points.
+        fixed: world points.
+        plane: of the face (in the world for vertex-face, in the body for face-vertex), None for edge-edge; for
+            ball-face that on which the ball's centre is, a radius over the face.
+        faces: planes of the fixed faces left and right of a fixed edge, in the world; for vertex-face and ball-face its
+            own.
+        face: index of the face, −1 for edge-edge.
+        indices: vertex indices of the moving and of the fixed part.
+    """
+
+    id: str
+    kind: str
+    moving: tuple[Vector, ...]
+    fixed: tuple[Vector, ...]
+    plane: Plane | None
+    faces: tuple[Plane, ...]
+    face: int
+    indices: tuple[tuple[int, ...], tuple[int, ...]]
+
+    @cached_property
+    def moving_line(self) -> Line:
+        """The line of the moving edge."""
+        return line(*self.moving)
+
+    @cached_property
+    def fixed_line(self) -> Line:
+        """The line of the fixed edge."""
+        return line(*self.fixed)
+
+
+class Rim(NamedTuple):
+    """A face of the moving part, one edge of which is held on a rim, and how another edge meets it.
+
+    Attributes:
+        held: the contact of the edge held.
+        normal: of the face, in the body.
+        away: unit direction in the face across the edge held, in the body.
+        far: how far along `away` the other edge reaches, m.
+    """
+
+    held: Touch
+    normal: Vector
+    away: Vector
+    far: int
+
+    def settles(self, v: Vector) -> bool:
+        """Whether a body point is on the face, on the side of the other edge.
+
+        Over the plane of the edge held and the rim its height is a part, not negative, of what `Assembly.function`
+        measures. A vertex of a piece may be off that half of the face by `DEVIATION`: nothing is concluded from it but
+        that it is no lower than by so much, since the body is rigid.
+        """
+        off = sub(v, self.held.moving[0])
+        side = dot(self.away, off)
+        return abs(dot(self.normal, off)) <= DEVIATION and (side if self.far > 0 else -side) >= -DEVIATION
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What was worked out before: of the few contacts, lines and points of a plan the same is asked again and again."""
+
+    functions: dict[tuple[str, ...], Function] = field(default_factory=dict)
+    reaches: dict[Vector, int] = field(default_factory=dict)
+
+
+class Assembly(Incidence):
+    """The parts, their convex pieces and the contacts of a plan.
+
+    Attributes:
+        touches: contacts by id.
+        flaws: what is wrong with parts, pieces or contacts.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        super().__init__(plan.moving, plan.fixed)
+        self.touches: dict[str, Touch] = {}
+        self.flaws = [*self._solids(), *self.blurred(plan.touch)]
+        for contact in plan.contacts:
+            found = self._resolve(contact)
+            if found is None:
+                self.flaws.append(f"contact {contact.id} names no convex edge or whole face of the parts")
+            else:
+                self.touches[contact.id] = found
+
+    def _solids(self) -> Iterator[str]:
+        for name, part, pieces in (
+            ("moving", self.moving, self.moving_pieces),
+            ("fixed", self.fixed, self.fixed_pieces),
+        ):
+            flaws = list(part.flaws())
+            flat = [piece for piece in pieces if not piece.ball]
+            for n, piece in enumerate(flat):
+                flaws += [f"piece {n}: {flaw}" for flaw in piece.bulges()]
+            yield from (f"{name} part: {flaw}" for flaw in flaws or uncovered(part, flat))
+
+    @cached_property
+    def _found(self) -> _Found:
+        return _Found()
+
+    def reach(self, v: Vector) -> int:
+        """|v|, rounded up."""
+        found = self._found.reaches.get(v)
+        if found is None:
+            found = self._found.reaches[v] = length(v)
+        return found
+
+    def _resolve(self, contact: Contact) -> Touch | None:
+        own = tuple(self.moving.vertices[i] for i in contact.moving)
+        other = tuple(self.fixed.vertices[i] for i in contact.fixed)
+        plane: Plane | None = None
+        faces: tuple[Plane, ...] = ()
+        face = -1
+        if contact.kind in ("vertex-face", "ball-face"):
+            found = self.fixed.face_of(contact.fixed)
+            if found is None:
+                return None
+            face, plane = found, self.fixed.faces[found].plane
+            faces = (plane,)
+        elif contact.kind == "face-vertex":
+            found = self.moving.face_of(contact.moving)
+            if found is None:
+                return None
+            face, plane = found, self.moving.faces[found].plane
+        else:
+            sides = self.fixed.edge(*contact.fixed)
+            if sides is None or not (self.fixed.convex(*contact.fixed) and self.moving.convex(*contact.moving)):
+                return None
+            faces = tuple(self.fixed.faces[k].plane for k in sides)
+        if not all(self.agree(p, p) for p in (*faces, *([plane] if plane is not None else []))):
+            return None
+        if contact.kind == "ball-face":
+            plane = over_balls(faces[0], self.moving.radii[contact.moving[0]])
+        return Touch(contact.id, contact.kind, own, other, plane, faces, face, (contact.moving, contact.fixed))
+
+    def hinge(self, touch: Touch, together: Sequence[Touch]) -> tuple[Plane, Vector, Vector] | None:
+        """The hinge of an edge-edge contact: (wall φ, end a on it, other end b), or None.
+
+        When a vertex-face contact of `together` holds one end exactly on a wall through the fixed edge, the lines of
+        both edges meet exactly when the other end is on that wall too.
+        """
+        if touch.kind != "edge-edge":
+            return None
+        for other in together:
+            if other.kind != "vertex-face" or other.plane is None:
+                continue
+            if any(self.agree(other.plane, face) for face in touch.faces):
+                a, b = touch.moving
+                for one, two in ((a, b), (b, a)):
+                    if one == other.moving[0]:
+                        return other.plane, one, two
+        return None
+
+    def level(self, touch: Touch, together: Sequence[Touch]) -> Rim | None:
+        """What tells that an edge meets a rim on which an edge of the same body face, listed before it, is held.
+
+        The plane of that face has a point of the rim already, from the edge held: its other lines meet the rim exactly
+        when the whole rim lies in it. Where the two edges share an end, that end is not on the rim: else the edge held
+        would have no place inside its bounds, or a wall would make `touch` a hinge.
+        """
+        if touch.kind != "edge-edge":
+            return None
+        sides = self.moving.edge(*touch.indices[0])
+        for other in together:
+            if other.id == touch.id:
+                return None
+            if other.kind != "edge-edge" or set(other.indices[1]) != set(touch.indices[1]):
+                continue
+            own = self.moving.edge(*other.indices[0])
+            if own is None or sides is None or set(other.indices[0]) == set(touch.indices[0]):
+                continue
+            shared = set(own) & set(sides)
+            if len(shared) == 1:
+                normal = self.moving.faces[shared.pop()].plane.normal
+                away = cross(other.moving_line.direction, normal)
+                far = max((dot(away, sub(v, other.moving[0])) for v in touch.moving), key=abs)
+                return Rim(other, normal, away, far)
+        return None
+
+    def made(self, touch: Touch, held: Sequence[Touch]) -> Function:
+        """The function that tells how far a contact is from being made, positive before.
+
+        A vertex that reaches a wall while its edge is held on a rim of that wall is as high over it as the edge rises
+        from the crossing to the vertex: a part, in (0, 1), of the rise of the whole edge, which its direction tells.
+        """
+        if touch.kind == "vertex-face":
+            for other in held:
+                found = self.hinge(other, (touch,))
+                if found is not None and self.hinge(other, held) is None:
+                    k = sub(found[1], found[2])
+                    return DirectionAlong(found[0].normal, k, length(k))
+        return self.function(touch, held)
+
+    def function(self, touch: Touch, together: Sequence[Touch]) -> Function:
+        """The function of a contact as an equality: zero exactly while it is held, positive before it is made."""
+        key = (touch.id, *(t.id for t in together))
+        found = self._found.functions.get(key)
+        if found is None:
+            found = self._found.functions[key] = self._function(touch, together)
+        return found
+
+    def _function(self, touch: Touch, together: Sequence[Touch]) -> Function:
+        if touch.kind in ("vertex-face", "ball-face") and touch.plane is not None:
+            v = touch.moving[0]
+            return PointAbove(touch.plane, v, length(v))
+        if touch.kind == "face-vertex" and touch.plane is not None:
+            return FaceAbove(touch.plane, touch.fixed[0])
+        hinge = self.hinge(touch, together)
+        if hinge is not None:
+            k = sub(hinge[2], hinge[1])
+            return DirectionAlong(hinge[0].normal, k, length(k))
+        level = self.level(touch, together)
+        if level is not None:
+            along, across = level.held.fixed_line.direction, scaled(level.far, level.normal)
+            return DirectionAlong(along, across, abs(level.far) + 2)
+        return EdgesApart(touch.moving_line, touch.fixed_line, touch.moving[0])
+
+
+def over_balls(plane: Plane, radius: int) -> Plane:
+    """The plane in front of which a ball's centre is where the ball is in front of a plane."""
+    return Plane(plane.normal, plane.offset + radius)
+
+
+def outward(plane: Plane, a: Vector, b: Vector) -> int:
+    """How far b is above a over a plane."""
+    return dot(plane.normal, sub(b, a))
+
+
+def middle(points: Sequence[Vector]) -> Vector:
+    """The mean of points."""
+    total: Vector = (0, 0, 0)
+    for p in points:
+        total = add(total, p)
+    n = len(points)
+    return (total[0] // n, total[1] // n, total[2] // n)

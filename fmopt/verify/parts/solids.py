@@ -1,0 +1,226 @@
+"""The parts and pieces of a plan in fixed point, with their planes and edges, and what is wrong with them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+from fmopt.verify.arithmetic.exact import (
+    Level,
+    area,
+    height,
+    inner,
+    outer,
+    point,
+    rounded,
+    through,
+    turned_over,
+    unit_of,
+    way,
+)
+from fmopt.verify.arithmetic.rational import (
+    BITS,
+    ONE,
+    ArithmeticRefusal,
+    Vector,
+    cross,
+    dot,
+    doubles,
+    fixed,
+    length,
+    scaled,
+    sub,
+    unit,
+    vector,
+)
+from fmopt.verify.reading.document import Body, Numbers
+
+ROUNDING = ONE >> 150  # more than the arithmetic's own error of a height, and less than SLACK
+DEVIATION = fixed(1e-12)  # m: how far vertices of pieces may be off the planes of the part that they stand for
+_OUTWARD = 64  # in fixed point: a normal is no longer than 1 by more than 16 of these, radii are up to 4 m
+SHORT = fixed(1e-6)  # m: what is nearer to a line than this is not taken to span a plane with it
+
+
+class Plane(NamedTuple):
+    """The plane normal·x = offset, unit normal."""
+
+    normal: Vector
+    offset: int
+
+    def height(self, point: Vector) -> int:
+        """Signed distance of a point."""
+        (a, b, c), offset = self
+        x, y, z = point
+        return ((a * x + b * y + c * z) >> BITS) - offset
+
+
+class Line(NamedTuple):
+    """The line from `point` along the unit vector `direction`, through `far`."""
+
+    point: Vector
+    direction: Vector
+    far: Vector
+
+    def away(self, point: Vector) -> Vector:
+        """The part of a point's offset across the line."""
+        d = sub(point, self.point)
+        return sub(d, scaled(dot(d, self.direction), self.direction))
+
+
+def short(u: Vector) -> bool:
+    """Whether a vector is no longer than `SHORT`."""
+    a, b, c = u
+    return a * a + b * b + c * c < SHORT * SHORT
+
+
+def line(a: Vector, b: Vector) -> Line:
+    """The line from a to b."""
+    return Line(a, unit(sub(b, a)), b)
+
+
+@dataclass(frozen=True)
+class Face:
+    """A face: its loops of vertex indices, its plane with the outward normal, and that exactly where it is flat."""
+
+    loops: tuple[tuple[int, ...], ...]
+    plane: Plane
+    exact: Level | None
+
+
+class Shape:
+    """A polyhedron, exactly and in fixed point.
+
+    Attributes:
+        points: vertices exactly.
+        vertices: the same in fixed point, m: where the plan states none other, these are the points themselves.
+        radii: of the balls about the vertices, m, 0 of those that are points; more than planes whose normals are longer
+            than 1 by rounding make of them.
+        ball: whether it is a ball, and has no faces.
+        faces: faces with their planes.
+    """
+
+    def __init__(self, body: Body) -> None:
+        stated = tuple(vector(v) for v in body.vertices)
+        self.points = tuple(body.exact.get(i) or point(v) for i, v in enumerate(stated))
+        self.vertices = tuple(rounded(self.points[i]) if i in body.exact else v for i, v in enumerate(stated))
+        self.deviation = max((length(sub(self.vertices[i], stated[i])) for i in body.exact), default=0)
+        if self.deviation > DEVIATION:
+            raise ArithmeticRefusal("exact coordinates are not those stated as floats")
+        radii = {n: fixed(radius) + _OUTWARD for n, radius in body.balls}
+        self.radii = tuple(radii.get(n, 0) for n in range(len(stated)))
+        self.ball = bool(body.balls) and not body.faces
+        self.faces = tuple(self._face(loops) for loops in body.faces)
+        self._rims: dict[int, list[tuple[int, int, Plane]] | None] = {}
+
+    def _face(self, loops: tuple[tuple[int, ...], ...]) -> Face:
+        normal = area(self.vertices, loops)
+        exact = through(self.points[i] for i in loops[0])
+        if exact is None or not any(normal):
+            raise ArithmeticRefusal("a face has no area")
+        turn = inner(exact, normal)
+        if turn == 0 or any(height(exact, self.points[i]) for loop in loops for i in loop):
+            return Face(loops, self._plane(unit_of(normal), loops[0]), None)
+        exact = exact if turn > 0 else turned_over(exact)
+        return Face(loops, self._plane(unit_of(exact), loops[0]), exact)
+
+    def _plane(self, normal: Vector, loop: tuple[int, ...]) -> Plane:
+        offsets = [dot(normal, self.vertices[i]) for i in loop]
+        return Plane(normal, sum(offsets) // len(offsets))
+
+    @cached_property
+    def radius(self) -> int:
+        """The largest distance of a vertex, or of a point of a ball about one, from the origin."""
+        return max(length(v) + r for v, r in zip(self.vertices, self.radii, strict=True))
+
+    @cached_property
+    def lengths(self) -> tuple[int, ...]:
+        """The distance of each vertex from the origin."""
+        return tuple(length(v) for v in self.vertices)
+
+    @cached_property
+    def in_doubles(self) -> tuple[Numbers, ...]:
+        """The floats nearest to the vertices."""
+        return tuple(doubles(v) for v in self.vertices)
+
+    @cached_property
+    def edge_faces(self) -> dict[tuple[int, int], int]:
+        """The face on the left of each directed edge."""
+        return {edge: n for n, face in enumerate(self.faces) for loop in face.loops for edge in _around(loop)}
+
+    def edge(self, i: int, j: int) -> tuple[int, int] | None:
+        """The faces left and right of the edge from i to j, or None when there is no such edge."""
+        left, right = self.edge_faces.get((i, j)), self.edge_faces.get((j, i))
+        return None if left is None or right is None else (left, right)
+
+    def convex(self, i: int, j: int) -> bool:
+        """Whether material fills less than half a turn around the edge from i to j."""
+        faces = self.edge(i, j)
+        if faces is None:
+            return False
+        n, m = (self.faces[k].exact or self.faces[k].plane.normal for k in faces)
+        return inner(outer(n, m), way(self.points[i], self.points[j])) > 0
+
+    def face_of(self, loop: tuple[int, ...]) -> int | None:
+        """The face whose outer loop this is, from whichever vertex it starts."""
+        for n, face in enumerate(self.faces):
+            outer = face.loops[0]
+            if len(outer) == len(loop) and loop[0] in outer:
+                k = outer.index(loop[0])
+                if outer[k:] + outer[:k] == loop:
+                    return n
+        return None
+
+    def across(self, face: int, loop: Sequence[int]) -> list[tuple[int, int, Plane]]:
+        """The edges of a loop of a face, each with the plane across the face that has the face in front of it."""
+        planes = []
+        for i, j in zip(loop, (*loop[1:], loop[0]), strict=True):
+            p, q = self.vertices[i], self.vertices[j]
+            inward = cross(self.faces[face].plane.normal, unit(sub(q, p)))
+            planes.append((i, j, Plane(inward, dot(inward, p))))
+        return planes
+
+    def rims(self, face: int) -> list[tuple[int, int, Plane]] | None:
+        """The edges around a face whose outline is convex, each with its inward plane; None for other faces."""
+        if face not in self._rims:
+            outline = self.faces[face].loops[0]
+            rims = self.across(face, outline)
+            # A point in front of all of them is in the face whatever dents it has: it sees the whole outline.
+            cut = any(rim.height(self.vertices[k]) < -DEVIATION for _, _, rim in rims for k in outline)
+            self._rims[face] = None if cut else rims
+        return self._rims[face]
+
+    def supporting(self, face: int) -> Plane:
+        """The plane of a face moved out until no vertex is beyond it."""
+        normal = self.faces[face].plane.normal
+        return Plane(normal, max(dot(normal, v) for v in self.vertices))
+
+    def open_edges(self) -> Iterator[str]:
+        """What keeps the faces from being a closed surface seen from outside."""
+        edges = [edge for face in self.faces for loop in face.loops for edge in _around(loop)]
+        if len(set(edges)) != len(edges) or any((j, i) not in self.edge_faces for i, j in edges):
+            yield "the faces do not close: an edge is not shared by exactly two of them"
+        for n, face in enumerate(self.faces):
+            normal = area(self.vertices, face.loops)
+            for k, loop in enumerate(face.loops):
+                if (inner(normal, area(self.vertices, [loop])) > 0) != (k == 0):
+                    yield f"loop {k} of face {n} runs the wrong way round"
+
+    def flaws(self) -> Iterator[str]:
+        """What keeps the faces from being a closed surface of plane faces, each vertex exactly in the planes of its."""
+        yield from self.open_edges()
+        yield from (f"face {n} is not flat" for n, face in enumerate(self.faces) if face.exact is None)
+
+    def bulges(self) -> Iterator[str]:
+        """What keeps a piece from being the convex hull of its vertices, up to `DEVIATION`."""
+        yield from self.open_edges()
+        for n, face in enumerate(self.faces):
+            if any(face.plane.height(v) > DEVIATION for v in self.vertices):
+                yield f"face {n} has material on both sides"
+            if any(face.plane.height(self.vertices[i]) < -DEVIATION for i in face.loops[0]):
+                yield f"face {n} is not flat"
+
+
+def _around(loop: tuple[int, ...]) -> Iterator[tuple[int, int]]:
+    return zip(loop, (*loop[1:], loop[0]), strict=True)

@@ -1,0 +1,416 @@
+"""A plan as values, which every command, exporter, report and engine takes: read once, by `parse`.
+
+What a plan tells besides its segments, as values: nominal trajectory, contact states on the way, recovery.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from fmopt.verify.reading.diagnostics import Diagnostics, Interval
+from fmopt.verify.reading.file import FORMAT, NOT_COVERED, Numbers, PlanError
+
+__all__ = ["FORMAT", "NOT_COVERED", "Numbers", "PlanError"]
+
+
+@dataclass(frozen=True)
+class Body:
+    """A polyhedron as the plan states it: vertices and faces, each a tuple of vertex loops.
+
+    `exact` has the vertices whose coordinates are no floats, each as integers (x, y, z, w) for (x, y, z)/w. `balls` are
+    (vertex, radius in m): the vertex, of no face, is the centre of a ball of the body.
+    """
+
+    vertices: tuple[Numbers, ...]
+    faces: tuple[tuple[tuple[int, ...], ...], ...]
+    exact: Mapping[int, tuple[int, int, int, int]] = field(default_factory=dict)
+    balls: tuple[tuple[int, float], ...] = ()
+
+
+@dataclass(frozen=True)
+class Found:
+    """How a part mates, where its files do not say it: which side of the problem it is and by which feature.
+
+    `frame` is that of the feature in the model's frame (position, rotation vector), None where the model states it;
+    `turn` the angle of the peg about the axis of the hole at the goal, rad.
+    """
+
+    side: str
+    feature: str
+    frame: Numbers | None
+    turn: float
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part: its surface, its convex pieces, its name, and the clearance a side declared (in x, y) and measured, m.
+
+    No clearance is declared where the problem declares none; `found` says how the part mates where that was found.
+    `balls` come after the pieces, each a body with its centre for a vertex.
+    """
+
+    body: Body
+    pieces: tuple[Body, ...]
+    name: str
+    declared_clearance: tuple[float, float] | None
+    measured_clearance: float
+    found: Found | None = None
+    balls: tuple[Body, ...] = ()
+
+
+@dataclass(frozen=True)
+class Contact:
+    """A primitive contact by vertex indices of the parts."""
+
+    id: str
+    kind: str
+    moving: tuple[int, ...]
+    fixed: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Witness:
+    """A plane between two pieces: vertex indices of the pieces, or normal and offset for kind "plane"."""
+
+    kind: str
+    moving: tuple[int, ...]
+    fixed: tuple[int, ...]
+    normal: Numbers
+    offset: float
+
+
+@dataclass(frozen=True)
+class Separation:
+    """What is claimed of a pair of pieces."""
+
+    moving: int
+    fixed: int
+    witness: Witness
+    margin: float
+
+
+@dataclass(frozen=True)
+class ContactClaim:
+    """What is claimed of a contact of a segment."""
+
+    id: str
+    role: str
+    normal: Numbers
+    offset: float
+    remainder: float
+    margin: float
+
+
+@dataclass(frozen=True)
+class Tube:
+    """What is claimed of the errors of a segment."""
+
+    matrices: Mapping[str, tuple[Numbers, ...]]
+    theta: float
+    offset: float
+    box: Numbers
+    angles: Numbers
+
+
+@dataclass(frozen=True)
+class JamFree:
+    """What is claimed of the directions of a segment's applied wrench.
+
+    Attributes:
+        push: along the motion, for which angles are stated.
+        least_push: above which the push is not balanced; None where none is stated.
+        angle: by which the wrench may turn in any direction.
+        planes: how far it may turn from, and to, what the name says.
+        twists: what proves it.
+    """
+
+    push: float
+    least_push: float | None
+    angle: float
+    planes: tuple[tuple[str, tuple[float, float]], ...]
+    twists: tuple[Numbers, ...]
+
+
+@dataclass(frozen=True)
+class Hybrid:
+    """What is claimed of a segment's control.
+
+    Attributes:
+        frame: compliance frame, a pose in the B-frame.
+        position_axes, force_axes: twists servoed in position and wrenches servoed in force, in its coordinates.
+        velocity: unit twist of the reference point in axes of the B-frame.
+        speed: m/s.
+        bias: wrench applied to the moving part.
+        push: size of its part along the motion.
+        pressed: held contacts with the normal forces that balance the rest of it.
+        felt: contacts that end the move.
+        wrench, threshold, max_travel, timeout: when the move ends.
+        stays: what the held contacts stay closed under: "push", "stop" or "none".
+        jam_free: directions in which the bias cannot be balanced; None where nothing is claimed.
+        impact: normal speed of the contact met for a unit twist, and its force; None where none is limited.
+    """
+
+    frame: Numbers
+    position_axes: tuple[Numbers, ...]
+    force_axes: tuple[Numbers, ...]
+    velocity: Numbers
+    speed: float
+    bias: Numbers
+    push: float
+    pressed: tuple[tuple[str, float], ...]
+    felt: tuple[str, ...]
+    wrench: Numbers
+    threshold: float
+    max_travel: float
+    timeout: float
+    stays: str
+    jam_free: JamFree | None = None
+    impact: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Specification:
+    """What forces and speeds were asked for: m/s, N, N·m, friction, N, and (N, kg, N/m) where impacts are limited."""
+
+    speed: float
+    contact_force: float
+    torque_limit: float
+    friction: float
+    termination_force: float
+    impact: tuple[float, float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A piece of motion with its claims."""
+
+    critical_point: int
+    move: int
+    state: tuple[str, ...]
+    goal_state: tuple[str, ...]
+    progress: tuple[float, float]
+    start: Numbers
+    goal: Numbers
+    clearance: float
+    margin: float
+    binding: str
+    basis: tuple[tuple[str, Numbers, bool], ...]
+    tube: Tube
+    separations: tuple[Separation, ...]
+    contacts: tuple[ContactClaim, ...]
+    hybrid: Hybrid
+    leaving: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A plan.
+
+    Attributes:
+        verdict: its own: CERTIFIED, NOT_PROVED or REFUTED.
+        title, problem: of the problem that it is for, and that problem's SHA-256.
+        version: of the program that wrote it.
+        sha256, digest_holds: its seal, and whether it is that of the document.
+        moving, fixed: the parts.
+        contacts: every primitive contact that segments name.
+        segments: the motion.
+        start_box: half-widths (6,) of the start errors, m and rad.
+        velocity_error: shares of translation and of rotation.
+        rho: characteristic length, m.
+        sources: boxes of the start errors by the frame that they are fixed in; none where all are in the world.
+        specification: what was asked for.
+        goal: pose (6,).
+        touch: how far apart parts are taken to touch, m.
+        not_covered: what it leaves out.
+        search: how the sequence of moves was found.
+        nominal, critical_points, position_force, recovery: what it tells besides; none of it in a bare proof.
+        diagnostics: what it tells of how it was found; likewise.
+    """
+
+    verdict: str
+    title: str
+    problem: str
+    version: str
+    sha256: str
+    digest_holds: bool
+    moving: Part
+    fixed: Part
+    contacts: tuple[Contact, ...]
+    segments: tuple[Segment, ...]
+    start_box: Numbers
+    velocity_error: Numbers
+    rho: float
+    sources: tuple[tuple[str, Numbers], ...]
+    specification: Specification
+    goal: Numbers
+    touch: float
+    not_covered: tuple[str, ...]
+    search: Search | None = None
+    nominal: Nominal | None = None
+    critical_points: tuple[CriticalPoint, ...] | None = None
+    position_force: tuple[PositionForce, ...] | None = None
+    recovery: Recovery | None = None
+    diagnostics: Diagnostics | None = None
+
+    @property
+    def parts(self) -> dict[str, Part]:
+        """The parts by side, "moving" and "fixed"."""
+        return {"moving": self.moving, "fixed": self.fixed}
+
+
+@dataclass(frozen=True)
+class Nominal:
+    """The nominal trajectory: poses (6,) at times (s), straight between, and S(t) along it."""
+
+    nodes: tuple[Numbers, ...]
+    times: Numbers
+    intervals: tuple[Interval, ...]
+
+
+@dataclass(frozen=True)
+class PositionForce:
+    """Pₐ(t), Pₙ(t) and Fₐ(t) on an interval on which P is straight and S constant.
+
+    Attributes:
+        interval: from when to when, and S.
+        pa_start, pa_end: artificial position constraints (6,) at both ends, m and rad.
+        pn_start, pn_end: natural ones likewise.
+        fa: reaction (6,) on the moving part, N and N·m.
+        applied: wrench (6,) applied to the moving part, −fa.
+        either_sign: degrees whose reaction may have either sign.
+    """
+
+    interval: Interval
+    pa_start: Numbers
+    pa_end: Numbers
+    pn_start: Numbers
+    pn_end: Numbers
+    fa: Numbers
+    applied: Numbers
+    either_sign: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class CriticalPoint:
+    """A pose near which contact states were looked for.
+
+    Attributes:
+        name: what it is called.
+        pose: (6,).
+        contacts: ids of the primitive contacts possible near it.
+        enumerated: whether all states near it were enumerated.
+        states_by_dimension: how many states there are of each dimension.
+        states_confirmed: how many of them were confirmed.
+        states_by_verdict: how many came to which verdict.
+    """
+
+    name: str
+    pose: Numbers
+    contacts: tuple[str, ...]
+    enumerated: bool
+    states_by_dimension: Mapping[int, int]
+    states_confirmed: int
+    states_by_verdict: Mapping[str, int]
+
+
+@dataclass(frozen=True)
+class Search:
+    """How the sequence of moves was found.
+
+    Attributes:
+        objective: what its cost is made of.
+        cost, lower_bound, gap: of the sequence, of any, and their difference.
+        states_expanded: states looked at.
+        moves: the freedom of each move, "approach" or an axis with its sign.
+        heading: turn about z of the axes that moves go along and about, rad.
+    """
+
+    objective: str
+    cost: float
+    lower_bound: float
+    gap: float
+    states_expanded: int
+    moves: tuple[str, ...]
+    heading: float
+
+
+@dataclass(frozen=True)
+class Lift:
+    """How the part backs off, along z of the B-frame.
+
+    Attributes:
+        above: m in B; nothing new is touched while the part's lowest point lies above this.
+        clear: m in B; height of the lowest point from which the part is turned and carried to a start.
+        turn: rad; the furthest that it is turned then.
+    """
+
+    above: float
+    clear: float
+    turn: float
+
+
+@dataclass(frozen=True)
+class UnplannedContact:
+    """A contact that larger errors would make first.
+
+    Attributes:
+        kind, moving, fixed: the contact, by vertex indices of the parts.
+        factor: of the start errors, with which it is made.
+        axis: the degree that makes it alone, empty where none does.
+        axis_factor: of the start error of that degree alone; None where none does.
+        wrench: of a unit reaction, (6,).
+        angle: to the wrench of the contact wanted, rad; None where none is.
+        told: whether it can be told from the contact wanted.
+    """
+
+    kind: str
+    moving: tuple[int, ...]
+    fixed: tuple[int, ...]
+    factor: float
+    axis: str
+    axis_factor: float | None
+    wrench: Numbers
+    angle: float | None
+    told: bool
+
+
+@dataclass(frozen=True)
+class MoveRecovery:
+    """What to do when a move fails.
+
+    Attributes:
+        move: its number.
+        back_off: whether the part may be lifted from anywhere in it.
+        room: by how much its lowest point stays above what it could be lifted into, m; None without a lift.
+        first: contacts that it does not plan and larger errors would make.
+        early, late: retries in order, after something was felt that was not wanted, and after nothing was.
+    """
+
+    move: int
+    back_off: bool
+    room: float | None
+    first: tuple[UnplannedContact, ...]
+    early: tuple[int, ...]
+    late: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """Backing off and trying again.
+
+    Attributes:
+        lift: how; None where the part cannot be lifted.
+        why: why not, or why there are no retries; empty where there are.
+        retries: shifts (6,) of the start, m and rad.
+        covers: half-widths (6,) of the start errors that the plan covers with its retries.
+        moves: of each move.
+        not_covered: what this does not cover.
+    """
+
+    lift: Lift | None
+    why: str
+    retries: tuple[Numbers, ...]
+    covers: Numbers
+    moves: tuple[MoveRecovery, ...]
+    not_covered: tuple[str, ...]

@@ -1,0 +1,222 @@
+"""Taking values out of a JSON document, with the place in it when one is wrong.
+
+What each key of a plan file counts for: proved, compared with the problem, or commentary.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from fmopt.verify.reading.file import Numbers, PlanError
+
+MOST = 4096  # entries of a list, where nothing else is said
+LONGEST = 1000  # characters of a text
+# Control characters, those that turn the direction of writing, separators of lines, halves of characters.
+UNSEEN = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff\ud800-\udfff]")
+_LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+\[\]/ -]{0,63}", re.ASCII)
+_HEX = re.compile(r"[0-9a-f]{64}", re.ASCII)
+
+PROVED = "proved"  # derived again from what is compared, a choice that the proof rests on, or the format's only value
+COMPARED = "compared with the problem"  # an assumption, which `verify --problem` holds against the problem
+COMMENTARY = "commentary"  # of the right form, and judged by nobody
+CLASSES = (PROVED, COMPARED, COMMENTARY)
+
+
+class Reader:
+    """A place in the document: takes values out of it and says where when they are wrong."""
+
+    __slots__ = ("_above", "_step", "value")
+
+    def __init__(self, value: Any, above: Reader | None = None, step: str = "") -> None:
+        self.value = value
+        self._above = above
+        self._step = step
+
+    @property
+    def path(self) -> str:
+        """Where in the document this is, such as "segments[2].tube"."""
+        if self._above is None:
+            return self._step
+        before = self._above.path
+        return f"{before}.{self._step}" if before and not self._step.startswith("[") else before + self._step
+
+    def fail(self, message: str) -> PlanError:
+        """The error that says what is wrong here."""
+        return PlanError(self.path, message)
+
+    def at(self, key: str) -> Reader:
+        """The place of a key of this object, which must be there."""
+        if not isinstance(self.value, dict):
+            raise self.fail("must be an object")
+        if key not in self.value:
+            raise self.fail(f"lacks the key {key!r}")
+        return Reader(self.value[key], self, key)
+
+    def has(self, key: str) -> bool:
+        """Whether this is an object with the key."""
+        return isinstance(self.value, dict) and key in self.value
+
+    def only(self, required: Fields | Collection[str], optional: Iterable[str] = ()) -> Reader:
+        """This object, which must have the required keys and no others than the optional ones."""
+        known = required.known if isinstance(required, Fields) else {*required, *optional}
+        names = required.required if isinstance(required, Fields) else required
+        if not isinstance(self.value, dict):
+            raise self.fail("must be an object")
+        for key in names:
+            if key not in self.value:
+                raise self.fail(f"lacks the key {key!r}")
+        if len(self.value) > len(names):
+            unknown = min((str(key) for key in self.value.keys() - known), default=None)
+            if unknown is not None:
+                raise self.fail(f"unknown key {unknown[:40]!r}: what this check does not know it cannot vouch for")
+        return self
+
+    def items(self, least: int = 0, exact: int | None = None, most: int = MOST) -> list[Reader]:
+        """The places of a list's entries, which must be at least and at most so many, or exactly."""
+        if not isinstance(self.value, list | tuple):
+            raise self.fail("must be a list")
+        if len(self.value) < least or (exact is not None and len(self.value) != exact):
+            raise self.fail(f"must have {f'{exact}' if exact is not None else f'at least {least}'} entries")
+        if len(self.value) > most:
+            raise self.fail(f"must have at most {most} entries")
+        return [Reader(item, self, f"[{i}]") for i, item in enumerate(self.value)]
+
+    def maybe(self, key: str) -> Reader | None:
+        """The place of a key of this object; None where it is not there."""
+        return self.at(key) if self.has(key) else None
+
+    def filled(self, key: str) -> Reader | None:
+        """The place of a key of this object, which must be there; None where it holds null."""
+        place = self.at(key)
+        return None if place.value is None else place
+
+    def number(self, low: float = -1e6, high: float = 1e6) -> float:
+        """A finite number within limits."""
+        if isinstance(self.value, bool) or not isinstance(self.value, int | float):
+            raise self.fail("must be a number")
+        if not (math.isfinite(self.value) if isinstance(self.value, float) else abs(self.value) < 10**9):
+            raise self.fail("must be a finite number")
+        if not low <= self.value <= high:
+            raise self.fail(f"must lie between {low:g} and {high:g}")
+        return float(self.value)
+
+    def numbers(self, count: int, low: float = -1e6, high: float = 1e6) -> Numbers:
+        """A list of exactly so many numbers, each within limits, which are finite."""
+        values = self.value
+        if isinstance(values, list) and len(values) == count:
+            for x in values:
+                if type(x) is not float or not low <= x <= high:
+                    break
+            else:
+                return tuple(values)
+        return tuple(item.number(low, high) for item in self.items(exact=count))
+
+    def matrix(self, rows: int | None, most: int = MOST) -> tuple[Numbers, ...]:
+        """Rows of six numbers; at most so many of them without `rows`."""
+        return tuple(item.numbers(6) for item in self.items(exact=rows, most=most))
+
+    def integer(self, end: int = 10**6, low: int = 0) -> int:
+        """A whole number from `low` to below `end`."""
+        if isinstance(self.value, bool) or not isinstance(self.value, int):
+            raise self.fail("must be a whole number")
+        if not low <= self.value < end:
+            raise self.fail(f"must lie between {low} and {end - 1}")
+        return self.value
+
+    def indices(self, end: int, least: int = 0, exact: int | None = None) -> tuple[int, ...]:
+        """A list of different whole numbers below `end`."""
+        found = tuple(item.integer(end) for item in self.items(least, exact))
+        if len(set(found)) != len(found):
+            raise self.fail("repeats an index")
+        return found
+
+    def text(self, allowed: Iterable[str] | None = None) -> str:
+        """A text of one line, one of those allowed if they are given."""
+        if not isinstance(self.value, str):
+            raise self.fail("must be text")
+        if allowed is not None:
+            if self.value not in allowed:
+                words = ", ".join(word or '""' for word in [*allowed][:20])
+                raise self.fail(f"must be one of {words}, not {self.value[:40]!r}")
+            return self.value
+        if len(self.value) > LONGEST:
+            raise self.fail(f"must be at most {LONGEST} characters long")
+        if (unseen := UNSEEN.search(self.value)) is not None:
+            raise self.fail(f"must be one line of text, without the control character U+{ord(unseen.group()):04X}")
+        return self.value
+
+    def label(self) -> str:
+        """A name: up to 64 letters and digits, and signs that end no text anywhere."""
+        if not isinstance(self.value, str):
+            raise self.fail("must be text")
+        if _LABEL.fullmatch(self.value) is None:
+            raise self.fail(f"must be a name of letters and digits, not {self.value[:40]!r}")
+        return self.value
+
+    def sha256(self) -> str:
+        """A SHA-256 in hexadecimal digits."""
+        if not isinstance(self.value, str) or _HEX.fullmatch(self.value) is None:
+            raise self.fail("must be 64 hexadecimal digits")
+        return self.value
+
+    def flag(self) -> bool:
+        """True or false."""
+        if not isinstance(self.value, bool):
+            raise self.fail("must be true or false")
+        return self.value
+
+
+@dataclass(frozen=True)
+class Fields:
+    """The keys that an object of a plan file may have.
+
+    Attributes:
+        where: its place, such as "segments[].tube".
+        classes: what each key counts for; one whose value is an object or a list of such has the classes of its keys.
+        required: the keys that must be there.
+        known: all keys.
+    """
+
+    where: str
+    classes: tuple[tuple[str, str], ...]
+    required: tuple[str, ...]
+    known: frozenset[str]
+
+
+def fields(
+    where: str,
+    *,
+    proved: str = "",
+    compared: str = "",
+    commentary: str = "",
+    objects: str = "",
+    optional: Iterable[str] = (),
+) -> Fields:
+    """The keys of an object, by class, separated by spaces.
+
+    Args:
+        where: its place in the plan.
+        proved, compared, commentary: keys of these classes.
+        objects: keys that hold objects, or lists of them, whose keys stand in fields of their own.
+        optional: keys that may be missing.
+    """
+    told = ((PROVED, proved), (COMPARED, compared), (COMMENTARY, commentary))
+    classes = tuple((key, kind) for kind, keys in told for key in keys.split())
+    known = [key for key, _ in classes] + objects.split()
+    missing = set(optional)
+    return Fields(where, classes, tuple(key for key in known if key not in missing), frozenset(known))
+
+
+def table(rows: Iterable[Fields]) -> list[str]:
+    """A table in Markdown of what each key counts for, one line for each object and class."""
+    lines = ["| where | counts as | keys |", "|---|---|---|"]
+    for row in rows:
+        for kind in CLASSES:
+            keys = [f"`{key}`" for key, said in row.classes if said == kind]
+            if keys:
+                lines.append(f"| {f'`{row.where}`' if row.where else 'the plan'} | {kind} | {', '.join(keys)} |")
+    return lines
