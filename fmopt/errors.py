@@ -97,8 +97,8 @@ class InterferenceError(FmoptError):
 class InfeasibleError(FmoptError):
     """A state, placement or sequence that was shown not to exist; `shortfall` in metres.
 
-    `attempt` is how far a motion came, `fmopt.planning.motion.Attempt`, where one was looked for, and `failure` what there is to
-    say of it, `fmopt.report.attempt.Failure`, where that was worked out.
+    `attempt` is how far a motion came, `fmopt.planning.motion.Attempt`, where one was looked for, and `failure` what
+    there is to say of it, `fmopt.report.attempt.Failure`, where that was worked out.
     """
 
     exit_code = 1

@@ -84,7 +84,7 @@ def test_links_within_pages_are_rewritten() -> None:
 
 def test_the_search_finds_sections_that_hold_all_words_headings_first() -> None:
     engine = MiniRacer()
-    engine.eval((FOLDER / "manual.js").read_text(encoding="utf-8") + "\n;0")
+    engine.eval((FOLDER / "book" / "manual.js").read_text(encoding="utf-8") + "\n;0")
     sections = [
         {"id": "a", "page": "Robots", "head": "Exports", "text": "a program of URScript, its base in m"},
         {"id": "b", "page": "Robots", "head": "The base", "text": "of the hole in the robot"},

@@ -104,7 +104,8 @@ def test_a_signal_that_a_library_turns_into_an_error_of_its_own_is_still_one(num
 
 
 def test_signals_that_who_started_it_ignores_are_ignored() -> None:
-    code = "import os, signal; from fmopt.runtime import process; process.run(lambda: os.kill(os.getpid(), signal.SIGHUP) or 7)"
+    code = "from fmopt.runtime import process; process.run(lambda: os.kill(os.getpid(), signal.SIGHUP) or 7)"
+    code = f"import os, signal; {code}"
     line = f"trap '' HUP; exec '{sys.executable}' -c '{code}'"
     assert subprocess.run(["bash", "-c", line], cwd=ROOT, timeout=60, check=False).returncode == 7
 

@@ -42,7 +42,7 @@ class Functions(NamedTuple):
             numbered in that order.
         own: (k,), the surface of each contact.
         bounds: the surface of each bound (l,), the signs (l,), where they are in the clauses of each contact
-            (k, clauses, alternatives, bounds together), see `fmopt.contact.facet_bounds.BoundTable`, and the contact that
+            (k, clauses, alternatives, bounds together), see `contact.facet_bounds.BoundTable`, and the contact that
             begins at each bound (l + 2,), −1 for none.
         limits: (7, w), a column of each limit's unit row and offset.
         scale: (6,), scaled units in m and rad.

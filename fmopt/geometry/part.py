@@ -119,9 +119,10 @@ def with_balls(part: Part, balls: Sequence[tuple[ArrayLike, float]]) -> Part:
 def mesh_part(
     name: str, mesh: Imported, features: Sequence[Feature] | None = None, chord_error: float | None = None
 ) -> Part:
-    """The part of an imported mesh; it gets exact convex pieces by way of `mesh.come_apart`.
+    """The part of an imported mesh; it gets exact convex pieces by way of `mesh_import.come_apart`.
 
-    >>> from fmopt.geometry import csg, convex_pieces as pieces, polyhedron; from fmopt.geometry.mesh import mesh_import as mesh
+    >>> from fmopt.geometry import csg, convex_pieces as pieces, polyhedron
+    >>> from fmopt.geometry.mesh import mesh_import as mesh
     >>> bar = pieces.polyhedron(csg.Box((0.01, 0.01, 0.03)))
     >>> part = mesh_part("bar", mesh.mesh_polyhedron(bar.vertices, polyhedron.triangulated(bar)))
     >>> [(feature.name, feature.kind, feature.length) for feature in part.features]
@@ -130,7 +131,7 @@ def mesh_part(
     Args:
         name: the part's name.
         mesh: as `load_mesh` returns it, in the model frame.
-        features: mating features in the model frame; found by `mating.found_features` if not given.
+        features: mating features in the model frame; found by `mating_features.found_features` if not given.
         chord_error: how far the true curved surfaces lie from the mesh, m; the mesh's own estimate if not given.
 
     Raises:

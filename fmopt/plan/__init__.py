@@ -59,11 +59,11 @@ from fmopt.verify.reading.reader import LONGEST, UNSEEN, Reader
 
 __all__ = [
     "FORMAT", "FRAMES", "NOT_COVERED", "STDIO", "UNITS", "Body", "Boundary", "Contact", "ContactClaim", "CriticalPoint",
-    "Curve", "Diagnostics", "Diagram", "ErrorTolerance", "Hybrid", "Interval", "JamFree", "Lift", "MoveRecovery", "Nominal",
-    "Numbers", "Part", "Phase", "Plan", "Planar", "PlanarSegment", "Polyline", "PositionForce", "Recovery", "Search",
-    "Segment", "Separation", "Slice", "Specification", "Surface", "ToleranceEnd", "Tube", "UnplannedContact", "Witness",
-    "boundary", "canonical", "clean", "diagram", "digest", "line", "parsed", "read", "read_document", "rounded_down",
-    "sealed", "surface", "write",
+    "Curve", "Diagnostics", "Diagram", "ErrorTolerance", "Hybrid", "Interval", "JamFree", "Lift", "MoveRecovery",
+    "Nominal", "Numbers", "Part", "Phase", "Plan", "Planar", "PlanarSegment", "Polyline", "PositionForce", "Recovery",
+    "Search", "Segment", "Separation", "Slice", "Specification", "Surface", "ToleranceEnd", "Tube", "UnplannedContact",
+    "Witness", "boundary", "canonical", "clean", "diagram", "digest", "line", "parsed", "read", "read_document",
+    "rounded_down", "sealed", "surface", "write",
 ]  # fmt: skip
 
 STDIO = Path("-")  # standard input or output, in place of a file

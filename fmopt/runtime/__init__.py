@@ -1,1 +1,1 @@
-"""The program as a process: compiled kernels, time limits, children, signals, files that it writes, text that it escapes."""
+"""The program as a process: compiled kernels, time limits, children, signals, files it writes, text it escapes."""

@@ -24,7 +24,10 @@ from fmopt.errors import ResourceError
 
 FAREWELL = 5.0  # s that a process may take to end once its connection is closed
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS", "RAYON_NUM_THREADS")
-_CODE = "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from fmopt.runtime.child_process import main; main(sys.argv[2:])"
+_CODE = (
+    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
+    "from fmopt.runtime.child_process import main; main(sys.argv[2:])"
+)
 _PR_SET_PDEATHSIG = 1
 
 

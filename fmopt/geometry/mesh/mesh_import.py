@@ -102,7 +102,7 @@ def load_mesh(path: Path | str, unit: Unit) -> Imported:
     Vertices within 1e-7 of the diameter are merged, of a surface that does not close then those farther apart.
     Triangles that face the other way than those around them are turned. Gaps are closed where the missing surface is
     flat or a band between two rims, see `mended.patches`: whoever uses the part is to look at them. Facets that are
-    plane but for noise become plane faces, see `flatten.flattened`; how far they lie from the file's is `off`.
+    plane but for noise become plane faces, see `plane_facets.flattened`; how far they lie from the file's is `off`.
 
     Args:
         path: the file.
@@ -381,7 +381,7 @@ def _require_simple(points: Array, triangles: Indices, crossing: Crossing | None
 
 @remembered(1)
 def come_apart(mesh: Imported) -> tuple[Solid, Polyhedron]:
-    """The solid of a mesh by way of `excess.apart`, and its boundary.
+    """The solid of a mesh by way of `inverse_csg.apart`, and its boundary.
 
     Raises:
         GeometryError: it does not come apart into convex bodies, and where its facets are uneven.

@@ -1,4 +1,4 @@
-"""Facets of a solid from its own surfaces: planes as they are, curved faces cut as `step_grid` says.
+"""Facets of a solid from its own surfaces: planes as they are, curved faces cut as `geometry.step.grid` says.
 
 Corners lie where surfaces meet: those of plane faces are moved onto all of their planes.
 """

@@ -34,7 +34,7 @@ def facets_of(solid: TopoDS_Shape, deviation: float) -> dict[str, Any]:
 
     "off" is how far curved faces are from the facets, mm, None where there are none; "around" how much larger the
     facets are than fillets of the solid; "own" whether they are of its own surfaces and close by themselves. A solid of
-    other surfaces than `step_exact` follows is cut by the kernel.
+    other surfaces than `exact_facets` follows is cut by the kernel.
 
     Raises:
         GeometryError: the solid is open, or a face of it cannot be cut into facets.

@@ -1,6 +1,6 @@
 """STEP files: plane faces exactly, curved ones as facets no further from them than stated.
 
-The CAD kernel reads them in a process of its own, see `step_kernel`: what breaks it down does not break this one.
+The CAD kernel reads them in a process of its own, `geometry.step.kernel`: what breaks it down does not break this one.
 """
 
 from __future__ import annotations

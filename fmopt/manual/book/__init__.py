@@ -60,7 +60,9 @@ def manual(names: Sequence[str] = PAGES) -> str:
     made = [_made(name) for name in names]
     contents = "\n".join(f"<li>{heads}</li>" for heads, _ in made)
     body = "\n".join(f'<article id="{name}">\n{html}</article>' for name, (_, html) in zip(names, made, strict=True))
-    return page("fmopt: the manual", _beside("manual.css"), _BODY.format(contents, body, _beside("manual.js")), True)
+    return page(
+        "fmopt: the manual", _beside("book/manual.css"), _BODY.format(contents, body, _beside("book/manual.js")), True
+    )
 
 
 _BODY = """<header>

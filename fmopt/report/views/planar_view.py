@@ -72,7 +72,7 @@ def paint(plan: Plan, figure: Figure) -> None:
 
 
 def paint_sets(sets: Sequence[Boundary], figure: Figure, upright: str = "y") -> None:
-    """A panel for each set; `fmopt.plan.boundary` reads what `fmopt.papers.basanez_suarez.account` makes. m in, mm drawn.
+    """A panel for each set; `fmopt.plan.boundary` reads what `papers.basanez_suarez.account` makes. m in, mm drawn.
 
     `upright` is what the plane's second axis is called: z in a plan.
     """

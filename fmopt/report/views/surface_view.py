@@ -56,7 +56,7 @@ def paint(plan: Plan, figure: Figure) -> None:
 
 
 def paint_surfaces(surfaces: Sequence[Surface], figure: Figure, upright: str = "y") -> None:
-    """A body for each surface; `fmopt.plan.surface` reads what `papers.basanez_suarez.account` makes. Drawn in mm and °.
+    """A body for each surface; `fmopt.plan.surface` reads what `papers.basanez_suarez.account` makes. In mm and °.
 
     `upright` is what the plane's second axis is called: z in a plan.
     """
