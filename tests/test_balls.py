@@ -18,8 +18,8 @@ import pytest
 from executing import executed
 from execution_geometry import Convex, gaps
 from restate import restated
+from square_parts import block
 from table_plan import sealed
-from test_contact_parts import block
 
 from fmopt.certificate.rows import balls_above, points_above
 from fmopt.contact import definitions

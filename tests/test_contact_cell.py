@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_contact_parts import MID_DEPTH, block, peg
+from square_parts import MID_DEPTH, block, peg
 
 from fmopt.contact.c_surface import Surfaces
 from fmopt.contact.facet_bounds import Bound, cell

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from square_parts import MID_DEPTH, block, peg, spike
 from test_contact_cell import POSES
-from test_contact_parts import MID_DEPTH, block, peg, spike
 
 from fmopt.contact import descent
 from fmopt.contact.c_surface import Surfaces

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear, nnls
 from shapely.geometry import Point, Polygon
-from test_contact_parts import block, peg, tilted
+from square_parts import block, peg, tilted
 
 from fmopt.contact.detection import (
     Vector,

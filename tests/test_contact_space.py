@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_contact_parts import MID_DEPTH, block, peg
+from square_parts import MID_DEPTH, block, peg
 
 from fmopt.contact.polytope import Faces, enumerate_faces
 from fmopt.contact.primitive import near_contacts

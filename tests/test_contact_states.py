@@ -5,8 +5,8 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from square_parts import MID_DEPTH, block, peg
 from test_contact_cell import gap
-from test_contact_parts import MID_DEPTH, block, peg
 
 from fmopt.contact.c_surface import Surfaces
 from fmopt.contact.facet_bounds import cell, touching

@@ -5,7 +5,7 @@ import mpmath
 import numpy as np
 import pytest
 import sympy
-from test_contact_parts import MID_DEPTH, block, peg, spike, tilted
+from square_parts import MID_DEPTH, block, peg, spike, tilted
 
 from fmopt.contact import generate
 from fmopt.contact.algebra import Definition

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from convex_sets import in_space, overlapping, relaxation, shortest_of_all
 from scipy.optimize import linprog
-from test_contact_parts import MID_DEPTH, block, peg
+from square_parts import MID_DEPTH, block, peg
 
 from fmopt.contact.primitive import near_contacts
 from fmopt.contact.state_graph import ContactGraph, Scale, contact_graph, faces, local_space

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from planar_sampling import instances
-from test_contact_parts import MID_DEPTH, block, peg
+from square_parts import MID_DEPTH, block, peg
 
 from fmopt.contact.c_surface import Surfaces
 from fmopt.contact.primitive import Kind as SpatialKind

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 from scipy.spatial import ConvexHull
+from square_parts import MID_DEPTH, block, peg
 from test_contact_cell import POSES
-from test_contact_parts import MID_DEPTH, block, peg
 
 from fmopt.contact import c_surface as surface
 from fmopt.contact.definitions import CONTACTS as KINDS
