@@ -6,20 +6,21 @@ import fcntl
 from pathlib import Path
 from typing import Any
 
-import browser
 import pytest
 from hypothesis import settings
 
 from fmopt import plan
-
-ROOT = Path(__file__).parent.parent
+from tests import ROOT
+from tests.shared.pages import browser
 
 settings.register_profile("repeatable", derandomize=True)  # the same examples in every run
 settings.load_profile("repeatable")
 
-collect_ignore = [] if browser.PATH else ["test_browser.py"]  # tests/test_page_scripts.py checks its pages everywhere
+collect_ignore = (
+    [] if browser.PATH else ["report/test_browser.py"]
+)  # report/test_scripts.py checks its pages everywhere
 if not (ROOT.parent / "shared" / "parts").is_dir():
-    collect_ignore.append("test_shared_parts.py")
+    collect_ignore.append("geometry/test_shared_parts.py")
 
 
 @pytest.fixture(scope="session")

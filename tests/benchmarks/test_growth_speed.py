@@ -15,12 +15,12 @@ from fmopt.certificate.segment_linearisation import Tolerance
 from fmopt.contact.primitive import near_contacts
 from fmopt.planning.search.best_first import begin
 from fmopt.planning.search.entry import start_spread, straight_entry
-from fmopt.planning.search.successors import Costs, Node, Task, sons
+from fmopt.planning.search.successors import Costs, Node, Task, successors
 from fmopt.spatial.se3 import Pose
 from fmopt.task.problem import Problem, load
 from fmopt.task.sizes import measured_clearance
+from tests import ROOT
 
-ROOT = Path(__file__).parent.parent.parent
 RADIUS, GAP = 20.0, 0.4  # mm
 SMALL = 0.05  # share of the errors of the hexagonal prism that fits into the clearance, whatever the number of sides
 
@@ -68,6 +68,6 @@ def test_one_state_expanded(benchmark: BenchmarkFixture, tmp_path: Path, sides: 
     def expanded(task: Task) -> list[Node]:
         node = begin(task, entry)
         assert node is not None
-        return list(sons(task, node))
+        return list(successors(task, node))
 
     assert benchmark.pedantic(expanded, setup=unused, rounds=5 if benchmark.enabled else 1)

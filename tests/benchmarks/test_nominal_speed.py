@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,8 +15,8 @@ from fmopt.papers.lee_huang.swept import meetings
 from fmopt.task.object_model.command import Answer, answer
 from fmopt.task.problem import Problem, load
 from fmopt.task.task_command import task_command
+from tests import PROBLEMS
 
-PROBLEMS = Path(__file__).parents[2] / "problems"
 TASKS = ["lee_huang_peg", "lee_huang_figure1", "square_peg", "factory_rect_8mm_tight"]
 RHO = 0.014
 

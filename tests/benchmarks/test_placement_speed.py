@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from placement_instances import linearised, peg_placement, random_placement
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from fmopt.planning.optimise import solvers
@@ -17,6 +16,7 @@ from fmopt.planning.placement import nonlinear_program as nlp
 from fmopt.planning.placement.formation import Counts, counts, formation_derivatives
 from fmopt.planning.placement.largest_clearance import max_min_clearance
 from fmopt.planning.placement.nonlinear_program import place_on_surfaces
+from tests.shared.placement_instances import linearised, peg_placement, random_placement
 
 GROWING = random_placement(0, rows=80, contacts=2, growth=0.02).program()
 VALUE = solvers.ClarabelSolver().solve(GROWING).value

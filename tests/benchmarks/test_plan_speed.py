@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,8 +10,9 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from fmopt.planning import pipeline
 from fmopt.task.problem import load
 from fmopt.verify import verify
+from tests import ROOT
 
-PROBLEM = Path(__file__).parent.parent.parent / "problems" / "square_peg.toml"
+PROBLEM = ROOT / "problems" / "square_peg.toml"
 
 
 @pytest.mark.benchmark(group="whole plan")

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from convex_sets import in_space
 from pydrake.geometry.optimization import GraphOfConvexSets, GraphOfConvexSetsOptions, VPolytope
 from pydrake.solvers import Binding, Cost, L2NormCost
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from fmopt.planning.optimise.convex_route import ConvexSets, shortest_route
+from tests.shared.parts.convex_sets import in_space
 
 SETS = [in_space(50, seed) for seed in range(8)]
 

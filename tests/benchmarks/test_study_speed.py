@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-import study_evaluations as evaluations
 from pytest_benchmark.fixture import BenchmarkFixture
-from study_plans import measured
-from study_problems import straight
 
 from fmopt.study.running.running import Options, run
+from tests.shared.studies import evaluations
+from tests.shared.studies.plans import measured
+from tests.shared.studies.problems import straight
 
 RUNS = 200  # of 20 ms
 PLANS = 16

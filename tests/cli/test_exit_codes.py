@@ -1,0 +1,519 @@
+"""The command line as people and machines meet it: exit codes, messages with place and advice, no traceback ever."""
+
+from __future__ import annotations
+
+import copy
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fmopt import __version__, plan
+from fmopt.cli import EXIT
+from fmopt.verify.problem import differences
+from fmopt.verify.reading.parse import parse
+from tests import ROOT
+from tests.shared.commands import ended
+
+PROBLEM, PEG, BLOCK = "problems/square_peg.toml", "models/square_peg.toml", "models/square_hole_block.toml"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Exit code and both outputs of one command."""
+
+    code: int
+    out: str
+    err: str
+
+
+Command = Callable[..., Outcome]
+
+
+@pytest.fixture
+def fmopt(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Command:
+    """Runs a command in this process, in a wide terminal without colours."""
+
+    def run(*words: str | Path) -> Outcome:
+        monkeypatch.setattr(sys, "argv", ["fmopt", *map(str, words)])
+        monkeypatch.setenv("COLUMNS", "200")
+        monkeypatch.setenv("NO_COLOR", "1")
+        return Outcome(*ended(capfd))
+
+    return run
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Path:
+    """A folder with the square peg's problem and models."""
+    for name in (PROBLEM, PEG, BLOCK):
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes((ROOT / name).read_bytes())
+    return tmp_path
+
+
+def edit(path: Path, old: str, new: str) -> tuple[int, int]:
+    """Replaces the one place where `old` stands; line and column of it."""
+    text = path.read_text(encoding="utf-8")
+    assert text.count(old) == 1, f"{old!r} stands {text.count(old)} times in {path}"
+    before = text[: text.index(old)]
+    path.write_text(text.replace(old, new), encoding="utf-8")
+    return before.count("\n") + 1, len(before) - before.rfind("\n")
+
+
+def widths(files: Path, peg: float, hole: float) -> Path:
+    edit(files / PEG, "\nwidth = ", f"\nwidth = {peg} # ")
+    edit(files / BLOCK, "\nwidth = ", f"\nwidth = {hole} # ")
+    for side in ("block_x = ", "block_y = "):
+        edit(files / BLOCK, side, f"{side}100 # ")
+    return files / PROBLEM
+
+
+# Bad input: exit 2, file:line:column: CODE: message; advice
+
+
+def test_a_missing_file(fmopt: Command, tmp_path: Path) -> None:
+    for command in ("solve", "check"):
+        done = fmopt(command, tmp_path / "nowhere.toml")
+        assert (done.code, done.out) == (2, "")
+        assert done.err.startswith(f"{tmp_path / 'nowhere.toml'}:1:1: file-missing: ")
+        assert "correct the path" in done.err
+
+
+# What is written before the value of `height`; the rest of the line, after #, no longer counts.
+BAD = [
+    ("height = = ", len("height = "), "toml-syntax", "toml.io"),
+    ("heigth = ", 0, "unknown-key", "did you mean 'height'?"),
+    ("height = nan # ", len("height = "), "not-finite", "write a finite number"),
+    ("height = -1 # ", len("height = "), "negative", "make it positive"),
+    ('height = "1 deg" # ', len("height = "), "wrong-unit", "'1 deg' is an angle, not a length"),
+]
+
+
+@pytest.mark.parametrize(("new", "shift", "code", "advice"), BAD, ids=[row[2] for row in BAD])
+def test_bad_values(fmopt: Command, files: Path, new: str, shift: int, code: str, advice: str) -> None:
+    line, column = edit(files / PROBLEM, "height = ", new)
+    done = fmopt("solve", files / PROBLEM)
+    assert (done.code, done.out) == (2, "")
+    assert f"{files / PROBLEM}:{line}:{column + shift}: {code}: " in done.err
+    assert advice in done.err
+
+
+def test_a_missing_key(fmopt: Command, files: Path) -> None:
+    edit(files / PROBLEM, "rx = ", "# rx = ")
+    done = fmopt("check", files / PROBLEM)
+    assert done.code == 2
+    assert "missing-key: uncertainty.start.rx: this key is missing; add 'rx' to [uncertainty.start]" in done.err
+
+
+def test_a_negative_length_of_a_model(fmopt: Command, files: Path) -> None:
+    edit(files / PEG, "length = 40\n", "length = -40\n")
+    line, column = edit(files / PEG, '"length"]', '"length"]')
+    done = fmopt("check", files / PROBLEM)
+    assert done.code == 2
+    assert f"{files / PEG}:{line}:{column}: negative: solids.peg.size[2]: " in done.err
+    assert "make it positive" in done.err
+
+
+def test_an_empty_solid(fmopt: Command, files: Path) -> None:
+    edit(files / BLOCK, 'minus = ["hole"]', 'minus = ["hole", "block"]')
+    done = fmopt("solve", files / PROBLEM)
+    assert done.code == 2
+    assert f"{files / BLOCK}:" in done.err
+    assert "geometry: " in done.err
+    assert "empty" in done.err
+
+
+def test_an_open_mesh(fmopt: Command, files: Path) -> None:
+    import trimesh
+
+    box = trimesh.creation.box(bounds=[[-10, -10, 0], [10, 10, 40]])
+    box.update_faces([True] * 9 + [False, True, False])
+    (files / "models" / "peg.stl").write_bytes(trimesh.exchange.stl.export_stl(box))
+    text = (files / PEG).read_text(encoding="utf-8").replace('part = "peg"\n', "")
+    start, end = text.index("[parameters]"), text.index("[features.peg]")
+    mesh = '[mesh]\nfile = "peg.stl"\nunit = "mm"\n\n'
+    features = text[end:].replace('length = "length"', "length = 40")
+    (files / PEG).write_text(text[:start] + mesh + features, encoding="utf-8")
+    done = fmopt("solve", files / PROBLEM)
+    assert done.code == 2
+    assert f"{files / PEG}:{text[:start].count(chr(10)) + 2}:" in done.err
+    assert "open" in done.err
+
+
+def test_all_faults_at_once(fmopt: Command, files: Path) -> None:
+    edit(files / PROBLEM, "height = ", "heigth = ")
+    edit(files / PROBLEM, "contact_force = ", "contact_force = nan # ")
+    edit(files / PEG, "length = 40\n", "length = 0\n")
+    done = fmopt("check", files / PROBLEM)
+    codes = {line.split(": ")[1] for line in done.err.splitlines()}
+    assert done.code == 2
+    assert {"unknown-key", "not-finite", "zero"} <= codes
+
+
+OTHERS = [
+    ("solve", "model", "this is a model file, not a problem; name a problem file"),
+    ("solve", "mesh", "this is one part, and an insertion takes two; name the other one, too"),
+    ("check", "mesh", "the file holds no triangles"),
+    ("check", "plan", "is JSON, not TOML"),
+    ("check", "empty", "is empty; copy a shipped problem"),
+    ("check", "folder", "is a directory"),
+    ("solve", "plan", "a plan goes to fmopt verify"),
+    ("verify", "problem", "give a plan.json that fmopt solve wrote"),
+]
+
+
+@pytest.mark.parametrize(("command", "kind", "words"), OTHERS, ids=[f"{row[0]} {row[1]}" for row in OTHERS])
+def test_a_file_of_another_kind(fmopt: Command, files: Path, command: str, kind: str, words: str) -> None:
+    made = {"model": files / PEG, "problem": files / PROBLEM, "folder": files}
+    made |= {"mesh": files / "part.stl", "plan": files / "plan.json", "empty": files / "empty.toml"}
+    made["mesh"].write_bytes(b"solid part\nendsolid part\n")
+    made["plan"].write_bytes(b'{"format": "fmopt.plan/1"}')
+    made["empty"].write_bytes(b"\n")
+    done = fmopt(command, made[kind])
+    assert (done.code, done.out) == (2, "")
+    assert words in done.err
+    assert done.err.count("\n") <= 2
+
+
+def test_a_problem_in_place_of_a_model(fmopt: Command, files: Path) -> None:
+    edit(files / PROBLEM, 'model = "../models/square_peg.toml"', 'model = "square_peg.toml"')
+    done = fmopt("check", files / PROBLEM)
+    assert done.code == 2
+    assert "this is a problem file, not a model; name a model file" in done.err
+
+
+@pytest.mark.parametrize(
+    ("new", "words"),
+    [('"0,3 mm"', "write a decimal point, 0.2"), ("0,3", "numbers take a decimal point"), ('"a lot"', '"0.3 deg"')],
+)
+def test_numbers_that_are_none(fmopt: Command, files: Path, new: str, words: str) -> None:
+    edit(files / PROBLEM, "\nrx = 0.3", f"\nrx = {new}")
+    done = fmopt("check", files / PROBLEM)
+    assert done.code == 2
+    assert words in done.err
+
+
+def test_errors_as_json(fmopt: Command, files: Path) -> None:
+    line, _ = edit(files / PROBLEM, "[goal]", "[gaol]")
+    done = fmopt("check", files / PROBLEM, "--json")
+    told = json.loads(done.out)
+    assert told["exit_code"] == done.code == 2
+    assert any(f["line"] == line and f["code"] == "unknown-key" and f["advice"] for f in told["error"]["faults"])
+    assert "unknown-key" in done.err
+
+
+# Infeasible: exit 1 with the interference in millimetres and where
+
+
+def test_a_peg_wider_than_its_hole(fmopt: Command, files: Path) -> None:
+    done = fmopt("solve", widths(files, 63, 61))
+    assert (done.code, done.out) == (1, "")
+    assert "interference 1.000000 mm at (-31, 0, -30) mm" in done.err
+    assert "make the peg thinner or the hole wider" in done.err
+
+
+def test_no_clearance_at_all(fmopt: Command, files: Path) -> None:
+    done = fmopt("solve", widths(files, 20, 20))
+    assert (done.code, done.out) == (1, "")
+    assert "0 mm at (" in done.err
+    assert "make the peg thinner or the hole wider" in done.err
+
+
+@pytest.mark.parametrize(("peg", "words"), [(20.5, "interference 0.150000 mm"), (20.2, "interference 0.000000 mm")])
+def test_check_refuses_what_cannot_be_assembled(fmopt: Command, files: Path, peg: float, words: str) -> None:
+    done = fmopt("check", widths(files, peg, 20.2))
+    assert (done.code, done.out) == (1, "")
+    assert words in done.err
+
+
+# check, schema, version
+
+
+def test_check_says_the_problem_back(fmopt: Command) -> None:
+    done = fmopt("check", ROOT / PROBLEM)
+    assert (done.code, done.err) == (0, "")
+    for words in ("20 x 20 x 40 mm", "blind, depth 30 mm", "0.1 mm along x", "+-0.3, 0.3, 0 mm", "1 % in translation"):
+        assert words in done.out
+
+
+def test_check_as_json_and_in_silence(fmopt: Command) -> None:
+    found = json.loads(fmopt("check", ROOT / PROBLEM, "--json").out)
+    assert found["valid"] is True
+    assert len(found["sha256"]) == 64
+    assert fmopt("check", ROOT / PROBLEM, "--quiet") == Outcome(0, "", "")
+
+
+ASSEMBLY = "problems/assemblies/lee_huang_bush.toml"
+
+
+def test_check_says_an_assembly_back(fmopt: Command) -> None:
+    done = fmopt("check", ROOT / ASSEMBLY)
+    assert (done.code, done.err) == (0, "")
+    for words in ("seat_bush  bush.shank", "operand 2: bush.bore, bush.shank, block.hole", "p_z is free: -30 mm"):
+        assert words in done.out
+    found = json.loads(fmopt("check", ROOT / ASSEMBLY, "--json").out)
+    assert [step["name"] for step in found["tasks"]] == ["seat_bush", "insert_peg"]
+    assert found["tasks"][1]["links"][-1] == {"kind": "cylindrical", "one": "peg.peg", "other": "bush.bore"}
+
+
+def test_check_finds_the_task_that_breaks_a_rule_and_solve_refuses_assemblies(fmopt: Command, tmp_path: Path) -> None:
+    text = (ROOT / ASSEMBLY).read_text(encoding="utf-8").replace("../../models", str(ROOT / "models"))
+    path = tmp_path / "assembly.toml"
+    path.write_text(text.replace("goal = [0, 0, -25,", "goal = [0, 0.5, -25,"), encoding="utf-8")
+    done = fmopt("check", path)
+    assert (done.code, done.out) == (2, "")
+    assert "assembly.toml:32:8: task-rule: tasks.insert_peg: the goal of 'peg.peg' has p_y = 0.5 mm" in done.err
+    assert fmopt("solve", ROOT / ASSEMBLY).code == 2
+
+
+FOLDERS = {"problem": "problems", "model": "models", "assembly": "problems/assemblies"}
+
+
+@pytest.mark.parametrize(("kind", "folder"), FOLDERS.items())
+def test_the_published_schemas_are_the_printed_ones(fmopt: Command, kind: str, folder: str) -> None:
+    done = fmopt("schema", kind)
+    assert done.code == 0
+    assert done.out == (ROOT / folder / f"{kind}.schema.json").read_text(encoding="utf-8")
+
+
+def test_every_shipped_file_names_its_schema() -> None:
+    for kind, folder in FOLDERS.items():
+        for path in (ROOT / folder).glob("*.toml"):
+            assert path.read_text(encoding="utf-8").startswith(f"#:schema ./{kind}.schema.json\n"), path
+
+
+def test_wrong_words_on_the_command_line(fmopt: Command) -> None:
+    for words in (["schema", "plan"], ["no-such-command"], ["solve"], ["check", "--no-such-option", "x"]):
+        assert fmopt(*words).code == 2
+
+
+def test_version_and_help(fmopt: Command) -> None:
+    assert fmopt("--version").out.strip() == __version__
+    shown = fmopt("--help").out
+    for words in ("solve", "verify", "check", "schema", "Exit codes: 0 certified"):
+        assert words in shown
+    for command in ("solve", "verify", "check", "schema"):
+        assert f"Example: fmopt {command} " in fmopt(command, "--help").out
+
+
+def test_an_internal_fault_is_one_line(fmopt: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(path: Path) -> None:
+        raise ZeroDivisionError("broken on purpose")
+
+    monkeypatch.setattr("fmopt.task.problem.load", broken)
+    done = fmopt("check", ROOT / PROBLEM)
+    assert done.code == 70
+    assert done.err.count("\n") == 1
+    assert "internal fault: ZeroDivisionError: broken on purpose" in done.err
+
+
+# verify
+
+
+def test_verify_agrees_with_the_plans_verdict(
+    fmopt: Command, square_peg_plan_file: Path, square_peg_plan: dict[str, Any]
+) -> None:
+    done = fmopt("verify", square_peg_plan_file, "--problem", ROOT / PROBLEM)
+    assert done.code == EXIT[square_peg_plan["verdict"]]
+    assert done.out.startswith(f"verdict: {square_peg_plan['verdict']}")
+    assert "not covered: friction" in done.out
+    as_json = fmopt("verify", square_peg_plan_file, "--json")
+    assert json.loads(as_json.out)["verdict"] == square_peg_plan["verdict"]
+    assert as_json.out.count("\n") == 1
+    told = json.loads(as_json.out)
+    assert [s["margin"] for s in told["segment_margins"]] == [s["margin"] for s in square_peg_plan["segments"]]
+    assert told["collision"] is None
+    assert told["details"] == []
+    assert fmopt("verify", square_peg_plan_file, "--quiet") == Outcome(done.code, "", "")
+
+
+def test_verify_tells_that_a_plan_does_not_claim_to_be_certified(
+    fmopt: Command, square_peg_plan: dict[str, Any], tmp_path: Path
+) -> None:
+    """Every number of it follows, as where it is certified for a share of the stated errors, and it says so itself."""
+    plan.write(plan.sealed({**square_peg_plan, "verdict": "NOT_PROVED"}), tmp_path / "plan.json")
+    done = fmopt("verify", tmp_path / "plan.json")
+    assert done.code == 3
+    assert "plan: verdict: the plan itself does not claim to be certified, but says NOT_PROVED" in done.out
+    told = json.loads(fmopt("verify", tmp_path / "plan.json", "--json").out)
+    assert (told["verdict"], told["stated_verdict"]) == ("NOT_PROVED", "NOT_PROVED")
+    altered = copy.deepcopy(square_peg_plan)
+    altered["segments"][0]["margin"] *= 2.0
+    plan.write(plan.sealed(altered), tmp_path / "plan.json")
+    done = fmopt("verify", tmp_path / "plan.json")
+    assert done.out.startswith("verdict: NOT_PROVED (")
+    assert "; the plan's own verdict is CERTIFIED" in done.out
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["verify", "FILE"],
+        ["show", "FILE", "--list"],
+        ["export", "FILE", "--to", "csv", "--out", "-"],
+        ["export", "FILE", "--to", "urscript", "--base", "0", "0", "0", "0", "0", "0", "--out", "-"],
+        ["execute", "FILE", "--trials", "1"],
+        ["compare", "FILE", "--trials", "1"],
+    ],
+    ids=["verify", "show", "csv", "urscript", "execute", "compare"],
+)
+def test_what_lacks_a_key_is_no_plan_for_any_command(fmopt: Command, tmp_path: Path, command: list[str]) -> None:
+    file = tmp_path / "plan.json"
+    file.write_text('{"format": "fmopt.plan/1"}')
+    done = fmopt(*(str(file) if word == "FILE" else word for word in command))
+    assert (done.code, done.out) == (2, "")
+    assert f"{file}: plan: lacks the key 'verdict'" in done.err
+
+
+def test_verify_with_another_problem_is_not_proved(fmopt: Command, square_peg_plan_file: Path) -> None:
+    done = fmopt("verify", square_peg_plan_file, "--problem", ROOT / "problems" / "factory_rect_8mm_tight.toml")
+    assert done.code == 3
+    assert "the plan belongs to another problem" in done.out
+    assert "the plan is for another moving part" in done.out
+
+
+CHANGES: list[tuple[Callable[[dict[str, Any]], Any], str]] = [
+    (lambda p: p["uncertainty"]["start_box"].__setitem__(0, 1e-4), "other start errors"),
+    (lambda p: p["uncertainty"].update(velocity_error=[0.001, 0.001]), "another velocity error"),
+    (lambda p: p["goal"].__setitem__(2, -0.02), "another depth"),
+    (lambda p: p["specification"].update(friction=0.0), "another specification"),
+    (lambda p: p["parts"]["moving"]["pieces"][0]["vertices"][0].__setitem__(0, 0.0), "another moving part"),
+    (lambda p: p["parts"]["fixed"].update(declared_clearance=[1.0, 1.0]), "parts.fixed.declared_clearance"),
+]
+
+
+@pytest.mark.parametrize(("change", "words"), CHANGES, ids=[row[1] for row in CHANGES])
+def test_a_plan_is_held_against_its_problem_number_by_number(
+    square_peg_plan: dict[str, Any], change: Callable[[dict[str, Any]], Any], words: str
+) -> None:
+    assert differences(parse(square_peg_plan), ROOT / PROBLEM) == []
+    changed = copy.deepcopy(square_peg_plan)
+    change(changed)
+    told = differences(parse(changed), ROOT / PROBLEM)
+    assert words in told[0]
+
+
+def test_verify_refutes_a_plan_that_ends_in_the_wall(
+    fmopt: Command, square_peg_plan: dict[str, Any], tmp_path: Path
+) -> None:
+    changed = copy.deepcopy(square_peg_plan)
+    changed["segments"][-1]["goal"][0] += 1e-3
+    plan.write(plan.sealed(changed), tmp_path / "plan.json")
+    done = fmopt("verify", tmp_path / "plan.json")
+    assert done.code == 1
+    assert done.out.startswith("verdict: REFUTED")
+    assert "overlap" in done.out
+
+
+def test_verify_notes_an_altered_number(fmopt: Command, square_peg_plan: dict[str, Any], tmp_path: Path) -> None:
+    changed = copy.deepcopy(square_peg_plan)
+    changed["segments"][0]["margin"] *= 1.0 + 1e-6
+    plan.write(changed, tmp_path / "plan.json")
+    done = fmopt("verify", tmp_path / "plan.json")
+    assert done.code == 3
+    assert "sha256" in done.out
+
+
+GARBAGE = [
+    b"",
+    b"garbage",
+    b"\xff\xfe\x00",
+    b"[]",
+    b"{}",
+    b'{"format": "fmopt.plan/2"}',
+    b'{"format": NaN}',
+    b"[" * 99999,
+]
+
+
+@pytest.mark.parametrize("content", GARBAGE, ids=[repr(g[:16]) for g in GARBAGE])
+def test_verify_refuses_garbage(fmopt: Command, tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "plan.json").write_bytes(content)
+    done = fmopt("verify", tmp_path / "plan.json")
+    assert (done.code, done.out) == (2, "")
+    assert str(tmp_path / "plan.json") in done.err
+    assert "give a plan.json that fmopt solve wrote" in done.err
+
+
+def test_verify_of_a_missing_plan(fmopt: Command, tmp_path: Path) -> None:
+    done = fmopt("verify", tmp_path / "nowhere.json")
+    assert (done.code, done.out) == (4, "")
+    assert str(tmp_path / "nowhere.json") in done.err
+
+
+# solve
+
+
+@pytest.fixture
+def solved(monkeypatch: pytest.MonkeyPatch, square_peg_plan: dict[str, Any]) -> None:
+    """Lets `solve` answer with the session's plan at once."""
+    from fmopt import verify
+    from fmopt.planning import pipeline
+
+    answer = pipeline.Synthesis(square_peg_plan, verify.verify(square_peg_plan), {"search": 1.0})
+    monkeypatch.setattr(pipeline, "synthesise", lambda problem, progress, reserved: answer)
+
+
+@pytest.mark.usefixtures("solved")
+def test_solve_tells_people(fmopt: Command, square_peg_plan: dict[str, Any], tmp_path: Path) -> None:
+    done = fmopt("solve", ROOT / PROBLEM, "--out", tmp_path / "out")
+    assert (done.code, done.err) == (EXIT[square_peg_plan["verdict"]], "")
+    for words in (square_peg_plan["verdict"], "clearance a side: measured 0.1 mm", "not covered: ", "plan.json"):
+        assert words in done.out
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["plan.json", "timings.json"]
+    assert json.loads((tmp_path / "out" / "timings.json").read_text()) == {"search": 1.0}
+
+
+@pytest.mark.usefixtures("solved")
+def test_solve_tells_machines(fmopt: Command, square_peg_plan: dict[str, Any], tmp_path: Path) -> None:
+    done = fmopt("solve", ROOT / PROBLEM, "--out", tmp_path, "--json")
+    assert (done.code, done.err) == (EXIT[square_peg_plan["verdict"]], "")
+    assert done.out.count("\n") == 1
+    found = json.loads(done.out)
+    assert found["verdict"] == square_peg_plan["verdict"]
+    assert found["segments"] == len(square_peg_plan["segments"])
+    assert found["plan"] == str(tmp_path / "plan.json")
+    assert fmopt("solve", ROOT / PROBLEM, "--out", tmp_path, "--quiet") == Outcome(done.code, "", "")
+
+
+@pytest.mark.usefixtures("solved")
+def test_an_out_folder_that_cannot_be_written(fmopt: Command, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("no folder")
+    done = fmopt("solve", ROOT / PROBLEM, "--out", tmp_path / "file" / "out")
+    assert (done.code, done.out) == (4, "")
+    assert str(tmp_path / "file" / "out") in done.err
+    assert "choose another place with --out" in done.err
+
+
+def test_a_fresh_process_writes_the_same_bytes(square_peg_plan_file: Path, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "fmopt", "solve", PROBLEM, "--out", str(tmp_path / "out"), "--report", "--json"]
+    environment = {**os.environ, "PYTHONHASHSEED": "4711"}
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=540)
+    document = plan.read_document(tmp_path / "out" / "plan.json")
+    assert (done.returncode, done.stderr) == (EXIT[document["verdict"]], "")
+    assert json.loads(done.stdout)["verdict"] == document["verdict"]
+    assert (tmp_path / "out" / "plan.json").read_bytes() == square_peg_plan_file.read_bytes()
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert page.lower().startswith("<!doctype html>")
+    assert document["sha256"] in page
+
+
+def test_a_traceback_never_leaves_a_process(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_bytes(b"\xff\x00\x1b[31m = [[[")
+    for words in (["solve", "a.toml"], ["verify", "a.toml"], ["check", "."], ["solve", "missing.toml", "--json"]):
+        done = subprocess.run(
+            [sys.executable, "-m", "fmopt", *words], cwd=tmp_path, capture_output=True, text=True, timeout=60
+        )
+        assert done.returncode == 2
+        assert (done.stdout == "") is ("--json" not in words)
+        assert done.stderr
+        assert "Traceback" not in done.stderr
+        assert "\x1b" not in done.stderr

@@ -1,0 +1,146 @@
+"""Cells: around any free pose, the kept contacts alone tell collision from freedom; an independent test agrees."""
+
+import numpy as np
+import pytest
+
+from fmopt.contact.c_surface import Surfaces
+from fmopt.contact.facet_bounds import Bound, cell
+from fmopt.contact.primitive import near_contacts
+from fmopt.contact.state_graph import Cell, Scale, contact_graph, faces, local_space
+from fmopt.errors import InfeasibleError
+from fmopt.planning.robustness.contact_space import Verdict, confirm
+from fmopt.spatial.se3 import Pose, exp
+from fmopt.task.problem import load
+from tests import PROBLEMS
+from tests.shared.parts.square import MID_DEPTH, block, peg
+
+PEG, BLOCK = peg(), block()
+HALF = 0.0101
+BOXES = [
+    ((HALF, -0.03, -0.04), (0.03, 0.03, 0.0)),
+    ((-0.03, -0.03, -0.04), (-HALF, 0.03, 0.0)),
+    ((-HALF, HALF, -0.04), (HALF, 0.03, 0.0)),
+    ((-HALF, -0.03, -0.04), (HALF, -HALF, 0.0)),
+    ((-HALF, -HALF, -0.04), (HALF, HALF, -0.03)),
+]
+
+
+def lowered(turn: tuple[float, float, float], depth: float) -> Pose:
+    """The peg turned, its lowest corner 0.2 mm off the walls at +x and +y and `depth` below the mouth."""
+    R = exp(np.radians(turn))
+    tip = PEG.vertices[:4] @ R.T
+    low = tip[int(np.argmin(tip[:, 2]))]
+    return Pose(np.array([0.0099 - abs(low[0]), 0.0099 - abs(low[1]), -depth - low[2]]), R)
+
+
+POSES = {
+    "mid-depth": (MID_DEPTH, 1.5e-4, 0.01, 16),
+    "corner in the mouth": (lowered((-5.0, 5.0, 0.0), 0.0005), 3e-4, 0.01, 4),
+    "edge in the mouth": (Pose(np.array([-6e-5, 0.0, -1.28e-4]), exp([0.0, np.radians(5.0), 0.0])), 3e-4, 0.01, 8),
+    "on the rim": (Pose(np.array([3e-4, 1e-4, 1e-4]), np.eye(3)), 3e-4, 0.01, 4),
+    "just below the mouth": (Pose(np.array([0.0, 0.0, -5e-5]), exp([0.0, 0.0, 0.002])), 2e-4, 0.005, 16),
+}
+
+
+def gap(pose: Pose) -> float:
+    """Signed gap between the peg and the nearest box of the block by separating axes, m; negative when they overlap."""
+    axes = [*np.eye(3), *pose.R.T, *(np.cross(a, b) for a in np.eye(3) for b in pose.R.T)]
+    A = np.array([a / np.linalg.norm(a) for a in axes if np.linalg.norm(a) > 1e-9])
+    v = pose.apply(PEG.vertices) @ A.T
+    gaps = []
+    for low, high in BOXES:
+        corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, 8).T @ A.T
+        gaps.append(np.max(np.maximum(v.min(axis=0) - corners.max(axis=0), corners.min(axis=0) - v.max(axis=0))))
+    return float(min(gaps))
+
+
+@pytest.mark.parametrize("name", POSES)
+def test_the_kept_contacts_decide_collision(name: str) -> None:
+    pose, reach, angle, count = POSES[name]
+    assert gap(pose) > 0.0
+    contacts, limits = cell(near_contacts(PEG, BLOCK, pose, reach, angle), PEG, BLOCK, pose, within=1e-3)
+    assert len(contacts) == count
+    surfaces = Surfaces.of(contacts, PEG, BLOCK)
+    bounds, signs = Surfaces.of([b.contact for b in limits], PEG, BLOCK), np.array([b.sign for b in limits])
+    rng = np.random.default_rng(2)
+    seen = {True: 0, False: 0}
+    for _ in range(500):
+        d, turn = rng.normal(size=(2, 3))
+        shift, rotation = rng.uniform(size=2) * [reach, angle]
+        moved = pose.moved([*(shift * d / np.linalg.norm(d)), *(rotation * turn / np.linalg.norm(turn))])
+        if np.any(signs * bounds.values(moved) >= 0.0):
+            continue
+        free = bool(np.min(surfaces.values(moved)) > 0.0)
+        assert free == (gap(moved) > 0.0)
+        seen[free] += 1
+    assert min(seen.values()) >= 4
+
+
+def test_a_forgotten_contact_is_noticed() -> None:
+    pose, reach, angle, _ = POSES["mid-depth"]
+    contacts = near_contacts(PEG, BLOCK, pose, reach, angle)
+    graph = contact_graph(space := local_space(contacts, PEG, BLOCK, pose, Scale(1e-4, 0.014)), faces(space))
+    for forgotten in contacts:
+        surfaces = Surfaces.of([c for c in contacts if c is not forgotten], PEG, BLOCK)
+        facet = graph.states[graph.index(frozenset({forgotten.id})) or 0]
+        moved = pose.moved(1.2 * facet.point)
+        assert gap(moved) < 0.0 < np.min(surfaces.values(moved))
+
+
+def test_the_corner_in_the_mouth_has_confirmed_states() -> None:
+    pose, reach, angle, _ = POSES["corner in the mouth"]
+    contacts, limits = cell(near_contacts(PEG, BLOCK, pose, reach, angle), PEG, BLOCK, pose, within=1e-3)
+    space = local_space(contacts, PEG, BLOCK, pose, Scale(1e-4, 0.014), Cell(limits, reach, angle))
+    graph = contact_graph(space, faces(space))
+    assert graph.states[0].id == "free"
+    verdicts = [found.verdict for found in confirm(graph, PEG, BLOCK)]
+    assert verdicts.count(Verdict.CONFIRMED) >= 0.75 * len(verdicts)
+    # The two upright-edge contacts of the low corner hold the peg in the hole's corner.
+    sliding = [
+        state for state in graph.states if len(state.contacts) == 2 and {c[:2] for c in state.contacts} == {"e6"}
+    ]
+    assert [state.dimension for state in sliding] == [4]
+
+
+def test_a_limit_in_a_contacts_plane_does_not_hide_it() -> None:
+    pose, reach, angle, _ = POSES["just below the mouth"]
+    contacts, limits = cell(near_contacts(PEG, BLOCK, pose, reach, angle), PEG, BLOCK, pose, within=1e-3)
+    space = local_space(contacts, PEG, BLOCK, pose, Scale(1e-4, 0.014), Cell(limits))
+    assert faces(space).active.any(axis=0).all()
+
+
+def test_a_contact_that_a_touching_one_ends_is_not_kept_by_rounding() -> None:
+    """A tip edge counts on the rim only where its corner is beyond the wall: never, while the corner touches that."""
+    R = exp(np.radians([0.0, 5.0, 0.0])) @ exp(np.radians([0.0, 0.0, 1.0]))
+    tip, kept = R @ PEG.vertices[2], []
+    for noise in (-1e-17, 0.0, 1e-17):
+        pose = Pose(np.array([-1e-3, HALF - tip[1] + noise, -5e-4 - tip[2]]), R)
+        near = near_contacts(PEG, BLOCK, pose, 6e-4, 0.01)
+        f = dict(zip((c.id for c in near), Surfaces.of(near, PEG, BLOCK).values(pose), strict=True))
+        assert f["e3-e23"] < -4e-4
+        contacts, limits = cell(near, PEG, BLOCK, pose, within=1e-3)
+        assert np.min(Surfaces.of(contacts, PEG, BLOCK).values(pose)) > -1e-15
+        space = local_space(contacts, PEG, BLOCK, pose, Scale(1e-4, 0.014), Cell(limits, 3e-4, 0.01))
+        assert ("v2-f9",) in {s.contacts for s in contact_graph(space, faces(space)).states}
+        kept.append([c.id for c in contacts])
+    assert kept[0] == kept[1] == kept[2]
+
+
+def test_a_key_in_its_keyway_is_not_on_the_top_beside_it() -> None:
+    """The keyway is a notch of the hole's outline: told edge by edge, the top goes on over it."""
+    problem = load(PROBLEMS / "keyed_shaft.toml")
+    shaft, hub = problem.moving.polyhedron, problem.fixed.polyhedron
+    pose = Pose(np.array([0.0, 0.0, -1e-3]), np.eye(3))
+    near = near_contacts(shaft, hub, pose, 2e-3, 0.05)
+    kept, limits = cell(near, shaft, hub, pose, within=2e-3)
+    assert np.min(Surfaces.of(kept, shaft, hub).values(pose)) > 0.0
+    faces(local_space(kept, shaft, hub, pose, Scale(1e-4, 0.014), Cell(limits, 1e-4, 0.002)))
+
+
+def test_a_space_between_limits_without_extent_is_refused() -> None:
+    pose = Pose(np.zeros(3), np.eye(3))
+    near = near_contacts(PEG, BLOCK, pose, 3e-4, 0.01)
+    limits = [Bound(near[0], sign) for sign in (1, -1)]
+    space = local_space([], PEG, BLOCK, pose, Scale(1e-4, 0.014), Cell(limits, 3e-4, 0.01))
+    with pytest.raises(InfeasibleError, match=r"no extent between its limits.*not on the end of a face"):
+        faces(space)

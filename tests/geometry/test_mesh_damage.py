@@ -1,0 +1,254 @@
+"""Meshes as they come: damaged ones have the features, clearance and faces of the whole ones, or say why not."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import random
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fmopt
+from fmopt.errors import GeometryError
+from fmopt.geometry.clearance import mating_clearance
+from fmopt.geometry.convex_pieces import pieces, polyhedron
+from fmopt.geometry.csg import Box, Difference, Placed, Prism, Solid, Union
+from fmopt.geometry.facets import merged_vertices
+from fmopt.geometry.inverse_csg import MESH_NOISE, solid_of
+from fmopt.geometry.mesh.mesh_file import read_triangles
+from fmopt.geometry.mesh.mesh_import import load_mesh, mesh_polyhedron
+from fmopt.geometry.part import Part, mesh_part, rebased
+from fmopt.task.problem import load
+from fmopt.task.sizes import measured_clearance
+from fmopt.verify.problem.meshes import NoMesh, triangles
+from fmopt.verify.problem.parts import part_beside_its_model
+from fmopt.verify.problem.problem import load_problem
+from tests.geometry.test_shared_parts import PAIRS, PARTS
+from tests.shared.parts.mesh_damage import DAMAGES
+from tests.shared.parts.mesh_files import at, glb, plate, rounded, stl_text, three_mf, triangles_of, write_stl
+from tests.task.test_own_parts import MODEL, PROBLEM
+from tests.verify.test_meshes import packed_stl, part
+
+GAP = 1e-4
+SHAPES: dict[str, tuple[tuple[float, float, float, float], ...]] = {  # rectangles in mm whose union is the outline
+    "L": ((0, 0, 20, 8), (0, 0, 8, 20)),
+    "T": ((-10, 10, 10, 16), (-3, -6, 3, 16)),
+    "U": ((-10, 0, 10, 5), (-10, 0, -5, 15), (5, 0, 10, 15)),
+    "keyed": ((-6, -5, 6, 5), (-1.5, -7, 1.5, 5)),
+    "rectangle": ((-10, -1, 10, 1),),
+}
+FAMILIES = [*(f"{n}-gon" for n in range(3, 13)), *SHAPES, "stepped"]
+
+
+def bars(outline: tuple[tuple[float, float, float, float], ...], grown: float, length: float) -> Solid:
+    boxes = [
+        Placed(
+            Box((1e-3 * (x1 - x0) + 2.0 * grown, 1e-3 * (y1 - y0) + 2.0 * grown, length)),
+            at(0.5e-3 * (x0 + x1), 0.5e-3 * (y0 + y1)),
+        )
+        for x0, y0, x1, y1 in outline
+    ]
+    return boxes[0] if len(boxes) == 1 else Union(tuple(boxes))
+
+
+def regular(sides: int, radius: float, length: float) -> Solid:
+    angles = 2.0 * math.pi * np.arange(sides) / sides + 0.1
+    return Prism(tuple((radius * math.cos(a), radius * math.sin(a)) for a in angles), length)
+
+
+def pair_of(family: str) -> tuple[Solid, Solid]:
+    """A peg and a plate with the hole for it, GAP wider all around."""
+    if family == "stepped":
+        peg = Union((Box((0.008, 0.008, 0.02)), Placed(Box((0.014, 0.012, 0.02)), at(z=0.02))))
+        low = Placed(Box((0.0082, 0.0082, 0.04)), at(z=-0.005))
+        return peg, Difference(Box((0.06, 0.06, 0.03)), (low, Placed(Box((0.0142, 0.0122, 0.04)), at(z=0.02))))
+    if family.endswith("-gon"):
+        n = int(family.removesuffix("-gon"))
+        peg, tool = regular(n, 0.008, 0.03), regular(n, 0.008 + GAP / math.cos(math.pi / n), 0.06)
+    else:
+        peg, tool = bars(SHAPES[family], 0.0, 0.03), bars(SHAPES[family], GAP, 0.06)
+    return peg, Difference(Box((0.06, 0.06, 0.01)), (Placed(tool, at(z=-0.02)),))
+
+
+def seated(name: str, points: np.ndarray, corners: np.ndarray) -> Part:
+    found = mesh_part(name, mesh_polyhedron(1e-3 * points, corners))
+    return rebased(found, next(f for f in found.features if f.name.startswith(name)).frame)
+
+
+def found_on(moving: Part, fixed: Part) -> tuple[list[tuple[str, str, bool]], list[int]]:
+    features = [(f.name, f.kind, f.through) for each in (moving, fixed) for f in each.features]
+    return features, [len(each.polyhedron.faces) for each in (moving, fixed)]
+
+
+def clearance_of(moving: Part, fixed: Part) -> float:
+    return mating_clearance(moving, fixed, 0.9 * min(fixed.features[0].length, moving.features[0].length)).per_side
+
+
+@cache
+def whole(family: str) -> tuple[Part, Part]:
+    peg, hole = pair_of(family)
+    return seated("peg", *triangles_of(peg)), seated("hole", *triangles_of(hole))
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_damaged_prisms_are_what_the_whole_ones_are(family: str) -> None:
+    draw, refused = random.Random(f"{family} 1"), []
+    for name in draw.sample(list(DAMAGES), 6):
+        rng = np.random.default_rng(draw.randrange(2**32))
+        try:
+            moving, fixed = (
+                seated(side, *DAMAGES[name](*triangles_of(solid), rng))
+                for side, solid in zip(("peg", "hole"), pair_of(family), strict=True)
+            )
+        except GeometryError as error:
+            refused.append((name, "is open beside triangle" in error.message))
+            continue
+        assert found_on(moving, fixed) == found_on(*whole(family)), name
+        off = moving.off + fixed.off
+        assert clearance_of(moving, fixed) == pytest.approx(clearance_of(*whole(family)), abs=1e-6 + off), name
+    assert refused in ([], [("one missing", True)])
+
+
+@pytest.mark.parametrize("name", [name for name in PAIRS if (PARTS / name).is_dir()])
+def test_damaged_meshes_of_others_are_what_the_whole_ones_are(name: str) -> None:
+    draw = random.Random(f"{name} 1")
+    peg, hole, unit, _ = PAIRS[name]
+    files = {"peg": PARTS / name / peg, "hole": PARTS / name / hole}
+    read = {side: merged_vertices(*read_triangles(file), 0.0)[:2] for side, file in files.items()}
+    read = {side: ({"m": 1e3, "mm": 1.0}[unit] * points, corners) for side, (points, corners) in read.items()}
+    before = [seated(side, *mesh) for side, mesh in read.items()]
+    for damage in draw.sample(["singles", "unmerged", "shuffled", "reflected", "inside out", "one flipped"], 3):
+        after = [
+            seated(side, *DAMAGES[damage](*mesh, np.random.default_rng(draw.randrange(2**32))))
+            for side, mesh in read.items()
+        ]
+        assert found_on(*after) == found_on(*before), damage
+        off = sum(each.off for each in (*before, *after))
+        assert clearance_of(*after) == pytest.approx(clearance_of(*before), abs=1e-6 + off), damage
+
+
+def test_inches_are_inches(tmp_path: Path) -> None:
+    points, corners = triangles_of(pair_of("L")[0])
+    (tmp_path / "in.stl").write_text(stl_text(points / 25.4, corners))
+    (tmp_path / "mm.stl").write_text(stl_text(points, corners))
+    one, other = load_mesh(tmp_path / "in.stl", "in"), load_mesh(tmp_path / "mm.stl", "mm")
+    np.testing.assert_allclose(one.body.volume, other.body.volume, rtol=1e-5)
+
+
+@pytest.mark.parametrize("size", [1e-4, 1e-3, 1e-2])
+def test_what_is_stated_is_how_far_the_file_lies_off(size: float) -> None:
+    rng = np.random.default_rng(round(1e6 * size))
+    for family in ("5-gon", "T", "stepped"):
+        points, corners = DAMAGES["subdivided"](*triangles_of(pair_of(family)[0]), rng)
+        noisy = points + rng.uniform(-size, size, points.shape)
+        mesh = mesh_polyhedron(1e-3 * noisy, corners)
+        assert 0.3e-3 * size < mesh.off < 4e-3 * size
+        heights = 1e-3 * noisy @ mesh.body.normals.T - mesh.body.offsets
+        assert np.abs(heights).min(axis=1).max() <= mesh.off + 1e-12
+
+
+@pytest.mark.parametrize("width", [8.2, 8.25])
+@pytest.mark.parametrize("shift", [(0.0, -6.0, 60.0), (0.0, 0.0, 21.0), (4.1, -6.0, 21.0)])
+def test_an_angle_cut_by_two_boxes_comes_apart(width: float, shift: tuple[float, float, float]) -> None:
+    x, y, length = (1e-3 * value for value in shift)
+    one = Placed(Box((0.0202, 1e-3 * width, length)), at(x, y, -0.01 if length > 0.05 else 0.02))
+    other = Placed(Box((1e-3 * width, 0.0202, length)), at(x - 0.006, y + 0.006, -0.01 if length > 0.05 else 0.02))
+    body = polyhedron(Difference(Box((0.06, 0.06, 0.04)), (one, other)))
+    again = solid_of(body, MESH_NOISE * body.diameter)
+    assert polyhedron(again).volume == pytest.approx(body.volume, rel=1e-9)
+    assert len(pieces(again)) >= 4
+
+
+def folder(path: Path, size: float) -> Path:
+    """A problem of a rod and a plate as binary STL, turned and with noise of that size (mm)."""
+    rng = np.random.default_rng(4)
+    for name, solid in (("rod", rounded((0.012, 0.008), 0.03, 0.0005)), ("plate", plate((0.0123, 0.0083)))):
+        points, corners = DAMAGES["turned"](*triangles_of(solid), rng)
+        (path / f"{name}.stl").write_bytes(packed_stl(points + rng.uniform(-size, size, points.shape), corners))
+        (path / f"{name}.toml").write_text(MODEL.format(name=name))
+    (path / "problem.toml").write_text(PROBLEM)
+    return path / "problem.toml"
+
+
+def test_the_check_measures_no_more_than_is_stated(tmp_path: Path) -> None:
+    for size in (0.0, 1e-3, 5e-3):
+        file = folder(tmp_path, size)
+        problem, read = load(file), load_problem(file)
+        for side, planners in (("moving", problem.moving), ("fixed", problem.fixed)):
+            beside = part_beside_its_model(part(planners), read, side, None)
+            assert beside.differences == ()
+            assert beside.chord.least <= planners.chord_error <= beside.chord.most
+    clean = load(folder(tmp_path, 0.0)).moving
+    folder(tmp_path, 5e-3)
+    assert part_beside_its_model(part(clean), load_problem(file), "moving", None).chord.least > clean.chord_error + 1e-6
+
+
+def test_a_noisy_pair_anywhere_in_space_is_certified_and_checked(tmp_path: Path) -> None:
+    problem = fmopt.load(folder(tmp_path, 1e-3))
+    plan = fmopt.solve(problem)
+    assert plan.verdict == "CERTIFIED"
+    assert plan.verify(problem).verdict == "CERTIFIED"
+
+
+def test_noise_beyond_the_clearance_is_refused_with_its_place(tmp_path: Path) -> None:
+    write_stl(tmp_path / "rod.stl", rounded((0.012, 0.008), 0.03))
+    points, corners = triangles_of(plate((0.01202, 0.00802)))
+    noisy = DAMAGES["noise of 10 µm"](
+        *DAMAGES["subdivided"](points, corners, np.random.default_rng(1)), np.random.default_rng(1)
+    )
+    (tmp_path / "plate.stl").write_bytes(packed_stl(*noisy))
+    for name in ("rod", "plate"):
+        (tmp_path / f"{name}.toml").write_text(MODEL.format(name=name))
+    (tmp_path / "problem.toml").write_text(PROBLEM.replace("x = 0.2\ny = 0.15", "x = 0.01\ny = 0.01"))
+    with pytest.raises(
+        fmopt.FmoptError, match=r"facets of 'plate' are up to [\d.]+ µm off plane faces, most at \("
+    ) as told:
+        measured_clearance(load(tmp_path / "problem.toml"))
+    assert "the clearance is" in str(told.value)
+
+
+@pytest.mark.parametrize("form", ["3mf", "glb"])
+def test_packages_say_unit_and_place(form: str, tmp_path: Path) -> None:
+    points, corners = triangles_of(rounded((0.012, 0.008), 0.03))
+    if form == "3mf":
+        content = three_mf(points / 25.4, corners, "inch", (1.0, 2.0, 3.0))
+        moved = points + 25.4 * np.array([1.0, 2.0, 3.0])
+    else:
+        node = {
+            "scale": [0.5, 0.5, 0.5],
+            "rotation": [0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5)],
+            "translation": [1e-3, 0, 0],
+        }
+        content = glb(2e-3 * points, corners, node)
+        moved = points @ np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]) + (1.0, 0.0, 0.0)
+    (tmp_path / f"rod.{form}").write_bytes(content)
+    body = load_mesh(tmp_path / f"rod.{form}", "m").body
+    np.testing.assert_allclose(np.sort(body.vertices, axis=0), 1e-3 * np.sort(moved, axis=0), atol=1e-8)
+    np.testing.assert_allclose(np.array(triangles(content, form, 1.0)), 1e-3 * moved[corners], atol=1e-8)
+    draw = random.Random(f"{form} 3")
+    for _ in range(150):
+        damaged = bytearray(content)
+        for _ in range(draw.randint(1, 12)):
+            damaged[draw.randrange(len(damaged))] = draw.randrange(256)
+        cut = bytes(damaged[: draw.choice((len(damaged), draw.randrange(len(damaged))))])
+        (tmp_path / f"a.{form}").write_bytes(cut)
+        with contextlib.suppress(GeometryError):
+            assert len(read_triangles(tmp_path / f"a.{form}")[1])
+        with contextlib.suppress(NoMesh):
+            assert triangles(cut, form, 1.0)
+
+
+def test_a_package_takes_no_unit(tmp_path: Path) -> None:
+    file = folder(tmp_path, 0.0)
+    points, corners = triangles_of(rounded((0.012, 0.008), 0.03, 0.0005))
+    (tmp_path / "rod.3mf").write_bytes(three_mf(points, corners, "millimeter", (0.0, 0.0, 0.0)))
+    model = (tmp_path / "rod.toml").read_text().replace("rod.stl", "rod.3mf")
+    (tmp_path / "rod.toml").write_text(model)
+    with pytest.raises(fmopt.InputError, match="a 3MF file says its unit itself; remove 'unit'"):
+        load(file)
+    (tmp_path / "rod.toml").write_text(model.replace('unit = "mm"\n', ""))
+    problem = load(file)
+    assert part_beside_its_model(part(problem.moving), load_problem(file), "moving", None).differences == ()

@@ -1,0 +1,274 @@
+"""Meshes made by others: features found, gaps closed or refused, faults named by triangle, facets of curves judged."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fmopt.errors import GeometryError
+from fmopt.geometry.clearance import mating_clearance
+from fmopt.geometry.csg import Box, Cylinder, Difference, Hull, Placed, Prism, Solid, Union, frustum
+from fmopt.geometry.mating_features import Feature
+from fmopt.geometry.mesh.mesh_import import Imported, load_mesh, mesh_polyhedron
+from fmopt.geometry.part import Part, mesh_part, rebased
+from fmopt.spatial.se3 import Pose, exp
+from tests.shared.parts.mesh_files import at, plate, ply_text, rounded, stl_text, triangles_of
+
+ROD = rounded((0.012, 0.008), 0.03, 0.0005)
+PLATE = plate((0.0123, 0.0083))
+
+
+def mesh_of(solid: Solid) -> Imported:
+    points, triangles = triangles_of(solid)
+    return mesh_polyhedron(1e-3 * points, triangles)
+
+
+def part_of(name: str, solid: Solid) -> Part:
+    return mesh_part(name, mesh_of(solid))
+
+
+def seated(part: Part, name: str) -> Part:
+    return rebased(part, part.feature(name).frame)
+
+
+def test_peg_and_hole_are_found_with_frames_that_agree() -> None:
+    peg, block = part_of("rod", ROD), part_of("plate", PLATE)
+    assert [(f.name, f.kind, f.length, f.through) for f in peg.features] == [("peg", "solid", 0.03, False)]
+    assert [(f.name, f.kind, f.length, f.through) for f in block.features] == [("hole", "hollow", 0.01, True)]
+    np.testing.assert_array_equal(block.features[0].frame.p, [0.0, 0.0, 0.01])
+    clearance = mating_clearance(seated(peg, "peg"), seated(block, "hole"), 0.01)
+    assert clearance.play == pytest.approx((3e-4, 3e-4), abs=1e-9)
+    assert clearance.per_side == pytest.approx(1.5e-4, abs=1e-9)
+
+
+@pytest.mark.parametrize("turn", [(0.0, 0.0, 0.0), (0.5, -0.3, 0.8), (0.0, 1.5707963267948966, 0.0), (3.0, 0.2, 0.1)])
+def test_features_move_with_the_part(turn: tuple[float, float, float]) -> None:
+    angles = np.linspace(-0.7, 0.7, 9) * np.pi
+    key = Prism(tuple((0.01 * np.cos(a), 0.01 * np.sin(a)) for a in angles), 0.05)
+    bore = Difference(Box((0.05, 0.05, 0.02)), (Placed(key, at(z=-0.01)),))
+    pose = Pose(np.array([0.01, -0.02, 0.03]), exp(turn))
+    for solid, name in ((key, "peg"), (bore, "hole")):
+        (own,) = part_of("part", solid).features
+        (found,) = part_of("part", Placed(solid, pose)).features
+        assert (found.name, found.through) == (name, own.through)
+        there = pose.compose(own.frame)
+        ends = [there.p, there.p + (own.length if name == "peg" else -own.length) * there.R[:, 2]]
+        near = min(ends, key=lambda end: float(np.linalg.norm(end - found.frame.p)))
+        np.testing.assert_allclose(found.frame.p, near, atol=3e-8)
+        assert abs(found.frame.R[:, 2] @ there.R[:, 2]) == pytest.approx(1.0, abs=1e-6)
+        assert found.frame.R[:, 1] @ there.R[:, 1] == pytest.approx(1.0, abs=1e-4)
+        np.testing.assert_allclose(found.frame.R.T @ found.frame.R, np.eye(3), atol=1e-9)
+
+
+def test_a_headed_pin_leads_with_its_shank_and_a_chamfered_mouth_is_the_mouth() -> None:
+    pin = Union((Box((0.008, 0.008, 0.03)), Placed(Box((0.02, 0.02, 0.005)), at(z=0.03))))
+    (shank,) = part_of("pin", pin).features
+    assert (shank.name, shank.length) == ("peg", pytest.approx(0.03))
+    np.testing.assert_allclose(shank.frame.p, 0.0, atol=1e-9)
+    mouth = frustum((0.0083, 0.0083), (0.0103, 0.0103), 0.001)
+    low = Placed(mouth, Pose(np.array([0.0, 0.0, 0.001]), exp([np.pi, 0.0, 0.0])))
+    (hole,) = part_of("plate", Difference(plate((0.0083, 0.0083)), (low,))).features
+    assert hole.through
+    np.testing.assert_allclose(hole.frame.R[:, 2], [0.0, 0.0, -1.0], atol=1e-12)
+    np.testing.assert_allclose(hole.frame.p, 0.0, atol=1e-9)
+
+
+def test_several_features_are_numbered_by_size() -> None:
+    tools = (Placed(Box((0.008, 0.006, 0.01)), at(-0.012, 0.0, 0.005)), Placed(Box((0.01, 0.01, 0.01)), at(0.01, 0, 0)))
+    boss = Placed(Box((0.004, 0.004, 0.006)), at(0.0, 0.015, 0.01))
+    part = part_of("plate", Union((Difference(Box((0.05, 0.05, 0.01)), tools), boss)))
+    kinds = {f.name: (f.kind, f.through, round(f.length, 9)) for f in part.features}
+    assert kinds == {
+        "peg": ("solid", False, 0.006),
+        "hole_1": ("hollow", True, 0.01),
+        "hole_2": ("hollow", False, 0.005),
+    }
+    np.testing.assert_allclose(part.feature("hole_2").frame.p, [-0.012, 0.0, 0.01], atol=1e-9)
+    np.testing.assert_allclose(part.feature("peg").frame.p, [0.0, 0.015, 0.016], atol=1e-9)
+
+
+def test_what_is_no_peg_or_hole_is_left_to_the_user() -> None:
+    with pytest.raises(GeometryError, match="as much a peg along one axis as along another"):
+        part_of("cube", Box((0.01, 0.01, 0.01)))
+    with pytest.raises(GeometryError, match="no peg or hole was found on it"):
+        part_of("tetrahedron", Hull(((0.0, 0.0, 0.0), (0.03, 0.002, 0.0), (0.004, 0.02, 0.001), (0.005, 0.006, 0.04))))
+
+
+def bottomless() -> tuple[np.ndarray, np.ndarray]:
+    """The plate without the face on z = 0: open on the far rim of its hole."""
+    points, triangles = triangles_of(PLATE)
+    return points, triangles[~np.all(points[triangles][:, :, 2] == 0.0, axis=1)]
+
+
+def test_a_far_rim_left_open_is_closed_and_told() -> None:
+    points, triangles = bottomless()
+    mesh = mesh_polyhedron(1e-3 * points, triangles)
+    whole = mesh_of(PLATE)
+    assert mesh.body.volume == pytest.approx(whole.body.volume, rel=1e-12)
+    assert len(mesh.body.faces) == len(whole.body.faces)
+    (note,) = mesh.notes
+    assert "open beside triangle" in note
+    part = mesh_part("plate", mesh)
+    assert [f.name for f in part.features] == ["hole"]
+    assert part.notes == (f"warning: plate: {note}",)
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.2])
+def test_a_slit_around_the_far_rim_is_closed(gap: float) -> None:
+    points, triangles = triangles_of(PLATE)
+    rim = np.flatnonzero((points[:, 2] == 0.0) & (np.abs(points[:, 0]) < 7.0))
+    walls = np.any(points[triangles][:, :, 2] > 0.0, axis=1)
+    lifted = points[rim] * (1.0, 1.0, 0.0) + (0.0, 0.0, gap) + 0.05 * np.sign(points[rim]) * (gap == 0.0)
+    moved = np.vstack([points, lifted])
+    swap = np.arange(len(moved))
+    swap[rim] = np.arange(len(points), len(moved))
+    split = np.where(walls[:, None], triangles, swap[triangles]) if gap == 0.0 else np.where(
+        walls[:, None], swap[triangles], triangles
+    )  # fmt: skip
+    mesh = mesh_polyhedron(1e-3 * moved, split)
+    assert len(mesh.mended) == 1
+    assert mesh.body.volume == pytest.approx(mesh_of(PLATE).body.volume, rel=1e-6)
+    assert mesh_part("plate", mesh).feature("hole").through
+
+
+def test_gaps_in_mating_faces_are_refused_with_their_triangle() -> None:
+    points, triangles = triangles_of(PLATE)
+    wall = np.all(np.abs(points[triangles][:, :, 0]) < 7.0, axis=1) & (np.ptp(points[triangles][:, :, 2], axis=1) > 5.0)
+    side = wall & (points[triangles][:, :, 0].max(axis=1) < 0.0) & (np.ptp(points[triangles][:, :, 0], axis=1) == 0.0)
+    mesh = mesh_polyhedron(1e-3 * points, triangles[~side])
+    with pytest.raises(GeometryError, match=r"mesh 'plate' is open beside triangle \d+, .* feature 'hole' of 10 mm"):
+        mesh_part("plate", mesh)
+    half = mesh_polyhedron(1e-3 * points, np.delete(triangles, int(np.flatnonzero(side)[0]), axis=0))
+    assert mesh_part("plate", half).polyhedron.volume == pytest.approx(mesh_of(PLATE).body.volume, rel=1e-12)
+    mouthless = triangles[~np.all(points[triangles][:, :, 2] == 10.0, axis=1)]
+    with pytest.raises(GeometryError, match="which is 0 mm along feature 'hole'"):
+        mesh_part("plate", mesh_polyhedron(1e-3 * points, mouthless))
+    half = triangles[np.all(points[triangles][:, :, 2] == 0.0, axis=1)]
+    with pytest.raises(GeometryError, match="the surface is open: edge"):
+        mesh_polyhedron(1e-3 * points, half)
+
+
+def test_faults_name_the_triangle_of_the_file(tmp_path: Path) -> None:
+    points, triangles = triangles_of(ROD)
+    flat = np.array([[0, 0, 1]])
+    path = tmp_path / "rod.stl"
+    path.write_text(stl_text(points, np.vstack([flat, triangles])))
+    (note,) = load_mesh(path, "mm").notes
+    assert note.startswith("triangle 0 at (")
+    assert note.endswith("mm has no area and was left out")
+    turned = np.vstack([flat, triangles])
+    turned[7] = turned[7, ::-1]
+    path.write_text(stl_text(points, turned))
+    assert "triangle 7 at (" in " ".join(load_mesh(path, "mm").notes)
+    crossing = np.vstack([points, points @ exp([0.3, 0.0, 0.4]).T + 0.5])
+    path.write_text(stl_text(crossing, np.vstack([triangles, triangles + len(points)])))
+    with pytest.raises(GeometryError, match=r"itself: triangles \d+ and \d+ cross at \(") as told:
+        load_mesh(path, "mm")
+    assert told.value.advice
+    nested = np.vstack([points, 0.5 * points + (0.0, 0.0, 5.0)])
+    path.write_text(stl_text(nested, np.vstack([triangles, triangles + len(points)])))
+    with pytest.raises(GeometryError, match="2 shells overlap by"):
+        load_mesh(path, "mm")
+
+
+def test_crossings_are_found_where_there_are_some_and_only_there() -> None:
+    rng = np.random.default_rng(3)
+    points, triangles = triangles_of(ROD)
+    both = np.vstack([triangles, triangles + len(points)])
+    for _ in range(20):
+        shift = exp(rng.normal(size=3)) @ np.array([40.0, 0.0, 0.0])
+        assert mesh_polyhedron(1e-3 * np.vstack([points, points + shift]), both).body.volume > 0.0
+        with pytest.raises(GeometryError, match=r"cross at|overlap"):
+            mesh_polyhedron(1e-3 * np.vstack([points, points + rng.uniform(0.3, 3.0, 3)]), both)
+
+
+def test_ply_is_read_as_stl_is(tmp_path: Path) -> None:
+    points, triangles = triangles_of(PLATE)
+    (tmp_path / "a.ply").write_text(ply_text(points, triangles))
+    (tmp_path / "a.stl").write_text(stl_text(points, triangles))
+    one, other = (load_mesh(tmp_path / f"a.{kind}", "mm").body for kind in ("ply", "stl"))
+    assert one.volume == pytest.approx(other.volume, rel=1e-12)
+    assert len(one.faces) == len(other.faces)
+
+
+@pytest.mark.parametrize("sides", [12, 24, 64])
+def test_facets_of_a_cylinder_lie_a_sagitta_inside(sides: int) -> None:
+    radius = 0.01
+    gap = radius * (1.0 - np.cos(np.pi / sides))
+    assert mesh_of(Cylinder(radius, 0.03, sides)).chord_error == pytest.approx(gap, rel=1e-5)
+    bored = Difference(Box((0.05, 0.05, 0.02)), (Placed(Cylinder(radius, 0.04, sides), at(z=-0.01)),))
+    assert mesh_of(bored).chord_error == pytest.approx(gap, rel=1e-5)
+
+
+@pytest.mark.parametrize("solid", [ROD, PLATE, Cylinder(0.01, 0.03, 8), frustum((0.02, 0.02), (0.016, 0.016), 0.02)])
+def test_plane_parts_stand_for_nothing_curved(solid: Solid) -> None:
+    assert mesh_of(solid).chord_error == 0.0
+
+
+def test_stated_features_and_deviations_are_taken() -> None:
+    stated = Feature("shank", "solid", at(), 0.02)
+    part = mesh_part("rod", mesh_of(ROD), [stated], 2e-6)
+    assert part.features == (stated,)
+    assert part.chord_error == 2e-6
+
+
+def test_the_clearance_does_not_depend_on_how_the_meshes_lie() -> None:
+    rng = np.random.default_rng(7)
+    straight = mating_clearance(seated(part_of("rod", ROD), "peg"), seated(part_of("plate", PLATE), "hole"), 0.01)
+    for _ in range(4):
+        found = []
+        for solid, name in ((ROD, "peg"), (PLATE, "hole")):
+            points, triangles = triangles_of(solid)
+            turned = points @ exp(rng.normal(size=3)).T + rng.normal(size=3)
+            found.append(seated(mesh_part(name, mesh_polyhedron(1e-3 * turned, triangles)), name))
+        clearance = mating_clearance(*found, 0.01)
+        assert clearance.per_side == pytest.approx(straight.per_side, abs=2e-9)
+        assert clearance.play == pytest.approx(straight.play, abs=2e-9)
+
+
+def finely(solid: Solid, times: int, cut: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles of a solid, each cut in four that many times; corners beyond (x, y) mm on the 45° cuts only."""
+    from trimesh.remesh import subdivide
+
+    points, triangles = triangles_of(solid)
+    for _ in range(times):
+        points, triangles = subdivide(points, triangles)
+    assert np.any((np.abs(points[:, 0]) > cut[0]) & (np.abs(points[:, 1]) > cut[1]))
+    return points, triangles
+
+
+@pytest.mark.parametrize("times", [2, 3])
+def test_a_chamfer_that_is_plane_but_for_rounding_is_plane(tmp_path: Path, times: int) -> None:
+    bar = rounded((0.008201, 0.006911), 0.05, 0.000257)
+    points, triangles = finely(bar, times, (3.85, 3.2))
+    path = tmp_path / "bar.stl"
+    path.write_text(stl_text(np.round(points, 3), triangles))
+    part = mesh_part("bar", load_mesh(path, "mm"))
+    assert len(part.pieces) == 1
+    assert len(part.polyhedron.faces) == 10
+    assert 0.0 < part.chord_error < 2e-6
+    (note,) = part.notes
+    assert note.startswith("warning: bar: facets are up to")
+    assert note.endswith("they were made plane, which is added to its deviation")
+    hole = part_of("plate", plate((0.0085, 0.0073)))
+    pair = [mating_clearance(seated(one, "peg"), seated(hole, "hole"), 0.01) for one in (part, part_of("bar", bar))]
+    assert pair[0].per_side == pytest.approx(pair[1].per_side, abs=1e-6)
+
+
+def test_facets_that_are_not_plane_are_named() -> None:
+    points, triangles = finely(rounded((0.008201, 0.006911), 0.05, 0.000257), 2, (3.85, 3.2))
+    rng = np.random.default_rng(5)
+    uneven = points + rng.uniform(-5e-2, 5e-2, points.shape)
+    with pytest.raises(GeometryError, match=r"at \(.*\) mm|µm off") as told:
+        mesh_part("bar", mesh_polyhedron(1e-3 * uneven, triangles))
+    assert told.value.advice
+
+
+@pytest.mark.parametrize("decimals", [3, 9])
+def test_the_frame_of_a_round_hole_lies_along_the_model_whatever_its_numbers_are_rounded_to(decimals: int) -> None:
+    bored = Difference(Box((0.04, 0.04, 0.009)), (Placed(Cylinder(0.00825, 0.02, 96), at(z=-0.005)),))
+    points, triangles = triangles_of(bored)
+    part = mesh_part("plate", mesh_polyhedron(1e-3 * np.round(points, decimals), triangles))
+    np.testing.assert_array_equal(part.feature("hole").frame.R, np.eye(3))

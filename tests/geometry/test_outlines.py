@@ -1,0 +1,288 @@
+"""Parts over any simple outline: convex pieces, frames that are found, and the check that reads them for itself."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from fractions import Fraction
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shapely import Polygon, union_all
+
+from fmopt.certificate.assembly import Assembly
+from fmopt.contact.polytope import enumerate_faces
+from fmopt.errors import GeometryError, InputError
+from fmopt.geometry import csg
+from fmopt.geometry.centre import axis, centre
+from fmopt.geometry.convex_pieces import pieces, polyhedron, union_manifold
+from fmopt.geometry.outline_solids import Convex, convex_pieces, stack
+from fmopt.geometry.part import Part
+from fmopt.papers.lee_huang.nominal_trajectory import critical_poses, insertion
+from fmopt.plan import sealed
+from fmopt.planning import pipeline
+from fmopt.planning.robustness.contact_space import Scale, contact_spaces
+from fmopt.report.sections import asked
+from fmopt.spatial.se3 import Pose
+from fmopt.task.problem import Problem, load
+from fmopt.task.sizes import measured_clearance
+from fmopt.verify import verify
+from fmopt.verify.problem.parts import Compared, part_beside_its_model
+from fmopt.verify.problem.problem import load_problem
+from fmopt.verify.reading.document import Body
+from fmopt.verify.reading.document import Part as Stated
+from tests import ROOT
+from tests.shared.parts import families
+
+SEEDS = (0, 1, 2)
+U = ((0.0, 0.0), (3.0, 0.0), (3.0, 3.0), (2.0, 3.0), (2.0, 1.0), (1.0, 1.0), (1.0, 3.0), (0.0, 3.0))
+SPIRAL = ((0.0, 0.0), (9.0, 0.0), (9.0, 9.0), (2.0, 9.0), (2.0, 4.0), (5.0, 4.0), (5.0, 6.0), (4.0, 6.0), (4.0, 7.0),
+          (7.0, 7.0), (7.0, 2.0), (0.0, 2.0))  # fmt: skip
+
+
+def drawn(family: str) -> Iterator[families.Outline]:
+    for seed in SEEDS:
+        made = families.pair(family, seed)
+        yield from (section.outline for section in (*made.peg, *made.hole))
+
+
+def turned(outline: families.Outline, angle: float) -> families.Outline:
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    return tuple((x, y) for x, y in (np.array(outline) @ turn).tolist())
+
+
+def is_convex(piece: Convex) -> bool:
+    points = piece.corners
+    around = zip(points[-1:] + points[:-1], points, points[1:] + points[:1], strict=True)
+    return all((b[0] - a[0]) * (c[1] - b[1]) > (b[1] - a[1]) * (c[0] - b[0]) for a, b, c in around)
+
+
+@pytest.mark.parametrize("family", families.PLAIN)
+def test_convex_pieces_make_up_the_outline(family: str) -> None:
+    for outline in drawn(family):
+        found = convex_pieces(outline)
+        assert all(map(is_convex, found))
+        whole = Polygon(outline)
+        apart = union_all([Polygon(piece.outline) for piece in found]).symmetric_difference(whole)
+        assert apart.area < 1e-12 * whole.area
+
+
+@pytest.mark.parametrize(("outline", "count"), [(U, 3), (SPIRAL, 5)])
+@pytest.mark.parametrize("angle", [0.0, 0.3, 1.1])
+def test_pieces_are_few_and_reach_as_far_as_they_can(outline: families.Outline, count: int, angle: float) -> None:
+    found = convex_pieces(turned(outline, angle))
+    assert len(found) == count
+    for piece in found:
+        body = Polygon(piece.outline)
+        others = [Polygon(other.outline) for other in found if other is not piece]
+        assert any(body.intersection(other).area > 0.1 for other in others)
+
+
+def test_sides_of_pieces_lie_in_sides_of_the_outline() -> None:
+    for family in ("L", "T", "plus", "keyed"):
+        for outline in drawn(family):
+            points = [(Fraction(x), Fraction(y)) for x, y in outline]
+            for piece in convex_pieces(outline):
+                ends = zip(piece.corners, piece.corners[1:] + piece.corners[:1], piece.sides, strict=True)
+                for a, b, side in ends:
+                    assert side is not None
+                    p, q = points[side], points[(side + 1) % len(points)]
+                    for c in (a, b):
+                        assert (q[0] - p[0]) * (c[1] - p[1]) == (q[1] - p[1]) * (c[0] - p[0])
+
+
+@pytest.mark.parametrize("family", ["L", "stepped", "counterbored", "tapered", "chamfered", "star"])
+def test_stacks_are_the_union_of_their_pieces(family: str) -> None:
+    for seed in SEEDS:
+        pair = families.pair(family, seed)
+        for one in (pair.peg, pair.hole):
+            solid = csg.Placed(stack([(part.at, part.outline) for part in one]), Pose.from_vector([1, 2, 3, 0, 0, 0.7]))
+            wanted = sum(volume(low, high) for low, high in pairwise(one))
+            assert polyhedron(solid).volume == pytest.approx(wanted, rel=1e-9)
+            assert union_manifold(pieces(solid)).volume() == pytest.approx(wanted, rel=1e-9)
+
+
+def volume(low: families.Section, high: families.Section) -> float:
+    if low.at == high.at:
+        return 0.0
+    middle = 0.5 * (np.array(low.outline) + np.array(high.outline))
+    areas = [Polygon(outline).area for outline in (low.outline, middle, high.outline)]
+    return float((high.at - low.at) * (areas[0] + 4.0 * areas[1] + areas[2]) / 6.0)
+
+
+@pytest.mark.parametrize("family", families.PLAIN)
+def test_centre_and_axis_turn_with_an_outline_and_stay_as_a_gap_widens_it(family: str) -> None:
+    for seed in SEEDS:
+        pair = families.pair(family, seed)
+        outline, wide = np.array(pair.peg[-1].outline), np.array(pair.hole[-1].outline)
+        at, x = centre(outline), axis(outline)
+        np.testing.assert_allclose(centre(wide), at, atol=1e-7 * pair.size)
+        angle = 0.1 + seed
+        other = axis(np.array(turned(pair.hole[-1].outline, angle)))
+        back = np.array(turned((tuple(other.tolist()),), -angle))[0]
+        frames = [np.column_stack([one, (-one[1], one[0])]) for one in (x, back)]
+        seen = [Polygon((shape - at) @ frame) for shape, frame in zip((outline, wide), frames, strict=True)]
+        assert seen[1].exterior.distance(seen[0].exterior) == pytest.approx(pair.clearance, rel=1e-6)
+
+
+@pytest.mark.parametrize("family", families.FAMILIES)
+def test_every_family_is_read_as_it_was_drawn(family: str, tmp_path: Path) -> None:
+    pair = families.pair(family, 0)
+    problem = load(families.write_toml(pair, tmp_path))
+    assert measured_clearance(problem).per_side == pytest.approx(1e-3 * pair.clearance, abs=1e-8)
+    assert -problem.goal[2] == pytest.approx(1e-3 * pair.depth, abs=1e-9)
+    assert problem.hole.through == pair.through
+
+
+@pytest.mark.parametrize("family", ["L", "T", "plus", "hollow", "capped", "rectangle", "7-gon"])
+def test_a_mesh_is_read_as_the_same(family: str, tmp_path: Path) -> None:
+    pair = families.pair(family, 0)
+    problem = load(families.write_stl(pair, tmp_path))
+    assert measured_clearance(problem).per_side == pytest.approx(1e-3 * pair.clearance, abs=1e-6)
+    assert -problem.goal[2] == pytest.approx(1e-3 * pair.depth, abs=1e-6)
+
+
+def test_a_stated_frame_off_the_line_is_refused_with_both_places(tmp_path: Path) -> None:
+    pair = families.pair("L", 0)
+    path = families.write_toml(pair, tmp_path)
+    with (tmp_path / "peg.toml").open("a") as model:
+        model.write('[features.peg]\nkind = "solid"\nat = [4.5, 1.2, 0]\n')
+    with pytest.raises(InputError, match="not on a central line"):
+        load(path)
+    text = (tmp_path / "peg.toml").read_text()
+    (tmp_path / "peg.toml").write_text(text.replace("at = [4.5, 1.2, 0]", "at = [4.5, 1.2, 0.3]"))
+    with pytest.raises(InputError, match=r"at = \[4.5, 1.2, 0.3\] mm is in no mouth or leading end .* at \[4.34257, "):
+        load(path)
+
+
+@pytest.mark.parametrize(
+    ("sections", "words"),
+    [
+        ([(0.0, U[::-1]), (1.0, U[::-1])], "clockwise"),
+        ([(0.0, U[:2]), (1.0, U[:2])], "2 usable corners"),
+        ([(0.0, (*U[:3], (-1.0, 1.0), *U[4:])), (1.0, U)], "crosses or touches itself at"),
+        ([(1.0, U), (0.0, U)], "follows one at"),
+        ([(0.0, U), (1.0, SPIRAL)], "8 and 12 corners"),
+        ([(0.0, U), (1.0, (*U[:2], (3.1, 3.2), *U[3:]))], "not parallel from corner"),
+        ([(0.0, U), (0.0, U)], "no height"),
+    ],
+)
+def test_outlines_that_bound_no_solid_are_refused(sections: list[tuple[float, families.Outline]], words: str) -> None:
+    with pytest.raises(GeometryError, match=re.escape(words)):
+        stack(sections)
+
+
+@pytest.mark.parametrize("family", ["L", "keyed", "stepped", "tapered", "chamfered", "hollow"])
+def test_the_check_reads_the_same_parts_by_itself(family: str, tmp_path: Path) -> None:
+    pair = families.pair(family, 1)
+    path = families.write_toml(pair, tmp_path)
+    compared = beside(load(path), path)
+    assert [one.differences for one in compared] == [(), ()]
+    assert all("the planner's choice" in one.remarks[0] for one in compared)
+
+
+def test_the_check_tells_parts_of_other_outlines(tmp_path: Path) -> None:
+    pair = families.pair("L", 1)
+    problem = load(families.write_toml(pair, tmp_path))
+    longer = tuple(replace(one, at=1.01 * one.at) for one in pair.peg)
+    path = families.write_toml(replace(pair, peg=longer), tmp_path)
+    moving, fixed = beside(problem, path)
+    assert "the plan is for another moving part" in moving.differences[0]
+    assert fixed.differences == ()
+
+
+def beside(problem: Problem, path: Path) -> list[Compared]:
+    stated = load_problem(path)
+    return [
+        part_beside_its_model(as_stated(part), stated, side, None)
+        for side, part in (("moving", problem.moving), ("fixed", problem.fixed))
+    ]
+
+
+def as_stated(part: Part) -> Stated:
+    """A part as a plan states it."""
+    own, *shapes = (
+        Body(tuple((x, y, z) for x, y, z in body.vertices.tolist()), tuple(face.loops for face in body.faces))
+        for body in (part.polyhedron, *part.pieces)
+    )
+    return Stated(own, tuple(shapes), part.name, (0.0, 0.0), 0.0)
+
+
+@pytest.mark.parametrize("n", range(3, 14))
+def test_contact_states_of_regular_polygons_have_six_dimensions_at_most(n: int, tmp_path: Path) -> None:
+    """Corners that only rounding tells apart, of which a heptagon on its floor has many, are one."""
+    problem = load(families.write_toml(families.pair(f"{n}-gon", 0), tmp_path))
+    clearance = measured_clearance(problem)
+    scale = Scale(clearance.per_side, clearance.half_diagonal)
+    path = insertion([0.0, 0.0, 1e-3, 0.0, 0.0, 0.0], problem.goal, 0.02, scale.rho)
+    critical = critical_poses(problem.moving, problem.fixed, path, 1e-3)
+    spaces = contact_spaces(Assembly(problem.moving, problem.fixed), critical, scale)
+    assert [space.name for space in spaces] == ["mouth", "mid-depth", "bottom"]
+    for space in spaces:
+        found = enumerate_faces(*space.graph.space.half_spaces).count()
+        assert set(found) <= set(range(7))
+        assert found[6] == 1
+
+
+def test_what_only_describes_a_motion_costs_no_plan(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = load(ROOT / "problems" / "square_peg.toml")
+
+    def lost(*_: object) -> None:
+        raise GeometryError("no way is seen")
+
+    for name in ("_nominal_motion", "_contact_states", "_error_tolerance"):
+        monkeypatch.setattr(pipeline, name, lost)
+    made = pipeline.synthesise(problem)
+    assert made.proved
+    assert {"nominal", "position_force", "critical_points"}.isdisjoint(made.document)
+    assert made.plan.diagnostics is not None
+    assert made.plan.diagnostics.notes == (
+        "how much error it tolerates is left out: no way is seen",
+        "the nominal trajectory is left out: no way is seen",
+        "its way through contact states is left out: no way is seen",
+    )
+    assert "no way is seen" in asked(made.plan)
+    silent = {key: value for key, value in made.document["diagnostics"].items() if key != "notes"}
+    told = [str(one) for one in verify(sealed({**made.document, "diagnostics": silent})).findings]
+    assert told == ["plan: diagnostics.notes: do not say why its way through contact states is left out"]
+
+
+SLOTTED = """name = "channel"
+part = "channel"
+[units]
+length = "mm"
+angle = "deg"
+[solids.channel]
+shape = "prism"
+polygon = [[-15, 0], [15, 0], [15, 20], [5.05, 20], [5.05, 8], [-5.05, 8], [-5.05, 20], [-15, 20]]
+height = 30
+turn = [90, 0, 0]
+"""
+
+
+def test_a_slot_that_is_open_to_the_side_mates_where_the_advice_says(tmp_path: Path) -> None:
+    bar = families.Section(0.0, ((-5.0, -5.0), (5.0, -5.0), (5.0, 5.0), (-5.0, 5.0)))
+    path = families.write_toml(replace(families.pair("4-gon", 0), peg=(bar, replace(bar, at=40.0))), tmp_path)
+    (tmp_path / "block.toml").write_text(SLOTTED)
+    with pytest.raises(InputError, match=r"has no feature 'hole'; .* a slot that is open to the side, by kind"):
+        load(path)
+    mouth = '[features.hole]\nkind = "hollow"\nat = [0, -15, 20]\nturn = [0, 0, 0]\nlength = 12\n'
+    (tmp_path / "block.toml").write_text(SLOTTED + mouth)
+    path.write_text(path.read_text().replace("x = 0.017\ny = 0.017", "x = 0.05\ny = 0.05"))
+    problem = load(path)
+    found = measured_clearance(problem)
+    assert found.per_side == pytest.approx(0.05e-3, abs=1e-9)
+    assert found.play[1] == np.inf
+
+
+@pytest.mark.parametrize("family", ["L", "T", "U", "plus", "rectangle"])
+def test_faces_across_an_axis_are_exactly_so_however_a_model_is_turned(family: str, tmp_path: Path) -> None:
+    """A part lies flat in two walls at once only where they are as exactly square as its faces are."""
+    for seed in SEEDS:
+        problem = load(families.write_toml(families.pair(family, seed), tmp_path))
+        for body in (problem.moving.polyhedron, *problem.moving.pieces, *problem.fixed.pieces[:2]):
+            square = np.abs(body.normals).max(axis=1) > 1.0 - 1e-9
+            assert np.all(np.abs(body.normals[square]).max(axis=1) == 1.0)

@@ -1,0 +1,284 @@
+"""STEP files by their own surfaces: exact planes, rounds and fillets as stated, assemblies, parts from objects."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import manifold3d
+import numpy as np
+import pytest
+import trimesh
+
+from fmopt.errors import GeometryError, ResourceError
+from fmopt.geometry.clearance import mating_clearance
+from fmopt.geometry.csg import Box as Block
+from fmopt.geometry.csg import Cylinder, Difference, Placed, Prism, Solid
+from fmopt.geometry.mating_features import found_features
+from fmopt.geometry.mesh.mesh_import import load_mesh
+from fmopt.geometry.part import Part, mesh_part, rebased
+from fmopt.geometry.part import part_of as part_of_solid
+from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.geometry.python_objects import imported_of, part_of
+from fmopt.geometry.step.facets import facets_of
+from fmopt.geometry.step.step_import import bodies, load_step
+from fmopt.spatial.se3 import Pose, exp
+from tests.shared.parts import step_parts
+from tests.shared.parts.mesh_files import write_stl
+from tests.shared.parts.step_files import write_step
+from tests.shared.parts.step_parts import box, cut, cylinder, eased
+
+EXACT = 1e-9  # m
+MICRON = 1e-6  # m
+
+
+def turned(seed: int) -> Pose:
+    r = np.random.default_rng(seed)
+    return Pose(r.uniform(-80.0, 80.0, 3), exp(r.uniform(-1.5, 1.5, 3)))
+
+
+def off_planes(body: Polyhedron, planes: np.ndarray, pose: Pose) -> float:
+    """How far the plane faces (mm, before the pose) are from those of a polyhedron (m) at most, m."""
+    worst = 0.0
+    for *normal, offset in planes:
+        n = pose.R @ normal
+        own = [face for face in body.faces if face.normal @ n > 1.0 - 1e-6]
+        assert own, normal
+        corners = [body.vertices[list(face.vertices)] @ n - 1e-3 * (offset + n @ pose.p) for face in own]
+        worst = max(worst, min(float(np.abs(each).max()) for each in corners))
+    return worst
+
+
+@pytest.mark.parametrize("name", step_parts.FAMILIES)
+def test_plane_faces_are_those_of_the_file_in_any_unit_and_place(name: str, tmp_path: Path) -> None:
+    seed = list(step_parts.FAMILIES).index(name)
+    shape = step_parts.FAMILIES[name](np.random.default_rng(seed))
+    pose, unit = turned(seed), ("mm", "m", "inch")[seed % 3]
+    step_parts.write(tmp_path / "part.step", shape, unit, pose)
+    mesh = load_step(tmp_path / "part.step")
+    assert off_planes(mesh.body, step_parts.planes(shape), pose) <= EXACT
+    assert mesh.mended == ()
+    assert mesh.chord_error <= 1e-5
+    fillets = name in ("filleted", "pocket", "pin")
+    assert any("fillets are enclosed" in note for note in mesh.notes) == fillets
+    if name in ("filleted", "pocket"):
+        assert mesh.chord_error == 0.0
+        true, area = step_parts.volume(shape), step_parts.area(shape)
+        assert 0.0 <= mesh.body.volume * 1e9 - true <= 0.02 * area
+
+
+def test_fillets_are_inside_of_their_facets(tmp_path: Path) -> None:
+    shape = step_parts.filleted(np.random.default_rng(5))
+    step_parts.write(tmp_path / "part.step", shape)
+    body = load_step(tmp_path / "part.step").body
+    points = 1e-3 * step_parts.samples(shape)
+    depth = (points @ body.normals.T - body.offsets).max(axis=1)
+    assert depth.max() <= 1e-12
+    assert -2e-5 < depth.min() < -1e-6
+
+
+def test_facets_of_fillets_are_no_ends_of_a_peg(tmp_path: Path) -> None:
+    shape = step_parts.filleted(np.random.default_rng(7))
+    step_parts.write(tmp_path / "part.step", shape)
+    mesh = load_step(tmp_path / "part.step")
+    (peg,) = mesh_part("part", mesh).features
+    np.testing.assert_allclose(np.abs(peg.frame.R[:, 2]), [0.0, 0.0, 1.0], atol=1e-12)
+    assert peg.length == pytest.approx(np.ptp(mesh.body.vertices[:, 2]), abs=EXACT)
+
+
+def test_coarser_rounds_are_said_to_be_coarser(tmp_path: Path) -> None:
+    write_step(tmp_path / "rod.step", cylinder(6.0, 30.0))
+    for deviation in (1e-4, 1e-5, 1e-6):
+        mesh = load_step(tmp_path / "rod.step", deviation)
+        sides = len(mesh.body.faces) - 2
+        assert mesh.chord_error == pytest.approx(0.006 * (1.0 - np.cos(np.pi / sides)), rel=1e-9)
+        assert mesh.chord_error <= deviation
+        assert sides & (sides - 1) == 0
+
+
+def part(solid: Solid) -> Part:
+    plain = part_of_solid("part", solid)
+    return Part("part", plain.polyhedron, plain.pieces, found_features(plain.polyhedron, plain.pieces), 0.0)
+
+
+def clearance(moving: Part, fixed: Part) -> float:
+    peg, hole = moving.features[0], fixed.features[0]
+    return mating_clearance(rebased(moving, peg.frame), rebased(fixed, hole.frame), hole.length).per_side
+
+
+def pair(kind: str, r: np.random.Generator) -> tuple[tuple[Any, Solid], tuple[Any, Solid]]:
+    """A peg and its plate, as shapes in mm and as solids in m, with 0.12 mm a side."""
+    gap, z = 0.12, 30.0
+    if kind == "round":
+        radius = r.uniform(3.0, 8.0)
+        own, wide = cylinder(radius, z), cylinder(radius + gap, 20.0, (0.0, 0.0, -5.0))
+        solid: Solid = Cylinder(1e-3 * radius, 1e-3 * z)
+        hole: Solid = Cylinder(1e-3 * (radius + gap), 0.02)
+    elif kind == "chamfered key":
+        x, y = r.uniform(6.0, 16.0, 2)
+        own = eased(box(x, y, z), 1.0, step_parts.at_height(z))
+        wide = box(x + 2.0 * gap, y + 2.0 * gap, 20.0, (0.0, 0.0, -5.0))
+        corner = [np.array([x, y, 0.0]), np.array([x, y, z - 1.0]), np.array([x - 2.0, y - 2.0, z])]
+        solid = step_parts.hull(1e-3 * np.array(corner))
+        hole = Block((1e-3 * (x + 2.0 * gap), 1e-3 * (y + 2.0 * gap), 0.02))
+    else:
+        corners = 1e-3 * np.array([(-7.0, -4.0), (5.0, -4.0), (r.uniform(6.0, 9.0), 5.0), (-3.0, r.uniform(6.0, 8.0))])
+        own, solid = step_parts.prism(1e3 * corners, z), Prism(tuple(map(tuple, corners)), 1e-3 * z)
+        outer = step_parts.offset(corners, 1e-3 * gap)
+        wide, hole = step_parts.prism(1e3 * outer, 20.0, -5.0), Prism(tuple(map(tuple, outer)), 0.02)
+    plate = Difference(Block((0.05, 0.05, 0.01)), (Placed(hole, Pose(np.array([0.0, 0.0, -0.005]), np.eye(3))),))
+    return (own, solid), (cut(box(50.0, 50.0, 10.0), wide), plate)
+
+
+@pytest.mark.parametrize("kind", ["round", "chamfered key", "quadrilateral"])
+def test_a_pair_is_the_same_as_step_as_stl_and_as_solids(kind: str, tmp_path: Path) -> None:
+    measured, found = [], []
+    shapes = pair(kind, np.random.default_rng(11))
+    for form in ("step", "stl", "solids"):
+        parts = []
+        for name, (shape, solid) in zip(("peg", "plate"), shapes, strict=True):
+            if form == "step":
+                write_step(tmp_path / f"{name}.step", shape)
+                parts.append(mesh_part(name, load_step(tmp_path / f"{name}.step")))
+            elif form == "stl":
+                write_stl(tmp_path / f"{name}.stl", solid)
+                parts.append(mesh_part(name, load_mesh(tmp_path / f"{name}.stl", "mm")))
+            else:
+                parts.append(part(solid))
+        measured.append(clearance(*parts))
+        found.append([(f.name, f.kind, f.through, *f.frame.vector(), f.length) for one in parts for f in one.features])
+    assert measured == pytest.approx([measured[0]] * 3, abs=MICRON)
+    assert measured[0] == pytest.approx(1.2e-4, abs=MICRON if kind != "quadrilateral" else 10.0 * MICRON)
+    for other in found[1:]:
+        assert [each[:3] for each in other] == [each[:3] for each in found[0]]
+        np.testing.assert_allclose(
+            np.array([each[3:] for each in other], float), np.array([each[3:] for each in found[0]], float), atol=MICRON
+        )
+
+
+def test_bodies_of_an_assembly_are_named_and_placed(tmp_path: Path) -> None:
+    peg, plate = box(10.0, 8.0, 30.0), cut(box(40.0, 40.0, 10.0), box(10.4, 8.4, 20.0, (0.0, 0.0, 3.0)))
+    goal, away = Pose(np.array([0.0, 0.0, 3.0]), np.eye(3)), turned(3)
+    path = tmp_path / "fit.step"
+    step_parts.write_assembly(path, [("plate", plate, away), ("peg", peg, away.compose(goal)), ("peg", peg, goal)])
+    one, two, three = bodies(path)
+    assert [(body.name, body.number) for body in (one, two, three)] == [("plate", 1), ("peg_1", 2), ("peg_2", 3)]
+    np.testing.assert_allclose(one.pose.inverse().compose(two.pose).vector(), [0, 0, 0.003, 0, 0, 0], atol=1e-12)
+    assert two.mesh.body.vertices.max(axis=0) == pytest.approx([0.005, 0.004, 0.03], abs=EXACT)
+    assert load_step(path, body="peg_2").body.volume == pytest.approx(2.4e-6)
+    assert load_step(path, body="1").body.volume == pytest.approx(one.mesh.body.volume)
+    with pytest.raises(GeometryError, match=r"holds 3 bodies: 1 'plate', 2 'peg_1', 3 'peg_2'; say which with 'body'"):
+        load_step(path)
+    with pytest.raises(GeometryError, match=r"has no body 'pin'; name one that it has, or give its number: 1 'plate'"):
+        load_step(path, body="pin")
+
+
+def test_files_that_hold_no_part_say_what_they_hold(tmp_path: Path) -> None:
+    path = tmp_path / "part.step"
+    block = box(10.0, 8.0, 30.0)
+    write_step(path, step_parts.shell(block))
+    with pytest.raises(GeometryError, match=r"holds 6 faces that bound no solid; they close: export them as a solid"):
+        load_step(path)
+    write_step(path, step_parts.shell(block, 1))
+    with pytest.raises(
+        GeometryError, match=r"no solid: 4 edges have a face on one side only, the first from \(.*\) mm"
+    ):
+        load_step(path)
+    with pytest.raises(
+        GeometryError, match=r"its shell is not closed: 4 edges have a face on one side only, the first"
+    ):
+        facets_of(step_parts.shell(block, 1), 0.01)
+    write_step(path, block)
+    path.write_text(path.read_text().replace("LENGTH_UNIT()", "MASS_UNIT()"))
+    with pytest.raises(GeometryError, match="does not say the unit of its lengths"):
+        load_step(path)
+
+
+def test_a_kernel_that_cannot_be_imported_is_a_missing_resource(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_step(tmp_path / "part.step", box(10.0, 8.0, 30.0))
+    broken = tmp_path / "elsewhere" / "OCP"
+    broken.mkdir(parents=True)
+    (broken / "__init__.py").write_text("raise ImportError('libTK.so: cannot open shared object file')")
+    monkeypatch.setattr(sys, "path", [str(broken.parent), *sys.path])
+    monkeypatch.delitem(sys.modules, "OCP")
+    with pytest.raises(ResourceError, match=r"does not work: libTK\.so: cannot open .*install one of cadquery-ocp and"):
+        load_step(tmp_path / "part.step")
+
+
+def test_objects_of_python_become_the_same_part() -> None:
+    x, y, z = np.random.default_rng(2).uniform(8.0, 30.0, 3)
+    corners = np.array([(-x, -y), (x, -y), (x, y), (-x, y)]) / 2.0
+    mesh = trimesh.creation.box((x, y, z))
+    mesh.apply_translation((0.0, 0.0, 0.5 * z))
+    solid = manifold3d.Manifold.cube((x, y, z), True).translate((0.0, 0.0, 0.5 * z))
+    mesh.units = "mm"
+    made = [
+        part_of(box(x, y, z)),
+        part_of(box(0.1 * x, 0.1 * y, 0.1 * z), unit="cm"),
+        part_of(mesh),
+        part_of(solid, unit="mm"),
+        part_of((corners, z), unit="mm"),
+        part_of((1e-3 * corners[::-1], 1e-3 * z), unit="m"),
+    ]
+    expected = 5e-4 * np.array([x, y, 2.0 * z])
+    for one in made:
+        np.testing.assert_allclose(one.polyhedron.vertices.max(axis=0), expected, atol=EXACT)
+        assert [feature.name for feature in one.features] == ["peg"]
+        np.testing.assert_allclose(one.features[0].frame.R, made[0].features[0].frame.R, atol=1e-9)
+    ring = imported_of(([corners, 0.5 * corners], 4.0), "mm").body
+    assert ring.volume == pytest.approx(0.75 * x * y * 4.0e-9)
+
+
+@pytest.mark.parametrize(
+    ("thing", "unit", "words"),
+    [
+        (5, "mm", r"builtins\.int is no part; give a solid"),
+        (([(0, 0), (1, 1), (0, 1), (1, 0)], 5.0), "mm", "bounds no area: Self-intersection"),
+        (([(0, 0), (9, 0), (0, 9)], -1.0), "mm", "the height of an outline is -1.0"),
+        (([(0, 0), (9, 0), (0, 9)], 5.0), None, "does not say its unit; give unit = one of m"),
+        (([1, 2, 3], 5.0), "mm", r"has to be corners \(n, 2\)"),
+        (trimesh.creation.box((9, 9, 30)), None, "the trimesh does not say its unit"),
+        (manifold3d.Manifold(), "mm", "the mesh holds no triangles"),
+    ],
+)
+def test_objects_that_are_no_part_say_why(thing: object, unit: Any, words: str) -> None:
+    with pytest.raises(GeometryError, match=words):
+        imported_of(thing, unit)
+
+
+OWN_FILES = """
+import cadquery as cq, build123d as bd, mujoco, trimesh
+from fmopt.geometry.python_objects import part_of
+from fmopt.geometry.step.step_import import bodies, load_step
+from pathlib import Path
+dowel = cq.Workplane().circle(5).extrude(30).faces("<Z").chamfer(1)
+bar = bd.Box(10, 8, 30)
+cq.exporters.export(dowel, "cq.step")
+bd.export_step(bar, "bd.step")
+both = cq.Assembly().add(dowel, name="dowel").add(cq.Workplane().box(1, 2, 3), name="block", loc=cq.Location((9, 0, 0)))
+both.export("both.step")
+trimesh.creation.box((1, 2, 3)).export("tm.stl")
+def near(a, b): assert abs(a - b) <= 2e-3 * b, (a, b)
+true = dowel.val().Volume()
+near(cq.importers.importStep("cq.step").val().Volume(), true)
+near(bd.import_step("bd.step").volume, 2400)
+near(trimesh.load_mesh("tm.stl").volume, 6)
+assert mujoco.MjModel.from_xml_string("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>").ngeom == 1
+for part, volume in ((part_of(dowel), true), (part_of(dowel.val()), true), (part_of(bar), 2400)):
+    near(1e9 * part.polyhedron.volume, volume)
+near(1e9 * load_step(Path("cq.step")).body.volume, true)
+near(1e9 * load_step(Path("bd.step")).body.volume, 2400)
+named = bodies(Path("both.step"))
+assert [body.name for body in named] == ["dowel", "block"], named
+assert (1e3 * named[1].pose.p).round(9).tolist() == [9, 0, 0]
+print("all of them read")
+"""
+
+
+def test_cad_libraries_and_fmopt_read_their_files_in_one_environment(tmp_path: Path) -> None:
+    done = subprocess.run([sys.executable, "-c", OWN_FILES], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.stdout.endswith("all of them read\n"), done.stderr[-2000:]

@@ -1,0 +1,136 @@
+"""Families of C-surfaces: SymPy, CasADi and the sets agree; envelopes are where the boundary is."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import sympy
+
+from fmopt.papers.basanez_suarez.contact import Kind
+from fmopt.papers.basanez_suarez.surface import boundary_rank, envelope_function, family, geometry_values
+from tests.shared.planar_sampling import Instance, instances
+
+KINDS = pytest.mark.parametrize("kind", list(Kind))
+
+
+def drawn(instance: Instance, q: np.ndarray) -> np.ndarray:
+    """δ_φ, δ_p, θ_p, δ_a, θ_a of a point q (6,) of the unit cube."""
+    turn = instance.cu.spread * (2.0 * q[1] - 1.0)
+    return np.array([turn, instance.epsilon_p * q[3], FULL * q[2], instance.epsilon_a * q[5], FULL * q[4]])
+
+
+FULL = 2.0 * math.pi
+
+
+@KINDS
+def test_the_family_vanishes_at_every_contact(kind: Kind) -> None:
+    rng = np.random.default_rng(1)
+    function = envelope_function(kind)
+    for instance in instances(kind, None, 100, seed=51):
+        q = rng.uniform(size=6)
+        configuration = [*instance.configurations(q), instance.phi]
+        f, k, *_ = function(configuration, geometry_values(instance.cu), drawn(instance, q)).full().ravel()
+        assert f == pytest.approx(0.0, abs=1e-12 * instance.cu.at(0.0).size)
+        # The place on the edge that was eliminated comes back.
+        assert k == pytest.approx(q[0], abs=1e-9)
+
+
+@KINDS
+def test_without_deviations_it_is_the_nominal_surface(kind: Kind) -> None:
+    rng = np.random.default_rng(2)
+    function = envelope_function(kind)
+    for instance in instances(kind, None, 30, seed=52):
+        nominal = instance.cu.without_uncertainty()
+        assert nominal is not None
+        pose = np.array([*rng.normal(size=2) * nominal.reach, instance.phi])
+        low, high = nominal.value_interval(pose)
+        assert low == pytest.approx(high, abs=1e-12 * nominal.reach)
+        f = float(function(pose, geometry_values(instance.cu), np.zeros(5))[0])
+        assert f == pytest.approx(low, abs=1e-9 * nominal.reach)
+
+
+@KINDS
+def test_casadi_agrees_with_sympy(kind: Kind) -> None:
+    rng = np.random.default_rng(3)
+    found, function = family(kind), envelope_function(kind)
+    assert len(found.symbols) == 14
+    for _ in range(3):
+        numbers = rng.uniform(0.1, 1.0, 14)
+        exact = [
+            float(expression.subs(dict(zip(found.symbols, numbers.tolist(), strict=True))).evalf(30))
+            for expression in (found.function, found.k, *found.envelope())
+        ]
+        got = function(numbers[:3], numbers[3:9], numbers[9:]).full().ravel()
+        np.testing.assert_allclose(got, exact, rtol=1e-12, atol=1e-13)
+
+
+@KINDS
+def test_the_envelope_is_where_the_value_is_extreme(kind: Kind) -> None:
+    """At the least and greatest value over the deviations the conditions hold, and only there."""
+    rng = np.random.default_rng(4)
+    function = envelope_function(kind)
+    stationary = 0
+    for instance in instances(kind, None, 60, seed=53):
+        pose = np.array([*instance.configurations(rng.uniform(size=6)), instance.phi])
+        numbers = geometry_values(instance.cu)
+        for sign, bound in zip((-1.0, 1.0), instance.cu.value_interval(pose), strict=True):
+            turns = np.linspace(-1.0, 1.0, 4001) * instance.cu.spread
+            still = np.zeros((4001, 5))
+            still[:, 0] = turns
+            values = function.map(4001)(np.tile(pose, (4001, 1)).T, np.tile(numbers, (4001, 1)).T, still.T).full()[0]
+            turn = turns[np.argmax(sign * values)]
+            normal = normal_angle(instance, turn)
+            # Both points shifted along the edge's normal, towards the extreme.
+            toward = normal if (sign > 0.0) is (kind is Kind.TYPE_1) else normal + math.pi
+            at = np.array([turn, instance.epsilon_p, toward, instance.epsilon_a, toward + math.pi])
+            f, _, by_turn, by_p, by_a = function(pose, numbers, at).full().ravel()
+            assert f == pytest.approx(float(bound), abs=1e-6 * (instance.uncertainty + abs(float(bound))))
+            np.testing.assert_allclose([by_p, by_a], 0.0, atol=1e-9 * instance.uncertainty)
+            if abs(turn) < 0.999 * instance.cu.spread:
+                stationary += 1
+                scale = instance.cu.reach + np.hypot(*(pose[:2] - instance.cu.vertex))
+                assert abs(by_turn) < 2e-3 * instance.cu.spread * scale + 1e-9
+            else:
+                assert sign * by_turn * turn >= -1e-9 * instance.uncertainty
+    assert stationary > 3
+
+
+def normal_angle(instance: Instance, turn: float) -> float:
+    e = instance.cu.edge[1] - instance.cu.edge[0]
+    psi = math.atan2(-e[0], e[1])
+    return psi if instance.cu.kind is Kind.TYPE_1 else psi + instance.phi + turn
+
+
+@KINDS
+def test_the_additional_condition_holds_on_tangent_arcs(kind: Kind) -> None:
+    """Where neither the place on the edge nor the turn is at a limit, the points' derivatives are parallel."""
+    rank = boundary_rank(kind)
+    found = family(kind)
+    k = sympy.Symbol("k", real=True)
+    turn = found.deviations[0]
+    for instance in instances(kind, None, 5, seed=54):
+        cu = instance.cu
+        values = dict(zip(found.geometry, geometry_values(cu), strict=True)) | {found.configuration[2]: instance.phi}
+        at = rank.subs(values)
+        if kind is Kind.TYPE_1:
+            # The arm is along the normal of the edge.
+            e, (x, y) = cu.edge[1] - cu.edge[0], cu.vertex
+            zero = math.atan2(-e[0], e[1]) - math.atan2(y, x) - instance.phi
+            assert float(at.subs({turn: zero})) == pytest.approx(0.0, abs=1e-12 * cu.reach)
+            assert abs(float(at.subs({turn: zero + 0.1}))) > 1e-3 * math.hypot(*e) * math.hypot(x, y)
+        else:
+            # The foot of the perpendicular, whatever the turn: the additional arc.
+            e = cu.edge[1] - cu.edge[0]
+            foot = -float(cu.edge[0] @ e) / float(e @ e)
+            for angle in (-0.3, 0.2):
+                assert float(at.subs({turn: angle, k: foot})) == pytest.approx(0.0, abs=1e-12 * cu.reach**2)
+                assert abs(float(at.subs({turn: angle, k: foot + 0.1}))) > 1e-3 * float(e @ e)
+
+
+def test_expressions_read_like_the_paper() -> None:
+    found = family(Kind.TYPE_1)
+    p_x, p_y, phi = found.configuration
+    assert {p_x, p_y, phi} < found.function.free_symbols
+    assert "delta_phi" in sympy.latex(found.function) or "\\delta_{\\phi}" in sympy.latex(found.function)

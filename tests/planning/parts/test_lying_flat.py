@@ -1,0 +1,168 @@
+"""A part laid flat on the top before a corner goes in: what that takes away, and how it comes off again."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fmopt.certificate.contact_implications import coming_off
+from fmopt.certificate.propagation import advance
+from fmopt.certificate.segment_linearisation import Piece
+from fmopt.execution.trials import Trials, run
+from fmopt.plan import parsed
+from fmopt.planning.robustness.error_tolerance import CertifiedMotion
+from fmopt.planning.search.entry import Shape, tilted_entry
+from fmopt.planning.search.entry_candidates import flat_shapes, tilted_shapes
+from fmopt.report.moves import move_words, moves
+from fmopt.task.problem import Problem, load
+from fmopt.task.sizes import measured_clearance
+from fmopt.verify import verify
+from tests import ROOT
+from tests.shared.executions.model import execute
+from tests.shared.lies.mutations import changed
+from tests.shared.searched import certified_plan, leaving, steadier, tilted_motion
+
+SHAPE = Shape(0.352, 0.524, 0.088, 0.00103, (0.00376, 0.00413), flat=(0.00371, 0.00057, 0.151))
+FLAT = ["v6-f5", "v2-f5", "v4-f5"]
+
+
+@pytest.fixture(scope="module")
+def peg() -> Problem:
+    return steadier(load(ROOT / "problems" / "square_peg_100um_2mm.toml"))
+
+
+@pytest.fixture(scope="module")
+def motion(peg: Problem) -> CertifiedMotion:
+    return tilted_motion(peg, SHAPE)
+
+
+@pytest.fixture(scope="module")
+def plan(peg: Problem, motion: CertifiedMotion) -> dict[str, Any]:
+    return certified_plan(peg, motion)
+
+
+def test_shapes_are_numbers_again() -> None:
+    assert Shape.of(SHAPE.numbers) == SHAPE
+    assert len(SHAPE.numbers) == 9
+
+
+@pytest.mark.parametrize(
+    "name", ["square_peg_100um_2mm", "hexagon_prism", "factory_rect_8mm_tight", "factory_round_16mm_loose"]
+)
+def test_it_leans_on_one_corner_and_lies_on_others_beside_the_mouth(name: str) -> None:
+    problem = load(ROOT / "problems" / f"{name}.toml")
+    play = measured_clearance(problem).play
+    at_once = tilted_shapes(problem.moving, play, problem.start_box, problem.settings.max_tilt)
+    for shape in list(flat_shapes(at_once, problem.moving, play, problem.start_box, 0.02, (0.0, 0.0)))[:6]:
+        entry = tilted_entry(problem.moving, play, problem.approach, shape)
+        assert entry.leant is not None
+        assert entry.over is not None
+        vertices = problem.moving.polyhedron.vertices
+        heights = entry.start.apply(vertices)[:, 2]
+        assert heights.min() == pytest.approx(problem.approach)
+        assert entry.start.apply(entry.leant.edge[0])[2] == pytest.approx(problem.approach)
+        # No error of rotation makes another corner the lowest.
+        swing = np.linalg.norm(problem.start_box[3:])
+        others = vertices[(vertices[:, 2] == 0.0) & (np.linalg.norm(vertices - entry.leant.edge[0], axis=1) > 1e-9)]
+        arms = np.linalg.norm(others - entry.leant.edge[0], axis=1)
+        assert (entry.start.apply(others)[:, 2] - problem.approach > swing * arms).all()
+        assert entry.over.apply(entry.corner)[2] > 0.0
+
+
+def test_lying_flat_takes_height_and_tilt_away(peg: Problem, motion: CertifiedMotion) -> None:
+    assert motion.found.names[:6] == ("approach", "edge", "face", "leave", "tilt", "enter")
+    assert motion.placed.margin > 8e-5
+    stages = {move.making[0].id: n for n, move in enumerate(motion.placed.moves[:3])}
+    assert list(stages) == FLAT
+    claims = motion.placed.reached.claims
+    number, off = next((n, claim) for n, claim in enumerate(claims) if claim.piece.left)
+    assert [contact.id for contact in off.piece.left] == FLAT
+    spread = off.advance.ends.start_set.support(np.eye(6))
+    # What is left comes from the yaw error alone, of second order in it and the lean.
+    assert (spread[2:5] < [1e-5, 1e-3, 1e-3]).all()
+    assert (spread[[0, 1, 5]] > peg.start_box[[0, 1, 5]]).all()
+    inside = next(claim for claim in claims[number:] if claim.piece.held).advance.ends.start_set.support(np.eye(6))
+    assert (inside[3:5] < 0.6 * peg.start_box[3:5]).all()
+
+
+def test_touching_with_one_corner_leaves_the_tilt(peg: Problem, motion: CertifiedMotion) -> None:
+    """The control: the same way in, with the leading corner touching the top by itself."""
+    other = tilted_motion(peg, replace(SHAPE, flat=None, touch=(0.0026, 0.0005)))
+    spread = next(claim for claim in other.placed.reached.claims if claim.piece.held).advance.ends.start_set
+    assert (spread.support(np.eye(6))[3:5] > peg.start_box[3:5]).all()
+    assert other.placed.margin < motion.placed.margin
+
+
+def test_its_plan_keeps_its_promises(plan: dict[str, Any]) -> None:
+    ledger = execute(plan, 100, seed=3)
+    assert ledger.broken == {}
+    for name in FLAT:
+        assert (f"{name} not touched again", leaving(plan)) in ledger.least
+
+
+def test_the_engine_carries_it_out_with_the_contacts_of_the_plan(plan: dict[str, Any]) -> None:
+    """Flat on the top, the part presses on it anywhere between its corners."""
+    found = run(parsed(plan), Trials(6, seed=11), range(6))
+    assert [trial["reasons"] for trial in found] == [[]] * 6
+    assert [trial["departures"] for trial in found] == [[]] * 6
+
+
+def test_in_words(plan: dict[str, Any]) -> None:
+    found = parsed(plan)
+    words = [move_words(found, move) for move in moves(found)[:5]]
+    assert words[0].endswith("until leading corner v6 touches top face f5 (z = 0 mm)")
+    assert words[1].startswith("turn ")
+    assert words[3].endswith("in +z away from top face f5")
+    assert words[4].startswith("turn ")
+
+
+def test_larger_errors_are_noticed(plan: dict[str, Any]) -> None:
+    wide = copy.deepcopy(plan)
+    wide["uncertainty"]["start_box"] = [2.0 * x for x in wide["uncertainty"]["start_box"]]
+    assert {"tube", "separation"} <= {check for check, _ in execute(wide, 20, seed=3, steps=2).broken}
+
+
+def test_a_corner_over_the_mouth_comes_off_with_the_others(motion: CertifiedMotion) -> None:
+    claim = next(claim for claim in motion.placed.reached.claims if claim.piece.left)
+    (wall,) = coming_off(motion.assembly, claim.piece.held, claim.piece.left)
+    assert wall.normal.tolist() == [0.0, 0.0, 1.0]
+    assert sorted(wall.points) == [0, 2, 4, 6]
+    assert claim.advance.departure > 0.0
+
+
+def test_a_corner_over_the_mouth_must_not_fall_while_the_others_rise(motion: CertifiedMotion) -> None:
+    """The control: all three contacts open, and the fourth corner of the face goes down into the mouth."""
+    claim = next(claim for claim in motion.placed.reached.claims if claim.piece.left)
+    start, left = claim.piece.start, claim.piece.left
+    body = motion.assembly.moving.polyhedron.vertices
+    over, opposite = body[0], body[6]
+    diagonal = start.R @ np.cross([0.0, 0.0, 1.0], opposite - over)
+    for turn, free in ((0.0, True), (-1e-2, False), (1e-2, False)):
+        rise, axis = 1e-4, turn * diagonal / np.linalg.norm(diagonal)
+        goal = start.moved(np.concatenate([[0.0, 0.0, rise], axis]))
+        heights = [float(goal.apply(body[i])[2]) for i in (2, 4)]
+        assert min(heights) > 0.9 * rise
+        piece = Piece(start, goal, (), (), (), None, (0.0, 1.0), left)
+        step = advance(motion.assembly, piece, claim.advance.ends.start_set, motion.tolerance)
+        assert (step.departure > 0.0) is free
+        assert turn == 0.0 or (goal.apply(over if turn < 0.0 else opposite)[2] < 0.0)
+
+
+@pytest.mark.parametrize(
+    ("leaves", "words"),
+    [
+        (FLAT[:2], "loses v4-f5"),
+        (["v0-f10", *FLAT], "gives up v0-f10, which was not held"),
+    ],
+)
+def test_all_that_it_lies_on_has_to_be_given_up(plan: dict[str, Any], leaves: list[str], words: str) -> None:
+    def at(copied: dict[str, Any]) -> None:
+        copied["segments"][leaving(plan)]["leaving"] = leaves
+
+    found = verify(changed(plan, at))
+    assert str(found.verdict) == "NOT_PROVED"
+    assert any(words in str(finding) for finding in found.findings)

@@ -1,0 +1,97 @@
+"""Sequences placed from poses at which their errors cannot be followed: the errors are grown as the poses bear them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import fmopt
+from fmopt.errors import InfeasibleError
+from fmopt.planning.motion import FINE, Posed
+from fmopt.planning.moves import moves as moving
+from fmopt.planning.moves.moves import Move
+from fmopt.planning.placement import error_growth as growth
+from fmopt.planning.placement.sequence_program import certified, in_a_row, onto_surfaces
+from fmopt.planning.robustness.error_tolerance import CertifiedMotion
+from fmopt.spatial.se3 import length, log
+from tests import PROBLEMS
+
+OFF, TURNED = 3e-4, math.radians(1.0)  # m and rad: by how much poses are disturbed
+
+
+@pytest.fixture(scope="module", params=["square_peg", "hexagon_prism"])
+def solved(request: pytest.FixtureRequest) -> tuple[fmopt.Problem, CertifiedMotion]:
+    problem = fmopt.load(PROBLEMS / f"{request.param}.toml")
+    return problem, fmopt.stages.motion(problem)
+
+
+def disturbed(motion: CertifiedMotion, seed: int) -> tuple[Move, ...]:
+    """Its moves with all goal poses but the last displaced at random, inside their contact states."""
+    rng, moves, parts = np.random.default_rng(seed), motion.placed.moves, motion.assembly
+    shifts = rng.uniform(-1.0, 1.0, (len(moves) - 1, 6)) * [*[OFF] * 3, *[TURNED] * 3] * parts.freedoms
+    goals = [onto_surfaces(parts, move.goal.moved(s), move) for move, s in zip(moves[:-1], shifts, strict=True)]
+    return in_a_row(moves, moves[0].start, (*goals, moves[-1].goal))
+
+
+def test_a_motion_comes_back_from_poses_that_are_disturbed(solved: tuple[fmopt.Problem, CertifiedMotion]) -> None:
+    problem, motion = solved
+    posed, moves = Posed.of(problem), disturbed(motion, 1)
+    with pytest.raises(InfeasibleError):
+        certified(motion.assembly, moves, posed.start, posed.tolerance, FINE)
+    found = fmopt.stages.placed(problem, replace(motion, placed=replace(motion.placed, moves=moves)))
+    assert found.placed.margin >= 0.95 * motion.placed.margin
+    plan = fmopt.stages.plan(problem, found)
+    assert plan.verify(problem).verdict == "CERTIFIED"
+    assert [move.making for move in found.placed.moves] == [move.making for move in motion.placed.moves]
+
+
+def test_rows_for_a_share_of_the_errors_foresee_those_for_all(solved: tuple[fmopt.Problem, CertifiedMotion]) -> None:
+    problem, motion = solved
+    posed = Posed.of(problem)
+    less, near, whole = (growth._under(posed.under, share, motion.placed.moves, 1e-3) for share in (0.9, 0.98, 1.0))
+    assert whole.least > 0.0
+    # What is not foreseen, what drift, arcs and bent surfaces take, goes as the errors come near to being there.
+    assert near.least == pytest.approx(whole.least, abs=1e-5)
+    assert abs(near.least - whole.least) < 0.4 * abs(less.least - whole.least)
+
+
+def test_what_no_share_of_the_errors_lets_through_says_why(solved: tuple[fmopt.Problem, CertifiedMotion]) -> None:
+    problem, motion = solved
+    first, *rest = motion.placed.moves
+    away = replace(first, goal=first.goal.moved([0.0, 0.0, 0.05, 0.0, 0.0, 0.0]))
+    moves = in_a_row((away, *rest), first.start, [away.goal, *(move.goal for move in rest)])
+    with pytest.raises(InfeasibleError) as caught:
+        fmopt.stages.placed(problem, replace(motion, placed=replace(motion.placed, moves=moves)))
+    assert len(str(caught.value)) > 10
+
+
+def test_moves_that_fail_are_divided_in_two_ways_while_searching_and_in_more_afterwards(
+    solved: tuple[fmopt.Problem, CertifiedMotion], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem, motion = solved
+    posed, tried = Posed.of(problem), list[int]()
+
+    def fail(*arguments: object) -> None:
+        tried.append(arguments[4])  # type: ignore[arg-type]
+        raise InfeasibleError("it fails")
+
+    monkeypatch.setattr(moving, "_unroll", fail)
+    upright = next(move for move in motion.placed.moves if not np.allclose(move.start.R, move.goal.R))
+    step = length(log(upright.goal.R @ upright.start.R.T)) / 12
+    for thorough, ways in ((False, 2), (True, 7)):
+        tried.clear()
+        with pytest.raises(InfeasibleError, match="it fails"):
+            moving.unroll(posed.assembly, upright, posed.start, posed.tolerance, step, thorough)
+        assert len(tried) == len(set(tried)) == ways
+
+
+def test_a_motion_is_placed_for_other_errors_without_a_search() -> None:
+    problem = fmopt.load(PROBLEMS / "square_peg.toml")
+    motion = fmopt.stages.motion(problem)
+    wider = problem.with_(uncertainty_start_x="0.4 mm", uncertainty_start_y="0.4 mm")
+    plan = fmopt.stages.plan(wider, fmopt.stages.placed(wider, motion))
+    assert plan.verify(wider).verdict == "CERTIFIED"
+    assert plan.stated.start_box[0] == pytest.approx(4e-4)

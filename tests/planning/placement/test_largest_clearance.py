@@ -1,0 +1,202 @@
+"""Placement as a cone program against hand-made optima, brute force and fresh solvers."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from fmopt.errors import InfeasibleError, SolverError
+from fmopt.planning.optimise import solvers
+from fmopt.planning.optimise.solvers import LinearSolver
+from fmopt.planning.placement.largest_clearance import Flat, Metric, Placement, lexicographic, max_min_clearance
+from fmopt.planning.placement.nonlinear_program import place_on_surfaces
+from tests.shared.placement_instances import (
+    CLEARANCE,
+    METRIC,
+    line_search,
+    linear_surfaces,
+    random_placement,
+    translations,
+    vertex_enumeration,
+)
+
+
+def close(one: float, other: float, unit: float = CLEARANCE) -> bool:
+    return abs(one - other) <= 1e-6 * unit
+
+
+@pytest.mark.parametrize("contacts", [3, 4, 5])
+@pytest.mark.parametrize("seed", range(6))
+def test_socp_lp_nlp_and_brute_force_agree(seed: int, contacts: int) -> None:
+    problem = random_placement(seed, rows=8, contacts=contacts, spare=seed % 2)
+    exact = vertex_enumeration(problem)
+    assert close(max_min_clearance(problem).value, exact)
+    assert close(max_min_clearance(problem, LinearSolver()).value, exact)
+    assert close(place_on_surfaces(linear_surfaces(problem)).value, exact)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_socp_nlp_and_line_search_agree_with_growth(seed: int) -> None:
+    problem = random_placement(seed, rows=12, contacts=5, growth=0.03)
+    exact = line_search(problem)
+    assert close(max_min_clearance(problem).value, exact)
+    assert close(place_on_surfaces(linear_surfaces(problem)).value, exact)
+
+
+def test_between_walls_by_hand() -> None:
+    # Walls at 0 and 3 in x: half-way. Growth 1/4 a unit of travel from x = 0: x − x/4 = 3 − x − x/4 is 3 = 2x again,
+    # with 9/8 left of 3/2.
+    walls = [[1, 0, 0], [-1, 0, 0]], [0, -3]
+    assert max_min_clearance(translations(*walls)).value == pytest.approx(1.5, abs=1e-8)
+    grown = translations(*walls, start=np.zeros(6), growth=[0.25, 0.25], goal=Flat(np.eye(6)[1:3], np.zeros(2)))
+    solution = max_min_clearance(grown)
+    assert solution.x == pytest.approx([1.5, 0, 0, 0, 0, 0, 1.125], abs=1e-6)
+
+
+def test_weights_turn_the_balance_and_zero_only_holds() -> None:
+    walls = [[1, 0, 0], [-1, 0, 0]], [0, -3]
+    assert max_min_clearance(translations(*walls, weights=[1, 2])).x[0] == pytest.approx(1.0, abs=1e-7)
+    held = max_min_clearance(translations(*walls, weights=[1, 0]))
+    assert held.value == pytest.approx(3.0, abs=1e-7)
+
+
+def test_both_ends_are_placed() -> None:
+    # Start on y = 0, goal on y = 4; walls at x = 0 and 3; the way costs 1/8 of its length at the goal.
+    one, other = np.eye(6)[[1]], np.array([[0, 1.0, 0, 0, 0, 0]])
+    problem = translations(
+        [[1, 0, 0], [-1, 0, 0]], [0, -3], goal=Flat(other, [4.0]), start=Flat(one, [0.0]), growth=[0.125, 0.125]
+    )
+    solution = max_min_clearance(problem)
+    assert solution.value == pytest.approx(1.0, abs=1e-7)
+    goal, start = solution.x[:6], solution.x[6:12]
+    assert goal[:2] == pytest.approx([1.5, 4.0], abs=1e-6)
+    assert start[1] == pytest.approx(0.0, abs=1e-12)
+    assert problem.clearances(solution.x).shape == (2, 2)
+    assert problem.clearances(solution.x).min() == pytest.approx(solution.value, abs=1e-8)
+
+
+def test_distance_is_measured_in_the_scaled_metric() -> None:
+    # N = (1, …, 1)/√2 in one translation and one rotation, D = 1, σ = (2, 1): D′ = 1.265, not the printed 0.949.
+    N = np.array([[0.0, 0.0, 0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]]) * [1, 1, 1, 1, 1, 1]
+    metric = Metric(2.0, 1.0)
+    assert 1.0 / metric.dual_norm(N)[0] == pytest.approx(2.0)
+    mixed = np.array([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5), 0.0, 0.0])
+    assert 1.0 / metric.dual_norm(mixed) == pytest.approx(1.265, abs=5e-4)
+    nearest = METRIC.units * 3.0
+    row = nearest * METRIC.sigma**2
+    single = Placement([row], [row @ nearest], metric=METRIC, lower=-np.ones(6), upper=np.zeros(6) + 1e-12)
+    distance = -single.at(np.zeros((1, 6))).value
+    assert distance == pytest.approx(np.linalg.norm(METRIC.sigma * nearest), rel=1e-9)
+
+
+def test_negative_clearance_is_reported_and_contradictions_raise() -> None:
+    assert max_min_clearance(translations([[1, 0, 0], [-1, 0, 0]], [2, -1])).value == pytest.approx(-0.5, abs=1e-8)
+    with pytest.raises(InfeasibleError, match="contradict") as caught:
+        max_min_clearance(translations([[1, 0, 0], [-1, 0, 0]], [2, -1], weights=[0, 0]))
+    assert caught.value.shortfall == pytest.approx(0.5, abs=1e-7)
+    twice = Flat(np.eye(6)[[0, 0]], np.array([0.0, 1e-8]))
+    with pytest.raises(InfeasibleError, match="equalities contradict"):
+        max_min_clearance(translations([[1, 0, 0]], [0], goal=twice))
+
+
+def test_without_counted_rows_the_cap_is_the_value() -> None:
+    free = translations([[1, 0, 0]], [0], weights=[0], cap=2.0)
+    assert max_min_clearance(free).value == pytest.approx(2.0, abs=1e-8)
+
+
+def test_lexicographic_centres_what_max_min_leaves_open() -> None:
+    # x between ±1, y between −1 and 3, z between −4 and 4 with a roof at z = 2: least clearances 1, 2, 3.
+    walls = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1], [0, 0, -1]]
+    problem = translations(walls, [-1, -1, -1, -3, -4, -4, -2])
+    solution = lexicographic(problem)
+    assert solution.value == pytest.approx(1.0, abs=1e-7)
+    assert solution.x[:3] == pytest.approx([0.0, 1.0, -1.0], abs=1e-6)
+    assert abs(solution.gap) < 1e-6
+
+
+@pytest.mark.parametrize("growth", [0.0, 0.02])
+@pytest.mark.parametrize("seed", range(5))
+def test_lexicographic_never_loses_the_minimum_and_raises_the_rest(seed: int, growth: float) -> None:
+    problem = random_placement(seed, rows=14, contacts=2, growth=growth)
+    first, refined = max_min_clearance(problem), lexicographic(problem)
+    assert close(first.value, refined.value)
+    a, b = np.sort(problem.clearances(first.x).ravel()), np.sort(problem.clearances(refined.x).ravel())
+    differ = np.flatnonzero(np.abs(a - b) > 1e-5 * CLEARANCE)
+    assert not len(differ) or b[differ[0]] > a[differ[0]]
+
+
+def test_persistent_solvers_return_the_bits_of_fresh_ones() -> None:
+    programs = [random_placement(seed, rows=9, contacts=2, growth=0.02).program() for seed in range(12)]
+    warm = [solvers.ClarabelSolver().solve(program).x for program in programs]
+    for program, x in zip(programs, warm, strict=True):
+        solvers._local.__dict__.clear()
+        assert np.array_equal(solvers.ClarabelSolver().solve(program).x, x)
+
+
+def test_one_solver_serves_a_shape_and_threads_have_their_own() -> None:
+    solvers._local.__dict__.clear()
+    problems = [random_placement(seed, rows=9, contacts=2) for seed in range(6)]
+    serial = [max_min_clearance(problem, solvers.ClarabelSolver()).x for problem in problems]
+    assert len(solvers._local.solvers) == 1
+    with ThreadPoolExecutor(2) as pool:
+        parallel = list(pool.map(lambda problem: max_min_clearance(problem, solvers.ClarabelSolver()).x, problems))
+    assert all(np.array_equal(one, other) for one, other in zip(serial, parallel, strict=True))
+
+
+@pytest.mark.parametrize("status", ["AlmostSolved", "MaxIterations", "NumericalError", "InsufficientProgress"])
+def test_every_status_but_solved_raises(status: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = random_placement(3)
+    good = max_min_clearance(problem, solvers.ClarabelSolver())
+
+    def run(*_: object) -> tuple[object, object, str]:
+        scaled = problem.program().scaled()
+        M, _rhs, _cones = solvers.standard_form(scaled, np.arange(len(scaled.b)))
+        return good.x / problem.program().units, np.zeros(len(M)), status  # a good point, which nothing proves
+
+    monkeypatch.setattr(solvers.ClarabelSolver, "_run", run)
+    with pytest.raises(SolverError, match=status):
+        max_min_clearance(problem, solvers.ClarabelSolver())
+
+
+def test_every_status_of_clarabel_is_in_the_table() -> None:
+    import clarabel
+
+    known = {name for name in dir(clarabel.SolverStatus) if name[0].isupper()}
+    assert known == {*solvers._ADVICE, "Solved", "PrimalInfeasible"}
+
+
+def test_more_iterations_are_not_hidden() -> None:
+    with pytest.raises(SolverError, match="MaxIterations"):
+        max_min_clearance(random_placement(4), solvers.ClarabelSolver(max_iterations=2))
+
+
+def test_more_room_never_hurts() -> None:
+    values = []
+    for wall in np.linspace(0.5, 3.0, 6):
+        values.append(max_min_clearance(translations([[1, 0, 0], [-1, 1, 0]], [0, -wall])).value)
+    assert all(b > a for a, b in pairwise(values))
+
+
+def test_settings_that_make_no_sense_are_refused() -> None:
+    with pytest.raises(ValueError, match="needs a start"):
+        translations([[1, 0, 0]], [0], growth=[0.1])
+    with pytest.raises(ValueError, match="negative"):
+        translations([[1, 0, 0]], [0], weights=[-1])
+    assert isinstance(random_placement(0), Placement)
+
+
+def test_linear_solver_refuses_norms_and_proves_infeasibility() -> None:
+    with pytest.raises(ValueError, match="no linear program"):
+        LinearSolver().solve(random_placement(0, growth=0.1).program())
+    with pytest.raises(InfeasibleError, match="contradict") as caught:
+        max_min_clearance(translations([[1, 0, 0], [-1, 0, 0]], [2, -1], weights=[0, 0]), LinearSolver())
+    assert caught.value.shortfall == pytest.approx(0.5, abs=1e-7)
+
+
+def test_highs_takes_over_where_daqp_gives_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = random_placement(5)
+    expected = max_min_clearance(problem).value
+    assert close(max_min_clearance(problem, LinearSolver(max_iterations=1)).value, expected)

@@ -1,0 +1,97 @@
+"""Entries varied for margin: more of it, by the same moves, and a bound that stays below the cost."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from fmopt.planning.search.best_first import MoveSequence, best_sequences
+from fmopt.planning.search.entry import Entry, Shape, tilted_entry
+from fmopt.planning.search.entry_candidates import tilted_shapes
+from fmopt.planning.search.entry_tuning import Limits, deepened, tuned
+from fmopt.planning.search.successors import Task
+from fmopt.task.problem import Problem, load
+from fmopt.task.sizes import measured_clearance
+from tests import PROBLEMS
+from tests.shared.searched import task_of
+
+
+@pytest.fixture(scope="module")
+def problem() -> Problem:
+    return load(PROBLEMS / "factory_rect_8mm_tight_300um.toml")
+
+
+def entry(problem: Problem, shape: Shape) -> Entry:
+    return tilted_entry(problem.moving, measured_clearance(problem).play, problem.approach, shape)
+
+
+@pytest.fixture(scope="module")
+def task(problem: Problem) -> Task:
+    return task_of(problem)
+
+
+@pytest.fixture(scope="module")
+def found(problem: Problem, task: Task) -> MoveSequence:
+    shapes = tilted_shapes(
+        problem.moving, measured_clearance(problem).play, problem.start_box, problem.settings.max_tilt
+    )
+    return best_sequences(task, ((entry(problem, shape),) for shape in shapes))[0]
+
+
+def test_the_same_moves_get_more_margin(problem: Problem, task: Task, found: MoveSequence) -> None:
+    clearance = measured_clearance(problem).per_side
+    best = tuned(task, (found,), lambda shape: entry(problem, shape), Limits(math.inf, 12, clearance))
+    assert best.names == found.names
+    assert best.reached.margin > found.reached.margin
+    assert best.lower_bound <= best.cost
+    # A bound of the first entry says nothing of another one that costs less.
+    dear = replace(found, cost=found.cost + 5.0, lower_bound=found.cost + 4.0)
+    cheaper = tuned(task, (dear,), lambda shape: entry(problem, shape), Limits(math.inf, 12, clearance))
+    assert cheaper.cost == best.cost < dear.lower_bound
+    assert cheaper.lower_bound == cheaper.cost
+
+
+def test_the_next_sequence_counts_where_the_first_has_next_to_no_margin(
+    problem: Problem, task: Task, found: MoveSequence
+) -> None:
+    def entry_of(shape: Shape) -> Entry:
+        return entry(problem, shape)
+
+    clearance = measured_clearance(problem).per_side
+    better = tuned(task, (found,), entry_of, Limits(math.inf, 12, clearance))
+    assert 0.0 < found.reached.margin < better.reached.margin
+    for candidates in ((found, better), (better, found)):
+        assert tuned(task, candidates, entry_of, Limits(math.inf, 0, 8.0 * better.reached.margin)) is better
+        assert tuned(task, candidates, entry_of, Limits(math.inf, 0, found.reached.margin)) is candidates[0]
+
+
+def test_an_entry_goes_deeper_until_that_is_enough_or_half_of_the_margin_is_lost(
+    problem: Problem, task: Task, found: MoveSequence
+) -> None:
+    def depth(sequence: MoveSequence) -> float:
+        assert sequence.entry.shape is not None
+        return sequence.entry.shape.depth
+
+    def gone_to(factor: float) -> MoveSequence:
+        limits = Limits(math.inf, 12, math.inf)
+        wanted = factor * depth(found)
+        return deepened(task, found, lambda shape: entry(problem, shape), lambda one: depth(one) >= wanted, limits)
+
+    assert gone_to(1.0) is found
+    deeper, deepest = gone_to(1.1), gone_to(math.inf)
+    assert deeper.names == deepest.names == found.names
+    assert depth(deeper) == pytest.approx(1.16 * depth(found))
+    assert depth(deepest) >= depth(deeper)
+    assert deepest.reached.margin > 0.5 * found.reached.margin
+    assert (
+        deepened(
+            task,
+            replace(found, entry=replace(found.entry, shape=None)),
+            lambda shape: found.entry,
+            lambda _: False,
+            Limits(math.inf, 3, math.inf),
+        ).entry.shape
+        is None
+    )

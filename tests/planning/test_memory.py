@@ -1,0 +1,68 @@
+"""What is worked out about an object is worked out once, and goes with it."""
+
+from __future__ import annotations
+
+import gc
+import pickle
+import weakref
+from dataclasses import dataclass
+from pathlib import Path
+
+from fmopt.planning.pipeline import certified_motion
+from fmopt.spatial.values import few_collections, remembered
+from fmopt.task.problem import load
+from tests import ROOT
+from tests.shared.studies.problems import straight
+
+
+@dataclass(frozen=True, eq=False)
+class Owner:
+    number: int
+
+
+def test_once_for_each_object_and_arguments() -> None:
+    asked: list[tuple[int, int]] = []
+
+    @remembered(2)
+    def added(owner: Owner, more: int) -> int:
+        asked.append((owner.number, more))
+        return owner.number + more
+
+    one, two = Owner(1), Owner(2)
+    assert [added(one, 3), added(one, 3), added(two, 3), added(two, 3)] == [4, 4, 5, 5]
+    assert asked == [(1, 3), (2, 3)]
+    # Of more than two results of one object the one that was not asked for the longest goes.
+    assert [added(one, n) for n in (4, 3, 5, 3, 4)] == [5, 4, 6, 4, 5]
+    assert asked[2:] == [(1, 4), (1, 5), (1, 4)]
+    assert pickle.loads(pickle.dumps(one)).number == 1
+
+
+def test_nothing_holds_on_to_a_problem_that_was_solved(tmp_path: Path) -> None:
+    problems = (load(straight(tmp_path)), load(ROOT / "problems" / "factory_rect_8mm_tight_300um.toml"))
+    gc.collect()
+    gc.disable()  # nothing waits for that
+    try:
+        for problem in problems:
+            done = certified_motion(problem)
+            parts = [weakref.ref(done.assembly), weakref.ref(done.placed)]
+            del done
+            assert [part() for part in parts] == [None, None]
+    finally:
+        gc.enable()
+
+
+def test_collections_are_as_before_once_they_were_few() -> None:
+    before = gc.get_threshold()
+    with few_collections():
+        assert min(gc.get_threshold()) >= min(before)
+        assert gc.get_threshold()[0] > before[0]
+        with few_collections():
+            pass
+        assert gc.get_threshold()[0] > before[0]
+    assert gc.get_threshold() == before
+    gc.set_threshold(0)
+    try:
+        with few_collections():
+            assert gc.get_threshold()[0] == 0
+    finally:
+        gc.set_threshold(*before)

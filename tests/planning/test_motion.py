@@ -1,0 +1,59 @@
+"""The order in which attitudes are tried for a motion, and which failure is told where all of them fail."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from fmopt.errors import FmoptError, InfeasibleError, SearchError
+from fmopt.planning import motion
+from fmopt.planning.pipeline import certified_motion
+from fmopt.task.problem import Problem, load
+from tests import ROOT
+
+
+@pytest.fixture(scope="module")
+def rectangle() -> Problem:
+    """Of its parts there are two images."""
+    return load(ROOT / "problems" / "factory_rect_8mm_tight_300um.toml")
+
+
+def failing(monkeypatch: pytest.MonkeyPatch, errors: list[FmoptError]) -> list[tuple[int, int]]:
+    """Lets all attempts fail, one after the other; for each of them which attitude it was, and with how many ways."""
+    tried: list[tuple[int, int]] = []
+    known: list[Any] = []
+
+    def fail(self: Any, rounds: Iterator[Any], *_: Any) -> None:
+        known.extend([] if self in known else [self])
+        tried.append((known.index(self), len(list(rounds))))
+        raise errors[len(tried) - 1]
+
+    monkeypatch.setattr(motion._Stood, "motion", fail)
+    return tried
+
+
+def test_likely_ways_of_all_attitudes_come_before_the_rest(rectangle: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+    tried = failing(monkeypatch, [SearchError(f"attempt {n}") for n in range(4)])
+    with pytest.raises(SearchError, match="attempt 0"):
+        certified_motion(rectangle)
+    assert [attitude for attitude, _ in tried] == [0, 1, 0, 1]
+    assert [ways for _, ways in tried[:2]] == [32, 32]
+    assert min(ways for _, ways in tried[2:]) > 32
+
+
+@pytest.mark.parametrize(
+    ("errors", "told"),
+    [
+        ([InfeasibleError("a"), SearchError("b"), SearchError("c"), SearchError("d")], "b"),
+        ([SearchError("a"), InfeasibleError("b"), SearchError("c"), SearchError("d", late=True)], "d"),
+        ([InfeasibleError("a"), InfeasibleError("b"), InfeasibleError("c"), InfeasibleError("d")], "a"),
+    ],
+)
+def test_the_failure_that_says_most_of_all_attempts_is_told(
+    errors: list[FmoptError], told: str, rectangle: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    failing(monkeypatch, errors)
+    with pytest.raises(FmoptError, match=f"^{told}$"):
+        certified_motion(rectangle)

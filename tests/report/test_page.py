@@ -1,0 +1,290 @@
+"""The report page: verdict in words, nothing from outside, nothing unescaped, nothing called certified that is not."""
+
+import re
+import subprocess
+import sys
+from collections import Counter
+from dataclasses import replace
+from html.parser import HTMLParser
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fmopt.plan import parsed, sealed
+from fmopt.report.control_tables import hybrid_table
+from fmopt.report.figures import catalogue, figures
+from fmopt.report.moves import move_words, moves, states, summary_rows, verdict
+from fmopt.report.naming import binding_label, binding_words, combination, contact_words, quantity, spoken_axis
+from fmopt.report.page import report_page
+from fmopt.report.scene import scene
+from tests.shared.plans.report_plans import bare_plan, cube, cube_plan, diagnostics, with_graph
+
+
+class Reader(HTMLParser):
+    """Elements, what they refer to, and the visible text."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.elements: Counter[str] = Counter()
+        self.references: list[str] = []
+        self.ids: Counter[str] = Counter()
+        self.attributes: list[tuple[str, dict[str, str | None]]] = []
+        self.text = ""
+        self.hidden = False
+        self.feed(page)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements[tag] += 1
+        self.attributes.append((tag, dict(attrs)))
+        for name, value in attrs:
+            if name in ("src", "href", "data", "action"):
+                self.references.append(value or "")
+            if name == "id":
+                self.ids[value or ""] += 1
+        self.hidden = tag in ("script", "style")
+
+    def handle_endtag(self, tag: str) -> None:
+        self.hidden = self.hidden and tag not in ("script", "style")
+
+    def handle_data(self, data: str) -> None:
+        if not self.hidden:
+            self.text += data
+
+
+def page_of(document: dict[str, Any], drawn: bool = False) -> str:
+    plan = parsed(document)
+    return report_page(plan, figures(plan) if drawn else {})
+
+
+@pytest.fixture(scope="module")
+def whole() -> str:
+    return page_of(with_graph(), drawn=True)
+
+
+def test_the_page_is_the_same_every_time() -> None:
+    assert page_of(with_graph()) == page_of(with_graph())
+
+
+def test_the_page_holds_everything_itself(whole: str) -> None:
+    read = Reader(whole)
+    assert len(whole.encode()) < 3_000_000
+    assert "http://" not in whole
+    assert "https://" not in whole
+    assert all(reference.startswith(("#", "data:")) for reference in read.references)
+    assert "default-src 'none'" in whole
+
+
+def test_the_page_can_be_read_aloud(whole: str) -> None:
+    read = Reader(whole)
+    pictures = [attrs for tag, attrs in read.attributes if tag == "img"]
+    assert pictures
+    assert all(attrs.get("alt") for attrs in pictures)
+    assert read.elements["caption"] == read.elements["table"] > 5
+    assert all(attrs.get("scope") for tag, attrs in read.attributes if tag == "th")
+    assert read.elements["h1"] == 1
+    assert max(read.ids.values()) == 1
+    links = [reference[1:] for reference in read.references if reference.startswith("#")]
+    assert all(link in read.ids for link in links)
+
+
+def test_the_verdict_comes_first_and_in_words(whole: str) -> None:
+    text = Reader(whole).text
+    assert text.index("Certified") < text.index("The motion") < text.index("What was not checked")
+    assert "Smallest certified margin: 42 µm" in text
+    assert "the start error is larger than the clearance" in text
+    assert "no sequence is cheaper" in text
+    assert "friction, jamming and wedging beyond" in text
+
+
+def test_chapters_come_in_the_order_in_which_people_ask() -> None:
+    tolerated = {"factor": 1.5, "start_box": [1e-3] * 6, "sensitivities": []}
+    plan = cube_plan(diagnostics={**with_graph()["diagnostics"], "tolerated": tolerated})
+    read = Reader(page_of(plan, drawn=True))
+    heads = [attrs["id"] for tag, attrs in read.attributes if tag == "section"]
+    wanted = "motion moves states margins budget trajectory hybrid tolerance limits asked provenance"
+    assert heads == wanted.split()
+
+
+def test_both_clearances_are_said_along_both_axes() -> None:
+    plan = cube_plan()
+    plan["parts"]["fixed"] |= {"declared_clearance": [1.1e-4, 0.9e-4], "measured_clearance": 0.8e-4}
+    text = Reader(page_of(sealed(plan))).text
+    assert "declared 0.11 mm along x, 0.09 mm along y, measured 0.08 mm where it is least" in text
+    plan["diagnostics"] = diagnostics(clearance={"measured": [1.2e-4, 0.8e-4]})
+    text = Reader(page_of(sealed(plan))).text
+    assert text.count("measured 0.12 mm along x, 0.08 mm along y") == 1
+    plan["diagnostics"] = diagnostics(clearance={"measured": [1.2e-4, None]})
+    assert "measured 0.12 mm along x. Start error" in Reader(page_of(sealed(plan))).text
+
+
+def test_what_ends_the_tolerated_errors_is_said() -> None:
+    found = {"factor": 1.5, "start_box": [1e-3] * 6, "sensitivities": []}
+    for ends, words in (
+        ({"move": 1, "binding": "v0-f5 too early", "reason": ""}, "What ends it is move 2: contact v0-f5 must not be"),
+        ({"move": 0, "binding": "", "reason": "the tube misses the wall"}, "What ends it is move 1: the tube misses"),
+    ):
+        plan = cube_plan(diagnostics=diagnostics(tolerated={**found, "ends": ends}))
+        assert words in Reader(page_of(plan)).text
+
+
+UNPROVED = {
+    "not proved": cube_plan("NOT_PROVED"),
+    "refuted": cube_plan("REFUTED"),
+    "shortfall": cube_plan("CERTIFIED", margin=-1.2e-5),
+    "zero": cube_plan("CERTIFIED", margin=0.0),
+    "changed": {**cube_plan("CERTIFIED"), "goal": [0.0] * 6},
+}
+
+
+@pytest.mark.parametrize("name", UNPROVED)
+def test_nothing_unproved_is_called_certified(name: str) -> None:
+    plan = parsed(UNPROVED[name])
+    words = [figure.alt for figure in catalogue(plan).values()]
+    said = report_page(plan, {}) + scene(plan) + str(summary_rows(plan)) + str(words)
+    assert not verdict(plan).proved
+    assert "certified" not in said.lower()
+    if name == "shortfall":
+        assert "shortfall 12 µm" in said
+    if name == "not proved":
+        assert "computed margin, not proved: 42 µm" in said
+
+
+def test_figures_of_an_unproved_plan_do_not_say_certified() -> None:
+    from matplotlib.figure import Figure
+    from matplotlib.text import Text
+
+    for figure in catalogue(parsed(UNPROVED["shortfall"])).values():
+        sheet = Figure(figsize=figure.size)
+        figure.paint(sheet)
+        assert not any("certified" in text.get_text().lower() for text in sheet.findobj(Text))
+
+
+def test_a_bare_plan_has_a_page_too() -> None:
+    page = page_of({**bare_plan(), "not_covered": []}, drawn=True)
+    assert "Not proved" in page
+    assert "The plan states no search" in page
+    assert "The plan does not say what was not checked." in page
+
+
+def test_moves_are_read_from_their_pieces() -> None:
+    plan = cube()
+    down, slide = moves(plan)
+    assert (down.number, len(down.segments), slide.number, len(slide.segments)) == (1, 1, 2, 2)
+    assert slide.margin == 4.2e-5
+    assert slide.new == ("v0-f5",)
+    np.testing.assert_allclose([down.travel, slide.travel, slide.turn], [0.002, 0.0011, 0.004], rtol=1e-12)
+    assert states(plan) == [((), 6), (("v0-f5",), 5)]
+    assert move_words(plan, down) == "move freely 2.00 mm in −z"
+    assert move_words(plan, slide) == (
+        "move freely 1.10 mm in −x, turning 0.23° about y until leading corner v0 touches wall f5 (x = −5.1 mm)"
+    )
+
+
+def test_a_move_may_pass_from_one_contact_space_to_another() -> None:
+    document = cube_plan()
+    for k, piece in enumerate(document["segments"]):
+        piece["critical_point"] = k
+    assert len(moves(parsed(document))) == len(moves(cube())) < len(document["segments"])
+
+
+def test_labels_of_figures_say_which_side() -> None:
+    plan = cube()
+    for binding in ("pieces 0/0", "v0-f1 too early", "v0-f1", ""):
+        label = binding_label(plan, binding)
+        assert label
+        assert "pieces" not in label
+
+
+def test_summary_rows_have_a_cell_for_each_head() -> None:
+    rows = summary_rows(cube())
+    assert [len(row) for row in rows] == [7, 7, 7]
+    assert rows[0][5] == "certified margin"
+    assert summary_rows(parsed(UNPROVED["not proved"]))[0][5] == "computed margin, not proved"
+    assert rows[2][0] == "2"
+    assert rows[2][5:] == ("42 µm", "cube against bracket piece 1 (x −15 to −5.1 mm)")
+
+
+def test_words_for_bindings() -> None:
+    plan = cube()
+    plan = replace(plan, fixed=replace(plan.fixed, pieces=(plan.fixed.body,) * 2))
+    assert binding_words(plan, "pieces 0/1") == "cube against bracket piece 1 (x −15 to 15 mm)"
+    assert binding_words(plan, "0-0") == "cube against bracket piece 0 (x −15 to 15 mm)"
+    assert binding_words(plan, "v0-f5 too early") == "contact v0-f5 must not be made too early"
+    assert binding_words(plan, "v0-f5") == "bounds of contact v0-f5"
+    assert binding_words(plan, "") == "–"
+    assert contact_words(plan, "v9-f9") == "contact v9-f9 is made"
+
+
+@pytest.mark.parametrize(
+    ("said", "expected"),
+    [
+        (quantity(3.1e-5), "31 µm"),
+        (quantity(-7.47e-4), "−747 µm"),
+        (quantity(0.00112), "1.12 mm"),
+        (quantity(0.0), "0 µm"),
+        (quantity(7e-17), "below 0.001 µm"),
+        (spoken_axis(np.array([0.0, 0.0, -2.0]), always_signed=True), "−z"),
+        (spoken_axis(np.array([-1.0, 1.1, 0.0])), "+y and −x"),
+        (spoken_axis(np.zeros(3)), "none"),
+        (combination([0, -5, 0, 0, 0.1, 0], "N", "N·m"), "−5 N y + 0.1 N·m ry"),
+        (combination([1, 0, 0, 0, 0, 0]), "x"),
+        (combination([0] * 6), "none"),
+    ],
+)
+def test_words_for_quantities(said: str, expected: str) -> None:
+    assert said == expected
+
+
+def test_a_plan_for_a_share_of_the_errors_says_so() -> None:
+    reduced = {"share": 0.6, "stated_start_box": [0.03, 0.0, 0.0, 0.0, 0.09, 0.0], "short": "nothing was found"}
+    text = Reader(page_of(cube_plan("NOT_PROVED", diagnostics=diagnostics(reduced=reduced)))).text
+    assert "start error that the problem states" in text
+    assert "the plan is for 60% of it" in text
+    assert "nothing was found" in text
+
+
+def test_hybrid_strategies_of_alike_pieces_share_a_row(whole: str) -> None:
+    plan = cube()
+    down, near, touch = plan.segments
+    text = Reader(hybrid_table(replace(plan, segments=(down, near, near, touch)))).text.replace("\u00a0", " ")
+    assert text.count("pieces 1–2") == 1
+    assert text.count("goes on after") == 1
+    text = re.sub(r"\s+", " ", Reader(whole).text.replace("\u00a0", " "))
+    assert text.count("reaction along x reaches 2 N") == 1
+    assert "−x at 20 mm/s" in text
+    assert "turning at" not in text
+    turned = replace(touch, hybrid=replace(near.hybrid, velocity=(-0.6, 0.0, 0.0, 0.0, 80.0, 0.0)))
+    text = Reader(hybrid_table(replace(plan, segments=(turned,)))).text.replace("\u00a0", " ")
+    assert "at 20 mm/s, turning at 1.6 rad/s" in text
+
+
+def test_ends_are_told_from_limits(whole: str) -> None:
+    plan = cube()
+    _, near, touch = plan.segments
+    text = re.sub(r"\s+", " ", Reader(whole).text.replace("\u00a0", " "))
+    assert "goes on after 500 µm; a contact felt before ends the move" in text
+    assert "reaction along x reaches 2 N, nominally after 600 µm; a fault beyond 1.3 mm or 3 s" in text
+    pieces = [replace(piece, hybrid=replace(piece.hybrid, felt=(), wrench=(0.0,) * 6)) for piece in (near, touch)]
+    text = Reader(hybrid_table(replace(plan, segments=tuple(pieces)))).text.replace("\u00a0", " ")
+    assert "goes on after 500 µm" in text
+    assert "felt" not in text
+    assert "ends after 600 µm; a fault beyond 1.3 mm or 3 s" in text
+
+
+def test_what_ends_a_move_without_a_contact_is_said(whole: str) -> None:
+    text = Reader(whole).text
+    assert "Move 1 makes no contact: it ends after its travel, with nothing to feel. With every error" in text
+    assert "no contact says that the part has arrived" not in text
+    plan = cube_plan()
+    plan["segments"] = plan["segments"][:1]
+    text = Reader(page_of(sealed(plan))).text
+    assert "The last move is one of them: no contact says that the part has arrived. It begins at" in text
+    text = Reader(page_of(UNPROVED["not proved"])).text
+    assert "nothing but what is held is touched up to there is not proved" in text
+
+
+def test_importing_the_report_loads_no_plotting_library() -> None:
+    code = "import sys, fmopt.report.page; print(sorted({'matplotlib', 'shapely', 'manifold3d'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -1,0 +1,347 @@
+"""Damaged files of each kind that a command reads: whatever the damage, an exit code and a message, within its time.
+
+    python -m tests.shared.fuzz.files --kind obj --count 1000 --seed 1
+
+prints what each exit code was met by how often, and every failure with its seed; `--keep FOLDER` keeps the files. The
+short form of this runs in the tests.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import io
+import json
+import os
+import random
+import shutil
+import signal
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import FrameType
+from unittest.mock import patch
+
+import numpy as np
+
+from fmopt.cli.entry import main
+from tests import ROOT
+from tests.shared.fuzz.damage import damaged
+from tests.shared.parts.mesh_files import plate, ply_text, rounded, stl_text, triangles_of
+
+SECONDS = 30  # of the processor, for one file
+WAITED = 600  # s by the clock
+EXPECTED = {0, 1, 2, 3}
+OWN = """title = "Own rod into own plate"
+
+[units]
+length = "mm"
+angle = "deg"
+speed = "mm/s"
+
+[moving]
+model = "rod.toml"
+feature = "peg"
+
+[fixed]
+model = "plate.toml"
+feature = "hole"
+
+[goal]
+depth = "full"
+
+[clearance]
+x = 0.15
+y = 0.15
+
+[start]
+height = 1
+
+[uncertainty.start]
+x = 0.03
+y = 0.03
+z = 0
+rx = 0.05
+ry = 0.05
+rz = 0.05
+
+[uncertainty.velocity]
+translation = 0.001
+rotation = 0.001
+
+[specification]
+speed = 20
+contact_force = 20
+torque_limit = 1
+friction = 0.3
+termination_force = 2
+"""
+MODEL = 'name = "{name}"\n\n[units]\nlength = "mm"\nangle = "deg"\n\n[mesh]\nfile = "{name}.{kind}"\n{unit}'
+PROBLEMS = ("square_peg", "factory_rect_8mm_sources", "kite_prism", "mit_planar_slot", "square_peg_100um")
+STUDIES = ("square_peg_bias", "square_peg_clearance", "factory_rect_fits", "factory_rect_8mm_position")
+
+
+class Overrun(BaseException):
+    """A file took longer than its time; no handler of the program's may take it for its own."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A file to damage, and the command lines that read it.
+
+    Args:
+        file: where it lies in the folder.
+        commands: arguments of fmopt, run in that folder.
+        data: whether it is JSON.
+    """
+
+    file: str
+    commands: tuple[tuple[str, ...], ...]
+    data: bool = False
+
+
+@dataclass
+class Tally:
+    """How often each exit code came, and what must not be."""
+
+    codes: Counter[int] = field(default_factory=Counter)
+    failures: list[str] = field(default_factory=list)
+    slowest: float = 0.0
+
+
+def run(arguments: tuple[str, ...]) -> tuple[int | str, str]:
+    """The exit code of a command line, as from a shell, and what it writes; a word when it has none."""
+
+    def late(_: int, __: FrameType | None) -> None:
+        raise Overrun
+
+    out, err = io.StringIO(), io.StringIO()
+    before = {each: signal.signal(each, late) for each in (signal.SIGPROF, signal.SIGALRM)}
+    signal.setitimer(signal.ITIMER_PROF, SECONDS)
+    signal.alarm(WAITED)
+    try:
+        with (
+            patch.object(sys, "argv", ["fmopt", *arguments]),
+            contextlib.redirect_stdout(out),
+            contextlib.redirect_stderr(err),
+        ):
+            main()
+        code: int | str = 0
+    except SystemExit as stop:
+        code = stop.code if isinstance(stop.code, int) else 0 if stop.code is None else str(stop.code)
+    except Overrun:
+        code = "over its time"
+    finally:
+        signal.alarm(0)
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        for each, handler in before.items():
+            signal.signal(each, handler)
+    return code, out.getvalue() + err.getvalue()
+
+
+def fuzzed(kind: str, count: int, seed: int, folder: Path, keep: Path | None = None) -> Tally:
+    """What commands make of damaged files of a kind.
+
+    Args:
+        kind: one of `KINDS`.
+        count: how many files.
+        seed: of the damage.
+        folder: an empty one, where whole files are laid out.
+        keep: where files that fail are kept.
+    """
+    cases = KINDS[kind](folder)
+    wholes = {case.file: (folder / case.file).read_bytes() for case in cases}
+    tally = Tally()
+    with contextlib.chdir(folder):
+        for command in dict.fromkeys(command for case in cases for command in case.commands):
+            code, said = run(command)
+            assert code == 0, f"{' '.join(command)}: {code}: {said}"
+        for number in range(count):
+            rng = random.Random(f"{kind} {seed} {number}")
+            case = rng.choice(cases)
+            content = damaged(rng, wholes[case.file], data=case.data)
+            Path(case.file).write_bytes(content)
+            if keep is not None:
+                (keep / f"{kind}-last{Path(case.file).suffix}").write_bytes(content)
+            for command in case.commands:
+                began = time.process_time()
+                code, said = run(command)
+                tally.slowest = max(tally.slowest, time.process_time() - began)
+                if code not in EXPECTED or "Traceback" in said or (code == 2 and not said.strip()):
+                    tally.failures.append(f"{kind} {seed} {number}: {' '.join(command)}: {code}: {said[-300:].strip()}")
+                    if keep is not None:
+                        (keep / f"{kind}-{seed}-{number}{Path(case.file).suffix}").write_bytes(content)
+                if os.environ.get("FMOPT_SLOW") and time.process_time() - began > 4.0:
+                    print(number, command, code, f"{time.process_time() - began:.1f} s", said[-200:], flush=True)
+                if isinstance(code, int):
+                    tally.codes[code] += 1
+            Path(case.file).write_bytes(wholes[case.file])
+    return tally
+
+
+def _shipped(folder: Path) -> None:
+    for name in ("problems", "models"):
+        shutil.copytree(ROOT / name, folder / name)
+
+
+def _problems(folder: Path) -> list[Case]:
+    _shipped(folder)
+    return [Case(f"problems/{name}.toml", (("check", f"problems/{name}.toml"),)) for name in PROBLEMS]
+
+
+def _models(folder: Path) -> list[Case]:
+    _shipped(folder)
+    models = {
+        "square_peg": ("square_peg", "square_hole_block"),
+        "kite_prism": ("kite_prism", "kite_box"),
+        "mit_planar_slot": ("mit_planar_peg", "mit_planar_slot"),
+        "keyed_shaft": ("keyed_shaft",),
+    }
+    return [
+        Case(f"models/{model}.toml", (("check", f"problems/{problem}.toml"),))
+        for problem, names in models.items()
+        for model in names
+    ]
+
+
+def _assemblies(folder: Path) -> list[Case]:
+    _shipped(folder)
+    file = "problems/assemblies/lee_huang_bush.toml"
+    return [Case(file, (("check", file),))]
+
+
+def _studies(folder: Path) -> list[Case]:
+    _shipped(folder)
+    files = [f"problems/studies/{name}.toml" for name in STUDIES]
+    return [Case(file, (("study", "run", file, "--limit", "0", "--jobs", "1", "--out", "out"),)) for file in files]
+
+
+def _allocations(folder: Path) -> list[Case]:
+    _shipped(folder)
+    file = "problems/studies/factory_rect_8mm_tolerances.toml"
+    return [Case(file, (("study", "run", file, "--dry-run"),))]
+
+
+def _plans(folder: Path) -> list[Case]:
+    """The smallest of the plans in the folder that FMOPT_PLANS names; one of a table, solved here, without it."""
+    given = os.environ.get("FMOPT_PLANS")
+    if given is None:
+        from tests.shared.plans.table_plan import table_plan
+
+        (folder / "plan.json").write_text(json.dumps(table_plan()))
+    else:
+        shutil.copy(min(Path(given).glob("*.json"), key=lambda path: path.stat().st_size), folder / "plan.json")
+    return [Case("plan.json", (("verify", "plan.json"), ("show", "plan.json")), data=True)]
+
+
+def obj_text(points: np.ndarray, triangles: np.ndarray) -> str:
+    """An OBJ file with nine digits, its comments, names and materials with it."""
+    rows = ["v {:.9g} {:.9g} {:.9g}".format(*point) for point in points]
+    faces = ["f {} {} {}".format(*(triangle + 1)) for triangle in triangles]
+    return "\n".join(["# a part", "mtllib part.mtl", "o part", *rows, "vn 0 0 1", "usemtl steel", "s off", *faces, ""])
+
+
+def binary_stl(points: np.ndarray, triangles: np.ndarray) -> bytes:
+    """A binary STL file."""
+    facets = np.zeros(len(triangles), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
+    facets["corners"] = points[triangles]
+    return b"binary".ljust(80) + len(triangles).to_bytes(4, "little") + facets.tobytes()
+
+
+def binary_ply(points: np.ndarray, triangles: np.ndarray, order: str) -> bytes:
+    """A binary PLY file, little ("<") or big (">") bytes first."""
+    text = ply_text(points, triangles)
+    name = {"<": "binary_little_endian", ">": "binary_big_endian"}[order]
+    head = text[: text.index("end_header\n")].replace("ascii", name).encode() + b"end_header\n"
+    faces = np.zeros(len(triangles), dtype=[("count", "u1"), ("corners", f"{order}i4", 3)])
+    faces["count"], faces["corners"] = 3, triangles
+    return head + points.astype(f"{order}f8").tobytes() + faces.tobytes()
+
+
+def _own(kind: str, write: Callable[[Path, np.ndarray, np.ndarray, str], None]) -> Callable[[Path], list[Case]]:
+    """Cases of a rod and a plate in files of a kind."""
+
+    def cases(folder: Path) -> list[Case]:
+        (folder / "problem.toml").write_text(OWN)
+        damaged = ("plate",) if kind == "step" else ("rod", "plate")
+        for name, solid in (("rod", rounded((0.012, 0.008), 0.03, 0.0005)), ("plate", plate((0.0123, 0.0083)))):
+            whole = name not in damaged
+            unit = 'unit = "mm"\n' if kind != "step" or whole else ""
+            suffix = "stl" if whole else kind
+            (folder / f"{name}.toml").write_text(MODEL.format(name=name, kind=suffix, unit=unit))
+            (_write_stl if whole else write)(folder / f"{name}.{suffix}", *triangles_of(solid), name)
+        return [Case(f"{name}.{kind}", (("check", "problem.toml"),)) for name in damaged]
+
+    return cases
+
+
+def _write_stl(path: Path, points: np.ndarray, triangles: np.ndarray, name: str) -> None:
+    path.write_bytes(binary_stl(points, triangles) if name == "rod" else stl_text(points, triangles).encode())
+
+
+def _write_obj(path: Path, points: np.ndarray, triangles: np.ndarray, _: str) -> None:
+    path.write_text(obj_text(points, triangles))
+
+
+def _write_ply(path: Path, points: np.ndarray, triangles: np.ndarray, name: str) -> None:
+    path.write_bytes(binary_ply(points, triangles, "<") if name == "rod" else ply_text(points, triangles).encode())
+
+
+def _write_step(path: Path, _: np.ndarray, __: np.ndarray, ___: str) -> None:
+    from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut
+    from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
+    from OCP.gp import gp_Pnt
+
+    from tests.shared.parts.step_files import write_step
+
+    def box(x: float, y: float, low: float, high: float) -> object:
+        return BRepPrimAPI_MakeBox(gp_Pnt(-0.5 * x, -0.5 * y, low), gp_Pnt(0.5 * x, 0.5 * y, high)).Shape()
+
+    hole = box(12.3, 8.3, -5.0, 15.0)
+    write_step(path, BRepAlgoAPI_Cut(box(40.0, 40.0, 0.0, 10.0), hole).Shape())
+
+
+KINDS: dict[str, Callable[[Path], list[Case]]] = {
+    "problem": _problems,
+    "model": _models,
+    "assembly": _assemblies,
+    "study": _studies,
+    "allocation": _allocations,
+    "plan": _plans,
+    "stl": _own("stl", _write_stl),
+    "obj": _own("obj", _write_obj),
+    "ply": _own("ply", _write_ply),
+    "step": _own("step", _write_step),
+}
+
+
+@contextlib.contextmanager
+def _scratch() -> Iterator[Path]:
+    with tempfile.TemporaryDirectory() as name:
+        yield Path(name)
+
+
+def _long_form() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--kind", choices=KINDS, required=True)
+    parser.add_argument("--count", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--keep", type=Path)
+    asked = parser.parse_args()
+    if asked.keep is not None:
+        asked.keep.mkdir(parents=True, exist_ok=True)
+    with _scratch() as folder:
+        tally = fuzzed(asked.kind, asked.count, asked.seed, folder, asked.keep)
+    print("\n".join(tally.failures))
+    codes = ", ".join(f"{code}: {times}" for code, times in sorted(tally.codes.items()))
+    print(f"{asked.kind}: {asked.count} files, exit codes {codes}; the slowest took {tally.slowest:.1f} s")
+    print(f"{len(tally.failures)} failures")
+    return 1 if tally.failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(_long_form())

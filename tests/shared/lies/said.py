@@ -1,0 +1,243 @@
+"""Lies about what a plan tells besides its motion: forces, recovery, the nominal way, the search."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from random import Random
+from typing import Any
+
+from tests.shared.lies.lie import COMMENTARY, CONSTRUCTION, SAMPLING, Document, drawn, named
+
+
+def not_covered(plan: Document, rng: Random) -> bool:
+    """Fewer words, or other ones, about what is left out."""
+    texts = plan["not_covered"]
+    k = rng.randrange(len(texts))
+    if rng.random() < 0.5:
+        texts.pop(k)
+    else:
+        texts[k] = texts[k] + " or not"
+    return True
+
+
+def _recovery(plan: Document) -> Any:
+    found = plan.get("recovery")
+    return found if found and found["lift"] is not None else None
+
+
+def more_room(plan: Document, rng: Random) -> bool:
+    """More room to back off than there is."""
+    recovery = _recovery(plan)
+    if recovery is None:
+        return False
+    entry = rng.choice(recovery["moves"])
+    entry["room"] += drawn(rng, -9.0, -1.0)
+    entry["back_off"] = entry["room"] > 0.0
+    return True
+
+
+def wider_cover(plan: Document, rng: Random) -> bool:
+    """More start errors covered than retries cover."""
+    recovery = plan.get("recovery")
+    if not recovery:
+        return False
+    axis = rng.randrange(6)
+    recovery["covers"][axis] += drawn(rng, -9.0, -2.0)
+    return True
+
+
+def moved_retry(plan: Document, rng: Random) -> bool:
+    """A retry elsewhere, so that something between the boxes is not covered."""
+    recovery = plan.get("recovery")
+    if not recovery or not recovery["retries"]:
+        return False
+    # The last one is the start again.
+    outer = [offset for offset in recovery["retries"] if any(offset)]
+    offset = rng.choice(outer)
+    axis = rng.choice([k for k in range(2) if offset[k]])
+    offset[axis] *= 1.0 + drawn(rng, -9.0, -1.0)
+    return True
+
+
+def lower_lift(plan: Document, rng: Random) -> bool:
+    """A lift that begins lower, or is carried lower, than nothing is in the way."""
+    recovery = _recovery(plan)
+    if recovery is None:
+        return False
+    if rng.random() < 0.5:
+        recovery["lift"]["above"] -= drawn(rng, -9.0, -2.0)
+    elif recovery["retries"]:
+        recovery["lift"]["clear"] = max(v[2] for v in plan["parts"]["fixed"]["vertices"]) - drawn(rng, -9.0, -3.0)
+    else:
+        return False
+    return True
+
+
+def _first(plan: Document, rng: Random) -> Any:
+    recovery = plan.get("recovery") or {"moves": []}
+    found = [item for move in recovery["moves"] for item in move["first"]]
+    return rng.choice(found) if found else None
+
+
+def other_first_touch(plan: Document, rng: Random) -> bool:
+    """A contact that may come first, told with another wrench, feature or factor."""
+    item = _first(plan, rng)
+    if item is None:
+        return False
+    key = rng.choice(("wrench", "factor", "moving", "angle"))
+    if key == "wrench":
+        item["wrench"] = [-x for x in item["wrench"]]
+    elif key == "moving":
+        vertices = item["moving"]["vertices"]
+        count = len(plan["parts"]["moving"]["vertices"])
+        others = [k for k in range(count) if k not in vertices]
+        vertices[0] = rng.choice(others)
+    elif not isinstance(item[key], float):
+        return False
+    else:
+        item[key] *= rng.choice((0.5, 2.0))
+    return True
+
+
+def _controls(plan: Document) -> Iterator[Any]:
+    for segment in plan["segments"]:
+        if "hybrid" in segment:
+            yield segment["hybrid"]
+
+
+def surer_contacts(plan: Document, rng: Random) -> bool:
+    """Held contacts that are said to stay closed under more than they do."""
+    told = [hybrid for hybrid in _controls(plan) if hybrid.get("stays", "push") != "push"]
+    if not told:
+        return False
+    hybrid = rng.choice(told)
+    hybrid["stays"] = "push" if hybrid["stays"] == "stop" else rng.choice(("push", "stop"))
+    return True
+
+
+def pulled_contact(plan: Document, rng: Random) -> bool:
+    """A held contact that the bias pulls at, or does not press."""
+    pressing = [hybrid for hybrid in _controls(plan) if hybrid["normal_forces"]]
+    if not pressing:
+        return False
+    item = rng.choice(rng.choice(pressing)["normal_forces"])
+    item["force"] = rng.choice((0.0, -1.0)) * item["force"]
+    return True
+
+
+def weaker_push(plan: Document, rng: Random) -> bool:
+    """A push too weak to make the contact felt."""
+    pushing = [hybrid for hybrid in _controls(plan) if hybrid["push"] > 0.0 and hybrid["termination"]["contacts"]]
+    if not pushing:
+        return False
+    rng.choice(pushing)["push"] *= 1e-3
+    return True
+
+
+def stronger_bias(plan: Document, rng: Random) -> bool:
+    """More force than the specification allows."""
+    pressing = [hybrid for hybrid in _controls(plan) if hybrid["normal_forces"]]
+    if not pressing:
+        return False
+    item = rng.choice(rng.choice(pressing)["normal_forces"])
+    item["force"] += plan["specification"]["contact_force"]
+    return True
+
+
+def wider_jam_free(plan: Document, rng: Random) -> bool:
+    """A wrench that may turn further than its twists prove."""
+    told = [h["jam_free"] for h in _controls(plan) if h.get("jam_free", {}).get("angle")]
+    if not told:
+        return False
+    stated = rng.choice(told)
+    if rng.random() < 0.5:
+        stated["angle"] = min(stated["angle"] * (1.0 + drawn(rng, -6.0, 0.0)), 3.14)
+    else:
+        stated["planes"] = [{**plane, "angles": [3.1, 3.1]} for plane in stated["planes"]]
+    return True
+
+
+def _rows(plan: Document) -> Any:
+    return plan.get("position_force") or []
+
+
+def other_applied(plan: Document, rng: Random) -> bool:
+    """Forces to apply that are not those of the row."""
+    rows = [row for row in _rows(plan) if "applied" in row]
+    if not rows:
+        return False
+    row = rng.choice(rows)
+    axis = rng.randrange(6)
+    row["applied"][axis] = -row["applied"][axis] if row["applied"][axis] else 7.0
+    return True
+
+
+def other_reaction(plan: Document, rng: Random) -> bool:
+    """A reaction from the other side."""
+    rows = [row for row in _rows(plan) if any(row["fa"])]
+    if not rows:
+        return False
+    row = rng.choice(rows)
+    axis = rng.choice([k for k in range(6) if row["fa"][k] and row["s"][k] != 2] or [-1])
+    if axis < 0:
+        return False
+    row["fa"][axis] = -row["fa"][axis]
+    return True
+
+
+def other_way(plan: Document, rng: Random) -> bool:
+    """Position rows off the nominal way."""
+    rows = [row for row in _rows(plan) if any(row["pa_start"])]
+    if not rows:
+        return False
+    row = rng.choice(rows)
+    axis = rng.choice([k for k in range(6) if row["pa_start"][k]])
+    row["pa_start"][axis] *= 1.0 + drawn(rng, -5.0, 0.0)
+    return True
+
+
+def other_gap(plan: Document, rng: Random) -> bool:
+    """A search that is said to be nearer the best than its numbers say."""
+    if "search" not in plan:
+        return False
+    plan["search"]["lower_bound"] -= drawn(rng, -6.0, 0.0)
+    return True
+
+
+def other_sequence(plan: Document, rng: Random) -> bool:
+    """Another sequence of contacts than the segments'."""
+    steps = [step for step in plan.get("diagnostics", {}).get("sequence", []) if step["contacts"]]
+    if not steps:
+        return False
+    step = rng.choice(steps)
+    if rng.random() < 0.5:
+        step["contacts"] = step["contacts"][:-1]
+    else:
+        step["segment"] = max(0, step["segment"] + rng.choice((-1, 1)))
+    return True
+
+
+def shrunk_sets(plan: Document, rng: Random) -> bool:
+    """Error sets drawn together alike, all along."""
+    share = 1.0 - drawn(rng, -6.0, -1.0)
+    for segment in plan["segments"]:
+        tube = segment["tube"]
+        for key, power in (("generators", 1), ("shape", 2), ("growth", 2), ("slide", 2), ("swing", 2)):
+            for end in ("start", "goal"):
+                rows = tube[f"{key}_{end}"]
+                tube[f"{key}_{end}"] = [[x * share**power for x in row] for row in rows]
+        for key in ("offset_box", "angle_box"):
+            tube[key] = [x * share for x in tube[key]]
+        for key in ("offset_max", "theta_max"):
+            tube[key] *= share
+    return True
+
+
+LIES = (
+    *named(CONSTRUCTION, False, not_covered, more_room, wider_cover, moved_retry, lower_lift),
+    *named(CONSTRUCTION, False, wider_jam_free, other_applied, other_reaction, other_way),
+    *named(CONSTRUCTION, False, other_gap, shrunk_sets),
+    *named(COMMENTARY, False, other_first_touch, other_sequence),
+    *named(SAMPLING, False, surer_contacts),
+    *named(CONSTRUCTION, True, pulled_contact, weaker_push, stronger_bias),
+)

@@ -1,0 +1,50 @@
+"""Problems of prisms that are not shipped: the shipped kite's, with another section."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+from shapely import Polygon
+
+from fmopt.spatial.values import Array
+from fmopt.task.problem import Problem, load
+from tests import ROOT
+
+ASLANT = [[-10.0, -10.0], [10.0, -10.0], [10.0, 10.0], [-6.0, 10.0]]  # a square, one of its sides leans inwards
+
+
+def prism(folder: Path, outline: list[list[float]], clearance: tuple[float, float]) -> Problem:
+    """A prism of a section (n, 2), mm, counter-clockwise, in a hole that is 0.1 mm wider all around.
+
+    Args:
+        folder: to write its files to.
+        outline: the section; frames are at the centroids of both.
+        clearance: a side along x and y, mm.
+    """
+    (folder / "models").mkdir()
+    (folder / "problems").mkdir()
+    for name, corners in (("kite_prism", np.array(outline)), ("kite_box", _wider(np.array(outline), 0.1))):
+        text = (ROOT / "models" / f"{name}.toml").read_text()
+        (centre,) = Polygon(corners).centroid.coords
+        polygon = f"polygon = {(corners - centre).tolist()}"
+        text, count = re.subn(r"polygon = .*?(?=\nheight)", polygon, text, flags=re.DOTALL)
+        assert count == 1
+        (folder / "models" / f"{name}.toml").write_text(text)
+    text = (ROOT / "problems" / "kite_prism.toml").read_text()
+    for axis, old, new in zip("xy", ("0.118881", "0.163174"), clearance, strict=True):
+        assert f"{axis} = {old}" in text
+        text = text.replace(f"{axis} = {old}", f"{axis} = {new}")
+    path = folder / "problems" / "kite_prism.toml"
+    path.write_text(text)
+    return load(path)
+
+
+def _wider(corners: Array, gap: float) -> Array:
+    """The corners of an outline whose sides lie farther out by a gap."""
+    sides = np.roll(corners, -1, axis=0) - corners
+    normals = np.column_stack([sides[:, 1], -sides[:, 0]]) / np.linalg.norm(sides, axis=1)[:, None]
+    offsets = np.sum(normals * corners, axis=1) + gap
+    pairs = zip(np.roll(normals, 1, axis=0), normals, np.roll(offsets, 1), offsets, strict=True)
+    return np.array([np.linalg.solve(np.array([a, b]), [d, e]) for a, b, d, e in pairs])

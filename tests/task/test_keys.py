@@ -1,0 +1,207 @@
+"""Keys of model, problem and assembly files beyond the plain insertion, and how they reach the knowledge base."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fmopt.errors import InputError
+from fmopt.geometry.convex_pieces import polyhedron
+from fmopt.geometry.csg import Cylinder, Placed, Sphere, contains
+from fmopt.spatial.se3 import Pose, exp
+from fmopt.task.model import load_model
+from fmopt.task.object_model.command import answer
+from fmopt.task.object_model.tree import Feature, ObjectTree
+from fmopt.task.problem import Problem, load
+from fmopt.task.solid_tree import build_tree
+from fmopt.task.task_command import is_round, task_command
+from fmopt.task.toml.source import Place
+from tests import ROOT
+from tests.shared.parts.workcells import close
+
+NOSED = """
+name = "nosed"
+part = "nosed"
+units = {length = "mm", angle = "deg"}
+[parameters]
+radius = 10
+[solids.nose]
+shape = "sphere"
+radius = "radius"
+at = [0, 0, "radius"]
+sides = 32
+[solids.shaft]
+shape = "cylinder"
+radius = "radius"
+height = 40
+at = [0, 0, "radius"]
+[solids.nosed]
+shape = "union"
+of = ["nose", "shaft"]
+[features.peg]
+kind = "solid"
+at = [0, 0, 0]
+length = 50
+"""
+
+
+def tree_of(folder: Path, text: str) -> ObjectTree:
+    path = folder / "model.toml"
+    path.write_text(text, encoding="utf-8")
+    model, faults = load_model(path, Place(str(path)), {})
+    if model is None:
+        raise InputError(*faults)
+    return build_tree(model.source, model.file)
+
+
+def test_a_sphere_is_a_solid_of_a_model_file(tmp_path: Path) -> None:
+    tree = tree_of(tmp_path, NOSED)
+    peg = tree.feature("peg")
+    assert next(leaf.primitive for leaf in peg.instances) == Sphere(0.01, 32)
+    assert is_round(peg)
+    nose = polyhedron(tree.solid).volume - polyhedron(Cylinder(0.01, 0.04)).volume
+    assert nose == pytest.approx(2.0 / 3.0 * math.pi * 0.01**3, rel=0.05)
+    assert contains(tree.solid, [[0, 0, 1e-4], [0.009, 0, 1e-3], [0.009, 0, 0.011]]).tolist() == [True, False, True]
+
+
+@pytest.mark.parametrize(("x", "expected"), [(0.0, True), (1e-6, False)])
+def test_a_sphere_is_round_however_it_is_turned(x: float, expected: bool) -> None:
+    body = Placed(Sphere(0.01), Pose.from_vector([x, 0, 0.01, 0.5, 0, 0]))
+    assert is_round(Feature("nose", "+", Pose.identity(), body, 0.02)) is expected
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('shape = "sphere"', 'shape = "spher"', r"7:9: unknown-choice: solids.nose: .*'sphere'"),
+        ('radius = "radius"\nat', "radius = 0\nat", r"9:10: zero: solids.nose.radius"),
+        ("sides = 32", "sides = 2", r"11:9: .*solids.nose.sides"),
+    ],
+)
+def test_faults_of_spheres_have_their_place(tmp_path: Path, old: str, new: str, words: str) -> None:
+    assert old in NOSED
+    with pytest.raises(InputError, match=words):
+        tree_of(tmp_path, NOSED.replace(old, new, 1))
+
+
+def shipped(name: str) -> str:
+    """The text of a shipped problem, its models found from anywhere."""
+    return (ROOT / "problems" / f"{name}.toml").read_text(encoding="utf-8").replace("../models", str(ROOT / "models"))
+
+
+PROBLEM, ROUND = shipped("square_peg"), shipped("lee_huang_peg")
+
+
+def loaded(folder: Path, *edits: tuple[str, str], text: str = PROBLEM) -> Problem:
+    for old, new in edits:
+        assert old in text
+        text = text.replace(old, new, 1)
+    path = folder / "problem.toml"
+    path.write_text(text, encoding="utf-8")
+    return load(path)
+
+
+def swapped(text: str) -> str:
+    """The same task with the hollow part in the hand."""
+    a, b, c = (text.index(table) for table in ("[moving]", "[fixed]", "[goal]"))
+    return text[:a] + text[b:c].replace("fixed", "moving") + text[a:b].replace("[moving]", "[fixed]") + text[c:]
+
+
+def test_a_problem_names_pair_grasp_and_angle(tmp_path: Path) -> None:
+    goal = 'depth = 25\nturn = 90\nattachment = "revolute"\n\n[grasp]\nat = [0, 0, -60]\nturn = [0, 10, 0]\n'
+    problem = loaded(tmp_path, ('depth = "full"\n', goal))
+    assert (problem.task.attachment, problem.task.exchanged) == ("revolute", False)
+    assert problem.task.turn == pytest.approx(math.radians(90))
+    np.testing.assert_allclose(problem.task.grasp.vector(), [0, 0, -0.06, 0, math.radians(10), 0], atol=1e-15)
+    _, wanted = task_command(problem)
+    assert wanted.goal == (0.0, 0.0, -0.025, 0.0, 0.0, 0.0)
+    assert wanted.attachment == "revolute"
+    assert wanted.grasp is problem.task.grasp
+
+
+def test_the_angle_at_the_goal_is_in_the_mating_frame(tmp_path: Path) -> None:
+    """A part that is asymmetric about its axis: at the goal its vertices are where the file's angle puts them."""
+    rectangular = shipped("factory_rect_8mm_tight")
+    plain = loaded(tmp_path, text=rectangular)
+    turned = loaded(tmp_path, ('depth = "full"', 'depth = "full"\nturn = 30'), text=rectangular)
+    angle = exp([0.0, 0.0, math.radians(30)])
+    np.testing.assert_allclose(
+        turned.moving.polyhedron.vertices, plain.moving.polyhedron.vertices @ angle.T, atol=1e-15
+    )
+    cell, wanted = task_command(turned)
+    frames = cell.frame(wanted.moving), cell.object(wanted.moving.object).frame
+    assert close(frames[0], Pose.from_vector(turned.start))
+    body = polyhedron(cell.object(wanted.moving.object).solid).vertices
+    own = frames[0].inverse().apply(frames[1].apply(body))
+    np.testing.assert_allclose(np.sort(own, axis=0), np.sort(turned.moving.polyhedron.vertices, axis=0), atol=1e-12)
+
+
+@pytest.mark.parametrize(("text", "expected"), [(PROBLEM, ("prismatic", False)), (ROUND, ("cylindrical", True))])
+def test_the_pair_is_chosen_by_the_peg(tmp_path: Path, text: str, expected: tuple[str, bool]) -> None:
+    text = text.replace('attachment = "cylindrical"\n', "").replace('turn = "free"', "")
+    problem = loaded(tmp_path, text=text)
+    assert (problem.task.attachment, problem.task.free_turn) == expected
+    assert problem.task.free_depth
+
+
+def test_a_free_angle_is_as_at_the_start(tmp_path: Path) -> None:
+    begin = ("at = [15, 4, 12]", "at = [15, 4, 12]\nturn = [0, 0, 30]")
+    problem = loaded(tmp_path, begin, text=ROUND)
+    assert problem.task.turn == pytest.approx(math.radians(30), abs=1e-12)
+    np.testing.assert_allclose(problem.start, [0.015, 0.004, 0.012, 0, 0, 0], atol=1e-12)
+    found = answer(*task_command(problem))
+    np.testing.assert_allclose(found.P0, problem.start, atol=1e-12)
+    np.testing.assert_allclose(found.PT, problem.goal, atol=1e-12)
+    kept = loaded(tmp_path, begin, ('turn = "free"', "turn = 0"), text=ROUND)
+    np.testing.assert_allclose(kept.start, [0.015, 0.004, 0.012, 0, 0, math.radians(30)], atol=1e-12)
+
+
+def test_the_hollow_part_in_the_hand(tmp_path: Path) -> None:
+    plain = loaded(tmp_path, text=ROUND)
+    begin, turn = ("at = [15, 4, 12]", "at = [-15, -4, -12]"), ('turn = "free"', "turn = 20")
+    problem = loaded(tmp_path, begin, turn, text=swapped(ROUND))
+    assert problem.task.exchanged
+    assert (problem.moving_feature, problem.fixed_feature) == ("peg", "hole")
+    assert problem.task.turn == pytest.approx(-math.radians(20))
+    np.testing.assert_allclose(problem.fixed.polyhedron.vertices, plain.fixed.polyhedron.vertices, atol=0)
+    np.testing.assert_allclose(problem.start[:3], [0.015, 0.004, 0.012], atol=1e-15)
+    np.testing.assert_allclose(problem.start[3:], [0, 0, math.radians(20)], atol=1e-15)
+    cell, wanted = task_command(problem)
+    assert str(wanted.moving) == "lee_huang_block.hole"
+    found = answer(cell, wanted)
+    assert found.exchanged
+    np.testing.assert_allclose(found.P0, problem.start, atol=1e-12)
+    np.testing.assert_allclose(found.PT, problem.goal, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('depth = "full"', 'depth = "ful"', r"18:9: .*goal.depth"),
+        ('depth = "full"', 'depth = "full"\nattachment = "glued"', r"19:14: unknown-choice: goal.attachment: 'glued'"),
+        ('depth = "full"', 'depth = "full"\nattachment = "planar"', r"19:14: no-insertion: .*planar pair is not made"),
+        ('depth = "full"', 'depth = "full"\nturn = "fre"', r"19:8: .*goal.turn"),
+        ("height = 1", "height = 1\nat = [0, 0]", r"26:6: wrong-length: start.at"),
+        ("height = 1", "height = 1\n[grasp]\nat = [0, 0, 1, 2]", r"27:6: wrong-length: grasp.at"),
+        ("[uncertainty.velocity]", "[uncertainty.trapezoid]\nball = -1\n[uncertainty.velocity]", r"36:8: negative"),
+    ],
+)
+def test_faults_of_these_keys_have_their_place(tmp_path: Path, old: str, new: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        loaded(tmp_path, (old, new))
+
+
+def test_a_start_turned_half_round_leaves_no_free_angle(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"task-rule: goal.turn: the start of .* turned by 180 deg"):
+        loaded(tmp_path, ("at = [15, 4, 12]", "at = [15, 4, 12]\nturn = [180, 0, 0]"), text=ROUND)
+
+
+def test_sources_of_errors_are_refused_with_the_hollow_part_in_the_hand(tmp_path: Path) -> None:
+    text = swapped(ROUND)
+    start = text[text.index("[uncertainty.start]") : text.index("# S(t)")]
+    sources = "[uncertainty.sources]\nrobot = { position = 0.01 }\ngrasp = { height = 30 }\n"
+    with pytest.raises(InputError, match=r"conflict: uncertainty.sources: with the hollow part in the hand"):
+        loaded(tmp_path, (start, sources), text=text)
