@@ -18,8 +18,8 @@ from fmopt.contact.primitive import near_contacts
 from fmopt.contact.state_graph import Cell, LocalSpace, Scale, contact_graph, faces, local_space
 from fmopt.planning.robustness.contact_space import confirm
 from fmopt.spatial.values import Array
-from tests.contact.test_cell import POSES
 from tests.shared.parts.square import MID_DEPTH, block, peg
+from tests.shared.parts.square_poses import POSES
 
 PEG, BLOCK = peg(), block()
 CLEARANCE, RHO = 1e-4, 0.5 * np.hypot(0.02, 0.02)

@@ -11,8 +11,8 @@ from fmopt.certificate.tube import left
 from fmopt.planning.moves.plane_arcs import SHARES
 from fmopt.planning.moves.separating_planes import fans
 from fmopt.spatial.values import Array
-from tests.certificate.test_rows import KINDS, box, forms, moved, pose
 from tests.shared.parts.peg_pieces import claims, peg
+from tests.shared.random_rows import KINDS, box, forms, moved, pose
 
 PIECES = 3
 CUTS = (4, 6, 7, 9)  # generators, slide, swing, shape; the rest is slack

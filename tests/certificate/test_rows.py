@@ -7,9 +7,7 @@ from fmopt.certificate.remainder import Curvature, Extent
 from fmopt.certificate.rows import (
     Forms,
     Rows,
-    directions_along,
     edges_apart,
-    faces_above,
     points_above,
     records,
     stacked,
@@ -18,29 +16,9 @@ from fmopt.contact import definitions
 from fmopt.contact.algebra import Body, Definition, Matrix, Scalar, Vector, dot, row
 from fmopt.spatial.se3 import Pose, exp, turns
 from fmopt.spatial.values import Array
+from tests.shared.random_rows import KINDS, box, forms, moved, pose, unit
 
-KINDS = ("points", "directions", "faces", "edges")
 SAMPLES = 120
-
-
-def unit(rng: np.random.Generator, count: int) -> Array:
-    vectors = rng.normal(size=(count, 3))
-    return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
-
-
-def forms(kind: str, rng: np.random.Generator, count: int = 6) -> Forms:
-    points = rng.uniform(-0.03, 0.03, (count, 3))
-    if kind == "points":
-        return points_above(points, unit(rng, count), rng.uniform(-0.03, 0.03, count))
-    if kind == "directions":
-        return directions_along(unit(rng, count) * 0.7, points)
-    if kind == "faces":
-        return faces_above(unit(rng, count), rng.uniform(-0.03, 0.03, count), points)
-    return edges_apart(unit(rng, 1)[0], unit(rng, 1)[0], rng.uniform(-0.03, 0.03, 3), points)
-
-
-def pose(rng: np.random.Generator) -> Pose:
-    return Pose(rng.uniform(-0.02, 0.02, 3), exp(rng.normal(size=3)))
 
 
 def test_many_poses_at_once_and_kinds_mixed_are_what_each_is_alone() -> None:
@@ -76,12 +54,6 @@ def test_edge_rows_are_the_distance_to_the_plane_along_both_edges() -> None:
     np.testing.assert_allclose(edges_apart(e_m, e_f, q, points).at(X).f, expected, atol=1e-14)
 
 
-def moved(rng: np.random.Generator, start: Pose, turn: float) -> tuple[Pose, Array]:
-    """A pose some way off, turned by an angle, and the twist that leads there."""
-    twist = np.concatenate([rng.uniform(-2e-3, 2e-3, 3) * (turn > 0.0), unit(rng, 1)[0] * turn])
-    return start.moved(twist), twist
-
-
 def remainders(start: Rows, goal: Rows, extent: Extent) -> Array:
     """What the linear picture of rows (k) leaves over a piece of motion."""
     return Curvature.of(start, goal, extent.twist).bound(extent.half)
@@ -104,10 +76,6 @@ def excesses(kind: str, turn: float, half: Array, seed: int) -> Array:
         linear = (1.0 - s) * (at_start.f + at_start.N @ errors[0]) + s * (at_goal.f + at_goal.N @ errors[1])
         found.append(np.abs(rows.at(real).f - linear) / allowed)
     return np.array(found)
-
-
-def box(angles: tuple[float, float, float], offset: tuple[float, float, float] = (4e-4, 1e-4, 0.0)) -> Array:
-    return np.array([*offset, *angles])
 
 
 @pytest.mark.parametrize("kind", KINDS)

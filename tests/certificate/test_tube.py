@@ -16,8 +16,8 @@ from fmopt.errors import InfeasibleError
 from fmopt.papers.dakin_popplestone import goal_in_the_paper
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
-from tests.geometry.test_ellipsoid import contains
 from tests.shared.executions.tube_segments import KINDS, RHO, SCALE, SEGMENTS, Segment, executions, segment, unit_rows
+from tests.shared.in_ellipsoid import contains
 
 SAMPLES = 100_000
 DIRECTIONS = 16

@@ -16,7 +16,7 @@ import pytest
 import fmopt
 from fmopt.errors import GeometryError, InputError, InterferenceError
 from tests.shared.commands import ended
-from tests.shared.parts.asked import FORMS, Asked, generated, rectangle, write, write_assembly
+from tests.shared.files.asked import FORMS, Asked, generated, rectangle, write, write_assembly
 
 ERROR = "0.02 mm, 0.02 deg"  # small beside every clearance, so that the way is straight and soon found
 Run = Callable[..., tuple[int, str, str]]

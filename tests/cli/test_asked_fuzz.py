@@ -13,7 +13,7 @@ from fmopt.cli import main
 from fmopt.errors import FmoptError
 from fmopt.planning.pipeline import tried
 from fmopt.task.problem import load
-from tests.shared.parts.asked import generated, write
+from tests.shared.files.asked import generated, write
 
 FOUR = 'moving = "peg.{form}"\nfixed = "plate.{form}"\n[uncertainty]\nstart = "0.02 mm, 0.02 deg"\n'
 

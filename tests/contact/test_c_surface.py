@@ -12,27 +12,13 @@ from fmopt.contact.c_surface import Surfaces, contact_wrench, definition, over, 
 from fmopt.contact.definitions import CONTACTS
 from fmopt.contact.derive import derived, latex
 from fmopt.contact.facet_bounds import BoundTable, bounds
-from fmopt.contact.primitive import Kind, PrimitiveContact, face_vertex, near_contacts, vertex_face
+from fmopt.contact.primitive import Kind, PrimitiveContact, near_contacts, vertex_face
 from fmopt.errors import InfeasibleError
-from fmopt.geometry.polyhedron import Polyhedron, from_faces
+from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.papers.basanez_suarez.surface import casadi_function
 from fmopt.spatial.se3 import Pose, exp
-from tests.shared.parts.square import MID_DEPTH, block, peg, spike, tilted
-
-PLAIN, BLOCK, SPIKE = peg(), block(), from_faces(*spike())
-BALL = len(PLAIN.vertices), 0.0095  # about the middle of the tip, m
-PEG = Polyhedron(np.vstack([PLAIN.vertices, [0.0, 0.0, 0.001]]), PLAIN.faces, PLAIN.edges, (BALL,))
-LEANING = tilted((0.03, -0.05, 0.02))
-
-
-def cases() -> list[tuple[Polyhedron, tuple[PrimitiveContact, ...], Pose]]:
-    mouth = near_contacts(PEG, BLOCK, LEANING, reach=3e-3, angle=0.05)
-    above = Pose.from_vector((0.001, -0.002, 0.0003, 0.1, 0.2, -0.3))
-    on_spike = tuple(face_vertex(PEG, face, 4) for face in (0, 2, 3))
-    return [(BLOCK, mouth, LEANING), (SPIKE, on_spike, above)]
-
-
-CASES = cases()
+from tests.shared.parts.contact_cases import BLOCK, CASES, LEANING, PEG
+from tests.shared.parts.square import MID_DEPTH
 
 
 def test_all_kinds_are_under_test() -> None:

@@ -15,8 +15,8 @@ from fmopt.contact.state_graph import Cell, Scale, local_space
 from fmopt.geometry.polyhedron import Polyhedron, from_faces
 from fmopt.spatial.se3 import Pose, turns
 from fmopt.spatial.values import Array
-from tests.contact.test_cell import POSES
 from tests.shared.parts.square import MID_DEPTH, block, peg, spike
+from tests.shared.parts.square_poses import POSES
 
 CLEARANCE, RHO = 1e-4, 0.5 * float(np.hypot(0.02, 0.02))
 SPIKE = from_faces(*spike())

@@ -13,8 +13,8 @@ from fmopt.contact.realisation import Neighbourhood, Poses, meet
 from fmopt.contact.state_graph import Cell, ContactGraph, ContactState, Scale, contact_graph, faces, local_space
 from fmopt.planning.robustness.contact_space import APART, RESIDUAL, Confirmation, Verdict, confirm
 from fmopt.spatial.se3 import Pose
-from tests.contact.test_cell import gap
 from tests.shared.parts.square import MID_DEPTH, block, peg
+from tests.shared.parts.square_poses import gap
 
 CLEARANCE = 1e-4
 RHO = 0.5 * float(np.hypot(0.02, 0.02))

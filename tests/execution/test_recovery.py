@@ -27,7 +27,7 @@ from fmopt.plan.contact_geometry import contacts
 from fmopt.plan.guarded_moves import moves
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
-from tests.execution.test_trials import record
+from tests.shared.trial_records import record
 
 Plan = dict[str, Any]
 DEAF = 1  # the move whose contact is not felt at the first attempt

@@ -30,16 +30,9 @@ from fmopt.execution.summary import Fit, Log, failures, lines, note, summary, wi
 from fmopt.execution.trials import Noise, Trials, draw, run
 from fmopt.plan import parsed
 from fmopt.spatial.se3 import Pose
+from tests.shared.trial_records import record
 
 FOUR = Trials(4, seed=1)
-
-
-def record(number: int, size: float, success: bool = True, departures: tuple[str, ...] = ()) -> dict[str, Any]:
-    numbers = {"seconds": 4.0, "peak_force": 10.0, "impact_force": 20.0, "penetration": 1e-5, "retries": []}
-    reasons = [] if success else ["tilted"]
-    return {"trial": number, "size": size, "success": success, "reasons": reasons, "departures": list(departures)} | (
-        numbers
-    )
 
 
 @pytest.mark.parametrize(("k", "n"), [(0, 1), (1, 1), (3, 7), (99, 100), (1000, 1000), (0, 40)])

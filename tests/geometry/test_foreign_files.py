@@ -16,9 +16,9 @@ from fmopt.errors import FmoptError, GeometryError, ResourceError, SizeError
 from fmopt.geometry.mesh.mesh_file import MAX_TRIANGLES, read_triangles
 from fmopt.geometry.mesh.mesh_import import load_mesh
 from fmopt.geometry.step import step_import as step
+from tests.shared.files.mesh_files import ply_text, rounded, stl_text, triangles_of
+from tests.shared.files.step_files import write_step
 from tests.shared.fuzz.files import KINDS, binary_ply, binary_stl, fuzzed, obj_text, run
-from tests.shared.parts.mesh_files import ply_text, rounded, stl_text, triangles_of
-from tests.shared.parts.step_files import write_step
 
 POINTS, TRIANGLES = triangles_of(rounded((0.012, 0.008), 0.03))
 OBJ, PLY, STL = obj_text(POINTS, TRIANGLES), ply_text(POINTS, TRIANGLES), stl_text(POINTS, TRIANGLES)

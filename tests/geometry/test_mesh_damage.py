@@ -26,11 +26,11 @@ from fmopt.task.sizes import measured_clearance
 from fmopt.verify.problem.meshes import NoMesh, triangles
 from fmopt.verify.problem.parts import part_beside_its_model
 from fmopt.verify.problem.problem import load_problem
-from tests.geometry.test_shared_parts import PAIRS, PARTS
-from tests.shared.parts.mesh_damage import DAMAGES
-from tests.shared.parts.mesh_files import at, glb, plate, rounded, stl_text, three_mf, triangles_of, write_stl
-from tests.task.test_own_parts import MODEL, PROBLEM
-from tests.verify.test_meshes import packed_stl, part
+from tests.shared.files.mesh_damage import DAMAGES
+from tests.shared.files.mesh_files import at, glb, plate, rounded, stl_text, three_mf, triangles_of, write_stl
+from tests.shared.files.others import PAIRS, PARTS
+from tests.shared.files.own import MODEL, PROBLEM
+from tests.shared.files.packed import packed_stl, part
 
 GAP = 1e-4
 SHAPES: dict[str, tuple[tuple[float, float, float, float], ...]] = {  # rectangles in mm whose union is the outline

@@ -14,7 +14,7 @@ from fmopt.geometry.mating_features import Feature
 from fmopt.geometry.mesh.mesh_import import Imported, load_mesh, mesh_polyhedron
 from fmopt.geometry.part import Part, mesh_part, rebased
 from fmopt.spatial.se3 import Pose, exp
-from tests.shared.parts.mesh_files import at, plate, ply_text, rounded, stl_text, triangles_of
+from tests.shared.files.mesh_files import at, plate, ply_text, rounded, stl_text, triangles_of
 
 ROD = rounded((0.012, 0.008), 0.03, 0.0005)
 PLATE = plate((0.0123, 0.0083))

@@ -10,24 +10,8 @@ from fmopt.errors import GeometryError
 from fmopt.geometry.clearance import mating_clearance
 from fmopt.geometry.mesh.mesh_import import Unit, load_mesh
 from fmopt.geometry.part import Part, mesh_part, rebased
-from tests import ROOT
+from tests.shared.files.others import PAIRS, PARTS
 
-PARTS = ROOT.parent / "shared" / "parts"
-PAIRS: dict[str, tuple[str, str, Unit, float]] = {  # peg, hole, unit, clearance a side in mm
-    "factory_rect_8mm_loose": (
-        "factory_rectangular_peg_8mm_loose_subdiv_3x.obj",
-        "factory_rectangular_hole_8mm_subdiv_3x.obj",
-        "m",
-        0.5 * (8.144 - 7.964),
-    ),
-    "factory_round_16mm_tight": (
-        "factory_round_peg_16mm_tight.obj",
-        "factory_round_hole_16mm_subdiv_3x.obj",
-        "m",
-        0.5 * (16.5 - 15.994),
-    ),
-    "agh_6gon": ("6gon_peg.stl", "6gon_box_t5mm.stl", "mm", 0.433),
-}
 PRESENT = [name for name in PAIRS if (PARTS / name).is_dir()]
 
 

@@ -25,10 +25,10 @@ from fmopt.geometry.python_objects import imported_of, part_of
 from fmopt.geometry.step.facets import facets_of
 from fmopt.geometry.step.step_import import bodies, load_step
 from fmopt.spatial.se3 import Pose, exp
-from tests.shared.parts import step_parts
-from tests.shared.parts.mesh_files import write_stl
-from tests.shared.parts.step_files import write_step
-from tests.shared.parts.step_parts import box, cut, cylinder, eased
+from tests.shared.files import step_parts
+from tests.shared.files.mesh_files import write_stl
+from tests.shared.files.step_files import write_step
+from tests.shared.files.step_parts import box, cut, cylinder, eased
 
 EXACT = 1e-9  # m
 MICRON = 1e-6  # m

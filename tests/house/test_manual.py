@@ -21,8 +21,8 @@ from fmopt.geometry.csg import Box
 from fmopt.manual import FOLDER, PAGES, manual
 from fmopt.manual.book import anchor, blocks, inside, text_of
 from tests import ROOT
+from tests.shared.files.mesh_files import write_stl
 from tests.shared.pages.engine import Page, Tree, walk, words
-from tests.shared.parts.mesh_files import write_stl
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 # What is not to be used before it is explained; each with the page that explains it.

@@ -6,9 +6,13 @@ import ast
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+import pytest
+
 import fmopt
+from tests import ROOT
 
 PACKAGE = Path(fmopt.__file__).parent
+TESTS = ROOT / "tests"
 MOST_ENTRIES = 20
 MOST_LINES = 400
 # Files that were longer when the limit was set, and how long each may be. A figure here may only fall.
@@ -56,9 +60,9 @@ def in_circles(ways: Mapping[str, set[str]]) -> set[str]:
     return {*left}
 
 
-def folders() -> list[Path]:
-    inside = (path for path in PACKAGE.rglob("*") if path.is_dir() and "__pycache__" not in path.parts)
-    return [PACKAGE, *sorted(inside)]
+def folders(root: Path) -> list[Path]:
+    inside = (path for path in root.rglob("*") if path.is_dir() and "__pycache__" not in path.parts)
+    return [root, *sorted(inside)]
 
 
 def sources() -> dict[str, str]:
@@ -83,9 +87,21 @@ def entries_needed(folder: tuple[str, ...], texts: Mapping[str, str]) -> dict[st
     return ways
 
 
-def test_no_folder_has_more_than_twenty_entries() -> None:
-    assert len(folders()) > 20
-    assert {str(folder): found for folder in folders() if len(found := entries(folder)) > MOST_ENTRIES} == {}
+@pytest.mark.parametrize("root", [PACKAGE, TESTS], ids=["package", "tests"])
+def test_no_folder_has_more_than_twenty_entries(root: Path) -> None:
+    assert len(folders(root)) > 20
+    assert {str(folder): found for folder in folders(root) if len(found := entries(folder)) > MOST_ENTRIES} == {}
+
+
+def test_tests_stand_in_rooms_of_the_package_and_share_by_no_test() -> None:
+    files = sorted(TESTS.rglob("*.py"))
+    rooms = {file.relative_to(TESTS).parts[0] for file in files if file.name.startswith("test_")}
+    assert rooms - {path.name for path in PACKAGE.iterdir() if path.is_dir()} == {"house", "benchmarks"}
+    names = {".".join(("tests", *file.relative_to(TESTS).with_suffix("").parts)) for file in files}
+    tests = {name for name in names if name.rpartition(".")[2].startswith("test_")}
+    assert len(tests) > 150
+    assert {str(file): found for file in files if (found := needed(file.read_text("utf-8"), tests))} == {}
+    assert needed("from tests.verify.test_plan import spoilt", tests) == {"tests.verify.test_plan"}
 
 
 def test_no_entries_of_a_folder_need_each_other() -> None:

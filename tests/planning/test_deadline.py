@@ -25,7 +25,7 @@ from fmopt.runtime.compiled import clock, deadline, heed, until
 from fmopt.spatial.se3 import Pose
 from fmopt.task.problem import Problem
 from fmopt.verify import verify
-from tests.planning.test_failure import prism, regular
+from tests.shared.files.prisms import prism, regular
 
 _SLACK = 5.0  # s beyond the limit
 

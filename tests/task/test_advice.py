@@ -14,8 +14,8 @@ import fmopt
 from fmopt.errors import Fault, FmoptError, InputError
 from fmopt.planning.pipeline import tried
 from fmopt.task.toml.schema import model_schema, problem_schema
-from tests.shared.parts.asked import generated, rectangle, solid, write
-from tests.shared.parts.step_files import write_step
+from tests.shared.files.asked import generated, rectangle, solid, write
+from tests.shared.files.step_files import write_step
 
 PACKAGE = Path(fmopt.__file__).parent
 BASE = 'moving = "peg.toml"\nfixed = "plate.toml"\n[uncertainty]\nstart = "0.02 mm, 0.02 deg"\n'

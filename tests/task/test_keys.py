@@ -19,7 +19,7 @@ from fmopt.task.problem import Problem, load
 from fmopt.task.solid_tree import build_tree
 from fmopt.task.task_command import is_round, task_command
 from fmopt.task.toml.source import Place
-from tests import ROOT
+from tests.shared.files.shipped import shipped, swapped
 from tests.shared.parts.workcells import close
 
 NOSED = """
@@ -87,11 +87,6 @@ def test_faults_of_spheres_have_their_place(tmp_path: Path, old: str, new: str, 
         tree_of(tmp_path, NOSED.replace(old, new, 1))
 
 
-def shipped(name: str) -> str:
-    """The text of a shipped problem, its models found from anywhere."""
-    return (ROOT / "problems" / f"{name}.toml").read_text(encoding="utf-8").replace("../models", str(ROOT / "models"))
-
-
 PROBLEM, ROUND = shipped("square_peg"), shipped("lee_huang_peg")
 
 
@@ -102,12 +97,6 @@ def loaded(folder: Path, *edits: tuple[str, str], text: str = PROBLEM) -> Proble
     path = folder / "problem.toml"
     path.write_text(text, encoding="utf-8")
     return load(path)
-
-
-def swapped(text: str) -> str:
-    """The same task with the hollow part in the hand."""
-    a, b, c = (text.index(table) for table in ("[moving]", "[fixed]", "[goal]"))
-    return text[:a] + text[b:c].replace("fixed", "moving") + text[a:b].replace("[moving]", "[fixed]") + text[c:]
 
 
 def test_a_problem_names_pair_grasp_and_angle(tmp_path: Path) -> None:

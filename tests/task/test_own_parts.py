@@ -21,67 +21,9 @@ from fmopt.task.problem import load
 from fmopt.task.sizes import measured_clearance
 from fmopt.task.toml.model_file import Mesh
 from fmopt.task.toml.source import read
-from tests.shared.parts.mesh_files import at, plate, rounded, stl_text, triangles_of, write_stl
-from tests.shared.parts.step_files import write_step
-
-MODEL = """name = "{name}"
-
-[units]
-length = "mm"
-angle = "deg"
-
-[mesh]
-file = "{name}.stl"
-unit = "mm"
-"""
-PROBLEM = """title = "Own rod into own plate"
-
-[units]
-length = "mm"
-angle = "deg"
-speed = "mm/s"
-
-[moving]
-model = "rod.toml"
-feature = "peg"
-
-[fixed]
-model = "plate.toml"
-feature = "hole"
-
-[goal]
-depth = "full"
-
-[clearance]
-x = 0.2
-y = 0.15
-
-[start]
-height = 1
-
-[uncertainty.start]
-x = 0.03
-y = 0.03
-z = 0
-rx = 0.05
-ry = 0.05
-rz = 0.05
-
-[uncertainty.velocity]
-translation = 0.001
-rotation = 0.001
-
-[specification]
-speed = 20
-contact_force = 20
-torque_limit = 1
-friction = 0.3
-termination_force = 2
-
-[settings]
-max_tilt = 10
-time_limit = 120
-"""
+from tests.shared.files.mesh_files import at, plate, rounded, stl_text, triangles_of, write_stl
+from tests.shared.files.own import MODEL, PROBLEM
+from tests.shared.files.step_files import write_step
 
 
 @pytest.fixture

@@ -10,15 +10,13 @@ import numpy as np
 import pytest
 
 from fmopt.geometry.csg import Box, Cylinder, Difference, Placed, Solid
-from fmopt.geometry.part import Part as PlannersPart
-from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.task.problem import load
 from fmopt.verify.problem.meshes import NoMesh, Triangle, triangles
 from fmopt.verify.problem.parts import Compared, chord_error, part_beside_its_model
 from fmopt.verify.problem.problem import load_problem
-from fmopt.verify.reading.document import Body, Part
-from tests.shared.parts.mesh_files import at, plate, ply_text, rounded, stl_text, triangles_of, write_stl
-from tests.task.test_own_parts import MODEL, PROBLEM
+from tests.shared.files.mesh_files import at, plate, ply_text, rounded, stl_text, triangles_of, write_stl
+from tests.shared.files.own import MODEL, PROBLEM
+from tests.shared.files.packed import body, packed_stl, part
 
 DECLARED = """
 [features.{name}]
@@ -28,25 +26,10 @@ length = {length}
 """
 
 
-def body(polyhedron: Polyhedron) -> Body:
-    return Body(
-        tuple(tuple(row) for row in polyhedron.vertices.tolist()), tuple(face.loops for face in polyhedron.faces)
-    )
-
-
-def part(found: PlannersPart) -> Part:
-    return Part(body(found.polyhedron), tuple(map(body, found.pieces)), found.name, (0.0, 0.0), 0.0)
-
-
 def obj_text(points: np.ndarray, faces: np.ndarray) -> str:
     rows = [f"v {x!r} {y!r} {z!r} # a corner" for x, y, z in points.tolist()]
     loops = ["f " + " ".join(f"{k + 1}/1/1" if i % 2 else str(k - len(points)) for k in f) for i, f in enumerate(faces)]
     return "\n".join([*rows, "vn 0 0 1", "g part", *loops, ""])
-
-
-def packed_stl(points: np.ndarray, faces: np.ndarray) -> bytes:
-    rows = [struct.pack("<12fH", 0.0, 0.0, 0.0, *points[f].ravel().tolist(), 0) for f in faces]
-    return b"solid by name alone".ljust(80) + struct.pack("<I", len(rows)) + b"".join(rows)
 
 
 def packed_ply(points: np.ndarray, faces: np.ndarray, order: str) -> bytes:

@@ -13,7 +13,7 @@ from fmopt.papers.basanez_suarez.c_obstacle import PossibleContacts
 from fmopt.papers.basanez_suarez.motion import MotionKind, classify, clearance, clearance_for_gross, possible_spans
 from fmopt.papers.basanez_suarez.profile import Profile
 from fmopt.papers.basanez_suarez.sources import Deviations
-from tests.papers.basanez_suarez.test_contacts import gon, notched, slot, spread
+from tests.shared.parts.profiles import gon, notched, slot, spread
 from tests.shared.planar_sampling import disc
 
 BODY, STATIC = gon(5, 0.01, 0.2), notched()

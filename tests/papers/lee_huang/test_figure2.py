@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fmopt.errors import GeometryError, InterferenceError
-from fmopt.geometry.csg import Box, Cone, Cylinder, Difference, Placed, Prism, Union, ring
+from fmopt.geometry.csg import Box, Cone, Cylinder, Union
 from fmopt.papers.lee_huang.freedom import freedom, half_widths
 from fmopt.papers.lee_huang.hand_position_force import position_force
 from fmopt.papers.lee_huang.mapping import Task, answered, plane_diagrams, records, task_mapping
@@ -14,32 +14,16 @@ from fmopt.plan import clean, diagram
 from fmopt.plan.position_force import Decomposition, contact_forces
 from fmopt.report.drawing import drawn
 from fmopt.report.views import diagram_view, trajectory_view
-from fmopt.spatial.se3 import Pose, exp
 from fmopt.task.object_model.command import answer
 from fmopt.task.problem import load
 from fmopt.task.task_command import task_command
 from fmopt.verify.reading.parse_segments import read_nominal, read_position_force
 from fmopt.verify.reading.reader import Reader
 from tests import PROBLEMS
+from tests.shared.parts.figure2 import BORE, BOX, GOAL, PEG, RHO, SPEED, START, at, block, hexagon, radius
 
-SPEED, RHO = 0.02, 0.014
 FREE, ROUND = (0,) * 6, (2, 2, 0, 2, 2, 0)
-START, GOAL = np.array([0.015, 0.004, 0.012, 0, 0, 0]), np.array([0, 0, -0.03, 0, 0, 0])
-BOX = np.array([1e-4, 1e-4, 1e-4, 0.005, 0.005, 0.005])
 BALL, CONE = 1e-4, np.radians(0.5)
-
-
-def at(solid, x=0.0, y=0.0, z=0.0, r=(0.0, 0.0, 0.0)):
-    return Placed(solid, Pose(np.array([x, y, z]), exp(r)))
-
-
-def block(tool, depth):
-    """A block 60 mm wide and 40 mm high with its mouth at z = 0; a depth of 40 mm is through."""
-    body = at(Box((0.06, 0.06, 0.04)), 0, 0, -0.04)
-    return Difference(body, (at(tool, 0, 0, -depth - (0.001 if depth >= 0.04 else 0.0)),))
-
-
-PEG, BORE = Cylinder(0.01, 0.05, 32), Cylinder(0.0102, 0.06, 32)
 
 
 def rim_depth(clearance, half_width, r, s):
@@ -52,20 +36,6 @@ def figure_two():
     problem = load(PROBLEMS / "lee_huang_peg.toml")
     found = answer(*task_command(problem))
     return problem, found, answered(found, half_widths(*problem.trapezoid), RHO)
-
-
-def radius(solid):
-    """Of the one cylinder in a tree."""
-    match solid:
-        case Cylinder(size, _, _):
-            return size
-        case Placed(inner, _):
-            return radius(inner)
-        case Union(parts):
-            return next(filter(None, map(radius, parts)), None)
-        case Difference(base, tools):
-            return next(filter(None, map(radius, (base, *tools))), None)
-    return None
 
 
 def radii():
@@ -150,10 +120,6 @@ def test_a_square_peg_adds_two_on_q_z():
     assert made.freedoms[-1].s == (2, 2, 0, 2, 2, 2)
     less = task_mapping(Task(peg, block(bore, 0.04), START, GOAL, BOX, SPEED, RHO))
     assert less.freedoms[-1].s == ROUND  # turned by 5 mrad about the axis a square peg does not reach the walls
-
-
-def hexagon(radius, height):
-    return Prism(tuple(map(tuple, ring(radius, 6))), height)
 
 
 def test_a_hexagonal_peg_is_stopped_about_its_axis_too():

@@ -22,8 +22,8 @@ from fmopt.task.object_model.tree import ObjectTree
 from fmopt.task.object_model.workcell import LowerPair, Workcell
 from fmopt.task.problem import load
 from tests import ROOT
+from tests.shared.files.shipped import shipped, swapped
 from tests.shared.parts.workcells import at, cell, feature, task, thing
-from tests.task.test_keys import shipped, swapped
 
 BOX, RHO = np.array([1e-4, 1e-4, 1e-4, 0.01, 0.01, 0.03]), 0.014
 FREE_S, ROUND, SQUARE = (0,) * 6, (2, 2, 0, 2, 2, 0), (2, 2, 0, 2, 2, 2)

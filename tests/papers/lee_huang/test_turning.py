@@ -20,7 +20,7 @@ from fmopt.plan import diagram
 from fmopt.report.drawing import drawn
 from fmopt.report.views import diagram_view
 from fmopt.spatial.values import Array
-from tests.papers.lee_huang.test_figure2 import BOX, GOAL, RHO, SPEED, at, block
+from tests.shared.parts.figure2 import BOX, GOAL, RHO, SPEED, at, block
 
 FREE, ROUND = (0,) * 6, (2, 2, 0, 2, 2, 0)
 LYING = np.array([0.0, np.pi / 2, 0.0])  # its length along +x

@@ -15,8 +15,8 @@ from fmopt.planning.moves import constrained_path as keeping
 from fmopt.planning.moves.constrained_path import KEPT, LOST, SINGULAR
 from fmopt.spatial.se3 import Pose, turns
 from fmopt.spatial.values import Array
-from tests.certificate.test_rows import KINDS, forms, pose
-from tests.contact.test_c_surface import CASES, PEG
+from tests.shared.parts.contact_cases import CASES, PEG
+from tests.shared.random_rows import KINDS, forms, pose
 
 Kernel = Any
 # An edge of each part, both along x, the fixed one a metre below.

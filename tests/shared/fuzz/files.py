@@ -30,8 +30,8 @@ import numpy as np
 
 from fmopt.cli.entry import main
 from tests import ROOT
+from tests.shared.files.mesh_files import plate, ply_text, rounded, stl_text, triangles_of
 from tests.shared.fuzz.damage import damaged
-from tests.shared.parts.mesh_files import plate, ply_text, rounded, stl_text, triangles_of
 
 SECONDS = 30  # of the processor, for one file
 WAITED = 600  # s by the clock
@@ -296,7 +296,7 @@ def _write_step(path: Path, _: np.ndarray, __: np.ndarray, ___: str) -> None:
     from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
     from OCP.gp import gp_Pnt
 
-    from tests.shared.parts.step_files import write_step
+    from tests.shared.files.step_files import write_step
 
     def box(x: float, y: float, low: float, high: float) -> object:
         return BRepPrimAPI_MakeBox(gp_Pnt(-0.5 * x, -0.5 * y, low), gp_Pnt(0.5 * x, 0.5 * y, high)).Shape()

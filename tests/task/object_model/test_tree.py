@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import pickle
 from pathlib import Path
 
@@ -16,7 +15,6 @@ from fmopt.geometry.convex_pieces import polyhedron
 from fmopt.geometry.csg import Box, Cylinder, Difference, Hull, Placed, Solid, Union, contains, frustum
 from fmopt.geometry.inverse_csg import MESH_NOISE, solid_of
 from fmopt.geometry.mating_features import Feature as MatingFeature
-from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.spatial.se3 import Pose
 from fmopt.task.model import load_model
 from fmopt.task.object_model.chain import Term, chain_of, chain_solid, joined, moved, without
@@ -26,6 +24,7 @@ from fmopt.task.object_model.tree import Feature, FeatureClass, ObjectTree, inst
 from fmopt.task.solid_tree import build_part, build_tree
 from fmopt.task.toml.source import Place
 from tests import ROOT
+from tests.shared.same_volume import assert_same_volume
 
 MODELS = sorted((ROOT / "models").glob("*.toml"))
 HERE = Pose.identity()
@@ -110,15 +109,6 @@ def test_moving_composes_placements() -> None:
     assert isinstance(solid.solid, Box)
     np.testing.assert_array_equal(solid.pose.p, [1, 2, 0])
     assert moved(solid, HERE) is solid
-
-
-def assert_same_volume(derived: Polyhedron, body: Polyhedron, rel: float) -> None:
-    """That a tree's solid has the volume of a part; polyhedra stand for the part's balls there, which add to it."""
-    if not body.balls:
-        assert derived.volume == pytest.approx(body.volume, rel=rel)
-        return
-    balls = sum(4.0 / 3.0 * math.pi * radius**3 for _, radius in body.balls)
-    assert body.volume < derived.volume < body.volume + balls
 
 
 @pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)

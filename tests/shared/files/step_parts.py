@@ -11,7 +11,7 @@ import numpy as np
 from fmopt.geometry.csg import Hull
 from fmopt.geometry.step.step_file import inside
 from fmopt.spatial.se3 import Pose
-from tests.shared.parts.step_files import write_step
+from tests.shared.files.step_files import write_step
 
 UNITS = {"mm": (".MILLI.,.METRE.", 1.0), "m": ("$,.METRE.", 1e-3), "inch": ("", 1.0 / 25.4)}
 

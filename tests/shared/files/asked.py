@@ -12,8 +12,8 @@ import numpy as np
 
 from fmopt.geometry.polyhedron import triangulated
 from fmopt.geometry.python_objects import imported_of
-from tests.shared.parts.mesh_files import stl_text
-from tests.shared.parts.step_files import write_step
+from tests.shared.files.mesh_files import stl_text
+from tests.shared.files.step_files import write_step
 
 Outline = tuple[tuple[float, float], ...]
 FORMS = ("toml", "stl", "step")
