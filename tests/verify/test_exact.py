@@ -43,11 +43,9 @@ from fmopt.verify.arithmetic.rational import (
 from fmopt.verify.parts.assembly import Assembly, Touch
 from fmopt.verify.parts.incidence import Turn, about, cancel, image_of
 from fmopt.verify.parts.solids import Plane, Shape
-from tests.shared.parts.held import LEFT, PEG, V0, V3, V3_LEFT, A, assembly, facts, same, vertex_on
+from tests.shared.parts.held import LEFT, PEG, V0, V3, V3_LEFT, A, facts, same, vertex_on
 from tests.shared.parts.solid_bodies import shape
 from tests.shared.plans.table_plan import box_body, sealed, table_plan
-
-__all__ = ["assembly"]
 
 INTEGERS = st.integers(-(10**6), 10**6)
 DIRECTIONS = st.tuples(INTEGERS, INTEGERS, INTEGERS).filter(any)

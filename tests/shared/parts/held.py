@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
 from fmopt.verify.arithmetic.rational import Vector, fixed, vector
 from fmopt.verify.certificate.contact_implications import Facts
 from fmopt.verify.parts.assembly import Assembly, Touch
@@ -35,8 +33,7 @@ T0, T1, T3 = corner(-1, -1, 1), corner(1, -1, 1), corner(-1, 1, 1)
 RIM_LEFT = (point(-10, -10, 0), point(-10, 10, 0))
 
 
-@pytest.fixture
-def assembly() -> Assembly:
+def assembled() -> Assembly:
     made = Assembly.__new__(Assembly)
     made.moving, made.fixed = PEG, BLOCK
     made.moving_pieces, made.fixed_pieces = (PEG,), ()

@@ -1,0 +1,13 @@
+"""What tests of the check share: a peg in a pocket, of which contacts are to be held."""
+
+from __future__ import annotations
+
+import pytest
+
+from fmopt.verify.parts.assembly import Assembly
+from tests.shared.parts.held import assembled
+
+
+@pytest.fixture
+def assembly() -> Assembly:
+    return assembled()
