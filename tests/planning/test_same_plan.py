@@ -82,7 +82,7 @@ def certified(problem: Problem) -> list[float]:
 
 def test_how_the_models_are_written_does_not_matter(tmp_path: Path) -> None:
     plain = margins(tmp_path)
-    for written in ({"unit": "m"}, {"at": (100, -50, 30)}, {"turn": 90}, {"turn": 37}):
+    for written in ({"unit": "m", "at": (100, -50, 30), "turn": 90}, {"turn": 37}):
         assert margins(tmp_path, **written) == pytest.approx(plain, rel=1e-9)  # type: ignore[arg-type]
 
 

@@ -1,4 +1,4 @@
-"""Kernels: compiled as written, announced, on no clock, kept for later processes, and at work where nothing is kept."""
+"""Kernels: announced, on no clock, kept for later processes, and at work where nothing is kept."""
 
 from __future__ import annotations
 
@@ -11,9 +11,7 @@ from pathlib import Path
 import pytest
 
 from fmopt.runtime import compiled
-from tests import ROOT
 
-PROBLEM = ROOT / "problems" / "lee_huang_peg.toml"
 KERNEL = """
 from fmopt.runtime.compiled import announce, compiled, part
 
@@ -70,19 +68,3 @@ def test_the_clock_stands_still_while_something_is_compiled_and_only_then() -> N
     assert compiled.clock() - began < 0.2
     time.sleep(0.2)
     assert compiled.clock() - began >= 0.2
-
-
-def test_no_kernel_reaches_beyond_its_arrays() -> None:
-    """Compiled, kernels do not look where they read and write; as they are written, Python does."""
-    code = (
-        "import sys\nfrom fmopt.planning.pipeline import synthesise\nfrom fmopt.task.problem import load\n"
-        "print(synthesise(load(sys.argv[1])).document['sha256'])"
-    )
-    found = []
-    for written in ("0", "1"):
-        environment = {**os.environ, "NUMBA_DISABLE_JIT": written}
-        words = [sys.executable, "-c", code, str(PROBLEM)]
-        done = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=900, check=False)
-        assert done.returncode == 0, done.stderr
-        found.append(done.stdout)
-    assert found[0] == found[1]
