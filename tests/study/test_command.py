@@ -10,6 +10,7 @@ import sqlite3
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from fmopt.cli import app
 from fmopt.errors import InputError
 from fmopt.study.running.store import owned
 from tests import ROOT
+from tests.shared.commands import ended
 
 STUDY = f"""\
 title = "clearance alone"
@@ -45,14 +47,23 @@ def study(tmp_path: Path) -> Path:
     return path
 
 
-def fmopt_study(*arguments: object, code: int = 0) -> tuple[str, str]:
-    command = [sys.executable, "-m", "fmopt", "study", *(str(argument) for argument in arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode == code, done.stderr
-    return done.stdout, done.stderr
+Study = Callable[..., tuple[str, str]]
 
 
-def test_a_study_is_run_in_two_goes_and_tabulated(study: Path, tmp_path: Path) -> None:
+@pytest.fixture
+def fmopt_study(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Study:
+    """Runs the command in this process: output and errors."""
+
+    def command(*arguments: object, code: int = 0) -> tuple[str, str]:
+        monkeypatch.setattr(sys, "argv", ["fmopt", "study", *map(str, arguments)])
+        ended_with, out, err = ended(capfd)
+        assert ended_with == code, err
+        return out, err
+
+    return command
+
+
+def test_a_study_is_run_in_two_goes_and_tabulated(study: Path, tmp_path: Path, fmopt_study: Study) -> None:
     folder = tmp_path / "out"
     out, _ = fmopt_study(study, "--out", folder, "--limit", 1, "--jobs", 1)
     assert out.startswith("1 of 4 runs done; 1 now")
@@ -75,7 +86,9 @@ def test_a_study_is_run_in_two_goes_and_tabulated(study: Path, tmp_path: Path) -
         fmopt.study.frame(tmp_path)
 
 
-def test_a_dry_run_shows_the_runs_and_their_time_and_writes_nothing(study: Path, tmp_path: Path) -> None:
+def test_a_dry_run_shows_runs_and_their_time_and_writes_nothing(
+    study: Path, tmp_path: Path, fmopt_study: Study
+) -> None:
     folder = tmp_path / "out"
     out, _ = fmopt_study(study, "--out", folder, "--dry-run")
     assert "4 runs, 0 of them done" in out
@@ -85,7 +98,7 @@ def test_a_dry_run_shows_the_runs_and_their_time_and_writes_nothing(study: Path,
     assert not folder.exists()
 
 
-def test_a_dry_run_foretells_what_the_same_options_would_do(study: Path, tmp_path: Path) -> None:
+def test_a_dry_run_foretells_what_the_same_options_would_do(study: Path, tmp_path: Path, fmopt_study: Study) -> None:
     folder = tmp_path / "out"
     fmopt_study(study, "--out", folder, "--limit", 2, "--jobs", 1)
     with closing(sqlite3.connect(folder / "study.sqlite")) as store:
@@ -102,7 +115,7 @@ def test_a_dry_run_foretells_what_the_same_options_would_do(study: Path, tmp_pat
     assert foretold("--jobs", 1, "--limit", 1) == (2, 1, 3.0)
 
 
-def test_a_study_at_fault_ends_with_two(study: Path) -> None:
+def test_a_study_at_fault_ends_with_two(study: Path, fmopt_study: Study) -> None:
     study.write_text(STUDY.replace("model.fixed.width", "model.fixed.widht"))
     _, err = fmopt_study(study, code=2)
     assert err.startswith(f"{study}:12:")
@@ -112,7 +125,7 @@ def test_a_study_at_fault_ends_with_two(study: Path) -> None:
     assert "no-study" in err
 
 
-def test_the_second_at_a_folder_is_told_who_the_first_is(study: Path, tmp_path: Path) -> None:
+def test_the_second_at_a_folder_is_told_who_the_first_is(study: Path, tmp_path: Path, fmopt_study: Study) -> None:
     folder = tmp_path / "out"
     folder.mkdir()
     with owned(folder):
