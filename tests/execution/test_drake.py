@@ -59,6 +59,7 @@ def test_a_trial_is_its_seed_and_number_in_every_company(square_peg_plan: Plan, 
     assert json.dumps(alone) == json.dumps(records[2])
 
 
+@pytest.mark.slow
 def test_an_interference_of_10_micrometres_keeps_the_part_out(square_peg_plan: Plan) -> None:
     growth = square_peg_plan["parts"]["moving"]["measured_clearance"] + 1e-5
     [record] = run(parsed(square_peg_plan), Trials(1, growth=growth, recovery=False, engine="drake"), [0])
@@ -173,6 +174,7 @@ def test_the_command_names_the_missing_extra_in_one_line(
     assert not (tmp_path / "new").exists()
 
 
+@pytest.mark.slow
 def test_from_python_each_engine_has_its_own_folder(
     square_peg_plan_file: Path, records: list[Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -253,6 +253,7 @@ def test_no_files_import_each_other() -> None:
     assert ways == {}
 
 
+@pytest.mark.slow
 def test_a_plan_is_made_in_few_files(tmp_path: Path) -> None:
     entered = ran("problems/square_peg.toml", tmp_path / "out")
     assert {

@@ -10,6 +10,8 @@ import sys
 import zipfile
 from pathlib import Path
 
+import pytest
+
 import fmopt
 from fmopt.manual import PAGES
 from tests import ROOT
@@ -17,6 +19,7 @@ from tests import ROOT
 MOST_PARAMETERS = 6
 
 
+@pytest.mark.slow
 def test_the_wheel_works_from_an_empty_folder_and_no_kernel_reaches_beyond_its_arrays(tmp_path: Path) -> None:
     """Compiled, kernels do not look where they read and write; as they are written, and run here, Python does."""
     from hatchling.builders.sdist import SdistBuilder

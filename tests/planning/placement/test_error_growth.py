@@ -36,6 +36,7 @@ def disturbed(motion: CertifiedMotion, seed: int) -> tuple[Move, ...]:
     return in_a_row(moves, moves[0].start, (*goals, moves[-1].goal))
 
 
+@pytest.mark.slow
 def test_a_motion_comes_back_from_poses_that_are_disturbed(solved: tuple[fmopt.Problem, CertifiedMotion]) -> None:
     problem, motion = solved
     posed, moves = Posed.of(problem), disturbed(motion, 1)
