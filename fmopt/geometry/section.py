@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 
 
 _ON_PLANE = 1e-12  # m
+_GAP = 1e-11  # m: as wide may a crack be
+_CRACK = 1e-9  # m: what an outline is shorter by where there is a crack less
 _QUARTER = 128  # sides of the polygon that stands for a quarter of a ball's section
 
 LARGEST = 4.0  # m: what the check of a plan takes
@@ -57,7 +59,7 @@ def section(bodies: Sequence[Polyhedron], frame: Pose) -> MultiPolygon:
 
 def section_limit(bodies: Sequence[Polyhedron], frame: Pose, side: Literal[-1, 1]) -> MultiPolygon:
     """The limit of the sections of a union of convex bodies when the plane comes from above (1) or below (−1)."""
-    from shapely import MultiPoint, Point, unary_union
+    from shapely import MultiPoint, Point, union_all
 
     to_frame = exact_pose(frame).inverse()
     parts = []
@@ -72,7 +74,15 @@ def section_limit(bodies: Sequence[Polyhedron], frame: Pose, side: Literal[-1, 1
             outline = MultiPoint(_crossings(body, points)).convex_hull
             if outline.geom_type == "Polygon":
                 parts.append(outline)
-    return _polygons(unary_union(parts).simplify(0.0))
+    return _polygons(sealed(union_all(parts)).simplify(0.0))
+
+
+def sealed(shape: BaseGeometry) -> BaseGeometry:
+    """A plane shape without the cracks and skins that rounding leaves where polygons share a side."""
+    from shapely import set_precision, union_all
+
+    closed = set_precision(union_all([shape], grid_size=_GAP), _GAP)
+    return closed if closed.length < shape.length - _CRACK else shape
 
 
 def _crossings(body: Polyhedron, points: Array) -> Array:

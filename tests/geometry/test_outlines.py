@@ -137,14 +137,6 @@ def test_every_family_is_read_as_it_was_drawn(family: str, tmp_path: Path) -> No
     assert problem.hole.through == pair.through
 
 
-@pytest.mark.parametrize("family", ["L", "T", "plus", "hollow", "capped", "rectangle", "7-gon"])
-def test_a_mesh_is_read_as_the_same(family: str, tmp_path: Path) -> None:
-    pair = families.pair(family, 0)
-    problem = load(families.write_stl(pair, tmp_path))
-    assert measured_clearance(problem).per_side == pytest.approx(1e-3 * pair.clearance, abs=1e-6)
-    assert -problem.goal[2] == pytest.approx(1e-3 * pair.depth, abs=1e-6)
-
-
 def test_a_stated_frame_off_the_line_is_refused_with_both_places(tmp_path: Path) -> None:
     pair = families.pair("L", 0)
     path = families.write_toml(pair, tmp_path)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.facets import Loop, place
@@ -68,10 +69,10 @@ def aligned(normals: Array, areas: Array, slack: Array) -> tuple[Array, Array]:
     whole = _families(np.arctan2(inside[sides, 1], inside[sides, 0]), areas[sides], slack[sides])
     for k, angle in zip(sides.tolist(), whole.tolist(), strict=True):
         inside[k] = _direction(angle)
-    for k in np.flatnonzero(~square).tolist():
-        inside[k] = (
-            (0.0, 0.0, math.copysign(1.0, inside[k, 2])) if parallel[k] else _leaning(inside[k], float(slack[k]))
-        )
+    for k in np.flatnonzero(parallel).tolist():
+        inside[k] = (0.0, 0.0, math.copysign(1.0, inside[k, 2]))
+    leaning = np.flatnonzero(~square & ~parallel)
+    inside[leaning] = _leaning(inside[leaning], areas[leaning], slack[leaning], whole)
     return turn, inside
 
 
@@ -169,18 +170,43 @@ def _about_z(angle: float) -> Array:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def _leaning(normal: Array, slack: float) -> Array:
-    """A normal that is neither along z nor across it: its turn about z and its slope where these are whole parts."""
-    around = math.atan2(normal[1], normal[0])
-    slope = _whole_part(math.atan2(normal[2], math.hypot(normal[0], normal[1])), slack)
-    x, y, _ = _direction(_whole_part(around, slack / max(math.hypot(normal[0], normal[1]), 0.05)))
-    return np.array([math.cos(slope) * x, math.cos(slope) * y, math.sin(slope)])
+def _leaning(normals: Array, areas: Array, slack: Array, sides: Array) -> Array:
+    """Normals (k, 3) neither along z nor across it, with turns about z and slopes in common where they are so.
+
+    Args:
+        normals: (k, 3).
+        areas: (k,), m².
+        slack: (k,), rad.
+        sides: angles about z of faces that are along it, rad.
+    """
+    level = np.hypot(normals[:, 0], normals[:, 1])
+    around = _shared(np.arctan2(normals[:, 1], normals[:, 0]), areas, slack / np.maximum(level, 0.05), sides)
+    rise = np.arctan2(np.abs(normals[:, 2]), level)
+    slope = np.copysign(_shared(rise, areas, slack, np.zeros(0)), normals[:, 2])
+    flat = np.array([_direction(angle) for angle in around.tolist()]).reshape(-1, 3)
+    return np.cos(slope)[:, None] * flat + np.outer(np.sin(slope), (0.0, 0.0, 1.0))
+
+
+def _shared(angle: Array, areas: Array, slack: Array, known: Array) -> Array:
+    """Angles (k,), rad: whole parts of a turn, or half-turns from known ones or from their like, but for the slack."""
+    made = np.empty_like(angle)
+    levels = known.tolist()
+    for k in np.argsort(-areas, kind="stable").tolist():
+        own = _whole_part(float(angle[k]), float(slack[k]))
+        if own == angle[k]:
+            off = [(abs(math.remainder(own - level, math.pi)), level) for level in levels]
+            near, level = min(off, default=(math.inf, 0.0))
+            own = level + math.pi * round((own - level) / math.pi) if near <= slack[k] else own
+            levels.append(own)
+        made[k] = own
+    return made
 
 
 def corners_of(points: Array, faces: Sequence[Sequence[Loop]], planes: Planes, off: float) -> Array:
     """The points (n, 3) with the corners of the faces moved into all of their planes.
 
-    Where more than three planes meet, offsets give way, and normals that are neither along z nor across it.
+    Where more than three planes meet, offsets give way; where that is not enough, normals that are neither along z nor
+    across it as well.
 
     Raises:
         GeometryError: there is no such place near a corner; names it.
@@ -214,9 +240,16 @@ def corners_of(points: Array, faces: Sequence[Sequence[Loop]], planes: Planes, o
 def _agreed(points: Array, around: dict[int, list[int]], planes: Planes) -> Planes:
     """Normals and offsets of planes (k,) that meet in corners, changed by as little as does it, by Newton's method.
 
-    Unknown are corners, offsets, and normals that are neither along z nor across it; the step is the shortest one that
-    solves the linear equations n·v = o.
+    Unknown are corners and offsets, and where these alone do not do it, normals that are neither along z nor across it;
+    the step is the shortest one that solves the linear equations n·v = o.
     """
+    leaning = (planes[0][:, 2] != 0.0) & (np.abs(planes[0][:, 2]) != 1.0)
+    (normals, offsets), off = _met(points, around, planes, np.zeros_like(leaning))
+    return (normals, offsets) if off <= 0.1 * EXACT else _met(points, around, planes, leaning)[0]
+
+
+def _met(points: Array, around: dict[int, list[int]], planes: Planes, free: NDArray[np.bool_]) -> tuple[Planes, float]:
+    """As `_agreed`, with the normals free that are said to be (k,); and how far corners are off their planes, m."""
     from scipy.sparse import coo_array, diags_array, eye_array
     from scipy.sparse.linalg import splu
 
@@ -224,14 +257,15 @@ def _agreed(points: Array, around: dict[int, list[int]], planes: Planes) -> Plan
     vertices = np.array(sorted(around))
     at, face = np.array([(i, f) for i, v in enumerate(vertices.tolist()) for f in around[v]]).T
     row = np.arange(len(at))
-    moved, free = points[vertices], (normals[:, 2] != 0.0) & (np.abs(normals[:, 2]) != 1.0)
+    moved = points[vertices]
     size = float(np.linalg.norm(np.ptp(moved, axis=0)))
     first = 3 * len(vertices)
     weights = np.concatenate([np.ones(first), np.full(len(offsets), 0.1), np.repeat(0.1 / size**2 * free, 3)])
     weigh = diags_array(weights)
     for _ in range(_ROUNDS):
         missed = np.einsum("ij,ij->i", normals[face], moved[at]) - offsets[face]
-        if np.abs(missed).max() <= 0.1 * EXACT:
+        off = float(np.abs(missed).max())
+        if off <= 0.1 * EXACT:
             break
         columns = [
             *(3 * at + k for k in range(3)),
@@ -250,4 +284,4 @@ def _agreed(points: Array, around: dict[int, list[int]], planes: Planes) -> Plan
         length = np.linalg.norm(normals[free], axis=1)
         normals[free] /= length[:, None]
         offsets[free] /= length
-    return normals, offsets
+    return (normals, offsets), off

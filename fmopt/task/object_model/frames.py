@@ -24,7 +24,7 @@ from fmopt.errors import TaskError
 from fmopt.geometry.convex_pieces import polyhedron
 from fmopt.geometry.csg import Difference, Placed, Primitive, Solid, Union, convex_polyhedron
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.geometry.section import section_limit
+from fmopt.geometry.section import sealed, section_limit
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, remembered
 from fmopt.task.object_model.chain import moved
@@ -328,7 +328,7 @@ def across(solid: Solid, pose: Pose | None = None) -> Cutter:
             return _united([across(part, pose) for part in parts])
         case Difference(base, tools):
             whole, cut = across(base, pose), _united([across(tool, pose) for tool in tools])
-            return lambda height: whole(height).difference(cut(height))
+            return lambda height: sealed(whole(height).difference(cut(height)))
         case _:
             hull = convex_polyhedron(solid, pose)
             return lambda height: section_limit([hull], Pose(np.array([0.0, 0.0, height]), np.eye(3)), 1)
@@ -339,6 +339,6 @@ def _united(cutters: list[Cutter]) -> Cutter:
         first, *others = (cutter(height) for cutter in cutters)
         for other in others:
             first = first.union(other)
-        return first
+        return sealed(first) if others else first
 
     return union

@@ -1,4 +1,4 @@
-"""Pairs of parts to be planned for, family by family from a seed: as values, as TOML problems, as binary STL.
+"""Pairs of parts to be planned for, family by family from a seed: as values, in TOML, as binary STL, as STEP.
 
 A part is a stack of outlines. Lengths are in mm and angles in degrees, as they are written. Outlines are
 counter-clockwise about the axis, the peg's leading end is at z = 0 and the peg goes up from there; the hole's mouth is
@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -260,6 +260,25 @@ def write_stl(pair: Pair, folder: Path, error: tuple[float, float] | None = None
     return _write_problem(pair, folder, error or pair.error, time_limit)
 
 
+def write_step(pair: Pair, folder: Path, error: tuple[float, float] | None = None, time_limit: float = 60.0) -> Path:
+    """The same with each part as a STEP file of plane faces and a model file that names it."""
+    from step_parts import box, cut, write
+
+    from fmopt.spatial.se3 import Pose, exp
+
+    x, y, z = pair.block
+    peg, block = _brep(pair.peg), box(x, y, z, (0.0, 0.0, -z))
+    if pair.bore:
+        peg = cut(peg, _brep(_proud(pair.bore, low=True)))
+    block = cut(block, _brep(_proud(pair.hole, low=pair.through, high=True)))
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, shape, placing in zip(("peg", "block"), (peg, block), pair.placings, strict=True):
+        turn = exp(np.array([0.0, 0.0, math.radians(placing.turn)]))
+        write(folder / f"{name}.step", shape, pose=Pose(np.array(placing.shift), turn))
+        (folder / f"{name}.toml").write_text(f'name = "{name}"\n\n{_UNITS}\n[mesh]\nfile = "{name}.step"\n')
+    return _write_problem(pair, folder, error or pair.error, time_limit)
+
+
 def meshes(pair: Pair) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
     """Points (n, 3) in mm and outward triangles (m, 3) of the part with the peg and of that with the hole."""
     from manifold3d import Manifold
@@ -304,6 +323,40 @@ def _loft(low: Section, high: Section) -> Manifold:
     walls = [t for k in range(n) for t in ((k, (k + 1) % n, n + (k + 1) % n), (k, n + (k + 1) % n, n + k))]
     triangles = np.vstack([cap[:, ::-1], np.array(walls), cap + n])
     return Manifold(Mesh64(vert_properties=points, tri_verts=triangles.astype(np.uint64)))
+
+
+def _brep(stack: Stack) -> Any:
+    """The solid of a stack as the CAD kernel has it: plane faces over the corners of its sections."""
+    from step_parts import fuse
+
+    bodies = [_plane_faced(low, high) for low, high in _lofts(stack)]
+    return fuse(*bodies) if len(bodies) > 1 else bodies[0]
+
+
+def _plane_faced(low: Section, high: Section) -> Any:
+    from OCP.BRepBuilderAPI import (
+        BRepBuilderAPI_MakeFace,
+        BRepBuilderAPI_MakePolygon,
+        BRepBuilderAPI_MakeSolid,
+        BRepBuilderAPI_Sewing,
+    )
+    from OCP.BRepLib import BRepLib
+    from OCP.gp import gp_Pnt
+    from OCP.TopoDS import TopoDS
+
+    below, above = ([(*corner, one.at) for corner in one.outline] for one in (low, high))
+    sides = list(zip(below, below[1:] + below[:1], above[1:] + above[:1], above, strict=True))
+    sewing = BRepBuilderAPI_Sewing()
+    for corners in (below[::-1], above, *sides):
+        polygon = BRepBuilderAPI_MakePolygon()
+        for corner in corners:
+            polygon.Add(gp_Pnt(*corner))
+        polygon.Close()
+        sewing.Add(BRepBuilderAPI_MakeFace(polygon.Wire(), True).Face())
+    sewing.Perform()
+    made = BRepBuilderAPI_MakeSolid(TopoDS.Shell(sewing.SewedShape())).Solid()
+    BRepLib.OrientClosedSolid_s(made)
+    return made
 
 
 def _lofts(stack: Stack) -> list[tuple[Section, Section]]:

@@ -1,0 +1,74 @@
+"""The same two parts in TOML, as binary STL and as STEP, read as the same.
+
+`python tests/forms.py 0 1 2` reads all families from these seeds in all forms, and says what is not the same.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+import families
+import numpy as np
+
+from fmopt.errors import FmoptError
+from fmopt.task.problem import Problem, load
+from fmopt.task.sizes import measured_clearance
+
+WRITERS = {"toml": families.write_toml, "stl": families.write_stl, "step": families.write_step}
+_CLOSE = 1e-6  # m
+
+
+def read(pair: families.Pair, form: str, folder: Path) -> Problem:
+    """The problem of a pair, read from files of one form."""
+    return load(WRITERS[form](pair, folder / form))
+
+
+def differences(pair: families.Pair, problems: Mapping[str, Problem]) -> list[str]:
+    """What differs from the pair as it was drawn, and between two forms of it, frames up to the symmetry of the part.
+
+    Where both parts lie alike in their mating frames, the frames are one or differ by a symmetry.
+    """
+    found = []
+    first = next(iter(problems.values()))
+    for form, problem in problems.items():
+        clearance = measured_clearance(problem).per_side
+        if not abs(clearance - 1e-3 * pair.clearance) < _CLOSE:
+            found.append(f"{form}: clearance {1e6 * clearance:.2f} µm, not {1e3 * pair.clearance:.2f}")
+        if not abs(-problem.goal[2] - 1e-3 * pair.depth) < _CLOSE:
+            found.append(f"{form}: depth {-1e3 * problem.goal[2]:.4f} mm, not {pair.depth}")
+        for side in ("moving", "fixed"):
+            one, other = getattr(first, side), getattr(problem, side)
+            a, b = one.polyhedron.vertices, other.polyhedron.vertices
+            apart = np.linalg.norm(a[:, None] - b, axis=2)
+            if max(apart.min(axis=0).max(), apart.min(axis=1).max()) > _CLOSE:
+                found.append(f"{form}: the {side} part lies elsewhere in its mating frame")
+            names = getattr(first, f"{side}_feature"), getattr(problem, f"{side}_feature")
+            if names[0] != names[1]:
+                found.append(f"{form}: the {side} part mates with {names[1]}, not {names[0]}")
+    return found
+
+
+def main(seeds: list[int]) -> int:
+    """How many pairs are not read alike."""
+    missed = 0
+    for seed in seeds:
+        for pair in families.pairs(seed):
+            problems, faults = {}, []
+            with tempfile.TemporaryDirectory() as folder:
+                for form in WRITERS:
+                    try:
+                        problems[form] = read(pair, form, Path(folder))
+                    except FmoptError as error:
+                        faults.append(f"{form}: {error}")
+            faults += differences(pair, problems) if problems else []
+            missed += bool(faults)
+            print(pair.name, "; ".join(faults) or "alike", flush=True)
+    print(f"{missed} of {len(seeds) * len(families.FAMILIES)} pairs are not read alike")
+    return missed
+
+
+if __name__ == "__main__":
+    sys.exit(main([int(seed) for seed in sys.argv[1:]] or [0]) > 0)

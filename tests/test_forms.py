@@ -1,0 +1,63 @@
+"""Two parts are read as the same whether they come as TOML, as meshes, or as STEP; all families: `forms.py`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import families
+import numpy as np
+import pytest
+from forms import differences, read
+
+from fmopt.geometry.convex_pieces import pieces
+from fmopt.geometry.mesh.mesh_import import come_apart, mesh_polyhedron
+from fmopt.geometry.section import sealed
+
+MESHES = [("keyed", 0), ("keyed", 1), ("chamfered", 0), ("tapered", 1), ("stepped", 2), ("U", 1), ("star", 2)]
+STEPS = [("keyed", 2), ("tapered", 0), ("hollow", 1)]
+
+
+@pytest.mark.parametrize(("family", "seed"), MESHES)
+def test_a_mesh_is_read_as_the_model_it_is_of(family: str, seed: int, tmp_path: Path) -> None:
+    pair = families.pair(family, seed)
+    assert differences(pair, {form: read(pair, form, tmp_path) for form in ("toml", "stl")}) == []
+
+
+@pytest.mark.parametrize(("family", "seed"), STEPS)
+def test_a_step_file_is_read_as_the_model_it_is_of(family: str, seed: int, tmp_path: Path) -> None:
+    pair = families.pair(family, seed)
+    assert differences(pair, {form: read(pair, form, tmp_path) for form in ("toml", "step")}) == []
+
+
+def test_another_pair_is_told_apart(tmp_path: Path) -> None:
+    pair, other = families.pair("keyed", 0), families.pair("keyed", 1)
+    found = differences(pair, {"toml": read(pair, "toml", tmp_path), "stl": read(other, "stl", tmp_path)})
+    assert [text.split(":")[0] for text in found] == ["stl"] * 4
+
+
+@pytest.mark.parametrize("family", ["chamfered", "tapered"])
+def test_slanted_faces_of_a_mesh_that_are_nearly_parallel_are_so(family: str) -> None:
+    """Single precision turns each by itself, and cuts along faces that are nearly parallel come to no good end."""
+    for seed in range(4):
+        points, triangles = families.meshes(families.pair(family, seed))[0]
+        single = 1e-3 * points.astype(np.float32).astype(np.float64)
+        mesh = mesh_polyhedron(single, triangles, 2e-9)
+        between = np.linalg.norm(np.cross(mesh.body.normals[:, None], mesh.body.normals), axis=2)
+        assert not np.any((between > 1e-12) & (between < 1e-5))
+        solid, body = come_apart(mesh)
+        assert sum(piece.volume for piece in pieces(solid)) > body.volume * (1.0 - 1e-6)
+
+
+def test_cracks_and_skins_of_rounding_are_no_part_of_a_section() -> None:
+    from shapely import Polygon, box, union_all
+
+    left = box(0.0, 0.0, 0.01, 0.02)
+    right = Polygon([(0.01 + 1e-15, 0.005), (0.02, 0.005), (0.02, 0.01), (0.01 + 3e-12, 0.01)])
+    apart = union_all([left, right])
+    assert len(getattr(apart, "geoms", [apart])) == 2
+    whole = sealed(apart)
+    assert whole.geom_type == "Polygon"
+    assert whole.area == pytest.approx(left.area + right.area, rel=1e-9)
+    skin = union_all([left, box(0.01, 0.005, 0.02, 0.005 + 1e-12)])
+    assert sealed(skin).bounds == pytest.approx(left.bounds, abs=1e-11)
+    assert sealed(left) is left
