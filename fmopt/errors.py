@@ -95,13 +95,15 @@ class InterferenceError(FmoptError):
 
 
 class InfeasibleError(FmoptError):
-    """A state, placement or sequence that was shown not to exist; `shortfall` in metres.
+    """A state, placement or sequence on the way that does not exist; `shortfall` in metres.
+
+    That no other way leads to the goal is not proven, as it is where parts overlap, `InterferenceError`.
 
     `attempt` is how far a motion came, `fmopt.planning.motion.Attempt`, where one was looked for, and `failure` what
     there is to say of it, `fmopt.report.attempt.Failure`, where that was worked out.
     """
 
-    exit_code = 1
+    exit_code = 3
     attempt: Any = None
     failure: Any = None
 

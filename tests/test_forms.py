@@ -10,7 +10,8 @@ import pytest
 from forms import differences, read
 
 from fmopt.geometry.convex_pieces import pieces
-from fmopt.geometry.mesh.mesh_import import come_apart, mesh_polyhedron
+from fmopt.geometry.mesh.mesh_import import mesh_polyhedron
+from fmopt.geometry.mesh.mesh_solid import come_apart
 from fmopt.geometry.section import sealed
 
 MESHES = [("keyed", 0), ("keyed", 1), ("chamfered", 0), ("tapered", 1), ("stepped", 2), ("U", 1), ("star", 2)]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fmopt.cli.entry import EXIT, Json, Quiet, app, say
-from fmopt.errors import Fault, InfeasibleError, InputError, PlanFormatError, ResourceError, SearchError
+from fmopt.errors import Fault, FmoptError, InfeasibleError, InputError, PlanFormatError, ResourceError, SearchError
 from fmopt.plan import STDIO, Plan
 
 if TYPE_CHECKING:
@@ -77,13 +77,17 @@ def solve(
         begun = clock()
         try:
             result = synthesise(problem, stages, RESERVED)
-        except (SearchError, InfeasibleError) as error:
-            from fmopt.notebook.failure import explained, write
+        except FmoptError as error:
+            kept = output.set_aside(folder, ("plan.json", "timings.json", "report.html"))
+            lines = [f"the {path.name.removeprefix('earlier-')} of an earlier run is now {path}" for path in kept]
+            if isinstance(error, SearchError | InfeasibleError):
+                from fmopt.notebook.failure import explained, write
 
-            written = write(explained(problem, error, begun, stages), folder)
-            if not (quiet or as_json):
-                say("\n".join(f"wrote {path}" for path in written))
+                lines += [f"wrote {path}" for path in write(explained(problem, error, begun, stages), folder)]
+            if lines and not (quiet or as_json):
+                say("\n".join(lines))
             raise
+    output.set_aside(folder, ("attempt.html",) if report else ("attempt.html", "report.html"))
     plan.write(result.document, folder / "plan.json")
     timings = json.dumps(result.seconds, indent=1) + "\n"
     output.save(timings.encode(), folder / "timings.json")

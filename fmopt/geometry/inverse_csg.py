@@ -159,7 +159,7 @@ def _convex_parts(shape: Manifold, known: Array, tol: float, patience: int) -> l
         return [convex_hull_polyhedron(body.vertices[_solid_corners(body)])]
     if patience == 0:
         raise GeometryError(
-            f"the mesh does not come apart into convex bodies in {_CUTS} cuts",
+            f"it does not come apart into convex bodies in {_CUTS} cuts",
             "model it as a CSG solid (Union, Difference): its half-space pieces are exact",
         )
     parts = [part for half in _halves(shape, body, plane) for part in half.decompose() if _thickness(part) > tol]

@@ -24,7 +24,8 @@ from fmopt.geometry.csg import Hull, Solid, Union, exact_pose, sagitta
 from fmopt.geometry.exact_coordinates import Exact, exact_vertices, facing_directions
 from fmopt.geometry.facets import place
 from fmopt.geometry.mating_features import Feature, found_features, in_frame
-from fmopt.geometry.mesh.mesh_import import Imported, come_apart
+from fmopt.geometry.mesh.mesh_import import Imported
+from fmopt.geometry.mesh.mesh_solid import come_apart
 from fmopt.geometry.polyhedron import Polyhedron, from_faces, levelled, placed, rounded, scaled, with_vertices
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value, frozen
@@ -119,7 +120,7 @@ def with_balls(part: Part, balls: Sequence[tuple[ArrayLike, float]]) -> Part:
 def mesh_part(
     name: str, mesh: Imported, features: Sequence[Feature] | None = None, chord_error: float | None = None
 ) -> Part:
-    """The part of an imported mesh; it gets exact convex pieces by way of `mesh_import.come_apart`.
+    """The part of an imported mesh; it gets exact convex pieces by way of `mesh_solid.come_apart`.
 
     >>> from fmopt.geometry import csg, convex_pieces as pieces, polyhedron
     >>> from fmopt.geometry.mesh import mesh_import as mesh
@@ -142,8 +143,8 @@ def mesh_part(
     part = Part(name, body, pieces(solid), tuple(features or ()), 0.0, (), mesh.off, mesh.where)
     volume = union_manifold(part.pieces).volume()
     if abs(volume - body.volume) > _MESH_VOLUME * body.volume:
-        raise GeometryError(
-            f"mesh {name!r} has {body.volume:.6g} m³, its convex pieces {volume:.6g} m³",
+        raise mesh.fault(
+            f"{mesh.kind} {name!r} has {body.volume:.6g} m³, its convex pieces {volume:.6g} m³",
             "give one connected solid, or model it as a CSG solid",
         )
     known = found_features(part.polyhedron, part.pieces) if features is None else tuple(features)
@@ -166,8 +167,8 @@ def _require_intact(name: str, mesh: Imported, feature: Feature) -> None:
             continue
         depth = float(np.min(sign * feature.frame.inverse().apply(gap.corners)[:, 2]))
         if depth < (1.0 - _FAR_END) * feature.length:
-            raise GeometryError(
-                f"mesh {name!r} is open beside triangle {gap.beside}, at {place(gap.corners[0])}, which is "
+            raise mesh.fault(
+                f"{mesh.kind} {name!r} is open beside triangle {gap.beside}, at {place(gap.corners[0])}, which is "
                 f"{1e3 * depth + 0.0:.4g} mm along feature {feature.name!r} of {1e3 * feature.length:.4g} mm: its "
                 "mating faces are not all there",
                 "close the mesh in the program that made it; a gap may be left open at a feature's far end only",

@@ -206,7 +206,7 @@ def _of_outline(outline: Any, height: Any, factor: float) -> Imported:
     floor = [loop[::-1] for loop in lower]
     roof = [tuple(index + count for index in loop) for loop in lower]
     body = from_faces(points, [floor, roof, *([side] for side in sides)])
-    return Imported(body, chord_error(body))
+    return Imported(body, chord_error(body), kind="solid")
 
 
 def _loops(outline: Any) -> Sequence[Any]:

@@ -10,7 +10,7 @@ import itertools
 import os
 import shutil
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -65,6 +65,27 @@ def save(content: bytes, path: Path) -> None:
         raise _refused(path, error) from error
     finally:
         _forget(partial)
+
+
+def set_aside(folder: Path, names: Sequence[str]) -> list[Path]:
+    """Renames files of an earlier run, so that nobody takes them for what this one found; where they are now.
+
+    Args:
+        folder: where they are.
+        names: of files, of which those that are there become `earlier-` and their name.
+
+    Raises:
+        ResourceError: one cannot be renamed.
+    """
+    found = []
+    for path in (folder / name for name in names):
+        if path.is_file():
+            found.append(path.with_name(f"earlier-{path.name}"))
+            try:
+                path.replace(found[-1])
+            except OSError as error:
+                raise _refused(path, error) from error
+    return found
 
 
 @contextmanager

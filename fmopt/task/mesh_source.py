@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,7 +19,6 @@ MAX_MESH_BYTES = 100_000_000
 STEP = (".step", ".stp")
 OWN_UNIT = (*STEP, ".3mf", ".glb")  # files that say the unit of their numbers
 MESHES = (".stl", ".obj", ".ply", *OWN_UNIT)
-_OF_MESHES = re.compile(r"\b(mesh|facets?|triangles?|CSG|digits|tolerance)\b")
 
 
 def is_step(mesh: Mesh) -> bool:
@@ -92,16 +90,6 @@ def imported(source: Source, mesh: Mesh) -> Imported:
         raise InputError(implausible(source, key, mesh.unit, error)) from error
     except GeometryError as error:
         raise InputError(place.fault("geometry", error.message, error.advice)) from error
-
-
-def geometry_fault(source: Source, mesh: Mesh, error: GeometryError) -> Fault:
-    """What is wrong with the file that a model names; of a STEP file in words of its solid."""
-    message, advice = error.message, error.advice
-    if is_step(mesh):
-        message = message.replace("the mesh", "the solid").replace("mesh '", "solid '")
-        if _OF_MESHES.search(advice):
-            advice = "leave out what does not mate, or mend the faces there, where the solid was made"
-    return source.place(("mesh", "file")).fault("geometry", message, advice)
 
 
 def _path(source: Source, mesh: Mesh) -> Path:

@@ -12,7 +12,7 @@ import numpy as np
 from fmopt.errors import Fault, GeometryError, InputError, TaskError
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
-from fmopt.task.mesh_source import deviation, geometry_fault, imported
+from fmopt.task.mesh_source import deviation, imported, is_step
 from fmopt.task.toml import model_file as files
 from fmopt.task.toml.source import Key, Place, Source
 from fmopt.task.toml.units import did_you_mean
@@ -120,7 +120,7 @@ def build_part(source: Source, file: files.ModelFile) -> Part:
     from fmopt.geometry.part import mesh_part, part_of, with_balls
 
     features = [_feature(name, feature) for name, feature in file.features.items()]
-    kind = "part" if file.mesh is None else "mesh"
+    kind = "part" if file.mesh is None else "STEP file" if is_step(file.mesh) else "mesh"
     notes = tuple(_found(_feature(name, file.features[name]), kind) for name in unstated(source, file))
     if file.mesh is not None:
         mesh = imported(source, file.mesh)
@@ -128,7 +128,8 @@ def build_part(source: Source, file: files.ModelFile) -> Part:
             part = mesh_part(file.name, mesh, features, deviation(file.mesh))
             return replace(part, notes=(*part.notes, *notes))
         except GeometryError as error:
-            raise InputError(geometry_fault(source, file.mesh, error)) from error
+            place = source.place(("mesh", "file"))
+            raise InputError(place.fault("geometry", error.message, error.advice)) from error
     if file.profile is not None:
         try:
             return part_of(file.name, _extruded(file, file.profile), features)
@@ -167,7 +168,7 @@ def build_tree(source: Source, file: files.ModelFile) -> ObjectTree:
     """
     from fmopt.geometry.convex_pieces import polyhedron
     from fmopt.geometry.inverse_csg import MESH_NOISE, solid_of
-    from fmopt.geometry.mesh.mesh_import import come_apart
+    from fmopt.geometry.mesh.mesh_solid import come_apart
     from fmopt.task.object_model.chain import chain_of, chain_solid
     from fmopt.task.object_model.classify import Claim, is_made, object_tree
     from fmopt.task.object_model.frames import checked
@@ -337,7 +338,8 @@ def bare_part(source: Source, file: files.ModelFile) -> Part:
         return replace(part, features=found_features(part.polyhedron, part.pieces))
     except GeometryError as error:
         if file.mesh is not None:
-            raise InputError(geometry_fault(source, file.mesh, error)) from error
+            place = source.place(("mesh", "file"))
+            raise InputError(place.fault("geometry", error.message, error.advice)) from error
         place = source.place(("solids", file.part or ""), of_key=True)
         raise InputError(place.fault("geometry", error.message, error.advice)) from error
 

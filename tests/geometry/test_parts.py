@@ -221,6 +221,8 @@ def test_a_loose_island_is_refused() -> None:
     closed = Union((floating, Placed(Box((0.06, 0.06, 0.005)), at(z=0.048))))
     with pytest.raises(GeometryError, match=r"mesh 'closed' has .* its convex pieces"):
         mesh_part("closed", Imported(polyhedron(closed), 0.0))
+    with pytest.raises(GeometryError, match=r"solid 'closed' has .*; leave out what does not mate, or mend the faces"):
+        mesh_part("closed", Imported(polyhedron(closed), 0.0, kind="solid"))
 
 
 def test_rims_subdivided_on_one_side_are_sewn(tmp_path: Path) -> None:

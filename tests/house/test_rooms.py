@@ -23,7 +23,6 @@ LONGER = {
     "contact/polytope.py": 420,
     "geometry/mating_features.py": 410,
     "geometry/mesh/mesh_file.py": 414,
-    "geometry/mesh/mesh_import.py": 411,
     "geometry/outline_solids.py": 482,
     "notebook/plan.py": 412,
     "planning/motion.py": 466,

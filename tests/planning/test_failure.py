@@ -12,7 +12,7 @@ import pytest
 
 import fmopt
 from fmopt.cli.entry import command
-from fmopt.errors import InterferenceError, SearchError
+from fmopt.errors import InfeasibleError, InterferenceError, SearchError
 from fmopt.notebook.problem import Problem
 from fmopt.planning.motion import Posed
 from fmopt.report.attempt import Failure
@@ -90,6 +90,8 @@ def test_more_time_is_advised_where_time_was_short_and_helps() -> None:
 def test_the_command_writes_page_and_figure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:  # type: ignore[no-untyped-def]
     task = prism(tmp_path, rectangle(25, 2.5), rectangle(25.1, 2.6), limit=4)
     out = tmp_path / "out"
+    out.mkdir()
+    (out / "plan.json").write_text("of an earlier run")
     monkeypatch.setattr("sys.argv", ["fmopt", "solve", str(task), "--out", str(out), "--json"])
     assert command() == 3
     said = json.loads(capsys.readouterr().out)
@@ -102,6 +104,11 @@ def test_the_command_writes_page_and_figure(tmp_path: Path, monkeypatch: pytest.
         assert (out / "figures" / "attempt.svg").is_file()
         assert (out / "figures" / "attempt.png").is_file()
     assert not (out / "plan.json").exists()
+    assert (out / "earlier-plan.json").read_text() == "of an earlier run"
+
+
+def test_only_parts_that_interfere_prove_that_there_is_no_motion() -> None:
+    assert (InterferenceError.exit_code, InfeasibleError.exit_code, SearchError.exit_code) == (1, 3, 3)
 
 
 @pytest.mark.parametrize("n", [4, 5, 8, 24])

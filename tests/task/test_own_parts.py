@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -12,15 +11,11 @@ import numpy as np
 import pytest
 
 import fmopt
-from fmopt.errors import GeometryError
 from fmopt.geometry.csg import Box, Cylinder, Difference, Placed
 from fmopt.report.sections import asked
 from fmopt.task.explain import explain, facts
-from fmopt.task.mesh_source import geometry_fault
 from fmopt.task.problem import load
 from fmopt.task.sizes import measured_clearance
-from fmopt.task.toml.model_file import Mesh
-from fmopt.task.toml.source import read
 from tests.shared.files.mesh_files import at, plate, rounded, stl_text, triangles_of, write_stl
 from tests.shared.files.own import MODEL, PROBLEM
 from tests.shared.files.step_files import write_step
@@ -67,7 +62,7 @@ def test_a_foreign_mesh_and_a_step_file_become_a_certified_plan(folder: Path) ->
     problem = fmopt.load(folder / "problem.toml")
     said = problem.explain()
     assert "found: [features.peg] of the mesh, solid, at = [0, 0, 0] mm, turn = [0, 0, 0] deg, length = 30 mm" in said
-    assert "found: [features.hole] of the mesh, hollow, at = [0, 0, 10] mm" in said
+    assert "found: [features.hole] of the STEP file, hollow, at = [0, 0, 10] mm" in said
     assert "along x, 0.2 mm a side are declared, 0.15 mm measured; the plan rests on the measured one" in said
     assert "error as stated: +-0.03, 0.03, 0 mm" in said
     plan = fmopt.solve(problem)
@@ -126,18 +121,6 @@ def test_a_step_file_of_two_solids_or_none_is_refused(folder: Path) -> None:
         fmopt.InputError, match=r"holds 2 bodies: 1, 2; say which with 'body' in \[mesh\], such as body = 1, or"
     ):
         load(folder / "problem.toml")
-
-
-def test_advice_about_a_step_file_speaks_of_its_solid(folder: Path) -> None:
-    source = read(folder / "plate.toml")
-    for advice, words in (
-        ("write the file with more digits", "leave out what does not mate, or mend the faces there"),
-        ("describe where it mates under [features]", r"describe where it mates under \[features\]"),
-    ):
-        error = GeometryError("the mesh does not come apart into convex bodies", advice)
-        fault = geometry_fault(source, Mesh(file="plate.step"), error)
-        assert re.search(f"the solid does not come apart into convex bodies; {words}", str(fault))
-        assert str(error) in str(geometry_fault(source, Mesh(file="plate.stl"), error))
 
 
 def test_found_features_are_those_that_could_be_written_there(folder: Path) -> None:

@@ -184,7 +184,7 @@ def _leaning(normals: Array, areas: Array, slack: Array, sides: Array) -> Array:
     rise = np.arctan2(np.abs(normals[:, 2]), level)
     slope = np.copysign(_shared(rise, areas, slack, np.zeros(0)), normals[:, 2])
     flat = np.array([_direction(angle) for angle in around.tolist()]).reshape(-1, 3)
-    return np.cos(slope)[:, None] * flat + np.outer(np.sin(slope), (0.0, 0.0, 1.0))
+    return np.asarray(np.cos(slope)[:, None] * flat + np.outer(np.sin(slope), (0.0, 0.0, 1.0)))
 
 
 def _shared(angle: Array, areas: Array, slack: Array, known: Array) -> Array:

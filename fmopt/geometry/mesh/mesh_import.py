@@ -11,9 +11,7 @@ from typing import Literal
 import numpy as np
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.csg import Solid
 from fmopt.geometry.facets import Indices, merged_vertices, place
-from fmopt.geometry.inverse_csg import MESH_NOISE, apart
 from fmopt.geometry.mating_features import chord_error
 from fmopt.geometry.mesh.mesh_file import read_triangles
 from fmopt.geometry.mesh.mesh_repair import (
@@ -28,7 +26,7 @@ from fmopt.geometry.mesh.mesh_repair import (
 from fmopt.geometry.mesh.plane_facets import flattened
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.geometry.section import require_plausible
-from fmopt.spatial.values import Array, Value, frozen, remembered
+from fmopt.spatial.values import Array, Value, frozen
 
 Unit = Literal["m", "dm", "cm", "mm", "um", "in"]
 
@@ -41,7 +39,7 @@ _MOST_LOOSE = 5_000  # open edges: more are no rims of gaps
 _MOST_SPLITS = 10  # times that triangles are split at the rims of gaps
 _MENDED = -1  # what triangles that no file holds are called
 _COUNTS = 1e-9  # m: what facets are off their faces by less is rounding
-_UNEVEN = 1e-4  # of the diameter: facets this close to one plane are said to be uneven
+_WHERE_MADE = "leave out what does not mate, or mend the faces there, where the solid was made"
 _TOLD = 1e-7  # m: what facets are off their faces by more is said
 
 
@@ -56,6 +54,7 @@ class Imported(Value):
         notes: what was done to the mesh that a user should know of.
         off: how far the facets of the file lie from the faces of the polyhedron at most, m.
         where: the place (3,) of that, m.
+        kind: what it was read from: a mesh, or a solid with surfaces of its own.
     """
 
     body: Polyhedron
@@ -64,9 +63,14 @@ class Imported(Value):
     notes: tuple[str, ...] = ()
     off: float = 0.0
     where: Array = field(default_factory=lambda: np.zeros(3))
+    kind: Literal["mesh", "solid"] = "mesh"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "where", frozen(self.where, 3, name="place"))
+
+    def fault(self, message: str, advice: str) -> GeometryError:
+        """What is wrong with it: with advice for a mesh, or for a solid of which no facets are to be seen."""
+        return GeometryError(message, advice if self.kind == "mesh" else _WHERE_MADE)
 
 
 @dataclass(frozen=True)
@@ -377,35 +381,3 @@ def _require_simple(points: Array, triangles: Indices, crossing: Crossing | None
             f"{len(shells)} shells overlap by {apart - together:.3g} m³",
             "unite them in the program that made the mesh",
         )
-
-
-@remembered(1)
-def come_apart(mesh: Imported) -> tuple[Solid, Polyhedron]:
-    """The solid of a mesh by way of `inverse_csg.apart`, and its boundary.
-
-    Raises:
-        GeometryError: it does not come apart into convex bodies, and where its facets are uneven.
-    """
-    body = mesh.body
-    try:
-        return apart(body, MESH_NOISE * body.diameter)
-    except GeometryError as error:
-        uneven, where = _flattest_edge(body)
-        if uneven > _UNEVEN * body.diameter:
-            raise
-        raise GeometryError(
-            f"the facets around {place(where)} are {1e6 * uneven:.3g} µm off one plane, and the mesh does not come "
-            "apart into convex bodies",
-            "make them plane in the program that made the mesh, or write the file with more digits",
-        ) from error
-
-
-def _flattest_edge(body: Polyhedron) -> tuple[float, Array]:
-    """The least distance by which the faces at an edge, looking the same way, are off one plane, m, and where."""
-    least, where = np.inf, np.zeros(3)
-    for edge in body.edges:
-        one, other = (body.faces[number] for number in edge.faces)
-        beyond = float(np.abs(body.vertices[list(other.vertices)] @ one.normal - one.offset).max())
-        if one.normal @ other.normal > 0.0 and beyond < least:
-            least, where = beyond, body.vertices[list(edge.vertices)].mean(axis=0)
-    return least, where

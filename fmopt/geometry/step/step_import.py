@@ -147,7 +147,7 @@ def _imported(path: Path, one: dict[str, Any], called: str) -> Imported:
     except GeometryError as error:
         raise GeometryError(f"{path}{called}: cut into facets, {error.message}", _HEAL) from error
     notes = mesh.notes if one["around"] == 0.0 else (*mesh.notes, _enclosed(_MILLIMETRE * one["around"]))
-    return replace(mesh, chord_error=off or 0.0, notes=notes)
+    return replace(mesh, chord_error=off or 0.0, notes=notes, kind="solid")
 
 
 def _enclosed(size: float) -> str:
