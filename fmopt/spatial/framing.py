@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from fmopt.spatial.values import Array, Value, frozen
 
 
@@ -36,7 +38,7 @@ class Framing(Value):
     def parts(self, box: Array) -> tuple[Array, Array, Array]:
         """The half-widths (6,) of a box that are fixed in the hole, in the hand and in the world; they add up to it."""
         hole, hand = self.hole * box, self.hand * box
-        return hole, hand, box - hole - hand
+        return hole, hand, np.maximum(box - hole - hand, 0.0)
 
 
 IN_THE_WORLD = Framing(frozen([0.0] * 6), frozen([0.0] * 6))

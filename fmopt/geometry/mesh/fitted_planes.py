@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.facets import Loop, place
+from fmopt.geometry.mesh.round_planes import rings
 from fmopt.geometry.polyhedron import plane_basis
 from fmopt.spatial.values import Array
 
@@ -43,13 +44,14 @@ def fit(points: Array) -> tuple[Array, float]:
     return normal, float(normal @ centre + 0.5 * (heights.min() + heights.max()))
 
 
-def aligned(normals: Array, areas: Array, slack: Array) -> tuple[Array, Array]:
+def aligned(normals: Array, areas: Array, slack: Array, wide: Array) -> tuple[Array, Array]:
     """A frame (3, 3) along the faces, and the normals (k, 3) in it, exactly along, square, or at equal turns.
 
     Args:
         normals: (k, 3).
         areas: of the faces (k,), m².
         slack: by how much each normal may be turned (k,), rad.
+        wide: the same where a whole ring of faces is turned, which then belong together (k,), rad.
     """
     z = _axis(normals, areas, slack)
     parallel = np.abs(normals @ z) > np.cos(np.minimum(slack, 0.1))
@@ -66,13 +68,13 @@ def aligned(normals: Array, areas: Array, slack: Array) -> tuple[Array, Array]:
         if np.abs(base) > 0.0:
             turn = _near_axes(turn, slack.min())
         inside = normals @ turn
-    whole = _families(np.arctan2(inside[sides, 1], inside[sides, 0]), areas[sides], slack[sides])
+    whole = _families(np.arctan2(inside[sides, 1], inside[sides, 0]), areas[sides], (slack[sides], wide[sides]))
     for k, angle in zip(sides.tolist(), whole.tolist(), strict=True):
         inside[k] = _direction(angle)
     for k in np.flatnonzero(parallel).tolist():
         inside[k] = (0.0, 0.0, math.copysign(1.0, inside[k, 2]))
     leaning = np.flatnonzero(~square & ~parallel)
-    inside[leaning] = _leaning(inside[leaning], areas[leaning], slack[leaning], whole)
+    inside[leaning] = _leaning(inside[leaning], areas[leaning], wide[leaning], whole)
     return turn, inside
 
 
@@ -121,13 +123,21 @@ def _common_turn(angle: Array, areas: Array, slack: Array) -> float:
     return float(np.sum(weight * (angle - parts)[known]) / weight.sum()) if known.any() else 0.0
 
 
-def _families(angle: Array, areas: Array, slack: Array) -> Array:
+def _families(angle: Array, areas: Array, slacks: tuple[Array, Array]) -> Array:
     """Angles (k,) of side faces about z, rad, at whole parts of a turn from each other where they are so but for slack.
 
     Those that go with x come first, then those that go with the largest of the others, and so on.
     """
     turns = (*_TURNS, len(angle), 2 * len(angle)) if len(angle) > 2 else _TURNS
     made, left, base = np.array(angle), list(range(len(angle))), 0.0
+    slack, wide = slacks
+    for ring, step, spread in rings(angle, wide):
+        off = angle[ring] - step * np.round(angle[ring] / step)
+        phase = math.atan2(float(np.sin(off * (math.tau / step)).mean()), float(np.cos(off * (math.tau / step)).mean()))
+        phase *= step / math.tau
+        phase = _whole_part(phase, 3.0 * spread / math.sqrt(len(ring)), (round(math.tau / step), *_TURNS))
+        made[ring] = phase + step * np.round((angle[ring] - phase) / step)
+        left = [k for k in left if k not in set(ring.tolist())]
     while left:
         parts = {k: _whole_part(float(angle[k]) - base, float(slack[k]), turns) for k in left}
         own = [k for k in left if abs(float(angle[k]) - base - parts[k]) <= slack[k] and _is_whole(parts[k], turns)]
@@ -188,18 +198,27 @@ def _leaning(normals: Array, areas: Array, slack: Array, sides: Array) -> Array:
 
 
 def _shared(angle: Array, areas: Array, slack: Array, known: Array) -> Array:
-    """Angles (k,), rad: whole parts of a turn, or half-turns from known ones or from their like, but for the slack."""
-    made = np.empty_like(angle)
-    levels = known.tolist()
+    """Angles (k,), rad: half-turns from known ones, whole parts of a turn, or half-turns from the mean of like ones."""
+    made, like = np.array(angle), np.full(len(angle), -1)
     for k in np.argsort(-areas, kind="stable").tolist():
-        own = _whole_part(float(angle[k]), float(slack[k]))
-        if own == angle[k]:
-            off = [(abs(math.remainder(own - level, math.pi)), level) for level in levels]
-            near, level = min(off, default=(math.inf, 0.0))
-            own = level + math.pi * round((own - level) / math.pi) if near <= slack[k] else own
-            levels.append(own)
-        made[k] = own
+        near = known[np.argmin(_off_half_turn(angle[k] - known))] if len(known) else angle[k]
+        if len(known) and _off_half_turn(angle[k] - near) <= slack[k]:
+            made[k] = near + math.pi * round((angle[k] - near) / math.pi)
+            continue
+        made[k] = _whole_part(float(angle[k]), float(slack[k]))
+        if made[k] == angle[k]:
+            others = np.flatnonzero((like >= 0) & (_off_half_turn(angle - angle[k]) <= slack[k]))
+            like[k] = like[others[0]] if len(others) else k
+    for first in np.unique(like[like >= 0]):
+        own = np.flatnonzero(like == first)
+        beyond = math.pi * np.round((angle[own] - angle[first]) / math.pi)
+        weight = areas[own] / slack[own] ** 2
+        made[own] = float(weight @ (angle[own] - beyond)) / float(weight.sum()) + beyond
     return made
+
+
+def _off_half_turn(angle: Array) -> Array:
+    return np.asarray(np.abs(angle - math.pi * np.round(np.asarray(angle) / math.pi)))
 
 
 def corners_of(points: Array, faces: Sequence[Sequence[Loop]], planes: Planes, off: float) -> Array:

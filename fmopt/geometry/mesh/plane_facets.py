@@ -19,6 +19,7 @@ from fmopt.errors import GeometryError
 from fmopt.geometry.facets import Indices, Loop, Patchwork, faces_of, patchwork
 from fmopt.geometry.mesh.fitted_planes import EXACT, aligned, corners_of, fit
 from fmopt.geometry.mesh.mesh_repair import MOST_OFF
+from fmopt.geometry.mesh.round_planes import evenly_out, is_even, through_columns
 from fmopt.geometry.polyhedron import Polyhedron, from_faces, plane_basis
 from fmopt.spatial.values import Array, Value, frozen
 
@@ -26,6 +27,8 @@ _SHARE = 2.5e-3  # of the diameter: the same for small parts
 _NOISE = 2e-6  # of the diameter: facets this close to one plane are one face, whatever the gap
 _TURN = (12.0, 3.0)  # times how far facets are off their planes: what a normal may be turned by, over its width
 _GAP = 1.25  # the least ratio of two neighbouring distances that tells facets of one face from faces
+_APART = 0.4  # of the least angle to a face beside it: by how much a normal may be turned at most
+_SMALL = 0.38  # rad: faces that meet at less stand for a curved surface, of more than 16 to a turn
 _TRIES = 8  # gaps that are looked at, the widest first
 _STEP = 1e-9  # m: what planes lie apart by is a multiple of this
 
@@ -217,20 +220,41 @@ class _Surface:
     members: Sequence[Indices]
     corners: Sequence[Indices]
 
+    def turns(self, normals: Array) -> Array:
+        """The least angle (k,) between the normal of each face and those of the faces beside it, rad."""
+        own = np.empty(len(self.parts.triangles), dtype=np.int64)
+        for number, which in enumerate(self.members):
+            own[which] = number
+        beside = own[np.array(self.parts.across)[:, :, 0]]
+        one, other = np.repeat(own, 3), beside.ravel()
+        between = np.linalg.norm(np.cross(normals[one], normals[other]), axis=1)
+        angle = np.arctan2(between, np.einsum("ij,ij->i", normals[one], normals[other]))
+        least = np.full(len(normals), np.pi)
+        np.minimum.at(least, one[one != other], angle[one != other])
+        return least
+
 
 def _attempt(surface: _Surface, off: float, times: float) -> Flattened | GeometryError:
     """The surface where normals may be turned by so many times what the noise does, or why there is none."""
     parts = surface.parts
     areas = np.array([parts.areas[which].sum(axis=0) for which in surface.members])
-    normals, slack = [], []
+    found, slack = [], []
     for which, area in zip(surface.corners, areas, strict=True):
         normal = fit(parts.vertices[which])[0]
-        normals.append(normal if normal @ area > 0.0 else -normal)
+        found.append(normal if normal @ area > 0.0 else -normal)
         slack.append(times * off / max(_width(parts.vertices[which], normal), off))
-    turn, straight = aligned(np.array(normals), np.linalg.norm(areas, axis=1), np.array(slack))
+    normals = np.array(found)
+    turns = surface.turns(normals)
+    wide = np.minimum(slack, _APART * turns)
+    turn, straight = aligned(
+        normals, np.linalg.norm(areas, axis=1), np.minimum(wide, np.multiply(slack, np.minimum(turns, 1.0))), wide
+    )
     points = parts.vertices @ turn
     offsets = np.array([_middle(points[which] @ n) for which, n in zip(surface.corners, straight, strict=True)])
-    offsets = np.round(offsets / _STEP) * _STEP
+    offsets = evenly_out(straight, np.round(offsets / _STEP) * _STEP, 2.0 * off)
+    fine = (straight[:, 2] == 0.0) & (turns < _SMALL)
+    if fine.any() and not is_even(straight[fine]):
+        straight, offsets = through_columns(points, surface.faces, (straight, offsets), fine)
     try:
         moved = corners_of(points, surface.faces, (straight, offsets), off)
         moved = moved if np.array_equal(turn, np.eye(3)) else moved @ turn.T

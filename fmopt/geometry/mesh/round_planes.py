@@ -1,0 +1,118 @@
+"""Planes fitted to the facets of round surfaces, which meet at small angles: evenly around one axis where they are so.
+
+Where such planes meet, they are off by many times what each is off its own facet.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fmopt.geometry.facets import Loop
+from fmopt.spatial.values import Array
+
+_MANY = 16  # planes about one axis stand for a round surface
+_MOSTLY = 0.8  # of the side faces: as many are evenly around
+_SPREAD = 0.15  # of the turn from one to the next: what normals that are evenly around are off on average
+_EVEN = 1e-9  # rad
+
+Planes = tuple[Array, Array]
+
+
+def rings(angle: Array, slack: Array) -> Iterator[tuple[NDArray[np.intp], float, float]]:
+    """Side faces (n,) around a round surface, the even turn between them, and how far they are off that, rad."""
+    if len(angle) > _MANY:
+        ahead = np.sort(angle)
+        parts = round(math.tau / max(float(np.median(np.diff(ahead, append=ahead[0] + math.tau))), 1e-3))
+        step = math.tau / parts
+        phase = math.atan2(float(np.sin(parts * angle).mean()), float(np.cos(parts * angle).mean())) / parts
+        off = np.abs(angle - phase - step * np.round((angle - phase) / step))
+        own = np.flatnonzero(off <= slack)
+        if parts > _MANY and len(own) > max(_MANY, _MOSTLY * len(angle)):
+            spread = float(np.sqrt(np.mean(off[own] ** 2)))
+            if spread <= _SPREAD * step:
+                yield own, step, spread
+
+
+def is_even(normals: Array) -> bool:
+    """Whether most of some normals (k, 3) across z are apart by whole parts of a turn that has more than a few."""
+    return bool(list(rings(np.arctan2(normals[:, 1], normals[:, 0]), np.full(len(normals), _EVEN))))
+
+
+def evenly_out(normals: Array, offsets: Array, slack: float) -> Array:
+    """Offsets (k,) of planes, m: those around a round surface exactly as far from its axis, but for the slack.
+
+    Args:
+        normals: in a frame that has the axis along z (k, 3).
+        offsets: of the planes, m.
+        slack: by how much offsets may be moved, m.
+    """
+    made, alike = np.array(offsets), np.round(normals[:, 2], 9)
+    rings = [np.flatnonzero(alike == rise) for rise in np.unique(alike[np.abs(alike) < 1.0])]
+    rings = [own for ring in rings if len(own := _around_axis(normals, offsets, ring, slack)) > _MANY]
+    for together in (rings, *([ring] for ring in rings)):  # about one axis where they are so
+        which = np.concatenate([np.zeros(0, dtype=np.intp), *together])
+        level, off = _evened(normals, offsets, together)
+        if off <= slack:
+            made[which] = level
+            if len(together) == len(rings):
+                break
+    return made
+
+
+def _around_axis(normals: Array, offsets: Array, ring: NDArray[np.intp], slack: float) -> NDArray[np.intp]:
+    """Those planes of some (k,) that are equally far from an axis, but for the slack; few where not many are."""
+    while len(ring) > _MANY:
+        level, off = _evened(normals, offsets, [ring])
+        if off <= slack:
+            break
+        away = np.abs(level - offsets[ring])
+        ring = ring[away < away.max()]
+    return ring
+
+
+def _evened(normals: Array, offsets: Array, rings: Sequence[NDArray[np.intp]]) -> tuple[Array, float]:
+    """Offsets of planes that are equally far from one axis in each ring, and by how much they differ from theirs, m."""
+    which = np.concatenate([np.zeros(0, dtype=np.intp), *rings])
+    if not len(which):
+        return np.zeros(0), 0.0
+    own = np.repeat(np.arange(len(rings)), [len(ring) for ring in rings])
+    rows = np.column_stack([normals[which, :2], own[:, None] == np.arange(len(rings))])
+    level = rows @ np.linalg.lstsq(rows, offsets[which], rcond=1e-9)[0]
+    return level, float(np.abs(level - offsets[which]).max())
+
+
+def through_columns(points: Array, faces: Sequence[Sequence[Loop]], planes: Planes, which: NDArray[np.bool_]) -> Planes:
+    """The planes with those of some faces along z laid through the columns of corners in which they meet such others.
+
+    Planes that meet at a small angle are off where they meet by many times what each is off its own corners.
+
+    Args:
+        points: (n, 3), m.
+        faces: their loops.
+        planes: normals and offsets (k,).
+        which: faces along z that meet others at small angles (k,).
+    """
+    around: dict[int, set[int]] = {}
+    for number in np.flatnonzero(which).tolist():
+        for vertex in {vertex for loop in faces[number] for vertex in loop}:
+            around.setdefault(vertex, set()).add(number)
+    columns: dict[frozenset[int], list[int]] = {}
+    for vertex, own in around.items():
+        if len(own) == 2:
+            columns.setdefault(frozenset(own), []).append(vertex)
+    sides: dict[int, list[Array]] = {}
+    for pair, vertices in columns.items():
+        for number in pair:
+            sides.setdefault(number, []).append(points[vertices, :2].mean(axis=0))
+    normals, offsets = np.array(planes[0]), np.array(planes[1])
+    for number, places in sides.items():
+        if len(places) == 2:
+            along = places[1] - places[0]
+            normal = np.array([along[1], -along[0]]) / np.linalg.norm(along)
+            normal = normal if normal @ normals[number, :2] > 0.0 else -normal
+            normals[number, :2], offsets[number] = normal, float(normal @ (places[0] + places[1])) / 2.0
+    return normals, offsets
