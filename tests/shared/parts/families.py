@@ -262,9 +262,8 @@ def write_stl(pair: Pair, folder: Path, error: tuple[float, float] | None = None
 
 def write_step(pair: Pair, folder: Path, error: tuple[float, float] | None = None, time_limit: float = 60.0) -> Path:
     """The same with each part as a STEP file of plane faces and a model file that names it."""
-    from step_parts import box, cut, write
-
     from fmopt.spatial.se3 import Pose, exp
+    from tests.shared.files.step_parts import box, cut, write
 
     x, y, z = pair.block
     peg, block = _brep(pair.peg), box(x, y, z, (0.0, 0.0, -z))
@@ -327,7 +326,7 @@ def _loft(low: Section, high: Section) -> Manifold:
 
 def _brep(stack: Stack) -> Any:
     """The solid of a stack as the CAD kernel has it: plane faces over the corners of its sections."""
-    from step_parts import fuse
+    from tests.shared.files.step_parts import fuse
 
     bodies = [_plane_faced(low, high) for low, high in _lofts(stack)]
     return fuse(*bodies) if len(bodies) > 1 else bodies[0]

@@ -1,19 +1,19 @@
-"""Two parts are read as the same whether they come as TOML, as meshes, or as STEP; all families: `forms.py`."""
+"""Two parts are read alike from TOML, from meshes and from STEP; all families: `shared/parts/forms.py`."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
 
-import families
 import numpy as np
 import pytest
-from forms import differences, read
 
 from fmopt.geometry.convex_pieces import pieces
 from fmopt.geometry.mesh.mesh_import import mesh_polyhedron
 from fmopt.geometry.mesh.mesh_solid import come_apart
 from fmopt.geometry.section import sealed
+from tests.shared.parts import families
+from tests.shared.parts.forms import differences, read
 
 MESHES = [("keyed", 0), ("keyed", 1), ("chamfered", 0), ("tapered", 1), ("stepped", 2), ("U", 1), ("star", 2)]
 STEPS = [("keyed", 2), ("tapered", 0), ("hollow", 1)]
@@ -25,6 +25,7 @@ def test_a_mesh_is_read_as_the_model_it_is_of(family: str, seed: int, tmp_path: 
     assert differences(pair, {form: read(pair, form, tmp_path) for form in ("toml", "stl")}) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("family", "seed"), STEPS)
 def test_a_step_file_is_read_as_the_model_it_is_of(family: str, seed: int, tmp_path: Path) -> None:
     pair = families.pair(family, seed)

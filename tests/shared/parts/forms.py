@@ -1,6 +1,6 @@
 """The same two parts in TOML, as binary STL and as STEP, read as the same.
 
-`python tests/forms.py 0 1 2` reads all families from these seeds in all forms, and says what is not the same.
+`python -m tests.shared.parts.forms 0 1 2` reads all families from these seeds in all forms, and says what is not alike.
 """
 
 from __future__ import annotations
@@ -10,12 +10,12 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
-import families
 import numpy as np
 
 from fmopt.errors import FmoptError
 from fmopt.task.problem import Problem, load
 from fmopt.task.sizes import measured_clearance
+from tests.shared.parts import families
 
 WRITERS = {"toml": families.write_toml, "stl": families.write_stl, "step": families.write_step}
 _CLOSE = 1e-6  # m
