@@ -68,11 +68,11 @@ def stepped(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Toler
         InfeasibleError: the step is impossible, or some executions would not make or give up a contact as it says.
     """
     step = advance(assembly, piece, errors, tolerance)
-    if step.approach <= 0.0 and piece.made is not None:
+    if piece.made is not None and step.approach is not None and step.approach.least <= 0.0:
         raise InfeasibleError(
             f"some executions could move away from contact {piece.made.id} before they touch: errors may change how "
-            f"much nearer it comes by {-step.approach * 1e6:.1f} um more than it does",
-            -step.approach,
+            f"much nearer it comes by {-step.approach.least * 1e6:.1f} um more than it does",
+            -step.approach.least,
         )
     if step.departure <= 0.0:
         raise InfeasibleError(

@@ -26,9 +26,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fmopt.spatial import ellipsoid
-from fmopt.spatial.framing import Framing
 from fmopt.spatial.se3 import cross, length, lengths
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Framing, Value, frozen
 
 _NONE = np.zeros((0, 6))
 _POINT = np.zeros((6, 0))

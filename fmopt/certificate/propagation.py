@@ -27,11 +27,12 @@ from fmopt.certificate.error_set import ErrorSet
 from fmopt.certificate.remainder import Extent
 from fmopt.certificate.segment_linearisation import (
     Compliance,
+    Growth,
     Linearisation,
     Piece,
     Tolerance,
     approach,
-    departure,
+    departures,
     linearisation_of,
 )
 from fmopt.certificate.separating_plane import Ends
@@ -59,8 +60,8 @@ class Advance:
         basis: the held basis, with the contact being made and its direction added.
         motion: displacement (6,) of the piece inside the held contacts.
         length: length of the piece in the metric of ρ, m.
-        approach: how much the contact being made comes nearer at least, whatever the error, m; infinite without one.
-        departure: how much farther away the contacts given up get at least, m; infinite without any.
+        approach: how much nearer the contact being made comes; None without one.
+        departures: how much farther away each contact given up gets.
         overtravel: how much longer or shorter the piece is at most until its move's contact is made, as a share of it.
     """
 
@@ -68,9 +69,14 @@ class Advance:
     basis: tuple[Compliance, ...]
     motion: Array
     length: float
-    approach: float = np.inf
-    departure: float = np.inf
+    approach: Growth | None = None
+    departures: tuple[Growth, ...] = ()
     overtravel: float = 0.0
+
+    @property
+    def departure(self) -> float:
+        """How much farther away the contacts given up get at least, m; infinite without any."""
+        return min((growth.least for growth in self.departures), default=np.inf)
 
 
 def advance(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Tolerance) -> Advance:
@@ -95,7 +101,7 @@ def advance(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Toler
     ends, overtravel = _carried(piece, way, basis, errors, tolerance)
     extent = ends.extent
     nearer = approach(tolerance, way, extent, errors.linkage)
-    farther = departure(assembly, piece, tolerance, way, extent, errors.linkage)
+    farther = tuple(departures(assembly, piece, tolerance, way, extent, errors.linkage))
     return Advance(ends, basis, way.motion, way.length, nearer, farther, overtravel)
 
 

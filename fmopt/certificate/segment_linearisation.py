@@ -163,47 +163,63 @@ def cone(tolerance: Tolerance, way: Linearisation, N: Array) -> float:
     return (t * length(N[:3]) + r * length(N[3:])) * way.length
 
 
-def approach(tolerance: Tolerance, way: Linearisation, extent: Extent, linkage: Linkage | None) -> float:
-    """Lower bound of how much nearer the contact being made comes along a piece, at every error in the bounds, m.
+@dataclass(frozen=True, eq=False)
+class Growth:
+    """How much a row grows along a piece, whatever the error.
 
-    An execution stops when it first touches: that needs the distance to fall all along. Infinite when nothing is made.
+    Args:
+        row: its gradient inside the held contacts (6,).
+        nominal: how much it grows where there are no errors, m.
+        lost: what errors may take of that, m.
+    """
+
+    row: Array
+    nominal: float
+    lost: float
+
+    @property
+    def least(self) -> float:
+        """How much the row grows at least, m."""
+        return self.nominal - self.lost
+
+
+def approach(tolerance: Tolerance, way: Linearisation, extent: Extent, linkage: Linkage | None) -> Growth | None:
+    """How much nearer the contact being made comes along a piece, at every error in the bounds; None without one.
+
+    An execution stops when it first touches: that needs the distance to fall all along.
     """
     if way.made is None:
-        return float(np.inf)
+        return None
     first, second = (float(rows.N[0] @ way.motion) for rows in way.made)
-    return min(-first, -second) - _change(tolerance, way, extent, linkage, way.made[1], way.made_curvature)
+    lost = _change(tolerance, way, extent, linkage, way.made[1], way.made_curvature)
+    return Growth(-way.seen, min(-first, -second), lost)
 
 
-def departure(
+def departures(
     assembly: Assembly, piece: Piece, tolerance: Tolerance, way: Linearisation, extent: Extent, linkage: Linkage | None
-) -> float:
-    """Lower bound of how much farther away the contacts given up get along a piece, at every error in the bounds, m.
+) -> list[Growth]:
+    """How much farther away each contact given up gets along a piece, at every error in the bounds.
 
     They are touched when the move starts: where their distances rise all along, none of them is touched again. So are
     the other points of an edge or face that lies flat with them, and are no contacts as there is nothing below them.
-    Infinite when nothing is given up.
 
     Raises:
         InfeasibleError: a contact given up meets another one of its edge or face that stays held.
     """
-    least = float(np.inf)
-
-    def opening(form: Forms) -> float:
-        """Lower bound of how much a row (1) grows along the piece, m."""
-        rows = form.over(piece.start, piece.goal)
-        first, second = (float(end.N[0] @ way.motion) for end in rows)
-        curvature = Curvature.of(*rows, way.twist)
-        return min(first, second) - _change(tolerance, way, extent, linkage, rows[1], curvature)
-
+    forms = list[Forms]()
     for contact in piece.left:
         if hinge(assembly, contact, piece.held) is not None or level(assembly, contact, piece.held) is not None:
             raise InfeasibleError(f"contact {contact.id} cannot be given up without those that it turns about")
-        least = min(least, opening(contact_forms(assembly, (contact,), ())))
+        forms.append(contact_forms(assembly, (contact,), ()))
     for wall in coming_off(assembly, piece.held, piece.left):
-        for i in sorted(wall.points):
-            point = points_above(assembly.body_points[[i]], wall.normal, wall.offset)
-            least = min(least, opening(point))
-    return least
+        forms += [points_above(assembly.body_points[[i]], wall.normal, wall.offset) for i in sorted(wall.points)]
+    found = list[Growth]()
+    for form in forms:
+        rows = form.over(piece.start, piece.goal)
+        first, second = (float(end.N[0] @ way.motion) for end in rows)
+        lost = _change(tolerance, way, extent, linkage, rows[1], Curvature.of(*rows, way.twist))
+        found.append(Growth(rows[1].N[0] @ way.hold, min(first, second), lost))
+    return found
 
 
 def _change(

@@ -18,8 +18,9 @@ if TYPE_CHECKING:
     from fmopt.contact.primitive import PrimitiveContact
     from fmopt.geometry.part import Part as Solid
     from fmopt.geometry.polyhedron import Polyhedron
-    from fmopt.planning.motion import Attempt, Posed
+    from fmopt.planning.motion import Attempt
     from fmopt.planning.moves.moves import Move
+    from fmopt.planning.posed import Posed
 
 Progress = Callable[[str], None]
 _SHORTEST = 1e-12  # m, below which nothing is called short
@@ -47,8 +48,8 @@ def explained(
 
 
 def _failure(problem: Problem, error: SearchError | InfeasibleError, seconds: float, progress: Progress) -> Failure:
-    from fmopt.planning.motion import Posed
     from fmopt.planning.pipeline import nearest
+    from fmopt.planning.posed import Posed
 
     begun, posed = clock(), Posed.of(problem)
     attempt: Attempt | None = error.attempt
@@ -116,8 +117,8 @@ def _advice(problem: Problem, error: SearchError | InfeasibleError, found: Neare
 
 def _followed(posed: Posed, attempt: Attempt) -> tuple[tuple[Step, ...], Lack | None]:
     """The moves of an attempt with what is certified of them, and what is missing first."""
-    from fmopt.planning.motion import FINE
     from fmopt.planning.moves.moves import Reached, unroll
+    from fmopt.planning.posed import FINE
 
     def after(move: Move, reached: Reached) -> tuple[Reached, float, str]:
         there = unroll(posed.assembly, move, reached, posed.tolerance, FINE, thorough=True)

@@ -12,12 +12,12 @@ from fmopt.contact.primitive import Kind, PrimitiveContact, ball_face, crossed, 
 from fmopt.errors import ResourceError, SolverError
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.plan import Contact, Plan
-from fmopt.planning.motion import FINE, Posed
 from fmopt.planning.moves.moves import Move, Reached
 from fmopt.planning.optimise.cone_program import as_cvxpy
 from fmopt.planning.placement.sequence_program import Aim, certified, displaced, sequence_program
+from fmopt.planning.posed import FINE, Posed
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion
-from fmopt.planning.search.best_first import Searched
+from fmopt.planning.search.symmetry import Searched
 from fmopt.report.moves import moves
 from fmopt.spatial.se3 import Pose
 from fmopt.task.problem import Problem

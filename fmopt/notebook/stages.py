@@ -129,8 +129,8 @@ def motion(problem: Problem, progress: Progress = lambda _: None) -> CertifiedMo
         InterferenceError: the parts overlap when assembled, or their clearance is not positive.
         SearchError: no motion was found, which proves nothing.
     """
-    from fmopt.planning.motion import Stages
     from fmopt.planning.pipeline import certified_motion
+    from fmopt.planning.posed import Stages
 
     return certified_motion(problem, Stages(progress))
 
@@ -146,8 +146,8 @@ def plan(problem: Problem, found: CertifiedMotion, progress: Progress = lambda _
     Raises:
         InfeasibleError: no bias force holds the contacts.
     """
-    from fmopt.planning.motion import Stages
     from fmopt.planning.pipeline import planned
+    from fmopt.planning.posed import Stages
 
     document, _ = planned(problem, found, Stages(progress))
     return Plan(document)
@@ -172,7 +172,7 @@ def placed(problem: Problem, motion: CertifiedMotion, progress: Progress = lambd
     Raises:
         InfeasibleError: the errors cannot be followed from there.
     """
-    from fmopt.planning.motion import Posed, placed_anew
+    from fmopt.planning.posed import Posed, placed_anew
 
     posed = Posed.of(problem)
     return posed.certified(motion.found, placed_anew(posed, motion.placed.moves, progress))

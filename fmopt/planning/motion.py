@@ -4,24 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import cache, partial
-from itertools import chain, islice, repeat, tee
+from itertools import islice, tee
 
-from fmopt.certificate.contact_implications import Assembly
-from fmopt.certificate.error_set import ErrorSet
-from fmopt.certificate.propagation import Tolerance
 from fmopt.errors import FmoptError, InfeasibleError, OverdueError, SearchError
 from fmopt.geometry.clearance import Clearance
-from fmopt.papers.dakin_popplestone import as_in_the_paper
-from fmopt.planning.control.controlled_motion import least_firm, least_steady, runs_against
-from fmopt.planning.moves.moves import Move, Reached, claims_of_moves
+from fmopt.planning.control.controlled_motion import least_firm, least_steady
+from fmopt.planning.moves.moves import Move
 from fmopt.planning.optimise.solvers import ClarabelSolver
-from fmopt.planning.placement.error_growth import COARSE, grown
-from fmopt.planning.placement.goal_refinement import Method, Turns, refine_goals
-from fmopt.planning.placement.sequence_program import Aim, Placed, Refinement, certified, refine
-from fmopt.planning.robustness.error_tolerance import CertifiedMotion, Motion
-from fmopt.planning.search.best_first import MoveSequence, Searched, best_sequences
+from fmopt.planning.placement.sequence_program import Placed, certified
+from fmopt.planning.posed import FINE, FIRM, GRACE, STEADY, Posed, Stages, by_method, placement
+from fmopt.planning.search.best_first import MoveSequence, best_sequences, search
 from fmopt.planning.search.entry import (
     Entry,
     Shape,
@@ -33,125 +28,22 @@ from fmopt.planning.search.entry import (
 )
 from fmopt.planning.search.entry_candidates import likely_shapes, room
 from fmopt.planning.search.entry_tuning import Limits, deepened, tuned
-from fmopt.planning.search.successors import Costs, Task
-from fmopt.planning.search.symmetry import Image, images
+from fmopt.planning.search.successors import ASKEW, Costs, Task
+from fmopt.planning.search.symmetry import Image, Searched, images
 from fmopt.runtime.compiled import clock, until
-from fmopt.runtime.compiled import deadline as set_deadline
-from fmopt.spatial.se3 import Pose, length, log
+from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 from fmopt.task.problem import Problem
-from fmopt.task.sizes import characteristic_length, drift, measured_clearance
+from fmopt.task.sizes import drift
 
-Progress = Callable[[str], None]
-FINE = math.radians(1.0)
 TRIES = 40  # of entries, when one is varied
-STEADY = 0.05  # share of the contact force that presses what a part turns along, whatever friction turns it off
-FIRM = 0.05  # share of the contact force that presses all that a part slides along to its next contact
-GRACE = 2.0  # s beyond the time limit for what is needed to make something of what there is by then
 _LATE = "raise settings.time_limit"
 _AMPLE = 0.1  # of the clearance, a margin for which no other sequence is looked at
 _MORE = 2  # sequences that are looked at beside one with less
 _LIKELY = 32  # ways to begin that are tried in each attitude before the rest are
-
-
-@dataclass(eq=False)
-class Stages:
-    """What is being done, and how long it took.
-
-    Args:
-        progress: told what is being done.
-        seconds: that stages took, by name; time spent on compiling does not count.
-    """
-
-    progress: Progress = lambda _: None
-    seconds: dict[str, float] = field(default_factory=dict)
-    _last: float = field(default_factory=clock)
-
-    def ended(self, name: str) -> None:
-        """Notes that a stage has ended."""
-        now = clock()
-        self.seconds[name] = self.seconds.get(name, 0.0) + now - self._last
-        self._last = now
-
-
-@dataclass(frozen=True, eq=False)
-class Posed:
-    """A problem as a motion is looked for.
-
-    Args:
-        problem: the task.
-        assembly: its parts.
-        clearance: as measured on them.
-        errors: at the start.
-        tolerance: velocity error and metric.
-    """
-
-    problem: Problem
-    assembly: Assembly
-    clearance: Clearance
-    errors: ErrorSet
-    tolerance: Tolerance
-
-    @classmethod
-    def of(cls, problem: Problem) -> Posed:
-        """A problem with its parts measured.
-
-        Raises:
-            InterferenceError: the parts overlap when assembled, or their clearance is not positive.
-        """
-        clearance = measured_clearance(problem)
-        assembly = Assembly(problem.moving, problem.fixed, planar=problem.plane is not None)
-        errors = ErrorSet.of(problem.start_box, problem.framing)
-        tolerance = _tolerance(problem, characteristic_length(problem, clearance))
-        return cls(problem, assembly, clearance, errors, tolerance)
-
-    @property
-    def start(self) -> Reached:
-        """Where its motion starts."""
-        return Reached(self.errors, (), ())
-
-    def under(self, share: float) -> Aim:
-        """What a sequence is placed for under a share of all errors, in coarse pieces, free to turn."""
-        errors = ErrorSet.of(share * self.problem.start_box, self.problem.framing)
-        tolerance = _tolerance(self.problem, self.tolerance.rho, share)
-        return Aim(self.assembly, Reached(errors, (), ()), tolerance, COARSE, turning=True)
-
-    @property
-    def spread(self) -> float:
-        """How far the start error displaces the tip, m."""
-        return start_spread(self.problem.moving, self.problem.start_box)
-
-    @property
-    def refinement(self) -> Refinement:
-        """How far its placement goes."""
-        return Refinement.of(self.spread, self.clearance.per_side)
-
-    def certified(self, found: Searched, placed: Placed) -> CertifiedMotion:
-        """Its motion, from what is said of the search and the sequence that is placed."""
-        return CertifiedMotion(self.assembly, self.clearance, self.errors, self.tolerance, found, placed)
-
-    def imaged(self, image: Image) -> Posed:
-        """The same as an image of the parts poses it."""
-        parts, clearance = image.assembly, image.clearance(self.clearance)
-        goal, box = image.goal(self.problem.goal), image.attitude.of_widths(self.problem.start_box)
-        framing = image.attitude.of_framing(self.problem.framing)
-        problem = replace(
-            self.problem, moving=parts.moving, fixed=parts.fixed, goal=goal, start_box=box, framing=framing
-        )
-        tolerance = _tolerance(problem, characteristic_length(problem, clearance))
-        return Posed(problem, parts, clearance, ErrorSet.of(box, framing), tolerance)
-
-
-def _tolerance(problem: Problem, rho: float, share: float = 1.0) -> Tolerance:
-    """A share of the velocity error, in the metric of ρ (m)."""
-    error = problem.velocity_error
-    return Tolerance((share * error.translation, share * error.rotation), rho)
-
-
-def under_errors(found: CertifiedMotion, problem: Problem) -> Motion:
-    """The moves of a motion under the errors of a problem, which need not be those that it was found for."""
-    tolerance = _tolerance(problem, found.tolerance.rho)
-    return Motion(found.assembly, found.placed.moves, problem.start_box, tolerance, FINE, problem.framing)
+_SHARES = (0.5, 0.25)  # of the errors, for which sequences are looked for that then take all of them
+_DIFFERENT = 3  # sequences for a share that are placed
+_SMALLER = "allow a larger tilt, lower the start errors"
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,9 +91,9 @@ class _Tried:
         if closest is None:
             return None
         image, onward = self.image, closest.ways_on
-        named = image.own_names(name for name, _ in onward)
+        named = image.own_names(name.rstrip(ASKEW) for name, _ in onward)
         ways = tuple(zip(named, image.own_moves(move for _, move in onward), strict=True))
-        names = image.own_names(closest.node.names)
+        names = image.own_names(name.rstrip(ASKEW) for name in closest.node.names)
         return Attempt("search", image.own_moves(closest.node.moves), names, ways, closest.order[0])
 
 
@@ -229,14 +121,12 @@ def motion(posed: Posed, stages: Stages) -> tuple[Searched, Placed]:
 def _motion(posed: Posed, stages: Stages, deadline: float) -> tuple[Searched, Placed]:
     best: tuple[Searched, Placed] | None = None
     failures: list[_Tried] = []
-    stood = (_Stood.of(posed, image) for image in images(posed.assembly, posed.problem.start_box))
-    first, again = tee(stood)
-    for here, most in chain(zip(first, repeat(_LIKELY)), zip(again, repeat(None))):
+    for here, found_by in _ways(posed):
         try:
-            found, placed = here.motion(islice(here.rounds, most), deadline, stages)
+            found, placed = found_by(deadline, stages)
             with until(deadline + GRACE):
                 own = certified(posed.assembly, here.image.own_moves(placed.moves), posed.start, posed.tolerance, FINE)
-                own = _by_method(posed, own)
+                own = by_method(posed, own)
         except (SearchError, InfeasibleError) as error:
             failures.append(_Tried(here.image, error.with_traceback(None), here.found))
         except OverdueError:
@@ -249,6 +139,23 @@ def _motion(posed: Posed, stages: Stages, deadline: float) -> tuple[Searched, Pl
     if best is None:
         raise _told(failures, deadline)
     return best
+
+
+_Finding = Callable[[float, Stages], tuple[Searched, Placed]]
+"""Finds a motion by a deadline, and says what is being done; raises what `_Stood.motion` does."""
+
+
+def _ways(posed: Posed) -> Iterator[tuple[_Stood, _Finding]]:
+    """Ways to find a motion, in each attitude: by the likeliest ways to begin, by growing errors, by all others."""
+    first, second, third = tee(
+        (_Stood.of(posed, image) for image in images(posed.assembly, posed.problem.start_box)), 3
+    )
+    for here in first:
+        yield here, partial(here.motion, islice(here.rounds, _LIKELY))
+    for here in second:
+        yield here, here.grown
+    for here in third:
+        yield here, partial(here.motion, here.rounds)
 
 
 def _told(failures: Sequence[_Tried], deadline: float) -> FmoptError:
@@ -271,12 +178,13 @@ def _telling(error: FmoptError) -> int:
 
 @dataclass(frozen=True, eq=False)
 class _Stood:
-    """A problem in one attitude, with what its search is about, and the ways to begin that are left."""
+    """A problem in one attitude, with what its search is about, the ways to begin, and those that are left."""
 
     image: Image
     posed: Posed
     task: Task
     entry_of: Callable[[Shape], Entry]
+    anew: Callable[[], Iterator[Sequence[Entry]]]
     rounds: Iterator[Sequence[Entry]]
     found_last: list[MoveSequence]
 
@@ -295,7 +203,8 @@ class _Stood:
         turn = 1.3 * problem.settings.max_tilt
         task = Task(parts, Pose.from_vector(problem.goal), posed.errors, posed.tolerance, costs, turn)
         entry_of = partial(tilted_entry, parts.moving, clearance.play, problem.approach)
-        return _Stood(image, posed, task, entry_of, _rounds(problem, clearance, roomy, entry_of), [])
+        anew = partial(_rounds, problem, clearance, roomy, entry_of)
+        return _Stood(image, posed, task, entry_of, anew, anew(), [])
 
     def motion(self, rounds: Iterator[Sequence[Entry]], deadline: float, stages: Stages) -> tuple[Searched, Placed]:
         """What `motion` finds for some ways to begin: the first sequence whose margin is positive, else the best."""
@@ -346,6 +255,49 @@ class _Stood:
             raise failures.pop()
         return best[0].searched, best[1]
 
+    def grown(self, deadline: float, stages: Stages) -> tuple[Searched, Placed]:
+        """A sequence that takes a share of the errors, its poses placed anew until they take all of them.
+
+        Raises:
+            SearchError: there is none for any share.
+            InfeasibleError: those that there are cannot be placed so.
+        """
+        from fmopt.planning.placement.error_growth import grown
+
+        failure: FmoptError | None = None
+        for share in _SHARES:
+            for found in self._under(share, deadline, stages):
+                self.found_last[:] = [found]
+                try:
+                    with until(deadline):
+                        moves = grown(
+                            self.posed.under, found.moves, ClarabelSolver(), self.posed.refinement, FINE
+                        ).moves
+                    placed = placement(self.posed, moves, stages.progress)
+                except (InfeasibleError, OverdueError) as error:
+                    failure = error.with_traceback(None)
+                    continue
+                finally:
+                    stages.ended("placement")
+                if placed.margin > 0.0:
+                    return found.searched, placed
+        raise failure or SearchError("no sequence of contacts was found for a share of the errors", advice=_SMALLER)
+
+    def _under(self, share: float, deadline: float, stages: Stages) -> Iterator[MoveSequence]:
+        """Sequences for a share of all errors from the likeliest ways to begin, a few that make different contacts."""
+        aim, seen = self.posed.under(share), set[tuple[str, ...]]()
+        task = replace(self.task, start=aim.start.errors, tolerance=aim.tolerance, askew=True)
+        for entries in islice(self.anew(), _LIKELY):
+            if len(seen) >= _DIFFERENT or clock() >= deadline:
+                break
+            with suppress(SearchError):
+                found = search(task, entries, deadline, lambda names: stages.progress(f"search, {share:.0%}: {names}"))
+                made = tuple(contact.id for move in found.moves for contact in move.making)
+                if found.reached.margin > 0.0 and made not in seen:
+                    seen.add(made)
+                    stages.ended("search")
+                    yield found
+
 
 def _rounds(
     problem: Problem, clearance: Clearance, roomy: Array, entry_of: Callable[[Shape], Entry]
@@ -363,104 +315,3 @@ def _rounds(
         rate = problem.velocity_error.translation + problem.velocity_error.rotation
         for shape in likely_shapes(moving, problem.fixed, clearance, roomy, rate, tilt):
             yield (entry_of(shape),)
-
-
-def placement(posed: Posed, moves: Sequence[Move], progress: Progress) -> Placed:
-    """All goal poses placed for the largest certified margin, by the method that the problem asks for.
-
-    Args:
-        posed: the problem.
-        moves: the sequence, with goals in the contact states that it goes through.
-        progress: told the margin after each gain.
-
-    Raises:
-        InfeasibleError: fine pieces cannot follow the motion, or no contact would be felt that ends one.
-        OverdueError: there is no time to certify it.
-    """
-    problem, clearance = posed.problem, posed.clearance.per_side
-    turns = Turns(3, 0.5 * (posed.spread + clearance))
-    with until(set_deadline() + GRACE):
-        begun = certified(posed.assembly, moves, posed.start, posed.tolerance, FINE)
-    aim = Aim(posed.assembly, posed.start, posed.tolerance, FINE, _as_good_as(posed, begun))
-
-    def told(margin: float) -> None:
-        progress(f"placement: margin {1e6 * margin:.1f} um")
-
-    def polished(placed: Placed, method: Method) -> Placed:
-        return refine_goals(aim, placed, clearance, method, turns, told)
-
-    if problem.settings.placement == "descent":
-        stages = [begun, polished(begun, "descent")]
-    else:
-        refined = refine(aim, begun, ClarabelSolver(), posed.refinement, told)
-        stages = [begun, refined, *filter(aim.fit, [polished(refined, "nlp")])]
-    return _by_method(posed, _felt(posed, stages))
-
-
-def placed_anew(posed: Posed, moves: Sequence[Move], progress: Progress) -> Placed:
-    """Goal poses placed from wherever they are, as `placement` does it where the errors can be followed from there.
-
-    Where they cannot, errors are grown first as the poses come to bear them.
-
-    Args:
-        posed: the problem.
-        moves: the sequence, with goals in the contact states that it goes through.
-        progress: told the margin after each gain.
-
-    Raises:
-        InfeasibleError: all of the errors cannot be followed.
-    """
-    try:
-        return placement(posed, moves, progress)
-    except InfeasibleError:
-        progress("placement: errors are grown")
-        return placement(posed, grown(posed.under, moves, ClarabelSolver(), posed.refinement, FINE).moves, progress)
-
-
-def _as_good_as(posed: Posed, begun: Placed) -> Callable[[Placed], bool]:
-    """Whether contacts of a sequence hold as surely as those of another one, or as surely as they need to.
-
-    Nor may its moves have to be cut more finely: at each piece a robot stops, and what it is off by adds up.
-    """
-
-    @cache
-    def least() -> tuple[float, float, bool]:
-        return measured(begun)
-
-    def measured(placed: Placed) -> tuple[float, float, bool]:
-        given = posed.problem, posed.assembly, placed.reached.claims, posed.tolerance
-        steady = STEADY if posed.assembly.planar else least_steady(*given)
-        return min(FIRM, least_firm(*given)), min(STEADY, steady), runs_against(*given)
-
-    def fit(placed: Placed) -> bool:
-        if any(new > old for new, old in zip(_fineness(placed), _fineness(begun), strict=True)):
-            return False
-        try:
-            return all(new >= old for new, old in zip(measured(placed), least(), strict=True))
-        except InfeasibleError:  # no bias force holds the contacts
-            return False
-
-    return fit
-
-
-def _fineness(placed: Placed) -> list[float]:
-    """Of each move, how many times as many pieces it has as its turn alone asks for."""
-    turns = (length(log(move.goal.R @ move.start.R.T)) for move in placed.moves)
-    pieces = map(len, claims_of_moves(placed.reached.claims))
-    return [count / max(1, math.ceil(turn / FINE - 1e-9)) for count, turn in zip(pieces, turns, strict=True)]
-
-
-def _by_method(posed: Posed, placed: Placed) -> Placed:
-    """A sequence with the claims of the method that the problem asks for."""
-    if posed.problem.settings.method != "dakin1993":
-        return placed
-    claims = as_in_the_paper(posed.assembly, placed.reached.claims, posed.errors, posed.tolerance)
-    return replace(placed, reached=replace(placed.reached, claims=claims))
-
-
-def _felt(posed: Posed, found: Sequence[Placed]) -> Placed:
-    """The last of some sequences of which every piece runs against the contact that ends its move."""
-    for placed in reversed(found):
-        if runs_against(posed.problem, posed.assembly, placed.reached.claims, posed.tolerance):
-            return placed
-    raise InfeasibleError("a piece of a turn leads away from the contact that is to end it at first")

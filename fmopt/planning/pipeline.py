@@ -23,9 +23,10 @@ from fmopt.papers.lee_huang.mapping import answered
 from fmopt.papers.lee_huang.nominal_trajectory import critical_poses
 from fmopt.plan import Plan
 from fmopt.planning.control.controlled_motion import controlled
-from fmopt.planning.motion import Attempt, Posed, Progress, Stages, motion, under_errors
+from fmopt.planning.motion import Attempt, motion
 from fmopt.planning.optimise.bisection import ATTEMPTS, largest_share
 from fmopt.planning.plan_record import Described, Nominal, plan_document, proof_document
+from fmopt.planning.posed import Posed, Progress, Stages, under_errors
 from fmopt.planning.robustness.contact_space import contact_spaces
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion, ErrorTolerance, error_tolerance
 from fmopt.planning.robustness.state_trace import Visited, visited

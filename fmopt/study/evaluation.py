@@ -211,7 +211,7 @@ def _margins(solved: Solved) -> dict[str, Scalar]:
 
 def _tolerated(solved: Solved) -> dict[str, Scalar]:
     """The largest factor of the whole start box at which this motion, moved alike, is still certified."""
-    from fmopt.planning.motion import under_errors
+    from fmopt.planning.posed import under_errors
     from fmopt.planning.robustness.error_tolerance import largest_factor
 
     return {"tolerated_factor": largest_factor(under_errors(solved.motion, solved.problem))}

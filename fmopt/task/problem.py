@@ -10,8 +10,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from fmopt.spatial.framing import Framing
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Framing, Value, frozen
 from fmopt.task.sources import Contribution, Sources
 
 if TYPE_CHECKING:

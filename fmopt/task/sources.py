@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, assert_never
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fmopt.spatial.framing import Framing
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.spatial.values import Array, Framing, Value, frozen
 
 if TYPE_CHECKING:
     from fmopt.task.toml import problem_file as files

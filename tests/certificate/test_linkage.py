@@ -7,9 +7,8 @@ import pytest
 
 from fmopt.certificate.error_set import ErrorSet, Linkage
 from fmopt.certificate.tube import coupled
-from fmopt.spatial.framing import IN_THE_WORLD, Framing
 from fmopt.spatial.se3 import exp, log
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import IN_THE_WORLD, Array, Framing
 
 BOX = np.array([3e-4, 2e-4, 1e-4, 6e-3, 4e-3, 8e-3])
 FRAMING = Framing(np.array([0.3, 0.3, 0.5, 0.2, 0.2, 0.2]), np.array([0.4, 0.2, 0.0, 0.5, 0.5, 0.5]))

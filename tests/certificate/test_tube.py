@@ -199,7 +199,8 @@ def test_without_a_contact_to_make_the_drift_is_that_of_the_commanded_way() -> N
     drift = np.array([0.02, 0.03 / RHO]) * outcome.length  # each in a ball of its own, both at once
     reached = errors.support(np.eye(6)) + np.repeat(drift, 3)
     np.testing.assert_allclose(outcome.ends.goal_set.support(np.eye(6)), reached, rtol=1e-12)
-    assert outcome.approach == np.inf
+    assert outcome.approach is None
+    assert outcome.departure == np.inf
 
 
 def test_a_grazing_approach_is_refused() -> None:

@@ -25,8 +25,6 @@ LONGER = {
     "geometry/mesh/mesh_file.py": 414,
     "geometry/outline_solids.py": 482,
     "notebook/plan.py": 412,
-    "planning/motion.py": 466,
-    "planning/search/entry.py": 405,
     "task/loading.py": 468,
     "task/model.py": 412,
     "task/toml/tables.py": 423,

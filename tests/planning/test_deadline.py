@@ -17,9 +17,10 @@ from fmopt.certificate.separating_plane import separation
 from fmopt.contact.c_surface import Surfaces, definition, parameters
 from fmopt.contact.primitive import near_contacts, near_tips
 from fmopt.errors import OverdueError, SearchError
-from fmopt.planning.motion import Posed, certified, placement
 from fmopt.planning.moves.separating_planes import Faces
 from fmopt.planning.pipeline import certified_motion, planned, synthesise
+from fmopt.planning.placement.sequence_program import certified
+from fmopt.planning.posed import Posed, placement
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion
 from fmopt.runtime.compiled import clock, deadline, heed, until
 from fmopt.spatial.se3 import Pose

@@ -14,7 +14,7 @@ import fmopt
 from fmopt.cli.entry import command
 from fmopt.errors import InfeasibleError, InterferenceError, SearchError
 from fmopt.notebook.problem import Problem
-from fmopt.planning.motion import Posed
+from fmopt.planning.posed import Posed
 from fmopt.report.attempt import Failure
 from tests.shared.files.prisms import prism, rectangle, regular
 

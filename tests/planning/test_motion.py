@@ -30,7 +30,11 @@ def failing(monkeypatch: pytest.MonkeyPatch, errors: list[FmoptError]) -> list[t
         tried.append((known.index(self), len(list(rounds))))
         raise errors[len(tried) - 1]
 
+    def never(*_: object) -> None:
+        raise InfeasibleError("the moves can be followed under half of the errors only")
+
     monkeypatch.setattr(motion._Stood, "motion", fail)
+    monkeypatch.setattr(motion._Stood, "grown", never)
     return tried
 
 

@@ -8,10 +8,10 @@ from typing import Any
 from fmopt.certificate.contact_implications import Assembly
 from fmopt.certificate.error_set import ErrorSet
 from fmopt.certificate.propagation import Tolerance
-from fmopt.planning.motion import FINE
 from fmopt.planning.moves.moves import Reached
 from fmopt.planning.pipeline import planned
 from fmopt.planning.placement.sequence_program import certified
+from fmopt.planning.posed import FINE
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion
 from fmopt.planning.search.best_first import search
 from fmopt.planning.search.entry import Entry, Shape, start_spread, tilted_entry

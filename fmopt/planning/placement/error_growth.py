@@ -1,15 +1,17 @@
 """Placement from poses at which the errors are too large to be followed: they grow as the poses come to bear them.
 
-A sequence is certified for a share λ of all errors at which its moves are possible, in coarse pieces. Its rows look
-ahead: what the generators of errors take of a row now they take 1/λ times once all of the errors are there. The least
-row of that kind is made as large as possible, those that only keep the description of contacts among them, and where it
-is positive the share grows.
+A sequence is certified for a share of all errors at which its moves are possible, in coarse pieces. Each of its rows
+says which share of the errors it bears: what they take of it grows with them, to first order, and remainders with their
+square. The least of these shares is made as large as possible, rows among them that only keep the description of
+contacts, and where it exceeds the share that is certified, that grows.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -28,13 +30,16 @@ from fmopt.planning.placement.sequence_program import (
     refine,
 )
 from fmopt.planning.placement.sequence_rows import KEPT, SequenceRows, sequence_rows
+from fmopt.spatial.values import Array
 
-COARSE = 0.03  # rad, the greatest turn of a piece while errors grow
-_ROUNDS = 80
+_ROUNDS = 60
 _HALVINGS = 6  # of the errors, until the moves are possible
 _AHEAD = 10.0  # times the trust radius to begin with: rows that are looked at
-_LOST = 0.05  # of these: what rows may fall by, to below zero, as errors grow
-_EAGER = 3  # rounds after which more errors are tried though rows that look ahead still fall short
+_MORE = 1.02  # times the share, what rows have to bear for more of the errors to be tried
+_RESERVE = 0.05  # of all errors, what is borne beyond them in the end
+_LITTLE = 1e-3  # of all errors, a gain that does not count
+_AT_ONCE, _ADDED = 80, 6  # rows that a step is solved with at first, and added at once; how often at most
+_BROKEN = 0.02  # of the trust radius, by which rows may be broken that a step is not solved with
 _WIDER = 4.0  # times the trust radius, with which the margin is raised once more in the end, and as much less
 _CLOSER = 0.25  # times the least radius and gain in the end
 
@@ -47,28 +52,33 @@ class _Grown:
         share: of all errors.
         aim: what it is placed for, with the errors of that share.
         placed: the sequence.
-        rows: its rows, as they would be under all errors.
+        rows: its rows; what counts is by how much more of all errors each bears, times `unit`.
+        unit: what the errors take of the row that they take most of, m.
     """
 
     share: float
     aim: Aim
     placed: Placed
     rows: SequenceRows
+    unit: float
 
     @classmethod
     def of(cls, share: float, aim: Aim, placed: Placed, near: float) -> _Grown:
         """A certified sequence, with its rows within `near` (m) of binding."""
-        rows = sequence_rows(aim.assembly, placed.reached, aim.tolerance, near)
-        more = 1.0 / share
-        values = rows.values - (more - 1.0) * np.abs(rows.products).sum(axis=1) - KEPT * DOUBT * (1.0 - rows.counted)
-        every = np.ones_like(rows.counted)
-        ahead = replace(rows, values=values, counted=every, products=more * rows.products, turning=more * rows.turning)
-        return cls(share, aim, placed, ahead)
+        rows = sequence_rows(aim.assembly, placed.reached, aim.tolerance, near, drifting=True, felt=share == 1.0)
+        taken = np.maximum(rows.reach + 2.0 * rows.rest, _LITTLE * near) / share
+        unit = float(taken.max(initial=_LITTLE * near))
+        values = np.where(rows.counted > 0.0, rows.values, rows.values / KEPT - DOUBT * (rows.drifts > 0.0))
+        return cls(share, aim, placed, replace(rows, values=values, counted=taken / unit), unit)
 
-    @property
-    def least(self) -> float:
-        """The least of the rows, m."""
-        return float(self.rows.values.min(initial=np.inf))
+    def borne(self, x: Array) -> float:
+        """The share of all errors that the rows bear after displacements (n,), about."""
+        return self.share + float((self.rows.at(x) / self.rows.counted).min(initial=np.inf)) / self.unit
+
+    @cached_property
+    def bears(self) -> float:
+        """The share of all errors that the rows bear."""
+        return self.borne(np.zeros(self.rows.slopes.shape[1]))
 
 
 def grown(
@@ -77,7 +87,8 @@ def grown(
     """A sequence certified for all errors, from moves that cannot be followed under them.
 
     Args:
-        aim_at: what for, under a share of all errors, in pieces that turn by `COARSE` at most.
+        aim_at: what for, under a share of all errors, in pieces that turn by
+            `fmopt.planning.placement.sequence_program.COARSE` at most.
         moves: the sequence; their goals make the contacts that they should.
         solver: for cone programs.
         settings: trust region, and how far the margin is raised in the end.
@@ -88,14 +99,14 @@ def grown(
     """
     near, radius = _AHEAD * settings.radius, settings.radius
     at = _begun(aim_at, moves, near)
-    for count in range(_ROUNDS):
-        if at.share == 1.0 or radius < settings.least_radius:
+    for _ in range(_ROUNDS):
+        if (at.bears >= 1.0 + _RESERVE and at.share == 1.0) or radius < settings.least_radius:
             break
-        more = _more(aim_at, at, near) if at.least > 0.0 or count % _EAGER == _EAGER - 1 else None
+        more = _more(aim_at, at, near) if at.bears > _MORE * at.share else None
         if more is not None:
             at, radius = more, settings.radius
             continue
-        better = _better(at, solver, radius, settings, near)
+        better = _better(at, solver, radius, near)
         if better is None:
             radius *= SHORTER
         else:
@@ -133,25 +144,39 @@ def _under(aim_at: Callable[[float], Aim], share: float, moves: Sequence[Move], 
 
 def _more(aim_at: Callable[[float], Aim], at: _Grown, near: float) -> _Grown | None:
     """The same poses under more of the errors, under as much as they are possible."""
-    for share in (1.0, 0.5 * (1.0 + at.share), 1.25 * at.share, 1.1 * at.share):
-        if at.share < share <= 1.0:
-            try:
-                found = _under(aim_at, share, at.placed.moves, near)
-            except InfeasibleError:
-                continue
-            if found.least > min(at.least, 0.0) - _LOST * near:
-                return found
+    for part in (1.0, 0.5, 0.25):
+        share = min(1.0, at.share + part * (at.bears - at.share))
+        if share > at.share:
+            with suppress(InfeasibleError):
+                return _under(aim_at, share, at.placed.moves, near)
     return None
 
 
-def _better(at: _Grown, solver: Solver, radius: float, settings: Refinement, near: float) -> _Grown | None:
-    """Poses in a trust region whose least row is larger; None where a step comes to no such."""
+def _better(at: _Grown, solver: Solver, radius: float, near: float) -> _Grown | None:
+    """Poses in a trust region that bear more of the errors; None where a step comes to no such."""
     try:
-        solution = solver.solve(program_of(at.aim, at.placed, at.rows, radius))
-        if solution.value <= at.least + settings.least_gain:
+        x = _step(at, solver, radius)
+        if at.borne(x) <= at.bears + _LITTLE:
             return None
-        placed = displaced(at.aim, at.placed, solution.x[:-1].reshape(-1, 6))
+        found = _Grown.of(at.share, at.aim, displaced(at.aim, at.placed, x.reshape(-1, 6)), near)
     except (InfeasibleError, SolverError):
         return None
-    found = _Grown.of(at.share, at.aim, placed, near)
-    return found if found.least > at.least else None
+    return found if found.bears > at.bears else None
+
+
+def _step(at: _Grown, solver: Solver, radius: float) -> Array:
+    """The displacements (n,) in a trust region after which the rows bear most of the errors, nearly.
+
+    Few of the rows bind: those that bear least are solved for, and the ones that the answer breaks added.
+    """
+    rows, used = at.rows, np.zeros(len(at.rows.values), dtype=np.bool_)
+    short = np.argsort(rows.values / rows.counted, kind="stable")[:_AT_ONCE]
+    for _ in range(_ADDED):
+        used[short] = True
+        solution = solver.solve(program_of(at.aim, at.placed, rows.taken(used), radius))
+        left = rows.at(solution.x[:-1]) - solution.value * rows.counted
+        short = np.flatnonzero((left < -_BROKEN * radius) & ~used)
+        if not len(short):
+            break
+        short = short[np.argsort(left[short], kind="stable")[:_AT_ONCE]]
+    return solution.x[:-1]

@@ -25,12 +25,14 @@ from fmopt.planning.moves.moves import Move, Reached, unroll
 from fmopt.planning.optimise.cone_program import ConeProgram, Norm, Solver
 from fmopt.planning.placement.sequence_rows import SequenceRows, sequence_rows
 from fmopt.runtime.compiled import heed
-from fmopt.spatial.se3 import Pose
+from fmopt.spatial.se3 import Pose, length
 from fmopt.spatial.values import Array
 
+COARSE = 0.03  # rad, the greatest turn of a piece while errors grow
 _RANK = 1e-7
 _FINE = 5e-3  # times the trust radius: what changes a row by less does not count
 SHORTER = 0.35  # times the trust radius after a step that was none
+_SLIDE = 1e-3  # rad; moves that turn by less are slides, and stay so where the start may be displaced
 _STRAIGHT = 4.0  # times the trust radius: moves that are longer are so by the same share along all of it
 
 
@@ -93,6 +95,8 @@ class Aim:
         fit: whether a sequence will do, whatever its margin.
         turning: whether goal poses in free space may turn. If not, how the part is tilted as it enters is for the
             search to say: what gives way under a contact that is aslant is the robot.
+        lift: height of the lowest point above the mouth at the start, m, where the start may be displaced at that
+            height; None where it stays.
     """
 
     assembly: Assembly
@@ -101,6 +105,7 @@ class Aim:
     step: float
     fit: Callable[[Placed], bool] = lambda _: True
     turning: bool = False
+    lift: float | None = None
 
 
 def better(aim: Aim, moves: Sequence[Move], than: Placed, by: float) -> Placed | None:
@@ -143,7 +148,7 @@ def refine(
         rows = sequence_rows(aim.assembly, best.reached, aim.tolerance, settings.radius)
         for _ in range(settings.rounds):
             heed()
-            if not len(rows.values) or radius < settings.least_radius:
+            if not rows.counted.any() or radius < settings.least_radius:
                 break
             try:
                 solution = solver.solve(program_of(aim, best, rows, radius))
@@ -168,7 +173,7 @@ def sequence_program(aim: Aim, placed: Placed, radius: float) -> ConeProgram:
     """The program whose optimum `refine` takes its first step to, in a trust region (m, in the metric of ρ).
 
     Its variables are the displacements (6) of the start and of the goal pose of each move, m and rad, then the margin,
-    m; start and seated pose stay where they are.
+    m; the seated pose stays where it is, the start at least at its height.
     """
     return program_of(aim, placed, sequence_rows(aim.assembly, placed.reached, aim.tolerance, radius), radius)
 
@@ -179,14 +184,14 @@ def displaced(aim: Aim, placed: Placed, shift: Array) -> Placed:
     Raises:
         InfeasibleError: a pose leaves its contact state, or a move is impossible.
     """
-    moves = _shifted(aim.assembly, placed.moves, shift)
+    moves = _shifted(aim, placed.moves, shift)
     return certified(aim.assembly, moves, aim.start, aim.tolerance, aim.step, placed.thorough)
 
 
 def _moved(aim: Aim, placed: Placed, shift: Array, by: float) -> Placed | None:
     """The sequence with its poses displaced, if that is possible, better by so much (m), and will do."""
     try:
-        moves = _shifted(aim.assembly, placed.moves, shift)
+        moves = _shifted(aim, placed.moves, shift)
     except InfeasibleError:
         return None
     found = better(aim, moves, placed, by)
@@ -223,7 +228,7 @@ def program_of(aim: Aim, placed: Placed, rows: SequenceRows, radius: float) -> C
         h[number] += abs(at)
     A = _equalities(aim, moves, n)
     upper = np.append(most, np.inf)
-    weights = np.array(W).reshape(-1, len(h)).T
+    weights = np.array(W).reshape(len(W), len(h)).T
     units = np.append(0.25 * most, 0.25 * radius)
     box = {"lower": -upper, "upper": upper, "units": units}
     c = np.append(np.zeros(n - 1), 1.0)
@@ -231,9 +236,10 @@ def program_of(aim: Aim, placed: Placed, rows: SequenceRows, radius: float) -> C
 
 
 def _equalities(aim: Aim, moves: Sequence[Move], n: int) -> Array:
-    """Each pose stays in its contact state; the start and the seated pose stay where they are."""
-    first = np.zeros((6, n))
-    first[:, :6] = np.eye(6)
+    """Each pose stays in its contact state, the start at its height or where it is, the seated pose where it is."""
+    fixed = np.eye(6) if aim.lift is None else _rising(aim.assembly, moves[0].start)
+    first = np.zeros((len(fixed), n))
+    first[:, :6] = fixed
     blocks = [first]
     for k, move in enumerate(moves):
         contacts = (*move.held, *move.making)
@@ -243,6 +249,10 @@ def _equalities(aim: Aim, moves: Sequence[Move], n: int) -> Array:
         block = np.zeros((len(rows), n))
         block[:, 6 * (k + 1) : 6 * (k + 2)] = rows
         blocks.append(block)
+        if aim.lift is not None and length(move.start.local(move.goal)[3:]) < _SLIDE:
+            slide = np.zeros((3, n))
+            slide[:, 6 * k + 3 : 6 * k + 6], slide[:, 6 * k + 9 : 6 * k + 12] = -np.eye(3), np.eye(3)
+            blocks.append(slide)
     return np.vstack(blocks)
 
 
@@ -261,12 +271,25 @@ def in_a_row(moves: Sequence[Move], start: Pose, goals: Iterable[Pose]) -> tuple
     return tuple(replace(move, start=at, goal=to) for move, (at, to) in zip(moves, ways, strict=True))
 
 
-def _shifted(assembly: Assembly, moves: Sequence[Move], shift: Array) -> tuple[Move, ...]:
+def _rising(assembly: Assembly, pose: Pose) -> Array:
+    """How displacements raise the lowest point of the moving part, a row (1, 6)."""
+    body = assembly.moving.polyhedron
+    lowest = body.vertices[int(np.argmin(pose.apply(body.vertices)[:, 2] - body.radii))]
+    arm = pose.R @ lowest
+    return np.array([[0.0, 0.0, 1.0, arm[1], -arm[0], 0.0]])
+
+
+def _shifted(aim: Aim, moves: Sequence[Move], shift: Array) -> tuple[Move, ...]:
     """The moves with their poses displaced and put back onto the true contact surfaces."""
-    shift = shift * assembly.freedoms
+    shift = shift * aim.assembly.freedoms
     *placed, last = moves
-    goals = [onto_surfaces(assembly, move.goal.moved(shift[k]), move) for k, move in enumerate(placed, 1)]
-    return in_a_row(moves, moves[0].start.moved(shift[0]), (*goals, last.goal))
+    goals = [onto_surfaces(aim.assembly, move.goal.moved(shift[k]), move) for k, move in enumerate(placed, 1)]
+    start = moves[0].start.moved(shift[0])
+    if aim.lift is not None:
+        body = aim.assembly.moving.polyhedron
+        low = float((start.apply(body.vertices)[:, 2] - body.radii).min())
+        start = start.moved([0.0, 0.0, aim.lift - low, 0.0, 0.0, 0.0])
+    return in_a_row(moves, start, (*goals, last.goal))
 
 
 def onto_surfaces(assembly: Assembly, pose: Pose, move: Move) -> Pose:

@@ -1,14 +1,4 @@
-"""The rows that bound the margin of a sequence, as functions of displacements of all its poses.
-
-How the errors along a sequence of moves change as the poses do that its moves start from and go to.
-
-A move takes errors up along its own direction: of a contact that is made, along the motion v by which it is made, and
-of one that is held, along the motion C by which it was. Where a pose is displaced, v turns, and with it
-
-    Π = Π_h + φ v N′ᵀ/rate,   Π_h = 1 − C (N_h C)⁻¹ N_h,   N′ = Π_hᵀ N_m,   rate = −N_m·v,
-
-of this move and of all later ones that hold the contact. Rows N count as they are: what turns them is second order.
-"""
+"""The rows that bound the margin of a sequence, as functions of displacements of all its poses."""
 
 from __future__ import annotations
 
@@ -19,21 +9,21 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.certificate.assembly import Assembly, made_form, made_scale
+from fmopt.certificate.assembly import Assembly, contact_rows, made_form, made_scale
 from fmopt.certificate.claim import Claim, facet_rows
 from fmopt.certificate.piece_pairs import Pair, pairs
-from fmopt.certificate.remainder import Course, Ends
-from fmopt.certificate.rows import Forms
-from fmopt.certificate.segment_linearisation import Linearisation, Piece, Tolerance, linearisation_of
+from fmopt.certificate.remainder import Course, Curvature
+from fmopt.certificate.rows import Forms, Rows
+from fmopt.certificate.segment_linearisation import Growth, Tolerance
 from fmopt.certificate.separating_plane import Separation, counted_rows
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.planning.moves.contact_transition import DOUBTED, within_rims
 from fmopt.planning.moves.moves import Reached, claims_of_moves
-from fmopt.spatial import ellipsoid
+from fmopt.planning.placement.error_derivatives import Sensitivity, sensitivities
 from fmopt.spatial.values import Array
 
 _STEPS = 4  # steps of the trust region that a row is kept away from where contacts are described otherwise
-KEPT = 0.5  # of how far vertices are from there
+KEPT = 0.5  # of how far vertices are from there, and of what only has to hold, that a step leaves
 _ALIKE = 1e-6  # slopes that differ by less are one
 
 
@@ -44,7 +34,7 @@ class Linear:
     Args:
         values: at x = 0, kinks and all, m.
         slopes: (r, n).
-        counted: 1 for rows of the margin, 0 for those that only have to hold.
+        counted: 1 for rows of the margin, or their weight in it; 0 for those that only have to hold.
         drifts: sizes of gradients, of which the velocity error takes its share.
         moves: whose row it is.
         kinks: row, value and slope (n,) of each product whose sign may change.
@@ -65,11 +55,13 @@ class SequenceRows:
     Args:
         values: what is left for the margin, m.
         slopes: of the distance (r, n).
-        counted: 1 for rows of the margin, 0 for those that only have to hold.
+        counted: 1 for rows of the margin, or their weight in it; 0 for those that only have to hold.
         drifts: sizes of gradients (r,).
         moves: whose row it is (r,).
         products: N·g (r, k), m; zero where something else than the generators bounds the errors.
         turning: their slopes (r, k, n).
+        reach: what errors take of the values, to first order (r,), m.
+        rest: what remainders take (r,), m.
     """
 
     values: Array
@@ -79,20 +71,30 @@ class SequenceRows:
     moves: NDArray[np.intp]
     products: Array
     turning: Array
+    reach: Array
+    rest: Array
 
     @staticmethod
     def none(k: int, n: int) -> SequenceRows:
         """No rows at all, of so many generators and displacements."""
         empty = np.zeros(0)
-        return SequenceRows(
-            empty, np.zeros((0, n)), empty, empty, np.zeros(0, np.intp), np.zeros((0, k)), np.zeros((0, k, n))
-        )
+        slopes, generators = np.zeros((0, n)), (np.zeros((0, k)), np.zeros((0, k, n)))
+        return SequenceRows(empty, slopes, empty, empty, np.zeros(0, np.intp), *generators, empty, empty)
 
     @staticmethod
     def joined(parts: Sequence[SequenceRows]) -> SequenceRows:
         """All rows of some, one after the other."""
         names = [field.name for field in fields(SequenceRows)]
         return SequenceRows(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+
+    def taken(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> SequenceRows:
+        """Some of the rows."""
+        return SequenceRows(**{field.name: getattr(self, field.name)[which] for field in fields(SequenceRows)})
+
+    def at(self, x: Array) -> Array:
+        """Values (r,) after displacements (n,), m; that longer moves drift farther does not count."""
+        more = np.abs(self.products + self.turning @ x) - np.abs(self.products)
+        return np.asarray(self.values + self.slopes @ x - more.sum(axis=1))
 
     def within(self, most: Array, fine: float) -> Linear:
         """The rows that may bind where displacements are no larger than these (n,), and no two that are the same.
@@ -106,8 +108,9 @@ class SequenceRows:
         far = np.abs(slopes) @ most
         # What a kink takes at most more than it does where nothing is displaced.
         lost = np.where(bent, spread, 0.0).sum(axis=1)
-        top = float((self.values + far + lost)[self.counted > 0.0].min(initial=np.inf))
-        used = self.values - far - lost < np.where(self.counted > 0.0, top, 0.0)
+        counts = self.counted > 0.0
+        top = float(((self.values + far + lost)[counts] / self.counted[counts]).min(initial=np.inf))
+        used = self.values - far - lost < np.where(counts, self.counted * top, 0.0)
         rounded = np.column_stack([self.values / fine, slopes / _ALIKE, lost / fine]).round()
         _, first = np.unique(rounded[used], axis=0, return_index=True)
         kept = np.flatnonzero(used)[np.sort(first)]
@@ -122,10 +125,23 @@ class SequenceRows:
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """Rows of a piece at one of its ends: gradients N (m, 6), values (m,), and whether errors are bounded by g (m,)."""
+    """Rows of a piece at one of its ends.
+
+    Args:
+        N: gradients (m, 6).
+        values: (m,), what errors and remainders take of them off.
+        reach, rest: what these take (m,).
+        end: which.
+        spread: whether generators bound the errors (m,).
+        scale: what all of it is divided by.
+        factor: how often errors count.
+        counted: whether they are rows of the margin.
+    """
 
     N: Array
     values: Array
+    reach: Array
+    rest: Array
     end: int
     spread: NDArray[np.bool_]
     scale: float = 1.0
@@ -133,10 +149,27 @@ class _Block:
     counted: float = 1.0
 
 
-def sequence_rows(assembly: Assembly, reached: Reached, tolerance: Tolerance, near: float) -> SequenceRows:
-    """Every row of a sequence that is within `near` (m) of binding."""
+def sequence_rows(
+    assembly: Assembly,
+    reached: Reached,
+    tolerance: Tolerance,
+    near: float,
+    drifting: bool = False,
+    felt: bool = True,
+) -> SequenceRows:
+    """Every row of a sequence that is within `near` (m) of binding.
+
+    Args:
+        assembly: the two parts.
+        reached: the sequence.
+        tolerance: velocity error and metric.
+        near: of what binds, m.
+        drifting: whether it counts in later moves that a longer one drifts farther, too. That leads on where poses are
+            far from where they are to be; near there, steps without it were found to end higher.
+        felt: whether what ends a move has to be felt.
+    """
     most, moves = reached.margin + near, claims_of_moves(reached.claims)
-    sensitivity = iter(found := sensitivities(assembly, reached.claims, tolerance))
+    sensitivity = iter(found := sensitivities(assembly, reached.claims, tolerance, drifting))
     shape = max((len(each.start[0]) for each in found), default=0), 6 * (len(moves) + 1)
     parts = [SequenceRows.none(*shape)]
     for number, claims in enumerate(moves):
@@ -146,6 +179,8 @@ def sequence_rows(assembly: Assembly, reached: Reached, tolerance: Tolerance, ne
             changing = next(sensitivity)
             blocks = chain(_near(assembly, claim, course, tolerance.rho, most), _described(course, sure, _STEPS * near))
             parts += [_rows(block, claim, changing, number, shape) for block in blocks]
+        gains = [gain for claim in claims for gain in _gains(assembly, claim, felt)]
+        parts.append(_growing(gains, claims[-1], changing, number, shape))
     return SequenceRows.joined(parts)
 
 
@@ -154,8 +189,9 @@ def _rows(block: _Block, claim: Claim, sensitivity: Sensitivity, number: int, sh
     (width, n), share, m = shape, claim.piece.progress[block.end], len(block.values)
     N = block.N / block.scale
     slopes = np.zeros((m, n))
-    slopes[:, 6 * number : 6 * number + 6] = (1.0 - share) * N
-    slopes[:, 6 * number + 6 : 6 * number + 12] = share * N
+    along = N @ sensitivity.held[block.end]
+    slopes[:, 6 * number : 6 * number + 6] = (1.0 - share) * along
+    slopes[:, 6 * number + 6 : 6 * number + 12] = share * along
     generators, derivatives = sensitivity.goal if block.end else sensitivity.start
     products, turning = np.zeros((m, width)), np.zeros((m, width, n))
     if len(generators):
@@ -164,7 +200,85 @@ def _rows(block: _Block, claim: Claim, sensitivity: Sensitivity, number: int, sh
         turning[:, : len(generators)] = weight[..., None] * np.einsum("mi,kin->mkn", N, derivatives)
     counted, moves = np.full(m, block.counted), np.full(m, number, dtype=np.intp)
     sizes = np.linalg.norm(N, axis=1)
-    return SequenceRows(block.values / block.scale, slopes, counted, sizes, moves, products, turning)
+    values, reach, rest = (numbers / block.scale for numbers in (block.values, block.reach, block.rest))
+    slopes -= sensitivity.drift(N, block.end)
+    return SequenceRows(values, slopes, counted, sizes, moves, products, turning, reach, rest)
+
+
+@dataclass(frozen=True, eq=False)
+class _Gain:
+    """How much a row grows along a move, were all of it like a piece.
+
+    Args:
+        growth: how much, and what it depends on where the piece goes.
+        turned: how it changes with where the piece ends (6,), as the row turns.
+        share: of the move, at which that is.
+        size: what errors take of it, or, where they do not count, what it is made up of.
+    """
+
+    growth: Growth
+    turned: Array
+    share: float
+    size: float
+
+
+def _growing(
+    gains: list[_Gain], claim: Claim, ending: Sensitivity, number: int, shape: tuple[int, int]
+) -> SequenceRows:
+    """The rows that let errors be carried through a move, and its end be felt.
+
+    A contact being made comes nearer all along, as it is and as errors are seen through those held; contacts given up
+    get farther away; and a move is longer than what errors make its end differ by.
+
+    Args:
+        gains: of all pieces of the move.
+        claim: of the last piece.
+        ending: how errors change along it.
+        number: of the move.
+        shape: of generators and displacements.
+    """
+    piece, last, (width, n) = claim.piece, claim.advance, shape
+    products, turning = np.zeros((len(gains), width)), np.zeros((len(gains), width, n))
+    if last.approach is not None:
+        share = piece.progress[1] - piece.progress[0]
+        whole = last.approach.nominal / share
+        growth = Growth(last.approach.row, whole, last.overtravel * whole)
+        gains.append(_Gain(growth, np.zeros(6), 1.0, growth.lost))
+        generators, derivatives = ending.start
+        own, turned = np.zeros((1, width)), np.zeros((1, width, n))
+        own[0, : len(generators)] = generators @ last.approach.row / share
+        turned[0, : len(generators)] = np.einsum("i,kin->kn", last.approach.row, derivatives) / share
+        products, turning = np.concatenate([products, own]), np.concatenate([turning, turned])
+    m = len(gains)
+    slopes = np.zeros((m, n))
+    for slope, gain in zip(slopes, gains, strict=True):
+        slope[6 * number : 6 * number + 6] = (1.0 - gain.share) * gain.turned - gain.growth.row
+        slope[6 * number + 6 : 6 * number + 12] = gain.share * gain.turned + gain.growth.row
+    values, sizes = np.array([(KEPT * gain.growth.least, gain.size) for gain in gains]).reshape(m, 2).T
+    none, moves = np.zeros(m), np.full(m, number, dtype=np.intp)
+    return SequenceRows(values, slopes, none, none, moves, products, turning, sizes, none)
+
+
+def _gains(assembly: Assembly, claim: Claim, felt: bool) -> Iterator[_Gain]:
+    """What has to grow along a piece: the contact being made nears, and is felt to; those given up get farther away."""
+    piece, step = claim.piece, claim.advance
+    share, at = piece.progress[1] - piece.progress[0], piece.progress[1]
+    twist = piece.start.local(piece.goal)
+
+    def gain(growth: Growth, rows: Rows | None = None, size: float | None = None) -> _Gain:
+        turned = np.zeros(6) if rows is None else -Curvature.of(rows, rows, twist).power().mean(axis=0)
+        whole = Growth(growth.row, growth.nominal / share, growth.lost / share)
+        return _Gain(whole, turned / share, at, whole.lost if size is None else size / share)
+
+    for growth in step.departures:
+        yield gain(growth)
+    if piece.made is not None and step.approach is not None:
+        yield gain(step.approach, made_form(assembly, piece.made, piece.held).at(piece.goal))
+        if not felt:
+            return
+        rows = contact_rows(assembly, piece.making, (), piece.goal)
+        pushed = -rows.N.mean(axis=0)
+        yield gain(Growth(pushed, float(pushed @ twist), 0.0), rows, float(np.abs(pushed * twist).sum()))
 
 
 def _near(assembly: Assembly, claim: Claim, course: Course, rho: float, most: float) -> Iterator[_Block]:
@@ -183,17 +297,18 @@ def _near(assembly: Assembly, claim: Claim, course: Course, rho: float, most: fl
             which = np.flatnonzero(counts & (values < most * scale))
             if len(which):
                 N = rows.N[end, 0, which]
-                yield _Block(N, values[which], end, course.spread(end, N), scale)
+                reach, rest = rows.reach[end, 0, which], rows.rest[0, which]
+                yield _Block(N, values[which], reach, rest, end, course.spread(end, N), scale)
     for facet in facet_rows(assembly, claim) if claim.contacts else ():
         for contact, margin in enumerate(facet.table.margins(facet.lower)):
             if margin < most and (slope := facet.table.slope(contact, facet.lower)).any():
-                N = (slope @ facet.rows.N)[None]
-                yield _Block(N, np.array([margin]), facet.end, course.spread(facet.end, N))
+                N, taken = (slope @ facet.rows.N)[None], np.array([slope @ (facet.rows.f - facet.lower)])
+                yield _Block(N, np.array([margin]), taken, np.zeros(1), facet.end, course.spread(facet.end, N))
     if claim.early is not None and piece.made is not None:
         made = made_form(assembly, piece.made, piece.held).at(piece.start)
         scale = made_scale(assembly, piece.made, piece.held, rho)
-        N = scale * made.N
-        yield _Block(N, np.array([claim.early]), 0, course.spread(0, N))
+        N, early = scale * made.N, np.array([claim.early])
+        yield _Block(N, early, scale * made.f - early, np.zeros(1), 0, course.spread(0, N))
 
 
 def _described(course: Course, sure: Sequence[tuple[Forms, NDArray[np.intp]]], near: float) -> Iterator[_Block]:
@@ -201,11 +316,13 @@ def _described(course: Course, sure: Sequence[tuple[Forms, NDArray[np.intp]]], n
     for forms, which in sure:
         rows = course.over(forms)
         for end in (0, 1):
-            room = rows.f[end, 0, which] - DOUBTED * rows.reach[end, 0, which]
+            reach = DOUBTED * rows.reach[end, 0, which]
+            room = rows.f[end, 0, which] - reach
             close = room < near
             N = rows.N[end, 0, which[close]]
             if len(N):
-                yield _Block(N, KEPT * room[close], end, course.spread(end, N), 1.0, DOUBTED, 0.0)
+                none, spread = np.zeros(len(N)), course.spread(end, N)
+                yield _Block(N, KEPT * room[close], reach[close], none, end, spread, 1.0, DOUBTED, 0.0)
 
 
 def pairs_of(assembly: Assembly, claim: Claim) -> list[tuple[Pair, Separation]]:
@@ -225,103 +342,3 @@ def _surely(
         if sure.any():
             found.append((forms, np.flatnonzero(sure)))
     return found
-
-
-@dataclass(frozen=True, eq=False)
-class Sensitivity:
-    """The generators (k, 6) that a piece carries on, at both ends, and their derivatives (k, 6, n).
-
-    Derivatives are with respect to displacements (d, δ) of all poses one after the other, n = 6 (moves + 1).
-    """
-
-    start: tuple[Array, Array]
-    goal: tuple[Array, Array]
-
-
-def sensitivities(assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance) -> list[Sensitivity]:
-    """How generators change along a sequence of moves, piece by piece.
-
-    Args:
-        assembly: the two parts.
-        claims: of all pieces of the moves, in order.
-        tolerance: velocity error and metric.
-    """
-    n = 6 + 6 * sum(claim.piece.progress[0] == 0.0 for claim in claims)
-    found, number = list[Sensitivity](), -1
-    changed, turned = np.zeros((0, 6, n)), dict[bytes, Array]()
-    for claim in claims:
-        piece, ends = claim.piece, claim.advance.ends
-        number += piece.progress[0] == 0.0
-        core, share = carried_on(ends), piece.progress[1] - piece.progress[0]
-        displaced = np.zeros((6, n))
-        displaced[:, 6 * number : 6 * number + 6] = -share * np.eye(6)
-        displaced[:, 6 * number + 6 : 6 * number + 12] = share * np.eye(6)
-        before = np.zeros((len(core), 6, n))
-        before[: len(changed)] = changed[: len(core)]
-        moved = _Moved.of(piece, linearisation_of(assembly, piece, tolerance), turned, displaced)
-        changed = moved.carried(core, before)
-        found.append(Sensitivity((core, before), (ends.goal_set.generators[: len(core)], changed)))
-        if piece.last and piece.made is not None:
-            turned[claim.advance.basis[-1].direction.tobytes()] = moved.direction(ellipsoid.metric(tolerance.rho))
-    return found
-
-
-def carried_on(ends: Ends) -> Array:
-    """The generators (k, 6) that a piece carries on."""
-    return ends.start_set.generators if ends.core is None else ends.core
-
-
-@dataclass(frozen=True, eq=False)
-class _Moved:
-    """A piece of motion, and how it changes.
-
-    Args:
-        way: its linear picture.
-        share: φ.
-        inverse: (N_h C)⁻¹ (h, h).
-        compliant: derivatives of the twists C (h, 6, n).
-        motion: derivative of v (6, n).
-    """
-
-    way: Linearisation
-    share: float
-    inverse: Array
-    compliant: Array
-    motion: Array
-
-    @staticmethod
-    def of(piece: Piece, way: Linearisation, turned: dict[bytes, Array], displaced: Array) -> _Moved:
-        """With derivatives of compliant twists, and of the commanded motion (6, n)."""
-        none = np.zeros_like(displaced)
-        directions = [c.direction for c in piece.basis]
-        compliant = np.array([turned.get(c.tobytes(), none) for c in directions]).reshape(-1, *displaced.shape)
-        C = np.array(directions).reshape(-1, 6).T
-        inverse = ellipsoid.coupling_inverse(way.held[1].N, C) if directions else np.zeros((0, 0))
-        begun = _Moved(way, piece.share, inverse, compliant, none)
-        return _Moved(way, piece.share, inverse, compliant, begun._held(way.twist) + way.hold @ displaced)
-
-    def _held(self, x: Array) -> Array:
-        """The derivative of Π_h x (6, n)."""
-        taken = self.inverse @ (self.way.held[1].N @ x)
-        return np.asarray(-self.way.hold @ np.tensordot(taken, self.compliant, 1))
-
-    def _projected(self, x: Array) -> Array:
-        """The derivative of Π x (6, n)."""
-        way, held = self.way, self._held(x)
-        if way.made is None:
-            return held
-        N, v, seen = way.made[1].N[0], way.motion, float(way.seen @ x)
-        slower = N @ self.motion  # −∂rate
-        closing = self.motion * seen + np.outer(v, N @ held + seen / way.rate * slower)
-        return np.asarray(held + self.share / way.rate * closing)
-
-    def carried(self, generators: Array, before: Array) -> Array:
-        """The derivatives (k, 6, n) at the end, of generators (k, 6) with derivatives (k, 6, n) at the start."""
-        projector = self.way.hold if self.way.made is None else self.way.projector
-        after = np.array([self._projected(g) for g in generators]).reshape(before.shape)
-        return np.asarray(after + np.einsum("ij,kjn->kin", projector, before))
-
-    def direction(self, metric: Array) -> Array:
-        """The derivative (6, n) of the motion's direction, of length one in a metric (6,)."""
-        v, size = self.way.motion, float(np.linalg.norm(self.way.motion * metric))
-        return np.asarray(self.motion / size - np.outer(v, (v * metric**2) @ self.motion) / size**3)

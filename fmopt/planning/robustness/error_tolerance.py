@@ -24,9 +24,8 @@ from fmopt.plan.position_force import AXES
 from fmopt.planning.moves.moves import Move, Reached, carried, claims_of_moves, unroll
 from fmopt.planning.optimise.bisection import Trial, largest
 from fmopt.planning.placement.sequence_program import Placed, certified, in_a_row, onto_surfaces
-from fmopt.planning.search.best_first import Searched
-from fmopt.spatial.framing import IN_THE_WORLD, Framing
-from fmopt.spatial.values import Array, Value, frozen
+from fmopt.planning.search.symmetry import Searched
+from fmopt.spatial.values import IN_THE_WORLD, Array, Framing, Value, frozen
 
 _SHARE = 0.02
 

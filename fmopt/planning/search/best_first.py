@@ -8,8 +8,6 @@ transition and one roomy move at least, and so does each move of a part that is 
 learn where it is and then goes straight in. That bound is admissible; the order of expansion weighs it more, so that an
 answer comes soon, and the least bound among the states left open or dropped for a cheaper way to the same contacts says
 how much better another sequence could be: the gap.
-
-How a sequence begins: a corner goes into the mouth at once, touches the top first, or the part lies flat on it.
 """
 
 from __future__ import annotations
@@ -29,7 +27,8 @@ from fmopt.errors import OverdueError, SearchError
 from fmopt.planning.moves.moves import Move, Reached
 from fmopt.planning.search.entry import Entry, Leant
 from fmopt.planning.search.guarded_move import Freedom, Near, Place, guarded, insides, neighbourhood, tips
-from fmopt.planning.search.successors import Costs, Node, Task, successor_by, successors, ways_on
+from fmopt.planning.search.successors import ASKEW, Costs, Node, Task, successor_by, successors, ways_on
+from fmopt.planning.search.symmetry import Searched
 from fmopt.runtime.compiled import clock
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
@@ -66,26 +65,7 @@ class MoveSequence:
     @property
     def searched(self) -> Searched:
         """What is said of the search."""
-        return Searched(self.entry.heading, self.names, self.cost, self.lower_bound, self.expanded)
-
-
-@dataclass(frozen=True)
-class Searched:
-    """What is said of the search for a sequence.
-
-    Args:
-        heading: turn about z of the axes that moves go along and about, rad.
-        names: the freedom of each move.
-        cost: of the sequence.
-        lower_bound: no sequence from the same entries costs less.
-        expanded: states looked at.
-    """
-
-    heading: float
-    names: tuple[str, ...]
-    cost: float
-    lower_bound: float
-    expanded: int
+        return Searched(self.entry.heading, self.names, self.cost, self.lower_bound, self.expanded).of(self.moves)
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,7 +206,7 @@ def search(
         if task.seated(node.place.pose):
             return _sequence(node, front, expanded)
         expanded += 1
-        progress(" ".join(node.names))
+        progress(" ".join(node.names).replace(ASKEW, ""))
         try:
             for successor in successors(task, node):
                 front.push(successor, 0 if task.seated(successor.place.pose) else final)
@@ -243,7 +223,11 @@ def search(
     raise SearchError(
         f"no sequence of contacts to the seated part was found among {expanded} states"
         + (", the time limit is used up" if late else "")
-        + (f", the closest came after {' '.join(closest.names)}{shortfall(closest)}" if closest else ""),
+        + (
+            f", the closest came after {' '.join(closest.names).replace(ASKEW, '')}{shortfall(closest)}"
+            if closest
+            else ""
+        ),
         advice="raise settings.time_limit" if late else advice,
         late=late,
         attempt=None if farthest is None else Closest(task, farthest),

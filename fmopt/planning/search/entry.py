@@ -4,8 +4,6 @@ How deep the corner goes in is uncertain by the start errors, those of rotation 
 against a wall may be in by little: its other side has to pass the mouth on the far side. The corner may touch the top
 beside the mouth first. Then its height is known but for what errors of velocity add on the way into the mouth. So are
 the part's tilts where it is laid flat on the top.
-
-Corners of the leading face, the one that goes in first: the sides on both ways from each, and how far it turns.
 """
 
 from __future__ import annotations
@@ -16,10 +14,9 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 from fmopt.geometry.part import Part
+from fmopt.geometry.section import corner_turns, corner_walls, far_edge, leading_corners, leading_face, outline
 from fmopt.spatial import se3
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
@@ -31,11 +28,6 @@ _ACROSS = 2.0  # times as far as along the edge that it comes down on, a part le
 _HOVERING = (2.0, 3.0, 1.5, 0.0)  # times the errors that a ball is away from walls
 # The same for a corner once caught on a slope; where it goes in, as shares of the way from the middle to a wall.
 _DEEPER, _ASIDE = (2.6, 3.2, 4.5), (0.5, 0.0)
-
-_SHORT = 0.25  # of the longest side of the leading face, below which a side is no wall
-_NARROW = 0.1  # sine of the angle between two sides, below which they are opposite ones
-_ALIKE = 0.55  # cosine above which two sides are no corner
-_BLUNT, _SHARE = math.radians(40.0), 0.45  # turns at corners, and share of the width, below which a part is round
 
 
 @dataclass(frozen=True)
@@ -141,8 +133,8 @@ def tilted_entry(moving: Part, play: tuple[float, float], approach: float, shape
     tilt = se3.exp([-sy * shape.about_x, 0.0, 0.0]) @ se3.exp([0.0, sx * shape.about_y, 0.0])
     R = axes @ tilt @ axes.T @ se3.exp([0.0, 0.0, shape.turn])
     inside = Pose(at - R @ corner, R)
-    lift = approach - float(inside.apply(tip)[:, 2].min())
-    above = inside.moved([0.0, 0.0, lift, 0.0, 0.0, 0.0])
+    sunk = -lowest_point(moving, inside)
+    above = inside.moved([0.0, 0.0, approach + sunk, 0.0, 0.0, 0.0])
     if shape.flat is not None:
         return _laid_flat(moving, play, approach, shape, Entry(above, inside, corner, shape))
     if shape.touch is None:
@@ -150,7 +142,7 @@ def tilted_entry(moving: Part, play: tuple[float, float], approach: float, shape
     beyond, rise = shape.touch
     nearer = int(np.argmin(shape.room))
     aside = -(shape.room[nearer] + beyond) * inward[nearer]
-    over = inside.moved([0.0, 0.0, shape.depth + rise, 0.0, 0.0, 0.0])
+    over = inside.moved([0.0, 0.0, sunk + rise, 0.0, 0.0, 0.0])
     return Entry(above.moved([*aside, 0.0, 0.0, 0.0, 0.0]), inside, corner, shape, over=over)
 
 
@@ -161,10 +153,10 @@ def _laid_flat(moving: Part, play: tuple[float, float], approach: float, shape: 
     """
     assert shape.flat is not None
     away, rise, lean = shape.flat
-    tip = leading_corners(moving)
+    tip = leading_face(moving)
     room = (max(shape.room[0], away), max(shape.room[1], away))
     axes = turned_axes(shape.heading)
-    at = np.append(_between_walls(moving, entry.corner, play, room, axes)[0], 0.0)
+    at = np.append(_between_walls(moving, entry.corner, play, room, axes)[0], entry.corner[2] - tip[0, 2])
     R = se3.exp([0.0, 0.0, shape.turn])
     first, second = far_edge(moving, entry.corner)
     along = R @ (second - first) / float(np.linalg.norm(second - first))
@@ -175,9 +167,8 @@ def _laid_flat(moving: Part, play: tuple[float, float], approach: float, shape: 
     across = max(_ACROSS, 1.0 / math.tan(0.5 * turn))
     leaning = se3.exp(-lean * (to_edge + across * to_face)) @ R
     start = Pose(at - R @ entry.corner + R @ first - leaning @ first, leaning)
-    lift = approach - float(start.apply(tip)[:, 2].min())
-    over = entry.inside.moved([0.0, 0.0, shape.depth + rise, 0.0, 0.0, 0.0])
-    start = start.moved([0.0, 0.0, lift, 0.0, 0.0, 0.0])
+    over = entry.inside.moved([0.0, 0.0, rise - lowest_point(moving, entry.inside), 0.0, 0.0, 0.0])
+    start = start.moved([0.0, 0.0, approach - lowest_point(moving, start), 0.0, 0.0, 0.0])
     return replace(entry, start=start, over=over, leant=Leant(np.array([first, second]), turns))
 
 
@@ -319,87 +310,6 @@ def lowest(tip: Array, shape: Shape) -> Array:
     return np.asarray(tip[int(np.argmin(np.sin(shape.about_y) * x + np.sin(shape.about_x) * y))])
 
 
-def leading_corners(moving: Part) -> Array:
-    """The corners that go in first: of the leading face, of what stands out below it, or of a box round a ball."""
-    vertices, radii = moving.polyhedron.vertices, moving.polyhedron.radii
-    heights = vertices[:, 2] - radii
-    first = heights <= heights.min() + 1e-9
-    if not radii[first].any():
-        return np.asarray(vertices[first])
-    sides = np.array([(x, y, -1.0) for x, y in product((-1.0, 1.0), repeat=2)])
-    return np.vstack([v + r * sides if r else v[None] for v, r in zip(vertices[first], radii[first], strict=True)])
-
-
-def outline(tip: Array) -> Array:
-    """The corners (m, 3) of the outline around a tip (n, 3), counterclockwise seen from above."""
-    return np.asarray(tip[ConvexHull(tip[:, :2]).vertices])
-
-
-def corner_turns(tip: Array) -> Array:
-    """How far the outline around a tip (n, 3) turns at each of its corners (m,), rad."""
-    x, y = _sides(tip).T
-    headings = np.arctan2(y, x)
-    return np.asarray((headings - np.roll(headings, 1)) % (2.0 * math.pi))
-
-
-def next_to_round(moving: Part) -> bool:
-    """Whether no corner of the tip is one that two walls could hold, and no side is long."""
-    tip = leading_corners(moving)
-    longest = float(np.linalg.norm(_sides(tip), axis=1).max())
-    return float(corner_turns(tip).max()) < _BLUNT and longest < _SHARE * float(np.ptp(tip[:, :2], axis=0).max())
-
-
-def corner_walls(moving: Part, corner: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """The sides of the leading face on both ways from a corner: inward normal (2,) and a point (2,) on each.
-
-    Short sides, such as chamfers, are passed over, and so are sides on until the two stand at an angle. What is short
-    is told by the longest side, of an outline so slender that two opposite sides are left by its width, or nothing is.
-    """
-    vertices = moving.polyhedron.vertices
-    at = int(np.argmin(np.linalg.norm(vertices - corner, axis=1)))
-    loop = next(f.loops[0] for f in moving.polyhedron.faces if f.normal[2] < -1.0 + 1e-9 and at in f.loops[0])
-    start = loop.index(at)
-    points = vertices[[*loop[start:], *loop[:start]]][:, :2]  # clockwise seen from above
-    along = np.roll(points, -1, axis=0) - points
-    lengths = np.linalg.norm(along, axis=1)
-    inward = np.column_stack([along[:, 1], -along[:, 0]]) / lengths[:, None]
-    longest = int(lengths.argmax())
-    one, two = longest, longest
-    for size in (float(lengths[longest]), float(np.ptp(points @ inward[longest])), 0.0):
-        one, two = _at_an_angle(inward, np.flatnonzero(lengths > _SHORT * size))
-        if abs(float(np.linalg.det(inward[[one, two]]))) > _NARROW:
-            break
-    return (inward[one], points[one]), (inward[two], points[two])
-
-
-def far_edge(moving: Part, corner: Array) -> tuple[Array, Array]:
-    """The long side around the tip that reaches farthest from a corner: that end (3,), and the other (3,).
-
-    Of two that meet there, the one that runs more along x.
-    """
-    tip = leading_corners(moving)
-    loop = outline(tip)
-    after = np.roll(loop, -1, axis=0)
-    lengths = np.linalg.norm(after - loop, axis=1)
-    long = lengths > _SHORT * lengths.max()
-    ways = [*zip(loop[long], after[long], strict=True), *zip(after[long], loop[long], strict=True)]
-    apart = [float(np.linalg.norm(end - corner)) for end, _ in ways]
-    farthest = [way for way, far in zip(ways, apart, strict=True) if far >= (1.0 - 1e-9) * max(apart)]
-    return max(farthest, key=lambda way: abs(float(way[1][0] - way[0][0])))
-
-
-def _at_an_angle(inward: Array, sides: NDArray[np.intp]) -> tuple[int, int]:
-    """The first and the last of some sides around a corner, of inward normals (n, 2), that stand at an angle."""
-    first, last = 0, len(sides) - 1
-    if inward[sides[first]] @ inward[sides[last]] < math.cos(_BLUNT):
-        return int(sides[first]), int(sides[last])
-    while inward[sides[first]] @ inward[sides[last]] > _ALIKE and first + 1 < last:
-        # The one from which it is less far to the corner goes on, so that of eight sides two at right angles are found.
-        first, last = (first, last - 1) if first + last >= len(sides) - 1 else (first + 1, last)
-    return int(sides[first]), int(sides[last])
-
-
-def _sides(tip: Array) -> Array:
-    """The sides (m, 2) of the outline around a tip (n, 3), from each corner to the next."""
-    loop = outline(tip)[:, :2]
-    return np.asarray(np.roll(loop, -1, axis=0) - loop)
+def lowest_point(moving: Part, pose: Pose) -> float:
+    """How high the lowest point of the moving part is above the mouth, m."""
+    return float((pose.apply(moving.polyhedron.vertices)[:, 2] - moving.polyhedron.radii).min())

@@ -14,17 +14,8 @@ from scipy.spatial import KDTree
 from fmopt.certificate.assembly import Assembly
 from fmopt.geometry.clearance import Clearance
 from fmopt.geometry.part import Part
-from fmopt.planning.search.entry import (
-    Shape,
-    corner_walls,
-    leading_corners,
-    lowest,
-    next_to_round,
-    outline,
-    start_spread,
-    swung_by,
-    turned_axes,
-)
+from fmopt.geometry.section import corner_walls, leading_corners, next_to_round, outline
+from fmopt.planning.search.entry import Shape, lowest, start_spread, swung_by, turned_axes
 from fmopt.spatial.values import Array
 
 _TILTS = ((0.8, 1.0), (1.0, 0.8))

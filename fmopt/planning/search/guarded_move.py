@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from itertools import compress, groupby
 
 import numpy as np
@@ -27,6 +28,7 @@ _TOUCH = 1e-9
 _BESIDE = 1e-6  # m; features that touch are no farther apart
 _ALIKE = 1e-12  # difference of unit normals that are parallel
 _SAMPLES = 24
+_HALVINGS = 4  # of the way, where held contacts cannot be kept all along
 _TOGETHER = 1e-11
 _PARALLEL = 1e-7  # sine of the angle between edges, up to which rounding decides where they cross
 IN_PLANE = ("x", "z", "ry")
@@ -176,7 +178,8 @@ def tips(assembly: Assembly, place: Place, freedom: Freedom, reach: float) -> tu
 def guarded(assembly: Assembly, place: Place, freedom: Freedom, near: Near) -> Move | None:
     """The move along a freedom until the first new contact.
 
-    None when it meets none, or two independent ones at once, or cannot keep the held contacts.
+    None when it meets none, or two independent ones at once, or cannot keep the held contacts. Where these cannot be
+    kept as far as it may go, it is tried less far.
 
     Args:
         assembly: the two parts.
@@ -184,10 +187,10 @@ def guarded(assembly: Assembly, place: Place, freedom: Freedom, near: Near) -> M
         freedom: the direction.
         near: the contacts that it may meet, as `neighbourhood` finds them.
     """
-    try:
-        return _first_contact(assembly, place, freedom, near)
-    except InfeasibleError:
-        return None
+    for halvings in range(_HALVINGS):
+        with suppress(InfeasibleError):
+            return _first_contact(assembly, place, replace(freedom, limit=0.5**halvings * freedom.limit), near)
+    return None
 
 
 def meetings(assembly: Assembly, place: Place, freedom: Freedom, near: Near) -> Iterator[Move]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
 
@@ -18,9 +18,10 @@ from fmopt.contact.c_surface import Surfaces
 from fmopt.contact.facet_bounds import INSIDE
 from fmopt.contact.primitive import Kind, PrimitiveContact, near_contacts
 from fmopt.errors import InfeasibleError
+from fmopt.geometry.section import corner_walls, leading_corners, next_to_round
 from fmopt.planning.moves.contact_transition import described, on_wall
 from fmopt.planning.moves.moves import Move, Reached, unroll
-from fmopt.planning.search.entry import Entry, deeper, leading_corners, next_to_round, turned_axes
+from fmopt.planning.search.entry import Entry, deeper, turned_axes
 from fmopt.planning.search.guarded_move import (
     Freedom,
     Near,
@@ -38,6 +39,8 @@ from fmopt.spatial.values import Array
 
 _IN = ("off", "upright", "in")  # moves of a part that contacts have told where it is
 _FREE = ("back", *_IN)  # those that may give contacts up
+ASKEW = "'"  # ends the name of a freedom along or about an axis of a side that lies askew
+_ALIGNED = 1e-6  # rad, by which axes are turned against each other that are the same
 _AGAINST = 0.5  # share of the reaction of a touch that is against the motion at least
 
 
@@ -85,6 +88,7 @@ class Task:
         tolerance: velocity error and metric.
         costs: weights and limits.
         max_turn: greatest turn of a move, rad.
+        askew: whether moves go along and about the axes of sides that lie askew, too.
     """
 
     assembly: Assembly
@@ -93,6 +97,7 @@ class Task:
     tolerance: Tolerance
     costs: Costs
     max_turn: float
+    askew: bool = False
 
     @property
     def pinned_upright(self) -> int:
@@ -343,8 +348,28 @@ def follow(task: Task, node: Node, name: str) -> Node | None:
 
 
 def _freedoms(task: Task, node: Node) -> tuple[Freedom, ...]:
+    """Both ways along and about the axes of the entry, and those of the sides next to its corner that lie askew."""
     depth = float(node.place.pose.p[2] - task.goal.p[2])
-    return freedoms(task.max_turn, depth, task.costs.reach, task.assembly.planar, turned_axes(node.entry.heading))
+    found = list[Freedom]()
+    for n, heading in enumerate(_headings(task, node)):
+        axes = turned_axes(heading)
+        for freedom in freedoms(task.max_turn, depth, task.costs.reach, task.assembly.planar, axes):
+            if n == 0 or freedom.name[-1] != "z":
+                found.append(replace(freedom, name=freedom.name + ASKEW * n))
+    return tuple(found)
+
+
+def _headings(task: Task, node: Node) -> list[float]:
+    """Turns about z of the axes that moves go along and about, rad: the entry's, and by an eighth at most others."""
+    found = [node.entry.heading]
+    if not task.askew or task.assembly.planar or task.rounded or task.blunt:
+        return found
+    for normal, _ in corner_walls(task.assembly.moving, node.place.pivot):
+        apart = math.atan2(normal[1], normal[0]) - found[0]
+        heading = found[0] + math.remainder(apart, 0.5 * math.pi)
+        if all(abs(heading - known) > _ALIGNED for known in found):
+            found.append(heading)
+    return found
 
 
 def _along(task: Task, node: Node, freedom: Freedom, near: Near) -> Node | None:

@@ -10,7 +10,7 @@ rounded, are the same to the bit. Into which pieces a part comes apart may still
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -26,10 +26,9 @@ from fmopt.geometry.clearance import Clearance
 from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import Polyhedron, from_faces
 from fmopt.planning.moves.moves import Move
-from fmopt.planning.search.best_first import Searched
-from fmopt.spatial.framing import Framing
+from fmopt.planning.search.entry import turned_axes
 from fmopt.spatial.se3 import Pose
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, Framing
 
 _DECIMALS = 14  # of lengths in m and of numbers without a unit
 _ORDERED = 12  # decimals of coordinates in m that order them
@@ -46,6 +45,37 @@ _MIRRORED = frozenset(("y", "rx", "rz"))  # freedoms that have the other sign in
 
 Indices = NDArray[np.intp]
 Loops = tuple[tuple[int, ...], ...]
+
+
+@dataclass(frozen=True)
+class Searched:
+    """What is said of the search for a sequence.
+
+    Args:
+        heading: turn about z of the axes that moves go along and about, rad.
+        names: the freedom of each move.
+        cost: of the sequence.
+        lower_bound: no sequence from the same entries costs less.
+        expanded: states looked at.
+    """
+
+    heading: float
+    names: tuple[str, ...]
+    cost: float
+    lower_bound: float
+    expanded: int
+
+    def of(self, moves: Sequence[Move]) -> Searched:
+        """The same with each guarded move named by the axis that it goes along, or turns about, most."""
+        return replace(self, names=tuple(map(self._named, self.names, moves)))
+
+    def _named(self, name: str, move: Move) -> str:
+        if name[0] not in "+-":
+            return name
+        turning = name[1] == "r"
+        way = turned_axes(self.heading).T @ move.start.local(move.goal).reshape(2, 3)[int(turning)]
+        axis = int(np.argmax(np.abs(way).round(_DECIMALS)))
+        return f"{'-' if way[axis] < 0.0 else '+'}{'r' if turning else ''}{'xyz'[axis]}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,9 +21,9 @@ import numpy as np
 from fmopt.certificate.error_set import ErrorSet
 from fmopt.errors import InfeasibleError, SearchError
 from fmopt.plan import parsed
-from fmopt.planning.motion import Stages, under_errors
 from fmopt.planning.pipeline import certified_motion, planned, proved
 from fmopt.planning.placement.sequence_program import Placed
+from fmopt.planning.posed import Stages, under_errors
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion
 from fmopt.report.shell import table
 from fmopt.spatial.values import Array

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from fmopt.contact.primitive import Kind
+from fmopt.geometry.section import leading_corners
 from fmopt.planning.control.controlled_motion import least_steady
 from fmopt.planning.search.best_first import MoveSequence, begin, best_sequences, search
-from fmopt.planning.search.entry import Entry, Shape, leading_corners, lowest, start_spread, swung_by, tilted_entry
+from fmopt.planning.search.entry import Entry, Shape, lowest, start_spread, swung_by, tilted_entry
 from fmopt.planning.search.entry_candidates import ample, likely_headings, likely_shapes, tilted_shapes
 from fmopt.planning.search.entry_tuning import Limits, tuned
 from fmopt.planning.search.guarded_move import freedoms

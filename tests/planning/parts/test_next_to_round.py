@@ -12,11 +12,12 @@ from fmopt.execution.rig import Rig
 from fmopt.execution.robot import Robot
 from fmopt.execution.rotation import from_quaternions
 from fmopt.execution.trials import Trials, run
+from fmopt.geometry.section import corner_turns, leading_corners, next_to_round
 from fmopt.plan import parsed
 from fmopt.plan.guarded_moves import moves
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion
 from fmopt.planning.search.best_first import begin
-from fmopt.planning.search.entry import Shape, corner_turns, leading_corners, next_to_round, tilted_entry
+from fmopt.planning.search.entry import Shape, tilted_entry
 from fmopt.planning.search.successors import Task, follow, successors
 from fmopt.spatial import se3
 from fmopt.spatial.se3 import Pose, length

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fmopt.geometry.section import corner_walls, leading_corners, outline
 from fmopt.planning.search.best_first import begin
-from fmopt.planning.search.entry import Shape, corner_walls, leading_corners, outline, tilted_entry
+from fmopt.planning.search.entry import Shape, tilted_entry
 from fmopt.planning.search.entry_candidates import Way, likely_headings, likely_shapes, obtuse_shapes
 from fmopt.planning.search.successors import Node, follow
 from fmopt.task.problem import Problem, load

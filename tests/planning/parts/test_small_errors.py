@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import fmopt
+from fmopt.geometry.section import leading_corners
 from fmopt.planning.pipeline import synthesise
-from fmopt.planning.search.entry import leading_corners, start_spread, swung_by
+from fmopt.planning.search.entry import start_spread, swung_by
 from fmopt.planning.search.entry_candidates import roomy_errors, tilted_shapes
 from fmopt.spatial.values import Array
 from fmopt.task.explain import explain

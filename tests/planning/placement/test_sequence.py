@@ -9,10 +9,10 @@ import pytest
 
 from fmopt.errors import InfeasibleError
 from fmopt.planning.control.controlled_motion import least_firm, least_steady
-from fmopt.planning.motion import FINE, FIRM, STEADY
 from fmopt.planning.moves.moves import Reached
 from fmopt.planning.optimise.solvers import ClarabelSolver
 from fmopt.planning.pipeline import certified_motion
+from fmopt.planning.placement.error_derivatives import sensitivities
 from fmopt.planning.placement.sequence_program import (
     Aim,
     Placed,
@@ -23,7 +23,8 @@ from fmopt.planning.placement.sequence_program import (
     refine,
     state_rows,
 )
-from fmopt.planning.placement.sequence_rows import SequenceRows, sensitivities, sequence_rows
+from fmopt.planning.placement.sequence_rows import SequenceRows, sequence_rows
+from fmopt.planning.posed import FINE, FIRM, STEADY
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion
 from fmopt.spatial.values import Array
 from fmopt.task.problem import Problem, load
@@ -81,7 +82,8 @@ def random_rows(rng: np.random.Generator, n: int) -> SequenceRows:
     shape = rng.normal(size=(r, k, n)) * rng.choice([0.0, 1.0], (r, k, 1))
     products = 1e-4 * rng.normal(size=(r, k)) * rng.choice([0.0, 1.0], (r, k))
     slopes, moves = rng.normal(size=(r, n)), np.zeros(r, dtype=np.intp)
-    return SequenceRows(1e-3 * rng.uniform(size=r), slopes, np.ones(r), np.ones(r), moves, products, shape)
+    values, counted = 1e-3 * rng.uniform(size=r), rng.choice([0.3, 1.0], r)
+    return SequenceRows(values, slopes, counted, np.ones(r), moves, products, shape, np.zeros(r), np.zeros(r))
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -96,7 +98,8 @@ def test_rows_within_a_trust_region_bind_as_all_rows_do(seed: int) -> None:
         short = linear.values + linear.slopes @ x
         for row, at, slope in zip(*linear.kinks, strict=True):
             short[row] -= abs(at + slope @ x) - abs(at)
-        assert short.min() == pytest.approx(exact.min(), abs=1e-9)
+        assert rows.at(x) == pytest.approx(exact)
+        assert (short / linear.counted).min() == pytest.approx((exact / rows.counted).min(), abs=1e-9)
 
 
 def test_a_sequence_is_placed_for_more_margin_and_contacts_hold_no_less() -> None:

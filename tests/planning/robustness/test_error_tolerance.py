@@ -10,8 +10,8 @@ import pytest
 
 from fmopt.errors import InfeasibleError
 from fmopt.plan import parsed
-from fmopt.planning.motion import FINE
 from fmopt.planning.pipeline import certified_motion, planned
+from fmopt.planning.posed import FINE
 from fmopt.planning.robustness.error_tolerance import (
     CertifiedMotion,
     ErrorTolerance,

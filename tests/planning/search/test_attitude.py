@@ -14,11 +14,10 @@ from fmopt.geometry import csg
 from fmopt.geometry.csg import Box, Prism, Union
 from fmopt.geometry.part import Part, part_of, rebased, with_balls
 from fmopt.planning import motion
-from fmopt.planning.motion import placement
 from fmopt.planning.pipeline import certified_motion, proved
 from fmopt.planning.placement.sequence_program import Placed
-from fmopt.planning.search.best_first import Searched
-from fmopt.planning.search.symmetry import Image, all_attitudes, image_in, images
+from fmopt.planning.posed import placement
+from fmopt.planning.search.symmetry import Image, Searched, all_attitudes, image_in, images
 from fmopt.spatial import se3
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array

@@ -10,11 +10,14 @@ import numpy as np
 import pytest
 
 from fmopt.geometry.clearance import checked_clearance
-from fmopt.planning.search.entry import Entry, Shape, corner_walls, leading_corners, straight_entry, tilted_entry
+from fmopt.geometry.section import corner_walls, leading_corners
+from fmopt.planning.search.entry import Entry, Shape, straight_entry, tilted_entry
 from fmopt.planning.search.entry_candidates import funnel_depth, tilted_shapes
 from fmopt.spatial.se3 import Pose
 from fmopt.task.problem import Problem, load
 from tests import PROBLEMS
+from tests.shared.parts.families import pair as family_pair
+from tests.shared.parts.families import write_toml
 from tests.shared.parts.outlines import prism
 
 SQUARE, CHAMFERED = "square_peg_100um", "factory_rect_8mm_tight"
@@ -137,3 +140,23 @@ def test_a_part_on_legs_begins_with_them() -> None:
     _, found = entries(LEGS)
     for _, entry in found:
         assert entry.corner[2] == pytest.approx(-0.02)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_walls_begin_above_chamfers_of_the_tip(seed: int, tmp_path: Path) -> None:
+    """The corners that go in are those of the whole outline, at the height where the walls begin."""
+    pair = family_pair("chamfered", seed)
+    moving = load(write_toml(pair, tmp_path)).moving
+    corners, outline = leading_corners(moving), np.array(pair.peg[-1].outline)
+    assert len(corners) == len(outline)
+    assert np.ptp(corners[:, 2]) < 1e-9
+    assert corners[0, 2] - moving.polyhedron.vertices[:, 2].min() == pytest.approx(1e-3 * pair.peg[1].at, abs=1e-9)
+    sides = np.sort(np.linalg.norm(np.roll(corners, 1, axis=0) - corners, axis=1))
+    assert sides == pytest.approx(
+        1e-3 * np.sort(np.linalg.norm(np.roll(outline, 1, axis=0) - outline, axis=1)), abs=1e-9
+    )
+
+
+def test_a_taper_is_no_chamfer(tmp_path: Path) -> None:
+    moving = load(write_toml(family_pair("tapered", 0), tmp_path)).moving
+    assert leading_corners(moving)[:, 2] == pytest.approx(moving.polyhedron.vertices[:, 2].min(), abs=1e-12)

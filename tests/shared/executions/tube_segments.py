@@ -115,9 +115,9 @@ def _segment(rng: np.random.Generator, index: int) -> Segment | None:
         outcome = advance(assembly, piece, errors, tolerance)
     except InfeasibleError:
         return None
-    return (
-        Segment(assembly, piece, hold @ factor, in_ball, errors, tolerance, outcome) if outcome.approach > 0 else None
-    )
+    if outcome.approach is not None and outcome.approach.least <= 0.0:
+        return None
+    return Segment(assembly, piece, hold @ factor, in_ball, errors, tolerance, outcome)
 
 
 def _hull(name: str, rng: np.random.Generator) -> Part:

@@ -52,6 +52,8 @@ def numbers(plan: Plan, count: int, seed: int = 1) -> Iterator[tuple[str, Plan]]
         for key in ("margin", "clearance"):
             kinds.setdefault(key, []).append(((*base, key), segment[key], 1.0))
         for key in ("theta_max", "offset_max"):
+            if segment["tube"][key] <= 1e-5:
+                continue
             kinds.setdefault(key, []).append(((*base, "tube", key), segment["tube"][key], -1.0))
         for key in ("offset_box", "angle_box"):
             for path, x in _leaves(segment["tube"][key], (*base, "tube", key)):

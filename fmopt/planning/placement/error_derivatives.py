@@ -1,0 +1,168 @@
+"""How the errors along a sequence of moves change as the poses do that its moves start from and go to.
+
+A move takes errors up along its own direction: of a contact that is made, along the motion v by which it is made, and
+of one that is held, along the motion C by which it was. Where a pose is displaced, v turns, and with it
+
+    Π = Π_h + φ v N′ᵀ/rate,   Π_h = 1 − C (N_h C)⁻¹ N_h,   N′ = Π_hᵀ N_m,   rate = −N_m·v,
+
+of this move and of all later ones that hold the contact. Rows N count as they are: what turns them is second order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmopt.certificate.assembly import Assembly
+from fmopt.certificate.claim import Claim
+from fmopt.certificate.remainder import Ends
+from fmopt.certificate.segment_linearisation import Linearisation, Piece, Tolerance, linearisation_of
+from fmopt.spatial import ellipsoid
+from fmopt.spatial.se3 import Pose
+from fmopt.spatial.values import Array
+
+_STANDSTILL = 1e-12  # m
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivity:
+    """The generators (k, 6) that a piece carries on, at both ends, and their derivatives (k, 6, n).
+
+    Derivatives are with respect to displacements (d, δ) of all poses one after the other, n = 6 (moves + 1).
+
+    Args:
+        start, goal: generators and derivatives.
+        held: what is left of displacements (6, 6) at both ends once compliance has kept the held contacts.
+        brought: what errors at the end of each move before have become at both ends (k, 6, 6).
+        longer: how much longer displacements make these moves (k, n).
+        rates: velocity errors per unit of length, in translation and in angle (1/m).
+    """
+
+    start: tuple[Array, Array]
+    goal: tuple[Array, Array]
+    held: tuple[Array, Array]
+    brought: tuple[Array, Array]
+    longer: Array
+    rates: tuple[float, float]
+
+    def drift(self, N: Array, end: int) -> Array:
+        """How displacements (n,) change what the moves before take of rows N (m, 6) at an end by drift: (m, n)."""
+        there = np.einsum("mi,kij->mkj", N, self.brought[end])
+        t, r = (np.linalg.norm(half, axis=-1) for half in (there[..., :3], there[..., 3:]))
+        return np.asarray((self.rates[0] * t + self.rates[1] * r) @ self.longer)
+
+
+def sensitivities(
+    assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance, drifting: bool = False
+) -> list[Sensitivity]:
+    """How generators change along a sequence of moves, piece by piece.
+
+    Args:
+        assembly: the two parts.
+        claims: of all pieces of the moves, in order.
+        tolerance: velocity error and metric.
+        drifting: whether drift is to grow with the moves.
+    """
+    n = 6 + 6 * sum(claim.piece.progress[0] == 0.0 for claim in claims)
+    found, number = list[Sensitivity](), -1
+    brought, longer, begun = np.zeros((0, 6, 6)), np.zeros((0, n)), Pose(np.zeros(3), np.eye(3))
+    translation, rotation = tolerance.velocity_error if drifting else (0.0, 0.0)
+    changed, turned = np.zeros((0, 6, n)), dict[bytes, Array]()
+    for claim in claims:
+        piece, ends = claim.piece, claim.advance.ends
+        number += piece.progress[0] == 0.0
+        core, share = carried_on(ends), piece.progress[1] - piece.progress[0]
+        displaced = np.zeros((6, n))
+        displaced[:, 6 * number : 6 * number + 6] = -share * np.eye(6)
+        displaced[:, 6 * number + 6 : 6 * number + 12] = share * np.eye(6)
+        before = np.zeros((len(core), 6, n))
+        before[: len(changed)] = changed[: len(core)]
+        moved = _Moved.of(piece, linearisation_of(assembly, piece, tolerance), turned, displaced)
+        changed = moved.carried(core, before)
+        onward, now = moved.projector @ brought, (ends.goal_set.generators[: len(core)], changed)
+        rates = translation, rotation / tolerance.rho
+        held = np.eye(6) - moved.way.start_dual @ moved.way.held[0].N, moved.way.hold
+        found.append(Sensitivity((core, before), now, held, (brought, onward), longer, rates))
+        brought, begun = onward, piece.start if piece.progress[0] == 0.0 else begun
+        if piece.last:
+            brought = np.concatenate([onward, np.eye(6)[None]])
+            longer = np.vstack([longer, _longer(begun, piece.goal, number, n, tolerance.rho)])
+        if piece.last and piece.made is not None:
+            turned[claim.advance.basis[-1].direction.tobytes()] = moved.direction(ellipsoid.metric(tolerance.rho))
+    return found
+
+
+def _longer(start: Pose, goal: Pose, number: int, n: int, rho: float) -> Array:
+    """How much longer, in the metric of ρ, displacements (n,) make a move, by its number."""
+    metric = ellipsoid.metric(rho)
+    way = start.local(goal) * metric
+    along, found = way / max(float(np.linalg.norm(way)), _STANDSTILL) * metric, np.zeros(n)
+    found[6 * number : 6 * number + 6], found[6 * number + 6 : 6 * number + 12] = -along, along
+    return found
+
+
+def carried_on(ends: Ends) -> Array:
+    """The generators (k, 6) that a piece carries on."""
+    return ends.start_set.generators if ends.core is None else ends.core
+
+
+@dataclass(frozen=True, eq=False)
+class _Moved:
+    """A piece of motion, and how it changes.
+
+    Args:
+        way: its linear picture.
+        share: φ.
+        inverse: (N_h C)⁻¹ (h, h).
+        compliant: derivatives of the twists C (h, 6, n).
+        motion: derivative of v (6, n).
+    """
+
+    way: Linearisation
+    share: float
+    inverse: Array
+    compliant: Array
+    motion: Array
+
+    @staticmethod
+    def of(piece: Piece, way: Linearisation, turned: dict[bytes, Array], displaced: Array) -> _Moved:
+        """With derivatives of compliant twists, and of the commanded motion (6, n)."""
+        none = np.zeros_like(displaced)
+        directions = [c.direction for c in piece.basis]
+        compliant = np.array([turned.get(c.tobytes(), none) for c in directions]).reshape(-1, *displaced.shape)
+        C = np.array(directions).reshape(-1, 6).T
+        inverse = ellipsoid.coupling_inverse(way.held[1].N, C) if directions else np.zeros((0, 0))
+        begun = _Moved(way, piece.share, inverse, compliant, none)
+        return _Moved(way, piece.share, inverse, compliant, begun._held(way.twist) + way.hold @ displaced)
+
+    def _held(self, x: Array) -> Array:
+        """The derivative of Π_h x (6, n)."""
+        taken = self.inverse @ (self.way.held[1].N @ x)
+        return np.asarray(-self.way.hold @ np.tensordot(taken, self.compliant, 1))
+
+    def _projected(self, x: Array) -> Array:
+        """The derivative of Π x (6, n)."""
+        way, held = self.way, self._held(x)
+        if way.made is None:
+            return held
+        N, v, seen = way.made[1].N[0], way.motion, float(way.seen @ x)
+        slower = N @ self.motion  # −∂rate
+        closing = self.motion * seen + np.outer(v, N @ held + seen / way.rate * slower)
+        return np.asarray(held + self.share / way.rate * closing)
+
+    @property
+    def projector(self) -> Array:
+        """How errors go on along the piece (6, 6)."""
+        return self.way.hold if self.way.made is None else self.way.projector
+
+    def carried(self, generators: Array, before: Array) -> Array:
+        """The derivatives (k, 6, n) at the end, of generators (k, 6) with derivatives (k, 6, n) at the start."""
+        after = np.array([self._projected(g) for g in generators]).reshape(before.shape)
+        return np.asarray(after + np.einsum("ij,kjn->kin", self.projector, before))
+
+    def direction(self, metric: Array) -> Array:
+        """The derivative (6, n) of the motion's direction, of length one in a metric (6,)."""
+        v, size = self.way.motion, float(np.linalg.norm(self.way.motion * metric))
+        return np.asarray(self.motion / size - np.outer(v, (v * metric**2) @ self.motion) / size**3)

@@ -1,0 +1,238 @@
+"""A problem as a motion is looked for: its parts measured, its errors, and how a sequence's poses are placed for it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache
+
+from fmopt.certificate.contact_implications import Assembly
+from fmopt.certificate.error_set import ErrorSet
+from fmopt.certificate.propagation import Tolerance
+from fmopt.errors import InfeasibleError
+from fmopt.geometry.clearance import Clearance
+from fmopt.planning.control.controlled_motion import least_firm, least_steady, runs_against
+from fmopt.planning.moves.moves import Move, Reached, claims_of_moves
+from fmopt.planning.optimise.solvers import ClarabelSolver
+from fmopt.planning.placement.goal_refinement import Method, Turns, refine_goals
+from fmopt.planning.placement.sequence_program import COARSE, Aim, Placed, Refinement, certified, refine
+from fmopt.planning.robustness.error_tolerance import CertifiedMotion, Motion
+from fmopt.planning.search.entry import start_spread
+from fmopt.planning.search.symmetry import Image, Searched
+from fmopt.runtime.compiled import clock, deadline, until
+from fmopt.spatial.se3 import length, log
+from fmopt.task.problem import Problem
+from fmopt.task.sizes import characteristic_length, measured_clearance
+
+Progress = Callable[[str], None]
+FINE = math.radians(1.0)
+STEADY = 0.05  # share of the contact force that presses what a part turns along, whatever friction turns it off
+FIRM = 0.05  # share of the contact force that presses all that a part slides along to its next contact
+GRACE = 2.0  # s beyond the time limit for what is needed to make something of what there is by then
+
+
+@dataclass(eq=False)
+class Stages:
+    """What is being done, and how long it took.
+
+    Args:
+        progress: told what is being done.
+        seconds: that stages took, by name; time spent on compiling does not count.
+    """
+
+    progress: Progress = lambda _: None
+    seconds: dict[str, float] = field(default_factory=dict)
+    _last: float = field(default_factory=clock)
+
+    def ended(self, name: str) -> None:
+        """Notes that a stage has ended."""
+        now = clock()
+        self.seconds[name] = self.seconds.get(name, 0.0) + now - self._last
+        self._last = now
+
+
+@dataclass(frozen=True, eq=False)
+class Posed:
+    """A problem as a motion is looked for.
+
+    Args:
+        problem: the task.
+        assembly: its parts.
+        clearance: as measured on them.
+        errors: at the start.
+        tolerance: velocity error and metric.
+    """
+
+    problem: Problem
+    assembly: Assembly
+    clearance: Clearance
+    errors: ErrorSet
+    tolerance: Tolerance
+
+    @classmethod
+    def of(cls, problem: Problem) -> Posed:
+        """A problem with its parts measured.
+
+        Raises:
+            InterferenceError: the parts overlap when assembled, or their clearance is not positive.
+        """
+        clearance = measured_clearance(problem)
+        assembly = Assembly(problem.moving, problem.fixed, planar=problem.plane is not None)
+        errors = ErrorSet.of(problem.start_box, problem.framing)
+        tolerance = _tolerance(problem, characteristic_length(problem, clearance))
+        return cls(problem, assembly, clearance, errors, tolerance)
+
+    @property
+    def start(self) -> Reached:
+        """Where its motion starts."""
+        return Reached(self.errors, (), ())
+
+    def under(self, share: float) -> Aim:
+        """What a sequence is placed for under a share of all errors, coarsely, free to turn and to start elsewhere."""
+        errors = ErrorSet.of(share * self.problem.start_box, self.problem.framing)
+        tolerance = _tolerance(self.problem, self.tolerance.rho, share)
+        return Aim(self.assembly, Reached(errors, (), ()), tolerance, COARSE, turning=True, lift=self.problem.approach)
+
+    @property
+    def spread(self) -> float:
+        """How far the start error displaces the tip, m."""
+        return start_spread(self.problem.moving, self.problem.start_box)
+
+    @property
+    def refinement(self) -> Refinement:
+        """How far its placement goes."""
+        return Refinement.of(self.spread, self.clearance.per_side)
+
+    def certified(self, found: Searched, placed: Placed) -> CertifiedMotion:
+        """Its motion, from what is said of the search and the sequence that is placed."""
+        said = found.of(placed.moves)
+        return CertifiedMotion(self.assembly, self.clearance, self.errors, self.tolerance, said, placed)
+
+    def imaged(self, image: Image) -> Posed:
+        """The same as an image of the parts poses it."""
+        parts, clearance = image.assembly, image.clearance(self.clearance)
+        goal, box = image.goal(self.problem.goal), image.attitude.of_widths(self.problem.start_box)
+        framing = image.attitude.of_framing(self.problem.framing)
+        problem = replace(
+            self.problem, moving=parts.moving, fixed=parts.fixed, goal=goal, start_box=box, framing=framing
+        )
+        tolerance = _tolerance(problem, characteristic_length(problem, clearance))
+        return Posed(problem, parts, clearance, ErrorSet.of(box, framing), tolerance)
+
+
+def _tolerance(problem: Problem, rho: float, share: float = 1.0) -> Tolerance:
+    """A share of the velocity error, in the metric of ρ (m)."""
+    error = problem.velocity_error
+    return Tolerance((share * error.translation, share * error.rotation), rho)
+
+
+def under_errors(found: CertifiedMotion, problem: Problem) -> Motion:
+    """The moves of a motion under the errors of a problem, which need not be those that it was found for."""
+    tolerance = _tolerance(problem, found.tolerance.rho)
+    return Motion(found.assembly, found.placed.moves, problem.start_box, tolerance, FINE, problem.framing)
+
+
+def placement(posed: Posed, moves: Sequence[Move], progress: Progress) -> Placed:
+    """All goal poses placed for the largest certified margin, by the method that the problem asks for.
+
+    Args:
+        posed: the problem.
+        moves: the sequence, with goals in the contact states that it goes through.
+        progress: told the margin after each gain.
+
+    Raises:
+        InfeasibleError: fine pieces cannot follow the motion, or no contact would be felt that ends one.
+        OverdueError: there is no time to certify it.
+    """
+    problem, clearance = posed.problem, posed.clearance.per_side
+    turns = Turns(3, 0.5 * (posed.spread + clearance))
+    with until(deadline() + GRACE):
+        begun = certified(posed.assembly, moves, posed.start, posed.tolerance, FINE)
+    aim = Aim(posed.assembly, posed.start, posed.tolerance, FINE, _as_good_as(posed, begun))
+
+    def told(margin: float) -> None:
+        progress(f"placement: margin {1e6 * margin:.1f} um")
+
+    def polished(placed: Placed, method: Method) -> Placed:
+        return refine_goals(aim, placed, clearance, method, turns, told)
+
+    if problem.settings.placement == "descent":
+        stages = [begun, polished(begun, "descent")]
+    else:
+        refined = refine(aim, begun, ClarabelSolver(), posed.refinement, told)
+        stages = [begun, refined, *filter(aim.fit, [polished(refined, "nlp")])]
+    return by_method(posed, _felt(posed, stages))
+
+
+def placed_anew(posed: Posed, moves: Sequence[Move], progress: Progress) -> Placed:
+    """Goal poses placed from wherever they are, as `placement` does it where the errors can be followed from there.
+
+    Where they cannot, errors are grown first as the poses come to bear them.
+
+    Args:
+        posed: the problem.
+        moves: the sequence, with goals in the contact states that it goes through.
+        progress: told the margin after each gain.
+
+    Raises:
+        InfeasibleError: all of the errors cannot be followed.
+    """
+    try:
+        return placement(posed, moves, progress)
+    except InfeasibleError:
+        from fmopt.planning.placement.error_growth import grown
+
+        progress("placement: errors are grown")
+        return placement(posed, grown(posed.under, moves, ClarabelSolver(), posed.refinement, FINE).moves, progress)
+
+
+def _as_good_as(posed: Posed, begun: Placed) -> Callable[[Placed], bool]:
+    """Whether contacts of a sequence hold as surely as those of another one, or as surely as they need to.
+
+    Nor may its moves have to be cut more finely: at each piece a robot stops, and what it is off by adds up.
+    """
+
+    @cache
+    def least() -> tuple[float, float, bool]:
+        return measured(begun)
+
+    def measured(placed: Placed) -> tuple[float, float, bool]:
+        given = posed.problem, posed.assembly, placed.reached.claims, posed.tolerance
+        steady = STEADY if posed.assembly.planar else least_steady(*given)
+        return min(FIRM, least_firm(*given)), min(STEADY, steady), runs_against(*given)
+
+    def fit(placed: Placed) -> bool:
+        if any(new > old for new, old in zip(_fineness(placed), _fineness(begun), strict=True)):
+            return False
+        try:
+            return all(new >= old for new, old in zip(measured(placed), least(), strict=True))
+        except InfeasibleError:  # no bias force holds the contacts
+            return False
+
+    return fit
+
+
+def _fineness(placed: Placed) -> list[float]:
+    """Of each move, how many times as many pieces it has as its turn alone asks for."""
+    turns = (length(log(move.goal.R @ move.start.R.T)) for move in placed.moves)
+    pieces = map(len, claims_of_moves(placed.reached.claims))
+    return [count / max(1, math.ceil(turn / FINE - 1e-9)) for count, turn in zip(pieces, turns, strict=True)]
+
+
+def by_method(posed: Posed, placed: Placed) -> Placed:
+    """A sequence with the claims of the method that the problem asks for."""
+    if posed.problem.settings.method != "dakin1993":
+        return placed
+    from fmopt.papers.dakin_popplestone import as_in_the_paper
+
+    claims = as_in_the_paper(posed.assembly, placed.reached.claims, posed.errors, posed.tolerance)
+    return replace(placed, reached=replace(placed.reached, claims=claims))
+
+
+def _felt(posed: Posed, found: Sequence[Placed]) -> Placed:
+    """The last of some sequences of which every piece runs against the contact that ends its move."""
+    for placed in reversed(found):
+        if runs_against(posed.problem, posed.assembly, placed.reached.claims, posed.tolerance):
+            return placed
+    raise InfeasibleError("a piece of a turn leads away from the contact that is to end it at first")
