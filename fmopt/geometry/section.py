@@ -152,6 +152,11 @@ def told(size: float) -> str:
     return f"{size:.4g} m"
 
 
+def lowest_point(moving: Part, pose: Pose) -> float:
+    """How high the lowest point of the moving part is above the mouth, m."""
+    return float((pose.apply(moving.polyhedron.vertices)[:, 2] - moving.polyhedron.radii).min())
+
+
 def leading_corners(moving: Part) -> Array:
     """The corners (n, 3) with which the walls of a moving part begin: of its leading face, or above its chamfers, m."""
     ring = _above_chamfers(moving)

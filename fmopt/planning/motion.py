@@ -13,9 +13,8 @@ from fmopt.errors import FmoptError, InfeasibleError, OverdueError, SearchError
 from fmopt.geometry.clearance import Clearance
 from fmopt.planning.control.controlled_motion import least_firm, least_steady
 from fmopt.planning.moves.moves import Move
-from fmopt.planning.optimise.solvers import ClarabelSolver
 from fmopt.planning.placement.sequence_program import Placed, certified
-from fmopt.planning.posed import FINE, FIRM, GRACE, STEADY, Posed, Stages, by_method, placement
+from fmopt.planning.posed import FINE, FIRM, GRACE, STEADY, Posed, Stages, by_method, placed_by_growing, placement
 from fmopt.planning.search.best_first import MoveSequence, best_sequences, search
 from fmopt.planning.search.entry import (
     Entry,
@@ -262,18 +261,12 @@ class _Stood:
             SearchError: there is none for any share.
             InfeasibleError: those that there are cannot be placed so.
         """
-        from fmopt.planning.placement.error_growth import grown
-
         failure: FmoptError | None = None
         for share in _SHARES:
             for found in self._under(share, deadline, stages):
                 self.found_last[:] = [found]
                 try:
-                    with until(deadline):
-                        moves = grown(
-                            self.posed.under, found.moves, ClarabelSolver(), self.posed.refinement, FINE
-                        ).moves
-                    placed = placement(self.posed, moves, stages.progress)
+                    placed = placed_by_growing(self.posed, found.moves, stages.progress)
                 except (InfeasibleError, OverdueError) as error:
                     failure = error.with_traceback(None)
                     continue

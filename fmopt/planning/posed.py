@@ -181,10 +181,20 @@ def placed_anew(posed: Posed, moves: Sequence[Move], progress: Progress) -> Plac
     try:
         return placement(posed, moves, progress)
     except InfeasibleError:
-        from fmopt.planning.placement.error_growth import grown
+        return placed_by_growing(posed, moves, progress)
 
-        progress("placement: errors are grown")
-        return placement(posed, grown(posed.under, moves, ClarabelSolver(), posed.refinement, FINE).moves, progress)
+
+def placed_by_growing(posed: Posed, moves: Sequence[Move], progress: Progress) -> Placed:
+    """Goal poses placed from where they bear a share of the errors, until they bear all; arguments as of `placement`.
+
+    Raises:
+        InfeasibleError: all of the errors cannot be followed.
+        OverdueError: there is no time left.
+    """
+    from fmopt.planning.placement.error_growth import grown
+
+    progress("placement: errors are grown")
+    return placement(posed, grown(posed.under, moves, ClarabelSolver(), posed.refinement, FINE).moves, progress)
 
 
 def _as_good_as(posed: Posed, begun: Placed) -> Callable[[Placed], bool]:

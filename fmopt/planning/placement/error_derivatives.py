@@ -68,7 +68,8 @@ def sensitivities(
     n = 6 + 6 * sum(claim.piece.progress[0] == 0.0 for claim in claims)
     found, number = list[Sensitivity](), -1
     brought, longer, begun = np.zeros((0, 6, 6)), np.zeros((0, n)), Pose(np.zeros(3), np.eye(3))
-    translation, rotation = tolerance.velocity_error if drifting else (0.0, 0.0)
+    translation, rotation = tolerance.velocity_error
+    rates = translation, rotation / tolerance.rho
     changed, turned = np.zeros((0, 6, n)), dict[bytes, Array]()
     for claim in claims:
         piece, ends = claim.piece, claim.advance.ends
@@ -82,11 +83,10 @@ def sensitivities(
         moved = _Moved.of(piece, linearisation_of(assembly, piece, tolerance), turned, displaced)
         changed = moved.carried(core, before)
         onward, now = moved.projector @ brought, (ends.goal_set.generators[: len(core)], changed)
-        rates = translation, rotation / tolerance.rho
         held = np.eye(6) - moved.way.start_dual @ moved.way.held[0].N, moved.way.hold
         found.append(Sensitivity((core, before), now, held, (brought, onward), longer, rates))
         brought, begun = onward, piece.start if piece.progress[0] == 0.0 else begun
-        if piece.last:
+        if piece.last and drifting:
             brought = np.concatenate([onward, np.eye(6)[None]])
             longer = np.vstack([longer, _longer(begun, piece.goal, number, n, tolerance.rho)])
         if piece.last and piece.made is not None:

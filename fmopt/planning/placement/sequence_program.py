@@ -21,6 +21,7 @@ from fmopt.certificate.contact_implications import Assembly
 from fmopt.certificate.propagation import Tolerance
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import InfeasibleError, OverdueError, SolverError
+from fmopt.geometry.section import lowest_point
 from fmopt.planning.moves.moves import Move, Reached, unroll
 from fmopt.planning.optimise.cone_program import ConeProgram, Norm, Solver
 from fmopt.planning.placement.sequence_rows import SequenceRows, sequence_rows
@@ -286,9 +287,7 @@ def _shifted(aim: Aim, moves: Sequence[Move], shift: Array) -> tuple[Move, ...]:
     goals = [onto_surfaces(aim.assembly, move.goal.moved(shift[k]), move) for k, move in enumerate(placed, 1)]
     start = moves[0].start.moved(shift[0])
     if aim.lift is not None:
-        body = aim.assembly.moving.polyhedron
-        low = float((start.apply(body.vertices)[:, 2] - body.radii).min())
-        start = start.moved([0.0, 0.0, aim.lift - low, 0.0, 0.0, 0.0])
+        start = start.moved([0.0, 0.0, aim.lift - lowest_point(aim.assembly.moving, start), 0.0, 0.0, 0.0])
     return in_a_row(moves, start, (*goals, last.goal))
 
 

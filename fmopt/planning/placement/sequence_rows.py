@@ -238,19 +238,17 @@ def _growing(
         shape: of generators and displacements.
     """
     piece, last, (width, n) = claim.piece, claim.advance, shape
-    products, turning = np.zeros((len(gains), width)), np.zeros((len(gains), width, n))
+    share, row = piece.progress[1] - piece.progress[0], None
     if last.approach is not None:
-        share = piece.progress[1] - piece.progress[0]
-        whole = last.approach.nominal / share
-        growth = Growth(last.approach.row, whole, last.overtravel * whole)
-        gains.append(_Gain(growth, np.zeros(6), 1.0, growth.lost))
-        generators, derivatives = ending.start
-        own, turned = np.zeros((1, width)), np.zeros((1, width, n))
-        own[0, : len(generators)] = generators @ last.approach.row / share
-        turned[0, : len(generators)] = np.einsum("i,kin->kn", last.approach.row, derivatives) / share
-        products, turning = np.concatenate([products, own]), np.concatenate([turning, turned])
+        row, whole = last.approach.row, last.approach.nominal / share
+        growth = Growth(row, whole, last.overtravel * whole)
+        gains = [*gains, _Gain(growth, np.zeros(6), 1.0, growth.lost)]
     m = len(gains)
-    slopes = np.zeros((m, n))
+    slopes, products, turning = np.zeros((m, n)), np.zeros((m, width)), np.zeros((m, width, n))
+    if row is not None:
+        generators, derivatives = ending.start
+        products[-1, : len(generators)] = generators @ row / share
+        turning[-1, : len(generators)] = np.einsum("i,kin->kn", row, derivatives) / share
     for slope, gain in zip(slopes, gains, strict=True):
         slope[6 * number : 6 * number + 6] = (1.0 - gain.share) * gain.turned - gain.growth.row
         slope[6 * number + 6 : 6 * number + 12] = gain.share * gain.turned + gain.growth.row

@@ -16,7 +16,15 @@ from itertools import product
 import numpy as np
 
 from fmopt.geometry.part import Part
-from fmopt.geometry.section import corner_turns, corner_walls, far_edge, leading_corners, leading_face, outline
+from fmopt.geometry.section import (
+    corner_turns,
+    corner_walls,
+    far_edge,
+    leading_corners,
+    leading_face,
+    lowest_point,
+    outline,
+)
 from fmopt.spatial import se3
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
@@ -200,8 +208,7 @@ def planar_entries(
         for side in (-0.2, 0.0, 0.1):
             R = se3.exp([0.0, -tilt, 0.0])
             inside = Pose(np.array([side * error, 0.0, level - deep * swing]) - R @ end, R)
-            lift = approach - float(inside.apply(moving.polyhedron.vertices)[:, 2].min())
-            raised = inside.moved([0.0, 0.0, lift, 0.0, 0.0, 0.0])
+            raised = inside.moved([0.0, 0.0, approach - lowest_point(moving, inside), 0.0, 0.0, 0.0])
             found.append(Entry(raised, inside, end, shallow=level > levels[0]))
         yield tuple(found)
 
@@ -308,8 +315,3 @@ def lowest(tip: Array, shape: Shape) -> Array:
     """The corner (3,) that the tilts of a shape make the lowest, of those next to the walls at −x and −y."""
     x, y, _ = turned_axes(shape.heading).T @ tip.T
     return np.asarray(tip[int(np.argmin(np.sin(shape.about_y) * x + np.sin(shape.about_x) * y))])
-
-
-def lowest_point(moving: Part, pose: Pose) -> float:
-    """How high the lowest point of the moving part is above the mouth, m."""
-    return float((pose.apply(moving.polyhedron.vertices)[:, 2] - moving.polyhedron.radii).min())
