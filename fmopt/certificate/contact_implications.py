@@ -65,13 +65,24 @@ class Facts:
                 return wall
         return Wall(normal, offset, frozenset(), (), ())
 
+    def level_with(self, normal: Array, offset: float) -> Wall:
+        """The same, or what follows for a plane beside a wall: a face in that is as far from it as the wall is."""
+        known = self.on(normal, offset)
+        for wall in self.walls:
+            if not known.points and wall.flush and self.assembly.agree(wall.normal, offset, normal, offset):
+                n, c = wall.flush[0]
+                there = c + wall.offset - offset
+                points = np.flatnonzero(np.abs(self.assembly.body_points @ n - there) <= NEAR)
+                return Wall(normal, offset, frozenset(points.tolist()), (), ((n, there),))
+        return known
+
     def not_below(self, normal: Array, offset: float, vertices: Array, above: Array) -> Mask:
         """Which body points (k, 3) are on or above a plane, given some points (m, 3) known not to be below it.
 
         On a line in the wall every point is zero; on a body plane hinged there all points on the side of one that is
         not below are not below; nor are points beyond such a one, seen from a point in the wall.
         """
-        wall, P = self.on(normal, offset), self.assembly.body_points
+        wall, P = self.level_with(normal, offset), self.assembly.body_points
         if not (wall.points or wall.between or len(above)):
             return np.zeros(len(vertices), dtype=np.bool_)
         raised = list(above)

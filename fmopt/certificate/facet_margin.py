@@ -20,6 +20,7 @@ UNBOUNDED = 1.0  # m; the margin of a contact that nothing bounds
 _BEYOND = 1e-6  # m; how far beyond a blocked rim material must go on
 _SURELY = 1e-9  # m; what takes over is farther inside by this at least, that rounding does not decide
 _DIFFERENCE = 1e-8  # m
+_BESIDE = 1e-3  # of a polygon's shortest edge, how far from corners and edges points are taken
 _STEEP = 100.0  # what changes faster jumps
 _MEMORY = 512
 
@@ -156,29 +157,102 @@ def _judge(
 
 @dataclass(frozen=True, eq=False)
 class _Rim:
-    """An edge of a convex face: its vertices, its inward plane, and the depths to which a wall goes on behind it."""
+    """An edge around a convex part of a face.
+
+    Args:
+        span: its vertices.
+        inward: normal of the plane that has the part in front of it (3,).
+        offset: of that plane, m.
+        whole: whether the part goes along the edge's line no farther than the edge does; beyond it is more of the face.
+        swallowed: depths to which a wall goes on behind it.
+    """
 
     span: tuple[int, int]
     inward: Array
     offset: float
+    whole: bool
     swallowed: tuple[Span, ...]
 
 
+_Region = tuple[_Rim, ...]
+"""The edges whose inward planes bound a convex part of a face."""
+
+
 @remembered(_MEMORY)
-def _rims(assembly: Assembly, part: Polyhedron, face: int) -> tuple[_Rim, ...] | None:
-    """The edges around a face whose outline is convex; None for other faces."""
+def _regions(assembly: Assembly, part: Polyhedron, face: int) -> tuple[_Region, ...]:
+    """Convex parts of a face without its holes, all of it where its outline is convex."""
     loop, normal = part.faces[face].loops[0], part.faces[face].normal
     points = part.vertices[list(loop)]
+    ends = np.array([points, np.roll(points, -1, axis=0)])
+    inward = cross(normal, ends[1] - ends[0])
+    inward /= lengths(inward)[:, None]
+    offsets = np.vecdot(inward, points)
     convex = {frozenset(edge.vertices): edge.convex for edge in part.edges}
+    spans = list(zip(loop, (*loop[1:], loop[0]), strict=True))
+
+    def rim(i: int, whole: bool) -> _Rim:
+        walled = whole and not convex[frozenset(spans[i])]
+        behind = _swallowed(assembly, ends[:, i], inward[i]) if walled else ()
+        return _Rim(spans[i], inward[i], float(offsets[i]), whole, behind)
+
     found = []
-    for i, j in zip(loop, (*loop[1:], loop[0]), strict=True):
-        p, q = part.vertices[i], part.vertices[j]
-        inward = cross(normal, (q - p) / length(q - p))
-        if (points @ inward - float(inward @ p) < -NEAR).any():
-            return None
-        behind = () if convex[frozenset((i, j))] else _swallowed(assembly, np.array([p, q]), inward)
-        found.append(_Rim((i, j), inward, float(inward @ p), behind))
+    for chosen in convex_regions(ends, inward, offsets):
+        found.append(tuple(rim(i, _on_edge(i, chosen, ends, inward, offsets)) for i in chosen))
     return tuple(found)
+
+
+def convex_regions(ends: Array, inward: Array, offsets: Array) -> tuple[tuple[int, ...], ...]:
+    """Convex parts of a polygon (n), each by the edges before which it lies, the whole of it if it is convex.
+
+    They are taken around a point beside each corner and each edge, with the nearest edges and the farthest ones first.
+    A part that is before some edges has nothing of the outline inside it if each edge is behind one of them.
+
+    Args:
+        ends: of its edges (2, n, 3), one after the other around it.
+        inward: unit normals of these in its plane (n, 3).
+        offsets: of the lines of the edges along them (n,), m.
+    """
+    heights = inward @ np.swapaxes(ends, 1, 2) - offsets[:, None]  # (2, n, n), over the first of the last two
+    if (heights >= -NEAR).all():
+        return (tuple(range(len(offsets))),)
+    behind = (heights <= NEAR).all(axis=0)
+    beside = _BESIDE * float(lengths(ends[1] - ends[0]).min())
+    starts = np.concatenate([ends.mean(axis=0) + beside * inward, ends[0] + beside * (inward + np.roll(inward, 1, 0))])
+    found: dict[tuple[int, ...], None] = {}
+    for start in starts:
+        depths = inward @ start - offsets
+        if not _inside(start, ends, inward):
+            continue
+        for order in (np.argsort(depths, kind="stable"), np.argsort(-depths, kind="stable")):
+            chosen: list[int] = []
+            for i in order.tolist():
+                if depths[i] > 0.0 and not behind[chosen, i].any():
+                    chosen.append(i)
+            if (behind[chosen] | np.eye(len(offsets), dtype=np.bool_)[chosen]).any(axis=0).all():
+                found.setdefault(tuple(sorted(chosen)))
+    return tuple(found)
+
+
+def _inside(point: Array, ends: Array, inward: Array) -> bool:
+    """Whether a point is inside a polygon: the nearest point of its outline is on an edge that it is before."""
+    way = ends[1] - ends[0]
+    share = np.clip(np.vecdot(point - ends[0], way) / np.vecdot(way, way), 0.0, 1.0)
+    off = point - (ends[0] + share[:, None] * way)
+    nearest = lengths(off)
+    # At a corner two edges are as near: the one that turns away from the point least tells.
+    tied = np.flatnonzero(nearest <= nearest.min() + NEAR)
+    return bool(max(np.vecdot(off, inward)[tied].tolist(), key=abs) > 0.0)
+
+
+def _on_edge(i: int, chosen: Sequence[int], ends: Array, inward: Array, offsets: Array) -> bool:
+    """Whether a convex part before some edges goes along the line of one of them no farther than the edge does."""
+    way = ends[1, i] - ends[0, i]
+    low, high = -np.inf, np.inf
+    for j in chosen:
+        rise, at = float(inward[j] @ way), float(inward[j] @ ends[0, i] - offsets[j])
+        if j != i and abs(rise) > NEAR:
+            low, high = (max(low, -at / rise), high) if rise > 0.0 else (low, min(high, -at / rise))
+    return low >= -NEAR and high <= 1.0 + NEAR
 
 
 @remembered(_MEMORY)
@@ -198,16 +272,16 @@ def _in_face(
     assembly: Assembly, contact: PrimitiveContact, together: Sequence[PrimitiveContact], rows: _Questions
 ) -> Judge:
     fixed, body = assembly.fixed.polyhedron, assembly.moving.polyhedron.vertices
-    rims = _rims(assembly, fixed, contact.fixed_feature)
-    if rims is None:
-        return lambda lower: -UNBOUNDED
-    asked = [
-        (
-            rows.above(body[contact.moving[0]], rim.inward, rim.offset),
-            rim.swallowed,
-            _slips(assembly, contact, together, rim, rows),
-        )
-        for rim in rims
+    regions = [
+        [
+            (
+                rows.above(body[contact.moving[0]], rim.inward, rim.offset),
+                rim.swallowed,
+                _slips(assembly, contact, together, rim, rows) if rim.whole else _never,
+            )
+            for rim in region
+        ]
+        for region in _regions(assembly, fixed, contact.fixed_feature)
     ]
     holes = [
         [rows.above(body[contact.moving[0]], way, at) for way, at in planes]
@@ -215,14 +289,23 @@ def _in_face(
     ]
 
     def judge(lower: Lower) -> float:
-        found = min((max([-UNBOUNDED, *(lower[k] for k in beyond)]) for beyond in holes), default=UNBOUNDED)
-        for room, swallowed, slips in asked:
-            value = lower[room]
-            if value < found and not (_within(swallowed, value) or slips(lower, value)):
-                found = value
-        return found
+        beyond = min((max([-UNBOUNDED, *(lower[k] for k in planes)]) for planes in holes), default=UNBOUNDED)
+        most = -UNBOUNDED
+        for asked in regions:
+            found = beyond
+            for room, swallowed, slips in asked:
+                value = lower[room]
+                if value < found and not (_within(swallowed, value) or slips(lower, value)):
+                    found = value
+            most = max(most, found)
+        return most
 
     return judge
+
+
+def _never(lower: Lower, room: float) -> bool:
+    """That nothing takes over."""
+    return False
 
 
 def _slips(
@@ -393,9 +476,9 @@ def _blocked(assembly: Assembly, edge: int, wall: int) -> tuple[tuple[Array, Arr
 
 
 def _on_moving_face(assembly: Assembly, contact: PrimitiveContact, rows: _Questions) -> Judge:
-    rims = _rims(assembly, assembly.moving.polyhedron, contact.moving_feature)
-    if rims is None or len(assembly.moving.polyhedron.faces[contact.moving_feature].loops) > 1:
+    if len(assembly.moving.polyhedron.faces[contact.moving_feature].loops) > 1:
         return lambda lower: -UNBOUNDED
     w = assembly.fixed.polyhedron.vertices[contact.fixed[0]]
-    asked = [rows.beneath(rim.inward, rim.offset, w) for rim in rims]
-    return lambda lower: min(lower[k] for k in asked)
+    regions = _regions(assembly, assembly.moving.polyhedron, contact.moving_feature)
+    asked = [[rows.beneath(rim.inward, rim.offset, w) for rim in region] for region in regions]
+    return lambda lower: max((min(lower[k] for k in region) for region in asked), default=-UNBOUNDED)

@@ -5,13 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 from typing import Literal, NamedTuple
 
-from fmopt.certificate.assembly import Assembly
+import numpy as np
+
+from fmopt.certificate.assembly import NEAR, Assembly, on_line
+from fmopt.certificate.contact_implications import Facts, coming_off, facts
 from fmopt.certificate.segment_linearisation import Piece
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.spatial.values import remembered
+from fmopt.spatial.se3 import cross, length, lengths
+from fmopt.spatial.values import Array, remembered
 
 BEHIND = 1e-15  # m; how far in front of the fixed piece a free plane is put, against rounding
 _MEMORY = 2048
@@ -50,9 +55,9 @@ class Pair(NamedTuple):
         fixed: the fixed piece.
         held: contacts held between the two.
         opening: contacts being made or given up between the two.
-        state: all contacts held, for a pair that is touched by one; else none.
-        left: all contacts given up, for a pair that is touched; else none.
-        beside: the contact being made that counts and those given up, wherever, for a pair that is touched; else none.
+        state: all contacts held, for a pair of which contacts say something; else none.
+        left: all contacts given up, for such a pair; else none.
+        beside: the contact being made that counts and those given up, wherever, for such a pair; else none.
     """
 
     moving: Polyhedron
@@ -67,6 +72,11 @@ class Pair(NamedTuple):
     def touched(self) -> bool:
         """Whether a contact bears on the two."""
         return bool(self.held or self.opening)
+
+    @property
+    def told(self) -> bool:
+        """Whether contacts say something of the two, which may be about features in the planes of those that touch."""
+        return bool(self.state or self.left or self.beside)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,15 +109,84 @@ def _facing(
     held: tuple[PrimitiveContact, ...],
     opening: tuple[PrimitiveContact, ...],
     left: tuple[PrimitiveContact, ...],
-    beside: tuple[PrimitiveContact, ...],
+    shown: tuple[PrimitiveContact, ...],
 ) -> Facing:
-    found = []
+    found, several = [], len(assembly.moving.bodies) > 1
     for i, M in enumerate(assembly.moving.bodies):
         for j, F in enumerate(assembly.fixed.pieces):
             own, new = (touching(assembly, M, F, contacts) for contacts in (held, opening))
-            known = (held, left, beside) if own or new else ((), (), ())
+            told = bool(own or new) or (several and _in_walls(assembly, M, F, held, left, shown))
+            known = (held, left, shown) if told else ((), (), ())
             found.append((i, j, Pair(M, F, own, new, *known)))
     return Facing(tuple(found))
+
+
+def _in_walls(
+    assembly: Assembly,
+    moving: Polyhedron,
+    fixed: Polyhedron,
+    held: tuple[PrimitiveContact, ...],
+    left: tuple[PrimitiveContact, ...],
+    opening: tuple[PrimitiveContact, ...],
+) -> bool:
+    """Whether contacts say something of two pieces that they do not touch themselves.
+
+    A part that is not convex may touch a wall with one of its pieces and have others flush with it, or on its rim.
+    """
+    known, off = facts(assembly, held), coming_off(assembly, held, left)
+    for normal, offset in zip(fixed.normals, fixed.offsets, strict=True):
+        points = set(known.level_with(normal, offset).points)
+        points.update(
+            i for wall in off if assembly.agree(wall.normal, wall.offset, normal, offset) for i in wall.points
+        )
+        if points and _shares(moving.vertices, assembly.body_points[sorted(points)]):
+            return True
+    if edges_beside(assembly, moving, fixed, held, opening):
+        return True
+    return any(
+        (on_line(fixed.vertices, rim.at, rim.along)).any()
+        and any(
+            assembly.agree(rim.normal, rim.offset, n, c) for n, c in zip(moving.normals, moving.offsets, strict=True)
+        )
+        for rim in level_rims(assembly, held)
+    )
+
+
+def _shares(points: Array, others: Array) -> bool:
+    """Whether one of some points (n, 3) is one of some others (m, 3)."""
+    return bool((np.abs(points[:, None] - others).max(axis=2) <= NEAR).any())
+
+
+@dataclass(frozen=True, eq=False)
+class LevelRim:
+    """A rim of the fixed part that lies in the plane of a face of the moving one, since two edges of that cross it.
+
+    Args:
+        at: a point of the rim (3,).
+        along: its unit direction (3,).
+        normal: of the face in the body (3,).
+        offset: of the face, m.
+    """
+
+    at: Array
+    along: Array
+    normal: Array
+    offset: float
+
+
+@remembered(_MEMORY)
+def level_rims(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> tuple[LevelRim, ...]:
+    """The rims that held contacts put into the planes of faces of the moving part."""
+    body, fixed, found = assembly.moving.polyhedron, assembly.fixed.polyhedron, []
+    edges = [contact for contact in held if contact.kind is Kind.EDGE_EDGE]
+    for one, other in combinations(edges, 2):
+        if one.fixed_feature != other.fixed_feature or one.moving_feature == other.moving_feature:
+            continue
+        shared = set(body.edges[one.moving_feature].faces) & set(body.edges[other.moving_feature].faces)
+        if len(shared) == 1:
+            face, (c, d) = body.faces[shared.pop()], fixed.vertices[list(one.fixed)]
+            found.append(LevelRim(c, (d - c) / length(d - c), face.normal, face.offset))
+    return tuple(found)
 
 
 def pairs(assembly: Assembly, piece: Piece) -> tuple[tuple[int, int, Pair], ...]:
@@ -126,6 +205,73 @@ def touching(
 def _between(contact: PrimitiveContact, moving: Features, fixed: Features) -> bool:
     one, other = _FEATURES[contact.kind]
     return (one, contact.moving_feature) in moving and (other, contact.fixed_feature) in fixed
+
+
+@remembered(_MEMORY)
+def edge_along(piece: Polyhedron, part: Polyhedron, ends: tuple[int, ...]) -> tuple[int, int] | None:
+    """The piece's edge on the line through two vertices of its part, run from the first towards the second, if any."""
+    a, b = part.vertices[list(ends)]
+    direction = (b - a) / length(b - a)
+    off = lengths(cross(piece.vertices - a, direction))
+    for edge in piece.edges:
+        i, j = edge.vertices
+        if max(off[i], off[j]) <= 1e-9:
+            forward = float((piece.vertices[j] - piece.vertices[i]) @ direction) > 0.0
+            return (i, j) if forward else (j, i)
+    return None
+
+
+@remembered(_MEMORY)
+def edges_beside(
+    assembly: Assembly,
+    moving: Polyhedron,
+    fixed: Polyhedron,
+    held: tuple[PrimitiveContact, ...],
+    opening: tuple[PrimitiveContact, ...],
+) -> tuple[tuple[tuple[int, int], tuple[int, int]], ...]:
+    """Edges of a moving piece beside one in touch, that are known to lie along the fixed edge from it, with that one.
+
+    As vertex indices of the two pieces, run like the contacts' edges.
+
+    Args:
+        assembly: the two parts.
+        moving: the moving piece.
+        fixed: the fixed piece.
+        held: all contacts held.
+        opening: contacts being made or given up.
+    """
+    known, body, found = facts(assembly, held), assembly.moving.polyhedron.vertices, []
+    if not known.turns:
+        return ()
+    for contact in (*held, *opening):
+        rim = edge_along(fixed, assembly.fixed.polyhedron, contact.fixed) if contact.kind is Kind.EDGE_EDGE else None
+        if rim is None:
+            continue
+        c, d = fixed.vertices[list(rim)]
+        for edge in moving.edges:
+            i, j = edge.vertices
+            if beside(known, body[list(contact.moving)], moving.vertices[[i, j]], (d - c) / length(d - c)):
+                a, b = body[list(contact.moving)]
+                forward = float((moving.vertices[j] - moving.vertices[i]) @ (b - a)) > 0.0
+                found.append(((i, j) if forward else (j, i), rim))
+    return tuple(dict.fromkeys(found))
+
+
+def beside(known: Facts, one: Array, other: Array, along: Array) -> bool:
+    """Whether a second edge of the body is parallel to one, and known to lie along a unit direction (3,) from it.
+
+    Args:
+        known: what contacts say.
+        one: ends (2, 3) of an edge.
+        other: of the second one, not on the same line.
+        along: in the world.
+    """
+    way = (one[1] - one[0]) / length(one[1] - one[0])
+    if not on_line(other, other[0], way).all():
+        return False
+    off = other[0] - one[0]
+    off = off - way * float(way @ off)
+    return length(off) > NEAR and bool(known.beside(off[None], along)[0])
 
 
 def free_plane(normal: Sequence[float], offset: float) -> Witness:

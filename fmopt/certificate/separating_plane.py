@@ -20,7 +20,7 @@ import numpy as np
 from fmopt.certificate.assembly import NEAR, Assembly, hinge, level, on_line
 from fmopt.certificate.contact_implications import Facts, Wall, coming_off, facts, rising
 from fmopt.certificate.kernels_rows import Table
-from fmopt.certificate.piece_pairs import Pair, Witness, pairs, touching
+from fmopt.certificate.piece_pairs import Pair, Witness, beside, level_rims, pairs, touching
 from fmopt.certificate.remainder import AtEnd, Course, Ends, Extent
 from fmopt.certificate.row_bounds import Places, Witnesses, best
 from fmopt.certificate.rows import (
@@ -294,9 +294,12 @@ def _above(assembly: Assembly, pair: Pair, walls: Sequence[Wall], normal: Array,
 
 
 def _touched(assembly: Assembly, pair: Pair, normal: Array, offset: float) -> Mask:
-    """Vertices of the fixed piece that face–vertex contacts put on a moving face."""
+    """Vertices of the fixed piece that contacts put on a moving face: by themselves, or with the rim that they end."""
     F = pair.fixed.vertices
     done = np.zeros(len(F), dtype=np.bool_)
+    for rim in level_rims(assembly, pair.state):
+        if assembly.agree(rim.normal, rim.offset, normal, offset):
+            done |= on_line(F, rim.at, rim.along)
     for contact in _contacts(pair):
         if contact.kind is Kind.FACE_VERTEX:
             face = assembly.moving.polyhedron.faces[contact.moving_feature]
@@ -344,7 +347,7 @@ def _edge_rows(assembly: Assembly, pair: Pair, witness: Witness, known: Facts) -
     moving = _edge(pair.moving, assembly.moving.polyhedron, witness.moving)
     fixed = _edge(pair.fixed, assembly.fixed.polyhedron, witness.fixed)
     (a, b), e_m, c, e_f = moving.ends, moving.along, fixed.ends[0], fixed.along
-    held, made = _anchored(assembly, pair, moving, fixed)
+    held, made = _anchored(assembly, pair, moving, fixed, known)
     if held or made:
         # Heights are relative to the moving edge, which is on the plane or not below it.
         settled = moving.on | known.beside(M - a, e_f) | known.beside(M - b, e_f)
@@ -357,7 +360,7 @@ def _edge_rows(assembly: Assembly, pair: Pair, witness: Witness, known: Facts) -
     parts = [upper, directions_along(fixed.arms[~fixed.on], e_m)]
     always = count = len(upper) + len(off)
     behind = []
-    for vertex, inward, n, offset in _turned_onto(assembly, pair, moving, fixed) if held else ():
+    for vertex, inward, n, offset in _turned_onto(assembly, pair, moving, fixed, known) if held else ():
         parts += [directions_along(cross(e_f, n)[None], e_m), points_above(vertex[None], inward, float(inward @ c))]
         behind.append((np.abs(off @ n - offset) <= NEAR) & ((off - c) @ inward >= -NEAR))
     count += 2 * len(behind)
@@ -373,12 +376,23 @@ def _within(mask: Mask, at: int, count: int) -> Mask:
     return wide
 
 
-def _anchored(assembly: Assembly, pair: Pair, moving: _Edge, fixed: _Edge) -> tuple[bool, bool]:
-    """Whether a contact of just these two edges is held, and whether one is made or given up on the plane's side."""
+def _beside(assembly: Assembly, known: Facts, contact: PrimitiveContact, moving: _Edge, fixed: _Edge) -> bool:
+    """Whether a contact is of the fixed edge and an edge beside the moving one, see `beside`."""
+    if contact.kind is not Kind.EDGE_EDGE or not fixed.points.issuperset(contact.fixed):
+        return False
+    own = assembly.moving.polyhedron.vertices[list(contact.moving)]
+    return beside(known, own, moving.ends, fixed.along)
+
+
+def _anchored(assembly: Assembly, pair: Pair, moving: _Edge, fixed: _Edge, known: Facts) -> tuple[bool, bool]:
+    """Whether a contact of just these two edges is held, and whether one is made or given up on the plane's side.
+
+    So does one of an edge beside the moving one, which what is known of turns puts along the fixed edge from it.
+    """
     body, world = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron.vertices
     held = made = False
     for contact in _contacts(pair):
-        if not _meet(contact, moving, fixed):
+        if not (_meet(contact, moving, fixed) or _beside(assembly, known, contact, moving, fixed)):
             continue
         if contact in pair.state:
             held = True
@@ -412,13 +426,21 @@ def _levelled(assembly: Assembly, pair: Pair, moving: _Edge, fixed: _Edge) -> Ma
 
 
 def _turned_onto(
-    assembly: Assembly, pair: Pair, moving: _Edge, fixed: _Edge
+    assembly: Assembly, pair: Pair, moving: _Edge, fixed: _Edge, known: Facts
 ) -> list[tuple[Array, Array, Array, float]]:
-    """Ends of the moving edge that lie on a wall along the fixed edge: (body vertex, inward in the wall, its plane)."""
+    """Ends of the moving edge, or of one beside it, that lie on a wall along the fixed edge.
+
+    Returns:
+        (body vertex, inward in the wall, its plane) of each.
+    """
     body, world = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron.vertices
     c, e_f, found = fixed.ends[0], fixed.along, []
     for contact in _contacts(pair):
-        if contact.kind is not Kind.VERTEX_FACE or contact.moving[0] not in moving.points:
+        if contact.kind is not Kind.VERTEX_FACE:
+            continue
+        off = body[contact.moving[0]] - moving.ends[0]
+        off = off - moving.along * float(moving.along @ off)
+        if contact.moving[0] not in moving.points and not known.beside(off[None], e_f)[0]:
             continue
         wall = assembly.fixed.polyhedron.faces[contact.fixed_feature]
         if abs(float(wall.normal @ e_f)) <= NEAR and abs(float(wall.normal @ c) - wall.offset) <= NEAR:

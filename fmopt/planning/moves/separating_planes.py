@@ -13,14 +13,23 @@ import numpy as np
 
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.kernels_rows import ROW
-from fmopt.certificate.piece_pairs import BEHIND, Facing, Pair, Witness, free_plane
+from fmopt.certificate.piece_pairs import (
+    BEHIND,
+    Facing,
+    Pair,
+    Witness,
+    edge_along,
+    edges_beside,
+    free_plane,
+    level_rims,
+)
 from fmopt.certificate.remainder import Course
 from fmopt.certificate.row_bounds import Places, Sides, best_sides
 from fmopt.certificate.separating_plane import Block, Candidates, Separation
 from fmopt.contact.primitive import Kind
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.planning.moves.plane_arcs import SHARES, Edges, best
-from fmopt.spatial.se3 import cross, length, lengths
+from fmopt.spatial.se3 import lengths
 from fmopt.spatial.values import Array, remembered
 
 _GRAZING = 2e-6
@@ -48,9 +57,10 @@ def choose_separations(assembly: Assembly, facing: Facing, course: Course) -> li
             least[k, places[m]], before[k, places[m]] = found.margin, witness.kind != "edges"
     for _, free in facing.apart:
         planes = _fans(facing, free).best(course)
-        for k, m in np.argwhere(planes.clearances >= -_GRAZING).tolist():
+        for k, m in np.argwhere((planes.clearances >= -_GRAZING) & (planes.margins > least[:, free])).tolist():
             chosen[k][free[m]], least[k, free[m]] = planes.separation(k, m), planes.margins[k, m]
-    for own in _facing_faces(facing):
+            before[k, free[m]] = False
+    for own in _facing_faces(assembly, facing):
         for k, m, found in _listed(*own.best(course, least[:, own.places], _GRAZING)):
             place = own.places[m]
             # Of two that keep as much the first in the order of kinds counts: fixed faces, moving ones, edges.
@@ -86,7 +96,7 @@ class _Touched:
 
 @remembered(_MEMORY)
 def _touched(assembly: Assembly, facing: Facing) -> _Touched | None:
-    touched = [(n, pair) for n, (_, _, pair) in enumerate(facing.listed) if pair.touched]
+    touched = [(n, pair) for n, (_, _, pair) in enumerate(facing.listed) if pair.told]
     blocks = [(n, _block(assembly, pair)) for n, pair in touched]
     told = [(n, block) for n, block in blocks if block.counted]
     return _Touched(tuple(n for n, _ in told), Candidates.of([block for _, block in told])) if told else None
@@ -97,9 +107,11 @@ def _block(assembly: Assembly, pair: Pair) -> Block:
     return Block.of(assembly, pair, _candidates(assembly, pair))
 
 
-def _faces_count(pair: Pair) -> bool:
+def _faces_count(assembly: Assembly, pair: Pair) -> bool:
     """Whether all rows of the moving piece's faces count: no contact puts a vertex of the fixed piece on one."""
-    return not any(contact.kind is Kind.FACE_VERTEX for contact in (*pair.state, *pair.beside))
+    return not any(contact.kind is Kind.FACE_VERTEX for contact in (*pair.state, *pair.beside)) and not level_rims(
+        assembly, pair.state
+    )
 
 
 @remembered(_MEMORY)
@@ -109,11 +121,11 @@ def _fans(facing: Facing, places: tuple[int, ...]) -> Fans:
 
 
 @remembered(1)
-def _facing_faces(facing: Facing) -> tuple[Faces, ...]:
+def _facing_faces(assembly: Assembly, facing: Facing) -> tuple[Faces, ...]:
     """The faces of each moving piece with the pairs of it for which all of their rows count."""
     found: dict[Polyhedron, list[int]] = {}
     for n, (_, _, pair) in enumerate(facing.listed):
-        if _faces_count(pair) and pair.moving.faces:
+        if _faces_count(assembly, pair) and pair.moving.faces:
             found.setdefault(pair.moving, []).append(n)
     return tuple(Faces.of(facing, piece, places) for piece, places in found.items())
 
@@ -144,7 +156,11 @@ class Faces:
 
 def _candidates(assembly: Assembly, pair: Pair) -> tuple[Witness, ...]:
     """Planes of faces, and those along the two edges of the pair's edge–edge contacts."""
-    own = [] if _faces_count(pair) else [Witness("moving-face", face.loops[0], ()) for face in pair.moving.faces]
+    own = (
+        []
+        if _faces_count(assembly, pair)
+        else [Witness("moving-face", face.loops[0], ()) for face in pair.moving.faces]
+    )
     faces = [Witness("fixed-face", (), face.loops[0]) for face in pair.fixed.faces]
     return (*faces, *own, *_contact_edges(assembly, pair))
 
@@ -153,24 +169,13 @@ def _contact_edges(assembly: Assembly, pair: Pair) -> list[Witness]:
     found = []
     for contact in (*pair.held, *pair.opening):
         if contact.kind is Kind.EDGE_EDGE:
-            moving = _edge_along(pair.moving, assembly.moving.polyhedron, contact.moving)
-            fixed = _edge_along(pair.fixed, assembly.fixed.polyhedron, contact.fixed)
-            found.append(Witness("edges", moving, fixed))
-    return list(dict.fromkeys(found))
-
-
-@remembered(_MEMORY)
-def _edge_along(piece: Polyhedron, part: Polyhedron, ends: tuple[int, ...]) -> tuple[int, int]:
-    """The piece's edge on the line through two vertices of its part, run from the first towards the second."""
-    a, b = part.vertices[list(ends)]
-    direction = (b - a) / length(b - a)
-    off = lengths(cross(piece.vertices - a, direction))
-    for edge in piece.edges:
-        i, j = edge.vertices
-        if max(off[i], off[j]) <= 1e-9:
-            forward = float((piece.vertices[j] - piece.vertices[i]) @ direction) > 0.0
-            return (i, j) if forward else (j, i)
-    raise KeyError("no edge of the piece lies along the contact's edge")
+            moving = edge_along(pair.moving, assembly.moving.polyhedron, contact.moving)
+            fixed = edge_along(pair.fixed, assembly.fixed.polyhedron, contact.fixed)
+            assert moving is not None  # they touch
+            assert fixed is not None
+            found.append((moving, fixed))
+    found += edges_beside(assembly, pair.moving, pair.fixed, pair.state, pair.beside)
+    return [Witness("edges", *both) for both in dict.fromkeys(found)]
 
 
 @dataclass(frozen=True, eq=False)

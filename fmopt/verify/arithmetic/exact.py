@@ -8,6 +8,7 @@ point counts: they have integer components and no unit. Nothing is rounded here,
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from fractions import Fraction
 from itertools import pairwise
 from math import gcd, isqrt
 
@@ -77,6 +78,23 @@ def height(plane: Level, p: Point) -> int:
     return plane[0] * p[0] + plane[1] * p[1] + plane[2] * p[2] - plane[3] * p[3]
 
 
+def above_beside(flush: Level, wall: Level, beside: Level, p: Point) -> bool:
+    """Whether a body point is on or above a plane beside a wall, on which a body plane lies.
+
+    Args:
+        flush: the body plane, its normal towards the wall.
+        wall: the wall, its normal towards the body.
+        beside: a plane parallel to the wall, its normal on the same side.
+        p: the body point.
+    """
+    # It is (d − n·p)/|n| above the wall, which is D'/|N'| − D/|N| below the plane beside it; N' = N·(N'·N)/(N·N).
+    square = inner(wall[:3], wall[:3])
+    rise = Fraction(-height(flush, p), p[3])
+    asked = Fraction(beside[3] * square, inner(beside[:3], wall[:3])) - wall[3]
+    one, other = _sign(rise) * rise**2 * square, _sign(asked) * asked**2 * inner(flush[:3], flush[:3])
+    return one >= other
+
+
 def through(points: Iterable[Point]) -> Level | None:
     """The plane of the first three points that are not in line, seen from either side; None without any."""
     base: Point | None = None
@@ -130,5 +148,5 @@ def balanced(a: int, b: int, c: int, p: tuple[int, int], q: tuple[int, int]) -> 
     return s == -_sign(c)
 
 
-def _sign(x: int) -> int:
+def _sign(x: int | Fraction) -> int:
     return (x > 0) - (x < 0)

@@ -9,11 +9,11 @@ level with that wall and at a known angle to the flush. Nothing here uses an err
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from fmopt.verify.arithmetic.exact import height, parallel, turned_over
+from fmopt.verify.arithmetic.exact import above_beside, height, inner, parallel, turned_over
 from fmopt.verify.arithmetic.rational import ONE, Matrix, Vector, dot, length, neg, scaled, sub, times, turned, unit
 from fmopt.verify.parts.assembly import Assembly, Touch
 from fmopt.verify.parts.incidence import Flush, Turn, about, cancel, crossing, directed, image_of, steep
@@ -223,10 +223,15 @@ class Facts:
     def keeps(self, normal: Vector, d: Vector) -> bool:
         """Whether a body direction is known to be level with planes of a normal, both given exactly.
 
-        It is decided and not measured: either the direction is one that is turned onto one level with them, or the two
-        turned directions that it is made of, and the one across them, cancel exactly.
+        It is decided and not measured: either the direction is one that is turned onto one level with them, or it is
+        across one that is turned onto their normal, or the two turned directions that it is made of, and the one across
+        them, cancel exactly.
         """
         if not any(d) or any(parallel(turn.exact, d) and turn.keeps(normal) for turn in self.turns):
+            return True
+        if any(
+            turn.onto is not None and parallel(turn.onto, normal) and inner(turn.exact, d) == 0 for turn in self.turns
+        ):
             return True
         pair = self._whole
         return pair is not None and cancel(*pair, normal, d)
@@ -301,16 +306,42 @@ class Facts:
     def _on_wall(self, plane: Plane, v: Vector) -> bool:
         return v in self.on(plane).points
 
+    def _beside(self, plane: Plane) -> tuple[Plane, ...]:
+        """The lowest body planes not below a plane, as follows from a face beside them in a wall parallel to it."""
+        key = len(self.turns), plane
+        if key not in self._besides:
+            self._besides[key] = tuple(self._planes_beside(plane))
+        return self._besides[key]
+
+    @cached_property
+    def _besides(self) -> dict[tuple[int, Plane], tuple[Plane, ...]]:
+        return {}
+
+    def _planes_beside(self, plane: Plane) -> Iterator[Plane]:
+        exact = self.assembly.exact(plane)
+        for wall in self.walls:
+            own = self.assembly.exact(wall.plane)
+            if not wall.flush or exact == own or not parallel(exact, own) or inner(exact, own) <= 0:
+                continue
+            flush = wall.flush[0]
+            points = self.assembly.body_points
+            kept = (v for v in points if above_beside(flush.exact, own, exact, self.assembly.point(v)))
+            lowest = max((dot(flush.plane.normal, v) for v in kept), default=None)
+            if lowest is not None:
+                yield Plane(flush.plane.normal, lowest)
+
     def not_below(self, wall_plane: Plane, vertices: Sequence[Vector], above: Iterable[Vector]) -> set[int]:
         """Which body points are on or above a wall, given some vertices known to be on or above it.
 
         On a line in the wall every point is zero; on a body plane hinged there all points on the side of one that is
         not below are not below; nor are points beyond such a one, seen from a point in the wall. The points, lines and
-        planes that are known to be there are exact. The body points asked for may be vertices of pieces, off them by
-        `DEVIATION`: as the body is rigid they are below the wall by no more than that, and nothing follows from them.
+        planes that are known to be there are exact. So is the body plane beside a face that lies in a parallel wall,
+        as far from the face as the plane from the wall. The body points asked for may be vertices of pieces, off them
+        by `DEVIATION`: as the body is rigid they are below the wall by no more than that, and nothing follows from
+        them.
         """
         wall = self.on(wall_plane)
-        raised = list(above)
+        raised, beside = list(above), self._beside(wall_plane)
         if self.turns and raised:
             raised += [v for v in self.assembly.body_points if any(self.level(wall_plane, v, p) for p in raised)]
         lines = wall.lines(self.assembly)
@@ -322,6 +353,7 @@ class Facts:
                 or any(near(sub(v, p)) for p in known)
                 or any(near(l.away(v)) for l in lines)
                 or any(abs(flush.plane.height(v)) <= DEVIATION for flush in wall.flush)
+                or any(abs(plane.height(v)) <= DEVIATION for plane in beside)
                 or any(_same_side(l, v, p) for l in lines for p in raised)
                 or any(_beyond(z, v, p) for z in wall.points for p in raised)
             ):

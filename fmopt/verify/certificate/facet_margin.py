@@ -11,7 +11,7 @@ from fmopt.verify.certificate.contact_implications import other_rim, taken_turns
 from fmopt.verify.certificate.propagation import Motion
 from fmopt.verify.parts.assembly import Assembly, Touch, middle
 from fmopt.verify.parts.rows import DirectionAlong, FaceAbove, Function, PointAbove
-from fmopt.verify.parts.solids import DEVIATION, ROUNDING, Plane, Shape
+from fmopt.verify.parts.solids import DEVIATION, ROUNDING, Bound, Plane, Shape
 
 UNBOUNDED = ONE  # the margin, 1 m, of a contact that nothing bounds
 _BEYOND = fixed(1e-6)
@@ -81,19 +81,27 @@ def _beside(shape: Shape, face: int, loop: Sequence[int]) -> list[Plane]:
 
 
 def _in_face(assembly: Assembly, touch: Touch, together: Sequence[Touch], way: _Way) -> int:
-    v = touch.moving[0]
-    rims = assembly.fixed.rims(touch.face)
-    if rims is None:
-        return -UNBOUNDED
-    found = UNBOUNDED
-    for i, j, rim in rims:
+    return max(
+        (_in_region(assembly, touch, together, region, way) for region in assembly.fixed.regions(touch.face)),
+        default=-UNBOUNDED,
+    )
+
+
+def _in_region(assembly: Assembly, touch: Touch, together: Sequence[Touch], region: Sequence[Bound], way: _Way) -> int:
+    """How far a point is from the edges of a convex part of its face, and beyond the holes of that."""
+    v, found = touch.moving[0], UNBOUNDED
+    for i, j, rim, whole in region:
         above = way.above(v, rim)
         if way.quick(above)[0] >= found:
             continue
         room = way.least(above)
+        # Where the part goes on along the line beyond the edge there is more of the face behind it, not a wall.
         if room < found and not (
-            _swallowed(assembly, touch.faces[0], (i, j), rim, room)
-            or _slips(assembly, touch, together, (i, j, rim), room, way)
+            whole
+            and (
+                _swallowed(assembly, touch.faces[0], (i, j), rim, room)
+                or _slips(assembly, touch, together, (i, j, rim), room, way)
+            )
         ):
             found = room
     for hole in assembly.fixed.faces[touch.face].loops[1:]:
@@ -282,7 +290,7 @@ def _blocked(assembly: Assembly, wall: Plane, end: Vector, inward: Vector, room:
 
 def _on_moving_face(assembly: Assembly, touch: Touch, way: _Way) -> int:
     w = touch.fixed[0]
-    rims = assembly.moving.rims(touch.face)
-    if rims is None or len(assembly.moving.faces[touch.face].loops) > 1:
+    if len(assembly.moving.faces[touch.face].loops) > 1:
         return -UNBOUNDED
-    return min(way.least(FaceAbove(rim, w)) for _, _, rim in rims)
+    regions = assembly.moving.regions(touch.face)
+    return max((min(way.least(FaceAbove(rim.plane, w)) for rim in region) for region in regions), default=-UNBOUNDED)

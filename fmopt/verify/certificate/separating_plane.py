@@ -161,12 +161,24 @@ def _moving_face_rows(assembly: Assembly, M: Shape, F: Shape, witness: Witness, 
     face = _face(M, witness.moving)
     plane, backed = M.supporting(face), assembly.backed(assembly.moving, M, face)
     on: list[Vector] = []
+    rims: list[Line] = []
     if backed is not None:
         touching = [t for t in known.all if t.kind == "face-vertex" and t.plane is not None]
         on = [t.fixed[0] for t in touching if t.plane is not None and assembly.agree(t.plane, backed.wall)]
-        plane = backed.cover if on else plane
-    kept = [w for w in F.vertices if not any(near(sub(w, x)) for x in on)]
+        rims = list(_level_rims(assembly, known, backed.wall))
+        plane = backed.cover if on or rims else plane
+    kept = [w for w in F.vertices if not any(near(sub(w, x)) for x in on) and not any(near(r.away(w)) for r in rims)]
     return [FaceAbove(plane, w) for w in kept]
+
+
+def _level_rims(assembly: Assembly, known: Known, face: Plane) -> Iterator[Line]:
+    """Rims that lie in the plane of a face of the moving part, since two of its edges are held on them."""
+    held = known.facts.held
+    for n, touch in enumerate(held):
+        for other in held[:n]:
+            level = assembly.level(touch, (other,))
+            if level is not None and assembly.agree(level.face, face):
+                yield touch.fixed_line
 
 
 def _edge_rows(
@@ -221,7 +233,8 @@ def _lines(known: Known, own: Sequence[Vector], other: Sequence[Vector]) -> tupl
     """The lines of the edges of pieces that a witness runs along: those of edges of the parts that touch there, if any.
 
     The edge of a piece may be off that of its part by `DEVIATION`; the witness plane runs along the part's then, and
-    vertices of the piece are on it up to that.
+    vertices of the piece are on it up to that. An edge beside one in touch, which what is known of turns keeps level
+    with the fixed edge from it, spans the same plane with that: it runs along the one in touch, too.
     """
     moving, base = line(*own), line(*other)
     for touch in known.all:
@@ -229,7 +242,17 @@ def _lines(known: Known, own: Sequence[Vector], other: Sequence[Vector]) -> tupl
             one, two = touch.moving_line, touch.fixed_line
             if all(near(one.away(v)) for v in own) and all(near(two.away(w)) for w in other):
                 return _along(one, moving), _along(two, base)
+    for touch in known.all:
+        if touch.kind == "edge-edge" and all(near(touch.fixed_line.away(w)) for w in other):
+            one = touch.moving_line
+            if all(_level(known.facts, base.direction, cross(one.away(v), one.direction)) for v in own):
+                return _along(one, moving), _along(touch.fixed_line, base)
     return moving, base
+
+
+def _level(facts: Facts, along: Vector, d: Vector) -> bool:
+    """Whether a body vector can neither rise nor fall along a unit direction of the world, up to `ROUNDING`."""
+    return facts.rises(along, d) and facts.rises(along, neg(d))
 
 
 def _along(found: Line, asked: Line) -> Line:
@@ -270,13 +293,13 @@ def _levels(assembly: Assembly, known: Known, moving: Line, base: Line) -> Itera
 
 
 def _turned_onto(assembly: Assembly, known: Known, moving: Line, base: Line) -> Iterator[tuple[Vector, Plane, Plane]]:
-    """Points of the moving edge known to be on or above a wall along the fixed edge: (point, rim plane, wall).
+    """Points in the plane of both edges known to be on or above a wall along the fixed one: (point, rim plane, wall).
 
     The witness plane holds the fixed edge and this point. With the point on or above the wall and inside its rim, the
     wall is behind the plane.
     """
     for touch in known.all:
-        if touch.kind != "vertex-face" or not assembly.holds(moving, touch.moving[0]):
+        if touch.kind != "vertex-face" or not _in_plane(assembly, known, moving, base, touch.moving[0]):
             continue
         wall = touch.faces[0]
         exact = assembly.exact(wall)
@@ -291,6 +314,14 @@ def _turned_onto(assembly: Assembly, known: Known, moving: Line, base: Line) -> 
             inward = sub(inward, scaled(dot(axis, inward), axis))
         inward = unit(inward)
         yield touch.moving[0], Plane(inward, dot(inward, base.point)), wall
+
+
+def _in_plane(assembly: Assembly, known: Known, moving: Line, base: Line, v: Vector) -> bool:
+    """Whether a body point is known to lie in the plane of both edges: on the moving one, or beside it along the other.
+
+    The moving edge is one of a contact that is held.
+    """
+    return assembly.holds(moving, v) or any(known.facts.beside(v, p, base) for p in (moving.point, moving.far))
 
 
 def _outside(assembly: Assembly, motion: Motion, moving: Line, base: Line, wall: Plane) -> bool:

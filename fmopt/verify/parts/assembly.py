@@ -57,13 +57,13 @@ class Rim(NamedTuple):
 
     Attributes:
         held: the contact of the edge held.
-        normal: of the face, in the body.
+        face: its plane, in the body.
         away: unit direction in the face across the edge held, in the body.
         far: how far along `away` the other edge reaches, m.
     """
 
     held: Touch
-    normal: Vector
+    face: Plane
     away: Vector
     far: int
 
@@ -76,7 +76,7 @@ class Rim(NamedTuple):
         """
         off = sub(v, self.held.moving[0])
         side = dot(self.away, off)
-        return abs(dot(self.normal, off)) <= DEVIATION and (side if self.far > 0 else -side) >= -DEVIATION
+        return abs(dot(self.face.normal, off)) <= DEVIATION and (side if self.far > 0 else -side) >= -DEVIATION
 
 
 @dataclass(frozen=True)
@@ -194,10 +194,10 @@ class Assembly(Incidence):
                 continue
             shared = set(own) & set(sides)
             if len(shared) == 1:
-                normal = self.moving.faces[shared.pop()].plane.normal
-                away = cross(other.moving_line.direction, normal)
+                face = self.moving.faces[shared.pop()].plane
+                away = cross(other.moving_line.direction, face.normal)
                 far = max((dot(away, sub(v, other.moving[0])) for v in touch.moving), key=abs)
-                return Rim(other, normal, away, far)
+                return Rim(other, face, away, far)
         return None
 
     def made(self, touch: Touch, held: Sequence[Touch]) -> Function:
@@ -234,7 +234,7 @@ class Assembly(Incidence):
             return DirectionAlong(hinge[0].normal, k, length(k))
         level = self.level(touch, together)
         if level is not None:
-            along, across = level.held.fixed_line.direction, scaled(level.far, level.normal)
+            along, across = level.held.fixed_line.direction, scaled(level.far, level.face.normal)
             return DirectionAlong(along, across, abs(level.far) + 2)
         return EdgesApart(touch.moving_line, touch.fixed_line, touch.moving[0])
 

@@ -25,11 +25,13 @@ from fmopt.verify.arithmetic.rational import (
     ONE,
     ArithmeticRefusal,
     Vector,
+    add,
     cross,
     dot,
     doubles,
     fixed,
     length,
+    over,
     scaled,
     sub,
     unit,
@@ -54,6 +56,21 @@ class Plane(NamedTuple):
         (a, b, c), offset = self
         x, y, z = point
         return ((a * x + b * y + c * z) >> BITS) - offset
+
+
+class Bound(NamedTuple):
+    """An edge around a convex part of a face.
+
+    Attributes:
+        i, j: its vertices.
+        plane: through it, across the face, with the part in front.
+        whole: whether the part goes along the edge's line no farther than the edge does.
+    """
+
+    i: int
+    j: int
+    plane: Plane
+    whole: bool
 
 
 class Line(NamedTuple):
@@ -112,7 +129,7 @@ class Shape:
         self.radii = tuple(radii.get(n, 0) for n in range(len(stated)))
         self.ball = bool(body.balls) and not body.faces
         self.faces = tuple(self._face(loops) for loops in body.faces)
-        self._rims: dict[int, list[tuple[int, int, Plane]] | None] = {}
+        self._regions: dict[int, tuple[tuple[Bound, ...], ...]] = {}
 
     def _face(self, loops: tuple[tuple[int, ...], ...]) -> Face:
         normal = area(self.vertices, loops)
@@ -181,15 +198,52 @@ class Shape:
             planes.append((i, j, Plane(inward, dot(inward, p))))
         return planes
 
-    def rims(self, face: int) -> list[tuple[int, int, Plane]] | None:
-        """The edges around a face whose outline is convex, each with its inward plane; None for other faces."""
-        if face not in self._rims:
-            outline = self.faces[face].loops[0]
-            rims = self.across(face, outline)
-            # A point in front of all of them is in the face whatever dents it has: it sees the whole outline.
-            cut = any(rim.height(self.vertices[k]) < -DEVIATION for _, _, rim in rims for k in outline)
-            self._rims[face] = None if cut else rims
-        return self._rims[face]
+    def regions(self, face: int) -> tuple[tuple[Bound, ...], ...]:
+        """Convex parts of a face without its holes, each by the edges before which it lies; all of it if it is convex.
+
+        One is taken around a point beside each corner and each edge: before edges that the point is before, the nearest
+        first or the farthest, and no others that are behind one of these. Where every edge is behind one of them,
+        nothing of the outline is inside, so that with the point all of it is in the face.
+        """
+        if face not in self._regions:
+            self._regions[face] = tuple(dict.fromkeys(self._convex_parts(face)))
+        return self._regions[face]
+
+    def _convex_parts(self, face: int) -> Iterator[tuple[Bound, ...]]:
+        outline = self.faces[face].loops[0]
+        edges = self.across(face, outline)
+        # A point in front of all of them is in the face whatever dents it has: it sees the whole outline.
+        if not any(rim.height(self.vertices[k]) < -DEVIATION for _, _, rim in edges for k in outline):
+            yield tuple(Bound(i, j, plane, True) for i, j, plane in edges)
+            return
+        behind = [
+            {m for m, (i, j, _) in enumerate(edges) if all(plane.height(self.vertices[k]) <= ROUNDING for k in (i, j))}
+            for _, _, plane in edges
+        ]
+        short = min(length(sub(self.vertices[j], self.vertices[i])) for i, j, _ in edges)
+        for n, (i, j, plane) in enumerate(edges):
+            before = edges[n - 1][2].normal
+            p, q = self.vertices[i], self.vertices[j]
+            middle = (p[0] + q[0]) // 2, (p[1] + q[1]) // 2, (p[2] + q[2]) // 2
+            for start, inward in ((middle, plane.normal), (p, add(plane.normal, before))):
+                at = add(start, scaled(short >> 10, inward))
+                depths = [rim.height(at) for _, _, rim in edges]
+                if _winding(at, [(self.vertices[a], self.vertices[b]) for a, b, _ in edges], self.faces[face].plane):
+                    for sign in (1, -1):
+                        chosen = _before(depths, behind, sorted(range(len(edges)), key=lambda m: sign * depths[m]))
+                        if chosen is not None:
+                            yield tuple(self._bounding(edges, m, chosen) for m in sorted(chosen))
+
+    def _bounding(self, edges: Sequence[tuple[int, int, Plane]], m: int, chosen: Sequence[int]) -> Bound:
+        """An edge of a convex part of a face, and whether that goes along its line no farther than the edge does."""
+        i, j, plane = edges[m]
+        low, high = -ONE, 2 * ONE
+        for n in chosen:
+            at, there = (edges[n][2].height(self.vertices[k]) for k in (i, j))
+            if n != m and abs(there - at) > DEVIATION:
+                share = over(-at, there - at)
+                low, high = (max(low, share), high) if there > at else (low, min(high, share))
+        return Bound(i, j, plane, low >= -DEVIATION and high <= ONE + DEVIATION)
 
     def supporting(self, face: int) -> Plane:
         """The plane of a face moved out until no vertex is beyond it."""
@@ -220,6 +274,40 @@ class Shape:
                 yield f"face {n} has material on both sides"
             if any(face.plane.height(self.vertices[i]) < -DEVIATION for i in face.loops[0]):
                 yield f"face {n} is not flat"
+
+
+def _before(depths: Sequence[int], behind: Sequence[set[int]], order: Sequence[int]) -> list[int] | None:
+    """The edges that bound a convex part around a point this far before each, None where others cut through it.
+
+    Args:
+        depths: how far the point is before the line of each edge.
+        behind: which edges are behind the line of each.
+        order: in which they are taken.
+    """
+    chosen: list[int] = []
+    for m in order:
+        if depths[m] > 0 and not any(m in behind[n] for n in chosen):
+            chosen.append(m)
+    covered = set(chosen).union(*(behind[n] for n in chosen))
+    return chosen if len(covered) == len(depths) else None
+
+
+def _winding(at: Vector, edges: Sequence[tuple[Vector, Vector]], plane: Plane) -> bool:
+    """Whether an outline in a plane goes around a point of it: how often it crosses a ray from there, one way or other.
+
+    The ray goes along the plane, and an edge crosses it where its ends are on different sides.
+    """
+    axis: Vector = (ONE, 0, 0) if abs(plane.normal[0]) <= abs(plane.normal[1]) else (0, ONE, 0)
+    across = unit(cross(plane.normal, axis))
+    along = cross(across, plane.normal)
+    turns = 0
+    for a, b in edges:
+        low, high = dot(across, sub(a, at)), dot(across, sub(b, at))
+        if (low > 0) != (high > 0):
+            share = over(low, low - high)
+            reach = dot(along, add(sub(a, at), scaled(share, sub(b, a))))
+            turns += (1 if high > low else -1) if reach > 0 else 0
+    return turns != 0
 
 
 def _around(loop: tuple[int, ...]) -> Iterator[tuple[int, int]]:
