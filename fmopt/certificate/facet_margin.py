@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from fmopt.certificate.assembly import NEAR, Assembly
+from fmopt.certificate.assembly import NEAR, TOUCH, Assembly
 from fmopt.certificate.contact_implications import held_on, other_rim, taken_turns
 from fmopt.certificate.rows import Forms, directions_along, faces_above, points_above, stacked
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.spatial.se3 import cross, length, lengths
+from fmopt.spatial.se3 import Pose, cross, length, lengths
 from fmopt.spatial.values import Array, remembered
 
 UNBOUNDED = 1.0  # m; the margin of a contact that nothing bounds
@@ -199,6 +199,21 @@ def _regions(assembly: Assembly, part: Polyhedron, face: int) -> tuple[_Region, 
     for chosen in convex_regions(ends, inward, offsets):
         found.append(tuple(rim(i, _on_edge(i, chosen, ends, inward, offsets)) for i in chosen))
     return tuple(found)
+
+
+def cornered(assembly: Assembly, contact: PrimitiveContact, pose: Pose) -> bool:
+    """Whether a vertex on a face is at a corner that the face goes around, where no convex part of it has it inside.
+
+    Such a contact may hold, but what bounds it is not known.
+    """
+    if contact.kind is not Kind.VERTEX_FACE:
+        return False
+    at = pose.apply(assembly.moving.polyhedron.vertices[contact.moving[0]])
+    regions = _regions(assembly, assembly.fixed.polyhedron, contact.fixed_feature)
+    return not any(
+        all(rim.inward @ at - rim.offset > TOUCH or (rim.whole and rim.swallowed) for rim in region)
+        for region in regions
+    )
 
 
 def convex_regions(ends: Array, inward: Array, offsets: Array) -> tuple[tuple[int, ...], ...]:

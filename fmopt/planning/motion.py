@@ -26,6 +26,7 @@ from fmopt.planning.search.entry import (
     tilted_entry,
 )
 from fmopt.planning.search.entry_candidates import likely_shapes, room
+from fmopt.planning.search.entry_sampling import Drawing, beginnings
 from fmopt.planning.search.entry_tuning import Limits, deepened, tuned
 from fmopt.planning.search.successors import ASKEW, Costs, Task
 from fmopt.planning.search.symmetry import Image, Searched, images
@@ -40,8 +41,10 @@ _LATE = "raise settings.time_limit"
 _AMPLE = 0.1  # of the clearance, a margin for which no other sequence is looked at
 _MORE = 2  # sequences that are looked at beside one with less
 _LIKELY = 32  # ways to begin that are tried in each attitude before the rest are
-_SHARES = (0.5, 0.25)  # of the errors, for which sequences are looked for that then take all of them
-_DIFFERENT = 3  # sequences for a share that are placed
+_SHARE = 0.25  # of the errors, for which sequences are looked for that then take all of them
+_BEGINNING = (1.0, 0.7, 0.5)  # of the errors, for which ways to begin are drawn for these
+_DRAWN, _ENOUGH = 300, 8  # ways that are drawn for each, and found of different kinds so that no less will do
+_DRAWINGS = 8  # how often
 _SMALLER = "allow a larger tilt, lower the start errors"
 
 
@@ -145,15 +148,15 @@ _Finding = Callable[[float, Stages], tuple[Searched, Placed]]
 
 
 def _ways(posed: Posed) -> Iterator[tuple[_Stood, _Finding]]:
-    """Ways to find a motion, in each attitude: by the likeliest ways to begin, by growing errors, by all others."""
-    first, second, third = tee(
-        (_Stood.of(posed, image) for image in images(posed.assembly, posed.problem.start_box)), 3
-    )
+    """Ways to find a motion: by the likeliest ways to begin, by growing errors, in other attitudes, by all others."""
+    attitudes = images(posed.assembly, posed.problem.start_box)
+    first, again = tee(_Stood.of(posed, image) for image in attitudes)
+    here = next(first)
+    yield here, partial(here.motion, islice(here.rounds, _LIKELY))
+    yield here, here.grown
     for here in first:
         yield here, partial(here.motion, islice(here.rounds, _LIKELY))
-    for here in second:
-        yield here, here.grown
-    for here in third:
+    for here in again:
         yield here, partial(here.motion, here.rounds)
 
 
@@ -258,38 +261,58 @@ class _Stood:
         """A sequence that takes a share of the errors, its poses placed anew until they take all of them.
 
         Raises:
-            SearchError: there is none for any share.
+            SearchError: there is none.
             InfeasibleError: those that there are cannot be placed so.
         """
         failure: FmoptError | None = None
-        for share in _SHARES:
-            for found in self._under(share, deadline, stages):
-                self.found_last[:] = [found]
-                try:
-                    placed = placed_by_growing(self.posed, found.moves, stages.progress)
-                except (InfeasibleError, OverdueError) as error:
-                    failure = error.with_traceback(None)
-                    continue
-                finally:
-                    stages.ended("placement")
-                if placed.margin > 0.0:
-                    return found.searched, placed
+        for found in self._under(deadline, stages):
+            self.found_last[:] = [found]
+            try:
+                placed = placed_by_growing(self.posed, found.moves, stages.progress)
+            except (InfeasibleError, OverdueError) as error:
+                failure = error.with_traceback(None)
+                continue
+            finally:
+                stages.ended("placement")
+            if placed.margin > 0.0:
+                return found.searched, placed
         raise failure or SearchError("no sequence of contacts was found for a share of the errors", advice=_SMALLER)
 
-    def _under(self, share: float, deadline: float, stages: Stages) -> Iterator[MoveSequence]:
-        """Sequences for a share of all errors from the likeliest ways to begin, a few that make different contacts."""
-        aim, seen = self.posed.under(share), set[tuple[str, ...]]()
+    def _under(self, deadline: float, stages: Stages) -> Iterator[MoveSequence]:
+        """Sequences for a share of all errors from ways to begin under as much of them as there are any for."""
+        aim = self.posed.under(_SHARE)
         task = replace(self.task, start=aim.start.errors, tolerance=aim.tolerance, askew=True)
-        for entries in islice(self.anew(), _LIKELY):
-            if len(seen) >= _DIFFERENT or clock() >= deadline:
+        for entry in self._drawn(deadline):
+            if clock() >= deadline:
                 break
             with suppress(SearchError):
-                found = search(task, entries, deadline, lambda names: stages.progress(f"search, {share:.0%}: {names}"))
-                made = tuple(contact.id for move in found.moves for contact in move.making)
-                if found.reached.margin > 0.0 and made not in seen:
-                    seen.add(made)
+                found = search(task, (entry,), deadline, lambda names: stages.progress(f"search: {names}"))
+                if found.reached.margin > 0.0:
                     stages.ended("search")
                     yield found
+
+    def _drawn(self, deadline: float) -> Iterator[Entry]:
+        """Ways to begin, as many times as there is time: for all errors first, for less where there are few."""
+        problem, moving = self.posed.problem, self.posed.assembly.moving
+        if problem.plane is not None or moving.polyhedron.balls or self.task.blunt or problem.settings.max_tilt <= 0.0:
+            return
+        for seed in range(_DRAWINGS):
+            few = 0
+            for share in _BEGINNING:
+                if clock() >= deadline or few >= _ENOUGH:
+                    break
+                for entry in self._beginnings(share, seed):
+                    few += 1
+                    yield entry
+
+    def _beginnings(self, share: float, seed: int) -> tuple[Entry, ...]:
+        """Ways to begin that can be certified for a share of all errors."""
+        problem, aim = self.posed.problem, self.posed.under(share)
+        task = replace(self.task, start=aim.start.errors, tolerance=aim.tolerance)
+        rate = share * (problem.velocity_error.translation + problem.velocity_error.rotation)
+        box, play = share * problem.start_box, self.posed.clearance.play
+        drawing = Drawing(problem.moving, problem.fixed, play, box, rate, problem.settings.max_tilt)
+        return beginnings(task, drawing.shapes(seed), self.entry_of, _DRAWN)
 
 
 def _rounds(

@@ -290,9 +290,9 @@ def pattern(
     side = np.empty((n, len(rims[0])), dtype=np.int8)
     for i in range(n):
         for r in range(len(rims[0])):
-            least, most = min(depth[0, i, r], depth[1, i, r]), max(depth[0, i, r], depth[1, i, r])
-            wide = max(doubt[0, i, r], doubt[1, i, r])
-            side[i, r] = 1 if least > wide else (-1 if most < -wide else 0)
+            within = min(depth[0, i, r] - doubt[0, i, r], depth[1, i, r] - doubt[1, i, r])
+            beyond = max(depth[0, i, r] + doubt[0, i, r], depth[1, i, r] + doubt[1, i, r])
+            side[i, r] = 1 if within > 0.0 else (-1 if beyond < 0.0 else 0)
     sure = side == 1
     sure[:, c:] = side[:, c:] >= 0
     joined = sure.copy()

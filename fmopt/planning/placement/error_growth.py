@@ -32,7 +32,9 @@ from fmopt.planning.placement.sequence_program import (
 from fmopt.planning.placement.sequence_rows import KEPT, SequenceRows, sequence_rows
 from fmopt.spatial.values import Array
 
-_ROUNDS = 60
+_ROUNDS = 120
+_PATIENCE, _SLOW = 10, 0.01  # rounds in which the share borne has to rise, by so much of all errors
+_FINER = 0.4  # of the pieces that a sequence is placed in, where it comes to all of the errors in these only
 _HALVINGS = 6  # of the errors, until the moves are possible
 _AHEAD = 10.0  # times the trust radius to begin with: rows that are looked at
 _MORE = 1.02  # times the share, what rows have to bear for more of the errors to be tried
@@ -97,20 +99,15 @@ def grown(
     Raises:
         InfeasibleError: it does not come to all of the errors.
     """
-    near, radius = _AHEAD * settings.radius, settings.radius
-    at = _begun(aim_at, moves, near)
-    for _ in range(_ROUNDS):
-        if (at.bears >= 1.0 + _RESERVE and at.share == 1.0) or radius < settings.least_radius:
-            break
-        more = _more(aim_at, at, near) if at.bears > _MORE * at.share else None
-        if more is not None:
-            at, radius = more, settings.radius
-            continue
-        better = _better(at, solver, radius, near)
-        if better is None:
-            radius *= SHORTER
-        else:
-            at, radius = better, min(2.0 * radius, 4.0 * settings.radius)
+    near = _AHEAD * settings.radius
+    at = _towards_all(aim_at, _begun(aim_at, moves, near), solver, settings)
+    if at.share < 1.0:
+
+        def finer(share: float) -> Aim:
+            return replace(aim_at(share), step=_FINER * aim_at(share).step)
+
+        with suppress(InfeasibleError):
+            at = _towards_all(finer, _under(finer, at.share, at.placed.moves, near), solver, settings)
     if at.share < 1.0:
         raise InfeasibleError(f"the moves can be followed under {at.share:.0%} of the errors only")
     coarse = refine(at.aim, at.placed, solver, settings)
@@ -123,6 +120,28 @@ def grown(
         for wider in (1.0, _WIDER, 1.0 / _WIDER):
             placed = refine(fine, placed, solver, replace(closer, radius=wider * settings.radius))
     return placed
+
+
+def _towards_all(aim_at: Callable[[float], Aim], begun: _Grown, solver: Solver, settings: Refinement) -> _Grown:
+    """As much of the errors as a sequence comes to bear, step by step; arguments as of `grown`."""
+    near, radius, at = _AHEAD * settings.radius, settings.radius, begun
+    borne = [at.bears]
+    for _ in range(_ROUNDS):
+        if at.bears >= 1.0 + _RESERVE and at.share == 1.0:
+            break
+        better = _better(at, solver, radius, near)
+        if better is None:
+            radius *= SHORTER
+        else:
+            at, radius = better, min(2.0 * radius, 4.0 * settings.radius)
+        more = _more(aim_at, at, near) if at.bears > _MORE * at.share else None
+        if more is not None:
+            at, radius = more, max(radius, settings.radius)
+        borne.append(at.bears)
+        slow = len(borne) > _PATIENCE and at.bears < borne[-_PATIENCE] + _SLOW
+        if radius < settings.least_radius or slow:
+            break
+    return at
 
 
 def _begun(aim_at: Callable[[float], Aim], moves: Sequence[Move], near: float) -> _Grown:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from fmopt.certificate.assembly import contact_rows
 from fmopt.certificate.contact_implications import Assembly, aligned, flushes
+from fmopt.certificate.facet_margin import cornered
 from fmopt.certificate.kernels_rows import Table
 from fmopt.certificate.propagation import Compliance
 from fmopt.contact.c_surface import Surfaces
@@ -243,7 +244,7 @@ def _arrival(assembly: Assembly, place: Place, goal: Pose, first: PrimitiveConta
     pairs = zip(near.contacts, near.at(goal).tolist(), strict=True)
     grazing = [c for c, f in pairs if abs(f) <= 10.0 * _TOUCH and c not in place.held]
     touching = {first, *_touching(assembly, [c for c in grazing if c != first], goal)}
-    made = [c for c in grazing if c in touching]
+    made = [c for c in grazing if c in touching and (c == first or not cornered(assembly, c, goal))]
     # Which of several that come together was met first is a matter of rounding: their order in the list decides.
     first = next((c for c in made if implied(assembly, place.held, c, first)), first)
     made = [first, *(c for c in made if c != first)]

@@ -318,6 +318,8 @@ class Facts:
         return {}
 
     def _planes_beside(self, plane: Plane) -> Iterator[Plane]:
+        if not self.assembly.agree(plane, plane):
+            return  # none of the parts' own
         exact = self.assembly.exact(plane)
         for wall in self.walls:
             own = self.assembly.exact(wall.plane)

@@ -1,0 +1,132 @@
+"""Ways to begin drawn at random, from the parts and the errors alone: a corner goes in however the part is tilted.
+
+It goes in at once, touches the top first, or the part lies flat on it, in turn. Nothing is known here of what leads
+anywhere: what can be certified is spread over cells of corner and tilt, and the rest is for the search to say.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import chain, islice, zip_longest
+
+import numpy as np
+
+from fmopt.geometry.part import Part
+from fmopt.geometry.section import leading_corners
+from fmopt.planning.search.best_first import begin
+from fmopt.planning.search.entry import Entry, Shape, lowest, swung_by
+from fmopt.planning.search.entry_candidates import Way, funnel_depth, funnel_width, likely_headings
+from fmopt.planning.search.successors import Task
+from fmopt.spatial.values import Array
+
+# Between which values numbers are drawn, evenly in their logarithms: each spans what can be certified at all.
+_TILT = (0.15, 1.0)  # of the greatest tilt, about either axis
+_ROOM = (1.0, 6.0)  # of the lateral errors, how far from the walls next to it the corner goes in
+_DEEP = (1.5, 8.0)  # of what the corner's height is uncertain by, how deep it goes in at once
+_DEEP_TOLD = (2.0, 12.0)  # the same after the top was touched, of what errors of velocity add on the way from there
+_AWAY = (1.05, 1.6)  # of the lateral errors, how far from the walls the corner is as the top is touched
+_RISE = (0.03, 0.1)  # of the way from there, how high the corner is lifted
+_LEAN = (1.2, 3.0)  # of the errors of angle, how far a part leans that is laid flat
+_TURN = 0.2  # rad, how far it is turned about its own axis at most, either way, drawn evenly
+_PLAY = 0.25  # of the play between walls, what a laid part's height is taken to be uncertain by at least
+_CELL = 0.4  # rad, the directions of tilts that are one
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """What ways to begin are drawn for.
+
+    Args:
+        moving: the moving part, tip centre at the origin.
+        fixed: the fixed part.
+        play: free travel (x, y) of the upright part between the walls, m.
+        start_box: half-widths (6,) of the errors at the start, m and rad.
+        rate: errors of velocity in translation and rotation together, as a share of the way.
+        max_tilt: greatest tilt about each axis, rad.
+    """
+
+    moving: Part
+    fixed: Part
+    play: tuple[float, float]
+    start_box: Array
+    rate: float
+    max_tilt: float
+
+    def shapes(self, seed: int) -> Iterator[Shape]:
+        """Shapes of entries without end, the same for the same seed."""
+        rng, ways = np.random.default_rng(seed), likely_headings(self.moving)
+        while True:
+            for complete in (self._at_once, self._touching, self._flat):
+                yield complete(self._tilted(ways[int(rng.integers(len(ways)))], rng), rng)
+
+    def _tilted(self, way: Way, rng: np.random.Generator) -> Shape:
+        """A shape without a depth."""
+        about_y, about_x = (self.max_tilt * drawn(rng, _TILT) for _ in range(2))
+        lateral = float(self.start_box[:2].max()) + swung_by(leading_corners(self.moving), self.start_box)
+        room = lateral * drawn(rng, _ROOM), lateral * drawn(rng, _ROOM)
+        return Shape(about_y, about_x, float(rng.uniform(-_TURN, _TURN)), 0.0, room, heading=way.heading)
+
+    def _at_once(self, shape: Shape, rng: np.random.Generator) -> Shape:
+        """With the corner going in at once."""
+        uncertain = float(self.start_box[2]) + self._swing(shape)
+        return replace(shape, depth=funnel_depth(self.fixed) + drawn(rng, _DEEP) * uncertain)
+
+    def _touching(self, shape: Shape, rng: np.random.Generator) -> Shape:
+        """With the corner touching the top first."""
+        beyond = funnel_width(self.fixed) + drawn(rng, _AWAY) * self._lateral(shape)
+        way = min(shape.room) + beyond
+        depth = funnel_depth(self.fixed) + drawn(rng, _DEEP_TOLD) * self.rate * way
+        return replace(shape, depth=depth, touch=(beyond, drawn(rng, _RISE) * way))
+
+    def _flat(self, shape: Shape, rng: np.random.Generator) -> Shape:
+        """With the part lying flat on the top first."""
+        away = funnel_width(self.fixed) + drawn(rng, _AWAY) * self._lateral(shape)
+        corner = lowest(leading_corners(self.moving), shape)
+        way = float(np.linalg.norm(corner)) * math.hypot(shape.about_y, shape.about_x)
+        uncertain = max(self.rate * way, _PLAY * min(self.play))
+        depth = funnel_depth(self.fixed) + drawn(rng, _DEEP_TOLD) * uncertain
+        lean = drawn(rng, _LEAN) * float(np.linalg.norm(self.start_box[3:]))
+        return replace(shape, depth=depth, flat=(away, drawn(rng, _RISE) * way, lean))
+
+    def _swing(self, shape: Shape) -> float:
+        return swung_by(lowest(leading_corners(self.moving), shape)[None], self.start_box)
+
+    def _lateral(self, shape: Shape) -> float:
+        return float(self.start_box[:2].max()) + self._swing(shape)
+
+
+def drawn(rng: np.random.Generator, between: tuple[float, float]) -> float:
+    """A number between two positive ones, its logarithm evenly distributed."""
+    low, high = between
+    return float(low * (high / low) ** rng.random())
+
+
+def beginnings(
+    task: Task, shapes: Iterator[Shape], entry_of: Callable[[Shape], Entry], count: int
+) -> tuple[Entry, ...]:
+    """Of so many ways to begin those that can be certified with a margin, one of each cell and of each kind in turn.
+
+    Args:
+        task: parts, errors, goal and costs.
+        shapes: of them.
+        entry_of: the entry of a shape.
+        count: how many are tried.
+    """
+    cells: dict[tuple[int, float, int], tuple[float, Entry]] = {}
+    for shape in islice(shapes, count):
+        entry = entry_of(shape)
+        node = begin(task, entry)
+        if node is not None and node.reached.margin > 0.0:
+            tilt = round(math.atan2(shape.about_x, shape.about_y) / _CELL)
+            cell = _kind(shape), round(shape.heading, 9), tilt
+            if cell not in cells or node.reached.margin > cells[cell][0]:
+                cells[cell] = node.reached.margin, entry
+    order = sorted(cells.items(), key=lambda item: (-item[1][0], item[0]))
+    kinds = [[entry for cell, (_, entry) in order if cell[0] == kind] for kind in range(3)]
+    return tuple(entry for entry in chain.from_iterable(zip_longest(*kinds)) if entry is not None)
+
+
+def _kind(shape: Shape) -> int:
+    return 1 if shape.touch is not None else 2 if shape.flat is not None else 0
