@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
+from itertools import permutations
 from typing import Literal, NamedTuple
 
 import numpy as np
 
-from fmopt.certificate.assembly import NEAR, Assembly, on_line
-from fmopt.certificate.contact_implications import Facts, coming_off, facts
+from fmopt.certificate.assembly import NEAR, Assembly, hinge, on_line
+from fmopt.certificate.contact_implications import Facts, coming_off, facts, rising
+from fmopt.certificate.rows import Mask
 from fmopt.certificate.segment_linearisation import Piece
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.polyhedron import Polyhedron
@@ -143,12 +144,11 @@ def _in_walls(
             return True
     if edges_beside(assembly, moving, fixed, held, opening):
         return True
+    rims = level_rims(assembly, held, opening)
     return any(
-        (on_line(fixed.vertices, rim.at, rim.along)).any()
-        and any(
-            assembly.agree(rim.normal, rim.offset, n, c) for n, c in zip(moving.normals, moving.offsets, strict=True)
-        )
-        for rim in level_rims(assembly, held)
+        rim.before(fixed.vertices, normal, offset).any()
+        for rim in rims
+        for normal, offset in zip(moving.normals, moving.offsets, strict=True)
     )
 
 
@@ -159,34 +159,113 @@ def _shares(points: Array, others: Array) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class LevelRim:
-    """A rim of the fixed part that lies in the plane of a face of the moving one, since two edges of that cross it.
+    """A rim of the fixed part that is level with the plane of a face of the moving one, and not behind it.
 
     Args:
         at: a point of the rim (3,).
-        along: its unit direction (3,).
+        along: its unit direction (3,), as the contact's edge runs.
+        way: unit direction (3,) of the face's edge that touches it, in the body.
         normal: of the face in the body (3,).
         offset: of the face, m.
+        held: whether the rim lies in the plane.
     """
 
     at: Array
     along: Array
+    way: Array
     normal: Array
     offset: float
+    held: bool
+
+    def before(self, points: Array, normal: Array, offset: float) -> Mask:
+        """Which fixed points (k, 3) are not behind a body plane, as they are no farther from the rim than it is.
+
+        In the body it lies at least as far behind the face's plane as the points are away from the rim.
+
+        Args:
+            points: in the world.
+            normal: of the plane, in the body.
+            offset: of it, m.
+        """
+        if length(normal - self.normal) > NEAR:
+            return np.zeros(len(points), dtype=np.bool_)
+        return np.asarray(lengths(cross(points - self.at, self.along)) <= self.offset - offset + NEAR)
 
 
 @remembered(_MEMORY)
-def level_rims(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> tuple[LevelRim, ...]:
-    """The rims that held contacts put into the planes of faces of the moving part."""
-    body, fixed, found = assembly.moving.polyhedron, assembly.fixed.polyhedron, []
-    edges = [contact for contact in held if contact.kind is Kind.EDGE_EDGE]
-    for one, other in combinations(edges, 2):
-        if one.fixed_feature != other.fixed_feature or one.moving_feature == other.moving_feature:
-            continue
-        shared = set(body.edges[one.moving_feature].faces) & set(body.edges[other.moving_feature].faces)
-        if len(shared) == 1:
-            face, (c, d) = body.faces[shared.pop()], fixed.vertices[list(one.fixed)]
-            found.append(LevelRim(c, (d - c) / length(d - c), face.normal, face.offset))
+def level_rims(
+    assembly: Assembly, held: tuple[PrimitiveContact, ...], opening: tuple[PrimitiveContact, ...]
+) -> tuple[LevelRim, ...]:
+    """The rims that contacts keep level with faces of the moving part, and from going behind them.
+
+    Two edges of a face on one rim put that into the face's plane. One edge does where what is known of turns keeps the
+    face level with the rim, and keeps it from going behind where that contact is being made or given up.
+
+    Args:
+        assembly: the two parts.
+        held: all contacts held.
+        opening: the contact being made that counts and those given up.
+    """
+    body, fixed, found = assembly.moving.polyhedron, assembly.fixed.polyhedron, list[LevelRim]()
+    if len(assembly.moving.bodies) == 1:
+        return ()  # what touches is the piece itself
+    edges = [contact for contact in (*held, *opening) if contact.kind is Kind.EDGE_EDGE]
+    faces = {contact: set(body.edges[contact.moving_feature].faces) for contact in edges}
+    level = {
+        (contact, *faces[contact] & faces[other])
+        for contact, other in permutations(edges, 2)
+        if contact.fixed_feature == other.fixed_feature
+        and contact.moving_feature != other.moving_feature
+        and contact in held
+        and other in held
+        and len(faces[contact] & faces[other]) == 1
+    }
+    turns = facts(assembly, held).turns
+    for contact in edges:
+        (a, b), (c, d) = body.vertices[list(contact.moving)], fixed.vertices[list(contact.fixed)]
+        way, along = (b - a) / length(b - a), (d - c) / length(d - c)
+        for number in sorted(faces[contact]):
+            face = body.faces[number]
+            both = np.array([face.normal, -face.normal])
+            told = bool(turns) and rising(turns, along, both).all() and hinge(assembly, contact, held) is None
+            if told or (contact, number) in level:
+                found.append(LevelRim(c, along, way, face.normal, face.offset, contact in held))
     return tuple(found)
+
+
+@remembered(_MEMORY)
+def edges_level(
+    assembly: Assembly,
+    moving: Polyhedron,
+    fixed: Polyhedron,
+    held: tuple[PrimitiveContact, ...],
+    opening: tuple[PrimitiveContact, ...],
+) -> tuple[tuple[tuple[int, int], tuple[int, int]], ...]:
+    """Edges of two pieces, of which a level rim says that the fixed one is not behind a face at the moving one.
+
+    As vertex indices of the two pieces, run like the contact's edges; arguments as of `edges_beside`.
+    """
+    found = []
+    for rim in level_rims(assembly, held, opening):
+        offset = float((moving.vertices @ rim.normal).max())
+        before = rim.before(fixed.vertices, rim.normal, offset)
+        own = [edge.vertices for edge in moving.edges if _runs(moving.vertices[[*edge.vertices]], rim.way)]
+        on = [ends for ends in own if (moving.vertices[[*ends]] @ rim.normal >= offset - NEAR).all()]
+        for other in fixed.edges:
+            if before[[*other.vertices]].all() and _runs(fixed.vertices[[*other.vertices]], rim.along):
+                run = _run_like(fixed.vertices, other.vertices, rim.along)
+                found += [(_run_like(moving.vertices, ends, rim.way), run) for ends in on]
+    return tuple(dict.fromkeys(found))
+
+
+def _runs(ends: Array, way: Array) -> bool:
+    """Whether an edge (2, 3) is parallel to a unit direction."""
+    return length(cross(ends[1] - ends[0], way)) <= NEAR
+
+
+def _run_like(vertices: Array, ends: tuple[int, int], way: Array) -> tuple[int, int]:
+    i, j = ends
+    return (i, j) if float((vertices[j] - vertices[i]) @ way) > 0.0 else (j, i)
 
 
 def pairs(assembly: Assembly, piece: Piece) -> tuple[tuple[int, int, Pair], ...]:
@@ -241,7 +320,7 @@ def edges_beside(
         opening: contacts being made or given up.
     """
     known, body, found = facts(assembly, held), assembly.moving.polyhedron.vertices, []
-    if not known.turns:
+    if not known.turns or len(assembly.moving.bodies) == 1:
         return ()
     for contact in (*held, *opening):
         rim = edge_along(fixed, assembly.fixed.polyhedron, contact.fixed) if contact.kind is Kind.EDGE_EDGE else None

@@ -11,7 +11,7 @@ That depends on the contacts alone, not on poses, and is worked out once for eac
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -20,7 +20,7 @@ import numpy as np
 from fmopt.certificate.assembly import NEAR, Assembly, hinge, level, on_line
 from fmopt.certificate.contact_implications import Facts, Wall, coming_off, facts, rising
 from fmopt.certificate.kernels_rows import Table
-from fmopt.certificate.piece_pairs import Pair, Witness, beside, level_rims, pairs, touching
+from fmopt.certificate.piece_pairs import LevelRim, Pair, Witness, beside, level_rims, pairs, touching
 from fmopt.certificate.remainder import AtEnd, Course, Ends, Extent
 from fmopt.certificate.row_bounds import Places, Witnesses, best
 from fmopt.certificate.rows import (
@@ -297,9 +297,8 @@ def _touched(assembly: Assembly, pair: Pair, normal: Array, offset: float) -> Ma
     """Vertices of the fixed piece that contacts put on a moving face: by themselves, or with the rim that they end."""
     F = pair.fixed.vertices
     done = np.zeros(len(F), dtype=np.bool_)
-    for rim in level_rims(assembly, pair.state):
-        if assembly.agree(rim.normal, rim.offset, normal, offset):
-            done |= on_line(F, rim.at, rim.along)
+    for rim in level_rims(assembly, pair.state, pair.beside):
+        done |= rim.before(F, normal, offset)
     for contact in _contacts(pair):
         if contact.kind is Kind.FACE_VERTEX:
             face = assembly.moving.polyhedron.faces[contact.moving_feature]
@@ -348,11 +347,14 @@ def _edge_rows(assembly: Assembly, pair: Pair, witness: Witness, known: Facts) -
     fixed = _edge(pair.fixed, assembly.fixed.polyhedron, witness.fixed)
     (a, b), e_m, c, e_f = moving.ends, moving.along, fixed.ends[0], fixed.along
     held, made = _anchored(assembly, pair, moving, fixed, known)
-    if held or made:
+    rims = () if held or made else _level(assembly, pair, moving, fixed)
+    if held or made or rims:
         # Heights are relative to the moving edge, which is on the plane or not below it.
         settled = moving.on | known.beside(M - a, e_f) | known.beside(M - b, e_f)
         settled |= _levelled(assembly, pair, moving, fixed)
         settled |= rising(known.turns, e_f, moving.arms)
+        for rim in rims:
+            settled |= np.abs((M - a) @ rim.normal) <= NEAR
         upper = directions_along(e_f, moving.arms[~settled])
     else:
         upper = edges_apart(e_m, e_f, c, M)
@@ -360,14 +362,40 @@ def _edge_rows(assembly: Assembly, pair: Pair, witness: Witness, known: Facts) -
     parts = [upper, directions_along(fixed.arms[~fixed.on], e_m)]
     always = count = len(upper) + len(off)
     behind = []
-    for vertex, inward, n, offset in _turned_onto(assembly, pair, moving, fixed, known) if held else ():
-        parts += [directions_along(cross(e_f, n)[None], e_m), points_above(vertex[None], inward, float(inward @ c))]
-        behind.append((np.abs(off @ n - offset) <= NEAR) & ((off - c) @ inward >= -NEAR))
+    turned = _turned_onto(assembly, pair, moving, fixed, known) if held else []
+    turned += [each for rim in rims if rim.held for each in _turned_beside(assembly, pair, rim)]
+    for vertex, inward, at, n in turned:
+        parts += [directions_along(cross(e_f, n)[None], e_m), points_above(vertex[None], inward, at)]
+        behind.append((np.abs((off - c) @ n) <= NEAR) & ((off - c) @ inward >= -NEAR))
     count += 2 * len(behind)
     onto = tuple(
         Onto(always + 2 * k, always + 2 * k + 1, _within(mask, len(upper), count)) for k, mask in enumerate(behind)
     )
     return Counted(stacked(*parts), always, onto, (e_m, e_f))
+
+
+def _level(assembly: Assembly, pair: Pair, moving: _Edge, fixed: _Edge) -> tuple[LevelRim, ...]:
+    """The level rims that keep the fixed edge from going behind a plane through the moving one."""
+    found = []
+    for rim in level_rims(assembly, pair.state, pair.beside):
+        parallel = length(moving.along - rim.way) <= NEAR and length(fixed.along - rim.along) <= NEAR
+        if parallel and rim.before(fixed.ends, rim.normal, float(rim.normal @ moving.ends[0])).all():
+            found.append(rim)
+    return tuple(found)
+
+
+def _turned_beside(assembly: Assembly, pair: Pair, rim: LevelRim) -> Iterator[tuple[Array, Array, float, Array]]:
+    """Vertices of a face with a rim in its plane that are on a wall along the rim, as `_turned_onto` gives them."""
+    body, world = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron
+    for contact in _contacts(pair):
+        if contact.kind is Kind.VERTEX_FACE:
+            v, wall = body[contact.moving[0]], world.faces[contact.fixed_feature]
+            along = (
+                abs(float(wall.normal @ rim.along)) <= NEAR and abs(float(wall.normal @ rim.at) - wall.offset) <= NEAR
+            )
+            if along and abs(float(rim.normal @ v) - rim.offset) <= NEAR:
+                inward = _inward(world.vertices[list(contact.fixed)], rim.at, rim.along, wall.normal)
+                yield v, inward, float(inward @ rim.at), wall.normal
 
 
 def _within(mask: Mask, at: int, count: int) -> Mask:
@@ -427,11 +455,11 @@ def _levelled(assembly: Assembly, pair: Pair, moving: _Edge, fixed: _Edge) -> Ma
 
 def _turned_onto(
     assembly: Assembly, pair: Pair, moving: _Edge, fixed: _Edge, known: Facts
-) -> list[tuple[Array, Array, Array, float]]:
+) -> list[tuple[Array, Array, float, Array]]:
     """Ends of the moving edge, or of one beside it, that lie on a wall along the fixed edge.
 
     Returns:
-        (body vertex, inward in the wall, its plane) of each.
+        (body vertex, direction inward in the wall, how far the rim is along it in m, the wall's normal) of each.
     """
     body, world = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron.vertices
     c, e_f, found = fixed.ends[0], fixed.along, []
@@ -444,8 +472,14 @@ def _turned_onto(
             continue
         wall = assembly.fixed.polyhedron.faces[contact.fixed_feature]
         if abs(float(wall.normal @ e_f)) <= NEAR and abs(float(wall.normal @ c) - wall.offset) <= NEAR:
-            inward = world[list(contact.fixed)].mean(axis=0) - c
-            for axis in (e_f, wall.normal):
-                inward = inward - axis * float(axis @ inward)
-            found.append((body[contact.moving[0]], inward / length(inward), wall.normal, wall.offset))
+            inward = _inward(world[list(contact.fixed)], c, e_f, wall.normal)
+            found.append((body[contact.moving[0]], inward, float(inward @ c), wall.normal))
     return found
+
+
+def _inward(corners: Array, at: Array, along: Array, normal: Array) -> Array:
+    """The unit direction into a face with corners (k, 3) from the rim through a point of it, across that."""
+    inward = corners.mean(axis=0) - at
+    for axis in (along, normal):
+        inward = inward - axis * float(axis @ inward)
+    return inward / length(inward)

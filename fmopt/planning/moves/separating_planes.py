@@ -20,6 +20,7 @@ from fmopt.certificate.piece_pairs import (
     Witness,
     edge_along,
     edges_beside,
+    edges_level,
     free_plane,
     level_rims,
 )
@@ -110,7 +111,7 @@ def _block(assembly: Assembly, pair: Pair) -> Block:
 def _faces_count(assembly: Assembly, pair: Pair) -> bool:
     """Whether all rows of the moving piece's faces count: no contact puts a vertex of the fixed piece on one."""
     return not any(contact.kind is Kind.FACE_VERTEX for contact in (*pair.state, *pair.beside)) and not level_rims(
-        assembly, pair.state
+        assembly, pair.state, pair.beside
     )
 
 
@@ -174,7 +175,8 @@ def _contact_edges(assembly: Assembly, pair: Pair) -> list[Witness]:
             assert moving is not None  # they touch
             assert fixed is not None
             found.append((moving, fixed))
-    found += edges_beside(assembly, pair.moving, pair.fixed, pair.state, pair.beside)
+    for others in (edges_beside, edges_level):
+        found += others(assembly, pair.moving, pair.fixed, pair.state, pair.beside)
     return [Witness("edges", *both) for both in dict.fromkeys(found)]
 
 
