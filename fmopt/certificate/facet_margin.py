@@ -230,7 +230,7 @@ def convex_regions(ends: Array, inward: Array, offsets: Array) -> tuple[tuple[in
     heights = inward @ np.swapaxes(ends, 1, 2) - offsets[:, None]  # (2, n, n), over the first of the last two
     if (heights >= -NEAR).all():
         return (tuple(range(len(offsets))),)
-    behind = (heights <= NEAR).all(axis=0)
+    behind = np.asarray((heights <= NEAR).all(axis=0))
     beside = _BESIDE * float(lengths(ends[1] - ends[0]).min())
     starts = np.concatenate([ends.mean(axis=0) + beside * inward, ends[0] + beside * (inward + np.roll(inward, 1, 0))])
     found: dict[tuple[int, ...], None] = {}

@@ -482,4 +482,4 @@ def _inward(corners: Array, at: Array, along: Array, normal: Array) -> Array:
     inward = corners.mean(axis=0) - at
     for axis in (along, normal):
         inward = inward - axis * float(axis @ inward)
-    return inward / length(inward)
+    return np.asarray(inward / length(inward))

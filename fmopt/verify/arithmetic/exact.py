@@ -95,6 +95,25 @@ def above_beside(flush: Level, wall: Level, beside: Level, p: Point) -> bool:
     return one >= other
 
 
+def nearer(p: Point, a: Point, b: Point, wall: Level, behind: Level) -> bool:
+    """Whether a point is no farther from a line than one plane is behind another that is parallel to it.
+
+    Args:
+        p: the point.
+        a: a point of the line.
+        b: another one.
+        wall: the plane in front, seen from there.
+        behind: the one behind it, seen from the same side.
+    """
+    square = inner(wall[:3], wall[:3])
+    gap = wall[3] - Fraction(behind[3] * square, inner(behind[:3], wall[:3]))  # times 1/|normal|
+    along, off = way(a, b), way(a, p)
+    across = outer(along, off)
+    scale = p[3] if a[3] == p[3] else a[3] * p[3]  # what `way` is times
+    away = Fraction(inner(across, across), inner(along, along) * scale**2)
+    return gap >= 0 and gap**2 >= away * square
+
+
 def through(points: Iterable[Point]) -> Level | None:
     """The plane of the first three points that are not in line, seen from either side; None without any."""
     base: Point | None = None

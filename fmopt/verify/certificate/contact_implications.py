@@ -17,7 +17,7 @@ from fmopt.verify.arithmetic.exact import above_beside, height, inner, parallel,
 from fmopt.verify.arithmetic.rational import ONE, Matrix, Vector, dot, length, neg, scaled, sub, times, turned, unit
 from fmopt.verify.parts.assembly import Assembly, Touch
 from fmopt.verify.parts.incidence import Flush, Turn, about, cancel, crossing, directed, image_of, steep
-from fmopt.verify.parts.solids import DEVIATION, ROUNDING, Line, Plane, line, short
+from fmopt.verify.parts.solids import DEVIATION, ROUNDING, Line, Plane, line, near, short
 
 
 @dataclass
@@ -361,12 +361,6 @@ class Facts:
             ):
                 done.add(n)
         return done
-
-
-def near(offset: Vector) -> bool:
-    """Whether an offset is no longer than `DEVIATION`."""
-    a, b, c = offset
-    return abs(a) <= DEVIATION and abs(b) <= DEVIATION and abs(c) <= DEVIATION and length(offset) <= DEVIATION
 
 
 def _same_side(l: Line, v: Vector, p: Vector) -> bool:

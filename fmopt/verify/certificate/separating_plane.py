@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
-from fmopt.verify.arithmetic.exact import height
+from fmopt.verify.arithmetic.exact import height, nearer
 from fmopt.verify.arithmetic.rational import (
     ONE,
     Vector,
@@ -22,11 +23,11 @@ from fmopt.verify.arithmetic.rational import (
     unit,
     vector,
 )
-from fmopt.verify.certificate.contact_implications import Facts, near
+from fmopt.verify.certificate.contact_implications import Facts
 from fmopt.verify.certificate.propagation import Motion
 from fmopt.verify.parts.assembly import Assembly, Rim, Touch, over_balls
 from fmopt.verify.parts.rows import DirectionAlong, Distance, EdgesApart, FaceAbove, Function, PointAbove
-from fmopt.verify.parts.solids import DEVIATION, Line, Plane, Shape, line
+from fmopt.verify.parts.solids import DEVIATION, Line, Plane, Shape, line, near
 from fmopt.verify.reading.document import Witness
 
 
@@ -160,33 +161,77 @@ def _fixed_plane_rows(assembly: Assembly, M: Shape, F: Shape, witness: Witness, 
 def _moving_face_rows(assembly: Assembly, M: Shape, F: Shape, witness: Witness, known: Known) -> list[Function]:
     face = _face(M, witness.moving)
     plane, backed = M.supporting(face), assembly.backed(assembly.moving, M, face)
-    on: list[Vector] = []
-    rims: list[Line] = []
+    done: set[int] = set()
     if backed is not None:
         touching = [t for t in known.all if t.kind == "face-vertex" and t.plane is not None]
         on = [t.fixed[0] for t in touching if t.plane is not None and assembly.agree(t.plane, backed.wall)]
-        rims = list(_level_rims(assembly, known, backed.wall))
-        plane = backed.cover if on or rims else plane
-    kept = [w for w in F.vertices if not any(near(sub(w, x)) for x in on) and not any(near(r.away(w)) for r in rims)]
-    return [FaceAbove(plane, w) for w in kept]
+        done = {k for k, w in enumerate(F.vertices) if any(near(sub(w, x)) for x in on)}
+        for rim in level_rims(assembly, known):
+            if rim.held and assembly.along(rim.face, backed.wall):
+                done |= {k for k, w in enumerate(F.vertices) if rim.before(assembly, w, backed.wall)}
+        plane = backed.cover if done else plane
+    return [FaceAbove(plane, w) for k, w in enumerate(F.vertices) if k not in done]
 
 
-def _level_rims(assembly: Assembly, known: Known, face: Plane) -> Iterator[Line]:
-    """Rims that lie in the plane of a face of the moving part, since two of its edges are held on them."""
-    held = known.facts.held
+class LevelRim(NamedTuple):
+    """A rim that contacts keep level with a face of the moving part, and from going behind it.
+
+    Attributes:
+        touch: the contact of an edge of the face on it.
+        face: the plane of the face, in the body.
+        held: whether the rim lies in that; else it may yet come nearer, or go away.
+    """
+
+    touch: Touch
+    face: Plane
+    held: bool
+
+    def before(self, assembly: Assembly, w: Vector, plane: Plane) -> bool:
+        """Whether a fixed point is not behind a body plane parallel to the face, as that is as far behind it at least.
+
+        A vertex of a piece may be off an edge of the part by `DEVIATION`: what holds of the whole edge is then said of
+        it, and nothing follows from that.
+        """
+        exact = assembly.exact(self.face), assembly.exact(plane)
+        ends = assembly.point(self.touch.fixed[0]), assembly.point(self.touch.fixed[1])
+        return any(nearer(p, *ends, *exact) for p in assembly.edge_near(w, self.touch.fixed_line))
+
+
+def level_rims(assembly: Assembly, known: Known) -> list[LevelRim]:
+    """The rims that contacts keep level with faces of the moving part.
+
+    Two edges of a face that are held on one rim put it into the face's plane. One does where what is known of turns
+    keeps the face level with the rim; where its contact is made or given up, the rim stays on the contact's side.
+    """
+    held, found = known.facts.held, list[LevelRim]()
     for n, touch in enumerate(held):
         for other in held[:n]:
             level = assembly.level(touch, (other,))
-            if level is not None and assembly.agree(level.face, face):
-                yield touch.fixed_line
+            if level is not None:
+                found += [LevelRim(touch, level.face, True), LevelRim(other, level.face, True)]
+    for touch in known.all:
+        sides = assembly.moving.edge(*touch.indices[0]) if touch.kind == "edge-edge" else None
+        if sides is None or (touch is known.made and known.hinge is not None):
+            continue
+        along = assembly.way(*touch.fixed)
+        for side in sides:
+            face = assembly.moving.faces[side].plane
+            if known.facts.keeps(along, assembly.exact(face)[:3]):
+                found.append(LevelRim(touch, face, touch in held))
+    return found
 
 
 def _edge_rows(
     assembly: Assembly, M: Shape, F: Shape, witness: Witness, motion: Motion, known: Known
 ) -> tuple[list[Function], int]:
-    moving, base = _lines(known, [M.vertices[i] for i in witness.moving], [F.vertices[i] for i in witness.fixed])
-    a, b = moving.point, moving.far
+    own, other = [M.vertices[i] for i in witness.moving], [F.vertices[i] for i in witness.fixed]
+    moving, base = _lines(known, own, other)
     anchors = list(_anchors(assembly, known, moving, base))
+    if not anchors:
+        beside = next(_beside_rims(assembly, known, motion, M, own, other), None)
+        if beside is not None:
+            return _level_rows(assembly, M, F, beside, motion, known)
+    a, b = moving.point, moving.far
     functions: list[Function] = []
     kept = M.vertices
     if anchors:
@@ -217,6 +262,78 @@ def _edge_rows(
         if k not in below:
             functions.append(_relative(assembly, neg(cross(base.direction, sub(w, base.point))), moving.direction))
     return functions, _scale(motion, moving, base)
+
+
+class _Beside(NamedTuple):
+    """Two edges that are kept apart as a level rim and a face are: the plane of the moving one, and both lines."""
+
+    rim: LevelRim
+    plane: Plane
+    moving: Line
+    base: Line
+
+
+def _beside_rims(
+    assembly: Assembly, known: Known, motion: Motion, M: Shape, own: Sequence[Vector], other: Sequence[Vector]
+) -> Iterator[_Beside]:
+    """Level rims that keep a fixed edge from going behind the plane of a face through a moving edge.
+
+    The line of the moving edge is taken to run as the edge in touch does, through an end of it.
+    """
+    asked, base = line(*own), line(*other)
+    for rim in level_rims(assembly, known):
+        one = rim.touch.moving_line
+        way = one.direction if dot(one.direction, asked.direction) > 0 else neg(one.direction)
+        for face in assembly.moving.faces:
+            if face.exact is None or not assembly.along(rim.face, face.plane):
+                continue
+            flat = all(abs(face.plane.height(v)) <= DEVIATION for v in own)
+            behind = all(face.plane.height(v) <= DEVIATION for v in M.vertices)
+            if flat and behind and all(rim.before(assembly, w, face.plane) for w in other):
+                moving = Line(own[0], way, add(own[0], scaled(length(sub(own[1], own[0])), way)))
+                # The contact's side is that which the witness plane is to have in front.
+                outward = _relative(assembly, base.direction, cross(way, face.plane.normal))
+                if rim.held or motion.lowest(outward) > 0:
+                    yield _Beside(rim, face.plane, moving, base)
+
+
+def _level_rows(
+    assembly: Assembly, M: Shape, F: Shape, beside: _Beside, motion: Motion, known: Known
+) -> tuple[list[Function], int]:
+    """Rows of a plane through a moving edge and along a fixed one, which a level rim keeps from going behind it.
+
+    Heights are relative to the moving edge on the one side and to the fixed one on the other; what lies in the plane of
+    the moving edge's face is level with both.
+    """
+    rim, plane, moving, base = beside
+    a = moving.point
+    kept = [v for v in M.vertices if abs(plane.height(v)) > DEVIATION]
+    functions: list[Function] = [_relative(assembly, base.direction, cross(sub(v, a), moving.direction)) for v in kept]
+    below = {k for k, w in enumerate(F.vertices) if near(base.away(w))}
+    for v, inward, wall in _turned_beside(assembly, known, rim) if rim.held else ():
+        if _outside(assembly, motion, moving, base, wall):
+            functions.append(PointAbove(inward, v, assembly.reach(v)))
+            way = inward.normal
+            below |= {
+                k
+                for k, w in enumerate(F.vertices)
+                if abs(dot(wall.normal, sub(w, base.point))) <= DEVIATION and dot(way, sub(w, base.point)) >= -DEVIATION
+            }
+    for k, w in enumerate(F.vertices):
+        if k not in below:
+            functions.append(_relative(assembly, neg(cross(base.direction, sub(w, base.point))), moving.direction))
+    return functions, _scale(motion, moving, base)
+
+
+def _turned_beside(assembly: Assembly, known: Known, rim: LevelRim) -> Iterator[tuple[Vector, Plane, Plane]]:
+    """Vertices of a face with a rim in its plane that are on or above a wall along the rim, as `_turned_onto`."""
+    base = rim.touch.fixed_line
+    for touch in known.all:
+        if touch.kind != "vertex-face" or height(assembly.exact(rim.face), assembly.point(touch.moving[0])):
+            continue
+        wall = touch.faces[0]
+        if not any(height(assembly.exact(wall), assembly.point(w)) for w in rim.touch.fixed):
+            yield touch.moving[0], _inward(touch, base, wall), wall
 
 
 def _relative(assembly: Assembly, u: Vector, k: Vector) -> DirectionAlong:
@@ -305,15 +422,20 @@ def _turned_onto(assembly: Assembly, known: Known, moving: Line, base: Line) -> 
         exact = assembly.exact(wall)
         if any(height(exact, assembly.point(w)) for w in (base.point, base.far)):
             continue
-        total: Vector = (0, 0, 0)
-        for w in touch.fixed:
-            total = add(total, sub(w, base.point))
-        n = len(touch.fixed)
-        inward = (total[0] // n, total[1] // n, total[2] // n)
-        for axis in (base.direction, wall.normal):
-            inward = sub(inward, scaled(dot(axis, inward), axis))
-        inward = unit(inward)
-        yield touch.moving[0], Plane(inward, dot(inward, base.point)), wall
+        yield touch.moving[0], _inward(touch, base, wall), wall
+
+
+def _inward(touch: Touch, base: Line, wall: Plane) -> Plane:
+    """The plane across a wall through a rim of it, with the wall in front."""
+    total: Vector = (0, 0, 0)
+    for w in touch.fixed:
+        total = add(total, sub(w, base.point))
+    n = len(touch.fixed)
+    inward = (total[0] // n, total[1] // n, total[2] // n)
+    for axis in (base.direction, wall.normal):
+        inward = sub(inward, scaled(dot(axis, inward), axis))
+    inward = unit(inward)
+    return Plane(inward, dot(inward, base.point))
 
 
 def _in_plane(assembly: Assembly, known: Known, moving: Line, base: Line, v: Vector) -> bool:

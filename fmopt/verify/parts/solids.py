@@ -86,6 +86,12 @@ class Line(NamedTuple):
         return sub(d, scaled(dot(d, self.direction), self.direction))
 
 
+def near(offset: Vector) -> bool:
+    """Whether an offset is no longer than `DEVIATION`."""
+    a, b, c = offset
+    return abs(a) <= DEVIATION and abs(b) <= DEVIATION and abs(c) <= DEVIATION and length(offset) <= DEVIATION
+
+
 def short(u: Vector) -> bool:
     """Whether a vector is no longer than `SHORT`."""
     a, b, c = u
