@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -98,17 +98,6 @@ class ContactGraph(Value):
         """Number of states by dimension."""
         dimensions = [state.dimension for state in self.states]
         return {d: dimensions.count(d) for d in sorted(set(dimensions))}
-
-    def network(self) -> Any:
-        """The graph as a networkx digraph from fathers to sons, nodes by state id."""
-        import networkx
-
-        graph = networkx.DiGraph()
-        for state in self.states:
-            graph.add_node(state.id, contacts=state.contacts, dimension=state.dimension)
-        for i, sons in enumerate(self.sons):
-            graph.add_edges_from((self.states[i].id, self.states[j].id) for j in sons)
-        return graph
 
 
 def contact_graph(space: LocalSpace, faces: Faces) -> ContactGraph:

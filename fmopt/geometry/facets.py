@@ -104,9 +104,13 @@ def patchwork(vertices: Array, triangles: Indices, tol: float, numbers: Indices,
 
 
 def faces_of(parts: Patchwork, region: Indices) -> tuple[tuple[Loop, ...], ...]:
-    """The faces of regions of triangles (m,) as loops, outer loop first, collinear vertices dropped.
+    """The faces of regions of triangles as loops, outer loop first, collinear vertices dropped.
 
     A region without corners, such as a sliver along an edge, goes to the one beside it with which it shares most.
+
+    Args:
+        parts: the mesh that is divided.
+        region: number of the region of each triangle (m,).
 
     Raises:
         GeometryError: a region has no corners and no region beside it; or there are more than `MAX_FACES`.

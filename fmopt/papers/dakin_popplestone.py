@@ -107,7 +107,12 @@ def section(Q: Array, V: Array) -> Array:
 
 
 def lateral_rate(U: Array, velocity_error: tuple[float, float]) -> float:
-    """λ_U of [DakinPopplestone1993] eq. 6: the point of the cone's base in direction U (6,), scaled by ρ."""
+    """λ_U of [DakinPopplestone1993] eq. 6: the point of the cone's base in direction U (6,), scaled by ρ.
+
+    Args:
+        U: twist (6,), its rotation scaled by ρ.
+        velocity_error: shares of a velocity by which translation and rotation may be off.
+    """
     rates = np.repeat(velocity_error, 3)
     u = U / np.linalg.norm(U)
     if (u[rates == 0.0] != 0.0).any():

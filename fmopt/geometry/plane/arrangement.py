@@ -79,7 +79,12 @@ def arrange(curves: Sequence[Curve], operands: Sequence[int], tolerance: float) 
 
 
 def touching_boxes(boxes: Array, others: Array, margin: float) -> Integers:
-    """Pairs (2, k) of rows of `boxes` and `others` whose boxes come within `margin` of each other, by an R-tree."""
+    """Pairs (2, k) of rows of `boxes` and `others` whose boxes come within `margin` of each other, by an R-tree.
+
+    Args:
+        boxes, others: (n, 4) and (m, 4), least x and y, greatest x and y, m.
+        margin: m, on every side.
+    """
     import shapely
 
     tree = shapely.STRtree(shapely.box(*others.T))
@@ -92,6 +97,10 @@ def linked(i: Integers, j: Integers, size: int) -> tuple[Integers, Integers]:
     """Groups of the numbers 0 to `size` − 1 that pairs (k,) link: the group of each number, the first of each group.
 
     Groups are in the order of their first numbers.
+
+    Args:
+        i, j: (k,), one pair at each index.
+        size: how many numbers there are.
     """
     before, label, first, count = np.arange(size), np.empty(size, dtype=np.intp), np.empty(size, dtype=np.intp), 0
     for k in range(len(i)):
@@ -332,6 +341,10 @@ class Table:
         """Signed crossings of the ray from each point along +x with the curve in the row beside it; shape (k,).
 
         A point on a line counts as a little to the right of it and above it.
+
+        Args:
+            points: (k, 2), m.
+            rows: (k,), the row of the curve for each.
         """
         a, b = self.first[rows], self.last[rows]
         side = _turn(a, b, points)

@@ -157,7 +157,13 @@ def _following(curves: list[Curve], ends: Integers, vertices: Array, leaving: di
 
 
 def bearing(curve: Curve, origin: Array, radius: float) -> float:
-    """Polar angle (rad) of the point where a simple curve from `origin` (2,) leaves the circle of `radius` round it."""
+    """Polar angle (rad) of the point where a simple curve from `origin` (2,) leaves the circle of `radius` round it.
+
+    Args:
+        curve: farther from the origin at its end than the radius.
+        origin: (2,), m.
+        radius: m.
+    """
     low, high = 0.0, 1.0
     if isinstance(curve, Segment):
         low = high = 1.0

@@ -106,7 +106,12 @@ class ConicArc(Value):
         return ConicArc(first, q1[:2] / q1[2], last, q1[2] / math.sqrt(q0[2] * q2[2]))
 
     def moved(self, R: ArrayLike, offset: ArrayLike) -> ConicArc:
-        """The image under p ↦ R p + offset, R (2, 2)."""
+        """The image under p ↦ R p + offset, R (2, 2).
+
+        Args:
+            R: (2, 2), of any determinant but 0.
+            offset: (2,), m.
+        """
         R, offset = np.asarray(R, dtype=np.float64), np.asarray(offset, dtype=np.float64)
         return ConicArc(R @ self.first + offset, R @ self.shoulder + offset, R @ self.last + offset, self.weight)
 

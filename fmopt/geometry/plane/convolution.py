@@ -113,6 +113,10 @@ def convolution(first: Sequence[Curve], second: Sequence[Curve], tolerance: floa
     """The convolution of two closed loops, as curves in no order; sums that are no conics as in `minkowski_sum`.
 
     Equal directions are told apart as if the first loop were turned right by an infinitesimal angle.
+
+    Args:
+        first, second: curves one behind the other, the interior on their left.
+        tolerance: m, of sums that are no conics.
     """
     lines, turns = _features(first)
     other_lines, other_turns = _features(second)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -20,8 +19,6 @@ if TYPE_CHECKING:
     from shapely import MultiPolygon
 
 _CLOSED = 1e-8
-_SAMPLES = 17
-_REFINEMENTS = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,21 +167,6 @@ class Region(Value):
         solid = unary_union(outer).difference(unary_union(holes)) if holes else unary_union(outer)
         return MultiPolygon([part for part in get_parts(solid) if isinstance(part, Polygon) and not part.is_empty])
 
-    def hausdorff(self, other: Region) -> float:
-        """Hausdorff distance in m of the two boundaries: the largest distance of a point of one from the other.
-
-        Every curve is sampled and the maxima are refined, so that the answer is approached from below; ends and
-        middles are among the samples, which makes it exact for boundaries of segments.
-
-        Raises:
-            GeometryError: just one of the regions is empty.
-        """
-        if self.empty and other.empty:
-            return 0.0
-        self._require_points("Hausdorff distance")
-        other._require_points("Hausdorff distance")
-        return max(_farthest(self, other), _farthest(other, self))
-
     def _require_points(self, what: str) -> None:
         if self.empty:
             raise GeometryError(f"an empty region has no {what}", "test Region.empty first")
@@ -197,38 +179,3 @@ def polygon_region(*rings: ArrayLike) -> Region:
         points = np.asarray(ring, dtype=np.float64)
         loops.append(tuple(Segment(a, b) for a, b in zip(points, np.roll(points, -1, axis=0), strict=True)))
     return Region(tuple(loops))
-
-
-def _farthest(a: Region, b: Region) -> float:
-    """The largest distance of a boundary point of `a` from the boundary of `b`."""
-    t = np.linspace(0.0, 1.0, _SAMPLES)
-    values = b.boundary_distance(np.vstack([curve.point(t) for curve in a.curves])).reshape(-1, _SAMPLES)
-    best = float(values.max())
-    for curve, row in zip(a.curves, values, strict=True):
-        peak = int(np.argmax(row))
-        step = curve.length / (_SAMPLES - 1)
-        if 0 < peak < _SAMPLES - 1 and row[peak] + step > best:
-            best = max(best, _refined(_distance_along(curve, b), t, peak))
-    return best
-
-
-def _distance_along(curve: Curve, region: Region) -> Callable[[float], float]:
-    return lambda t: float(region.boundary_distance(curve.point([t]))[0])
-
-
-def _refined(value: Callable[[float], float], t: Array, peak: int) -> float:
-    """The largest value between the neighbours of a peak of the samples, by golden section."""
-    golden = 0.5 * (np.sqrt(5.0) - 1.0)
-    a, b = float(t[peak - 1]), float(t[peak + 1])
-    c, d = b - golden * (b - a), a + golden * (b - a)
-    fc, fd = value(c), value(d)
-    for _ in range(_REFINEMENTS):
-        if fc > fd:
-            b, d, fd = d, c, fc
-            c = b - golden * (b - a)
-            fc = value(c)
-        else:
-            a, c, fc = c, d, fd
-            d = a + golden * (b - a)
-            fd = value(d)
-    return max(fc, fd)

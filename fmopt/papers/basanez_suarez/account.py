@@ -199,7 +199,13 @@ def reach_of(half_widths: ArrayLike) -> tuple[float, float]:
 
 
 def boundary_record(found: PlanarSet, name: str, nominal: ArrayLike = ()) -> dict[str, Any]:
-    """A set with its name, its boundary, and the polyline (k, 2) that it shrinks to without deviations, m."""
+    """A set with its name, its boundary, and what it shrinks to.
+
+    Args:
+        found: the set.
+        name: as the paper writes it.
+        nominal: polyline (k, 2) that the set shrinks to without deviations, m; empty if nothing does.
+    """
     return {
         "name": name,
         "loops": [_loop(loop) for loop in found.boundary()],
@@ -258,7 +264,12 @@ def _middle(exact: CU, phi: float) -> Array:
 
 
 def surface_record(cu: CU, count: int = 25) -> dict[str, Any]:
-    """CU over its range of φ, in slices, with the nominal C-surface (a segment a slice) where there is one."""
+    """CU over its range of φ, in slices, with the nominal C-surface (a segment a slice) where there is one.
+
+    Args:
+        cu: of one basic contact.
+        count: of slices, both ends of the range of φ among them.
+    """
     turns = 2.0 * math.pi * round((cu.range.low + cu.range.high) / (4.0 * math.pi))
     low, high = cu.range.low - turns, min(cu.range.high, cu.range.low + 2.0 * math.pi) - turns
     slices = []

@@ -41,7 +41,12 @@ class PossibleContacts(Value):
 
     @staticmethod
     def between(moving: Profile, static: Profile, deviations: Deviations) -> PossibleContacts:
-        """Cc of these objects under these deviations."""
+        """Cc of these objects under these deviations.
+
+        Args:
+            moving, static: profiles, each in its own frame.
+            deviations: of both, as sums of all sources.
+        """
         return PossibleContacts.of(basic_contacts(moving, static, deviations))
 
     @staticmethod
@@ -72,7 +77,12 @@ class PossibleContacts(Value):
         return np.hstack(found)
 
     def pair_gaps(self, poses: Array, contact: NDArray[np.intp]) -> Array:
-        """Distance (k,) in m of poses (k, 3) from the CU of one contact each, its index (k,), whatever its range."""
+        """Distance (k,) in m of poses from the CU of one contact each, whatever its range.
+
+        Args:
+            poses: (k, 3), x and y in m, φ in rad.
+            contact: (k,), indices in `sets`.
+        """
         one = np.arange(len(poses))
         first = len(self.tables[0].low)
         found = np.empty(len(poses))
@@ -95,9 +105,13 @@ class PossibleContacts(Value):
         return tuple(cu for cu, yes in zip(self.sets, inside, strict=True) if yes)
 
     def polygons(self, phi: ArrayLike, tolerance: float) -> list[MultiPolygon]:
-        """For each φ (k,) in rad a polygon (m) that contains Cc there and is nowhere farther from it than `tolerance`.
+        """For each φ a polygon (m) that contains Cc there and is nowhere farther from it than `tolerance`.
 
         Each CUl is covered by convex pieces, one for each part of the turn ±ε_φ that is short enough.
+
+        Args:
+            phi: (k,), rad.
+            tolerance: m.
 
         Raises:
             GeometryError: the tolerance is not positive.
@@ -108,7 +122,13 @@ class PossibleContacts(Value):
 
 
 def cover(tables: Sequence[Table], phi: Array, tolerance: float) -> list[MultiPolygon]:
-    """For each φ (k,) in rad the union (m) of the pieces of all contacts possible; see `PossibleContacts.polygons`."""
+    """For each φ the union (m) of the pieces of all contacts possible; see `PossibleContacts.polygons`.
+
+    Args:
+        tables: of the two kinds of basic contact.
+        phi: (k,), rad.
+        tolerance: m.
+    """
     from shapely import MultiPolygon, convex_hull, get_parts, linestrings, union_all
 
     hulls: list[list[Any]] = [[] for _ in phi]

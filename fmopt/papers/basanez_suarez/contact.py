@@ -93,7 +93,12 @@ class CU(Value):
         return TurnedEdge(self.vertex, start, end, self.spread, self.radius)
 
     def point_contact(self, phi: float, k: float) -> ArcSum:
-        """CUv of a type-1 contact at φ (rad) with the point of the static edge at k ∈ [0, 1], eqs. (20)-(24)."""
+        """CUv of a type-1 contact at φ (rad) with the point of the static edge at k ∈ [0, 1], eqs. (20)-(24).
+
+        Args:
+            phi: orientation of the grasped object, rad.
+            k: share of the static edge, from its first end.
+        """
         if self.kind is not Kind.TYPE_1:
             raise ValueError("CUv belongs to a vertex of the grasped object, hence to a type-1 contact")
         a, polar = self.edge[0] + k * (self.edge[1] - self.edge[0]), Reach.of(self.vertex)
@@ -169,6 +174,11 @@ def basic_contacts(moving: Profile, static: Profile, deviations: Deviations) -> 
     one at the range's lower end, the first one at the upper; in type 2 the other way round. Eq. (34) has them
     exchanged, and both its ends at the maximum; eq. (45) leaves ε_φr out and counts both at either end. Edges of the
     grasped object turn with its ε_v alone. A reflex vertex counts when deviations may make it convex.
+
+    Args:
+        moving: the grasped object, in the gripper's frame.
+        static: the other, in the frame of the plane.
+        deviations: sums of all sources, one for each vertex of the static object.
     """
     own = moving.edge_turns(deviations.shape)
     other = static.edge_turns(np.broadcast_to(deviations.static, len(static.vertices)))

@@ -47,7 +47,14 @@ def segment_arc_gap(start: Array, end: Array, h: Any, angle: Any, spread: Any) -
 
 
 def point_arc_gap(point: Array, h: Any, angle: Any, spread: Any) -> Array:
-    """Distance (…) in m from points (…, 2) to the arc {h (cos θ, sin θ), |θ − angle| ≤ spread} about the origin."""
+    """Distance (…) in m from points to the arc {h (cos θ, sin θ), |θ − angle| ≤ spread} about the origin.
+
+    Args:
+        point: (…, 2), m.
+        h: radius of the arc, m; like the next two a number or one for each point.
+        angle: of its middle, rad.
+        spread: half its opening, rad.
+    """
     x, y = point[..., 0], point[..., 1]
     radius = np.hypot(x, y)
     # How far beyond the nearer tip, at most π, so that the law of cosines holds for every point.

@@ -106,6 +106,11 @@ def possible_spans(
 
     The distance from a CU changes by at most |Δp| + reach |Δφ| along a part of the path. A span that this proves free
     is dropped, one that it proves inside is kept, any other is halved until the change over it is below the tolerance.
+
+    Args:
+        possible: contacts that the deviations allow.
+        path: (n, 3), x and y in m, φ in rad, straight from row to row.
+        tolerance: m; what is nearer than this to a CU counts as on it.
     """
     points = _waypoints(path, tolerance)
     spans, found = _starting_spans(possible, points), []
@@ -119,11 +124,16 @@ def possible_spans(
 
 
 def clearance(possible: PossibleContacts, path: ArrayLike, tolerance: float) -> float:
-    """A lower bound (m), within `tolerance`, of the distance between a path (k, 3) and all CU in the plane of each φ.
+    """A lower bound (m), within `tolerance`, of the distance between a path and all CU in the plane of each φ.
 
     Positive for a gross motion, and for one that overlaps throughout; ∞ when no contact is possible at its
     orientations. Inside a CU it is the distance from the core less the radius, no measure of depth. The work grows with
     the length of path at about the least distance, over the tolerance.
+
+    Args:
+        possible: contacts that the deviations allow.
+        path: (n, 3), x and y in m, φ in rad, straight from row to row.
+        tolerance: m, by how much the bound may be too low.
     """
     points = _waypoints(path, tolerance)
     spans, least = _starting_spans(possible, points), math.inf

@@ -117,6 +117,11 @@ def polygon(loops: Sequence[Loop], tolerance: float, side: Side) -> MultiPolygon
     Chords where an arc bulges away from the chosen side, tangents where it bulges to it. Each arc is moved within the
     set, or within its complement, so that every point that a thin place lets the polygon run round wrongly has winding
     number zero.
+
+    Args:
+        loops: of one set.
+        tolerance: how far it may be from them, m.
+        side: whether it holds the set or is held by it.
     """
     from shapely import MultiPolygon, Polygon
 
@@ -129,7 +134,12 @@ def polygon(loops: Sequence[Loop], tolerance: float, side: Side) -> MultiPolygon
 
 
 def ring(loop: Loop, tolerance: float, side: Side) -> Array:
-    """The closed polyline (k, 2) in m of a loop, the first point not repeated."""
+    """The closed polyline (k, 2) in m of a loop, the first point not repeated.
+
+    Args:
+        loop: pieces, each from where the one before ends.
+        tolerance, side: as for `polygon`.
+    """
     return np.vstack([piece.curve.polyline(tolerance, SIDES[side])[:-1] for piece in loop])
 
 

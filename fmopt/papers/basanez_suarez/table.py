@@ -26,7 +26,12 @@ class Table(Value):
 
     @staticmethod
     def of(kind: Kind, sets: Sequence[CU]) -> Table:
-        """The table of the sets of one kind."""
+        """The table of the sets of one kind.
+
+        Args:
+            kind: of basic contacts; sets of the other kind are left out.
+            sets: whose order the rows have.
+        """
         mine = [cu for cu in sets if cu.kind is kind]
         return Table(
             kind,
@@ -45,6 +50,12 @@ class Table(Value):
         return one, other
 
     def gaps(self, poses: Array, one: NDArray[np.intp], other: NDArray[np.intp]) -> Array:
-        """Distance (m) of poses (k, 3) from the CU of contacts, pair by pair; see `CU.gap`."""
+        """Distance (m) of poses from the CU of contacts, pair by pair; see `CU.gap`.
+
+        Args:
+            poses: (n, 3), x and y in m, φ in rad.
+            one: (k,), indices of poses.
+            other: (k,), rows of the table.
+        """
         core = core_gap(self.kind, self.edge[other], self.vertex[other], self.spread[other], poses[one])
         return np.asarray(core - self.radius[other])

@@ -135,14 +135,28 @@ def vertex_position(reference: ArrayLike, phi: float, reach: Reach, spread: floa
 
 
 def directed_arc(centre: Array, radius: float, first: float, last: float, on: Carrier) -> Piece:
-    """The arc about (2,) with normals from `first` to `last`; with a negative radius the set is outside its circle."""
+    """The arc with normals from `first` to `last`; with a negative radius the set is outside its circle.
+
+    Args:
+        centre: (2,), m.
+        radius: m, of either sign.
+        first, last: bearings of outward normals, rad.
+        on: what the arc belongs to.
+    """
     if radius >= 0.0:
         return Piece(Arc(centre, radius, first, last - first), on)
     return Piece(Arc(centre, -radius, last + math.pi, first - last), on)
 
 
 def arc_support(directions: Array, h: float, angle: float | Array, spread: float) -> Array:
-    """max n·x over the arc about the origin, (…) in m for directions n (…, 2)."""
+    """max n·x over the arc about the origin, (…) in m for directions n (…, 2).
+
+    Args:
+        directions: n (…, 2), of any length.
+        h: radius, m.
+        angle: bearing of the arc's middle, rad.
+        spread: half its opening, rad.
+    """
     off = np.abs(wrapped(np.arctan2(directions[..., 1], directions[..., 0]) - angle))
     return np.asarray(h * norm(directions) * np.cos(np.maximum(off - min(spread, math.pi), 0.0)))
 

@@ -74,16 +74,15 @@ def cut_diagram(solid: Solid, plane: Pose) -> Region:
 
 
 def section_limit(solid: Solid, plane: Pose, limit: Limit) -> Region:
-    """The limit of the solid's sections as the plane comes from above (1, from its positive z) or from below (−1)."""
+    """The limit of the solid's sections as the plane comes from above (1, from its positive z) or from below (−1).
+
+    Args:
+        solid: in its own frame.
+        plane: whose z = 0 cuts it, in that frame.
+        limit: from where the plane comes, 1 for its positive z.
+    """
     leaves = _leaves(solid, exact_pose(exact_pose(plane).inverse()))
     return _section(solid, (above if limit > 0 else below for above, below in leaves))
-
-
-def frame_planes(frame: Pose) -> dict[str, Pose]:
-    """The three planes of a frame, "xy", "yz" and "zx": each named by its u and v axis, with the third axis upward."""
-    return {
-        "xyz"[k] + "xyz"[(k + 1) % 3]: frame.compose(Pose(np.zeros(3), np.roll(np.eye(3), k, axis=0))) for k in range(3)
-    }
 
 
 def _leaves(solid: Solid, pose: Pose) -> Iterator[tuple[Region, Region]]:
@@ -121,7 +120,11 @@ def _section(solid: Solid, leaves: Iterator[Region]) -> Region:
 
 
 def same(first: Region, second: Region) -> bool:
-    """Whether two regions have the same curves to the bit."""
+    """Whether two regions have the same curves to the bit.
+
+    Args:
+        first, second: curves are compared in their order.
+    """
     if first is second:
         return True
     mine, other = first.curves, second.curves
@@ -135,6 +138,10 @@ def instance_sections(primitive: Primitive, pose: Pose) -> tuple[Region, Region]
     """The sections by z = 0 of a primitive placed by `pose`, in x and y, as the plane comes from above and from below.
 
     Where the plane does not run in a face both are the section; where it does one is the face, one is empty.
+
+    Args:
+        primitive: in its own frame.
+        pose: of that frame in that of the plane.
     """
     match primitive:
         case Cylinder(radius, height, _):
@@ -183,7 +190,12 @@ class Slant:
 
 
 def slant(profile: Profile, pose: Pose) -> Slant:
-    """How the plane z = 0 cuts the round instance placed by `pose`."""
+    """How the plane z = 0 cuts the round instance placed by `pose`.
+
+    Args:
+        profile: radius over the height.
+        pose: of the instance in the frame of the plane, its axis not along z.
+    """
     axis, base = pose.R[:, 2], pose.p
     rise = float(np.hypot(axis[0], axis[1]))
     along = axis[:2] / rise

@@ -166,7 +166,13 @@ def polygon(*loops: ArrayLike) -> Diagram:
 
 
 def circle(centre: ArrayLike, radius: float, hollow: bool = False) -> Diagram:
-    """The diagram of a disc about a centre (2,), or of the plane around a round hole, m."""
+    """The diagram of a disc about a centre (2,), or of the plane around a round hole, m.
+
+    Args:
+        centre: (2,), m.
+        radius: m.
+        hollow: whether the material is outside.
+    """
     return Diagram((), (), (Arc(np.asarray(centre, dtype=np.float64), radius, 0.0, 2.0 * math.pi, hollow),))
 
 

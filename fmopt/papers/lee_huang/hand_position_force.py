@@ -130,19 +130,32 @@ def _held(found: Answer, X: Array) -> Pose:
 
 
 def grasped_pose(found: Answer, X: ArrayLike) -> Pose:
-    """Pose of the grasped feature in the frame of the one that stays, of X (6,) in m and rad."""
+    """Pose of the grasped feature in the frame of the one that stays, of X (6,) in m and rad.
+
+    Args:
+        found: says which of the operands X belongs to.
+        X: (6,), pose in m and rotation vector in rad, of operand 1 in the frame of operand 2.
+    """
     pose = Pose.from_vector(X)
     return pose.inverse() if found.exchanged else pose
 
 
 def world_pose(found: Answer, X: ArrayLike) -> Pose:
-    """Pose of the grasped feature in the global reference frame, for an X (6,) in m and rad."""
+    """Pose of the grasped feature in the global reference frame, for an X (6,) in m and rad.
+
+    Args:
+        found, X: as for `grasped_pose`.
+    """
     base = found.moving.frame if found.exchanged else found.fixed.frame
     return base.compose(grasped_pose(found, X))
 
 
 def hand_pose(found: Answer, X: ArrayLike) -> Pose:
-    """Pose of the hand in the global reference frame, by the grasp H_ho, for an X (6,) in m and rad."""
+    """Pose of the hand in the global reference frame, by the grasp H_ho, for an X (6,) in m and rad.
+
+    Args:
+        found, X: as for `grasped_pose`.
+    """
     return world_pose(found, X).compose(found.task.grasp.inverse())
 
 

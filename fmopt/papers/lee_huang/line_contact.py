@@ -42,12 +42,22 @@ class Leg(NamedTuple):
         return np.asarray(self.start + share[:, None] * self.travel)
 
     def on_level(self, n: Array, levels: Array) -> Array:
-        """Shares at which n·Φ₀ has the values (k,)."""
+        """Shares at which n·Φ₀ has the values (k,).
+
+        Args:
+            n: (2,), of any length.
+            levels: (k,), m times that length.
+        """
         rate = float(n @ self.travel)
         return (levels - n @ self.start) / rate if abs(rate) > 1e-300 else np.zeros(0)
 
     def on_circle(self, centre: Array, radius: float) -> Array:
-        """Shares (k,) at which Φ₀ is on a circle about a centre (2,), m."""
+        """Shares (k,) at which Φ₀ is on a circle; they may lie outside 0 to 1.
+
+        Args:
+            centre: (2,), m.
+            radius: m.
+        """
         offset = self.start - centre
         a, b, c = float(self.travel @ self.travel), float(offset @ self.travel), float(offset @ offset) - radius**2
         inside = b * b - a * c
@@ -96,7 +106,12 @@ class Lines(Value):
         return possible(self.c, self.m, self.force, self.turns, leg)
 
     def arms(self, rows: NDArray[np.intp], points: Array) -> Array:
-        """From the nominal centre at `points` (k, 2) to where the pairs in `rows` (k,) touch, (k, 2), m."""
+        """From the nominal centre to where pairs touch, (k, 2), m.
+
+        Args:
+            rows: (k,), numbers of pairs.
+            points: (k, 2), the nominal centre for each, m.
+        """
         turning = np.any(self.m[rows, 0] != self.m[rows, 1], axis=1)
         fixed = self.m[rows, 0] - self.shift[rows, None] * self.force[rows]
         return np.asarray(np.where(turning[:, None], self.c[rows, 0] - points, fixed))
@@ -104,7 +119,14 @@ class Lines(Value):
 
 @compiled
 def possible(c: Array, m: Array, force: Array, turns: Array, leg: Leg) -> tuple[NDArray[np.intp], Array]:
-    """`Lines.spans` on a leg, of pairs with c and m (n, 2, 2), force and turns (n, 2)."""
+    """`Lines.spans` on a leg.
+
+    Args:
+        c, m: (n, 2, 2), of each pair.
+        force: (n, 2), unit vectors.
+        turns: (n, 2), of each pair.
+        leg: straight piece of the way of the nominal centre.
+    """
     start, travel = leg.start, leg.travel
     rows, shares = np.empty(len(c) * _MOST_CUTS, dtype=np.intp), np.empty((len(c) * _MOST_CUTS, 3))
     cuts, point, count = np.empty(_MOST_CUTS), np.empty(2), 0

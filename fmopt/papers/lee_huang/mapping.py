@@ -158,7 +158,13 @@ def task_mapping(task: Task) -> Mapping:
 def plane_diagrams(
     moving: Solid, fixed: Solid, start: ArrayLike, goal: ArrayLike, box: ArrayLike
 ) -> tuple[PlaneDiagrams, ...]:
-    """G, the sections of operand 1 and GE on the three planes (m); arguments as for `Task`."""
+    """G, the sections of operand 1 and GE on the three planes (m).
+
+    Args:
+        moving, fixed: operands 1 and 2, each in its own frame.
+        start, goal: (6,), poses of operand 1 in the frame of operand 2, m and rotation vector in rad.
+        box: (6,), half-widths of the pose error, m and rad.
+    """
     P = np.asarray(goal, dtype=np.float64)
     first = nearest_branch(np.asarray(start, dtype=np.float64)[3:], P[3:])
     turned = moved(moving, Pose(np.zeros(3), exp(P[3:])))

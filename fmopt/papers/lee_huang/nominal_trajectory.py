@@ -142,7 +142,12 @@ def through(
 
 
 def nearest_branch(r: Array, target: Array) -> Array:
-    """Of the rotation vectors (3,) r + 2πk r/|r| that mean one rotation, the one nearest to `target` (3,), rad."""
+    """Of the rotation vectors r + 2πk r/|r| that mean one rotation, the one nearest to `target`, (3,) in rad.
+
+    Args:
+        r: (3,), rad; 0 is returned as it is, as it has no axis to turn on about.
+        target: (3,), rad.
+    """
     angle = float(np.linalg.norm(r))
     if angle == 0.0:
         return r

@@ -308,7 +308,13 @@ class _Round(Value):
 
 
 def stops(force: Array, arm: Array, size: float) -> Bits:
-    """The motions (n, 6), u+, u−, v+, v−, ψ+, ψ−, that forces (n, 2) at `arm` (n, 2), m from the centre, stop."""
+    """The motions (n, 6), u+, u−, v+, v−, ψ+, ψ−, that forces stop.
+
+    Args:
+        force: (n, 2), unit vectors on operand 1.
+        arm: (n, 2), from the nominal centre to where they act, m.
+        size: m, to compare torques with forces.
+    """
     torque = (arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]) / size
     value = np.column_stack([force, torque])
     return np.stack([value < -_STILL, value > _STILL], axis=2).reshape(-1, 6)

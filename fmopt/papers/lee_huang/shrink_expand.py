@@ -182,9 +182,14 @@ def frame(plane: Plane) -> Pose:
 
 
 def section_at(moving: Solid, plane: Plane, turn: Array) -> Region:
-    """The section of operand 1, turned by a rotation vector (3,), by the plane through its nominal centre.
+    """The section of operand 1, turned, by the plane through its nominal centre.
 
     Where the plane runs in a face of it, the section is that on the side of the body.
+
+    Args:
+        moving: operand 1 in its own frame.
+        plane: which of the three.
+        turn: rotation vector (3,), rad.
     """
     turned = Placed(moving, Pose(np.zeros(3), exp(turn)))
     found = cut_diagram(turned, frame(plane))
@@ -292,7 +297,12 @@ def grown(solid: Solid) -> float:
 
 
 def finer(solid: Solid, sides: int) -> Solid:
-    """The solid with at least so many sides for each cylinder and cone; spheres, whose faces are many, as they are."""
+    """The solid with at least so many sides for each cylinder and cone; spheres, whose faces are many, as they are.
+
+    Args:
+        solid: any tree of it.
+        sides: the least number.
+    """
     match solid:
         case Cylinder() | Cone():
             return replace(solid, sides=max(solid.sides, sides))

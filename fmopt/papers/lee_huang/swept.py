@@ -99,6 +99,10 @@ def checked(moving: Sequence[Body], fixed: Sequence[Body], path: NominalTrajecto
     Polygons around round surfaces may meet where the surfaces themselves pass: such a meeting, not deeper than the
     polygons are proud, is looked at again with more sides, up to 384.
 
+    Args:
+        moving, fixed: what operand 1 carries, in its frame, and what stands, in that of operand 2.
+        path: nominal motion of operand 1 in the frame of operand 2.
+
     Raises:
         InterferenceError: it does; names the bodies, the time, the place, and whether a cut-diagram shows it.
     """

@@ -141,7 +141,15 @@ def candidates(moving: Body, fixed: Body, p: Array, R: Array, half_widths: Array
 
 
 def linear(items: Indices, moving: Body, fixed: Body, p: Array, R: Array, half_widths: Array) -> Linear:
-    """The candidates (n, 3) linearised in the pose error, each at its own nominal pose p (n, 3) and R (n, 3, 3)."""
+    """The candidates linearised in the pose error, each at its own nominal pose.
+
+    Args:
+        items: (n, 3), kind of the pair, number on `moving`, number on `fixed`.
+        moving, fixed: bodies of the operands.
+        p: (n, 3), nominal position, m.
+        R: (n, 3, 3), nominal orientation.
+        half_widths: box (6,) of the pose error, m and rad.
+    """
     D, theta = float(np.linalg.norm(half_widths[:3])), float(np.linalg.norm(half_widths[3:]))
     n, k = len(items), max(4, moving.corners.shape[1], fixed.corners.shape[1])
     made = Linear(*(np.zeros((n, *shape)) for shape in ((), (6,), (k,), (k, 6), (2,), (3,))))

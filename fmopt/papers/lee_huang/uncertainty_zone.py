@@ -93,7 +93,12 @@ class Trapezoid(Value):
     length: float
 
     def line(self, centre: ArrayLike, angle: float) -> Array:
-        """L(Φ, Ψ): both ends (2, 2); Ψ is the line's own direction."""
+        """L(Φ, Ψ): both ends (2, 2); Ψ is the line's own direction.
+
+        Args:
+            centre: Φ (2,), one end of the line, m.
+            angle: Ψ, rad.
+        """
         start = np.asarray(centre, dtype=np.float64)
         return np.array([start, start + self.length * np.array([math.cos(angle), math.sin(angle)])])
 
@@ -132,7 +137,13 @@ class Zone:
     half_angle: float
 
     def trapezoid(self, centre: ArrayLike, angle: float, length: float) -> Trapezoid:
-        """The trapezoid of a line of `length` (m) at the nominal centre Φ₀ (2,) and angle Ψ₀."""
+        """The trapezoid of a line at its nominal place.
+
+        Args:
+            centre: Φ₀ (2,), m.
+            angle: Ψ₀, rad.
+            length: of the line, m.
+        """
         return Trapezoid(Ball(np.asarray(centre, dtype=np.float64), self.radius), Cone(angle, self.half_angle), length)
 
 
@@ -149,7 +160,11 @@ def zones(box: ArrayLike) -> tuple[Zone, Zone, Zone]:
 
 
 def wrapped_distance(one: float, other: float) -> float:
-    """d₁: the smaller of the two angles between two directions, 0 to π, rad."""
+    """d₁: the smaller of the two angles between two directions, 0 to π, rad.
+
+    Args:
+        one, other: rad, of any turn.
+    """
     return abs(math.remainder(one - other, 2.0 * math.pi))
 
 

@@ -43,7 +43,11 @@ class Sight:
         return self.between(p, p)
 
     def between(self, one: ArrayLike, other: ArrayLike) -> PlaneName | None:
-        """A plane on which the straight line between two positions (3,) runs through GE; None when they are visible."""
+        """A plane on which the straight line between two positions runs through GE; None when they are visible.
+
+        Args:
+            one, other: (3,), m, of the nominal centre in the frame of operand 2.
+        """
         a, b = np.asarray(one, dtype=np.float64), np.asarray(other, dtype=np.float64)
         for plane in PLANES:
             if plane.name in self.expanded:
@@ -53,7 +57,12 @@ class Sight:
         return None
 
     def clear(self, point: ArrayLike, room: float) -> bool:
-        """Whether a position (3,) is in place, on x-z and y-z with so much room (m) around it."""
+        """Whether a position is in place, on x-z and y-z with room around it.
+
+        Args:
+            point: (3,), m, of the nominal centre in the frame of operand 2.
+            room: m.
+        """
         p = np.asarray(point, dtype=np.float64)
         upright = [
             (plane, self.expanded[plane.name]) for plane in PLANES if plane.v == 2 and plane.name in self.expanded
@@ -209,7 +218,12 @@ def _candidates(first: Array, last: Array, sight: Sight, room: float) -> list[Ar
 
 
 def bends(region: Region, room: float = 0.0) -> Array:
-    """Points (k, 2) beside a region's convex corners, off by `room` (m) and 1e-6 of its size; arcs as polylines."""
+    """Points (k, 2) beside a region's convex corners, off by `room` and 1e-6 of its size; arcs as polylines.
+
+    Args:
+        region: may be empty.
+        room: m.
+    """
     found = []
     for corner in of_region(region, 1e-3 * region.size).corners if not region.empty else ():
         middle = corner.first + 0.5 * corner.opening

@@ -120,11 +120,6 @@ class Answer(Value):
         object.__setattr__(self, "P0", frozen(self.P0, 6, name="P(0)"))
         object.__setattr__(self, "PT", frozen(self.PT, 6, name="P(T)"))
 
-    @property
-    def B_frame(self) -> Pose:
-        """The base frame of the configuration space in the global reference frame, at the start."""
-        return self.fixed.frame
-
 
 def answer(workcell: Workcell, task: Task) -> Answer:
     """The data of a task for the T-PF mapping.

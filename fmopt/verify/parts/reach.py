@@ -130,6 +130,6 @@ def dot(a: Sequence[float], b: Sequence[float]) -> float:
     return math.fsum(map(mul, a, b))
 
 
-def cross(a: Sequence[float], b: Sequence[float]) -> Numbers:
+def cross(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float]:
     """a × b in doubles."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])

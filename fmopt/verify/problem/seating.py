@@ -6,8 +6,10 @@ import math
 from collections.abc import Iterator, Sequence
 
 from fmopt.verify.arithmetic.rational import Matrix, add, number, turned, vector
+from fmopt.verify.parts.reach import cross
 from fmopt.verify.problem.model import Solid
 from fmopt.verify.problem.solids import Frame, Unbounded, frame
+from fmopt.verify.problem.surfaces import basis, between
 from fmopt.verify.reading.document import Body
 
 NEAR = 1e-8  # m: between corners that are one
@@ -27,9 +29,9 @@ def frames(solid: Solid, body: Body) -> Iterator[Frame]:
         raise Unbounded("the model leaves its features to be found, and has too many corners to find its frame by")
     a = max(body.vertices, key=lambda p: math.dist(p, body.vertices[0]))
     b = max(body.vertices, key=lambda p: math.dist(p, a))
-    c = max(body.vertices, key=lambda p: math.hypot(*_cross(_arm(a, p), _arm(a, b))))
+    c = max(body.vertices, key=lambda p: math.hypot(*cross(between(a, p), between(a, b))))
     one, two, three = math.dist(a, b), math.dist(a, c), math.dist(b, c)
-    there, tries = _basis(a, b, c), 0
+    there, tries = basis(a, b, c), 0
     for p in points:
         seconds = [q for q in points if abs(math.dist(p, q) - one) <= NEAR]
         thirds = [r for r in points if abs(math.dist(p, r) - two) <= NEAR] if seconds else []
@@ -39,7 +41,7 @@ def frames(solid: Solid, body: Body) -> Iterator[Frame]:
                     tries += 1
                     if tries > MOST_TRIPLES:
                         raise Unbounded("the frame of the model cannot be found in so many tries")
-                    yield _carrying(_basis(p, q, r), p, there, a)
+                    yield _carrying(basis(p, q, r), p, there, a)
 
 
 def _corners(solid: Solid, at: Frame) -> Iterator[Point]:
@@ -59,22 +61,3 @@ def _carrying(here: Sequence[Point], p: Point, there: Sequence[Point], a: Sequen
     R: Matrix = (x, y, z)
     back = turned(R, vector(p))
     return Frame(R, add(vector(a), (-back[0], -back[1], -back[2])))
-
-
-def _basis(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> tuple[Point, Point, Point]:
-    u = _unit(_arm(a, b))
-    w = _unit(_cross(u, _arm(a, c)))
-    return u, _cross(w, u), w
-
-
-def _arm(a: Sequence[float], b: Sequence[float]) -> Point:
-    return b[0] - a[0], b[1] - a[1], b[2] - a[2]
-
-
-def _cross(a: Sequence[float], b: Sequence[float]) -> Point:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-def _unit(a: Sequence[float]) -> Point:
-    size = math.hypot(*a) or 1.0
-    return a[0] / size, a[1] / size, a[2] / size
