@@ -156,7 +156,13 @@ def _from_edges(walls: Walls, face: int, x: Vector) -> float:
 
 @compiled
 def face_distance(walls: Walls, face: int, x: Vector) -> float:
-    """Distance from a point to a face as a region of its plane, m."""
+    """Distance from a point to a face as a region of its plane, m.
+
+    Args:
+        walls: all faces of a part.
+        face: index of one.
+        x: in the frame of the part, m.
+    """
     normal = row(walls.normals, face)
     height = dot(normal, x) - walls.offsets[face]
     foot = plus(x, -height, normal)
@@ -172,7 +178,12 @@ def face_distance(walls: Walls, face: int, x: Vector) -> float:
 
 @compiled
 def segment_distance(a: Vector, b: Vector, c: Vector, d: Vector) -> float:
-    """Distance between the segments from a to b and from c to d, m."""
+    """Distance between the segments from a to b and from c to d, m.
+
+    Args:
+        a, b: ends of the one, m; different.
+        c, d: ends of the other, m; different.
+    """
     u, w, r = plus(b, -1.0, a), plus(d, -1.0, c), plus(a, -1.0, c)
     uu, ww, uw, ru, rw = dot(u, u), dot(w, w), dot(u, w), dot(r, u), dot(r, w)
     det, least = uu * ww - uw * uw, np.inf
@@ -187,7 +198,11 @@ def segment_distance(a: Vector, b: Vector, c: Vector, d: Vector) -> float:
 
 @part
 def arc_distance(x: Vector, a: Vector, b: Vector) -> float:
-    """Distance of a unit vector from the cone of two unit generators, 1 at most."""
+    """Distance of a unit vector from the cone of two unit generators, 1 at most.
+
+    Args:
+        x, a, b: unit vectors.
+    """
     xa, xb, ab = dot(x, a), dot(x, b), dot(a, b)
     rest, found = max(1.0 - ab * ab, _PARALLEL), 1.0
     s, t = (xa - ab * xb) / rest, (xb - ab * xa) / rest
@@ -202,7 +217,11 @@ def arc_distance(x: Vector, a: Vector, b: Vector) -> float:
 
 @part
 def arc_angle(a: Vector, b: Vector, c: Vector, d: Vector) -> float:
-    """Least angle between the great-circle arcs from a to b and from c to d, rad; π/2 when more."""
+    """Least angle between the great-circle arcs from a to b and from c to d, rad; π/2 when more.
+
+    Args:
+        a, b, c, d: unit vectors; each arc is the shorter one.
+    """
     ends = min(arc_distance(a, c, d), arc_distance(b, c, d))
     ends = min(ends, arc_distance(c, a, b), arc_distance(d, a, b))
     meet = cross(cross(a, b), cross(c, d))

@@ -75,7 +75,14 @@ class BoundTable(Value):
 
     @staticmethod
     def of(contacts: Sequence[PrimitiveContact], moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> BoundTable:
-        """The table of the contacts' bounds, told apart at a pose."""
+        """The table of the contacts' bounds, told apart at a pose.
+
+        Args:
+            contacts: in the order of the table.
+            moving: in its body frame.
+            fixed: in the B-frame.
+            pose: of the moving part in the B-frame; tells which way edges cross.
+        """
         crossings = Crossings.of(contacts, moving, fixed)
         return _table(crossings, crossings.sides(pose))
 
@@ -120,7 +127,15 @@ def touching(
     pose: Pose,
     within: float = INSIDE,
 ) -> tuple[PrimitiveContact, ...]:
-    """Those of the contacts that touch at a pose: f = 0 to 1e-9 m, and more than `within` (m) inside their bounds."""
+    """Those of the contacts that touch at a pose: f = 0 to 1e-9 m, and more than `within` (m) inside their bounds.
+
+    Args:
+        contacts: of the two parts.
+        moving: in its body frame.
+        fixed: in the B-frame.
+        pose: of the moving part in the B-frame.
+        within: m; less than 0 admits what lies outside its bounds by so much.
+    """
     level = np.abs(Surfaces.of(contacts, moving, fixed).values(pose)) <= INSIDE
     found = [contact for contact, on in zip(contacts, level, strict=True) if on]
     inside = BoundTable.of(found, moving, fixed, pose).insides(pose)
@@ -259,6 +274,10 @@ def face_clauses(polyhedron: Polyhedron, face: int) -> tuple[tuple[tuple[int, ..
 
     Edges that meet in a reflex corner are alternatives, others hold together: along the outer loop each run of edges
     joined by reflex corners is a clause; round a hole the runs joined by convex corners are one clause's alternatives.
+
+    Args:
+        polyhedron: whose face it is.
+        face: its index.
     """
     across = {
         (f, *(edge.vertices if side == 0 else edge.vertices[::-1])): (edge.faces[1 - side] if edge.convex else None)
@@ -317,7 +336,13 @@ class Crossings:
 
     @staticmethod
     def of(contacts: Sequence[PrimitiveContact], moving: Polyhedron, fixed: Polyhedron) -> Crossings:
-        """Those of the contacts between these parts."""
+        """Those of the contacts between these parts.
+
+        Args:
+            contacts: those of two edges count.
+            moving: in its body frame.
+            fixed: in the B-frame.
+        """
         return _crossings(moving, fixed, tuple(contacts))
 
     def sides(self, pose: Pose) -> bytes:

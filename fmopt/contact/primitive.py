@@ -62,21 +62,39 @@ class PrimitiveContact:
 
 @remembered(_CONTACTS)
 def vertex_face(fixed: Polyhedron, vertex: int, face: int) -> PrimitiveContact:
-    """The contact of a moving vertex on a fixed face."""
+    """The contact of a moving vertex on a fixed face.
+
+    Args:
+        fixed: the fixed part.
+        vertex: index in the moving part.
+        face: index in the fixed part.
+    """
     outer = fixed.faces[face].loops[0]
     return PrimitiveContact(f"v{vertex}-f{face}", Kind.VERTEX_FACE, (vertex,), outer, vertex, face)
 
 
 @remembered(_CONTACTS)
 def ball_face(fixed: Polyhedron, vertex: int, face: int) -> PrimitiveContact:
-    """The contact of a moving ball, of which a vertex is the centre, on a fixed face."""
+    """The contact of a moving ball, of which a vertex is the centre, on a fixed face.
+
+    Args:
+        fixed: the fixed part.
+        vertex: index in the moving part, of the centre.
+        face: index in the fixed part.
+    """
     outer = fixed.faces[face].loops[0]
     return PrimitiveContact(f"b{vertex}-f{face}", Kind.BALL_FACE, (vertex,), outer, vertex, face)
 
 
 @remembered(_CONTACTS)
 def face_vertex(moving: Polyhedron, face: int, vertex: int) -> PrimitiveContact:
-    """The contact of a moving face on a fixed vertex."""
+    """The contact of a moving face on a fixed vertex.
+
+    Args:
+        moving: the moving part.
+        face: index in the moving part.
+        vertex: index in the fixed part.
+    """
     outer = moving.faces[face].loops[0]
     return PrimitiveContact(f"f{face}-v{vertex}", Kind.FACE_VERTEX, outer, (vertex,), face, vertex)
 
@@ -110,7 +128,13 @@ def _crossing(
 
 @remembered(_CONTACTS)
 def crossed(moving: Polyhedron, fixed: Polyhedron, one: int, other: int, along: bool) -> PrimitiveContact:
-    """The contact of a moving edge, run along or the other way, across a fixed one; see `edge_edge`."""
+    """The contact of a moving edge, run along or the other way, across a fixed one; see `edge_edge`.
+
+    Args:
+        moving, fixed: the parts.
+        one, other: index of the moving edge, and of the fixed one.
+        along: whether the moving edge keeps the order of its ends, on which the sign of R a × e depends.
+    """
     ends = moving.edges[one].vertices if along else moving.edges[one].vertices[::-1]
     return PrimitiveContact(f"e{one}-e{other}", Kind.EDGE_EDGE, ends, fixed.edges[other].vertices, one, other)
 
@@ -203,7 +227,7 @@ def near_contacts(
 def near_tips(
     moving: Polyhedron, fixed: Polyhedron, pose: Pose, reach: float, angle: float
 ) -> tuple[PrimitiveContact, ...]:
-    """Those of `near_contacts` that are of a moving vertex or ball on a fixed face; arguments and errors as there."""
+    """Those that are of a moving vertex or ball on a fixed face; errors and arguments as for `near_contacts`."""
     heed()
     own, other = _features(moving), _features(fixed)
     tips = vertices_at_faces(own.corners, other.walls, matrices(pose.p, pose.R), reach, angle, True)
@@ -213,7 +237,12 @@ def near_tips(
 
 
 def matrices(p: Array, R: Array) -> Array:
-    """Poses as kernels take them: rotations R (…, 3, 3) with positions p (…, 3) in m beside them, (…, 3, 4)."""
+    """Poses as kernels take them: rotations with positions beside them, (…, 3, 4).
+
+    Args:
+        p: (…, 3), m.
+        R: (…, 3, 3).
+    """
     found = np.empty((*p.shape, 4))
     found[..., :3], found[..., 3] = R, p
     return found
@@ -237,6 +266,12 @@ def feature_distance(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyh
     """Distance between the two features of a contact at a pose, m: what touches is next to each other, too.
 
     Bounds do not say that, as there are none where a face or an edge ends at a wall, or at the next one in its plane.
+
+    Args:
+        contact: of features that the parts have.
+        moving: in its body frame.
+        fixed: in the B-frame.
+        pose: of the moving part in the B-frame.
     """
     match contact.kind:
         case Kind.VERTEX_FACE:

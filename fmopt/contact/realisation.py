@@ -34,7 +34,12 @@ class Poses(Value):
 
     @staticmethod
     def around(pose: Pose, X: Array) -> Poses:
-        """The poses at local coordinates X (n, 6) around one."""
+        """The poses at local coordinates around one.
+
+        Args:
+            pose: where X = 0 is.
+            X: (n, 6), displacement in m and rotation vector in rad, axes of B.
+        """
         return Poses(pose.p + X[:, :3], turns(X[:, 3:]) @ pose.R)
 
     @staticmethod
@@ -126,11 +131,22 @@ class Neighbourhood(Value):
 
     @staticmethod
     def of(space: LocalSpace, moving: Polyhedron, fixed: Polyhedron) -> Neighbourhood:
-        """The functions of a local space's contacts between these parts."""
+        """The functions of a local space's contacts between these parts.
+
+        Args:
+            space: linearised at a pose.
+            moving: in its body frame.
+            fixed: in the B-frame.
+        """
         return Neighbourhood(space, BoundTable.of(space.contacts, moving, fixed, space.pose), (moving, fixed))
 
     def measured(self, on: Bits, poses: Poses) -> Measures:
-        """What states with contacts `on` (n, k) have at poses, one each."""
+        """What states have at poses, one each.
+
+        Args:
+            on: (n, k), which contacts each state holds.
+            poses: n of them.
+        """
         unit, values = self.space.scale[0], heights(self.functions, poses.matrices)
         f = values[:, self.functions.own]
         depth, which = self.table.depths(values[:, self.functions.bounds[0]])

@@ -53,7 +53,12 @@ class ContactState(Value):
     def all_of(
         ids: Sequence[str], contacts: Sequence[tuple[str, ...]], dimensions: Sequence[int], points: Array
     ) -> tuple[ContactState, ...]:
-        """Many states with their points (n, 6), which are checked and frozen together: a tenth of the time."""
+        """Many states, whose points are checked and frozen together: a tenth of the time.
+
+        Args:
+            ids, contacts, dimensions: of each.
+            points: (n, 6), local coordinates in m and rad.
+        """
         found = []
         for name, touching, dimension, point in zip(
             ids, contacts, dimensions, frozen(points, len(ids), 6), strict=True
@@ -89,6 +94,10 @@ class ContactGraph(Value):
         """Contacts a segment in `state` that comes from `start` and ends in `goal` has to stay clear of.
 
         The contacts of the state's sons, minus those of the state, its goal and its start.
+
+        Args:
+            state, goal: indices of states.
+            start: index of the state before; None at the first segment.
         """
         own = {c for i in (state, goal, start) if i is not None for c in self.states[i].contacts}
         near = {c for son in self.sons[state] for c in self.states[son].contacts}
@@ -101,7 +110,12 @@ class ContactGraph(Value):
 
 
 def contact_graph(space: LocalSpace, faces: Faces) -> ContactGraph:
-    """The contact-state graph of a local space and its faces."""
+    """The contact-state graph of a local space and its faces.
+
+    Args:
+        space: local coordinates and contacts.
+        faces: of the polytope of its constraints, scaled.
+    """
     n, names = len(faces.points), np.array([contact.id for contact in space.contacts], dtype=np.object_)
     ends, rows = held(faces.active)
     contacts = _cut(names[rows].tolist(), ends)

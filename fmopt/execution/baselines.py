@@ -62,7 +62,13 @@ class Task:
         )
 
     def program(self, name: str, start: Pose, steps: tuple[Step, ...]) -> Program:
-        """A program without friction to make up for."""
+        """A program without friction to make up for.
+
+        Args:
+            name: of the method.
+            start: pose of the moving part in the B-frame.
+            steps: in order.
+        """
         return Program(name, start, self.fit.rho, SPEED, steps, 0.0, self.limits)
 
     @property

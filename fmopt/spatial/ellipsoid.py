@@ -32,12 +32,22 @@ def root(Q: Array) -> Array:
 
 
 def narrow(F: Array, most: int) -> Array:
-    """A root (n, k) of the same ellipsoid as F (n, m), k no more than `most`, or than n."""
+    """A root (n, k) of the same ellipsoid as F, k at most n where F has more than `most` columns.
+
+    Args:
+        F: (n, m), root of a shape matrix F Fᵀ.
+        most: number of columns wanted.
+    """
     return F if F.shape[1] <= most else np.asarray(np.linalg.qr(F.T).R.T)
 
 
 def image(Q: Array, A: Array) -> Array:
-    """Shape matrix A Q Aᵀ (m, m) of the image under the linear map A (m, n), exact."""
+    """Shape matrix A Q Aᵀ (m, m) of the image under the linear map A, exact.
+
+    Args:
+        Q: (n, n), shape matrix.
+        A: (m, n).
+    """
     shape = A @ Q @ A.T
     return np.asarray(0.5 * (shape + shape.T))
 
