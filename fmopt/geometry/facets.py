@@ -91,9 +91,11 @@ def polygon_faces(
 
 
 def patchwork(vertices: Array, triangles: Indices, tol: float, numbers: Indices, most: int = MAX_FACES) -> Patchwork:
-    """A closed triangle mesh with the number of the planar face of each triangle (m,); arguments as for `polygon_faces`.
+    """A closed triangle mesh with the number of the planar face of each triangle.
 
-    Vertices are (n, 3), m; there may be `most` faces.
+    Args:
+        vertices, triangles, tol, numbers: as for `polygon_faces`.
+        most: faces, at most.
 
     Raises:
         GeometryError: as `polygon_faces`.

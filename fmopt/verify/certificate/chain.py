@@ -118,6 +118,10 @@ class Chain:
     def follow(self, segment: Segment, notes: Notes) -> Stage:
         """Derives a segment from the one before it.
 
+        Args:
+            segment: the next one.
+            notes: what is found on the way is added.
+
         Raises:
             Broken: the segment does not fit to the one before it.
             ArithmeticRefusal: see `Motion`.

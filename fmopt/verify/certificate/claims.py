@@ -241,7 +241,12 @@ def approach(motion: Motion) -> int:
 
 
 def departure(motion: Motion, function: Function) -> int:
-    """A lower bound, in fixed point, of how much a row grows along the piece; positive: on every execution it does."""
+    """A lower bound, in fixed point, of how much a row grows along the piece; positive: on every execution it does.
+
+    Args:
+        motion: the piece.
+        function: of a contact given up, 0 at its start.
+    """
     start, goal = motion.ends(function)
     farther = min(row_dot(goal.N, motion.motion), row_dot(start.N, motion.motion))
     return farther - _change(motion, function) - SLACK

@@ -146,7 +146,13 @@ class Linkage:
         return replace(self, hand=tuple(turned(turn, g[:3]) + turned(turn, g[3:]) for g in self.hand))
 
     def moves(self, travel: Vector, turn: Matrix, count: int) -> tuple[Row, ...]:
-        """By how much `count` generators move as the part travels and turns."""
+        """By how much `count` generators move as the part travels and turns.
+
+        Args:
+            travel: of the reference point, m.
+            turn: of the part, over the piece.
+            count: of generators; those behind the linked ones do not move.
+        """
         after = self.turned(turn).hand
         found = []
         for h, old, new in zip(self.hole, self.hand, after, strict=True):
@@ -156,6 +162,12 @@ class Linkage:
 
     def left(self, offset: int, angle: int, ends: Sequence[Vector], turn: int) -> tuple[int, int]:
         """What the linear picture leaves of errors of at most these sizes over a piece between two positions.
+
+        Args:
+            offset: bound of |e|, m.
+            angle: bound of |ε|, rad.
+            ends: both positions of the piece, m.
+            turn: bound of how far the piece turns, rad.
 
         Raises:
             ArithmeticRefusal: the errors are too large for its bounds.
@@ -250,7 +262,12 @@ def seen(n: Row, A: Square) -> Row:
 
 
 def congruent(A: Square, Q: Square) -> Square:
-    """A Q Aᵀ for a symmetric Q."""
+    """A Q Aᵀ for a symmetric Q.
+
+    Args:
+        A: any.
+        Q: symmetric.
+    """
     if Q == NOTHING:
         return NOTHING
     half = flipped(square_of([image(A, q) for q in Q]))
@@ -284,6 +301,10 @@ def dual(directions: tuple[Row, ...], rows: tuple[Row, ...]) -> tuple[tuple[Row,
 
     Where a piece of motion starts, they are those of the end of the piece before.
 
+    Args:
+        directions: C, as many as rows.
+        rows: N, of the contacts held.
+
     Raises:
         ArithmeticRefusal: see `inverse`.
     """
@@ -296,7 +317,12 @@ def dual(directions: tuple[Row, ...], rows: tuple[Row, ...]) -> tuple[tuple[Row,
 
 
 def complement(columns: Sequence[Row], rows: Sequence[Row]) -> Square:
-    """I − Σ cᵢ nᵢᵀ."""
+    """I − Σ cᵢ nᵢᵀ.
+
+    Args:
+        columns: cᵢ; none give the identity.
+        rows: nᵢ, one for each column.
+    """
     if not columns:
         return diagonal([ONE] * 6)
     across = list(zip(*rows, strict=True))
@@ -307,7 +333,13 @@ def complement(columns: Sequence[Row], rows: Sequence[Row]) -> Square:
 
 
 def without(A: Square, column: Row, row: Row) -> Square:
-    """A − c nᵀ."""
+    """A − c nᵀ.
+
+    Args:
+        A: any.
+        column: c.
+        row: n.
+    """
     return square_of(
         [[x - ((c * n) >> BITS) for x, n in zip(r, row, strict=True)] for r, c in zip(A, column, strict=True)]
     )
@@ -320,7 +352,12 @@ def metric(rho: int) -> Row:
 
 
 def measure(v: Row, rho: int) -> int:
-    """√(|e|² + ρ²|ε|²)."""
+    """√(|e|² + ρ²|ε|²).
+
+    Args:
+        v: twist (e, ε), m and rad.
+        rho: ρ, m.
+    """
     return root(sum([times(w, times(x, x)) for w, x in zip(metric(rho), v, strict=True)]))
 
 
@@ -329,6 +366,10 @@ def outer_sum(Q1: Square, Q2: Square, weights: Row) -> Square:
 
     A summand without extent is left out. Both are blurred first: a factor may be large where a summand is small, though
     not so large that what is but blur would count.
+
+    Args:
+        Q1, Q2: symmetric, positive semidefinite but for `BLUR`.
+        weights: diagonal of the metric, for the traces.
     """
     if Q1 == NOTHING or Q2 == NOTHING:
         return Q1 if Q2 == NOTHING else Q2

@@ -63,12 +63,23 @@ class Known:
         return (*self.facts.held, *self.beside)
 
     def presses(self, assembly: Assembly, centre: Vector, plane: Plane) -> bool:
-        """Whether a contact keeps the ball about a body point on a plane, or from crossing it."""
+        """Whether a contact keeps the ball about a body point on a plane, or from crossing it.
+
+        Args:
+            assembly: the parts.
+            centre: body point, m.
+            plane: of a face of the fixed part.
+        """
         balls = (t for t in self.all if t.kind == "ball-face" and t.moving[0] == centre)
         return any(assembly.agree(t.faces[0], plane) for t in balls)
 
     def above(self, assembly: Assembly, plane: Plane) -> list[Vector]:
-        """Body points that contacts not yet made, or given up, keep from crossing a plane, or that lay flat there."""
+        """Body points that contacts not yet made, or given up, keep from crossing a plane, or that lay flat there.
+
+        Args:
+            assembly: the parts.
+            plane: of a face of the fixed part.
+        """
         points = [t.moving[0] for t in self.beside if t.kind == "vertex-face" and assembly.agree(t.faces[0], plane)]
         if self.hinge is not None and assembly.agree(self.hinge[0], plane):
             points.append(self.hinge[2])
@@ -86,6 +97,13 @@ class Apart:
 
 def apart(assembly: Assembly, M: Shape, F: Shape, witness: Witness, motion: Motion, known: Known) -> Apart:
     """Margin and clearance of a witness over a piece of motion.
+
+    Args:
+        assembly: the parts.
+        M, F: the moving and the fixed piece.
+        witness: what the plan says keeps them apart.
+        motion: the piece of motion.
+        known: what the contacts held, made and given up say.
 
     Raises:
         WitnessError: see there.
@@ -110,6 +128,10 @@ def least(motion: Motion, functions: Sequence[Function]) -> tuple[int, tuple[Dis
     """The least certified bound of functions, with the row of the one that has it.
 
     Those that the errors' box keeps far away are not looked at closely.
+
+    Args:
+        motion: the piece.
+        functions: one or more.
     """
     quick = sorted([(motion.far(function), k) for k, function in enumerate(functions)])
     tightest = functions[quick[0][1]]

@@ -161,6 +161,10 @@ class Assembly(Incidence):
 
         When a vertex-face contact of `together` holds one end exactly on a wall through the fixed edge, the lines of
         both edges meet exactly when the other end is on that wall too.
+
+        Args:
+            touch: an edge against an edge; any other has none.
+            together: contacts held with it.
         """
         if touch.kind != "edge-edge":
             return None
@@ -180,6 +184,10 @@ class Assembly(Incidence):
         The plane of that face has a point of the rim already, from the edge held: its other lines meet the rim exactly
         when the whole rim lies in it. Where the two edges share an end, that end is not on the rim: else the edge held
         would have no place inside its bounds, or a wall would make `touch` a hinge.
+
+        Args:
+            touch: an edge against an edge; any other has none.
+            together: contacts in the order in which they are held; those before `touch` count.
         """
         if touch.kind != "edge-edge":
             return None
@@ -205,6 +213,10 @@ class Assembly(Incidence):
 
         A vertex that reaches a wall while its edge is held on a rim of that wall is as high over it as the edge rises
         from the crossing to the vertex: a part, in (0, 1), of the rise of the whole edge, which its direction tells.
+
+        Args:
+            touch: the contact to be made.
+            held: contacts held until then.
         """
         if touch.kind == "vertex-face":
             for other in held:
@@ -215,7 +227,12 @@ class Assembly(Incidence):
         return self.function(touch, held)
 
     def function(self, touch: Touch, together: Sequence[Touch]) -> Function:
-        """The function of a contact as an equality: zero exactly while it is held, positive before it is made."""
+        """The function of a contact as an equality: zero exactly while it is held, positive before it is made.
+
+        Args:
+            touch: a contact.
+            together: all that are held at once, which make it redundant in places.
+        """
         key = (touch.id, *(t.id for t in together))
         found = self._found.functions.get(key)
         if found is None:
@@ -240,12 +257,22 @@ class Assembly(Incidence):
 
 
 def over_balls(plane: Plane, radius: int) -> Plane:
-    """The plane in front of which a ball's centre is where the ball is in front of a plane."""
+    """The plane in front of which a ball's centre is where the ball is in front of a plane.
+
+    Args:
+        plane: for surfaces.
+        radius: m.
+    """
     return Plane(plane.normal, plane.offset + radius)
 
 
 def outward(plane: Plane, a: Vector, b: Vector) -> int:
-    """How far b is above a over a plane."""
+    """How far b is above a over a plane.
+
+    Args:
+        plane: with its front above.
+        a, b: m.
+    """
     return dot(plane.normal, sub(b, a))
 
 

@@ -59,7 +59,12 @@ _PRECISION = 64  # bits of a normal
 
 
 def uncovered(part: Shape, pieces: Sequence[Shape]) -> Iterator[str]:
-    """What keeps the faces of a part from being the surface of a solid, and its pieces from being that solid."""
+    """What keeps the faces of a part from being the surface of a solid, and its pieces from being that solid.
+
+    Args:
+        part: its faces, holes and balls.
+        pieces: convex; together they are to be the part.
+    """
     size = sum(len(shape.vertices) + len(shape.faces) for shape in (part, *pieces))
     work = Work(min(_MOST_STEPS, _LEAST_STEPS + _SHARE * size * size))
     try:
@@ -207,7 +212,11 @@ def opposite(space: HalfSpace) -> HalfSpace:
 
 
 def meeting(p: HalfSpace, q: HalfSpace, r: HalfSpace) -> Place:
-    """The place where three planes meet."""
+    """The place where three planes meet.
+
+    Args:
+        p, q, r: no two parallel, nor all along one line.
+    """
     a, b, c, d = p
     e, f, g, h = q
     i, j, k, l = r

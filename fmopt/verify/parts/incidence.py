@@ -81,7 +81,11 @@ class Incidence:
             yield "parts and pieces deviate from what is proved of them by more than the touch tolerance"
 
     def agree(self, a: Plane, b: Plane) -> bool:
-        """Whether two planes of faces of the parts are one, seen from the same side."""
+        """Whether two planes of faces of the parts are one, seen from the same side.
+
+        Args:
+            a, b: of faces of parts or pieces.
+        """
         exact = self._levels.get(a)
         return exact is not None and exact == self._levels.get(b)
 
@@ -94,6 +98,11 @@ class Incidence:
 
         Corners of the face may be off that plane by `DEVIATION`, and no vertex is farther beyond it. What is known of
         the plane is then asked of the part's, and the piece is behind that moved out to its farthest vertex.
+
+        Args:
+            part: the whole.
+            piece: one of its convex pieces.
+            face: index of the piece's.
         """
         known = self._seen.backs
         if (piece, face) not in known:
@@ -147,7 +156,12 @@ class Incidence:
         return way(self.point(v), self.point(w))
 
     def holds(self, l: Line, v: Vector) -> bool:
-        """Whether a vertex lies on the line of two others."""
+        """Whether a vertex lies on the line of two others.
+
+        Args:
+            l: through two vertices.
+            v: a vertex.
+        """
         found = self._seen.holds.get((l, v))
         if found is None:
             found = parallel(self.way(l.point, l.far), self.way(l.point, v))
@@ -159,7 +173,12 @@ class Incidence:
         return self.holds(l, other.point) and self.holds(l, other.far)
 
     def spanned(self, l: Line, v: Vector) -> Flush | None:
-        """The plane through a line and a vertex; None where the vertex is too near the line."""
+        """The plane through a line and a vertex; None where the vertex is too near the line.
+
+        Args:
+            l: through two vertices.
+            v: a vertex of the same part.
+        """
         found = self._seen.spans
         if (l, v) not in found:
             found[l, v] = self._spanned(l, v)
@@ -205,13 +224,22 @@ class Turn(NamedTuple):
 
 
 def steep(one: Turn, two: Turn) -> bool:
-    """Whether two directions are far enough from parallel to tell together how all is turned."""
+    """Whether two directions are far enough from parallel to tell together how all is turned.
+
+    Args:
+        one, two: directions of the body with where they are turned.
+    """
     axis = cross(one.body, two.body)
     return dot(axis, axis) >= _STEEP
 
 
 def image_of(one: Turn, two: Turn, w: Vector) -> Vector:
-    """R w from two directions that R turns."""
+    """R w from two directions that R turns.
+
+    Args:
+        one, two: `steep` to each other.
+        w: of the body, m.
+    """
     axis, turned_axis = cross(one.body, two.body), cross(one.world, two.world)
     sine = dot(axis, axis)
     g = dot(one.body, two.body)
@@ -225,6 +253,11 @@ def cancel(one: Turn, two: Turn, normal: Vector, d: Vector) -> bool:
     """Whether a normal is exactly across R d, for d = α n₁ + β n₂ + γ n₁ × n₂ of two directions that R turns.
 
     With R nᵢ = kᵢ mᵢ, kᵢ² = |nᵢ|²/|mᵢ|², it is when α k₁ (normal·m₁) + β k₂ (normal·m₂) + γ k₁ k₂ (normal·m₁ × m₂) = 0.
+
+    Args:
+        one, two: `steep` to each other.
+        normal: of the world, integers.
+        d: of the body, integers.
     """
     n1, n2 = one.exact, two.exact
     g11, g12, g22 = inner(n1, n1), inner(n1, n2), inner(n2, n2)
@@ -251,6 +284,12 @@ def directed(normal: Vector, w: Vector, cosine: int, nominal: Vector) -> Vector 
     """The unit direction level with a plane and at a known angle to w that is nearly a nominal one.
 
     None where the nominal one is neither of the two that there are, or they are too near each other.
+
+    Args:
+        normal: unit normal of the plane.
+        w: unit vector.
+        cosine: of the angle to w.
+        nominal: unit vector, which tells the two solutions apart.
     """
     axis = cross(normal, w)
     square = dot(axis, axis)
@@ -268,7 +307,14 @@ def directed(normal: Vector, w: Vector, cosine: int, nominal: Vector) -> Vector 
 
 
 def crossing(normal: Vector, turn: Turn, edge: Vector, there: Vector) -> Vector | None:
-    """The direction of an edge in a wall exactly, when it is square to a direction that is turned exactly."""
+    """The direction of an edge in a wall exactly, when it is square to a direction that is turned exactly.
+
+    Args:
+        normal: of the wall, integers.
+        turn: of the body.
+        edge: of the body, integers.
+        there: where the edge points about, to choose one of two signs.
+    """
     if turn.onto is None or inner(turn.exact, edge) != 0:
         return None
     along = outer(normal, turn.onto)

@@ -266,7 +266,11 @@ class Extent:
         return found
 
     def swing(self, start: Vector, goal: Vector) -> tuple[int, int]:
-        """Bounds of |ε × w| anywhere on the way of a turned body vector w, and of |τ × w|."""
+        """Bounds of |ε × w| anywhere on the way of a turned body vector w, and of |τ × w|.
+
+        Args:
+            start, goal: w as it is turned at both ends, m.
+        """
         found = self._swings.get((start, goal))
         if found is None:
             swept = self.swept(start)
@@ -284,7 +288,11 @@ class Extent:
 
 
 def size(start: Distance, goal: Distance) -> int:
-    """The larger |u||k| + |M p + s| of both ends."""
+    """The larger |u||k| + |M p + s| of both ends.
+
+    Args:
+        start, goal: a row at both ends of a piece of motion.
+    """
     found = max(start.reach, goal.reach)
     if start.bend is not None and goal.bend is not None:
         found += max(length(start.bend.arm), length(goal.bend.arm))
@@ -297,6 +305,10 @@ def remainder(start: Distance, goal: Distance, extent: Extent) -> int:
     A turn by ε adds ε × w and what is left of it, −∫(1 − t)(ε × exp(−tε)u)·(ε × w) dt for u·w: no more than
     |ε × u||ε × w|/2. The nominal arc is off its chord by |τ × u||τ × w|/8 at most, and the gradient's turn, weighted
     2s(1 − s) ≤ 1/2 between the ends, leaves |ε × u||τ × w|/2.
+
+    Args:
+        start, goal: a row at both ends of a piece of motion.
+        extent: of the piece and its errors.
     """
     if start.bend is not None and goal.bend is not None:
         return min(_bent(start, goal, start.bend, goal.bend, extent), coarse(start, goal, extent))
@@ -308,6 +320,9 @@ def coarse(start: Distance, goal: Distance, extent: Extent) -> int:
     """A quick bound of what a row differs by from its linear part, never less than `remainder`.
 
     κ (|u||k| + |M p + s|) with κ of `Extent`, and θD + τΔ/4 + τD/2 + Δθ/2 of a bilinear row, |M e| ≤ D.
+
+    Args:
+        start, goal, extent: as for `remainder`.
     """
     found = times(extent.kappa, size(start, goal)) + 9
     if start.bend is not None:

@@ -150,12 +150,20 @@ class Shape:
         return {edge: n for n, face in enumerate(self.faces) for loop in face.loops for edge in _around(loop)}
 
     def edge(self, i: int, j: int) -> tuple[int, int] | None:
-        """The faces left and right of the edge from i to j, or None when there is no such edge."""
+        """The faces left and right of the edge from i to j, or None when there is no such edge.
+
+        Args:
+            i, j: indices of vertices; j to i is the same edge with its faces exchanged.
+        """
         left, right = self.edge_faces.get((i, j)), self.edge_faces.get((j, i))
         return None if left is None or right is None else (left, right)
 
     def convex(self, i: int, j: int) -> bool:
-        """Whether material fills less than half a turn around the edge from i to j."""
+        """Whether material fills less than half a turn around the edge from i to j.
+
+        Args:
+            i, j: as for `edge`; no edge is not convex.
+        """
         faces = self.edge(i, j)
         if faces is None:
             return False
@@ -173,7 +181,12 @@ class Shape:
         return None
 
     def across(self, face: int, loop: Sequence[int]) -> list[tuple[int, int, Plane]]:
-        """The edges of a loop of a face, each with the plane across the face that has the face in front of it."""
+        """The edges of a loop of a face, each with the plane across the face that has the face in front of it.
+
+        Args:
+            face: index.
+            loop: one of that face's.
+        """
         planes = []
         for i, j in zip(loop, (*loop[1:], loop[0]), strict=True):
             p, q = self.vertices[i], self.vertices[j]

@@ -255,7 +255,13 @@ def _determinant(a: Point, b: Point, c: Point) -> int:
 
 
 def crossed(flat: Mapping[int, Flat], loops: Sequence[Loop], work: Work) -> bool:
-    """Whether loops cross, touch or run back along themselves or one another."""
+    """Whether loops cross, touch or run back along themselves or one another.
+
+    Args:
+        flat: places of the vertices in the plane of the face.
+        loops: of one face.
+        work: spent on it.
+    """
     edges = [(loop[k - 1], i) for loop in loops for k, i in enumerate(loop)]
     work.spend(len(edges) * len(edges) // 8)
     if len({i for i, _ in edges}) != len(edges):

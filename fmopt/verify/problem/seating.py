@@ -21,6 +21,10 @@ Point = tuple[float, float, float]
 def frames(solid: Solid, body: Body) -> Iterator[Frame]:
     """The frames in which three far corners of a part are corners of a solid, and none of the part lies out of reach.
 
+    Args:
+        solid: of the model.
+        body: of the plan.
+
     Raises:
         Unbounded: there are too many corners to try.
     """

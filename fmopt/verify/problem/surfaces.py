@@ -61,6 +61,10 @@ def diameter(body: Body) -> float:
 def compared(mesh: Sequence[Triangle], body: Body) -> Surface:
     """A mesh in the part's frame held against the part.
 
+    Args:
+        mesh: in the frame of the part, m.
+        body: of the plan.
+
     Raises:
         Unbounded: both have very many faces.
     """
@@ -125,7 +129,11 @@ def _fits(triangle: Triangle, normal: Point | None, faces: Sequence[_Face], span
 
 
 def fitting(mesh: Sequence[Triangle], body: Body) -> list[Triangle]:
-    """The mesh moved so that its corners lie as near the faces as they can be, by least squares of their heights."""
+    """The mesh moved so that its corners lie as near the faces as they can be, by least squares of their heights.
+
+    Args:
+        mesh, body: as for `compared`, the mesh nearly in place.
+    """
     faces, span = [_face(body, loops) for loops in body.faces], diameter(body)
     middle = [sum(axis) / len(body.vertices) for axis in zip(*body.vertices, strict=True)]
     rows = [[0.0] * 7 for _ in range(6)]
@@ -258,6 +266,10 @@ def _width(body: Body, face: int, across: Point) -> float:
 def seated(mesh: Sequence[Triangle], body: Body) -> Iterator[list[Triangle]]:
     """The mesh in every frame in which three far corners of the part are corners of it: the part's own is one.
 
+    Args:
+        mesh: in a frame of its own, m.
+        body: of the plan.
+
     Raises:
         Unbounded: the mesh has too many corners to try.
     """
@@ -290,7 +302,11 @@ def _in_box(p: Point, low: Sequence[float], high: Sequence[float], reach: float)
 
 
 def basis(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> _Basis:
-    """The axes of the triangle a b c: along a b, in its plane, and its normal."""
+    """The axes of the triangle a b c: along a b, in its plane, and its normal.
+
+    Args:
+        a, b, c: not on a line.
+    """
     u = _unit(between(a, b))
     w = _unit(cross(u, between(a, c)))
     return u, cross(w, u), w
