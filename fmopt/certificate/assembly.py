@@ -87,7 +87,12 @@ class Assembly:
         return self._carried[piece]
 
     def agree(self, normal: Array, offset: float, other: Array, other_offset: float) -> bool:
-        """Whether two planes are one, seen from the same side, wherever the parts can be."""
+        """Whether two planes are one, seen from the same side, wherever the parts can be.
+
+        Args:
+            normal, other: outward unit normals (3,), axes of one frame.
+            offset, other_offset: m.
+        """
         turn = length(normal - other)
         return turn * self.radius + abs(offset - other_offset) <= NEAR
 
@@ -121,7 +126,13 @@ def _carried(part: Polyhedron, piece: Polyhedron) -> frozenset[tuple[str, int]]:
 
 
 def in_plane(points: Array, normal: Array, offset: float) -> bool:
-    """Whether all points (k, 3) lie in the plane, to `TOUCH`."""
+    """Whether all points lie in the plane, to `TOUCH`.
+
+    Args:
+        points: (k, 3), m.
+        normal: unit normal (3,).
+        offset: m.
+    """
     return bool(np.all(np.abs(points @ normal - offset) <= TOUCH))
 
 
@@ -131,7 +142,13 @@ def same(a: Array, b: Array) -> bool:
 
 
 def on_line(points: Array, a: Array, direction: Array) -> Mask:
-    """Which points (k, 3) lie on the line through a along a unit direction, to `NEAR`."""
+    """Which points lie on the line through a, to `NEAR`.
+
+    Args:
+        points: (k, 3), m.
+        a: (3,), m.
+        direction: unit vector (3,).
+    """
     return np.asarray(lengths(cross(points - a, direction)) <= NEAR)
 
 
@@ -142,6 +159,11 @@ def hinge(
 
     When a vertex–face contact of `together` holds one end exactly on a wall through the fixed edge, the lines of both
     edges meet exactly when the other end is on that wall too.
+
+    Args:
+        assembly: the parts.
+        contact: of any kind.
+        together: contacts held with it, itself among them or not.
     """
     if contact.kind is not Kind.EDGE_EDGE:
         return None
@@ -163,6 +185,11 @@ def level(
 
     The face's plane has one point of the rim already; its other lines meet the rim exactly when the face is level with
     it. Of `together`, the contacts listed before this one count.
+
+    Args:
+        assembly: the parts.
+        contact: of any kind.
+        together: contacts in the order in which they are listed.
 
     Returns:
         (u, k): direction (3,) along the rim towards the edge, and the face's normal (3,) times the greatest distance
@@ -206,7 +233,7 @@ def contact_rows(
 def contact_forms(
     assembly: Assembly, contacts: tuple[PrimitiveContact, ...], together: tuple[PrimitiveContact, ...]
 ) -> Forms:
-    """The functions of contacts, see `contact_rows`."""
+    """The functions of contacts; arguments as for `contact_rows`."""
     if not contacts:
         return points_above(np.zeros((0, 3)), np.zeros(3), 0.0)
     return stacked(*(_form(assembly, contact, together) for contact in contacts))
@@ -236,7 +263,14 @@ def made_form(assembly: Assembly, made: PrimitiveContact, held: tuple[PrimitiveC
 
 @remembered(_MEMORY)
 def made_scale(assembly: Assembly, made: PrimitiveContact, held: tuple[PrimitiveContact, ...], rho: float) -> float:
-    """What makes a margin of `made_form`, m: 1 for a distance; a direction's angle counts on an arm of ρ."""
+    """What makes a margin of `made_form`, m: 1 for a distance; a direction's angle counts on an arm of ρ.
+
+    Args:
+        assembly: the parts.
+        made: contact to be made.
+        held: contacts held until then.
+        rho: ρ, m.
+    """
     found = made_form(assembly, made, held).at(Pose(np.zeros(3), np.eye(3)))
     return rho / float(found.forms.lever[0]) if not found.forms.bilinear.any() and not found.N[0, :3].any() else 1.0
 

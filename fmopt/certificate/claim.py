@@ -179,7 +179,12 @@ class FacetRows:
 
 
 def facet_rows(assembly: Assembly, claim: Claim) -> Iterator[FacetRows]:
-    """What bounds the contacts of a piece of motion at both ends, for placements that want to move them."""
+    """What bounds the contacts of a piece of motion at both ends, for placements that want to move them.
+
+    Args:
+        assembly: the parts.
+        claim: whose piece has contacts.
+    """
     piece, course = claim.piece, Course.of((claim.advance.ends,))
     table = bounds(assembly, piece.held, piece.held)
     rows = course.over(table.forms)

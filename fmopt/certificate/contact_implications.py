@@ -59,17 +59,27 @@ class Facts:
         return there(self.owner)
 
     def on(self, normal: Array, offset: float) -> Wall:
-        """What is known of a plane."""
+        """What is known of a plane.
+
+        Args:
+            normal: outward unit normal (3,).
+            offset: m.
+        """
         for wall in self.walls:
             if self.assembly.agree(wall.normal, wall.offset, normal, offset):
                 return wall
         return Wall(normal, offset, frozenset(), (), ())
 
     def not_below(self, normal: Array, offset: float, vertices: Array, above: Array) -> Mask:
-        """Which body points (k, 3) are on or above a plane, given some points (m, 3) known not to be below it.
+        """Which body points are on or above a plane, given some points known not to be below it.
 
         On a line in the wall every point is zero; on a body plane hinged there all points on the side of one that is
         not below are not below; nor are points beyond such a one, seen from a point in the wall.
+
+        Args:
+            normal, offset: as for `on`.
+            vertices: (k, 3), body frame, m.
+            above: (m, 3), body frame, m.
         """
         wall, P = self.on(normal, offset), self.assembly.body_points
         if not (wall.points or wall.between or len(above)):
@@ -99,7 +109,12 @@ class Facts:
 
 @remembered(_MEMORY)
 def facts(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> Facts:
-    """Everything that follows from contacts being held."""
+    """Everything that follows from contacts being held.
+
+    Args:
+        assembly: the parts.
+        held: all contacts at once.
+    """
     walls: list[Wall] = []
     fixed = assembly.fixed.polyhedron
     for contact in held:
@@ -195,7 +210,13 @@ def taken_turns(assembly: Assembly, contact: PrimitiveContact, together: Sequenc
 
 
 def held_on(assembly: Assembly, face: int, together: Sequence[PrimitiveContact]) -> set[int]:
-    """The moving vertices that contacts hold on a fixed face or one in its plane."""
+    """The moving vertices that contacts hold on a fixed face or one in its plane.
+
+    Args:
+        assembly: the parts.
+        face: index in the fixed part.
+        together: contacts held.
+    """
     faces = assembly.fixed.polyhedron.faces
     wall = faces[face]
     return {

@@ -80,7 +80,12 @@ class ErrorSet(Value):
 
     @staticmethod
     def of(half_widths: ArrayLike, framing: Framing) -> ErrorSet:
-        """The box of start errors with half-widths (6,) in m and rad, each share of it fixed where the framing says."""
+        """The box of start errors, each share of it fixed where the framing says.
+
+        Args:
+            half_widths: (6,), m and rad.
+            framing: which share is fixed in the hole, in the hand and in the world.
+        """
         a = frozen(half_widths, 6, name="half-widths")
         generators, linkage = Linkage.of(a, framing)
         return ErrorSet(ellipsoid.box_root(a), generators, _POINT, linkage=linkage)
@@ -139,7 +144,13 @@ class Support:
 
     @staticmethod
     def of(generators: Array, errors: ErrorSet, slack: Array | None = None) -> Support:
-        """The support of generators (k, 6) with the ellipsoids of a set, and of slack columns (6, s) on top."""
+        """The support of generators with the ellipsoids of a set, and of slack on top.
+
+        Args:
+            generators: (k, 6), m and rad.
+            errors: whose ellipsoids are taken; its generators are not.
+            slack: columns (6, s) of what comes on top; nothing if None.
+        """
         parts = [generators.T, errors.slide_root, errors.swing_root, errors.shape_root]
         first = len(generators)
         second = first + errors.slide_root.shape[1]
@@ -187,7 +198,12 @@ class Linkage(Value):
 
     @staticmethod
     def of(box: Array, framing: Framing) -> tuple[Array, Linkage | None]:
-        """The generators (k, 6) of a box of start errors, and how they move on; None where all stay as they are."""
+        """The generators (k, 6) of a box of start errors, and how they move on; None where all stay as they are.
+
+        Args:
+            box: half-widths (6,), m and rad.
+            framing: which share is fixed in the hole, in the hand and in the world.
+        """
         if framing.still:
             return np.diag(box)[box > 0.0], None
         hole, hand, world = framing.parts(box)
@@ -204,12 +220,22 @@ class Linkage(Value):
         return self if self.origin is not None else replace(self, origin=start)
 
     def links(self, start: Array, goal: Array) -> Array:
-        """The sizes of errors in different frames, and the greatest way from the origin of two positions (3,), (5,)."""
+        """The sizes of errors in different frames, and the greatest way from the origin of two positions (3,), (5,).
+
+        Args:
+            start, goal: (3,), m, of the reference point.
+        """
         origin = start if self.origin is None else self.origin
         return np.append(self.sizes, max(length(start - origin), length(goal - origin)))
 
     def moves(self, travel: Array, turn: Array, count: int) -> Array:
-        """By how much generators (count, 6) move as the part goes by `travel` (3,) and turns by a rotation (3, 3)."""
+        """By how much generators (count, 6) move as the part travels and turns.
+
+        Args:
+            travel: (3,), m.
+            turn: rotation matrix (3, 3).
+            count: of generators; those behind the linked ones do not move.
+        """
         found = np.zeros((count, 6))
         after = self.turned(turn).hand
         found[: len(self.hole)] = after - self.hand

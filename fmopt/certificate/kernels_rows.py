@@ -62,7 +62,13 @@ class Bending(NamedTuple):
 
 @part
 def value(row: Row, p: Vector, R: Array) -> tuple[float, Vector, Vector, End]:
-    """f at a pose, its gradient in translation and in rotation, and what turns: w, b, y."""
+    """f at a pose, its gradient in translation and in rotation, and what turns: w, b, y.
+
+    Args:
+        row: one of a table.
+        p: m.
+        R: (3, 3).
+    """
     n, u, w = vector(row["n"]), vector(row["u"]), turned(R, vector(row["k"]))
     f, moving, turning = dot(n, p) + dot(u, w) - row["c"], n, cross(w, u)
     b = y = (0.0, 0.0, 0.0)
@@ -76,7 +82,12 @@ def value(row: Row, p: Vector, R: Array) -> tuple[float, Vector, Vector, End]:
 
 @part
 def reach(row: Row, start: End, goal: End) -> float:
-    """|u||k| + |b||y|, y at the end where it is larger: what a small turn moves by at most, m."""
+    """|u||k| + |b||y|, y at the end where it is larger: what a small turn moves by at most, m.
+
+    Args:
+        row: one of a table.
+        start, goal: what turns, at both ends of a piece.
+    """
     found: float = row["lever"]
     if row["bilinear"]:
         found += max(size(start[2]), size(goal[2]))
@@ -163,7 +174,14 @@ def _changed(row: Row, end: End, move: Vector, turn: Vector) -> tuple[Vector, Ve
 
 @part
 def power(row: Row, end: End, move: Vector, turn: Vector) -> tuple[Vector, Vector]:
-    """How N·V, V = (Δ, τ), changes with a small error: Aᵀ(τ × b) and b × A Δ − Gᵀ τ."""
+    """How N·V, V = (Δ, τ), changes with a small error: Aᵀ(τ × b) and b × A Δ − Gᵀ τ.
+
+    Args:
+        row: one of a table.
+        end: what turns, at one end.
+        move: Δ, m.
+        turn: τ, rad.
+    """
     u, (w, b, y) = vector(row["u"]), end
     return _sloped(row, end, (move, turn), (w, b), (u, y))
 

@@ -89,7 +89,12 @@ class Facing:
 
 
 def facing(assembly: Assembly, piece: Piece) -> Facing:
-    """All pairs of convex pieces, moving and fixed, in order, with the contacts of a piece of motion."""
+    """All pairs of convex pieces, moving and fixed, in order, with the contacts of a piece of motion.
+
+    Args:
+        assembly: the parts.
+        piece: the piece of motion.
+    """
     return _facing(assembly, piece.held, (*piece.making, *piece.left), piece.left, piece.opening)
 
 
@@ -111,14 +116,24 @@ def _facing(
 
 
 def pairs(assembly: Assembly, piece: Piece) -> tuple[tuple[int, int, Pair], ...]:
-    """The pairs of `facing`."""
+    """The pairs of `facing`.
+
+    Args:
+        assembly, piece: as for `facing`.
+    """
     return facing(assembly, piece).listed
 
 
 def touching(
     assembly: Assembly, moving: Polyhedron, fixed: Polyhedron, contacts: Iterable[PrimitiveContact]
 ) -> tuple[PrimitiveContact, ...]:
-    """The contacts that two pieces can have with each other: on a face plane or along an edge of each."""
+    """The contacts that two pieces can have with each other: on a face plane or along an edge of each.
+
+    Args:
+        assembly: the parts that they are pieces of.
+        moving, fixed: convex pieces.
+        contacts: of the parts.
+    """
     own, other = assembly.carried(moving), assembly.carried(fixed)
     return tuple(c for c in contacts if _between(c, own, other))
 
@@ -129,5 +144,10 @@ def _between(contact: PrimitiveContact, moving: Features, fixed: Features) -> bo
 
 
 def free_plane(normal: Sequence[float], offset: float) -> Witness:
-    """The plane of a unit normal (3) just in front of a fixed piece that reaches out to an offset, m."""
+    """The plane of a unit normal (3) just in front of a fixed piece that reaches out to an offset, m.
+
+    Args:
+        normal: unit normal (3), out of the fixed piece.
+        offset: of its farthest point along it, m.
+    """
     return Witness("plane", (), (), (normal[0], normal[1], normal[2], offset + BEHIND))

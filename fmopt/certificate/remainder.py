@@ -81,13 +81,22 @@ class Curvature:
 
     @staticmethod
     def of(start: Rows, goal: Rows, twist: Array) -> Curvature:
-        """The curvature of rows over a piece with a twist (6,)."""
+        """The curvature of rows over a piece with a twist (6,).
+
+        Args:
+            start, goal: the same rows at both ends.
+            twist: V (6,), m and rad.
+        """
         w, b, y = (np.array(ends) for ends in zip(start.turned, goal.turned, strict=True))
         return Curvature(Bending(start.forms.table, Turned(w, b, y), np.array(twist)))
 
     @staticmethod
     def joined(one: Curvature, other: Curvature) -> Curvature:
-        """The curvature of the rows of both, over the same piece."""
+        """The curvature of the rows of both, over the same piece.
+
+        Args:
+            one, other: over one piece.
+        """
         (table, turned, twist), (more, ends, _) = one.bending, other.bending
         w, b, y = (np.concatenate(both, axis=1) for both in zip(turned, ends, strict=True))
         return Curvature(Bending(np.concatenate([table, more]), Turned(w, b, y), twist))

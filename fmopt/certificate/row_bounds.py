@@ -119,6 +119,10 @@ def _left(row: Row, start: End, goal: End, motion: Motion, n: int) -> float:
 def over(table: Table, motion: Motion) -> tuple[Array, Array, Array, Array]:
     """Rows (k) over pieces of motion (n).
 
+    Args:
+        table: rows (k,).
+        motion: pieces (n) with their errors.
+
     Returns:
         at both ends values (2, n, k) and gradients (2, n, k, 6), how far errors reach along these (2, n, k); and the
         remainders (n, k). In m and m/rad.

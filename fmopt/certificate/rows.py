@@ -78,11 +78,20 @@ class Forms:
         return np.asarray(self.table["lever"])
 
     def over(self, start: Pose, goal: Pose) -> tuple[Rows, Rows]:
-        """The rows at both ends of a piece of motion."""
+        """The rows at both ends of a piece of motion.
+
+        Args:
+            start, goal: poses of the moving part in the B-frame.
+        """
         return self.ends(np.array([start.p, goal.p]), np.array([start.R, goal.R]))
 
     def ends(self, p: Array, R: Array) -> tuple[Rows, Rows]:
-        """The rows at both ends of pieces of motion, positions p (2, …, 3) and rotations R (2, …, 3, 3)."""
+        """The rows at both ends of pieces of motion.
+
+        Args:
+            p: (2, …, 3), starts and goals, m.
+            R: (2, …, 3, 3).
+        """
         both = self.rows(p, R)
         return both.end(0), both.end(1)
 
@@ -91,7 +100,12 @@ class Forms:
         return self.rows(pose.p, pose.R)
 
     def rows(self, p: Array, R: Array) -> Rows:
-        """The rows at poses with positions p (…, 3) and rotations R (…, 3, 3), their axes leading."""
+        """The rows at poses, whose axes lead.
+
+        Args:
+            p: (…, 3), m.
+            R: (…, 3, 3).
+        """
         lead = p.shape[:-1]
         found = _at(self.table, p.reshape(-1, 3), R.reshape(-1, 3, 3))
         f, N, *turned = (part.reshape(*lead, *part.shape[1:]) for part in found)
@@ -129,29 +143,57 @@ def stacked(*parts: Forms) -> Forms:
 
 
 def points_above(points: Array, normals: Array, offsets: Array | float) -> Forms:
-    """n·(p + R v) − a for body points v (k, 3) and planes with unit normals n (k, 3) or (3,), a (k,) or one."""
+    """n·(p + R v) − a.
+
+    Args:
+        points: v (k, 3), body frame, m.
+        normals: n (k, 3) or one, unit vectors, axes of B.
+        offsets: a (k,) or one, m.
+    """
     return Forms(records(definitions.vertex_face, v=points, n=normals, c=offsets))
 
 
 def balls_above(points: Array, normals: Array, offsets: Array | float, radii: Array) -> Forms:
-    """n·(p + R v) − a − r for balls of radii r (k,) about body points v (k, 3), see `points_above`."""
+    """n·(p + R v) − a − r.
+
+    Args:
+        points, normals, offsets: as for `points_above`, v the centres.
+        radii: r (k,), m.
+    """
     return Forms(records(definitions.ball_face, v=points, n=normals, c=offsets, r=radii))
 
 
 def directions_along(u: Array, k: Array) -> Forms:
-    """u·(R k) for world vectors u and body vectors k, (r, 3) or one for all: rows that only the rotation moves."""
+    """u·(R k): rows that only the rotation moves.
+
+    Args:
+        u: (r, 3) or one, axes of B.
+        k: (r, 3) or one, body axes; |u||k| is the arm on which an angle counts.
+    """
     return Forms(records(definitions.hinge, k=k, u=u))
 
 
 def faces_above(normals: Array, offsets: Array | float, points: Array) -> Forms:
-    """(R n)·(w − p) − a for body planes n (k, 3) or (3,), a (k,) or one, and world points w (k, 3)."""
+    """(R n)·(w − p) − a.
+
+    Args:
+        normals: n (k, 3) or one, unit vectors, body axes.
+        offsets: a (k,) or one, m.
+        points: w (k, 3), in the B-frame, m.
+    """
     return Forms(records(definitions.face_vertex, n=normals, w=points, c=offsets))
 
 
 def edges_apart(e_m: Array, e_f: Array, q: Array, points: Array) -> Forms:
-    """m·(p + R v − q) with m = R e_m × e_f, not normalised, for body points v (k, 3).
+    """m·(p + R v − q) with m = R e_m × e_f, not normalised.
 
-    The plane runs through the fixed edge (point q, unit e_f) and along the moving edge (unit body vector e_m).
+    The plane runs through the fixed edge and along the moving edge.
+
+    Args:
+        e_m: (3,) or (k, 3), unit vector, body axes.
+        e_f: likewise, axes of B.
+        q: likewise, a point of the fixed edge, m.
+        points: v (k, 3), body frame, m.
     """
     return Forms(records(definitions.edges_apart, a=e_m, v=points, e=e_f, q=q))
 

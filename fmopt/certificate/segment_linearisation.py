@@ -106,6 +106,11 @@ class Linearisation:
 def linearisation_of(assembly: Assembly, piece: Piece, tolerance: Tolerance) -> Linearisation:
     """The linear picture of a piece.
 
+    Args:
+        assembly: the parts.
+        piece: the piece of motion.
+        tolerance: metric and velocity error.
+
     Raises:
         InfeasibleError: the piece turns too far or goes nowhere, contacts do not determine their compliant
             directions, or the motion does not lead to the contact that it is to make.
@@ -158,7 +163,13 @@ def _way(
 
 
 def cone(tolerance: Tolerance, way: Linearisation, N: Array) -> float:
-    """How far the velocity error can move a row (6,) along the piece, m."""
+    """How far the velocity error can move a row (6,) along the piece, m.
+
+    Args:
+        tolerance: velocity error and metric.
+        way: of the piece.
+        N: gradient (6,), m and m/rad.
+    """
     t, r = tolerance.velocity_error[0], tolerance.velocity_error[1] / tolerance.rho
     return (t * length(N[:3]) + r * length(N[3:])) * way.length
 
@@ -187,6 +198,12 @@ def approach(tolerance: Tolerance, way: Linearisation, extent: Extent, linkage: 
     """How much nearer the contact being made comes along a piece, at every error in the bounds; None without one.
 
     An execution stops when it first touches: that needs the distance to fall all along.
+
+    Args:
+        tolerance: velocity error.
+        way: of the piece.
+        extent: bounds of its errors.
+        linkage: how generators move on with the part.
     """
     if way.made is None:
         return None

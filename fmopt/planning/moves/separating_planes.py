@@ -35,6 +35,11 @@ def choose_separations(assembly: Assembly, facing: Facing, course: Course) -> li
 
     Pieces in touch are kept apart by a plane that the contacts themselves lie in; others by any plane through an edge
     of the fixed piece, or by a face of the moving one.
+
+    Args:
+        assembly: the parts.
+        facing: pairs of pieces.
+        course: pieces of motion with their errors.
     """
     pieces, pairs = len(course.motion.twist), len(facing.listed)
     chosen: list[list[Separation | None]] = [[None] * pairs for _ in range(pieces)]
@@ -190,7 +195,12 @@ class FreePlanes:
     clearances: Array
 
     def separation(self, n: int, m: int) -> Separation:
-        """What keeps one pair apart over one piece of motion."""
+        """What keeps one pair apart over one piece of motion.
+
+        Args:
+            n: index of the piece of motion.
+            m: index of the pair.
+        """
         plane = free_plane(self.normals[n, m].tolist(), float(self.offsets[n, m]))
         return Separation(plane, float(self.margins[n, m]), float(self.clearances[n, m]))
 
@@ -218,7 +228,12 @@ class Fans:
 
 @remembered(_FANS)
 def fans(moving: Polyhedron, pieces: tuple[Polyhedron, ...]) -> Fans:
-    """The planes between a moving piece and fixed ones that no contact touches."""
+    """The planes between a moving piece and fixed ones that no contact touches.
+
+    Args:
+        moving: a convex piece.
+        pieces: convex, of the fixed part.
+    """
     most = max(len(piece.vertices) for piece in pieces)
     corners = np.array([np.resize(piece.vertices, (most, 3)) for piece in pieces])
     sides = [np.array([edge.faces for edge in piece.edges]) for piece in pieces]
