@@ -93,5 +93,6 @@ def swung(a: Vector, angles: Vector, theta: float) -> float:
         theta: θ, bound of |ε|, rad.
     """
     x, y, z = abs(a[0]), abs(a[1]), abs(a[2])
+    # The cross product bounded component by component, and as a whole: either may be the smaller one.
     sides = (y * angles[2] + z * angles[1], z * angles[0] + x * angles[2], x * angles[1] + y * angles[0])
     return min(size(sides), theta * size(a))

@@ -18,7 +18,7 @@ from fmopt.spatial.values import Array, Value
 if TYPE_CHECKING:
     from shapely import MultiPolygon
 
-_CLOSED = 1e-8
+_CLOSED = 1e-8  # of the size: shared ends agree to rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +80,7 @@ class Region(Value):
     def _table(self) -> Table:
         pieces = [[piece for curve in loop for piece in simple(curve)] for loop in self.loops]
         first = [np.array([piece.first for piece in loop]) for loop in pieces]
+        # Each piece ends where the next begins, to the bit: otherwise rays could slip through between them.
         last = [np.roll(points, -1, axis=0) for points in first]
         flat = [piece for loop in pieces for piece in loop]
         return Table.of(flat, np.vstack(first), np.vstack(last)) if flat else Table.of([])
@@ -87,6 +88,7 @@ class Region(Value):
     def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Whether each of `points` (n, 2) lies inside, shape (n,); on the boundary rounding decides."""
         points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
+        # At least one, not odd: overlapping outer loops are inside, too.
         return np.asarray(self._table.winding(points) >= 1)
 
     def boundary_distance(self, points: ArrayLike) -> Array:
@@ -96,6 +98,8 @@ class Region(Value):
         boxes = self._boxes
         far = np.full(len(points), np.inf)
         for lower, upper in boxes:
+            # Every box has a point of the boundary within its farthest corner: an upper bound, which spares most
+            # curves.
             reach = np.maximum(np.abs(points - lower), np.abs(points - upper))
             far = np.minimum(far, np.hypot(*reach.T))
         for curve, (lower, upper) in zip(self.curves, boxes, strict=True):
@@ -148,6 +152,7 @@ class Region(Value):
         R = np.asarray(R, dtype=np.float64)
         loops = tuple(tuple(curve.moved(R, offset) for curve in loop) for loop in self.loops)
         if R[0, 0] * R[1, 1] - R[0, 1] * R[1, 0] < 0.0:
+            # Run backward as well, the interior is on the left again.
             loops = tuple(tuple(curve.reversed() for curve in reversed(loop)) for loop in loops)
         return Region(loops)
 
@@ -161,6 +166,7 @@ class Region(Value):
         from shapely import MultiPolygon, Polygon, get_parts, unary_union
 
         rings = [np.vstack([curve.polyline(tolerance, side)[:-1] for curve in loop]) for loop in self.loops]
+        # Orientation tells holes from outlines, as polylines may touch where curves do not.
         turning = [sum(curve.moment() for curve in loop) for loop in self.loops]
         outer = [Polygon(ring) for ring, area in zip(rings, turning, strict=True) if area > 0.0]
         holes = [Polygon(ring) for ring, area in zip(rings, turning, strict=True) if area <= 0.0]
