@@ -41,10 +41,10 @@ Records: TypeAlias = NDArray[np.void]
 
 LEVEL = 1e-4  # sine of the angle between edges below which their wrench is not right to 1e-9
 
-_SIDES = 8
-_ROUNDS = 60
-_STARTS = 3
-_SETTLED = 1e-9
+_SIDES = 8  # of the pyramid in a friction cone: more sides lose less of it
+_ROUNDS = 60  # of projections to and fro, which come closer by a factor each
+_STARTS = 3  # nearest pairs of generators that are tried; the nearest vectors need not be near the nearest generators
+_SETTLED = 1e-9  # cosine by which a round has to come nearer
 _NOTHING = 1e-9  # length of a wrench that is left of a unit one and counts as none
 
 

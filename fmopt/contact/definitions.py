@@ -75,6 +75,7 @@ def edges_apart(p: Vector, R: Matrix, a: Body, v: Body, e: World, q: World) -> S
     Args:
         p, R, a, v, e, q: as for `edge_edge`.
     """
+    # The triple product: v and q may be any points of the two lines, as moving one along its line changes nothing.
     return dot(R @ a, cross(e, p - q)) + dot(e, R @ cross(v, a))
 
 

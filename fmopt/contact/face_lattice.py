@@ -30,6 +30,7 @@ Places = NDArray[np.uint32]
 def _keys(bits: Bits) -> NDArray[np.uint64]:
     """Words (w, n) that order bit rows (n, k), the first word and the first bit counting most."""
     packed = np.zeros((len(bits), -(-bits.shape[1] // 64) * 8), dtype=np.uint8)
+    # Packed bits in big-endian words compare as the rows of bits do.
     packed[:, : -(-bits.shape[1] // 8)] = np.packbits(bits, axis=1)
     return packed.view(">u8").T.astype(np.uint64)
 
@@ -41,6 +42,7 @@ def ordered(active: Bits, dimensions: NDArray[np.intp]) -> NDArray[np.intp]:
         active: (n, k), the rows that hold with equality on each face.
         dimensions: (n,).
     """
+    # `lexsort` takes the last key first.
     return np.lexsort((*_keys(~active)[::-1], -dimensions))
 
 

@@ -69,6 +69,7 @@ def vertex_face(fixed: Polyhedron, vertex: int, face: int) -> PrimitiveContact:
         vertex: index in the moving part.
         face: index in the fixed part.
     """
+    # The outer loop stands for the face; its holes are in its bounds.
     outer = fixed.faces[face].loops[0]
     return PrimitiveContact(f"v{vertex}-f{face}", Kind.VERTEX_FACE, (vertex,), outer, vertex, face)
 
@@ -120,6 +121,7 @@ def _crossing(
         return []
     own, other = _features(moving), _features(fixed)
     ones, others = np.array(pairs).T
+    # Out of the fixed part points a × e or its opposite: the normals of the faces beside the edges tell which.
     m = cross(own.directions[ones] @ R.T, other.directions[others])
     outward = other.between[others] - own.between[ones] @ R.T
     along = (np.vecdot(m, outward) > 0.0).tolist()
@@ -169,10 +171,12 @@ def _features(polyhedron: Polyhedron) -> _Features:
     convex = np.array([edge.convex for edge in polyhedron.edges], dtype=bool)
     span = polyhedron.vertices[ends[:, 1]] - polyhedron.vertices[ends[:, 0]]
     directions = span / np.sqrt(np.vecdot(span, span))[:, None]
+    # A vertex on a reflex edge cannot touch a face first: the faces of that edge are in the way.
     pointed = np.ones(len(polyhedron.vertices), dtype=bool)
     pointed[ends[~convex]] = False
     vertices, edges = np.flatnonzero(pointed), np.flatnonzero(convex)
     around = [np.flatnonzero((ends == v).any(axis=1)) for v in vertices]
+    # Padded with zeros, which as directions satisfy every inequality.
     away = np.zeros((len(around), max((len(at) for at in around), default=0), 3))
     arcs = np.zeros((*away.shape[:2], 2, 3))
     for n, (v, at) in enumerate(zip(vertices, around, strict=True)):
@@ -213,9 +217,11 @@ def near_contacts(
     heed()
     own, other, back = _features(moving), _features(fixed), pose.inverse()
     T, T_back = matrices(pose.p, pose.R), matrices(back.p, back.R)
+    # Both ways round: the fixed part's corners against the moving part's walls need the inverse pose.
     tips = near_tips(moving, fixed, pose, reach, angle)
     horns = vertices_at_faces(other.corners, own.walls, T_back, reach, angle, False)
     crossing = edges_at_edges(own.ridges, other.ridges, T, reach, angle, math.sin(PARALLEL))
+    # Balls last, so that the order of all others does not depend on there being any.
     return (
         *(tip for tip in tips if tip.kind is Kind.VERTEX_FACE),
         *(face_vertex(moving, f, v) for v, f in _pairs(horns, other.vertices) if not fixed.radii[v]),
@@ -283,6 +289,7 @@ def feature_distance(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyh
             centre = face_distance(_features(fixed).walls, contact.fixed_feature, (x, y, z))
             return abs(centre - float(moving.radii[at]))
         case Kind.FACE_VERTEX:
+            # In the frame of the moving part, where its face stands still.
             x, y, z = ((fixed.vertices[contact.fixed[0]] - pose.p) @ pose.R).tolist()
             return face_distance(_features(moving).walls, contact.moving_feature, (x, y, z))
         case Kind.EDGE_EDGE:

@@ -63,6 +63,7 @@ class ContactState(Value):
         for name, touching, dimension, point in zip(
             ids, contacts, dimensions, frozen(points, len(ids), 6), strict=True
         ):
+            # Past the constructor: its checks were made on all points at once.
             state = object.__new__(ContactState)
             own = state.__dict__
             own["id"], own["contacts"], own["dimension"], own["point"] = name, touching, dimension, point
@@ -99,6 +100,7 @@ class ContactGraph(Value):
             state, goal: indices of states.
             start: index of the state before; None at the first segment.
         """
+        # What the segment itself touches is no obstacle, neither on the way nor at its ends.
         own = {c for i in (state, goal, start) if i is not None for c in self.states[i].contacts}
         near = {c for son in self.sons[state] for c in self.states[son].contacts}
         return tuple(contact.id for contact in self.space.contacts if contact.id in near - own)
@@ -119,7 +121,9 @@ def contact_graph(space: LocalSpace, faces: Faces) -> ContactGraph:
     n, names = len(faces.points), np.array([contact.id for contact in space.contacts], dtype=np.object_)
     ends, rows = held(faces.active)
     contacts = _cut(names[rows].tolist(), ends)
+    # Only free space has no contact, and it is the first, being of the largest dimension.
     ids = _ids(n) if contacts[0] else ("free", *_ids(n)[1:])
+    # Points are made in scaled units, of clearances, in which the program is well conditioned.
     states = ContactState.all_of(ids, contacts, faces.dimensions.tolist(), space.scale * faces.points)
     sons, son, fathers, father = covers(faces.active, faces.dimensions)
     return ContactGraph(space, states, _cut(son.tolist(), sons), _cut(father.tolist(), fathers))
@@ -238,6 +242,7 @@ def local_space(
     signs = np.concatenate([np.ones(len(contacts)), [-bound.sign for bound in within.limits]])
     listed = (*contacts, *(bound.contact for bound in within.limits))
     f, N = values_and_rows(listed, moving, fixed, pose)
+    # In scaled units gradients are of like size; unit rows make offsets distances in clearances.
     rows = signs[:, None] * N * units
     size = np.linalg.norm(rows, axis=1)
     planes = np.column_stack([rows, -signs * f]) / size[:, None]
@@ -246,6 +251,7 @@ def local_space(
     # A limit in the plane of a contact is that contact's own doing.
     own = first_equal(planes)[k:] < k
     walls = [[*-side * axis, -size] for axis, size in zip(np.eye(6), box, strict=True) for side in (1.0, -1.0)]
+    # Infinite sides make no half-space.
     walls = [wall for wall in walls if np.isfinite(wall[6])]
     cut = np.concatenate([planes[k:][~own], np.reshape(walls, (-1, 7))])
     return LocalSpace(pose, tuple(contacts), planes[:k, :6], planes[:k, 6], units, cut)
@@ -261,6 +267,7 @@ def faces(space: LocalSpace) -> Faces:
     found = enumerate_faces(*space.half_spaces)
     if not len(space.limits):
         return found
+    # A face on a limit ends there only because the space was cut off: it is no contact state.
     open_ = ~found.active[:, k:].any(axis=1)
     if not open_.any():
         raise InfeasibleError(
