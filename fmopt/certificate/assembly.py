@@ -31,7 +31,7 @@ from fmopt.spatial.values import Array, remembered
 TOUCH = 1e-9  # m: features of a part and of its pieces closer than this are the same
 NEAR = 1e-12  # m: what is incident but for this is so in exact coordinates, on which the proof rests, see `plan_record`
 
-_MEMORY = 4096
+_MEMORY = 4096  # forms of contacts are asked for again with every piece and every neighbour of a pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +53,7 @@ class Assembly:
         """All vertices (n, 3) of the moving part, then those that only its pieces have."""
         found = list(self.moving.polyhedron.vertices)
         for piece in self.moving.pieces:
+            # Pieces are cut along planes within the part, so that some of their corners are no corners of it.
             found += [v for v in piece.vertices if not any(same(v, w) for w in found)]
         return np.array(found)
 
@@ -60,6 +61,7 @@ class Assembly:
     def radius(self) -> float:
         """How far from the origin a plane may matter, m."""
         parts = (self.moving.polyhedron, self.fixed.polyhedron)
+        # Neither part reaches farther, and contacts are where both are.
         return sum(float((lengths(part.vertices) + part.radii).max()) for part in parts)
 
     @cached_property
@@ -70,6 +72,7 @@ class Assembly:
     @cached_property
     def freedoms(self) -> Array:
         """Which components (6,) of a displacement there may be, 1, and which not, 0."""
+        # Planar: x, z and the turn about y.
         return np.array([1.0, 0.0, 1.0, 0.0, 1.0, 0.0]) if self.planar else np.ones(6)
 
     @cached_property
@@ -93,18 +96,22 @@ class Assembly:
             normal, other: outward unit normals (3,), axes of one frame.
             offset, other_offset: m.
         """
+        # Two planes that are not quite parallel part with the distance from the origin: the angle counts on the whole
+        # reach.
         turn = length(normal - other)
         return turn * self.radius + abs(offset - other_offset) <= NEAR
 
 
 def _carried(part: Polyhedron, piece: Polyhedron) -> frozenset[tuple[str, int]]:
     """See `Assembly.carried`; only what lies in a box around the piece is held against it."""
+    # Twice the tolerance on every side: nothing within it is lost to the box.
     low, high = piece.vertices.min(axis=0) - 2.0 * TOUCH, piece.vertices.max(axis=0) + 2.0 * TOUCH
     inside = np.all((part.vertices >= low) & (part.vertices <= high), axis=1)
     vertices = [
         n for n in np.flatnonzero(inside).tolist() if (lengths(piece.vertices - part.vertices[n]) <= TOUCH).any()
     ]
     if piece.balls:
+        # A ball is a piece of its own, a point without edges or faces.
         return frozenset(("ball", n) for n, _ in part.balls if n in vertices)
     spans = piece.vertices[[edge.vertices for edge in piece.edges]]
     ends = part.vertices[[edge.vertices for edge in part.edges]]
@@ -119,6 +126,7 @@ def _carried(part: Polyhedron, piece: Polyhedron) -> frozenset[tuple[str, int]]:
     own = [part.vertices[list(face.loops[0])] for face in part.faces]
     firsts = np.array([points[0] for points in own])
     for face in piece.faces:
+        # Its first corner drops most faces of the part before all their corners are looked at.
         level = np.flatnonzero(np.abs(firsts @ face.normal - face.offset) <= TOUCH)
         faces.update(n for n in level.tolist() if in_plane(own[n], face.normal, face.offset))
     kinds = (("vertex", vertices), ("edge", edges), ("face", faces))
@@ -168,6 +176,7 @@ def hinge(
     if contact.kind is not Kind.EDGE_EDGE:
         return None
     fixed = assembly.fixed.polyhedron
+    # Only a wall through the fixed edge itself: in any other the line of the moving edge would not meet that edge.
     sides = [fixed.faces[n] for n in fixed.edges[contact.fixed_feature].faces]
     for other in together:
         if other.kind is Kind.VERTEX_FACE and other.moving[0] in contact.moving:
@@ -200,16 +209,19 @@ def level(
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     for other in together:
         if other == contact:
+            # Later contacts do not count: of two edges one has to be measured, the other follows from it.
             return None
         if other.kind is not Kind.EDGE_EDGE or other.fixed_feature != contact.fixed_feature:
             continue
         shared = set(body.edges[other.moving_feature].faces) & set(body.edges[contact.moving_feature].faces)
+        # Two shared faces, or none, tell nothing: the edge is the same one, or lies elsewhere.
         if len(shared) == 1 and other.moving_feature != contact.moving_feature:
             normal = body.faces[shared.pop()].normal
             a, b = body.vertices[list(other.moving)]
             c, d = fixed.vertices[list(other.fixed)]
             away = cross((b - a) / length(b - a), normal)
             reach = (body.vertices[list(contact.moving)] - a) @ away
+            # The end farther off weighs most, with its sign: the row is positive on the side that is open.
             far = float(reach[int(np.argmax(np.abs(reach)))])
             return (d - c) / length(d - c), far * normal
     return None
@@ -235,6 +247,7 @@ def contact_forms(
 ) -> Forms:
     """The functions of contacts; arguments as for `contact_rows`."""
     if not contacts:
+        # No contact: an empty table, for which all else goes on as it is.
         return points_above(np.zeros((0, 3)), np.zeros(3), 0.0)
     return stacked(*(_form(assembly, contact, together) for contact in contacts))
 
@@ -255,6 +268,8 @@ def made_form(assembly: Assembly, made: PrimitiveContact, held: tuple[PrimitiveC
         body, fixed = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron
         for contact in held:
             found = hinge(assembly, contact, (made,))
+            # Only while the edge is still measured by its crossing: where it is hinged already its direction has been
+            # used up.
             if found is not None and hinge(assembly, contact, held) is None:
                 wall, a, b = found
                 return directions_along(fixed.faces[wall].normal, body[[a]] - body[[b]])
@@ -272,6 +287,7 @@ def made_scale(assembly: Assembly, made: PrimitiveContact, held: tuple[Primitive
         rho: ρ, m.
     """
     found = made_form(assembly, made, held).at(Pose(np.zeros(3), np.eye(3)))
+    # Rows that no translation moves are of an angle; all others are distances.
     return rho / float(found.forms.lever[0]) if not found.forms.bilinear.any() and not found.N[0, :3].any() else 1.0
 
 
@@ -287,6 +303,7 @@ def _form(assembly: Assembly, contact: PrimitiveContact, together: Sequence[Prim
     if contact.kind is Kind.FACE_VERTEX:
         own = assembly.moving.polyhedron.faces[contact.moving_feature]
         return faces_above(own.normal, own.offset, fixed.vertices[[contact.fixed[0]]])
+    # The crossing of two lines cannot be asked for where one of them lies in a plane through the other: its turn can.
     found = hinge(assembly, contact, together)
     if found is not None:
         wall, a, b = found

@@ -82,14 +82,17 @@ class Facts:
             above: (m, 3), body frame, m.
         """
         wall, P = self.on(normal, offset), self.assembly.body_points
+        # Nothing is known to be on the wall: nothing follows.
         if not (wall.points or wall.between or len(above)):
             return np.zeros(len(vertices), dtype=np.bool_)
         raised = list(above)
+        # What is level with a raised point is as high as that.
         raised += [v for p in above for v in vertices[level(self.turns, normal, vertices - p)]]
         known = np.array([*P[sorted(wall.points)], *raised]).reshape(-1, 3)
         done = np.asarray((np.abs(vertices[:, None] - known).max(axis=2) <= NEAR).any(axis=1))
         for a, direction in _lines(self.assembly, wall.points, wall.between):
             done |= on_line(vertices, a, direction)
+            # A plane through a line of the wall rises on one side: what is on the side of a point that is up is up.
             for p in raised:
                 done |= _same_side(vertices, a, direction, p)
         for n, c in wall.flush:
@@ -128,6 +131,7 @@ def facts(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> Facts:
             for n in fixed.edges[contact.fixed_feature].faces:
                 _note(assembly, walls, n, between=(contact.moving,))
     turns: list[tuple[Array, Array]] = []
+    # Each conclusion may allow another; sets only grow and are of few points, so that it comes to an end.
     while True:
         grown = [_grown(assembly, wall, turns) for wall in walls]
         if all(new is old for new, old in zip(grown, walls, strict=True)):
@@ -184,6 +188,7 @@ def _directed(normal: Array, w: Array, cosine: float, towards: Array) -> Array |
 
     None where the two are too near each other, or none or both point there.
     """
+    # Two planes and a cone meet in two lines; where they nearly coincide rounding would choose between them.
     axis = cross(normal, w)
     sine = length(axis)
     rest = 1.0 - (cosine / sine) ** 2 if sine**2 >= _STEEP else 0.0

@@ -66,6 +66,7 @@ class ErrorSet(Value):
     linkage: Linkage | None = None
 
     def __post_init__(self) -> None:
+        # Six columns at most: sums would let roots grow with each piece of motion.
         object.__setattr__(self, "shape_root", frozen(ellipsoid.narrow(self.shape_root, 6), 6, None, name="shape"))
         object.__setattr__(self, "generators", frozen(self.generators, None, 6, name="generators"))
         object.__setattr__(self, "slide_root", frozen(ellipsoid.narrow(self.slide_root, 6), 6, None, name="slide"))
@@ -76,6 +77,7 @@ class ErrorSet(Value):
     def from_box(half_widths: ArrayLike) -> ErrorSet:
         """The box |eᵢ| ≤ aᵢ, half-widths a (6,) in m and rad; exact in its zonotope."""
         a = frozen(half_widths, 6, name="half-widths")
+        # The box is exact as a zonotope; only its ellipsoid is wider, by √6 along the axes.
         return ErrorSet(ellipsoid.box_root(a), np.diag(a)[a > 0.0], _POINT)
 
     @staticmethod
@@ -94,6 +96,7 @@ class ErrorSet(Value):
     def from_ellipsoid(shape: Array) -> ErrorSet:
         """The ellipsoid with this shape matrix (6, 6), exact."""
         root = ellipsoid.root(frozen(shape, 6, 6, name="shape"))
+        # No generators: the sum of nothing and the ellipsoid, which is the same twice.
         return ErrorSet(root, _NONE, root)
 
     @cached_property
@@ -112,6 +115,7 @@ class ErrorSet(Value):
         The projection along the twists removes a thickness that lies in their span; else all of it is kept.
         """
         held = {direction.tobytes() for direction in directions}
+        # Thickness is given up only if all contacts that it comes from are still held: it is then measured anew.
         if all(old.tobytes() in held for old in self.compliant):
             return self.generators[: len(self.generators) - self.thick]
         return self.generators
@@ -164,9 +168,12 @@ class Support:
         reach = np.add.reduce(np.abs(X[..., :first]), axis=-1)
         for begin, end in ((first, second), (second, third)):
             if end > begin:
+                # Each drift is bounded by itself: two ellipsoids added up reach as far as their lengths together.
                 reach += lengths(X[..., begin:end])
+        # Both bounds hold of every error: the smaller one is taken row by row.
         reach = np.minimum(lengths(X[..., third:fourth]), reach)
         if X.shape[-1] > fourth:
+            # Slack comes on top of either, as it is not in the set.
             reach += np.add.reduce(np.abs(X[..., fourth:]), axis=-1)
         return np.asarray(reach)
 
@@ -207,6 +214,7 @@ class Linkage(Value):
         if framing.still:
             return np.diag(box)[box > 0.0], None
         hole, hand, world = framing.parts(box)
+        # One generator for each component that has a share, in each of the frames: the shares vary independently.
         generators = np.vstack([np.diag(part)[part > 0.0] for part in (hole, hand, world)])
         askew, gripped = np.zeros((len(generators), 3)), np.zeros((len(generators), 6))
         first, second = np.count_nonzero(hole), np.count_nonzero(hole) + np.count_nonzero(hand)
@@ -238,7 +246,9 @@ class Linkage(Value):
         """
         found = np.zeros((count, 6))
         after = self.turned(turn).hand
+        # What is fixed in the hand turns with the part; what is fixed in the hole stays and swings what has moved on.
         found[: len(self.hole)] = after - self.hand
+        # A tilt of the hole seen from a part that has travelled: cross product of the tilt with the way.
         found[: len(self.hole), :3] += cross(self.hole, travel)
         return found
 

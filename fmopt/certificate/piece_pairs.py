@@ -110,6 +110,8 @@ def _facing(
     for i, M in enumerate(assembly.moving.bodies):
         for j, F in enumerate(assembly.fixed.pieces):
             own, new = (touching(assembly, M, F, contacts) for contacts in (held, opening))
+            # Contacts that do not concern the two pieces say nothing of their distance: the pair is the same without
+            # them.
             known = (held, left, beside) if own or new else ((), (), ())
             found.append((i, j, Pair(M, F, own, new, *known)))
     return Facing(tuple(found))

@@ -106,6 +106,7 @@ class Forms:
             p: (…, 3), m.
             R: (…, 3, 3).
         """
+        # Kernels see one list of poses; the leading axes are put back afterwards.
         lead = p.shape[:-1]
         found = _at(self.table, p.reshape(-1, 3), R.reshape(-1, 3, 3))
         f, N, *turned = (part.reshape(*lead, *part.shape[1:]) for part in found)
@@ -210,6 +211,7 @@ def records(definition: Definition, **parameters: Array | float) -> Any:
     """
     given = {name: np.asarray(parameters[name], dtype=np.float64) for name in definition.roles}
     kinds: dict[Role, Any] = {Role.BODY: _Body, Role.WORLD: _Affine, Role.SCALAR: np.asarray}
+    # The definition is evaluated on symbols of this algebra, in which it comes to one row or is refused.
     found = definition(_Affine(sign=1.0), _Rotation(), **{n: kinds[definition.roles[n]](x) for n, x in given.items()})
     if not isinstance(found, _Form):
         raise TypeError(f"{definition.name} is no row of this form")
@@ -217,6 +219,7 @@ def records(definition: Definition, **parameters: Array | float) -> Any:
     table = np.zeros(np.broadcast_shapes((1,), *leading), ROW)
     for name in ("n", "u", "k", "b", "a", "s", "c", "sign", "bilinear"):
         table[name] = getattr(found, name)
+    # The length of u·(R k) at most, on which an angle counts.
     table["lever"] = lengths(table["u"]) * lengths(table["k"])
     return table
 
@@ -278,6 +281,7 @@ class _Affine:
     def dotted(self, other: _Affine) -> _Form:
         """The inner product with another one, of which one is constant or both are of the form's last product."""
         if self._constant:
+            # e·(s + σ p + a × p) = e·s + (σ e + e × a)·p.
             inner, n = -np.vecdot(self.s, other.s), other.sign * self.s + cross(self.s, other.a)
             if other.turned is None:
                 return _Form(n=n, c=inner)
@@ -286,6 +290,7 @@ class _Affine:
             return other.dotted(self)
         if self._turns and other.turned is None:
             assert self.turned is not None
+            # R b against what moves: bilinear, the only product of two moving vectors that rows may have.
             return _Form(b=self.turned, sign=other.sign, a=other.a, s=other.s, bilinear=True)
         raise TypeError("an inner product that is not of the form")
 
@@ -306,6 +311,7 @@ class _Form:
 
     def __add__(self, other: _Form) -> _Form:
         plain = other if self.bilinear else self
+        # A row has one bilinear term and one term u·(R k); a second of either would need another kernel.
         if plain.bilinear or (self.u.any() and other.u.any()):
             raise TypeError("a sum that is not of the form")
         curved = self if self.bilinear else other
