@@ -123,6 +123,7 @@ class Facts:
                 else:
                     for plane in touch.faces:
                         self._wall(plane).between.append((touch.moving[0], touch.moving[1]))
+        # Each round may allow another; points, planes and turns are finitely many, and none is taken back.
         while self._grow() or self._turn_edge():
             pass
 
@@ -176,9 +177,12 @@ class Facts:
             flush = self.assembly.spanned(l, p)
             if flush is None or any(parallel(flush.exact, known.exact) for known in wall.flush):
                 continue
+            # A face lies in the wall with its outside towards it; which of its two sides that is tells the nominal
+            # pose.
             towards = dot(turned(self.R, flush.plane.normal), wall.plane.normal)
             if towards > 0:
                 flush = Flush(Plane(neg(flush.plane.normal), -flush.plane.offset), turned_over(flush.exact))
+            # Nominal poses are near: what is far from flat there is no flush face but an accident of the arithmetic.
             if abs(towards) < ONE >> 1:
                 continue
             wall.flush.append(flush)
@@ -257,6 +261,7 @@ class Facts:
         key = len(self.turns), plane, v, w
         found = self._levels.get(key)
         if found is None:
+            # First in fixed point, which rules out nearly all; only what is left is decided exactly.
             image = self.image(sub(v, w))
             far = image is not None and abs(dot(plane.normal, image)) > ROUNDING
             found = not far and self.keeps(self.assembly.exact(plane)[:3], self.assembly.way(w, v))

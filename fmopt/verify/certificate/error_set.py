@@ -94,6 +94,7 @@ class ErrorSet:
 
     def _support(self, generators: Sequence[Row], N: Row) -> int:
         around, inside = width(self.shape, N), spread(generators, N)
+        # The smaller of two bounds that both hold; the second is not computed where the first cannot be beaten.
         return around if around <= inside else min(around, inside + self.drift(N))
 
     def drift(self, N: Row) -> int:
@@ -115,6 +116,7 @@ def start_errors(plan: Plan) -> ErrorSet:
     """The start box |eₐ| ≤ half-width of a plan; its ellipsoid is stretched by the root of the number of axes."""
     a = [fixed(x) for x in plan.start_box]
     axes = [k for k in SIX if a[k] > 0]
+    # k a² on the diagonal for k axes: Σ (x/a)² ≤ k in the box.
     shape = diagonal([len(axes) * times(x, x) + (BLUR if x else 0) for x in a]) if axes else NOTHING
     core, linkage = linkage_of(plan)
     return ErrorSet(core, (), NOTHING, NOTHING, shape, linkage)
@@ -156,8 +158,10 @@ class Linkage:
         after = self.turned(turn).hand
         found = []
         for h, old, new in zip(self.hole, self.hand, after, strict=True):
+            # A turn of the hole by h moves what is fixed there by h × travel; what is in the hand turns with it.
             swung = add(sub(new[:3], old[:3]), cross(h, travel))
             found.append(row_of((*swung, *sub(new[3:], old[3:]))))
+        # Generators of the world come last, and stay as they are.
         return (*found, *[NO_ROW] * (count - len(found)))
 
     def left(self, offset: int, angle: int, ends: Sequence[Vector], turn: int) -> tuple[int, int]:
@@ -177,6 +181,7 @@ class Linkage:
         moved = offset + shift + times(askew, travel) + off
         a = angle + askew + slant
         c = a + slant
+        # Half a radian: up to there the series below hold with what is added for rounding.
         if askew + c > ONE >> 1:
             raise ArithmeticRefusal("errors fixed in different frames are too large for the bounds of this check")
         arc = times(turn, turn) >> 3
@@ -310,6 +315,7 @@ def dual(directions: tuple[Row, ...], rows: tuple[Row, ...]) -> tuple[tuple[Row,
     """
     if not directions:
         return (), ()
+    # Rows along directions: how much each contact feels of each direction that gives way.
     solved = inverse([[row_dot(n, c) for c in directions] for n in rows])
     along = list(zip(*directions, strict=True))
     columns = [row_of([sum(map(mul, shares, c)) >> BITS for c in along]) for shares in zip(*solved, strict=True)]
@@ -371,6 +377,7 @@ def outer_sum(Q1: Square, Q2: Square, weights: Row) -> Square:
         Q1, Q2: symmetric, positive semidefinite but for `BLUR`.
         weights: diagonal of the metric, for the traces.
     """
+    # The sum with a point is the other summand itself, without the factors.
     if Q1 == NOTHING or Q2 == NOTHING:
         return Q1 if Q2 == NOTHING else Q2
     s1, s2 = (root(sum([times(weights[a], Q[a][a] + BLUR) for a in SIX])) for Q in (Q1, Q2))

@@ -115,10 +115,12 @@ def apart(assembly: Assembly, M: Shape, F: Shape, witness: Witness, motion: Moti
         functions = _moving_face_rows(assembly, M, F, witness, known)
     else:
         functions = _fixed_plane_rows(assembly, M, F, witness, known)
+    # A plane that contacts settle altogether proves nothing by itself: there must be a distance to speak of.
     if not functions:
         raise WitnessError("every row is excused")
     clearance = min([motion.nominal(function) for function in functions])
     margin, tightest = least(motion, functions)
+    # Rows of edges are not of unit normal: divided by an upper bound of its length, the margin stays a lower bound.
     if scale != ONE:
         margin, clearance = over(margin, scale), over(clearance, scale)
     return Apart(margin, clearance, tightest)
@@ -133,6 +135,7 @@ def least(motion: Motion, functions: Sequence[Function]) -> tuple[int, tuple[Dis
         motion: the piece.
         functions: one or more.
     """
+    # The quick bounds are not above the exact ones, so that in their order the search can stop.
     quick = sorted([(motion.far(function), k) for k, function in enumerate(functions)])
     tightest = functions[quick[0][1]]
     margin = motion.lowest(tightest)
@@ -157,9 +160,11 @@ def _fixed_plane_rows(assembly: Assembly, M: Shape, F: Shape, witness: Witness, 
     if witness.kind == "plane":
         normal = vector(witness.normal)
         size = length(normal)
+        # Stated in doubles it is nearly of unit length; far from that it is no normal.
         if abs(size - ONE) > ONE >> 1:
             raise WitnessError("has no unit normal")
         n = unit(normal)
+        # Moved out to have the whole fixed piece behind it, wherever the plan puts it.
         plane = Plane(n, max(over(fixed(witness.offset), size), *(dot(n, w) for w in F.vertices)))
     elif M.ball:
         face = _face(F, witness.fixed)
@@ -170,6 +175,7 @@ def _fixed_plane_rows(assembly: Assembly, M: Shape, F: Shape, witness: Witness, 
     else:
         face = _face(F, witness.fixed)
         plane, backed = F.supporting(face), assembly.backed(assembly.fixed, F, face)
+        # Only where the piece's face is one of the part's do contacts say anything about it.
         if backed is not None:
             done = known.facts.not_below(backed.wall, M.vertices, known.above(assembly, backed.wall))
             plane = backed.cover if done else plane
@@ -187,6 +193,7 @@ def _moving_face_rows(assembly: Assembly, M: Shape, F: Shape, witness: Witness, 
         touching = [t for t in known.all if t.kind == "face-vertex" and t.plane is not None]
         on = [t.fixed[0] for t in touching if t.plane is not None and assembly.agree(t.plane, backed.wall)]
         plane = backed.cover if on else plane
+    # What a contact puts on the face stays there, and is no row of its own.
     kept = [w for w in F.vertices if not any(near(sub(w, x)) for x in on)]
     return [FaceAbove(plane, w) for w in kept]
 
@@ -194,12 +201,16 @@ def _moving_face_rows(assembly: Assembly, M: Shape, F: Shape, witness: Witness, 
 def _edge_rows(
     assembly: Assembly, M: Shape, F: Shape, witness: Witness, motion: Motion, known: Known
 ) -> tuple[list[Function], int]:
+    # Lines of the parts in place of those of pieces: contacts are of parts, exactly, and pieces lie off them by
+    # rounding.
     moving, base = _lines(known, [M.vertices[i] for i in witness.moving], [F.vertices[i] for i in witness.fixed])
     a, b = moving.point, moving.far
     anchors = list(_anchors(assembly, known, moving, base))
     functions: list[Function] = []
     kept = M.vertices
     if anchors:
+        # Contacts of these two edges keep the moving edge on or above the plane; without one each vertex is its own
+        # row.
         levels = list(_levels(assembly, known, moving, base))
         kept = tuple(
             v
@@ -212,6 +223,7 @@ def _edge_rows(
         functions += [_relative(assembly, base.direction, cross(sub(v, a), moving.direction)) for v in kept]
     else:
         functions += [EdgesApart(moving, base, v) for v in kept]
+    # Vertices on the fixed edge are on the plane by its construction.
     below = {k for k, w in enumerate(F.vertices) if near(base.away(w))}
     if any(held for held in anchors):
         for v, inward, wall in _turned_onto(assembly, known, moving, base):
@@ -251,6 +263,7 @@ def _lines(known: Known, own: Sequence[Vector], other: Sequence[Vector]) -> tupl
             one, two = touch.moving_line, touch.fixed_line
             if all(near(one.away(v)) for v in own) and all(near(two.away(w)) for w in other):
                 return _along(one, moving), _along(two, base)
+    # Both the parts' own lines, run as the witness has them: the sign of the normal hangs on it.
     return moving, base
 
 
@@ -274,6 +287,7 @@ def _anchors(assembly: Assembly, known: Known, moving: Line, base: Line) -> Iter
         if not _between(assembly, touch, moving, base):
             continue
         held = touch in known.facts.held
+        # Same sense of both edges: the contact keeps to the side on which the witness plane has the moving piece.
         same_side = dot(touch.moving_line.direction, moving.direction) * dot(touch.fixed_line.direction, base.direction)
         hinged = touch is known.made and known.hinge is not None
         if held or (not hinged and same_side > 0):
@@ -302,6 +316,8 @@ def _turned_onto(assembly: Assembly, known: Known, moving: Line, base: Line) -> 
             continue
         wall = touch.faces[0]
         exact = assembly.exact(wall)
+        # Exactly along the fixed edge: only then does the end of the moving edge, turned onto it, lie in the witness
+        # plane.
         if any(height(exact, assembly.point(w)) for w in (base.point, base.far)):
             continue
         total: Vector = (0, 0, 0)
@@ -317,4 +333,5 @@ def _turned_onto(assembly: Assembly, known: Known, moving: Line, base: Line) -> 
 
 def _outside(assembly: Assembly, motion: Motion, moving: Line, base: Line, wall: Plane) -> bool:
     """Whether the witness plane's normal R e_m × e_f has a positive part along the wall's, over the whole piece."""
+    # Positive over the whole piece: the wall's points are then behind the plane, as the end of the edge is before it.
     return motion.lowest(_relative(assembly, cross(base.direction, wall.normal), moving.direction)) > 0

@@ -98,6 +98,7 @@ class Assembly(Incidence):
     def __init__(self, plan: Plan) -> None:
         super().__init__(plan.moving, plan.fixed)
         self.touches: dict[str, Touch] = {}
+        # Flaws are collected, not raised: a plan with one is judged, and found wanting, with all of them.
         self.flaws = [*self._solids(), *self.blurred(plan.touch)]
         for contact in plan.contacts:
             found = self._resolve(contact)
@@ -113,8 +114,10 @@ class Assembly(Incidence):
         ):
             flaws = list(part.flaws())
             flat = [piece for piece in pieces if not piece.ball]
+            # Balls are no polyhedra: they have neither faces to close nor a hull.
             for n, piece in enumerate(flat):
                 flaws += [f"piece {n}: {flaw}" for flaw in piece.bulges()]
+            # Whether pieces cover the part is asked of sound ones alone.
             yield from (f"{name} part: {flaw}" for flaw in flaws or uncovered(part, flat))
 
     @cached_property
@@ -147,9 +150,11 @@ class Assembly(Incidence):
             face, plane = found, self.moving.faces[found].plane
         else:
             sides = self.fixed.edge(*contact.fixed)
+            # Reflex edges touch nothing first, so that no contact of them would be one.
             if sides is None or not (self.fixed.convex(*contact.fixed) and self.moving.convex(*contact.moving)):
                 return None
             faces = tuple(self.fixed.faces[k].plane for k in sides)
+        # Planes that are told apart from others exactly are the only ones that facts are stated of.
         if not all(self.agree(p, p) for p in (*faces, *([plane] if plane is not None else []))):
             return None
         if contact.kind == "ball-face":
@@ -171,6 +176,8 @@ class Assembly(Incidence):
         for other in together:
             if other.kind != "vertex-face" or other.plane is None:
                 continue
+            # A wall through the fixed edge: where an end of the moving edge is on it, the two lines can only meet
+            # there.
             if any(self.agree(other.plane, face) for face in touch.faces):
                 a, b = touch.moving
                 for one, two in ((a, b), (b, a)):
@@ -193,6 +200,7 @@ class Assembly(Incidence):
             return None
         sides = self.moving.edge(*touch.indices[0])
         for other in together:
+            # Contacts listed later do not count: else two edges would each be measured by the other.
             if other.id == touch.id:
                 return None
             if other.kind != "edge-edge" or set(other.indices[1]) != set(touch.indices[1]):
@@ -201,6 +209,7 @@ class Assembly(Incidence):
             if own is None or sides is None or set(other.indices[0]) == set(touch.indices[0]):
                 continue
             shared = set(own) & set(sides)
+            # One common face: it is what both edges hold level.
             if len(shared) == 1:
                 normal = self.moving.faces[shared.pop()].plane.normal
                 away = cross(other.moving_line.direction, normal)
@@ -221,6 +230,8 @@ class Assembly(Incidence):
         if touch.kind == "vertex-face":
             for other in held:
                 found = self.hinge(other, (touch,))
+                # As long as the crossing measures the edge; once it is hinged its direction is what is held, and not
+                # free to fall.
                 if found is not None and self.hinge(other, held) is None:
                     k = sub(found[1], found[2])
                     return DirectionAlong(found[0].normal, k, length(k))
@@ -252,6 +263,7 @@ class Assembly(Incidence):
         level = self.level(touch, together)
         if level is not None:
             along, across = level.held.fixed_line.direction, scaled(level.far, level.normal)
+            # Its length as a vector is at most what `far` is, with two units of rounding.
             return DirectionAlong(along, across, abs(level.far) + 2)
         return EdgesApart(touch.moving_line, touch.fixed_line, touch.moving[0])
 

@@ -24,8 +24,8 @@ from fmopt.verify.reading.document import Body, Part
 
 _LOSSES = 32  # at most so many deviations add up, see `facets` for the most of them
 
-_STEEP = ONE >> 6
-_APART = ONE >> 4
+_STEEP = ONE >> 6  # of the squared sine between directions: less tells a turn about their axis too badly
+_APART = ONE >> 4  # between the two directions that a wall and an angle leave an edge, at least twice that
 # rad: no error may be larger where an edge is known by its nominal direction; the other one is 1/4 from it.
 LARGEST_ERROR = (ONE >> 3) + (ONE >> 4)
 
@@ -74,9 +74,11 @@ class Incidence:
 
     def blurred(self, touch: float) -> Iterator[str]:
         """What keeps fixed point from telling points and planes apart, and deviations from being tolerated."""
+        # Fixed point serves as key of exact values: two of these with one key would be taken for each other.
         points = all(self._points[v] == p for v, p in self._vertices())
         if not points or any(self._levels[plane] != exact for plane, exact in self._walls()):
             yield "vertices or faces lie too close together to be told apart"
+        # All deviations together stay below what the plan calls touching, which is what contacts are excused by.
         if self.moving.deviation + self.fixed.deviation + 2 * COVERED + _LOSSES * DEVIATION > fixed(touch):
             yield "parts and pieces deviate from what is proved of them by more than the touch tolerance"
 
@@ -114,15 +116,18 @@ class Incidence:
         corners = [piece.vertices[i] for i in piece.faces[face].loops[0]]
         best: tuple[int, Plane] | None = None
         for own in part.faces:
+            # Facing the same way: the back of a thin wall is another face.
             if own.exact is None or dot(own.plane.normal, piece.faces[face].plane.normal) <= 0:
                 continue
             off = max(abs(own.plane.height(v)) for v in corners)
             if off <= DEVIATION and (best is None or off < best[0]):
+                # The nearest one, as faces of a part may be close to each other, too.
                 best = off, own.plane
         if best is None:
             return None
         wall = best[1]
         cover = Plane(wall.normal, max(dot(wall.normal, v) for v in piece.vertices))
+        # Its vertices may reach farther out than its face: then the plane moved out would be another one.
         return Backed(wall, cover) if cover.offset - wall.offset <= DEVIATION else None
 
     def point(self, v: Vector) -> Point:
@@ -185,6 +190,7 @@ class Incidence:
         return found[l, v]
 
     def _spanned(self, l: Line, v: Vector) -> Flush | None:
+        # Too near the line for a plane: its direction would be rounding.
         if short(l.away(v)):
             return None
         normal = outer(self.way(l.point, l.far), self.way(l.point, v))
@@ -196,6 +202,7 @@ def _sharing(piece: Body, part: Body) -> Body:
     """A piece with the exact coordinates of those of its vertices that are the part's."""
     if not part.exact or piece.balls:
         return piece
+    # Pieces share corners with the part, whose exact coordinates they get; their other corners are what floats say.
     exact = {part.vertices[i]: p for i, p in part.exact.items()}
     return Body(piece.vertices, piece.faces, {n: exact[v] for n, v in enumerate(piece.vertices) if v in exact})
 
@@ -241,6 +248,7 @@ def image_of(one: Turn, two: Turn, w: Vector) -> Vector:
         w: of the body, m.
     """
     axis, turned_axis = cross(one.body, two.body), cross(one.world, two.world)
+    # Coordinates in n₁, n₂ and n₁ × n₂, by the Gram determinant: the two need not be at right angles.
     sine = dot(axis, axis)
     g = dot(one.body, two.body)
     x, y = dot(one.body, w), dot(two.body, w)
@@ -262,6 +270,7 @@ def cancel(one: Turn, two: Turn, normal: Vector, d: Vector) -> bool:
     n1, n2 = one.exact, two.exact
     g11, g12, g22 = inner(n1, n1), inner(n1, n2), inner(n2, n2)
     x, y = inner(n1, d), inner(n2, d)
+    # Times the Gram determinant, so that all stays integer.
     alpha, beta, gamma = x * g22 - y * g12, y * g11 - x * g12, inner(outer(n1, n2), d)
     if one.onto is None or two.onto is None:
         # Of an edge's direction only the wall that it is level with is known exactly.
@@ -276,6 +285,7 @@ def cancel(one: Turn, two: Turn, normal: Vector, d: Vector) -> bool:
 def about(along: Vector) -> tuple[Vector, Vector]:
     """Two directions across one, and across each other."""
     a, b, c = along
+    # Made of two components that are not both zero.
     first = (0, c, -b) if abs(a) <= max(abs(b), abs(c)) else (c, 0, -a)
     return first, outer(along, first)
 
@@ -295,12 +305,14 @@ def directed(normal: Vector, w: Vector, cosine: int, nominal: Vector) -> Vector 
     square = dot(axis, axis)
     if square < _STEEP:
         return None
+    # Pythagoras in the plane: along the projection of w, and aside of it by the rest.
     rest = ONE - over(times(cosine, cosine), square)
     if rest < _STEEP:
         return None
     along = scaled(over(cosine, square), sub(w, scaled(dot(normal, w), normal)))
     aside = scaled(root(over(rest, square)), axis)
     for there in (add(along, aside), sub(along, aside)):
+        # Two candidates, mirror images: the nominal direction is near one of them, and far from the other.
         if length(sub(there, nominal)) < _APART:
             return there
     return None
@@ -317,5 +329,6 @@ def crossing(normal: Vector, turn: Turn, edge: Vector, there: Vector) -> Vector 
     """
     if turn.onto is None or inner(turn.exact, edge) != 0:
         return None
+    # In the wall and square to what is turned exactly: the cross product of the two, up to its sign.
     along = outer(normal, turn.onto)
     return along if inner(along, there) > 0 else (-along[0], -along[1], -along[2])

@@ -48,6 +48,7 @@ def unit_wrench(touch: Touch, X: Pose) -> Contact:
         X: pose of the moving part.
     """
     centre: Numbers | None = None
+    # Doubles are enough here: forces are judged with margins far above rounding, unlike distances.
     if touch.kind == "edge-edge":
         (a, b), (q, r) = (_placed(v, X) for v in touch.moving), (doubles(w) for w in touch.fixed)
         own, other = _sub(b, a), _sub(r, q)
@@ -55,6 +56,7 @@ def unit_wrench(touch: Touch, X: Pose) -> Contact:
         size = math.hypot(*m)
         normal = tuple(x / size for x in m)
         across = cross(other, m)
+        # The point of the moving edge nearest to the line of the fixed one, which is where they cross.
         s = dot(across, _sub(q, a)) / dot(across, own)
         point = tuple(x + s * y for x, y in zip(a, own, strict=True))
     elif touch.kind == "ball-face" and touch.plane is not None:
@@ -68,6 +70,7 @@ def unit_wrench(touch: Touch, X: Pose) -> Contact:
         normal, point = doubles(touch.plane.normal), _placed(touch.moving[0], X)
     else:
         assert touch.plane is not None
+        # The force on the moving part is against the outward normal of its own face.
         normal = tuple(-x for x in _turned(touch.plane.normal, X))
         point = doubles(touch.fixed[0])
     arm = _sub(point, X.in_doubles[0])
@@ -90,6 +93,7 @@ def touching(assembly: Assembly, touch: Touch, X: Pose) -> float:
     (a, b), (q, r) = (_placed(v, X) for v in touch.moving), (doubles(w) for w in touch.fixed)
     own, other = _sub(b, a), _sub(r, q)
     m = cross(own, other)
+    # Edges that are level cross everywhere or nowhere.
     if math.hypot(*m) < _LEVEL * math.hypot(*own) * math.hypot(*other):
         return -1.0
     square = dot(m, m)
@@ -104,6 +108,7 @@ def _inside(shape: Shape, face: int, point: Numbers) -> float:
     normal = doubles(plane.normal)
     height = dot(normal, point) - number(plane.offset)
     point = tuple(x - height * n for x, n in zip(point, normal, strict=True))
+    # Seen along the steepest axis, so that the projection does not fold.
     axis = max(range(3), key=lambda k: abs(normal[k]))
     u, v = (axis + 1) % 3, (axis + 2) % 3
     within, nearest = False, math.inf
@@ -113,6 +118,7 @@ def _inside(shape: Shape, face: int, point: Numbers) -> float:
             edge, off = _sub(b, a), _sub(point, a)
             share = min(max(dot(edge, off) / dot(edge, edge), 0.0), 1.0)
             nearest = min(nearest, math.hypot(*(x - share * y for x, y in zip(off, edge, strict=True))))
+            # Half-open: a ray through a vertex counts one of its two edges.
             if (a[v] > point[v]) != (b[v] > point[v]):
                 at = a[u] + (point[v] - a[v]) / (b[v] - a[v]) * (b[u] - a[u])
                 within ^= point[u] < at

@@ -75,6 +75,7 @@ class Pose:
 @lru_cache(maxsize=256)
 def pose(x: tuple[float, ...]) -> Pose:
     """The pose of six floats (x, y, z, rotation vector)."""
+    # Poses come again with each neighbour of a segment: what was turned for one serves the next.
     return Pose(vector(x[:3]), exponential(vector(x[3:])))
 
 
@@ -261,6 +262,7 @@ class Extent:
         """A bound of |ε × v|."""
         found = self._crossed.get(v)
         if found is None:
+            # By components of the box, or by lengths: either may be smaller.
             found = min(length(_box_cross(v, self.angles)), times(self.theta, length(v)) + 1)
             self._crossed[v] = found
         return found
@@ -311,6 +313,7 @@ def remainder(start: Distance, goal: Distance, extent: Extent) -> int:
         extent: of the piece and its errors.
     """
     if start.bend is not None and goal.bend is not None:
+        # Both bounds hold; for large errors the quick one may be the smaller.
         return min(_bent(start, goal, start.bend, goal.bend, extent), coarse(start, goal, extent))
     u, (swung, swept) = start.push, extent.swing(start.turned, goal.turned)
     return (times(extent.crossing(u), swung + swept) >> 1) + (times(extent.swept(u), swept) >> 3) + 8
@@ -345,6 +348,7 @@ def _bent(start: Distance, goal: Distance, first: Bend, second: Bend, extent: Ex
     least = max(_second(d, b, extent) for d, b in ends)
     rates = [_rate(d, b, extent) for d, b in ends]
     arc = max(abs(dot(d, extent.travel) + dot(e, extent.spin)) for d, e in rates) >> 3
+    # A sixteenth of the third derivative, by lengths alone.
     arc += times(times(t, t), times(t, far) + 3 * travel) >> 4
     turning = sum(_box_dot(d, extent.box) + _box_dot(e, extent.angles) for d, e in rates) >> 2
     # Third order: the rest of exp(ε); the real y is M e farther; second derivatives between the ends; and N″.
