@@ -94,7 +94,7 @@ def patchwork(vertices: Array, triangles: Indices, tol: float, numbers: Indices,
     """A closed triangle mesh with the number of the planar face of each triangle.
 
     Args:
-        vertices, triangles, tol, numbers: as for `polygon_faces`.
+        vertices, triangles, tol, numbers: as for `polygon_faces`, (n, 3) and (m, 3), tol in m, and (m,).
         most: faces, at most.
 
     Raises:

@@ -181,7 +181,7 @@ class Linkage:
         moved = offset + shift + times(askew, travel) + off
         a = angle + askew + slant
         c = a + slant
-        # Half a radian: up to there the series below hold with what is added for rounding.
+        # Half a radian: up to there the bounds below hold.
         if askew + c > ONE >> 1:
             raise ArithmeticRefusal("errors fixed in different frames are too large for the bounds of this check")
         arc = times(turn, turn) >> 3

@@ -333,5 +333,4 @@ def _turned_onto(assembly: Assembly, known: Known, moving: Line, base: Line) -> 
 
 def _outside(assembly: Assembly, motion: Motion, moving: Line, base: Line, wall: Plane) -> bool:
     """Whether the witness plane's normal R e_m × e_f has a positive part along the wall's, over the whole piece."""
-    # Positive over the whole piece: the wall's points are then behind the plane, as the end of the edge is before it.
     return motion.lowest(_relative(assembly, cross(base.direction, wall.normal), moving.direction)) > 0

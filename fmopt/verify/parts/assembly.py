@@ -230,8 +230,7 @@ class Assembly(Incidence):
         if touch.kind == "vertex-face":
             for other in held:
                 found = self.hinge(other, (touch,))
-                # As long as the crossing measures the edge; once it is hinged its direction is what is held, and not
-                # free to fall.
+                # As long as the crossing measures the edge: once it is hinged, its direction is what is held.
                 if found is not None and self.hinge(other, held) is None:
                     k = sub(found[1], found[2])
                     return DirectionAlong(found[0].normal, k, length(k))
