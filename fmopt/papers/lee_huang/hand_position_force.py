@@ -87,6 +87,7 @@ def position_force(
     """
     rows = []
     for interval in freedom:
+        # Nodes within the interval part it, as P is straight only between them.
         inner = [float(t) for t in path.times if interval.start < t < interval.end]
         for a, b in pairwise([interval.start, *inner, interval.end]):
             pa, pn = ([split(interval.s, path.at(t)) for t in (a, b)] for split in (gamma, natural_constraints))
@@ -106,6 +107,7 @@ def hand_record(found: Answer, segments: Sequence[Mapping[str, Any]]) -> dict[st
         feature at the goal about its origin (m/s, rad/s), and the bias wrench (6,) on it about that origin (N, N·m).
     """
     task = found.task
+    # The hand is where the feature is: a record of it would repeat the plan.
     if not (found.exchanged or task.grasp.vector().any()):
         return {}
     made = [_move(found, segment) for segment in segments]
@@ -171,6 +173,7 @@ def grasped_twist(found: Answer, X: ArrayLike, V: ArrayLike) -> Array:
     if not found.exchanged:
         return np.concatenate([v, w])
     pose = Pose.from_vector(X)
+    # The other part's motion seen from this one: minus the twist, carried to its origin and axes.
     return np.concatenate([pose.R.T @ (np.cross(w, pose.p) - v), -pose.R.T @ w])
 
 
@@ -188,4 +191,5 @@ def grasped_wrench(found: Answer, X: ArrayLike, F: ArrayLike) -> Array:
     if not found.exchanged:
         return np.concatenate([f, tau])
     pose = Pose.from_vector(X)
+    # Reaction for action: the sign turns, and the moment is taken about the other origin.
     return np.concatenate([-pose.R.T @ f, -pose.R.T @ (tau + np.cross(pose.p, f))])

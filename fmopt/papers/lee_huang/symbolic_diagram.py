@@ -45,6 +45,7 @@ class SymbolicCurve:
 
     def bounds(self, values: Mapping[Expression, float]) -> bool:
         """Whether the curve bounds the section, given numbers for all symbols."""
+        # All branches are evaluated, the ones that do not hold as well; those may divide by zero.
         with np.errstate(divide="ignore", invalid="ignore"):  # what else is asked of a curve that is not there
             return bool(_value(self.present, dict(values)))
 
@@ -88,6 +89,7 @@ Shape: TypeAlias = Faces | Round | Ball
 
 def box(x: Expression, y: Expression, z: Expression) -> Faces:
     """The box of `fmopt.geometry.csg.Box`, its size in m."""
+    # A wedge whose top is as long as its base.
     return wedge(x, y, z, x)
 
 
@@ -183,6 +185,7 @@ def _polygon(rows: Sequence[Sequence[Expression]], R: sympy.Matrix, p: sympy.Mat
     for k, (x, y, o) in enumerate(planes):
         square = x**2 + y**2
         if square.is_zero:
+            # A face along z is cut by no line: it has no curve.
             continue
         others = [other for g, other in enumerate(planes) if g != k]
         first, last, wide = _span([(go - (gx * x + gy * y) * o / square, gx * y - gy * x) for gx, gy, go in others])
@@ -201,6 +204,7 @@ def _span(lines: Sequence[tuple[Expression, Expression]]) -> tuple[Expression, E
     high = [_bound(_root(c0, c1), _more(0, c1), sympy.oo) for c0, c1 in lines if not c1.is_zero]
     first, last = sympy.Max(*low, evaluate=False), sympy.Min(*high, evaluate=False)
     level = [sympy.Or(sympy.Ne(c1, 0, evaluate=False), _more(c0, 0), evaluate=False) for c0, c1 in lines]
+    # Unevaluated throughout: SymPy would try to decide inequalities of symbols, and does not come back.
     return first, last, sympy.And(*level, _more(last, first), evaluate=False)
 
 
@@ -259,6 +263,7 @@ def _slanted(instance: Round, R: sympy.Matrix, p: sympy.Matrix) -> tuple[Symboli
         u, v = (s * along[k] + (middle + w) * across[k] for k in range(2))
         return SymbolicCurve(u, v, when)
 
+    # cos² and sin² run from end to end with zero speed there, where the root has infinite slope.
     early, late = sympy.cos(sympy.pi * T / 2) ** 2, sympy.sin(sympy.pi * T / 2) ** 2
     forth, back = first * early + last * late, last * early + first * late
     chords = [(last, 2 * T - 1), (first, 1 - 2 * T)]
@@ -279,6 +284,7 @@ def _factors(c0: Expression, c1: Expression, s: Expression) -> tuple[Expression,
 
 def _value(expression: Expression, known: dict[Expression, Any]) -> Any:
     """The value of an expression by a closed table of node types; of a Piecewise only the branch that holds."""
+    # Each node once, as expressions share their parts; never by evaluation of text.
     if expression not in known:
         if expression.is_Number or expression is sympy.pi:
             known[expression] = float(expression)

@@ -76,6 +76,7 @@ class Cone:
 
     def __post_init__(self) -> None:
         _not_negative("half-angle", self.half_angle)
+        # From a right angle on the lines would cover the plane.
         if self.half_angle >= 0.5 * math.pi:
             raise ValueError(f"half-angle is {self.half_angle} rad, expected less than a right angle")
 
@@ -111,6 +112,7 @@ class Trapezoid(Value):
         angle = self.cone.centre + side * self.cone.half_angle
         across = side * np.array([-math.sin(angle), math.cos(angle)])
         reach = self.ball.corners @ across
+        # Of corners equally far across the one that lies farthest back: the edge begins there.
         farthest = self.ball.corners[reach >= reach.max() - 1e-12 * (1.0 + self.ball.radius)]
         start = farthest[int(np.argmin(farthest @ np.array([math.cos(angle), math.sin(angle)])))]
         return self.line(start, angle)
@@ -124,6 +126,7 @@ class Trapezoid(Value):
         points = np.vstack([self.line(corner, angle) for corner, angle in product(self.ball.corners, angles)])
         try:
             return np.asarray(points[ConvexHull(points).vertices])
+        # Without any error the trapezoid is its line, which has no hull.
         except QhullError:
             return self.line(self.ball.centre, self.cone.centre)
 
@@ -155,6 +158,7 @@ def zones(box: ArrayLike) -> tuple[Zone, Zone, Zone]:
             stated sources of uncertainty add up to, or given numbers.
     """
     a = frozen(box, 6, name="half-widths")
+    # A square and a symmetric cone hold any box: the larger of two half-widths on each plane.
     x, y, z = (Zone(plane, float(max(a[plane.u], a[plane.v])), float(a[plane.turn])) for plane in PLANES)
     return x, y, z
 
