@@ -59,6 +59,7 @@ class Table(Value):
 
     def allowed(self, phi: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Pairs (index of φ, index of contact) of the contacts that are possible at each φ (k,), rad."""
+        # Ahead of the lower end, round the circle: ranges may run through ±π, and ends count with rounding.
         ahead = np.mod(phi[:, None] - self.low + 1e-12, FULL)
         one, other = np.nonzero(ahead <= self.width + 2e-12)
         return one, other
@@ -100,6 +101,7 @@ class PossibleContacts(Value):
     @staticmethod
     def of(sets: Sequence[CU]) -> PossibleContacts:
         """The union of these sets."""
+        # By kind, so that the rows of both tables are one list with an offset.
         ordered = tuple(sorted(sets, key=lambda cu: cu.kind))
         return PossibleContacts(ordered, (Table.of(Kind.TYPE_1, ordered), Table.of(Kind.TYPE_2, ordered)))
 
@@ -131,6 +133,7 @@ class PossibleContacts(Value):
             poses: (k, 3), x and y in m, φ in rad.
             contact: (k,), indices in `sets`.
         """
+        # Each pose has its own contact: the two tables are asked for theirs alone.
         one = np.arange(len(poses))
         first = len(self.tables[0].low)
         found = np.empty(len(poses))
@@ -182,6 +185,7 @@ def cover(tables: Sequence[Table], phi: Array, tolerance: float) -> list[MultiPo
     hulls: list[list[Any]] = [[] for _ in phi]
     for table in tables:
         one, other = table.allowed(phi)
+        # Edges that swing through their foot are cut there, as the hull of a piece would else be too wide.
         contact, centres, swung = _edges(table, tolerance)
         for i in range(0, len(one), _BATCH):
             batch = slice(i, i + _BATCH)
@@ -196,6 +200,7 @@ def cover(tables: Sequence[Table], phi: Array, tolerance: float) -> list[MultiPo
             )
             for k, hull in zip(one[batch][pair][index], convex_hull(linestrings(corners)), strict=True):
                 hulls[k].append(hull)
+    # In turn around their middle: unions of neighbours are simple, and take a fraction of the time.
     unions = [union_all(_in_turn(group)) for group in hulls]
     return [MultiPolygon([part for part in get_parts(union) if part.area > 0.0]) for union in unions]
 
@@ -224,6 +229,7 @@ def _edges(table: Table, tolerance: float) -> tuple[NDArray[np.intp], Array, Arr
     start, e = table.edge[:, 0], table.edge[:, 1] - table.edge[:, 0]
     along = -np.sum(start * e, axis=1) / np.sum(e * e, axis=1)
     length = np.hypot(e[:, 0], e[:, 1])
+    # Only where the bulge over the foot is worth it.
     cut = (along > 0.0) & (along < 1.0) & (2.0 * table.spread * along * (1.0 - along) * length > 0.25 * tolerance)
     foot = start + along[:, None] * e
     first = np.stack([start, np.where(cut[:, None], foot, table.edge[:, 1])], axis=1)
@@ -246,6 +252,7 @@ def _corners(
     index = np.repeat(np.arange(len(phi)), n_parts)
     middle = phi[:, None] + half[:, None] * (2.0 * np.arange(n_parts) + 1.0 - n_parts)
     angle = middle.ravel()[:, None] + half[index, None] * np.array([-1.0, 0.0, 1.0])
+    # Tips of the arc, and where tangents at them meet: the hull of these holds the arc.
     scale = np.stack([np.ones(len(index)), 1.0 / np.cos(half[index]), np.ones(len(index))], axis=1)
     c, s = scale * np.cos(angle), scale * np.sin(angle)
     v = swung[index]
@@ -257,12 +264,14 @@ def _corners(
 
 
 def _parts(spread: float, reach: float, tolerance: float) -> int:
+    # The tangents' meeting point is farther out by h (1 / cos − 1), about h x²/2: a small part of the tolerance.
     longest = min(0.5, math.sqrt(0.125 * tolerance / reach)) if reach > 0.0 else 0.5
     return max(math.ceil(min(spread, math.pi) / longest), 1)
 
 
 def _disc(radius: Array, tolerance: float) -> Array:
     """Corners (m, k, 2) of regular polygons that contain discs, at most half the tolerance farther out."""
+    # Half of the tolerance is left for the disc; its polygon has the true circle inside.
     outer = radius + 0.5 * tolerance
     corners = max(math.ceil(math.pi / math.acos(float(np.max(radius / outer, initial=0.0)))), 4)
     theta = 2.0 * math.pi * np.arange(corners) / corners

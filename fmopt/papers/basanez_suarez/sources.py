@@ -238,6 +238,7 @@ def static_budget(static: StaticSources, point: ArrayLike) -> Budget:
             return Budget((Share("measurement", "ε_m", epsilon_m),))
         case configuration:
             shares = _configuration_shares(configuration, frozen(point, 2, name="point"))
+            # A turn of the static object is in where it moves the point: nothing else of it is asked of a point.
             return Budget((Share("shape", "ε_v", static.shape.epsilon_v), *(_unturned(share) for share in shares)))
 
 
@@ -275,6 +276,7 @@ def placed(grasped: GraspedSources) -> ObservedConfiguration:
     once for each; where it is grasped at another point, turns about the former one add to its position there.
     """
     in_gripper, robot = gripper_budget(grasped), grasped.robot
+    # Putting down adds the robot's own deviation once more, after what the gripper holds.
     position, angle = in_gripper.position + robot.epsilon_pr, in_gripper.angle + robot.epsilon_phi_r
     return ObservedConfiguration(position, angle, grasped.grasp)
 
@@ -324,6 +326,7 @@ def edge_turn(epsilon: float, length: float) -> float:
         epsilon: of each end, m.
         length: of the edge, m.
     """
+    # Two ends displaced against each other by 2 ε at right angles to the chord; from L on they may change places.
     return math.asin(2.0 * epsilon / length) if 2.0 * epsilon < length else math.pi
 
 

@@ -85,6 +85,7 @@ class ArcSum(PlanarSet):
         A point with outward normal n belongs to the end of the edge that is farther along n; where n is normal to the
         edge, a line runs from one to the other.
         """
+        # More than half a turn to either side is the full circle.
         a, s, r = self.angle, min(self.spread, math.pi), self.radius
         found = self._run(np.zeros(2), self.h + r, a - s, a + s, Carrier.FAR)
         if s < math.pi:
@@ -102,6 +103,7 @@ class ArcSum(PlanarSet):
         if not e.any():
             return [directed_arc(self.start + centre, radius, first, last, on)]
         across = math.atan2(e[1], e[0]) + 0.5 * math.pi
+        # Where the normal is across the edge the arc changes from one of its ends to the other.
         k = math.ceil((first - across) / math.pi)
         turns = []
         while (turn := across + k * math.pi) <= last:
@@ -110,9 +112,12 @@ class ArcSum(PlanarSet):
         cuts = [first, *turns, last]
         found = []
         for one, other in pairwise(cuts):
+            # The end farther along the normal carries the boundary.
             base = self.end if unit(0.5 * (one + other)) @ e > 0.0 else self.start
             if other > one:
                 found.append(directed_arc(base + centre, radius, one, other, on))
+        # Between the arcs of both ends runs the edge itself, moved out; an inner arc of negative radius has no such
+        # side.
         if radius >= 0.0:
             for turn in turns:
                 n = unit(turn)
