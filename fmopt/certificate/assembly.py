@@ -31,7 +31,11 @@ from fmopt.spatial.values import Array, remembered
 TOUCH = 1e-9  # m: features of a part and of its pieces closer than this are the same
 NEAR = 1e-12  # m: what is incident but for this is so in exact coordinates, on which the proof rests, see `plan_record`
 
-_MEMORY = 4096
+_SHORT = 1e-6  # m: what is nearer to a line than this spans no plane with it
+_MEMORY = 4096  # forms of contacts are asked for again with every piece and every neighbour of a pose
+
+Span = tuple[float, float]
+"""An open interval of depths, m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,13 +57,20 @@ class Assembly:
         """All vertices (n, 3) of the moving part, then those that only its pieces have."""
         found = list(self.moving.polyhedron.vertices)
         for piece in self.moving.pieces:
+            # Pieces are cut along planes within the part, so that some of their corners are no corners of it.
             found += [v for v in piece.vertices if not any(same(v, w) for w in found)]
         return np.array(found)
+
+    @cached_property
+    def several(self) -> bool:
+        """Whether the moving part has several pieces, so that what touches need not be the piece that is looked at."""
+        return len(self.moving.bodies) > 1
 
     @cached_property
     def radius(self) -> float:
         """How far from the origin a plane may matter, m."""
         parts = (self.moving.polyhedron, self.fixed.polyhedron)
+        # Neither part reaches farther, and contacts are where both are.
         return sum(float((lengths(part.vertices) + part.radii).max()) for part in parts)
 
     @cached_property
@@ -70,6 +81,7 @@ class Assembly:
     @cached_property
     def freedoms(self) -> Array:
         """Which components (6,) of a displacement there may be, 1, and which not, 0."""
+        # Planar: x, z and the turn about y.
         return np.array([1.0, 0.0, 1.0, 0.0, 1.0, 0.0]) if self.planar else np.ones(6)
 
     @cached_property
@@ -87,19 +99,28 @@ class Assembly:
         return self._carried[piece]
 
     def agree(self, normal: Array, offset: float, other: Array, other_offset: float) -> bool:
-        """Whether two planes are one, seen from the same side, wherever the parts can be."""
+        """Whether two planes are one, seen from the same side, wherever the parts can be.
+
+        Args:
+            normal, other: outward unit normals (3,), axes of one frame.
+            offset, other_offset: m.
+        """
+        # Two planes that are not quite parallel part with the distance from the origin: the angle counts on the whole
+        # reach.
         turn = length(normal - other)
         return turn * self.radius + abs(offset - other_offset) <= NEAR
 
 
 def _carried(part: Polyhedron, piece: Polyhedron) -> frozenset[tuple[str, int]]:
     """See `Assembly.carried`; only what lies in a box around the piece is held against it."""
+    # Twice the tolerance on every side: nothing within it is lost to the box.
     low, high = piece.vertices.min(axis=0) - 2.0 * TOUCH, piece.vertices.max(axis=0) + 2.0 * TOUCH
     inside = np.all((part.vertices >= low) & (part.vertices <= high), axis=1)
     vertices = [
         n for n in np.flatnonzero(inside).tolist() if (lengths(piece.vertices - part.vertices[n]) <= TOUCH).any()
     ]
     if piece.balls:
+        # A ball is a piece of its own, a point without edges or faces.
         return frozenset(("ball", n) for n, _ in part.balls if n in vertices)
     spans = piece.vertices[[edge.vertices for edge in piece.edges]]
     ends = part.vertices[[edge.vertices for edge in part.edges]]
@@ -114,6 +135,7 @@ def _carried(part: Polyhedron, piece: Polyhedron) -> frozenset[tuple[str, int]]:
     own = [part.vertices[list(face.loops[0])] for face in part.faces]
     firsts = np.array([points[0] for points in own])
     for face in piece.faces:
+        # Its first corner drops most faces of the part before all their corners are looked at.
         level = np.flatnonzero(np.abs(firsts @ face.normal - face.offset) <= TOUCH)
         faces.update(n for n in level.tolist() if in_plane(own[n], face.normal, face.offset))
     kinds = (("vertex", vertices), ("edge", edges), ("face", faces))
@@ -121,7 +143,13 @@ def _carried(part: Polyhedron, piece: Polyhedron) -> frozenset[tuple[str, int]]:
 
 
 def in_plane(points: Array, normal: Array, offset: float) -> bool:
-    """Whether all points (k, 3) lie in the plane, to `TOUCH`."""
+    """Whether all points lie in the plane, to `TOUCH`.
+
+    Args:
+        points: (k, 3), m.
+        normal: unit normal (3,).
+        offset: m.
+    """
     return bool(np.all(np.abs(points @ normal - offset) <= TOUCH))
 
 
@@ -131,7 +159,13 @@ def same(a: Array, b: Array) -> bool:
 
 
 def on_line(points: Array, a: Array, direction: Array) -> Mask:
-    """Which points (k, 3) lie on the line through a along a unit direction, to `NEAR`."""
+    """Which points lie on the line through a, to `NEAR`.
+
+    Args:
+        points: (k, 3), m.
+        a: (3,), m.
+        direction: unit vector (3,).
+    """
     return np.asarray(lengths(cross(points - a, direction)) <= NEAR)
 
 
@@ -142,10 +176,16 @@ def hinge(
 
     When a vertex–face contact of `together` holds one end exactly on a wall through the fixed edge, the lines of both
     edges meet exactly when the other end is on that wall too.
+
+    Args:
+        assembly: the parts.
+        contact: of any kind.
+        together: contacts held with it, itself among them or not.
     """
     if contact.kind is not Kind.EDGE_EDGE:
         return None
     fixed = assembly.fixed.polyhedron
+    # Only a wall through the fixed edge itself: in any other the line of the moving edge would not meet that edge.
     sides = [fixed.faces[n] for n in fixed.edges[contact.fixed_feature].faces]
     for other in together:
         if other.kind is Kind.VERTEX_FACE and other.moving[0] in contact.moving:
@@ -164,6 +204,11 @@ def level(
     The face's plane has one point of the rim already; its other lines meet the rim exactly when the face is level with
     it. Of `together`, the contacts listed before this one count.
 
+    Args:
+        assembly: the parts.
+        contact: of any kind.
+        together: contacts in the order in which they are listed.
+
     Returns:
         (u, k): direction (3,) along the rim towards the edge, and the face's normal (3,) times the greatest distance
         between the two edges, m: u·(R k) vanishes as the edge meets the rim and is positive before.
@@ -173,16 +218,19 @@ def level(
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     for other in together:
         if other == contact:
+            # Later contacts do not count: of two edges one has to be measured, the other follows from it.
             return None
         if other.kind is not Kind.EDGE_EDGE or other.fixed_feature != contact.fixed_feature:
             continue
         shared = set(body.edges[other.moving_feature].faces) & set(body.edges[contact.moving_feature].faces)
+        # Two shared faces, or none, tell nothing: the edge is the same one, or lies elsewhere.
         if len(shared) == 1 and other.moving_feature != contact.moving_feature:
             normal = body.faces[shared.pop()].normal
             a, b = body.vertices[list(other.moving)]
             c, d = fixed.vertices[list(other.fixed)]
             away = cross((b - a) / length(b - a), normal)
             reach = (body.vertices[list(contact.moving)] - a) @ away
+            # The end farther off weighs most, with its sign: the row is positive on the side that is open.
             far = float(reach[int(np.argmax(np.abs(reach)))])
             return (d - c) / length(d - c), far * normal
     return None
@@ -206,8 +254,9 @@ def contact_rows(
 def contact_forms(
     assembly: Assembly, contacts: tuple[PrimitiveContact, ...], together: tuple[PrimitiveContact, ...]
 ) -> Forms:
-    """The functions of contacts, see `contact_rows`."""
+    """The functions of contacts; arguments as for `contact_rows`."""
     if not contacts:
+        # No contact: an empty table, for which all else goes on as it is.
         return points_above(np.zeros((0, 3)), np.zeros(3), 0.0)
     return stacked(*(_form(assembly, contact, together) for contact in contacts))
 
@@ -228,6 +277,8 @@ def made_form(assembly: Assembly, made: PrimitiveContact, held: tuple[PrimitiveC
         body, fixed = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron
         for contact in held:
             found = hinge(assembly, contact, (made,))
+            # Only while the edge is still measured by its crossing: where it is hinged already its direction has been
+            # used up.
             if found is not None and hinge(assembly, contact, held) is None:
                 wall, a, b = found
                 return directions_along(fixed.faces[wall].normal, body[[a]] - body[[b]])
@@ -236,8 +287,16 @@ def made_form(assembly: Assembly, made: PrimitiveContact, held: tuple[PrimitiveC
 
 @remembered(_MEMORY)
 def made_scale(assembly: Assembly, made: PrimitiveContact, held: tuple[PrimitiveContact, ...], rho: float) -> float:
-    """What makes a margin of `made_form`, m: 1 for a distance; a direction's angle counts on an arm of ρ."""
+    """What makes a margin of `made_form`, m: 1 for a distance; a direction's angle counts on an arm of ρ.
+
+    Args:
+        assembly: the parts.
+        made: contact to be made.
+        held: contacts held until then.
+        rho: ρ, m.
+    """
     found = made_form(assembly, made, held).at(Pose(np.zeros(3), np.eye(3)))
+    # Rows that no translation moves are of an angle; all others are distances.
     return rho / float(found.forms.lever[0]) if not found.forms.bilinear.any() and not found.N[0, :3].any() else 1.0
 
 
@@ -253,6 +312,7 @@ def _form(assembly: Assembly, contact: PrimitiveContact, together: Sequence[Prim
     if contact.kind is Kind.FACE_VERTEX:
         own = assembly.moving.polyhedron.faces[contact.moving_feature]
         return faces_above(own.normal, own.offset, fixed.vertices[[contact.fixed[0]]])
+    # The crossing of two lines cannot be asked for where one of them lies in a plane through the other: its turn can.
     found = hinge(assembly, contact, together)
     if found is not None:
         wall, a, b = found
@@ -263,3 +323,69 @@ def _form(assembly: Assembly, contact: PrimitiveContact, together: Sequence[Prim
     a, b = body[list(contact.moving)]
     c, d = fixed.vertices[list(contact.fixed)]
     return edges_apart((b - a) / length(b - a), (d - c) / length(d - c), c, a[None])
+
+
+def same_side(vertices: Array, a: Array, direction: Array, p: Array) -> Mask:
+    """Which points lie in the half-plane that a line bounds and p spans."""
+    off = (p - a) - direction * float(direction @ (p - a))
+    size = length(off)
+    if size <= _SHORT:
+        return np.zeros(len(vertices), dtype=np.bool_)
+    u = off / size
+    d = vertices - a
+    d = d - np.outer(d @ direction, direction)
+    t = d @ u
+    return np.asarray((t > 0.0) & (lengths(d - np.outer(t, u)) <= NEAR))
+
+
+def beyond(vertices: Array, z: Array, p: Array) -> Mask:
+    """Which points lie on the ray from z through p."""
+    if same(z, p):
+        return np.zeros(len(vertices), dtype=np.bool_)
+    u = (p - z) / length(p - z)
+    d = vertices - z
+    t = d @ u
+    return np.asarray((t > 0.0) & (lengths(d - np.outer(t, u)) <= NEAR))
+
+
+def swallowed(assembly: Assembly, ends: Array, inward: Array) -> tuple[Span, ...]:
+    """Depths to which the strip of a wall beyond a re-entrant edge is inside a fixed piece, its middle strictly.
+
+    A contact cannot leave its face there without the parts overlapping, which the separations rule out.
+    """
+    spans = []
+    for normals, offsets in assembly.fixed_planes:
+        heights, rise = ends @ normals.T - offsets, -(normals @ inward)
+        if (heights > NEAR).any():
+            continue
+        middle = heights.mean(axis=0)
+        limits = [(NEAR - heights.max(axis=0), rise), (-NEAR - middle, 0.5 * rise)]
+        spans.append(span([pair for room, slope in limits for pair in zip(room, slope, strict=True)]))
+    return tuple(span for span in spans if span[0] < span[1])
+
+
+def span(limits: Sequence[tuple[float, float]]) -> Span:
+    """Where slope·t < room holds for all (room, slope), t > 0."""
+    low, high = 0.0, np.inf
+    for room, slope in limits:
+        if slope > 0.0:
+            high = min(high, room / slope)
+        elif slope < 0.0:
+            low = max(low, room / slope)
+        elif room <= 0.0:
+            return 0.0, 0.0
+    return float(low), float(high)
+
+
+@remembered(_MEMORY)
+def edge_along(piece: Polyhedron, part: Polyhedron, ends: tuple[int, ...]) -> tuple[int, int] | None:
+    """The piece's edge on the line through two vertices of its part, run from the first towards the second, if any."""
+    a, b = part.vertices[list(ends)]
+    direction = (b - a) / length(b - a)
+    off = lengths(cross(piece.vertices - a, direction))
+    for edge in piece.edges:
+        i, j = edge.vertices
+        if max(off[i], off[j]) <= 1e-9:
+            forward = float((piece.vertices[j] - piece.vertices[i]) @ direction) > 0.0
+            return (i, j) if forward else (j, i)
+    return None

@@ -68,12 +68,14 @@ def stepped(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Toler
         InfeasibleError: the step is impossible, or some executions would not make or give up a contact as it says.
     """
     step = advance(assembly, piece, errors, tolerance)
+    # The distance has to fall at every error, all along: else some execution stops short, or never does.
     if piece.made is not None and step.approach is not None and step.approach.least <= 0.0:
         raise InfeasibleError(
             f"some executions could move away from contact {piece.made.id} before they touch: errors may change how "
             f"much nearer it comes by {-step.approach.least * 1e6:.1f} um more than it does",
             -step.approach.least,
         )
+    # Growth has to be positive for the same reason, with the sign the other way: what stays in touch is not given up.
     if step.departure <= 0.0:
         raise InfeasibleError(
             f"some executions could stay in touch with {', '.join(c.id for c in piece.left)}, which the move gives up: "
@@ -106,10 +108,13 @@ def claimed(
         alike = list(group)
         listed = facing(assembly, alike[0][0])
         course = Course.of([step.ends for _, step in alike])
+        # Contacts say how the margin of a plan comes about; a search that only compares margins of planes leaves them
+        # out.
         contacts = _contacts(assembly, alike, course) if thorough else [()] * len(alike)
         chosen = choose(assembly, listed, course)
         for n, ((piece, step), planes, own) in enumerate(zip(alike, chosen, contacts, strict=True)):
             early = None
+            # Only where the move begins: later pieces go on from where the contact was proved to be open.
             if piece.made is not None and piece.progress[0] == 0.0:
                 early = _before(assembly, piece, piece.made, course.piece(n), tolerance.rho)
             found.append(_claim(piece, step, _separated(listed, planes), own, early))
@@ -143,6 +148,7 @@ def _claim(
     if early is not None:
         assert piece.made is not None
         named.append((early, f"{piece.made.id} too early"))
+    # By margin, then by name: of equal ones always the same is said to bind.
     margin, binding = min(named)
     clearance = min(s.clearance for _, _, s in separations)
     return Claim(piece, step, separations, contacts, margin, clearance, binding, early)
@@ -156,12 +162,14 @@ def _contacts(assembly: Assembly, alike: Sequence[Stepped], course: Course) -> l
     found = []
     for n, (piece, _) in enumerate(alike):
         contacts, margins, rows, at = held, table.margins(inside[n]), own, n
+        # At the end of the move new contacts hold as well, and facets are those of the goal state.
         if piece.last and making:
             only = course.piece(n)
             contacts, rows, at = (*held, *making), _with_made(assembly, piece, only), 0
             made = _made(assembly, piece, only)
             margins += made.table.margins(made.lower)
         roles = ("held" if k < len(held) else "made" for k in range(len(contacts)))
+        # The row is stated as N·e ≥ offset about the goal, hence the value with its sign turned.
         listed = (contacts, roles, rows.N[1, at], (-rows.f[1, at]).tolist(), rows.rest[at].tolist(), margins)
         found.append(tuple(ContactClaim(*each) for each in zip(*listed, strict=True)))
     return found
@@ -179,10 +187,16 @@ class FacetRows:
 
 
 def facet_rows(assembly: Assembly, claim: Claim) -> Iterator[FacetRows]:
-    """What bounds the contacts of a piece of motion at both ends, for placements that want to move them."""
+    """What bounds the contacts of a piece of motion at both ends, for placements that want to move them.
+
+    Args:
+        assembly: the parts.
+        claim: whose piece has contacts.
+    """
     piece, course = claim.piece, Course.of((claim.advance.ends,))
     table = bounds(assembly, piece.held, piece.held)
     rows = course.over(table.forms)
+    # Both ends: the bound is the lesser of the two, and a displacement of either pose moves its own.
     for end in (0, 1):
         yield FacetRows(piece.held, end, table, rows.end(end), rows.bounds[end, 0])
     if piece.last and piece.making:
@@ -192,6 +206,7 @@ def facet_rows(assembly: Assembly, claim: Claim) -> Iterator[FacetRows]:
 def _made(assembly: Assembly, piece: Piece, course: Course) -> FacetRows:
     """What bounds the contacts made at the end of a piece."""
     table = bounds(assembly, piece.making, piece.goal_contacts)
+    # Only the goal counts: before it these contacts are not there, and nothing has to bound them.
     rows = course.ended().over(table.forms)
     return FacetRows(piece.making, 1, table, rows.end(1), rows.bounds[1, 0])
 

@@ -14,7 +14,7 @@ from weakref import ref
 
 import numpy as np
 
-from fmopt.certificate.assembly import NEAR, Assembly, in_plane, on_line, same
+from fmopt.certificate.assembly import NEAR, Assembly, beyond, in_plane, on_line, same_side
 from fmopt.certificate.rows import Mask
 from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.spatial.se3 import cross, length, lengths
@@ -59,7 +59,12 @@ class Facts:
         return there(self.owner)
 
     def on(self, normal: Array, offset: float) -> Wall:
-        """What is known of a plane."""
+        """What is known of a plane.
+
+        Args:
+            normal: outward unit normal (3,).
+            offset: m.
+        """
         for wall in self.walls:
             if self.assembly.agree(wall.normal, wall.offset, normal, offset):
                 return wall
@@ -77,27 +82,34 @@ class Facts:
         return known
 
     def not_below(self, normal: Array, offset: float, vertices: Array, above: Array) -> Mask:
-        """Which body points (k, 3) are on or above a plane, given some points (m, 3) known not to be below it.
+        """Which body points are on or above a plane, given some points known not to be below it.
 
         On a line in the wall every point is zero; on a body plane hinged there all points on the side of one that is
         not below are not below; nor are points beyond such a one, seen from a point in the wall.
+
+        Args:
+            normal, offset: as for `on`.
+            vertices: (k, 3), body frame, m.
+            above: (m, 3), body frame, m.
         """
         wall, P = self.level_with(normal, offset), self.assembly.body_points
         if not (wall.points or wall.between or len(above)):
             return np.zeros(len(vertices), dtype=np.bool_)
         raised = list(above)
+        # What is level with a raised point is as high as that.
         raised += [v for p in above for v in vertices[level(self.turns, normal, vertices - p)]]
         known = np.array([*P[sorted(wall.points)], *raised]).reshape(-1, 3)
         done = np.asarray((np.abs(vertices[:, None] - known).max(axis=2) <= NEAR).any(axis=1))
         for a, direction in _lines(self.assembly, wall.points, wall.between):
             done |= on_line(vertices, a, direction)
+            # A plane through a line of the wall rises on one side: what is on the side of a point that is up is up.
             for p in raised:
-                done |= _same_side(vertices, a, direction, p)
+                done |= same_side(vertices, a, direction, p)
         for n, c in wall.flush:
             done |= np.abs(vertices @ n - c) <= NEAR
         for i in wall.points:
             for p in raised:
-                done |= _beyond(vertices, P[i], p)
+                done |= beyond(vertices, P[i], p)
         return done
 
     def beside(self, vectors: Array, direction: Array) -> Mask:
@@ -110,7 +122,12 @@ class Facts:
 
 @remembered(_MEMORY)
 def facts(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> Facts:
-    """Everything that follows from contacts being held."""
+    """Everything that follows from contacts being held.
+
+    Args:
+        assembly: the parts.
+        held: all contacts at once.
+    """
     walls: list[Wall] = []
     fixed = assembly.fixed.polyhedron
     for contact in held:
@@ -124,6 +141,7 @@ def facts(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> Facts:
             for n in fixed.edges[contact.fixed_feature].faces:
                 _note(assembly, walls, n, between=(contact.moving,))
     turns: list[tuple[Array, Array]] = []
+    # Each conclusion may allow another; sets only grow and are of few points, so that it comes to an end.
     while True:
         grown = [_grown(assembly, wall, turns) for wall in walls]
         if all(new is old for new, old in zip(grown, walls, strict=True)):
@@ -180,6 +198,7 @@ def _directed(normal: Array, w: Array, cosine: float, towards: Array) -> Array |
 
     None where the two are too near each other, or none or both point there.
     """
+    # Two planes and a cone meet in two lines; where they nearly coincide rounding would choose between them.
     axis = cross(normal, w)
     sine = length(axis)
     rest = 1.0 - (cosine / sine) ** 2 if sine**2 >= _STEEP else 0.0
@@ -206,7 +225,13 @@ def taken_turns(assembly: Assembly, contact: PrimitiveContact, together: Sequenc
 
 
 def held_on(assembly: Assembly, face: int, together: Sequence[PrimitiveContact]) -> set[int]:
-    """The moving vertices that contacts hold on a fixed face or one in its plane."""
+    """The moving vertices that contacts hold on a fixed face or one in its plane.
+
+    Args:
+        assembly: the parts.
+        face: index in the fixed part.
+        together: contacts held.
+    """
     faces = assembly.fixed.polyhedron.faces
     wall = faces[face]
     return {
@@ -358,26 +383,3 @@ def rising(known: Sequence[tuple[Array, Array]], normal: Array, vectors: Array) 
 def flushes(assembly: Assembly, held: Sequence[PrimitiveContact]) -> list[tuple[Array, Array]]:
     """Faces of the moving part that the held contacts press flat: (body normal, world normal it is turned to)."""
     return list(facts(assembly, tuple(held)).turns)
-
-
-def _same_side(vertices: Array, a: Array, direction: Array, p: Array) -> Mask:
-    """Which points lie in the half-plane that a line bounds and p spans."""
-    off = (p - a) - direction * float(direction @ (p - a))
-    size = length(off)
-    if size <= _SHORT:
-        return np.zeros(len(vertices), dtype=np.bool_)
-    u = off / size
-    d = vertices - a
-    d = d - np.outer(d @ direction, direction)
-    t = d @ u
-    return np.asarray((t > 0.0) & (lengths(d - np.outer(t, u)) <= NEAR))
-
-
-def _beyond(vertices: Array, z: Array, p: Array) -> Mask:
-    """Which points lie on the ray from z through p."""
-    if same(z, p):
-        return np.zeros(len(vertices), dtype=np.bool_)
-    u = (p - z) / length(p - z)
-    d = vertices - z
-    t = d @ u
-    return np.asarray((t > 0.0) & (lengths(d - np.outer(t, u)) <= NEAR))

@@ -66,6 +66,7 @@ class ErrorSet(Value):
     linkage: Linkage | None = None
 
     def __post_init__(self) -> None:
+        # Six columns at most: sums would let roots grow with each piece of motion.
         object.__setattr__(self, "shape_root", frozen(ellipsoid.narrow(self.shape_root, 6), 6, None, name="shape"))
         object.__setattr__(self, "generators", frozen(self.generators, None, 6, name="generators"))
         object.__setattr__(self, "slide_root", frozen(ellipsoid.narrow(self.slide_root, 6), 6, None, name="slide"))
@@ -76,11 +77,17 @@ class ErrorSet(Value):
     def from_box(half_widths: ArrayLike) -> ErrorSet:
         """The box |eᵢ| ≤ aᵢ, half-widths a (6,) in m and rad; exact in its zonotope."""
         a = frozen(half_widths, 6, name="half-widths")
+        # The box is exact as a zonotope; only its ellipsoid is wider, by √6 along the axes.
         return ErrorSet(ellipsoid.box_root(a), np.diag(a)[a > 0.0], _POINT)
 
     @staticmethod
     def of(half_widths: ArrayLike, framing: Framing) -> ErrorSet:
-        """The box of start errors with half-widths (6,) in m and rad, each share of it fixed where the framing says."""
+        """The box of start errors, each share of it fixed where the framing says.
+
+        Args:
+            half_widths: (6,), m and rad.
+            framing: which share is fixed in the hole, in the hand and in the world.
+        """
         a = frozen(half_widths, 6, name="half-widths")
         generators, linkage = Linkage.of(a, framing)
         return ErrorSet(ellipsoid.box_root(a), generators, _POINT, linkage=linkage)
@@ -89,6 +96,7 @@ class ErrorSet(Value):
     def from_ellipsoid(shape: Array) -> ErrorSet:
         """The ellipsoid with this shape matrix (6, 6), exact."""
         root = ellipsoid.root(frozen(shape, 6, 6, name="shape"))
+        # No generators: the sum of nothing and the ellipsoid, which is the same twice.
         return ErrorSet(root, _NONE, root)
 
     @cached_property
@@ -107,6 +115,7 @@ class ErrorSet(Value):
         The projection along the twists removes a thickness that lies in their span; else all of it is kept.
         """
         held = {direction.tobytes() for direction in directions}
+        # Thickness is given up only if all contacts that it comes from are still held: it is then measured anew.
         if all(old.tobytes() in held for old in self.compliant):
             return self.generators[: len(self.generators) - self.thick]
         return self.generators
@@ -139,7 +148,13 @@ class Support:
 
     @staticmethod
     def of(generators: Array, errors: ErrorSet, slack: Array | None = None) -> Support:
-        """The support of generators (k, 6) with the ellipsoids of a set, and of slack columns (6, s) on top."""
+        """The support of generators with the ellipsoids of a set, and of slack on top.
+
+        Args:
+            generators: (k, 6), m and rad.
+            errors: whose ellipsoids are taken; its generators are not.
+            slack: columns (6, s) of what comes on top; nothing if None.
+        """
         parts = [generators.T, errors.slide_root, errors.swing_root, errors.shape_root]
         first = len(generators)
         second = first + errors.slide_root.shape[1]
@@ -153,9 +168,12 @@ class Support:
         reach = np.add.reduce(np.abs(X[..., :first]), axis=-1)
         for begin, end in ((first, second), (second, third)):
             if end > begin:
+                # Each drift is bounded by itself: two ellipsoids added up reach as far as their lengths together.
                 reach += lengths(X[..., begin:end])
+        # Both bounds hold of every error: the smaller one is taken row by row.
         reach = np.minimum(lengths(X[..., third:fourth]), reach)
         if X.shape[-1] > fourth:
+            # Slack comes on top of either, as it is not in the set.
             reach += np.add.reduce(np.abs(X[..., fourth:]), axis=-1)
         return np.asarray(reach)
 
@@ -187,10 +205,16 @@ class Linkage(Value):
 
     @staticmethod
     def of(box: Array, framing: Framing) -> tuple[Array, Linkage | None]:
-        """The generators (k, 6) of a box of start errors, and how they move on; None where all stay as they are."""
+        """The generators (k, 6) of a box of start errors, and how they move on; None where all stay as they are.
+
+        Args:
+            box: half-widths (6,), m and rad.
+            framing: which share is fixed in the hole, in the hand and in the world.
+        """
         if framing.still:
             return np.diag(box)[box > 0.0], None
         hole, hand, world = framing.parts(box)
+        # One generator for each component that has a share, in each of the frames: the shares vary independently.
         generators = np.vstack([np.diag(part)[part > 0.0] for part in (hole, hand, world)])
         askew, gripped = np.zeros((len(generators), 3)), np.zeros((len(generators), 6))
         first, second = np.count_nonzero(hole), np.count_nonzero(hole) + np.count_nonzero(hand)
@@ -204,15 +228,27 @@ class Linkage(Value):
         return self if self.origin is not None else replace(self, origin=start)
 
     def links(self, start: Array, goal: Array) -> Array:
-        """The sizes of errors in different frames, and the greatest way from the origin of two positions (3,), (5,)."""
+        """The sizes of errors in different frames, and the greatest way from the origin of two positions (3,), (5,).
+
+        Args:
+            start, goal: (3,), m, of the reference point.
+        """
         origin = start if self.origin is None else self.origin
         return np.append(self.sizes, max(length(start - origin), length(goal - origin)))
 
     def moves(self, travel: Array, turn: Array, count: int) -> Array:
-        """By how much generators (count, 6) move as the part goes by `travel` (3,) and turns by a rotation (3, 3)."""
+        """By how much generators (count, 6) move as the part travels and turns.
+
+        Args:
+            travel: (3,), m.
+            turn: rotation matrix (3, 3).
+            count: of generators; those behind the linked ones do not move.
+        """
         found = np.zeros((count, 6))
         after = self.turned(turn).hand
+        # What is fixed in the hand turns with the part; what is fixed in the hole stays and swings what has moved on.
         found[: len(self.hole)] = after - self.hand
+        # A tilt of the hole seen from a part that has travelled: cross product of the tilt with the way.
         found[: len(self.hole), :3] += cross(self.hole, travel)
         return found
 

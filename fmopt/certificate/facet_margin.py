@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from fmopt.certificate.assembly import NEAR, TOUCH, Assembly
+from fmopt.certificate.assembly import NEAR, TOUCH, Assembly, Span, span, swallowed
 from fmopt.certificate.contact_implications import held_on, other_rim, taken_turns
-from fmopt.certificate.rows import Forms, directions_along, faces_above, points_above, stacked
+from fmopt.certificate.rows import Forms, Questions
 from fmopt.contact.primitive import Kind, PrimitiveContact
+from fmopt.geometry.convex_regions import along_edge, convex_regions
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.spatial.se3 import Pose, cross, length, lengths
 from fmopt.spatial.values import Array, remembered
@@ -20,12 +21,8 @@ UNBOUNDED = 1.0  # m; the margin of a contact that nothing bounds
 _BEYOND = 1e-6  # m; how far beyond a blocked rim material must go on
 _SURELY = 1e-9  # m; what takes over is farther inside by this at least, that rounding does not decide
 _DIFFERENCE = 1e-8  # m
-_BESIDE = 1e-3  # of a polygon's shortest edge, how far from corners and edges points are taken
 _STEEP = 100.0  # what changes faster jumps
 _MEMORY = 512
-
-Span = tuple[float, float]
-"""An open interval of depths, m."""
 
 Lower = Sequence[float]
 """The lower bounds (k,) of all rows, m and rad: plain numbers, of which few are looked at."""
@@ -100,53 +97,13 @@ def bounds(
         contacts: held, or just made.
         together: all contacts held with them.
     """
-    rows = _Questions([], [], [])
+    rows = Questions([], [], [])
     judges = tuple(_judge(assembly, contact, together, rows) for contact in contacts)
     return Bounds(rows.forms(), judges)
 
 
-_Asked = tuple[int, Array, Array, float]
-"""The number of a row with two vectors and an offset."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Questions:
-    """Rows asked for while a table of bounds is built: of body points, of directions, and of world points."""
-
-    points: list[_Asked]
-    directions: list[_Asked]
-    faces: list[_Asked]
-
-    def _ask(self, kind: list[_Asked], a: Array, b: Array, offset: float) -> int:
-        number = len(self.points) + len(self.directions) + len(self.faces)
-        kind.append((number, a, b, offset))
-        return number
-
-    def above(self, v: Array, normal: Array, offset: float) -> int:
-        return self._ask(self.points, v, normal, offset)
-
-    def along(self, u: Array, k: Array) -> int:
-        return self._ask(self.directions, u, k, 0.0)
-
-    def beneath(self, normal: Array, offset: float, w: Array) -> int:
-        return self._ask(self.faces, w, normal, offset)
-
-    def forms(self) -> Forms:
-        """All rows by their numbers."""
-        numbers, parts = list[int](), list[Forms]()
-        for kind in (self.points, self.directions, self.faces):
-            if kind:
-                which, a, b, offsets = (np.array(column) for column in zip(*kind, strict=True))
-                numbers += which.tolist()
-                if kind is self.points:
-                    parts.append(points_above(a, b, offsets))
-                else:
-                    parts.append(directions_along(a, b) if kind is self.directions else faces_above(b, offsets, a))
-        return Forms(stacked(*parts).table[np.argsort(numbers)])
-
-
 def _judge(
-    assembly: Assembly, contact: PrimitiveContact, together: Sequence[PrimitiveContact], rows: _Questions
+    assembly: Assembly, contact: PrimitiveContact, together: Sequence[PrimitiveContact], rows: Questions
 ) -> Judge:
     if contact.kind in (Kind.VERTEX_FACE, Kind.BALL_FACE):  # a ball touches where its centre is over the face
         return _in_face(assembly, contact, together, rows)
@@ -192,12 +149,14 @@ def _regions(assembly: Assembly, part: Polyhedron, face: int) -> tuple[_Region, 
 
     def rim(i: int, whole: bool) -> _Rim:
         walled = whole and not convex[frozenset(spans[i])]
-        behind = _swallowed(assembly, ends[:, i], inward[i]) if walled else ()
+        behind = swallowed(assembly, ends[:, i], inward[i]) if walled else ()
         return _Rim(spans[i], inward[i], float(offsets[i]), whole, behind)
 
     found = []
+    if (points @ inward.T - offsets >= -NEAR).all():
+        return (tuple(rim(i, True) for i in range(len(spans))),)
     for chosen in convex_regions(ends, inward, offsets):
-        found.append(tuple(rim(i, _on_edge(i, chosen, ends, inward, offsets)) for i in chosen))
+        found.append(tuple(rim(i, along_edge(i, chosen, ends, inward, offsets)) for i in chosen))
     return tuple(found)
 
 
@@ -216,60 +175,6 @@ def cornered(assembly: Assembly, contact: PrimitiveContact, pose: Pose) -> bool:
     )
 
 
-def convex_regions(ends: Array, inward: Array, offsets: Array) -> tuple[tuple[int, ...], ...]:
-    """Convex parts of a polygon (n), each by the edges before which it lies, the whole of it if it is convex.
-
-    They are taken around a point beside each corner and each edge, with the nearest edges and the farthest ones first.
-    A part that is before some edges has nothing of the outline inside it if each edge is behind one of them.
-
-    Args:
-        ends: of its edges (2, n, 3), one after the other around it.
-        inward: unit normals of these in its plane (n, 3).
-        offsets: of the lines of the edges along them (n,), m.
-    """
-    heights = inward @ np.swapaxes(ends, 1, 2) - offsets[:, None]  # (2, n, n), over the first of the last two
-    if (heights >= -NEAR).all():
-        return (tuple(range(len(offsets))),)
-    behind = np.asarray((heights <= NEAR).all(axis=0))
-    beside = _BESIDE * float(lengths(ends[1] - ends[0]).min())
-    starts = np.concatenate([ends.mean(axis=0) + beside * inward, ends[0] + beside * (inward + np.roll(inward, 1, 0))])
-    found: dict[tuple[int, ...], None] = {}
-    for start in starts:
-        depths = inward @ start - offsets
-        if not _inside(start, ends, inward):
-            continue
-        for order in (np.argsort(depths, kind="stable"), np.argsort(-depths, kind="stable")):
-            chosen: list[int] = []
-            for i in order.tolist():
-                if depths[i] > 0.0 and not behind[chosen, i].any():
-                    chosen.append(i)
-            if (behind[chosen] | np.eye(len(offsets), dtype=np.bool_)[chosen]).any(axis=0).all():
-                found.setdefault(tuple(sorted(chosen)))
-    return tuple(found)
-
-
-def _inside(point: Array, ends: Array, inward: Array) -> bool:
-    """Whether a point is inside a polygon: the nearest point of its outline is on an edge that it is before."""
-    way = ends[1] - ends[0]
-    share = np.clip(np.vecdot(point - ends[0], way) / np.vecdot(way, way), 0.0, 1.0)
-    off = point - (ends[0] + share[:, None] * way)
-    nearest = lengths(off)
-    # At a corner two edges are as near: the one that turns away from the point least tells.
-    tied = np.flatnonzero(nearest <= nearest.min() + NEAR)
-    return bool(max(np.vecdot(off, inward)[tied].tolist(), key=abs) > 0.0)
-
-
-def _on_edge(i: int, chosen: Sequence[int], ends: Array, inward: Array, offsets: Array) -> bool:
-    """Whether a convex part before some edges goes along the line of one of them no farther than the edge does."""
-    way = ends[1, i] - ends[0, i]
-    low, high = -np.inf, np.inf
-    for j in chosen:
-        rise, at = float(inward[j] @ way), float(inward[j] @ ends[0, i] - offsets[j])
-        if j != i and abs(rise) > NEAR:
-            low, high = (max(low, -at / rise), high) if rise > 0.0 else (low, min(high, -at / rise))
-    return low >= -NEAR and high <= 1.0 + NEAR
-
-
 @remembered(_MEMORY)
 def _holes(assembly: Assembly, part: Polyhedron, face: int) -> tuple[tuple[tuple[Array, float], ...], ...]:
     """For each hole of a face, the planes across those of its edges that have all of it behind them."""
@@ -284,7 +189,7 @@ def _holes(assembly: Assembly, part: Polyhedron, face: int) -> tuple[tuple[tuple
 
 
 def _in_face(
-    assembly: Assembly, contact: PrimitiveContact, together: Sequence[PrimitiveContact], rows: _Questions
+    assembly: Assembly, contact: PrimitiveContact, together: Sequence[PrimitiveContact], rows: Questions
 ) -> Judge:
     fixed, body = assembly.fixed.polyhedron, assembly.moving.polyhedron.vertices
     regions = [
@@ -308,9 +213,9 @@ def _in_face(
         most = -UNBOUNDED
         for asked in regions:
             found = beyond
-            for room, swallowed, slips in asked:
+            for room, behind, slips in asked:
                 value = lower[room]
-                if value < found and not (_within(swallowed, value) or slips(lower, value)):
+                if value < found and not (_within(behind, value) or slips(lower, value)):
                     found = value
             most = max(most, found)
         return most
@@ -328,7 +233,7 @@ def _slips(
     contact: PrimitiveContact,
     together: Sequence[PrimitiveContact],
     rim: _Rim,
-    rows: _Questions,
+    rows: Questions,
 ) -> Callable[[Lower, float], bool]:
     """Whether an edge held across a rim takes over when the vertex, this far from it, slips over it.
 
@@ -356,7 +261,7 @@ def _slips(
     return slips
 
 
-def _sides(assembly: Assembly, contact: PrimitiveContact, along: int, rows: _Questions) -> Judge:
+def _sides(assembly: Assembly, contact: PrimitiveContact, along: int, rows: Questions) -> Judge:
     """How far the ends of a moving edge stay on different sides of the face across its fixed edge from a wall."""
     body, fixed = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron
     wall = fixed.faces[along]
@@ -375,37 +280,8 @@ def _within(spans: Sequence[Span], room: float) -> bool:
     return any(low < depth < high for low, high in spans)
 
 
-def _swallowed(assembly: Assembly, ends: Array, inward: Array) -> tuple[Span, ...]:
-    """Depths to which the strip of a wall beyond a re-entrant edge is inside a fixed piece, its middle strictly.
-
-    A contact cannot leave its face there without the parts overlapping, which the separations rule out.
-    """
-    spans = []
-    for normals, offsets in assembly.fixed_planes:
-        heights, rise = ends @ normals.T - offsets, -(normals @ inward)
-        if (heights > NEAR).any():
-            continue
-        middle = heights.mean(axis=0)
-        limits = [(NEAR - heights.max(axis=0), rise), (-NEAR - middle, 0.5 * rise)]
-        spans.append(_span([pair for room, slope in limits for pair in zip(room, slope, strict=True)]))
-    return tuple(span for span in spans if span[0] < span[1])
-
-
-def _span(limits: Sequence[tuple[float, float]]) -> Span:
-    """Where slope·t < room holds for all (room, slope), t > 0."""
-    low, high = 0.0, np.inf
-    for room, slope in limits:
-        if slope > 0.0:
-            high = min(high, room / slope)
-        elif slope < 0.0:
-            low = max(low, room / slope)
-        elif room <= 0.0:
-            return 0.0, 0.0
-    return float(low), float(high)
-
-
 def _in_edges(
-    assembly: Assembly, contact: PrimitiveContact, together: Sequence[PrimitiveContact], rows: _Questions
+    assembly: Assembly, contact: PrimitiveContact, together: Sequence[PrimitiveContact], rows: Questions
 ) -> Judge:
     fixed = assembly.fixed.polyhedron
     lies_in = _lying_in(assembly, contact, together, rows)
@@ -422,7 +298,7 @@ def _in_edges(
 
 
 def _lying_in(
-    assembly: Assembly, contact: PrimitiveContact, together: Sequence[PrimitiveContact], rows: _Questions
+    assembly: Assembly, contact: PrimitiveContact, together: Sequence[PrimitiveContact], rows: Questions
 ) -> Callable[[Lower], int | None]:
     """The wall in which a moving edge lies whether or not it crosses here, when another contact warrants that."""
     shared = taken_turns(assembly, contact, together)
@@ -436,7 +312,7 @@ def _lying_in(
 
 
 def _across(
-    assembly: Assembly, contact: PrimitiveContact, number: int, ends: tuple[int, ...], rows: _Questions
+    assembly: Assembly, contact: PrimitiveContact, number: int, ends: tuple[int, ...], rows: Questions
 ) -> Callable[[Lower, bool], float]:
     """How far an edge that runs from below a wall to above it crosses within both edges.
 
@@ -485,12 +361,12 @@ def _blocked(assembly: Assembly, edge: int, wall: int) -> tuple[tuple[Array, Arr
             flush = [n for n in range(len(normals)) if assembly.agree(normals[n], offsets[n], face.normal, face.offset)]
             for others in (np.ones(len(normals), dtype=bool), *(np.arange(len(normals)) != n for n in flush)):
                 if (heights[others] <= NEAR).all():
-                    spans.append(_span(list(zip(-NEAR - heights[others], rise[others], strict=True))))
+                    spans.append(span(list(zip(-NEAR - heights[others], rise[others], strict=True))))
         found.append((end, inward, tuple(span for span in spans if span[0] < span[1])))
     return tuple(found)
 
 
-def _on_moving_face(assembly: Assembly, contact: PrimitiveContact, rows: _Questions) -> Judge:
+def _on_moving_face(assembly: Assembly, contact: PrimitiveContact, rows: Questions) -> Judge:
     if len(assembly.moving.polyhedron.faces[contact.moving_feature].loops) > 1:
         return lambda lower: -UNBOUNDED
     w = assembly.fixed.polyhedron.vertices[contact.fixed[0]]

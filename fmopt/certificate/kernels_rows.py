@@ -62,23 +62,37 @@ class Bending(NamedTuple):
 
 @part
 def value(row: Row, p: Vector, R: Array) -> tuple[float, Vector, Vector, End]:
-    """f at a pose, its gradient in translation and in rotation, and what turns: w, b, y."""
+    """f at a pose, its gradient in translation and in rotation, and what turns: w, b, y.
+
+    Args:
+        row: one of a table.
+        p: m.
+        R: (3, 3).
+    """
     n, u, w = vector(row["n"]), vector(row["u"]), turned(R, vector(row["k"]))
+    # ∇ of n·p is n; a turn by δ adds δ × w to w, and u·(δ × w) = (w × u)·δ.
     f, moving, turning = dot(n, p) + dot(u, w) - row["c"], n, cross(w, u)
     b = y = (0.0, 0.0, 0.0)
     if row["bilinear"]:
         a, sign = vector(row["a"]), row["sign"]
         b, y = turned(R, vector(row["b"])), plus(plus(vector(row["s"]), 1.0, cross(a, p)), sign, p)
         f += dot(b, y)
+        # Product rule: A = σ + [a]× maps a translation onto y, and a turn moves b by δ × b.
         moving, turning = plus(plus(n, 1.0, cross(b, a)), sign, b), plus(turning, 1.0, cross(b, y))
     return f, moving, turning, (w, b, y)
 
 
 @part
 def reach(row: Row, start: End, goal: End) -> float:
-    """|u||k| + |b||y|, y at the end where it is larger: what a small turn moves by at most, m."""
+    """|u||k| + |b||y|, y at the end where it is larger: what a small turn moves by at most, m.
+
+    Args:
+        row: one of a table.
+        start, goal: what turns, at both ends of a piece.
+    """
     found: float = row["lever"]
     if row["bilinear"]:
+        # The end farther away: lengths between two positions of a straight way are at most that of one of its ends.
         found += max(size(start[2]), size(goal[2]))
     return found
 
@@ -99,6 +113,7 @@ def remainder(row: Row, ends: tuple[End, End], twist: tuple[Vector, Vector], hal
         twist: Δ and τ of the piece, m and rad.
         half: half-widths of the box around the errors, m and rad.
     """
+    # Bilinear rows have products of translation and turn as well, and terms of third order.
     if row["bilinear"]:
         return _bent(row, ends, twist, half)
     return _straight(row, ends, twist, half)
@@ -109,8 +124,10 @@ def _straight(row: Row, ends: tuple[End, End], twist: tuple[Vector, Vector], hal
     """The remainder of a row without b."""
     turn, angles, u, w = twist[1], half[1], vector(row["u"]), ends[0][0]
     theta, swept = size(angles), size(cross(turn, w))
+    # ε × w at its largest end, and half the sweep of the nominal arc between, where w points elsewhere.
     most = max(swung(w, angles, theta), swung(ends[1][0], angles, theta)) + 0.5 * theta * swept
     left = 0.5 * (min(most, theta * size(w)) + swept)
+    # 1/2 |ε × u||ε × w|, 1/2 |ε × u||τ × w| and 1/8 |τ × u||τ × w|, with the better of two bounds for each length.
     return swung(u, angles, theta) * left + size(cross(turn, u)) * (0.125 * swept)
 
 
@@ -121,7 +138,9 @@ def _bent(row: Row, ends: tuple[End, End], twist: tuple[Vector, Vector], half: t
     theta, tau, arm = size(angles), size(turn), reach(row, ends[0], ends[1])
     x, y, z = abs(a[0]), abs(a[1]), abs(a[2])
     sides = (z * offset[1] + y * offset[2], z * offset[0] + x * offset[2], y * offset[0] + x * offset[1])
+    # |M d| over the box of d, component by component.
     felt, seen = size(plus(sides, abs(row["sign"]), offset)), size(slid(row, move))
+    # Second order at either end: half the Hessian over the box, the chord of the arc, and the turn of the gradient.
     second, chord, turning = 0.0, 0.0, 0.0
     for end in ends:
         second = max(second, _drawn(row, end, offset, angles))
@@ -129,11 +148,14 @@ def _bent(row: Row, ends: tuple[End, End], twist: tuple[Vector, Vector], half: t
         chord = max(chord, abs(dot(moving, move) + dot(spinning, turn)))
         for i in range(3):
             turning += abs(moving[i]) * offset[i] + abs(spinning[i]) * angles[i]
+    # Between the ends the second derivative differs from that at the nearer one by the third order.
     chord = 0.125 * chord + tau**2 * (tau * arm + 3.0 * seen) / 16.0
+    # What is of third order in errors and turn together, by the lengths of all vectors.
     third = theta**2 * ((theta / 6.0 + 0.25 * tau) * arm + 0.5 * felt + 0.25 * seen) + 0.5 * theta * tau * felt
     third += 0.125 * tau * (theta * tau * arm + tau * felt + 2.0 * theta * seen)
     coarse = (0.5 * theta**2 + tau**2 / 8.0 + 0.5 * tau * theta) * arm
     coarse += (theta + 0.5 * tau) * felt + (0.25 * tau + 0.5 * theta) * seen
+    # Second order may be the worse bound for large errors: the quick one holds as well.
     return min(second + chord + 0.25 * turning + third, coarse)
 
 
@@ -142,11 +164,13 @@ def _drawn(row: Row, end: End, offset: Vector, angles: Vector) -> float:
     """The most of a bilinear row's Hessian at an end: ½ ε·G ε and ε·[b]× A d over the box of the errors."""
     u, a, sign = vector(row["u"]), vector(row["a"]), row["sign"]
     w, b, y = end
+    # The Hessian of the rotation, symmetric: trace on the diagonal, less products of what turns.
     trace, found = dot(u, w) + dot(b, y), 0.0
     for i in range(3):
         found += 0.5 * abs(trace - w[i] * u[i] - b[i] * y[i]) * angles[i] * angles[i]
         for j in range(i):
             found += 0.5 * abs(w[i] * u[j] + b[i] * y[j] + w[j] * u[i] + b[j] * y[i]) * angles[i] * angles[j]
+    # Columns of A = σ + [a]×, to which translations of the box are put.
     columns = (sign, a[2], -a[1]), (-a[2], sign, a[0]), (a[1], -a[0], sign)
     for j in range(3):
         mixed = cross(b, columns[j])
@@ -163,7 +187,14 @@ def _changed(row: Row, end: End, move: Vector, turn: Vector) -> tuple[Vector, Ve
 
 @part
 def power(row: Row, end: End, move: Vector, turn: Vector) -> tuple[Vector, Vector]:
-    """How N·V, V = (Δ, τ), changes with a small error: Aᵀ(τ × b) and b × A Δ − Gᵀ τ."""
+    """How N·V, V = (Δ, τ), changes with a small error: Aᵀ(τ × b) and b × A Δ − Gᵀ τ.
+
+    Args:
+        row: one of a table.
+        end: what turns, at one end.
+        move: Δ, m.
+        turn: τ, rad.
+    """
     u, (w, b, y) = vector(row["u"]), end
     return _sloped(row, end, (move, turn), (w, b), (u, y))
 

@@ -76,6 +76,7 @@ class Advance:
     @property
     def departure(self) -> float:
         """How much farther away the contacts given up get at least, m; infinite without any."""
+        # No contact is given up: nothing has to grow.
         return min((growth.least for growth in self.departures), default=np.inf)
 
 
@@ -97,6 +98,7 @@ def advance(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Toler
     basis = piece.basis
     if piece.made is not None:
         size = length(way.motion * ellipsoid.metric(tolerance.rho))
+        # In the metric of ρ, so that directions of slides and of turns are alike in length.
         basis = (*basis, Compliance(piece.made, way.motion / size))
     ends, overtravel = _carried(piece, way, basis, errors, tolerance)
     extent = ends.extent
@@ -115,11 +117,14 @@ def _carried(
     core, linkage = errors.core(way.directions), errors.linkage
     moved, shape_moved, links = core, errors.shape_root, np.zeros(5)
     if linkage is not None:
+        # Errors fixed in the hand or in the hole move on with the part; the projection comes after.
         by = linkage.moves(way.travel, exp(way.twist[3:]), len(core))
+        # k Σ gᵢgᵢᵀ holds the zonotope of k generators, as (Σ uᵢ gᵢ·n)² ≤ k Σ (gᵢ·n)² for |uᵢ| ≤ 1.
         root = math.sqrt(linkage.linked) * by.T
         moved, shape_moved = core + by, ellipsoid.outer_sum(shape_moved, root, ellipsoid.metric(tolerance.rho))
         links = linkage.links(piece.start.p, piece.goal.p)
         linkage = linkage.begun(piece.start.p).turned(exp(way.twist[3:]))
+    # Only the last piece makes the contact; on those before it is still ahead.
     layers = way.closing if piece.made is not None and piece.last else way.on_the_way
     translation, rotation = tolerance.velocity_error
     rates = translation, rotation / tolerance.rho
@@ -135,5 +140,6 @@ def _carried(
     compliant = np.array([c.direction for c in basis[: len(thickness)]]).reshape(-1, 6)
     goal = ErrorSet(shape, generators, slide, swing, len(thickness), compliant, linkage)
     extent = Extent(way.twist, half, coupled(links, half, way.turn))
+    # Thickness at the start is what contacts of the basis may be off there, along their compliant directions.
     slack = way.start_dual * thickness[: len(piece.basis)]
     return Ends(piece.start, piece.goal, errors, goal, extent, slack, core), beyond

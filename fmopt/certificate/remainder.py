@@ -60,6 +60,7 @@ class Extent:
     @property
     def theta(self) -> float:
         """Bound θ of |ε|, rad."""
+        # Half-widths as one vector: no error of the box turns farther.
         return length(self.half[3:])
 
     @property
@@ -81,13 +82,22 @@ class Curvature:
 
     @staticmethod
     def of(start: Rows, goal: Rows, twist: Array) -> Curvature:
-        """The curvature of rows over a piece with a twist (6,)."""
+        """The curvature of rows over a piece with a twist (6,).
+
+        Args:
+            start, goal: the same rows at both ends.
+            twist: V (6,), m and rad.
+        """
         w, b, y = (np.array(ends) for ends in zip(start.turned, goal.turned, strict=True))
         return Curvature(Bending(start.forms.table, Turned(w, b, y), np.array(twist)))
 
     @staticmethod
     def joined(one: Curvature, other: Curvature) -> Curvature:
-        """The curvature of the rows of both, over the same piece."""
+        """The curvature of the rows of both, over the same piece.
+
+        Args:
+            one, other: over one piece.
+        """
         (table, turned, twist), (more, ends, _) = one.bending, other.bending
         w, b, y = (np.concatenate(both, axis=1) for both in zip(turned, ends, strict=True))
         return Curvature(Bending(np.concatenate([table, more]), Turned(w, b, y), twist))
@@ -136,6 +146,7 @@ class Ends:
     @property
     def columns(self) -> tuple[Reaching, Reaching]:
         """What errors reach along rows with at both ends."""
+        # Without the old thickness, which at the start is in the slack; the set of everything has it.
         core = self.start_set.generators if self.core is None else self.core
         start, goal = self.start_set, self.goal_set
         return (
@@ -175,6 +186,7 @@ class Course:
         """The same pieces when they have ended, without the motion."""
         p, R, columns, cuts, twist, half, coupling = self.motion
         goal = np.array([1, 1])
+        # Both ends at the goal: what counts is one pose, and a piece of no motion has the rest of the errors alone.
         return Course(Motion(p[goal], R[goal], columns[goal], cuts, np.zeros_like(twist), half, coupling))
 
     def spread(self, end: int, N: Array) -> Mask:
@@ -184,6 +196,7 @@ class Course:
             end: of the first piece.
             N: the rows.
         """
+        # Where the sum is the smaller bound, derivatives of generators are the ones that count.
         first, second, third, fourth = self.motion.cuts.tolist()
         X = N @ self.motion.columns[end, 0].T
         summed = np.abs(X[:, :first]).sum(axis=1) + lengths(X[:, first:second]) + lengths(X[:, second:third])
@@ -199,6 +212,7 @@ def _columns(supports: Sequence[Reaching]) -> tuple[Array, NDArray[np.intp]]:
     ends = list(accumulate(max(map(len, parts)) for parts in zip(*supports, strict=True)))
     columns = np.zeros((len(supports), ends[-1], 6))
     for parts, found in zip(supports, columns, strict=True):
+        # Columns of zeros reach nowhere: shorter supports are filled up with them.
         for first, part in zip((0, *ends), parts, strict=False):
             found[first : first + len(part)] = part
     return columns, np.array(ends[:4])
@@ -223,6 +237,7 @@ class Heights:
     @property
     def bounds(self) -> Array:
         """Certified lower bounds (2, n, k) where either end is the worst, m."""
+        # The remainder is one for the whole piece, as it is bounded between the ends, not at them.
         return np.asarray(self.f - self.reach - self.rest)
 
     @property

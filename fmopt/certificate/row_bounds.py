@@ -104,6 +104,7 @@ def _reach(moving: Vector, turning: Vector, motion: Motion, n: int, e: int) -> f
             shape += seen * seen
         else:
             slack += abs(seen)
+    # Both bounds hold of every error, so that the smaller one does; slack is outside of both.
     return min(math.sqrt(shape), spread + math.sqrt(slide) + math.sqrt(swing)) + slack
 
 
@@ -111,6 +112,7 @@ def _reach(moving: Vector, turning: Vector, motion: Motion, n: int, e: int) -> f
 def _left(row: Row, start: End, goal: End, motion: Motion, n: int) -> float:
     """The remainder of a row over a piece of motion."""
     twist, half = halves(motion.twist[n]), halves(motion.half[n])
+    # Errors in different frames leave a distance, and an angle that counts on the row's arm.
     coupled = motion.coupling[n, 0] + motion.coupling[n, 1] * reach(row, start, goal)
     return float(remainder(row, (start, goal), twist, half) + coupled)
 
@@ -118,6 +120,10 @@ def _left(row: Row, start: End, goal: End, motion: Motion, n: int) -> float:
 @compiled
 def over(table: Table, motion: Motion) -> tuple[Array, Array, Array, Array]:
     """Rows (k) over pieces of motion (n).
+
+    Args:
+        table: rows (k,).
+        motion: pieces (n) with their errors.
 
     Returns:
         at both ends values (2, n, k) and gradients (2, n, k, 6), how far errors reach along these (2, n, k); and the
@@ -148,6 +154,8 @@ def _bounds(row: Row, motion: Motion, n: int) -> tuple[float, float]:
 @part
 def _scales(edges: Array, motion: Motion, n: int, found: Array) -> None:
     """What all margins are divided by: upper bounds, at most 1, of the lengths of the witnesses' normals."""
+    # Errors and motion turn the normal of two edges by this much: divided by an upper bound, a margin stays a lower
+    # one.
     turning, R = size(vector(motion.half[n, 3:])) + size(vector(motion.twist[n, 3:])), motion.R
     for w in range(len(edges)):
         moving, fixed = vector(edges[w, 0]), vector(edges[w, 1])
@@ -163,6 +171,7 @@ def _room(table: Table, witnesses: Witnesses, w: int, motion: Motion, n: int, le
     found = np.inf
     for k in range(witnesses.begins[w], witnesses.begins[w + 1]):
         if witnesses.surely[k]:
+            # Without errors first: what is no better nominally cannot be better with them.
             found = min(found, _value(table[k], motion, n, 0)[0], _value(table[k], motion, n, 1)[0])
             if found < least:
                 break
@@ -176,6 +185,7 @@ def _count(w: int, table: Table, witnesses: Witnesses, motion: Motion, n: int, w
     for k in range(count):
         which[k] = k < witnesses.always[w]
     for o in range(len(witnesses.onto)):
+        # The end of the edge is surely outside: rows behind that wall need not hold, and one that replaces them has to.
         if witnesses.onto[o, 0] == w and _bounds(table[first + witnesses.onto[o, 1]], motion, n)[1] > 0.0:
             which[witnesses.onto[o, 2]] = True
             for i in range(count):
@@ -202,6 +212,7 @@ def _margin(
         if which[k]:
             nominal, lower = _bounds(table[first + k], motion, n)
             margin, clearance = min(margin, lower / scale), min(clearance, nominal / scale)
+            # Already below what is asked for: the rest cannot raise it.
             if margin < least:
                 break
     return margin, clearance
@@ -246,17 +257,21 @@ def best(
             found[n, m], margins[n, m], clearances[n, m] = -1, -np.inf, -np.inf
             for i in range(len(rooms)):
                 w = all_places[m, i]
+                # Lists are filled up with their last entry, which is not to be tried again.
                 if i > 0 and w == all_places[m, i - 1]:
                     rooms[i] = -np.inf
                 else:
+                    # A margin is at most the clearance, and what grazes by rounding still counts as apart.
                     enough = scales[w] * max(most, -grazing)
                     rooms[i] = _room(table, witnesses, w, motion, n, enough) / scales[w]
             i = _widest(rooms)
+            # The widest nominally first: it is likely to be the best, and rules out most of the others.
             while rooms[i] >= max(most, -grazing):
                 w, rooms[i] = all_places[m, i], -np.inf
                 rows = which[: begins[w + 1] - begins[w]]
                 _count(w, table, witnesses, motion, n, rows)
                 margin, clear = _margin(rows, begins[w], table, motion, n, (scales[w], most))
+                # The first of equals, whatever the order in which they were tried: plans do not hang on rounding.
                 if clear >= -grazing and (margin > most or (margin == most and i < at)):
                     at, most, found[n, m], margins[n, m], clearances[n, m] = i, margin, w, margin, clear
                 i = _widest(rooms)
@@ -268,6 +283,7 @@ def _side(sides: Sides, i: int, scratch: Table) -> None:
     """Makes the row of a face, whose point of the fixed piece is still to be put in."""
     for c in range(3):
         scratch[0]["b"][c] = sides.normals[i, c]
+    # The row of `faces_above`: (R n)·(w − p) − a, of which only w is still open.
     scratch[0]["sign"], scratch[0]["c"], scratch[0]["bilinear"] = -1.0, sides.offsets[i], 1
 
 

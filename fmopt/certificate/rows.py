@@ -78,11 +78,20 @@ class Forms:
         return np.asarray(self.table["lever"])
 
     def over(self, start: Pose, goal: Pose) -> tuple[Rows, Rows]:
-        """The rows at both ends of a piece of motion."""
+        """The rows at both ends of a piece of motion.
+
+        Args:
+            start, goal: poses of the moving part in the B-frame.
+        """
         return self.ends(np.array([start.p, goal.p]), np.array([start.R, goal.R]))
 
     def ends(self, p: Array, R: Array) -> tuple[Rows, Rows]:
-        """The rows at both ends of pieces of motion, positions p (2, …, 3) and rotations R (2, …, 3, 3)."""
+        """The rows at both ends of pieces of motion.
+
+        Args:
+            p: (2, …, 3), starts and goals, m.
+            R: (2, …, 3, 3).
+        """
         both = self.rows(p, R)
         return both.end(0), both.end(1)
 
@@ -91,7 +100,13 @@ class Forms:
         return self.rows(pose.p, pose.R)
 
     def rows(self, p: Array, R: Array) -> Rows:
-        """The rows at poses with positions p (…, 3) and rotations R (…, 3, 3), their axes leading."""
+        """The rows at poses, whose axes lead.
+
+        Args:
+            p: (…, 3), m.
+            R: (…, 3, 3).
+        """
+        # Kernels see one list of poses; the leading axes are put back afterwards.
         lead = p.shape[:-1]
         found = _at(self.table, p.reshape(-1, 3), R.reshape(-1, 3, 3))
         f, N, *turned = (part.reshape(*lead, *part.shape[1:]) for part in found)
@@ -129,29 +144,57 @@ def stacked(*parts: Forms) -> Forms:
 
 
 def points_above(points: Array, normals: Array, offsets: Array | float) -> Forms:
-    """n·(p + R v) − a for body points v (k, 3) and planes with unit normals n (k, 3) or (3,), a (k,) or one."""
+    """n·(p + R v) − a.
+
+    Args:
+        points: v (k, 3), body frame, m.
+        normals: n (k, 3) or one, unit vectors, axes of B.
+        offsets: a (k,) or one, m.
+    """
     return Forms(records(definitions.vertex_face, v=points, n=normals, c=offsets))
 
 
 def balls_above(points: Array, normals: Array, offsets: Array | float, radii: Array) -> Forms:
-    """n·(p + R v) − a − r for balls of radii r (k,) about body points v (k, 3), see `points_above`."""
+    """n·(p + R v) − a − r.
+
+    Args:
+        points, normals, offsets: as for `points_above`, v the centres.
+        radii: r (k,), m.
+    """
     return Forms(records(definitions.ball_face, v=points, n=normals, c=offsets, r=radii))
 
 
 def directions_along(u: Array, k: Array) -> Forms:
-    """u·(R k) for world vectors u and body vectors k, (r, 3) or one for all: rows that only the rotation moves."""
+    """u·(R k): rows that only the rotation moves.
+
+    Args:
+        u: (r, 3) or one, axes of B.
+        k: (r, 3) or one, body axes; |u||k| is the arm on which an angle counts.
+    """
     return Forms(records(definitions.hinge, k=k, u=u))
 
 
 def faces_above(normals: Array, offsets: Array | float, points: Array) -> Forms:
-    """(R n)·(w − p) − a for body planes n (k, 3) or (3,), a (k,) or one, and world points w (k, 3)."""
+    """(R n)·(w − p) − a.
+
+    Args:
+        normals: n (k, 3) or one, unit vectors, body axes.
+        offsets: a (k,) or one, m.
+        points: w (k, 3), in the B-frame, m.
+    """
     return Forms(records(definitions.face_vertex, n=normals, w=points, c=offsets))
 
 
 def edges_apart(e_m: Array, e_f: Array, q: Array, points: Array) -> Forms:
-    """m·(p + R v − q) with m = R e_m × e_f, not normalised, for body points v (k, 3).
+    """m·(p + R v − q) with m = R e_m × e_f, not normalised.
 
-    The plane runs through the fixed edge (point q, unit e_f) and along the moving edge (unit body vector e_m).
+    The plane runs through the fixed edge and along the moving edge.
+
+    Args:
+        e_m: (3,) or (k, 3), unit vector, body axes.
+        e_f: likewise, axes of B.
+        q: likewise, a point of the fixed edge, m.
+        points: v (k, 3), body frame, m.
     """
     return Forms(records(definitions.edges_apart, a=e_m, v=points, e=e_f, q=q))
 
@@ -168,6 +211,7 @@ def records(definition: Definition, **parameters: Array | float) -> Any:
     """
     given = {name: np.asarray(parameters[name], dtype=np.float64) for name in definition.roles}
     kinds: dict[Role, Any] = {Role.BODY: _Body, Role.WORLD: _Affine, Role.SCALAR: np.asarray}
+    # The definition is evaluated on symbols of this algebra, in which it comes to one row or is refused.
     found = definition(_Affine(sign=1.0), _Rotation(), **{n: kinds[definition.roles[n]](x) for n, x in given.items()})
     if not isinstance(found, _Form):
         raise TypeError(f"{definition.name} is no row of this form")
@@ -175,6 +219,7 @@ def records(definition: Definition, **parameters: Array | float) -> Any:
     table = np.zeros(np.broadcast_shapes((1,), *leading), ROW)
     for name in ("n", "u", "k", "b", "a", "s", "c", "sign", "bilinear"):
         table[name] = getattr(found, name)
+    # The length of u·(R k) at most, on which an angle counts.
     table["lever"] = lengths(table["u"]) * lengths(table["k"])
     return table
 
@@ -236,6 +281,7 @@ class _Affine:
     def dotted(self, other: _Affine) -> _Form:
         """The inner product with another one, of which one is constant or both are of the form's last product."""
         if self._constant:
+            # e·(s + σ p + a × p) = e·s + (σ e + e × a)·p.
             inner, n = -np.vecdot(self.s, other.s), other.sign * self.s + cross(self.s, other.a)
             if other.turned is None:
                 return _Form(n=n, c=inner)
@@ -244,6 +290,7 @@ class _Affine:
             return other.dotted(self)
         if self._turns and other.turned is None:
             assert self.turned is not None
+            # R b against what moves: bilinear, the only product of two moving vectors that rows may have.
             return _Form(b=self.turned, sign=other.sign, a=other.a, s=other.s, bilinear=True)
         raise TypeError("an inner product that is not of the form")
 
@@ -264,6 +311,7 @@ class _Form:
 
     def __add__(self, other: _Form) -> _Form:
         plain = other if self.bilinear else self
+        # A row has one bilinear term and one term u·(R k); a second of either would need another kernel.
         if plain.bilinear or (self.u.any() and other.u.any()):
             raise TypeError("a sum that is not of the form")
         curved = self if self.bilinear else other
@@ -278,3 +326,43 @@ def _one(a: Array | None, b: Array | None) -> Array | None:
     if a is not None and b is not None:
         raise TypeError("a sum of two vectors that turn")
     return b if a is None else a
+
+
+Asked = tuple[int, Array, Array, float]
+"""The number of a row with two vectors and an offset."""
+
+
+@dataclass(frozen=True, eq=False)
+class Questions:
+    """Rows asked for while a table of bounds is built: of body points, of directions, and of world points."""
+
+    points: list[Asked]
+    directions: list[Asked]
+    faces: list[Asked]
+
+    def _ask(self, kind: list[Asked], a: Array, b: Array, offset: float) -> int:
+        number = len(self.points) + len(self.directions) + len(self.faces)
+        kind.append((number, a, b, offset))
+        return number
+
+    def above(self, v: Array, normal: Array, offset: float) -> int:
+        return self._ask(self.points, v, normal, offset)
+
+    def along(self, u: Array, k: Array) -> int:
+        return self._ask(self.directions, u, k, 0.0)
+
+    def beneath(self, normal: Array, offset: float, w: Array) -> int:
+        return self._ask(self.faces, w, normal, offset)
+
+    def forms(self) -> Forms:
+        """All rows by their numbers."""
+        numbers, parts = list[int](), list[Forms]()
+        for kind in (self.points, self.directions, self.faces):
+            if kind:
+                which, a, b, offsets = (np.array(column) for column in zip(*kind, strict=True))
+                numbers += which.tolist()
+                if kind is self.points:
+                    parts.append(points_above(a, b, offsets))
+                else:
+                    parts.append(directions_along(a, b) if kind is self.directions else faces_above(b, offsets, a))
+        return Forms(stacked(*parts).table[np.argsort(numbers)])

@@ -91,7 +91,9 @@ class Linearisation:
         assert self.made is not None
         (_, second), end = self.held, self.made[1]
         C = np.vstack([self.directions, self.motion]).T
+        # The contact being made is held at the end, too: the motion itself is the direction that gives way to it.
         inverse = ellipsoid.coupling_inverse(np.vstack([second.N, end.N]), C)
+        # What a velocity error moves the row by beyond what the held contacts take up.
         left = end.N[0] @ self.projector
         residue = np.array([length(left[:3]), length(left[3:])])
         off = np.abs(np.append(second.f, end.f))
@@ -106,10 +108,16 @@ class Linearisation:
 def linearisation_of(assembly: Assembly, piece: Piece, tolerance: Tolerance) -> Linearisation:
     """The linear picture of a piece.
 
+    Args:
+        assembly: the parts.
+        piece: the piece of motion.
+        tolerance: metric and velocity error.
+
     Raises:
         InfeasibleError: the piece turns too far or goes nowhere, contacts do not determine their compliant
             directions, or the motion does not lead to the contact that it is to make.
     """
+    # As bytes, which can be a key of what is remembered: arrays cannot.
     twists = np.array([c.direction for c in piece.basis]).tobytes()
     basis = tuple(c.contact for c in piece.basis), twists
     made = None if piece.made is None else (piece.made, piece.share)
@@ -143,6 +151,7 @@ def _way(
     C = np.frombuffer(twists).reshape(-1, 6)
     held = contact_forms(assembly, contacts, held_all).over(start, goal)
     duals = [C.T @ ellipsoid.coupling_inverse(rows.N, C.T) if len(C) else np.zeros((6, 0)) for rows in held]
+    # Held at the goal, where the piece ends: errors are projected along the compliant twists onto what is held there.
     hold = np.eye(6) - duals[1] @ held[1].N
     v = hold @ V
     if making is None:
@@ -151,15 +160,24 @@ def _way(
     made = made_form(assembly, contact, held_all).over(start, goal)
     N = made[1].N[0]
     rate, seen = -float(N @ v), N @ hold
+    # The row has to fall along the motion, by more than rounding, or no error says how far to go on.
     if rate <= _RECEDING:
         raise InfeasibleError(f"the move does not lead to contact {contact.id}")
+    # Who is too far from the contact by an error goes on for longer, along the motion: that is what the projector adds.
     projector = hold + np.outer(share / rate * v, seen)
     return Linearisation(V, turn, far, C, held, made, duals[0], duals[1], hold, v, rate, seen, projector)
 
 
 def cone(tolerance: Tolerance, way: Linearisation, N: Array) -> float:
-    """How far the velocity error can move a row (6,) along the piece, m."""
+    """How far the velocity error can move a row (6,) along the piece, m.
+
+    Args:
+        tolerance: velocity error and metric.
+        way: of the piece.
+        N: gradient (6,), m and m/rad.
+    """
     t, r = tolerance.velocity_error[0], tolerance.velocity_error[1] / tolerance.rho
+    # Translation and angle of the error add up at worst.
     return (t * length(N[:3]) + r * length(N[3:])) * way.length
 
 
@@ -187,9 +205,16 @@ def approach(tolerance: Tolerance, way: Linearisation, extent: Extent, linkage: 
     """How much nearer the contact being made comes along a piece, at every error in the bounds; None without one.
 
     An execution stops when it first touches: that needs the distance to fall all along.
+
+    Args:
+        tolerance: velocity error.
+        way: of the piece.
+        extent: bounds of its errors.
+        linkage: how generators move on with the part.
     """
     if way.made is None:
         return None
+    # Nearest at either end: in between the gradient changes by no more than `_change` takes off.
     first, second = (float(rows.N[0] @ way.motion) for rows in way.made)
     lost = _change(tolerance, way, extent, linkage, way.made[1], way.made_curvature)
     return Growth(-way.seen, min(-first, -second), lost)
@@ -208,6 +233,7 @@ def departures(
     """
     forms = list[Forms]()
     for contact in piece.left:
+        # What it turns about stays held, so that its row is another one than that of a contact alone.
         if hinge(assembly, contact, piece.held) is not None or level(assembly, contact, piece.held) is not None:
             raise InfeasibleError(f"contact {contact.id} cannot be given up without those that it turns about")
         forms.append(contact_forms(assembly, (contact,), ()))
@@ -236,6 +262,7 @@ def _change(
     change = float(turned[0]) + cone(tolerance, way, N @ way.hold) + 2.0 * float(np.abs(N @ way.goal_dual) @ held)
     if linkage is None:
         return change
+    # Errors of the frames tilt the way itself: by as much as the part slides and spins on it.
     _, askew, off, _ = linkage.sizes.tolist()
     seen, drift = N @ way.hold, np.multiply(tolerance.velocity_error, way.length)
     slid = length(way.motion[:3]) + 2.0 * float(held @ lengths(way.goal_dual[:3].T)) + float(drift[0])

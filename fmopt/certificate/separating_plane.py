@@ -11,31 +11,31 @@ That depends on the contacts alone, not on poses, and is worked out once for eac
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from fmopt.certificate.assembly import NEAR, Assembly, hinge, level, on_line
-from fmopt.certificate.contact_implications import Facts, Wall, coming_off, facts, rising
+from fmopt.certificate.assembly import NEAR, Assembly, hinge
+from fmopt.certificate.contact_implications import Wall, coming_off, facts
+from fmopt.certificate.edge_planes import Counted, contacts_of, edge_rows
 from fmopt.certificate.kernels_rows import Table
-from fmopt.certificate.piece_pairs import LevelRim, Pair, Witness, beside, level_rims, pairs, touching
-from fmopt.certificate.remainder import AtEnd, Course, Ends, Extent
+from fmopt.certificate.level_rims import level_rims
+from fmopt.certificate.piece_pairs import Pair, Witness, pairs, touching
+from fmopt.certificate.remainder import AtEnd, Course, Ends
 from fmopt.certificate.row_bounds import Places, Witnesses, best
 from fmopt.certificate.rows import (
     Forms,
     Mask,
     balls_above,
-    directions_along,
-    edges_apart,
     faces_above,
     points_above,
     stacked,
 )
-from fmopt.contact.primitive import Kind, PrimitiveContact
+from fmopt.contact.primitive import Kind
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.spatial.se3 import Pose, cross, length, lengths
+from fmopt.spatial.se3 import lengths
 from fmopt.spatial.values import Array, remembered
 
 __all__ = ["Ends", "Pair", "RowBounds", "Separation", "Witness", "pairs", "row_bounds", "separation", "touching"]
@@ -143,61 +143,6 @@ class Candidates:
         return best(self.rows, self.listed, course.motion, least, grazing)
 
 
-@dataclass(frozen=True, eq=False)
-class Onto:
-    """An end of the moving edge that comes to lie on a wall along the fixed edge.
-
-    Where the witness plane's normal keeps a positive part along the wall's (row `outside`) and the end stays inside
-    the rim (row `inside`), the wall is behind the plane, and its vertices `behind` (k,) need no rows of their own.
-    """
-
-    outside: int
-    inside: int
-    behind: Mask
-
-
-@dataclass(frozen=True, eq=False)
-class Counted:
-    """The rows of a witness that contacts do not settle: distances that must stay positive.
-
-    Args:
-        forms: the rows.
-        always: how many of them, the first ones, count always; the others as `onto` says.
-        onto: walls that the moving edge turns onto.
-        edges: unit directions of the moving and of the fixed edge, for kind "edges".
-    """
-
-    forms: Forms
-    always: int
-    onto: tuple[Onto, ...] = ()
-    edges: tuple[Array, Array] | None = None
-
-    def scale(self, start: Pose, goal: Pose, extent: Extent) -> float:
-        """What margins are divided by: an upper bound, at most 1, of the length of the rows' normal."""
-        if self.edges is None:
-            return 1.0
-        e_m, e_f = self.edges
-        sines = [length(cross(pose.R @ e_m, e_f)) for pose in (start, goal)]
-        return min(1.0, max(sines) + extent.theta + extent.turn)
-
-    @property
-    def surely(self) -> Mask:
-        """Which rows (k,) count whatever the errors are."""
-        which = np.arange(len(self.forms)) < self.always
-        for onto in self.onto:
-            which &= ~onto.behind
-        return which
-
-    def counts(self, lower: Array) -> Mask:
-        """Which rows count, given the lower bounds (k,) of all."""
-        which = np.arange(len(lower)) < self.always
-        for onto in self.onto:
-            if lower[onto.outside] > 0.0:
-                which[onto.inside] = True
-                which &= ~onto.behind
-        return which
-
-
 def counted_rows(assembly: Assembly, pair: Pair, witness: Witness) -> Counted:
     """The rows of a witness that contacts do not settle."""
     if witness.plane is not None:
@@ -225,7 +170,7 @@ def rows_along(assembly: Assembly, pair: Pair, witnesses: tuple[Witness, ...]) -
             n, offset, forms = _beneath(pair.moving, pair.fixed)[witness.moving]
             found.append(_all(Forms(forms.table[~_touched(assembly, pair, n, offset)])))
         else:
-            found.append(_edge_rows(assembly, pair, witness, known))
+            found.append(edge_rows(assembly, pair, witness, known))
     return tuple(found)
 
 
@@ -262,18 +207,13 @@ def _bodies_above(body: Polyhedron, normal: Array, offset: float) -> Forms:
 def _pressed(assembly: Assembly, pair: Pair, normal: Array, offset: float) -> bool:
     """Whether a contact keeps the ball that the moving piece is on a fixed plane, or from crossing it."""
     faces, own = assembly.fixed.polyhedron.faces, assembly.carried(pair.moving)
-    balls = (c for c in _contacts(pair) if c.kind is Kind.BALL_FACE and ("ball", c.moving_feature) in own)
+    balls = (c for c in contacts_of(pair) if c.kind is Kind.BALL_FACE and ("ball", c.moving_feature) in own)
     touched = (faces[c.fixed_feature] for c in balls)
     return any(assembly.agree(face.normal, face.offset, normal, offset) for face in touched)
 
 
 def _all(forms: Forms) -> Counted:
     return Counted(forms, len(forms))
-
-
-def _contacts(pair: Pair) -> tuple[PrimitiveContact, ...]:
-    """The contacts held, the one being made that counts, and those given up."""
-    return (*pair.state, *pair.beside)
 
 
 def _above(assembly: Assembly, pair: Pair, walls: Sequence[Wall], normal: Array, offset: float) -> Array:
@@ -297,189 +237,12 @@ def _touched(assembly: Assembly, pair: Pair, normal: Array, offset: float) -> Ma
     """Vertices of the fixed piece that contacts put on a moving face: by themselves, or with the rim that they end."""
     F = pair.fixed.vertices
     done = np.zeros(len(F), dtype=np.bool_)
-    for rim in level_rims(assembly, pair.state, pair.beside):
-        done |= rim.before(F, normal, offset)
-    for contact in _contacts(pair):
+    for rim in level_rims(assembly, pair.state, pair.beside) if assembly.several else ():
+        if rim.held:
+            done |= rim.before(F, normal, offset)
+    for contact in contacts_of(pair):
         if contact.kind is Kind.FACE_VERTEX:
             face = assembly.moving.polyhedron.faces[contact.moving_feature]
             if assembly.agree(face.normal, face.offset, normal, offset):
                 done |= lengths(F - assembly.fixed.polyhedron.vertices[contact.fixed[0]]) <= NEAR
     return done
-
-
-@dataclass(frozen=True, eq=False)
-class _Edge:
-    """An edge of a piece, run from one end to the other.
-
-    Args:
-        ends: both ends (2, 3), m.
-        along: unit direction (3,).
-        arms: (v − a) × e for all vertices v of the piece (k, 3), a the first end and e the direction, m.
-        on: which vertices (k,) lie on its line.
-        points: the vertices of the part, by their numbers, that do.
-    """
-
-    ends: Array
-    along: Array
-    arms: Array
-    on: Mask
-    points: frozenset[int]
-
-
-@remembered(_MEMORY)
-def _edge(piece: Polyhedron, part: Polyhedron, ends: tuple[int, ...]) -> _Edge:
-    a, b = piece.vertices[list(ends)]
-    along = (b - a) / length(b - a)
-    arms = cross(piece.vertices - a, along)
-    points = frozenset(np.flatnonzero(on_line(part.vertices, a, along)).tolist())
-    return _Edge(np.array([a, b]), along, arms, lengths(arms) <= NEAR, points)
-
-
-def _meet(contact: PrimitiveContact, moving: _Edge, fixed: _Edge) -> bool:
-    """Whether a contact is one of just these two edges."""
-    of_edges = contact.kind is Kind.EDGE_EDGE
-    return of_edges and moving.points.issuperset(contact.moving) and fixed.points.issuperset(contact.fixed)
-
-
-def _edge_rows(assembly: Assembly, pair: Pair, witness: Witness, known: Facts) -> Counted:
-    M, F = pair.moving.vertices, pair.fixed.vertices
-    moving = _edge(pair.moving, assembly.moving.polyhedron, witness.moving)
-    fixed = _edge(pair.fixed, assembly.fixed.polyhedron, witness.fixed)
-    (a, b), e_m, c, e_f = moving.ends, moving.along, fixed.ends[0], fixed.along
-    held, made = _anchored(assembly, pair, moving, fixed, known)
-    rims = () if held or made else _level(assembly, pair, moving, fixed)
-    if held or made or rims:
-        # Heights are relative to the moving edge, which is on the plane or not below it.
-        settled = moving.on | known.beside(M - a, e_f) | known.beside(M - b, e_f)
-        settled |= _levelled(assembly, pair, moving, fixed)
-        settled |= rising(known.turns, e_f, moving.arms)
-        for rim in rims:
-            settled |= np.abs((M - a) @ rim.normal) <= NEAR
-        upper = directions_along(e_f, moving.arms[~settled])
-    else:
-        upper = edges_apart(e_m, e_f, c, M)
-    off = F[~fixed.on]
-    parts = [upper, directions_along(fixed.arms[~fixed.on], e_m)]
-    always = count = len(upper) + len(off)
-    behind = []
-    turned = _turned_onto(assembly, pair, moving, fixed, known) if held else []
-    turned += [each for rim in rims if rim.held for each in _turned_beside(assembly, pair, rim)]
-    for vertex, inward, at, n in turned:
-        parts += [directions_along(cross(e_f, n)[None], e_m), points_above(vertex[None], inward, at)]
-        behind.append((np.abs((off - c) @ n) <= NEAR) & ((off - c) @ inward >= -NEAR))
-    count += 2 * len(behind)
-    onto = tuple(
-        Onto(always + 2 * k, always + 2 * k + 1, _within(mask, len(upper), count)) for k, mask in enumerate(behind)
-    )
-    return Counted(stacked(*parts), always, onto, (e_m, e_f))
-
-
-def _level(assembly: Assembly, pair: Pair, moving: _Edge, fixed: _Edge) -> tuple[LevelRim, ...]:
-    """The level rims that keep the fixed edge from going behind a plane through the moving one."""
-    found = []
-    for rim in level_rims(assembly, pair.state, pair.beside):
-        parallel = length(moving.along - rim.way) <= NEAR and length(fixed.along - rim.along) <= NEAR
-        if parallel and rim.before(fixed.ends, rim.normal, float(rim.normal @ moving.ends[0])).all():
-            found.append(rim)
-    return tuple(found)
-
-
-def _turned_beside(assembly: Assembly, pair: Pair, rim: LevelRim) -> Iterator[tuple[Array, Array, float, Array]]:
-    """Vertices of a face with a rim in its plane that are on a wall along the rim, as `_turned_onto` gives them."""
-    body, world = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron
-    for contact in _contacts(pair):
-        if contact.kind is Kind.VERTEX_FACE:
-            v, wall = body[contact.moving[0]], world.faces[contact.fixed_feature]
-            along = (
-                abs(float(wall.normal @ rim.along)) <= NEAR and abs(float(wall.normal @ rim.at) - wall.offset) <= NEAR
-            )
-            if along and abs(float(rim.normal @ v) - rim.offset) <= NEAR:
-                inward = _inward(world.vertices[list(contact.fixed)], rim.at, rim.along, wall.normal)
-                yield v, inward, float(inward @ rim.at), wall.normal
-
-
-def _within(mask: Mask, at: int, count: int) -> Mask:
-    wide = np.zeros(count, dtype=np.bool_)
-    wide[at : at + len(mask)] = mask
-    return wide
-
-
-def _beside(assembly: Assembly, known: Facts, contact: PrimitiveContact, moving: _Edge, fixed: _Edge) -> bool:
-    """Whether a contact is of the fixed edge and an edge beside the moving one, see `beside`."""
-    if contact.kind is not Kind.EDGE_EDGE or not fixed.points.issuperset(contact.fixed):
-        return False
-    own = assembly.moving.polyhedron.vertices[list(contact.moving)]
-    return beside(known, own, moving.ends, fixed.along)
-
-
-def _anchored(assembly: Assembly, pair: Pair, moving: _Edge, fixed: _Edge, known: Facts) -> tuple[bool, bool]:
-    """Whether a contact of just these two edges is held, and whether one is made or given up on the plane's side.
-
-    So does one of an edge beside the moving one, which what is known of turns puts along the fixed edge from it.
-    """
-    body, world = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron.vertices
-    held = made = False
-    for contact in _contacts(pair):
-        if not (_meet(contact, moving, fixed) or _beside(assembly, known, contact, moving, fixed)):
-            continue
-        if contact in pair.state:
-            held = True
-        elif hinge(assembly, contact, pair.state) is None:
-            own, other = body[list(contact.moving)], world[list(contact.fixed)]
-            made |= float((own[1] - own[0]) @ moving.along) * float((other[1] - other[0]) @ fixed.along) > 0.0
-    return held, made
-
-
-def _levelled(assembly: Assembly, pair: Pair, moving: _Edge, fixed: _Edge) -> Mask:
-    """Vertices (n,) of the moving piece on a face that a second edge holds level with the fixed edge, or will.
-
-    In the plane of both edges the face's heights are those of the fixed edge over the face, seen from the moving edge.
-    """
-    body, M = assembly.moving.polyhedron.vertices, pair.moving.vertices
-    done = np.zeros(len(M), dtype=np.bool_)
-    for held in pair.state:
-        if not _meet(held, moving, fixed):
-            continue
-        for contact in _contacts(pair):
-            found = level(assembly, contact, (held,))
-            if found is not None:
-                far = length(found[1])
-                normal, away = found[1] / far, cross(moving.along, found[1] / far)
-                at = body[held.moving[0]]
-                off = M - at
-                reach = (body[list(contact.moving)] - at) @ away
-                side = float(reach[int(np.argmax(np.abs(reach)))])
-                done |= (np.abs(off @ normal) <= NEAR) & (np.sign(side) * (off @ away) >= -NEAR)
-    return done
-
-
-def _turned_onto(
-    assembly: Assembly, pair: Pair, moving: _Edge, fixed: _Edge, known: Facts
-) -> list[tuple[Array, Array, float, Array]]:
-    """Ends of the moving edge, or of one beside it, that lie on a wall along the fixed edge.
-
-    Returns:
-        (body vertex, direction inward in the wall, how far the rim is along it in m, the wall's normal) of each.
-    """
-    body, world = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron.vertices
-    c, e_f, found = fixed.ends[0], fixed.along, []
-    for contact in _contacts(pair):
-        if contact.kind is not Kind.VERTEX_FACE:
-            continue
-        off = body[contact.moving[0]] - moving.ends[0]
-        off = off - moving.along * float(moving.along @ off)
-        if contact.moving[0] not in moving.points and not known.beside(off[None], e_f)[0]:
-            continue
-        wall = assembly.fixed.polyhedron.faces[contact.fixed_feature]
-        if abs(float(wall.normal @ e_f)) <= NEAR and abs(float(wall.normal @ c) - wall.offset) <= NEAR:
-            inward = _inward(world[list(contact.fixed)], c, e_f, wall.normal)
-            found.append((body[contact.moving[0]], inward, float(inward @ c), wall.normal))
-    return found
-
-
-def _inward(corners: Array, at: Array, along: Array, normal: Array) -> Array:
-    """The unit direction into a face with corners (k, 3) from the rim through a point of it, across that."""
-    inward = corners.mean(axis=0) - at
-    for axis in (along, normal):
-        inward = inward - axis * float(axis @ inward)
-    return np.asarray(inward / length(inward))

@@ -79,6 +79,12 @@ def asked_problem(files: Sequence[Path], options: Options) -> Asked | None:
 def problem_in(folder: Path, files: Sequence[Path], options: Options, quiet: bool) -> Problem:
     """The problem that files and options ask for, its file written into the folder of the results.
 
+    Args:
+        folder: of the results, made if need be.
+        files: one problem file, or parts.
+        options: error, unit, moving and fixed, as they were given.
+        quiet: whether what was found is not said.
+
     Raises:
         InputError: as of `asked_problem`, or something is at fault with the parts.
         ResourceError: it cannot be written.

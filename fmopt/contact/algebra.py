@@ -74,12 +74,14 @@ class Definition:
 
 
 _CONTACTS: dict[str, Definition] = {}
+# Read-only, as generated kernels and tables go by its order
 CONTACTS: Mapping[str, Definition] = MappingProxyType(_CONTACTS)
 """The kinds of primitive contacts, in the order of their tables."""
 
 
 def contact(function: Callable[..., Any]) -> Definition:
     """Makes a function f(p, R, …) the definition of a kind of contact; annotations tell the roles of its parameters."""
+    # The first definition of a name stays: a module that is loaded twice does not change the tables.
     return _CONTACTS.setdefault(function.__name__, row(function))
 
 
@@ -93,6 +95,7 @@ def row(function: Callable[..., Any]) -> Definition:
 
 def dot(a: Vector, b: Vector) -> Any:
     """a·b."""
+    # Either operand may be of an algebra of its own: a formula on the left is asked as well as one on the right.
     for one, other in ((a, b), (b, a)):
         if hasattr(one, "dotted"):
             return one.dotted(other)
@@ -110,6 +113,7 @@ def cross(a: Vector, b: Vector) -> Vector:
 
             return casadi.vertcat(*found)
         case "sympy" | "mpmath":
+            # The same class of matrix again: results of mpmath and SymPy have to go on in their own precision.
             return type(a)(found)
     return np.array(found)
 

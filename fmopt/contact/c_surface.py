@@ -41,10 +41,10 @@ Records: TypeAlias = NDArray[np.void]
 
 LEVEL = 1e-4  # sine of the angle between edges below which their wrench is not right to 1e-9
 
-_SIDES = 8
-_ROUNDS = 60
-_STARTS = 3
-_SETTLED = 1e-9
+_SIDES = 8  # of the pyramid in a friction cone: more sides lose less of it
+_ROUNDS = 60  # of projections to and fro, which come closer by a factor each
+_STARTS = 3  # nearest pairs of generators that are tried; the nearest vectors need not be near the nearest generators
+_SETTLED = 1e-9  # cosine by which a round has to come nearer
 _NOTHING = 1e-9  # length of a wrench that is left of a unit one and counts as none
 
 
@@ -64,7 +64,13 @@ class Surfaces(Value):
 
     @staticmethod
     def of(contacts: Sequence[PrimitiveContact], moving: Polyhedron, fixed: Polyhedron) -> Surfaces:
-        """The functions of the contacts between these parts."""
+        """The functions of the contacts between these parts.
+
+        Args:
+            contacts: in the order of the answers.
+            moving: in its body frame.
+            fixed: in the B-frame.
+        """
         return _surfaces(moving, fixed, tuple(contacts))
 
     def values(self, pose: Pose) -> Array:
@@ -72,7 +78,12 @@ class Surfaces(Value):
         return self.heights(pose.p, pose.R)
 
     def heights(self, p: Array, R: Array) -> Array:
-        """Signed distances f (…, k) at poses with positions p (…, 3), R (…, 3, 3); see `values`."""
+        """Signed distances f (…, k), m; see `values`.
+
+        Args:
+            p: (…, 3), m.
+            R: (…, 3, 3).
+        """
         lead, k = p.shape[:-1], len(self.contacts)
         f = np.empty((math.prod(lead), k))
         heights(self.tables, _rows(p, 3), _rows(R, 3, 3), f)
@@ -83,9 +94,12 @@ class Surfaces(Value):
         return self.over(pose.p, pose.R)
 
     def over(self, p: Array, R: Array) -> tuple[Array, Array]:
-        """Signed distances f (…, k) in m and gradients N (…, k, 6) at poses with positions p (…, 3), R (…, 3, 3).
+        """Signed distances f (…, k) in m and gradients N (…, k, 6) at poses.
 
         A gradient is the wrench of a unit contact force. Level edges have neither: nan.
+
+        Args:
+            p, R: as for `heights`.
         """
         lead, k = p.shape[:-1], len(self.contacts)
         f, N = np.empty((math.prod(lead), k)), np.empty((math.prod(lead), k, 6))
@@ -108,7 +122,14 @@ def _rows(values: Array, *shape: int) -> Array:
 def values_and_rows(
     contacts: Sequence[PrimitiveContact], moving: Polyhedron, fixed: Polyhedron, pose: Pose
 ) -> tuple[Array, Array]:
-    """Signed distances f (k,) in m and gradients N (k, 6) of the contacts at a pose; see `Surfaces`."""
+    """Signed distances f (k,) in m and gradients N (k, 6) of the contacts at a pose; see `Surfaces`.
+
+    Args:
+        contacts: in the order of the answers.
+        moving: in its body frame.
+        fixed: in the B-frame.
+        pose: of the moving part in the B-frame.
+    """
     return Surfaces.of(contacts, moving, fixed).values_and_rows(pose)
 
 
@@ -192,7 +213,13 @@ def definition(kind: Kind) -> Definition:
 
 @remembered(_NUMBERS)
 def parameters(moving: Polyhedron, fixed: Polyhedron, contact: PrimitiveContact) -> Array:
-    """The numbers (n,) of a contact's C-surface function, in the order of its definition."""
+    """The numbers (n,) of a contact's C-surface function, in the order of its definition.
+
+    Args:
+        moving: in its body frame.
+        fixed: in the B-frame.
+        contact: of features that they have.
+    """
     match contact.kind:
         case Kind.VERTEX_FACE:
             face = fixed.faces[contact.fixed_feature]
@@ -213,7 +240,14 @@ def parameters(moving: Polyhedron, fixed: Polyhedron, contact: PrimitiveContact)
 
 @compiled
 def heights(tables: Tables, p: Array, R: Array, f: Array) -> None:
-    """Fills in the distances f (m, k) of all contacts at poses p (m, 3), R (m, 3, 3)."""
+    """Fills in the distances of all contacts at poses.
+
+    Args:
+        tables: of all contacts, kind by kind.
+        p: (m, 3), m.
+        R: (m, 3, 3).
+        f: (m, k), written over.
+    """
     for n in range(len(p)):
         for i in range(f.shape[1]):
             f[n, i] = height(tables, i, p[n], R[n])
@@ -221,7 +255,12 @@ def heights(tables: Tables, p: Array, R: Array, f: Array) -> None:
 
 @compiled
 def over(tables: Tables, p: Array, R: Array, f: Array, N: Array) -> None:
-    """Fills in distances f (m, k) and wrenches N (m, k, 6) of all contacts at poses p (m, 3), R (m, 3, 3)."""
+    """Fills in distances and wrenches of all contacts at poses.
+
+    Args:
+        tables, p, R, f: as for `heights`.
+        N: (m, k, 6), written over.
+    """
     for n in range(len(p)):
         for i in range(f.shape[1]):
             f[n, i] = wrench(tables, i, p[n], R[n], N[n, i])
@@ -229,13 +268,26 @@ def over(tables: Tables, p: Array, R: Array, f: Array, N: Array) -> None:
 
 @compiled
 def regularities(tables: Tables, p: Array, R: Array, found: Array) -> None:
-    """Fills in how regular contacts (k,) are at a pose p (3,), R (3, 3); see `kernels_generated.regularity`."""
+    """Fills in how regular contacts are at a pose; see `kernels_generated.regularity`.
+
+    Args:
+        tables: as for `heights`.
+        p: (3,), m.
+        R: (3, 3).
+        found: (k,), written over.
+    """
     for i in range(len(found)):
         found[i] = regularity(tables, i, p, R)
 
 
 def contact_point(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> Array:
     """The point (3,) of the moving part's feature, in m, at which the fixed part pushes (at a pose in contact).
+
+    Args:
+        contact: of features that the parts have.
+        moving: in its body frame.
+        fixed: in the B-frame.
+        pose: of the moving part in the B-frame; the contact touches there.
 
     Raises:
         InfeasibleError: edges are parallel.
@@ -259,7 +311,7 @@ def contact_point(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedr
 
 
 def contact_normal(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> Array:
-    """The unit normal (3,) along which the fixed part pushes the moving part.
+    """The unit normal (3,), axes of B, along which the fixed part pushes; arguments as for `contact_point`.
 
     Raises:
         InfeasibleError: edges are parallel.
@@ -269,6 +321,8 @@ def contact_normal(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhed
 
 def contact_wrench(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> Array:
     """The wrench (f, τ) (6,) on the moving part of a unit contact force, about its body origin, in N and N·m.
+
+    Arguments as for `contact_point`.
 
     Raises:
         InfeasibleError: edges are parallel.
@@ -296,10 +350,13 @@ def friction_cone(normal: Array, arm: Array, friction: float, sides: int = _SIDE
 
 
 def angle_between(one: Array, other: Array) -> float | None:
-    """The least angle (rad) between vectors of two cones, given by generators (k, n) and (m, n); None where one is {0}.
+    """The least angle (rad) between vectors of two cones; None where one is {0}.
 
     Each is the cone of sums with weights that are not negative. The greatest cosine is sought by projecting onto the
     cones in turn, from the generators that are nearest to the other cone: each projection brings the two nearer.
+
+    Args:
+        one, other: generators (k, n) and (m, n), of any length; rows of 0 do not count.
     """
     A, B = _directions(one), _directions(other)
     if not len(A) or not len(B):

@@ -12,8 +12,9 @@ from fmopt.runtime.compiled import compiled, part
 Words = NDArray[np.uint64]
 Numbers = NDArray[np.integer[Any]]
 
-_NONE, _ONE = np.uint64(0), np.uint64(1)
+_NONE, _ONE = np.uint64(0), np.uint64(1)  # typed as words: a plain number would turn a product of words into a float
 _EVEN, _PAIRS, _NIBBLES = np.uint64(0x5555555555555555), np.uint64(0x3333333333333333), np.uint64(0x0F0F0F0F0F0F0F0F)
+# 2⁶⁴ over the golden ratio, which spreads neighbouring words over the table
 _BYTES, _GOLDEN = np.uint64(0x0101010101010101), np.uint64(0x9E3779B97F4A7C15)
 _TWO, _FOUR, _TOP, _HALF = np.uint64(2), np.uint64(4), np.uint64(56), np.uint64(32)
 
@@ -21,6 +22,7 @@ _TWO, _FOUR, _TOP, _HALF = np.uint64(2), np.uint64(4), np.uint64(56), np.uint64(
 @part
 def _ones(word: np.uint64) -> np.int64:
     """How many bits are set."""
+    # Bits are added up in pairs, fours and bytes at once; the product gathers all bytes in the topmost one.
     x = word - ((word >> _ONE) & _EVEN)
     x = (x & _PAIRS) + ((x >> _TWO) & _PAIRS)
     return np.int64((((x + (x >> _FOUR)) & _NIBBLES) * _BYTES) >> _TOP)
@@ -35,8 +37,9 @@ def _slot(number: int, sets: Words, slots: Numbers) -> np.int64:
     mask, mixed = len(slots) - 1, _NONE
     for i in range(sets.shape[1]):
         mixed = (mixed ^ sets[number, i]) * _GOLDEN
+        # High bits are folded into low ones, as a product mixes upward only and the mask takes the low ones.
         mixed ^= mixed >> _HALF
-    slot = np.int64(mixed & np.uint64(mask))
+    slot = np.int64(mixed & np.uint64(mask))  # the table's length is a power of two
     while slots[slot] >= 0:
         other, differing = slots[slot], _NONE
         for i in range(sets.shape[1]):
@@ -53,6 +56,8 @@ def _crossed(column: Words, sets: Words, slots: Numbers, n: int) -> int:
 
     There is room for twice as many and one, and in their table.
     """
+    # The column's own set stands behind the last one for the lookup; where it is new it is overwritten by the first
+    # one.
     w = len(column)
     for i in range(w):
         sets[n, i] = column[i]
@@ -66,6 +71,7 @@ def _crossed(column: Words, sets: Words, slots: Numbers, n: int) -> int:
             sets[n, i] = both
             some |= both
             less |= both ^ sets[number, i]
+        # Empty sets are no faces, and an intersection that takes nothing away is the set itself.
         if some != _NONE and less != _NONE:
             slot = _slot(n, sets, slots)
             if slots[slot] < 0:
@@ -93,6 +99,7 @@ def _intersections(columns: Words, sizes: Numbers, m: int) -> tuple[Words, Numbe
             if left[column] > left[largest]:
                 largest = column
         left[largest] = -1
+        # Room for an intersection with each set known; slots stay twice as many as sets, so that a search soon ends.
         if 2 * n >= len(sets):
             few, sets = sets, np.zeros((2 * len(sets), w), np.uint64)
             slots = np.full(2 * len(sets), -1, np.int32)
@@ -119,7 +126,9 @@ def _below(sets: Words, slots: Numbers, n: int, columns: Words, active: NDArray[
             shared = np.int64(0)
             for i in range(w):
                 shared += _ones(sets[known, i] & columns[column, i])
+            # A column holds the set if it takes nothing away.
             active[known, column] = shared == sizes[known]
+            # The largest proper intersection is one dimension lower: faces of a polytope come in levels without gaps.
             if largest < shared < sizes[known]:
                 largest, side = shared, column
         below[known] = known
@@ -147,6 +156,7 @@ def closed_sets(incidence: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArra
     for row in range(m):
         for column in range(q):
             if incidence[row, column]:
+                # A row as one bit: 64 rows are intersected in one operation.
                 columns[column, row >> 6] |= _ONE << np.uint64(row & 63)
                 counts[column] += 1
     sets, slots, n = _intersections(columns, counts, m)
@@ -154,10 +164,12 @@ def closed_sets(incidence: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArra
     below = _below(sets, slots, n, columns, active, sizes)
     dimensions, begins, listed = np.zeros(n, np.intp), np.zeros(n + 1, np.uint32), np.empty(sizes.sum(), np.uint32)
     found, place = 0, 0
+    # What lies wholly within the last column, the plane at infinity, is no face of the polyhedron.
     for known in range(n):
         if active[known, q - 1]:
             continue
         at = known
+        # The dimension is the length of a chain of ever smaller faces down to a corner.
         while below[at] != at:
             dimensions[found] += 1
             at = below[at]
@@ -166,6 +178,7 @@ def closed_sets(incidence: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArra
         for i in range(len(columns[0])):
             left = sets[known, i]
             while left != _NONE:
+                # The lowest bit alone, by two's complement; its place is the number of bits below it.
                 lowest = left & (~left + _ONE)
                 listed[place] = 64 * i + _ones(lowest - _ONE)
                 place += 1

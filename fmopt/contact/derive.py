@@ -53,6 +53,7 @@ class Derived:
 class _Turned:
     """R in a definition: R @ b is the symbol of b, which stands for the turned vector."""
 
+    # Derivatives are taken in the turned vectors, so that no parameters of a rotation are ever needed.
     def __matmul__(self, b: Any) -> Any:
         return b
 
@@ -67,9 +68,12 @@ def derived(name: str) -> Derived:
     f = kind(p, _Turned(), **parameters)
     vectors = [parameters[key] for key in turned]
     N = _gradient(f, p, vectors)
+    # Second derivatives of N·X, a number: their matrix is that of f along X.
     X = sympy.Matrix(sympy.symbols("d_0:3 w_0:3"))
     twice = _gradient(N.dot(X), p, vectors).jacobian(X)
+    # Where a base vanishes a root has no derivative: it is kept as what says how regular the contact is.
     roots = sorted((power.base for power in f.atoms(sympy.Pow) if not power.exp.is_integer), key=sympy.default_sort_key)
+    # N turns with the pose as well, which leaves an antisymmetric part; only the symmetric one is curvature.
     return Derived(name, p, parameters, turned, f, N, (twice + twice.T) / 2, tuple(roots))
 
 
@@ -82,6 +86,7 @@ def _symbol(name: str, role: Role) -> Any:
 def _gradient(f: Any, p: Any, turned: list[Any]) -> Any:
     """∂f/∂(d, δ) (6, 1) about the pose."""
     moment = sympy.zeros(3, 1)
+    # A turn by δ moves y by δ × y, and f by ∇f·(δ × y) = (y × ∇f)·δ.
     for y in turned:
         moment += y.cross(sympy.Matrix([f.diff(s) for s in y]))
     return sympy.Matrix([*(f.diff(s) for s in p), *moment])

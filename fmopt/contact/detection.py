@@ -85,15 +85,19 @@ def vertices_at_faces(corners: Corners, walls: Walls, T: Array, reach: float, an
     """
     near = np.zeros((len(corners.points), len(walls.normals)), dtype=np.bool_)
     for i in range(near.shape[0]):
+        # How far the point may come is judged where it is nominally: the rest is in the limit.
         point = row(corners.points, i)
         x = turned(T, point)
         x = (x[0] + T[0, 3], x[1] + T[1, 3], x[2] + T[2, 3])
+        # About the reference point of whichever part is turned: its own points swing, or it swings about the origin.
         limit = reach + angle * size(point if lever else x)
         for f in range(near.shape[1]):
             normal = row(walls.normals, f)
             if abs(dot(normal, x) - walls.offsets[f] - corners.radii[i]) > limit:
                 continue
+            # The wall's inward normal in the axes of the vertex's part, where the normal cone stands still.
             inward = turned_back(T, (-normal[0], -normal[1], -normal[2]))
+            # The chord of a small angle is less than the angle: the arcsine makes an angle of it again.
             if math.asin(min(_from_cone(corners.away[i], corners.arcs[i], inward), 1.0)) <= angle:
                 # Next to an edge of the face there is no need to ask on which side of it.
                 near[i, f] = (
@@ -123,6 +127,7 @@ def edges_at_edges(own: Ridges, other: Ridges, T: Array, reach: float, angle: fl
         a, along = plus(turned(T, first), 1.0, p), turned(T, row(own.directions, i))
         b = plus(turned(T, last), 1.0, p)
         left, right = turned(T, row(own.arcs[i], 0)), turned(T, row(own.arcs[i], 1))
+        # Contact needs a normal of one in the opposite of one of the other.
         left, right = (-left[0], -left[1], -left[2]), (-right[0], -right[1], -right[2])
         # Edges are no nearer than the balls around them.
         middle, radius = plus(a, 0.5, plus(b, -1.0, a)), _BALL * size(plus(b, -1.0, a))
@@ -133,6 +138,7 @@ def edges_at_edges(own: Ridges, other: Ridges, T: Array, reach: float, angle: fl
             room = limit + radius + _BALL * size(way)
             if dot(far, far) > room * room:
                 continue
+            # Edges as good as parallel touch along a line, or at an end; vertices on faces say that.
             if size(cross(along, row(other.directions, j))) < sine:
                 continue
             if segment_distance(a, b, row(other.ends[j], 0), row(other.ends[j], 1)) > limit:
@@ -146,6 +152,7 @@ def _from_edges(walls: Walls, face: int, x: Vector) -> float:
     """Distance from a point to the edges of a face, m."""
     found = np.inf
     for s in range(walls.begun[face], walls.begun[face + 1]):
+        # Squares are compared, and one root is taken in the end.
         u, v = plus(row(walls.tails, s), -1.0, x), plus(row(walls.heads, s), -1.0, x)
         e = plus(v, -1.0, u)
         t = min(max(-dot(u, e) / dot(e, e), 0.0), 1.0)
@@ -156,7 +163,13 @@ def _from_edges(walls: Walls, face: int, x: Vector) -> float:
 
 @compiled
 def face_distance(walls: Walls, face: int, x: Vector) -> float:
-    """Distance from a point to a face as a region of its plane, m."""
+    """Distance from a point to a face as a region of its plane, m.
+
+    Args:
+        walls: all faces of a part.
+        face: index of one.
+        x: in the frame of the part, m.
+    """
     normal = row(walls.normals, face)
     height = dot(normal, x) - walls.offsets[face]
     foot = plus(x, -height, normal)
@@ -164,21 +177,30 @@ def face_distance(walls: Walls, face: int, x: Vector) -> float:
     for s in range(walls.begun[face], walls.begun[face + 1]):
         u, v = plus(row(walls.tails, s), -1.0, foot), plus(row(walls.heads, s), -1.0, foot)
         e = plus(v, -1.0, u)
+        # The foot within the edge, or the end nearest to it.
         t = min(max(-dot(u, e) / dot(e, e), 0.0), 1.0)
         aside = min(aside, size(plus(u, t, e)))
+        # The angles under which the edges are seen add up to a full turn inside, and to none outside, holes included.
         round_ += math.atan2(dot(cross(u, v), normal), dot(u, v))
     return abs(height) if round_ > math.pi else math.hypot(height, aside)
 
 
 @compiled
 def segment_distance(a: Vector, b: Vector, c: Vector, d: Vector) -> float:
-    """Distance between the segments from a to b and from c to d, m."""
+    """Distance between the segments from a to b and from c to d, m.
+
+    Args:
+        a, b: ends of the one, m; different.
+        c, d: ends of the other, m; different.
+    """
     u, w, r = plus(b, -1.0, a), plus(d, -1.0, c), plus(a, -1.0, c)
     uu, ww, uw, ru, rw = dot(u, u), dot(w, w), dot(u, w), dot(r, u), dot(r, w)
+    # The Gram determinant: next to nothing for parallel segments, where any start is as good.
     det, least = uu * ww - uw * uw, np.inf
     s = min(max((uw * rw - ww * ru) / det, 0.0), 1.0) if det > 1e-12 * uu * ww else 0.0
     # The least distance is at the clamped stationary point or has one parameter at an end.
     for start in (s, 0.0, 1.0):
+        # Alternating projections: exact after one round on two lines, and cut off at the ends.
         t = min(max((uw * start + rw) / ww, 0.0), 1.0)
         s = min(max((uw * t - ru) / uu, 0.0), 1.0)
         least = min(least, size(plus(plus(r, s, u), -t, w)))
@@ -187,9 +209,15 @@ def segment_distance(a: Vector, b: Vector, c: Vector, d: Vector) -> float:
 
 @part
 def arc_distance(x: Vector, a: Vector, b: Vector) -> float:
-    """Distance of a unit vector from the cone of two unit generators, 1 at most."""
+    """Distance of a unit vector from the cone of two unit generators, 1 at most.
+
+    Args:
+        x, a, b: unit vectors.
+    """
+    # Least squares onto two generators that are not orthogonal, by their Gram matrix.
     xa, xb, ab = dot(x, a), dot(x, b), dot(a, b)
     rest, found = max(1.0 - ab * ab, _PARALLEL), 1.0
+    # Only a combination without negative weights is in the cone; else the nearest vector lies on one of its rays.
     s, t = (xa - ab * xb) / rest, (xb - ab * xa) / rest
     if s >= 0.0 and t >= 0.0 and rest > _PARALLEL:
         found = size(plus(plus(x, -s, a), -t, b))
@@ -202,9 +230,15 @@ def arc_distance(x: Vector, a: Vector, b: Vector) -> float:
 
 @part
 def arc_angle(a: Vector, b: Vector, c: Vector, d: Vector) -> float:
-    """Least angle between the great-circle arcs from a to b and from c to d, rad; π/2 when more."""
+    """Least angle between the great-circle arcs from a to b and from c to d, rad; π/2 when more.
+
+    Args:
+        a, b, c, d: unit vectors; each arc is the shorter one.
+    """
+    # The arcs are nearest at an end of one of them, unless they cross.
     ends = min(arc_distance(a, c, d), arc_distance(b, c, d))
     ends = min(ends, arc_distance(c, a, b), arc_distance(d, a, b))
+    # The two planes share a line; both of its directions may lie on both arcs.
     meet = cross(cross(a, b), cross(c, d))
     far = size(meet)
     if far > 0.0:
@@ -221,6 +255,7 @@ def _from_cone(away: Array, arcs: Array, x: Vector) -> float:
 
     It is what no edge leaves the vertex along; its boundary are arcs across the edges.
     """
+    # Inside the cone where the vector leaves along no edge.
     within, least = True, 1.0
     for k in range(len(away)):
         within = within and dot(row(away, k), x) <= 0.0

@@ -30,12 +30,19 @@ Places = NDArray[np.uint32]
 def _keys(bits: Bits) -> NDArray[np.uint64]:
     """Words (w, n) that order bit rows (n, k), the first word and the first bit counting most."""
     packed = np.zeros((len(bits), -(-bits.shape[1] // 64) * 8), dtype=np.uint8)
+    # Packed bits in big-endian words compare as the rows of bits do.
     packed[:, : -(-bits.shape[1] // 8)] = np.packbits(bits, axis=1)
     return packed.view(">u8").T.astype(np.uint64)
 
 
 def ordered(active: Bits, dimensions: NDArray[np.intp]) -> NDArray[np.intp]:
-    """The order (n,) of faces by dimensions (n,) and active rows (n, k): largest dimension first, then by rows."""
+    """The order (n,) of faces: largest dimension first, then by rows.
+
+    Args:
+        active: (n, k), the rows that hold with equality on each face.
+        dimensions: (n,).
+    """
+    # `lexsort` takes the last key first.
     return np.lexsort((*_keys(~active)[::-1], -dimensions))
 
 
@@ -64,7 +71,7 @@ def simple_faces(corners: Array, incidence: Bits) -> tuple[Bits, NDArray[np.intp
 
 
 def closed_faces(corners: Array, incidence: Bits) -> tuple[Bits, NDArray[np.intp], Array]:
-    """Faces as all intersections of the rows' corner sets, by bit sets; arguments as of `simple_faces`.
+    """Faces as all intersections of the rows' corner sets, by bit sets; arguments as for `simple_faces`.
 
     Where a face has the most corners of all that lie on it, it is one dimension lower.
 

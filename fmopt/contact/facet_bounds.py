@@ -75,7 +75,14 @@ class BoundTable(Value):
 
     @staticmethod
     def of(contacts: Sequence[PrimitiveContact], moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> BoundTable:
-        """The table of the contacts' bounds, told apart at a pose."""
+        """The table of the contacts' bounds, told apart at a pose.
+
+        Args:
+            contacts: in the order of the table.
+            moving: in its body frame.
+            fixed: in the B-frame.
+            pose: of the moving part in the B-frame; tells which way edges cross.
+        """
         crossings = Crossings.of(contacts, moving, fixed)
         return _table(crossings, crossings.sides(pose))
 
@@ -93,13 +100,17 @@ class BoundTable(Value):
         Returns:
             (…, k, clauses) depths, inf for a clause that a contact does not have, and the indices into `listed`.
         """
+        # Two more columns for what `places` has beyond the bounds: never binding within a group, never best among
+        # groups.
         ends = np.broadcast_to([np.inf, -np.inf], (*g.shape[:-1], 2))
         depth = np.concatenate([-self.signs * g, ends], axis=-1)[..., self.places]
         if 0 in depth.shape[-3:]:
             none = np.full((*g.shape[:-1], *self.places.shape[:2]), np.inf)
             return none, np.full(none.shape, len(self.listed), dtype=np.intp)
+        # Convex faces have one group of one bound in each clause: the usual case, in which nothing is compared.
         if self.places.shape[2:] == (1, 1):
             return depth[..., 0, 0], np.broadcast_to(self.places[..., 0, 0], depth.shape[:-2])
+        # Within a group all bounds hold together, so that the least depth counts; among alternatives the greatest.
         together = np.argmin(depth, axis=-1)[..., None]
         least = np.take_along_axis(depth, together, axis=-1)[..., 0]
         best = np.argmax(least, axis=-1)[..., None]
@@ -120,7 +131,16 @@ def touching(
     pose: Pose,
     within: float = INSIDE,
 ) -> tuple[PrimitiveContact, ...]:
-    """Those of the contacts that touch at a pose: f = 0 to 1e-9 m, and more than `within` (m) inside their bounds."""
+    """Those of the contacts that touch at a pose: f = 0 to 1e-9 m, and more than `within` (m) inside their bounds.
+
+    Args:
+        contacts: of the two parts.
+        moving: in its body frame.
+        fixed: in the B-frame.
+        pose: of the moving part in the B-frame.
+        within: m; less than 0 admits what lies outside its bounds by so much.
+    """
+    # On the surface first: bounds are only asked of what touches.
     level = np.abs(Surfaces.of(contacts, moving, fixed).values(pose)) <= INSIDE
     found = [contact for contact, on in zip(contacts, level, strict=True) if on]
     inside = BoundTable.of(found, moving, fixed, pose).insides(pose)
@@ -155,6 +175,7 @@ def cell(
 
     kept, limits = [], dict[Bound, None]()
     for contact, clauses, may_be in zip(contacts, table.clauses, unviolated, strict=True):
+        # Of alternatives the one that the pose is deepest in is kept: the cell is convex.
         groups = [max(clause, key=lambda group: min(map(depth, group))) for clause in clauses]
         insides = [min(map(depth, group)) for group in groups]
         if min(insides, default=1.0) > INSIDE:
@@ -162,9 +183,12 @@ def cell(
                 kept.append(contact)
                 limits.update(dict.fromkeys(bound for group in groups for bound in group))
         else:
+            # Outside it is enough to stay beyond one clause; the one that the pose is farthest beyond is the most
+            # robust.
             outside = clauses[int(np.argmin(insides))]
             worst = (min(group, key=depth) for group in outside)
             limits.update(dict.fromkeys(Bound(bound.contact, -bound.sign) for bound in worst))
+    # A bound that is the contact itself, seen from the other side, says nothing new.
     held = {Bound(contact, -1) for contact in kept}
     return tuple(kept), tuple(bound for bound in limits if depth(bound) <= within and bound not in held)
 
@@ -181,6 +205,7 @@ def _table(crossings: Crossings, sides: bytes) -> BoundTable:
         max((len(clause) for of_contact in clauses for clause in of_contact), default=0),
         max((len(group) for of_contact in groups for group in of_contact), default=0),
     )
+    # Filled with the number of what never binds; where alternatives run out, of what is never best.
     places = np.full((len(clauses), *sizes), len(listed), dtype=np.intp)
     for i, of_contact in enumerate(clauses):
         for j, clause in enumerate(of_contact):
@@ -239,6 +264,7 @@ def _edge_clauses(
         sides: how they pass each other, see `Crossings`.
     """
     one, other = moving.edges[contact.moving_feature], fixed.edges[contact.fixed_feature]
+    # Face and way are packed in one number of a byte, so that the key of what is remembered is short.
     (passed, slope), (passing, turned) = (divmod(side, 3) for side in sides)
     found = [
         Bound(vertex_face(fixed, vertex, other.faces[passed]), 1 if away * (slope - 1) < 0 else -1)
@@ -259,6 +285,10 @@ def face_clauses(polyhedron: Polyhedron, face: int) -> tuple[tuple[tuple[int, ..
 
     Edges that meet in a reflex corner are alternatives, others hold together: along the outer loop each run of edges
     joined by reflex corners is a clause; round a hole the runs joined by convex corners are one clause's alternatives.
+
+    Args:
+        polyhedron: whose face it is.
+        face: its index.
     """
     across = {
         (f, *(edge.vertices if side == 0 else edge.vertices[::-1])): (edge.faces[1 - side] if edge.convex else None)
@@ -273,6 +303,7 @@ def face_clauses(polyhedron: Polyhedron, face: int) -> tuple[tuple[tuple[int, ..
         [tuple(across[face, a, b] for a, b in run) for run in _runs(polyhedron, face, hole, reflex=False)]
         for hole in holes
     ]
+    # A reflex edge bounds nothing, and a clause with an alternative that bounds nothing holds everywhere.
     bounded = [[tuple(g for g in group if g is not None) for group in clause] for clause in clauses]
     return tuple(tuple(dict.fromkeys(clause)) for clause in dict.fromkeys(map(tuple, bounded)) if all(clause))
 
@@ -281,10 +312,11 @@ def _runs(polyhedron: Polyhedron, face: int, loop: tuple[int, ...], reflex: bool
     """Maximal runs of the loop's edges joined at reflex (or else at convex) corners."""
     points = polyhedron.vertices[list(loop)]
     ahead = np.roll(points, -1, axis=0) - points
+    # The turn from one edge to the next, with its sign about the face's own normal.
     bend = cross(np.roll(ahead, 1, axis=0), ahead) @ polyhedron.faces[face].normal
     joins = (bend < 0.0) if reflex else (bend > 0.0)
     edges = list(zip(loop, loop[1:] + loop[:1], strict=True))
-    start = int(np.argmin(joins))
+    start = int(np.argmin(joins))  # begin at a break, so that no run is cut in two
     runs: list[list[tuple[int, int]]] = []
     for i in range(len(loop)):
         k = (start + i) % len(loop)
@@ -317,7 +349,13 @@ class Crossings:
 
     @staticmethod
     def of(contacts: Sequence[PrimitiveContact], moving: Polyhedron, fixed: Polyhedron) -> Crossings:
-        """Those of the contacts between these parts."""
+        """Those of the contacts between these parts.
+
+        Args:
+            contacts: those of two edges count.
+            moving: in its body frame.
+            fixed: in the B-frame.
+        """
         return _crossings(moving, fixed, tuple(contacts))
 
     def sides(self, pose: Pose) -> bytes:
@@ -331,10 +369,14 @@ class Crossings:
         ends = self.moving @ pose.R.T
         # Turned one by one: rounding must not depend on how many there are.
         beside = (self.beside[..., None, :] @ pose.R.T)[..., 0, :]
+        # Rates of height along each edge over both faces beside the other: moving edge over fixed faces, and the other
+        # way.
         passing = np.vecdot(self.across, (ends[:, 1] - ends[:, 0])[:, None]), np.vecdot(beside, self.along[:, None])
         slopes = np.stack(passing, axis=1)
+        # The steeper face: an end passes it soonest, while the other one may be level with the way.
         steep = np.argmax(np.abs(slopes), axis=2)
         slope = np.take_along_axis(slopes, steep[..., None], axis=2)[..., 0]
+        # Three values of a sign and two faces in a number below 6, as key of what is remembered.
         return bytes((3 * steep + 1 + np.sign(slope)).astype(np.uint8))
 
 

@@ -49,6 +49,7 @@ class _Printer(PythonCodePrinter):  # type: ignore[misc]  # SymPy has no types
 
     def _print_Pow(self, expr: Any, rational: bool = False) -> str:
         base, exponent = expr.args
+        # Products are rounded alike by all compilers; a library's power is not.
         if exponent.is_Integer and 2 <= abs(exponent) <= 4:
             text = " * ".join([self.parenthesize(base, 60)] * abs(int(exponent)))
             return f"({text})" if exponent > 0 else f"(1.0 / ({text}))"
@@ -69,6 +70,7 @@ def written() -> str:
     text = [_HEAD]
     for kind in kinds:
         text += [_function(kind, "height", [kind.f]), _function(kind, "wrench", [kind.f, *kind.N])]
+        # Kinds without roots are regular everywhere.
         if kind.regular:
             least = kind.regular[0] if len(kind.regular) == 1 else sympy.Min(*kind.regular)
             text.append(_function(kind, "regularity", [least]))
@@ -89,6 +91,7 @@ def _function(kind: Derived, ending: str, outputs: Sequence[Any]) -> str:
     """One function of a kind's record and a pose."""
     lines, results = _body(outputs)
     used = " ".join([*lines, *results])
+    # Names that the expressions do not use are left out, so that nothing is turned in vain.
     lines = [*(line for line in _names(kind) if any(name in used for name in line.split(" = ")[0].split(", "))), *lines]
     value = results[0] if len(results) == 1 else f"({', '.join(results)})"
     head = f"\n\n@part\ndef _{kind.name}_{ending}(row: Row, p: Position, R: Array) -> Any:\n"
@@ -114,13 +117,16 @@ def _body(outputs: Sequence[Any]) -> tuple[list[str], list[str]]:
     powers = {q for expression in outputs for q in expression.atoms(sympy.Pow) if q.exp.is_Rational and q.exp.q == 2}
     bases = sorted({q.base for q in powers}, key=sympy.default_sort_key)
     roots = [sympy.Symbol(f"root_{i}", positive=True) for i in range(len(bases))]
+    # All half-integer powers of a base become powers of one root, which is taken once.
     of = dict(zip(bases, roots, strict=True))
     plain = [expression.xreplace({q: of[q.base] ** int(2 * q.exp) for q in powers}) for expression in outputs]
+    # Common subexpressions among all outputs: a wrench and its distance share most of their work.
     shared, reduced = sympy.cse([*bases, *plain], symbols=sympy.numbered_symbols("s"))
     known = {**dict(shared), **{r: sympy.sqrt(e) for r, e in zip(roots, reduced[: len(roots)], strict=True)}}
     printer, lines, done = _Printer({"fully_qualified_modules": False}), list[str](), set[Any]()
 
     def settle(expression: Any) -> None:
+        # In the order of need, and among equals of their names: the same text on every machine.
         for symbol in sorted(expression.free_symbols & known.keys() - done, key=lambda s: (len(str(s)), str(s))):
             if symbol not in done:
                 settle(known[symbol])

@@ -62,21 +62,40 @@ class PrimitiveContact:
 
 @remembered(_CONTACTS)
 def vertex_face(fixed: Polyhedron, vertex: int, face: int) -> PrimitiveContact:
-    """The contact of a moving vertex on a fixed face."""
+    """The contact of a moving vertex on a fixed face.
+
+    Args:
+        fixed: the fixed part.
+        vertex: index in the moving part.
+        face: index in the fixed part.
+    """
+    # The outer loop stands for the face; its holes are in its bounds.
     outer = fixed.faces[face].loops[0]
     return PrimitiveContact(f"v{vertex}-f{face}", Kind.VERTEX_FACE, (vertex,), outer, vertex, face)
 
 
 @remembered(_CONTACTS)
 def ball_face(fixed: Polyhedron, vertex: int, face: int) -> PrimitiveContact:
-    """The contact of a moving ball, of which a vertex is the centre, on a fixed face."""
+    """The contact of a moving ball, of which a vertex is the centre, on a fixed face.
+
+    Args:
+        fixed: the fixed part.
+        vertex: index in the moving part, of the centre.
+        face: index in the fixed part.
+    """
     outer = fixed.faces[face].loops[0]
     return PrimitiveContact(f"b{vertex}-f{face}", Kind.BALL_FACE, (vertex,), outer, vertex, face)
 
 
 @remembered(_CONTACTS)
 def face_vertex(moving: Polyhedron, face: int, vertex: int) -> PrimitiveContact:
-    """The contact of a moving face on a fixed vertex."""
+    """The contact of a moving face on a fixed vertex.
+
+    Args:
+        moving: the moving part.
+        face: index in the moving part.
+        vertex: index in the fixed part.
+    """
     outer = moving.faces[face].loops[0]
     return PrimitiveContact(f"f{face}-v{vertex}", Kind.FACE_VERTEX, outer, (vertex,), face, vertex)
 
@@ -102,6 +121,7 @@ def _crossing(
         return []
     own, other = _features(moving), _features(fixed)
     ones, others = np.array(pairs).T
+    # Out of the fixed part points a × e or its opposite: the normals of the faces beside the edges tell which.
     m = cross(own.directions[ones] @ R.T, other.directions[others])
     outward = other.between[others] - own.between[ones] @ R.T
     along = (np.vecdot(m, outward) > 0.0).tolist()
@@ -110,7 +130,13 @@ def _crossing(
 
 @remembered(_CONTACTS)
 def crossed(moving: Polyhedron, fixed: Polyhedron, one: int, other: int, along: bool) -> PrimitiveContact:
-    """The contact of a moving edge, run along or the other way, across a fixed one; see `edge_edge`."""
+    """The contact of a moving edge, run along or the other way, across a fixed one; see `edge_edge`.
+
+    Args:
+        moving, fixed: the parts.
+        one, other: index of the moving edge, and of the fixed one.
+        along: whether the moving edge keeps the order of its ends, on which the sign of R a × e depends.
+    """
     ends = moving.edges[one].vertices if along else moving.edges[one].vertices[::-1]
     return PrimitiveContact(f"e{one}-e{other}", Kind.EDGE_EDGE, ends, fixed.edges[other].vertices, one, other)
 
@@ -145,10 +171,12 @@ def _features(polyhedron: Polyhedron) -> _Features:
     convex = np.array([edge.convex for edge in polyhedron.edges], dtype=bool)
     span = polyhedron.vertices[ends[:, 1]] - polyhedron.vertices[ends[:, 0]]
     directions = span / np.sqrt(np.vecdot(span, span))[:, None]
+    # A vertex on a reflex edge cannot touch a face first: the faces of that edge are in the way.
     pointed = np.ones(len(polyhedron.vertices), dtype=bool)
     pointed[ends[~convex]] = False
     vertices, edges = np.flatnonzero(pointed), np.flatnonzero(convex)
     around = [np.flatnonzero((ends == v).any(axis=1)) for v in vertices]
+    # Padded with zeros, which as directions satisfy every inequality.
     away = np.zeros((len(around), max((len(at) for at in around), default=0), 3))
     arcs = np.zeros((*away.shape[:2], 2, 3))
     for n, (v, at) in enumerate(zip(vertices, around, strict=True)):
@@ -189,9 +217,11 @@ def near_contacts(
     heed()
     own, other, back = _features(moving), _features(fixed), pose.inverse()
     T, T_back = matrices(pose.p, pose.R), matrices(back.p, back.R)
+    # Both ways round: the fixed part's corners against the moving part's walls need the inverse pose.
     tips = near_tips(moving, fixed, pose, reach, angle)
     horns = vertices_at_faces(other.corners, own.walls, T_back, reach, angle, False)
     crossing = edges_at_edges(own.ridges, other.ridges, T, reach, angle, math.sin(PARALLEL))
+    # Balls last, so that the order of all others does not depend on there being any.
     return (
         *(tip for tip in tips if tip.kind is Kind.VERTEX_FACE),
         *(face_vertex(moving, f, v) for v, f in _pairs(horns, other.vertices) if not fixed.radii[v]),
@@ -203,7 +233,7 @@ def near_contacts(
 def near_tips(
     moving: Polyhedron, fixed: Polyhedron, pose: Pose, reach: float, angle: float
 ) -> tuple[PrimitiveContact, ...]:
-    """Those of `near_contacts` that are of a moving vertex or ball on a fixed face; arguments and errors as there."""
+    """Those that are of a moving vertex or ball on a fixed face; errors and arguments as for `near_contacts`."""
     heed()
     own, other = _features(moving), _features(fixed)
     tips = vertices_at_faces(own.corners, other.walls, matrices(pose.p, pose.R), reach, angle, True)
@@ -213,7 +243,12 @@ def near_tips(
 
 
 def matrices(p: Array, R: Array) -> Array:
-    """Poses as kernels take them: rotations R (…, 3, 3) with positions p (…, 3) in m beside them, (…, 3, 4)."""
+    """Poses as kernels take them: rotations with positions beside them, (…, 3, 4).
+
+    Args:
+        p: (…, 3), m.
+        R: (…, 3, 3).
+    """
     found = np.empty((*p.shape, 4))
     found[..., :3], found[..., 3] = R, p
     return found
@@ -237,6 +272,12 @@ def feature_distance(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyh
     """Distance between the two features of a contact at a pose, m: what touches is next to each other, too.
 
     Bounds do not say that, as there are none where a face or an edge ends at a wall, or at the next one in its plane.
+
+    Args:
+        contact: of features that the parts have.
+        moving: in its body frame.
+        fixed: in the B-frame.
+        pose: of the moving part in the B-frame.
     """
     match contact.kind:
         case Kind.VERTEX_FACE:
@@ -248,6 +289,7 @@ def feature_distance(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyh
             centre = face_distance(_features(fixed).walls, contact.fixed_feature, (x, y, z))
             return abs(centre - float(moving.radii[at]))
         case Kind.FACE_VERTEX:
+            # In the frame of the moving part, where its face stands still.
             x, y, z = ((fixed.vertices[contact.fixed[0]] - pose.p) @ pose.R).tolist()
             return face_distance(_features(moving).walls, contact.moving_feature, (x, y, z))
         case Kind.EDGE_EDGE:

@@ -34,7 +34,12 @@ class Poses(Value):
 
     @staticmethod
     def around(pose: Pose, X: Array) -> Poses:
-        """The poses at local coordinates X (n, 6) around one."""
+        """The poses at local coordinates around one.
+
+        Args:
+            pose: where X = 0 is.
+            X: (n, 6), displacement in m and rotation vector in rad, axes of B.
+        """
         return Poses(pose.p + X[:, :3], turns(X[:, 3:]) @ pose.R)
 
     @staticmethod
@@ -54,8 +59,11 @@ class Poses(Value):
     def local(self, pose: Pose) -> Array:
         """Local coordinates X (n, 6) of these poses around one, for turns below a right angle."""
         T = self.R @ pose.R.T
+        # The antisymmetric part of a rotation is sin(angle) times its axis: no case near 180° has to be told apart
+        # below 90°.
         s = 0.5 * np.stack([T[:, 2, 1] - T[:, 1, 2], T[:, 0, 2] - T[:, 2, 0], T[:, 1, 0] - T[:, 0, 1]], axis=-1)
         sine = np.minimum(np.linalg.norm(s, axis=-1), 1.0)
+        # The series is 1 to rounding there, and the quotient would be of zeros.
         ratio = np.where(sine > 1e-6, np.arcsin(sine) / np.maximum(sine, 1e-6), 1.0)
         return np.concatenate([self.p - pose.p, ratio[:, None] * s], axis=-1)
 
@@ -71,6 +79,7 @@ class Poses(Value):
         """All of them, checked and frozen together: a tenth of the time."""
         found = []
         for p, R in zip(frozen(self.p), frozen(self.R), strict=True):
+            # Past the constructor: its checks were made on all at once.
             pose = object.__new__(Pose)
             pose.__dict__.update(p=p, R=R)
             found.append(pose)
@@ -126,15 +135,29 @@ class Neighbourhood(Value):
 
     @staticmethod
     def of(space: LocalSpace, moving: Polyhedron, fixed: Polyhedron) -> Neighbourhood:
-        """The functions of a local space's contacts between these parts."""
+        """The functions of a local space's contacts between these parts.
+
+        Args:
+            space: linearised at a pose.
+            moving: in its body frame.
+            fixed: in the B-frame.
+        """
         return Neighbourhood(space, BoundTable.of(space.contacts, moving, fixed, space.pose), (moving, fixed))
 
     def measured(self, on: Bits, poses: Poses) -> Measures:
-        """What states with contacts `on` (n, k) have at poses, one each."""
+        """What states have at poses, one each.
+
+        Args:
+            on: (n, k), which contacts each state holds.
+            poses: n of them.
+        """
         unit, values = self.space.scale[0], heights(self.functions, poses.matrices)
         f = values[:, self.functions.own]
         depth, which = self.table.depths(values[:, self.functions.bounds[0]])
+        # Apart is who is clear of a contact's surface, or outside of its bounds by as much: the larger of the two
+        # counts.
         apart = np.where(on | self._ended(on, which), np.inf, np.maximum(f, -depth.min(axis=2, initial=np.inf)))
+        # Infinite where nothing is asked, so that least values over all skip it.
         deep = np.where(on[..., None], depth, np.inf) / unit
         return Measures(np.where(on, f, 0.0) / unit, apart / unit, deep, which, self.inside(poses))
 
@@ -147,6 +170,7 @@ class Neighbourhood(Value):
     def functions(self) -> Functions:
         """What searches evaluate, as arrays."""
         space, number = self.space, {contact: i for i, contact in enumerate(self.space.contacts)}
+        # A bound that is a contact of the space, too, has one number for both.
         ends = [number.setdefault(bound.contact, len(number)) for bound in self.table.listed]
         # Those of contacts and of bounds, each once.
         joint = Surfaces.of(tuple(number), *self.parts)
@@ -175,6 +199,7 @@ class Neighbourhood(Value):
     def _ending(self) -> list[int]:
         """Which contact of the space begins at each bound, −1 for none, and where there is no bound."""
         names = {contact.id: i for i, contact in enumerate(self.space.contacts)}
+        # Two more entries, for what `BoundTable.places` has where there is no bound.
         return [*(names.get(b.contact.id, -1) if b.sign > 0 else -1 for b in self.table.listed), -1, -1]
 
 

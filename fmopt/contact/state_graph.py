@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -53,11 +53,17 @@ class ContactState(Value):
     def all_of(
         ids: Sequence[str], contacts: Sequence[tuple[str, ...]], dimensions: Sequence[int], points: Array
     ) -> tuple[ContactState, ...]:
-        """Many states with their points (n, 6), which are checked and frozen together: a tenth of the time."""
+        """Many states, whose points are checked and frozen together: a tenth of the time.
+
+        Args:
+            ids, contacts, dimensions: of each.
+            points: (n, 6), local coordinates in m and rad.
+        """
         found = []
         for name, touching, dimension, point in zip(
             ids, contacts, dimensions, frozen(points, len(ids), 6), strict=True
         ):
+            # Past the constructor: its checks were made on all points at once.
             state = object.__new__(ContactState)
             own = state.__dict__
             own["id"], own["contacts"], own["dimension"], own["point"] = name, touching, dimension, point
@@ -89,7 +95,12 @@ class ContactGraph(Value):
         """Contacts a segment in `state` that comes from `start` and ends in `goal` has to stay clear of.
 
         The contacts of the state's sons, minus those of the state, its goal and its start.
+
+        Args:
+            state, goal: indices of states.
+            start: index of the state before; None at the first segment.
         """
+        # What the segment itself touches is no obstacle, neither on the way nor at its ends.
         own = {c for i in (state, goal, start) if i is not None for c in self.states[i].contacts}
         near = {c for son in self.sons[state] for c in self.states[son].contacts}
         return tuple(contact.id for contact in self.space.contacts if contact.id in near - own)
@@ -99,24 +110,20 @@ class ContactGraph(Value):
         dimensions = [state.dimension for state in self.states]
         return {d: dimensions.count(d) for d in sorted(set(dimensions))}
 
-    def network(self) -> Any:
-        """The graph as a networkx digraph from fathers to sons, nodes by state id."""
-        import networkx
-
-        graph = networkx.DiGraph()
-        for state in self.states:
-            graph.add_node(state.id, contacts=state.contacts, dimension=state.dimension)
-        for i, sons in enumerate(self.sons):
-            graph.add_edges_from((self.states[i].id, self.states[j].id) for j in sons)
-        return graph
-
 
 def contact_graph(space: LocalSpace, faces: Faces) -> ContactGraph:
-    """The contact-state graph of a local space and its faces."""
+    """The contact-state graph of a local space and its faces.
+
+    Args:
+        space: local coordinates and contacts.
+        faces: of the polytope of its constraints, scaled.
+    """
     n, names = len(faces.points), np.array([contact.id for contact in space.contacts], dtype=np.object_)
     ends, rows = held(faces.active)
     contacts = _cut(names[rows].tolist(), ends)
+    # Only free space has no contact, and it is the first, being of the largest dimension.
     ids = _ids(n) if contacts[0] else ("free", *_ids(n)[1:])
+    # Points are made in scaled units, of clearances, in which the program is well conditioned.
     states = ContactState.all_of(ids, contacts, faces.dimensions.tolist(), space.scale * faces.points)
     sons, son, fathers, father = covers(faces.active, faces.dimensions)
     return ContactGraph(space, states, _cut(son.tolist(), sons), _cut(father.tolist(), fathers))
@@ -235,6 +242,7 @@ def local_space(
     signs = np.concatenate([np.ones(len(contacts)), [-bound.sign for bound in within.limits]])
     listed = (*contacts, *(bound.contact for bound in within.limits))
     f, N = values_and_rows(listed, moving, fixed, pose)
+    # In scaled units gradients are of like size; unit rows make offsets distances in clearances.
     rows = signs[:, None] * N * units
     size = np.linalg.norm(rows, axis=1)
     planes = np.column_stack([rows, -signs * f]) / size[:, None]
@@ -243,6 +251,7 @@ def local_space(
     # A limit in the plane of a contact is that contact's own doing.
     own = first_equal(planes)[k:] < k
     walls = [[*-side * axis, -size] for axis, size in zip(np.eye(6), box, strict=True) for side in (1.0, -1.0)]
+    # Infinite sides make no half-space.
     walls = [wall for wall in walls if np.isfinite(wall[6])]
     cut = np.concatenate([planes[k:][~own], np.reshape(walls, (-1, 7))])
     return LocalSpace(pose, tuple(contacts), planes[:k, :6], planes[:k, 6], units, cut)
@@ -258,6 +267,7 @@ def faces(space: LocalSpace) -> Faces:
     found = enumerate_faces(*space.half_spaces)
     if not len(space.limits):
         return found
+    # A face on a limit ends there only because the space was cut off: it is no contact state.
     open_ = ~found.active[:, k:].any(axis=1)
     if not open_.any():
         raise InfeasibleError(

@@ -58,7 +58,13 @@ class _Broken:
 
 
 def carried_out(course: Course, rig_of: MakeRig, starts: tuple[Array, Array]) -> list[Log]:
-    """Runs bodies from their starts, positions (n, 3) and quaternions (n, 4), until each has seated or given up."""
+    """Runs bodies from their starts until each has seated or given up.
+
+    Args:
+        course: programs, and what is tried when a move fails.
+        rig_of: makes the rig of an attempt.
+        starts: positions (n, 3), m, and quaternions (n, 4).
+    """
     begun = np.hstack(starts)
     logs = [Log() for _ in begun]
     bodies = list(range(len(begun)))

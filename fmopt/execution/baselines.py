@@ -62,7 +62,13 @@ class Task:
         )
 
     def program(self, name: str, start: Pose, steps: tuple[Step, ...]) -> Program:
-        """A program without friction to make up for."""
+        """A program without friction to make up for.
+
+        Args:
+            name: of the method.
+            start: pose of the moving part in the B-frame.
+            steps: in order.
+        """
         return Program(name, start, self.fit.rho, SPEED, steps, 0.0, self.limits)
 
     @property
@@ -76,9 +82,7 @@ class Task:
         return float(self.fit.goal.p[2]) + SEATED * self.fit.clearance
 
 
-def _step(
-    name: str, move: int, servoed: str, twist: Array, travel: float, follow: tuple[int, int, int], **more: Any
-) -> Step:
+def _step(name: str, move: int, servoed: str, twist: Array, follow: tuple[int, int, int], **more: Any) -> Step:
     """A step whose position axes are named by letters: x, y, z and a, b, c for the turns about them.
 
     The index of the next step follows when it stops, when its travel and when its time is used up; more are fields.
@@ -86,7 +90,7 @@ def _step(
     P = np.diag([float(axis in servoed) for axis in "xyzabc"])
     given: dict[str, Any] = {"frame": Pose.identity(), "hold": np.zeros((2, 6)), "push": PUSH, **more}
     given |= dict(zip(("on_stop", "on_end", "on_late"), follow, strict=True))
-    return Step(name, move, position=P, twist=twist, travel=travel, timeout=_INFINITE, **given)
+    return Step(name, move, position=P, twist=twist, timeout=_INFINITE, **given)
 
 
 def _held(x: float, y: float, z: float) -> Array:
@@ -97,7 +101,7 @@ def _held(x: float, y: float, z: float) -> Array:
 def _down(move: int, task: Task, servoed: str, soft: float, hold: Array) -> Step:
     """The last push."""
     twist, follow = np.array([0.0, 0.0, -SPEED, 0.0, 0.0, 0.0]), (DONE, FAILED, FAILED)
-    step = _step("push", move, servoed, twist, _INFINITE, follow, hold=hold, deep=task.bottom, soft=soft)
+    step = _step("push", move, servoed, twist, follow, travel=_INFINITE, hold=hold, deep=task.bottom, soft=soft)
     return _lasting(step, 2.0 * task.fit.depth / SPEED)
 
 
@@ -142,13 +146,15 @@ def _search(name: str, task: Task, points: Array) -> Program:
     ways = ways[np.linalg.norm(ways, axis=1) > 1e-7]
     last = len(ways) + 1
     down = np.array([0.0, 0.0, -SPEED, 0.0, 0.0, 0.0])
-    touch = _step("touch", 0, "xyzabc", down, HEIGHT + ENTERED, (1, last, FAILED), push=TOUCH, **_felt(2))
+    touch = _step("touch", 0, "xyzabc", down, (1, last, FAILED), travel=HEIGHT + ENTERED, push=TOUCH, **_felt(2))
     steps = [touch]
     for k, way in enumerate(ways):
         length = float(np.linalg.norm(way))
         twist = np.array([*way / length * SPEED, 0.0, 0.0, 0.0, 0.0])
         follow = (last, k + 2 if k + 1 < len(ways) else FAILED, FAILED)
-        steps.append(_step("search", 1, "xyc", twist, length, follow, hold=_held(0.0, 0.0, -PRESS), deep=-ENTERED))
+        steps.append(
+            _step("search", 1, "xyc", twist, follow, travel=length, hold=_held(0.0, 0.0, -PRESS), deep=-ENTERED)
+        )
     return task.program(name, _upright(task), (*steps, _down(2, task, "z", 1.0, _held(0.0, 0.0, 0.0))))
 
 
@@ -174,10 +180,10 @@ def tilt(plan: Plan, robot: Robot) -> Program:
     angle = UPRIGHT * TILT * task.fit.rho
     on_top, at_x, at_both = (_held(x, y, -CORNER) for x, y in ((0.0, 0.0), (-CORNER, 0.0), (-CORNER, -CORNER)))
     steps = (
-        _step("down", 0, "xyzabc", ways[0], 0.01, (1, FAILED, FAILED), push=TOUCH, **_felt(2)),
-        _step("to x", 1, "xyab", ways[1], 0.01, (2, FAILED, FAILED), hold=on_top, push=CORNER, **_felt(0)),
-        _step("to y", 2, "yab", ways[2], 0.01, (3, FAILED, FAILED), hold=at_x, push=CORNER, **_felt(1)),
-        _step("upright", 3, "abc", ways[3], angle, (4, 4, 4), hold=at_both, frame=Pose(corner, np.eye(3))),
+        _step("down", 0, "xyzabc", ways[0], (1, FAILED, FAILED), travel=0.01, push=TOUCH, **_felt(2)),
+        _step("to x", 1, "xyab", ways[1], (2, FAILED, FAILED), travel=0.01, hold=on_top, push=CORNER, **_felt(0)),
+        _step("to y", 2, "yab", ways[2], (3, FAILED, FAILED), travel=0.01, hold=at_x, push=CORNER, **_felt(1)),
+        _step("upright", 3, "abc", ways[3], (4, 4, 4), travel=angle, hold=at_both, frame=Pose(corner, np.eye(3))),
         _down(4, task, "z", 1.0, _held(-1.0, -1.0, 0.0)),
     )
     return task.program("tilt", start, steps)

@@ -74,7 +74,13 @@ class Recovery(Value):
         )
 
     def next(self, move: int, felt: str, tried: Sequence[int]) -> int | None:
-        """The shift to try after a move failed; None when all have been tried."""
+        """The shift to try after a move failed; None when all have been tried.
+
+        Args:
+            move: number of the move that failed.
+            felt: `EARLY` or `LATE`.
+            tried: shifts that were, by number.
+        """
         return next((k for k in self.orders[move][felt] if k not in tried), None)
 
     def lowest(self, q: Array, begun: Array, at: Array) -> float:
@@ -90,7 +96,12 @@ class Recovery(Value):
         return float(self.start.p[2] + q[2] - begun[2] + (points[:, 2] - self.radii).min())
 
     def liftable(self, q: Array, begun: Array) -> bool:
-        """Whether the plan says that the part can be lifted from where it is, and turned back."""
+        """Whether the plan says that the part can be lifted from where it is, and turned back.
+
+        Args:
+            q: pose (7,), position in m and quaternion.
+            begun: pose (7,) at the start of the attempt.
+        """
         turned = float(np.linalg.norm(between(q[3:], begun[3:])))
         return self.lowest(q, begun, q[3:]) - self.sunk > self.above and turned <= self.turn
 
@@ -111,7 +122,14 @@ class WayBack(Value):
 
     @staticmethod
     def of(recovery: Recovery, poses: Array, begun: Array, shifts: Sequence[int]) -> WayBack:
-        """The ways of parts at poses (n, 7) that began at `begun` (n, 7), to the starts with these shifts."""
+        """The ways of parts to the starts with these shifts.
+
+        Args:
+            recovery: what the plan says of it.
+            poses: (n, 7), where the parts are.
+            begun: (n, 7), where each began.
+            shifts: number of the next shift for each.
+        """
         goal = begun[:, :3] + recovery.shifts[list(shifts)]
         up = [recovery.clear - recovery.lowest(q, b, q[3:]) for q, b in zip(poses, begun, strict=True)]
         over = [recovery.clear - recovery.lowest(b, b, b[3:]) for b in begun]

@@ -37,7 +37,11 @@ def product(a: Array, b: Array) -> Array:
 
 
 def between(a: Array, b: Array) -> Array:
-    """Rotation vectors (…, 3), rad, that turn the quaternions b into a, by at most π."""
+    """Rotation vectors (…, 3), rad, that turn the quaternions b into a, by at most π.
+
+    Args:
+        a, b: (…, 4), of unit length, real part first.
+    """
     w, v = np.split(product(a, b * np.array([1.0, -1.0, -1.0, -1.0])), [1], axis=-1)
     sine = np.linalg.norm(v, axis=-1, keepdims=True)
     v, w = np.where(w < 0.0, -v, v), np.abs(w)

@@ -198,7 +198,16 @@ class Log:
 
 
 def note(log: Log, event: Event, rig: Rig, moves: Sequence[Move], known: Mapping[str, Contact], fit: Fit) -> None:
-    """Holds the contacts at the end of a move against the plan's; without moves nothing is planned."""
+    """Holds the contacts at the end of a move against the plan's; without moves nothing is planned.
+
+    Args:
+        log: of the body, written to.
+        event: the end of a move, of one body.
+        rig: as it stands.
+        moves: of the plan; empty for a method without one.
+        known: contacts of the plan, by id.
+        fit: clearance and goal.
+    """
     program = rig.program
     if rig.state.step[event.body] < 0:
         log.ended = event.time
@@ -225,6 +234,13 @@ def departures(rig: Rig, body: int, move: Move, known: Mapping[str, Contact], fi
 
     Edges that have turned parallel cross nowhere; what they hold, the vertices at their ends hold on the faces. Where
     several vertices are to be on one face, what lies between them may press on it anywhere.
+
+    Args:
+        rig: as it stands.
+        body: its row.
+        move: that has just ended.
+        known: contacts of the plan, by id.
+        fit: clearance and goal.
     """
     q = rig.qpos[body]
     pose = Pose(q[:3], from_quaternions(q[3:]))
@@ -252,7 +268,13 @@ def _same_face(one: Contact, other: Contact) -> bool:
 
 
 def watch(logs: Sequence[Log], rig: Rig, left: Container[int] = ()) -> None:
-    """Forces and depth, in every period; of all bodies but those `left` out."""
+    """Forces and depth, in every period.
+
+    Args:
+        logs: of the bodies in the rig's order, written to.
+        rig: as it stands.
+        left: rows of bodies that are done.
+    """
     filtered = np.linalg.norm(rig.state.filtered[:, :3], axis=1)
     raw = np.linalg.norm(rig.reaction[:, :3], axis=1)
     for body, log in enumerate(logs):
@@ -263,7 +285,14 @@ def watch(logs: Sequence[Log], rig: Rig, left: Container[int] = ()) -> None:
 
 
 def rest(log: Log, rig: Rig, body: int, fit: Fit) -> dict[str, Any]:
-    """The verdict on the whole pose at rest, with the reasons against it."""
+    """The verdict on the whole pose at rest, with the reasons against it.
+
+    Args:
+        log: of the body.
+        rig: as it stands at the end.
+        body: its row.
+        fit: clearance and goal.
+    """
     q, v = rig.qpos[body], rig.qvel[body]
     off = q[:3] - fit.goal.p
     turned = between(q[3:], quaternions(fit.goal.vector()[3:]))

@@ -101,7 +101,13 @@ class Draw:
 
 
 def draw(what: Plan, program: Program, trials: Trials, number: int) -> Draw:
-    """The errors of trial `number`, and the generator's stream of it.
+    """The errors of a trial, and the generator's stream of it.
+
+    Args:
+        what: plan with the box of start errors.
+        program: that is run, for the bounds of its velocity errors.
+        trials: how many are inside, and the seed.
+        number: counted from 0 through all of them; its own stream, whatever the others draw.
 
     Raises:
         PlanFormatError: errors are asked for that retries cover, and there are none.
@@ -238,9 +244,13 @@ def _drifts(draws: Sequence[Draw]) -> Array:
 
 
 def grown(plan: Plan, growth: float) -> Plan:
-    """A plan whose moving part is thicker by `growth`, m, on each side: faces that look sideways move out, balls grow.
+    """A plan whose moving part is thicker on each side: faces that look sideways move out, balls grow.
 
     Only what the scene is built from changes; moves and contacts stay as they are.
+
+    Args:
+        plan: any.
+        growth: m, of either sign.
     """
     pieces = tuple(_piece(piece, growth) for piece in plan.moving.pieces)
     body = plan.moving.body

@@ -76,11 +76,16 @@ def centres(ring: Array) -> Iterator[Array]:
 
 
 def axis(ring: Array, known: Array | None = None) -> Array:
-    """The direction (2,) of the x axis of an outline (n, 2): along its longest side, in a way that turns with it.
+    """The direction (2,) of the x axis of an outline: along its longest side, in a way that turns with it.
 
     A gap makes sides between convex corners longer and others not, so that which one is the longest is asked where the
     outline is narrowed until its sides are as far out as in. Where its symmetry leaves several, that one of them which
-    `known` (2, k) takes to the largest entries, which is the largest itself where not given.
+    `known` takes to the largest entries.
+
+    Args:
+        ring: corners (n, 2) in order, m.
+        known: (2, k); of the directions d left the one with the greatest d·known, column by column; unit vectors if
+            None.
     """
     corners = _corners(ring)
     steps = np.roll(corners, -1, axis=0) - corners

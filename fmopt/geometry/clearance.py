@@ -33,7 +33,11 @@ _TOUCH = 1e-9  # m, overlaps up to this count as touching
 
 
 def deepest(bodies: Sequence[Polyhedron], others: Sequence[Polyhedron]) -> float:
-    """The largest `penetration` over all pairs, m; negative when every pair is apart, −∞ when there is no pair."""
+    """The largest `penetration` over all pairs, m; negative when every pair is apart, −∞ when there is no pair.
+
+    Args:
+        bodies, others: convex, in one frame.
+    """
     return max((penetration(body, other) for body in bodies for other in others), default=-np.inf)
 
 
@@ -42,6 +46,9 @@ def penetration(body: Polyhedron, other: Polyhedron) -> float:
 
     Negative when they are apart: then its size is the gap between two parallel planes that separate them, which is at
     most their distance.
+
+    Args:
+        body, other: convex, in one frame; only `body` may have balls.
     """
     faces = np.vstack([body.normals, -other.normals])
     if body.balls:
@@ -62,7 +69,12 @@ def _overlaps(body: Polyhedron, other: Polyhedron, axes: Array) -> float:
 
 
 def towards(body: Polyhedron, centre: Array) -> Array:
-    """Unit directions (k, 3) from a ball's centre to the nearest points of the edges of a polyhedron."""
+    """Unit directions (k, 3) from a ball's centre to the nearest points of the edges of a polyhedron.
+
+    Args:
+        body: whose edges are looked at.
+        centre: (3,), m, in its frame.
+    """
     start, end = body.vertices[np.array([edge.vertices for edge in body.edges]).T]
     along = end - start
     share = np.clip(np.vecdot(centre - start, along) / np.vecdot(along, along), 0.0, 1.0)
@@ -159,6 +171,11 @@ def interference(moving: Part, fixed: Part, pose: Pose) -> Interference:
 
     The volume is that of the boolean intersection; the depth is the largest over all pairs of convex pieces of the
     shortest shift that takes the pair apart, so that parts which only touch have depth 0.
+
+    Args:
+        moving: in its body frame.
+        fixed: in the B-frame.
+        pose: of the moving part in the B-frame.
     """
     bodies = [placed(body, pose) for body in moving.bodies]
     depth = deepest(bodies, fixed.pieces)
@@ -174,6 +191,10 @@ def interference(moving: Part, fixed: Part, pose: Pose) -> Interference:
 
 def checked_clearance(moving: Part, fixed: Part, seated: Pose, depth: float) -> Clearance:
     """The measured clearance of parts that can be assembled.
+
+    Args:
+        moving, fixed, depth: as for `mating_clearance`.
+        seated: pose of the moving part in the B-frame at the goal.
 
     Raises:
         InterferenceError: the clearance is not positive, or the parts overlap when seated.

@@ -311,7 +311,12 @@ def _is_thick(shell: Manifold) -> bool:
 
 
 def snapped(points: Array, known: Array) -> Array:
-    """Points (n, 3) whose coordinates that differ from a coordinate of the known points by rounding are that one."""
+    """Points (n, 3) whose coordinates that differ from a coordinate of the known points by rounding are that one.
+
+    Args:
+        points: (n, 3), m.
+        known: (m, 3), m; each axis is taken by itself.
+    """
     return np.column_stack([_snapped(points[:, axis], known[:, axis]) for axis in range(3)])
 
 

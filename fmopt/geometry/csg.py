@@ -169,7 +169,11 @@ Solid: TypeAlias = Box | Cylinder | Cone | Sphere | Prism | Wedge | Hull | Place
 
 
 def chamfered_box(size: tuple[float, float, float], chamfer: float) -> Prism:
-    """A box of `size` (m) whose four upright edges are cut at 45°, `chamfer` (m) along each side.
+    """A box whose four upright edges are cut at 45°.
+
+    Args:
+        size: full widths along x, y and z, m.
+        chamfer: what it takes from each of the two sides that it cuts, m.
 
     Raises:
         GeometryError: the chamfer is not positive, or takes half a side and more.
@@ -214,7 +218,12 @@ def corners(primitive: Primitive) -> Array:
 
 
 def convex_polyhedron(primitive: Primitive, pose: Pose) -> Polyhedron:
-    """The primitive, placed, as a convex polyhedron with its corners as vertices, exact to the bit when not turned."""
+    """The primitive, placed, as a convex polyhedron with its corners as vertices, exact to the bit when not turned.
+
+    Args:
+        primitive: in its own frame.
+        pose: of that frame where the polyhedron is wanted.
+    """
     place = exact_pose(pose)
     return _standing(primitive, tuple(place.p.tolist()), tuple(place.R.ravel().tolist()))
 
@@ -233,7 +242,12 @@ def exact_pose(pose: Pose) -> Pose:
 
 
 def ring(radius: float, sides: int) -> Array:
-    """Corners (n, 2) of the regular polygon inscribed in a circle, mirror-symmetric to the last bit, a flat at +x."""
+    """Corners (n, 2) of the regular polygon inscribed in a circle, mirror-symmetric to the last bit, a flat at +x.
+
+    Args:
+        radius: of the circle through the corners, m.
+        sides: their number, 3 or more.
+    """
     return radius * np.array([(_cosine(j, sides), _sine(j, sides)) for j in range(1, 2 * sides, 2)])
 
 
@@ -262,6 +276,10 @@ def depth(solid: Solid, points: ArrayLike) -> Array:
     """Positive inside, negative outside, zero on boundaries (also on inner ones of a union); shape (n,), m.
 
     For a primitive the distance to the nearest face plane, then max for unions, min with the opposite for differences.
+
+    Args:
+        solid: any tree of it.
+        points: (n, 3), m, in its frame.
     """
     points = np.asarray(points, dtype=np.float64)
     match solid:
@@ -279,10 +297,14 @@ def depth(solid: Solid, points: ArrayLike) -> Array:
 
 
 def contains(solid: Solid, points: ArrayLike) -> NDArray[np.bool_]:
-    """Regularised membership of points (n, 3), shape (n,): inside, or on the boundary with interior next to it.
+    """Regularised membership (n,): inside, or on the boundary with interior next to it.
 
     Points within 1e-12 m of a boundary look 1e-9 m around in 26 directions for interior, so that neither the seam of a
     union is missed nor a wall of no thickness kept.
+
+    Args:
+        solid: any tree of it.
+        points: (n, 3), m, in its frame.
     """
     points = np.asarray(points, dtype=np.float64)
     value = depth(solid, points)

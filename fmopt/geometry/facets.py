@@ -91,9 +91,11 @@ def polygon_faces(
 
 
 def patchwork(vertices: Array, triangles: Indices, tol: float, numbers: Indices, most: int = MAX_FACES) -> Patchwork:
-    """A closed triangle mesh with the number of the planar face of each triangle (m,); arguments as of `polygon_faces`.
+    """A closed triangle mesh with the number of the planar face of each triangle.
 
-    Vertices are (n, 3), m; there may be `most` faces.
+    Args:
+        vertices, triangles, tol, numbers: as for `polygon_faces`, (n, 3) and (m, 3), tol in m, and (m,).
+        most: faces, at most.
 
     Raises:
         GeometryError: as `polygon_faces`.
@@ -104,9 +106,13 @@ def patchwork(vertices: Array, triangles: Indices, tol: float, numbers: Indices,
 
 
 def faces_of(parts: Patchwork, region: Indices) -> tuple[tuple[Loop, ...], ...]:
-    """The faces of regions of triangles (m,) as loops, outer loop first, collinear vertices dropped.
+    """The faces of regions of triangles as loops, outer loop first, collinear vertices dropped.
 
     A region without corners, such as a sliver along an edge, goes to the one beside it with which it shares most.
+
+    Args:
+        parts: the mesh that is divided.
+        region: number of the region of each triangle (m,).
 
     Raises:
         GeometryError: a region has no corners and no region beside it; or there are more than `MAX_FACES`.

@@ -45,10 +45,14 @@ _PAIRS = 128  # reflex edges up to which planes through any two are tried; above
 
 
 def solid_of(body: Polyhedron, tol: float) -> Solid:
-    """A CSG solid equal to the polyhedron but for noise of size `tol` (m).
+    """A CSG solid equal to the polyhedron but for noise.
 
     Face planes within `tol` of each other or of an axis direction become one, vertices move onto their planes, and
     excess thinner than `tol` is dropped.
+
+    Args:
+        body: closed, its faces planar within `tol`.
+        tol: size of the noise, m.
 
     Raises:
         GeometryError: the excess does not come apart into convex bodies.
@@ -58,6 +62,9 @@ def solid_of(body: Polyhedron, tol: float) -> Solid:
 
 def apart(body: Polyhedron, tol: float) -> tuple[Solid, Polyhedron]:
     """As `solid_of`, with the polyhedron cleaned of noise as well: its faces and corners, the coordinates of the solid.
+
+    Args:
+        body, tol: as for `solid_of`.
 
     Raises:
         GeometryError: the excess does not come apart into convex bodies.

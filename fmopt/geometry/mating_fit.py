@@ -108,6 +108,10 @@ def _area(corners: Array) -> float:
 def require_near(fit: Fit, peg: str, hole: str) -> None:
     """Refuses a peg that is lost in its hole: no fit, but a wrong unit.
 
+    Args:
+        fit: of the two.
+        peg, hole: what they are called, for the message.
+
     Raises:
         GeometryError: there is more room on each side than the peg is wide.
     """

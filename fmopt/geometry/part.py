@@ -85,6 +85,11 @@ class Part(Value):
 def part_of(name: str, solid: Solid, features: Sequence[Feature] = ()) -> Part:
     """The part of a solid, in the solid's model frame.
 
+    Args:
+        name: for messages and plans.
+        solid: in its model frame.
+        features: frames in the model frame.
+
     Raises:
         GeometryError: the solid is empty or has edges of no thickness.
     """
@@ -176,7 +181,12 @@ def _require_intact(name: str, mesh: Imported, feature: Feature) -> None:
 
 
 def rebased(part: Part, pose: Pose) -> Part:
-    """The part expressed in the frame `pose` (given in the part's present frame), which becomes the origin."""
+    """The part expressed in the frame `pose` (given in the part's present frame), which becomes the origin.
+
+    Args:
+        part: in any frame.
+        pose: of the new frame in the present one.
+    """
     inward = exact_pose(pose).inverse()
     bodies = tuple(rounded(placed(body, inward)) for body in (part.polyhedron, *part.pieces))
     if not np.all(np.isin(inward.R, (-1.0, 0.0, 1.0))):
@@ -186,7 +196,12 @@ def rebased(part: Part, pose: Pose) -> Part:
 
 
 def stretched(part: Part, factors: Sequence[float]) -> Part:
-    """The part stretched along its axes by positive factors (3,), `rounded`; its features stay where they are."""
+    """The part stretched along its axes by positive factors (3,), `rounded`; its features stay where they are.
+
+    Args:
+        part: any.
+        factors: (3,), positive, along x, y and z.
+    """
     return replace(
         part,
         polyhedron=rounded(scaled(part.polyhedron, factors)),

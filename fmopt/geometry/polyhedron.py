@@ -201,7 +201,11 @@ def triangulated(body: Polyhedron) -> NDArray[np.int64]:
 
 
 def plane_of(points: Array, loops: Sequence[Sequence[int]]) -> tuple[Array, float]:
-    """Unit normal (3,) and offset (m) of the plane through loops of points (n, 3), exact when all share a coordinate.
+    """Unit normal (3,) and offset (m) of the plane through loops of points, exact when all share a coordinate.
+
+    Args:
+        points: (n, 3), m.
+        loops: indices of them, the outer loop counter-clockwise as seen from where the normal points.
 
     Raises:
         GeometryError: the loops have no area.
@@ -233,12 +237,22 @@ def plane_basis(normal: Array) -> Array:
 
 
 def placed(polyhedron: Polyhedron, pose: Pose) -> Polyhedron:
-    """The polyhedron moved by a pose; planes of faces that stay axis-parallel are exact."""
+    """The polyhedron moved by a pose; planes of faces that stay axis-parallel are exact.
+
+    Args:
+        polyhedron: in its own frame.
+        pose: of that frame where it is wanted.
+    """
     return with_vertices(polyhedron, pose.apply(polyhedron.vertices) + 0.0)
 
 
 def scaled(polyhedron: Polyhedron, factors: Sequence[float]) -> Polyhedron:
-    """The polyhedron stretched along the axes by positive factors (3,); balls stay balls, by the least of these."""
+    """The polyhedron stretched along the axes by positive factors (3,); balls stay balls, by the least of these.
+
+    Args:
+        polyhedron: any.
+        factors: (3,), positive, along x, y and z.
+    """
     found = with_vertices(polyhedron, polyhedron.vertices * np.asarray(factors))
     if not polyhedron.balls:
         return found
@@ -265,7 +279,12 @@ def rounded(polyhedron: Polyhedron) -> Polyhedron:
 
 
 def with_vertices(polyhedron: Polyhedron, points: Array) -> Polyhedron:
-    """The polyhedron with its vertices at other points (n, 3), m, as good as in the same planes."""
+    """The polyhedron with its vertices at other points (n, 3), m, as good as in the same planes.
+
+    Args:
+        polyhedron: whose faces, edges and balls are kept.
+        points: (n, 3), m, one for each of its vertices.
+    """
     planes = [plane_of(points, face.loops) for face in polyhedron.faces]
     faces = tuple(Face(face.loops, *plane) for face, plane in zip(polyhedron.faces, planes, strict=True))
     return Polyhedron(points, faces, polyhedron.edges, polyhedron.balls)

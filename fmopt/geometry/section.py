@@ -70,7 +70,13 @@ def section(bodies: Sequence[Polyhedron], frame: Pose) -> MultiPolygon:
 
 
 def section_limit(bodies: Sequence[Polyhedron], frame: Pose, side: Literal[-1, 1]) -> MultiPolygon:
-    """The limit of the sections of a union of convex bodies when the plane comes from above (1) or below (−1)."""
+    """The limit of the sections of a union of convex bodies when the plane comes from above (1) or below (−1).
+
+    Args:
+        bodies: convex.
+        frame: whose plane z = 0 cuts them.
+        side: from where that plane comes, 1 for its positive z.
+    """
     from shapely import MultiPoint, Point, union_all
 
     to_frame = exact_pose(frame).inverse()
@@ -114,7 +120,12 @@ def _polygons(geometry: BaseGeometry) -> MultiPolygon:
 
 
 def reach(solid: Solid, pose: Pose | None = None) -> Array:
-    """Points (n, 3) in m whose bounding box holds the solid: what is taken away from it does not count."""
+    """Points (n, 3) in m whose bounding box holds the solid: what is taken away from it does not count.
+
+    Args:
+        solid: any tree of it.
+        pose: of its frame where the points are wanted; the identity if None.
+    """
     where = Pose.identity() if pose is None else pose
     match solid:
         case Placed(inner, own):
@@ -153,7 +164,12 @@ def told(size: float) -> str:
 
 
 def lowest_point(moving: Part, pose: Pose) -> float:
-    """How high the lowest point of the moving part is above the mouth, m."""
+    """How high the lowest point of the moving part is above the mouth, m.
+
+    Args:
+        moving: in its body frame.
+        pose: of it in the B-frame, whose z = 0 is the mouth.
+    """
     return float((pose.apply(moving.polyhedron.vertices)[:, 2] - moving.polyhedron.radii).min())
 
 
@@ -223,6 +239,10 @@ def corner_walls(moving: Part, corner: Array) -> tuple[tuple[Array, Array], tupl
 
     Short sides, such as chamfers, are passed over, and so are sides on until the two stand at an angle. What is short
     is told by the longest side, of an outline so slender that two opposite sides are left by its width, or nothing is.
+
+    Args:
+        moving: in its body frame.
+        corner: (3,), m, in that frame, of its leading face.
     """
     vertices = moving.polyhedron.vertices
     at = int(np.argmin(np.linalg.norm(vertices - corner, axis=1)))
@@ -247,6 +267,10 @@ def far_edge(moving: Part, corner: Array) -> tuple[Array, Array]:
     """The long side around the tip that reaches farthest from a corner: that end (3,), and the other (3,).
 
     Of two that meet there, the one that runs more along x.
+
+    Args:
+        moving: in its body frame.
+        corner: (3,), m, in that frame.
     """
     loop = outline(leading_face(moving))
     after = np.roll(loop, -1, axis=0)

@@ -131,6 +131,11 @@ def of_assembly(file: Path, error: str, moving: str | None, fixed: str | None) -
     Of two bodies the one that goes into the other is found where neither is named: the one with the peg; of two that
     could, the smaller one moves.
 
+    Args:
+        file: STEP.
+        error: of the start, such as "1 mm, 1 deg".
+        moving, fixed: names or numbers of bodies; None to have one found.
+
     Raises:
         InputError: there are too few or too many bodies to choose from, or one does not exist.
         ResourceError: no library that reads STEP files.

@@ -16,6 +16,10 @@ from fmopt.verify.problem import Given, Held, ProblemError, held
 def held_against(plan: Plan, problem: task.Problem) -> Held:
     """A plan held against the document of a problem, and against what was put in its place since.
 
+    Args:
+        plan: read from a file.
+        problem: as loaded, or changed since.
+
     Raises:
         InputError: the document or one of its models cannot be read.
     """

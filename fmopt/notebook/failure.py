@@ -83,6 +83,10 @@ def _failure(problem: Problem, error: SearchError | InfeasibleError, seconds: fl
 def write(failure: Failure, folder: Path) -> list[Path]:
     """Writes `attempt.html`, and its figure as SVG and PNG, to a folder.
 
+    Args:
+        failure: of one problem.
+        folder: made if need be.
+
     Raises:
         ResourceError: a file cannot be written.
     """

@@ -73,6 +73,11 @@ class Placing:
 def placing(plan: Plan, problem: Problem, radius: float | None = None) -> Placing:
     """The placement of a plan's goal poses; see `fmopt.Plan.placement`.
 
+    Args:
+        plan: of that problem.
+        problem: whose parts are used.
+        radius: how far goal poses may move in one step, m; a tenth of the clearance on each side if None.
+
     Raises:
         ResourceError: CVXPY is not installed.
     """
@@ -92,6 +97,9 @@ def placing(plan: Plan, problem: Problem, radius: float | None = None) -> Placin
 
 def motion_of(plan: Plan, problem: Problem) -> CertifiedMotion:
     """The motion of a plan, certified once more on the parts of its problem.
+
+    Args:
+        plan, problem: as for `placing`.
 
     Raises:
         InfeasibleError: a move is impossible, which no certified plan's is.

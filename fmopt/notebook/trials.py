@@ -48,7 +48,15 @@ class Trials:
 
 
 def carried_out(plan: Plan, wanted: Wanted, folder: Path | None, workers: int | None, unverified: bool) -> Trials:
-    """Trials of a plan; see `fmopt.notebook.plan.Plan.execute`."""
+    """Trials of a plan; see `fmopt.notebook.plan.Plan.execute`.
+
+    Args:
+        plan: with its document.
+        wanted: method, engine, numbers and seed.
+        folder: of the results; beside others in `out` if None.
+        workers: processes; one for each processor if None.
+        unverified: whether a plan that is not certified is run, too.
+    """
     from fmopt.execution.execute import Settled, execute
     from fmopt.notebook.checking import admitted
 

@@ -67,6 +67,7 @@ def goal_in_the_paper(
     if piece.basis:
         held = contact_rows(assembly, [c.contact for c in piece.basis], piece.held, piece.goal).N
         hold, _ = ellipsoid.oblique_projector(held, np.array([c.direction for c in piece.basis]).T)
+        # The paper has one ellipsoid: what the held contacts take up is projected out of it at the start.
         errors = ErrorSet.from_ellipsoid(ellipsoid.image(errors.shape, hold))
     basis = step.basis if piece.last else piece.basis
     together = piece.goal_contacts if piece.last else piece.held
@@ -78,6 +79,7 @@ def goal_in_the_paper(
 def _judged(assembly: Assembly, claim: Claim, errors: ErrorSet, tolerance: Tolerance) -> Claim:
     piece, step = claim.piece, claim.advance
     start, goal = goal_in_the_paper(assembly, piece, step, errors, tolerance)
+    # No extent and no slack: the paper's claims leave out what is of second order.
     flat = Extent(np.zeros(6), np.zeros(6))
     ends = replace(step.ends, start_set=start, goal_set=goal, extent=flat, slack=np.zeros((6, 0)), core=None)
     listed = pairs(assembly, piece)
@@ -103,13 +105,20 @@ def section(Q: Array, V: Array) -> Array:
     """
     QV = Q @ V
     reach = float(V @ QV)
+    # The ellipsoid cut by the plane across V: what errors along the motion do is stop it sooner or later.
     return np.asarray(Q - np.outer(QV, QV) / reach) if reach > 0.0 else Q
 
 
 def lateral_rate(U: Array, velocity_error: tuple[float, float]) -> float:
-    """λ_U of [DakinPopplestone1993] eq. 6: the point of the cone's base in direction U (6,), scaled by ρ."""
+    """λ_U of [DakinPopplestone1993] eq. 6: the point of the cone's base in direction U (6,), scaled by ρ.
+
+    Args:
+        U: twist (6,), its rotation scaled by ρ.
+        velocity_error: shares of a velocity by which translation and rotation may be off.
+    """
     rates = np.repeat(velocity_error, 3)
     u = U / np.linalg.norm(U)
+    # No velocity error there: any part of U in it is out of the cone.
     if (u[rates == 0.0] != 0.0).any():
         return 0.0
     return float(1.0 / np.linalg.norm(u[rates > 0.0] / rates[rates > 0.0]))
@@ -141,9 +150,11 @@ def step_in_the_paper(
     length = float(np.linalg.norm(scaled_move))
     projector, _ = ellipsoid.oblique_projector(rows / M, directions * M[:, None])
     Q = errors.shape * np.outer(M, M)
+    # Without a motion there is no drift.
     if length == 0.0:
         return ErrorSet.from_ellipsoid(ellipsoid.image(Q, projector) / np.outer(M, M))
     V = scaled_move / length
+    # Within the held contacts only.
     basis = null_space(rows / M) if len(rows) else np.eye(6)
     squares, axes = np.linalg.eigh(basis.T @ ellipsoid.image(section(Q, V), projector) @ basis)
     radii = np.sqrt(np.maximum(squares, 0.0))
@@ -151,6 +162,7 @@ def step_in_the_paper(
     for i, axis in enumerate(B.T):
         along = float(axis @ V)
         U = axis - along * V
+        # Across the motion: along it the rate is no error, and eq. 13 divides by nothing.
         if np.linalg.norm(U) > _ACROSS:
             radii[i] += lateral_rate(U, velocity_error) * length / (1.0 - abs(along))
     return ErrorSet.from_ellipsoid((B * radii**2) @ B.T / np.outer(M, M))

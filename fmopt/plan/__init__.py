@@ -115,6 +115,10 @@ def line(words: str) -> str:
 def write(document: Mapping[str, Any], path: Path) -> None:
     """Writes a plan, whole or not at all.
 
+    Args:
+        document: of texts, finite numbers, lists and tables.
+        path: replaced where it exists.
+
     Raises:
         ResourceError: the file cannot be written.
     """
@@ -134,6 +138,10 @@ def read(path: Path) -> Plan:
 
 def parsed(document: Any, name: str = "") -> Plan:
     """The plan of a JSON document.
+
+    Args:
+        document: tables and lists, as JSON has them.
+        name: of the file, for messages; empty if it has none.
 
     Raises:
         PlanFormatError: it is none.

@@ -111,20 +111,37 @@ class Move(Value):
 
 
 def to_frame(frame: Pose, wrench: Array, origin: Array) -> Array:
-    """A wrench (…, 6) about `origin` in axes of B, in the coordinates of `frame`."""
+    """A wrench in the coordinates of `frame`.
+
+    Args:
+        frame: in the B-frame.
+        wrench: (…, 6) about `origin` in axes of B, N and N·m.
+        origin: (3,), in the B-frame, m.
+    """
     force, torque = wrench[..., :3], wrench[..., 3:]
     moved = torque - force @ hat(frame.p - origin).T
     return np.concatenate([force @ frame.R, moved @ frame.R], axis=-1)
 
 
 def from_frame(frame: Pose, wrench: Array, origin: Array) -> Array:
-    """A wrench (…, 6) in the coordinates of `frame`, about `origin` in axes of B."""
+    """A wrench about `origin` in axes of B.
+
+    Args:
+        frame: in the B-frame.
+        wrench: (…, 6) in the coordinates of `frame`, N and N·m.
+        origin: (3,), in the B-frame, m.
+    """
     force, torque = wrench[..., :3] @ frame.R.T, wrench[..., 3:] @ frame.R.T
     return np.concatenate([force, torque + force @ hat(frame.p - origin).T], axis=-1)
 
 
 def length(start: Pose, goal: Pose, rho: float) -> float:
-    """How far it is from pose to pose, m in the metric of ρ."""
+    """How far it is from pose to pose, m in the metric of ρ.
+
+    Args:
+        start, goal: in one frame.
+        rho: lever that makes lengths of angles, m.
+    """
     return float(np.linalg.norm(start.local(goal) * [1.0, 1.0, 1.0, rho, rho, rho]))
 
 

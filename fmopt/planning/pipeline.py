@@ -232,6 +232,10 @@ def _described(name: str, found: Callable[[], T]) -> tuple[T | None, tuple[str, 
 def proved(problem: Problem, motion: CertifiedMotion) -> tuple[dict[str, Any], Verdict]:
     """The plan of a motion without what its verdict does not rest on: nominal trajectory, contact states, tolerances.
 
+    Args:
+        problem: checked.
+        motion: certified on its parts.
+
     Raises:
         InfeasibleError: no bias force holds the contacts.
     """
@@ -242,6 +246,11 @@ def nominal_motion(problem: Problem, errors: ErrorSet, rho: float) -> Nominal:
     """T-C mapping: the nominal trajectory, its critical poses, and S(t) for the start errors or the given trapezoid.
 
     P(t) comes from the cut-diagrams. S(t) is that of the parts in space, which holds where three planes see too little.
+
+    Args:
+        problem: checked.
+        errors: at the start.
+        rho: ρ, m.
     """
     return _nominal_motion(problem, answer(*task_command(problem)), errors, rho)
 

@@ -63,7 +63,12 @@ class Described:
 
 
 def proof_document(problem: Problem, motion: ControlledMotion) -> dict[str, Any]:
-    """What of a plan file its verdict rests on, which is still open: geometry, errors, segments with their control."""
+    """What of a plan file its verdict rests on, which is still open: geometry, errors, segments with their control.
+
+    Args:
+        problem: checked.
+        motion: with its control.
+    """
     return dict(plan.clean(_proof(problem, motion)))
 
 
@@ -217,9 +222,15 @@ def _found(problem: Problem, number: int) -> dict[str, Any]:
 def part_record(
     part: Part, declared: tuple[float, float] | None, measured: float, exact: abc.Mapping[int, Exact] | None = None
 ) -> dict[str, Any]:
-    """A part as the plan file holds it, with the clearance a side that was declared, if it was, and measured (m).
+    """A part as the plan file holds it.
 
     Vertices whose exact coordinates are no floats have these beside them, as fractions.
+
+    Args:
+        part: in its frame.
+        declared: clearance a side along x and y, m; None where none was.
+        measured: least clearance a side, m.
+        exact: by vertex, where coordinates are no floats.
     """
     shapes: dict[str, Any] = {**_shape(part.polyhedron), "pieces": [_shape(piece) for piece in part.pieces]}
     if part.polyhedron.balls:
@@ -239,6 +250,10 @@ def exact_parts(
 
     Walls that contacts are on are made exactly parallel to the faces that lie flat in them, which they are but for
     rounding: else a part could not lie in two of them at once, as it does.
+
+    Args:
+        assembly: the parts.
+        contacts: that the plan lists.
 
     Raises:
         GeometryError: there are none next to the floats.

@@ -105,7 +105,12 @@ class Posed:
         return Refinement.of(self.spread, self.clearance.per_side)
 
     def certified(self, found: Searched, placed: Placed) -> CertifiedMotion:
-        """Its motion, from what is said of the search and the sequence that is placed."""
+        """Its motion, from what is said of the search and the sequence that is placed.
+
+        Args:
+            found: what is said of the search.
+            placed: the sequence, which need not be as it was found.
+        """
         said = found.of(placed.moves)
         return CertifiedMotion(self.assembly, self.clearance, self.errors, self.tolerance, said, placed)
 
@@ -128,7 +133,12 @@ def _tolerance(problem: Problem, rho: float, share: float = 1.0) -> Tolerance:
 
 
 def under_errors(found: CertifiedMotion, problem: Problem) -> Motion:
-    """The moves of a motion under the errors of a problem, which need not be those that it was found for."""
+    """The moves of a motion under the errors of a problem, which need not be those that it was found for.
+
+    Args:
+        found: whose moves are taken.
+        problem: whose errors are.
+    """
     tolerance = _tolerance(problem, found.tolerance.rho)
     return Motion(found.assembly, found.placed.moves, problem.start_box, tolerance, FINE, problem.framing)
 
@@ -185,7 +195,12 @@ def placed_anew(posed: Posed, moves: Sequence[Move], progress: Progress) -> Plac
 
 
 def placed_by_growing(posed: Posed, moves: Sequence[Move], progress: Progress) -> Placed:
-    """Goal poses placed from where they bear a share of the errors, until they bear all; arguments as of `placement`.
+    """Goal poses placed from where they bear a share of the errors, until they bear all.
+
+    Args:
+        posed: problem, parts and tolerance.
+        moves: as they were found under less.
+        progress: told in words.
 
     Raises:
         InfeasibleError: all of the errors cannot be followed.
@@ -231,7 +246,12 @@ def _fineness(placed: Placed) -> list[float]:
 
 
 def by_method(posed: Posed, placed: Placed) -> Placed:
-    """A sequence with the claims of the method that the problem asks for."""
+    """A sequence with the claims of the method that the problem asks for.
+
+    Args:
+        posed: problem, parts and tolerance.
+        placed: certified.
+    """
     if posed.problem.settings.method != "dakin1993":
         return placed
     from fmopt.papers.dakin_popplestone import as_in_the_paper

@@ -192,7 +192,13 @@ def jamming_words(plan: Plan) -> str:
 
 
 def jamming_cells(hybrid: Hybrid, free: JamFree, rho: float) -> tuple[str, str, str]:
-    """Of a strategy: the push and what it takes, the angle in any direction, and the narrow ranges."""
+    """Of a strategy: the push and what it takes, the angle in any direction, and the narrow ranges.
+
+    Args:
+        hybrid: the strategy of a move.
+        free: what is proved of its pushes.
+        rho: metric in which sizes of pushes are meant, m.
+    """
     least = free.least_push
     takes = "no push is shown to be enough" if least is None else f"friction can take {_newtons(least)}"
     push = f"{_newtons(free.push)}, {takes}"

@@ -101,7 +101,11 @@ def turn_of(piece: Segment) -> Array:
 
 
 def turn_between(start: Numbers, goal: Numbers) -> Array:
-    """Rotation vector (3,) in rad, axes of B, that turns one pose (6,) into another."""
+    """Rotation vector (3,) in rad, axes of B, that turns one pose (6,) into another.
+
+    Args:
+        start, goal: (6,), m and rotation vector in rad.
+    """
     return Pose.from_vector(start).local(Pose.from_vector(goal))[3:]
 
 
@@ -145,7 +149,12 @@ def margin_words(margin: float) -> str:
 
 
 def margin_claim(plan: Plan, margin: float) -> str:
-    """A margin and what it may be called, in one phrase."""
+    """A margin and what it may be called, in one phrase.
+
+    Args:
+        plan: whose verdict decides whether the margin is proved.
+        margin: m; 0 or less says that there is none.
+    """
     if margin <= 0.0:
         return margin_words(margin)
     between = " " if verdict(plan).proved else ": "

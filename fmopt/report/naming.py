@@ -45,7 +45,12 @@ def quantity(length: float) -> str:
 
 
 def signed(value: float, form: str) -> str:
-    """A number with a true minus sign, and no minus before a zero."""
+    """A number with a true minus sign, and no minus before a zero.
+
+    Args:
+        value: any finite number.
+        form: format specification, such as ".3f".
+    """
     text = format(value, form)
     if float(text) == 0.0:
         text = text.lstrip("-")
@@ -63,7 +68,12 @@ def degrees(angle: float) -> str:
 
 
 def spoken_axis(vector: Array, always_signed: bool = False) -> str:
-    """A direction (3,) by the axes it runs along, the longest component first: "−x", "−z and +y"."""
+    """A direction (3,) by the axes it runs along, the longest component first: "−x", "−z and +y".
+
+    Args:
+        vector: (3,), of any length.
+        always_signed: whether a lone positive axis is "+x".
+    """
     size = float(np.linalg.norm(vector))
     if size == 0.0:
         return "none"
@@ -76,7 +86,12 @@ def spoken_axis(vector: Array, always_signed: bool = False) -> str:
 
 
 def contact_words(plan: Parts, contact: str) -> str:
-    """A contact in words, the moving part's feature first: "side edge e0 touches rim edge e8 (x = −10.1 mm)"."""
+    """A contact in words, the moving part's feature first: "side edge e0 touches rim edge e8 (x = −10.1 mm)".
+
+    Args:
+        plan: whose corners give the places.
+        contact: id; one that the plan does not list is named as it is.
+    """
     record = next((c for c in plan.contacts if c.id == contact), None)
     if record is None:
         return f"contact {contact} is made"
@@ -85,7 +100,13 @@ def contact_words(plan: Parts, contact: str) -> str:
 
 
 def meeting_words(plan: Parts, record: Contact | UnplannedContact, own: str = "", other: str = "") -> str:
-    """What touches what, by the vertices of both sides, with names for the two: "corner touches wall (y = 10 mm)"."""
+    """What touches what, by the vertices of both sides, with names for the two: "corner touches wall (y = 10 mm)".
+
+    Args:
+        plan: whose corners give the places.
+        record: by indices of vertices on either side.
+        own, other: names put behind the moving and the fixed feature, a space before each.
+    """
     tip, wall = _points(plan.moving, record.moving), _points(plan.fixed, record.fixed)
     moved = "ball" if record.kind == "ball-face" else _moving_words(plan.moving, tip)
     return f"{moved}{own} touches {_fixed_words(wall)}{other}{_place(wall)}"
@@ -146,7 +167,12 @@ def _place(points: Array) -> str:
 
 
 def binding_words(plan: Parts, binding: str) -> str:
-    """What a margin is of, in words; the names are those of the plan's `binding_contact`."""
+    """What a margin is of, in words; the names are those of the plan's `binding_contact`.
+
+    Args:
+        plan: whose pieces and contacts are meant.
+        binding: contact, pair of pieces "0/3", or contact with " too early".
+    """
     pair = re.fullmatch(r"(?:pieces )?(\d+)[/-](\d+)", binding)
     if pair:
         sides = zip((plan.moving, plan.fixed), pair.groups(), strict=True)
@@ -160,7 +186,11 @@ def binding_words(plan: Parts, binding: str) -> str:
 
 
 def binding_label(plan: Plan, binding: str) -> str:
-    """The same in two or three words, for figures."""
+    """The same in two or three words, for figures.
+
+    Args:
+        plan, binding: as for `binding_words`.
+    """
     pair = re.fullmatch(r"(?:pieces )?(\d+)[/-](\d+)", binding)
     if pair:
         return f"against {_side_words(plan.fixed, int(pair[2]))}"
@@ -203,7 +233,12 @@ def pose_words(pose: Sequence[float]) -> str:
 
 
 def combination(vector: Sequence[float], force: str = "", torque: str = "") -> str:
-    """Six numbers as a combination of the axes: "x", "0.98 y − 0.17 rz", "−5 N z"; small ones are left out."""
+    """Six numbers as a combination of the axes: "x", "0.98 y − 0.17 rz", "−5 N z"; small ones are left out.
+
+    Args:
+        vector: (6,), along and about x, y and z.
+        force, torque: units put behind the numbers; none if empty.
+    """
     values = np.asarray(vector, dtype=np.float64)
     if values.size != 6 or not np.any(values):
         return "none"
@@ -219,7 +254,12 @@ def combination(vector: Sequence[float], force: str = "", torque: str = "") -> s
 
 
 def direction(vector: Sequence[float], scale: Array) -> str:
-    """The direction of a twist or wrench (6,) by axes, the greatest scaled part made 1, those below 0.5 % left out."""
+    """The direction of a twist or wrench by axes, the greatest scaled part made 1, those below 0.5 % left out.
+
+    Args:
+        vector: (6,), of any size.
+        scale: (6,), by what translations and rotations are made comparable.
+    """
     values = np.asarray(vector, dtype=np.float64)
     if values.size != 6 or not np.any(values):
         return "none"

@@ -63,7 +63,13 @@ def scene(plan: Plan) -> str:
 
 
 def seating(moving: Part, fixed: Part, nodes: Sequence[Numbers]) -> str:
-    """A viewer of two parts on a nominal way, poses (6,) with straight lines between, as a fragment of HTML."""
+    """A viewer of two parts on a nominal way, straight from node to node, as a fragment of HTML.
+
+    Args:
+        moving: in its body frame.
+        fixed: in the B-frame.
+        nodes: (6,) each, m and rotation vector in rad, of the moving part in the B-frame.
+    """
     legs = [Leg(k, a, b) for k, (a, b) in enumerate(pairwise(nodes))]
     return _viewer(_data(moving, fixed, legs), _label(moving, fixed), "")
 

@@ -25,20 +25,34 @@ def root(Q: Array) -> Array:
     """A root F (n, a) of a shape matrix Q (n, n); eigenvalues within rounding of zero count as zero."""
     diagonal = np.diag(Q)
     if np.array_equal(Q, np.diag(diagonal)):
+        # Diagonal matrices are exact: their roots keep the zeros that eigenvalues would blur.
         return np.asarray(np.diag(np.sqrt(diagonal))[:, diagonal > 0.0])
     w, B = np.linalg.eigh(Q)
+    # Below n ε λ_max an eigenvalue is rounding, and its root would be 1e-8 of the largest, far from nothing.
     noise = len(Q) * float(np.finfo(np.float64).eps) * max(w[-1], 0.0)
     return np.asarray((B * np.sqrt(np.where(w > noise, w, 0.0))) @ B.T)
 
 
 def narrow(F: Array, most: int) -> Array:
-    """A root (n, k) of the same ellipsoid as F (n, m), k no more than `most`, or than n."""
+    """A root (n, k) of the same ellipsoid as F, k at most n where F has more than `most` columns.
+
+    Args:
+        F: (n, m), root of a shape matrix F Fᵀ.
+        most: number of columns wanted.
+    """
+    # F = (Q R)ᵀ with orthonormal Q: F Fᵀ = Rᵀ R, and R has no more rows than F.
     return F if F.shape[1] <= most else np.asarray(np.linalg.qr(F.T).R.T)
 
 
 def image(Q: Array, A: Array) -> Array:
-    """Shape matrix A Q Aᵀ (m, m) of the image under the linear map A (m, n), exact."""
+    """Shape matrix A Q Aᵀ (m, m) of the image under the linear map A, exact.
+
+    Args:
+        Q: (n, n), shape matrix.
+        A: (m, n).
+    """
     shape = A @ Q @ A.T
+    # Symmetric again: products in either order differ by rounding.
     return np.asarray(0.5 * (shape + shape.T))
 
 
@@ -59,6 +73,7 @@ def coupling_inverse(N: ArrayLike, C: ArrayLike) -> Array:
     if math.isnan(size):
         raise ValueError("a contact row or a direction is zero")
     if size > _LARGE:
+        # Only where the inverse is large: a singular value costs more than the inverse itself.
         lengths, widths = np.sqrt(np.vecdot(rows, rows)), np.sqrt(np.vecdot(columns.T, columns.T))
         smallest = float(np.linalg.svd((rows / lengths[:, None]) @ (columns / widths), compute_uv=False)[-1])
         if smallest < _SINGULAR:
@@ -88,6 +103,7 @@ def _inverse(rows: Array, directions: Array) -> tuple[Array, float]:
             widths[i] += directions[i, c] ** 2
         if lengths[i] == 0.0 or widths[i] == 0.0:
             return inverse, math.nan
+        # Rows and directions of unit length, so that what counts as singular does not hang on their units.
         lengths[i], widths[i], inverse[i, i] = math.sqrt(lengths[i]), math.sqrt(widths[i]), 1.0
     for i in range(r):
         for j in range(r):
@@ -100,6 +116,7 @@ def _inverse(rows: Array, directions: Array) -> tuple[Array, float]:
         for i in range(k + 1, r):
             if abs(work[i, k]) > abs(work[pivot, k]):
                 pivot = i
+        # Partial pivoting: without it a small pivot would spoil rows that are well apart.
         head = work[pivot, k]
         if head == 0.0:
             return inverse, math.inf
@@ -161,6 +178,7 @@ def outer_sum(F1: Array, F2: Array, weights: Array) -> Array:
     s1, s2 = (math.sqrt(float(np.vdot(F, weights[:, None] ** 2 * F))) for F in (F1, F2))
     if s1 == 0.0 or s2 == 0.0:
         return F2 if s1 == 0.0 else F1
+    # (1 + s₂/s₁) Q₁ + (1 + s₁/s₂) Q₂ holds the sum for any positive ratio; this one has the least trace.
     return narrow(np.hstack([math.sqrt(1.0 + s2 / s1) * F1, math.sqrt(1.0 + s1 / s2) * F2]), _WIDTH)
 
 
@@ -175,4 +193,5 @@ def box_root(half_widths: ArrayLike) -> Array:
     a = np.asarray(half_widths, dtype=np.float64)
     if (a < 0.0).any():
         raise ValueError("half-widths must not be negative")
+    # k of all n axes: an axis without error takes no share of the others' factor.
     return np.asarray(np.diag(np.sqrt(np.count_nonzero(a) * a**2))[:, a > 0.0])

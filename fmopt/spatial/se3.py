@@ -46,11 +46,13 @@ def exp(r: ArrayLike) -> Array:
     """Rotation matrix (3, 3) of the rotation vector r (rad), Rodrigues' formula."""
     x, y, z = np.asarray(r, dtype=np.float64).tolist()
     angle = math.sqrt(x * x + y * y + z * z)
+    # Below that the next terms of both series are less than rounding, while sin(x)/x would divide by next to nothing.
     if angle < 1e-4:
         a = 1.0 - angle**2 / 6.0
         b = 0.5 - angle**2 / 24.0
     else:
         a = math.sin(angle) / angle
+        # 1 − cos x as 2 sin²(x/2), without cancellation.
         b = 2.0 * (math.sin(0.5 * angle) / angle) ** 2
     xy, yz, zx, ax, ay, az = b * x * y, b * y * z, b * z * x, a * x, a * y, a * z
     xx, yy, zz = b * x * x, b * y * y, b * z * z
@@ -61,6 +63,7 @@ def exp(r: ArrayLike) -> Array:
 
 def turns(r: Array) -> Array:
     """Rotation matrices (n, 3, 3) of rotation vectors (n, 3), rad; see `exp`."""
+    # Not 0, to divide by; at 1e-9 both factors are 1 and 1/2 to the last bit.
     angle = np.maximum(np.sqrt(np.vecdot(r, r)), 1e-9)
     a = (np.sin(angle) / angle)[:, None, None]
     b = (2.0 * (np.sin(0.5 * angle) / angle) ** 2)[:, None, None]
@@ -74,6 +77,7 @@ def log(R: ArrayLike) -> Array:
     (a, b, c), (d, e, f), (g, h, i) = R.tolist()
     x, y, z = 0.5 * (h - f), 0.5 * (c - g), 0.5 * (d - b)
     sine = math.sqrt(x * x + y * y + z * z)
+    # atan2 of sine and cosine is accurate at both ends, where arcsine or arccosine would lose half the digits.
     angle = math.atan2(sine, 0.5 * (a + e + i - 1.0))
     if angle < 1e-4 or sine > 1e-6:
         scale = 1.0 + angle**2 / 6.0 if angle < 1e-4 else angle / sine
@@ -90,6 +94,7 @@ def left_jacobian(r: ArrayLike) -> Array:
     r = np.asarray(r, dtype=np.float64)
     angle = float(np.linalg.norm(r))
     K = hat(r)
+    # The closed forms cancel to the third order: series from farther out than in `exp`.
     if angle < 1e-3:
         a, b = 0.5 - angle**2 / 24.0, 1.0 / 6.0 - angle**2 / 120.0
     else:
@@ -127,6 +132,8 @@ class Pose(Value):
     def moved(self, X: ArrayLike) -> Pose:
         """The pose at local coordinates X = (d, δ) around this one."""
         X = np.asarray(X, dtype=np.float64)
+        # Rotations are applied in world axes, on the left, translations apart: e = (d, δ) of a pose, not a twist of
+        # SE(3).
         return Pose(self.p + X[:3], exp(X[3:]) @ self.R)
 
     def local(self, other: Pose) -> Array:

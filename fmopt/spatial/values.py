@@ -42,6 +42,7 @@ def frozen(values: ArrayLike, *shape: int | None, name: str = "array") -> Array:
     """
     array = np.array(values, dtype=np.float64, order="C")
     if shape and array.shape != shape:
+        # A copy: a frozen record around somebody else's array could be changed from outside.
         fits = (n in (None, m) for n, m in zip(shape, array.shape, strict=True))
         if array.ndim != len(shape) or not all(fits):
             raise ValueError(f"{name} has shape {array.shape}, expected {shape}")
@@ -59,6 +60,7 @@ class Value:
     def __setstate__(self, state: dict[str, Any]) -> None:
         for key, value in state.items():
             if isinstance(value, np.ndarray):
+                # Pickling forgets the flag, so that a value sent to a worker would be writable.
                 value.setflags(write=False)
             object.__setattr__(self, key, value)
 
@@ -67,6 +69,7 @@ class _Memory(dict[Any, Any]):
     """Results by function, in the process that found them: copies and what is sent to others start without."""
 
     def __reduce__(self) -> tuple[type[_Memory], tuple[()]]:
+        # What is remembered is cheap to find again and may hold references back to its owner.
         return _Memory, ()
 
 
@@ -99,6 +102,8 @@ def remembered(most: int) -> Callable[[Callable[Concatenate[T, P], R]], Callable
     def decorated(function: Callable[Concatenate[T, P], R]) -> Callable[Concatenate[T, P], R]:
         @wraps(function)
         def found(owner: T, /, *arguments: P.args, **named: P.kwargs) -> R:
+            # In the object's own dictionary, past the frozen dataclass's guard: it is no part of the value, nor of its
+            # pickle.
             memory = owner.__dict__.get(_PLACE)
             if memory is None:
                 memory = owner.__dict__[_PLACE] = _Memory()
@@ -119,6 +124,7 @@ def few_collections() -> Iterator[None]:
     What is remembered goes without that, as soon as nobody has its object.
     """
     with _lock:
+        # The first of several that run at once knows what was set before all of them; the last one puts it back.
         _before.append(_before[0] if _before else gc.get_threshold())
         gc.set_threshold(*(max(pair) if min(pair) else 0 for pair in zip(_before[0], _COLLECTED, strict=True)))
     try:

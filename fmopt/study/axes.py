@@ -52,7 +52,14 @@ class Axis:
 def axes_of(
     source: Source, file: files.StudyFile, reading: Reading, targets: Mapping[str, Target]
 ) -> tuple[list[Axis], list[Fault]]:
-    """The axes of a study file, and everything that is wrong with them."""
+    """The axes of a study file, and everything that is wrong with them.
+
+    Args:
+        source: of the study file.
+        file: its tables.
+        reading: its units.
+        targets: what can be varied, by path.
+    """
     axes, faults = [], list[Fault]()
     names = [axis.name for axis in file.axes]
     for i, axis in enumerate(file.axes):
@@ -262,7 +269,12 @@ def _expression_faults(place: Place, expression: str, goal: Target, names: Mappi
 
 
 def points_of(axes: Sequence[Axis], sampling: files.Sampling) -> list[tuple[Number, ...]]:
-    """The points of a study, each a value for every axis; the axes' place in the design is that of the file."""
+    """The points of a study, each a value for every axis; the axes' place in the design is that of the file.
+
+    Args:
+        axes: of the study.
+        sampling: method, number and seed.
+    """
     free = [i for i, axis in enumerate(axes) if axis.linked is None]
     row = {number: column for column, number in enumerate(free)}
     column = [row[i if axis.linked is None else axis.linked] for i, axis in enumerate(axes)]
@@ -275,7 +287,11 @@ def points_of(axes: Sequence[Axis], sampling: files.Sampling) -> list[tuple[Numb
 
 
 def count_of(axes: Sequence[Axis], sampling: files.Sampling) -> int:
-    """How many points there will be, without making them."""
+    """How many points there will be, without making them.
+
+    Args:
+        axes, sampling: as for `points_of`.
+    """
     free = [axis for axis in axes if axis.linked is None]
     if sampling.method == "grid":
         return int(np.prod([len(axis.values) for axis in free], dtype=object))
@@ -286,6 +302,10 @@ def count_of(axes: Sequence[Axis], sampling: files.Sampling) -> int:
 
 def assignments(axes: Sequence[Axis], point: Sequence[Number]) -> tuple[tuple[Key, Assigned], ...]:
     """What a point puts into the base problem.
+
+    Args:
+        axes: of the study.
+        point: a value for each of them.
 
     Raises:
         QuantityError: arithmetic on the values fails.

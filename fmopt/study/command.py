@@ -51,6 +51,12 @@ class Asked:
 def carry_out(file: Path, folder: Path, asked: Asked, progress: Callable[[Tally], None]) -> Tally:
     """Starts or continues the study of a file in a folder, and writes its table.
 
+    Args:
+        file: the study's.
+        folder: made if need be.
+        asked: options of the command.
+        progress: told how far it is.
+
     Raises:
         InputError: the file cannot be used.
         ResourceError: the folder, the workers or the cluster cannot be had.
@@ -121,6 +127,11 @@ def asked_for(file: Path) -> tuple[dict[str, Any], list[str]]:
 
 def allocated(file: Path, folder: Path, progress: Callable[[str], None]) -> tuple[dict[str, Any], list[str]]:
     """Allocates the tolerances of a file, writes allocation.json and plan.json; the answer as data and in words.
+
+    Args:
+        file: with tolerances and costs.
+        folder: made if need be.
+        progress: told in words.
 
     Raises:
         InputError: the file cannot be used.

@@ -103,7 +103,12 @@ def canonical_digest(value: object) -> str:
 
 
 def target(targets: Mapping[str, Target], path: str) -> Target | str:
-    """The target of a path, or advice when there is none; `problem.` in front may be left out."""
+    """The target of a path, or advice when there is none; `problem.` in front may be left out.
+
+    Args:
+        targets: what can be varied, by path.
+        path: as it was written.
+    """
     short = path.removeprefix("problem.")
     if short in targets:
         return targets[short]

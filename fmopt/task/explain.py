@@ -26,7 +26,12 @@ _FREE = {"p_z": "free_depth", "q_z": "free_turn"}
 
 
 def facts(problem: Problem, clearance: Clearance) -> dict[str, Any]:
-    """The same as data: SI units, half-widths of errors in the order x, y, z, rx, ry, rz."""
+    """The same as data: SI units, half-widths of errors in the order x, y, z, rx, ry, rz.
+
+    Args:
+        problem: checked.
+        clearance: of its parts, as measured.
+    """
     play = [width if math.isfinite(width) else None for width in clearance.play]
     return {
         "valid": True,
@@ -59,7 +64,11 @@ def facts(problem: Problem, clearance: Clearance) -> dict[str, Any]:
 
 
 def explain(problem: Problem, clearance: Clearance) -> str:
-    """What a problem asks for, one statement a line, lengths in mm and angles in degrees."""
+    """What a problem asks for, one statement a line, lengths in mm and angles in degrees.
+
+    Args:
+        problem, clearance: as for `facts`.
+    """
     sections = {
         "parts": list(_parts(problem)),
         "task": list(_task(problem)),
@@ -257,7 +266,12 @@ def _settings(problem: Problem) -> Iterator[str]:
 
 
 def assembly_facts(assembly: Assembly, steps: Sequence[Step]) -> dict[str, Any]:
-    """The same as data: SI units, poses as (x, y, z, rotation vector)."""
+    """The same as data: SI units, poses as (x, y, z, rotation vector).
+
+    Args:
+        assembly: as its file states it.
+        steps: its tasks in order, each answered.
+    """
     return {
         "valid": True,
         "title": assembly.title,
@@ -292,7 +306,11 @@ def _operand_facts(operand: Operand) -> dict[str, Any]:
 
 
 def explain_assembly(assembly: Assembly, steps: Sequence[Step]) -> str:
-    """The workcell and what each task comes to, one statement a line, lengths in mm and angles in degrees."""
+    """The workcell and what each task comes to, one statement a line, lengths in mm and angles in degrees.
+
+    Args:
+        assembly, steps: as for `assembly_facts`.
+    """
     lines = [assembly.title, str(assembly.source.path)]
     lines.append(f"{'objects':<10} {', '.join(tree.name for tree in assembly.workcell.objects)}")
     for step in steps:

@@ -32,7 +32,12 @@ def says_unit(mesh: Mesh) -> bool:
 
 
 def mesh_faults(source: Source, mesh: Mesh) -> list[Fault]:
-    """A mesh without a unit, with its size in the numbers of its file to choose by; or a file that says it with one."""
+    """A mesh without a unit, with its size in the numbers of its file to choose by; or a file that says it with one.
+
+    Args:
+        source: of the model file.
+        mesh: its table.
+    """
     faults = []
     if mesh.body is not None and not is_step(mesh):
         place = source.place(("mesh", "body"), of_key=True)
@@ -70,6 +75,10 @@ def deviation(mesh: Mesh) -> float | None:
 @remembered(1)
 def imported(source: Source, mesh: Mesh) -> Imported:
     """The mesh of a model file, in m; features, part and tree of one model are made of one reading.
+
+    Args:
+        source: of the model file, whose folder the mesh is looked for in.
+        mesh: its table, without faults.
 
     Raises:
         InputError: it cannot be read, bounds no solid or is of no plausible size; at its place in the model file.

@@ -100,7 +100,12 @@ def paired(
 
 
 def is_found(models: Mapping[str, Model], names: Mapping[Side, str | None]) -> bool:
-    """Whether any feature of these names, all where none is named, was found on its part."""
+    """Whether any feature of these names was found on its part rather than stated.
+
+    Args:
+        models: by side.
+        names: by side; None stands for all features of that side.
+    """
     return any(
         model.is_found(name)
         for side in SIDES

@@ -82,6 +82,10 @@ def refuse_reaching(source: Source, parts: Mapping[str, Part]) -> None:
 def refuse_wild(source: Source, shares: Sequence[Contribution]) -> None:
     """Refuses errors of orientation that a stated box could not have either.
 
+    Args:
+        source: of the problem file, for the place in the message.
+        shares: of all sources, boxes (6,) in m and rad.
+
     Raises:
         InputError: the sources together may turn the parts by more than 45°.
     """
@@ -94,7 +98,12 @@ def refuse_wild(source: Source, shares: Sequence[Contribution]) -> None:
 
 
 def refuse_far(source: Source, box: Array, parts: Sequence[Part]) -> None:
-    """Refuses errors of position (box (6,), m and rad) larger than both parts: no tolerance, but another unit.
+    """Refuses errors of position larger than both parts: no tolerance, but another unit.
+
+    Args:
+        source: of the problem file, for the place in the message.
+        box: (6,), half-widths of the start errors, m and rad.
+        parts: both.
 
     Raises:
         InputError: at the component, or at the sources that add up to it; also where a plan cannot say the sum.
@@ -118,7 +127,12 @@ def refuse_far(source: Source, box: Array, parts: Sequence[Part]) -> None:
 
 
 def force_faults(source: Source, table: files.Specification) -> Iterator[Fault]:
-    """The faults of forces that end moves, and of those that limit impacts."""
+    """The faults of forces that end moves, and of those that limit impacts.
+
+    Args:
+        source: of the problem file.
+        table: [specification], values in SI.
+    """
     yield from _end_faults(source, table)
     yield from _impact_faults(source, table)
 
@@ -185,6 +199,10 @@ def characteristic_length(problem: Problem, clearance: Clearance) -> float:
     """The length ρ that weighs angles against lengths, m: stated, or half the diagonal of the mating section.
 
     Of a small section, the least that the check of a plan takes.
+
+    Args:
+        problem: whose specification may state it.
+        clearance: measured, with the size of the mating section.
     """
     return problem.settings.characteristic_length or max(clearance.half_diagonal, LEAST_LEVER)
 
@@ -193,6 +211,10 @@ def drift(problem: Problem, clearance: Clearance) -> Array:
     """How far velocity errors carry the part at most on its way down to the mouth (6,), m and rad.
 
     Zero where that is a clearance or less, next to which it does not count.
+
+    Args:
+        problem: with the velocity error and how far above the mouth it starts.
+        clearance: as for `characteristic_length`.
     """
     t, r = problem.velocity_error.translation, problem.velocity_error.rotation
     if problem.approach * max(t, r) <= clearance.per_side:

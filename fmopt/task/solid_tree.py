@@ -29,7 +29,12 @@ _MERIDIANS = 16  # of the polyhedron that stands for a ball in the tree of featu
 
 
 def tree_faults(source: Source, file: files.ModelFile) -> list[Fault]:
-    """Faults of the references: unknown solids, cycles, solids that nothing uses, trees that grow too large."""
+    """Faults of the references: unknown solids, cycles, solids that nothing uses, trees that grow too large.
+
+    Args:
+        source: of the model file.
+        file: its tables, each right by itself.
+    """
     if file.part is None:
         place = Place(str(source.path), key="part")
         return [place.fault("missing-key", "this key is missing", "name the solid that the part is")]
@@ -100,6 +105,10 @@ def _reachable(root: str, references: dict[str, list[tuple[Key, str]]]) -> set[s
 def part_reach(source: Source, file: files.ModelFile) -> Array:
     """Points (n, 3) in m whose bounding box holds the part of a checked model file with solids or a profile.
 
+    Args:
+        source: of the model file, for the place in messages.
+        file: without faults.
+
     Raises:
         InputError: a solid has no volume; at its place in the file.
     """
@@ -113,6 +122,9 @@ def part_reach(source: Source, file: files.ModelFile) -> Array:
 
 def build_part(source: Source, file: files.ModelFile) -> Part:
     """The part of a checked model file, in its model frame.
+
+    Args:
+        source, file: as for `part_reach`.
 
     Raises:
         InputError: no solid comes out; at the place of the solid or mesh in the file.
@@ -162,6 +174,9 @@ def build_tree(source: Source, file: files.ModelFile) -> ObjectTree:
 
     A mesh, and a part with a feature that none of its solids make (a hole that others leave between them), becomes its
     convex hull less convex bodies.
+
+    Args:
+        source, file: as for `part_reach`.
 
     Raises:
         InputError: no solid comes out, or a feature breaks a rule; at its place in the file.
@@ -316,13 +331,21 @@ def _prism(table: files.Prism) -> tuple[csg.Solid, tuple[csg.Solid, ...]]:
 
 
 def unstated(source: Source, file: files.ModelFile) -> tuple[str, ...]:
-    """The names of the features of which a model file leaves something to be found."""
+    """The names of the features of which a model file leaves something to be found.
+
+    Args:
+        source: of the model file, as it was written: defaults are not in it.
+        file: the same, completed by defaults.
+    """
     stated = source.data.get("features", {})
     return tuple(name for name in file.features if not {"at", "length"} <= set(stated.get(name, {})))
 
 
 def bare_part(source: Source, file: files.ModelFile) -> Part:
     """The part of a checked model file with solids or a mesh, its features as they are found on it.
+
+    Args:
+        source, file: as for `part_reach`.
 
     Raises:
         InputError: no solid comes out, or nothing is found on it; at its place in the file.

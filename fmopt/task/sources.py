@@ -100,7 +100,12 @@ class Sources:
 
 
 def sources_of(table: files.Sources, moving: Array, fixed: Array) -> Sources:
-    """The sources of a problem file, for parts with these vertices (n, 3) and (m, 3) in m."""
+    """The sources of a problem file.
+
+    Args:
+        table: [uncertainty.sources], values in SI.
+        moving, fixed: vertices (n, 3) of the parts, m, for what the file leaves to be measured on them.
+    """
     return Sources(
         shape=table.shape,
         measurement=table.measurement,
@@ -191,7 +196,7 @@ def total(contributions: Sequence[Contribution]) -> Array:
 
 
 def budget(sources: Sources, height: float, aside: float = 0.0, lean: float = 0.0) -> tuple[Contribution, ...]:
-    """Which source contributes how much to the start box; arguments as in `start_box`.
+    """Which source contributes how much to the start box; arguments as for `start_box`.
 
     Position, eq. (10): ε_a + ε_pr + ε_pg + ε_v with ε_pg = ε_pr + ε_pp + ε_td, and ε_a = ε_v + ε_pp of the fixed part,
     or ε_m. Orientation, eq. (11): ε_φ = ε_φr + ε_φg with ε_φg = ε_φr + ε_φd, to which come both ε_φp. Angles of
@@ -254,7 +259,12 @@ def _named(prefix: str, shares: Sequence[Share], frame: Frame) -> list[Share]:
 
 
 def configuration_shares(configuration: Configuration, at: Point) -> list[Share]:
-    """How far a configuration's deviations move the point `at` of the part (m), and turn the part."""
+    """How far a configuration's deviations move a point of the part, and turn the part.
+
+    Args:
+        configuration: how the part lies, as far as it is known.
+        at: the point (x, y, z), m.
+    """
     match configuration:
         case Deviation(position, angle, about):
             lever = _chord(at if about is None else about, at, angle)

@@ -112,11 +112,24 @@ class Notes:
         self.found: list[Finding] = []
 
     def add(self, what: str, message: str, shortfall: float = 0.0) -> None:
-        """Notes a finding."""
+        """Notes a finding.
+
+        Args:
+            what: pair, contact or number concerned.
+            message: in words.
+            shortfall: m; 0 where that has no meaning.
+        """
         self.found.append(Finding(self.segment, what, shortfall, message))
 
     def equal(self, what: str, stated: Sequence[float], derived: Sequence[int], floor: float) -> None:
-        """Stated numbers must be the derived ones."""
+        """Stated numbers must be the derived ones.
+
+        Args:
+            what: as for `add`.
+            stated: as in the plan.
+            derived: in fixed point, as many.
+            floor: difference that always passes, in the unit of the numbers.
+        """
         if len(stated) != len(derived):
             self.add(what, f"has {len(stated)} numbers where the check derives {len(derived)}")
             return
@@ -127,7 +140,13 @@ class Notes:
                 return
 
     def at_most(self, what: str, stated: float, derived: int) -> None:
-        """A margin must not exceed the derived one, and be it but for rounding."""
+        """A margin must not exceed the derived one, and be it but for rounding.
+
+        Args:
+            what: as for `add`.
+            stated: in m.
+            derived: lower bound, in fixed point.
+        """
         value = number(derived)
         if fixed(stated) > derived:
             self.add(what, f"{micrometres(stated)} are stated, only {micrometres(value)} follow", stated - value)
@@ -135,7 +154,14 @@ class Notes:
             self.add(what, f"{micrometres(stated)} are stated, but {micrometres(value)} follow")
 
     def at_least(self, what: str, stated: float, derived: int, allowance: int = 0) -> None:
-        """A bound of errors must not be below the derived one, and be it but for rounding or an allowance."""
+        """A bound of errors must not be below the derived one, and be it but for rounding or an allowance.
+
+        Args:
+            what: as for `add`.
+            stated: m or rad.
+            derived: upper bound, in fixed point.
+            allowance: by how much it may be less, in fixed point.
+        """
         value = number(derived)
         if fixed(stated) + allowance < derived:
             self.add(what, f"is stated as {stated!r}, below the {value!r} that follow", value - stated)
@@ -143,13 +169,24 @@ class Notes:
             self.add(what, f"is stated as {stated!r}, above the {value!r} that follow")
 
     def about(self, what: str, stated: float, derived: int) -> None:
-        """A clearance that nothing rests on must not exceed the derived one but for rounding."""
+        """A clearance that nothing rests on must not exceed the derived one but for rounding.
+
+        Args:
+            what: as for `add`.
+            stated: in m.
+            derived: in fixed point.
+        """
         value = number(derived)
         if not -(RELATIVE * abs(value) + MARGIN_FLOOR) <= stated - value <= _OTHER_SIDE:
             self.add(what, f"{micrometres(stated)} are stated, but {micrometres(value)} follow", stated - value)
 
     def positive(self, what: str, derived: int) -> None:
-        """A derived margin must be positive."""
+        """A derived margin must be positive.
+
+        Args:
+            what: as for `add`.
+            derived: m, in fixed point.
+        """
         if derived <= 0:
             value = number(derived)
             self.add(what, f"short by {micrometres(-value)}", -value)

@@ -34,7 +34,12 @@ _SAME_WIDTH = 1e-9  # of a half-width
 
 
 def check_outline(plan: Plan, notes: Notes) -> None:
-    """Judges what stands beside the segments; what is absent is not judged."""
+    """Judges what stands beside the segments; what is absent is not judged.
+
+    Args:
+        plan: as it was read.
+        notes: findings are added.
+    """
     if plan.not_covered != NOT_COVERED:
         notes.add("not_covered", "does not say what plans of this kind leave out")
     if plan.nominal is not None:
@@ -150,7 +155,11 @@ def _apart(a: Sequence[float], b: Sequence[float]) -> float:
 
 
 def check_diagnostics(plan: Plan, notes: Notes) -> None:
-    """Judges what of the diagnostics must agree with the rest of a plan; a plan without any is not judged."""
+    """Judges what of the diagnostics must agree with the rest of a plan; a plan without any is not judged.
+
+    Args:
+        plan, notes: as for `check_outline`.
+    """
     found = plan.diagnostics
     if found is None:
         return

@@ -12,7 +12,7 @@ import pytest
 from fmopt.errors import SettingsError
 from fmopt.execution.engines import mujoco_engine
 from fmopt.execution.engines.mujoco_engine import MujocoEngine
-from fmopt.execution.engines.physics import DEFAULTS, Physics
+from fmopt.execution.engines.physics import Physics
 from fmopt.execution.engines.scene import compiled, engine, scene
 from fmopt.execution.program import DONE, Program, Step, planned
 from fmopt.execution.rig import Rig
@@ -41,8 +41,9 @@ TURNED = np.array(
 
 
 def test_the_engines_defaults_are_refused_with_every_reason(square_peg_plan: dict[str, Any]) -> None:
+    of_mujoco = {"solref": (0.02, 1.0), "solimp": (0.9, 0.95, 0.001, 0.5, 2.0), "impratio": 1.0, "cone": "pyramidal"}
     with pytest.raises(SettingsError) as caught:
-        scene(parsed(square_peg_plan), Physics(**DEFAULTS), 1.0, 1e-3, 0.3)  # type: ignore[arg-type]
+        scene(parsed(square_peg_plan), Physics(**of_mujoco), 1.0, 1e-3, 0.3)  # type: ignore[arg-type]
     for words in ("give way over 0.02 s", "impedance from 0.9", "impratio 1", "pyramidal friction cones"):
         assert words in caught.value.message
     assert caught.value.exit_code == 2

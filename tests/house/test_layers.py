@@ -85,7 +85,6 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "clarabel": frozenset({"planning/optimise/solvers.py"}),
     "daqp": frozenset({"planning/optimise/solvers.py", "planning/placement/nonlinear_program.py"}),
     "cvxpy": frozenset({"planning/optimise/cone_program.py", "notebook/placing.py"}),
-    "networkx": frozenset({"contact/state_graph.py"}),
     "manifold3d": frozenset({"geometry", "papers/lee_huang/touch.py"}),
     "OCP": frozenset({"geometry/step"}),
     "shapely": frozenset({"geometry", "task/object_model", "papers/basanez_suarez", "report"}),

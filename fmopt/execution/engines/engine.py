@@ -28,7 +28,12 @@ class Engine(Protocol):
     depth: Array
 
     def advance(self, wrench: Array, period: float) -> None:
-        """Moves the bodies on by a period, s, under wrenches (n, 6) about the reference points, axes of B."""
+        """Moves the bodies on.
+
+        Args:
+            wrench: (n, 6), about the reference points, axes of B, N and N·m.
+            period: s; at least one step of the engine.
+        """
         ...
 
     @property

@@ -76,9 +76,6 @@ class Physics:
         return self
 
 
-DEFAULTS = {"solref": (0.02, 1.0), "solimp": (0.9, 0.95, 0.001, 0.5, 2.0), "impratio": 1.0, "cone": "pyramidal"}
-
-
 def _faults(physics: Physics) -> list[str]:
     constant, damping = physics.contact
     checks = (

@@ -86,7 +86,12 @@ def scene(plan: Plan, physics: Physics, mass: float, inertia: float, friction: f
 
 
 def pieces(plan: Plan, side: str) -> list[Array]:
-    """The vertices (v, 3) of the convex pieces of a plan's "fixed" or "moving" part, m."""
+    """The vertices (v, 3) of the convex pieces of a part, m.
+
+    Args:
+        plan: any.
+        side: "moving", in its body frame, or "fixed", in the B-frame.
+    """
     return [np.array(piece.vertices) for piece in plan.parts[side].pieces]
 
 

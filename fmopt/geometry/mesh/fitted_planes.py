@@ -222,10 +222,16 @@ def _off_half_turn(angle: Array) -> Array:
 
 
 def corners_of(points: Array, faces: Sequence[Sequence[Loop]], planes: Planes, off: float) -> Array:
-    """The points (n, 3) with the corners of the faces moved into all of their planes.
+    """The points with the corners of the faces moved into all of their planes.
 
     Where more than three planes meet, offsets give way; where that is not enough, normals that are neither along z nor
     across it as well.
+
+    Args:
+        points: (n, 3), m.
+        faces: loops of vertices of each face.
+        planes: unit normals (k, 3) and offsets (k,) in m, a row a face.
+        off: how far a corner may move, m.
 
     Raises:
         GeometryError: there is no such place near a corner; names it.

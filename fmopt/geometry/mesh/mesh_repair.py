@@ -94,6 +94,10 @@ def turned_alike(points: Array, triangles: Indices) -> Indices:
 
     Of triangles that hang together those of the smaller area are turned. Where more than two share a side nothing
     follows from it; where triangles cannot agree, as in a band with a twist, they stay as they are.
+
+    Args:
+        points: (n, 3), m.
+        triangles: (m, 3), indices of them.
     """
     turned = _turns(points, triangles)
     return np.where(turned[:, None], triangles[:, [0, 2, 1]], triangles) if turned.any() else triangles
@@ -134,7 +138,11 @@ def _turns(points: Array, triangles: Indices) -> NDArray[np.bool_]:
 def turned_outward(points: Array, triangles: Indices) -> Indices:
     """Closed shells that are inside out, and inside no other one, turned round; shells inside others are cavities.
 
-    Where there are very many, they are no bodies. Points are (n, 3), m, triangles (m, 3) their indices.
+    Where there are very many, they are no bodies.
+
+    Args:
+        points: (n, 3), m.
+        triangles: (m, 3), indices of them.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components

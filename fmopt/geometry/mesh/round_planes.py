@@ -23,7 +23,12 @@ Planes = tuple[Array, Array]
 
 
 def rings(angle: Array, slack: Array) -> Iterator[tuple[NDArray[np.intp], float, float]]:
-    """Side faces (n,) around a round surface, the even turn between them, and how far they are off that, rad."""
+    """Side faces (n,) around a round surface, the even turn between them, and how far they are off that, rad.
+
+    Args:
+        angle: bearing of the outward normal of each side face (n,), rad.
+        slack: how far off its place each may be (n,), rad.
+    """
     if len(angle) > _MANY:
         ahead = np.sort(angle)
         parts = round(math.tau / max(float(np.median(np.diff(ahead, append=ahead[0] + math.tau))), 1e-3))

@@ -27,8 +27,8 @@ Integers = NDArray[np.intp]
 RELATIVE_TOLERANCE = 1e-11
 _ROOM = 1e-9  # of the size: boxes hold the shared vertices too, whose last digits may differ from the curves' ends
 
-_END = 1e-9
-_BLOCK = 2_000_000
+_END = 1e-9  # of a curve's parameter: an extremum so near an end is that end
+_BLOCK = 2_000_000  # points times rows that are looked at in one go, which bounds the memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,12 @@ def arrange(curves: Sequence[Curve], operands: Sequence[int], tolerance: float) 
 
 
 def touching_boxes(boxes: Array, others: Array, margin: float) -> Integers:
-    """Pairs (2, k) of rows of `boxes` and `others` whose boxes come within `margin` of each other, by an R-tree."""
+    """Pairs (2, k) of rows of `boxes` and `others` whose boxes come within `margin` of each other, by an R-tree.
+
+    Args:
+        boxes, others: (n, 4) and (m, 4), least x and y, greatest x and y, m.
+        margin: m, on every side.
+    """
     import shapely
 
     tree = shapely.STRtree(shapely.box(*others.T))
@@ -92,6 +97,10 @@ def linked(i: Integers, j: Integers, size: int) -> tuple[Integers, Integers]:
     """Groups of the numbers 0 to `size` − 1 that pairs (k,) link: the group of each number, the first of each group.
 
     Groups are in the order of their first numbers.
+
+    Args:
+        i, j: (k,), one pair at each index.
+        size: how many numbers there are.
     """
     before, label, first, count = np.arange(size), np.empty(size, dtype=np.intp), np.empty(size, dtype=np.intp), 0
     for k in range(len(i)):
@@ -164,6 +173,7 @@ def _line_meetings(
     t = (d[:, 0] * u[skew, 1] - d[:, 1] * u[skew, 0]) / c
     near = (np.abs(s - 0.5) <= 0.5 + tolerance / lu[skew]) & (np.abs(t - 0.5) <= 0.5 + tolerance / lv[skew])
     found.append((i[skew][near], j[skew][near], np.clip(s[near], 0, 1), np.clip(t[near], 0, 1)))
+    # The feet of all ends are taken, too: a crossing that rounding moved past an end is found by that end.
     for end in (0.0, 1.0):
         s, close = _foot(p, u, q + end * v, tolerance)
         found.append((i[close], j[close], s[close], np.full(close.sum(), end)))
@@ -174,6 +184,7 @@ def _line_meetings(
 
 def _foot(start: Array, along: Array, points: Array, tolerance: float) -> tuple[Array, NDArray[np.bool_]]:
     square = np.sum(along**2, axis=1)
+    # A segment of no length has its foot at its start, whatever is put in place of the zero.
     t = np.clip(np.sum((points - start) * along, axis=1) / np.where(square > 0.0, square, 1.0), 0.0, 1.0)
     return t, np.linalg.norm(start + t[:, None] * along - points, axis=1) <= tolerance
 
@@ -203,10 +214,12 @@ def _merged(
     known: dict[tuple[int, int], list[int]] = defaultdict(list)
     for part, (a, b), owner in zip(parts, ends.tolist(), owners.tolist(), strict=True):
         same = known[min(a, b), max(a, b)]
+        # Straight pieces between the same vertices are one; curved ones need a look at their middles.
         middle = None if isinstance(part, Segment) and not same else part.point(0.5)[None]
         for k in same:
             straight = isinstance(part, Segment) and isinstance(edges[k], Segment)
             if straight or (middle is not None and float(edges[k].distance(middle)[0]) <= tolerance):
+                # Opposite passes cancel: a wall between two parts that touch is left with none and falls away.
                 passes[k][owner] += 1 if edge_ends[k] == (a, b) else -1
                 break
         else:
@@ -215,6 +228,7 @@ def _merged(
             edge_ends.append((a, b))
             passes.append([0] * count)
             passes[-1][owner] = 1
+    # What nothing passes bounds nothing; without it no ray meets it either.
     alive = [k for k in range(len(edges)) if any(passes[k])]
     return (
         [edges[k] for k in alive],
@@ -230,11 +244,13 @@ def _windings(edges: list[Curve], vertices: Array, ends: Integers, passes: Integ
     chain, asked = _chains(edges, vertices, ends)
     probes = np.array([edges[k].point(0.5) for k in asked])
     slope = np.abs(np.array([edges[k].tangent(0.5) for k in asked]))
+    # The ray goes across the edge rather than along it, so that the sides it is asked for are told apart safely.
     flat = slope[:, 0] > slope[:, 1]
     table = Table.of(edges, vertices[ends[:, 0]], vertices[ends[:, 1]])
     boxes = boxes_of(edges)
     boxes = boxes + _ROOM * float(np.max(np.abs(boxes))) * np.array([-1.0, -1.0, 1.0, 1.0])
     found = np.zeros((len(asked), passes.shape[1]), dtype=np.intp)
+    # One table serves both ways: x and y exchanged, a ray upward is one to the right, and all turns change sign.
     for turned in (False, True):
         chosen = np.flatnonzero(flat == turned)
         frame, order = (table.turned(), [1, 0, 3, 2]) if turned else (table, [0, 1, 2, 3])
@@ -261,6 +277,7 @@ def _ray_sums(table: Table, boxes: Array, points: Array, own: Integers, passes: 
     if not len(points):
         return sums
     tree = shapely.STRtree(shapely.box(*boxes.T))
+    # One metre past the farthest box: how far does not matter, as nothing is met beyond.
     reach = np.full(len(points), float(boxes[:, 2].max()) + 1.0)
     rays = shapely.linestrings(np.stack([points, np.column_stack([reach, points[:, 1]])], axis=1))
     ray, row = tree.query(rays)
@@ -276,6 +293,7 @@ def _chains(edges: list[Curve], vertices: Array, ends: Integers) -> tuple[Intege
     arriving, leaving = np.bincount(ends[:, 1], minlength=n), np.bincount(ends[:, 0], minlength=n)
     through = (arriving == 1) & (leaving == 1)
     into, out = np.full(n, -1), np.full(n, -1)
+    # Later ones overwrite earlier ones: ascending by chord, the longest of each chain is what stays.
     into[ends[:, 1]], out[ends[:, 0]] = np.arange(size), np.arange(size)
     chain, first = linked(into[through], out[through], size)
     longest = np.full(len(first), -1, dtype=np.intp)
@@ -317,6 +335,7 @@ class Table:
         if first is None or last is None:
             first = np.array([curve.first for curve in curves]).reshape(-1, 2)
             last = np.array([curve.last for curve in curves]).reshape(-1, 2)
+        # A segment gets its own middle as shoulder, with which the same formula runs through it evenly.
         shoulder = np.array(
             [0.5 * (a + b) if row is None else row.shoulder for row, a, b in zip(rows, first, last, strict=True)]
         ).reshape(-1, 2)
@@ -332,15 +351,22 @@ class Table:
         """Signed crossings of the ray from each point along +x with the curve in the row beside it; shape (k,).
 
         A point on a line counts as a little to the right of it and above it.
+
+        Args:
+            points: (k, 2), m.
+            rows: (k,), the row of the curve for each.
         """
         a, b = self.first[rows], self.last[rows]
         side = _turn(a, b, points)
         drop = b[:, 1] - a[:, 1]
+        # Half-open in y: a ray through a shared vertex crosses one of the two edges there, not both or none.
         up = (a[:, 1] <= points[:, 1]) & (points[:, 1] < b[:, 1]) & (side > 0.0)
         down = (b[:, 1] <= points[:, 1]) & (points[:, 1] < a[:, 1]) & (side < 0.0)
         count = up.astype(np.intp) - down
         bent = np.flatnonzero(self.curved[rows])
         if bent.size:
+            # The chord decides and the cap between chord and curve corrects it; on the chord both have to lean the same
+            # way.
             tied = np.where(drop[bent] != 0.0, -drop[bent], b[bent, 0] - a[bent, 0])
             beside = np.where(side[bent] != 0.0, side[bent], tied)
             count[bent] += self._caps(points[bent], rows[bent], side[bent], beside)
@@ -351,6 +377,7 @@ class Table:
         p0, p1, p2 = self.first[rows], self.shoulder[rows], self.last[rows]
         turn = np.sign(_turn(p0, p1, p2))
         t0, t2 = turn * _turn(p1, p2, points), turn * _turn(p0, p1, points)
+        # The implicit form of the conic, 4 w² τ₀ τ₂ ≥ τ₁², in barycentric coordinates of the control triangle.
         within = 4.0 * self.weight[rows] ** 2 * t0 * t2 >= side**2
         inside = (t0 >= 0.0) & (turn * beside < 0.0) & (t2 >= 0.0) & within
         return np.where(inside, turn, 0.0).astype(np.intp)

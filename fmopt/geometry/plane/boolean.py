@@ -16,7 +16,7 @@ from fmopt.geometry.plane.curve import Arc, Curve, Segment, boxes_of
 from fmopt.geometry.plane.region import Region
 from fmopt.spatial.values import Array
 
-_FEW = 8
+_FEW = 8  # as many are united at once: fewer pieces to sort than halves of halves would make
 
 Inside: TypeAlias = Callable[[Integers], NDArray[np.bool_]]
 
@@ -35,6 +35,7 @@ def intersection(first: Region, second: Region) -> Region:
     """The regularised intersection of two regions."""
     if first.empty or second.empty:
         return Region(())
+    # Winding numbers, not parity: regions that overlap themselves stay what they are.
     return _combined([first, second], lambda winding: np.asarray(np.all(winding >= 1, axis=1)))
 
 
@@ -42,6 +43,7 @@ def difference(first: Region, second: Region) -> Region:
     """The regularised difference: the closure of what lies inside `first` and outside `second`."""
     if first.empty or second.empty:
         return first
+    # Less than 1 outside the second, so that loops run clockwise, holes of it, give back what they leave.
     return _combined([first, second], lambda winding: (winding[:, 0] >= 1) & (winding[:, 1] < 1))
 
 
@@ -69,6 +71,7 @@ def _divided(regions: list[Region], boxes: Array) -> Region:
         return regions[0]
     if len(regions) <= _FEW:
         return _united(regions)
+    # Halves by place, along the longer way: what is apart is united apart, and few pieces meet in the end.
     middle = boxes[:, :2] + boxes[:, 2:]
     order = np.argsort(middle[:, int(np.argmax(np.ptp(middle, axis=0)))], kind="stable")
     halves = order[: len(order) // 2], order[len(order) // 2 :]
@@ -83,6 +86,7 @@ def _united(regions: list[Region]) -> Region:
     region_boxes = np.array([np.concatenate(region.box) for region in regions])
     i, j = touching_boxes(boxes, region_boxes, 1e-9 * float(np.max(np.abs(boxes))))
     apart = np.ones(len(loops), dtype=bool)
+    # Only boxes of other regions matter: loops of one region do not cross each other.
     apart[i[owner[i] != j]] = False
     kept = tuple(loop for (_, loop), alone in zip(loops, apart, strict=True) if alone)
     busy = tuple(loop for (_, loop), alone in zip(loops, apart, strict=True) if not alone)
@@ -106,12 +110,15 @@ def _combined(regions: Sequence[Region], inside: Inside) -> Region:
 def _loops(met: Arrangement, inside: Inside) -> tuple[tuple[Curve, ...], ...]:
     """Boundary loops of the points whose winding numbers pass `inside`."""
     left, right = inside(met.left), inside(met.right)
+    # Boundary is where just one side is inside; the inside is to be on the left, so that others are run backward.
     ahead, back = np.flatnonzero(left & ~right), np.flatnonzero(right & ~left)
     curves = [met.curves[k] for k in ahead] + [met.curves[k].reversed() for k in back]
     ends = np.vstack([met.ends[ahead], met.ends[back][:, ::-1]])
     leaving: dict[int, list[int]] = defaultdict(list)
     for k, vertex in enumerate(ends[:, 0].tolist()):
         leaving[vertex].append(k)
+    # At each vertex as many curves arrive as leave, as winding numbers change by what passes: else one was lost to
+    # rounding.
     arriving = np.bincount(ends[:, 1], minlength=len(met.vertices))
     for vertex in np.flatnonzero(arriving != np.bincount(ends[:, 0], minlength=len(met.vertices))).tolist():
         x, y = met.vertices[vertex]
@@ -142,6 +149,8 @@ def _following(curves: list[Curve], ends: Integers, vertices: Array, leaving: di
         if len(out) > 1:
             chords = np.linalg.norm(vertices[ends[:, 1]] - vertices[ends[:, 0]], axis=1)
             here = (ends[:, 0] == vertex) | (ends[:, 1] == vertex)
+            # Half the shortest chord: within that circle no curve has yet come to its other end, so that the order
+            # around the vertex is that of the curves, also where tangents agree.
             radii[vertex] = 0.5 * float(chords[here].min())
     for k, curve in enumerate(curves):
         vertex = int(ends[k, 1])
@@ -151,16 +160,24 @@ def _following(curves: list[Curve], ends: Integers, vertices: Array, leaving: di
             continue
         origin = vertices[vertex]
         back = bearing(curve.reversed(), origin, radii[vertex])
+        # From the way back counter-clockwise to the next: the smallest is the sharpest turn to the left.
         turns = [math.fmod(back - bearing(curves[m], origin, radii[vertex]) + 2 * math.tau, math.tau) for m in out]
         after.append(out[int(np.argmin(turns))])
     return after
 
 
 def bearing(curve: Curve, origin: Array, radius: float) -> float:
-    """Polar angle (rad) of the point where a simple curve from `origin` (2,) leaves the circle of `radius` round it."""
+    """Polar angle (rad) of the point where a simple curve from `origin` (2,) leaves the circle of `radius` round it.
+
+    Args:
+        curve: farther from the origin at its end than the radius.
+        origin: (2,), m.
+        radius: m.
+    """
     low, high = 0.0, 1.0
     if isinstance(curve, Segment):
         low = high = 1.0
+    # 60 halvings come down to the last bit of a parameter between 0 and 1.
     for _ in range(60):
         middle = 0.5 * (low + high)
         if low == high:
@@ -182,6 +199,7 @@ def _plain(loop: list[Curve]) -> tuple[Curve, ...]:
             joined.append(curve)
         else:
             joined[-1] = merged
+    # The loop may have begun in the middle of a side.
     if len(joined) > 1:
         merged = _join(joined[-1], joined[0])
         if merged is not None:
@@ -196,6 +214,7 @@ def _join(a: Curve, b: Curve) -> Curve | None:
         whole = b.end - a.start
         length = float(np.hypot(*whole))
         off = abs(float(whole[0] * u[1] - whole[1] * u[0]))
+        # Also required to go on in the same sense: of two collinear segments one may run back along the other.
         if float(u @ v) > 0.0 and length > 0.0 and off <= 1e-14 * length * length:
             return Segment(a.start, b.end)
     if isinstance(a, Arc) and isinstance(b, Arc) and a.sweep * b.sweep > 0.0:
@@ -203,5 +222,6 @@ def _join(a: Curve, b: Curve) -> Curve | None:
         sweep = a.sweep + b.sweep
         gap = abs(math.remainder(b.start - a.start - a.sweep, math.tau))
         if same and gap <= 1e-9 and abs(sweep) <= math.tau + 1e-9:
+            # A full turn is the most an arc can have; rounding may add to it.
             return Arc(a.centre, a.radius, a.start, math.copysign(min(abs(sweep), math.tau), sweep))
     return None

@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike
 
 from fmopt.spatial.values import Array, Value, frozen
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
-_MAX_HALVINGS = 40
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)  # exact for polynomials up to degree 63
+_MAX_HALVINGS = 40  # of the arc: 2⁻⁴⁰ of its parameters, where nothing is left to be halved
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +54,7 @@ class ConicArc(Value):
 
     def point(self, t: ArrayLike) -> Array:
         """Points (…, 2) in m at parameters t (…)."""
+        # Bernstein form, not powers of t: ends are hit exactly, and nothing cancels for any weight.
         t = np.asarray(t, dtype=np.float64)[..., None]
         b0, b1, b2 = (1.0 - t) ** 2, 2.0 * self.weight * t * (1.0 - t), t**2
         return np.asarray((b0 * self.first + b1 * self.shoulder + b2 * self.last) / (b0 + b1 + b2))
@@ -100,19 +101,28 @@ class ConicArc(Value):
         def blossom(s: float, t: float) -> Array:
             return np.asarray((1.0 - s) * (1.0 - t) * p0 + (s * (1.0 - t) + t * (1.0 - s)) * p1 + s * t * p2)
 
+        # Blossoming (de Casteljau's scheme in homogeneous coordinates) gives the control points of the piece at once.
         q0, q1, q2 = blossom(a, a), blossom(a, b), blossom(b, b)
+        # Ends that are the arc's own are kept to the bit: neighbours share them.
         first = self.first if a == 0.0 else q0[:2] / q0[2]
         last = self.last if b == 1.0 else q2[:2] / q2[2]
+        # Standard form again: both end weights scaled to 1 by a change of parameter, which moves no point.
         return ConicArc(first, q1[:2] / q1[2], last, q1[2] / math.sqrt(q0[2] * q2[2]))
 
     def moved(self, R: ArrayLike, offset: ArrayLike) -> ConicArc:
-        """The image under p ↦ R p + offset, R (2, 2)."""
+        """The image under p ↦ R p + offset, R (2, 2).
+
+        Args:
+            R: (2, 2), of any determinant but 0.
+            offset: (2,), m.
+        """
         R, offset = np.asarray(R, dtype=np.float64), np.asarray(offset, dtype=np.float64)
         return ConicArc(R @ self.first + offset, R @ self.shoulder + offset, R @ self.last + offset, self.weight)
 
     @property
     def length(self) -> float:
         """Length in m, by Gauss's rule on pieces that are nearly straight."""
+        # Halved until weights lie near 1; on such pieces speed varies too little for 32 nodes to miss.
         return sum(float(_WEIGHTS @ np.linalg.norm(p.derivative(0.5 * _NODES + 0.5), axis=1)) / 2 for p in self._even())
 
     def moment(self) -> float:
@@ -129,6 +139,7 @@ class ConicArc(Value):
         """Pieces whose weight lies in [0.5, 2], on which the integrands are smooth enough for 32 nodes."""
         if 0.5 <= self.weight <= 2.0:
             return [self]
+        # Far from weight 1 points crowd together, where a rule with fixed nodes would look past them.
         return [*self.part(0.0, 0.5)._even(), *self.part(0.5, 1.0)._even()]
 
     def extremum(self, direction: ArrayLike) -> list[float]:
@@ -137,6 +148,7 @@ class ConicArc(Value):
         w = self.weight
         a, c, e = (float((q - p) @ d) for p, q in _pairs(self))
         a, e = w * a, w * e
+        # The numerator of p′·d is a quadratic in Bernstein form; here it stands in powers of t.
         return unit_roots((a, c - 2.0 * a, a - c + e), 0.0)
 
     def support(self, direction: ArrayLike) -> float:
@@ -153,12 +165,14 @@ class ConicArc(Value):
         return np.array([self._nearest(point) for point in points])
 
     def _nearest(self, point: Array) -> float:
+        # Scaled to about 1, so that the tolerances of the root finder mean the same for parts of any size.
         size = max(float(np.max(np.abs(q - point))) for q in (self.first, self.shoulder, self.last)) or 1.0
         own = self.homogeneous
         offset = (own[:, :2] - own[:, 2:] * point) / size
         w = self.weight
         a, c, e = ((q - p) / size for p, q in _pairs(self))
         rate = np.stack([w * a, c - 2.0 * w * a, w * a - c + w * e])
+        # Nearest points have (p − x)·p′ = 0, a quartic in t; ends count, too, as the root may lie outside.
         quartic = np.convolve(offset[:, 0], rate[:, 0]) + np.convolve(offset[:, 1], rate[:, 1])
         t = np.array([0.0, 1.0, *unit_roots(quartic.tolist(), 0.0)])
         return float(t[np.argmin(np.linalg.norm(self.point(t) - point, axis=1))])
@@ -184,12 +198,14 @@ class ConicArc(Value):
         """
         pieces = self._flat(tolerance, _MAX_HALVINGS)
         if side != "on" and (side == "right") == (self.turn > 0.0):
+            # On the side where the arc bulges, tangents: shoulders of all pieces, so that the curve is left behind.
             return np.vstack([*[np.stack([piece.first, piece.shoulder]) for piece in pieces], self.last])
         return np.vstack([*[piece.first for piece in pieces], self.last])
 
     def _flat(self, tolerance: float, halvings: int) -> list[ConicArc]:
         chord = self.last - self.first
         length = float(np.hypot(*chord))
+        # The control triangle's height bounds how far arc and chord are apart, for any weight.
         height = abs(self.turn) / length if length > 0.0 else float(np.hypot(*(self.shoulder - self.first)))
         if height <= tolerance or halvings == 0:
             return [self]
@@ -219,6 +235,7 @@ def ellipse_arcs(centre: ArrayLike, major: ArrayLike, minor: ArrayLike, start: f
     centre = np.asarray(centre, dtype=np.float64)
     axes = np.stack([np.asarray(major, dtype=np.float64), np.asarray(minor, dtype=np.float64)])
     count = max(math.ceil(abs(sweep) / (0.5 * math.pi) - 1e-9), 1)
+    # The shoulder lies on the two end tangents: farther out by 1 / cos of half the opening.
     half = 0.5 * sweep / count
     angles = start + half * np.arange(2 * count + 1)
     radii = np.where(np.arange(2 * count + 1) % 2 == 1, 1.0 / math.cos(half), 1.0)
@@ -243,6 +260,7 @@ def unit_roots(coefficients: Sequence[float], touch: float) -> list[float]:
     Returns:
         The roots; none when the whole polynomial is at most `touch` in size.
     """
+    # The whole polynomial is below what counts as touching: the curves coincide, and there is no single root.
     if sum(abs(c) for c in coefficients) <= touch:
         return []
     if len(coefficients) == 1:
@@ -251,8 +269,10 @@ def unit_roots(coefficients: Sequence[float], touch: float) -> list[float]:
         root = -coefficients[0] / coefficients[1] if coefficients[1] != 0.0 else math.nan
         return [root] if 0.0 <= root <= 1.0 else _touching_ends(coefficients, touch)
     derivative = [k * c for k, c in enumerate(coefficients)][1:]
+    # Between roots of the derivative a polynomial is monotonic: one sign change is one root, none is none.
     stops = [0.0, *unit_roots(derivative, 0.0), 1.0]
     values = [_value(coefficients, stop) for stop in stops]
+    # Roots of even order show no change of sign; they are where the derivative has a root and the value is small.
     found = [stop for stop, value in zip(stops, values, strict=True) if abs(value) <= touch]
     for a, b, fa, fb in zip(stops, stops[1:], values, values[1:], strict=False):
         if abs(fa) > touch and abs(fb) > touch and (fa < 0.0) != (fb < 0.0):
@@ -285,6 +305,7 @@ def _bracketed(coefficients: Sequence[float], a: float, b: float, fa: float) -> 
             b = t
         rate = _value(slope, t)
         following = t - value / rate if rate != 0.0 else a
+        # Newton's step left the bracket, or would divide by nothing: the middle halves it at least.
         if not a < following < b:
             following = 0.5 * (a + b)
         if abs(following - t) <= 1e-17 + 1e-16 * abs(t):

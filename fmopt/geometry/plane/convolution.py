@@ -73,6 +73,8 @@ def _sum(first: Region, second: Region, tolerance: float) -> Region:
     curves: list[Curve] = []
     for loop, area in zip(first.loops, areas[0], strict=True):
         for other, beside in zip(second.loops, areas[1], strict=True):
+            # A hole survives only if the other operand fits into it, and that needs a larger area: an easy test that
+            # drops most.
             fits = -area > whole[1] * (1.0 + _EQUAL) if area < 0.0 else -beside > whole[0] * (1.0 + _EQUAL)
             if (area > 0.0 and beside > 0.0) or (area * beside < 0.0 and fits):
                 curves += convolution(loop, other, tolerance)
@@ -113,9 +115,14 @@ def convolution(first: Sequence[Curve], second: Sequence[Curve], tolerance: floa
     """The convolution of two closed loops, as curves in no order; sums that are no conics as in `minkowski_sum`.
 
     Equal directions are told apart as if the first loop were turned right by an infinitesimal angle.
+
+    Args:
+        first, second: curves one behind the other, the interior on their left.
+        tolerance: m, of sums that are no conics.
     """
     lines, turns = _features(first)
     other_lines, other_turns = _features(second)
+    # Directions of 0 count as 2π on one side and as 0 on the other, so that each pair of equal ones is taken once.
     late = np.where(lines.angle == 0.0, math.tau, lines.angle)[:, None]
     i, j = np.nonzero((other_turns.low < late) & (late <= other_turns.high))
     found = _translated(lines, i, other_turns, j)
@@ -128,6 +135,7 @@ def _translated(lines: _Lines, rows: Integers, turns: _Turns, places: Integers) 
     """Each line moved by the point of a turn that has its direction, run through backward for right turns."""
     offsets = _points(turns, places, lines.angle[rows])
     starts, ends = lines.start[rows] + offsets, lines.end[rows] + offsets
+    # The convolution is a cycle with signs; right turns are reflex corners, whose lines enter backward.
     ahead = turns.sign[places] > 0.0
     return [Segment(a, b) if on else Segment(b, a) for a, b, on in zip(starts, ends, ahead, strict=True)]
 
@@ -149,12 +157,14 @@ def _turned(turns: _Turns, others: _Turns, tolerance: float) -> list[Curve]:
     radius = turns.radius[:, None] + others.radius
     found: list[Curve] = []
     for i, j in zip(*(rows.tolist() for rows in np.nonzero((low < high) & (radius != 0.0))), strict=True):
+        # Radii that cancel make a turn of no size, a point; nan, of a conic, compares unequal to 0 and stays.
         a, b = float(low[i, j]), float(high[i, j])
         one, two = (turns, i), (others, j)
         size = float(radius[i, j])
         if not math.isnan(size):
             ahead = turns.sign[i] * others.sign[j] > 0.0
             start, sweep = (a, b - a) if ahead else (b, a - b)
+            # n(θ) is to the right of the direction θ, hence 90° back; for a negative radius ahead.
             start -= math.copysign(0.5 * math.pi, size)
             found.append(Arc(turns.centre[i] + others.centre[j], abs(size), start, sweep))
         elif others.radius[j] == 0.0:
@@ -191,8 +201,10 @@ def _blended(one: _Turn, two: _Turn, low: float, high: float, tolerance: float) 
     probes = np.linspace(low, high, _PROBES)
     positive_ = sum_of(_radii, probes) > 0.0
     stops = [low]
+    # Where the sum of radii of curvature changes its sign, the sum has a cusp: no conic runs through that.
     for k in np.flatnonzero(positive_[1:] != positive_[:-1]).tolist():
         a, b = float(probes[k]), float(probes[k + 1])
+        # 60 halvings: to the last bit.
         for _ in range(60):
             middle = 0.5 * (a + b)
             if (sum_of(_radii, np.array([middle]))[0] > 0.0) == positive_[k]:
@@ -222,11 +234,13 @@ def _shares(conic: ConicArc, angles: Array) -> Array:
     a = w (p₁−p₀)·n, c = (p₂−p₀)·n, e = w (p₂−p₁)·n: of its roots in t / (1−t) one is positive, as a and e differ in
     sign.
     """
+    # Support functions in place of angles of tangents: no inverse of a rational function is needed.
     normals = math.copysign(1.0, conic.turn) * np.stack([np.sin(angles), -np.cos(angles)])
     a = np.maximum(conic.weight * (conic.shoulder - conic.first) @ normals, 0.0)
     c = (conic.last - conic.first) @ normals
     e = np.maximum(-conic.weight * (conic.last - conic.shoulder) @ normals, 0.0)
     root = np.sqrt(c**2 + 4.0 * a * e)
+    # Of the two forms of the root the one whose terms have one sign, so that nothing cancels.
     top = np.where(c > 0.0, c + root, 2.0 * a)
     return np.asarray(top / (top + np.where(c > 0.0, 2.0 * e, root - c)))
 
@@ -287,6 +301,7 @@ def _direction(along: Array) -> float:
 
 def _reduced(angle: float) -> float:
     """The same angle in [0, 2π)."""
+    # `%` may round up to the full turn for tiny negative angles.
     turned = angle % math.tau
     return turned if turned < math.tau else 0.0
 
@@ -296,6 +311,7 @@ def _corner_sign(curve: Curve, following: Curve, before: float, after: float) ->
     turn = math.remainder(after - before, math.tau)
     if abs(turn) < math.pi - _CUSP:
         return math.copysign(1.0, turn)
+    # A turn by 180° has either sign: the curves themselves tell, a little way off the corner.
     radius = 0.5 * min(float(np.hypot(*(one.last - one.first))) or one.length / 4.0 for one in (curve, following))
     inner = bearing(following, following.first, radius) - bearing(curve.reversed(), following.first, radius)
     return 1.0 if math.remainder(inner, math.tau) <= 0.0 else -1.0
@@ -306,6 +322,7 @@ def _ranges(centre: Array, radius: float, begin: float, end: float, sign: float,
     low, high = (begin, end) if sign > 0.0 else (end, begin)
     if low == high:
         return []
+    # Where the range runs through direction 0 it is cut there: comparisons of angles then need no wrapping.
     spans = [(low, high)] if low < high else [(low, math.tau), (0.0, high)]
     return [(centre, radius, a, b, sign, conic) for a, b in spans if a < b]
 
@@ -326,6 +343,7 @@ def components(region: Region) -> list[Region]:
         owner = np.full(len(holes), -1, dtype=np.intp)
         boxes = np.array([np.concatenate(bound.box) for bound in bounds])
         pairs = touching_boxes(np.hstack([points, points]), boxes, 0.0)
+        # Largest last, so that the smallest outer loop that holds the hole has the last word.
         order = np.argsort(-areas[outer][pairs[1]], kind="stable")
         for hole, bound in pairs[:, order].T.tolist():
             if bounds[bound].contains(points[hole])[0]:
@@ -350,10 +368,12 @@ def fitted(points: Support, low: float, high: float, ahead: bool, tolerance: flo
     p0, p2 = points(np.array([low, high]))
     t0, t2 = ((math.cos(angle), math.sin(angle)) for angle in (low, high))
     chord = p2 - p0
+    # End tangents meet at p1; the sine of a small turn is near 0, which `_LEAST_TURN` keeps it away from.
     reach = float(chord[0] * t2[1] - chord[1] * t2[0]) / math.sin(high - low)
     p1 = p0 + reach * np.array(t0)
     bulge = p1 - 0.5 * (p0 + p2)
     height = float(np.hypot(*bulge))
+    # Flat enough: the tangents lie outside, the chord inside. What is meant to hold the sum gets the outer one.
     if height <= tolerance or high - low <= _LEAST_TURN:
         run = [p0, p1, p2] if ahead else [p0, p2]
         return [Segment(a, b) for a, b in pairwise(run if ahead else run[::-1])]
@@ -361,6 +381,7 @@ def fitted(points: Support, low: float, high: float, ahead: bool, tolerance: flo
     least, most = float(weights.min()), float(weights.max())
     if least > 0.0 and height * (most / (1.0 + most) - least / (1.0 + least)) * (1.0 + 2.0 * _MARGIN) <= tolerance:
         spread = _MARGIN * (most - least)
+        # On the safe side of every weight that was seen, by some of their spread.
         weight = most + spread if ahead else max(least - spread, 0.5 * least)
         return [ConicArc(p0, p1, p2, weight) if ahead else ConicArc(p2, p1, p0, weight)]
     middle = 0.5 * (low + high)

@@ -39,6 +39,7 @@ class Segment(Value):
     def tangent(self, t: ArrayLike) -> Array:
         """Unit tangents (…, 2); zero for a segment of no length."""
         along = self.end - self.start
+        # A segment of no length has no direction, and is not to raise nan for it.
         length = float(np.hypot(*along))
         return np.broadcast_to(along / length if length > 0.0 else along, (*np.shape(t), 2))
 
@@ -53,6 +54,7 @@ class Segment(Value):
     def part(self, a: float, b: float) -> Segment:
         """The piece between the parameters a < b."""
         return Segment(
+            # Ends are kept to the bit: shared vertices stay shared.
             self.start if a == 0.0 else self.point(a),
             self.end if b == 1.0 else self.point(b),
         )
@@ -130,6 +132,7 @@ class Arc(Value):
 
     def point(self, t: ArrayLike) -> Array:
         """Points (…, 2) in m at parameters t (…)."""
+        # Angles go without reduction, so that a full turn does not become none.
         angle = self.start + np.asarray(t, dtype=np.float64) * self.sweep
         return np.asarray(self.centre + self.radius * np.stack([np.cos(angle), np.sin(angle)], axis=-1))
 
@@ -168,6 +171,7 @@ class Arc(Value):
         """The image under p ↦ R p + offset with R (2, 2) orthogonal; a reflection turns the sweep round."""
         R, offset = np.asarray(R, dtype=np.float64), np.asarray(offset, dtype=np.float64)
         x, y = R @ (math.cos(self.start), math.sin(self.start))
+        # A reflection has determinant −1 and runs the arc the other way round.
         sweep = math.copysign(self.sweep, self.sweep * float(R[0, 0] * R[1, 1] - R[0, 1] * R[1, 0]))
         return Arc(R @ self.centre + offset, self.radius, math.atan2(y, x), sweep)
 
@@ -178,6 +182,7 @@ class Arc(Value):
 
     def moment(self) -> float:
         """½ ∫ (x dy − y dx) in m²: what the curve adds to the area that a closed loop encloses."""
+        # Green's theorem about the centre: the sector ½ r² sweep, and the triangle that moving the centre adds.
         step = self.last - self.first
         return 0.5 * float(self.centre[0] * step[1] - self.centre[1] * step[0] + self.radius**2 * self.sweep)
 
@@ -200,10 +205,12 @@ class Arc(Value):
         """
         if self.sweep == 0.0:
             return 0.0 if abs(math.remainder(angle - self.start, math.tau)) <= slack else None
+        # `fmod` keeps the sign of its first argument; what is negative goes once round.
         run = math.fmod((angle - self.start) * math.copysign(1.0, self.sweep), math.tau)
         run += math.tau if run < 0.0 else 0.0
         if run <= abs(self.sweep):
             return run / abs(self.sweep)
+        # Just before the start, or just past the end, counts as that end: slack is of an angle here.
         if math.tau - run <= slack:
             return 0.0
         return 1.0 if run - abs(self.sweep) <= slack else None
@@ -215,6 +222,7 @@ class Arc(Value):
             return np.zeros(len(d))
         run = np.mod((np.arctan2(d[:, 1], d[:, 0]) - self.start) * math.copysign(1.0, self.sweep), math.tau)
         size = abs(self.sweep)
+        # Past the end: the nearer of the two ends, in angle, which on a circle is the nearer in distance as well.
         beyond = np.where(run - size < math.tau - run, 1.0, 0.0)
         return np.where(run <= size, run / size, beyond)
 
@@ -229,6 +237,7 @@ class Arc(Value):
         low, high = sorted((self.start, self.start + self.sweep))
         quarter = 0.5 * math.pi
         lower, upper = np.minimum(self.first, self.last), np.maximum(self.first, self.last)
+        # Only multiples of 90° within the sweep are extrema; ends were taken above.
         for k in range(math.ceil(low / quarter), math.floor(high / quarter) + 1):
             side = lower if k % 4 >= 2 else upper
             side[k % 2] = self.centre[k % 2] + (self.radius if k % 4 < 2 else -self.radius)
@@ -243,11 +252,14 @@ class Arc(Value):
         """
         share = min(1.0, tolerance / self.radius) if self.radius > 0.0 else 1.0
         outside = side != "on" and (side == "right") == (self.sweep > 0.0)
+        # Chords lie inside by r (1 − cos), tangents outside by r (1 / cos − 1): each has a step of its own for one
+        # tolerance.
         widest = 2.0 * math.acos(1.0 / (1.0 + share) if outside else 1.0 - share)
         count = max(math.ceil(abs(self.sweep) / max(widest, 1e-6)), 1, math.ceil(abs(self.sweep) / (0.5 * math.pi)))
         if not outside:
             return self.point(np.linspace(0.0, 1.0, count + 1))
         half = 0.5 * abs(self.sweep) / count
+        # Where the corners are the meeting points of tangents, the polyline holds the arc.
         corners = self.centre + (self.point((np.arange(count) + 0.5) / count) - self.centre) / math.cos(half)
         return np.vstack([self.first, corners, self.last])
 
@@ -256,6 +268,7 @@ class Arc(Value):
         count = max(math.ceil(abs(self.sweep) / (0.5 * math.pi) - 1e-9), 1)
         half = 0.5 * self.sweep / count
         pieces = []
+        # At most 90° each: weights stay above 0.7, where the quadratic form is best conditioned.
         for k in range(count):
             arc = self.part(k / count, (k + 1) / count)
             shoulder = self.centre + (arc.point(0.5) - self.centre) / math.cos(half)

@@ -15,7 +15,7 @@ from fmopt.geometry.plane.conic import ConicArc, unit_roots
 from fmopt.geometry.plane.curve import Arc, Curve, Segment
 from fmopt.spatial.values import Array
 
-_PROBES = np.linspace(0.0, 1.0, 7)
+_PROBES = np.linspace(0.0, 1.0, 7)  # more than the four points that two different conics can share
 
 
 def meet(a: Curve, b: Curve, tolerance: float) -> list[tuple[float, float]]:
@@ -26,8 +26,10 @@ def meet(a: Curve, b: Curve, tolerance: float) -> list[tuple[float, float]]:
         b: a curve.
         tolerance: distance in m below which points are one.
     """
+    # Ends first: a crossing next to an end is often lost to rounding, while the end itself is found.
     pairs = list(chain(_ends_on(a, b, tolerance), ((s, t) for t, s in _ends_on(b, a, tolerance))))
     if isinstance(a, ConicArc) or isinstance(b, ConicArc):
+        # Conics that run along each other have no crossings to solve for, and equations full of noise instead.
         overlapping = len(pairs) > 1 and _along(a, b, pairs, tolerance)
         return pairs if overlapping else pairs + _conic(a, b, tolerance)
     if isinstance(a, Segment) and isinstance(b, Segment):
@@ -49,6 +51,7 @@ def _ends_on(a: Curve, b: Curve, tolerance: float) -> list[tuple[float, float]]:
         x, y = end
         if not (left <= x <= right and down <= y <= up):
             continue
+        # Its own ends are tried before any nearest point, so that a shared vertex has the parameters 0 and 1 on both.
         t = next((t for t, own in ((0.0, b.first), (1.0, b.last)) if math.dist(end, own) <= tolerance), None)
         if t is None:
             nearest = float(b.nearest(end[None])[0])
@@ -61,6 +64,7 @@ def _ends_on(a: Curve, b: Curve, tolerance: float) -> list[tuple[float, float]]:
 def _lines(a: Segment, b: Segment, tolerance: float) -> list[tuple[float, float]]:
     (ux, uy), (vx, vy), (dx, dy) = a.end - a.start, b.end - b.start, b.start - a.start
     cross, la, lb = float(ux * vy - uy * vx), math.hypot(ux, uy), math.hypot(vx, vy)
+    # Parallel: what they share was found by the ends.
     if abs(cross) <= 1e-14 * la * lb:
         return []
     return _within(float(dx * vy - dy * vx) / cross, float(dx * uy - dy * ux) / cross, tolerance / la, tolerance / lb)
@@ -82,8 +86,10 @@ def _line_circle(a: Segment, b: Arc, tolerance: float) -> list[tuple[float, floa
     foot, off = float(dx * ux + dy * uy), float(ux * dy - uy * dx)
     if abs(off) > b.radius + tolerance:
         return []
+    # Within the tolerance of a tangent the two roots are noise about one; it is taken as that one.
     half = math.sqrt(b.radius**2 - off**2) if abs(off) < b.radius - tolerance else 0.0
     found: list[tuple[float, float]] = []
+    # A set, as both signs of 0 are one step.
     for step in {half, -half}:
         x, y = step * ux + off * uy, step * uy - off * ux
         share = b.share(math.atan2(y, x), tolerance / b.radius)
@@ -95,6 +101,7 @@ def _line_circle(a: Segment, b: Arc, tolerance: float) -> list[tuple[float, floa
 def _circles(a: Arc, b: Arc, tolerance: float) -> list[tuple[float, float]]:
     dx, dy = (float(d) for d in b.centre - a.centre)
     apart = math.hypot(dx, dy)
+    # Concentric circles meet nowhere, or everywhere.
     if apart + abs(a.radius - b.radius) <= tolerance or apart == 0.0 or min(a.radius, b.radius) == 0.0:
         return []
     if apart > a.radius + b.radius + tolerance or apart < abs(a.radius - b.radius) - tolerance:
@@ -102,6 +109,7 @@ def _circles(a: Arc, b: Arc, tolerance: float) -> list[tuple[float, float]]:
     touching = min(a.radius + b.radius - apart, apart - abs(a.radius - b.radius)) <= tolerance
     foot = 0.5 * (apart + (a.radius - b.radius) * (a.radius + b.radius) / apart)
     height = 0.0 if touching else math.sqrt(max(a.radius**2 - foot**2, 0.0))
+    # At a tangency the foot is on the line of centres, at the radius itself: the height is noise.
     if touching:
         foot = math.copysign(a.radius, foot)
     ux, uy = dx / apart, dy / apart
@@ -128,6 +136,7 @@ def _conic(a: Curve, b: Curve, tolerance: float) -> list[tuple[float, float]]:
     """Meetings with at least one conic arc: its points put into the other's equation give a quadratic or quartic."""
     if not isinstance(a, ConicArc):
         return [(s, t) for t, s in _conic(b, a, tolerance)]
+    # A conic arc flatter than the tolerance is its chord: its equation would be a double line.
     if _flat(a, tolerance):
         return _straightened(a, b, tolerance)
     if isinstance(b, ConicArc) and _flat(b, tolerance):
@@ -140,6 +149,7 @@ def _conic(a: Curve, b: Curve, tolerance: float) -> list[tuple[float, float]]:
     for s in unit_roots(value, 0.5 * tolerance):
         point = a.point(s)[None]
         t = b.nearest(point)
+        # Roots of the implicit equation are on the whole conic of b; only those on its arc count.
         if float(np.linalg.norm(b.point(t) - point)) <= tolerance:
             found.append((s, float(t[0])))
     return found
@@ -159,10 +169,12 @@ def _equation(b: Curve, own: Array) -> list[float] | None:
             return None
         x, y = x - b.centre[0] * w, y - b.centre[1] * w
         square = np.convolve(x, x) + np.convolve(y, y) - b.radius**2 * np.convolve(w, w)
+        # Divided by 2r, the equation reads as a distance near the circle.
         return [float(c) for c in 0.5 * square / b.radius]
     origin = b.point(0.5)
     local = ConicArc(b.first - origin, b.shoulder - origin, b.last - origin, b.weight)
     matrix = local.implicit()
+    # By the size of the gradient at the middle, for the same reason.
     gradient = 2.0 * float(np.hypot(*matrix[:2, 2]))
     rows = np.stack([x - origin[0] * w, y - origin[1] * w, w])
     (aa, ab, ac), (ba, bb, bc), (ca, cb, cc) = (rows.T @ (matrix / gradient) @ rows).tolist()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -19,9 +18,7 @@ from fmopt.spatial.values import Array, Value
 if TYPE_CHECKING:
     from shapely import MultiPolygon
 
-_CLOSED = 1e-8
-_SAMPLES = 17
-_REFINEMENTS = 60
+_CLOSED = 1e-8  # of the size: shared ends agree to rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +80,7 @@ class Region(Value):
     def _table(self) -> Table:
         pieces = [[piece for curve in loop for piece in simple(curve)] for loop in self.loops]
         first = [np.array([piece.first for piece in loop]) for loop in pieces]
+        # Each piece ends where the next begins, to the bit: otherwise rays could slip through between them.
         last = [np.roll(points, -1, axis=0) for points in first]
         flat = [piece for loop in pieces for piece in loop]
         return Table.of(flat, np.vstack(first), np.vstack(last)) if flat else Table.of([])
@@ -90,6 +88,7 @@ class Region(Value):
     def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Whether each of `points` (n, 2) lies inside, shape (n,); on the boundary rounding decides."""
         points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
+        # At least one, not odd: overlapping outer loops are inside, too.
         return np.asarray(self._table.winding(points) >= 1)
 
     def boundary_distance(self, points: ArrayLike) -> Array:
@@ -99,6 +98,8 @@ class Region(Value):
         boxes = self._boxes
         far = np.full(len(points), np.inf)
         for lower, upper in boxes:
+            # Every box has a point of the boundary within its farthest corner: an upper bound, which spares most
+            # curves.
             reach = np.maximum(np.abs(points - lower), np.abs(points - upper))
             far = np.minimum(far, np.hypot(*reach.T))
         for curve, (lower, upper) in zip(self.curves, boxes, strict=True):
@@ -151,6 +152,7 @@ class Region(Value):
         R = np.asarray(R, dtype=np.float64)
         loops = tuple(tuple(curve.moved(R, offset) for curve in loop) for loop in self.loops)
         if R[0, 0] * R[1, 1] - R[0, 1] * R[1, 0] < 0.0:
+            # Run backward as well, the interior is on the left again.
             loops = tuple(tuple(curve.reversed() for curve in reversed(loop)) for loop in loops)
         return Region(loops)
 
@@ -164,26 +166,12 @@ class Region(Value):
         from shapely import MultiPolygon, Polygon, get_parts, unary_union
 
         rings = [np.vstack([curve.polyline(tolerance, side)[:-1] for curve in loop]) for loop in self.loops]
+        # Orientation tells holes from outlines, as polylines may touch where curves do not.
         turning = [sum(curve.moment() for curve in loop) for loop in self.loops]
         outer = [Polygon(ring) for ring, area in zip(rings, turning, strict=True) if area > 0.0]
         holes = [Polygon(ring) for ring, area in zip(rings, turning, strict=True) if area <= 0.0]
         solid = unary_union(outer).difference(unary_union(holes)) if holes else unary_union(outer)
         return MultiPolygon([part for part in get_parts(solid) if isinstance(part, Polygon) and not part.is_empty])
-
-    def hausdorff(self, other: Region) -> float:
-        """Hausdorff distance in m of the two boundaries: the largest distance of a point of one from the other.
-
-        Every curve is sampled and the maxima are refined, so that the answer is approached from below; ends and
-        middles are among the samples, which makes it exact for boundaries of segments.
-
-        Raises:
-            GeometryError: just one of the regions is empty.
-        """
-        if self.empty and other.empty:
-            return 0.0
-        self._require_points("Hausdorff distance")
-        other._require_points("Hausdorff distance")
-        return max(_farthest(self, other), _farthest(other, self))
 
     def _require_points(self, what: str) -> None:
         if self.empty:
@@ -197,38 +185,3 @@ def polygon_region(*rings: ArrayLike) -> Region:
         points = np.asarray(ring, dtype=np.float64)
         loops.append(tuple(Segment(a, b) for a, b in zip(points, np.roll(points, -1, axis=0), strict=True)))
     return Region(tuple(loops))
-
-
-def _farthest(a: Region, b: Region) -> float:
-    """The largest distance of a boundary point of `a` from the boundary of `b`."""
-    t = np.linspace(0.0, 1.0, _SAMPLES)
-    values = b.boundary_distance(np.vstack([curve.point(t) for curve in a.curves])).reshape(-1, _SAMPLES)
-    best = float(values.max())
-    for curve, row in zip(a.curves, values, strict=True):
-        peak = int(np.argmax(row))
-        step = curve.length / (_SAMPLES - 1)
-        if 0 < peak < _SAMPLES - 1 and row[peak] + step > best:
-            best = max(best, _refined(_distance_along(curve, b), t, peak))
-    return best
-
-
-def _distance_along(curve: Curve, region: Region) -> Callable[[float], float]:
-    return lambda t: float(region.boundary_distance(curve.point([t]))[0])
-
-
-def _refined(value: Callable[[float], float], t: Array, peak: int) -> float:
-    """The largest value between the neighbours of a peak of the samples, by golden section."""
-    golden = 0.5 * (np.sqrt(5.0) - 1.0)
-    a, b = float(t[peak - 1]), float(t[peak + 1])
-    c, d = b - golden * (b - a), a + golden * (b - a)
-    fc, fd = value(c), value(d)
-    for _ in range(_REFINEMENTS):
-        if fc > fd:
-            b, d, fd = d, c, fc
-            c = b - golden * (b - a)
-            fc = value(c)
-        else:
-            a, c, fc = c, d, fd
-            d = a + golden * (b - a)
-            fd = value(d)
-    return max(fc, fd)

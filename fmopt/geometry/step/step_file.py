@@ -86,6 +86,10 @@ def solids(path: str) -> list[PlacedSolid]:
 def chosen(names: list[str], which: str) -> int:
     """The index of the body that is meant by its name or its number, counted from 1, or by nothing where it is alone.
 
+    Args:
+        names: of all bodies in the file's order, empty for one without a name.
+        which: name or number from 1; empty if nothing is said.
+
     Raises:
         GeometryError: it is not there, or there are several to choose from; says which.
     """
@@ -104,7 +108,12 @@ def chosen(names: list[str], which: str) -> int:
 
 
 def inside(shape: TopoDS_Shape, kind: str) -> Iterator[Any]:
-    """The parts of a shape of one kind, "SOLID", "SHELL", "FACE", "WIRE", "EDGE" or "VERTEX", as what they are."""
+    """The parts of a shape of one kind, "SOLID", "SHELL", "FACE", "WIRE", "EDGE" or "VERTEX", as what they are.
+
+    Args:
+        shape: what is searched.
+        kind: as the kernel names it, in capitals.
+    """
     from OCP.TopAbs import TopAbs_ShapeEnum
     from OCP.TopExp import TopExp_Explorer
 
@@ -229,6 +238,11 @@ def _without_solids(shapes: list[TopoDS_Shape]) -> tuple[str, str]:
 
 def write(path: Path, shapes: list[TopoDS_Shape], scale: float = 1.0) -> None:
     """Writes shapes (mm, after scaling) to a STEP file, the kernel silent meanwhile.
+
+    Args:
+        path: replaced where it exists.
+        shapes: in mm after scaling.
+        scale: 1000 for shapes in m.
 
     Raises:
         GeometryError: the kernel cannot write them.

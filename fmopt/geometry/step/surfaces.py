@@ -40,7 +40,12 @@ class Curve:
     point_like: bool
 
     def at(self, parameter: float, across: float = 1.0) -> Array:
-        """The point (3,) at a parameter, its distance from the centre of a circle stretched."""
+        """The point (3,) at a parameter, its distance from the centre of a circle stretched.
+
+        Args:
+            parameter: the kernel's; an angle in rad on a circle.
+            across: by what a circle's radius is multiplied; nothing on other curves.
+        """
         if self.circle is None:
             return _xyz(self.curve.Value(parameter))
         centre, axes, radius = self.circle
@@ -72,7 +77,14 @@ class Surface:
     edges: frozenset[Same] = field(default_factory=frozenset)
 
     def at(self, u: float, v: float, across: float = 1.0, along: float = 1.0) -> Array:
-        """The point (3,), mm, at its parameters, the distance from its axis and from its profile's centre stretched."""
+        """The point (3,), mm, at its parameters, the distance from its axis and from its profile's centre stretched.
+
+        Args:
+            u, v: the kernel's parameters: u about the axis, rad; v along a straight profile, mm, or around a round one,
+                rad.
+            across: by what the distance from the axis is multiplied.
+            along: by what the radius of the profile of a sphere or torus is multiplied.
+        """
         if self.kind == "Cylinder":
             r, z = self.radius, v
         elif self.kind == "Cone":

@@ -82,6 +82,7 @@ class Nominal(Value):
 def in_plane(poses: ArrayLike) -> Array:
     """Configurations (…, 3), x and z in m and φ in rad, of poses (…, 6) without a motion out of the plane."""
     x = np.asarray(poses, dtype=np.float64)
+    # The plane is x-z, seen so that z goes up: a turn about y from z to x is clockwise there.
     return np.stack([x[..., 0], x[..., 2], -x[..., 4]], axis=-1)
 
 
@@ -124,6 +125,7 @@ def _stretch(stretch: Stretch, grasped: Profile, static: Profile) -> dict[str, A
     """Gross and fine parts of a stretch, from 0 to 1; a part becomes fine where a contact becomes possible."""
     phases = classify(stretch.path, static, grasped, _deviations(static, stretch), _TOLERANCE)
     kinds = {phase.kind for phase in phases}
+    # A stretch is named by the worst of its phases; free and in touch by turns is fine motion.
     whole = MotionKind.BLOCKED if MotionKind.BLOCKED in kinds else MotionKind.FINE if len(kinds) > 1 else kinds.pop()
     return {"kind": str(whole), "phases": [_phase(phase, phase.start, phase.end) for phase in phases]}
 
@@ -139,10 +141,12 @@ def _agreement(phases: Sequence[Phase], nominal: Nominal) -> dict[str, Any]:
     times = sorted({t for spans_ in (spans, nominal.stops) for start, end, _ in spans_ for t in (start, end)})
     found = {"both": 0.0, "neither": 0.0, "only_possible": 0.0, "only_stopped": 0.0}
     for start, end in pairwise(times):
+        # Between all ends neither answer changes: the middle speaks for the interval.
         middle = 0.5 * (start + end)
         possible, stopped = (any(a <= middle <= b and on for a, b, on in s) for s in (spans, nominal.stops))
         name = {(1, 1): "both", (0, 0): "neither", (1, 0): "only_possible", (0, 1): "only_stopped"}[possible, stopped]
         found[name] += end - start
+    # Both methods end their spans within their own tolerance: what is shorter than that is no disagreement.
     blur = 1e-9 * float(nominal.times[-1]) + _TOLERANCE * _pace(nominal)
     agrees = found["only_stopped"] <= blur
     words = "S(t) stops motions only where the sets allow a contact"
@@ -162,6 +166,7 @@ def _pace(nominal: Nominal) -> float:
 
 def _carry(first: Stretch, grasped: Profile, static: Profile, start: Deviations) -> dict[str, Any]:
     """How far above its start the part is to be carried sideways so that it meets nothing, m; None beyond its size."""
+    # To both sides by more than the part may be off: the motion that a robot makes above the mouth.
     aside = _SIDEWAYS * first.position
     path = first.path[[0, 0]] + np.array([[-aside, 0.0, 0.0], [aside, 0.0, 0.0]])
     limit = float(np.ptp(grasped.vertices, axis=0).max())
@@ -174,6 +179,7 @@ def _carry(first: Stretch, grasped: Profile, static: Profile, start: Deviations)
 
 def _shown(possible: PossibleContacts, run: Sequence[Stretch]) -> list[tuple[CU, Array]]:
     """Of each type the contact that becomes possible first, type 2 in both cases, and the pose where it does."""
+    # One contact of each sort is shown, the first that may occur.
     found: dict[object, tuple[CU, Array]] = {}
     for stretch in run:
         spans = possible_spans(possible, stretch.path, 100.0 * _TOLERANCE)
@@ -189,17 +195,25 @@ def _sort(cu: CU) -> str:
         return cu.kind
     e = cu.edge[1] - cu.edge[0]
     along = -float(cu.edge[0] @ e) / float(e @ e)
+    # Two shapes of CU: with the foot of the reference point on the edge, or beside it.
     return f"{cu.kind} {'A' if 0.0 < along < 1.0 else 'B'}"
 
 
 def reach_of(half_widths: ArrayLike) -> tuple[float, float]:
     """The disc (m) and the turn (rad) in the plane that hold errors with these half-widths (6,)."""
     a = np.asarray(half_widths, dtype=np.float64)
+    # The circle about the box: the paper's deviations are discs.
     return math.hypot(a[0], a[2]), float(a[4])
 
 
 def boundary_record(found: PlanarSet, name: str, nominal: ArrayLike = ()) -> dict[str, Any]:
-    """A set with its name, its boundary, and the polyline (k, 2) that it shrinks to without deviations, m."""
+    """A set with its name, its boundary, and what it shrinks to.
+
+    Args:
+        found: the set.
+        name: as the paper writes it.
+        nominal: polyline (k, 2) that the set shrinks to without deviations, m; empty if nothing does.
+    """
     return {
         "name": name,
         "loops": [_loop(loop) for loop in found.boundary()],
@@ -230,6 +244,7 @@ def contact_records(cu: CU, phi: float, pose: Sequence[float] | Array) -> list[d
         pose: reference point (2,) at which Uv and Ul are drawn, m.
     """
     reference = np.asarray(pose, dtype=np.float64)[:2]
+    # Without deviations: the curve that the set shrinks to.
     exact = CU(cu.kind, cu.moving, cu.static, cu.edge, cu.vertex, cu.range, cu.nominal, 0.0, 0.0)
     touching = boundary_record(cu.at(phi), f"CUl of {cu.name}", _core(exact, phi))
     if cu.kind is Kind.TYPE_1:
@@ -258,7 +273,13 @@ def _middle(exact: CU, phi: float) -> Array:
 
 
 def surface_record(cu: CU, count: int = 25) -> dict[str, Any]:
-    """CU over its range of φ, in slices, with the nominal C-surface (a segment a slice) where there is one."""
+    """CU over its range of φ, in slices, with the nominal C-surface (a segment a slice) where there is one.
+
+    Args:
+        cu: of one basic contact.
+        count: of slices, both ends of the range of φ among them.
+    """
+    # Whole turns are taken off, so that φ is shown near zero.
     turns = 2.0 * math.pi * round((cu.range.low + cu.range.high) / (4.0 * math.pi))
     low, high = cu.range.low - turns, min(cu.range.high, cu.range.low + 2.0 * math.pi) - turns
     slices = []

@@ -85,6 +85,7 @@ def outline(candidates: Sequence[Piece], gap: Callable[[Array], Array], radius: 
     Raises:
         GeometryError: the curves do not close, because features are closer than the tolerance without being one.
     """
+    # Coarser from try to try: where two curves are just about that far apart either answer may leave a loop open.
     for meet in MEETS:
         loops = _outline(candidates, gap, radius, meet * size)
         if loops is not None:
@@ -104,8 +105,10 @@ def _outline(
     middle = np.array([part.piece.curve.point(0.5) for part in parts])
     step = PROBE * meet
     if radius > step:
+        # A disc is wide: the middle of a piece is on the boundary, or inside by more than the tolerance.
         kept = gap(middle) >= radius - INSIDE * meet
     else:
+        # Hardly any disc: beside the curve is asked, as on it distances are all rounding.
         normals = np.array([_outward(part.piece.curve) for part in parts])
         kept = gap(middle + step * normals) >= radius + 0.5 * step
     return _chain([part for part, keep in zip(parts, kept, strict=True) if keep], JOIN * meet)
@@ -116,6 +119,7 @@ def _split(pieces: list[Piece], meet: float) -> list[_Part]:
     if not pieces:
         return []
     curves = [piece.curve for piece in pieces]
+    # All ends and all meetings as nodes; every curve is cut at those that it runs through.
     points = np.vstack([np.array([curve.point(t) for curve in curves for t in (0.0, 1.0)]), meetings(curves)])
     nodes = _clusters(points, JOIN * meet)
     parts = []
@@ -140,6 +144,7 @@ def _clusters(points: Array, tolerance: float) -> NDArray[np.intp]:
     number = np.arange(len(points))
     while True:
         least = np.min(np.where(near, number, len(points)), axis=1)
+        # Labels sink to the least of what is near, and chains come together: in few rounds, as clusters are small.
         if np.array_equal(least, number):
             return number
         number = least
@@ -150,6 +155,7 @@ def _chain(parts: list[_Part], tolerance: float) -> tuple[Loop, ...] | None:
     leaving: dict[int, list[_Part]] = {}
     for part in parts:
         others = leaving.get(part.first, [])
+        # Two curves that coincide are one: the other would leave the loop twice.
         if not any(other.last == part.last and _twins(other, part, tolerance) for other in others):
             leaving.setdefault(part.first, []).append(part)
     loops = []
@@ -160,6 +166,7 @@ def _chain(parts: list[_Part], tolerance: float) -> tuple[Loop, ...] | None:
             here, arriving = run[-1].last, run[-1].piece.curve
             if here not in leaving:
                 return None
+            # The sharpest turn to the left, so that loops that share a vertex part there.
             onward = max(leaving[here], key=lambda part: _left_turn(arriving, part.piece.curve))
             run.append(_taken(leaving, here, onward))
         loops.append(_merged([part.piece for part in run], tolerance))
@@ -183,6 +190,7 @@ def _left_turn(arriving: Segment | Arc, going: Segment | Arc) -> float:
     """Turn from one curve into the next, rad, left positive; straight back is the last choice."""
     a, b = arriving.tangent(1.0), going.tangent(0.0)
     turn = math.atan2(float(cross(a, b)), float(a @ b))
+    # Straight back counts as the sharpest turn to the right: a tip is gone round only if nothing else goes on.
     return turn if turn < math.pi - 1e-9 else -math.pi
 
 
@@ -202,6 +210,7 @@ def _merged(run: list[Piece], tolerance: float) -> Loop:
 def _joined(one: Piece, other: Piece, tolerance: float) -> Piece | None:
     a, b = one.curve, other.curve
     if one.on is not other.on:
+        # Only pieces of one carrier are joined: what bounds the set is part of the answer.
         return None
     if isinstance(a, Segment) and isinstance(b, Segment):
         if (a.end - a.start) @ (b.end - b.start) <= 0.0:
@@ -242,6 +251,7 @@ def meetings(curves: Sequence[Segment | Arc]) -> Array:
 def _lines_meet(L: Array) -> Array:
     i, j = np.triu_indices(len(L), 1)
     d, e, gap = L[i, 2:], L[j, 2:], L[j, :2] - L[i, :2]
+    # Parallel lines give no finite point, which is left out with all others that do not meet.
     t = cross(gap, e) / cross(d, e)
     return np.asarray(L[i, :2] + t[:, None] * d)
 
@@ -260,6 +270,7 @@ def _circles_meet(C: Array) -> Array:
     i, j = np.triu_indices(len(C), 1)
     between = C[j, :2] - C[i, :2]
     apart = np.hypot(between[:, 0], between[:, 1])
+    # The foot of the radical line: difference of squares as a product, which does not cancel.
     along = 0.5 * (apart + (C[i, 2] - C[j, 2]) * (C[i, 2] + C[j, 2]) / apart)
     half = _half_chord(C[i, 2], np.abs(along))
     u = between / apart[:, None]
@@ -271,6 +282,7 @@ def _circles_meet(C: Array) -> Array:
 def _half_chord(radius: Array, aside: Array) -> Array:
     """Half the chord of a circle at a distance from its centre; touching within rounding counts as touching."""
     square = (radius - aside) * (radius + aside)
+    # Tangent to rounding counts as tangent: one meeting point, not none.
     return np.sqrt(np.where(np.abs(square) <= 1e-14 * radius**2, 0.0, square))
 
 

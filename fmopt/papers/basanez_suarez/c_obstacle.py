@@ -14,17 +14,66 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fmopt.errors import GeometryError
-from fmopt.papers.basanez_suarez.contact import CU, Kind, basic_contacts
+from fmopt.papers.basanez_suarez.contact import CU, FULL, Kind, basic_contacts, core_gap
 from fmopt.papers.basanez_suarez.profile import Profile
 from fmopt.papers.basanez_suarez.sources import Deviations
-from fmopt.papers.basanez_suarez.table import Table
-from fmopt.spatial.values import Array, Value
+from fmopt.spatial.values import Array, Value, frozen
 
 if TYPE_CHECKING:
     from shapely import MultiPolygon
 
 
 _BATCH = 20_000  # convex pieces at a time
+
+
+@dataclass(frozen=True, eq=False)
+class Table(Value):
+    """The CU of one kind, as arrays (n, …) over its n contacts, m and rad; see `CU`."""
+
+    kind: Kind
+    edge: Array
+    vertex: Array
+    low: Array
+    width: Array
+    spread: Array
+    radius: Array
+
+    @staticmethod
+    def of(kind: Kind, sets: Sequence[CU]) -> Table:
+        """The table of the sets of one kind.
+
+        Args:
+            kind: of basic contacts; sets of the other kind are left out.
+            sets: whose order the rows have.
+        """
+        mine = [cu for cu in sets if cu.kind is kind]
+        return Table(
+            kind,
+            frozen(np.reshape([cu.edge for cu in mine], (-1, 2, 2))),
+            frozen(np.reshape([cu.vertex for cu in mine], (-1, 2))),
+            frozen([cu.range.low for cu in mine]),
+            frozen([cu.range.high - cu.range.low for cu in mine]),
+            frozen([cu.spread for cu in mine]),
+            frozen([cu.radius for cu in mine]),
+        )
+
+    def allowed(self, phi: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Pairs (index of φ, index of contact) of the contacts that are possible at each φ (k,), rad."""
+        # Ahead of the lower end, round the circle: ranges may run through ±π, and ends count with rounding.
+        ahead = np.mod(phi[:, None] - self.low + 1e-12, FULL)
+        one, other = np.nonzero(ahead <= self.width + 2e-12)
+        return one, other
+
+    def gaps(self, poses: Array, one: NDArray[np.intp], other: NDArray[np.intp]) -> Array:
+        """Distance (m) of poses from the CU of contacts, pair by pair; see `CU.gap`.
+
+        Args:
+            poses: (n, 3), x and y in m, φ in rad.
+            one: (k,), indices of poses.
+            other: (k,), rows of the table.
+        """
+        core = core_gap(self.kind, self.edge[other], self.vertex[other], self.spread[other], poses[one])
+        return np.asarray(core - self.radius[other])
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,12 +90,18 @@ class PossibleContacts(Value):
 
     @staticmethod
     def between(moving: Profile, static: Profile, deviations: Deviations) -> PossibleContacts:
-        """Cc of these objects under these deviations."""
+        """Cc of these objects under these deviations.
+
+        Args:
+            moving, static: profiles, each in its own frame.
+            deviations: of both, as sums of all sources.
+        """
         return PossibleContacts.of(basic_contacts(moving, static, deviations))
 
     @staticmethod
     def of(sets: Sequence[CU]) -> PossibleContacts:
         """The union of these sets."""
+        # By kind, so that the rows of both tables are one list with an offset.
         ordered = tuple(sorted(sets, key=lambda cu: cu.kind))
         return PossibleContacts(ordered, (Table.of(Kind.TYPE_1, ordered), Table.of(Kind.TYPE_2, ordered)))
 
@@ -72,7 +127,13 @@ class PossibleContacts(Value):
         return np.hstack(found)
 
     def pair_gaps(self, poses: Array, contact: NDArray[np.intp]) -> Array:
-        """Distance (k,) in m of poses (k, 3) from the CU of one contact each, its index (k,), whatever its range."""
+        """Distance (k,) in m of poses from the CU of one contact each, whatever its range.
+
+        Args:
+            poses: (k, 3), x and y in m, φ in rad.
+            contact: (k,), indices in `sets`.
+        """
+        # Each pose has its own contact: the two tables are asked for theirs alone.
         one = np.arange(len(poses))
         first = len(self.tables[0].low)
         found = np.empty(len(poses))
@@ -95,9 +156,13 @@ class PossibleContacts(Value):
         return tuple(cu for cu, yes in zip(self.sets, inside, strict=True) if yes)
 
     def polygons(self, phi: ArrayLike, tolerance: float) -> list[MultiPolygon]:
-        """For each φ (k,) in rad a polygon (m) that contains Cc there and is nowhere farther from it than `tolerance`.
+        """For each φ a polygon (m) that contains Cc there and is nowhere farther from it than `tolerance`.
 
         Each CUl is covered by convex pieces, one for each part of the turn ±ε_φ that is short enough.
+
+        Args:
+            phi: (k,), rad.
+            tolerance: m.
 
         Raises:
             GeometryError: the tolerance is not positive.
@@ -108,12 +173,19 @@ class PossibleContacts(Value):
 
 
 def cover(tables: Sequence[Table], phi: Array, tolerance: float) -> list[MultiPolygon]:
-    """For each φ (k,) in rad the union (m) of the pieces of all contacts possible; see `PossibleContacts.polygons`."""
+    """For each φ the union (m) of the pieces of all contacts possible; see `PossibleContacts.polygons`.
+
+    Args:
+        tables: of the two kinds of basic contact.
+        phi: (k,), rad.
+        tolerance: m.
+    """
     from shapely import MultiPolygon, convex_hull, get_parts, linestrings, union_all
 
     hulls: list[list[Any]] = [[] for _ in phi]
     for table in tables:
         one, other = table.allowed(phi)
+        # Edges that swing through their foot are cut there, as the hull of a piece would else be too wide.
         contact, centres, swung = _edges(table, tolerance)
         for i in range(0, len(one), _BATCH):
             batch = slice(i, i + _BATCH)
@@ -128,6 +200,7 @@ def cover(tables: Sequence[Table], phi: Array, tolerance: float) -> list[MultiPo
             )
             for k, hull in zip(one[batch][pair][index], convex_hull(linestrings(corners)), strict=True):
                 hulls[k].append(hull)
+    # In turn around their middle: unions of neighbours are simple, and take a fraction of the time.
     unions = [union_all(_in_turn(group)) for group in hulls]
     return [MultiPolygon([part for part in get_parts(union) if part.area > 0.0]) for union in unions]
 
@@ -156,6 +229,7 @@ def _edges(table: Table, tolerance: float) -> tuple[NDArray[np.intp], Array, Arr
     start, e = table.edge[:, 0], table.edge[:, 1] - table.edge[:, 0]
     along = -np.sum(start * e, axis=1) / np.sum(e * e, axis=1)
     length = np.hypot(e[:, 0], e[:, 1])
+    # Only where the bulge over the foot is worth it.
     cut = (along > 0.0) & (along < 1.0) & (2.0 * table.spread * along * (1.0 - along) * length > 0.25 * tolerance)
     foot = start + along[:, None] * e
     first = np.stack([start, np.where(cut[:, None], foot, table.edge[:, 1])], axis=1)
@@ -178,6 +252,7 @@ def _corners(
     index = np.repeat(np.arange(len(phi)), n_parts)
     middle = phi[:, None] + half[:, None] * (2.0 * np.arange(n_parts) + 1.0 - n_parts)
     angle = middle.ravel()[:, None] + half[index, None] * np.array([-1.0, 0.0, 1.0])
+    # Tips of the arc, and where tangents at them meet: the hull of these holds the arc.
     scale = np.stack([np.ones(len(index)), 1.0 / np.cos(half[index]), np.ones(len(index))], axis=1)
     c, s = scale * np.cos(angle), scale * np.sin(angle)
     v = swung[index]
@@ -189,12 +264,14 @@ def _corners(
 
 
 def _parts(spread: float, reach: float, tolerance: float) -> int:
+    # The tangents' meeting point is farther out by h (1 / cos − 1), about h x²/2: a small part of the tolerance.
     longest = min(0.5, math.sqrt(0.125 * tolerance / reach)) if reach > 0.0 else 0.5
     return max(math.ceil(min(spread, math.pi) / longest), 1)
 
 
 def _disc(radius: Array, tolerance: float) -> Array:
     """Corners (m, k, 2) of regular polygons that contain discs, at most half the tolerance farther out."""
+    # Half of the tolerance is left for the disc; its polygon has the true circle inside.
     outer = radius + 0.5 * tolerance
     corners = max(math.ceil(math.pi / math.acos(float(np.max(radius / outer, initial=0.0)))), 4)
     theta = 2.0 * math.pi * np.arange(corners) / corners

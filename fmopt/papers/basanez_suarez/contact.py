@@ -82,6 +82,7 @@ class CU(Value):
     def reach(self) -> float:
         """Greatest distance of the grasped object's feature from the reference point, m."""
         points = self.vertex[None] if self.kind is Kind.TYPE_1 else self.edge
+        # The farthest point of the grasped object's feature: a turn moves no other point of it more.
         return float(np.hypot(*points.T).max())
 
     def at(self, phi: float) -> ArcSum | TurnedEdge:
@@ -89,13 +90,21 @@ class CU(Value):
         if self.kind is Kind.TYPE_1:
             polar = Reach.of(self.vertex)
             return ArcSum(self.edge[0], self.edge[1], polar.h, phi + polar.gamma + math.pi, self.spread, self.radius)
+        # The edge is the grasped object's here, seen from the vertex it touches: hence turned, and with its sign
+        # changed.
         start, end = -self.edge @ _rotation(phi).T
         return TurnedEdge(self.vertex, start, end, self.spread, self.radius)
 
     def point_contact(self, phi: float, k: float) -> ArcSum:
-        """CUv of a type-1 contact at φ (rad) with the point of the static edge at k ∈ [0, 1], eqs. (20)-(24)."""
+        """CUv of a type-1 contact at φ (rad) with the point of the static edge at k ∈ [0, 1], eqs. (20)-(24).
+
+        Args:
+            phi: orientation of the grasped object, rad.
+            k: share of the static edge, from its first end.
+        """
         if self.kind is not Kind.TYPE_1:
             raise ValueError("CUv belongs to a vertex of the grasped object, hence to a type-1 contact")
+        # One point of the edge in place of all.
         a, polar = self.edge[0] + k * (self.edge[1] - self.edge[0]), Reach.of(self.vertex)
         return ArcSum(a, a, polar.h, phi + polar.gamma + math.pi, self.spread, self.radius)
 
@@ -153,6 +162,7 @@ def core_gap(kind: Kind, edge: Array, vertex: Array, spread: float | Array, pose
     if kind is Kind.TYPE_1:
         h, gamma = np.hypot(vertex[..., 0], vertex[..., 1]), np.arctan2(vertex[..., 1], vertex[..., 0])
         return segment_arc_gap(p - edge[..., 0, :], p - edge[..., 1, :], h, phi + gamma + math.pi, spread)
+    # Type 2 from the static vertex: the reference point is on the turned edge, mirrored.
     c, s = np.cos(phi), np.sin(phi)
     x, y = edge[..., 0], edge[..., 1]
     turned = -np.stack([c[..., None] * x - s[..., None] * y, s[..., None] * x + c[..., None] * y], axis=-1)
@@ -169,6 +179,11 @@ def basic_contacts(moving: Profile, static: Profile, deviations: Deviations) -> 
     one at the range's lower end, the first one at the upper; in type 2 the other way round. Eq. (34) has them
     exchanged, and both its ends at the maximum; eq. (45) leaves ε_φr out and counts both at either end. Edges of the
     grasped object turn with its ε_v alone. A reflex vertex counts when deviations may make it convex.
+
+    Args:
+        moving: the grasped object, in the gripper's frame.
+        static: the other, in the frame of the plane.
+        deviations: sums of all sources, one for each vertex of the static object.
     """
     own = moving.edge_turns(deviations.shape)
     other = static.edge_turns(np.broadcast_to(deviations.static, len(static.vertices)))
@@ -180,7 +195,9 @@ def _type_1(moving: Profile, static: Profile, deviations: Deviations, own: Array
     for i in _corners(moving, own):
         before, turn = moving.before[i], float(moving.turns[i])
         for j in range(len(static.vertices)):
+            # The edge's normal against the opposite of the vertex's cone, as φ turns it.
             high = float(static.normals[j]) + math.pi - float(psi[before])
+            # What either may be turned by beside its nominal direction.
             spare = other[j] + deviations.angle
             ranges = _ranges(high - turn, high, own[i] + spare, own[before] + spare)
             edge = static.vertices[[j, static.after[j]]]
@@ -205,12 +222,14 @@ def _type_2(moving: Profile, static: Profile, deviations: Deviations, own: Array
 
 def _corners(profile: Profile, edge_turns: Array) -> list[int]:
     """Vertices that are convex or may be made so."""
+    # Reflex by less than deviations may make up for: then it may be convex in truth.
     possible = profile.turns + edge_turns + edge_turns[profile.before] >= 0.0
     return [int(i) for i in np.flatnonzero(possible)]
 
 
 def _ranges(low: float, high: float, below: float, above: float) -> tuple[Range, Range | None]:
     wide = Range(low - below, high + above)
+    # More than a full turn allows every orientation.
     if wide.high - wide.low >= FULL:
         wide = Range(-math.pi, math.pi)
     return wide, Range(low, high) if high >= low else None
@@ -218,6 +237,7 @@ def _ranges(low: float, high: float, below: float, above: float) -> tuple[Range,
 
 def _edge_deviations(static: Profile, deviations: Deviations) -> Array:
     epsilon_a = np.broadcast_to(deviations.static, len(static.vertices))
+    # Of two ends the larger one: a point between them moves by no more.
     return np.asarray(np.maximum(epsilon_a, epsilon_a[static.after]))
 
 

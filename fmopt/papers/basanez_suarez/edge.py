@@ -98,10 +98,12 @@ class TurnedEdge(PlanarSet):
 
         The edge is cut at the foot of the perpendicular; along each half the distance from the pivot grows.
         """
+        # The foot decides the case: the nearest point of the edge is inside it, or one of its ends.
         foot = self._foot()
         if not (self.end - self.start).any():
             arc = ArcSum(self.pivot, self.pivot, float(norm(self.start)), _angle(self.start), self.spread, self.radius)
             return arc.candidates()
+        # Turned all the way round, the edge sweeps a ring.
         if self.spread >= math.pi:
             return self._ring(foot)
         if foot is not None:
@@ -109,6 +111,7 @@ class TurnedEdge(PlanarSet):
             halves = self._half(foot, self.start) + self._half(foot, self.end)
             return halves + self._inner(foot, _angle(towards), Carrier.FOOT)
         near, far = sorted((self.start, self.end), key=lambda v: float(v @ v))
+        # An edge that begins at the pivot has no direction of its own there: the other end gives it.
         ahead = _angle(near) if near.any() else _angle(far - near)
         return self._half(near, far) + self._inner(near, ahead, Carrier.NEAR) + self._near_tips(near, far, ahead)
 
@@ -119,6 +122,7 @@ class TurnedEdge(PlanarSet):
         if length == 0.0:
             return None
         along = -float(self.start @ e) / length
+        # At an end or at the pivot to rounding: cases meet there, and either is right.
         margin = ON_LINE * self.size
         if not margin < along < length - margin:
             return None
@@ -130,6 +134,7 @@ class TurnedEdge(PlanarSet):
         outer = max(math.hypot(*self.start), math.hypot(*self.end)) + self.radius
         inner = math.hypot(*(min((self.start, self.end), key=lambda v: float(v @ v)) if foot is None else foot))
         found = [directed_arc(self.pivot, outer, -math.pi, math.pi, Carrier.FAR)]
+        # No hole where the disc reaches over it.
         if inner > self.radius:
             on = Carrier.NEAR if foot is None else Carrier.FOOT
             found.append(directed_arc(self.pivot, self.radius - inner, -math.pi, math.pi, on))
@@ -158,12 +163,15 @@ class TurnedEdge(PlanarSet):
     def _tip(self, vertex: Array, side: float, one: float, other: float, on: Carrier) -> list[Piece]:
         """The arc about a vertex turned to side × ε_φ, from one outward normal to the other, at most half a turn."""
         quarter = 0.5 * math.pi
+        # The turn around the tip is at least none and at most half of one; `remainder` is centred so that both are
+        # kept.
         turn = min(max(math.remainder(side * (other - one) - quarter, TURN) + quarter, 0.0), math.pi)
         first, last = (one, one + turn) if side > 0.0 else (one - turn, one)
         return [directed_arc(self.pivot + _turned(vertex, side * self.spread), self.radius, first, last, on)]
 
     def _inner(self, nearest: Array, ahead: float, on: Carrier) -> list[Piece]:
         """The arc that the nearest point sweeps, moved in by the radius; none when that passes the pivot."""
+        # The hole is filled up by the disc.
         inner, s = math.hypot(*nearest) - self.radius, self.spread
         if inner <= 0.0:
             return []

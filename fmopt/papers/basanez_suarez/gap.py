@@ -25,7 +25,9 @@ def segment_arc_gap(start: Array, end: Array, h: Any, angle: Any, spread: Any) -
     """
     e = end - start
     square = np.sum(e * e, axis=-1)
+    # An edge of no length is a point: its foot is its start, whatever it is divided by.
     safe = np.where(square > 0.0, square, 1.0)
+    # The least distance is at an end of one against the other, at a foot, or 0 at a crossing: all are tried.
     best = np.minimum(point_arc_gap(start, h, angle, spread), point_arc_gap(end, h, angle, spread))
     for side in (-1.0, 1.0):
         tip = np.asarray(h)[..., None] * _unit(angle + side * spread)
@@ -34,6 +36,7 @@ def segment_arc_gap(start: Array, end: Array, h: Any, angle: Any, spread: Any) -
     foot = start + t_foot[..., None] * e
     d = np.hypot(foot[..., 0], foot[..., 1])
     on_edge = (square > 0.0) & (t_foot >= 0.0) & (t_foot <= 1.0)
+    # Seen from the centre of the arc the foot has to be within its opening.
     facing = _within(np.arctan2(foot[..., 1], foot[..., 0]), angle, spread)
     best = np.where(on_edge & facing, np.minimum(best, np.abs(d - h)), best)
     chord = np.sqrt(np.maximum(h * h - d * d, 0.0) / safe)
@@ -47,7 +50,14 @@ def segment_arc_gap(start: Array, end: Array, h: Any, angle: Any, spread: Any) -
 
 
 def point_arc_gap(point: Array, h: Any, angle: Any, spread: Any) -> Array:
-    """Distance (…) in m from points (…, 2) to the arc {h (cos θ, sin θ), |θ − angle| ≤ spread} about the origin."""
+    """Distance (…) in m from points to the arc {h (cos θ, sin θ), |θ − angle| ≤ spread} about the origin.
+
+    Args:
+        point: (…, 2), m.
+        h: radius of the arc, m; like the next two a number or one for each point.
+        angle: of its middle, rad.
+        spread: half its opening, rad.
+    """
     x, y = point[..., 0], point[..., 1]
     radius = np.hypot(x, y)
     # How far beyond the nearer tip, at most π, so that the law of cosines holds for every point.

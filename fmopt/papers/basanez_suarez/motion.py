@@ -93,6 +93,7 @@ def classify(
     for start, end in pairwise(moments):
         middle = 0.5 * (start + end)
         active = [i for i, spans in touching.items() if any(low <= middle <= high for low, high in spans)]
+        # Which contacts may occur changes only at ends of spans: the middle speaks for the phase.
         contacts = tuple(possible.sets[i] for i in sorted(active))
         kind = MotionKind.FINE if contacts else _free_or_blocked(_pose(points, middle), static, moving)
         phases.append(Phase(kind, start, end, contacts))
@@ -106,11 +107,17 @@ def possible_spans(
 
     The distance from a CU changes by at most |Δp| + reach |Δφ| along a part of the path. A span that this proves free
     is dropped, one that it proves inside is kept, any other is halved until the change over it is below the tolerance.
+
+    Args:
+        possible: contacts that the deviations allow.
+        path: (n, 3), x and y in m, φ in rad, straight from row to row.
+        tolerance: m; what is nearer than this to a CU counts as on it.
     """
     points = _waypoints(path, tolerance)
     spans, found = _starting_spans(possible, points), []
     while len(spans.contact):
         gap, slope = _gaps(possible, points, spans)
+        # By how much the distance may change over a span, at most: to either side of its middle by half.
         change = slope * (spans.high - spans.low)
         inside = (gap <= -0.5 * change) | ((gap <= 0.5 * change) & (change <= tolerance))
         found.append(spans.kept(inside))
@@ -119,17 +126,23 @@ def possible_spans(
 
 
 def clearance(possible: PossibleContacts, path: ArrayLike, tolerance: float) -> float:
-    """A lower bound (m), within `tolerance`, of the distance between a path (k, 3) and all CU in the plane of each φ.
+    """A lower bound (m), within `tolerance`, of the distance between a path and all CU in the plane of each φ.
 
     Positive for a gross motion, and for one that overlaps throughout; ∞ when no contact is possible at its
     orientations. Inside a CU it is the distance from the core less the radius, no measure of depth. The work grows with
     the length of path at about the least distance, over the tolerance.
+
+    Args:
+        possible: contacts that the deviations allow.
+        path: (n, 3), x and y in m, φ in rad, straight from row to row.
+        tolerance: m, by how much the bound may be too low.
     """
     points = _waypoints(path, tolerance)
     spans, least = _starting_spans(possible, points), math.inf
     while len(spans.contact):
         gap, slope = _gaps(possible, points, spans)
         least = min(least, float(gap.min()))
+        # Only spans that may still come below the least by more than the tolerance are halved on.
         spans = spans.kept(gap - 0.5 * slope * (spans.high - spans.low) < least - tolerance).halves()
     return least - tolerance
 
@@ -175,8 +188,10 @@ def clearance_for_gross(
             f"moved by {limit:.6g} m the objects overlap", 0.0, "raise the limit, or turn the direction"
         )
     while margin > 0.5 * tolerance and at > 0.0:
+        # By the margin at least it can come nearer: the distance changes by no more than the way.
         at -= margin
         margin = clearance(possible, points + at * step, 0.5 * tolerance)
+    # Too far by half the tolerance is still gross, too near is not.
     return min(at + 0.5 * tolerance, limit) if at > 0.0 else 0.0
 
 
@@ -210,6 +225,7 @@ def _turn_spans(start: float, end: float, allowed: Range) -> list[tuple[float, f
     low, high = allowed.low, allowed.high
     if high - low >= FULL:
         return [(0.0, 1.0)]
+    # Angles of the path and ranges differ by whole turns: all that overlap are taken.
     least, most = min(start, end) - 1e-12, max(start, end) + 1e-12
     spans = []
     for turn in range(math.ceil((least - high) / FULL), math.floor((most - low) / FULL) + 1):
@@ -226,6 +242,7 @@ def _gaps(possible: PossibleContacts, points: Array, spans: _Spans) -> tuple[Arr
     step = np.diff(points, axis=0)[spans.part]
     poses = points[spans.part] + (0.5 * (spans.low + spans.high))[:, None] * step
     reach = np.array([cu.reach for cu in possible.sets])[spans.contact]
+    # Lipschitz: translation moves points by as much, a turn by the reach times its angle.
     slope = np.hypot(step[:, 0], step[:, 1]) + reach * np.abs(step[:, 2])
     return possible.pair_gaps(poses, spans.contact), slope
 
@@ -249,4 +266,5 @@ def _joined(found: list[_Spans]) -> dict[int, tuple[tuple[float, float], ...]]:
 
 def _free_or_blocked(pose: Array, static: Profile, moving: Profile) -> MotionKind:
     overlap = moving.region(pose).intersection(static.region((0.0, 0.0, 0.0)))
+    # Touching alone is free: overlap has an area.
     return MotionKind.BLOCKED if overlap.area > 0.0 else MotionKind.GROSS

@@ -79,6 +79,7 @@ class PlanarSet(Value, ABC):
         Raises:
             GeometryError: two features differ by less than the tolerance without being one.
         """
+        # Moved to its own origin: tolerances are of its size, not of where it lies.
         here = self.displaced(-self.origin)
         return moved(outline(here.candidates(), here.core_distance, here.radius, here.size), self.origin)
 
@@ -108,6 +109,7 @@ class PlanarSet(Value, ABC):
             or sum(float(p.curve.moment()) for loop in loops for p in loop) > (ROUNDING * self.size) ** 2
         ):
             return polygon(loops, tolerance, side)
+        # A set of no area has no outside to bulge to: it is widened by half the tolerance first.
         return polygon(self.widened(0.5 * tolerance).boundary(), 0.5 * tolerance, side)
 
 
@@ -117,19 +119,30 @@ def polygon(loops: Sequence[Loop], tolerance: float, side: Side) -> MultiPolygon
     Chords where an arc bulges away from the chosen side, tangents where it bulges to it. Each arc is moved within the
     set, or within its complement, so that every point that a thin place lets the polygon run round wrongly has winding
     number zero.
+
+    Args:
+        loops: of one set.
+        tolerance: how far it may be from them, m.
+        side: whether it holds the set or is held by it.
     """
     from shapely import MultiPolygon, Polygon
 
     rings = [ring(loop, tolerance, side) for loop in loops]
     if len(rings) == 1 and len(rings[0]) > 3:
         simple = Polygon(rings[0])
+        # The simple case: one loop that does not cross itself needs no winding numbers.
         if simple.is_valid and simple.exterior.is_ccw:
             return MultiPolygon([simple])
     return _wound(rings)
 
 
 def ring(loop: Loop, tolerance: float, side: Side) -> Array:
-    """The closed polyline (k, 2) in m of a loop, the first point not repeated."""
+    """The closed polyline (k, 2) in m of a loop, the first point not repeated.
+
+    Args:
+        loop: pieces, each from where the one before ends.
+        tolerance, side: as for `polygon`.
+    """
     return np.vstack([piece.curve.polyline(tolerance, SIDES[side])[:-1] for piece in loop])
 
 
@@ -140,6 +153,7 @@ def _wound(rings: Sequence[Array]) -> MultiPolygon:
     lines = [LinearRing(points) for points in rings if len(points) > 2]
     if not lines:
         return MultiPolygon()
+    # Polylines may cross where curves do not: what they bound is told by winding numbers, face by face.
     faces = get_parts(polygonize([*get_parts(node(union_all(lines)))]))
     inside = [face for face in faces if sum(_winding(points, face.representative_point()) for points in rings) > 0]
     return MultiPolygon([part for part in get_parts(union_all(inside)) if part.area > 0.0])

@@ -72,6 +72,7 @@ class Profile(Value):
     def normals(self) -> Array:
         """Directions ψ (n,) of the edges' outward normals, rad."""
         e = self.edges
+        # The right-hand normal of an edge with the material on its left.
         return np.arctan2(-e[:, 0], e[:, 1])
 
     @property
@@ -83,6 +84,7 @@ class Profile(Value):
     def edge_turns(self, epsilon: ArrayLike) -> Array:
         """Greatest turn (n,) in rad of each edge whose ends move by up to ε: one number, or one for each vertex, m."""
         e = np.broadcast_to(np.asarray(epsilon, dtype=np.float64), len(self.vertices))
+        # The mean of both ends: 2 ε̄ / L is then (ε₁ + ε₂) / L, the most that one may move against the other.
         means = 0.5 * (e + e[self.after])
         return np.array([edge_turn(float(a), float(L)) for a, L in zip(means, self.lengths, strict=True)])
 
@@ -105,6 +107,7 @@ class Profile(Value):
             loops.append(Polygon(points[loop]))
         region: BaseGeometry = loops[0]
         for other in loops[1:]:
+            # Holes by symmetric difference: they are within outlines, and do not cross them.
             region = region.symmetric_difference(other)
         return region
 
@@ -114,6 +117,7 @@ class Profile(Value):
         if size == 0.0 or len(short):
             i = int(short[0]) if len(short) else 0
             raise GeometryError(f"edge {i} of a polygonal object has no length", "remove one of its vertices")
+        # A vertex without an inside has no normal cone.
         folded = np.flatnonzero(np.abs(self.turns) >= math.pi - 1e-9)
         if len(folded):
             raise GeometryError(f"the edges at vertex {folded[0]} fold back on each other", "remove the vertex")

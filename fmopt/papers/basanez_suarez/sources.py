@@ -214,6 +214,11 @@ def deviations(static: StaticSources, vertices: ArrayLike, grasped: GraspedSourc
     """The sums of all sources for a static object with these vertices (n, 2) in m and a grasped object.
 
     The deviation of a point of an edge is at most the greater one of its ends.
+
+    Args:
+        static: sources of the object that stands.
+        vertices: (n, 2), m, of that object.
+        grasped: sources of the other, its robot and its gripper.
     """
     points = frozen(vertices, None, 2, name="vertices of the static object")
     moving = grasped_budget(grasped)
@@ -222,12 +227,18 @@ def deviations(static: StaticSources, vertices: ArrayLike, grasped: GraspedSourc
 
 
 def static_budget(static: StaticSources, point: ArrayLike) -> Budget:
-    """Shares of ε_a at a point (2,) of the static object: ε_v + ε_pp, with what a turn moves it by, or ε_m alone."""
+    """Shares of ε_a at a point (2,) of the static object: ε_v + ε_pp, with what a turn moves it by, or ε_m alone.
+
+    Args:
+        static: sources of the object that stands.
+        point: (2,), m, of that object.
+    """
     match static.configuration:
         case Measurement(epsilon_m):
             return Budget((Share("measurement", "ε_m", epsilon_m),))
         case configuration:
             shares = _configuration_shares(configuration, frozen(point, 2, name="point"))
+            # A turn of the static object is in where it moves the point: nothing else of it is asked of a point.
             return Budget((Share("shape", "ε_v", static.shape.epsilon_v), *(_unturned(share) for share in shares)))
 
 
@@ -265,12 +276,18 @@ def placed(grasped: GraspedSources) -> ObservedConfiguration:
     once for each; where it is grasped at another point, turns about the former one add to its position there.
     """
     in_gripper, robot = gripper_budget(grasped), grasped.robot
+    # Putting down adds the robot's own deviation once more, after what the gripper holds.
     position, angle = in_gripper.position + robot.epsilon_pr, in_gripper.angle + robot.epsilon_phi_r
     return ObservedConfiguration(position, angle, grasped.grasp)
 
 
 def placed_in_turn(first: Configuration, handlings: Iterable[GraspedSources]) -> Configuration:
-    """The configuration after several handlings in turn; what each states as its configuration does not count."""
+    """The configuration after several handlings in turn; what each states as its configuration does not count.
+
+    Args:
+        first: the configuration before all of them.
+        handlings: in order.
+    """
     configuration = first
     for handling in handlings:
         configuration = placed(
@@ -304,7 +321,12 @@ def edge_turn(epsilon: float, length: float) -> float:
     """Greatest turn (rad) of an edge of this length whose ends each move by up to ε: arcsin(2ε/L), π once 2ε ≥ L.
 
     Eqs. (31)-(33) have 2ε/L, which is less. From 2ε = L on the ends can change places.
+
+    Args:
+        epsilon: of each end, m.
+        length: of the edge, m.
     """
+    # Two ends displaced against each other by 2 ε at right angles to the chord; from L on they may change places.
     return math.asin(2.0 * epsilon / length) if 2.0 * epsilon < length else math.pi
 
 

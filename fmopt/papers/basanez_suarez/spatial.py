@@ -61,6 +61,7 @@ class Turns(Value):
         min over σ > λ_max(C) of cos²(ε/2) B₀₀ + sin²(ε/2) σ + cos²(ε/2) bᵀ(σI − C)⁻¹b, b and C the blocks of B. Every σ
         gives a bound from above.
         """
+        # tr(Rᵀ M) is a quadratic form of the unit quaternion: turns of at most an angle are a cap about the first axis.
         B = _quaternion_form(np.asarray(M, dtype=np.float64))
         angle = min(self.angle, math.pi)
         if self.axis is not None:
@@ -127,9 +128,11 @@ def edge_edge(pose: Pose, moving: ArrayLike, fixed: ArrayLike, turns: Turns, rad
     # (Ra × e)·(p + Ru − q) = Ra·(e × (p − q)) + R(u × a)·e.
     product = turns.values(np.outer(cross(e, pose.p - q), a) + np.outer(e, cross(u, a)))
     angle = math.atan2(float(np.linalg.norm(cross(a, e))), float(a @ e))
+    # The sine of the angle between the edges over all turns: its least and greatest value, π/2 if it is among them.
     sines = [math.sin(angle - min(turns.angle, angle)), math.sin(min(angle + turns.angle, math.pi))]
     least = min(sines)
     most = 1.0 if abs(angle - 0.5 * math.pi) <= turns.angle else max(sines)
+    # The quotient is least with the larger sine where it is positive, with the smaller where it is negative.
     return Interval(_over(product.low, least, most), -_over(-product.high, least, most)).widened(radius)
 
 
@@ -162,9 +165,11 @@ def _greatest(B: Array, angle: float) -> float:
     if sine == 0.0:
         return float(B[0, 0])
     values, vectors = np.linalg.eigh(B)
+    # The eigenvector of the largest value is within the cap: it is the answer without any constraint.
     if abs(vectors[0, -1]) >= cosine:
         return float(values[-1])
     c, axes = np.linalg.eigh(B[1:, 1:])
+    # On the rim of the cap: a secular equation in the multiplier, monotonic, solved by halving.
     b = (axes.T @ B[1:, 0]) ** 2
     top = float(c[-1])
     c, b = c[b > 0.0], b[b > 0.0]
@@ -174,6 +179,7 @@ def _greatest(B: Array, angle: float) -> float:
         if not low < middle < high:
             break
         low, high = (middle, high) if (b / (middle - c) ** 2).sum() * cosine**2 > sine**2 else (low, middle)
+    # What rounds to the multiplier itself would divide by nothing.
     b, c = b[c < high], c[c < high]
     return float(cosine**2 * B[0, 0] + sine**2 * high + cosine**2 * (b / (high - c)).sum())
 
@@ -183,6 +189,7 @@ def _about_axis(B: Array, axis: Array, angle: float) -> Interval:
     k = np.concatenate([[0.0], axis])
     cc, ss, sc = float(B[0, 0]), float(k @ B @ k), float(B[0] @ k)
     centre, amplitude, phase = 0.5 * (cc + ss), math.hypot(0.5 * (cc - ss), sc), math.atan2(sc, 0.5 * (cc - ss))
+    # A sinusoid of the half-angle: greatest and least at the phases nearest to, and farthest from, its peak.
     nearest = max(abs(phase) - angle, 0.0)
     farthest = max(abs(math.remainder(phase + math.pi, 2.0 * math.pi)) - angle, 0.0)
     return Interval(centre - amplitude * math.cos(farthest), centre + amplitude * math.cos(nearest))

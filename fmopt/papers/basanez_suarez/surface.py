@@ -52,6 +52,7 @@ class Family:
         δ_a enter linearly and are at their limits ε_prpgv and ε_a.
         """
         turn, _, theta_p, _, theta_a = self.deviations
+        # On the boundary of CU all derivatives by deviations vanish, or a deviation is at its bound.
         return tuple(sympy.diff(self.function, symbol) for symbol in (turn, theta_p, theta_a))
 
 
@@ -71,6 +72,7 @@ def family(kind: Kind) -> Family:
         vertex = sympy.Matrix(geometry[:2]) + _arm(*deviations[3:])
     along, to = edge[1] - edge[0], vertex - edge[0]
     length = _length(kind, geometry)
+    # The height of the vertex over the line of the edge, and where its foot is, as a share of the edge.
     function = (to[0] * along[1] - to[1] * along[0]) / length
     k = (to[0] * along[0] + to[1] * along[1]) / length**2
     return Family(function, k, tuple(configuration), tuple(geometry), tuple(deviations))
@@ -100,6 +102,7 @@ def boundary_rank(kind: Kind) -> sympy.Expr:
     else:
         first, second = _arm(g[2], phi + turn + g[3]), _arm(g[4], phi + turn + g[5])
         point = sympy.Matrix(g[:2]) - first - k * (second - first)
+    # The boundary is where the two families of curves are parallel: their Jacobian vanishes.
     one, other = point.diff(k), point.diff(turn)
     return sympy.expand(one[0] * other[1] - one[1] * other[0])
 
@@ -154,6 +157,7 @@ def casadi_function(name: str, inputs: Mapping[str, Sequence[sympy.Symbol]], out
     known: dict[sympy.Expr, Node] = {
         symbol: columns[key][i] for key, symbols in inputs.items() for i, symbol in enumerate(symbols)
     }
+    # Unordered: the order of terms changes nothing, and sorting them costs time.
     shared, reduced = sympy.cse(list(outputs), order="none")
     for symbol, expression in shared:
         known[symbol] = _translate(expression, known)
@@ -166,6 +170,7 @@ def _translate(expression: sympy.Expr, known: Mapping[sympy.Expr, Node]) -> Node
         return known[expression]
     if expression.is_Number or expression is sympy.pi:
         return float(expression)
+    # A closed table of nodes: no text is ever evaluated.
     rule = _TABLE.get(expression.func)
     if rule is None:
         raise TypeError(f"{expression.func.__name__} {expression} is not in the table from SymPy to CasADi")
@@ -183,6 +188,7 @@ def _multiply(*factors: Node) -> Node:
 def _power(base: Node, exponent: Node) -> Node:
     import casadi
 
+    # A root as such: a power of one half has no derivative rule of its own.
     if exponent == 0.5:
         return casadi.sqrt(base)
     if exponent == -0.5:

@@ -85,6 +85,7 @@ class ArcSum(PlanarSet):
         A point with outward normal n belongs to the end of the edge that is farther along n; where n is normal to the
         edge, a line runs from one to the other.
         """
+        # More than half a turn to either side is the full circle.
         a, s, r = self.angle, min(self.spread, math.pi), self.radius
         found = self._run(np.zeros(2), self.h + r, a - s, a + s, Carrier.FAR)
         if s < math.pi:
@@ -102,6 +103,7 @@ class ArcSum(PlanarSet):
         if not e.any():
             return [directed_arc(self.start + centre, radius, first, last, on)]
         across = math.atan2(e[1], e[0]) + 0.5 * math.pi
+        # Where the normal is across the edge the arc changes from one of its ends to the other.
         k = math.ceil((first - across) / math.pi)
         turns = []
         while (turn := across + k * math.pi) <= last:
@@ -110,9 +112,12 @@ class ArcSum(PlanarSet):
         cuts = [first, *turns, last]
         found = []
         for one, other in pairwise(cuts):
+            # The end farther along the normal carries the boundary.
             base = self.end if unit(0.5 * (one + other)) @ e > 0.0 else self.start
             if other > one:
                 found.append(directed_arc(base + centre, radius, one, other, on))
+        # Between the arcs of both ends runs the edge itself, moved out; an inner arc of negative radius has no such
+        # side.
         if radius >= 0.0:
             for turn in turns:
                 n = unit(turn)
@@ -135,14 +140,28 @@ def vertex_position(reference: ArrayLike, phi: float, reach: Reach, spread: floa
 
 
 def directed_arc(centre: Array, radius: float, first: float, last: float, on: Carrier) -> Piece:
-    """The arc about (2,) with normals from `first` to `last`; with a negative radius the set is outside its circle."""
+    """The arc with normals from `first` to `last`; with a negative radius the set is outside its circle.
+
+    Args:
+        centre: (2,), m.
+        radius: m, of either sign.
+        first, last: bearings of outward normals, rad.
+        on: what the arc belongs to.
+    """
     if radius >= 0.0:
         return Piece(Arc(centre, radius, first, last - first), on)
     return Piece(Arc(centre, -radius, last + math.pi, first - last), on)
 
 
 def arc_support(directions: Array, h: float, angle: float | Array, spread: float) -> Array:
-    """max n·x over the arc about the origin, (…) in m for directions n (…, 2)."""
+    """max n·x over the arc about the origin, (…) in m for directions n (…, 2).
+
+    Args:
+        directions: n (…, 2), of any length.
+        h: radius, m.
+        angle: bearing of the arc's middle, rad.
+        spread: half its opening, rad.
+    """
     off = np.abs(wrapped(np.arctan2(directions[..., 1], directions[..., 0]) - angle))
     return np.asarray(h * norm(directions) * np.cos(np.maximum(off - min(spread, math.pi), 0.0)))
 

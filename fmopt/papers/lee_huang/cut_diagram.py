@@ -48,10 +48,10 @@ from fmopt.spatial.values import Array
 Limit: TypeAlias = Literal[-1, 1]
 
 ON_PLANE = 1e-12  # m: nearer corners and discs lie in the plane
-_EXACT = 1e-14
-_STRAIGHT = 1e-15
+_EXACT = 1e-14  # of the size: what is under a root by less is rounding
+_STRAIGHT = 1e-15  # relative: flatter arcs are their chords
 _COLUMN = 1e-10  # of the size of an outline: points this close across are over each other
-_LEAST_WEIGHT = 0.5
+_LEAST_WEIGHT = 0.5  # of a conic piece: below it a rational quadratic crowds its points at the ends
 
 
 def cut_diagram(solid: Solid, plane: Pose) -> Region:
@@ -68,22 +68,22 @@ def cut_diagram(solid: Solid, plane: Pose) -> Region:
         plane: pose of the section plane in the solid's frame.
     """
     above, below = zip(*_leaves(solid, exact_pose(exact_pose(plane).inverse())), strict=True)
+    # Nearly always the plane runs in no face, and both limits are one: half the booleans are spared.
     if all(map(same, above, below)):
         return _section(solid, iter(above))
     return intersection(_section(solid, iter(above)), _section(solid, iter(below)))
 
 
 def section_limit(solid: Solid, plane: Pose, limit: Limit) -> Region:
-    """The limit of the solid's sections as the plane comes from above (1, from its positive z) or from below (−1)."""
+    """The limit of the solid's sections as the plane comes from above (1, from its positive z) or from below (−1).
+
+    Args:
+        solid: in its own frame.
+        plane: whose z = 0 cuts it, in that frame.
+        limit: from where the plane comes, 1 for its positive z.
+    """
     leaves = _leaves(solid, exact_pose(exact_pose(plane).inverse()))
     return _section(solid, (above if limit > 0 else below for above, below in leaves))
-
-
-def frame_planes(frame: Pose) -> dict[str, Pose]:
-    """The three planes of a frame, "xy", "yz" and "zx": each named by its u and v axis, with the third axis upward."""
-    return {
-        "xyz"[k] + "xyz"[(k + 1) % 3]: frame.compose(Pose(np.zeros(3), np.roll(np.eye(3), k, axis=0))) for k in range(3)
-    }
 
 
 def _leaves(solid: Solid, pose: Pose) -> Iterator[tuple[Region, Region]]:
@@ -115,17 +115,23 @@ def _section(solid: Solid, leaves: Iterator[Region]) -> Region:
             return union([_section(part, leaves) for part in parts])
         case Difference(base, tools):
             body, cuts = _section(base, leaves), [_section(tool, leaves) for tool in tools]
+            # An empty base has nothing to be cut, and booleans of nothing would be computed for it.
             return difference(body, union(cuts)) if not body.empty else body
         case _:
             assert_never(solid)
 
 
 def same(first: Region, second: Region) -> bool:
-    """Whether two regions have the same curves to the bit."""
+    """Whether two regions have the same curves to the bit.
+
+    Args:
+        first, second: curves are compared in their order.
+    """
     if first is second:
         return True
     mine, other = first.curves, second.curves
     return len(mine) == len(other) and all(
+        # Three points of each curve tell conics apart, as both have the same order of curves.
         type(a) is type(b) and np.array_equal(a.point((0.0, 0.5, 1.0)), b.point((0.0, 0.5, 1.0)))
         for a, b in zip(mine, other, strict=True)
     )
@@ -135,6 +141,10 @@ def instance_sections(primitive: Primitive, pose: Pose) -> tuple[Region, Region]
     """The sections by z = 0 of a primitive placed by `pose`, in x and y, as the plane comes from above and from below.
 
     Where the plane does not run in a face both are the section; where it does one is the face, one is empty.
+
+    Args:
+        primitive: in its own frame.
+        pose: of that frame in that of the plane.
     """
     match primitive:
         case Cylinder(radius, height, _):
@@ -183,7 +193,12 @@ class Slant:
 
 
 def slant(profile: Profile, pose: Pose) -> Slant:
-    """How the plane z = 0 cuts the round instance placed by `pose`."""
+    """How the plane z = 0 cuts the round instance placed by `pose`.
+
+    Args:
+        profile: radius over the height.
+        pose: of the instance in the frame of the plane, its axis not along z.
+    """
     axis, base = pose.R[:, 2], pose.p
     rise = float(np.hypot(axis[0], axis[1]))
     along = axis[:2] / rise
@@ -194,6 +209,8 @@ def slant(profile: Profile, pose: Pose) -> Slant:
     radius = (profile.a + profile.b * z0, profile.b * z1)
     low, high = (radius[0] - d0, radius[1] - d1), (radius[0] + d0, radius[1] + d1)
     middle = float(base[:2] @ across)
+    # Within the height of the instance, and where its circle reaches the plane: intervals of s, as all bounds are
+    # linear.
     span = _positive([(z0, z1), (profile.height - z0, -z1), low, high])
     return Slant(low, high, span, middle * across, along, across)
 
@@ -214,6 +231,7 @@ def _positive(lines: list[tuple[float, float]]) -> tuple[float, float]:
 def _round(profile: Profile, pose: Pose) -> tuple[Region, Region]:
     axis, base = pose.R[:, 2], pose.p
     reach = 2.0 * max(profile.radius(0.0), profile.radius(profile.height)) + profile.height
+    # The axis is square to the plane as far as any of its points can tell.
     if float(np.hypot(axis[0], axis[1])) * reach <= ON_PLANE:
         height = -base[2] * math.copysign(1.0, axis[2])
         above, below = (_disc(profile, base[:2], float(height), limit) for limit in (1, -1))
@@ -222,6 +240,7 @@ def _round(profile: Profile, pose: Pose) -> tuple[Region, Region]:
     first, last = plane.span
     found = Region(())
     if last - first > ON_PLANE:
+        # A section no wider than the tolerance is a tangent line: no area, hence no regularised section.
         widest = max(math.prod(_roots(plane, s, reach)) for s in (first, 0.5 * (first + last), last))
         found = Region((tuple(_outline(plane, first, last, reach)),) if widest > ON_PLANE else ())
     return found, found
@@ -229,6 +248,7 @@ def _round(profile: Profile, pose: Pose) -> tuple[Region, Region]:
 
 def _disc(profile: Profile, centre: Array, height: float, limit: int) -> Region:
     """The circle at a height over the instance's base, which the plane approaches from higher (1) or lower (−1)."""
+    # The limit is a disc only if the body goes on beyond the plane on that side.
     depth = height if limit < 0 else profile.height - height  # how far the body reaches on the plane's other side
     beyond = profile.height - height if limit < 0 else height
     radius = profile.radius(min(max(height, 0.0), profile.height))
@@ -247,6 +267,7 @@ def _ball(radius: float, pose: Pose) -> Region:
 def _roots(plane: Slant, s: float, scale: float) -> tuple[float, float]:
     """√(R − D) and √(R + D) at s, rounding below 1e-14 of the size taken for zero."""
     values = (line[0] + line[1] * s for line in (plane.low, plane.high))
+    # At the end of the interval the root is exactly zero, which rounding makes a small number of either sign.
     x, y = (math.sqrt(value) if value > _EXACT * scale else 0.0 for value in values)
     return x, y
 
@@ -258,6 +279,7 @@ def _outline(plane: Slant, first: float, last: float, scale: float) -> list[Curv
     upper = [_branch(plane, a, b, 1.0, scale).reversed() for a, b in pairwise(stops)][::-1]
     loop = list(lower)
     for following in (*upper, lower[0]):
+        # A cut cap leaves a chord between the two branches; where a branch ends in a point there is none.
         if float(np.hypot(*(following.first - loop[-1].last))) > 0.0:
             loop.append(Segment(loop[-1].last, following.first))
         loop.append(following)
@@ -288,12 +310,14 @@ def _branch(plane: Slant, first: float, last: float, sign: float, scale: float) 
     start, end = place(first, xa * ya), place(last, xb * yb)
     if (xa * yb - xb * ya) ** 2 <= _STRAIGHT * own * mixed:
         return Segment(start, end)
+    # The shoulder from the ends alone: tangents at a root, where the outline turns back, need no slope.
     shoulder = place(first + (last - first) * xa * ya / own, 0.5 * mixed**2 / own)
     return ConicArc(start, shoulder, end, own / mixed)
 
 
 def _polytope(points: Array) -> tuple[Region, Region]:
     """The sections of the convex hull of points (n, 3): the hull of where pairs of them straddle the plane."""
+    # Corners in the plane by rounding are in it: they belong to the section from both sides.
     height = np.where(np.abs(points[:, 2]) <= ON_PLANE, 0.0, points[:, 2])
     above, below = np.flatnonzero(height > 0.0), np.flatnonzero(height < 0.0)
     a, b = np.repeat(above, len(below)), np.tile(below, len(above))
@@ -303,6 +327,7 @@ def _polytope(points: Array) -> tuple[Region, Region]:
     found = nothing = Region(())
     if len(outline):
         found = Region((tuple(Segment(p, q) for p, q in zip(outline, np.roll(outline, -1, axis=0), strict=True)),))
+    # With no corner above, the plane that comes from above meets nothing until it runs in the face.
     return found if len(above) else nothing, found if len(below) else nothing
 
 
@@ -311,6 +336,7 @@ def convex_outline(points: Array) -> Array:
     if len(points) < 3:
         return np.zeros((0, 2))
     size = float(np.max(np.ptp(points, axis=0)))
+    # Columns by rounded x: with points over each other in an order that rounding chose, the hull would turn back.
     column = np.round(points[:, 0] / (_COLUMN * size)) if size > 0.0 else points[:, 0]
     order = points[np.lexsort((points[:, 1], column))]  # of points over each other, which rounding puts side by side
     slack = 1e-13 * size * size
@@ -318,6 +344,7 @@ def convex_outline(points: Array) -> Array:
     for run in (order, order[::-1]):
         chain: list[Array] = []
         for point in run:
+            # Popped where it turns right or hardly left: corners that rounding made are none.
             while len(chain) > 1 and _area(chain[-2], chain[-1], point) <= slack:
                 chain.pop()
             chain.append(point)

@@ -142,6 +142,7 @@ def disc(region: Region) -> Diagram | None:
     """The one arc of a region that is a disc about the origin, to 1e-9 of its radius; None for any other region."""
     arcs = [curve for curve in region.curves if isinstance(curve, PlaneArc)]
     if not arcs or len(arcs) < len(region.curves) or len(region.loops) != 1:
+        # Arcs alone, in one loop: the disc may be cut into several arcs of one circle.
         return None
     radius = arcs[0].radius
     round_ = all(abs(arc.radius - radius) + float(np.abs(arc.centre).max()) <= 1e-9 * radius for arc in arcs)
@@ -152,6 +153,7 @@ def _features(curve: Curve, tolerance: float, size: float) -> list[Edge | Arc]:
     if isinstance(curve, PlaneArc) and tolerance == 0.0:
         first = curve.start if curve.sweep > 0.0 else curve.start + curve.sweep
         return [Arc(curve.centre, curve.radius, first, abs(curve.sweep), curve.sweep < 0.0)]
+    # On the right, outside of the region: contact is then seen no later than it can occur.
     points = curve.polyline(tolerance or 1e-9 * size, "right")
     return [Edge(a, b) for a, b in pairwise(points) if np.any(a != b)]
 
@@ -166,7 +168,13 @@ def polygon(*loops: ArrayLike) -> Diagram:
 
 
 def circle(centre: ArrayLike, radius: float, hollow: bool = False) -> Diagram:
-    """The diagram of a disc about a centre (2,), or of the plane around a round hole, m."""
+    """The diagram of a disc about a centre (2,), or of the plane around a round hole, m.
+
+    Args:
+        centre: (2,), m.
+        radius: m.
+        hollow: whether the material is outside.
+    """
     return Diagram((), (), (Arc(np.asarray(centre, dtype=np.float64), radius, 0.0, 2.0 * math.pi, hollow),))
 
 
@@ -181,6 +189,7 @@ def together(*diagrams: Diagram) -> Diagram:
 
 def _corner(one: Edge | Arc, other: Edge | Arc) -> Corner | None:
     """The corner where a curve ends and the next begins; None when it is reflex or smooth."""
+    # The sine and cosine of the turn: a reflex corner has a negative one, and touches nothing.
     a, b = _tangent(one, 1), _tangent(other, 0)
     opening = math.atan2(a[0] * b[1] - a[1] * b[0], float(a @ b))
     if opening <= _SMOOTH:
@@ -192,6 +201,7 @@ def _corner(one: Edge | Arc, other: Edge | Arc) -> Corner | None:
 def _end(curve: Edge | Arc) -> Array:
     if isinstance(curve, Edge):
         return curve.end
+    # Along a hollow arc travel is clockwise, from its last angle to its first.
     angle = curve.first if curve.hollow else curve.first + curve.opening
     return np.asarray(curve.centre + curve.radius * np.array([math.cos(angle), math.sin(angle)]))
 

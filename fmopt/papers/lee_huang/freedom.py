@@ -238,9 +238,15 @@ def _distinct(times: Array, tolerance: float) -> Array:
 
 
 def slack(made: Linear, half_widths: Array, remainder: float, unit: float) -> Array:
-    """φ (n,) of linearised candidates with `remainder` (m) for the ρ of f, divided by `unit` (m).
+    """φ (n,) of linearised candidates, divided by `unit`.
 
     Where that is negative, its bound min_k (c_k + |B_k|₁), with u = e / a, may stand for it.
+
+    Args:
+        made: f and the heights of the candidates, to first order.
+        half_widths: box (6,) of the pose error, m and rad.
+        remainder: ρ of f, m, in the place of the candidates' own.
+        unit: m.
 
     Raises:
         SolverError: a program did not end.
@@ -260,9 +266,13 @@ def slack(made: Linear, half_widths: Array, remainder: float, unit: float) -> Ar
 
 @compiled
 def maximin(c: Array, B: Array) -> Array:
-    """max over |u| ≤ 1 of min_k (c_k + B_k·u), (n,), for c (n, k) and B (n, k, 6); its bound where that is negative.
+    """max over |u| ≤ 1 of min_k (c_k + B_k·u), (n,); its bound where that is negative.
 
     Rows that no other can fall below, or that repeat the one before, are left out. nan where the method did not end.
+
+    Args:
+        c: (n, k).
+        B: (n, k, 6), for u in the box |u| ≤ 1.
     """
     count, rows = c.shape
     found, reach = np.empty(count), np.empty(rows)

@@ -87,6 +87,7 @@ def position_force(
     """
     rows = []
     for interval in freedom:
+        # Nodes within the interval part it, as P is straight only between them.
         inner = [float(t) for t in path.times if interval.start < t < interval.end]
         for a, b in pairwise([interval.start, *inner, interval.end]):
             pa, pn = ([split(interval.s, path.at(t)) for t in (a, b)] for split in (gamma, natural_constraints))
@@ -106,6 +107,7 @@ def hand_record(found: Answer, segments: Sequence[Mapping[str, Any]]) -> dict[st
         feature at the goal about its origin (m/s, rad/s), and the bias wrench (6,) on it about that origin (N, N·m).
     """
     task = found.task
+    # The hand is where the feature is: a record of it would repeat the plan.
     if not (found.exchanged or task.grasp.vector().any()):
         return {}
     made = [_move(found, segment) for segment in segments]
@@ -130,19 +132,32 @@ def _held(found: Answer, X: Array) -> Pose:
 
 
 def grasped_pose(found: Answer, X: ArrayLike) -> Pose:
-    """Pose of the grasped feature in the frame of the one that stays, of X (6,) in m and rad."""
+    """Pose of the grasped feature in the frame of the one that stays, of X (6,) in m and rad.
+
+    Args:
+        found: says which of the operands X belongs to.
+        X: (6,), pose in m and rotation vector in rad, of operand 1 in the frame of operand 2.
+    """
     pose = Pose.from_vector(X)
     return pose.inverse() if found.exchanged else pose
 
 
 def world_pose(found: Answer, X: ArrayLike) -> Pose:
-    """Pose of the grasped feature in the global reference frame, for an X (6,) in m and rad."""
+    """Pose of the grasped feature in the global reference frame, for an X (6,) in m and rad.
+
+    Args:
+        found, X: as for `grasped_pose`.
+    """
     base = found.moving.frame if found.exchanged else found.fixed.frame
     return base.compose(grasped_pose(found, X))
 
 
 def hand_pose(found: Answer, X: ArrayLike) -> Pose:
-    """Pose of the hand in the global reference frame, by the grasp H_ho, for an X (6,) in m and rad."""
+    """Pose of the hand in the global reference frame, by the grasp H_ho, for an X (6,) in m and rad.
+
+    Args:
+        found, X: as for `grasped_pose`.
+    """
     return world_pose(found, X).compose(found.task.grasp.inverse())
 
 
@@ -158,6 +173,7 @@ def grasped_twist(found: Answer, X: ArrayLike, V: ArrayLike) -> Array:
     if not found.exchanged:
         return np.concatenate([v, w])
     pose = Pose.from_vector(X)
+    # The other part's motion seen from this one: minus the twist, carried to its origin and axes.
     return np.concatenate([pose.R.T @ (np.cross(w, pose.p) - v), -pose.R.T @ w])
 
 
@@ -175,4 +191,5 @@ def grasped_wrench(found: Answer, X: ArrayLike, F: ArrayLike) -> Array:
     if not found.exchanged:
         return np.concatenate([f, tau])
     pose = Pose.from_vector(X)
+    # Reaction for action: the sign turns, and the moment is taken about the other origin.
     return np.concatenate([-pose.R.T @ f, -pose.R.T @ (tau + np.cross(pose.p, f))])

@@ -42,17 +42,29 @@ class Leg(NamedTuple):
         return np.asarray(self.start + share[:, None] * self.travel)
 
     def on_level(self, n: Array, levels: Array) -> Array:
-        """Shares at which n·Φ₀ has the values (k,)."""
+        """Shares at which n·Φ₀ has the values (k,).
+
+        Args:
+            n: (2,), of any length.
+            levels: (k,), m times that length.
+        """
         rate = float(n @ self.travel)
+        # A leg along the level crosses it nowhere, or lies on it all along: no share is a crossing.
         return (levels - n @ self.start) / rate if abs(rate) > 1e-300 else np.zeros(0)
 
     def on_circle(self, centre: Array, radius: float) -> Array:
-        """Shares (k,) at which Φ₀ is on a circle about a centre (2,), m."""
+        """Shares (k,) at which Φ₀ is on a circle; they may lie outside 0 to 1.
+
+        Args:
+            centre: (2,), m.
+            radius: m.
+        """
         offset = self.start - centre
         a, b, c = float(self.travel @ self.travel), float(offset @ self.travel), float(offset @ offset) - radius**2
         inside = b * b - a * c
         if a == 0.0 or inside < 0.0:
             return np.zeros(0)
+        # The root of larger size first, the other from their product: no difference of nearly equal numbers.
         q = -(b + math.copysign(math.sqrt(inside), b))
         return np.array([q / a, c / q] if q != 0.0 else [0.0])
 
@@ -96,15 +108,28 @@ class Lines(Value):
         return possible(self.c, self.m, self.force, self.turns, leg)
 
     def arms(self, rows: NDArray[np.intp], points: Array) -> Array:
-        """From the nominal centre at `points` (k, 2) to where the pairs in `rows` (k,) touch, (k, 2), m."""
+        """From the nominal centre to where pairs touch, (k, 2), m.
+
+        Args:
+            rows: (k,), numbers of pairs.
+            points: (k, 2), the nominal centre for each, m.
+        """
         turning = np.any(self.m[rows, 0] != self.m[rows, 1], axis=1)
         fixed = self.m[rows, 0] - self.shift[rows, None] * self.force[rows]
+        # A corner that turns with the section touches where it is; an edge that turns touches the fixed corner.
         return np.asarray(np.where(turning[:, None], self.c[rows, 0] - points, fixed))
 
 
 @compiled
 def possible(c: Array, m: Array, force: Array, turns: Array, leg: Leg) -> tuple[NDArray[np.intp], Array]:
-    """`Lines.spans` on a leg, of pairs with c and m (n, 2, 2), force and turns (n, 2)."""
+    """`Lines.spans` on a leg.
+
+    Args:
+        c, m: (n, 2, 2), of each pair.
+        force: (n, 2), unit vectors.
+        turns: (n, 2), of each pair.
+        leg: straight piece of the way of the nominal centre.
+    """
     start, travel = leg.start, leg.travel
     rows, shares = np.empty(len(c) * _MOST_CUTS, dtype=np.intp), np.empty((len(c) * _MOST_CUTS, 3))
     cuts, point, count = np.empty(_MOST_CUTS), np.empty(2), 0
@@ -117,6 +142,7 @@ def possible(c: Array, m: Array, force: Array, turns: Array, leg: Leg) -> tuple[
         for j in range(found - 1):
             if cuts[j] == cuts[j + 1]:
                 continue
+            # Between two neighbouring cuts the answer does not change: one position in the middle speaks for all.
             middle = 0.5 * (cuts[j + 1] + cuts[j])
             point[0], point[1] = start[0] + middle * travel[0], start[1] + middle * travel[1]
             met = _met(line, point, leg, 0.0)
@@ -125,6 +151,7 @@ def possible(c: Array, m: Array, force: Array, turns: Array, leg: Leg) -> tuple[
                 shares[count, 0], shares[count, 1], shares[count, 2] = cuts[j], cuts[j + 1], middle
                 count += 1
         point[0], point[1] = start[0] + travel[0], start[1] + travel[1]
+        # Contact at the very end of the leg has no stretch, and would be missed by all middles.
         if not met and _met(line, point, leg, _AT_END * leg.size):
             rows[count] = k
             shares[count] = 1.0
@@ -137,6 +164,7 @@ def _near(line: Line, leg: Leg) -> bool:
     """Whether a leg comes within reach of a pair in both coordinates."""
     c, m, start, travel = line.c, line.m, leg.start, leg.travel
     longest = max(math.sqrt(m[0, 0] ** 2 + m[0, 1] ** 2), math.sqrt(m[1, 0] ** 2 + m[1, 1] ** 2))
+    # A little farther than any point of the pair can be: pairs that are left out surely do not meet.
     reach = leg.radius + longest * (1.0 + 1e-9) + 1e-6 * leg.size
     for axis in range(2):
         one, other = start[axis], start[axis] + travel[axis]
@@ -156,10 +184,12 @@ def _crossings(line: Line, leg: Leg, cuts: Array) -> int:
     cuts[0], cuts[1], found = 0.0, 1.0, 2
     for i in range(2):
         length = math.sqrt(m[i, 0] ** 2 + m[i, 1] ** 2)
+        # The corners of the ball's square about the corner of a section: circles of its own arm, and their extremes.
         for x, y in _SIGNS:
             found = _circle(c[i, 0] + r * x, c[i, 1] + r * y, length, leg, cuts, found)
             found = _level(1.0, 0.0, c[i, 0] + r * x + length * y, leg, cuts, found)
             found = _level(0.0, 1.0, c[i, 1] + r * x + length * y, leg, cuts, found)
+    # The line at either end of the cone: its two ends, and the line itself, moved by the ball.
     for turn in turns:
         ax, ay, bx, by = _ends(c, m, turn)
         nx, ny = _across(bx - ax, by - ay)
@@ -168,12 +198,14 @@ def _crossings(line: Line, leg: Leg, cuts: Array) -> int:
                 found = _level(1.0, 0.0, x + sign * r, leg, cuts, found)
                 found = _level(0.0, 1.0, y + sign * r, leg, cuts, found)
             found = _level(nx, ny, nx * ax + ny * ay + sign * (r * (abs(nx) + abs(ny))), leg, cuts, found)
+    # The turning edge: perpendicular distance from the corner decides, a circle about it.
     if m[0, 0] != m[1, 0] or m[0, 1] != m[1, 1]:
         found = _level(-force[1], force[0], c[0, 1] * force[0] - c[0, 0] * force[1], leg, cuts, found)
         nx, ny = _across(m[1, 0] - m[0, 0], m[1, 1] - m[0, 1])
         distance = abs(nx * m[0, 0] + ny * m[0, 1])
         for x, y in _SIGNS:
             found = _circle(c[0, 0] + r * x, c[0, 1] + r * y, distance, leg, cuts, found)
+    # A fixed edge: the turning corner is on it at the extremes of its circle.
     else:
         nx, ny = _across(c[1, 0] - c[0, 0], c[1, 1] - c[0, 1])
         length = math.sqrt(m[0, 0] ** 2 + m[0, 1] ** 2)
@@ -188,6 +220,7 @@ def _level(nx: float, ny: float, level: float, leg: Leg, cuts: Array, found: int
     """Adds the share at which n·Φ₀ has a value."""
     start, travel = leg.start, leg.travel
     rate = nx * travel[0] + ny * travel[1]
+    # A leg at rest, or along the level, does not cross it.
     if abs(rate) <= 1e-300:
         return found
     return _added((level - (nx * start[0] + ny * start[1])) / rate, cuts, found)
@@ -254,6 +287,7 @@ def _met(line: Line, point: Array, leg: Leg, slack: float) -> bool:
     breaks = _breaks(line, point, leg.radius)
     last = math.nan
     for k in range(len(breaks) - 1 if slack == 0.0 else len(breaks)):
+        # Breaks bound intervals of turns on which the answer is one: their middles tell it, or themselves with slack.
         turn = 0.5 * (breaks[k + 1] + breaks[k]) if slack == 0.0 else breaks[k]
         if turn != last and _meets(line, turn, point, leg, slack):
             return True
@@ -268,9 +302,11 @@ def _meets(line: Line, turn: float, point: Array, leg: Leg, slack: float) -> boo
     ax, ay, bx, by = _ends(line.c, line.m, turn)
     ax, ay, bx, by = ax - point[0], ay - point[1], bx - point[0], by - point[1]
     reach = radius + _ROUNDING * size + slack
+    # The box of the segment misses the square of the ball: a quick no.
     if min(ax, bx) > reach or min(ay, by) > reach or max(ax, bx) < -reach or max(ay, by) < -reach:
         return False
     nx, ny = ay - by, bx - ax
+    # The square's support across the line: r (|n_x| + |n_y|), as the ball is in the maximum norm.
     level = abs(ax * nx + ay * ny) - radius * (abs(nx) + abs(ny))
     return bool(level <= (_ROUNDING * size + slack) * math.sqrt(nx * nx + ny * ny))
 
@@ -295,6 +331,7 @@ def _breaks(line: Line, point: Array, r: float) -> Array:
         else:
             along, across = nx * m[0, 0] + ny * m[0, 1], ny * m[0, 0] - nx * m[0, 1]
             found = _turns_of(along, across, x * nx + y * ny, turns, breaks, found)
+        # A ball of no radius has one corner.
         if r == 0.0:
             break
     return breaks[:found]
@@ -307,7 +344,9 @@ def _turns_of(A: float, B: float, C: float, turns: Array, breaks: Array, found: 
     for sign in (-1.0, 1.0):
         turn = turns[0]
         if size > 0.0 and abs(C / size) <= 1.0:
+            # Both solutions of a cos + b sin = c, reduced to ±π.
             turn = math.atan2(B, A) + sign * math.acos(C / size)
             turn -= 2.0 * math.pi * math.floor(turn / (2.0 * math.pi) + 0.5)
+        # Held to the range allowed, where it repeats an end and is passed over.
         found = _sorted_in(min(max(turn, turns[0]), turns[1]), breaks, found)
     return found

@@ -104,6 +104,7 @@ def answered(found: Answer, box: ArrayLike, rho: float) -> Mapping:
     """
     movers: list[Body] = [(found.moving.ref.object, found.moving.whole)]
     standing: list[Body] = [(found.fixed.ref.object, found.fixed.whole)]
+    # Where operands are exchanged, what stands in the workcell moves against operand 2 with operand 1.
     (movers if found.exchanged else standing).extend((other.name, other.solid) for other in found.obstacles)
     operands, speed = (found.moving.true, found.fixed.solid), found.task.specification.speed
     return task_mapping(Task(*operands, found.P0, found.PT, box, speed, rho, movers, standing))
@@ -149,6 +150,7 @@ def task_mapping(task: Task) -> Mapping:
         InterferenceError: the motion meets something, on the planes or off them.
     """
     planes = plane_diagrams(task.moving, task.fixed, task.start, task.goal, task.box)
+    # A margin for the whole part: any point of it may stray by so much, in any direction.
     margin = _strayed(task.moving, task.box)
     path = nominal_path(task, planes, margin)
     clear = free_until(*task.bodies, path, margin) if np.any(path.nodes[0, 3:] != path.nodes[-1, 3:]) else 0.0
@@ -158,7 +160,13 @@ def task_mapping(task: Task) -> Mapping:
 def plane_diagrams(
     moving: Solid, fixed: Solid, start: ArrayLike, goal: ArrayLike, box: ArrayLike
 ) -> tuple[PlaneDiagrams, ...]:
-    """G, the sections of operand 1 and GE on the three planes (m); arguments as for `Task`."""
+    """G, the sections of operand 1 and GE on the three planes (m).
+
+    Args:
+        moving, fixed: operands 1 and 2, each in its own frame.
+        start, goal: (6,), poses of operand 1 in the frame of operand 2, m and rotation vector in rad.
+        box: (6,), half-widths of the pose error, m and rad.
+    """
     P = np.asarray(goal, dtype=np.float64)
     first = nearest_branch(np.asarray(start, dtype=np.float64)[3:], P[3:])
     turned = moved(moving, Pose(np.zeros(3), exp(P[3:])))
@@ -173,6 +181,7 @@ def plane_diagrams(
         if upright and np.any(first != P[3:]):
             turning = expanded_over(G, moving, zone.plane, first, P[3:])
             starting = expanded(G, [section_at(moving, zone.plane, first)])
+        # In most parts x-z and y-z look alike: one expansion serves both.
         alike = (one.expanded for one in found if same(one.fixed, G) and same(one.sections[0][0], seated))
         found.append(PlaneDiagrams(zone, G, sections, next(alike, None) or expanded(G, [seated]), turning, starting))
     return tuple(found)
@@ -198,10 +207,12 @@ def nominal_path(task: Task, planes: Sequence[PlaneDiagrams], margin: float) -> 
     """
     first, last = np.asarray(task.start, dtype=np.float64), np.asarray(task.goal, dtype=np.float64)
     bodies, speed, rho = task.bodies, task.speed, task.rho
+    # Twice the sagitta: polygons around round surfaces may be proud of them by so much on either side.
     room = _ROOM * margin + 2.0 * sum(sagitta(solid) for side in bodies for _, solid in side)
 
     def free(nodes: Sequence[Array], leg: int) -> NominalTrajectory:
         path = through(nodes, first[3:], last[3:], speed, rho, (leg, 1.0))
+        # It still turns where the mouth is within reach: then it turns on half the leg.
         if np.any(path.nodes[0, 3:] != path.nodes[-1, 3:]) and free_until(*bodies, path, margin) < path.times[leg + 1]:
             path = through(nodes, first[3:], last[3:], speed, rho, (leg, _TURN_EARLY))
         checked(*bodies, path)
@@ -216,6 +227,7 @@ def nominal_path(task: Task, planes: Sequence[PlaneDiagrams], margin: float) -> 
         try:
             return free(*turning_nodes(first[:3], last[:3], sights, _TURNING_ROOM * room))
         except (GeometryError, InterferenceError) as error:
+            # What a motion meets says more than that there is no path.
             raise (failure if isinstance(failure, InterferenceError) else error) from error
 
 
@@ -250,8 +262,10 @@ def _levels(turned: Solid) -> list[tuple[Region, tuple[float, float]]]:
     kept = heights[np.concatenate([[True], np.diff(heights) > _LEVEL])]
     found: list[tuple[Region, tuple[float, float]]] = []
     for low, high in pairwise(kept.tolist()):
+        # Just inside the stretch: at its ends sections jump.
         inset = _INSIDE * (high - low)
         ends = [_across(turned, z) for z in (low + inset, high - inset)]
+        # Between two levels of corners sections of a prism are one.
         same = abs(ends[0].area - ends[1].area) <= 1e-9 * max(ends[0].area, ends[1].area)
         found += [(end, (low, high)) for end in (ends[:1] if same else ends)]
     return found

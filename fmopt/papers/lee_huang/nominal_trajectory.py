@@ -130,19 +130,27 @@ def through(
     if not (0 <= leg < len(points) - 1 and 0.0 < share <= 1.0):
         raise ValueError(f"a part cannot turn on the share {share} of leg {leg} of {len(points) - 1}")
     last = np.asarray(goal_turn, dtype=np.float64)
+    # Of all rotation vectors of one rotation the nearest, or the part would turn the long way round.
     first = nearest_branch(np.asarray(start_turn, dtype=np.float64), last)
     nodes = [np.concatenate([point, first if k <= leg else last]) for k, point in enumerate(points)]
     if share < 1.0 and np.any(first != last):
         nodes.insert(leg + 1, np.concatenate([points[leg] + share * (points[leg + 1] - points[leg]), last]))
     steps = np.diff(nodes, axis=0)
+    # Turning takes time by how far a point ρ away moves.
     lengths = [float(np.hypot(np.linalg.norm(d[:3]), rho * np.linalg.norm(d[3:]))) for d in steps]
+    # Nodes of no length are left out: times have to grow.
     kept = [nodes[0], *(node for node, length in zip(nodes[1:], lengths, strict=True) if length > 0.0)]
     times = np.cumsum([length for length in lengths if length > 0.0]) / speed
     return NominalTrajectory(np.array(kept), np.concatenate([[0.0], times]))
 
 
 def nearest_branch(r: Array, target: Array) -> Array:
-    """Of the rotation vectors (3,) r + 2πk r/|r| that mean one rotation, the one nearest to `target` (3,), rad."""
+    """Of the rotation vectors r + 2πk r/|r| that mean one rotation, the one nearest to `target`, (3,) in rad.
+
+    Args:
+        r: (3,), rad; 0 is returned as it is, as it has no axis to turn on about.
+        target: (3,), rad.
+    """
     angle = float(np.linalg.norm(r))
     if angle == 0.0:
         return r
@@ -190,10 +198,12 @@ def intervals(stops: Stops, duration: float, blur: float) -> tuple[FreedomInterv
         duration: T, s.
         blur: s; ends nearer than this cannot be told apart: starts among them move to the first, ends to the last.
     """
+    # Cells are between all ends; ends that rounding alone tells apart are one.
     ends = np.unique(np.concatenate([[0.0, duration], stops.start, stops.end]))
     opens = np.concatenate([[True], np.diff(ends) > blur])
     group = np.cumsum(opens) - 1
     first, last = ends[opens], ends[np.append(opens[1:], True)]
+    # What only the goal touches has no cell of its own, and gets one of no length at T.
     late = stops.start >= duration * (1.0 - _AT_GOAL)
     start = np.where(late, duration, first[group[np.searchsorted(ends, stops.start)]])
     end = last[group[np.searchsorted(ends, stops.end)]]
@@ -202,6 +212,7 @@ def intervals(stops: Stops, duration: float, blur: float) -> tuple[FreedomInterv
     t = 0.5 * (cuts[:-1] + cuts[1:])
     on = (start[:, None] <= t) & (t <= end[:, None])
     plus, minus = np.moveaxis((on.T.astype(int) @ stops.bits.reshape(-1, 12)).reshape(-1, 6, 2) > 0, 2, 0)
+    # Stopped both ways is 2, one way its sign, not at all 0.
     values = np.where(plus & minus, 2, plus.astype(int) - minus)
     begins = np.flatnonzero(np.concatenate([[True], np.any(values[1:] != values[:-1], axis=1)]))
     edges = np.append(cuts[begins], duration).tolist()
@@ -246,6 +257,7 @@ def critical_poses(moving: Part, fixed: Part, path: NominalTrajectory, reach: fl
     """
     events: list[_Event] = []
     for (one, t0), (other, t1) in pairwise(zip(path.nodes, path.times, strict=True)):
+        # Critical poses are of straight legs along the axis: a turn has no passing of levels.
         if np.array_equal(one[3:], other[3:]) and one[2] != other[2]:
             events += _leg_events(moving.polyhedron, fixed.polyhedron, one, other, (float(t0), float(t1)), reach)
     end = path.duration
@@ -270,10 +282,12 @@ def _leg_events(
         inside = [z for z, _ in passes if min(p[2], q[2]) < z < max(p[2], q[2])]
         stops = sorted([*inside, p[2], q[2]])
         probes = (p + (z - p[2]) / travel * (q - p) for z in [*stops, *(0.5 * (u + v) for u, v in pairwise(stops))])
+        # Walls that stay farther apart than `reach` all the way touch at no error either.
         if all(abs(_gap(turned, own, fixed, wall, probe)) > reach for probe in probes):
             continue
         for z, at_entry in passes:
             share = (z - p[2]) / travel
+            # With a little room for levels at the very ends of the leg.
             if share * abs(travel) >= -_SAME and (share - 1.0) * abs(travel) <= _SAME:
                 yield _Event(times[0] + share * (times[1] - times[0]), at_entry)
 

@@ -98,6 +98,8 @@ def freedom_on_planes(
     for k in range(len(path.times) - 1):
         end = float(path.times[k + 1])
         if np.abs(path.nodes[k : k + 2, 3:] - path.nodes[-1, 3:]).max() > _SAME:
+            # While it turns, sections are not those of the goal: no contact is said of it, so that it has to be clear
+            # then.
             if end > free_until + _BLUR * path.duration:
                 _refuse(end, free_until)
             continue
@@ -125,6 +127,7 @@ def _stops(view: View, path: NominalTrajectory, k: int, reach: tuple[float, floa
     for one in view.moving:
         low, high = 0.0, 1.0
         if one.heights is not None:
+            # A stretch of operand 1 counts while it is in the plane of the mouth, errors of height and tilt included.
             low, high = _within(one, path.nodes[k : k + 2, 2], reach)
         if low <= high:
             leg = Leg(a, b - a, view.zone.radius, view.zone.half_angle, max(one.section.size, 1e-9))
@@ -152,6 +155,7 @@ def _bits(view: View, stops: Bits) -> Bits:
     plane = view.zone.plane
     bits = np.zeros((len(stops), 6, 2), dtype=bool)
     bits[:, plane.u], bits[:, plane.v] = stops[:, 0:2], stops[:, 2:4]
+    # A turn about y is counted from z to x, on x-z from x to z.
     bits[:, plane.turn] = stops[:, 4:6] if plane.sense > 0 else stops[:, [5, 4]]
     return bits
 
@@ -196,6 +200,7 @@ def _lines(moving: Diagram, fixed: Diagram, half_angle: float) -> Lines:
     own_edge, own_corner, *own_turns = _meeting(moving, fixed, 1.0, half_angle)
     radii = np.repeat([arc.radius for arc in moving.arcs], len(fixed.edges))
     normals = np.tile(fixed.normals, (len(moving.arcs), 1))
+    # A circle touches an edge where its centre lies on the edge moved out by the radius.
     pushed = np.tile(fixed.ends, (len(moving.arcs), 1, 1)) + radii[:, None, None] * normals[:, None]
     twice = np.array([1, 1])
     return Lines(
@@ -221,6 +226,7 @@ def _meeting(one: Diagram, other: Diagram, sense: float, half_angle: float) -> t
     """
     angle = np.arctan2(-one.normals[:, 1], -one.normals[:, 0])
     away = angle[:, None] - other.fans[:, 0]
+    # The opposite normal lies in the corner's fan for some turn: angles are compared on one branch.
     from_first = away - 2.0 * math.pi * np.round(away / (2.0 * math.pi))
     ends = np.sort([-sense * from_first, sense * (other.fans[:, 1] - from_first)], axis=0)
     shifts = 2.0 * math.pi * np.array([0.0, 1.0, -1.0])[:, None, None]
@@ -238,6 +244,7 @@ def _rounds(arc: Arc, fixed: Diagram) -> Iterator[_Round]:
         for first, opening in _quarters(corner.first, corner.opening):
             yield _Round(np.array(corner.point), arc.radius, first, opening, arc.radius)
     for other in fixed.arcs:
+        # A smaller circle touches a hollow one from inside, at the difference of the radii; a larger one not at all.
         reach = other.radius - arc.radius if other.hollow else other.radius + arc.radius
         if reach > 0.0:
             for first, opening in _quarters(other.first, other.opening):
@@ -283,6 +290,7 @@ class _Round(Value):
         for axis in (0, 1):
             cuts.append(leg.on_level(np.eye(2)[axis], (ends[:, axis, None] + np.array([-r, r])).ravel()))
         inside = np.concatenate(cuts)
+        # Cuts of the leg where the answer may change; between them it is asked once, in the middle.
         shares = np.unique(np.concatenate([[0.0, 1.0], inside[(inside > 0.0) & (inside < 1.0)]]))
         middle = 0.5 * (shares[1:] + shares[:-1])
         met = self._met(leg.at(middle), r + _ROUNDING * leg.size)
@@ -301,6 +309,7 @@ class _Round(Value):
         ends = self._points(np.array([0.0, 1.0]))
         low, high = np.sort(ends, axis=0)
         u = np.clip(np.column_stack([points[:, 0] - reach, points[:, 0] + reach]), low[0], high[0])
+        # On a quarter arc v is a monotonic function of u, so that the square's ends bound it.
         rising = np.sqrt(np.maximum(self.reach**2 - (u - self.centre[0]) ** 2, 0.0))
         v = self.centre[1] + (1.0 if math.sin(self.first + 0.5 * self.opening) >= 0.0 else -1.0) * rising
         meets = (points[:, 0] - reach <= high[0]) & (points[:, 0] + reach >= low[0])
@@ -308,7 +317,14 @@ class _Round(Value):
 
 
 def stops(force: Array, arm: Array, size: float) -> Bits:
-    """The motions (n, 6), u+, u−, v+, v−, ψ+, ψ−, that forces (n, 2) at `arm` (n, 2), m from the centre, stop."""
+    """The motions (n, 6), u+, u−, v+, v−, ψ+, ψ−, that forces stop.
+
+    Args:
+        force: (n, 2), unit vectors on operand 1.
+        arm: (n, 2), from the nominal centre to where they act, m.
+        size: m, to compare torques with forces.
+    """
+    # Torque over size is a force, so that one threshold serves all three.
     torque = (arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]) / size
     value = np.column_stack([force, torque])
     return np.stack([value < -_STILL, value > _STILL], axis=2).reshape(-1, 6)

@@ -51,10 +51,10 @@ from fmopt.papers.lee_huang.uncertainty_zone import Plane
 from fmopt.spatial.se3 import Pose, exp
 from fmopt.spatial.values import Array
 
-_RELATIVE = 1e-6
+_RELATIVE = 1e-6  # of the larger size, where no tolerance is given
 
-_CENTRED = 1e-14
-_END = 1e-9
+_CENTRED = 1e-14  # of the radius: an arc so nearly about the origin keeps its distance
+_END = 1e-9  # of the parameter
 
 _STEP = 0.05  # rad, between orientations of a turn out of the plane
 _IN_PLANE = 1e-12  # rad
@@ -77,6 +77,7 @@ def expanded(G: Region, sections: Sequence[Region], tolerance: float | None = No
     if G.empty or not solid:
         return G
     room = _RELATIVE * max(G.size, *(section.size for section in solid)) if tolerance is None else tolerance
+    # −section: the nominal centre shrinks to a point as G grows by the mirror image of what is around it.
     return union([minkowski_sum(G, section.moved(-np.eye(2), (0.0, 0.0)), room) for section in solid])
 
 
@@ -116,12 +117,14 @@ def turn_swept(region: Region, first: float, last: float) -> Region:
     """
     if region.empty:
         return region
+    # A full turn is the most there is; more would count the same points again.
     sweep = min(last - first, math.tau)
     begin = turned(region, first)
     if sweep <= 0.0:
         return begin
     curves = [*begin.curves, *turned(region, first + sweep).curves]
     for curve in begin.curves:
+        # Pieces along which the distance from the origin is monotonic sweep simple regions, whose union is all.
         for piece in _pieces(curve):
             curves += _swept(piece, sweep)
     return positive(curves)
@@ -141,6 +144,7 @@ def _pieces(curve: Curve) -> list[Curve]:
         case Arc():
             x, y = curve.centre
             if math.hypot(x, y) <= _CENTRED * curve.radius:
+                # About the origin itself the arc sweeps along itself.
                 return []
             shares = [curve.share(math.atan2(y, x) + turn) for turn in (0.0, math.pi)]
             stops = [share for share in shares if share is not None]
@@ -155,6 +159,7 @@ def _turning_points(conic: ConicArc) -> list[float]:
 
     p·p′ = 0: with p = X/ω that is X·X′ ω − X·X ω′ = 0, whose terms in t⁵ cancel.
     """
+    # d/dt of (x² + y²)/w² vanishes where (x² + y²)′ w = 2 (x² + y²) w′.
     x, y, w = conic.homogeneous.T
     square = np.convolve(x, x) + np.convolve(y, y)
     rate = np.polynomial.polynomial.polyder(square)
@@ -165,6 +170,7 @@ def _turning_points(conic: ConicArc) -> list[float]:
 
 def _swept(piece: Curve, sweep: float) -> list[Curve]:
     """The loop round what a piece sweeps counter-clockwise."""
+    # Outward first, then along the circle: the loop has the swept region on its left.
     outward = piece if float(np.hypot(*piece.last)) > float(np.hypot(*piece.first)) else piece.reversed()
     back = outward.moved(_rotation(sweep), (0.0, 0.0)).reversed()
     return [outward, *_circle(outward.last, sweep), back, *_circle(back.last, -sweep)]
@@ -182,12 +188,18 @@ def frame(plane: Plane) -> Pose:
 
 
 def section_at(moving: Solid, plane: Plane, turn: Array) -> Region:
-    """The section of operand 1, turned by a rotation vector (3,), by the plane through its nominal centre.
+    """The section of operand 1, turned, by the plane through its nominal centre.
 
     Where the plane runs in a face of it, the section is that on the side of the body.
+
+    Args:
+        moving: operand 1 in its own frame.
+        plane: which of the three.
+        turn: rotation vector (3,), rad.
     """
     turned = Placed(moving, Pose(np.zeros(3), exp(turn)))
     found = cut_diagram(turned, frame(plane))
+    # In a face of operand 1 the section is that of the side where its body is.
     return found if not found.empty else union([section_limit(turned, frame(plane), side) for side in _SIDES])
 
 
@@ -206,9 +218,11 @@ def expanded_over(G: Region, moving: Solid, plane: Plane, first: Array, last: Ar
     """
     normal = np.eye(3)[plane.turn - 3]
     across = np.array([turn - (turn @ normal) * normal for turn in (first, last)])
+    # A turn about the plane's own normal leaves the section as it is, turned in the plane: exact.
     if np.abs(across).max() <= _IN_PLANE:
         interval = sorted([0.0, plane.sense * float((first - last) @ normal)])
         return expanded_turning(G, [section_at(moving, plane, last)], (interval[0], interval[1]))
+    # Other turns change the section: hulls between neighbouring orientations hold it, nearly.
     count = max(1, math.ceil(float(np.linalg.norm(last - first)) / _STEP))
     turns = [Pose(np.zeros(3), exp(first + share * (last - first))) for share in np.linspace(0.0, 1.0, count + 1)]
     swept = [_swept_over(body, plane, turns) for body in pieces(enclosing(moving))]
@@ -243,12 +257,14 @@ def enclosing(solid: Solid, outward: bool = True) -> Solid:
     """
     match solid:
         case Cylinder(radius, _, sides):
+            # The polygon's inner radius is the true radius: what moves is enclosed.
             return replace(solid, radius=radius / math.cos(math.pi / sides)) if outward else solid
         case Cone(bottom, top, _, sides):
             grown = 1.0 / math.cos(math.pi / sides)
             return replace(solid, radius_bottom=bottom * grown, radius_top=top * grown) if outward else solid
         case Sphere(radius, _):
             inner = float(np.min(convex_polyhedron(solid, Pose.identity()).offsets))
+            # Scaled so that the nearest facet is at the radius.
             return replace(solid, radius=radius * radius / inner) if outward else solid
         case Box() | Prism() | Wedge() | Hull():
             return solid
@@ -259,6 +275,7 @@ def enclosing(solid: Solid, outward: bool = True) -> Solid:
             bodies = tuple(enclosing(part, outward) for part in parts)
             return solid if _same(bodies, parts) else Union(bodies)
         case Difference(base, tools):
+            # What is taken away has to be enclosed from within: material may only grow.
             body, cuts = enclosing(base, outward), tuple(enclosing(tool, not outward) for tool in tools)
             return solid if _same((body, *cuts), (base, *tools)) else Difference(body, cuts)
         case _:
@@ -292,7 +309,12 @@ def grown(solid: Solid) -> float:
 
 
 def finer(solid: Solid, sides: int) -> Solid:
-    """The solid with at least so many sides for each cylinder and cone; spheres, whose faces are many, as they are."""
+    """The solid with at least so many sides for each cylinder and cone; spheres, whose faces are many, as they are.
+
+    Args:
+        solid: any tree of it.
+        sides: the least number.
+    """
     match solid:
         case Cylinder() | Cone():
             return replace(solid, sides=max(solid.sides, sides))

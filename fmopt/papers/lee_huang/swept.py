@@ -88,6 +88,7 @@ def meetings(moving: Sequence[Body], fixed: Sequence[Body], path: NominalTraject
         for name, others in standing:
             legs = (_on_leg(bodies, others, path, k) for k in range(len(path.times) - 1))
             first = next((hit for hit in legs if hit is not None), None)
+            # Legs are looked at in order: the first meeting is what is told.
             if first is not None:
                 found.append(_meeting(mover, name, first, path))
     return tuple(sorted(found, key=lambda meeting: (meeting.time, meeting.moving, meeting.fixed)))
@@ -99,6 +100,10 @@ def checked(moving: Sequence[Body], fixed: Sequence[Body], path: NominalTrajecto
     Polygons around round surfaces may meet where the surfaces themselves pass: such a meeting, not deeper than the
     polygons are proud, is looked at again with more sides, up to 384.
 
+    Args:
+        moving, fixed: what operand 1 carries, in its frame, and what stands, in that of operand 2.
+        path: nominal motion of operand 1 in the frame of operand 2.
+
     Raises:
         InterferenceError: it does; names the bodies, the time, the place, and whether a cut-diagram shows it.
     """
@@ -109,6 +114,7 @@ def checked(moving: Sequence[Body], fixed: Sequence[Body], path: NominalTrajecto
             max((grown(solid) for name, solid in side if name in names), default=0.0)
             for side, names in zip((moving, fixed), met, strict=True)
         )
+        # Deeper than polygons are proud of the true surfaces: more sides would not undo it.
         if not found or found[0].depth > proud or proud <= 0.0:
             break
         moving, fixed = (
@@ -147,8 +153,10 @@ def free_until(moving: Sequence[Body], fixed: Sequence[Body], path: NominalTraje
 def _keeps(stretch: _Stretch, other: _Piece, margin: float) -> bool:
     """Whether a stretch is shown to keep its distance, halved until its stray is small against it."""
     stray = stretch.stray
+    # Every point of the piece is within its stray of the hull of both ends.
     if stretch.overlap(other, margin + stray) <= -(margin + stray):
         return True
+    # Small stray and still not clear: halving further would not show more.
     return stray > 0.1 * margin and all(_keeps(half, other, margin) for half in stretch.halves())
 
 
@@ -201,6 +209,7 @@ class _Piece(Value):
             return _Piece(body, body.normals, np.zeros((0, 3)))
         start, end = body.vertices[np.array([edge.vertices for edge in body.edges]).T]
         along = (end - start) / np.linalg.norm(end - start, axis=1)[:, None]
+        # Edges of opposite sense are one direction: their signs are made alike.
         along *= np.sign(along[np.arange(len(along)), np.argmax(np.abs(along) > 1e-9, axis=1)])[:, None]
         kept = np.unique(np.round(along, 9), axis=0, return_index=True)[1]
         return _Piece(body, body.normals, along[kept])
@@ -262,11 +271,13 @@ class _Stretch(Value):
         if round_:
             normals = np.vstack([normals, *(towards(other.body, centre) for centre in points)])
         least = _least(points, still, normals) + round_
+        # Apart along a face's normal: no cross products needed.
         if least <= -enough:
             return least
         travel = self.path.at(self.span[1])[:3] - self.path.at(self.span[0])[:3]
         travel = travel / (np.linalg.norm(travel) or 1.0)
         along = np.vstack([*(self.piece.along @ R for R in turned), travel])
+        # Minkowski's theorem: faces of the sum of two polytopes are faces of either, or spanned by an edge of each.
         crossed = np.vstack([cross(along[:, None], other.along[None]).reshape(-1, 3), cross(along, travel)])
         length = np.linalg.norm(crossed, axis=1)
         axes = crossed[length > 1e-9] / length[length > 1e-9, None]
@@ -298,6 +309,7 @@ def _first(stretch: _Stretch, other: _Piece) -> _Hit | None:
     free = stray if stray > 0.0 else -_TOUCH
     if stretch.overlap(other, free) <= -free:
         return None
+    # Still overlapping, with nothing left to halve: it counts as a meeting.
     if stray <= _CLOSE:
         return _Hit(_begin(stretch, other), stretch.piece.body, other.body)
     early, late = stretch.halves()
@@ -309,6 +321,7 @@ def _begin(stretch: _Stretch, other: _Piece) -> float:
     free, met = stretch.span
     while met - free > 1e-9 * (stretch.span[1] - stretch.span[0]):
         middle = 0.5 * (free + met)
+        # From the start on: the swept hull grows, so that meeting is monotonic in its end.
         part = replace(stretch, span=(stretch.span[0], middle))
         enough = part.stray if part.stray > 0.0 else -_TOUCH
         overlap = part.overlap(other, enough) > -enough
@@ -320,6 +333,7 @@ def _meeting(mover: str, name: str, hit: _Hit, path: NominalTrajectory) -> Meeti
     """The record of a first meeting, with a point in the middle of the common part when it is deepest on that leg."""
     k = int(np.clip(np.searchsorted(path.times, hit.time, side="right") - 1, 0, len(path.times) - 2))
     end = float(path.times[k + 1])
+    # Just after the meeting as well as later: the deepest place may come soon or late.
     times = [hit.time + share * (end - hit.time) for share in (1e-3, 1e-2, 0.1, 0.25, 0.5, 0.75, 1.0)]
     bodies = [placed(hit.body, path.pose(t)) for t in times]
     depths = [penetration(body, hit.other) for body in bodies]

@@ -45,11 +45,17 @@ class SymbolicCurve:
 
     def bounds(self, values: Mapping[Expression, float]) -> bool:
         """Whether the curve bounds the section, given numbers for all symbols."""
+        # All branches are evaluated, the ones that do not hold as well; those may divide by zero.
         with np.errstate(divide="ignore", invalid="ignore"):  # what else is asked of a curve that is not there
             return bool(_value(self.present, dict(values)))
 
     def points(self, t: ArrayLike, values: Mapping[Expression, float]) -> Array:
-        """Points (…, 2) in m at parameters (…), given numbers for all symbols; the curve must bound the section."""
+        """Points (…, 2) in m at parameters (…), given numbers for all symbols; the curve must bound the section.
+
+        Args:
+            t: (…), parameters of the curve.
+            values: a number for every symbol but that parameter, SI.
+        """
         t = np.asarray(t, dtype=np.float64)
         known = {**values, T: t}
         return np.stack([np.broadcast_to(_value(part, known), t.shape) for part in (self.u, self.v)], axis=-1)
@@ -83,17 +89,28 @@ Shape: TypeAlias = Faces | Round | Ball
 
 def box(x: Expression, y: Expression, z: Expression) -> Faces:
     """The box of `fmopt.geometry.csg.Box`, its size in m."""
+    # A wedge whose top is as long as its base.
     return wedge(x, y, z, x)
 
 
 def wedge(x: Expression, y: Expression, z: Expression, top_x: Expression) -> Faces:
-    """The wedge of `fmopt.geometry.csg.Wedge`: its size and the length of its top in m."""
+    """The wedge of `fmopt.geometry.csg.Wedge`.
+
+    Args:
+        x, y, z: full widths, m.
+        top_x: width along x at its top, m.
+    """
     sides = [(-1, 0, 0, x / 2), (0, -1, 0, y / 2), (0, 1, 0, y / 2), (z, 0, x - top_x, z * x / 2)]
     return Faces((*_caps(z), *sides))
 
 
 def prism(polygon: Sequence[tuple[Expression, Expression]], height: Expression) -> Faces:
-    """The prism of `fmopt.geometry.csg.Prism`: corners counter-clockwise, and height, in m."""
+    """The prism of `fmopt.geometry.csg.Prism`.
+
+    Args:
+        polygon: corners (x, y) counter-clockwise, m.
+        height: along z, m.
+    """
     ends = zip(polygon, [*polygon[1:], polygon[0]], strict=True)
     sides = [(by - ay, ax - bx, 0, (by - ay) * ax + (ax - bx) * ay) for (ax, ay), (bx, by) in ends]
     return Faces((*_caps(height), *sides))
@@ -168,6 +185,7 @@ def _polygon(rows: Sequence[Sequence[Expression]], R: sympy.Matrix, p: sympy.Mat
     for k, (x, y, o) in enumerate(planes):
         square = x**2 + y**2
         if square.is_zero:
+            # A face along z is cut by no line: it has no curve.
             continue
         others = [other for g, other in enumerate(planes) if g != k]
         first, last, wide = _span([(go - (gx * x + gy * y) * o / square, gx * y - gy * x) for gx, gy, go in others])
@@ -186,6 +204,7 @@ def _span(lines: Sequence[tuple[Expression, Expression]]) -> tuple[Expression, E
     high = [_bound(_root(c0, c1), _more(0, c1), sympy.oo) for c0, c1 in lines if not c1.is_zero]
     first, last = sympy.Max(*low, evaluate=False), sympy.Min(*high, evaluate=False)
     level = [sympy.Or(sympy.Ne(c1, 0, evaluate=False), _more(c0, 0), evaluate=False) for c0, c1 in lines]
+    # Unevaluated throughout: SymPy would try to decide inequalities of symbols, and does not come back.
     return first, last, sympy.And(*level, _more(last, first), evaluate=False)
 
 
@@ -244,6 +263,7 @@ def _slanted(instance: Round, R: sympy.Matrix, p: sympy.Matrix) -> tuple[Symboli
         u, v = (s * along[k] + (middle + w) * across[k] for k in range(2))
         return SymbolicCurve(u, v, when)
 
+    # cos² and sin² run from end to end with zero speed there, where the root has infinite slope.
     early, late = sympy.cos(sympy.pi * T / 2) ** 2, sympy.sin(sympy.pi * T / 2) ** 2
     forth, back = first * early + last * late, last * early + first * late
     chords = [(last, 2 * T - 1), (first, 1 - 2 * T)]
@@ -264,6 +284,7 @@ def _factors(c0: Expression, c1: Expression, s: Expression) -> tuple[Expression,
 
 def _value(expression: Expression, known: dict[Expression, Any]) -> Any:
     """The value of an expression by a closed table of node types; of a Piecewise only the branch that holds."""
+    # Each node once, as expressions share their parts; never by evaluation of text.
     if expression not in known:
         if expression.is_Number or expression is sympy.pi:
             known[expression] = float(expression)

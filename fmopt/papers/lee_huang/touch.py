@@ -59,9 +59,12 @@ class Body(Value):
         along = _unit(spans[:, 1] - spans[:, 0])
         count = range(len(polyhedron.vertices))
         spokes = [np.vstack([along[ends[:, 0] == v], -along[ends[:, 1] == v]]) for v in count]
+        # A ball has no edges: a zero spoke is at right angles to everything.
         spokes = [leaving if len(leaving) else np.zeros((1, 3)) for leaving in spokes]
         convex = np.array([edge.convex for edge in polyhedron.edges])
         n = polyhedron.normals[np.array([edge.faces for edge in polyhedron.edges])[convex]]
+        # In each face the direction at right angles to the edge: the other face's normal less its part along this
+        # one's.
         tangents = _unit(np.sum(n[:, :1] * n[:, 1:], axis=2, keepdims=True) * n - n[:, ::-1])
         plates = [(face.normal, plate) for face in polyhedron.faces for plate in _plates(polyhedron, face)]
         sides = [_unit(cross(normal, np.roll(plate, -1, axis=0) - plate)) for normal, plate in plates]
@@ -113,9 +116,11 @@ def candidates(moving: Body, fixed: Body, p: Array, R: Array, half_widths: Array
     """
     heed()
     D, theta = float(np.linalg.norm(half_widths[:3])), float(np.linalg.norm(half_widths[3:]))
+    # A little more than the error, for rounding.
     tilt = theta + 1e-9
 
     def near(one: Array, other: Array, radii: Array | float = 0.0) -> tuple[Indices, Indices, Indices]:
+        # Turned about the reference point, a feature farther away swings farther.
         grow = D + theta * np.linalg.norm(one, axis=2).max(axis=1)[:, None] + 1e-9 + np.reshape(radii, (-1, 1))
         turned = one @ R.T
         box = turned.min(axis=1) - grow, turned.max(axis=1) + grow
@@ -127,6 +132,7 @@ def candidates(moving: Body, fixed: Body, p: Array, R: Array, half_widths: Array
 
     vertices = near(moving.vertices[:, None], fixed.corners, moving.radii)
     _, i, j = vertices
+    # A vertex meets a plate from outside if no edge from it leads into the wall, tilts allowed.
     outside = _dot(moving.spokes[i] @ R.T, fixed.normals[j][:, None]).min(axis=1, initial=1.0) >= -tilt
     faces = near(moving.corners, fixed.vertices[:, None])
     _, i, j = faces
@@ -134,6 +140,7 @@ def candidates(moving: Body, fixed: Body, p: Array, R: Array, half_widths: Array
     edges = near(moving.edges, fixed.edges)
     _, i, j = edges
     outward = _outward(moving, fixed, R, i, j)
+    # The normal of two edges may have either sign: one of both has to separate their faces.
     crossed = np.minimum(-outward.min(axis=1, initial=1.0), outward.max(axis=1, initial=-1.0)) <= 2.0 * tilt
     crossed &= np.any(outward != 0.0, axis=1)
     parts = found(0, outside, vertices), found(1, around, faces), found(2, crossed, edges)
@@ -141,7 +148,15 @@ def candidates(moving: Body, fixed: Body, p: Array, R: Array, half_widths: Array
 
 
 def linear(items: Indices, moving: Body, fixed: Body, p: Array, R: Array, half_widths: Array) -> Linear:
-    """The candidates (n, 3) linearised in the pose error, each at its own nominal pose p (n, 3) and R (n, 3, 3)."""
+    """The candidates linearised in the pose error, each at its own nominal pose.
+
+    Args:
+        items: (n, 3), kind of the pair, number on `moving`, number on `fixed`.
+        moving, fixed: bodies of the operands.
+        p: (n, 3), nominal position, m.
+        R: (n, 3, 3), nominal orientation.
+        half_widths: box (6,) of the pose error, m and rad.
+    """
     D, theta = float(np.linalg.norm(half_widths[:3])), float(np.linalg.norm(half_widths[3:]))
     n, k = len(items), max(4, moving.corners.shape[1], fixed.corners.shape[1])
     made = Linear(*(np.zeros((n, *shape)) for shape in ((), (6,), (k,), (k, 6), (2,), (3,))))
@@ -151,6 +166,7 @@ def linear(items: Indices, moving: Body, fixed: Body, p: Array, R: Array, half_w
             continue
         _, i, j = items[which].T
         part = rows_of(moving, fixed, i, j, _At(p[which], R[which]), (D, theta))
+        # Kinds have different numbers of sides: the last one is repeated, which changes no minimum.
         pad = np.minimum(np.arange(k), part.heights.shape[1] - 1)
         made.distance[which], made.gradient[which], made.remainder[which] = part.distance, part.gradient, part.remainder
         made.heights[which], made.rows[which], made.arm[which] = part.heights[:, pad], part.rows[:, pad], part.arm
@@ -174,6 +190,7 @@ def _vertex_face(moving: Body, fixed: Body, i: Indices, j: Indices, at: _At, rea
         np.concatenate([normal, cross(arm, normal)], axis=1),
         _dot(inward, x - fixed.corners[j]),
         np.concatenate([inward, cross(arm[:, None], inward)], axis=2),
+        # A turn by ε moves an arm by ε × arm and at most ½ θ² |arm| more.
         np.repeat(0.5 * theta**2 * np.linalg.norm(arm, axis=1)[:, None], 2, axis=1),
         arm,
     )
@@ -201,6 +218,7 @@ def _edge_edge(moving: Body, fixed: Body, i: Indices, j: Indices, at: _At, reach
     """
     (p, R), (D, theta) = at, reach
     own, wall = _turned(R, moving.edges[i]), fixed.edges[j] - p[:, None]
+    # Run so that the normal leads out of the fixed part.
     flip = _outward(moving, fixed, R, i, j).sum(axis=1) < 0.0
     own[flip] = own[flip, ::-1]
     e, g = _unit(own[:, 1] - own[:, 0]), _unit(wall[:, 1] - wall[:, 0])
@@ -210,6 +228,7 @@ def _edge_edge(moving: Body, fixed: Body, i: Indices, j: Indices, at: _At, reach
     y, moment = cross(g, -wall[:, 0]), cross(own[:, 0], e)
     distance = (_dot(e, y) + _dot(g, moment)) / k
     across, beside = cross(g, m), cross(e, m)
+    # Each across-vector points along the other edge, so that heights are positive within it.
     across *= np.sign(_dot(across, e))[:, None]
     beside *= np.sign(_dot(beside, g))[:, None]
     heights, rows = np.empty((len(k), 4)), np.empty((len(k), 4, 6))
@@ -219,6 +238,7 @@ def _edge_edge(moving: Body, fixed: Body, i: Indices, j: Indices, at: _At, reach
         heights[:, 2 + end] = sign * _dot(beside, wall[:, end] - own[:, 0])
         rows[:, 2 + end] = sign * np.concatenate([-beside, cross(beside, wall[:, end])], axis=1)
     longest = np.linalg.norm(np.concatenate([own, wall], axis=1), axis=2).max(axis=1)
+    # Sides are measured off the nominal lines: both turn, and the foot moves by distance over the sine.
     of_sides = 0.5 * theta**2 * longest + D * theta + (np.abs(distance) + D + theta * longest) * theta / k
     of_lines = 0.5 * theta**2 * (np.linalg.norm(moment, axis=1) + np.linalg.norm(y, axis=1)) + D * theta
     return Linear(
@@ -246,6 +266,7 @@ def _outward(moving: Body, fixed: Body, R: Array, i: Indices, j: Indices) -> Arr
 
 def _meeting(one: tuple[Array, Array], other: tuple[Array, Array], shifts: Array) -> tuple[Indices, Indices, Indices]:
     """Which of the shifts (n, 3) of one, and the index pairs of the boxes (low, high) that overlap there."""
+    # One coarse comparison for all shifts first: most pairs of boxes never come together.
     i, j = np.nonzero(_overlap(one[0][:, None] + shifts.min(axis=0), one[1][:, None] + shifts.max(axis=0), *other))
     low, high, other = one[0][i], one[1][i], (other[0][j], other[1][j])
     found = []

@@ -76,6 +76,7 @@ class Cone:
 
     def __post_init__(self) -> None:
         _not_negative("half-angle", self.half_angle)
+        # From a right angle on the lines would cover the plane.
         if self.half_angle >= 0.5 * math.pi:
             raise ValueError(f"half-angle is {self.half_angle} rad, expected less than a right angle")
 
@@ -93,7 +94,12 @@ class Trapezoid(Value):
     length: float
 
     def line(self, centre: ArrayLike, angle: float) -> Array:
-        """L(Φ, Ψ): both ends (2, 2); Ψ is the line's own direction."""
+        """L(Φ, Ψ): both ends (2, 2); Ψ is the line's own direction.
+
+        Args:
+            centre: Φ (2,), one end of the line, m.
+            angle: Ψ, rad.
+        """
         start = np.asarray(centre, dtype=np.float64)
         return np.array([start, start + self.length * np.array([math.cos(angle), math.sin(angle)])])
 
@@ -106,6 +112,7 @@ class Trapezoid(Value):
         angle = self.cone.centre + side * self.cone.half_angle
         across = side * np.array([-math.sin(angle), math.cos(angle)])
         reach = self.ball.corners @ across
+        # Of corners equally far across the one that lies farthest back: the edge begins there.
         farthest = self.ball.corners[reach >= reach.max() - 1e-12 * (1.0 + self.ball.radius)]
         start = farthest[int(np.argmin(farthest @ np.array([math.cos(angle), math.sin(angle)])))]
         return self.line(start, angle)
@@ -119,6 +126,7 @@ class Trapezoid(Value):
         points = np.vstack([self.line(corner, angle) for corner, angle in product(self.ball.corners, angles)])
         try:
             return np.asarray(points[ConvexHull(points).vertices])
+        # Without any error the trapezoid is its line, which has no hull.
         except QhullError:
             return self.line(self.ball.centre, self.cone.centre)
 
@@ -132,7 +140,13 @@ class Zone:
     half_angle: float
 
     def trapezoid(self, centre: ArrayLike, angle: float, length: float) -> Trapezoid:
-        """The trapezoid of a line of `length` (m) at the nominal centre Φ₀ (2,) and angle Ψ₀."""
+        """The trapezoid of a line at its nominal place.
+
+        Args:
+            centre: Φ₀ (2,), m.
+            angle: Ψ₀, rad.
+            length: of the line, m.
+        """
         return Trapezoid(Ball(np.asarray(centre, dtype=np.float64), self.radius), Cone(angle, self.half_angle), length)
 
 
@@ -144,12 +158,17 @@ def zones(box: ArrayLike) -> tuple[Zone, Zone, Zone]:
             stated sources of uncertainty add up to, or given numbers.
     """
     a = frozen(box, 6, name="half-widths")
+    # A square and a symmetric cone hold any box: the larger of two half-widths on each plane.
     x, y, z = (Zone(plane, float(max(a[plane.u], a[plane.v])), float(a[plane.turn])) for plane in PLANES)
     return x, y, z
 
 
 def wrapped_distance(one: float, other: float) -> float:
-    """d₁: the smaller of the two angles between two directions, 0 to π, rad."""
+    """d₁: the smaller of the two angles between two directions, 0 to π, rad.
+
+    Args:
+        one, other: rad, of any turn.
+    """
     return abs(math.remainder(one - other, 2.0 * math.pi))
 
 

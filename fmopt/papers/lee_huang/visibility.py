@@ -43,17 +43,27 @@ class Sight:
         return self.between(p, p)
 
     def between(self, one: ArrayLike, other: ArrayLike) -> PlaneName | None:
-        """A plane on which the straight line between two positions (3,) runs through GE; None when they are visible."""
+        """A plane on which the straight line between two positions runs through GE; None when they are visible.
+
+        Args:
+            one, other: (3,), m, of the nominal centre in the frame of operand 2.
+        """
         a, b = np.asarray(one, dtype=np.float64), np.asarray(other, dtype=np.float64)
         for plane in PLANES:
             if plane.name in self.expanded:
+                # On x-y, the plane of the mouth, only what of the line is below it can be in the way.
                 ends = _below(a, b) if plane.v != 2 else (a, b)
                 if ends is not None and self._crosses(plane, *ends):
                     return plane.name
         return None
 
     def clear(self, point: ArrayLike, room: float) -> bool:
-        """Whether a position (3,) is in place, on x-z and y-z with so much room (m) around it."""
+        """Whether a position is in place, on x-z and y-z with room around it.
+
+        Args:
+            point: (3,), m, of the nominal centre in the frame of operand 2.
+            room: m.
+        """
         p = np.asarray(point, dtype=np.float64)
         upright = [
             (plane, self.expanded[plane.name]) for plane in PLANES if plane.v == 2 and plane.name in self.expanded
@@ -66,9 +76,11 @@ class Sight:
         region = self.expanded[plane.name]
         start, end = a[[plane.u, plane.v]], b[[plane.u, plane.v]]
         length = float(np.linalg.norm(end - start))
+        # A point: inside or not, with no line to cut.
         if length <= _APART:
             return bool(region.depth(start)[0] > _APART)
         cuts = np.unique(np.concatenate([[0.0, 1.0], np.clip(region.crossings(Segment(start, end)), 0.0, 1.0)]))
+        # Between neighbouring crossings the line is inside or outside altogether.
         wide = np.diff(cuts) * length > _APART
         middle = (0.5 * (cuts[1:] + cuts[:-1]))[wide]
         return bool(np.any(region.depth(start + middle[:, None] * (end - start)) > _APART))
@@ -112,6 +124,7 @@ def position_nodes(start: ArrayLike, goal: ArrayLike, sight: Sight, room: float 
     """
     first, last = np.asarray(start, dtype=np.float64), np.asarray(goal, dtype=np.float64)
     _in_place(first, last, sight, sight)
+    # N₂ no higher than the start, as nothing is gained above it.
     mouth = np.array([0.0, 0.0, min(room, max(float(first[2]), 0.0))])
     blocked = sight.between(first, mouth) or sight.between(mouth, last)
     if blocked is None:
@@ -144,6 +157,7 @@ def turning_nodes(
     mouth = np.array([0.0, 0.0, room])
     places = [first]
     for sight in (sights.starting, sights.turning, sights.goal):
+        # Places where any of the three diagrams lets a path bend, all of them seen in each.
         places += _candidates(first, last, sight, room)
     free = [sights.turning.clear(place, room) for place in places]
     points, count = [*places, *places, mouth], len(places)
@@ -153,6 +167,7 @@ def turning_nodes(
             return sights.starting.between(points[one], points[other]) is None
         if one >= count and other >= count:
             return sights.goal.between(points[one], points[other]) is None
+        # Start to goal orientation in one place: the only way from the first copy of the places to the second.
         return other == one + count and free[one]
 
     path = _shortest(points, visible) if sights.goal.between(mouth, last) is None else None
@@ -200,6 +215,7 @@ def _candidates(first: Array, last: Array, sight: Sight, room: float) -> list[Ar
         bends(sight.expanded[name], room) if name in sight.expanded else np.zeros((0, 2)) for name in ("xz", "yz")
     )
     heights = (room, first[2], *xz[:, 1], *yz[:, 1])
+    # On the axis only below the mouth, or above the room that N₂ keeps.
     axis = [(0.0, 0.0, z) for z in heights if not 0.0 <= z < room]
     beside = [(x, y, z) for x, z in xz for y in (first[1], 0.0, last[1])]
     beside += [(x, y, z) for y, z in yz for x in (first[0], 0.0, last[0])]
@@ -209,10 +225,16 @@ def _candidates(first: Array, last: Array, sight: Sight, room: float) -> list[Ar
 
 
 def bends(region: Region, room: float = 0.0) -> Array:
-    """Points (k, 2) beside a region's convex corners, off by `room` (m) and 1e-6 of its size; arcs as polylines."""
+    """Points (k, 2) beside a region's convex corners, off by `room` and 1e-6 of its size; arcs as polylines.
+
+    Args:
+        region: may be empty.
+        room: m.
+    """
     found = []
     for corner in of_region(region, 1e-3 * region.size).corners if not region.empty else ():
         middle = corner.first + 0.5 * corner.opening
+        # Along the bisector, so that both sides of the corner are kept at a distance of `room`.
         away = (room + 1e-6 * region.size) / math.cos(0.5 * corner.opening)
         found.append(corner.point + away * np.array([math.cos(middle), math.sin(middle)]))
     return np.array(found).reshape(-1, 2)
@@ -234,6 +256,7 @@ def _shortest(points: Sequence[Array], visible: Callable[[int, int], bool]) -> t
         done.add(k)
         for j in range(1, len(points)):
             length = best[k] + float(np.linalg.norm(points[j] - points[k]))
+            # Shorter by more than rounding, so that equal ways keep the first.
             shorter = length < best.get(j, np.inf) - _APART
             if j not in done and shorter and visible(k, j):
                 best[j], before[j] = length, k

@@ -18,7 +18,11 @@ _UPRIGHT = math.cos(math.radians(30.0))
 
 
 def check_rate(rate: float, seconds: float) -> None:
-    """Refuses a rate, in Hz, that is not positive or gives more samples of a motion than a file should hold.
+    """Refuses a rate that is not positive or gives more samples of a motion than a file should hold.
+
+    Args:
+        rate: samples a second, Hz.
+        seconds: how long the motion takes.
 
     Raises:
         PlanFormatError: it is such a rate.
@@ -73,7 +77,12 @@ def turning_words(twists: Sequence[Array], numbers: Sequence[int]) -> str:
 
 
 def failing_words(plan: Plan, base: Pose) -> str:
-    """What may be done when a move fails, as the plan says it; nothing where it does not."""
+    """What may be done when a move fails, as the plan says it; nothing where it does not.
+
+    Args:
+        plan: with or without a recovery.
+        base: the B-frame in the robot's base, T_base_B.
+    """
     if plan.recovery is None or plan.recovery.lift is None:
         return ""
     up = ", ".join(f"{round(value, 3) + 0.0:g}" for value in base.R[:, 2].tolist())

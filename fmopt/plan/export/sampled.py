@@ -108,7 +108,7 @@ def read_csv(text: str) -> Samples:
 
 
 def json_text(plan: Plan, rate: float, caution: str = "") -> str:
-    """The samples as one JSON object; arguments as of `csv_text`."""
+    """The samples as one JSON object; arguments as for `csv_text`."""
     found = samples(plan, rate)
     rows = [
         {"t": t, "s": [int(value) for value in s], "pa": pa, "fa": fa}

@@ -193,7 +193,12 @@ def program(plan: Plan, base: Pose, caution: str = "", settings: Settings | None
 
 
 def commanded(rows: Sequence[Move], settings: Settings | None = None) -> list[Array]:
-    """The twist (6,) that the program commands in each move: guarded ones are run no faster than the settings say."""
+    """The twist (6,), m/s and rad/s, that the program commands in each move: guarded ones as slow as the settings say.
+
+    Args:
+        rows: in order.
+        settings: of the robot; the usual ones if None.
+    """
     settings = settings or Settings()
     return [move.twist if move.stop is None else _pace(move, settings) * move.twist for move in rows]
 

@@ -74,6 +74,11 @@ class Written(NamedTuple):
 def place(file: Path, to: str, out: Path | None) -> Path:
     """Where a plan of this file goes: beside it unless `out` says where.
 
+    Args:
+        file: the plan's.
+        to: name of the format.
+        out: where it is wanted; beside the plan, or here for a plan from standard input, if None.
+
     Raises:
         ValueError: `out` is the plan itself.
     """
@@ -113,7 +118,7 @@ def _turning(plan: Plan, to: str) -> str:
 
 
 def exported(plan: Plan, form: Form, target: Path) -> tuple[Path, ...]:
-    """Writes a plan in another format to `target`, and says what was written; the rest as of `export`."""
+    """Writes a plan in another format, and says what was written; arguments as for `export`."""
     if form.to == "ros2":
         from fmopt.plan.export import ros2
 
@@ -123,7 +128,7 @@ def exported(plan: Plan, form: Form, target: Path) -> tuple[Path, ...]:
 
 
 def text_of(plan: Plan, form: Form) -> str:
-    """A plan as the text of another format; the rest as of `export`."""
+    """A plan as the text of another format; arguments as for `export`."""
     if form.to == "ros2":
         raise ValueError("ros2 is several files: --out has to be a folder")
     if form.to == "urscript":

@@ -182,6 +182,11 @@ def firmness(move: GuardedMove, rho: float, specification: Specification) -> flo
     All held contacts rub the same way then, and until what resists has told how much, nothing but these forces keeps
     friction from turning the part off them. Of moves that turn, hold nothing or meet nothing it is 1, and 0 where no
     bias holds all contacts.
+
+    Args:
+        move: with its contacts held and made.
+        rho: ρ, m.
+        specification: forces and friction.
     """
     V = move.direction(rho)
     if not len(move.held) or not len(move.made) or turns(V, rho):
@@ -198,6 +203,9 @@ def steadiness(move: GuardedMove, rho: float, specification: Specification) -> f
     It counts while a part turns to its next contact. What such friction opens stays open: the load then lies on other
     contacts, which rub in other directions than those planned. Of moves that do not turn, hold nothing or meet nothing
     it is 1, and 0 where friction opens a contact under any bias, or the next contact does not come nearer.
+
+    Args:
+        move, rho, specification: as for `firmness`.
     """
     V = move.direction(rho)
     if not len(move.held) or not len(move.made) or not turns(V, rho):
@@ -210,7 +218,12 @@ def steadiness(move: GuardedMove, rho: float, specification: Specification) -> f
 
 
 def turns(displacement: Array, rho: float) -> bool:
-    """Whether a motion (6,) counts as a turn: by the share of turning in it, in the metric of ρ."""
+    """Whether a motion (6,) counts as a turn: by the share of turning in it, in the metric of ρ.
+
+    Args:
+        displacement: (6,), m and rad.
+        rho: ρ, m.
+    """
     return rho * length(displacement[3:]) > _TURNING * length(displacement * twist_scale(rho))
 
 

@@ -45,7 +45,12 @@ def twist_scale(rho: float) -> Array:
 
 
 def row_space(wrenches: Array, rho: float) -> Array:
-    """Orthonormal basis (r, 6) of the space of scaled wrenches that the rows (m, 6) span."""
+    """Orthonormal basis (r, 6) of the space of scaled wrenches that the rows (m, 6) span.
+
+    Args:
+        wrenches: (m, 6), N and N·m, of any size.
+        rho: ρ, m.
+    """
     rows = wrenches / twist_scale(rho)
     if not len(rows):
         return rows
@@ -54,7 +59,12 @@ def row_space(wrenches: Array, rho: float) -> Array:
 
 
 def free_part(V: Array, basis: Array) -> Array | None:
-    """The part of a scaled twist (6,) that is free of orthonormal rows (r, 6); None where hardly any is."""
+    """The part of a scaled twist that is free of rows; None where hardly any is.
+
+    Args:
+        V: (6,), of unit length, scaled.
+        basis: (r, 6), orthonormal.
+    """
     free = V - basis.T @ (basis @ V)
     return np.asarray(free) if float(np.linalg.norm(free)) > _FREE else None
 
@@ -103,7 +113,13 @@ def compliance_frame(wrenches: Array, points: Array, reference: Pose, rho: float
 
 
 def wrenches_in(frame: Pose, wrenches: Array, reference: Pose) -> Array:
-    """Wrenches (m, 6) about the reference point in axes of the B-frame, in the coordinates of `frame`."""
+    """Wrenches in the coordinates of a frame.
+
+    Args:
+        frame: in the B-frame.
+        wrenches: (m, 6), about the reference point, axes of B.
+        reference: pose of which the position is the reference point.
+    """
     force, torque = wrenches[:, :3], wrenches[:, 3:]
     moved = torque - force @ hat(frame.p - reference.p).T
     return np.hstack([force @ frame.R, moved @ frame.R])

@@ -51,6 +51,10 @@ def bounded(claims: Sequence[Claim], rho: float) -> Iterator[tuple[Claim, float]
 
     The certificate follows executions that go farther in each piece of a move alike. A robot goes all pieces as far as
     planned but the last, for which the overtravel of all of them is left.
+
+    Args:
+        claims: of one motion, in order.
+        rho: ρ, m.
     """
     late = 0.0
     for claim in claims:
@@ -135,18 +139,33 @@ def _controlled(
 
 
 def runs_against(problem: Problem, assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance) -> bool:
-    """Whether every piece of a motion runs against the contact that ends its move, so that it can be felt."""
+    """Whether every piece of a motion runs against the contact that ends its move, so that it can be felt.
+
+    Args:
+        problem: whose specification counts.
+        assembly: the parts.
+        claims: of one motion, in order.
+        tolerance: metric and velocity error.
+    """
     return all(move.approaches for move in _guarded_moves(problem, assembly, claims, tolerance))
 
 
 def least_firm(problem: Problem, assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance) -> float:
-    """The firmness of the least firm piece of a motion."""
+    """The firmness of the least firm piece of a motion.
+
+    Args:
+        problem, assembly, claims, tolerance: as for `runs_against`.
+    """
     slides = _guarded_moves(problem, assembly, claims, tolerance, turning=False)
     return min((firmness(move, tolerance.rho, problem.specification) for move in slides), default=1.0)
 
 
 def least_steady(problem: Problem, assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance) -> float:
-    """The steadiness of the least steady piece of a motion."""
+    """The steadiness of the least steady piece of a motion.
+
+    Args:
+        problem, assembly, claims, tolerance: as for `runs_against`.
+    """
     turned = _guarded_moves(problem, assembly, claims, tolerance, turning=True)
     return min((steadiness(move, tolerance.rho, problem.specification) for move in turned), default=1.0)
 
@@ -278,7 +297,14 @@ class Meeting(Value):
 
     @staticmethod
     def of(contact: PrimitiveContact, moving: Polyhedron, fixed: Polyhedron, pose: Pose) -> Meeting:
-        """The meeting of a primitive contact of two parts at a pose."""
+        """The meeting of a primitive contact of two parts at a pose.
+
+        Args:
+            contact: of the parts.
+            moving: in its body frame.
+            fixed: in the B-frame.
+            pose: of the moving part in the B-frame.
+        """
         arms = moving.vertices[list(contact.moving)] @ pose.R.T
         if contact.kind is Kind.BALL_FACE:
             arms = (contact_point(contact, moving, fixed, pose) - pose.p)[None]
@@ -326,6 +352,10 @@ def impact_force(specification: Specification, approach: float) -> float | None:
     """The force (N) with which a contact is met at the specified speed, for its normal speed for a unit twist.
 
     None where the specification does not say what meets.
+
+    Args:
+        specification: speed, apparent mass and stiffness.
+        approach: normal speed at the contact, as a share of the speed of the twist.
     """
     mass, stiffness = specification.apparent_mass, specification.contact_stiffness
     if mass is None or stiffness is None:
@@ -334,7 +364,11 @@ def impact_force(specification: Specification, approach: float) -> float | None:
 
 
 def slowed(specification: Specification, approach: float) -> Specification:
-    """The specification with its speed lowered as far as the impact asks for, for the normal speed for a unit twist."""
+    """The specification with its speed lowered as far as the impact asks for, for the normal speed for a unit twist.
+
+    Args:
+        specification, approach: as for `impact_force`.
+    """
     force, limit = impact_force(specification, approach), specification.impact_force
     if force is None or limit is None or force <= limit:
         return specification
@@ -342,5 +376,9 @@ def slowed(specification: Specification, approach: float) -> Specification:
 
 
 def impact_record(specification: Specification, approach: float) -> dict[str, Any]:
-    """The `impact` entry of a segment's strategy at the specified speed."""
+    """The `impact` entry of a segment's strategy at the specified speed.
+
+    Args:
+        specification, approach: as for `impact_force`.
+    """
     return {"approach": approach, "force": impact_force(specification, approach)}

@@ -192,7 +192,14 @@ class FrictionCones(Value):
 
     @staticmethod
     def of(wrenches: Array, arms: Array, rho: float, friction: float) -> FrictionCones:
-        """Of contacts with unit normal wrenches (m, 6), at arms (m, 3) from the reference point, m."""
+        """Of contacts with normal wrenches.
+
+        Args:
+            wrenches: (m, 6), of unit force.
+            arms: (m, 3), from the reference point, m.
+            rho: ρ, m.
+            friction: coefficient, the same for all.
+        """
         sides = np.array([plane_basis(n).T for n in wrenches[:, :3]]).reshape(-1, 2, 3)
         rows = friction * np.concatenate([sides, cross(arms[:, None], sides)], axis=2)
         return FrictionCones(wrenches / twist_scale(rho), rows / twist_scale(rho), rho)
@@ -252,8 +259,11 @@ class FrictionCones(Value):
     def turn(self, a: Array, d: Array) -> Array | None:
         """The scaled twist (6,) of K* that keeps power on a cos θ + d sin θ from 0 up to the greatest θ, or nearly π.
 
-        For unit wrenches a and d (6,) at right angles; None where a itself is balanced. From where one twist ends, the
+        None where a itself is balanced. From where one twist ends, the
         steepest one for the wrench there goes further.
+
+        Args:
+            a, d: scaled wrenches (6,), of unit length, at right angles.
 
         Raises:
             SolverError: no solver settles them.
@@ -281,6 +291,10 @@ class FrictionCones(Value):
 
         From the steepest twist along the push on: at the least push of one, the steepest for the wrench needs less.
 
+        Args:
+            held: scaled wrench (6,).
+            along: scaled wrench (6,), of unit length.
+
         Raises:
             SolverError: no solver settles them.
         """
@@ -301,7 +315,12 @@ class FrictionCones(Value):
         return best
 
     def stated(self, twist: Array, inner: Array) -> Array:
-        """A scaled twist (6,) as a plan states it: moved to the inside of K* by more than rounding can be, unscaled."""
+        """A scaled twist (6,) as a plan states it: moved to the inside of K* by more than rounding can be, unscaled.
+
+        Args:
+            twist: scaled (6,), of K*.
+            inner: scaled (6,), inside K*.
+        """
         unit = twist / length(twist)
         inside = unit + _INSIDE / float(np.min(self.opening(inner))) * inner
         rounded = np.where(np.abs(inside) < 10.0 ** -(_DIGITS + 1), 0.0, inside) / twist_scale(self.rho)
@@ -309,22 +328,35 @@ class FrictionCones(Value):
 
 
 def cone_angle(twist: Array, wrench: Array) -> float:
-    """By what angle (rad) a scaled wrench (6,) may turn in any direction while a scaled twist (6,) has power on it."""
+    """By what angle (rad) a wrench may turn in any direction while a twist has power on it.
+
+    Args:
+        twist, wrench: scaled (6,), of any size.
+    """
     sine = float(twist @ wrench) / (length(twist) * length(wrench))
     return float(_rounded_down(np.arcsin(min(sine, 1.0))))
 
 
 def plane_angle(twists: Array, a: Array, d: Array) -> Array:
-    """Up to what angles θ (…, rad) scaled twists (…, 6) have power on a cos θ + d sin θ, for orthogonal unit wrenches.
+    """Up to what angles θ (…, rad) twists have power on a cos θ + d sin θ.
 
     With power on a, that is up to cot θ = −v·d / v·a; 0 without.
+
+    Args:
+        twists: scaled (…, 6).
+        a, d: scaled wrenches (6,), of unit length, at right angles.
     """
     ahead = twists @ a
     return np.where(ahead > 0.0, _rounded_down(np.arctan2(ahead, -(twists @ d))), 0.0)
 
 
 def least_push(twist: Array, held: Array, along: Array) -> float:
-    """Above what push b a scaled twist (6,) has power on held + b along, both (6,); infinite if it has none on that."""
+    """Above what push b a twist has power on held + b along; infinite if it has none on that.
+
+    Args:
+        twist: scaled (6,).
+        held, along: scaled wrenches (6,).
+    """
     if not float(twist @ along) > 0.0:
         return math.inf
     push = -float(twist @ held) / float(twist @ along)

@@ -144,6 +144,11 @@ def lowest(body: Polyhedron, segment: Mapping[str, Any], rho: float) -> float:
 
     Heights are followed from start to goal, and on from there at the rates that they have there; then the segment's
     errors are taken off.
+
+    Args:
+        body: the moving part.
+        segment: of a plan.
+        rho: ρ, m.
     """
     start, goal = Pose.from_vector(segment["start"]), Pose.from_vector(segment["goal"])
     local = start.local(goal)
@@ -218,7 +223,13 @@ def covered(box: Array) -> list[float]:
 
 
 def told_apart(found: UnplannedContact, specification: Specification, rho: float) -> bool:
-    """Whether noise of the force signal leaves a contact apart from the wanted one: by its angle, or without one."""
+    """Whether noise of the force signal leaves a contact apart from the wanted one: by its angle, or without one.
+
+    Args:
+        found: with the angle between its wrench and the wanted one.
+        specification: the force that ends a move.
+        rho: ρ, m.
+    """
     if found.angle is None:
         return True
     noise = _SURE * math.hypot(NOISE[0], NOISE[1] / rho) / max(specification.termination_force, 1e-9)

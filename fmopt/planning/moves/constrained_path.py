@@ -98,7 +98,13 @@ def _step(N: Array, C: Array, f: Array) -> bool:
 
 @compiled
 def onto(table: Table, C: Array, p: Array, R: Array) -> int:
-    """Shifts poses p (n, 3), R (n, 3, 3) in place along twists C (r, 6), till functions (r) vanish, by Newton's method.
+    """Shifts poses along twists till functions vanish, by Newton's method.
+
+    Args:
+        table: rows (r,), the functions.
+        C: (r, 6), m and rad.
+        p: (n, 3), m, shifted in place.
+        R: (n, 3, 3), shifted in place.
 
     Returns:
         `KEPT`, `SINGULAR` where the functions do not determine the shift, `LOST` where they do not come to vanish.

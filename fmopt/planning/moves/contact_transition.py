@@ -43,6 +43,12 @@ def described(
     wall's rim where one of its ends does. A vertex that may or may not have passed the rim is listed with its edge,
     if that has an end which has; else it only counts once it has passed. Where several walls lie in one plane, each
     holds what is before it.
+
+    Args:
+        assembly: the parts.
+        held: contacts.
+        start, goal: of the piece.
+        errors: on the piece, which may carry a vertex over a rim.
     """
     known = _known(assembly, held)
     if not known.walls:
@@ -138,7 +144,12 @@ def _run(part: Polyhedron, edges: Sequence[int]) -> tuple[Array, Array]:
 
 
 def within_rims(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> list[Forms]:
-    """How far vertices that lie in a wall are within its convex rims: of each wall, the rims of each vertex in turn."""
+    """How far vertices that lie in a wall are within its convex rims: of each wall, the rims of each vertex in turn.
+
+    Args:
+        assembly: the parts.
+        held: contacts, among them those that put vertices into walls.
+    """
     found = []
     for wall in _known(assembly, held).walls:
         places, inward = (numbers[: len(wall.convex)] for numbers in wall.rims)
@@ -149,7 +160,13 @@ def within_rims(assembly: Assembly, held: tuple[PrimitiveContact, ...]) -> list[
 
 
 def on_wall(assembly: Assembly, contact: PrimitiveContact, number: int) -> bool:
-    """Whether a contact is on a fixed face: a vertex against it, or an edge across an edge in its plane."""
+    """Whether a contact is on a fixed face: a vertex against it, or an edge across an edge in its plane.
+
+    Args:
+        assembly: the parts.
+        contact: of any kind.
+        number: index of the fixed face.
+    """
     fixed = assembly.fixed.polyhedron
     face = fixed.faces[number]
     if contact.kind is Kind.VERTEX_FACE:

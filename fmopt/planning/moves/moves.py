@@ -79,6 +79,12 @@ def claims_of_moves(claims: Sequence[Claim]) -> list[list[Claim]]:
 def onto(assembly: Assembly, poses: Poses, basis: Sequence[Compliance], context: Iterable[PrimitiveContact]) -> Poses:
     """Poses shifted along the compliant directions until all contacts of the basis are zero, by Newton's method.
 
+    Args:
+        assembly: the parts.
+        poses: near the contacts.
+        basis: contacts, with the twists that give way to them.
+        context: contacts held, which decide by what function each counts.
+
     Raises:
         InfeasibleError: the contacts cannot be met near one of them.
     """
@@ -90,7 +96,11 @@ def onto(assembly: Assembly, poses: Poses, basis: Sequence[Compliance], context:
 def held_by(
     assembly: Assembly, basis: Sequence[Compliance], context: Iterable[PrimitiveContact]
 ) -> tuple[Table, Array]:
-    """The functions of a basis (r,) as kernels take them, and its compliant twists (r, 6)."""
+    """The functions of a basis (r,) as kernels take them, and its compliant twists (r, 6).
+
+    Args:
+        assembly, basis, context: as for `onto`.
+    """
     forms = contact_forms(assembly, tuple(c.contact for c in basis), tuple(context))
     return forms.table, np.array([c.direction for c in basis]).reshape(-1, 6)
 

@@ -11,19 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmopt.certificate.assembly import Assembly
+from fmopt.certificate.assembly import Assembly, edge_along
 from fmopt.certificate.kernels_rows import ROW
-from fmopt.certificate.piece_pairs import (
-    BEHIND,
-    Facing,
-    Pair,
-    Witness,
-    edge_along,
-    edges_beside,
-    edges_level,
-    free_plane,
-    level_rims,
-)
+from fmopt.certificate.level_rims import edges_beside, edges_level, level_rims
+from fmopt.certificate.piece_pairs import BEHIND, Facing, Pair, Witness, free_plane
 from fmopt.certificate.remainder import Course
 from fmopt.certificate.row_bounds import Places, Sides, best_sides
 from fmopt.certificate.separating_plane import Block, Candidates, Separation
@@ -45,6 +36,11 @@ def choose_separations(assembly: Assembly, facing: Facing, course: Course) -> li
 
     Pieces in touch are kept apart by a plane that the contacts themselves lie in; others by any plane through an edge
     of the fixed piece, or by a face of the moving one.
+
+    Args:
+        assembly: the parts.
+        facing: pairs of pieces.
+        course: pieces of motion with their errors.
     """
     pieces, pairs = len(course.motion.twist), len(facing.listed)
     chosen: list[list[Separation | None]] = [[None] * pairs for _ in range(pieces)]
@@ -110,9 +106,9 @@ def _block(assembly: Assembly, pair: Pair) -> Block:
 
 def _faces_count(assembly: Assembly, pair: Pair) -> bool:
     """Whether all rows of the moving piece's faces count: no contact puts a vertex of the fixed piece on one."""
-    return not any(contact.kind is Kind.FACE_VERTEX for contact in (*pair.state, *pair.beside)) and not level_rims(
-        assembly, pair.state, pair.beside
-    )
+    if any(contact.kind is Kind.FACE_VERTEX for contact in (*pair.state, *pair.beside)):
+        return False
+    return not (assembly.several and level_rims(assembly, pair.state, pair.beside))
 
 
 @remembered(_MEMORY)
@@ -175,7 +171,7 @@ def _contact_edges(assembly: Assembly, pair: Pair) -> list[Witness]:
             assert moving is not None  # they touch
             assert fixed is not None
             found.append((moving, fixed))
-    for others in (edges_beside, edges_level):
+    for others in (edges_beside, edges_level) if assembly.several else ():
         found += others(assembly, pair.moving, pair.fixed, pair.state, pair.beside)
     return [Witness("edges", *both) for both in dict.fromkeys(found)]
 
@@ -197,7 +193,12 @@ class FreePlanes:
     clearances: Array
 
     def separation(self, n: int, m: int) -> Separation:
-        """What keeps one pair apart over one piece of motion."""
+        """What keeps one pair apart over one piece of motion.
+
+        Args:
+            n: index of the piece of motion.
+            m: index of the pair.
+        """
         plane = free_plane(self.normals[n, m].tolist(), float(self.offsets[n, m]))
         return Separation(plane, float(self.margins[n, m]), float(self.clearances[n, m]))
 
@@ -225,7 +226,12 @@ class Fans:
 
 @remembered(_FANS)
 def fans(moving: Polyhedron, pieces: tuple[Polyhedron, ...]) -> Fans:
-    """The planes between a moving piece and fixed ones that no contact touches."""
+    """The planes between a moving piece and fixed ones that no contact touches.
+
+    Args:
+        moving: a convex piece.
+        pieces: convex, of the fixed part.
+    """
     most = max(len(piece.vertices) for piece in pieces)
     corners = np.array([np.resize(piece.vertices, (most, 3)) for piece in pieces])
     sides = [np.array([edge.faces for edge in piece.edges]) for piece in pieces]

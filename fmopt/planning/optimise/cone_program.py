@@ -309,6 +309,11 @@ def dual_bound(program: ConeProgram, duals: Duals, x: Array) -> tuple[float, flo
     c·x ≤ y·b + λ·h − Σ u_k·g_k + r·x,  r = c − Aᵀy + Gᵀλ − Σ F_kᵀu_k;
     r·x is at most its maximum over the box. Multipliers outside their cones are pulled in first.
 
+    Args:
+        program: maximises c·x.
+        duals: multipliers of its equations, rows and norms.
+        x: (n,), which counts for variables that lack the bound they would need.
+
     Raises:
         SolverError: the multipliers are not as many as the rows.
     """
@@ -334,6 +339,10 @@ def dual_bound(program: ConeProgram, duals: Duals, x: Array) -> tuple[float, flo
 
 def checked(program: ConeProgram, solver: Solver) -> Solution:
     """The solver's solution, certified again here, so that a solver that lies is caught.
+
+    Args:
+        program: maximises c·x.
+        solver: not trusted.
 
     Raises:
         SolverError: the solution fails `certify`, proves no optimum, or states another value than c·x.

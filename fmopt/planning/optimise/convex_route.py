@@ -55,7 +55,12 @@ class ConvexSets(Value):
 
     @staticmethod
     def of(corners: Sequence[ArrayLike], arcs: ArrayLike, tolls: ArrayLike = 0.0) -> ConvexSets:
-        """Sets by their corners (m_i, d), with arcs (e, 2) and tolls (e,), or one toll for all.
+        """Sets by their corners, with arcs and tolls.
+
+        Args:
+            corners: (m_i, d) of each.
+            arcs: (e, 2), from set to set.
+            tolls: (e,), or one for all; added to the length.
 
         Raises:
             ValueError: shapes do not fit, an arc leads from or to no set, a number is not finite or a toll negative.
@@ -74,7 +79,12 @@ class ConvexSets(Value):
         return ConvexSets(frozen(filled, None, None, None, name="corners"), _fixed(pairs), costs)
 
     def part(self, sets: Indices, arcs: Indices) -> ConvexSets:
-        """Some of the sets, and some arcs between these."""
+        """Some of the sets, and some arcs between these.
+
+        Args:
+            sets: indices.
+            arcs: indices, of arcs between those sets.
+        """
         place = np.zeros(len(self.corners), dtype=np.intp)
         place[sets] = np.arange(len(sets))
         return ConvexSets(_fixed(self.corners[sets]), _fixed(place[self.arcs[arcs]]), _fixed(self.tolls[arcs]))

@@ -36,15 +36,24 @@ class Ends:
 
     @staticmethod
     def of(tails: Indices, heads: Indices, count: int) -> Ends:
-        """Arcs (e,) from tails to heads, in order of these."""
+        """Arcs (e,) from tails to heads, in order of these.
+
+        Args:
+            tails, heads: (e,), places by number.
+            count: of places.
+        """
         order = np.argsort(heads, kind="stable")
         return Ends(tails, order, *np.unique(heads[order], return_index=True, return_inverse=True), count)
 
     def distances(self, lengths: Array, source: int) -> tuple[Array, Indices]:
-        """How far all places are from a source (n,), for arc lengths (e,) of any sign, and by which arc (n,) or −1.
+        """How far all places are from a source (n,), and by which arc (n,) or −1.
 
         Where a cycle weighs less than nothing, these arcs have a cycle as well, and distances are what they may be.
         There has to be an arc.
+
+        Args:
+            lengths: (e,), of any sign.
+            source: number of a place.
         """
         tails, ordered = self.tails[self.order], lengths[self.order]
         far, arcs = np.full(self.count, np.inf), np.full(self.count, -1, dtype=np.intp)

@@ -48,7 +48,12 @@ class Sensitivity:
     rates: tuple[float, float]
 
     def drift(self, N: Array, end: int) -> Array:
-        """How displacements (n,) change what the moves before take of rows N (m, 6) at an end by drift: (m, n)."""
+        """How displacements (n,) change what the moves before take of rows N (m, 6) at an end by drift: (m, n).
+
+        Args:
+            N: (m, 6), gradients.
+            end: 0 for the start, 1 for the goal.
+        """
         there = np.einsum("mi,kij->mkj", N, self.brought[end])
         t, r = (np.linalg.norm(half, axis=-1) for half in (there[..., :3], there[..., 3:]))
         return np.asarray((self.rates[0] * t + self.rates[1] * r) @ self.longer)

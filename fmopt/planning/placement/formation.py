@@ -75,7 +75,11 @@ class Derivatives:
 
 @lru_cache(maxsize=64)
 def formation_derivatives(contacts: Counts, obstacles: Counts) -> Derivatives:
-    """The derivatives of this many rows of each kind, contacts then obstacles."""
+    """The derivatives of this many rows of each kind, contacts then obstacles.
+
+    Args:
+        contacts, obstacles: of each kind, how many.
+    """
     import casadi as ca
 
     x, rows, parameters = _symbols(ca, contacts, obstacles)
@@ -88,7 +92,11 @@ def formation_derivatives(contacts: Counts, obstacles: Counts) -> Derivatives:
 
 @lru_cache(maxsize=64)
 def formation_solver(contacts: Counts, obstacles: Counts) -> Any:
-    """IPOPT for this many rows of each kind, contacts then obstacles; call it under the module's lock only."""
+    """IPOPT for this many rows of each kind, contacts then obstacles; call it under the module's lock only.
+
+    Args:
+        contacts, obstacles: as for `formation_derivatives`.
+    """
     import casadi as ca
 
     x, rows, parameters = _symbols(ca, contacts, obstacles)
@@ -192,24 +200,48 @@ class Row(Value):
 
 
 def vertex_face(v: ArrayLike, n: ArrayLike, a: ArrayLike) -> Row:
-    """n·(R v + p − a): body point v, unit world normal n, world point a of the face (m)."""
+    """n·(R v + p − a).
+
+    Args:
+        v: (3,), body frame, m.
+        n: (3,), outward unit normal, axes of B.
+        a: (3,), a point of the face, m.
+    """
     offset = float(np.dot(np.asarray(n), np.asarray(a)))
     return Row(RowKind.VERTEX_FACE, np.concatenate([v, n, [offset]]))
 
 
 def ball_face(v: ArrayLike, radius: float, n: ArrayLike, a: ArrayLike) -> Row:
-    """n·(R v + p − a) − r: centre v in the body and radius r (m) of a ball, unit world normal n, world point a (m)."""
+    """n·(R v + p − a) − r.
+
+    Args:
+        v: (3,), centre of the ball, body frame, m.
+        radius: r, m.
+        n, a: as for `vertex_face`.
+    """
     offset = float(np.dot(np.asarray(n), np.asarray(a)))
     return Row(RowKind.BALL_FACE, np.concatenate([v, n, [offset, radius]]))
 
 
 def face_vertex(n: ArrayLike, offset: float, w: ArrayLike) -> Row:
-    """(R n)·(w − p) − offset: unit body normal n and offset of the face, world point w (m)."""
+    """(R n)·(w − p) − offset.
+
+    Args:
+        n: (3,), outward unit normal, body axes.
+        offset: m.
+        w: (3,), m.
+    """
     return Row(RowKind.FACE_VERTEX, np.concatenate([n, w, [offset]]))
 
 
 def edge_edge(moving: ArrayLike, fixed: ArrayLike, sign: int) -> Row:
-    """m·(R b + p − q), m = sign (R e × e′)/|…|: two body points, two world points, (2, 3) each (m)."""
+    """m·(R b + p − q), m = sign (R e × e′)/|…|.
+
+    Args:
+        moving: ends (2, 3), body frame, m.
+        fixed: ends (2, 3), m.
+        sign: 1 or −1, so that m leads out of the fixed part.
+    """
     b, q = np.asarray(moving, dtype=np.float64), np.asarray(fixed, dtype=np.float64)
     e, g = b[1] - b[0], q[1] - q[0]
     return Row(RowKind.EDGE_EDGE, np.concatenate([sign * e / np.linalg.norm(e), b[0], g / np.linalg.norm(g), q[0]]))
@@ -247,7 +279,12 @@ class Table:
         return Table(len(rows), contacts, tables, flat, planes)
 
     def at(self, reference: Pose, X: Array) -> tuple[Array, Array]:
-        """Values (k,) and gradients (k, 6) of the rows, see `evaluate`."""
+        """Values (k,) and gradients (k, 6) of the rows, see `evaluate`.
+
+        Args:
+            reference: pose where X = 0 is.
+            X: (6,), m and rad.
+        """
         pose, f, N = reference.moved(X), np.zeros(self.count), np.zeros((self.count, 6))
         own, wrenches = np.empty((1, len(self.contacts))), np.empty((1, len(self.contacts), 6))
         over(self.tables, pose.p[None].copy(), pose.R[None].copy(), own, wrenches)
@@ -261,5 +298,9 @@ def evaluate(rows: Sequence[Row], reference: Pose, X: Array) -> tuple[Array, Arr
 
     Gradients are with respect to local coordinates about the *reached* pose, where they are contact wrenches. A plane's
     gradient is its N, with respect to X itself.
+
+    Args:
+        rows: k of them.
+        reference, X: as for `at`.
     """
     return Table.of(rows).at(reference, X)

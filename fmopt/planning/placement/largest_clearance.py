@@ -192,13 +192,22 @@ class Placement(Room):
 
 
 def per_weight(slacks: Array, weights: Array) -> Array:
-    """Clearances of slacks (…, k) in m; those of weight 0 have inf."""
+    """Clearances of slacks, m; those of weight 0 have inf.
+
+    Args:
+        slacks: (…, k), m.
+        weights: (k,), 0 or more.
+    """
     counted = weights > 0.0
     return np.asarray(np.where(counted, slacks / np.where(counted, weights, 1.0), np.inf))
 
 
 def max_min_clearance(problem: Placement, solver: Solver | None = None) -> Solution:
     """The poses of largest least clearance; the value t (m) is negative when obstacles must overlap.
+
+    Args:
+        problem: in displacements about a pose.
+        solver: whose answer is checked again; Clarabel if None.
 
     Raises:
         InfeasibleError: the affine spaces, bounds and rows of weight 0 contradict each other.
@@ -212,6 +221,9 @@ def lexicographic(problem: Placement, solver: Solver | None = None) -> Solution:
 
     Rows with positive multipliers are tight at every optimum: they are held where they are, and the rest
     is maximised again, until no row is left.
+
+    Args:
+        problem, solver: as for `max_min_clearance`.
 
     Raises:
         InfeasibleError, SolverError: as `max_min_clearance`.

@@ -107,6 +107,10 @@ class SurfacePlacement(Room):
 def certify_on_surfaces(problem: SurfacePlacement, X: ArrayLike) -> Solution:
     """Checks a pose (6,) in plain NumPy and takes the clearance t that it really has; x of the result is (X, t).
 
+    Args:
+        problem: contacts, obstacles and bounds.
+        X: (6,), m and rad, about its reference.
+
     Raises:
         SolverError: a contact is off its surface, or an obstacle of weight 0 or a bound is overstepped.
     """
@@ -132,6 +136,9 @@ def project(problem: SurfacePlacement, X: ArrayLike) -> Array:
     """The pose (6,) on all contacts' surfaces next to X: Gauss–Newton steps of least metric length.
 
     Coordinates held by equal bounds stay; the other bounds are left to `certify_on_surfaces`.
+
+    Args:
+        problem, X: as for `certify_on_surfaces`.
     """
     X = np.asarray(X, dtype=np.float64)
     if not problem.contacts:
@@ -161,6 +168,10 @@ def place_on_surfaces(problem: SurfacePlacement, guess: ArrayLike | None = None)
 
     The guess (else X = 0) is projected onto the surfaces first; the answer is never worse than that projection.
     Contacts that depend on others at the guess are left out of the optimisation and checked afterwards.
+
+    Args:
+        problem: contacts, obstacles and bounds.
+        guess: (6,), m and rad, about its reference; 0 if None.
 
     Raises:
         SolverError: no method succeeded, or its pose fails `certify_on_surfaces`.

@@ -75,6 +75,14 @@ def certified(
 ) -> Placed:
     """Certifies a sequence of moves from the start, all that is claimed of them unless it is not `thorough`.
 
+    Args:
+        assembly: the parts.
+        moves: in order.
+        start: where the first begins, with its errors.
+        tolerance: metric and velocity error.
+        step: greatest turn of one piece, rad.
+        thorough: whether separations and the rest are claimed, too.
+
     Raises:
         InfeasibleError: a move is impossible.
     """
@@ -175,12 +183,21 @@ def sequence_program(aim: Aim, placed: Placed, radius: float) -> ConeProgram:
 
     Its variables are the displacements (6) of the start and of the goal pose of each move, m and rad, then the margin,
     m; the seated pose stays where it is, the start at least at its height.
+
+    Args:
+        aim: parts, start, tolerance.
+        placed: the sequence as it is.
+        radius: m, in the metric of ρ.
     """
     return program_of(aim, placed, sequence_rows(aim.assembly, placed.reached, aim.tolerance, radius), radius)
 
 
 def displaced(aim: Aim, placed: Placed, shift: Array) -> Placed:
     """The sequence with its poses displaced by shifts (m + 1, 6), put back onto their surfaces, and certified anew.
+
+    Args:
+        aim, placed: as for `sequence_program`.
+        shift: (m + 1, 6), of the start and of each goal, m and rad.
 
     Raises:
         InfeasibleError: a pose leaves its contact state, or a move is impossible.
@@ -203,6 +220,10 @@ def program_of(aim: Aim, placed: Placed, rows: SequenceRows, radius: float) -> C
     """The program of a sequence with its rows, in a trust region (m, in the metric of ρ).
 
     Variables: displacements (6) of all poses from the start to the goal, then the margin t, which is maximised.
+
+    Args:
+        aim, placed, radius: as for `sequence_program`.
+        rows: derivatives of all margins.
     """
     rho, moves = aim.tolerance.rho, placed.moves
     scale = np.array([1.0, 1.0, 1.0, *[rho] * 3])
@@ -258,7 +279,13 @@ def _equalities(aim: Aim, moves: Sequence[Move], n: int) -> Array:
 
 
 def state_rows(assembly: Assembly, contacts: Sequence[PrimitiveContact], pose: Pose) -> Array:
-    """A basis (r, 6) of the displacements out of a contact state, orthonormal in the units of displacements."""
+    """A basis (r, 6) of the displacements out of a contact state, orthonormal in the units of displacements.
+
+    Args:
+        assembly: the parts.
+        contacts: of the state.
+        pose: where they are held.
+    """
     N = np.eye(6)[assembly.freedoms == 0.0]
     if contacts:
         N = np.vstack([contact_rows(assembly, contacts, contacts, pose).N, N])
@@ -267,7 +294,13 @@ def state_rows(assembly: Assembly, contacts: Sequence[PrimitiveContact], pose: P
 
 
 def in_a_row(moves: Sequence[Move], start: Pose, goals: Iterable[Pose]) -> tuple[Move, ...]:
-    """The moves from another start to other goals, one for each; each begins where the one before ends."""
+    """The moves from another start to other goals, one for each; each begins where the one before ends.
+
+    Args:
+        moves: in order.
+        start: of the first.
+        goals: one for each.
+    """
     ways = pairwise((start, *goals))
     return tuple(replace(move, start=at, goal=to) for move, (at, to) in zip(moves, ways, strict=True))
 

@@ -76,7 +76,12 @@ class SequenceRows:
 
     @staticmethod
     def none(k: int, n: int) -> SequenceRows:
-        """No rows at all, of so many generators and displacements."""
+        """No rows at all, of so many generators and displacements.
+
+        Args:
+            k: generators.
+            n: displacements.
+        """
         empty = np.zeros(0)
         slopes, generators = np.zeros((0, n)), (np.zeros((0, k)), np.zeros((0, k, n)))
         return SequenceRows(empty, slopes, empty, empty, np.zeros(0, np.intp), *generators, empty, empty)
@@ -100,6 +105,10 @@ class SequenceRows:
         """The rows that may bind where displacements are no larger than these (n,), and no two that are the same.
 
         Products that change by less than `fine` (m) count as they are.
+
+        Args:
+            most: (n,), m and rad.
+            fine: m.
         """
         spread = np.abs(self.turning) @ most
         signs = np.where(np.abs(self.products) > spread, np.sign(self.products), 0.0)

@@ -73,7 +73,12 @@ class Space:
         return {frozenset(state.contacts): i for i, state in enumerate(self.graph.states)}
 
     def near(self, pose: Pose, scale: Scale) -> bool:
-        """Whether a pose is as near as contacts are to the space's own pose, or to where it was linearised."""
+        """Whether a pose is as near as contacts are to the space's own pose, or to where it was linearised.
+
+        Args:
+            pose: of the moving part in the B-frame.
+            scale: reach, m, and angle, rad.
+        """
         for own in (Pose.from_vector(self.pose), self.graph.space.pose):
             x = np.abs(own.local(pose))
             if x[:3].max() <= scale.reach and x[3:].max() <= scale.angle:

@@ -103,6 +103,10 @@ def images_of(errors: ErrorSet, axes: NDArray[np.intp]) -> Array:
     """The images (6, 6) of the start errors in a set that a motion has carried on, one column an axis with error.
 
     An ellipsoid, as the paper's sets are, has forgotten them: all are 0, and nothing is foreseen.
+
+    Args:
+        errors: whose first generators are those of the start box.
+        axes: that have errors at the start, in order.
     """
     images = np.zeros((6, 6))
     if len(errors.generators) >= len(axes):

@@ -297,6 +297,10 @@ def begin(task: Task, entry: Entry) -> Node | None:
 
     With a pose above the mouth the corner first goes down to touch the top, or the part is laid flat there, and leaves
     it to get there.
+
+    Args:
+        task: parts, errors and costs.
+        entry: how the part comes into the hole.
     """
     place = Place(entry.start, (), (), entry.corner)
     # The approach itself is no transition.

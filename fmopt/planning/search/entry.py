@@ -74,7 +74,12 @@ class Shape:
 
     @staticmethod
     def of(numbers: Array, heading: float = 0.0) -> Shape:
-        """The shape of (6,), (8,) or (9,) numbers and a heading."""
+        """The shape of (6,), (8,) or (9,) numbers and a heading.
+
+        Args:
+            numbers: (6,), (8,) or (9,), rad and m.
+            heading: bearing in which the part leans, rad.
+        """
         about_y, about_x, turn, depth, x, y, *more = (float(number) for number in numbers)
         shape = Shape(about_y, about_x, turn, depth, (x, y), heading=heading)
         if len(more) == 3:
@@ -283,12 +288,22 @@ def hovering_entries(moving: Part, start_box: Array, approach: float) -> Iterato
 
 
 def start_spread(moving: Part, start_box: Array) -> float:
-    """How far the start errors displace the tip's corners sideways at most, about: half-widths and swing, m."""
+    """How far the start errors displace the tip's corners sideways at most, about: half-widths and swing, m.
+
+    Args:
+        moving: in its body frame.
+        start_box: half-widths (6,), m and rad.
+    """
     return float(start_box[:2].max()) + swung_by(leading_corners(moving), start_box)
 
 
 def swung_by(tip: Array, start_box: Array) -> float:
-    """How far rotation errors move the tip's outermost corner, m."""
+    """How far rotation errors move the tip's outermost corner, m.
+
+    Args:
+        tip: corners (n, 3), body frame, m.
+        start_box: half-widths (6,), m and rad.
+    """
     return float(np.linalg.norm(tip[:, :2], axis=1).max()) * float(np.linalg.norm(start_box[3:]))
 
 
@@ -312,6 +327,11 @@ def turned_axes(heading: float) -> Array:
 
 
 def lowest(tip: Array, shape: Shape) -> Array:
-    """The corner (3,) that the tilts of a shape make the lowest, of those next to the walls at −x and −y."""
+    """The corner (3,) that the tilts of a shape make the lowest, of those next to the walls at −x and −y.
+
+    Args:
+        tip: corners (n, 3), body frame, m.
+        shape: tilts and heading.
+    """
     x, y, _ = turned_axes(shape.heading).T @ tip.T
     return np.asarray(tip[int(np.argmin(np.sin(shape.about_y) * x + np.sin(shape.about_x) * y))])

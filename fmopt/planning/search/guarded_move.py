@@ -92,7 +92,12 @@ class Near:
 
     @staticmethod
     def of(assembly: Assembly, contacts: Sequence[PrimitiveContact]) -> Near:
-        """These contacts."""
+        """These contacts.
+
+        Args:
+            assembly: the parts.
+            contacts: which may be met.
+        """
         return Near(Surfaces.of(contacts, assembly.moving.polyhedron, assembly.fixed.polyhedron))
 
     @property
@@ -159,6 +164,12 @@ def neighbourhood(assembly: Assembly, place: Place, freedom: Freedom, reach: flo
     """The primitive contacts that a move along a freedom, or another of its kind and limit, may meet.
 
     A turn is not taken to bring parts nearer than `reach` (m) do.
+
+    Args:
+        assembly: the parts.
+        place: pose and contacts held.
+        freedom: direction, and how far at most.
+        reach: m.
     """
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     return Near.of(assembly, near_contacts(body, fixed, place.pose, *_range(freedom, reach)))
@@ -171,7 +182,11 @@ def _range(freedom: Freedom, reach: float) -> tuple[float, float]:
 
 
 def tips(assembly: Assembly, place: Place, freedom: Freedom, reach: float) -> tuple[PrimitiveContact, ...]:
-    """Those of a `neighbourhood` that are of a moving vertex on a fixed face."""
+    """Those of a `neighbourhood` that are of a moving vertex on a fixed face.
+
+    Args:
+        assembly, place, freedom, reach: as for `neighbourhood`.
+    """
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     return near_tips(body, fixed, place.pose, *_range(freedom, reach))
 
@@ -255,7 +270,13 @@ def _arrival(assembly: Assembly, place: Place, goal: Pose, first: PrimitiveConta
 
 
 def insides(assembly: Assembly, contacts: Sequence[PrimitiveContact], pose: Pose) -> Array:
-    """How far within their features contacts (n,) lie, m; edges that have turned parallel cross nowhere."""
+    """How far within their features contacts (n,) lie, m; edges that have turned parallel cross nowhere.
+
+    Args:
+        assembly: the parts.
+        contacts: n of them.
+        pose: of the moving part in the B-frame.
+    """
     body, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
     found = BoundTable.of(contacts, body, fixed, pose).insides(pose)
     found[Surfaces.of(contacts, body, fixed).sines(pose) <= _PARALLEL] = -np.inf
@@ -284,6 +305,12 @@ def implied(
 
     Walls and rims of several holes may be met together, too: those that are parallel and as far from each other as what
     meets them.
+
+    Args:
+        assembly: the parts.
+        held: contacts held until then.
+        first: met by the move.
+        other: met with it nominally.
     """
     if first.kind is not other.kind or first.kind in (Kind.FACE_VERTEX, Kind.BALL_FACE):
         return False
@@ -305,7 +332,13 @@ def implied(
 
 
 def pinned(assembly: Assembly, pose: Pose, held: Sequence[PrimitiveContact]) -> int:
-    """How many freedoms the held contacts take away at a pose."""
+    """How many freedoms the held contacts take away at a pose.
+
+    Args:
+        assembly: the parts.
+        pose: of the moving part in the B-frame.
+        held: contacts at that pose.
+    """
     if not held:
         return 0
     return int(np.linalg.matrix_rank(contact_rows(assembly, held, held, pose).N * assembly.units, 1e-6))

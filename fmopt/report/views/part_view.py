@@ -36,14 +36,27 @@ def size() -> tuple[float, float]:
 
 
 def alt(name: str, body: Polyhedron) -> str:
-    """What is to be seen, for who cannot see it."""
+    """What is to be seen, for who cannot see it.
+
+    Args:
+        name: of the part.
+        body: in its frame, z the feature's axis.
+    """
     extent = " × ".join(f"{1e3 * width:.4g}" for width in body.widths)
     words = f"{name}, {extent} mm, {len(body.faces)} faces, {len(body.edges)} edges, {len(body.vertices)} vertices"
     return f"{words}: seen from a corner, and cut by the planes x–z and y–z through its axis and across it."
 
 
 def paint(name: str, body: Polyhedron, pieces: Sequence[Polyhedron], height: float, figure: Figure) -> None:
-    """Four views: from a corner, and three sections; the one across the axis at a height, m."""
+    """Four views: from a corner, and three sections; the one across the axis at a height.
+
+    Args:
+        name: of the part.
+        body: in its frame.
+        pieces: convex, whose union it is.
+        height: of the section across the axis, m.
+        figure: empty.
+    """
     grid = figure.subplots(2, 2)
     corner(grid[0][0], body)
     grid[0][0].set_title(name)
@@ -57,7 +70,12 @@ def view() -> Array:
 
 
 def corner(axes: Axes, body: Polyhedron) -> None:
-    """The faces that look at the viewer, far ones first, each lighter the more it faces the lamp."""
+    """The faces that look at the viewer, far ones first, each lighter the more it faces the lamp.
+
+    Args:
+        axes: of one picture.
+        body: in its frame.
+    """
     from matplotlib.patches import PathPatch
 
     body, across = faceted(body), view()
@@ -87,7 +105,14 @@ def _creases(body: Polyhedron, face: Face) -> list[Array]:
 
 
 def cut(axes: Axes, plane: str, pieces: Sequence[Polyhedron], height: float) -> None:
-    """The section of pieces by the plane "x–z", "y–z" or, at a height in m, "x–y" of their frame; mm."""
+    """The section of pieces by a plane of their frame.
+
+    Args:
+        axes: of one picture, in mm.
+        plane: "x–z", "y–z" or "x–y".
+        pieces: convex, m.
+        height: of "x–y" above the origin, m; no other plane is moved along its normal.
+    """
     from matplotlib.patches import PathPatch
 
     origin = np.array([0.0, 0.0, height])

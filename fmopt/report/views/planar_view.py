@@ -72,9 +72,12 @@ def paint(plan: Plan, figure: Figure) -> None:
 
 
 def paint_sets(sets: Sequence[Boundary], figure: Figure, upright: str = "y") -> None:
-    """A panel for each set; `fmopt.plan.boundary` reads what `papers.basanez_suarez.account` makes. m in, mm drawn.
+    """A panel for each set; `fmopt.plan.boundary` reads what `papers.basanez_suarez.account` makes.
 
-    `upright` is what the plane's second axis is called: z in a plan.
+    Args:
+        sets: of one plane, m.
+        figure: empty; drawn in mm.
+        upright: what the plane's second axis is called: z in a plan.
     """
     rows = math.ceil(len(sets) / _PER_ROW)
     grid = figure.subplots(rows, _PER_ROW, squeeze=False).ravel()
@@ -105,7 +108,12 @@ def _panel(axes: Axes, found: Boundary) -> None:
 
 
 def piece_points(piece: Curve, step: float = 0.03) -> Array:
-    """Points (k, 2) along a piece of a boundary, arcs in steps of at most `step` rad, m."""
+    """Points (k, 2) along a piece of a boundary, arcs in steps of at most `step`, m.
+
+    Args:
+        piece: a line or an arc.
+        step: of arcs, rad.
+    """
     if piece.line is not None:
         return np.array(piece.line, dtype=np.float64).reshape(2, 2)
     x, y, radius, start, sweep = piece.arc or (0.0,) * 5

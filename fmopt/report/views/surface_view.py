@@ -56,9 +56,12 @@ def paint(plan: Plan, figure: Figure) -> None:
 
 
 def paint_surfaces(surfaces: Sequence[Surface], figure: Figure, upright: str = "y") -> None:
-    """A body for each surface; `fmopt.plan.surface` reads what `papers.basanez_suarez.account` makes. In mm and °.
+    """A body for each surface; `fmopt.plan.surface` reads what `papers.basanez_suarez.account` makes.
 
-    `upright` is what the plane's second axis is called: z in a plan.
+    Args:
+        surfaces: in slices of φ, m and rad.
+        figure: empty; drawn in mm and °.
+        upright: what the plane's second axis is called: z in a plan.
     """
     from matplotlib.ticker import MaxNLocator
 

@@ -105,6 +105,10 @@ class Allocation:
 def allocate(question: Question, progress: Callable[[str], None] = lambda _: None) -> Allocation:
     """Answers a question.
 
+    Args:
+        question: tolerances, what each costs, and the margin wanted.
+        progress: told in words.
+
     Raises:
         SearchError, InfeasibleError: there is no motion for the present tolerances, or its margin is too small already.
     """

@@ -50,13 +50,22 @@ class Bin:
 
 
 def bins(view: View, axis: Varied) -> list[Bin]:
-    """The runs that have answers, by the values of an axis."""
+    """The runs that have answers, by the values of an axis.
+
+    Args:
+        view: of the results.
+        axis: numeric ones in ranges, others value by value.
+    """
     done = np.flatnonzero(view.done)
     return _bins(view, axis, done, view.good[done].astype(float), np.ones(len(done)))
 
 
 def trials(view: View, axis: Varied) -> list[Bin]:
-    """The trials of all runs that were executed, by the values of an axis."""
+    """The trials of all runs that were executed, by the values of an axis.
+
+    Args:
+        view, axis: as for `bins`.
+    """
     if "trials" not in view.results.columns:
         return []
     good, total = view.column("successes"), view.column("trials")
@@ -92,6 +101,10 @@ class Estimate:
 def share(successes: int, trials: int) -> Estimate:
     """A share with Wilson's score interval, which holds for few trials and for shares near 0 and 1, too.
 
+    Args:
+        successes: 0 or more.
+        trials: 1 or more.
+
     Raises:
         ValueError: there are no trials, or more successes than trials.
     """
@@ -108,6 +121,9 @@ def rank_correlation(x: Array, y: Array) -> Estimate | None:
     """Spearman's ρ of two samples (n,), interval after Bonett and Wright (2000); None when it is not defined.
 
     The interval of a perfect order reaches as far as that of the order with two neighbours exchanged.
+
+    Args:
+        x, y: (n,), finite; fewer than 4 have no interval.
     """
     from scipy.stats import rankdata
 

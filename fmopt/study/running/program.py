@@ -10,7 +10,7 @@ from pathlib import Path
 import fmopt
 
 _LIBRARIES = (
-    *("casadi", "clarabel", "daqp", "manifold3d", "networkx", "numpy", "scipy", "shapely", "sympy"),
+    *("casadi", "clarabel", "daqp", "manifold3d", "numpy", "scipy", "shapely", "sympy"),
     *("cadquery-ocp-novtk", "mujoco"),  # of extras, where they are installed
 )
 

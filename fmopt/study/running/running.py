@@ -126,7 +126,10 @@ def run(
     with owned(folder), store_of(folder) as store:
         store.design(work.numbered(), work.facts)
         home = laid_out(work.inputs, folder / "inputs") if options.executor is None else None
-        desk = _Desk(work, store, evaluate, options, home, progress)
+        form = Batch((), evaluate, work.limits, {}, home)
+        if home is None:  # a host elsewhere has neither the inputs nor, perhaps, this program
+            form = replace(form, inputs=work.inputs, program=program())
+        desk = _Desk(work.runs, store, form, options, progress)
         with _stoppable() as stop:
             if options.executor is not None:
                 return desk.served(options.executor, stop)
@@ -176,18 +179,14 @@ class _Desk:
 
     def __init__(
         self,
-        work: Work,
+        listed: Sequence[Run],
         store: Store,
-        evaluate: Evaluate,
+        form: Batch,
         options: Options,
-        home: Path | None,
         progress: Callable[[Tally], None],
     ) -> None:
-        self._store, self._options, self._progress = store, options, progress
-        self._form = Batch((), evaluate, work.limits, {}, home)
-        if home is None:
-            self._form = replace(self._form, inputs=work.inputs, program=program())
-        runs = {run.key: run for run in work.runs}
+        self._store, self._form, self._options, self._progress = store, form, options, progress
+        runs = {run.key: run for run in listed}
         outcomes = store.outcomes()
         self._failed = {key for key in runs if outcomes.get(key, "done") != "done"}
         again = self._failed if options.retry_failed else set()

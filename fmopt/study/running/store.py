@@ -149,7 +149,12 @@ class Store:
             file.executemany("INSERT OR REPLACE INTO facts VALUES (?, ?)", sorted(facts.items()))
 
     def design(self, runs: Iterable[Numbered], facts: Mapping[str, str]) -> None:
-        """Replaces the runs of the design, and states facts with them, all at once; results stay."""
+        """Replaces the runs of the design, and states facts with them, all at once; results stay.
+
+        Args:
+            runs: in order.
+            facts: what is to be said of the study, by name.
+        """
         with self._transaction() as file:
             file.execute("DELETE FROM runs")
             file.executemany("INSERT INTO runs VALUES (?, ?, ?)", ((r.number, r.key, _text(r.point)) for r in runs))
@@ -199,7 +204,12 @@ def recorded(folder: Path) -> tuple[dict[str, str], list[Recorded]]:
 
 
 def kept(folder: Path, key: str) -> bytes | None:
-    """What the store keeps of a run beside its row."""
+    """What the store keeps of a run beside its row.
+
+    Args:
+        folder: of the study.
+        key: of the run.
+    """
     with _reading(folder) as file:
         found = file.execute("SELECT content FROM kept WHERE key = ?", (key,)).fetchone()
         return None if found is None else bytes(found[0])

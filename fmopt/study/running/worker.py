@@ -57,7 +57,13 @@ def _served(connection: Connection, evaluate: Evaluate, folder: Path, runs: Iter
 
 
 def answered(evaluate: Evaluate, run: Run, folder: Path) -> Row:
-    """The row of a run, whatever happens to it that a program can see."""
+    """The row of a run, whatever happens to it that a program can see.
+
+    Args:
+        evaluate: may raise anything.
+        run: of one batch.
+        folder: of its inputs, which is not named in the row.
+    """
     try:
         row = evaluate(run, folder)
     except MemoryError:

@@ -88,6 +88,11 @@ class Worker:
         """Rows of runs as they come; the last is a word when it did not: "timeout", or "crash" when the process ended.
 
         Nothing at all comes from a worker that did not begin.
+
+        Args:
+            evaluate: importable by name.
+            folder: of the inputs.
+            runs: done one after the other.
         """
         if self._new and self._message(_START_UP) != READY:
             return

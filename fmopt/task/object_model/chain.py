@@ -35,7 +35,12 @@ Chain: TypeAlias = tuple[Term, ...]
 
 
 def chain_of(solid: Solid, name: str) -> Chain:
-    """The chain of a CSG tree; terms are called after `name`, taken-away ones `name`-cut-1 and so on."""
+    """The chain of a CSG tree; terms are called after it, taken-away ones `name`-cut-1 and so on.
+
+    Args:
+        solid: any tree of it.
+        name: what its one term is called, or its terms begin with.
+    """
     match solid:
         case Placed(inner, pose):
             return moved_chain(chain_of(inner, name), pose)
@@ -75,7 +80,12 @@ def chain_solid(chain: Iterable[Term]) -> Solid:
 
 
 def moved(solid: Solid, pose: Pose) -> Solid:
-    """The solid moved by a pose, placements composed."""
+    """The solid moved by a pose, placements composed.
+
+    Args:
+        solid: in any frame.
+        pose: takes a point x of it to pose.apply(x).
+    """
     if not pose.vector().any():
         return solid
     if isinstance(solid, Placed):
@@ -84,7 +94,11 @@ def moved(solid: Solid, pose: Pose) -> Solid:
 
 
 def moved_chain(chain: Chain, pose: Pose) -> Chain:
-    """Every term of the chain moved by a pose."""
+    """Every term of the chain moved by a pose.
+
+    Args:
+        chain, pose: as for `moved`.
+    """
     return tuple(replace(term, body=moved(term.body, pose)) for term in chain)
 
 
@@ -92,6 +106,9 @@ def joined(first: Chain, second: Chain) -> Chain:
     """A chain of the union of two chains.
 
     One is put behind the other where what the second takes away spares the first; else its tree becomes one term.
+
+    Args:
+        first, second: in one frame, neither empty.
     """
     for head, tail in ((first, second), (second, first)):
         if _spares(tail, head):
@@ -100,7 +117,12 @@ def joined(first: Chain, second: Chain) -> Chain:
 
 
 def without(base: Chain, tools: Chain) -> Chain:
-    """A chain of `base` less the solid of `tools`, which becomes one term when it takes something away itself."""
+    """A chain of `base` less the solid of `tools`, which becomes one term when it takes something away itself.
+
+    Args:
+        base: not empty.
+        tools: in the same frame, not empty.
+    """
     if all(term.sign == "+" for term in tools):
         return base + tuple(replace(term, sign="-") for term in tools)
     return (*base, Term("-", tools[0].name, chain_solid(tools)))

@@ -84,7 +84,12 @@ def _named(left: Sequence[Term], names: Sequence[str], feature: str, sign: Sign)
 
 
 def is_made(terms: Sequence[Term], feature: MatingFeature) -> bool:
-    """Whether the feature's axis runs through a term of its sign over some of its length."""
+    """Whether the feature's axis runs through a term of its sign over some of its length.
+
+    Args:
+        terms: of the part's chain.
+        feature: in the frame of the terms.
+    """
     return max(_shares(terms, feature).values(), default=0.0) > 0.0
 
 

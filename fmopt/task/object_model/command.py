@@ -120,14 +120,13 @@ class Answer(Value):
         object.__setattr__(self, "P0", frozen(self.P0, 6, name="P(0)"))
         object.__setattr__(self, "PT", frozen(self.PT, 6, name="P(T)"))
 
-    @property
-    def B_frame(self) -> Pose:
-        """The base frame of the configuration space in the global reference frame, at the start."""
-        return self.fixed.frame
-
 
 def answer(workcell: Workcell, task: Task) -> Answer:
     """The data of a task for the T-PF mapping.
+
+    Args:
+        workcell: as it is before the task.
+        task: names two features, or objects, of it.
 
     Raises:
         TaskError: a missing operand, a frame that breaks a rule, kinds of features that do not mate, a goal off the
@@ -164,6 +163,9 @@ def base_frame(workcell: Workcell, task: Task) -> Pose:
 
     Where a solid feature is put on a solid one, z of that frame would point into the material. It is turned about x by
     180°, so that z points out of it as out of a mouth.
+
+    Args:
+        workcell, task: as for `answer`.
     """
     (_, one), (_, other) = workcell.resolve(task.moving), workcell.resolve(task.fixed)
     facing = one is not None and other is not None and not one.hollow and not other.hollow
@@ -172,6 +174,10 @@ def base_frame(workcell: Workcell, task: Task) -> Pose:
 
 def completed(workcell: Workcell, found: Answer) -> Workcell:
     """The workcell after the task: the grasped object and what it carries moved, the attachment recorded.
+
+    Args:
+        workcell: as it was when the answer was found.
+        found: of one task.
 
     Raises:
         TaskError: the operands are not where the answer has them.

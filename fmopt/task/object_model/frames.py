@@ -65,6 +65,10 @@ def checked(tree: ObjectTree) -> ObjectTree:
 def check_frame(tree: ObjectTree, feature: Feature) -> None:
     """Checks the frame of one feature with a length.
 
+    Args:
+        tree: the object.
+        feature: one of its own.
+
     Raises:
         TaskError: with the feature and the rule.
     """
@@ -280,7 +284,12 @@ def on_axis(solid: Solid, pose: Pose | None = None) -> Intervals:
 
 
 def clipped(intervals: Intervals, low: float, high: float) -> Intervals:
-    """What of the intervals lies between two heights."""
+    """What of the intervals lies between two heights.
+
+    Args:
+        intervals: of heights, apart and in order, m.
+        low, high: m.
+    """
     cut = ((max(a, low), min(b, high)) for a, b in intervals)
     return tuple((a, b) for a, b in cut if a < b)
 
@@ -319,7 +328,12 @@ def _through(primitive: Primitive, pose: Pose) -> Intervals:
 
 
 def across(solid: Solid, pose: Pose | None = None) -> Cutter:
-    """The function of the height z (m) that gives the solid's section there, just above it, as polygons in x and y."""
+    """The function of the height z (m) that gives the solid's section there, just above it, as polygons in x and y.
+
+    Args:
+        solid: any tree of it.
+        pose: of its frame where z is counted; the identity if None.
+    """
     pose = pose or Pose.identity()
     match solid:
         case Placed(inner, move):

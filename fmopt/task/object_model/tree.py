@@ -12,12 +12,9 @@ from dataclasses import astuple, dataclass, replace
 
 from fmopt.errors import GeometryError, TaskError
 from fmopt.geometry.csg import Difference, Placed, Primitive, Solid, Union
-from fmopt.geometry.mating_features import Feature as MatingFeature
-from fmopt.geometry.mating_features import FeatureKind
-from fmopt.geometry.part import Part, part_of
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Value
-from fmopt.task.object_model.chain import Chain, Sign, Term, chain_solid, moved
+from fmopt.task.object_model.chain import Chain, Sign, Term, chain_solid
 
 UNIQUE = "names are unique"
 
@@ -107,11 +104,6 @@ class Feature(Value):
     def instances(self) -> tuple[Instance, ...]:
         """The instances that the feature is made of."""
         return instances(self.body)
-
-    @property
-    def own_body(self) -> Solid:
-        """The body in the feature's own frame."""
-        return moved(self.body, self.frame.inverse())
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,18 +195,3 @@ class ObjectTree(Value):
     def at(self, frame: Pose) -> ObjectTree:
         """The object put elsewhere."""
         return replace(self, frame=frame)
-
-
-def tree_part(tree: ObjectTree) -> Part:
-    """The object as the contact floors see it, with the features that have a length, in the object's frame.
-
-    Raises:
-        GeometryError: the solid is empty or has edges of no thickness.
-    """
-    mating = [_mating(feature, feature.length) for feature in tree.features if feature.length is not None]
-    return part_of(tree.name, tree.solid, mating)
-
-
-def _mating(feature: Feature, length: float) -> MatingFeature:
-    kind: FeatureKind = "hollow" if feature.hollow else "solid"
-    return MatingFeature(feature.name, kind, feature.frame, length, feature.through)

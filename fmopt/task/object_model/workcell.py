@@ -108,6 +108,9 @@ class Workcell(Value):
     def disconnect(self, one: str, other: str) -> Workcell:
         """The workcell without the links between two objects.
 
+        Args:
+            one, other: names of objects, in either order.
+
         Raises:
             TaskError: there are none.
         """
@@ -121,7 +124,12 @@ class Workcell(Value):
         return replace(self, objects=(*self.objects, tree))
 
     def moved(self, names: Iterable[str], move: Pose) -> Workcell:
-        """The workcell with some objects moved: a point at x of the global reference frame goes to move.apply(x)."""
+        """The workcell with some objects moved: a point at x goes to move.apply(x).
+
+        Args:
+            names: of objects; others stay.
+            move: in the global reference frame.
+        """
         chosen = set(names)
         return replace(
             self,

@@ -33,7 +33,13 @@ class Place:
     key: str = ""
 
     def fault(self, code: str, message: str, advice: str = "") -> Fault:
-        """The fault of this place."""
+        """The fault of this place.
+
+        Args:
+            code: of the table of faults, such as "missing-key".
+            message: what is wrong.
+            advice: what to change; empty if that is plain.
+        """
         return Fault(self.file, self.line, self.column, self.key, code, message, advice)
 
 
@@ -47,7 +53,12 @@ class Source:
     values: Mapping[Key, tuple[int, int]]
 
     def place(self, key: Key, *, of_key: bool = False) -> Place:
-        """Where the value of `key` (or the key itself) stands; of a key without a place, its nearest table."""
+        """Where a value stands; of a key without a place, its nearest table.
+
+        Args:
+            key: names of the tables on the way, and its own; numbers in arrays.
+            of_key: whether the key itself is meant, not its value.
+        """
         first, second = (self.keys, self.values) if of_key else (self.values, self.keys)
         for n in range(len(key), 0, -1):
             found = first.get(key[:n], second.get(key[:n]))
@@ -70,7 +81,12 @@ class Source:
 
 
 def holds(value: object, part: str | int) -> bool:
-    """Whether `value` is a table with the key, or an array with the index, `part`."""
+    """Whether a value is a table with this key, or an array with this index.
+
+    Args:
+        value: as TOML has it.
+        part: name of a key, or index.
+    """
     if isinstance(value, Mapping):
         return part in value
     return isinstance(value, list) and isinstance(part, int) and 0 <= part < len(value)
@@ -99,7 +115,12 @@ def _whole(stream: TextIO) -> bytes:
 
 
 def read_bytes(path: Path, cited: Place, limit: int) -> bytes:
-    """The bytes of a regular file, or "-" standard input, of at most `limit` bytes; `cited` is where its name stands.
+    """The bytes of a regular file or of standard input.
+
+    Args:
+        path: "-" for standard input.
+        cited: where its name stands, for messages.
+        limit: bytes, at most.
 
     Raises:
         InputError: no such file, no regular file, no permission, too large, or a name no file can have.

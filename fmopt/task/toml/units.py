@@ -35,7 +35,12 @@ class Dimension:
     angle: int = 0
 
     def times(self, other: Dimension, sign: int = 1) -> Dimension:
-        """The dimension of a product (sign 1) or quotient (sign -1)."""
+        """The dimension of a product (sign 1) or quotient (sign −1).
+
+        Args:
+            other: the second factor, or the divisor.
+            sign: 1 or −1.
+        """
         return Dimension(
             self.length + sign * other.length,
             self.mass + sign * other.mass,
@@ -100,7 +105,12 @@ class Quantity:
 
 
 def scaled(number: float, factor: float) -> float:
-    """`number` times `factor` as decimals, so that 8.1444 mm is the float nearest to 0.0081444 m."""
+    """`number` times `factor` as decimals, so that 8.1444 mm is the float nearest to 0.0081444 m.
+
+    Args:
+        number: as it was written; infinite and nan stay as they are.
+        factor: of its unit.
+    """
     if not math.isfinite(number):
         return number
     try:
@@ -148,6 +158,10 @@ def evaluate(text: str, names: Mapping[str, Quantity] | None = None) -> Quantity
 
     Without `names` the text is one number with a unit, `"0.5 N*m"`. With `names` it is arithmetic on names and
     numbers, `"2 * (width + 0.1 mm)"`, where a number carries at most one unit. Nothing else is understood.
+
+    Args:
+        text: as people write it.
+        names: quantities that it may use; a lone number with its unit if None.
 
     Raises:
         QuantityError: the text is not of this form, or dimensions do not agree.
@@ -279,6 +293,11 @@ class _Parser:
 
 
 def did_you_mean(name: str, choices: Mapping[str, object] | list[str]) -> str:
-    """`did you mean "…"?` for the nearest of `choices`, or nothing."""
+    """`did you mean "…"?` for the nearest of `choices`, or nothing.
+
+    Args:
+        name: what was written.
+        choices: what may be written.
+    """
     near = get_close_matches(name, [str(choice) for choice in choices], n=1, cutoff=0.6)
     return f"did you mean {near[0]!r}?" if near else ""

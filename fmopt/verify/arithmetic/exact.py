@@ -60,7 +60,12 @@ def parallel(u: Sequence[int], v: Sequence[int]) -> bool:
 
 
 def level(normal: Sequence[int], p: Point) -> Level:
-    """The plane across a direction through a point."""
+    """The plane across a direction through a point.
+
+    Args:
+        normal: of any length, towards the front.
+        p: on the plane.
+    """
     a, b, c = normal[0], normal[1], normal[2]
     w = p[3]
     found = (a * w, b * w, c * w, a * p[0] + b * p[1] + c * p[2])
@@ -74,7 +79,12 @@ def turned_over(plane: Level) -> Level:
 
 
 def height(plane: Level, p: Point) -> int:
-    """A number of the sign of a point's height over a plane: 0 on it."""
+    """A number of the sign of a point's height over a plane: 0 on it.
+
+    Args:
+        plane: not of unit normal, so that only the sign says anything.
+        p: any point.
+    """
     return plane[0] * p[0] + plane[1] * p[1] + plane[2] * p[2] - plane[3] * p[3]
 
 
@@ -129,7 +139,12 @@ def through(points: Iterable[Point]) -> Level | None:
 
 
 def area(points: Sequence[Vector], loops: Iterable[Sequence[int]]) -> Vector:
-    """The direction of the area that loops of points in fixed point enclose (Newell): across their plane if any."""
+    """The direction of the area that loops of points in fixed point enclose (Newell): across their plane if any.
+
+    Args:
+        points: of which the loops name some, m.
+        loops: indices, counter-clockwise as seen from where the area points; holes the other way round.
+    """
     x = y = z = 0
     for loop in loops:
         base = points[loop[0]]
@@ -150,10 +165,14 @@ def unit_of(direction: Sequence[int]) -> Vector:
 
 
 def balanced(a: int, b: int, c: int, p: tuple[int, int], q: tuple[int, int]) -> bool:
-    """Whether a √p + b √q + c √(p q) = 0 for integers a, b, c and positive fractions p, q (numerator, denominator).
+    """Whether a √p + b √q + c √(p q) = 0, decided by integers alone.
 
     With s = a √p + b √q it has to be −c √(p q): of the other sign than c, and of the same square. The squares are
     equal when 2 a b √(p q) = c² p q − a² p − b² q, which again is a matter of signs and squares.
+
+    Args:
+        a, b, c: of either sign.
+        p, q: positive fractions, numerator and denominator.
     """
     (u, v), (x, y) = p, q
     # Over the common denominator v y: p = u y / (v y), q = x v / (v y), p q = u x / (v y).

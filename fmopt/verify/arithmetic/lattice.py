@@ -69,7 +69,11 @@ def apart(a: Bounds, b: Bounds) -> bool:
 
 
 def through(a: Point, b: Point, c: Point) -> HalfSpace:
-    """The half-space behind the plane of three points, which run counter-clockwise seen from its front."""
+    """The half-space behind the plane of three points, which run counter-clockwise seen from its front.
+
+    Args:
+        a, b, c: counter-clockwise seen from the front; on a line they make a normal of 0.
+    """
     ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
     n = (uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx)
@@ -77,7 +81,12 @@ def through(a: Point, b: Point, c: Point) -> HalfSpace:
 
 
 def area(points: Sequence[Point], loops: Loops) -> Point:
-    """Twice the area that loops enclose, along its normal (Newell)."""
+    """Twice the area that loops enclose, along its normal (Newell).
+
+    Args:
+        points: of which the loops name some.
+        loops: the outer one counter-clockwise as seen from where the area points.
+    """
     x = y = z = 0
     base = points[loops[0][0]]
     for loop in loops:
@@ -90,23 +99,42 @@ def area(points: Sequence[Point], loops: Loops) -> Point:
 
 
 def height(h: HalfSpace, p: Point) -> int:
-    """A number of the sign of a point's height over the plane of a half-space."""
+    """A number of the sign of a point's height over the plane of a half-space.
+
+    Args:
+        h: its normal has any length, so that only the sign says anything.
+        p: a point of the lattice.
+    """
     return h[0] * p[0] + h[1] * p[1] + h[2] * p[2] - h[3]
 
 
 def elevation(h: HalfSpace, p: Place) -> int:
-    """A number of the sign of a place's height over the plane of a half-space."""
+    """A number of the sign of a place's height over the plane of a half-space.
+
+    Args:
+        h, p: as for `height`, p where three planes meet.
+    """
     return h[0] * p[0] + h[1] * p[1] + h[2] * p[2] - h[3] * p[3]
 
 
 def elevations(h: HalfSpace, points: Sequence[Place]) -> list[int]:
-    """The elevation of each of some places."""
+    """The elevation of each of some places.
+
+    Args:
+        h: as for `elevation`.
+        points: in any order.
+    """
     a, b, c, d = h
     return [a * x + b * y + c * z - d * w for x, y, z, w in points]
 
 
 def common(points: Sequence[Place], spaces: Sequence[HalfSpace]) -> bool:
-    """Whether the convex hull of places that lie in one plane, in order around it, has a point in all half-spaces."""
+    """Whether the convex hull of places that lie in one plane, in order around it, has a point in all half-spaces.
+
+    Args:
+        points: in one plane, in order around their hull.
+        spaces: of which the point is to be in all, boundaries included.
+    """
     crossing = []
     for space in spaces:
         heights = elevations(space, points)
@@ -142,7 +170,12 @@ def turn(a: Flat, b: Flat, c: Flat) -> int:
 
 
 def cross_or_touch(p: Flat, q: Flat, a: Flat, b: Flat) -> bool:
-    """Whether the segments p q and a b have a point in common."""
+    """Whether the segments p q and a b have a point in common.
+
+    Args:
+        p, q: ends of the one, which may be one point.
+        a, b: ends of the other.
+    """
     if max(p[0], q[0]) < min(a[0], b[0]) or max(a[0], b[0]) < min(p[0], q[0]):
         return False
     if max(p[1], q[1]) < min(a[1], b[1]) or max(a[1], b[1]) < min(p[1], q[1]):
@@ -156,12 +189,21 @@ def cross_or_touch(p: Flat, q: Flat, a: Flat, b: Flat) -> bool:
 
 
 def folds_back(a: Flat, b: Flat, c: Flat) -> bool:
-    """Whether the way from b to c goes back along the way from a to b."""
+    """Whether the way from b to c goes back along the way from a to b.
+
+    Args:
+        a, b, c: in the order in which they are passed.
+    """
     return turn(a, b, c) == 0 and (b[0] - a[0]) * (c[0] - b[0]) + (b[1] - a[1]) * (c[1] - b[1]) < 0
 
 
 def seen_along(axis: int, p: Point) -> Flat:
-    """A point without one coordinate, the others in cyclic order."""
+    """A point without one coordinate, the others in cyclic order.
+
+    Args:
+        axis: 0, 1 or 2, the one left out.
+        p: a point of the lattice.
+    """
     return (p[(axis + 1) % 3], p[(axis + 2) % 3])
 
 

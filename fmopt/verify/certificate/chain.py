@@ -55,7 +55,7 @@ from fmopt.verify.parts.solids import Plane
 from fmopt.verify.reading.document import Plan, Segment
 
 Basis = tuple[tuple[Touch, Row], ...]
-_DIRECTION_FLOOR = 1e-11
+_DIRECTION_FLOOR = 1e-11  # stated directions differ from derived ones by the rounding of doubles
 
 
 class Broken(ValueError):
@@ -118,6 +118,10 @@ class Chain:
     def follow(self, segment: Segment, notes: Notes) -> Stage:
         """Derives a segment from the one before it.
 
+        Args:
+            segment: the next one.
+            notes: what is found on the way is added.
+
         Raises:
             Broken: the segment does not fit to the one before it.
             ArithmeticRefusal: see `Motion`.
@@ -129,6 +133,7 @@ class Chain:
         held, made = self._basis(segment, notes)
         start, goal = pose(segment.start), pose(segment.goal)
         basis_facts = self._known(segment.move, [t for t, _ in held], start.R)
+        # The basis is what errors are projected along; whatever else a state claims to hold has to follow from it.
         for touch in state:
             if not basis_facts.implies(touch):
                 raise Broken(f"holds {touch.id}, which its basis does not imply")
@@ -138,6 +143,7 @@ class Chain:
             self._nothing_lost(earlier - set(segment.leaving), state, start.R)
         if set(segment.state) - set(segment.goal_state):
             raise Broken("its goal state must hold all that its state holds")
+        # Old thickness lies along directions of its own: it is measured anew where all of them still give way.
         errors = self._without_thickness(held)
         s0, s1 = (fixed(s) for s in segment.progress)
         task = Task(
@@ -147,6 +153,7 @@ class Chain:
             made,
             state,
             goal_state,
+            # The share of what is left of the move: pieces of a move stretch alike, by how much is decided at its end.
             ONE if s1 == ONE else over(s1 - s0, ONE - s0),
             fixed(segment.tube.theta) + ALLOWANCE,
             add(vector(segment.tube.angles), (ALLOWANCE, ALLOWANCE, ALLOWANCE)),
@@ -154,6 +161,8 @@ class Chain:
             (fixed(self.plan.velocity_error[0]), fixed(self.plan.velocity_error[1])),
             fixed(self.plan.rho),
         )
+        # The wall leaves an edge two directions, of which the nominal one is right only while errors cannot reach the
+        # other.
         if task.theta >= LARGEST_ERROR and any(turn.level for turn in (*basis_facts.turns, *facts.turns)):
             raise Broken("may turn so far that an edge in a wall is not known by its nominal direction")
         motion = Motion(self.assembly, task, errors)
@@ -170,6 +179,7 @@ class Chain:
         last = self.previous
         if last is None or last.progress[1] != 1.0:
             notes.add("last segment", "does not end its move")
+        # Poses of a plan are rounded when they are written, no more than this.
         if last is not None and any(abs(a - b) > 1e-12 for a, b in zip(last.goal, self.plan.goal, strict=True)):
             notes.add("goal", "the last segment does not end at the stated goal")
 
@@ -225,6 +235,7 @@ class Chain:
         """The earlier basis entry with this direction that the contact continues or may replace."""
         for k, (known, derived) in enumerate(available):
             close = all(abs(fixed(x) - y) <= fixed(1e-8) for x, y in zip(direction, derived, strict=True))
+            # Another contact may take the place of one that it follows from: the direction stays, the name changes.
             if close and (known.id == touch.id or (self.link.facts is not None and self.link.facts.implies(touch))):
                 return k
         return None
@@ -239,6 +250,7 @@ class Chain:
             earlier = before.leaving if before.move == segment.move else before.goal_state
             if touch.id not in earlier:
                 raise Broken(f"gives up {touch.id}, which was not held when the move started")
+            # A hinged contact has no distance of its own that could be shown to grow.
             if self.assembly.hinge(touch, state) is not None or self.assembly.level(touch, state) is not None:
                 raise Broken(f"gives up {touch.id} without the contacts that it turns about")
         return found
@@ -276,6 +288,7 @@ class Chain:
         """The start set; its old thickness is dropped when every direction that it lies along still gives way."""
         errors = self.link.errors
         directions = [c for _, c in held]
+        # Nothing to give up where no direction has thickness.
         if all(c in directions for c in self.link.thick_along):
             return errors
         return ErrorSet(errors.core + errors.thick, (), errors.slide, errors.swing, errors.shape, errors.linkage)
@@ -343,6 +356,7 @@ def misfit(legs: Sequence[Leg]) -> tuple[int, int]:
         legs: the pieces of one move, in order.
     """
     rates = [row_of(over(x, leg.progress) for x in leg.twist) for leg in legs]
+    # Where pieces join, an execution that is late still moves at the old rate while the claim has it at the new one.
     jumps = [row_of(y - x for x, y in zip(a, b, strict=True)) for a, b in pairwise(rates)]
     lags: list[int] = []
     for leg in legs[:-1]:

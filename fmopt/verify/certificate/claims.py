@@ -69,6 +69,7 @@ def check_segment(assembly: Assembly, stage: Stage, start: ErrorSet, notes: Note
         notes: takes what does not agree.
     """
     _tube(stage, start, notes)
+    # All margins by name: the least is that of the segment, and what is said to bind has to be as small.
     named: list[tuple[int, str]] = []
     failed = _separations(assembly, stage, named, notes)
     complete = len(named) == len(assembly.moving_pieces) * len(assembly.fixed_pieces)
@@ -81,6 +82,7 @@ def check_segment(assembly: Assembly, stage: Stage, start: ErrorSet, notes: Note
     segment = stage.segment
     margin = min(value for value, _ in named)
     notes.at_most("margin", segment.margin, margin)
+    # What ties with the least but for rounding may be named as what binds.
     tied = number(margin) * (1.0 + RELATIVE) + MARGIN_FLOOR
     if not any(name == segment.binding and number(value) <= tied for value, name in named):
         notes.add("binding_contact", f"{segment.binding!r} is not what is tightest")
@@ -107,6 +109,7 @@ def _shape(what: str, stated: Sequence[Numbers], Q: Square, notes: Notes) -> Non
     for a, (values, derived) in enumerate(zip(stated, Q, strict=True)):
         least, skew, radius = _SHAPE_FLOOR[a], _SHAPE_SKEW[a], radii[a]
         for b, (x, y) in enumerate(zip(values, derived, strict=True)):
+            # Entries that should vanish are noise of doubles, in proportion to the radii of both axes.
             floor = least * _SHAPE_FLOOR[b] + _ROUNDING * radius * radii[b]
             floor += skew * radii[b] + _SHAPE_SKEW[b] * radius
             value = number(y)
@@ -127,6 +130,7 @@ def _separations(
 ) -> tuple[tuple[int, int, tuple[Distance, Distance] | None], ...]:
     segment = stage.segment
     pairs = [(i, j) for i in range(len(assembly.moving_pieces)) for j in range(len(assembly.fixed_pieces))]
+    # Every pair, in order: one that is left out would not be proved apart.
     if [(s.moving, s.fixed) for s in segment.separations] != pairs:
         notes.add("separations", "must list every pair of pieces once, in order")
         return ()
@@ -150,6 +154,7 @@ def _separations(
         notes.positive(name, found.margin)
         if found.margin <= 0:
             failed.append((i, j, found.tightest))
+    # A clearance is of all pairs; with one missing there is none to compare.
     if len(clearances) == len(pairs):
         notes.about("clearance", segment.clearance, min(clearances))
     return tuple(failed)
@@ -163,6 +168,7 @@ def _contacts(assembly: Assembly, stage: Stage, named: list[tuple[int, str]], no
     if [(c.id, c.role) for c in segment.contacts] != [(t.id, role) for t, role in expected]:
         notes.add("contacts", "must list the contacts of the state, then on a move's last piece the new ones")
         return
+    # Roles decide which form a contact has: those made are measured at the goal, where they hold.
     forms = stage.goal_state if last else stage.state
     for stated, (touch, role) in zip(segment.contacts, expected, strict=True):
         held = role == "held"
@@ -182,6 +188,7 @@ def _before(assembly: Assembly, stage: Stage, named: list[tuple[int, str]], note
 
     Its row then has one zero on every execution's way, at which the execution stops.
     """
+    # Without a contact to make there is nothing to touch too early.
     motion = stage.motion
     if stage.made is None or motion.made is None:
         return
@@ -215,6 +222,7 @@ def _hybrid(stage: Stage, notes: Notes) -> None:
     if hybrid is None:
         return
     floor = _TWIST_FLOOR / number(motion.length)
+    # The tolerance is of a twist; divided by its length it is one of the unit twist.
     notes.equal("velocity", hybrid.velocity, [over(x, motion.length) for x in motion.twist], floor)
     counts = len(hybrid.position_axes), len(hybrid.force_axes)
     held = len(motion.held)
@@ -222,11 +230,14 @@ def _hybrid(stage: Stage, notes: Notes) -> None:
         notes.add("hybrid", f"has {counts[0]} position and {counts[1]} force axes for {held} independent contacts")
         return
     try:
+        # As rows of one matrix, axes are independent where it has an inverse.
         inverse([row(axis) for axis in (*hybrid.position_axes, *hybrid.force_axes)])
     except ArithmeticRefusal:
         notes.add("hybrid", "its axes are not independent")
     for twist in hybrid.position_axes:
         for wrench in hybrid.force_axes:
+            # Reciprocal: force control does no work along what is servoed in position, so that neither drives the
+            # other.
             if abs(sum(a * b for a, b in zip(twist, wrench, strict=True))) > _RECIPROCAL:
                 notes.add("hybrid", "a force axis does work along a position axis")
 
@@ -236,12 +247,18 @@ def approach(motion: Motion) -> int:
     if motion.made is None:
         return 0
     start, goal = motion.ends(motion.made)
+    # The gradient turns between the ends: the worse of both, less what it may change in between and with errors.
     nearer = min(-row_dot(goal.N, motion.motion), -row_dot(start.N, motion.motion))
     return nearer - _change(motion, motion.made) - SLACK
 
 
 def departure(motion: Motion, function: Function) -> int:
-    """A lower bound, in fixed point, of how much a row grows along the piece; positive: on every execution it does."""
+    """A lower bound, in fixed point, of how much a row grows along the piece; positive: on every execution it does.
+
+    Args:
+        motion: the piece.
+        function: of a contact given up, 0 at its start.
+    """
     start, goal = motion.ends(function)
     farther = min(row_dot(goal.N, motion.motion), row_dot(start.N, motion.motion))
     return farther - _change(motion, function) - SLACK
@@ -257,6 +274,7 @@ def _change(motion: Motion, function: Function) -> int:
     start, goal = motion.ends(function)
     change = _turned(motion, start, goal) + times(motion.cone(seen(goal.N, motion.hold)), motion.length)
     for held, column in zip(motion.held, motion.held_dual, strict=True):
+        # Twice: the directions that give way may differ at both ends of the way.
         change += 2 * times(abs(row_dot(goal.N, column)), _turned(motion, *motion.ends(held)))
     return change + _swung(motion, seen(goal.N, motion.hold))
 

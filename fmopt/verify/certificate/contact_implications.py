@@ -63,6 +63,11 @@ def taken_turns(assembly: Assembly, touch: Touch, held: Sequence[Touch]) -> Plan
     Held on the wall is one end of the moving edge, and either its other end or a crossing of the same edge with another
     rim of the wall. When the end slips over the rim, the crossing there takes over from it, and both have the same
     zeros: the edge's line in the wall. None when there is no such wall.
+
+    Args:
+        assembly: the parts.
+        touch: an edge against an edge.
+        held: contacts held together with it, itself among them or not.
     """
     for face in touch.faces:
         ends = [
@@ -75,7 +80,14 @@ def taken_turns(assembly: Assembly, touch: Touch, held: Sequence[Touch]) -> Plan
 
 
 def other_rim(assembly: Assembly, touch: Touch, other: Touch, wall: Plane) -> bool:
-    """Whether another contact has the same moving edge against another rim of the wall."""
+    """Whether another contact has the same moving edge against another rim of the wall.
+
+    Args:
+        assembly: the parts.
+        touch: an edge against an edge.
+        other: any contact.
+        wall: a fixed plane.
+    """
     return (
         other.kind == "edge-edge"
         and set(other.indices[0]) == set(touch.indices[0])
@@ -111,6 +123,7 @@ class Facts:
                 else:
                     for plane in touch.faces:
                         self._wall(plane).between.append((touch.moving[0], touch.moving[1]))
+        # Each round may allow another; points, planes and turns are finitely many, and none is taken back.
         while self._grow() or self._turn_edge():
             pass
 
@@ -164,9 +177,12 @@ class Facts:
             flush = self.assembly.spanned(l, p)
             if flush is None or any(parallel(flush.exact, known.exact) for known in wall.flush):
                 continue
+            # A face lies in the wall with its outside towards it; which of its two sides that is tells the nominal
+            # pose.
             towards = dot(turned(self.R, flush.plane.normal), wall.plane.normal)
             if towards > 0:
                 flush = Flush(Plane(neg(flush.plane.normal), -flush.plane.offset), turned_over(flush.exact))
+            # Nominal poses are near: what is far from flat there is no flush face but an accident of the arithmetic.
             if abs(towards) < ONE >> 1:
                 continue
             wall.flush.append(flush)
@@ -226,6 +242,10 @@ class Facts:
         It is decided and not measured: either the direction is one that is turned onto one level with them, or it is
         across one that is turned onto their normal, or the two turned directions that it is made of, and the one across
         them, cancel exactly.
+
+        Args:
+            normal: integers, of any length.
+            d: of the body, integers.
         """
         if not any(d) or any(parallel(turn.exact, d) and turn.keeps(normal) for turn in self.turns):
             return True
@@ -237,10 +257,16 @@ class Facts:
         return pair is not None and cancel(*pair, normal, d)
 
     def level(self, plane: Plane, v: Vector, w: Vector) -> bool:
-        """Whether two body points are known to be equally high over a wall."""
+        """Whether two body points are known to be equally high over a wall.
+
+        Args:
+            plane: a wall.
+            v, w: body points, m.
+        """
         key = len(self.turns), plane, v, w
         found = self._levels.get(key)
         if found is None:
+            # First in fixed point, which rules out nearly all; only what is left is decided exactly.
             image = self.image(sub(v, w))
             far = image is not None and abs(dot(plane.normal, image)) > ROUNDING
             found = not far and self.keeps(self.assembly.exact(plane)[:3], self.assembly.way(w, v))
@@ -256,6 +282,10 @@ class Facts:
 
         The vector keeps its part along the direction: it rises by that part's height less all of the rest. What the
         arithmetic is off by, `ROUNDING`, is allowed: what is taken off the rows that are left is more.
+
+        Args:
+            normal: unit vector of the world.
+            d: of the body, m.
         """
         for turn in self.turns:
             along, rise = dot(turn.body, d), dot(turn.world, normal)
@@ -266,7 +296,12 @@ class Facts:
         return image is not None and dot(normal, image) >= -ROUNDING
 
     def beside(self, v: Vector, w: Vector, base: Line) -> bool:
-        """Whether the vector from w to v is known to point along a world line."""
+        """Whether the vector from w to v is known to point along a world line.
+
+        Args:
+            v, w: vertices of the moving part, m.
+            base: through vertices of the fixed part.
+        """
         d = self.assembly.way(w, v)
         if not any(d):
             return True
@@ -341,6 +376,11 @@ class Facts:
         as far from the face as the plane from the wall. The body points asked for may be vertices of pieces, off them
         by `DEVIATION`: as the body is rigid they are below the wall by no more than that, and nothing follows from
         them.
+
+        Args:
+            wall_plane: a fixed plane.
+            vertices: body points asked for, m.
+            above: body points known not to be below the wall, m.
         """
         wall = self.on(wall_plane)
         raised, beside = list(above), self._beside(wall_plane)

@@ -94,6 +94,7 @@ class ErrorSet:
 
     def _support(self, generators: Sequence[Row], N: Row) -> int:
         around, inside = width(self.shape, N), spread(generators, N)
+        # The smaller of two bounds that both hold; the second is not computed where the first cannot be beaten.
         return around if around <= inside else min(around, inside + self.drift(N))
 
     def drift(self, N: Row) -> int:
@@ -115,6 +116,7 @@ def start_errors(plan: Plan) -> ErrorSet:
     """The start box |eₐ| ≤ half-width of a plan; its ellipsoid is stretched by the root of the number of axes."""
     a = [fixed(x) for x in plan.start_box]
     axes = [k for k in SIX if a[k] > 0]
+    # k a² on the diagonal for k axes: Σ (x/a)² ≤ k in the box.
     shape = diagonal([len(axes) * times(x, x) + (BLUR if x else 0) for x in a]) if axes else NOTHING
     core, linkage = linkage_of(plan)
     return ErrorSet(core, (), NOTHING, NOTHING, shape, linkage)
@@ -146,16 +148,30 @@ class Linkage:
         return replace(self, hand=tuple(turned(turn, g[:3]) + turned(turn, g[3:]) for g in self.hand))
 
     def moves(self, travel: Vector, turn: Matrix, count: int) -> tuple[Row, ...]:
-        """By how much `count` generators move as the part travels and turns."""
+        """By how much `count` generators move as the part travels and turns.
+
+        Args:
+            travel: of the reference point, m.
+            turn: of the part, over the piece.
+            count: of generators; those behind the linked ones do not move.
+        """
         after = self.turned(turn).hand
         found = []
         for h, old, new in zip(self.hole, self.hand, after, strict=True):
+            # A turn of the hole by h moves what is fixed there by h × travel; what is in the hand turns with it.
             swung = add(sub(new[:3], old[:3]), cross(h, travel))
             found.append(row_of((*swung, *sub(new[3:], old[3:]))))
+        # Generators of the world come last, and stay as they are.
         return (*found, *[NO_ROW] * (count - len(found)))
 
     def left(self, offset: int, angle: int, ends: Sequence[Vector], turn: int) -> tuple[int, int]:
         """What the linear picture leaves of errors of at most these sizes over a piece between two positions.
+
+        Args:
+            offset: bound of |e|, m.
+            angle: bound of |ε|, rad.
+            ends: both positions of the piece, m.
+            turn: bound of how far the piece turns, rad.
 
         Raises:
             ArithmeticRefusal: the errors are too large for its bounds.
@@ -165,6 +181,7 @@ class Linkage:
         moved = offset + shift + times(askew, travel) + off
         a = angle + askew + slant
         c = a + slant
+        # Half a radian: up to there the bounds below hold.
         if askew + c > ONE >> 1:
             raise ArithmeticRefusal("errors fixed in different frames are too large for the bounds of this check")
         arc = times(turn, turn) >> 3
@@ -250,7 +267,12 @@ def seen(n: Row, A: Square) -> Row:
 
 
 def congruent(A: Square, Q: Square) -> Square:
-    """A Q Aᵀ for a symmetric Q."""
+    """A Q Aᵀ for a symmetric Q.
+
+    Args:
+        A: any.
+        Q: symmetric.
+    """
     if Q == NOTHING:
         return NOTHING
     half = flipped(square_of([image(A, q) for q in Q]))
@@ -284,11 +306,16 @@ def dual(directions: tuple[Row, ...], rows: tuple[Row, ...]) -> tuple[tuple[Row,
 
     Where a piece of motion starts, they are those of the end of the piece before.
 
+    Args:
+        directions: C, as many as rows.
+        rows: N, of the contacts held.
+
     Raises:
         ArithmeticRefusal: see `inverse`.
     """
     if not directions:
         return (), ()
+    # Rows along directions: how much each contact feels of each direction that gives way.
     solved = inverse([[row_dot(n, c) for c in directions] for n in rows])
     along = list(zip(*directions, strict=True))
     columns = [row_of([sum(map(mul, shares, c)) >> BITS for c in along]) for shares in zip(*solved, strict=True)]
@@ -296,7 +323,12 @@ def dual(directions: tuple[Row, ...], rows: tuple[Row, ...]) -> tuple[tuple[Row,
 
 
 def complement(columns: Sequence[Row], rows: Sequence[Row]) -> Square:
-    """I − Σ cᵢ nᵢᵀ."""
+    """I − Σ cᵢ nᵢᵀ.
+
+    Args:
+        columns: cᵢ; none give the identity.
+        rows: nᵢ, one for each column.
+    """
     if not columns:
         return diagonal([ONE] * 6)
     across = list(zip(*rows, strict=True))
@@ -307,7 +339,13 @@ def complement(columns: Sequence[Row], rows: Sequence[Row]) -> Square:
 
 
 def without(A: Square, column: Row, row: Row) -> Square:
-    """A − c nᵀ."""
+    """A − c nᵀ.
+
+    Args:
+        A: any.
+        column: c.
+        row: n.
+    """
     return square_of(
         [[x - ((c * n) >> BITS) for x, n in zip(r, row, strict=True)] for r, c in zip(A, column, strict=True)]
     )
@@ -320,7 +358,12 @@ def metric(rho: int) -> Row:
 
 
 def measure(v: Row, rho: int) -> int:
-    """√(|e|² + ρ²|ε|²)."""
+    """√(|e|² + ρ²|ε|²).
+
+    Args:
+        v: twist (e, ε), m and rad.
+        rho: ρ, m.
+    """
     return root(sum([times(w, times(x, x)) for w, x in zip(metric(rho), v, strict=True)]))
 
 
@@ -329,7 +372,12 @@ def outer_sum(Q1: Square, Q2: Square, weights: Row) -> Square:
 
     A summand without extent is left out. Both are blurred first: a factor may be large where a summand is small, though
     not so large that what is but blur would count.
+
+    Args:
+        Q1, Q2: symmetric, positive semidefinite but for `BLUR`.
+        weights: diagonal of the metric, for the traces.
     """
+    # The sum with a point is the other summand itself, without the factors.
     if Q1 == NOTHING or Q2 == NOTHING:
         return Q1 if Q2 == NOTHING else Q2
     s1, s2 = (root(sum([times(weights[a], Q[a][a] + BLUR) for a in SIX])) for Q in (Q1, Q2))

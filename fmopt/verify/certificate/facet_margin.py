@@ -14,7 +14,7 @@ from fmopt.verify.parts.rows import DirectionAlong, FaceAbove, Function, PointAb
 from fmopt.verify.parts.solids import DEVIATION, ROUNDING, Bound, Plane, Shape
 
 UNBOUNDED = ONE  # the margin, 1 m, of a contact that nothing bounds
-_BEYOND = fixed(1e-6)
+_BEYOND = fixed(1e-6)  # of a blocked rim: material has to go on behind it for that far
 _SURELY = fixed(1e-9)  # m: by how much what takes over is farther inside
 
 
@@ -75,6 +75,8 @@ def _beside(shape: Shape, face: int, loop: Sequence[int]) -> list[Plane]:
     found = []
     for _, _, plane in shape.across(face, loop):
         beyond = max(plane.height(shape.vertices[k]) for k in loop)
+        # Only edges with the whole hole behind them: the point is outside of the hole if it is in front of one such
+        # plane.
         if beyond <= DEVIATION:
             found.append(Plane(plane.normal, plane.offset + max(0, beyond)))
     return found
@@ -92,6 +94,7 @@ def _in_region(assembly: Assembly, touch: Touch, together: Sequence[Touch], regi
     v, found = touch.moving[0], UNBOUNDED
     for i, j, rim, whole in region:
         above = way.above(v, rim)
+        # The quick bound is never above the exact one: a rim that it puts farther away cannot bind.
         if way.quick(above)[0] >= found:
             continue
         room = way.least(above)
@@ -116,11 +119,13 @@ def _swallowed(assembly: Assembly, wall: Plane, edge: tuple[int, int], rim: Plan
     The contact cannot leave its face there without the two parts overlapping, which the separations rule out.
     """
     if assembly.fixed.convex(*edge):
+        # Beyond a convex edge there is nothing.
         return False
     far = max(0, -room) + _BEYOND
     back = scaled(far, neg(rim.normal))
     ends = [assembly.fixed.vertices[k] for k in edge]
     strip = [*ends, *(add(p, back) for p in ends)]
+    # One convex piece has to hold the whole strip: of two, each with a part, the seam would have to be looked at.
     return any(all(_behind(face.plane, strip, far) for face in piece.faces) for piece in assembly.fixed_pieces)
 
 
@@ -131,6 +136,7 @@ def _behind(plane: Plane, strip: Sequence[Vector], far: int) -> bool:
     behind after sixteen times as much.
     """
     heights = [plane.height(p) for p in strip]
+    # Flush with a face is behind it, as long as the strip is not in that face altogether.
     if max(heights) <= ROUNDING:
         return plane.height(middle(strip)) < -ROUNDING
     return max(heights[:2]) <= DEVIATION and max(heights[2:]) <= -(far >> 4)
@@ -158,6 +164,7 @@ def _slips(
         far = other.moving[1] if v == other.moving[0] else other.moving[0]
         for partner in together:
             if partner.kind == "vertex-face" and partner.moving[0] == far and assembly.agree(partner.faces[0], wall):
+                # By more than rounding, so that no other arithmetic decides otherwise.
                 if way.least(way.above(far, rim)) > max(room, 0) + _SURELY:
                     return True
             elif other_rim(assembly, other, partner, wall) and _more_proper(assembly, partner, other, wall, way):
@@ -175,6 +182,7 @@ def _sides(assembly: Assembly, touch: Touch, along: Plane, way: _Way) -> int:
     walls = [wall for wall in touch.faces if not assembly.agree(wall, along)]
     best = -UNBOUNDED
     for crossing in _crossings(touch, walls, way):
+        # In the order of what they can be at most: the rest cannot be better.
         if crossing.most <= best:
             break
         best = max(best, crossing.sides(way))
@@ -198,6 +206,7 @@ class _Crossing(NamedTuple):
     def share(self, way: _Way) -> int:
         """How much of the edge is behind the wall, at most."""
         rise = way.least(way.along(self.wall.normal, sub(self.b, self.a)))
+        # Rounded up by one unit, so that the share is an upper bound.
         return min(ONE, over(-way.least(way.above(self.a, self.wall)), rise) + 1) if rise > 0 else ONE
 
 
@@ -258,6 +267,7 @@ def _within(assembly: Assembly, touch: Touch, crossing: _Crossing, sides: int, w
     found = sides
     if not certain or near[0] + min(0, nearer[0]) - 1 < found:
         share = ONE if lies else crossing.share(way)
+        # The crossing is the end a and a share of the way to b; whatever the share, the bound takes the worse end.
         room = way.least(start) + min(0, times(share, way.least(onwards)) - 1)
         if room < found and not _blocked(assembly, crossing.wall, c, u, room):
             found = room

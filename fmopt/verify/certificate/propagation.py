@@ -184,6 +184,8 @@ class Motion:
         found = self._lowest.get(function)
         if found is None:
             start, goal = self.ends(function)
+            # The end that is nominally lower first: often the other one is so much higher that its errors need not be
+            # summed.
             if start.f <= goal.f:
                 found = start.f - self._first(function)
                 if goal.f - self._boxed(goal.N) < found:

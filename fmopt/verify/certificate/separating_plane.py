@@ -64,12 +64,23 @@ class Known:
         return (*self.facts.held, *self.beside)
 
     def presses(self, assembly: Assembly, centre: Vector, plane: Plane) -> bool:
-        """Whether a contact keeps the ball about a body point on a plane, or from crossing it."""
+        """Whether a contact keeps the ball about a body point on a plane, or from crossing it.
+
+        Args:
+            assembly: the parts.
+            centre: body point, m.
+            plane: of a face of the fixed part.
+        """
         balls = (t for t in self.all if t.kind == "ball-face" and t.moving[0] == centre)
         return any(assembly.agree(t.faces[0], plane) for t in balls)
 
     def above(self, assembly: Assembly, plane: Plane) -> list[Vector]:
-        """Body points that contacts not yet made, or given up, keep from crossing a plane, or that lay flat there."""
+        """Body points that contacts not yet made, or given up, keep from crossing a plane, or that lay flat there.
+
+        Args:
+            assembly: the parts.
+            plane: of a face of the fixed part.
+        """
         points = [t.moving[0] for t in self.beside if t.kind == "vertex-face" and assembly.agree(t.faces[0], plane)]
         if self.hinge is not None and assembly.agree(self.hinge[0], plane):
             points.append(self.hinge[2])
@@ -88,6 +99,13 @@ class Apart:
 def apart(assembly: Assembly, M: Shape, F: Shape, witness: Witness, motion: Motion, known: Known) -> Apart:
     """Margin and clearance of a witness over a piece of motion.
 
+    Args:
+        assembly: the parts.
+        M, F: the moving and the fixed piece.
+        witness: what the plan says keeps them apart.
+        motion: the piece of motion.
+        known: what the contacts held, made and given up say.
+
     Raises:
         WitnessError: see there.
     """
@@ -98,10 +116,12 @@ def apart(assembly: Assembly, M: Shape, F: Shape, witness: Witness, motion: Moti
         functions = _moving_face_rows(assembly, M, F, witness, known)
     else:
         functions = _fixed_plane_rows(assembly, M, F, witness, known)
+    # A plane that contacts settle altogether proves nothing by itself: there must be a distance to speak of.
     if not functions:
         raise WitnessError("every row is excused")
     clearance = min([motion.nominal(function) for function in functions])
     margin, tightest = least(motion, functions)
+    # Rows of edges are not of unit normal: divided by an upper bound of its length, the margin stays a lower bound.
     if scale != ONE:
         margin, clearance = over(margin, scale), over(clearance, scale)
     return Apart(margin, clearance, tightest)
@@ -111,7 +131,12 @@ def least(motion: Motion, functions: Sequence[Function]) -> tuple[int, tuple[Dis
     """The least certified bound of functions, with the row of the one that has it.
 
     Those that the errors' box keeps far away are not looked at closely.
+
+    Args:
+        motion: the piece.
+        functions: one or more.
     """
+    # The quick bounds are not above the exact ones, so that in their order the search can stop.
     quick = sorted([(motion.far(function), k) for k, function in enumerate(functions)])
     tightest = functions[quick[0][1]]
     margin = motion.lowest(tightest)
@@ -136,9 +161,11 @@ def _fixed_plane_rows(assembly: Assembly, M: Shape, F: Shape, witness: Witness, 
     if witness.kind == "plane":
         normal = vector(witness.normal)
         size = length(normal)
+        # Stated in doubles it is nearly of unit length; far from that it is no normal.
         if abs(size - ONE) > ONE >> 1:
             raise WitnessError("has no unit normal")
         n = unit(normal)
+        # Moved out to have the whole fixed piece behind it, wherever the plan puts it.
         plane = Plane(n, max(over(fixed(witness.offset), size), *(dot(n, w) for w in F.vertices)))
     elif M.ball:
         face = _face(F, witness.fixed)
@@ -149,6 +176,7 @@ def _fixed_plane_rows(assembly: Assembly, M: Shape, F: Shape, witness: Witness, 
     else:
         face = _face(F, witness.fixed)
         plane, backed = F.supporting(face), assembly.backed(assembly.fixed, F, face)
+        # Only where the piece's face is one of the part's do contacts say anything about it.
         if backed is not None:
             done = known.facts.not_below(backed.wall, M.vertices, known.above(assembly, backed.wall))
             plane = backed.cover if done else plane
@@ -228,13 +256,15 @@ def _edge_rows(
     moving, base = _lines(known, own, other)
     anchors = list(_anchors(assembly, known, moving, base))
     if not anchors:
-        beside = next(_beside_rims(assembly, known, motion, M, own, other), None)
+        beside = next(_beside_rims(assembly, known, M, own, other), None)
         if beside is not None:
             return _level_rows(assembly, M, F, beside, motion, known)
     a, b = moving.point, moving.far
     functions: list[Function] = []
     kept = M.vertices
     if anchors:
+        # Contacts of these two edges keep the moving edge on or above the plane; without one each vertex is its own
+        # row.
         levels = list(_levels(assembly, known, moving, base))
         kept = tuple(
             v
@@ -247,6 +277,7 @@ def _edge_rows(
         functions += [_relative(assembly, base.direction, cross(sub(v, a), moving.direction)) for v in kept]
     else:
         functions += [EdgesApart(moving, base, v) for v in kept]
+    # Vertices on the fixed edge are on the plane by its construction.
     below = {k for k, w in enumerate(F.vertices) if near(base.away(w))}
     if any(held for held in anchors):
         for v, inward, wall in _turned_onto(assembly, known, moving, base):
@@ -274,7 +305,7 @@ class _Beside(NamedTuple):
 
 
 def _beside_rims(
-    assembly: Assembly, known: Known, motion: Motion, M: Shape, own: Sequence[Vector], other: Sequence[Vector]
+    assembly: Assembly, known: Known, M: Shape, own: Sequence[Vector], other: Sequence[Vector]
 ) -> Iterator[_Beside]:
     """Level rims that keep a fixed edge from going behind the plane of a face through a moving edge.
 
@@ -292,8 +323,8 @@ def _beside_rims(
             if flat and behind and all(rim.before(assembly, w, face.plane) for w in other):
                 moving = Line(own[0], way, add(own[0], scaled(length(sub(own[1], own[0])), way)))
                 # The contact's side is that which the witness plane is to have in front.
-                outward = _relative(assembly, base.direction, cross(way, face.plane.normal))
-                if rim.held or motion.lowest(outward) > 0:
+                turned = dot(one.direction, asked.direction) * dot(rim.touch.fixed_line.direction, base.direction)
+                if rim.held or turned > 0:
                     yield _Beside(rim, face.plane, moving, base)
 
 
@@ -368,7 +399,7 @@ def _lines(known: Known, own: Sequence[Vector], other: Sequence[Vector]) -> tupl
 
 
 def _level(facts: Facts, along: Vector, d: Vector) -> bool:
-    """Whether a body vector can neither rise nor fall along a unit direction of the world, up to `ROUNDING`."""
+    """Whether a body vector can neither rise nor fall along a unit direction of the world, see `Facts.rises`."""
     return facts.rises(along, d) and facts.rises(along, neg(d))
 
 
@@ -392,6 +423,7 @@ def _anchors(assembly: Assembly, known: Known, moving: Line, base: Line) -> Iter
         if not _between(assembly, touch, moving, base):
             continue
         held = touch in known.facts.held
+        # Same sense of both edges: the contact keeps to the side on which the witness plane has the moving piece.
         same_side = dot(touch.moving_line.direction, moving.direction) * dot(touch.fixed_line.direction, base.direction)
         hinged = touch is known.made and known.hinge is not None
         if held or (not hinged and same_side > 0):
@@ -420,6 +452,8 @@ def _turned_onto(assembly: Assembly, known: Known, moving: Line, base: Line) -> 
             continue
         wall = touch.faces[0]
         exact = assembly.exact(wall)
+        # Exactly along the fixed edge: only then does the end of the moving edge, turned onto it, lie in the witness
+        # plane.
         if any(height(exact, assembly.point(w)) for w in (base.point, base.far)):
             continue
         yield touch.moving[0], _inward(touch, base, wall), wall

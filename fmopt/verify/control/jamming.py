@@ -195,6 +195,10 @@ def residual(columns: Sequence[Sequence[float]], wanted: Sequence[float]) -> flo
 
     Columns enter one by one, the one that the residual asks for most first; one whose share would become negative
     leaves. Each round makes the residual smaller, so that none comes twice.
+
+    Args:
+        columns: c, of one size; none leave |d|.
+        wanted: d.
     """
     chosen: list[int] = []
     x = [0.0] * len(columns)

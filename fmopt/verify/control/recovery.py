@@ -132,6 +132,11 @@ def lowest(shape: Shape, segment: Segment, rho: float) -> int:
     """A lower bound of the height of the part's lowest point on a segment, its greatest travel used up; for its errors.
 
     Heights of points are followed from start to goal, and on from there at the rates that they have there.
+
+    Args:
+        shape: the moving part.
+        segment: of the plan.
+        rho: of the metric of its greatest travel, m.
     """
     start, goal = pose(segment.start), pose(segment.goal)
     shift, turn = sub(goal.p, start.p), logarithm(product(goal.R, transposed(start.R)))

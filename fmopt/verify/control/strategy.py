@@ -224,7 +224,12 @@ def _rest(vector: Numbers, rows: Sequence[Numbers]) -> Numbers:
 
 
 def allowed_speed(hybrid: Hybrid, asked: Specification) -> float:
-    """The speed (m/s) that a strategy has to state, from the normal speed that it states for a unit twist."""
+    """The speed (m/s) that a strategy has to state, from the normal speed that it states for a unit twist.
+
+    Args:
+        hybrid: what the segment says of its strategy.
+        asked: specification of the plan.
+    """
     if hybrid.impact is None or asked.impact is None:
         return asked.speed
     limit, mass, stiffness = asked.impact

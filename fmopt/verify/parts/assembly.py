@@ -98,6 +98,7 @@ class Assembly(Incidence):
     def __init__(self, plan: Plan) -> None:
         super().__init__(plan.moving, plan.fixed)
         self.touches: dict[str, Touch] = {}
+        # Flaws are collected, not raised: a plan with one is judged, and found wanting, with all of them.
         self.flaws = [*self._solids(), *self.blurred(plan.touch)]
         for contact in plan.contacts:
             found = self._resolve(contact)
@@ -113,8 +114,10 @@ class Assembly(Incidence):
         ):
             flaws = list(part.flaws())
             flat = [piece for piece in pieces if not piece.ball]
+            # Balls are no polyhedra: they have neither faces to close nor a hull.
             for n, piece in enumerate(flat):
                 flaws += [f"piece {n}: {flaw}" for flaw in piece.bulges()]
+            # Whether pieces cover the part is asked of sound ones alone.
             yield from (f"{name} part: {flaw}" for flaw in flaws or uncovered(part, flat))
 
     @cached_property
@@ -147,9 +150,11 @@ class Assembly(Incidence):
             face, plane = found, self.moving.faces[found].plane
         else:
             sides = self.fixed.edge(*contact.fixed)
+            # Reflex edges touch nothing first, so that no contact of them would be one.
             if sides is None or not (self.fixed.convex(*contact.fixed) and self.moving.convex(*contact.moving)):
                 return None
             faces = tuple(self.fixed.faces[k].plane for k in sides)
+        # Planes that are told apart from others exactly are the only ones that facts are stated of.
         if not all(self.agree(p, p) for p in (*faces, *([plane] if plane is not None else []))):
             return None
         if contact.kind == "ball-face":
@@ -161,12 +166,18 @@ class Assembly(Incidence):
 
         When a vertex-face contact of `together` holds one end exactly on a wall through the fixed edge, the lines of
         both edges meet exactly when the other end is on that wall too.
+
+        Args:
+            touch: an edge against an edge; any other has none.
+            together: contacts held with it.
         """
         if touch.kind != "edge-edge":
             return None
         for other in together:
             if other.kind != "vertex-face" or other.plane is None:
                 continue
+            # A wall through the fixed edge: where an end of the moving edge is on it, the two lines can only meet
+            # there.
             if any(self.agree(other.plane, face) for face in touch.faces):
                 a, b = touch.moving
                 for one, two in ((a, b), (b, a)):
@@ -180,11 +191,16 @@ class Assembly(Incidence):
         The plane of that face has a point of the rim already, from the edge held: its other lines meet the rim exactly
         when the whole rim lies in it. Where the two edges share an end, that end is not on the rim: else the edge held
         would have no place inside its bounds, or a wall would make `touch` a hinge.
+
+        Args:
+            touch: an edge against an edge; any other has none.
+            together: contacts in the order in which they are held; those before `touch` count.
         """
         if touch.kind != "edge-edge":
             return None
         sides = self.moving.edge(*touch.indices[0])
         for other in together:
+            # Contacts listed later do not count: else two edges would each be measured by the other.
             if other.id == touch.id:
                 return None
             if other.kind != "edge-edge" or set(other.indices[1]) != set(touch.indices[1]):
@@ -193,6 +209,7 @@ class Assembly(Incidence):
             if own is None or sides is None or set(other.indices[0]) == set(touch.indices[0]):
                 continue
             shared = set(own) & set(sides)
+            # One common face: it is what both edges hold level.
             if len(shared) == 1:
                 face = self.moving.faces[shared.pop()].plane
                 away = cross(other.moving_line.direction, face.normal)
@@ -205,17 +222,27 @@ class Assembly(Incidence):
 
         A vertex that reaches a wall while its edge is held on a rim of that wall is as high over it as the edge rises
         from the crossing to the vertex: a part, in (0, 1), of the rise of the whole edge, which its direction tells.
+
+        Args:
+            touch: the contact to be made.
+            held: contacts held until then.
         """
         if touch.kind == "vertex-face":
             for other in held:
                 found = self.hinge(other, (touch,))
+                # As long as the crossing measures the edge: once it is hinged, its direction is what is held.
                 if found is not None and self.hinge(other, held) is None:
                     k = sub(found[1], found[2])
                     return DirectionAlong(found[0].normal, k, length(k))
         return self.function(touch, held)
 
     def function(self, touch: Touch, together: Sequence[Touch]) -> Function:
-        """The function of a contact as an equality: zero exactly while it is held, positive before it is made."""
+        """The function of a contact as an equality: zero exactly while it is held, positive before it is made.
+
+        Args:
+            touch: a contact.
+            together: all that are held at once, which make it redundant in places.
+        """
         key = (touch.id, *(t.id for t in together))
         found = self._found.functions.get(key)
         if found is None:
@@ -240,12 +267,22 @@ class Assembly(Incidence):
 
 
 def over_balls(plane: Plane, radius: int) -> Plane:
-    """The plane in front of which a ball's centre is where the ball is in front of a plane."""
+    """The plane in front of which a ball's centre is where the ball is in front of a plane.
+
+    Args:
+        plane: for surfaces.
+        radius: m.
+    """
     return Plane(plane.normal, plane.offset + radius)
 
 
 def outward(plane: Plane, a: Vector, b: Vector) -> int:
-    """How far b is above a over a plane."""
+    """How far b is above a over a plane.
+
+    Args:
+        plane: with its front above.
+        a, b: m.
+    """
     return dot(plane.normal, sub(b, a))
 
 

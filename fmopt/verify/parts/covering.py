@@ -59,8 +59,14 @@ _PRECISION = 64  # bits of a normal
 
 
 def uncovered(part: Shape, pieces: Sequence[Shape]) -> Iterator[str]:
-    """What keeps the faces of a part from being the surface of a solid, and its pieces from being that solid."""
+    """What keeps the faces of a part from being the surface of a solid, and its pieces from being that solid.
+
+    Args:
+        part: its faces, holes and balls.
+        pieces: convex; together they are to be the part.
+    """
     size = sum(len(shape.vertices) + len(shape.faces) for shape in (part, *pieces))
+    # The work is bounded, as a plan may come from anybody: what takes longer is refused, not waited for.
     work = Work(min(_MOST_STEPS, _LEAST_STEPS + _SHARE * size * size))
     try:
         surface = Surface(part, work)
@@ -75,6 +81,7 @@ def uncovered(part: Shape, pieces: Sequence[Shape]) -> Iterator[str]:
             at = _open(surface, hulls, work)
             if at is not None:
                 yield f"the pieces leave the part uncovered at {_told(at)}"
+    # Refused as too much work: nothing is claimed of what was not compared.
     except TooMuchWork:
         yield "the part and its pieces take too many steps to compare"
 
@@ -83,8 +90,10 @@ def _sticking_out(surface: Surface, hulls: Sequence[Hull], work: Work) -> Iterat
     """The pieces that the surface meets, or that are outside of it."""
     corners = [tuple(place(p) for p in surface.corners(t)) for t in range(len(surface.triangles))]
     for n, hull in enumerate(hulls):
+        # Triangles of the surface against the inside of the piece: a common point is material that ends within it.
         work.spend(len(corners))
         near = (t for t, box in enumerate(surface.boxes) if not apart(box, hull.box))
+        # No triangle within: then the piece is all inside or all outside, and one point tells.
         if any(common(corners[t], hull.inner) for t in near) or not surface.holds(hull.middle):
             yield n
 
@@ -93,6 +102,8 @@ def _open(surface: Surface, hulls: Sequence[Hull], work: Work) -> Place | None:
     """A place inside the part, or on its surface, that the pieces leave uncovered; None where there is none."""
     for shell in surface.shells:
         start = place(surface.points[surface.triangles[shell[0]][0]])
+        # One point of each shell: what follows from the boundaries of pieces says nothing of a shell that they do not
+        # touch.
         if not any(all(elevation(space, start) < 0 for space in hull.outer) for hull in hulls):
             return start
     corners = [tuple(place(p) for p in surface.corners(t)) for t in range(len(surface.triangles))]
@@ -101,6 +112,8 @@ def _open(surface: Surface, hulls: Sequence[Hull], work: Work) -> Place | None:
         for face in hull.cells:
             for cell in _left_of(face, others, work):
                 work.spend(len(corners))
+                # What is left of a piece's boundary must not be inside the part: beyond it the part would go on
+                # uncovered.
                 if _meets(surface, corners, cell) or surface.holds(cell.corners[0]):
                     return cell.corners[0]
     return None
@@ -114,6 +127,7 @@ def _left_of(face: Cell, others: Sequence[Hull], work: Work) -> list[Cell]:
         if apart(box, other.box):
             continue
         work.spend(len(cells) * len(other.outer))
+        # Cut one after the other, as cells stay convex: differences of polygons would not.
         cells = [left for cell in cells for left in cell.without(other.outer)]
         if not cells:
             break
@@ -171,6 +185,8 @@ class Cell(NamedTuple):
         sides: list[HalfSpace] = []
         for k, (p, side, g) in enumerate(zip(self.corners, self.sides, heights, strict=True)):
             before, h, ahead = self.sides[k - 1], heights[k - 1], heights[(k + 1) % len(heights)]
+            # Crossings are meetings of three planes, exact in homogeneous integers: nothing is computed from rounded
+            # corners.
             if h < 0 < g or g < 0 < h:
                 corners.append(meeting(self.plane, before, space))
                 sides.append(space if g > 0 else before)
@@ -182,6 +198,7 @@ class Cell(NamedTuple):
     def without(self, spaces: Sequence[HalfSpace]) -> list[Cell]:
         """Cells that make up all of it that is not inside a convex body."""
         crossing = []
+        # Planes that do not cross the cell cut nothing; one that has it in front leaves it whole.
         for space in spaces:
             heights = elevations(space, self.corners)
             if min(heights) >= 0:
@@ -191,6 +208,7 @@ class Cell(NamedTuple):
         cell = self
         left = []
         for space in crossing:
+            # In turn, each from what the ones before left inside: the pieces do not overlap.
             outside, inside = cell.behind(opposite(space)), cell.behind(space)
             if inside is None:
                 return [self]
@@ -207,13 +225,18 @@ def opposite(space: HalfSpace) -> HalfSpace:
 
 
 def meeting(p: HalfSpace, q: HalfSpace, r: HalfSpace) -> Place:
-    """The place where three planes meet."""
+    """The place where three planes meet.
+
+    Args:
+        p, q, r: no two parallel, nor all along one line.
+    """
     a, b, c, d = p
     e, f, g, h = q
     i, j, k, l = r
     qr = (f * k - g * j, g * i - e * k, e * j - f * i)
     rp = (j * c - k * b, k * a - i * c, i * b - j * a)
     pq = (b * g - c * f, c * e - a * g, a * f - b * e)
+    # Cramer's rule, homogeneous: no division, and the sign puts w > 0.
     size = a * qr[0] + b * qr[1] + c * qr[2]
     x, y, z = (d * u + h * v + l * w for u, v, w in zip(qr, rp, pq, strict=True))
     return (-x, -y, -z, -size) if size < 0 else (x, y, z, size)
@@ -237,11 +260,13 @@ class Hull:
         work.spend(len(self.loops) * (len(self.loops) + len(self.points)))
         for n, loops in enumerate(self.loops):
             a, b, c = _short(area(self.points, loops))
+            # A normal's length, rounded up: heights are compared in its units, without a root of their own.
             out = isqrt(a * a + b * b + c * c) + 1
             heights = [a * x + b * y + c * z for x, y, z in self.points]
             top, lowest = max(heights), min(heights[i] for loop in loops for i in loop)
             if top - lowest > _NEXT * out:
                 self._bent.append(n)
+            # Moved out, and in, by more than rounding can move a plane: what both agree on is so exactly.
             self.outer.append((a, b, c, top + SHIFT * out))
             self.inner.append((a, b, c, lowest - SHIFT * out))
 
@@ -253,6 +278,8 @@ class Hull:
         yield from (f"face {n} has material on both sides" for n in self._bent)
         if self._bent:
             return
+        # Half-spaces of the faces may hold more than the hull where a face is missing: then planes meet away from
+        # vertices.
         if not self.cells or not all(self._by_vertex(p) for cell in self.cells for p in cell.corners):
             yield "its faces meet elsewhere than in its vertices"
         elif any(elevation(space, self.middle) >= 0 for space in self.inner):
@@ -296,6 +323,7 @@ class Hull:
                 normal = [0, 0, 0]
                 normal[axis] = sign
                 most = max(sign * p[axis] for p in self.points) + _ROOM
+                # A millimetre beyond all vertices: wide enough to be cut back by the planes around, if there are any.
                 around.append((normal[0], normal[1], normal[2], most))
         corners = tuple(meeting(plane, around[n - 1], around[n]) for n in range(4))
         return Cell(plane, corners, tuple(around))
@@ -308,6 +336,7 @@ class Hull:
 
 def _short(n: Point) -> Point:
     """A direction in `_PRECISION` bits."""
+    # The direction is shortened, not the plane: offsets are taken anew, so that vertices stay behind.
     spare = max(0, max(abs(x) for x in n).bit_length() - _PRECISION)
     a, b, c = (x >> spare for x in n)
     shared = gcd(a, b, c) or 1

@@ -24,8 +24,8 @@ from fmopt.verify.reading.document import Body, Part
 
 _LOSSES = 32  # at most so many deviations add up, see `facets` for the most of them
 
-_STEEP = ONE >> 6
-_APART = ONE >> 4
+_STEEP = ONE >> 6  # of the squared sine between directions: less tells a turn about their axis too badly
+_APART = ONE >> 4  # between the two directions that a wall and an angle leave an edge, at least twice that
 # rad: no error may be larger where an edge is known by its nominal direction; the other one is 1/4 from it.
 LARGEST_ERROR = (ONE >> 3) + (ONE >> 4)
 
@@ -74,14 +74,20 @@ class Incidence:
 
     def blurred(self, touch: float) -> Iterator[str]:
         """What keeps fixed point from telling points and planes apart, and deviations from being tolerated."""
+        # Fixed point serves as key of exact values: two of these with one key would be taken for each other.
         points = all(self._points[v] == p for v, p in self._vertices())
         if not points or any(self._levels[plane] != exact for plane, exact in self._walls()):
             yield "vertices or faces lie too close together to be told apart"
+        # All deviations together stay below what the plan calls touching, which is what contacts are excused by.
         if self.moving.deviation + self.fixed.deviation + 2 * COVERED + _LOSSES * DEVIATION > fixed(touch):
             yield "parts and pieces deviate from what is proved of them by more than the touch tolerance"
 
     def agree(self, a: Plane, b: Plane) -> bool:
-        """Whether two planes of faces of the parts are one, seen from the same side."""
+        """Whether two planes of faces of the parts are one, seen from the same side.
+
+        Args:
+            a, b: of faces of parts or pieces.
+        """
         exact = self._levels.get(a)
         return exact is not None and exact == self._levels.get(b)
 
@@ -114,6 +120,11 @@ class Incidence:
 
         Corners of the face may be off that plane by `DEVIATION`, and no vertex is farther beyond it. What is known of
         the plane is then asked of the part's, and the piece is behind that moved out to its farthest vertex.
+
+        Args:
+            part: the whole.
+            piece: one of its convex pieces.
+            face: index of the piece's.
         """
         known = self._seen.backs
         if (piece, face) not in known:
@@ -125,15 +136,18 @@ class Incidence:
         corners = [piece.vertices[i] for i in piece.faces[face].loops[0]]
         best: tuple[int, Plane] | None = None
         for own in part.faces:
+            # Facing the same way: the back of a thin wall is another face.
             if own.exact is None or dot(own.plane.normal, piece.faces[face].plane.normal) <= 0:
                 continue
             off = max(abs(own.plane.height(v)) for v in corners)
             if off <= DEVIATION and (best is None or off < best[0]):
+                # The nearest one, as faces of a part may be close to each other, too.
                 best = off, own.plane
         if best is None:
             return None
         wall = best[1]
         cover = Plane(wall.normal, max(dot(wall.normal, v) for v in piece.vertices))
+        # Its vertices may reach farther out than its face: then the plane moved out would be another one.
         return Backed(wall, cover) if cover.offset - wall.offset <= DEVIATION else None
 
     def point(self, v: Vector) -> Point:
@@ -167,7 +181,12 @@ class Incidence:
         return way(self.point(v), self.point(w))
 
     def holds(self, l: Line, v: Vector) -> bool:
-        """Whether a vertex lies on the line of two others."""
+        """Whether a vertex lies on the line of two others.
+
+        Args:
+            l: through two vertices.
+            v: a vertex.
+        """
         found = self._seen.holds.get((l, v))
         if found is None:
             found = parallel(self.way(l.point, l.far), self.way(l.point, v))
@@ -179,13 +198,19 @@ class Incidence:
         return self.holds(l, other.point) and self.holds(l, other.far)
 
     def spanned(self, l: Line, v: Vector) -> Flush | None:
-        """The plane through a line and a vertex; None where the vertex is too near the line."""
+        """The plane through a line and a vertex; None where the vertex is too near the line.
+
+        Args:
+            l: through two vertices.
+            v: a vertex of the same part.
+        """
         found = self._seen.spans
         if (l, v) not in found:
             found[l, v] = self._spanned(l, v)
         return found[l, v]
 
     def _spanned(self, l: Line, v: Vector) -> Flush | None:
+        # Too near the line for a plane: its direction would be rounding.
         if short(l.away(v)):
             return None
         normal = outer(self.way(l.point, l.far), self.way(l.point, v))
@@ -197,6 +222,7 @@ def _sharing(piece: Body, part: Body) -> Body:
     """A piece with the exact coordinates of those of its vertices that are the part's."""
     if not part.exact or piece.balls:
         return piece
+    # Pieces share corners with the part, whose exact coordinates they get; their other corners are what floats say.
     exact = {part.vertices[i]: p for i, p in part.exact.items()}
     return Body(piece.vertices, piece.faces, {n: exact[v] for n, v in enumerate(piece.vertices) if v in exact})
 
@@ -225,14 +251,24 @@ class Turn(NamedTuple):
 
 
 def steep(one: Turn, two: Turn) -> bool:
-    """Whether two directions are far enough from parallel to tell together how all is turned."""
+    """Whether two directions are far enough from parallel to tell together how all is turned.
+
+    Args:
+        one, two: directions of the body with where they are turned.
+    """
     axis = cross(one.body, two.body)
     return dot(axis, axis) >= _STEEP
 
 
 def image_of(one: Turn, two: Turn, w: Vector) -> Vector:
-    """R w from two directions that R turns."""
+    """R w from two directions that R turns.
+
+    Args:
+        one, two: `steep` to each other.
+        w: of the body, m.
+    """
     axis, turned_axis = cross(one.body, two.body), cross(one.world, two.world)
+    # Coordinates in n₁, n₂ and n₁ × n₂, by the Gram determinant: the two need not be at right angles.
     sine = dot(axis, axis)
     g = dot(one.body, two.body)
     x, y = dot(one.body, w), dot(two.body, w)
@@ -245,10 +281,16 @@ def cancel(one: Turn, two: Turn, normal: Vector, d: Vector) -> bool:
     """Whether a normal is exactly across R d, for d = α n₁ + β n₂ + γ n₁ × n₂ of two directions that R turns.
 
     With R nᵢ = kᵢ mᵢ, kᵢ² = |nᵢ|²/|mᵢ|², it is when α k₁ (normal·m₁) + β k₂ (normal·m₂) + γ k₁ k₂ (normal·m₁ × m₂) = 0.
+
+    Args:
+        one, two: `steep` to each other.
+        normal: of the world, integers.
+        d: of the body, integers.
     """
     n1, n2 = one.exact, two.exact
     g11, g12, g22 = inner(n1, n1), inner(n1, n2), inner(n2, n2)
     x, y = inner(n1, d), inner(n2, d)
+    # Times the Gram determinant, so that all stays integer.
     alpha, beta, gamma = x * g22 - y * g12, y * g11 - x * g12, inner(outer(n1, n2), d)
     if one.onto is None or two.onto is None:
         # Of an edge's direction only the wall that it is level with is known exactly.
@@ -263,6 +305,7 @@ def cancel(one: Turn, two: Turn, normal: Vector, d: Vector) -> bool:
 def about(along: Vector) -> tuple[Vector, Vector]:
     """Two directions across one, and across each other."""
     a, b, c = along
+    # Made of two components that are not both zero.
     first = (0, c, -b) if abs(a) <= max(abs(b), abs(c)) else (c, 0, -a)
     return first, outer(along, first)
 
@@ -271,25 +314,41 @@ def directed(normal: Vector, w: Vector, cosine: int, nominal: Vector) -> Vector 
     """The unit direction level with a plane and at a known angle to w that is nearly a nominal one.
 
     None where the nominal one is neither of the two that there are, or they are too near each other.
+
+    Args:
+        normal: unit normal of the plane.
+        w: unit vector.
+        cosine: of the angle to w.
+        nominal: unit vector, which tells the two solutions apart.
     """
     axis = cross(normal, w)
     square = dot(axis, axis)
     if square < _STEEP:
         return None
+    # Pythagoras in the plane: along the projection of w, and aside of it by the rest.
     rest = ONE - over(times(cosine, cosine), square)
     if rest < _STEEP:
         return None
     along = scaled(over(cosine, square), sub(w, scaled(dot(normal, w), normal)))
     aside = scaled(root(over(rest, square)), axis)
     for there in (add(along, aside), sub(along, aside)):
+        # Two candidates, mirror images: the nominal direction is near one of them, and far from the other.
         if length(sub(there, nominal)) < _APART:
             return there
     return None
 
 
 def crossing(normal: Vector, turn: Turn, edge: Vector, there: Vector) -> Vector | None:
-    """The direction of an edge in a wall exactly, when it is square to a direction that is turned exactly."""
+    """The direction of an edge in a wall exactly, when it is square to a direction that is turned exactly.
+
+    Args:
+        normal: of the wall, integers.
+        turn: of the body.
+        edge: of the body, integers.
+        there: where the edge points about, to choose one of two signs.
+    """
     if turn.onto is None or inner(turn.exact, edge) != 0:
         return None
+    # In the wall and square to what is turned exactly: the cross product of the two, up to its sign.
     along = outer(normal, turn.onto)
     return along if inner(along, there) > 0 else (-along[0], -along[1], -along[2])

@@ -41,8 +41,14 @@ class Contact(NamedTuple):
 
 
 def unit_wrench(touch: Touch, X: Pose) -> Contact:
-    """The contact with its wrench at a pose."""
+    """The contact with its wrench at a pose.
+
+    Args:
+        touch: a contact of the parts.
+        X: pose of the moving part.
+    """
     centre: Numbers | None = None
+    # Doubles are enough here: forces are judged with margins far above rounding, unlike distances.
     if touch.kind == "edge-edge":
         (a, b), (q, r) = (_placed(v, X) for v in touch.moving), (doubles(w) for w in touch.fixed)
         own, other = _sub(b, a), _sub(r, q)
@@ -50,6 +56,7 @@ def unit_wrench(touch: Touch, X: Pose) -> Contact:
         size = math.hypot(*m)
         normal = tuple(x / size for x in m)
         across = cross(other, m)
+        # The point of the moving edge nearest to the line of the fixed one, which is where they cross.
         s = dot(across, _sub(q, a)) / dot(across, own)
         point = tuple(x + s * y for x, y in zip(a, own, strict=True))
     elif touch.kind == "ball-face" and touch.plane is not None:
@@ -63,6 +70,7 @@ def unit_wrench(touch: Touch, X: Pose) -> Contact:
         normal, point = doubles(touch.plane.normal), _placed(touch.moving[0], X)
     else:
         assert touch.plane is not None
+        # The force on the moving part is against the outward normal of its own face.
         normal = tuple(-x for x in _turned(touch.plane.normal, X))
         point = doubles(touch.fixed[0])
     arm = _sub(point, X.in_doubles[0])
@@ -70,7 +78,13 @@ def unit_wrench(touch: Touch, X: Pose) -> Contact:
 
 
 def touching(assembly: Assembly, touch: Touch, X: Pose) -> float:
-    """How far the touching point lies inside both features (m), negative outside; for level edges minus 1 m."""
+    """How far the touching point lies inside both features (m), negative outside; for level edges minus 1 m.
+
+    Args:
+        assembly: the parts.
+        touch: a contact of them.
+        X: pose of the moving part.
+    """
     if touch.kind in ("vertex-face", "ball-face"):
         return _inside(assembly.fixed, touch.face, _placed(touch.moving[0], X))
     if touch.kind == "face-vertex":
@@ -79,6 +93,7 @@ def touching(assembly: Assembly, touch: Touch, X: Pose) -> float:
     (a, b), (q, r) = (_placed(v, X) for v in touch.moving), (doubles(w) for w in touch.fixed)
     own, other = _sub(b, a), _sub(r, q)
     m = cross(own, other)
+    # Edges that are level cross everywhere or nowhere.
     if math.hypot(*m) < _LEVEL * math.hypot(*own) * math.hypot(*other):
         return -1.0
     square = dot(m, m)
@@ -93,6 +108,7 @@ def _inside(shape: Shape, face: int, point: Numbers) -> float:
     normal = doubles(plane.normal)
     height = dot(normal, point) - number(plane.offset)
     point = tuple(x - height * n for x, n in zip(point, normal, strict=True))
+    # Seen along the steepest axis, so that the projection does not fold.
     axis = max(range(3), key=lambda k: abs(normal[k]))
     u, v = (axis + 1) % 3, (axis + 2) % 3
     within, nearest = False, math.inf
@@ -102,6 +118,7 @@ def _inside(shape: Shape, face: int, point: Numbers) -> float:
             edge, off = _sub(b, a), _sub(point, a)
             share = min(max(dot(edge, off) / dot(edge, edge), 0.0), 1.0)
             nearest = min(nearest, math.hypot(*(x - share * y for x, y in zip(off, edge, strict=True))))
+            # Half-open: a ray through a vertex counts one of its two edges.
             if (a[v] > point[v]) != (b[v] > point[v]):
                 at = a[u] + (point[v] - a[v]) / (b[v] - a[v]) * (b[u] - a[u])
                 within ^= point[u] < at
@@ -124,12 +141,16 @@ def _sub(a: Numbers, b: Numbers) -> Numbers:
 
 
 def dot(a: Sequence[float], b: Sequence[float]) -> float:
-    """a·b of vectors of one size in doubles, rounded once."""
+    """a·b of vectors of one size in doubles, rounded once.
+
+    Args:
+        a, b: as many numbers each.
+    """
     if len(a) != len(b):
         raise ValueError(f"vectors of {len(a)} and {len(b)} numbers have no product")
     return math.fsum(map(mul, a, b))
 
 
-def cross(a: Sequence[float], b: Sequence[float]) -> Numbers:
+def cross(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float]:
     """a × b in doubles."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])

@@ -75,6 +75,7 @@ class Pose:
 @lru_cache(maxsize=256)
 def pose(x: tuple[float, ...]) -> Pose:
     """The pose of six floats (x, y, z, rotation vector)."""
+    # Poses come again with each neighbour of a segment: what was turned for one serves the next.
     return Pose(vector(x[:3]), exponential(vector(x[3:])))
 
 
@@ -261,12 +262,17 @@ class Extent:
         """A bound of |ε × v|."""
         found = self._crossed.get(v)
         if found is None:
+            # By components of the box, or by lengths: either may be smaller.
             found = min(length(_box_cross(v, self.angles)), times(self.theta, length(v)) + 1)
             self._crossed[v] = found
         return found
 
     def swing(self, start: Vector, goal: Vector) -> tuple[int, int]:
-        """Bounds of |ε × w| anywhere on the way of a turned body vector w, and of |τ × w|."""
+        """Bounds of |ε × w| anywhere on the way of a turned body vector w, and of |τ × w|.
+
+        Args:
+            start, goal: w as it is turned at both ends, m.
+        """
         found = self._swings.get((start, goal))
         if found is None:
             swept = self.swept(start)
@@ -284,7 +290,11 @@ class Extent:
 
 
 def size(start: Distance, goal: Distance) -> int:
-    """The larger |u||k| + |M p + s| of both ends."""
+    """The larger |u||k| + |M p + s| of both ends.
+
+    Args:
+        start, goal: a row at both ends of a piece of motion.
+    """
     found = max(start.reach, goal.reach)
     if start.bend is not None and goal.bend is not None:
         found += max(length(start.bend.arm), length(goal.bend.arm))
@@ -297,8 +307,13 @@ def remainder(start: Distance, goal: Distance, extent: Extent) -> int:
     A turn by ε adds ε × w and what is left of it, −∫(1 − t)(ε × exp(−tε)u)·(ε × w) dt for u·w: no more than
     |ε × u||ε × w|/2. The nominal arc is off its chord by |τ × u||τ × w|/8 at most, and the gradient's turn, weighted
     2s(1 − s) ≤ 1/2 between the ends, leaves |ε × u||τ × w|/2.
+
+    Args:
+        start, goal: a row at both ends of a piece of motion.
+        extent: of the piece and its errors.
     """
     if start.bend is not None and goal.bend is not None:
+        # Both bounds hold; for large errors the quick one may be the smaller.
         return min(_bent(start, goal, start.bend, goal.bend, extent), coarse(start, goal, extent))
     u, (swung, swept) = start.push, extent.swing(start.turned, goal.turned)
     return (times(extent.crossing(u), swung + swept) >> 1) + (times(extent.swept(u), swept) >> 3) + 8
@@ -308,6 +323,9 @@ def coarse(start: Distance, goal: Distance, extent: Extent) -> int:
     """A quick bound of what a row differs by from its linear part, never less than `remainder`.
 
     κ (|u||k| + |M p + s|) with κ of `Extent`, and θD + τΔ/4 + τD/2 + Δθ/2 of a bilinear row, |M e| ≤ D.
+
+    Args:
+        start, goal, extent: as for `remainder`.
     """
     found = times(extent.kappa, size(start, goal)) + 9
     if start.bend is not None:
@@ -330,6 +348,7 @@ def _bent(start: Distance, goal: Distance, first: Bend, second: Bend, extent: Ex
     least = max(_second(d, b, extent) for d, b in ends)
     rates = [_rate(d, b, extent) for d, b in ends]
     arc = max(abs(dot(d, extent.travel) + dot(e, extent.spin)) for d, e in rates) >> 3
+    # A sixteenth of the third derivative, by lengths alone.
     arc += times(times(t, t), times(t, far) + 3 * travel) >> 4
     turning = sum(_box_dot(d, extent.box) + _box_dot(e, extent.angles) for d, e in rates) >> 2
     # Third order: the rest of exp(ε); the real y is M e farther; second derivatives between the ends; and N″.

@@ -127,10 +127,12 @@ class Shape:
     def __init__(self, body: Body) -> None:
         stated = tuple(vector(v) for v in body.vertices)
         self.points = tuple(body.exact.get(i) or point(v) for i, v in enumerate(stated))
+        # Exact coordinates take the place of floats where the plan states them; all else follows from the former.
         self.vertices = tuple(rounded(self.points[i]) if i in body.exact else v for i, v in enumerate(stated))
         self.deviation = max((length(sub(self.vertices[i], stated[i])) for i in body.exact), default=0)
         if self.deviation > DEVIATION:
             raise ArithmeticRefusal("exact coordinates are not those stated as floats")
+        # Radii are rounded up, so that a ball in fixed point holds the ball.
         radii = {n: fixed(radius) + _OUTWARD for n, radius in body.balls}
         self.radii = tuple(radii.get(n, 0) for n in range(len(stated)))
         self.ball = bool(body.balls) and not body.faces
@@ -139,9 +141,11 @@ class Shape:
 
     def _face(self, loops: tuple[tuple[int, ...], ...]) -> Face:
         normal = area(self.vertices, loops)
+        # The plane through three corners exactly; whether the others are in it decides whether the face is flat.
         exact = through(self.points[i] for i in loops[0])
         if exact is None or not any(normal):
             raise ArithmeticRefusal("a face has no area")
+        # Newell's normal tells which way the face looks; three corners may run the other way at a dent.
         turn = inner(exact, normal)
         if turn == 0 or any(height(exact, self.points[i]) for loop in loops for i in loop):
             return Face(loops, self._plane(unit_of(normal), loops[0]), None)
@@ -150,6 +154,7 @@ class Shape:
 
     def _plane(self, normal: Vector, loop: tuple[int, ...]) -> Plane:
         offsets = [dot(normal, self.vertices[i]) for i in loop]
+        # The mean, as corners in fixed point are off the plane by rounding, some on either side.
         return Plane(normal, sum(offsets) // len(offsets))
 
     @cached_property
@@ -173,16 +178,25 @@ class Shape:
         return {edge: n for n, face in enumerate(self.faces) for loop in face.loops for edge in _around(loop)}
 
     def edge(self, i: int, j: int) -> tuple[int, int] | None:
-        """The faces left and right of the edge from i to j, or None when there is no such edge."""
+        """The faces left and right of the edge from i to j, or None when there is no such edge.
+
+        Args:
+            i, j: indices of vertices; j to i is the same edge with its faces exchanged.
+        """
         left, right = self.edge_faces.get((i, j)), self.edge_faces.get((j, i))
         return None if left is None or right is None else (left, right)
 
     def convex(self, i: int, j: int) -> bool:
-        """Whether material fills less than half a turn around the edge from i to j."""
+        """Whether material fills less than half a turn around the edge from i to j.
+
+        Args:
+            i, j: as for `edge`; no edge is not convex.
+        """
         faces = self.edge(i, j)
         if faces is None:
             return False
         n, m = (self.faces[k].exact or self.faces[k].plane.normal for k in faces)
+        # The edge is convex where the turn from the left face to the right one is about the edge's own direction.
         return inner(outer(n, m), way(self.points[i], self.points[j])) > 0
 
     def face_of(self, loop: tuple[int, ...]) -> int | None:
@@ -196,7 +210,12 @@ class Shape:
         return None
 
     def across(self, face: int, loop: Sequence[int]) -> list[tuple[int, int, Plane]]:
-        """The edges of a loop of a face, each with the plane across the face that has the face in front of it."""
+        """The edges of a loop of a face, each with the plane across the face that has the face in front of it.
+
+        Args:
+            face: index.
+            loop: one of that face's.
+        """
         planes = []
         for i, j in zip(loop, (*loop[1:], loop[0]), strict=True):
             p, q = self.vertices[i], self.vertices[j]
@@ -259,9 +278,11 @@ class Shape:
     def open_edges(self) -> Iterator[str]:
         """What keeps the faces from being a closed surface seen from outside."""
         edges = [edge for face in self.faces for loop in face.loops for edge in _around(loop)]
+        # Each edge is run once each way: closed, and oriented alike, which is all that a surface needs locally.
         if len(set(edges)) != len(edges) or any((j, i) not in self.edge_faces for i, j in edges):
             yield "the faces do not close: an edge is not shared by exactly two of them"
         for n, face in enumerate(self.faces):
+            # Outer loops run with the area of the face, holes against it.
             normal = area(self.vertices, face.loops)
             for k, loop in enumerate(face.loops):
                 if (inner(normal, area(self.vertices, [loop])) > 0) != (k == 0):

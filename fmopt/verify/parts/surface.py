@@ -74,6 +74,7 @@ class Surface:
             for loop in loops:
                 for k, i in enumerate(loop):
                     before, at = loop[k - 2], loop[k - 1]
+                    # By directed edges: the same one twice would be two faces on one side.
                     if i in following.setdefault(at, {}):
                         yield f"face {n} is not the only one left of its edge from vertex {at} to {i}"
                         return
@@ -90,6 +91,7 @@ class Surface:
             if step != first:
                 yield f"the faces do not close at the edge from vertex {i} to {step}"
                 return
+            # More than one round about a vertex: the surface touches itself there.
             if around:
                 yield f"the surface is pinched at vertex {i}"
                 return
@@ -103,6 +105,7 @@ class Surface:
                 yield f"face {n} has no area"
                 return
             flat = {i: seen_along(axis, self.points[i]) for loop in loops for i in loop}
+            # Seen from behind, the face would run clockwise: x and y are exchanged.
             if normal[axis] < 0:
                 flat = {i: (y, x) for i, (x, y) in flat.items()}
             if crossed(flat, loops, work) or (found := triangulated(flat, loops, work)) is None:
@@ -113,6 +116,7 @@ class Surface:
 
     def _crossed(self, work: Work) -> Iterator[str]:
         """Tells two faces that have more in common than vertices and edges."""
+        # Sorted by their least x: from the first box that begins beyond the end of one on, none meets it.
         order = sorted(range(len(self.triangles)), key=lambda t: self.boxes[t][0])
         for n, s in enumerate(order):
             box, own = self.boxes[s], self.faces[s]
@@ -135,6 +139,7 @@ class Surface:
         heights = [height(plane, self.points[i]) for i in two if i not in shared]
         if not heights:
             return True
+        # Two common corners: one edge, along which they may only meet on different sides.
         if len(shared) == 2:
             return heights[0] == 0 and self._same_side(one, two, shared, steepest(plane))
         if min(heights) > 0 or max(heights) < 0:
@@ -162,10 +167,12 @@ class Surface:
     def _turned(self, work: Work) -> Iterator[str]:
         """Tells a shell that is inside out, or that stands where it bounds nothing."""
         for n, shell in enumerate(self.shells):
+            # Six times the signed volume: positive where triangles look outward.
             volume = sum(_determinant(*self.corners(t)) for t in shell)
             work.spend(len(self.triangles))
             others = [t for other in self.shells if other is not shell for t in other]
             around = self._winding(place(self.points[self.triangles[shell[0]][0]]), others) if others else 0
+            # A shell that looks outward must stand outside all others, one that looks inward within just one.
             if around != (0 if volume > 0 else 1):
                 what = "is inside out" if around == 0 else "stands inside another one"
                 yield f"the surface {what}" if len(self.shells) == 1 else f"shell {n} of the surface {what}"
@@ -188,6 +195,7 @@ class Surface:
     @cached_property
     def shells(self) -> list[list[int]]:
         """Triangles joined by edges, together."""
+        # The triangle on the left of each directed edge; its neighbour has that edge the other way round.
         left = {(t[k - 1], t[k]): n for n, t in enumerate(self.triangles) for k in range(3)}
         found: list[list[int]] = []
         seen: set[int] = set()
@@ -227,6 +235,7 @@ class Surface:
         total = 0
         for t in triangles:
             box = self.boxes[t]
+            # By whole lattice columns: what is not above the place, or beside it, does not count.
             if column > box[3] or column < box[0] - 1 or row > box[4] or row < box[1] - 1 or p[2] > box[5] * w:
                 continue
             plane = self.planes[t]
@@ -234,6 +243,7 @@ class Surface:
             if front == 0:
                 continue
             a, b, c = self.corners(t)
+            # Moved by (ε, ε²): no ray goes through an edge or a vertex, and each triangle is hit or not.
             if all(_left(u, v, x, y, w) == front for u, v in ((a, b), (b, c), (c, a))):
                 above = (plane[0] * x + plane[1] * y + plane[2] * p[2] - plane[3] * w) * front
                 assert above, "a place on the surface is neither in nor out"
@@ -245,6 +255,7 @@ class Surface:
 def _left(u: Point, v: Point, x: int, y: int, w: int) -> int:
     """1 where (x, y)/w, moved by (ε, ε²), is left of the way from u to v seen from above, −1 where it is right."""
     dx, dy = v[0] - u[0], v[1] - u[1]
+    # Ties broken by the infinitesimal move: first by its x, then by its y.
     side = dx * (y - u[1] * w) - dy * (x - u[0] * w) or -dy or dx
     return 1 if side > 0 else -1
 
@@ -255,11 +266,18 @@ def _determinant(a: Point, b: Point, c: Point) -> int:
 
 
 def crossed(flat: Mapping[int, Flat], loops: Sequence[Loop], work: Work) -> bool:
-    """Whether loops cross, touch or run back along themselves or one another."""
+    """Whether loops cross, touch or run back along themselves or one another.
+
+    Args:
+        flat: places of the vertices in the plane of the face.
+        loops: of one face.
+        work: spent on it.
+    """
     edges = [(loop[k - 1], i) for loop in loops for k, i in enumerate(loop)]
     work.spend(len(edges) * len(edges) // 8)
     if len({i for i, _ in edges}) != len(edges):
         return True
+    # Running back along an edge would make a slit, which bounds nothing.
     if any(folds_back(flat[loop[k - 2]], flat[loop[k - 1]], flat[i]) for loop in loops for k, i in enumerate(loop)):
         return True
     ordered = sorted(edges, key=lambda edge: min(flat[edge[0]][0], flat[edge[1]][0]))
@@ -290,9 +308,11 @@ def triangulated(flat: Mapping[int, Flat], loops: Sequence[Loop], work: Work) ->
     outline = loops[0]
     if len(loops) == 1:
         fan = [(outline[0], i, j) for i, j in pairwise(outline[1:])]
+        # A fan works for convex faces, which most are, and for all that see their first corner.
         if all(turn(flat[a], flat[b], flat[c]) > 0 for a, b, c in fan):
             return fan
     whole = list(outline)
+    # The hole that reaches farthest right first: from its rightmost vertex a way to what is joined already is free.
     rest = sorted(loops[1:], key=lambda loop: -max(flat[i][0] for i in loop))
     for n, hole in enumerate(rest):
         joined = _joined(flat, whole, hole, rest[n:], work)
@@ -321,6 +341,7 @@ def _joined(
             continue
         if any(_obstructs(flat, edge, i, j) for edge in edges):
             continue
+        # There and back along the segment: the outline stays one loop, with two vertices listed twice.
         return [*whole[: k + 1], *hole[start:], *hole[: start + 1], *whole[k:]]
     return None
 
@@ -354,12 +375,14 @@ def _ears(flat: Mapping[int, Flat], whole: list[int], work: Work) -> list[Triang
             k = (at + step) % size
             i, j, l = whole[k - 1], whole[k], whole[(k + 1) % size]
             work.spend(1)
+            # An ear has no other vertex in it, its boundary included: cut off, it leaves a polygon without crossings.
             if turn(flat[i], flat[j], flat[l]) > 0 and not any(_within(flat, (i, j, l), _others(whole, i, j, l), work)):
                 found.append((i, j, l))
                 del whole[k]
                 at = k % len(whole)
                 break
         else:
+            # Every simple polygon has an ear; without one the loops were none.
             return None
     i, j, l = whole
     return [*found, (i, j, l)] if turn(flat[i], flat[j], flat[l]) > 0 else None

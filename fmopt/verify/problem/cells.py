@@ -33,7 +33,12 @@ class Cell:
 
 
 def cell_of(corners: Sequence[Vector], faces: Sequence[Sequence[int]]) -> Cell:
-    """A cell of corners and faces; corners of no face are left out."""
+    """A cell of corners and faces; corners of no face are left out.
+
+    Args:
+        corners: in fixed point, m.
+        faces: loops of indices, counter-clockwise seen from outside.
+    """
     used = {index: k for k, index in enumerate(dict.fromkeys(index for face in faces for index in face))}
     points = tuple(corners[index] for index in used)
     columns = tuple(zip(*points, strict=True))
@@ -43,14 +48,23 @@ def cell_of(corners: Sequence[Vector], faces: Sequence[Sequence[int]]) -> Cell:
 
 
 def box_cell(low: Vector, high: Vector) -> Cell:
-    """The cell between two corners."""
+    """The cell between two corners.
+
+    Args:
+        low, high: the least and the greatest coordinates, m.
+    """
     corners = [(x, y, z) for z in (low[2], high[2]) for y in (low[1], high[1]) for x in (low[0], high[0])]
     faces = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))
     return cell_of(corners, faces)
 
 
 def plane_of(loop: Sequence[Vector], inside: Vector) -> Plane | None:
-    """The plane of a loop of points, with a point behind it; None where the loop encloses nothing."""
+    """The plane of a loop of points, with a point behind it; None where the loop encloses nothing.
+
+    Args:
+        loop: in one plane.
+        inside: a point that is to be behind it, whichever way the loop runs.
+    """
     a = b = c = 0
     first = loop[0]
     for one, two in pairwise(loop[1:]):
@@ -84,7 +98,12 @@ def is_before(found: Sequence[int]) -> bool:
 
 
 def cut(cell: Cell, plane: Plane) -> tuple[Cell | None, Cell | None]:
-    """What of a cell is behind a plane, and what is before it."""
+    """What of a cell is behind a plane, and what is before it.
+
+    Args:
+        cell: with corners in fixed point.
+        plane: keeps what is behind it.
+    """
     found = heights(cell, plane)
     if is_behind(found):
         return cell, None

@@ -43,6 +43,10 @@ class Held:
 def differences(plan: Plan, path: Path) -> list[str]:
     """What a plan states otherwise than the problem of a file, in words with place and both values; none if they agree.
 
+    Args:
+        plan: as it was read.
+        path: of the problem file.
+
     Raises:
         ProblemError: the problem or one of its files cannot be read.
     """

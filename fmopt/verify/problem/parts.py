@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from fmopt.verify.arithmetic.rational import ArithmeticRefusal, number, vector
+from fmopt.verify.arithmetic.rational import ArithmeticRefusal, Matrix, add, number, turned, vector
+from fmopt.verify.parts.reach import cross
 from fmopt.verify.problem.meshes import NoMesh, Point, Triangle, triangles
 from fmopt.verify.problem.model import Mesh, Solid
 from fmopt.verify.problem.problem import Problem
-from fmopt.verify.problem.seating import frames
-from fmopt.verify.problem.solids import Comparison, Frame, Unbounded, of_piece, tree_of
-from fmopt.verify.problem.surfaces import FLAT, OFF, chord_error, compared, diameter, fitting, seated
+from fmopt.verify.problem.solids import Comparison, Frame, Unbounded, frame, of_piece, tree_of
+from fmopt.verify.problem.surfaces import FLAT, OFF, basis, between, chord_error, compared, diameter, fitting, seated
 from fmopt.verify.problem.tables import LARGEST_MESH, read_bytes
 from fmopt.verify.reading.document import Body, Part
 
 _SAME = 1e-12  # m: between coordinates that went the same way
+_NEAR = 1e-8  # m: between corners that are one
+_MOST_CORNERS, _MOST_TRIPLES = 3000, 2000
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ def _beside_turned(part: Part, side: str, name: str, solid: Solid) -> Compared:
         f"parts.{side}: the plan is for another {side} part than the model {name!r}: no frame fits its corners",
     )
     pieces = [of_piece(piece) for piece in part.pieces]
-    for at in frames(solid, part.body):
+    for at in _frames(solid, part.body):
         found = tuple(_differences(Comparison(tree_of(solid, at), pieces), side, name))
         if not found:
             words = f"the frame in which the {side} part mates is the planner's choice, as its model leaves it open"
@@ -201,3 +203,52 @@ def _chord(body: Body, mesh: Mesh, off: float) -> Chord:
     stated = mesh.deviation
     base = chord_error(body) * (1.0 - 1e-3) if stated is None else stated
     return Chord(base + max(off - 2.0 * FLAT * span, 0.0), base * (1.0 + 3e-3) + 2.0 * OFF + FLAT * span)
+
+
+def _frames(solid: Solid, body: Body) -> Iterator[Frame]:
+    """The frames in which three far corners of a part are corners of a solid, and none of the part lies out of reach.
+
+    Args:
+        solid: of the model.
+        body: of the plan.
+
+    Raises:
+        Unbounded: there are too many corners to try.
+    """
+    points = list(dict.fromkeys(_corners(solid, frame((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))))
+    if len(points) > _MOST_CORNERS:
+        raise Unbounded("the model leaves its features to be found, and has too many corners to find its frame by")
+    a = max(body.vertices, key=lambda p: math.dist(p, body.vertices[0]))
+    b = max(body.vertices, key=lambda p: math.dist(p, a))
+    c = max(body.vertices, key=lambda p: math.hypot(*cross(between(a, p), between(a, b))))
+    one, two, three = math.dist(a, b), math.dist(a, c), math.dist(b, c)
+    there, tries = basis(a, b, c), 0
+    for p in points:
+        seconds = [q for q in points if abs(math.dist(p, q) - one) <= _NEAR]
+        thirds = [r for r in points if abs(math.dist(p, r) - two) <= _NEAR] if seconds else []
+        for q in seconds:
+            for r in thirds:
+                if abs(math.dist(q, r) - three) <= _NEAR:
+                    tries += 1
+                    if tries > _MOST_TRIPLES:
+                        raise Unbounded("the frame of the model cannot be found in so many tries")
+                    yield _carrying(basis(p, q, r), p, there, a)
+
+
+def _corners(solid: Solid, at: Frame) -> Iterator[Point]:
+    own = at.after(frame(solid.at, solid.turn))
+    if solid.convex is not None:
+        for point in solid.convex.points:
+            x, y, z = (number(value) for value in own(vector(point)))
+            yield x, y, z
+    for part in (*solid.first, *solid.minus):
+        yield from _corners(part, own)
+
+
+def _carrying(here: Sequence[Point], p: Point, there: Sequence[Point], a: Sequence[float]) -> Frame:
+    """The frame that takes the point p with its axes to the point a with its."""
+    rows = [[math.fsum(t[i] * h[j] for t, h in zip(there, here, strict=True)) for j in range(3)] for i in range(3)]
+    x, y, z = (vector(row) for row in rows)
+    R: Matrix = (x, y, z)
+    back = turned(R, vector(p))
+    return Frame(R, add(vector(a), (-back[0], -back[1], -back[2])))

@@ -48,6 +48,10 @@ SHAPES = {
 def shape(table: Table, kind: str) -> Convex:
     """The convex solid that a table describes.
 
+    Args:
+        table: with its sizes.
+        kind: which keys it has.
+
     Raises:
         ProblemError: a key is missing or wrong.
     """
@@ -119,6 +123,11 @@ def _stack(levels: Sequence[tuple[Sequence[Flat], float]], *, turned: bool = Fal
 def corners_of(table: Table, key: str, items: object) -> list[Flat]:
     """The corners of a polygon as they are listed.
 
+    Args:
+        table: in which they stand.
+        key: their place there, for messages.
+        items: as TOML has them.
+
     Raises:
         ProblemError: it is none.
     """
@@ -130,6 +139,9 @@ def corners_of(table: Table, key: str, items: object) -> list[Flat]:
 
 def polygon_of(table: Table, key: str, items: object) -> list[Flat]:
     """The corners of a convex polygon, counter-clockwise.
+
+    Args:
+        table, key, items: as for `corners_of`.
 
     Raises:
         ProblemError: it is none.
@@ -151,6 +163,10 @@ def extruded(polygons: Sequence[Sequence[Flat]], *, moving: bool) -> tuple[Conve
 
     What moves is a ridge: its polygon at y = 0, drawn in by a quarter towards its centroid at both ends, as thick as
     the polygon is wide where it is narrowest. What stands is extruded along y as far as it is wide.
+
+    Args:
+        polygons: convex, in x and z, m; only one where it moves.
+        moving: whether it is the part that moves.
     """
     if not moving:
         xs, zs = ([p[axis] for polygon in polygons for p in polygon] for axis in (0, 1))

@@ -63,7 +63,12 @@ class Frame:
 
 
 def frame(at: Sequence[float], turn: Sequence[float]) -> Frame:
-    """The frame at a place, with the rotation vector; quarter turns are exact."""
+    """The frame at a place, with the rotation vector; quarter turns are exact.
+
+    Args:
+        at: of its origin, m.
+        turn: rotation vector, rad.
+    """
     rows = [tuple(_snapped(x) for x in row) for row in exponential(vector(turn))]
     (a, b, c), (d, e, f), (g, h, i) = rows
     return Frame(((a, b, c), (d, e, f), (g, h, i)), vector(at))
@@ -109,6 +114,10 @@ class Tree:
 
 def tree_of(solid: Solid, at: Frame) -> Tree:
     """The set of a solid whose surroundings have this frame.
+
+    Args:
+        solid: of a model.
+        at: frame of its surroundings.
 
     Raises:
         Unbounded: a hull of too many points.

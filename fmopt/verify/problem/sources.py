@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from fmopt.verify.parts.reach import dot
 from fmopt.verify.problem.quantities import ANGLE, LENGTH
 from fmopt.verify.problem.tables import Table
 
@@ -177,7 +178,7 @@ def _observed(table: Table, at: Point, frame: str) -> Share:
     angle = _turn(off, width)
     a, b, c = points
     u, v, w = _arm(a, b), _arm(a, c), _arm(a, at)
-    uu, uv, vv, uw, vw = _dot(u, u), _dot(u, v), _dot(v, v), _dot(u, w), _dot(v, w)
+    uu, uv, vv, uw, vw = dot(u, u), dot(u, v), dot(v, v), dot(u, w), dot(v, w)
     s, t = ((vv * uw - uv * vw) / (uu * vv - uv * uv), (uu * vw - uv * uw) / (uu * vv - uv * uv))
     foot = tuple(p + s * x + t * y for p, x, y in zip(a, u, v, strict=True))
     direct = (abs(1.0 - s - t) + abs(s) + abs(t)) * off + _chord(foot, at, angle)
@@ -206,7 +207,3 @@ def _area(a: Point, b: Point, c: Point) -> float:
 
 def _arm(a: Point, b: Point) -> tuple[float, ...]:
     return tuple(q - p for p, q in zip(a, b, strict=True))
-
-
-def _dot(a: Point, b: Point) -> float:
-    return math.fsum(p * q for p, q in zip(a, b, strict=True))

@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from fmopt.verify.parts.reach import cross
 from fmopt.verify.problem.meshes import Point, Triangle
 from fmopt.verify.problem.solids import Unbounded
 from fmopt.verify.reading.document import Body
@@ -59,6 +60,10 @@ def diameter(body: Body) -> float:
 
 def compared(mesh: Sequence[Triangle], body: Body) -> Surface:
     """A mesh in the part's frame held against the part.
+
+    Args:
+        mesh: in the frame of the part, m.
+        body: of the plan.
 
     Raises:
         Unbounded: both have very many faces.
@@ -124,7 +129,11 @@ def _fits(triangle: Triangle, normal: Point | None, faces: Sequence[_Face], span
 
 
 def fitting(mesh: Sequence[Triangle], body: Body) -> list[Triangle]:
-    """The mesh moved so that its corners lie as near the faces as they can be, by least squares of their heights."""
+    """The mesh moved so that its corners lie as near the faces as they can be, by least squares of their heights.
+
+    Args:
+        mesh, body: as for `compared`, the mesh nearly in place.
+    """
     faces, span = [_face(body, loops) for loops in body.faces], diameter(body)
     middle = [sum(axis) / len(body.vertices) for axis in zip(*body.vertices, strict=True)]
     rows = [[0.0] * 7 for _ in range(6)]
@@ -133,8 +142,8 @@ def fitting(mesh: Sequence[Triangle], body: Body) -> list[Triangle]:
         best = min(_fits(triangle, normal, faces, span), default=None) if area else None
         for p in triangle if best is not None else ():
             n = faces[best[1] if best is not None else 0].n
-            arm = _arm(middle, p)
-            slope = (*n, *_cross(arm, n))
+            arm = between(middle, p)
+            slope = (*n, *cross(arm, n))
             high = _dot(n, p) - faces[best[1] if best is not None else 0].o
             for i in range(6):
                 for j in range(6):
@@ -172,9 +181,9 @@ def _shifted(triangle: Triangle, step: Sequence[float], middle: Sequence[float])
     w = (step[3], step[4], step[5])
     made = []
     for p in triangle:
-        arm = _arm(middle, p)
-        turn = _cross(w, arm)
-        again = _cross(w, turn)
+        arm = between(middle, p)
+        turn = cross(w, arm)
+        again = cross(w, turn)
         made.append(tuple(x + d + t + 0.5 * a for x, d, t, a in zip(p, step, turn, again, strict=False)))
     (a0, a1, a2), (b0, b1, b2), (c0, c1, c2) = made
     return (a0, a1, a2), (b0, b1, b2), (c0, c1, c2)
@@ -186,15 +195,15 @@ def _face(body: Body, loops: Sequence[Sequence[int]]) -> _Face:
     total = [0.0, 0.0, 0.0]
     for loop in points:
         for p, q in zip(loop, [*loop[1:], loop[0]], strict=True):
-            u, v = _arm(origin, p), _arm(origin, q)
-            total = [t + x for t, x in zip(total, _cross(u, v), strict=True)]
+            u, v = between(origin, p), between(origin, q)
+            total = [t + x for t, x in zip(total, cross(u, v), strict=True)]
     size = math.hypot(*total) or 1.0
     n = (total[0] / size, total[1] / size, total[2] / size)
     axis = min(range(3), key=lambda k: abs(n[k]))
-    u = _cross(n, (float(axis == 0), float(axis == 1), float(axis == 2)))
+    u = cross(n, (float(axis == 0), float(axis == 1), float(axis == 2)))
     length = math.hypot(*u)
     u = (u[0] / length, u[1] / length, u[2] / length)
-    v = _cross(n, u)
+    v = cross(n, u)
     flat = tuple(tuple((_dot(u, p), _dot(v, p)) for p in loop) for loop in points)
     corners = [p for loop in points for p in loop]
     rim = math.fsum(math.dist(p, q) for loop in flat for p, q in zip(loop, loop[1:] + loop[:1], strict=True))
@@ -235,7 +244,7 @@ def chord_error(body: Body) -> float:
         other = owner.get((b, a))
         if a < b and other is not None:
             n, m = faces[one].n, faces[other].n
-            turn = math.atan2(math.hypot(*_cross(n, m)), _dot(n, m))
+            turn = math.atan2(math.hypot(*cross(n, m)), _dot(n, m))
             if turn <= _SMOOTH:
                 turns.append((a, b, one, other, turn))
                 neighbours[one] += 1
@@ -243,8 +252,8 @@ def chord_error(body: Body) -> float:
     largest = 0.0
     for a, b, one, other, turn in turns:
         if max(neighbours[one], neighbours[other]) > 1:
-            along = _unit(_arm(body.vertices[a], body.vertices[b]))
-            widths = (_width(body, k, _cross(faces[k].n, along)) for k in (one, other))
+            along = _unit(between(body.vertices[a], body.vertices[b]))
+            widths = (_width(body, k, cross(faces[k].n, along)) for k in (one, other))
             largest = max(largest, 0.5 * min(widths) * math.tan(0.25 * turn))
     return largest
 
@@ -257,6 +266,10 @@ def _width(body: Body, face: int, across: Point) -> float:
 def seated(mesh: Sequence[Triangle], body: Body) -> Iterator[list[Triangle]]:
     """The mesh in every frame in which three far corners of the part are corners of it: the part's own is one.
 
+    Args:
+        mesh: in a frame of its own, m.
+        body: of the plan.
+
     Raises:
         Unbounded: the mesh has too many corners to try.
     """
@@ -266,9 +279,9 @@ def seated(mesh: Sequence[Triangle], body: Body) -> Iterator[list[Triangle]]:
         raise Unbounded("the model declares no features, and its mesh has too many corners to find its frame by")
     a = max(body.vertices, key=lambda p: math.dist(p, body.vertices[0]))
     b = max(body.vertices, key=lambda p: math.dist(p, a))
-    c = max(body.vertices, key=lambda p: math.hypot(*_cross(_arm(a, p), _arm(a, b))))
+    c = max(body.vertices, key=lambda p: math.hypot(*cross(between(a, p), between(a, b))))
     sides, near, tries = (math.dist(a, b), math.dist(a, c), math.dist(b, c)), COARSE * span + OFF, 0
-    there = _basis(a, b, c)
+    there = basis(a, b, c)
     low, high = ([pick(axis) for axis in zip(*body.vertices, strict=True)] for pick in (min, max))
     for p in points:
         seconds = [q for q in points if abs(math.dist(p, q) - sides[0]) <= near]
@@ -279,7 +292,7 @@ def seated(mesh: Sequence[Triangle], body: Body) -> Iterator[list[Triangle]]:
                     tries += 1
                     if tries > MOST_TRIPLES:
                         raise Unbounded("the frame of the mesh cannot be found in so many tries")
-                    here = _basis(p, q, r)
+                    here = basis(p, q, r)
                     if all(_in_box(_carried(x, p, here, a, there), low, high, near) for x in points[:8]):
                         yield [_placed(triangle, p, here, a, there) for triangle in mesh]
 
@@ -288,14 +301,19 @@ def _in_box(p: Point, low: Sequence[float], high: Sequence[float], reach: float)
     return all(a - reach <= x <= b + reach for x, a, b in zip(p, low, high, strict=True))
 
 
-def _basis(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> _Basis:
-    u = _unit(_arm(a, b))
-    w = _unit(_cross(u, _arm(a, c)))
-    return u, _cross(w, u), w
+def basis(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> _Basis:
+    """The axes of the triangle a b c: along a b, in its plane, and its normal.
+
+    Args:
+        a, b, c: not on a line.
+    """
+    u = _unit(between(a, b))
+    w = _unit(cross(u, between(a, c)))
+    return u, cross(w, u), w
 
 
 def _carried(x: Sequence[float], p: Sequence[float], here: _Basis, a: Sequence[float], there: _Basis) -> Point:
-    arm = _arm(p, x)
+    arm = between(p, x)
     i, j, k = (_dot(axis, arm) for axis in here)
     u, v, w = there
     return (
@@ -311,7 +329,7 @@ def _placed(triangle: Triangle, p: Point, here: _Basis, a: Sequence[float], ther
 
 
 def _area(triangle: Triangle) -> tuple[Point, float]:
-    x, y, z = _cross(_arm(triangle[0], triangle[1]), _arm(triangle[0], triangle[2]))
+    x, y, z = cross(between(triangle[0], triangle[1]), between(triangle[0], triangle[2]))
     size = math.hypot(x, y, z)
     return ((x / size, y / size, z / size) if size else (0.0, 0.0, 0.0)), 0.5 * size
 
@@ -320,16 +338,13 @@ def _place(triangle: Triangle) -> str:
     return "(" + ", ".join(f"{1e3 * sum(axis) / 3.0 + 0.0:.6g}" for axis in zip(*triangle, strict=True)) + ") mm"
 
 
-def _arm(a: Sequence[float], b: Sequence[float]) -> Point:
+def between(a: Sequence[float], b: Sequence[float]) -> Point:
+    """From the point a to the point b."""
     return b[0] - a[0], b[1] - a[1], b[2] - a[2]
 
 
 def _dot(a: Sequence[float], b: Sequence[float]) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-def _cross(a: Sequence[float], b: Sequence[float]) -> Point:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def _unit(a: Sequence[float]) -> Point:

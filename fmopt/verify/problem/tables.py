@@ -125,7 +125,12 @@ class Table:
         raise self.error(key, message)
 
     def text(self, key: str, choices: Collection[str] = ()) -> str:
-        """The text under a key, one of the choices where there are any."""
+        """The text under a key, one of the choices where there are any.
+
+        Args:
+            key: of this table.
+            choices: what it may be; anything up to 1000 characters if empty.
+        """
         found = self.value(key)
         if not isinstance(found, str) or not 0 < len(found) <= 1000:
             raise self.error(key, "must be text")
@@ -141,14 +146,25 @@ class Table:
         return found
 
     def count(self, key: str, default: int, most: int) -> int:
-        """The number of corners under a key."""
+        """The number of corners under a key.
+
+        Args:
+            key: of this table.
+            default: where the key is missing.
+            most: at most.
+        """
         found = self.data.get(key, default)
         if type(found) is not int or not 3 <= found <= most:
             raise self.error(key, f"must be a whole number from 3 to {most}")
         return found
 
     def items(self, key: str, least: int, most: int) -> list[Any]:
-        """The entries of the array under a key."""
+        """The entries of the array under a key.
+
+        Args:
+            key: of this table.
+            least, most: entries.
+        """
         found = self.value(key)
         if not isinstance(found, list) or not least <= len(found) <= most:
             raise self.error(key, f"must be an array of {least} to {most} entries")
@@ -162,15 +178,31 @@ class Table:
         return found
 
     def number(self, key: str, kind: Dimension, low: float = 0.0, high: float = FAR) -> float:
-        """The quantity under a key, in SI."""
+        """The quantity under a key, in SI.
+
+        Args:
+            key: of this table.
+            kind: which it must be of.
+            low, high: between which it must be, SI.
+        """
         return self._number(key, self.value(key), kind, low, high)
 
     def maybe(self, key: str, kind: Dimension, low: float = 0.0, high: float = FAR) -> float | None:
-        """The same, None where the key is missing."""
+        """The same, None where the key is missing.
+
+        Args:
+            key, kind, low, high: as for `number`.
+        """
         return self.number(key, kind, low, high) if key in self.data else None
 
     def vector(self, key: str, kind: Dimension = LENGTH, default: tuple[float, ...] | None = None) -> tuple[float, ...]:
-        """Three quantities, lengths of either sign or the entries of a rotation vector."""
+        """Three quantities, lengths of either sign or the entries of a rotation vector.
+
+        Args:
+            key: of this table.
+            kind: of each.
+            default: where the key is missing; an error then if None.
+        """
         if default is not None and key not in self.data:
             return default
         return self.row(key, self.items(key, 3, 3), kind)
@@ -181,7 +213,14 @@ class Table:
         return tuple(self._number(f"{key}[{i}]", x, LENGTH, 1e-9, FAR) for i, x in enumerate(found))
 
     def row(self, key: str, items: Any, kind: Dimension = LENGTH, count: int = 3) -> tuple[float, ...]:
-        """So many quantities."""
+        """So many quantities.
+
+        Args:
+            key: of this table, for messages.
+            items: as TOML has them.
+            kind: of each.
+            count: how many there must be.
+        """
         if not isinstance(items, list) or len(items) != count:
             raise self.error(key, f"must be {count} numbers")
         most = TURN if kind == ANGLE else FAR
@@ -214,6 +253,11 @@ class Table:
 def parameters(model: Table, overrides: Mapping[str, Quantity], cited: Table) -> Table:
     """The table of a model with its parameters bound, some of them as the problem gives them.
 
+    Args:
+        model: the file as a whole.
+        overrides: by name, in SI.
+        cited: the table of the problem that has them, for messages.
+
     Raises:
         ProblemError: a parameter that is no quantity, or an override of none or of another kind.
     """
@@ -235,6 +279,11 @@ def parameters(model: Table, overrides: Mapping[str, Quantity], cited: Table) ->
 def read(path: Path, cited: Table | None, key: str) -> Table:
     """The TOML file at a path, named by `key` of the table `cited`; plain numbers have the units it says.
 
+    Args:
+        path: of the file.
+        cited: table that names it; None for the problem itself.
+        key: under which it does.
+
     Raises:
         ProblemError: no such file, too large, or no TOML.
     """
@@ -248,6 +297,10 @@ def read(path: Path, cited: Table | None, key: str) -> Table:
 
 def with_units(path: Path, data: Mapping[str, Any]) -> Table:
     """The table of a file's data, whose plain numbers have the units that it says.
+
+    Args:
+        path: of the file, for messages.
+        data: as TOML has it.
 
     Raises:
         ProblemError: it is nested too deeply, or its units are none.
@@ -284,6 +337,12 @@ def _depths(data: Any) -> Iterator[int]:
 
 def read_bytes(path: Path, cited: Table | None, key: str, most: int) -> bytes:
     """The bytes of a regular file, or of standard input in place of the problem file.
+
+    Args:
+        path: of the file.
+        cited: table that names it; None for the problem itself, which may be standard input.
+        key: under which it does.
+        most: bytes.
 
     Raises:
         ProblemError: there is none, or it is too large.

@@ -172,7 +172,12 @@ def _curve(place: Reader) -> Curve:
 
 
 def points(place: Reader, least: int, most: int = MOST) -> Polyline:
-    """Points of a plane."""
+    """Points of a plane.
+
+    Args:
+        place: of a list of pairs of numbers.
+        least, most: how many.
+    """
     return tuple((u, v) for u, v in (item.numbers(2) for item in place.items(least, most=most)))
 
 

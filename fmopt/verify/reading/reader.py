@@ -61,7 +61,12 @@ class Reader:
         return isinstance(self.value, dict) and key in self.value
 
     def only(self, required: Fields | Collection[str], optional: Iterable[str] = ()) -> Reader:
-        """This object, which must have the required keys and no others than the optional ones."""
+        """This object, which must have the required keys and no others than the optional ones.
+
+        Args:
+            required: keys, or required and optional ones at once.
+            optional: keys, where those required stand alone.
+        """
         known = required.known if isinstance(required, Fields) else {*required, *optional}
         names = required.required if isinstance(required, Fields) else required
         if not isinstance(self.value, dict):
@@ -76,7 +81,12 @@ class Reader:
         return self
 
     def items(self, least: int = 0, exact: int | None = None, most: int = MOST) -> list[Reader]:
-        """The places of a list's entries, which must be at least and at most so many, or exactly."""
+        """The places of a list's entries, which must be at least and at most so many, or exactly.
+
+        Args:
+            least, most: how many.
+            exact: how many, in place of `least`.
+        """
         if not isinstance(self.value, list | tuple):
             raise self.fail("must be a list")
         if len(self.value) < least or (exact is not None and len(self.value) != exact):
@@ -105,7 +115,12 @@ class Reader:
         return float(self.value)
 
     def numbers(self, count: int, low: float = -1e6, high: float = 1e6) -> Numbers:
-        """A list of exactly so many numbers, each within limits, which are finite."""
+        """A list of exactly so many numbers, each within limits, which are finite.
+
+        Args:
+            count: how many.
+            low, high: between which each must be.
+        """
         values = self.value
         if isinstance(values, list) and len(values) == count:
             for x in values:
@@ -116,11 +131,21 @@ class Reader:
         return tuple(item.number(low, high) for item in self.items(exact=count))
 
     def matrix(self, rows: int | None, most: int = MOST) -> tuple[Numbers, ...]:
-        """Rows of six numbers; at most so many of them without `rows`."""
+        """Rows of six numbers; at most so many of them without `rows`.
+
+        Args:
+            rows: how many, any if None.
+            most: then.
+        """
         return tuple(item.numbers(6) for item in self.items(exact=rows, most=most))
 
     def integer(self, end: int = 10**6, low: int = 0) -> int:
-        """A whole number from `low` to below `end`."""
+        """A whole number from `low` to below `end`.
+
+        Args:
+            end: one more than the greatest.
+            low: the least.
+        """
         if isinstance(self.value, bool) or not isinstance(self.value, int):
             raise self.fail("must be a whole number")
         if not low <= self.value < end:
@@ -128,7 +153,13 @@ class Reader:
         return self.value
 
     def indices(self, end: int, least: int = 0, exact: int | None = None) -> tuple[int, ...]:
-        """A list of different whole numbers below `end`."""
+        """A list of different whole numbers below `end`.
+
+        Args:
+            end: one more than the greatest.
+            least: how many, at least.
+            exact: how many, in place of `least`.
+        """
         found = tuple(item.integer(end) for item in self.items(least, exact))
         if len(set(found)) != len(found):
             raise self.fail("repeats an index")

@@ -32,7 +32,7 @@ def test_an_answer_does_not_depend_on_where_the_workcell_is(world: Pose) -> None
     found = answer(base.moved(["bush", "peg"], world), IN_BUSH)
     np.testing.assert_allclose(found.P0, [0.005, 0, 0.02, 0, 0, 0.3], atol=1e-12)
     np.testing.assert_allclose(found.PT, [0, 0, -0.03, 0, 0, 0.3], atol=1e-12)
-    assert close(found.B_frame, world.compose(at(0, 0, 0.04)))
+    assert close(found.fixed.frame, world.compose(at(0, 0, 0.04)))
     assert close(found.moving.frame, world.compose(at(0.005, 0, 0.06, (0, 0, 0.3))))
     assert not found.exchanged
 

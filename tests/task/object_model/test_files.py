@@ -37,7 +37,7 @@ def test_every_shipped_problem_is_a_task(path: Path) -> None:
     found = answer(*task_command(problem))
     np.testing.assert_allclose(found.P0, problem.start, atol=1e-15)
     np.testing.assert_allclose(found.PT, problem.goal, atol=1e-15)
-    np.testing.assert_allclose(found.B_frame.vector(), np.zeros(6), atol=1e-15)
+    np.testing.assert_allclose(found.fixed.frame.vector(), np.zeros(6), atol=1e-15)
     assert not found.exchanged
     for operand, part in ((found.moving, problem.moving), (found.fixed, problem.fixed)):
         whole, body = polyhedron(operand.whole), part.polyhedron

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from fmopt.errors import GeometryError, InputError, TaskError
 from fmopt.geometry.convex_pieces import polyhedron
-from fmopt.geometry.csg import Box, Cylinder, Difference, Hull, Placed, Solid, Union, contains, frustum
+from fmopt.geometry.csg import Box, Difference, Hull, Placed, Solid, Union, contains, frustum
 from fmopt.geometry.inverse_csg import MESH_NOISE, solid_of
 from fmopt.geometry.mating_features import Feature as MatingFeature
 from fmopt.spatial.se3 import Pose
@@ -20,7 +20,7 @@ from fmopt.task.model import load_model
 from fmopt.task.object_model.chain import Term, chain_of, chain_solid, joined, moved, without
 from fmopt.task.object_model.classify import Claim, object_tree
 from fmopt.task.object_model.frames import checked
-from fmopt.task.object_model.tree import Feature, FeatureClass, ObjectTree, instances, tree_part
+from fmopt.task.object_model.tree import Feature, FeatureClass, ObjectTree, instances
 from fmopt.task.solid_tree import build_part, build_tree
 from fmopt.task.toml.source import Place
 from tests import ROOT
@@ -144,14 +144,6 @@ def test_the_object_of_figure_1() -> None:
     assert inside.tolist() == [False, True, True, False]
 
 
-def test_the_part_of_a_tree_has_its_mating_features() -> None:
-    part = tree_part(tree_of(ROOT / "models" / "lee_huang_bush.toml"))
-    assert [(f.name, f.kind, f.length, f.through) for f in part.features] == [
-        ("shank", "solid", 0.03, False),
-        ("bore", "hollow", 0.03, True),
-    ]
-
-
 HOLE = MatingFeature("hole", "hollow", at(0, 0, 0.04), 0.02)
 BLOCK = Difference(Box((0.06, 0.06, 0.04)), (Placed(Box((0.02, 0.02, 0.04)), at(0, 0, 0.02)),))
 
@@ -235,12 +227,6 @@ def test_features_that_are_none() -> None:
         chain_solid([Term("-", "x", Box((1, 1, 1)))])
     with pytest.raises(TaskError, match=r"no feature 'y' .*its features: x"):
         ObjectTree("object", HERE, (FeatureClass("a", (feature("x"),)),)).feature("y")
-
-
-def test_bodies_are_given_in_the_feature_frame_too() -> None:
-    peg = Feature("peg", "+", Pose.from_vector([0.1, 0.2, 0.3, 0.4, -0.5, 0.6]), Cylinder(0.01, 0.02), 0.02)
-    points = np.random.default_rng(1).uniform(-0.02, 0.03, (500, 3))
-    np.testing.assert_array_equal(contains(peg.own_body, peg.frame.inverse().apply(points)), contains(peg.body, points))
 
 
 def test_trees_pickle() -> None:
