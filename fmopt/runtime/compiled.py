@@ -30,6 +30,8 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _SETTINGS: dict[str, Any] = {"error_model": "numpy"}
+# LLVM's level and its two vectorisers: kernels of short loops run no faster at the full level, and compile slower.
+_EFFORT = {"OPT": 1, "LOOP_VECTORIZE": 0, "SLP_VECTORIZE": 0}
 _PACKAGE = Path(__file__).parent.parent
 
 
@@ -48,12 +50,12 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
 
 @cache
 def _folder() -> str:
-    """Where what is compiled is kept: a folder of its own for each state of the files that kernels share."""
+    """Where what is compiled is kept: a folder of its own for each state of what kernels share, files and settings."""
     own = os.environ.get("NUMBA_CACHE_DIR") or _PACKAGE / "__pycache__"
     if not os.access(own if Path(own).exists() else _PACKAGE, os.W_OK):
         own = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()) / "fmopt"
-    shared = sorted(_PACKAGE.rglob("kernels*.py"))
-    state = hashlib.sha256(b"".join(path.read_bytes() for path in shared)).hexdigest()
+    shared = b"".join(path.read_bytes() for path in sorted(_PACKAGE.rglob("kernels*.py")))
+    state = hashlib.sha256(shared + repr((_SETTINGS, _EFFORT)).encode()).hexdigest()
     return str(Path(own) / f"kernels-{state[:16]}")
 
 
@@ -77,9 +79,12 @@ class _Compiling(event.Listener):  # type: ignore[misc]
 
     def __init__(self) -> None:
         self.seconds, self.told, self._depth, self._since = 0.0, list[Callable[[str], None]](), 0, 0.0
+        self._before: dict[str, Any] = {}
 
     def on_start(self, event: Any) -> None:
         if self._depth == 0:
+            self._before = {name: getattr(config, name) for name in _EFFORT}
+            self._set(_EFFORT)
             self._since = time.monotonic()
             for tell in self.told:
                 tell("compiling kernels, which takes about a minute the first time")
@@ -88,7 +93,13 @@ class _Compiling(event.Listener):  # type: ignore[misc]
     def on_end(self, event: Any) -> None:
         self._depth -= 1
         if self._depth == 0:
+            self._set(self._before)
             self.seconds += time.monotonic() - self._since
+
+    @staticmethod
+    def _set(values: dict[str, Any]) -> None:
+        for name, value in values.items():
+            setattr(config, name, value)
 
 
 _compiling = _Compiling()
