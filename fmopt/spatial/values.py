@@ -53,6 +53,13 @@ def frozen(values: ArrayLike, *shape: int | None, name: str = "array") -> Array:
     return array
 
 
+def fixed(array: Array) -> Array:
+    """A view that takes nothing: a kernel given such is compiled once, whether its arrays can be written to or not."""
+    view = array.view()
+    view.setflags(write=False)
+    return view
+
+
 class Value:
     """Base of frozen dataclasses that hold arrays: they stay read-only through pickling."""
 

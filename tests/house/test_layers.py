@@ -69,11 +69,11 @@ CALLERS: dict[str, frozenset[str]] = {
 LIBRARIES: dict[str, frozenset[str]] = {
     "numpy": frozenset(
         {"spatial", "geometry", "contact", "task", "papers", "certificate", "planning", "plan", "report", "study"}
-        | {"execution", "notebook"}
+        | {"execution", "notebook", "runtime/ahead.py"}
     ),
     "scipy": frozenset({"geometry", "contact", "papers", "planning", "study"})
     | {"execution/trials.py", "execution/engines/drake_engine.py"},
-    "numba": frozenset({"runtime/compiled.py"}),
+    "numba": frozenset({"runtime/compiled.py", "runtime/ahead.py"}),
     "distributed": frozenset({"study/running/cluster.py"}),
     "polars": frozenset({"study/__init__.py", "study/outcome.py", "study/results/table.py", "notebook/plan.py"}),
     "sympy": frozenset(
