@@ -54,7 +54,10 @@ def frozen(values: ArrayLike, *shape: int | None, name: str = "array") -> Array:
 
 
 def fixed(array: Array) -> Array:
-    """A view that takes nothing: a kernel given such is compiled once, whether its arrays can be written to or not."""
+    """A view that takes nothing of an array of any shape (…,), whatever its unit.
+
+    A kernel that is given such is compiled once, whether the arrays themselves can be written to or not.
+    """
     view = array.view()
     view.setflags(write=False)
     return view
