@@ -10,6 +10,7 @@ import pytest
 from hypothesis import settings
 
 from fmopt import plan
+from fmopt.runtime.ahead import compile_ahead
 from tests import ROOT
 from tests.shared.pages import browser
 
@@ -21,6 +22,12 @@ collect_ignore = (
 )  # report/test_scripts.py checks its pages everywhere
 if not (ROOT.parent / "shared" / "parts").is_dir():
     collect_ignore.append("geometry/test_shared_parts.py")
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compiles kernels side by side before workers begin, rather than in each of them."""
+    if session.config.getoption("numprocesses", None):
+        compile_ahead()
 
 
 @pytest.fixture(scope="session")

@@ -119,6 +119,14 @@ def _meet(contact: PrimitiveContact, moving: _Edge, fixed: _Edge) -> bool:
 
 
 def edge_rows(assembly: Assembly, pair: Pair, witness: Witness, known: Facts) -> Counted:
+    """The rows of a plane along an edge of each of two pieces that contacts do not settle, m.
+
+    Args:
+        assembly: the two parts.
+        pair: the pieces, with what bears on them.
+        witness: the two edges.
+        known: what the contacts held say.
+    """
     M, F = pair.moving.vertices, pair.fixed.vertices
     moving = _edge(pair.moving, assembly.moving.polyhedron, witness.moving)
     fixed = _edge(pair.fixed, assembly.fixed.polyhedron, witness.fixed)

@@ -28,7 +28,7 @@ from fmopt.contact.algebra import Definition, Role
 from fmopt.runtime.compiled import compiled
 from fmopt.spatial.kernels import vector
 from fmopt.spatial.se3 import Pose, cross, lengths
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, fixed
 
 Mask = NDArray[np.bool_]
 Places = NDArray[np.intp]
@@ -108,7 +108,7 @@ class Forms:
         """
         # Kernels see one list of poses; the leading axes are put back afterwards.
         lead = p.shape[:-1]
-        found = _at(self.table, p.reshape(-1, 3), R.reshape(-1, 3, 3))
+        found = _at(self.table, fixed(p.reshape(-1, 3)), fixed(R.reshape(-1, 3, 3)))
         f, N, *turned = (part.reshape(*lead, *part.shape[1:]) for part in found)
         return Rows(f, N, self, Turned(*turned))
 

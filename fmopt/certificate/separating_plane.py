@@ -140,7 +140,7 @@ class Candidates:
         Returns:
             numbers (n, m) of the witnesses, −1 where none holds with that margin, their margins and clearances, m.
         """
-        return best(self.rows, self.listed, course.motion, least, grazing)
+        return best(self.rows, self.listed, course.motion, np.ascontiguousarray(least), grazing)
 
 
 def counted_rows(assembly: Assembly, pair: Pair, witness: Witness) -> Counted:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict
 from typing import Annotated, NoReturn
@@ -102,6 +103,16 @@ def _message(error: FmoptError) -> list[str]:
     failure = getattr(error, "failure", None)
     more = [] if failure is None else failure.lines()
     return [error.message, *more, *([f"advice: {error.advice}"] if error.advice else [])]
+
+
+def compile_kernels(tell: Callable[[str], None]) -> None:
+    """Has kernels compiled side by side before the first work that needs many of them."""
+    from fmopt.runtime.compiled import mark
+
+    if not mark().exists():
+        from fmopt.runtime.ahead import compile_ahead
+
+        compile_ahead(tell)
 
 
 def say(text: str, err: bool = False) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fmopt.cli.entry import EXIT, Json, Quiet, app, say
+from fmopt.cli.entry import EXIT, Json, Quiet, app, compile_kernels, say
 from fmopt.errors import Fault, FmoptError, InfeasibleError, InputError, PlanFormatError, ResourceError, SearchError
 from fmopt.plan import STDIO, Plan
 
@@ -74,6 +74,7 @@ def solve(
         problem = problem_in(folder, files, options, quiet)
     with Stages(quiet or as_json) as stages:
         announce(stages)
+        compile_kernels(stages)
         begun = clock()
         try:
             result = synthesise(problem, stages, RESERVED)

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 import typer.core
 
-from fmopt.cli.entry import EXIT, MOST_WORKERS, Json, Quiet, app, say
+from fmopt.cli.entry import EXIT, MOST_WORKERS, Json, Quiet, app, compile_kernels, say
 
 
 class _Study(typer.core.TyperGroup):
@@ -49,6 +49,9 @@ def study_run(
     from fmopt.study import command
 
     asked = command.Asked(jobs, limit, retry_failed, cluster)
+    if not dry_run and cluster is None:
+        with Stages(quiet or as_json) as stages:
+            compile_kernels(stages)
 
     if out is not None and len(files) > 1:
         raise typer.BadParameter("several studies cannot share one folder", param_hint="--out")

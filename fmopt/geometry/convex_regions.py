@@ -20,7 +20,7 @@ def convex_regions(ends: Array, inward: Array, offsets: Array) -> tuple[tuple[in
     A part that is before some edges has nothing of the outline inside it if each edge is behind one of them.
 
     Args:
-        ends: of its edges (2, n, 3), one after the other around it.
+        ends: of its edges (2, n, 3), m, one after the other around it.
         inward: unit normals of these in its plane (n, 3).
         offsets: of the lines of the edges along them (n,), m.
     """
@@ -57,7 +57,15 @@ def _inside(point: Array, ends: Array, inward: Array) -> bool:
 
 
 def along_edge(i: int, chosen: Sequence[int], ends: Array, inward: Array, offsets: Array) -> bool:
-    """Whether a convex part before some edges goes along the line of one of them no farther than the edge does."""
+    """Whether a convex part before some edges goes along the line of one of them no farther than the edge does.
+
+    Args:
+        i: that edge.
+        chosen: the edges before which the part lies.
+        ends: as for `convex_regions` (2, n, 3), m.
+        inward: of each edge (n, 3), of length 1.
+        offsets: of the edges (n,), m.
+    """
     way = ends[1, i] - ends[0, i]
     low, high = -np.inf, np.inf
     for j in chosen:

@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,11 +25,12 @@ from fmopt.geometry.csg import Hull, Solid, Union, exact_pose, sagitta
 from fmopt.geometry.exact_coordinates import Exact, exact_vertices, facing_directions
 from fmopt.geometry.facets import place
 from fmopt.geometry.mating_features import Feature, found_features, in_frame
-from fmopt.geometry.mesh.mesh_import import Imported
-from fmopt.geometry.mesh.mesh_solid import come_apart
 from fmopt.geometry.polyhedron import Polyhedron, from_faces, levelled, placed, rounded, scaled, with_vertices
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value, frozen
+
+if TYPE_CHECKING:
+    from fmopt.geometry.mesh.mesh_import import Imported
 
 _ELSEWHERE = 1.5  # times: how far facets are off faces in frames that fit a mesh to them by other measures
 _MESH_VOLUME = 1e-4  # of the volume
@@ -144,6 +146,8 @@ def mesh_part(
         GeometryError: the mesh does not come apart into convex bodies, nothing was found on it to mate with, or it is
             open at a mating face.
     """
+    from fmopt.geometry.mesh.mesh_solid import come_apart
+
     solid, body = come_apart(mesh)
     part = Part(name, body, pieces(solid), tuple(features or ()), 0.0, (), mesh.off, mesh.where)
     volume = union_manifold(part.pieces).volume()

@@ -19,7 +19,6 @@ from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.geometry.exact_coordinates import Exact, exact_vertices, facing_directions
 from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.papers.basanez_suarez import account as planar
 from fmopt.papers.lee_huang.hand_position_force import hand_record, position_force
 from fmopt.papers.lee_huang.mapping import Mapping, diagnostics
 from fmopt.papers.lee_huang.nominal_trajectory import CriticalPose, FreedomInterval, NominalTrajectory
@@ -189,6 +188,8 @@ def _in_the_plane(problem: Problem, nominal: Nominal, claims: tuple[Claim, ...])
     """What the planar sets of possible contact say of a planar problem's plan; nothing in space."""
     if problem.plane is None:
         return {}
+    from fmopt.papers.basanez_suarez import account as planar
+
     path = planar.in_plane(nominal.path.nodes)
     stops = tuple((i.start, i.end, any(i.s[axis] for axis in (0, 2, 4))) for i in nominal.freedoms)
     run = []

@@ -30,7 +30,11 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _SETTINGS: dict[str, Any] = {"error_model": "numpy"}
+# LLVM's level and its two vectorisers: kernels of short loops run no faster at the full level, and compile slower.
+_EFFORT = {"OPT": 1, "LOOP_VECTORIZE": 0, "SLP_VECTORIZE": 0}
 _PACKAGE = Path(__file__).parent.parent
+LIST = Path(__file__).with_name("signatures.json")  # of kernels that `fmopt.runtime.ahead` compiles
+KERNELS: dict[str, Any] = {}  # those that are defined by now, by module and name
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
@@ -39,22 +43,28 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     Where no folder for what is compiled can be written to, each process compiles anew.
     """
     try:
-        with _kept_in(_folder()):
+        with _kept_in(folder()):
             kernel = njit(cache=True, **_SETTINGS)(function)
     except RuntimeError:  # no folder to keep it in
         kernel = njit(**_SETTINGS)(function)
+    KERNELS[f"{function.__module__}:{function.__qualname__}"] = kernel
     return cast("Callable[P, R]", kernel)
 
 
 @cache
-def _folder() -> str:
-    """Where what is compiled is kept: a folder of its own for each state of the files that kernels share."""
+def folder() -> str:
+    """Where what is compiled is kept: a folder of its own for each state of what kernels share, files and settings."""
     own = os.environ.get("NUMBA_CACHE_DIR") or _PACKAGE / "__pycache__"
     if not os.access(own if Path(own).exists() else _PACKAGE, os.W_OK):
         own = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()) / "fmopt"
-    shared = sorted(_PACKAGE.rglob("kernels*.py"))
-    state = hashlib.sha256(b"".join(path.read_bytes() for path in shared)).hexdigest()
+    shared = b"".join(path.read_bytes() for path in sorted(_PACKAGE.rglob("kernels*.py")))
+    state = hashlib.sha256(shared + repr((_SETTINGS, _EFFORT)).encode()).hexdigest()
     return str(Path(own) / f"kernels-{state[:16]}")
+
+
+def mark() -> Path:
+    """The file that says that all kernels of the list have been compiled."""
+    return Path(folder()) / f"ahead-{hashlib.sha256(LIST.read_bytes()).hexdigest()[:16]}"
 
 
 @contextmanager
@@ -77,18 +87,27 @@ class _Compiling(event.Listener):  # type: ignore[misc]
 
     def __init__(self) -> None:
         self.seconds, self.told, self._depth, self._since = 0.0, list[Callable[[str], None]](), 0, 0.0
+        self._before: dict[str, Any] = {}
 
     def on_start(self, event: Any) -> None:
         if self._depth == 0:
+            self._before = {name: getattr(config, name) for name in _EFFORT}
+            self._set(_EFFORT if event.data["dispatcher"] in KERNELS.values() else {})
             self._since = time.monotonic()
             for tell in self.told:
-                tell("compiling kernels, which takes about a minute the first time")
+                tell("compiling kernels, once")
         self._depth += 1
 
     def on_end(self, event: Any) -> None:
         self._depth -= 1
         if self._depth == 0:
+            self._set(self._before)
             self.seconds += time.monotonic() - self._since
+
+    @staticmethod
+    def _set(values: dict[str, Any]) -> None:
+        for name, value in values.items():
+            setattr(config, name, value)
 
 
 _compiling = _Compiling()

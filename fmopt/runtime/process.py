@@ -12,6 +12,7 @@ raised inside it, as some do while they are imported; `interrupted` tells such e
 
 from __future__ import annotations
 
+import gc
 import io
 import os
 import signal
@@ -46,6 +47,7 @@ def run(command: Callable[[], int]) -> NoReturn:
         print("; ".join(["interrupted", *getattr(interruption, "__notes__", ())]), file=sys.stderr)
     for number in _ENDING:
         signal.signal(number, signal.SIG_IGN)  # nothing is left to be put away
+    gc.freeze()  # memory goes back with the process; looking through it for cycles first takes a third of a second
     sys.exit(code)
 
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from fmopt.errors import InfeasibleError
 from fmopt.runtime.compiled import compiled
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, fixed
 
 _SINGULAR = 1e-12
 _LARGE = 1e11  # inverses no larger than this are of matrices that are not singular
@@ -69,7 +69,7 @@ def coupling_inverse(N: ArrayLike, C: ArrayLike) -> Array:
     rows, columns = np.asarray(N, dtype=np.float64), np.asarray(C, dtype=np.float64)
     if rows.shape != columns.T.shape:
         raise ValueError(f"rows have shape {rows.shape}, directions {columns.shape}; expected (r, n) and (n, r)")
-    inverse, size = _inverse(np.ascontiguousarray(rows), np.ascontiguousarray(columns.T))
+    inverse, size = _inverse(fixed(np.ascontiguousarray(rows)), fixed(np.ascontiguousarray(columns.T)))
     if math.isnan(size):
         raise ValueError("a contact row or a direction is zero")
     if size > _LARGE:

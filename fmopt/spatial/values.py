@@ -54,6 +54,16 @@ def frozen(values: ArrayLike, *shape: int | None, name: str = "array") -> Array:
     return array
 
 
+def fixed(array: Array) -> Array:
+    """A view that takes nothing of an array of any shape (…,), whatever its unit.
+
+    A kernel that is given such is compiled once, whether the arrays themselves can be written to or not.
+    """
+    view = array.view()
+    view.setflags(write=False)
+    return view
+
+
 class Value:
     """Base of frozen dataclasses that hold arrays: they stay read-only through pickling."""
 

@@ -181,10 +181,7 @@ def build_tree(source: Source, file: files.ModelFile) -> ObjectTree:
     Raises:
         InputError: no solid comes out, or a feature breaks a rule; at its place in the file.
     """
-    from fmopt.geometry.convex_pieces import polyhedron
-    from fmopt.geometry.inverse_csg import MESH_NOISE, solid_of
-    from fmopt.geometry.mesh.mesh_solid import come_apart
-    from fmopt.task.object_model.chain import chain_of, chain_solid
+    from fmopt.task.object_model.chain import chain_of
     from fmopt.task.object_model.classify import Claim, is_made, object_tree
     from fmopt.task.object_model.frames import checked
 
@@ -198,12 +195,7 @@ def build_tree(source: Source, file: files.ModelFile) -> ObjectTree:
             tree = object_tree(file.name, chain, features, claims)
             if not unstated(source, file) or any(claim.terms for claim in claims.values()) or _is_central(tree):
                 return checked(tree)
-        if file.mesh is None:
-            body = polyhedron(chain_solid(chain))
-            solid = solid_of(body, MESH_NOISE * body.diameter)
-        else:
-            solid, _ = come_apart(imported(source, file.mesh))
-        chain = chain_of(solid, file.name)
+        chain = chain_of(_hull_less_others(source, file, chain), file.name)
         return checked(object_tree(file.name, chain, features, claims))
     except TaskError as error:
         key = ("features", error.feature) if error.feature in file.features else ("features",)
@@ -225,6 +217,19 @@ def _is_central(tree: ObjectTree) -> bool:
     except TaskError:
         return False
     return True
+
+
+def _hull_less_others(source: Source, file: files.ModelFile, chain: Chain) -> csg.Solid:
+    """The part as its convex hull less convex bodies, from its chain or its mesh."""
+    from fmopt.geometry.convex_pieces import polyhedron
+    from fmopt.geometry.inverse_csg import MESH_NOISE, solid_of
+    from fmopt.geometry.mesh.mesh_solid import come_apart
+    from fmopt.task.object_model.chain import chain_solid
+
+    if file.mesh is not None:
+        return come_apart(imported(source, file.mesh))[0]
+    body = polyhedron(chain_solid(chain))
+    return solid_of(body, MESH_NOISE * body.diameter)
 
 
 def _whole_chain(source: Source, file: files.ModelFile) -> Chain:

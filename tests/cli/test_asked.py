@@ -6,7 +6,7 @@ import json
 import math
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +15,30 @@ import pytest
 
 import fmopt
 from fmopt.errors import GeometryError, InputError, InterferenceError
+from fmopt.geometry.step import step_import
 from tests.shared.commands import ended
 from tests.shared.files.asked import FORMS, Asked, generated, rectangle, write, write_assembly
 
 ERROR = "0.02 mm, 0.02 deg"  # small beside every clearance, so that the way is straight and soon found
 Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture(autouse=True, scope="module")
+def read_once() -> Iterator[None]:
+    """The CAD kernel's process reads each file once; asked for the same bytes again, it has said what it says."""
+    told: dict[tuple[bytes, float, str], str] = {}
+    real = step_import._answer
+
+    def answer(path: Path, deviation: float, body: str) -> dict[str, Any]:
+        asked = path.read_bytes(), deviation, body
+        if asked not in told:
+            told[asked] = json.dumps(real(path, deviation, body))
+        found: dict[str, Any] = json.loads(told[asked])
+        return found
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(step_import, "_answer", answer)
+        yield
 
 
 @pytest.fixture

@@ -69,11 +69,11 @@ CALLERS: dict[str, frozenset[str]] = {
 LIBRARIES: dict[str, frozenset[str]] = {
     "numpy": frozenset(
         {"spatial", "geometry", "contact", "task", "papers", "certificate", "planning", "plan", "report", "study"}
-        | {"execution", "notebook"}
+        | {"execution", "notebook", "runtime/ahead.py"}
     ),
     "scipy": frozenset({"geometry", "contact", "papers", "planning", "study"})
     | {"execution/trials.py", "execution/engines/drake_engine.py"},
-    "numba": frozenset({"runtime/compiled.py"}),
+    "numba": frozenset({"runtime/compiled.py", "runtime/ahead.py"}),
     "distributed": frozenset({"study/running/cluster.py"}),
     "polars": frozenset({"study/__init__.py", "study/outcome.py", "study/results/table.py", "notebook/plan.py"}),
     "sympy": frozenset(
@@ -343,6 +343,15 @@ def test_the_check_of_a_problem_loads_no_solver() -> None:
     assert (
         loaded("import fmopt.task.problem") & {"casadi", "sympy", "matplotlib", "clarabel", "cvxpy", "trimesh"} == set()
     )
+
+
+def test_a_plan_of_a_problem_file_loads_only_what_it_uses(tmp_path: Path) -> None:
+    problem, out = PACKAGE.parent / "problems" / "square_peg.toml", tmp_path / "out"
+    words = ["solve", str(problem), "-q", "--out", str(out)]
+    code = f"from fmopt.cli.entry import app\napp({words}, standalone_mode=False)"
+    others = {"sympy", "mpmath", "matplotlib", "networkx", "cvxpy", "pint", "OCP", "mujoco", "polars", "distributed"}
+    assert loaded(code) & others == set()
+    assert (out / "plan.json").is_file()
 
 
 def test_the_independent_check_loads_the_standard_library_alone() -> None:

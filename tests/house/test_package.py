@@ -37,14 +37,14 @@ def test_the_wheel_works_from_an_empty_folder_and_no_kernel_reaches_beyond_its_a
     environment = {**os.environ, "PYTHONPATH": str(installed), "NUMBA_DISABLE_JIT": "1"}
     code = (
         "import fmopt, fmopt.manual, sys\nassert fmopt.__file__.startswith(sys.argv[1]), fmopt.__file__\n"
-        "plan = fmopt.solve(fmopt.load(fmopt.example('lee_huang_peg')))\n"
+        "plan = fmopt.solve(fmopt.load(fmopt.example('ball_pin')))\n"
         "plan.save('plan.json'), plan.report('report.html'), print(plan.verify().verdict, plan.document['sha256'])\n"
         "assert len(fmopt.manual.manual()) > 200_000"
     )
     words = [sys.executable, "-c", code, str(installed)]
     done = subprocess.run(words, cwd=empty, env=environment, capture_output=True, text=True, timeout=900, check=False)
     assert done.returncode == 0, done.stderr
-    compiled = fmopt.solve(fmopt.load(fmopt.example("lee_huang_peg")))
+    compiled = fmopt.solve(fmopt.load(fmopt.example("ball_pin")))
     assert done.stdout.split() == ["CERTIFIED", compiled.document["sha256"]]
     assert (empty / "report.html").stat().st_size > 100_000
 

@@ -304,14 +304,13 @@ def pattern(
             so with the edge run from its first end to its second.
     """
     n, c, (p, R), (depth, doubt) = len(vertices), len(edges[3]), pose, inside
-    side = np.empty((n, len(rims[0])), dtype=np.int8)
+    side, sure = np.empty((n, len(rims[0])), dtype=np.int8), np.empty((n, len(rims[0])), dtype=np.bool_)
     for i in range(n):
         for r in range(len(rims[0])):
             within = min(depth[0, i, r] - doubt[0, i, r], depth[1, i, r] - doubt[1, i, r])
             beyond = max(depth[0, i, r] + doubt[0, i, r], depth[1, i, r] + doubt[1, i, r])
             side[i, r] = 1 if within > 0.0 else (-1 if beyond < 0.0 else 0)
-    sure = side == 1
-    sure[:, c:] = side[:, c:] >= 0
+            sure[i, r] = side[i, r] >= (1 if r < c else 0)
     joined = sure.copy()
     ends = edges[0]
     for e in range(len(ends)):
@@ -320,7 +319,10 @@ def pattern(
             joined[a, r] |= sure[b, r] and side[a, r] == 0
             joined[b, r] |= sure[a, r] and side[b, r] == 0
     for i in range(n):
-        found[i] = joined[i].all()
+        found[i] = 1
+        for r in range(len(rims[0])):
+            if not joined[i, r]:
+                found[i] = 0
     # An edge crosses a rim all along where one end is beyond it, or as long as that end, which is listed, is.
     at = np.empty((2, 2, 3))
     for e in range(len(ends)):

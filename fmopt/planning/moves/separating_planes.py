@@ -148,7 +148,7 @@ class Faces:
 
     def best(self, course: Course, least: Array, grazing: float) -> tuple[Places, Array, Array]:
         """For each piece the face with the largest margin over pieces of motion; see `best_sides`."""
-        return best_sides(self.sides, np.zeros(1, ROW), course.motion, least, grazing)
+        return best_sides(self.sides, np.zeros(1, ROW), course.motion, np.ascontiguousarray(least), grazing)
 
 
 def _candidates(assembly: Assembly, pair: Pair) -> tuple[Witness, ...]:
