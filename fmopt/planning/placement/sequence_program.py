@@ -17,6 +17,7 @@ from itertools import pairwise, takewhile
 import numpy as np
 
 from fmopt.certificate.assembly import contact_rows
+from fmopt.certificate.claim import Claim
 from fmopt.certificate.contact_implications import Assembly
 from fmopt.certificate.propagation import Tolerance
 from fmopt.contact.primitive import PrimitiveContact
@@ -24,6 +25,7 @@ from fmopt.errors import InfeasibleError, OverdueError, SolverError
 from fmopt.geometry.section import lowest_point
 from fmopt.planning.moves.moves import Move, Reached, unroll
 from fmopt.planning.optimise.cone_program import ConeProgram, Norm, Solver
+from fmopt.planning.placement.hold_rows import Hold, hold_rows
 from fmopt.planning.placement.sequence_rows import SequenceRows, sequence_rows
 from fmopt.runtime.compiled import heed
 from fmopt.spatial.se3 import Pose, length
@@ -98,6 +100,7 @@ class Aim:
             search to say: what gives way under a contact that is aslant is the robot.
         lift: height of the lowest point above the mouth at the start, m, where the start may be displaced at that
             height; None where it stays.
+        holds: how surely the pieces of claims hold their contacts, of those that hold them by little.
     """
 
     assembly: Assembly
@@ -107,6 +110,13 @@ class Aim:
     fit: Callable[[Placed], bool] = lambda _: True
     turning: bool = False
     lift: float | None = None
+    holds: Callable[[Sequence[Claim]], list[Hold]] = lambda _: []
+
+    def rows(self, placed: Placed, near: float) -> SequenceRows:
+        """All rows of a sequence that are within `near` (m) of binding, and those of its holds."""
+        rows = sequence_rows(self.assembly, placed.reached, self.tolerance, near)
+        holds, width = self.holds(placed.reached.claims), rows.products.shape[1]
+        return SequenceRows.joined([rows, hold_rows(self.assembly, placed.reached, self.tolerance, holds, width)])
 
 
 def better(aim: Aim, moves: Sequence[Move], than: Placed, by: float) -> Placed | None:
@@ -146,7 +156,7 @@ def refine(
     """
     best, radius = placed, settings.radius
     try:
-        rows = sequence_rows(aim.assembly, best.reached, aim.tolerance, settings.radius)
+        rows = aim.rows(best, settings.radius)
         for _ in range(settings.rounds):
             heed()
             if not rows.counted.any() or radius < settings.least_radius:
@@ -163,7 +173,7 @@ def refine(
                 radius *= SHORTER
                 continue
             best, radius = candidate, min(2.0 * radius, 4.0 * settings.radius)
-            rows = sequence_rows(aim.assembly, best.reached, aim.tolerance, settings.radius)
+            rows = aim.rows(best, settings.radius)
             progress(best.margin)
     except OverdueError:
         pass  # what there is by now counts
@@ -176,7 +186,7 @@ def sequence_program(aim: Aim, placed: Placed, radius: float) -> ConeProgram:
     Its variables are the displacements (6) of the start and of the goal pose of each move, m and rad, then the margin,
     m; the seated pose stays where it is, the start at least at its height.
     """
-    return program_of(aim, placed, sequence_rows(aim.assembly, placed.reached, aim.tolerance, radius), radius)
+    return program_of(aim, placed, aim.rows(placed, radius), radius)
 
 
 def displaced(aim: Aim, placed: Placed, shift: Array) -> Placed:
