@@ -44,7 +44,6 @@ from fmopt.verify.reading.document import (
     Plan,
     PositionForce,
     Recovery,
-    Search,
     Segment,
     Separation,
     Specification,
@@ -56,12 +55,14 @@ from fmopt.verify.reading.file import FORMAT, FRAMES, NOT_COVERED, UNITS, Number
 from fmopt.verify.reading.parse import parse
 from fmopt.verify.reading.parse_diagnostics import read_boundary, read_diagram, read_surface
 from fmopt.verify.reading.reader import LONGEST, UNSEEN, Reader
+from fmopt.verify.reading.search import Search, SearchedState
 
 __all__ = [
     "FORMAT", "FRAMES", "NOT_COVERED", "STDIO", "UNITS", "Body", "Boundary", "Contact", "ContactClaim", "CriticalPoint",
     "Curve", "Diagnostics", "Diagram", "ErrorTolerance", "Hybrid", "Interval", "JamFree", "Lift", "MoveRecovery",
     "Nominal", "Numbers", "Part", "Phase", "Plan", "Planar", "PlanarSegment", "Polyline", "PositionForce", "Recovery",
-    "Search", "Segment", "Separation", "Slice", "Specification", "Surface", "ToleranceEnd", "Tube", "UnplannedContact",
+    "Search", "SearchedState", "Segment", "Separation", "Slice", "Specification", "Surface", "ToleranceEnd", "Tube",
+    "UnplannedContact",
     "Witness", "boundary", "canonical", "clean", "diagram", "digest", "line", "parsed", "read", "read_document",
     "rounded_down", "sealed", "surface", "write",
 ]  # fmt: skip

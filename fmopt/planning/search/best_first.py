@@ -12,12 +12,11 @@ how much better another sequence could be: the gap.
 
 from __future__ import annotations
 
-import heapq
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
@@ -26,15 +25,16 @@ from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import OverdueError, SearchError
 from fmopt.planning.moves.moves import Move, Reached
 from fmopt.planning.search.entry import Entry, Leant
+from fmopt.planning.search.frontier import Frontier
 from fmopt.planning.search.guarded_move import Freedom, Near, Place, guarded, insides, neighbourhood, tips
-from fmopt.planning.search.successors import ASKEW, Costs, Node, Task, successor_by, successors, ways_on
-from fmopt.planning.search.symmetry import Searched
+from fmopt.planning.search.successors import ASKEW, Node, Task, successor_by, successors, ways_on
+from fmopt.planning.search.symmetry import Searched, SearchedState
 from fmopt.runtime.compiled import clock
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 
 _LOOKS = 4
-_DIGITS, _PLACES = 9, 12  # of costs (1) and margins (m), decimals that tell one from another
+_PLACES = 12  # decimals of margins (m) that tell one from another
 _SMALLER = "allow a larger tilt, lower the start errors"
 _BEGIN = _SMALLER + ", or begin at another start.height"
 _MORE, _WORTH = 16, 0.5  # further rounds for a steady sequence, and the share of the margin that it may cost
@@ -52,6 +52,8 @@ class MoveSequence:
         cost: of the sequence.
         lower_bound: no sequence from the same entries costs less.
         expanded: states looked at.
+        states: all that were come to.
+        way: numbers of those that it goes through.
     """
 
     entry: Entry
@@ -61,11 +63,14 @@ class MoveSequence:
     cost: float
     lower_bound: float
     expanded: int
+    states: tuple[SearchedState, ...]
+    way: tuple[int, ...]
 
     @property
     def searched(self) -> Searched:
         """What is said of the search."""
-        return Searched(self.entry.heading, self.names, self.cost, self.lower_bound, self.expanded).of(self.moves)
+        told = Searched(self.entry.heading, self.names, self.cost, self.lower_bound, self.expanded).of(self.moves)
+        return replace(told, states=self.states, way=self.way)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,15 +94,6 @@ class Closest:
     def ways_on(self) -> tuple[tuple[str, Move], ...]:
         """The guarded moves from there, each with the name of its freedom, whether or not they can be certified."""
         return () if self.task.seated(self.node.place.pose) else tuple(ways_on(self.task, self.node))
-
-
-@dataclass(order=True)
-class _Open:
-    order: tuple[bool, float]
-    number: int
-    bound: float = field(compare=False)
-    final: int = field(compare=False)
-    node: Node = field(compare=False)
 
 
 def best_sequences(
@@ -195,7 +191,7 @@ def search(
             nodes += [] if node is None else [node]
     # A part that stands upright in the mouth with room for its errors may go straight down, all freedoms left.
     final = 0 if any(task.upright(node.place.pose) for node in nodes) else task.final_rank
-    front = _Frontier(final, task.costs, nodes)
+    front = Frontier(final, task.costs, nodes)
     closest: Node | None = None
     ready: Node | None = None  # what there is when time runs out
     expanded = 0
@@ -206,10 +202,11 @@ def search(
         if task.seated(node.place.pose):
             return _sequence(node, front, expanded)
         expanded += 1
+        front.expanded(node)
         progress(" ".join(node.names).replace(ASKEW, ""))
         try:
             for successor in successors(task, node):
-                front.push(successor, 0 if task.seated(successor.place.pose) else final)
+                front.push(successor, 0 if task.seated(successor.place.pose) else final, node)
                 closest = successor if closest is None else min(successor, closest, key=lambda n: (-n.rank, n.cost))
                 if task.seated(successor.place.pose) and successor.reached.margin > 0.0:
                     ready = successor if ready is None else min(successor, ready, key=lambda n: n.cost)
@@ -234,8 +231,11 @@ def search(
     )
 
 
-def _sequence(node: Node, front: _Frontier, expanded: int) -> MoveSequence:
-    return MoveSequence(node.entry, node.moves, node.names, node.reached, node.cost, front.bound(node), expanded)
+def _sequence(node: Node, front: Frontier, expanded: int) -> MoveSequence:
+    graph = front.states(), front.way(node)
+    return MoveSequence(
+        node.entry, node.moves, node.names, node.reached, node.cost, front.bound(node), expanded, *graph
+    )
 
 
 def shortfall(node: Node) -> str:
@@ -250,46 +250,6 @@ def shortfall(node: Node) -> str:
         else worst.binding
     )
     return f", where {what} is short by {-1e6 * worst.margin:.1f} um for the stated errors"
-
-
-class _Frontier:
-    """States to expand, the cheapest way to each only: those with a margin first, by what they promise to cost."""
-
-    def __init__(self, final: int, costs: Costs, nodes: Sequence[Node]) -> None:
-        self._costs = costs
-        self._queue: list[_Open] = []
-        self._best: dict[tuple[frozenset[str], int], float] = {}
-        self._dropped = math.inf
-        self._count = 0
-        for node in nodes:
-            self.push(node, final)
-
-    def push(self, node: Node, final: int) -> None:
-        """Adds a state from which `final` freedoms are to be taken away in all."""
-        left = max(final - node.rank, 0) * (self._costs.transition + self._costs.danger)
-        self._count += 1
-        # Mirror images cost the same: which of them comes first is for the order of the moves, not for rounding.
-        order = (node.reached.margin <= 0.0, round(node.cost + self._costs.greed * left, _DIGITS))
-        heapq.heappush(self._queue, _Open(order, self._count, node.cost + left, final, node))
-
-    def pop(self) -> Node | None:
-        """The next state, None when there is none."""
-        while self._queue:
-            entry = heapq.heappop(self._queue)
-            # A part may slide to its seat without another contact: seated is another state.
-            held = frozenset(c.id for c in entry.node.place.held)
-            state = held, entry.final
-            cost = round(entry.node.cost, _DIGITS)
-            if held and self._best.get(state, math.inf) <= cost:
-                self._dropped = min(self._dropped, entry.bound)
-                continue
-            self._best[state] = cost
-            return entry.node
-        return None
-
-    def bound(self, found: Node) -> float:
-        """What any sequence from the same entries costs at least, when this one is found."""
-        return min([found.cost, self._dropped, *(entry.bound for entry in self._queue)])
 
 
 def begin(task: Task, entry: Entry) -> Node | None:

@@ -19,10 +19,10 @@ from fmopt.verify.reading.parse_segments import (
     read_nominal,
     read_position_force,
     read_recovery,
-    read_search,
     read_segment,
 )
 from fmopt.verify.reading.reader import Fields, Reader, fields
+from fmopt.verify.reading.search import read_search
 
 LARGEST_TOLERANCE = 1e-9  # m
 LARGEST_NUMBER_OF_PIECES = 400
