@@ -26,6 +26,8 @@ from fmopt.verify.reading.diagnostics import (
     Planar,
     PlanarSegment,
     Polyline,
+    Search,
+    SearchedState,
     Slice,
     Surface,
     ToleranceEnd,
@@ -55,7 +57,6 @@ from fmopt.verify.reading.file import FORMAT, FRAMES, NOT_COVERED, UNITS, Number
 from fmopt.verify.reading.parse import parse
 from fmopt.verify.reading.parse_diagnostics import read_boundary, read_diagram, read_surface
 from fmopt.verify.reading.reader import LONGEST, UNSEEN, Reader
-from fmopt.verify.reading.search import Search, SearchedState
 
 __all__ = [
     "FORMAT", "FRAMES", "NOT_COVERED", "STDIO", "UNITS", "Body", "Boundary", "Contact", "ContactClaim", "CriticalPoint",

@@ -18,9 +18,8 @@ from fmopt.planning.control.holding import holds
 from fmopt.planning.moves.moves import Move, Reached, claims_of_moves
 from fmopt.planning.optimise.solvers import ClarabelSolver
 from fmopt.planning.placement.goal_refinement import Method, Turns, refine_goals
-from fmopt.planning.placement.hold_refinement import surer
-from fmopt.planning.placement.hold_rows import Hold
-from fmopt.planning.placement.sequence_program import COARSE, Aim, Placed, Refinement, certified, refine
+from fmopt.planning.placement.sequence_program import COARSE, Aim, Placed, Refinement, certified, refine, surer
+from fmopt.planning.placement.sequence_rows import Hold
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion, Motion
 from fmopt.planning.search.entry import start_spread
 from fmopt.planning.search.symmetry import Image, Searched

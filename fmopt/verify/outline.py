@@ -21,10 +21,9 @@ from fmopt.verify.arithmetic.rational import ArithmeticRefusal, doubles, logarit
 from fmopt.verify.findings import CERTIFIED, Notes
 from fmopt.verify.parts.reach import dot
 from fmopt.verify.parts.rows import pose
-from fmopt.verify.reading.diagnostics import Diagnostics, Interval, Visit
+from fmopt.verify.reading.diagnostics import Diagnostics, Interval, Search, Visit
 from fmopt.verify.reading.document import CriticalPoint, Nominal, Plan, PositionForce, Segment
 from fmopt.verify.reading.file import NOT_COVERED, Numbers
-from fmopt.verify.reading.search import Search
 
 _SAME = 1e-12  # m, rad, s: stated twice, from one number
 _FOLLOWS = 1e-9  # m, rad: interpolated again

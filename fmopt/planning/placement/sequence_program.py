@@ -10,6 +10,7 @@ certified margin rose.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, takewhile
@@ -25,8 +26,7 @@ from fmopt.errors import InfeasibleError, OverdueError, SolverError
 from fmopt.geometry.section import lowest_point
 from fmopt.planning.moves.moves import Move, Reached, unroll
 from fmopt.planning.optimise.cone_program import ConeProgram, Norm, Solver
-from fmopt.planning.placement.hold_rows import Hold, hold_rows
-from fmopt.planning.placement.sequence_rows import SequenceRows, sequence_rows
+from fmopt.planning.placement.sequence_rows import Hold, SequenceRows, hold_rows, sequence_rows
 from fmopt.runtime.compiled import heed
 from fmopt.spatial.se3 import Pose, length
 from fmopt.spatial.values import Array
@@ -36,6 +36,10 @@ _RANK = 1e-7
 _FINE = 5e-3  # times the trust radius: what changes a row by less does not count
 SHORTER = 0.35  # times the trust radius after a step that was none
 _SLIDE = 1e-3  # rad; moves that turn by less are slides, and stay so where the start may be displaced
+_LEFT = 0.5  # of the margin, what is left at least where contacts are held more surely
+_AIMED = 0.75  # of it, what steps are to leave
+_ENOUGH = 1.5  # times what is asked, what they are to reach at most
+_LITTLE = 0.01  # of what is asked, a gain that does not count
 _STRAIGHT = 4.0  # times the trust radius: moves that are longer are so by the same share along all of it
 
 
@@ -178,6 +182,60 @@ def refine(
     except OverdueError:
         pass  # what there is by now counts
     return best
+
+
+def surer(aim: Aim, placed: Placed, solver: Solver, settings: Refinement) -> Placed:
+    """Moves all poses until contacts are held as surely as is asked, as far as half of the margin lets them.
+
+    Args:
+        aim: what for; where it asks for no holds, the sequence stays.
+        placed: the sequence, with a margin.
+        solver: for cone programs.
+        settings: rounds and trust region.
+
+    Raises:
+        OverdueError: there is no time left.
+    """
+    best, radius = placed, settings.radius
+    least, aimed = (min(left * placed.margin, placed.margin) for left in (_LEFT, _AIMED))
+    holds = aim.holds(best.reached.claims)
+    for _ in range(settings.rounds):
+        heed()
+        held = _surest(holds)
+        if held >= 1.0 or held <= 0.0 or radius < settings.least_radius:
+            break
+        try:
+            x = solver.solve(_surer(aim, best, holds, min(aimed, best.margin), radius)).x[:-1]
+            found = displaced(aim, best, x.reshape(-1, 6))
+            now = aim.holds(found.reached.claims)
+        except (InfeasibleError, SolverError):
+            radius *= SHORTER
+            continue
+        if found.margin < least or _surest(now) < held + _LITTLE:
+            radius *= SHORTER
+            continue
+        best, holds, radius = found, now, min(2.0 * radius, 4.0 * settings.radius)
+    return best
+
+
+def _surest(holds: list[Hold]) -> float:
+    """The least of what contacts are held by, as a share of what is asked."""
+    return min((hold.share / hold.least for hold in holds), default=math.inf)
+
+
+def _surer(aim: Aim, placed: Placed, holds: list[Hold], least: float, radius: float) -> ConeProgram:
+    """The program that raises the least of some holds in a trust region (m), and leaves a margin of so much (m).
+
+    Its last variable is by how much more of what is asked contacts come to be held, times the radius.
+    """
+    rho, held = aim.tolerance.rho, _surest(holds)
+    rows = sequence_rows(aim.assembly, placed.reached, aim.tolerance, max(placed.margin, radius))
+    rows = replace(rows, values=rows.values - least * rows.counted, counted=np.zeros(len(rows.counted)))
+    gains = hold_rows(aim.assembly, placed.reached, aim.tolerance, holds, rows.products.shape[1])
+    beyond = np.array([rho * (hold.share - held * hold.least) for hold in holds])
+    gains = replace(gains, values=beyond, counted=gains.reach / radius)
+    program = program_of(aim, placed, SequenceRows.joined([rows, gains]), radius)
+    return replace(program, upper=np.append(program.upper[:-1], (_ENOUGH - held) * radius))
 
 
 def sequence_program(aim: Aim, placed: Placed, radius: float) -> ConeProgram:

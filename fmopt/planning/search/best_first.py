@@ -12,11 +12,12 @@ how much better another sequence could be: the gap.
 
 from __future__ import annotations
 
+import heapq
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import islice
 
 import numpy as np
@@ -25,16 +26,15 @@ from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import OverdueError, SearchError
 from fmopt.planning.moves.moves import Move, Reached
 from fmopt.planning.search.entry import Entry, Leant
-from fmopt.planning.search.frontier import Frontier
 from fmopt.planning.search.guarded_move import Freedom, Near, Place, guarded, insides, neighbourhood, tips
-from fmopt.planning.search.successors import ASKEW, Node, Task, successor_by, successors, ways_on
+from fmopt.planning.search.successors import ASKEW, Costs, Node, Task, successor_by, successors, ways_on
 from fmopt.planning.search.symmetry import Searched, SearchedState
 from fmopt.runtime.compiled import clock
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 
 _LOOKS = 4
-_PLACES = 12  # decimals of margins (m) that tell one from another
+_DIGITS, _PLACES = 9, 12  # of costs (1) and margins (m), decimals that tell one from another
 _SMALLER = "allow a larger tilt, lower the start errors"
 _BEGIN = _SMALLER + ", or begin at another start.height"
 _MORE, _WORTH = 16, 0.5  # further rounds for a steady sequence, and the share of the margin that it may cost
@@ -94,6 +94,15 @@ class Closest:
     def ways_on(self) -> tuple[tuple[str, Move], ...]:
         """The guarded moves from there, each with the name of its freedom, whether or not they can be certified."""
         return () if self.task.seated(self.node.place.pose) else tuple(ways_on(self.task, self.node))
+
+
+@dataclass(order=True)
+class _Open:
+    order: tuple[bool, float]
+    number: int
+    bound: float = field(compare=False)
+    final: int = field(compare=False)
+    node: Node = field(compare=False)
 
 
 def best_sequences(
@@ -191,7 +200,7 @@ def search(
             nodes += [] if node is None else [node]
     # A part that stands upright in the mouth with room for its errors may go straight down, all freedoms left.
     final = 0 if any(task.upright(node.place.pose) for node in nodes) else task.final_rank
-    front = Frontier(final, task.costs, nodes)
+    front = _Frontier(final, task.costs, nodes)
     closest: Node | None = None
     ready: Node | None = None  # what there is when time runs out
     expanded = 0
@@ -202,7 +211,6 @@ def search(
         if task.seated(node.place.pose):
             return _sequence(node, front, expanded)
         expanded += 1
-        front.expanded(node)
         progress(" ".join(node.names).replace(ASKEW, ""))
         try:
             for successor in successors(task, node):
@@ -215,27 +223,22 @@ def search(
     if ready is not None:
         return _sequence(ready, front, expanded)
     late = clock() > deadline
+    names = " ".join(closest.names).replace(ASKEW, "") if closest else ""
     advice = _SMALLER if expanded else _BEGIN
     farthest = closest or max(nodes, key=lambda node: node.reached.margin, default=None)
     raise SearchError(
         f"no sequence of contacts to the seated part was found among {expanded} states"
         + (", the time limit is used up" if late else "")
-        + (
-            f", the closest came after {' '.join(closest.names).replace(ASKEW, '')}{shortfall(closest)}"
-            if closest
-            else ""
-        ),
+        + (f", the closest came after {names}{shortfall(closest)}" if closest else ""),
         advice="raise settings.time_limit" if late else advice,
         late=late,
         attempt=None if farthest is None else Closest(task, farthest),
     )
 
 
-def _sequence(node: Node, front: Frontier, expanded: int) -> MoveSequence:
-    graph = front.states(), front.way(node)
-    return MoveSequence(
-        node.entry, node.moves, node.names, node.reached, node.cost, front.bound(node), expanded, *graph
-    )
+def _sequence(node: Node, front: _Frontier, expanded: int) -> MoveSequence:
+    come = node.entry, node.moves, node.names, node.reached, node.cost
+    return MoveSequence(*come, front.bound(node), expanded, *front.graph(node))
 
 
 def shortfall(node: Node) -> str:
@@ -250,6 +253,63 @@ def shortfall(node: Node) -> str:
         else worst.binding
     )
     return f", where {what} is short by {-1e6 * worst.margin:.1f} um for the stated errors"
+
+
+class _Frontier:
+    """States to expand, the cheapest way to each only: those with a margin first, by what they promise to cost."""
+
+    def __init__(self, final: int, costs: Costs, nodes: Sequence[Node]) -> None:
+        self._costs = costs
+        self._queue: list[_Open] = []
+        self._best: dict[tuple[frozenset[str], int], float] = {}
+        self._dropped = math.inf
+        self._origins: dict[Node, Node | None] = {}  # of all states, in the order in which they were come to
+        self._popped = set[Node]()
+        for node in nodes:
+            self.push(node, final)
+
+    def push(self, node: Node, final: int, origin: Node | None = None) -> None:
+        """Adds a state from which `final` freedoms are to be taken away in all, come to from another one."""
+        left = max(final - node.rank, 0) * (self._costs.transition + self._costs.danger)
+        self._origins[node] = origin
+        # Mirror images cost the same: which of them comes first is for the order of the moves, not for rounding.
+        order = (node.reached.margin <= 0.0, round(node.cost + self._costs.greed * left, _DIGITS))
+        heapq.heappush(self._queue, _Open(order, len(self._origins), node.cost + left, final, node))
+
+    def pop(self) -> Node | None:
+        """The next state, None when there is none."""
+        while self._queue:
+            entry = heapq.heappop(self._queue)
+            # A part may slide to its seat without another contact: seated is another state.
+            held = frozenset(c.id for c in entry.node.place.held)
+            state = held, entry.final
+            cost = round(entry.node.cost, _DIGITS)
+            if held and self._best.get(state, math.inf) <= cost:
+                self._dropped = min(self._dropped, entry.bound)
+                continue
+            self._best[state] = cost
+            self._popped.add(entry.node)
+            return entry.node
+        return None
+
+    def graph(self, found: Node) -> tuple[tuple[SearchedState, ...], tuple[int, ...]]:
+        """All states that were come to, and the numbers of those on the way to one that was found."""
+        numbers, states = {node: k for k, node in enumerate(self._origins)}, list[SearchedState]()
+        for node, origin in self._origins.items():
+            begun = 0 if origin is None else len(origin.names)
+            names = tuple(name.rstrip(ASKEW) for name in node.names[begun:])
+            told = Searched(node.entry.heading, names, node.cost, node.cost, 0).of(node.moves[begun:])
+            way = None if origin is None else numbers[origin], told.names, node.place.held, node.rank
+            expanded = node in self._popped and node is not found
+            states.append(SearchedState(*way, node.cost, node.reached.margin, expanded))
+        back = [numbers[found]]
+        while (at := states[back[-1]].origin) is not None:
+            back.append(at)
+        return tuple(states), tuple(reversed(back))
+
+    def bound(self, found: Node) -> float:
+        """What any sequence from the same entries costs at least, when this one is found."""
+        return min([found.cost, self._dropped, *(entry.bound for entry in self._queue)])
 
 
 def begin(task: Task, entry: Entry) -> Node | None:

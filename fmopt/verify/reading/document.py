@@ -8,9 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from fmopt.verify.reading.diagnostics import Diagnostics, Interval
+from fmopt.verify.reading.diagnostics import Diagnostics, Interval, Search
 from fmopt.verify.reading.file import FORMAT, NOT_COVERED, Numbers, PlanError
-from fmopt.verify.reading.search import Search
 
 __all__ = ["FORMAT", "NOT_COVERED", "Numbers", "PlanError"]
 

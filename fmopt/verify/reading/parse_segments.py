@@ -29,7 +29,6 @@ from fmopt.verify.reading.document import (
 )
 from fmopt.verify.reading.file import Numbers
 from fmopt.verify.reading.reader import Fields, Reader, fields
-from fmopt.verify.reading.search import SEARCH_FIELDS
 
 SLOWEST = 1e-9  # m/s
 LEAST_FORCE = 1e-9  # N, that ends a move
@@ -93,7 +92,7 @@ _FIRST = fields(
 )
 _TOUCHED = fields("recovery.moves[].first[].*", commentary="vertices")
 ACCOUNT_FIELDS: tuple[Fields, ...] = (
-    _NOMINAL, _INTERVAL, _ROW, _CRITICAL, *SEARCH_FIELDS, _RECOVERY, _LIFT, _MOVE, _ORDER, _FIRST, _TOUCHED,
+    _NOMINAL, _INTERVAL, _ROW, _CRITICAL, _RECOVERY, _LIFT, _MOVE, _ORDER, _FIRST, _TOUCHED,
 )  # fmt: skip
 
 

@@ -12,9 +12,8 @@ from fmopt.certificate.contact_implications import Assembly
 from fmopt.contact.c_surface import contact_point, contact_wrench
 from fmopt.contact.primitive import PrimitiveContact, near_contacts
 from fmopt.errors import InfeasibleError
-from fmopt.planning.control.bias_derivatives import MoveDerivatives, hold_derivatives
 from fmopt.planning.control.bias_wrench import GuardedMove, firmness, held_by, steadiness, turns
-from fmopt.planning.control.holding import _arms, _wrenches
+from fmopt.planning.control.holding import MoveDerivatives, _arms, _wrenches, hold_derivatives
 from fmopt.planning.moves.moves import Move
 from fmopt.planning.placement.sequence_program import onto_surfaces, state_rows
 from fmopt.spatial.se3 import Pose

@@ -10,9 +10,8 @@ import numpy as np
 from fmopt.planning.control.holding import holds
 from fmopt.planning.optimise.solvers import ClarabelSolver
 from fmopt.planning.pipeline import certified_motion
-from fmopt.planning.placement.hold_refinement import surer
-from fmopt.planning.placement.hold_rows import hold_rows
-from fmopt.planning.placement.sequence_program import Aim, displaced, refine, state_rows
+from fmopt.planning.placement.sequence_program import Aim, displaced, refine, state_rows, surer
+from fmopt.planning.placement.sequence_rows import hold_rows
 from fmopt.planning.posed import FINE, Posed
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion
 from fmopt.spatial.values import Array

@@ -21,10 +21,9 @@ from fmopt.geometry.clearance import mating_clearance
 from fmopt.geometry.csg import Box, Difference, Placed
 from fmopt.geometry.part import part_of
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.planning.search.best_first import MoveSequence, begin, best_sequences, search, shortfall
+from fmopt.planning.search.best_first import MoveSequence, _Frontier, begin, best_sequences, search, shortfall
 from fmopt.planning.search.entry import Entry, start_spread, straight_entry, tilted_entry
 from fmopt.planning.search.entry_candidates import tilted_shapes
-from fmopt.planning.search.frontier import Frontier
 from fmopt.planning.search.guarded_move import Freedom, Near, Place, guarded, neighbourhood
 from fmopt.planning.search.successors import Costs, Task
 from fmopt.spatial.se3 import Pose, exp
@@ -155,7 +154,7 @@ def test_the_order_of_moves_not_rounding_tells_states_of_equal_cost_apart() -> N
     ]
     assert images[0].cost > images[1].cost
     for order in (images, images[::-1]):
-        front = Frontier(task.final_rank, task.costs, order)
+        front = _Frontier(task.final_rank, task.costs, order)
         first, second = front.pop(), front.pop()
         assert first is order[0]
         assert second is order[1]
