@@ -346,12 +346,15 @@ class Questions:
         return number
 
     def above(self, v: Array, normal: Array, offset: float) -> int:
+        """The number of the row of how far a body point (3,) is above a fixed plane, m."""
         return self._ask(self.points, v, normal, offset)
 
     def along(self, u: Array, k: Array) -> int:
+        """The number of the row of how far a body vector k (3,), m, goes along a unit direction u (3,) of the world."""
         return self._ask(self.directions, u, k, 0.0)
 
     def beneath(self, normal: Array, offset: float, w: Array) -> int:
+        """The number of the row of how far a fixed point (3,) is above a body plane, m."""
         return self._ask(self.faces, w, normal, offset)
 
     def forms(self) -> Forms:

@@ -11,10 +11,10 @@ from itertools import islice, tee
 
 from fmopt.errors import FmoptError, InfeasibleError, OverdueError, SearchError
 from fmopt.geometry.clearance import Clearance
-from fmopt.planning.control.controlled_motion import least_firm, least_steady
+from fmopt.planning.control.controlled_motion import least_steady
 from fmopt.planning.moves.moves import Move
 from fmopt.planning.placement.sequence_program import Placed, certified
-from fmopt.planning.posed import FINE, FIRM, GRACE, STEADY, Posed, Stages, by_method, placed_by_growing, placement
+from fmopt.planning.posed import FINE, GRACE, STEADY, Posed, Stages, by_method, placed_by_growing, placement
 from fmopt.planning.search.best_first import MoveSequence, best_sequences, search
 from fmopt.planning.search.entry import (
     Entry,
@@ -27,7 +27,7 @@ from fmopt.planning.search.entry import (
 )
 from fmopt.planning.search.entry_candidates import likely_shapes, room
 from fmopt.planning.search.entry_sampling import Drawing, beginnings
-from fmopt.planning.search.entry_tuning import Limits, deepened, tuned
+from fmopt.planning.search.entry_tuning import Limits, tuned
 from fmopt.planning.search.successors import ASKEW, Costs, Task
 from fmopt.planning.search.symmetry import Image, Searched, images
 from fmopt.runtime.compiled import clock, until
@@ -223,9 +223,6 @@ class _Stood:
         def tuning(margin: float) -> None:
             stages.progress(f"entry: margin {1e6 * margin:.1f} um")
 
-        def firm(found: MoveSequence) -> bool:
-            return least_firm(problem, assembly, found.reached.claims, tolerance) >= FIRM
-
         @cache
         def steady(found: MoveSequence) -> bool:
             return assembly.planar or least_steady(problem, assembly, found.reached.claims, tolerance) >= STEADY
@@ -240,7 +237,6 @@ class _Stood:
                     candidates, spare = candidates[:1], candidates[1:]
                 stages.ended("search")
                 found = tuned(task, candidates, self.entry_of, limits, tuning, steady)
-                found = deepened(task, found, self.entry_of, firm, limits)
                 stages.ended("entry")
                 self.found_last[:] = [found]
                 placed = placement(posed, found.moves, stages.progress)

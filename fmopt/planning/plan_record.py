@@ -27,6 +27,7 @@ from fmopt.planning.control.controlled_motion import ControlledMotion
 from fmopt.planning.control.recovery import recovery_record
 from fmopt.planning.robustness.error_tolerance import ErrorTolerance
 from fmopt.planning.robustness.state_trace import Visited
+from fmopt.planning.search.symmetry import SearchedState
 from fmopt.task.object_model.command import Answer
 from fmopt.task.problem import Problem
 
@@ -109,7 +110,21 @@ def _proof(problem: Problem, motion: ControlledMotion) -> dict[str, Any]:
             "states_expanded": found.expanded,
             "moves": found.names,
             "heading": found.heading,
+            **({"states": [_searched(state) for state in found.states], "way": found.way} if found.states else {}),
         },
+    }
+
+
+def _searched(state: SearchedState) -> dict[str, Any]:
+    """A state that the search came to, as the plan file holds it."""
+    return {
+        "from": state.origin,
+        "moves": state.names,
+        "contacts": sorted(contact.id for contact in state.held),
+        "freedoms": state.rank,
+        "cost": state.cost if math.isfinite(state.cost) else None,
+        "margin": state.margin,
+        "expanded": state.expanded,
     }
 
 

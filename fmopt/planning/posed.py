@@ -5,18 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cached_property
 
+from fmopt.certificate.claim import Claim
 from fmopt.certificate.contact_implications import Assembly
 from fmopt.certificate.error_set import ErrorSet
 from fmopt.certificate.propagation import Tolerance
 from fmopt.errors import InfeasibleError
 from fmopt.geometry.clearance import Clearance
 from fmopt.planning.control.controlled_motion import least_firm, least_steady, runs_against
+from fmopt.planning.control.holding import holds
 from fmopt.planning.moves.moves import Move, Reached, claims_of_moves
 from fmopt.planning.optimise.solvers import ClarabelSolver
 from fmopt.planning.placement.goal_refinement import Method, Turns, refine_goals
-from fmopt.planning.placement.sequence_program import COARSE, Aim, Placed, Refinement, certified, refine
+from fmopt.planning.placement.sequence_program import COARSE, Aim, Placed, Refinement, certified, refine, surer
+from fmopt.planning.placement.sequence_rows import Hold
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion, Motion
 from fmopt.planning.search.entry import start_spread
 from fmopt.planning.search.symmetry import Image, Searched
@@ -92,7 +95,14 @@ class Posed:
         """What a sequence is placed for under a share of all errors, coarsely, free to turn and to start elsewhere."""
         errors = ErrorSet.of(share * self.problem.start_box, self.problem.framing)
         tolerance = _tolerance(self.problem, self.tolerance.rho, share)
-        return Aim(self.assembly, Reached(errors, (), ()), tolerance, COARSE, turning=True, lift=self.problem.approach)
+        start = Reached(errors, (), ())
+        aim = Aim(self.assembly, start, tolerance, COARSE, turning=True, lift=self.problem.approach)
+        return replace(aim, holds=self.holds)
+
+    def holds(self, claims: Sequence[Claim]) -> list[Hold]:
+        """How surely the pieces of a motion hold their contacts, of those that hold them by little."""
+        enough = FIRM, 0.0 if self.assembly.planar else STEADY
+        return holds(self.problem, self.assembly, claims, self.tolerance, enough)
 
     @property
     def spread(self) -> float:
@@ -159,7 +169,11 @@ def placement(posed: Posed, moves: Sequence[Move], progress: Progress) -> Placed
     turns = Turns(3, 0.5 * (posed.spread + clearance))
     with until(deadline() + GRACE):
         begun = certified(posed.assembly, moves, posed.start, posed.tolerance, FINE)
-    aim = Aim(posed.assembly, posed.start, posed.tolerance, FINE, _as_good_as(posed, begun))
+    solver, asked = ClarabelSolver(), _Asked(posed, begun)
+    if problem.settings.placement != "descent":
+        held = surer(asked.aim, begun, solver, posed.refinement)
+        asked = _Asked(posed, held)
+    aim = asked.aim
 
     def told(margin: float) -> None:
         progress(f"placement: margin {1e6 * margin:.1f} um")
@@ -170,7 +184,7 @@ def placement(posed: Posed, moves: Sequence[Move], progress: Progress) -> Placed
     if problem.settings.placement == "descent":
         stages = [begun, polished(begun, "descent")]
     else:
-        refined = refine(aim, begun, ClarabelSolver(), posed.refinement, told)
+        refined = refine(aim, asked.begun, solver, posed.refinement, told)
         stages = [begun, refined, *filter(aim.fit, [polished(refined, "nlp")])]
     return by_method(posed, _felt(posed, stages))
 
@@ -212,30 +226,40 @@ def placed_by_growing(posed: Posed, moves: Sequence[Move], progress: Progress) -
     return placement(posed, grown(posed.under, moves, ClarabelSolver(), posed.refinement, FINE).moves, progress)
 
 
-def _as_good_as(posed: Posed, begun: Placed) -> Callable[[Placed], bool]:
-    """Whether contacts of a sequence hold as surely as those of another one, or as surely as they need to.
+@dataclass(frozen=True, eq=False)
+class _Asked:
+    """What is asked of how a sequence is controlled: no less than where its placement began, or than is enough.
 
     Nor may its moves have to be cut more finely: at each piece a robot stops, and what it is off by adds up.
     """
 
-    @cache
-    def least() -> tuple[float, float, bool]:
-        return measured(begun)
+    posed: Posed
+    begun: Placed
 
-    def measured(placed: Placed) -> tuple[float, float, bool]:
-        given = posed.problem, posed.assembly, placed.reached.claims, posed.tolerance
-        steady = STEADY if posed.assembly.planar else least_steady(*given)
-        return min(FIRM, least_firm(*given)), min(STEADY, steady), runs_against(*given)
+    @property
+    def aim(self) -> Aim:
+        """What it is placed for."""
+        posed = self.posed
+        return Aim(posed.assembly, posed.start, posed.tolerance, FINE, self.fit, holds=posed.holds)
 
-    def fit(placed: Placed) -> bool:
-        if any(new > old for new, old in zip(_fineness(placed), _fineness(begun), strict=True)):
+    def fit(self, placed: Placed) -> bool:
+        """Whether contacts of a sequence hold as surely as those of the first one, or as surely as they need to."""
+        if any(new > old for new, old in zip(_fineness(placed), _fineness(self.begun), strict=True)):
             return False
         try:
-            return all(new >= old for new, old in zip(measured(placed), least(), strict=True))
+            return all(new >= old for new, old in zip(self._measured(placed), self._least, strict=True))
         except InfeasibleError:  # no bias force holds the contacts
             return False
 
-    return fit
+    @cached_property
+    def _least(self) -> tuple[float, float, bool]:
+        return self._measured(self.begun)
+
+    def _measured(self, placed: Placed) -> tuple[float, float, bool]:
+        posed = self.posed
+        given = posed.problem, posed.assembly, placed.reached.claims, posed.tolerance
+        steady = STEADY if posed.assembly.planar else least_steady(*given)
+        return min(FIRM, least_firm(*given)), min(STEADY, steady), runs_against(*given)
 
 
 def _fineness(placed: Placed) -> list[float]:

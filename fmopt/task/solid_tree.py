@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from fmopt.geometry import csg
     from fmopt.geometry.mating_features import Feature
     from fmopt.geometry.part import Part
-    from fmopt.task.object_model.chain import Chain
-    from fmopt.task.object_model.tree import ObjectTree
+    from fmopt.task.object_model.tree import Chain, ObjectTree
 
 MAX_INSTANCES = 1000
 _MERIDIANS = 16  # of the polyhedron that stands for a ball in the tree of features
@@ -181,9 +180,9 @@ def build_tree(source: Source, file: files.ModelFile) -> ObjectTree:
     Raises:
         InputError: no solid comes out, or a feature breaks a rule; at its place in the file.
     """
-    from fmopt.task.object_model.chain import chain_of
     from fmopt.task.object_model.classify import Claim, is_made, object_tree
     from fmopt.task.object_model.frames import checked
+    from fmopt.task.object_model.tree import chain_of
 
     features = [_feature(name, feature) for name, feature in file.features.items()]
     claims = {
@@ -224,7 +223,7 @@ def _hull_less_others(source: Source, file: files.ModelFile, chain: Chain) -> cs
     from fmopt.geometry.convex_pieces import polyhedron
     from fmopt.geometry.inverse_csg import MESH_NOISE, solid_of
     from fmopt.geometry.mesh.mesh_solid import come_apart
-    from fmopt.task.object_model.chain import chain_solid
+    from fmopt.task.object_model.tree import chain_solid
 
     if file.mesh is not None:
         return come_apart(imported(source, file.mesh))[0]
@@ -235,7 +234,7 @@ def _hull_less_others(source: Source, file: files.ModelFile, chain: Chain) -> cs
 def _whole_chain(source: Source, file: files.ModelFile) -> Chain:
     """The chain of the part; none for a mesh, one term for a profile. Polyhedra stand for balls."""
     from fmopt.geometry import csg
-    from fmopt.task.object_model.chain import Term, joined
+    from fmopt.task.object_model.tree import Term, joined
 
     if file.profile is not None:
         return (Term("+", file.name, _extruded(file, file.profile)),)
@@ -250,7 +249,7 @@ def _whole_chain(source: Source, file: files.ModelFile) -> Chain:
 
 def _chain(source: Source, file: files.ModelFile, name: str) -> Chain:
     """The chain of a named solid, its terms called by the names of the file."""
-    from fmopt.task.object_model.chain import Term, joined, moved_chain, without
+    from fmopt.task.object_model.tree import Term, joined, moved_chain, without
 
     table = file.solids[name]
     match table:

@@ -21,8 +21,8 @@ from fmopt.verify.arithmetic.rational import ArithmeticRefusal, doubles, logarit
 from fmopt.verify.findings import CERTIFIED, Notes
 from fmopt.verify.parts.reach import dot
 from fmopt.verify.parts.rows import pose
-from fmopt.verify.reading.diagnostics import Diagnostics, Interval, Visit
-from fmopt.verify.reading.document import CriticalPoint, Nominal, Plan, PositionForce, Search, Segment
+from fmopt.verify.reading.diagnostics import Diagnostics, Interval, Search, Visit
+from fmopt.verify.reading.document import CriticalPoint, Nominal, Plan, PositionForce, Segment
 from fmopt.verify.reading.file import NOT_COVERED, Numbers
 
 _SAME = 1e-12  # m, rad, s: stated twice, from one number
@@ -118,10 +118,27 @@ def _critical(points: Sequence[CriticalPoint], plan: Plan, notes: Notes) -> None
             notes.add(f"segments[{k}].critical_point", f"is {segment.critical_point} of {len(points)}")
 
 
+def _states(search: Search, notes: Notes) -> None:
+    """The states that the search came to, where they are told, and the way through them."""
+    states, way = search.states, search.way
+    if not states and not way:
+        return
+    if sum(state.expanded for state in states) != search.states_expanded:
+        notes.add("search.states", "does not mark as expanded as many states as were")
+    origins = [states[at].origin for at in way]
+    if not way or origins != [None, *way[:-1]]:
+        notes.add("search.way", "does not go from a way to begin on, each state come to from the one before")
+    elif sum(len(states[at].moves) for at in way) != len(search.moves):
+        notes.add("search.way", "does not have as many moves as the sequence")
+    if any(state.origin is not None and not states[state.origin].expanded for state in states):
+        notes.add("search.states", "has a state come to from one that was not expanded")
+
+
 def _search(search: Search, plan: Plan, notes: Notes) -> None:
     cost, bound = search.cost, search.lower_bound
     if bound > cost or abs(cost - bound - search.gap) > _SAME * max(cost, 1.0):
         notes.add("search", "its gap is not the difference of cost and lower bound, or the bound exceeds the cost")
+    _states(search, notes)
     moves: dict[int, list[Segment]] = {}
     for segment in plan.segments:
         moves.setdefault(segment.move, []).append(segment)

@@ -23,6 +23,12 @@ def _last(values: list[Any], value: Any) -> None:
     values[-1] = value
 
 
+def _unexpanded(search: dict[str, Any]) -> None:
+    """Marks a state on the way as not expanded, and another one in its place."""
+    other = next(state for state in reversed(search["states"]) if not state["expanded"])
+    search["states"][search["way"][1]]["expanded"], other["expanded"] = False, True
+
+
 CHANGES: dict[str, Callable[[Plan], Any]] = {
     "nominal ends elsewhere": lambda p: _last(p["nominal"]["nodes"], [0.0, 0.0, -0.029, 0.0, 0.0, 0.0]),
     "nominal times": lambda p: p["nominal"]["times"].__setitem__(0, 1e-3),
@@ -39,6 +45,10 @@ CHANGES: dict[str, Callable[[Plan], Any]] = {
     "move without a name": lambda p: p["search"]["moves"].pop(),
     "move of another name": lambda p: p["search"]["moves"].__setitem__(1, "+x"),
     "another heading": lambda p: p["search"].update(heading=2.0),
+    "state expanded that was not": lambda p: p["search"]["states"][-1].update(expanded=True),
+    "way from the middle": lambda p: p["search"]["way"].pop(0),
+    "way without its last state": lambda p: p["search"]["way"].pop(),
+    "state from one that was not expanded": lambda p: _unexpanded(p["search"]),
     "states confirmed": lambda p: p["critical_points"][0].update(states_confirmed=0),
     "verdict of its own": lambda p: p.update(verdict="NOT_PROVED"),
     "start left out": lambda p: p["diagnostics"]["sequence"].pop(0),

@@ -31,8 +31,8 @@ from fmopt.papers.lee_huang.uncertainty_zone import Zone, zones
 from fmopt.papers.lee_huang.visibility import Sight, TurningSight, position_nodes, turning_nodes
 from fmopt.spatial.se3 import Pose, exp
 from fmopt.spatial.values import Array, Value, frozen
-from fmopt.task.object_model.chain import moved
 from fmopt.task.object_model.command import Answer
+from fmopt.task.object_model.tree import moved
 
 _LEVEL = 1e-9  # m, heights of operand 1 closer than this are one
 _INSIDE = 1e-6  # of a stretch: how far from its ends its sections are taken

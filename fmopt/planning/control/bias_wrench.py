@@ -6,6 +6,7 @@ The bias is the wrench *applied to* the moving part, about its reference point, 
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
 from itertools import chain, product
@@ -21,12 +22,12 @@ from fmopt.spatial.values import Array, Value, frozen, remembered
 from fmopt.task.problem import Specification
 
 _CHECK = 1e-7  # N; a force that is no more than what a solver may be off by
-_SURE = 1.25  # times the threshold that the push alone can bring about
+SURE = 1.25  # times the threshold that the push alone can bring about
 _ROUNDS = 8  # in which forces and what they may take from the motion settle
 _SETTLED = 1e-3  # of that, which need not be there
 _PRESSED = 0.5  # of what the least force can be
 _RUBBED, _AWAY = 0.25, 1.0  # of the least force, which friction leaves that nobody makes up for: at a stop, before it
-_STILL = 1e-9  # of a unit twist: contacts that slide more slowly rub by less
+STILL = 1e-9  # of a unit twist: contacts that slide more slowly rub by less
 _TURNING = 0.1  # share of turning in a motion, in the metric of ρ, from which on it counts as a turn
 
 
@@ -159,21 +160,55 @@ def bias_wrench(move: GuardedMove, V: Array, rho: float, specification: Specific
     m = len(move.held)
     if m == 0 and len(move.made) == 0:
         return Bias(np.zeros(6), 0.0, np.zeros(0), Hold.PUSH)
+    found = _balanced(move, V, rho, specification)
+    if found is not None:
+        x, push = found.x, found.push
+        wrench = 0.0 - move.held.T @ x[:m] + x[-2] * push.wrench
+        return Bias(wrench, float(x[-2]), x[:m], push.hold)
+    raise InfeasibleError(
+        f"no bias wrench within {specification.contact_force:g} N and {specification.torque_limit:g} N m keeps all {m} "
+        f"contacts and makes the next one felt at {specification.termination_force:g} N",
+        advice="raise specification.contact_force or torque_limit, or lower termination_force or friction",
+    )
+
+
+class Balance(NamedTuple):
+    """A linear program of `bias_wrench` with its answer x.
+
+    Args:
+        program: what the forces obey.
+        push: along the motion.
+        rubbed: share of the least force that friction leaves which nobody makes up for.
+        x: the forces (f, g, k, r, m, b, t).
+        which: of them presses the least pressed contact; t by default.
+    """
+
+    program: Program
+    push: Push
+    rubbed: float
+    x: Array
+    which: int = -1
+
+    @property
+    def least(self) -> float:
+        """What presses the least pressed contact, N."""
+        return float(self.x[self.which])
+
+
+def _balanced(move: GuardedMove, V: Array, rho: float, specification: Specification) -> Balance | None:
+    """The first of the programs of `bias_wrench` that has an answer; arguments and errors as there."""
     push, along = np.zeros(6), 1.0
     if len(move.made):
         push, along = _push(move, V, rho)
     turning = bool(len(move.made)) and turns(V, rho)
     away = [(_AWAY, Hold.NONE)] if turning and not move.near else []
     for rubbed, hold in chain(away, product((_RUBBED, 0.0) if turning else (0.0,), Hold)):
-        x = _with_reserve(move, _program(move, V, rho, specification, _Push(push, along, hold), rubbed), rho)
-        if x is not None:
-            wrench = 0.0 - move.held.T @ x[:m] + x[-2] * push
-            return Bias(wrench, float(x[-2]), x[:m], hold)
-    raise InfeasibleError(
-        f"no bias wrench within {specification.contact_force:g} N and {specification.torque_limit:g} N m keeps all {m} "
-        f"contacts and makes the next one felt at {specification.termination_force:g} N",
-        advice="raise specification.contact_force or torque_limit, or lower termination_force or friction",
-    )
+        towards = Push(push, along, hold)
+        found = _with_reserve(move, _program(move, V, rho, specification, towards, rubbed), rho)
+        if found is not None:
+            program, x = found
+            return Balance(program, towards, rubbed, x)
+    return None
 
 
 def firmness(move: GuardedMove, rho: float, specification: Specification) -> float:
@@ -188,13 +223,7 @@ def firmness(move: GuardedMove, rho: float, specification: Specification) -> flo
         rho: ρ, m.
         specification: forces and friction.
     """
-    V = move.direction(rho)
-    if not len(move.held) or not len(move.made) or turns(V, rho):
-        return 1.0
-    try:
-        return float(bias_wrench(move, V, rho, specification).normal_forces.min()) / specification.contact_force
-    except InfeasibleError:
-        return 0.0
+    return 1.0 if turns(move.direction(rho), rho) else _pressed(move, rho, specification)
 
 
 def steadiness(move: GuardedMove, rho: float, specification: Specification) -> float:
@@ -207,14 +236,35 @@ def steadiness(move: GuardedMove, rho: float, specification: Specification) -> f
     Args:
         move, rho, specification: as for `firmness`.
     """
-    V = move.direction(rho)
-    if not len(move.held) or not len(move.made) or not turns(V, rho):
+    return _pressed(move, rho, specification) if turns(move.direction(rho), rho) else 1.0
+
+
+def _pressed(move: GuardedMove, rho: float, specification: Specification) -> float:
+    """Share of the contact force that presses the least pressed contact; 1 where it holds or meets nothing."""
+    if not len(move.held) or not len(move.made):
         return 1.0
+    found = held_by(move, rho, specification)
+    return 0.0 if found is None else found.least / specification.contact_force
+
+
+def held_by(move: GuardedMove, rho: float, specification: Specification) -> Balance | None:
+    """What says how firm a slide is, or how steady a turn; None where no bias holds all contacts.
+
+    Raises:
+        InfeasibleError: a turn runs into a contact that it holds.
+    """
+    V = move.direction(rho)
     if not move.approaches:
-        return 0.0
-    push = _Push(*_push(move, V, rho), Hold.NONE)
-    x = _best(_program(move, V, rho, specification, push, _RUBBED))
-    return 0.0 if x is None else float(x[-1]) / specification.contact_force
+        return None
+    if not turns(V, rho):
+        with suppress(InfeasibleError):
+            found = _balanced(move, V, rho, specification)
+            return found and found._replace(which=int(np.argmin(found.x[: len(move.held)])))
+        return None
+    push = Push(*_push(move, V, rho), Hold.NONE)
+    program = _program(move, V, rho, specification, push, _RUBBED)
+    x = _best(program)
+    return None if x is None else Balance(program, push, _RUBBED, x)
 
 
 def turns(displacement: Array, rho: float) -> bool:
@@ -227,8 +277,8 @@ def turns(displacement: Array, rho: float) -> bool:
     return rho * length(displacement[3:]) > _TURNING * length(displacement * twist_scale(rho))
 
 
-class _Program(NamedTuple):
-    """Maximise the last entry of x, and a little the least of the two before, over A x ≤ b, C x = d, x ≥ 0."""
+class Program(NamedTuple):
+    """Maximise the last of x (n,), and a little the least of the two before, over A x ≤ b (k,), C x = d (p,), x ≥ 0."""
 
     A: Array
     b: Array
@@ -236,7 +286,7 @@ class _Program(NamedTuple):
     d: Array
 
 
-class _Push(NamedTuple):
+class Push(NamedTuple):
     """Unit wrench (6,) along the motion, its power, and what held contacts stay closed under."""
 
     wrench: Array
@@ -245,15 +295,15 @@ class _Push(NamedTuple):
 
 
 def _program(
-    move: GuardedMove, V: Array, rho: float, specification: Specification, push: _Push, rubbed: float
-) -> _Program:
+    move: GuardedMove, V: Array, rho: float, specification: Specification, push: Push, rubbed: float
+) -> Program:
     """The linear program of `bias_wrench` over x = (f, g, k, r, m, b, t), m the greatest of f; idle g stay at t."""
     W, m, n, mu = move.held, len(move.held), len(move.made), specification.friction
     h = specification.termination_force if n else 0.0
     basis, scale = move.space(rho), twist_scale(rho)
     spread = basis @ (W / scale).T
-    sliding = _sliding(W, move.points - move.reference.p, V)
-    drag = mu * np.linalg.norm(sliding, axis=1) * (n > 0)
+    slid = slides(W, move.points - move.reference.p, V)
+    drag = mu * np.linalg.norm(slid, axis=1) * (n > 0)
     F = specification.contact_force
     unit = np.eye(2 * m + n + m * (rubbed > 0.0) + 3)
     f, g, k, r = unit[:m], unit[m : 2 * m], unit[2 * m : 2 * m + n], unit[2 * m + n : -3]
@@ -262,47 +312,48 @@ def _program(
     along = push.power * b
     rows = [t - f, t - g, f - greatest, drag @ f - along, f.sum(axis=0) + b, g.sum(axis=0), torque, -torque]
     A = np.vstack([*rows, rubbed * t - r])
-    pressed = _SURE * h * abs(float(move.reaction @ V))
+    pressed = SURE * h * abs(float(move.reaction @ V))
     limits = np.concatenate([np.zeros(3 * m), [-pressed, F, F], [specification.torque_limit] * 6, np.zeros(len(r))])
     balance = spread @ (g - f) + basis @ (move.made / scale).T @ k
     taken = -(move.made @ V) @ k - along if push.hold is Hold.PUSH else k.sum(axis=0)
     C = np.vstack([taken, balance[: 0 if push.hold is Hold.NONE else None]])
     if rubbed:
-        friction = mu * _rubbing(sliding, move.points - move.reference.p)
+        friction = mu * rubbing(slid, move.points - move.reference.p)
         C = np.vstack([C, spread @ (r - f) + basis @ (friction / scale).T @ r])
     d = np.concatenate([[0.0 if push.hold is Hold.PUSH else h], np.zeros(len(C) - 1)])
-    return _Program(A, limits, C, d)
+    return Program(A, limits, C, d)
 
 
-def _with_reserve(move: GuardedMove, program: _Program, rho: float) -> Array | None:
-    """The best x whose push also does the work that its forces may take, None without any.
+def _with_reserve(move: GuardedMove, program: Program, rho: float) -> tuple[Program, Array] | None:
+    """The best x whose push also does the work that its forces may take, with the program that asks so; None without.
 
     The forces decide how much that is; a few rounds settle it. A push so large that the least force would fall below
     a share of what it can be is made smaller: contacts that are hardly pressed are lost.
     """
     m, length = len(move.held), move.length(rho)
 
-    def solved(reserve: float) -> Array | None:
+    def solved(reserve: float) -> tuple[Program, Array] | None:
         limits = program.b.copy()
         limits[3 * m] -= reserve
-        x = _best(program._replace(b=limits))
-        return x if x is not None and x[-1] > least else None
+        asked = program._replace(b=limits)
+        x = _best(asked)
+        return (asked, x) if x is not None and x[-1] > least else None
 
     least = _CHECK
     found, reserve, most = solved(0.0), 0.0, np.inf
     if found is None or not len(move.made):
         return found
-    least = _PRESSED * float(found[-1])
+    least = _PRESSED * float(found[1][-1])
     for _ in range(_ROUNDS):
-        needed = move.resisting(found[:m]) / length
+        needed = move.resisting(found[1][:m]) / length
         if needed <= reserve * (1.0 + _SETTLED):
             break
         tried = needed if needed < most else 0.5 * (reserve + most)
-        x = solved(tried)
-        if x is None:
+        more = solved(tried)
+        if more is None:
             most = tried
         else:
-            found, reserve = x, tried
+            found, reserve = more, tried
     return found
 
 
@@ -322,21 +373,21 @@ def _push(move: GuardedMove, V: Array, rho: float) -> tuple[Array, float]:
     return free / size * scale, float(free @ direction) / size
 
 
-def _sliding(W: Array, arms: Array, V: Array) -> Array:
+def slides(W: Array, arms: Array, V: Array) -> Array:
     """Velocities (m, 3) with which contact points slide along their faces for the unit twist V."""
     velocity = V[:3] + cross(V[3:], arms)
     normals = W[:, :3]
     return np.asarray(velocity - np.sum(velocity * normals, axis=1, keepdims=True) * normals)
 
 
-def _rubbing(sliding: Array, arms: Array) -> Array:
+def rubbing(slid: Array, arms: Array) -> Array:
     """Wrenches (m, 6) of friction of coefficient 1 for a unit normal force on contacts that slide like this."""
-    speeds = np.linalg.norm(sliding, axis=1, keepdims=True)
-    against = -sliding / np.maximum(speeds, _STILL)
+    speeds = np.linalg.norm(slid, axis=1, keepdims=True)
+    against = -slid / np.maximum(speeds, STILL)
     return np.hstack([against, cross(arms, against)])
 
 
-def _best(program: _Program) -> Array | None:
+def _best(program: Program) -> Array | None:
     """The best x; None where there is none."""
     A, b, C, d = program
     cost, lower, upper = np.zeros(A.shape[1]), np.zeros(A.shape[1]), np.full(A.shape[1], np.inf)

@@ -129,7 +129,7 @@ def _controlled(
     """A piece with its strategy; `at` has the number of its move, and what `bounded` says of it."""
     number, bound = at
     tolerance, specification = motion.tolerance, problem.specification
-    move, held, made = _guarded(problem, motion.assembly, claim, bound)
+    move, held, made = guarded(problem, motion.assembly, claim, bound)
     approach = _approach(problem, claim, move, tolerance)
     specification = specification if approach is None else slowed(specification, approach)
     impact = None if approach is None else impact_record(specification, approach)
@@ -182,10 +182,10 @@ def _guarded_moves(
         piece = claim.piece
         asked = turning is None or (piece.held and turns(piece.start.local(piece.goal), tolerance.rho) == turning)
         if piece.making and asked:
-            yield _guarded(problem, assembly, claim, bound)[0]
+            yield guarded(problem, assembly, claim, bound)[0]
 
 
-def _guarded(
+def guarded(
     problem: Problem, assembly: Assembly, claim: Claim, bound: float
 ) -> tuple[GuardedMove, list[PrimitiveContact], list[PrimitiveContact]]:
     """The guarded move of a piece, and the contacts that it holds and makes."""

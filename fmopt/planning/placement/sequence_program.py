@@ -10,6 +10,7 @@ certified margin rose.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, takewhile
@@ -17,6 +18,7 @@ from itertools import pairwise, takewhile
 import numpy as np
 
 from fmopt.certificate.assembly import contact_rows
+from fmopt.certificate.claim import Claim
 from fmopt.certificate.contact_implications import Assembly
 from fmopt.certificate.propagation import Tolerance
 from fmopt.contact.primitive import PrimitiveContact
@@ -24,7 +26,7 @@ from fmopt.errors import InfeasibleError, OverdueError, SolverError
 from fmopt.geometry.section import lowest_point
 from fmopt.planning.moves.moves import Move, Reached, unroll
 from fmopt.planning.optimise.cone_program import ConeProgram, Norm, Solver
-from fmopt.planning.placement.sequence_rows import SequenceRows, sequence_rows
+from fmopt.planning.placement.sequence_rows import Hold, SequenceRows, hold_rows, sequence_rows
 from fmopt.runtime.compiled import heed
 from fmopt.spatial.se3 import Pose, length
 from fmopt.spatial.values import Array
@@ -34,6 +36,10 @@ _RANK = 1e-7
 _FINE = 5e-3  # times the trust radius: what changes a row by less does not count
 SHORTER = 0.35  # times the trust radius after a step that was none
 _SLIDE = 1e-3  # rad; moves that turn by less are slides, and stay so where the start may be displaced
+_LEFT = 0.5  # of the margin, what is left at least where contacts are held more surely
+_AIMED = 0.75  # of it, what steps are to leave
+_ENOUGH = 1.5  # times what is asked, what they are to reach at most
+_LITTLE = 0.01  # of what is asked, a gain that does not count
 _STRAIGHT = 4.0  # times the trust radius: moves that are longer are so by the same share along all of it
 
 
@@ -106,6 +112,7 @@ class Aim:
             search to say: what gives way under a contact that is aslant is the robot.
         lift: height of the lowest point above the mouth at the start, m, where the start may be displaced at that
             height; None where it stays.
+        holds: how surely the pieces of claims hold their contacts, of those that hold them by little.
     """
 
     assembly: Assembly
@@ -115,6 +122,13 @@ class Aim:
     fit: Callable[[Placed], bool] = lambda _: True
     turning: bool = False
     lift: float | None = None
+    holds: Callable[[Sequence[Claim]], list[Hold]] = lambda _: []
+
+    def rows(self, placed: Placed, near: float) -> SequenceRows:
+        """All rows of a sequence that are within `near` (m) of binding, and those of its holds."""
+        rows = sequence_rows(self.assembly, placed.reached, self.tolerance, near)
+        holds, width = self.holds(placed.reached.claims), rows.products.shape[1]
+        return SequenceRows.joined([rows, hold_rows(self.assembly, placed.reached, self.tolerance, holds, width)])
 
 
 def better(aim: Aim, moves: Sequence[Move], than: Placed, by: float) -> Placed | None:
@@ -154,7 +168,7 @@ def refine(
     """
     best, radius = placed, settings.radius
     try:
-        rows = sequence_rows(aim.assembly, best.reached, aim.tolerance, settings.radius)
+        rows = aim.rows(best, settings.radius)
         for _ in range(settings.rounds):
             heed()
             if not rows.counted.any() or radius < settings.least_radius:
@@ -171,11 +185,65 @@ def refine(
                 radius *= SHORTER
                 continue
             best, radius = candidate, min(2.0 * radius, 4.0 * settings.radius)
-            rows = sequence_rows(aim.assembly, best.reached, aim.tolerance, settings.radius)
+            rows = aim.rows(best, settings.radius)
             progress(best.margin)
     except OverdueError:
         pass  # what there is by now counts
     return best
+
+
+def surer(aim: Aim, placed: Placed, solver: Solver, settings: Refinement) -> Placed:
+    """Moves all poses until contacts are held as surely as is asked, as far as half of the margin lets them.
+
+    Args:
+        aim: what for; where it asks for no holds, the sequence stays.
+        placed: the sequence, with a margin.
+        solver: for cone programs.
+        settings: rounds and trust region.
+
+    Raises:
+        OverdueError: there is no time left.
+    """
+    best, radius = placed, settings.radius
+    least, aimed = (min(left * placed.margin, placed.margin) for left in (_LEFT, _AIMED))
+    holds = aim.holds(best.reached.claims)
+    for _ in range(settings.rounds):
+        heed()
+        held = _surest(holds)
+        if held >= 1.0 or held <= 0.0 or radius < settings.least_radius:
+            break
+        try:
+            x = solver.solve(_surer(aim, best, holds, min(aimed, best.margin), radius)).x[:-1]
+            found = displaced(aim, best, x.reshape(-1, 6))
+            now = aim.holds(found.reached.claims)
+        except (InfeasibleError, SolverError):
+            radius *= SHORTER
+            continue
+        if found.margin < least or _surest(now) < held + _LITTLE:
+            radius *= SHORTER
+            continue
+        best, holds, radius = found, now, min(2.0 * radius, 4.0 * settings.radius)
+    return best
+
+
+def _surest(holds: list[Hold]) -> float:
+    """The least of what contacts are held by, as a share of what is asked."""
+    return min((hold.share / hold.least for hold in holds), default=math.inf)
+
+
+def _surer(aim: Aim, placed: Placed, holds: list[Hold], least: float, radius: float) -> ConeProgram:
+    """The program that raises the least of some holds in a trust region (m), and leaves a margin of so much (m).
+
+    Its last variable is by how much more of what is asked contacts come to be held, times the radius.
+    """
+    rho, held = aim.tolerance.rho, _surest(holds)
+    rows = sequence_rows(aim.assembly, placed.reached, aim.tolerance, max(placed.margin, radius))
+    rows = replace(rows, values=rows.values - least * rows.counted, counted=np.zeros(len(rows.counted)))
+    gains = hold_rows(aim.assembly, placed.reached, aim.tolerance, holds, rows.products.shape[1])
+    beyond = np.array([rho * (hold.share - held * hold.least) for hold in holds])
+    gains = replace(gains, values=beyond, counted=gains.reach / radius)
+    program = program_of(aim, placed, SequenceRows.joined([rows, gains]), radius)
+    return replace(program, upper=np.append(program.upper[:-1], (_ENOUGH - held) * radius))
 
 
 def sequence_program(aim: Aim, placed: Placed, radius: float) -> ConeProgram:
@@ -189,7 +257,7 @@ def sequence_program(aim: Aim, placed: Placed, radius: float) -> ConeProgram:
         placed: the sequence as it is.
         radius: m, in the metric of ρ.
     """
-    return program_of(aim, placed, sequence_rows(aim.assembly, placed.reached, aim.tolerance, radius), radius)
+    return program_of(aim, placed, aim.rows(placed, radius), radius)
 
 
 def displaced(aim: Aim, placed: Placed, shift: Array) -> Placed:

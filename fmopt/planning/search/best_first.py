@@ -28,7 +28,7 @@ from fmopt.planning.moves.moves import Move, Reached
 from fmopt.planning.search.entry import Entry, Leant
 from fmopt.planning.search.guarded_move import Freedom, Near, Place, guarded, insides, neighbourhood, tips
 from fmopt.planning.search.successors import ASKEW, Costs, Node, Task, successor_by, successors, ways_on
-from fmopt.planning.search.symmetry import Searched
+from fmopt.planning.search.symmetry import Searched, SearchedState
 from fmopt.runtime.compiled import clock
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
@@ -52,6 +52,8 @@ class MoveSequence:
         cost: of the sequence.
         lower_bound: no sequence from the same entries costs less.
         expanded: states looked at.
+        states: all that were come to.
+        way: numbers of those that it goes through.
     """
 
     entry: Entry
@@ -61,11 +63,14 @@ class MoveSequence:
     cost: float
     lower_bound: float
     expanded: int
+    states: tuple[SearchedState, ...]
+    way: tuple[int, ...]
 
     @property
     def searched(self) -> Searched:
         """What is said of the search."""
-        return Searched(self.entry.heading, self.names, self.cost, self.lower_bound, self.expanded).of(self.moves)
+        told = Searched(self.entry.heading, self.names, self.cost, self.lower_bound, self.expanded).of(self.moves)
+        return replace(told, states=self.states, way=self.way)
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,7 +214,7 @@ def search(
         progress(" ".join(node.names).replace(ASKEW, ""))
         try:
             for successor in successors(task, node):
-                front.push(successor, 0 if task.seated(successor.place.pose) else final)
+                front.push(successor, 0 if task.seated(successor.place.pose) else final, node)
                 closest = successor if closest is None else min(successor, closest, key=lambda n: (-n.rank, n.cost))
                 if task.seated(successor.place.pose) and successor.reached.margin > 0.0:
                     ready = successor if ready is None else min(successor, ready, key=lambda n: n.cost)
@@ -218,16 +223,13 @@ def search(
     if ready is not None:
         return _sequence(ready, front, expanded)
     late = clock() > deadline
+    names = " ".join(closest.names).replace(ASKEW, "") if closest else ""
     advice = _SMALLER if expanded else _BEGIN
     farthest = closest or max(nodes, key=lambda node: node.reached.margin, default=None)
     raise SearchError(
         f"no sequence of contacts to the seated part was found among {expanded} states"
         + (", the time limit is used up" if late else "")
-        + (
-            f", the closest came after {' '.join(closest.names).replace(ASKEW, '')}{shortfall(closest)}"
-            if closest
-            else ""
-        ),
+        + (f", the closest came after {names}{shortfall(closest)}" if closest else ""),
         advice="raise settings.time_limit" if late else advice,
         late=late,
         attempt=None if farthest is None else Closest(task, farthest),
@@ -235,7 +237,8 @@ def search(
 
 
 def _sequence(node: Node, front: _Frontier, expanded: int) -> MoveSequence:
-    return MoveSequence(node.entry, node.moves, node.names, node.reached, node.cost, front.bound(node), expanded)
+    come = node.entry, node.moves, node.names, node.reached, node.cost
+    return MoveSequence(*come, front.bound(node), expanded, *front.graph(node))
 
 
 def shortfall(node: Node) -> str:
@@ -260,17 +263,18 @@ class _Frontier:
         self._queue: list[_Open] = []
         self._best: dict[tuple[frozenset[str], int], float] = {}
         self._dropped = math.inf
-        self._count = 0
+        self._origins: dict[Node, Node | None] = {}  # of all states, in the order in which they were come to
+        self._popped = set[Node]()
         for node in nodes:
             self.push(node, final)
 
-    def push(self, node: Node, final: int) -> None:
-        """Adds a state from which `final` freedoms are to be taken away in all."""
+    def push(self, node: Node, final: int, origin: Node | None = None) -> None:
+        """Adds a state from which `final` freedoms are to be taken away in all, come to from another one."""
         left = max(final - node.rank, 0) * (self._costs.transition + self._costs.danger)
-        self._count += 1
+        self._origins[node] = origin
         # Mirror images cost the same: which of them comes first is for the order of the moves, not for rounding.
         order = (node.reached.margin <= 0.0, round(node.cost + self._costs.greed * left, _DIGITS))
-        heapq.heappush(self._queue, _Open(order, self._count, node.cost + left, final, node))
+        heapq.heappush(self._queue, _Open(order, len(self._origins), node.cost + left, final, node))
 
     def pop(self) -> Node | None:
         """The next state, None when there is none."""
@@ -284,8 +288,24 @@ class _Frontier:
                 self._dropped = min(self._dropped, entry.bound)
                 continue
             self._best[state] = cost
+            self._popped.add(entry.node)
             return entry.node
         return None
+
+    def graph(self, found: Node) -> tuple[tuple[SearchedState, ...], tuple[int, ...]]:
+        """All states that were come to, and the numbers of those on the way to one that was found."""
+        numbers, states = {node: k for k, node in enumerate(self._origins)}, list[SearchedState]()
+        for node, origin in self._origins.items():
+            begun = 0 if origin is None else len(origin.names)
+            names = tuple(name.rstrip(ASKEW) for name in node.names[begun:])
+            told = Searched(node.entry.heading, names, node.cost, node.cost, 0).of(node.moves[begun:])
+            way = None if origin is None else numbers[origin], told.names, node.place.held, node.rank
+            expanded = node in self._popped and node is not found
+            states.append(SearchedState(*way, node.cost, node.reached.margin, expanded))
+        back = [numbers[found]]
+        while (at := states[back[-1]].origin) is not None:
+            back.append(at)
+        return tuple(states), tuple(reversed(back))
 
     def bound(self, found: Node) -> float:
         """What any sequence from the same entries costs at least, when this one is found."""

@@ -2,6 +2,13 @@
 
 All later poses follow from the first: each guarded move ends where it meets its contact. A few numbers then decide what
 every piece of the motion has for margin, and a pattern search over them needs no derivative of error sets.
+
+Placement of the whole sequence does not replace it. From entries as they were found it comes to 0.93 times the margin
+in the median of the 26 shipped problems that are certified, to less than 0.95 times in 13: to 0.43 times for the
+hexagon, 0.06 to 0.63 for the tight rectangles of 4, 12 and 16 mm, 0.18 for the square at 50 µm, 0.76 for the kite; that
+at 50 µm and ± 2 mm is not certified at all. All of them took 175 s of processor time, with tuning 109 s. With the start
+free, too, and tilts that may change, it comes to 0.43 times for the hexagon, 0.86 for the rectangles of 12 and 16 mm,
+0.28 for the square at 50 µm.
 """
 
 from __future__ import annotations
@@ -21,7 +28,6 @@ from fmopt.spatial.values import Array
 _STEPS = (0.16, 0.08, 0.04)  # shares of the first shape's numbers
 _GAIN = 0.01  # of what is enough, the least gain that counts
 _ENOUGH, _PATIENCE = 0.25, 10  # share of what is enough below which a margin is worth so many times the tries
-_KEPT = 0.5  # of the margin, what is left at least where an entry goes in deeper
 _WIDTH, _WIDER, _NARROWER = (0.01, 0.1, 0.3), 1.3, 0.95  # of random steps: least, first and greatest; after each
 
 
@@ -98,42 +104,6 @@ def _at_random(tuning: _Tuning) -> None:
         while tuning.open and tuning.gains(step, 0.0):
             gained = True
         width = min(_WIDER * width, greatest) if gained else max(_NARROWER * width, least)
-
-
-def deepened(
-    task: Task,
-    found: MoveSequence,
-    entry_of: Callable[[Shape], Entry],
-    enough: Callable[[MoveSequence], bool],
-    limits: Limits,
-) -> MoveSequence:
-    """The same sequence from an entry whose corner goes in deeper, until that is enough or half of the margin is lost.
-
-    The deeper the part is in the hole, the longer is what of its faces lies on walls.
-
-    Args:
-        task: parts, errors, goal and costs.
-        found: the sequence; one that does not start tilted, or has no margin, is given back.
-        entry_of: makes an entry of a shape.
-        enough: whether a sequence need not be deeper.
-        limits: when to stop.
-    """
-    shape, best, factor = found.entry.shape, found, 1.0
-    if shape is None or found.reached.margin <= 0.0:
-        return found
-    for _ in range(limits.tries):
-        if enough(best) or clock() >= limits.deadline:
-            break
-        factor += _STEPS[0]
-        entry = entry_of(replace(shape, depth=factor * shape.depth))
-        try:
-            other = _from_entry(task, found, entry, _KEPT * found.reached.margin)
-        except OverdueError:
-            break
-        if other is None:
-            break
-        best = other
-    return best
 
 
 class _Tuning:

@@ -48,6 +48,29 @@ Loops = tuple[tuple[int, ...], ...]
 
 
 @dataclass(frozen=True)
+class SearchedState:
+    """A contact state that the search came to.
+
+    Args:
+        origin: number of the state that it was come to from; None where a way to begin ends in it.
+        names: the freedoms of the moves from there.
+        held: contacts that are held in it.
+        rank: freedoms that are taken away in it.
+        cost: of the way to it.
+        margin: the least on it, m.
+        expanded: whether moves were looked for from it.
+    """
+
+    origin: int | None
+    names: tuple[str, ...]
+    held: tuple[PrimitiveContact, ...]
+    rank: int
+    cost: float
+    margin: float
+    expanded: bool
+
+
+@dataclass(frozen=True)
 class Searched:
     """What is said of the search for a sequence.
 
@@ -57,6 +80,8 @@ class Searched:
         cost: of the sequence.
         lower_bound: no sequence from the same entries costs less.
         expanded: states looked at.
+        states: all that were come to, in that order, from the entries of the round that the sequence was found in.
+        way: numbers of those that the sequence goes through.
     """
 
     heading: float
@@ -64,6 +89,8 @@ class Searched:
     cost: float
     lower_bound: float
     expanded: int
+    states: tuple[SearchedState, ...] = ()
+    way: tuple[int, ...] = ()
 
     def of(self, moves: Sequence[Move]) -> Searched:
         """The same with each guarded move named by the axis that it goes along, or turns about, most."""
@@ -159,7 +186,11 @@ class Image:
         """What is said of the search, in the parts' own axes."""
         c, s = math.cos(found.heading), math.sin(found.heading)
         x, y, _ = self.attitude.axes.T @ np.array([c, s, 0.0])
-        return replace(found, heading=math.atan2(y, x), names=self.own_names(found.names))
+        states = tuple(
+            replace(state, names=self.own_names(state.names), held=self.own_contacts(state.held))
+            for state in found.states
+        )
+        return replace(found, heading=math.atan2(y, x), names=self.own_names(found.names), states=states)
 
     def own_names(self, names: Iterable[str]) -> tuple[str, ...]:
         """The names of freedoms in the parts' own axes."""

@@ -15,9 +15,8 @@ from fmopt.errors import TaskError
 from fmopt.geometry.csg import Union
 from fmopt.geometry.mating_features import Feature as MatingFeature
 from fmopt.spatial.se3 import Pose
-from fmopt.task.object_model.chain import Chain, Sign, Term, moved
 from fmopt.task.object_model.frames import clipped, length, on_axis
-from fmopt.task.object_model.tree import Feature, FeatureClass, ObjectTree, instances
+from fmopt.task.object_model.tree import Chain, Feature, FeatureClass, ObjectTree, Sign, Term, instances, moved
 
 MADE = "a feature is made of instances of its own sign"
 _HOLES, _PEGS = "holes", "pegs"

@@ -19,10 +19,9 @@ from fmopt.geometry.csg import Solid, sagitta
 from fmopt.geometry.polyhedron import placed
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value, frozen
-from fmopt.task.object_model.chain import moved
 from fmopt.task.object_model.frames import check_frame
 from fmopt.task.object_model.goal import Goal, Settled, check_goal, settle
-from fmopt.task.object_model.tree import Feature, ObjectTree
+from fmopt.task.object_model.tree import Feature, ObjectTree, moved
 from fmopt.task.object_model.workcell import EXIST, Link, LowerPair, Operand, Ref, Workcell, operand_of
 
 KINDS = "an insertion has one solid and one hollow feature"

@@ -27,8 +27,7 @@ from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.geometry.section import sealed, section_limit
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, remembered
-from fmopt.task.object_model.chain import moved
-from fmopt.task.object_model.tree import Feature, FeatureClass, ObjectTree
+from fmopt.task.object_model.tree import Feature, FeatureClass, ObjectTree, moved
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry

@@ -15,8 +15,7 @@ from fmopt.geometry.convex_pieces import pieces
 from fmopt.geometry.csg import Solid, Union
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Value
-from fmopt.task.object_model.chain import moved
-from fmopt.task.object_model.tree import UNIQUE, Feature, ObjectTree
+from fmopt.task.object_model.tree import UNIQUE, Feature, ObjectTree, moved
 
 LowerPair: TypeAlias = Literal["cylindrical", "prismatic", "planar", "screw", "spherical", "revolute"]
 LinkKind: TypeAlias = Literal["cylindrical", "prismatic", "planar", "screw", "spherical", "revolute", "attached"]

@@ -303,3 +303,51 @@ class Diagnostics:
     tolerated: ErrorTolerance | None = None
     reduced: Reduced | None = None
     planar: Planar | None = None
+
+
+@dataclass(frozen=True)
+class SearchedState:
+    """A contact state that the search came to.
+
+    Attributes:
+        origin: number of the state that it was come to from; None where a way to begin ends in it.
+        moves: the freedoms of the moves from there.
+        contacts: that are held in it.
+        freedoms: that are taken away in it.
+        cost: of the way to it; None where a margin on it is so short that no cost is told.
+        margin: the least on it, m.
+        expanded: whether moves were looked for from it.
+    """
+
+    origin: int | None
+    moves: tuple[str, ...]
+    contacts: tuple[str, ...]
+    freedoms: int
+    cost: float | None
+    margin: float
+    expanded: bool
+
+
+@dataclass(frozen=True)
+class Search:
+    """How the sequence of moves was found.
+
+    Attributes:
+        objective: what its cost is made of.
+        cost, lower_bound, gap: of the sequence, of any, and their difference.
+        states_expanded: states looked at.
+        moves: the freedom of each move, "approach" or an axis with its sign.
+        heading: turn about z of the axes that moves go along and about, rad.
+        states: all states that were come to, in that order, before the way to begin was varied and poses were placed.
+        way: numbers of those that the sequence goes through.
+    """
+
+    objective: str
+    cost: float
+    lower_bound: float
+    gap: float
+    states_expanded: int
+    moves: tuple[str, ...]
+    heading: float
+    states: tuple[SearchedState, ...] = ()
+    way: tuple[int, ...] = ()

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from fmopt.verify.reading.diagnostics import Diagnostics, Interval
+from fmopt.verify.reading.diagnostics import Diagnostics, Interval, Search
 from fmopt.verify.reading.file import FORMAT, NOT_COVERED, Numbers, PlanError
 
 __all__ = ["FORMAT", "NOT_COVERED", "Numbers", "PlanError"]
@@ -312,27 +312,6 @@ class CriticalPoint:
     states_by_dimension: Mapping[int, int]
     states_confirmed: int
     states_by_verdict: Mapping[str, int]
-
-
-@dataclass(frozen=True)
-class Search:
-    """How the sequence of moves was found.
-
-    Attributes:
-        objective: what its cost is made of.
-        cost, lower_bound, gap: of the sequence, of any, and their difference.
-        states_expanded: states looked at.
-        moves: the freedom of each move, "approach" or an axis with its sign.
-        heading: turn about z of the axes that moves go along and about, rad.
-    """
-
-    objective: str
-    cost: float
-    lower_bound: float
-    gap: float
-    states_expanded: int
-    moves: tuple[str, ...]
-    heading: float
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ import re
 from dataclasses import replace
 from typing import Any
 
+from fmopt.verify.reading.diagnostics import Search, SearchedState
 from fmopt.verify.reading.document import Body, Contact, Found, Part, Plan, Specification
 from fmopt.verify.reading.file import FIXED_IN, FORMAT, FRAMES, UNITS, VERDICTS, Numbers, digest
 from fmopt.verify.reading.parse_diagnostics import DIAGNOSTIC_FIELDS, read_diagnostics
@@ -19,7 +20,6 @@ from fmopt.verify.reading.parse_segments import (
     read_nominal,
     read_position_force,
     read_recovery,
-    read_search,
     read_segment,
 )
 from fmopt.verify.reading.reader import Fields, Reader, fields
@@ -30,6 +30,14 @@ LARGEST_NUMBER_OF_BALLS = 16
 SMALLEST_RADIUS, LARGEST_RADIUS = 1e-6, 4.0  # m
 _FRACTION = re.compile(r"(-?[0-9]+)(?:/([1-9][0-9]*))?", re.ASCII)
 _LONGEST_FRACTION = 800
+_MOVE_NAME = re.compile(r"[+-]r?[xyz]|[a-z]{1,16}", re.ASCII)
+_SEARCH = fields(
+    "search",
+    commentary="objective cost lower_bound gap states_expanded moves heading way",
+    objects="states",
+    optional=("states", "way"),
+)
+_STATE = fields("search.states[]", commentary="from moves contacts freedoms cost margin expanded")
 _VERSION = re.compile(r"[0-9A-Za-z][0-9A-Za-z.+-]{0,39}", re.ASCII)
 _TOP = fields(
     "",
@@ -67,7 +75,7 @@ _SIDE = fields("contacts[].*", proved="vertices")
 FIELDS: tuple[Fields, ...] = (
     _TOP, _PROBLEM, _UNITS, _FRAMES, _UNCERTAINTY, _SOURCE, _SPECIFICATION, _PARTS, _PART, _EXACT, _FOUND, _BALL,
     _PIECE,
-    _CONTACT, _SIDE, *SEGMENT_FIELDS, *ACCOUNT_FIELDS, *DIAGNOSTIC_FIELDS,
+    _CONTACT, _SIDE, *SEGMENT_FIELDS, *ACCOUNT_FIELDS, _SEARCH, _STATE, *DIAGNOSTIC_FIELDS,
 )  # fmt: skip
 
 
@@ -114,7 +122,7 @@ def parse(document: Any) -> Plan:
         goal=pose(top.at("goal")),
         touch=top.at("touch_tolerance").number(0.0, LARGEST_TOLERANCE),
         not_covered=tuple(item.text() for item in top.at("not_covered").items(most=64)),
-        search=None if search is None else read_search(search),
+        search=None if search is None else _search(search),
         nominal=None if nominal is None else read_nominal(nominal),
         critical_points=None if critical is None else read_critical_points(critical),
         position_force=None if rows is None else read_position_force(rows),
@@ -256,3 +264,45 @@ def _specification(place: Reader) -> Specification:
         force, mass, stiffness = (place.at(name).number(0.0, 1e12) for name in limits)
         impact = force, mass, stiffness
     return Specification(speed, contact_force, torque, friction, threshold, impact)
+
+
+def _search(place: Reader) -> Search:
+    """How the sequence of moves was found."""
+    place.only(_SEARCH)
+    listed, way = place.maybe("states"), place.maybe("way")
+    states = () if listed is None else tuple(_state(item, k) for k, item in enumerate(listed.items()))
+    return Search(
+        place.at("objective").text(),
+        place.at("cost").number(),
+        place.at("lower_bound").number(),
+        place.at("gap").number(),
+        place.at("states_expanded").integer(),
+        _moves(place),
+        place.at("heading").number(-4.0, 4.0),
+        states,
+        () if way is None else way.indices(len(states)),
+    )
+
+
+def _state(place: Reader, number: int) -> SearchedState:
+    place.only(_STATE)
+    origin, cost = place.filled("from"), place.filled("cost")
+    return SearchedState(
+        None if origin is None else origin.integer(number),
+        _moves(place),
+        tuple(item.label() for item in place.at("contacts").items()),
+        place.at("freedoms").integer(7),
+        None if cost is None else cost.number(),
+        place.at("margin").number(),
+        place.at("expanded").flag(),
+    )
+
+
+def _moves(place: Reader) -> tuple[str, ...]:
+    return tuple(_move_name(item) for item in place.at("moves").items())
+
+
+def _move_name(place: Reader) -> str:
+    if _MOVE_NAME.fullmatch(place.text()) is None:
+        raise place.fail("must be an axis with its sign, or a word")
+    return str(place.value)

@@ -6,7 +6,6 @@ From JSON to what a plan tells besides its segments.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable
 from itertools import pairwise
 
@@ -22,7 +21,6 @@ from fmopt.verify.reading.document import (
     Part,
     PositionForce,
     Recovery,
-    Search,
     Segment,
     Separation,
     Tube,
@@ -78,7 +76,6 @@ _WITNESSES = ("fixed-face", "moving-face", "edges", "plane")
 
 LARGEST_NUMBER_OF_RETRIES = 64
 AXES = ("x", "y", "z", "rx", "ry", "rz")
-_MOVE_NAME = re.compile(r"[+-]r?[xyz]|[a-z]{1,16}", re.ASCII)
 STATE_VERDICTS = ("confirmed", "blocked", "out_of_bounds", "split", "undecided")
 _NOMINAL = fields("nominal", commentary="nodes times", objects="intervals")
 _INTERVAL = fields("nominal.intervals[]", commentary="t0 t1 s")
@@ -86,7 +83,6 @@ _ROW = fields("position_force[]", commentary="t0 t1 s pa_start pa_end pn_start p
 _CRITICAL = fields(
     "critical_points[]", commentary="name pose pcs enumerated states_by_dimension states_confirmed states_by_verdict"
 )
-_SEARCH = fields("search", commentary="objective cost lower_bound gap states_expanded moves heading")
 _RECOVERY = fields("recovery", proved="retries covers", commentary="why not_covered", objects="lift moves")
 _LIFT = fields("recovery.lift", proved="direction above clear turn")
 _MOVE = fields("recovery.moves[]", proved="move back_off room", objects="first order")
@@ -96,7 +92,7 @@ _FIRST = fields(
 )
 _TOUCHED = fields("recovery.moves[].first[].*", commentary="vertices")
 ACCOUNT_FIELDS: tuple[Fields, ...] = (
-    _NOMINAL, _INTERVAL, _ROW, _CRITICAL, _SEARCH, _RECOVERY, _LIFT, _MOVE, _ORDER, _FIRST, _TOUCHED,
+    _NOMINAL, _INTERVAL, _ROW, _CRITICAL, _RECOVERY, _LIFT, _MOVE, _ORDER, _FIRST, _TOUCHED,
 )  # fmt: skip
 
 
@@ -310,26 +306,6 @@ def _critical(place: Reader) -> CriticalPoint:
         place.at("states_confirmed").integer(),
         {name: verdicts.at(name).integer() for name in STATE_VERDICTS},
     )
-
-
-def read_search(place: Reader) -> Search:
-    """How the sequence of moves was found."""
-    place.only(_SEARCH)
-    return Search(
-        place.at("objective").text(),
-        place.at("cost").number(),
-        place.at("lower_bound").number(),
-        place.at("gap").number(),
-        place.at("states_expanded").integer(),
-        tuple(_move_name(item) for item in place.at("moves").items()),
-        place.at("heading").number(-4.0, 4.0),
-    )
-
-
-def _move_name(place: Reader) -> str:
-    if _MOVE_NAME.fullmatch(place.text()) is None:
-        raise place.fail("must be an axis with its sign, or a word")
-    return str(place.value)
 
 
 def read_recovery(place: Reader, moving: Part, fixed: Part) -> Recovery:

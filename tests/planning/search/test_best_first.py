@@ -21,7 +21,7 @@ from fmopt.geometry.clearance import mating_clearance
 from fmopt.geometry.csg import Box, Difference, Placed
 from fmopt.geometry.part import part_of
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.planning.search.best_first import _Frontier, begin, best_sequences, search, shortfall
+from fmopt.planning.search.best_first import MoveSequence, _Frontier, begin, best_sequences, search, shortfall
 from fmopt.planning.search.entry import Entry, start_spread, straight_entry, tilted_entry
 from fmopt.planning.search.entry_candidates import tilted_shapes
 from fmopt.planning.search.guarded_move import Freedom, Near, Place, guarded, neighbourhood
@@ -99,6 +99,20 @@ def test_a_floor_exactly_at_the_end_of_the_way_down_is_met() -> None:
     assert short > 0  # rounding leaves some of these a little above the floor
 
 
+def check_graph(found: MoveSequence) -> None:
+    """The states that the search came to are a tree, in which the way to the last one is the sequence."""
+    states, way = found.searched.states, found.searched.way
+    assert sum(state.expanded for state in states) == found.expanded
+    for number, state in enumerate(states):
+        assert state.origin is None or (state.origin < number and states[state.origin].expanded)
+    assert [states[at].origin for at in way] == [None, *way[:-1]]
+    assert tuple(name for at in way for name in states[at].names) == found.searched.names
+    last = states[way[-1]]
+    assert (last.cost, last.margin) == (found.cost, found.reached.margin)
+    assert {contact.id for contact in last.held} == {c.id for c in (*found.moves[-1].held, *found.moves[-1].making)}
+    assert any(at not in way for at in range(len(states)))
+
+
 def test_a_peg_of_other_proportions_is_found_at_any_scale() -> None:
     """Lengths are measured in the errors and the clearance, so that metres do as well as millimetres."""
     box = [0.3, 0.3, 0.0, 0.3, 0.3, 0.3]
@@ -108,6 +122,7 @@ def test_a_peg_of_other_proportions_is_found_at_any_scale() -> None:
     assert one.names == ten.names
     assert one.names[0] == "approach"
     assert len(one.names) == 7
+    check_graph(one)
     margins = [[claim.margin for claim in sequence.reached.claims] for sequence in (one, ten)]
     np.testing.assert_allclose(10.0 * np.array(margins[0]), margins[1], rtol=1e-6, atol=1e-9)
     assert one.cost == pytest.approx(ten.cost, rel=1e-6)

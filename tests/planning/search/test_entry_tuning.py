@@ -10,7 +10,7 @@ import pytest
 from fmopt.planning.search.best_first import MoveSequence, best_sequences
 from fmopt.planning.search.entry import Entry, Shape, tilted_entry
 from fmopt.planning.search.entry_candidates import tilted_shapes
-from fmopt.planning.search.entry_tuning import Limits, deepened, tuned
+from fmopt.planning.search.entry_tuning import Limits, tuned
 from fmopt.planning.search.successors import Task
 from fmopt.task.problem import Problem, load
 from fmopt.task.sizes import measured_clearance
@@ -65,33 +65,3 @@ def test_the_next_sequence_counts_where_the_first_has_next_to_no_margin(
     for candidates in ((found, better), (better, found)):
         assert tuned(task, candidates, entry_of, Limits(math.inf, 0, 8.0 * better.reached.margin)) is better
         assert tuned(task, candidates, entry_of, Limits(math.inf, 0, found.reached.margin)) is candidates[0]
-
-
-def test_an_entry_goes_deeper_until_that_is_enough_or_half_of_the_margin_is_lost(
-    problem: Problem, task: Task, found: MoveSequence
-) -> None:
-    def depth(sequence: MoveSequence) -> float:
-        assert sequence.entry.shape is not None
-        return sequence.entry.shape.depth
-
-    def gone_to(factor: float) -> MoveSequence:
-        limits = Limits(math.inf, 12, math.inf)
-        wanted = factor * depth(found)
-        return deepened(task, found, lambda shape: entry(problem, shape), lambda one: depth(one) >= wanted, limits)
-
-    assert gone_to(1.0) is found
-    deeper, deepest = gone_to(1.1), gone_to(math.inf)
-    assert deeper.names == deepest.names == found.names
-    assert depth(deeper) == pytest.approx(1.16 * depth(found))
-    assert depth(deepest) >= depth(deeper)
-    assert deepest.reached.margin > 0.5 * found.reached.margin
-    assert (
-        deepened(
-            task,
-            replace(found, entry=replace(found.entry, shape=None)),
-            lambda shape: found.entry,
-            lambda _: False,
-            Limits(math.inf, 3, math.inf),
-        ).entry.shape
-        is None
-    )

@@ -18,6 +18,7 @@ def whole_plan() -> dict[str, Any]:
     nowhere = {**first, "axis": "", "axis_factor": None, "angle": None}
     row = dict.fromkeys(("pa_start", "pa_end", "pn_start", "pn_end", "fa", "applied"), ZERO)
     span = {"t0": 0.0, "t1": 1.0, "s": [0, 0, 0, 0, 0, 0]}
+    state = {"contacts": [], "freedoms": 0, "cost": None, "margin": 1e-4, "expanded": True}
     told: dict[str, Any] = {
         "nominal": {"nodes": [ZERO, plan["goal"]], "times": [0.0, 1.0], "intervals": [span]},
         "position_force": [{**span, **row, "fa_sign": "reaction", "either_sign": []}],
@@ -34,7 +35,12 @@ def whole_plan() -> dict[str, Any]:
         ],
         "search": {
             "objective": "transitions", "cost": 2.0, "lower_bound": 1.0, "gap": 1.0, "states_expanded": 3,
-            "moves": ["approach", "-z", "+x"], "heading": 0.0,
+            "moves": ["approach", "-z", "+x"], "heading": 0.0, "way": [0, 1, 2],
+            "states": [
+                {**state, "from": None, "moves": ["approach"], "cost": 0.0},
+                {**state, "from": 0, "moves": ["-z"]},
+                {**state, "from": 1, "moves": ["+x"], "contacts": ["v0-f5"], "freedoms": 1},
+            ],
         },
         "recovery": {
             "lift": {"direction": [0.0, 0.0, 1.0], "above": -0.05, "clear": 0.1, "turn": 0.5},

@@ -14,9 +14,8 @@ from fmopt.geometry.csg import Box, Cylinder, contains
 from fmopt.papers.lee_huang.hand_position_force import hand_pose
 from fmopt.spatial.se3 import Pose
 from fmopt.task.assembly import Step, carried_out, load_assembly
-from fmopt.task.object_model.chain import moved
 from fmopt.task.object_model.command import answer
-from fmopt.task.object_model.tree import Feature
+from fmopt.task.object_model.tree import Feature, moved
 from fmopt.task.object_model.workcell import Link, Ref
 from fmopt.task.problem import load
 from fmopt.task.task_command import is_round, task_command

@@ -17,10 +17,20 @@ from fmopt.geometry.inverse_csg import MESH_NOISE, solid_of
 from fmopt.geometry.mating_features import Feature as MatingFeature
 from fmopt.spatial.se3 import Pose
 from fmopt.task.model import load_model
-from fmopt.task.object_model.chain import Term, chain_of, chain_solid, joined, moved, without
 from fmopt.task.object_model.classify import Claim, object_tree
 from fmopt.task.object_model.frames import checked
-from fmopt.task.object_model.tree import Feature, FeatureClass, ObjectTree, instances
+from fmopt.task.object_model.tree import (
+    Feature,
+    FeatureClass,
+    ObjectTree,
+    Term,
+    chain_of,
+    chain_solid,
+    instances,
+    joined,
+    moved,
+    without,
+)
 from fmopt.task.solid_tree import build_part, build_tree
 from fmopt.task.toml.source import Place
 from tests import ROOT
