@@ -62,6 +62,11 @@ class Assembly:
         parts = (self.moving.polyhedron, self.fixed.polyhedron)
         return sum(float((lengths(part.vertices) + part.radii).max()) for part in parts)
 
+    @property
+    def form(self) -> float:
+        """How far the surfaces of both parts may lie from those planned with, together, m."""
+        return self.moving.form + self.fixed.form
+
     @cached_property
     def units(self) -> Array:
         """Units of a displacement (6,): metres, and turns that move a point half a diameter of the part away by one."""
@@ -239,6 +244,19 @@ def made_scale(assembly: Assembly, made: PrimitiveContact, held: tuple[Primitive
     """What makes a margin of `made_form`, m: 1 for a distance; a direction's angle counts on an arm of ρ."""
     found = made_form(assembly, made, held).at(Pose(np.zeros(3), np.eye(3)))
     return rho / float(found.forms.lever[0]) if not found.forms.bilinear.any() and not found.N[0, :3].any() else 1.0
+
+
+def early_form(
+    assembly: Assembly, made: PrimitiveContact, held: tuple[PrimitiveContact, ...], rho: float
+) -> tuple[Forms, float]:
+    """The function (1) that tells that a contact is not there yet when its move starts, and what makes a margin of it.
+
+    That of `made_form`; where parts are off their form, the distance of the features itself, as only that is known to
+    be as large as what they are off by until they touch.
+    """
+    if assembly.form:
+        return contact_forms(assembly, (made,), ()), 1.0
+    return made_form(assembly, made, held), made_scale(assembly, made, held, rho)
 
 
 def _form(assembly: Assembly, contact: PrimitiveContact, together: Sequence[PrimitiveContact]) -> Forms:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
-from fmopt.certificate.assembly import Assembly, contact_forms, made_form, made_scale
+from fmopt.certificate.assembly import Assembly, contact_forms, early_form
 from fmopt.certificate.error_set import ErrorSet
 from fmopt.certificate.facet_margin import Bounds, bounds
 from fmopt.certificate.piece_pairs import Facing, facing
@@ -118,7 +118,7 @@ def claimed(
 
 def _contacts_of(piece: Piece) -> tuple[object, ...]:
     """The contacts that decide what is asked of a piece of motion: those held, made and given up."""
-    return piece.held, piece.goal_contacts, piece.made, piece.left
+    return piece.held, piece.goal_contacts, piece.made, piece.left, tuple(c.contact for c in piece.basis)
 
 
 def _separated(listed: Facing, planes: Sequence[Separation | None]) -> tuple[tuple[int, int, Separation], ...]:
@@ -151,7 +151,7 @@ def _claim(
 def _contacts(assembly: Assembly, alike: Sequence[Stepped], course: Course) -> list[tuple[ContactClaim, ...]]:
     """What is claimed of the contacts of pieces of motion that hold the same ones."""
     held, making = alike[0][0].held, alike[0][0].making
-    table = bounds(assembly, held, held)
+    table = bounds(assembly, held, held, _own(assembly, alike[0][0]))
     inside, own = course.over(table.forms).lower, course.over(contact_forms(assembly, held, held))
     found = []
     for n, (piece, _) in enumerate(alike):
@@ -181,7 +181,7 @@ class FacetRows:
 def facet_rows(assembly: Assembly, claim: Claim) -> Iterator[FacetRows]:
     """What bounds the contacts of a piece of motion at both ends, for placements that want to move them."""
     piece, course = claim.piece, Course.of((claim.advance.ends,))
-    table = bounds(assembly, piece.held, piece.held)
+    table = bounds(assembly, piece.held, piece.held, _own(assembly, piece))
     rows = course.over(table.forms)
     for end in (0, 1):
         yield FacetRows(piece.held, end, table, rows.end(end), rows.bounds[end, 0])
@@ -191,9 +191,14 @@ def facet_rows(assembly: Assembly, claim: Claim) -> Iterator[FacetRows]:
 
 def _made(assembly: Assembly, piece: Piece, course: Course) -> FacetRows:
     """What bounds the contacts made at the end of a piece."""
-    table = bounds(assembly, piece.making, piece.goal_contacts)
+    table = bounds(assembly, piece.making, piece.goal_contacts, _own(assembly, piece))
     rows = course.ended().over(table.forms)
     return FacetRows(piece.making, 1, table, rows.end(1), rows.bounds[1, 0])
+
+
+def _own(assembly: Assembly, piece: Piece) -> frozenset[PrimitiveContact]:
+    """Where parts are off their form the contacts of the basis, which have to touch themselves."""
+    return frozenset(c.contact for c in piece.basis) | {piece.made} - {None} if assembly.form else frozenset()
 
 
 def _with_made(assembly: Assembly, piece: Piece, course: Course) -> Heights:
@@ -206,5 +211,5 @@ def _before(assembly: Assembly, piece: Piece, made: PrimitiveContact, course: Co
 
     Where its row measures an angle (see `made_form`), this is the way on an arm of ρ.
     """
-    rows = course.over(made_form(assembly, made, piece.held))
-    return float(rows.bounds[0, 0, 0]) * made_scale(assembly, made, piece.held, rho)
+    forms, scale = early_form(assembly, made, piece.held, rho)
+    return float(course.over(forms).bounds[0, 0, 0]) * scale

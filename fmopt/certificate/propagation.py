@@ -24,6 +24,7 @@ import numpy as np
 
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.error_set import ErrorSet
+from fmopt.certificate.form import Carried, under_form
 from fmopt.certificate.remainder import Extent
 from fmopt.certificate.segment_linearisation import (
     Compliance,
@@ -98,7 +99,7 @@ def advance(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Toler
     if piece.made is not None:
         size = length(way.motion * ellipsoid.metric(tolerance.rho))
         basis = (*basis, Compliance(piece.made, way.motion / size))
-    ends, overtravel = _carried(piece, way, basis, errors, tolerance)
+    ends, overtravel = _carried(assembly, piece, way, basis, errors, tolerance)
     extent = ends.extent
     nearer = approach(tolerance, way, extent, errors.linkage)
     farther = tuple(departures(assembly, piece, tolerance, way, extent, errors.linkage))
@@ -106,7 +107,12 @@ def advance(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Toler
 
 
 def _carried(
-    piece: Piece, way: Linearisation, basis: Sequence[Compliance], errors: ErrorSet, tolerance: Tolerance
+    assembly: Assembly,
+    piece: Piece,
+    way: Linearisation,
+    basis: Sequence[Compliance],
+    errors: ErrorSet,
+    tolerance: Tolerance,
 ) -> tuple[Ends, float]:
     """Both ends of a piece with their sets, and the overtravel.
 
@@ -120,20 +126,25 @@ def _carried(
         moved, shape_moved = core + by, ellipsoid.outer_sum(shape_moved, root, ellipsoid.metric(tolerance.rho))
         links = linkage.links(piece.start.p, piece.goal.p)
         linkage = linkage.begun(piece.start.p).turned(exp(way.twist[3:]))
-    layers = way.closing if piece.made is not None and piece.last else way.on_the_way
+    closing = piece.made is not None and piece.last
+    layers = way.closing if closing else way.on_the_way
     translation, rotation = tolerance.velocity_error
     rates = translation, rotation / tolerance.rho
     leaning = length(way.seen[3:])
     numbers = Numbers(way.length, way.turn, way.rate, leaning, piece.share, rates, way.seen, way.projector)
     drifts = errors.slide_root, errors.swing_root
     roots = Errors(core, *drifts, errors.shape_root, moved, shape_moved, links)
-    found = carried(layers, numbers, roots, tolerance.rho)
-    code, half, thickness, beyond, generators, slide, swing, shape = found
+
+    def carry(form: Array) -> tuple[Carried, Extent]:
+        found = carried(layers._replace(form=form), numbers, roots, tolerance.rho)
+        return found, Extent(way.twist, found[1], coupled(links, found[1], way.turn))
+
+    found, extent = carry(layers.form) if assembly.form == 0.0 else under_form(assembly, piece, way, carry)
+    code, _, thickness, beyond, generators, slide, swing, shape = found
     if code != SETTLED:
         message, advice = _IMPOSSIBLE[code]
         raise InfeasibleError(message, advice=advice)
     compliant = np.array([c.direction for c in basis[: len(thickness)]]).reshape(-1, 6)
     goal = ErrorSet(shape, generators, slide, swing, len(thickness), compliant, linkage)
-    extent = Extent(way.twist, half, coupled(links, half, way.turn))
     slack = way.start_dual * thickness[: len(piece.basis)]
-    return Ends(piece.start, piece.goal, errors, goal, extent, slack, core), beyond
+    return Ends(piece.start, piece.goal, errors, goal, extent, slack, core, assembly.form), beyond

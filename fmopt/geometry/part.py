@@ -46,7 +46,7 @@ class Part(Value):
 
     Balls beside the boundary are parts of it; `pieces` are what is bounded by faces, `bodies` all that it is made of.
     `notes` say what a user should know of an imported mesh, one statement each. The facets of its file lie up to `off`
-    (m, counted half as much again in the sagitta) from the boundary, at `where` (3,), m, in the numbers of the file.
+    (m) from the boundary, at `where` (3,), m, in the numbers of the file.
     """
 
     name: str
@@ -57,6 +57,11 @@ class Part(Value):
     notes: tuple[str, ...] = ()
     off: float = 0.0
     where: Array = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def form(self) -> float:
+        """Its tolerance of form, m: how far the surface of the real part may lie from the boundary."""
+        return _ELSEWHERE * self.off
 
     @cached_property
     def balls(self) -> tuple[Polyhedron, ...]:
@@ -150,7 +155,7 @@ def mesh_part(
     known = found_features(part.polyhedron, part.pieces) if features is None else tuple(features)
     for feature in known:
         _require_intact(name, mesh, feature)
-    true = _ELSEWHERE * mesh.off + (mesh.chord_error if chord_error is None else chord_error)
+    true = mesh.chord_error if chord_error is None else chord_error
     notes = tuple(f"warning: {name}: {note}" for note in mesh.notes)
     return replace(part, features=known, chord_error=true, notes=notes)
 
@@ -192,6 +197,7 @@ def stretched(part: Part, factors: Sequence[float]) -> Part:
         polyhedron=rounded(scaled(part.polyhedron, factors)),
         pieces=tuple(rounded(scaled(piece, factors)) for piece in part.pieces),
         chord_error=max(factors) * part.chord_error,
+        off=max(factors) * part.off,
     )
 
 

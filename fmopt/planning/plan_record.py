@@ -222,6 +222,8 @@ def part_record(
     Vertices whose exact coordinates are no floats have these beside them, as fractions.
     """
     shapes: dict[str, Any] = {**_shape(part.polyhedron), "pieces": [_shape(piece) for piece in part.pieces]}
+    if part.form:
+        shapes["form"] = part.form
     if part.polyhedron.balls:
         shapes["balls"] = [{"vertex": n, "radius": radius} for n, radius in part.polyhedron.balls]
     if exact:

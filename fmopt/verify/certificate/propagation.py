@@ -15,7 +15,6 @@ contacts' rows at either end. A row's linear part is therefore bounded at the tw
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 from fmopt.verify.arithmetic.rational import (
@@ -24,7 +23,6 @@ from fmopt.verify.arithmetic.rational import (
     SLACK,
     ArithmeticRefusal,
     Row,
-    Vector,
     length,
     logarithm,
     over,
@@ -56,57 +54,21 @@ from fmopt.verify.certificate.error_set import (
     stretched,
     without,
 )
-from fmopt.verify.parts.assembly import Assembly, Touch
+from fmopt.verify.certificate.form import Ties, loss, thickness
+from fmopt.verify.certificate.piece import Task
+from fmopt.verify.parts.assembly import Assembly
 from fmopt.verify.parts.rows import (
     DirectionAlong,
     Distance,
     Extent,
     Function,
     PointAbove,
-    Pose,
     coarse,
     remainder,
     size,
 )
 
 _HALF = ONE >> 1
-
-
-@dataclass(frozen=True)
-class Task:
-    """The piece to be carried through.
-
-    Attributes:
-        start, goal: nominal poses.
-        held: basis contacts held along the piece, with directions.
-        made: basis contact that the move makes, or None.
-        state: all contacts held along the piece.
-        goal_state: all contacts held after the move.
-        share: φ, the piece's share of what is left of the move; ONE on its last piece.
-        theta: stated bound of |ε|, rad.
-        angles: stated half-widths of the box of ε, rad.
-        box: stated half-widths of the box of e, m.
-        rates: λ_t and λ_r.
-        rho: characteristic length, m.
-    """
-
-    start: Pose
-    goal: Pose
-    held: tuple[tuple[Touch, Row], ...]
-    made: Touch | None
-    state: tuple[Touch, ...]
-    goal_state: tuple[Touch, ...]
-    share: int
-    theta: int
-    angles: Vector
-    box: Vector
-    rates: tuple[int, int]
-    rho: int
-
-    @property
-    def last(self) -> bool:
-        """Whether the move ends with this piece."""
-        return self.share == ONE
 
 
 class Motion:
@@ -172,6 +134,10 @@ class Motion:
             found = self._rest[function] = remainder(*ends, self.extent) + self._coupled(size(*ends))
         return found
 
+    def loss(self, function: Function) -> int:
+        """What a function loses to tolerances of form."""
+        return loss(function, self.assembly.form)
+
     def nominal(self, function: Function) -> int:
         """The lesser of a function's values at the nominal poses of both ends; `lowest` is less."""
         found = self._nominal.get(function)
@@ -192,24 +158,25 @@ class Motion:
                 found = goal.f - self._second(function)
                 if start.f - self._boxed(start.N) < found:
                     found = min(found, start.f - self._first(function))
-            found = self._lowest[function] = found - self.rest(function) - SLACK
+            found = self._lowest[function] = found - self.rest(function) - self.loss(function) - SLACK
         return found
 
     def highest(self, function: Function) -> int:
         """Certified upper bound of a function over the piece."""
         start, goal = self.ends(function)
         found = max(start.f + self._first(function), goal.f + self._second(function))
-        return found + self.rest(function) + SLACK
+        return found + self.rest(function) + self.loss(function) + SLACK
 
     def at_start(self, function: Function) -> int:
         """Certified lower bound of a function at the start of the piece."""
-        return self.ends(function)[0].f - self._first(function) - self.rest(function) - SLACK
+        lost = self.rest(function) + self.loss(function) + SLACK
+        return self.ends(function)[0].f - self._first(function) - lost
 
     def at_goal(self, function: Function) -> tuple[int, int]:
         """Certified lower and upper bound of a function when the piece has ended."""
         goal = self.ends(function)[1]
         off = self._second(function) + remainder(goal, goal, self.extent.standing) + self._coupled(size(goal, goal))
-        off += SLACK
+        off += self.loss(function) + SLACK
         return goal.f - off, goal.f + off
 
     def _first(self, function: Function) -> int:
@@ -234,13 +201,15 @@ class Motion:
 
     def far(self, function: Function) -> int:
         """A quick lower bound of a function: `lowest` is above it where the errors are in their stated box."""
-        return self.nominal(function) - self._blur(function, self.extent.offset, self.task.theta)
+        lost = self._blur(function, self.extent.offset, self.task.theta) + self.loss(function)
+        return self.nominal(function) - lost
 
     def blur(self, function: Function) -> int:
         """A quick bound of what `lowest` and `at_goal` take off nominal values, by the derived box of the errors."""
         offset, angle = self._reach
         # A row that measures an angle is the same at all positions.
-        return self._blur(function, 0 if isinstance(function, DirectionAlong) else offset, angle)
+        offset = 0 if isinstance(function, DirectionAlong) else offset
+        return self._blur(function, offset, angle) + self.loss(function)
 
     @cached_property
     def _reach(self) -> tuple[int, int]:
@@ -317,13 +286,19 @@ class Motion:
             start, goal = self.ends(function)
             off = max(abs(start.f) + self.errors.core_support(start.N), abs(goal.f))
             self.start_thickness.append(self.rest(function) + off + SLACK)
+        closing = self.made if self.task.last else None
+        added = [0] * (len(self.held) + 1)
+        if self.assembly.form:
+            ties = Ties((*self.held, closing), self.directions, self.motion, self.rate, self.extent, self.coupling)
+            added = thickness(self.assembly, self.task, ties)
+        self.start_thickness = [t + more for t, more in zip(self.start_thickness, added, strict=False)]
         self.thickness, self.goal_dual, self.delay = list(self.start_thickness), self.held_dual, 0
-        if self.made is None or not self.task.last:
+        if self.made is None or closing is None:
             return
         goal = self.ends(self.made)[1]
         rows = tuple(self.ends(function)[1].N for function in (*self.held, self.made))
         self.goal_dual, solved = dual((*self.directions, self.motion), rows)
-        self.thickness.append(self.rest(self.made) + abs(goal.f) + self._left(goal.N) + SLACK)
+        self.thickness.append(self.rest(self.made) + abs(goal.f) + self._left(goal.N) + SLACK + added[-1])
         self.delay = sum(times(abs(c), t) for c, t in zip(solved[-1], self.thickness, strict=True)) + SLACK
 
     @property

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
-from fmopt.verify.arithmetic.rational import Vector, add, cross, dot, length, scaled, sub
+from fmopt.verify.arithmetic.rational import Vector, add, cross, dot, fixed, length, scaled, sub
 from fmopt.verify.parts.covering import uncovered
 from fmopt.verify.parts.incidence import Incidence
 from fmopt.verify.parts.rows import DirectionAlong, EdgesApart, FaceAbove, Function, PointAbove
@@ -93,10 +93,12 @@ class Assembly(Incidence):
     Attributes:
         touches: contacts by id.
         flaws: what is wrong with parts, pieces or contacts.
+        form: how far the surfaces of both parts may lie from these, together, m.
     """
 
     def __init__(self, plan: Plan) -> None:
         super().__init__(plan.moving, plan.fixed)
+        self.form = fixed(plan.moving.form) + fixed(plan.fixed.form)
         self.touches: dict[str, Touch] = {}
         self.flaws = [*self._solids(), *self.blurred(plan.touch)]
         for contact in plan.contacts:

@@ -1,0 +1,198 @@
+"""Tolerances of form: by how much they thicken the surfaces of contacts, and what rows lose to them.
+
+Let Δ be the sum of what both parts may be off. A plane that keeps the parts of the plan apart by m keeps the real ones
+apart by m − Δ; a height over another point of the same part may be off by what both places are, 2 Δ. A real contact is
+a point of two real features, with points y and z of the nominal ones next to it, |y − z| ≤ Δ: their distance is within
+±Δ, which is how thick the surface of a contact is that is held, or has been made.
+
+A direction is no distance, and may be off zero by more. In a wall an end a of an edge is as high as y to 2 Δ, where the
+edge crosses a rim; a is r inside, so that y is r − Δ away from it at least, and the other end of the edge, ℓ from a, is
+as high as a to 2 Δ ℓ/(r − Δ). Where that end is on the wall itself, it is to 2 Δ. A face that meets a rim with two of
+its edges has it level to 2 Δ over the distance of the two places there, which is that of the y less 2 Δ. The second y
+is as far from the first edge as its own edge is where it is nearest; of two with one corner, by the sine of their angle
+times how far it is from the corner, which is as far as that is from the rim, less Δ.
+
+When several contacts are made together any of them may be the one that touches. Let Q be the rows of the held ones and
+of that one, times the directions that give way, κ by how many Δ each is off, and W what Q varies by while errors vary.
+Then z = Q y is |z| ≤ Δ κ + W |Q⁻¹| |z|, so that |z| ≤ Δ (1 − W |Q⁻¹|)⁻¹ κ if that inverse has no negative entry; and
+what counts is a y with a row a that varies by w, |a y| ≤ (|a Q⁻¹| + w |Q⁻¹|) |z|.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from operator import mul
+from typing import NamedTuple
+
+from fmopt.verify.arithmetic.rational import (
+    BITS,
+    ONE,
+    ArithmeticRefusal,
+    Row,
+    Vector,
+    dot,
+    inverse,
+    length,
+    over,
+    row_dot,
+    scaled,
+    sub,
+    times,
+    unit,
+)
+from fmopt.verify.certificate.error_set import dual
+from fmopt.verify.certificate.piece import Task
+from fmopt.verify.parts.assembly import Assembly, Touch
+from fmopt.verify.parts.rows import DirectionAlong, Distance, Extent, Function, PointAbove, size
+from fmopt.verify.parts.solids import Plane
+
+_ALONGSIDE = 1_000_000  # times as fast as others the contact comes nearer that is made, and not passed
+
+
+class Ties(NamedTuple):
+    """What ties errors to the contacts of a piece of motion.
+
+    Attributes:
+        functions: of the contacts held, and at last of the one that is made at its end, or None.
+        directions: along which the held ones give way.
+        motion: inside the held contacts.
+        rate: how much nearer the contact being made comes.
+        extent: of the piece.
+        coupling: what errors in different frames add beyond linear parts, m and rad.
+    """
+
+    functions: tuple[Function | None, ...]
+    directions: tuple[Row, ...]
+    motion: Row
+    rate: int
+    extent: Extent
+    coupling: tuple[int, int]
+
+
+def loss(function: Function, form: int) -> int:
+    """What a row loses to tolerances of form, m."""
+    return 2 * form if isinstance(function, DirectionAlong) else form
+
+
+def varied(start: Distance, goal: Distance, motion: Row, extent: Extent) -> int:
+    """A bound of how much a row's product with a motion differs between poses of the piece."""
+    straight, round_ = length(motion[:3]), length(motion[3:])
+    angle = extent.theta + extent.turn
+    change = times(angle, times(size(start, goal), round_))
+    if start.bend is not None:
+        change += times(angle, straight) + times(extent.offset + length(extent.travel), round_)
+    return change
+
+
+def thickness(assembly: Assembly, task: Task, ties: Ties) -> list[int]:
+    """What tolerances of form add to the thickness of the contacts held, and of the one that is made at the end, m.
+
+    Raises:
+        ArithmeticRefusal: a direction tells of a contact, and nothing how far that may be off.
+    """
+    own = [touch for touch, _ in task.held]
+    known = _Known(assembly, task, ties)
+    levers = [known.lever(touch, f, own) for touch, f in zip(own, ties.functions, strict=False)]
+    made = ties.functions[-1]
+    if made is not None and task.made is not None:
+        lever = known.lever(task.made, made, own)
+        if isinstance(made, DirectionAlong) and task.made.kind == "vertex-face":
+            lever = known.completed(task.made, own)
+        old = {task.made.id, *(touch.id for touch in task.state)}
+        for other in (touch for touch in task.goal_state if touch.id not in old):
+            lever = max(lever, known.instead(made, assembly.function(other, ()), levers))
+        levers.append(lever)
+    return [times(assembly.form, lever) + 1 for lever in levers]
+
+
+class _Known(NamedTuple):
+    """How far functions of contacts may be off zero, as multiples of Δ."""
+
+    assembly: Assembly
+    task: Task
+    ties: Ties
+
+    def lever(self, touch: Touch, function: Function | None, own: Sequence[Touch]) -> int:
+        """That of a contact, told by those of the basis."""
+        if not isinstance(function, DirectionAlong) or touch.kind != "edge-edge":
+            return ONE
+        if self.assembly.hinge(touch, self.task.state) is not None:
+            return self._hinged(touch, own)
+        return self._levelled(touch, own)
+
+    def completed(self, made: Touch, own: Sequence[Touch]) -> int:
+        """That of a vertex that reaches a wall on a rim of which its edge is held."""
+        for touch in own:
+            if self.assembly.hinge(touch, (made,)) and not self.assembly.hinge(touch, self.task.state):
+                return self._hinged(touch, (made,))
+        raise _unknown(made)
+
+    def _hinged(self, touch: Touch, own: Sequence[Touch]) -> int:
+        hinge = self.assembly.hinge(touch, own)
+        if hinge is None:
+            raise _unknown(touch)
+        wall, a, b = hinge
+        beyond = next(face for face in touch.faces if not self.assembly.agree(face, wall))
+        inward = unit(sub(scaled(dot(beyond.normal, wall.normal), wall.normal), beyond.normal))
+        room = self._least(a, Plane(inward, dot(inward, touch.fixed[0]))) - self.assembly.form
+        return over(2 * length(sub(b, a)), _positive(room, touch)) + 1
+
+    def _levelled(self, touch: Touch, own: Sequence[Touch]) -> int:
+        level, form = self.assembly.level(touch, own), self.assembly.form
+        if level is None:
+            raise _unknown(touch)
+        reach = [dot(level.away, sub(v, level.held.moving[0])) for v in touch.moving]
+        corners = [v for v in touch.moving if v in level.held.moving]
+        if corners:
+            sine = over(max(map(abs, reach)), length(sub(touch.moving[1], touch.moving[0])))
+            u, q = level.held.fixed_line.direction, touch.fixed[0]
+            off = sub(self.task.goal.apply(corners[0]), q)
+            across = unit(sub(off, scaled(dot(off, u), u)))
+            apart = times(sine, self._least(corners[0], Plane(across, dot(across, q))) - form)
+        else:
+            apart = min(map(abs, reach)) if (reach[0] > 0) == (reach[1] > 0) else 0
+        return over(2 * abs(level.far), _positive(apart - 2 * form, touch)) + 1
+
+    def _least(self, v: Vector, plane: Plane) -> int:
+        """How high a body point is over a fixed plane, at least, by the box stated of the errors."""
+        extent, (straight, turned), far = self.ties.extent, self.ties.coupling, length(v)
+        function = PointAbove(plane, v, far)
+        nominal = min(function.value(self.task.start), function.value(self.task.goal))
+        return nominal - extent.offset - straight - times(extent.theta + extent.kappa + turned, far) - 9
+
+    def instead(self, made: Function, other: Function, held: Sequence[int]) -> int:
+        """That of the contact being made where another one touches first."""
+        goal, ties = self.task.goal, self.ties
+        row = other.at(goal)
+        if -row_dot(row.N, ties.motion) <= ties.rate // _ALONGSIDE:
+            return ONE
+        along = (*ties.directions, ties.motion)
+        rows = [f.at(goal) for f in ties.functions[:-1] if f is not None] + [row]
+        _, solved = dual(along, tuple(distance.N for distance in rows))
+        sizes = [[abs(x) for x in shares] for shares in solved]
+        varying = [self._varying(distance, along, sizes) for distance in rows]
+        left = [[(ONE if i == j else 0) - x for j, x in enumerate(line)] for i, line in enumerate(varying)]
+        wider = inverse(left)
+        if any(x < 0 for line in wider for x in line):
+            raise ArithmeticRefusal("errors turn contacts too far for tolerances of form")
+        z = [(sum(map(mul, line, (*held, ONE))) >> BITS) + 1 for line in wider]
+        counted = made.at(goal)
+        own = [row_dot(counted.N, c) for c in along]
+        seen = [abs(sum(map(mul, own, shares)) >> BITS) + 1 for shares in zip(*solved, strict=True)]
+        seen = [x + y for x, y in zip(seen, self._varying(counted, along, sizes), strict=True)]
+        return (sum(map(mul, seen, z)) >> BITS) + 1
+
+    def _varying(self, row: Distance, along: Sequence[Row], sizes: Sequence[Sequence[int]]) -> list[int]:
+        """What a row's products with the directions may vary by at the goal, times the sizes of an inverse."""
+        by = [varied(row, row, c, self.ties.extent.standing) for c in along]
+        return [(sum(map(mul, by, column)) >> BITS) + 1 for column in zip(*sizes, strict=True)]
+
+
+def _positive(room: int, touch: Touch) -> int:
+    if room <= 0:
+        raise ArithmeticRefusal(f"{touch.id} may be where tolerances of form tell nothing of it")
+    return room
+
+
+def _unknown(touch: Touch) -> ArithmeticRefusal:
+    return ArithmeticRefusal(f"tolerances of form tell nothing of {touch.id}: it follows from contacts of no basis")
