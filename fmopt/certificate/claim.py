@@ -198,7 +198,8 @@ def _made(assembly: Assembly, piece: Piece, course: Course) -> FacetRows:
 
 def _own(assembly: Assembly, piece: Piece) -> frozenset[PrimitiveContact]:
     """Where parts are off their form the contacts of the basis, which have to touch themselves."""
-    return frozenset(c.contact for c in piece.basis) | {piece.made} - {None} if assembly.form else frozenset()
+    made = () if piece.made is None else (piece.made,)
+    return frozenset((*(c.contact for c in piece.basis), *made)) if assembly.form else frozenset()
 
 
 def _with_made(assembly: Assembly, piece: Piece, course: Course) -> Heights:

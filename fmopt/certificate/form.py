@@ -25,12 +25,13 @@ from typing import TypeAlias
 
 import numpy as np
 
-from fmopt.certificate.assembly import Assembly, contact_forms, hinge, level, made_form
+from fmopt.certificate.assembly import Assembly, contact_forms, hinge, level
+from fmopt.certificate.contact_implications import held_on
 from fmopt.certificate.remainder import Curvature, Extent
 from fmopt.certificate.rows import Rows, points_above
 from fmopt.certificate.segment_linearisation import Linearisation, Piece
 from fmopt.certificate.tube import SETTLED
-from fmopt.contact.primitive import PrimitiveContact
+from fmopt.contact.primitive import Kind, PrimitiveContact
 from fmopt.errors import InfeasibleError
 from fmopt.spatial.se3 import length
 from fmopt.spatial.values import Array
@@ -76,7 +77,7 @@ class _Levers:
         self._assembly, self._piece, self._way = assembly, piece, way
         self._closing = piece.made is not None and piece.last
         self._basis = tuple(c.contact for c in piece.basis)
-        self._edges = [self._edge(contact, piece.held, ()) for contact in self._basis]
+        self._edges = [self._edge(contact) for contact in self._basis]
         if self._closing:
             assert piece.made is not None
             self._edges.append(self._made_edge(piece.made))
@@ -95,33 +96,36 @@ class _Levers:
                     found[-1] = max(found[-1], self._instead(contact, found[:-1], extent))
         return found
 
-    def _edge(
-        self, contact: PrimitiveContact, together: tuple[PrimitiveContact, ...], more: tuple[PrimitiveContact, ...]
-    ) -> Callable[[Extent], float] | None:
+    def _edge(self, contact: PrimitiveContact) -> Callable[[Extent], float] | None:
         """The lever of a contact that a direction tells of, None for others."""
-        own = (*self._basis, *more)
-        if hinge(self._assembly, contact, together) is not None:
-            return self._hinged(contact, own)
-        if level(self._assembly, contact, together) is not None:
-            return self._levelled(contact, own)
+        found = hinge(self._assembly, contact, self._piece.held)
+        if found is not None:
+            return self._hinged(contact, found[0], self._basis)
+        if level(self._assembly, contact, self._piece.held) is not None:
+            return self._levelled(contact)
         return None
 
     def _made_edge(self, made: PrimitiveContact) -> Callable[[Extent], float] | None:
         """The same of the contact being made, which may complete the hinge of an edge that is held."""
-        held = self._piece.held
-        if made_form(self._assembly, made, held) is contact_forms(self._assembly, (made,), held):
-            return self._edge(made, held, ())
-        for contact in self._basis:
-            if hinge(self._assembly, contact, (made,)) is not None and hinge(self._assembly, contact, held) is None:
-                return self._hinged(contact, (made,))
-        raise _unknown(made)
+        if made.kind is not Kind.VERTEX_FACE:
+            return self._edge(made)
+        for contact in self._piece.held:
+            found = hinge(self._assembly, contact, (made,))
+            if found is not None and hinge(self._assembly, contact, self._piece.held) is None:
+                if contact not in self._basis:
+                    raise _unknown(contact)
+                return self._hinged(contact, found[0], (made,))
+        return None
 
-    def _hinged(self, contact: PrimitiveContact, own: tuple[PrimitiveContact, ...]) -> Callable[[Extent], float]:
-        found = hinge(self._assembly, contact, own)
-        if found is None:
-            raise _unknown(contact)
+    def _hinged(
+        self, contact: PrimitiveContact, face: int, own: tuple[PrimitiveContact, ...]
+    ) -> Callable[[Extent], float]:
+        """That of an edge hinged in a wall, on which one of some contacts has an end of it."""
         fixed, body = self._assembly.fixed.polyhedron, self._assembly.moving.polyhedron.vertices
-        wall, a, b = fixed.faces[found[0]], found[1], found[2]
+        wall, ends = fixed.faces[face], held_on(self._assembly, face, own)
+        if not ends & set(contact.moving):
+            raise _unknown(contact)
+        a, b = contact.moving if contact.moving[0] in ends else contact.moving[::-1]
         sides = [fixed.faces[n] for n in fixed.edges[contact.fixed_feature].faces]
         over = next(s for s in sides if not self._assembly.agree(s.normal, s.offset, wall.normal, wall.offset))
         inward = wall.normal * float(over.normal @ wall.normal) - over.normal
@@ -130,12 +134,13 @@ class _Levers:
         least, far, form = self._least(body[a], inward, offset), length(body[b] - body[a]), self._assembly.form
         return lambda extent: 2.0 * far / _positive(least - _blur(extent, length(body[a])) - form, contact)
 
-    def _levelled(self, contact: PrimitiveContact, own: tuple[PrimitiveContact, ...]) -> Callable[[Extent], float]:
+    def _levelled(self, contact: PrimitiveContact) -> Callable[[Extent], float]:
+        """That of an edge on a rim on which another one of the same face is held."""
         body, form = self._assembly.moving.polyhedron, self._assembly.form
-        found = level(self._assembly, contact, own)
-        if found is None:
+        other = next(c for c in self._piece.held if level(self._assembly, contact, (c,)) is not None)
+        found = level(self._assembly, contact, (other,))
+        if other not in self._basis or found is None:
             raise _unknown(contact)
-        other = next(c for c in own if level(self._assembly, contact, (c,)) is not None)
         far = length(found[1])
         a, b = body.vertices[list(other.moving)]
         away = np.cross((b - a) / length(b - a), found[1] / far)
@@ -168,8 +173,8 @@ class _Levers:
 
     def _instead(self, contact: PrimitiveContact, held: Array, extent: Extent) -> float:
         """The lever of the contact being made where another one touches first."""
-        assert self._way.made is not None
         way, other = self._way, contact_forms(self._assembly, (contact,), ()).at(self._piece.goal)
+        assert way.made is not None
         C = np.column_stack([way.directions.T, way.motion])
         if -float(other.N[0] @ way.motion) <= _ALONGSIDE * way.rate:
             return 1.0

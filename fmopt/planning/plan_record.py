@@ -90,7 +90,7 @@ def _proof(problem: Problem, motion: ControlledMotion) -> dict[str, Any]:
         "specification": problem.specification.record(),
         "goal": segments[-1]["goal"],
         "touch_tolerance": 1e-9,
-        "not_covered": plan.NOT_COVERED,
+        "not_covered": plan.NOT_COVERED_OFF_FORM if done.assembly.form else plan.NOT_COVERED,
         "parts": {
             "moving": {**part_record(problem.moving, declared, clearance, own), **_found(problem, 0)},
             "fixed": {**part_record(problem.fixed, declared, clearance, other), **_found(problem, 1)},

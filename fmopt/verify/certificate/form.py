@@ -96,8 +96,6 @@ def thickness(assembly: Assembly, task: Task, ties: Ties) -> list[int]:
     made = ties.functions[-1]
     if made is not None and task.made is not None:
         lever = known.lever(task.made, made, own)
-        if isinstance(made, DirectionAlong) and task.made.kind == "vertex-face":
-            lever = known.completed(task.made, own)
         old = {task.made.id, *(touch.id for touch in task.state)}
         for other in (touch for touch in task.goal_state if touch.id not in old):
             lever = max(lever, known.instead(made, assembly.function(other, ()), levers))
@@ -114,32 +112,39 @@ class _Known(NamedTuple):
 
     def lever(self, touch: Touch, function: Function | None, own: Sequence[Touch]) -> int:
         """That of a contact, told by those of the basis."""
-        if not isinstance(function, DirectionAlong) or touch.kind != "edge-edge":
+        if not isinstance(function, DirectionAlong):
             return ONE
-        if self.assembly.hinge(touch, self.task.state) is not None:
-            return self._hinged(touch, own)
-        return self._levelled(touch, own)
+        if touch.kind == "vertex-face":
+            return self._completed(touch, own)
+        hinge = self.assembly.hinge(touch, self.task.state)
+        return self._levelled(touch, own) if hinge is None else self._hinged(touch, hinge[0], own)
 
-    def completed(self, made: Touch, own: Sequence[Touch]) -> int:
+    def _completed(self, made: Touch, own: Sequence[Touch]) -> int:
         """That of a vertex that reaches a wall on a rim of which its edge is held."""
-        for touch in own:
-            if self.assembly.hinge(touch, (made,)) and not self.assembly.hinge(touch, self.task.state):
-                return self._hinged(touch, (made,))
+        state = self.task.state
+        for touch in state:
+            hinge = self.assembly.hinge(touch, (made,))
+            if hinge is not None and self.assembly.hinge(touch, state) is None:
+                if all(touch.id != known.id for known in own):
+                    break
+                return self._hinged(touch, hinge[0], (made,))
         raise _unknown(made)
 
-    def _hinged(self, touch: Touch, own: Sequence[Touch]) -> int:
-        hinge = self.assembly.hinge(touch, own)
-        if hinge is None:
+    def _hinged(self, touch: Touch, wall: Plane, own: Sequence[Touch]) -> int:
+        """That of an edge hinged in a wall, on which one of some contacts has an end of it."""
+        on = [t for t in own if t.kind == "vertex-face" and self.assembly.agree(t.faces[0], wall)]
+        ends = [v for v in touch.moving if any(t.moving[0] == v for t in on)]
+        if not ends:
             raise _unknown(touch)
-        wall, a, b = hinge
+        a, b = touch.moving if touch.moving[0] in ends else touch.moving[::-1]
         beyond = next(face for face in touch.faces if not self.assembly.agree(face, wall))
         inward = unit(sub(scaled(dot(beyond.normal, wall.normal), wall.normal), beyond.normal))
         room = self._least(a, Plane(inward, dot(inward, touch.fixed[0]))) - self.assembly.form
         return over(2 * length(sub(b, a)), _positive(room, touch)) + 1
 
     def _levelled(self, touch: Touch, own: Sequence[Touch]) -> int:
-        level, form = self.assembly.level(touch, own), self.assembly.form
-        if level is None:
+        level, form = self.assembly.level(touch, self.task.state), self.assembly.form
+        if level is None or all(level.held.id != known.id for known in own):
             raise _unknown(touch)
         reach = [dot(level.away, sub(v, level.held.moving[0])) for v in touch.moving]
         corners = [v for v in touch.moving if v in level.held.moving]
@@ -180,7 +185,8 @@ class _Known(NamedTuple):
         own = [row_dot(counted.N, c) for c in along]
         seen = [abs(sum(map(mul, own, shares)) >> BITS) + 1 for shares in zip(*solved, strict=True)]
         seen = [x + y for x, y in zip(seen, self._varying(counted, along, sizes), strict=True)]
-        return (sum(map(mul, seen, z)) >> BITS) + 1
+        total: int = sum(map(mul, seen, z))
+        return (total >> BITS) + 1
 
     def _varying(self, row: Distance, along: Sequence[Row], sizes: Sequence[Sequence[int]]) -> list[int]:
         """What a row's products with the directions may vary by at the goal, times the sizes of an inverse."""

@@ -181,8 +181,8 @@ def _beside_mesh(part: Part, problem: Problem, side: str, mesh: Mesh, per_metre:
         surface = compared(candidate, part.body)
         if surface.flaw is None:
             near = min(surface, compared(fitting(candidate, part.body), part.body), key=lambda s: (bool(s.flaw), s.off))
-            found = tuple(_form_differences(part, side, mesh.name, near.off - blur))
-            return Compared(found, (*remarks, *near.remarks), _chord(part.body, mesh))
+            flaws = tuple(_form_differences(part, side, mesh.name, near.off - blur))
+            return Compared(flaws, (*remarks, *near.remarks), _chord(part.body, mesh))
         flaw = surface.flaw
     told = f"parts.{side}: the plan is for another {side} part than the mesh {mesh.name}: {flaw}"
     return Compared((told,), remarks, _chord(part.body, mesh))

@@ -25,7 +25,7 @@ _PASSED = 1e-9  # m: a contact this near to its zero when its move starts is not
 
 
 def off_form(plan: Plan, rng: np.random.Generator, share: float = 1.0) -> Plan:
-    """The plan with real parts in place of its own, as far off them as their tolerances of form allow, times a share."""
+    """The plan with real parts in place of its own, off them by a share of their tolerances of form."""
     real = copy.deepcopy(plan)
     for side in ("moving", "fixed"):
         said = plan["parts"][side]
