@@ -246,19 +246,6 @@ def made_scale(assembly: Assembly, made: PrimitiveContact, held: tuple[Primitive
     return rho / float(found.forms.lever[0]) if not found.forms.bilinear.any() and not found.N[0, :3].any() else 1.0
 
 
-def early_form(
-    assembly: Assembly, made: PrimitiveContact, held: tuple[PrimitiveContact, ...], rho: float
-) -> tuple[Forms, float]:
-    """The function (1) that tells that a contact is not there yet when its move starts, and what makes a margin of it.
-
-    That of `made_form`; where parts are off their form, the distance of the features itself, as only that is known to
-    be as large as what they are off by until they touch.
-    """
-    if assembly.form:
-        return contact_forms(assembly, (made,), ()), 1.0
-    return made_form(assembly, made, held), made_scale(assembly, made, held, rho)
-
-
 def _form(assembly: Assembly, contact: PrimitiveContact, together: Sequence[PrimitiveContact]) -> Forms:
     body, fixed = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron
     if contact.kind is Kind.VERTEX_FACE:

@@ -6,12 +6,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
-from fmopt.certificate.assembly import Assembly, contact_forms, early_form
+from fmopt.certificate.assembly import Assembly, contact_forms, made_form, made_scale
 from fmopt.certificate.error_set import ErrorSet
 from fmopt.certificate.facet_margin import Bounds, bounds
+from fmopt.certificate.form import made_lever
 from fmopt.certificate.piece_pairs import Facing, facing
 from fmopt.certificate.propagation import Advance, Piece, Tolerance, advance
-from fmopt.certificate.remainder import AtEnd, Course, Heights
+from fmopt.certificate.remainder import AtEnd, Course, Ends, Heights
 from fmopt.certificate.separating_plane import Separation
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import InfeasibleError
@@ -111,7 +112,7 @@ def claimed(
         for n, ((piece, step), planes, own) in enumerate(zip(alike, chosen, contacts, strict=True)):
             early = None
             if piece.made is not None and piece.progress[0] == 0.0:
-                early = _before(assembly, piece, piece.made, course.piece(n), tolerance.rho)
+                early = _before(assembly, piece, step.ends, course.piece(n), tolerance.rho)
             found.append(_claim(piece, step, _separated(listed, planes), own, early))
     return found
 
@@ -207,10 +208,15 @@ def _with_made(assembly: Assembly, piece: Piece, course: Course) -> Heights:
     return course.over(contact_forms(assembly, (*piece.held, *piece.making), piece.goal_contacts))
 
 
-def _before(assembly: Assembly, piece: Piece, made: PrimitiveContact, course: Course, rho: float) -> float:
+def _before(assembly: Assembly, piece: Piece, ends: Ends, course: Course, rho: float) -> float:
     """How far from touching the contact to be made still is when the move starts.
 
-    Where its row measures an angle (see `made_form`), this is the way on an arm of ρ.
+    Where its row measures an angle (see `made_form`), this is the way on an arm of ρ. Parts that are off their form
+    touch where that is not yet zero.
     """
-    forms, scale = early_form(assembly, made, piece.held, rho)
-    return float(course.over(forms).bounds[0, 0, 0]) * scale
+    assert piece.made is not None
+    forms = made_form(assembly, piece.made, piece.held)
+    found = float(course.over(forms).bounds[0, 0, 0])
+    if ends.form:
+        found += ends.form * ((2.0 if forms.directed[0] else 1.0) - made_lever(assembly, piece, ends))
+    return found * made_scale(assembly, piece.made, piece.held, rho)

@@ -24,7 +24,7 @@ import numpy as np
 
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.error_set import ErrorSet
-from fmopt.certificate.form import Carried, under_form
+from fmopt.certificate.form import under_form
 from fmopt.certificate.remainder import Extent
 from fmopt.certificate.segment_linearisation import (
     Compliance,
@@ -135,16 +135,16 @@ def _carried(
     drifts = errors.slide_root, errors.swing_root
     roots = Errors(core, *drifts, errors.shape_root, moved, shape_moved, links)
 
-    def carry(form: Array) -> tuple[Carried, Extent]:
+    def carry(form: Array) -> tuple[Ends, float]:
         found = carried(layers._replace(form=form), numbers, roots, tolerance.rho)
-        return found, Extent(way.twist, found[1], coupled(links, found[1], way.turn))
+        code, half, thickness, beyond, generators, slide, swing, shape = found
+        if code != SETTLED:
+            message, advice = _IMPOSSIBLE[code]
+            raise InfeasibleError(message, advice=advice)
+        compliant = np.array([c.direction for c in basis[: len(thickness)]]).reshape(-1, 6)
+        goal = ErrorSet(shape, generators, slide, swing, len(thickness), compliant, linkage)
+        extent = Extent(way.twist, half, coupled(links, half, way.turn))
+        slack = way.start_dual * thickness[: len(piece.basis)]
+        return Ends(piece.start, piece.goal, errors, goal, extent, slack, core, assembly.form), beyond
 
-    found, extent = carry(layers.form) if assembly.form == 0.0 else under_form(assembly, piece, way, carry)
-    code, _, thickness, beyond, generators, slide, swing, shape = found
-    if code != SETTLED:
-        message, advice = _IMPOSSIBLE[code]
-        raise InfeasibleError(message, advice=advice)
-    compliant = np.array([c.direction for c in basis[: len(thickness)]]).reshape(-1, 6)
-    goal = ErrorSet(shape, generators, slide, swing, len(thickness), compliant, linkage)
-    slack = way.start_dual * thickness[: len(piece.basis)]
-    return Ends(piece.start, piece.goal, errors, goal, extent, slack, core, assembly.form), beyond
+    return under_form(assembly, piece, way, carry) if assembly.form else carry(layers.form)

@@ -31,6 +31,7 @@ from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value, frozen
 
 _ELSEWHERE = 1.5  # times: how far facets are off faces in frames that fit a mesh to them by other measures
+_SINGLE = 2e-8  # m: as far as that, numbers of single precision put facets off in parts of 200 mm
 _MESH_VOLUME = 1e-4  # of the volume
 _FAR_END = 0.05  # of a feature's length: gaps no further from its far end than this are at its far rim
 
@@ -60,8 +61,11 @@ class Part(Value):
 
     @property
     def form(self) -> float:
-        """Its tolerance of form, m: how far the surface of the real part may lie from the boundary."""
-        return _ELSEWHERE * self.off
+        """Its tolerance of form, m: how far the surface of the real part may lie from the boundary.
+
+        What single precision leaves of numbers is none.
+        """
+        return _ELSEWHERE * self.off if self.off > _SINGLE else 0.0
 
     @cached_property
     def balls(self) -> tuple[Polyhedron, ...]:

@@ -186,7 +186,7 @@ def test_the_check_measures_no_more_than_is_stated(tmp_path: Path) -> None:
     clean = load(folder(tmp_path, 0.0)).moving
     folder(tmp_path, 5e-3)
     (told,) = part_beside_its_model(part(clean), load_problem(file), "moving", None).differences
-    assert told.startswith("parts.moving.form: the plan allows for 2.")
+    assert told.startswith("parts.moving.form: the plan allows for 0.0 m")
 
 
 def test_a_tolerance_of_form_that_the_mesh_exceeds_is_noticed(tmp_path: Path) -> None:

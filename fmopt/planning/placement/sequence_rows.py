@@ -9,7 +9,7 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.certificate.assembly import Assembly, contact_rows, early_form, made_form
+from fmopt.certificate.assembly import Assembly, contact_rows, made_form, made_scale
 from fmopt.certificate.claim import Claim, facet_rows
 from fmopt.certificate.piece_pairs import Pair, pairs
 from fmopt.certificate.remainder import Course, Curvature
@@ -303,8 +303,8 @@ def _near(assembly: Assembly, claim: Claim, course: Course, rho: float, most: fl
                 N, taken = (slope @ facet.rows.N)[None], np.array([slope @ (facet.rows.f - facet.lower)])
                 yield _Block(N, np.array([margin]), taken, np.zeros(1), facet.end, course.spread(facet.end, N))
     if claim.early is not None and piece.made is not None:
-        forms, scale = early_form(assembly, piece.made, piece.held, rho)
-        made = forms.at(piece.start)
+        made = made_form(assembly, piece.made, piece.held).at(piece.start)
+        scale = made_scale(assembly, piece.made, piece.held, rho)
         N, early = scale * made.N, np.array([claim.early])
         yield _Block(N, early, scale * made.f - early, np.zeros(1), 0, course.spread(0, N))
 

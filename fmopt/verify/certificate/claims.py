@@ -189,10 +189,8 @@ def _before(assembly: Assembly, stage: Stage, named: list[tuple[int, str]], note
     if stage.made is None or motion.made is None:
         return
     if stage.segment.progress[0] == 0.0:
-        # Where parts are off their form only the distance of the features themselves tells that they do not touch.
-        function = assembly.function(stage.made, ()) if assembly.form else motion.made
-        first = motion.ends(function)[0]
-        room = motion.at_start(function)
+        first = motion.ends(motion.made)[0]
+        room = motion.at_start(motion.made) + motion.loss(motion.made) - motion.touched()
         if not any(first.N[:3]) and first.bend is None:
             # A row that measures an angle: the way on an arm of ρ.
             room = over(times(room, motion.task.rho), first.reach)

@@ -12,15 +12,18 @@ its edges has it level to 2 Δ over the distance of the two places there, which 
 is as far from the first edge as its own edge is where it is nearest; of two with one corner, by the sine of their angle
 times how far it is from the corner, which is as far as that is from the rim, less Δ.
 
-When several contacts are made together any of them may be the one that touches. Let Q be the rows of the held ones and
-of that one, times the directions that give way, κ by how many Δ each is off, and W what Q varies by while errors vary.
-Then z = Q y is |z| ≤ Δ κ + W |Q⁻¹| |z|, so that |z| ≤ Δ (1 − W |Q⁻¹|)⁻¹ κ if that inverse has no negative entry; and
-what counts is a y with a row a that varies by w, |a y| ≤ (|a Q⁻¹| + w |Q⁻¹|) |z|.
+When several contacts are made together any of them may be the one that touches. Of two corners of one wall, or two
+edges of a face on one rim, the other is off by as much more as a direction that held contacts have at zero: the height
+of one corner over the other, or how much the rim, which is as long as they are apart at most, leans on the face. Else
+let Q be the rows of the held ones and of that one, times the directions that give way, κ by how many Δ each is off, and
+W what Q varies by while errors vary. Then z = Q y is |z| ≤ Δ κ + W |Q⁻¹| |z|, so that |z| ≤ Δ (1 − W |Q⁻¹|)⁻¹ κ if that
+inverse has no negative entry; and what counts is a y with a row a that varies by w, |a y| ≤ (|a Q⁻¹| + w |Q⁻¹|) |z|.
+A direction that held contacts have at zero is bounded in the same way, by their rows alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from operator import mul
 from typing import NamedTuple
 
@@ -40,6 +43,7 @@ from fmopt.verify.arithmetic.rational import (
     times,
     unit,
 )
+from fmopt.verify.certificate.contact_implications import Facts
 from fmopt.verify.certificate.error_set import dual
 from fmopt.verify.certificate.piece import Task
 from fmopt.verify.parts.assembly import Assembly, Touch
@@ -58,7 +62,7 @@ class Ties(NamedTuple):
         motion: inside the held contacts.
         rate: how much nearer the contact being made comes.
         extent: of the piece.
-        coupling: what errors in different frames add beyond linear parts, m and rad.
+        room: how high a real point is over a fixed plane at least, m.
     """
 
     functions: tuple[Function | None, ...]
@@ -66,7 +70,7 @@ class Ties(NamedTuple):
     motion: Row
     rate: int
     extent: Extent
-    coupling: tuple[int, int]
+    room: Callable[[PointAbove], int]
 
 
 def loss(function: Function, form: int) -> int:
@@ -84,23 +88,34 @@ def varied(start: Distance, goal: Distance, motion: Row, extent: Extent) -> int:
     return change
 
 
-def thickness(assembly: Assembly, task: Task, ties: Ties) -> list[int]:
-    """What tolerances of form add to the thickness of the contacts held, and of the one that is made at the end, m.
+def levers(assembly: Assembly, task: Task, ties: Ties) -> list[int]:
+    """By how many Δ the functions of the contacts held, and of the one that is made at the end, may be off zero.
 
     Raises:
         ArithmeticRefusal: a direction tells of a contact, and nothing how far that may be off.
     """
     own = [touch for touch, _ in task.held]
     known = _Known(assembly, task, ties)
-    levers = [known.lever(touch, f, own) for touch, f in zip(own, ties.functions, strict=False)]
+    found = [known.lever(touch, f) for touch, f in zip(own, ties.functions, strict=False)]
     made = ties.functions[-1]
     if made is not None and task.made is not None:
-        lever = known.lever(task.made, made, own)
+        lever = most = known.lever(task.made, made)
         old = {task.made.id, *(touch.id for touch in task.state)}
         for other in (touch for touch in task.goal_state if touch.id not in old):
-            lever = max(lever, known.instead(made, assembly.function(other, ()), levers))
-        levers.append(lever)
-    return [times(assembly.form, lever) + 1 for lever in levers]
+            most = max(most, known.instead(other, made, (*found, lever)))
+        found.append(most)
+    return found
+
+
+def made_lever(assembly: Assembly, task: Task, made: Function, room: Callable[[PointAbove], int]) -> int:
+    """By how many Δ the function of the contact being made is off zero at most where it touches along the piece.
+
+    Raises:
+        ArithmeticRefusal: nothing tells.
+    """
+    assert task.made is not None
+    extent = Extent((0, 0, 0), 0, (0, 0, 0), 0, (0, 0, 0), (0, 0, 0))
+    return _Known(assembly, task, Ties((), (), (0,) * 6, 0, extent, room)).lever(task.made, made)
 
 
 class _Known(NamedTuple):
@@ -110,8 +125,9 @@ class _Known(NamedTuple):
     task: Task
     ties: Ties
 
-    def lever(self, touch: Touch, function: Function | None, own: Sequence[Touch]) -> int:
+    def lever(self, touch: Touch, function: Function | None) -> int:
         """That of a contact, told by those of the basis."""
+        own = [known for known, _ in self.task.held]
         if not isinstance(function, DirectionAlong):
             return ONE
         if touch.kind == "vertex-face":
@@ -139,7 +155,7 @@ class _Known(NamedTuple):
         a, b = touch.moving if touch.moving[0] in ends else touch.moving[::-1]
         beyond = next(face for face in touch.faces if not self.assembly.agree(face, wall))
         inward = unit(sub(scaled(dot(beyond.normal, wall.normal), wall.normal), beyond.normal))
-        room = self._least(a, Plane(inward, dot(inward, touch.fixed[0]))) - self.assembly.form
+        room = self._room(a, Plane(inward, dot(inward, touch.fixed[0])))
         return over(2 * length(sub(b, a)), _positive(room, touch)) + 1
 
     def _levelled(self, touch: Touch, own: Sequence[Touch]) -> int:
@@ -153,35 +169,65 @@ class _Known(NamedTuple):
             u, q = level.held.fixed_line.direction, touch.fixed[0]
             off = sub(self.task.goal.apply(corners[0]), q)
             across = unit(sub(off, scaled(dot(off, u), u)))
-            apart = times(sine, self._least(corners[0], Plane(across, dot(across, q))) - form)
+            apart = times(sine, self._room(corners[0], Plane(across, dot(across, q))))
         else:
             apart = min(map(abs, reach)) if (reach[0] > 0) == (reach[1] > 0) else 0
         return over(2 * abs(level.far), _positive(apart - 2 * form, touch)) + 1
 
-    def _least(self, v: Vector, plane: Plane) -> int:
-        """How high a body point is over a fixed plane, at least, by the box stated of the errors."""
-        extent, (straight, turned), far = self.ties.extent, self.ties.coupling, length(v)
-        function = PointAbove(plane, v, far)
-        nominal = min(function.value(self.task.start), function.value(self.task.goal))
-        return nominal - extent.offset - straight - times(extent.theta + extent.kappa + turned, far) - 9
+    def _room(self, v: Vector, plane: Plane) -> int:
+        return self.ties.room(PointAbove(plane, v, self.assembly.reach(v)))
 
-    def instead(self, made: Function, other: Function, held: Sequence[int]) -> int:
-        """That of the contact being made where another one touches first."""
-        goal, ties = self.task.goal, self.ties
-        row = other.at(goal)
+    def instead(self, other: Touch, made: Function, found: Sequence[int]) -> int:
+        """That of the contact being made where another one touches first.
+
+        Args:
+            other: the other one.
+            made: the function of the contact being made.
+            found: levers of those held, and of the one being made.
+        """
+        ties, function = self.ties, self.assembly.function(other, ())
+        row = function.at(self.task.goal)
         if -row_dot(row.N, ties.motion) <= ties.rate // _ALONGSIDE:
             return ONE
-        along = (*ties.directions, ties.motion)
-        rows = [f.at(goal) for f in ties.functions[:-1] if f is not None] + [row]
-        _, solved = dual(along, tuple(distance.N for distance in rows))
+        *held, own = found
+        rows = [f.at(self.task.goal) for f in ties.functions[:-1] if f is not None]
+        between = self._between(other, made)
+        if between is None:
+            return self._tied(made, [*rows, row], (*ties.directions, ties.motion), (*held, ONE))
+        # A hinge that is completed takes the corner's height and that at the rim, one Δ each, times its lever.
+        more = self._tied(between, rows, ties.directions, held)
+        return times(own, ONE + (more >> 1 if isinstance(made, DirectionAlong) else more)) + 1
+
+    def _between(self, other: Touch, made: Function) -> DirectionAlong | None:
+        """By what direction, which the held contacts have at zero, two contacts that are made together differ."""
+        touch, assembly = self.task.made, self.assembly
+        facts = Facts(assembly, self.task.state, self.task.goal.R)
+        if touch is None or other.kind != touch.kind:
+            return None
+        if touch.kind == "vertex-face" and assembly.agree(touch.faces[0], other.faces[0]):
+            if facts.level(touch.faces[0], touch.moving[0], other.moving[0]):
+                k = sub(touch.moving[0], other.moving[0])
+                return DirectionAlong(touch.faces[0].normal, k, length(k) + 2)
+        elif touch.kind == "edge-edge" and set(touch.indices[1]) == set(other.indices[1]):
+            sides = [assembly.moving.edge(*t.indices[0]) for t in (touch, other)]
+            for number in sorted(set(sides[0] or ()) & set(sides[1] or ())):
+                plane, rim = assembly.moving.faces[number].plane, sub(touch.fixed[1], touch.fixed[0])
+                exact = assembly.moving.faces[number].exact
+                along = assembly.way(touch.fixed[0], touch.fixed[1])
+                if exact is not None and not isinstance(made, DirectionAlong) and facts.keeps(along, exact[:3]):
+                    return DirectionAlong(rim, plane.normal, length(rim) + 2)
+        return None
+
+    def _tied(self, function: Function, rows: Sequence[Distance], along: Sequence[Row], off: Sequence[int]) -> int:
+        """By how many Δ a function is off at most where rows are off by so many, at the goal."""
+        _, solved = dual(tuple(along), tuple(distance.N for distance in rows))
         sizes = [[abs(x) for x in shares] for shares in solved]
         varying = [self._varying(distance, along, sizes) for distance in rows]
-        left = [[(ONE if i == j else 0) - x for j, x in enumerate(line)] for i, line in enumerate(varying)]
-        wider = inverse(left)
+        wider = inverse([[(ONE if i == j else 0) - x for j, x in enumerate(line)] for i, line in enumerate(varying)])
         if any(x < 0 for line in wider for x in line):
             raise ArithmeticRefusal("errors turn contacts too far for tolerances of form")
-        z = [(sum(map(mul, line, (*held, ONE))) >> BITS) + 1 for line in wider]
-        counted = made.at(goal)
+        z = [(sum(map(mul, line, off)) >> BITS) + 1 for line in wider]
+        counted = function.at(self.task.goal)
         own = [row_dot(counted.N, c) for c in along]
         seen = [abs(sum(map(mul, own, shares)) >> BITS) + 1 for shares in zip(*solved, strict=True)]
         seen = [x + y for x, y in zip(seen, self._varying(counted, along, sizes), strict=True)]

@@ -15,6 +15,7 @@ contacts' rows at either end. A row's linear part is therefore bounded at the tw
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 from fmopt.verify.arithmetic.rational import (
@@ -54,7 +55,7 @@ from fmopt.verify.certificate.error_set import (
     stretched,
     without,
 )
-from fmopt.verify.certificate.form import Ties, loss, thickness
+from fmopt.verify.certificate.form import Ties, levers, loss, made_lever
 from fmopt.verify.certificate.piece import Task
 from fmopt.verify.parts.assembly import Assembly
 from fmopt.verify.parts.rows import (
@@ -69,6 +70,7 @@ from fmopt.verify.parts.rows import (
 )
 
 _HALF = ONE >> 1
+_ROUNDS, _ABOVE = 60, 10**11
 
 
 class Motion:
@@ -115,9 +117,7 @@ class Motion:
         self._move_on()
         self._hold()
         self._make()
-        self._thicken()
-        self.overtravel = self._overtravel()
-        self._carry()
+        self._follow()
 
     def ends(self, function: Function) -> tuple[Distance, Distance]:
         """A function's row at the start and at the goal."""
@@ -133,6 +133,16 @@ class Motion:
             ends = self.ends(function)
             found = self._rest[function] = remainder(*ends, self.extent) + self._coupled(size(*ends))
         return found
+
+    def touched(self) -> int:
+        """How far off zero the function of the contact being made is at most where real parts touch, m.
+
+        Raises:
+            ArithmeticRefusal: nothing tells.
+        """
+        if self.made is None or not self.assembly.form:
+            return 0
+        return times(self.assembly.form, made_lever(self.assembly, self.task, self.made, self._with_errors)) + 1
 
     def loss(self, function: Function) -> int:
         """What a function loses to tolerances of form."""
@@ -279,18 +289,55 @@ class Motion:
         self.felt = seen(goal.N, self.hold)
         self.projector = without(self.hold, column, self.felt)
 
-    def _thicken(self) -> None:
-        """Thickness of the contact surfaces at both ends, and by how much it delays the touch (a share of V)."""
+    def _follow(self) -> None:
+        """Thickness, overtravel and error set at the end.
+
+        Where parts are off their form, levers depend on where the errors take the part: they are raised until none that
+        follows is larger. They hold where the piece starts, by the errors there, and so all along.
+        """
+        form = self.assembly.form
+        most = self._levers(self._without_errors) if form else []
+        for _ in range(_ROUNDS):
+            self._thicken([times(form, lever) + 1 for lever in most] if form else [0] * (len(self.held) + 1))
+            self.overtravel = self._overtravel()
+            self._carry()
+            least = self._levers(self._with_errors) if form else []
+            if all(one <= other for one, other in zip(least, most, strict=True)):
+                return
+            most = [lever + lever // _ABOVE + 1 for lever in least]
+        raise ArithmeticRefusal("tolerances of form make the surfaces of contacts too thick")
+
+    def _levers(self, room: Callable[[PointAbove], int]) -> list[int]:
+        closing = self.made if self.task.last else None
+        functions = (*self.held, closing)
+        return levers(
+            self.assembly, self.task, Ties(functions, self.directions, self.motion, self.rate, self.extent, room)
+        )
+
+    def _without_errors(self, function: PointAbove) -> int:
+        """How high a point is over a plane nominally, less the tolerances of form."""
+        return min(row.f for row in self.ends(function)) - self.loss(function)
+
+    def _with_errors(self, function: PointAbove) -> int:
+        """How high a point is over a plane at least, by all errors at the start, and by those along the piece."""
+        for known in (self._at_start, self._at_goal, self._lowest):
+            known.pop(function, None)
+        start = self.ends(function)[0]
+        begun = start.f - self.errors.support(start.N) - self.rest(function) - self.loss(function) - SLACK
+        return min(begun, self.lowest(function))
+
+    def _thicken(self, added: Sequence[int]) -> None:
+        """Thickness of the contact surfaces at both ends, and by how much it delays the touch (a share of V).
+
+        Args:
+            added: what tolerances of form add for each contact held, and at last for the one being made.
+        """
         self.start_thickness = []
         for function in self.held:
             start, goal = self.ends(function)
             off = max(abs(start.f) + self.errors.core_support(start.N), abs(goal.f))
             self.start_thickness.append(self.rest(function) + off + SLACK)
         closing = self.made if self.task.last else None
-        added = [0] * (len(self.held) + 1)
-        if self.assembly.form:
-            ties = Ties((*self.held, closing), self.directions, self.motion, self.rate, self.extent, self.coupling)
-            added = thickness(self.assembly, self.task, ties)
         self.start_thickness = [t + more for t, more in zip(self.start_thickness, added, strict=False)]
         self.thickness, self.goal_dual, self.delay = list(self.start_thickness), self.held_dual, 0
         if self.made is None or closing is None:

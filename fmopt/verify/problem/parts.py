@@ -17,7 +17,7 @@ from fmopt.verify.problem.tables import LARGEST_MESH, read_bytes
 from fmopt.verify.reading.document import Body, Part
 
 _SAME = 1e-12  # m: between coordinates that went the same way
-_COUNTS = 2e-9  # m: what facets are off their faces by less is rounding
+_SINGLE = 2e-8  # m: what facets are off their faces by less is rounding of numbers of single precision
 
 
 @dataclass(frozen=True)
@@ -171,9 +171,9 @@ def _beside_mesh(part: Part, problem: Problem, side: str, mesh: Mesh, per_metre:
         raise table.error(key, f"{mesh.name} {error}") from None
     remarks = tuple(_choices(problem, side))
     if problem.feature(side).found and not problem.framed(side):
-        placed, blur = seated(found, part.body), 2.0 * FLAT * diameter(part.body)
+        placed, blur = seated(found, part.body), max(2.0 * FLAT * diameter(part.body), _SINGLE)
     else:
-        blur = _COUNTS
+        blur = _SINGLE
         at = problem.frame(side)
         placed = iter([[_moved(triangle, at) for triangle in found]])
     flaw = "no frame puts its corners on those of the part"
