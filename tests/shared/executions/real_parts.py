@@ -130,7 +130,6 @@ def _piece(nominal: Scene, scene: Scene, k: int) -> Piece:
         group = [x for x in new if x == made or abs(float(nominal.touches[x].value(*start)[0])) > _PASSED]
         piece.made = _Any([scene.touches[x] for x in group])  # type: ignore[assignment]
         piece.way_row = Piece(nominal, k).way_row  # progress is told by the plan's own rows
-        piece.measure = scene.touches[made]
     return piece
 
 
@@ -144,9 +143,7 @@ def _through(piece: Piece, ledger: Ledger, course: tuple[Array, Array, Fixed], s
     end, twist = np.ones(count), np.concatenate([piece.delta, piece.omega])
     if piece.made is not None:
         if piece.first:
-            assert piece.measure is not None
-            early = piece.measure.value(*at(0.0 * end)[1]) - piece.said["margin"]
-            ledger.require("not made before its move", k, early + ROUNDING)
+            ledger.require("not made before its move", k, piece.touched(at(0.0 * end)[1]))
 
         def left(travel: Array) -> Array:
             poses = at(travel)[1]
