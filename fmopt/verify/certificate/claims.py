@@ -29,12 +29,12 @@ from fmopt.verify.arithmetic.rational import (
 from fmopt.verify.certificate.chain import Stage
 from fmopt.verify.certificate.error_set import ErrorSet, metric, seen
 from fmopt.verify.certificate.facet_margin import facet_margin
-from fmopt.verify.certificate.form import varied
+from fmopt.verify.certificate.form import made_lever
 from fmopt.verify.certificate.propagation import Motion
 from fmopt.verify.certificate.separating_plane import Apart, Known, WitnessError, apart
 from fmopt.verify.findings import ALLOWANCE, MARGIN_FLOOR, RELATIVE, Notes
 from fmopt.verify.parts.assembly import Assembly
-from fmopt.verify.parts.rows import Distance, Function, PointAbove
+from fmopt.verify.parts.rows import Distance, Function, PointAbove, varied
 from fmopt.verify.reading.document import Numbers
 
 # What double arithmetic leaves of entries of shape matrices that should be zero, as radii in m and rad, and as a share.
@@ -190,7 +190,9 @@ def _before(assembly: Assembly, stage: Stage, named: list[tuple[int, str]], note
         return
     if stage.segment.progress[0] == 0.0:
         first = motion.ends(motion.made)[0]
-        room = motion.at_start(motion.made) + motion.loss(motion.made) - motion.touched()
+        room = motion.at_start(motion.made)
+        if assembly.form:
+            room += motion.loss(motion.made) - times(assembly.form, made_lever(motion, motion.room)) - 1
         if not any(first.N[:3]) and first.bend is None:
             # A row that measures an angle: the way on an arm of ρ.
             room = over(times(room, motion.task.rho), first.reach)

@@ -25,7 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from operator import mul
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from fmopt.verify.arithmetic.rational import (
     BITS,
@@ -45,85 +45,72 @@ from fmopt.verify.arithmetic.rational import (
 )
 from fmopt.verify.certificate.contact_implications import Facts
 from fmopt.verify.certificate.error_set import dual
-from fmopt.verify.certificate.piece import Task
-from fmopt.verify.parts.assembly import Assembly, Touch
-from fmopt.verify.parts.rows import DirectionAlong, Distance, Extent, Function, PointAbove, size
+from fmopt.verify.parts.assembly import Assembly, Task, Touch
+from fmopt.verify.parts.rows import DirectionAlong, Distance, Extent, Function, PointAbove, varied
 from fmopt.verify.parts.solids import Plane
 
 _ALONGSIDE = 1_000_000  # times as fast as others the contact comes nearer that is made, and not passed
 
 
-class Ties(NamedTuple):
-    """What ties errors to the contacts of a piece of motion.
+class Tied(Protocol):
+    """A piece of motion whose errors contacts tie; see `propagation.Motion`."""
 
-    Attributes:
-        functions: of the contacts held, and at last of the one that is made at its end, or None.
-        directions: along which the held ones give way.
-        motion: inside the held contacts.
-        rate: how much nearer the contact being made comes.
-        extent: of the piece.
-        room: how high a real point is over a fixed plane at least, m.
-    """
-
-    functions: tuple[Function | None, ...]
+    assembly: Assembly
+    task: Task
+    extent: Extent
+    held: list[Function]
+    made: Function | None
     directions: tuple[Row, ...]
     motion: Row
     rate: int
-    extent: Extent
-    room: Callable[[PointAbove], int]
 
 
-def loss(function: Function, form: int) -> int:
-    """What a row loses to tolerances of form, m."""
-    return 2 * form if isinstance(function, DirectionAlong) else form
-
-
-def varied(start: Distance, goal: Distance, motion: Row, extent: Extent) -> int:
-    """A bound of how much a row's product with a motion differs between poses of the piece."""
-    straight, round_ = length(motion[:3]), length(motion[3:])
-    angle = extent.theta + extent.turn
-    change = times(angle, times(size(start, goal), round_))
-    if start.bend is not None:
-        change += times(angle, straight) + times(extent.offset + length(extent.travel), round_)
-    return change
-
-
-def levers(assembly: Assembly, task: Task, ties: Ties) -> list[int]:
+def levers(piece: Tied, room: Callable[[PointAbove], int]) -> list[int]:
     """By how many Δ the functions of the contacts held, and of the one that is made at the end, may be off zero.
+
+    Args:
+        piece: the piece of motion.
+        room: how high a real point is over a fixed plane at least, m.
 
     Raises:
         ArithmeticRefusal: a direction tells of a contact, and nothing how far that may be off.
     """
-    own = [touch for touch, _ in task.held]
-    known = _Known(assembly, task, ties)
-    found = [known.lever(touch, f) for touch, f in zip(own, ties.functions, strict=False)]
-    made = ties.functions[-1]
-    if made is not None and task.made is not None:
-        lever = most = known.lever(task.made, made)
+    task, known = piece.task, _Known(piece, room)
+    found = [known.lever(touch, f) for (touch, _), f in zip(task.held, piece.held, strict=True)]
+    if piece.made is not None and task.made is not None and task.last:
+        lever = most = known.lever(task.made, piece.made)
         old = {task.made.id, *(touch.id for touch in task.state)}
         for other in (touch for touch in task.goal_state if touch.id not in old):
-            most = max(most, known.instead(other, made, (*found, lever)))
+            most = max(most, known.instead(other, piece.made, (*found, lever)))
         found.append(most)
     return found
 
 
-def made_lever(assembly: Assembly, task: Task, made: Function, room: Callable[[PointAbove], int]) -> int:
+def made_lever(piece: Tied, room: Callable[[PointAbove], int]) -> int:
     """By how many Δ the function of the contact being made is off zero at most where it touches along the piece.
 
     Raises:
         ArithmeticRefusal: nothing tells.
     """
-    assert task.made is not None
-    extent = Extent((0, 0, 0), 0, (0, 0, 0), 0, (0, 0, 0), (0, 0, 0))
-    return _Known(assembly, task, Ties((), (), (0,) * 6, 0, extent, room)).lever(task.made, made)
+    assert piece.task.made is not None
+    return _Known(piece, room).lever(piece.task.made, piece.made)
 
 
 class _Known(NamedTuple):
     """How far functions of contacts may be off zero, as multiples of Δ."""
 
-    assembly: Assembly
-    task: Task
-    ties: Ties
+    piece: Tied
+    room: Callable[[PointAbove], int]
+
+    @property
+    def assembly(self) -> Assembly:
+        """The parts."""
+        return self.piece.assembly
+
+    @property
+    def task(self) -> Task:
+        """The piece that is to be carried through."""
+        return self.piece.task
 
     def lever(self, touch: Touch, function: Function | None) -> int:
         """That of a contact, told by those of the basis."""
@@ -175,7 +162,7 @@ class _Known(NamedTuple):
         return over(2 * abs(level.far), _positive(apart - 2 * form, touch)) + 1
 
     def _room(self, v: Vector, plane: Plane) -> int:
-        return self.ties.room(PointAbove(plane, v, self.assembly.reach(v)))
+        return self.room(PointAbove(plane, v, self.assembly.reach(v)))
 
     def instead(self, other: Touch, made: Function, found: Sequence[int]) -> int:
         """That of the contact being made where another one touches first.
@@ -185,17 +172,17 @@ class _Known(NamedTuple):
             made: the function of the contact being made.
             found: levers of those held, and of the one being made.
         """
-        ties, function = self.ties, self.assembly.function(other, ())
-        row = function.at(self.task.goal)
-        if -row_dot(row.N, ties.motion) <= ties.rate // _ALONGSIDE:
+        piece, goal = self.piece, self.task.goal
+        row = self.assembly.function(other, ()).at(goal)
+        if -row_dot(row.N, piece.motion) <= piece.rate // _ALONGSIDE:
             return ONE
         *held, own = found
-        rows = [f.at(self.task.goal) for f in ties.functions[:-1] if f is not None]
+        rows = [function.at(goal) for function in piece.held]
         between = self._between(other, made)
         if between is None:
-            return self._tied(made, [*rows, row], (*ties.directions, ties.motion), (*held, ONE))
+            return self._tied(made, [*rows, row], (*piece.directions, piece.motion), (*held, ONE))
         # A hinge that is completed takes the corner's height and that at the rim, one Δ each, times its lever.
-        more = self._tied(between, rows, ties.directions, held)
+        more = self._tied(between, rows, piece.directions, held)
         return times(own, ONE + (more >> 1 if isinstance(made, DirectionAlong) else more)) + 1
 
     def _between(self, other: Touch, made: Function) -> DirectionAlong | None:
@@ -236,7 +223,7 @@ class _Known(NamedTuple):
 
     def _varying(self, row: Distance, along: Sequence[Row], sizes: Sequence[Sequence[int]]) -> list[int]:
         """What a row's products with the directions may vary by at the goal, times the sizes of an inverse."""
-        by = [varied(row, row, c, self.ties.extent.standing) for c in along]
+        by = [varied(row, row, c, self.piece.extent.standing) for c in along]
         return [(sum(map(mul, by, column)) >> BITS) + 1 for column in zip(*sizes, strict=True)]
 
 

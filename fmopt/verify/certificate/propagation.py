@@ -15,7 +15,7 @@ contacts' rows at either end. A row's linear part is therefore bounded at the tw
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 
 from fmopt.verify.arithmetic.rational import (
@@ -55,9 +55,8 @@ from fmopt.verify.certificate.error_set import (
     stretched,
     without,
 )
-from fmopt.verify.certificate.form import Ties, levers, loss, made_lever
-from fmopt.verify.certificate.piece import Task
-from fmopt.verify.parts.assembly import Assembly
+from fmopt.verify.certificate.form import levers
+from fmopt.verify.parts.assembly import Assembly, Task
 from fmopt.verify.parts.rows import (
     DirectionAlong,
     Distance,
@@ -65,12 +64,12 @@ from fmopt.verify.parts.rows import (
     Function,
     PointAbove,
     coarse,
+    loss,
     remainder,
     size,
 )
 
-_HALF = ONE >> 1
-_ROUNDS, _ABOVE = 60, 10**11
+_HALF, _ROUNDS, _ABOVE = ONE >> 1, 60, 10**11
 
 
 class Motion:
@@ -133,16 +132,6 @@ class Motion:
             ends = self.ends(function)
             found = self._rest[function] = remainder(*ends, self.extent) + self._coupled(size(*ends))
         return found
-
-    def touched(self) -> int:
-        """How far off zero the function of the contact being made is at most where real parts touch, m.
-
-        Raises:
-            ArithmeticRefusal: nothing tells.
-        """
-        if self.made is None or not self.assembly.form:
-            return 0
-        return times(self.assembly.form, made_lever(self.assembly, self.task, self.made, self._with_errors)) + 1
 
     def loss(self, function: Function) -> int:
         """What a function loses to tolerances of form."""
@@ -296,29 +285,22 @@ class Motion:
         follows is larger. They hold where the piece starts, by the errors there, and so all along.
         """
         form = self.assembly.form
-        most = self._levers(self._without_errors) if form else []
+        most = levers(self, self._without_errors) if form else []
         for _ in range(_ROUNDS):
             self._thicken([times(form, lever) + 1 for lever in most] if form else [0] * (len(self.held) + 1))
             self.overtravel = self._overtravel()
             self._carry()
-            least = self._levers(self._with_errors) if form else []
+            least = levers(self, self.room) if form else []
             if all(one <= other for one, other in zip(least, most, strict=True)):
                 return
             most = [lever + lever // _ABOVE + 1 for lever in least]
         raise ArithmeticRefusal("tolerances of form make the surfaces of contacts too thick")
 
-    def _levers(self, room: Callable[[PointAbove], int]) -> list[int]:
-        closing = self.made if self.task.last else None
-        functions = (*self.held, closing)
-        return levers(
-            self.assembly, self.task, Ties(functions, self.directions, self.motion, self.rate, self.extent, room)
-        )
-
     def _without_errors(self, function: PointAbove) -> int:
         """How high a point is over a plane nominally, less the tolerances of form."""
         return min(row.f for row in self.ends(function)) - self.loss(function)
 
-    def _with_errors(self, function: PointAbove) -> int:
+    def room(self, function: PointAbove) -> int:
         """How high a point is over a plane at least, by all errors at the start, and by those along the piece."""
         for known in (self._at_start, self._at_goal, self._lowest):
             known.pop(function, None)
@@ -327,10 +309,9 @@ class Motion:
         return min(begun, self.lowest(function))
 
     def _thicken(self, added: Sequence[int]) -> None:
-        """Thickness of the contact surfaces at both ends, and by how much it delays the touch (a share of V).
+        """Thickness of the contact surfaces, `added` by tolerances of form, and how it delays the touch (a share of V).
 
-        Args:
-            added: what tolerances of form add for each contact held, and at last for the one being made.
+        What is added for the contact being made comes last.
         """
         self.start_thickness = []
         for function in self.held:

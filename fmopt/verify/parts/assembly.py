@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
-from fmopt.verify.arithmetic.rational import Vector, add, cross, dot, fixed, length, scaled, sub
+from fmopt.verify.arithmetic.rational import ONE, Row, Vector, add, cross, dot, fixed, length, scaled, sub
 from fmopt.verify.parts.covering import uncovered
 from fmopt.verify.parts.incidence import Incidence
-from fmopt.verify.parts.rows import DirectionAlong, EdgesApart, FaceAbove, Function, PointAbove
+from fmopt.verify.parts.rows import DirectionAlong, EdgesApart, FaceAbove, Function, PointAbove, Pose
 from fmopt.verify.parts.solids import DEVIATION, Line, Plane, line
 from fmopt.verify.reading.document import Contact, Plan
 
@@ -77,6 +77,48 @@ class Rim(NamedTuple):
         off = sub(v, self.held.moving[0])
         side = dot(self.away, off)
         return abs(dot(self.normal, off)) <= DEVIATION and (side if self.far > 0 else -side) >= -DEVIATION
+
+
+@dataclass(frozen=True)
+class Task:
+    """The piece to be carried through.
+
+    Attributes:
+        start, goal: nominal poses.
+        held: basis contacts held along the piece, with directions.
+        made: basis contact that the move makes, or None.
+        state: all contacts held along the piece.
+        goal_state: all contacts held after the move.
+        share: φ, the piece's share of what is left of the move; ONE on its last piece.
+        theta: stated bound of |ε|, rad.
+        angles: stated half-widths of the box of ε, rad.
+        box: stated half-widths of the box of e, m.
+        rates: λ_t and λ_r.
+        rho: characteristic length, m.
+    """
+
+    start: Pose
+    goal: Pose
+    held: tuple[tuple[Touch, Row], ...]
+    made: Touch | None
+    state: tuple[Touch, ...]
+    goal_state: tuple[Touch, ...]
+    share: int
+    theta: int
+    angles: Vector
+    box: Vector
+    rates: tuple[int, int]
+    rho: int
+
+    @property
+    def last(self) -> bool:
+        """Whether the move ends with this piece."""
+        return self.share == ONE
+
+    @property
+    def basis(self) -> list[Touch]:
+        """The contacts of the basis, the one being made the last of them."""
+        return [*(touch for touch, _ in self.held), *([] if self.made is None else [self.made])]
 
 
 @dataclass(frozen=True)

@@ -291,6 +291,20 @@ def size(start: Distance, goal: Distance) -> int:
     return found
 
 
+def loss(function: Function, form: int) -> int:
+    """What a row loses to tolerances of form, m: see `certificate.form`."""
+    return 2 * form if isinstance(function, DirectionAlong) else form
+
+
+def varied(start: Distance, goal: Distance, motion: Row, extent: Extent) -> int:
+    """A bound of how much a row's product with a motion differs between poses of the piece."""
+    straight, round_, angle = length(motion[:3]), length(motion[3:]), extent.theta + extent.turn
+    change = times(angle, times(size(start, goal), round_))
+    if start.bend is not None:
+        change += times(angle, straight) + times(extent.offset + length(extent.travel), round_)
+    return change
+
+
 def remainder(start: Distance, goal: Distance, extent: Extent) -> int:
     """How much a row may differ from its linear part, interpolated between both ends of a piece, at most.
 
