@@ -42,6 +42,7 @@ def solved(off: float, wider: float = 0.0) -> dict[str, Any]:
     return document
 
 
+@pytest.mark.slow
 def test_real_parts_keep_every_promise() -> None:
     plan = solved(OFF)
     assert {plan["parts"][side]["form"] for side in SIDES} == {1.5 * OFF}
@@ -63,6 +64,7 @@ def test_real_parts_are_as_far_off_as_is_stated() -> None:
             assert max(far) <= part["form"]
 
 
+@pytest.mark.slow
 def test_a_form_counted_at_the_start_alone_is_not_kept() -> None:
     plan = copy.deepcopy(solved(0.0, 3.0 * OFF))
     for side in SIDES:
