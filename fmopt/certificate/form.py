@@ -8,7 +8,7 @@ is within ±κΔ by a lever κ:
 
 - An edge from a to b, ℓ long, is hinged in a wall with a on it and crosses a rim, from which a is r inside at least.
   The heights of a and of y = a + μ(b − a) over the wall are within Δ, and y is no farther inside than Δ: μ ≥ (r − Δ)/ℓ,
-  and that of b over a is within 2Δ/μ; all the more where b is on the wall itself, and has taken over.
+  and that of b over a is within 2Δ/μ; and within 2Δ where b is on the wall itself, and has taken over.
 - A face is level with a rim u that two of its edges cross. Over the face z₂ is as high as z₁ up to 2Δ, and they are as
   far apart as y₂ is from the first edge, s, but for 2Δ: the rim leans by 2Δ/(s − 2Δ) at most. Of edges that share a
   corner s is the sine of their angle times how far that is from y₂, which is no less than from the rim, but for Δ.
@@ -115,7 +115,7 @@ class _Edges:
         inward = inward / length(inward)
         offset = float(inward @ fixed.vertices[contact.fixed[0]])
         rows, far = points_above(body[[a]], inward, offset), length(body[b] - body[a])
-        return lambda ends: 2.0 * far / _positive(self._room(rows, ends), contact)
+        return lambda ends: max(2.0, 2.0 * far / _positive(self._room(rows, ends), contact))
 
     def _levelled(self, contact: PrimitiveContact) -> _Lever:
         """That of an edge on a rim on which another one of the same face is held."""

@@ -143,7 +143,7 @@ class _Known(NamedTuple):
         beyond = next(face for face in touch.faces if not self.assembly.agree(face, wall))
         inward = unit(sub(scaled(dot(beyond.normal, wall.normal), wall.normal), beyond.normal))
         room = self._room(a, Plane(inward, dot(inward, touch.fixed[0])))
-        return over(2 * length(sub(b, a)), _positive(room, touch)) + 1
+        return max(2 * ONE, over(2 * length(sub(b, a)), _positive(room, touch)) + 1)
 
     def _levelled(self, touch: Touch, own: Sequence[Touch]) -> int:
         level, form = self.assembly.level(touch, self.task.state), self.assembly.form
