@@ -63,8 +63,11 @@ class Assembly:
 
     @cached_property
     def several(self) -> bool:
-        """Whether the moving part has several pieces, so that what touches need not be the piece that is looked at."""
-        return len(self.moving.bodies) > 1
+        """Whether what touches need not be the piece that is looked at: the moving part has several.
+
+        Of faces of one part that are off their form nothing is said by contacts of others.
+        """
+        return len(self.moving.bodies) > 1 and not self.form
 
     @cached_property
     def radius(self) -> float:
@@ -72,6 +75,11 @@ class Assembly:
         parts = (self.moving.polyhedron, self.fixed.polyhedron)
         # Neither part reaches farther, and contacts are where both are.
         return sum(float((lengths(part.vertices) + part.radii).max()) for part in parts)
+
+    @property
+    def form(self) -> float:
+        """How far the surfaces of both parts may lie from those planned with, together, m."""
+        return self.moving.form + self.fixed.form
 
     @cached_property
     def units(self) -> Array:

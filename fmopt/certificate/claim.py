@@ -9,9 +9,10 @@ from itertools import groupby
 from fmopt.certificate.assembly import Assembly, contact_forms, made_form, made_scale
 from fmopt.certificate.error_set import ErrorSet
 from fmopt.certificate.facet_margin import Bounds, bounds
+from fmopt.certificate.form import made_lever
 from fmopt.certificate.piece_pairs import Facing, facing
 from fmopt.certificate.propagation import Advance, Piece, Tolerance, advance
-from fmopt.certificate.remainder import AtEnd, Course, Heights
+from fmopt.certificate.remainder import AtEnd, Course, Ends, Heights
 from fmopt.certificate.separating_plane import Separation
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import InfeasibleError
@@ -116,14 +117,14 @@ def claimed(
             early = None
             # Only where the move begins: later pieces go on from where the contact was proved to be open.
             if piece.made is not None and piece.progress[0] == 0.0:
-                early = _before(assembly, piece, piece.made, course.piece(n), tolerance.rho)
+                early = _before(assembly, piece, step.ends, course.piece(n), tolerance.rho)
             found.append(_claim(piece, step, _separated(listed, planes), own, early))
     return found
 
 
 def _contacts_of(piece: Piece) -> tuple[object, ...]:
     """The contacts that decide what is asked of a piece of motion: those held, made and given up."""
-    return piece.held, piece.goal_contacts, piece.made, piece.left
+    return piece.held, piece.goal_contacts, piece.made, piece.left, tuple(c.contact for c in piece.basis)
 
 
 def _separated(listed: Facing, planes: Sequence[Separation | None]) -> tuple[tuple[int, int, Separation], ...]:
@@ -157,7 +158,7 @@ def _claim(
 def _contacts(assembly: Assembly, alike: Sequence[Stepped], course: Course) -> list[tuple[ContactClaim, ...]]:
     """What is claimed of the contacts of pieces of motion that hold the same ones."""
     held, making = alike[0][0].held, alike[0][0].making
-    table = bounds(assembly, held, held)
+    table = bounds(assembly, held, held, _own(assembly, alike[0][0]))
     inside, own = course.over(table.forms).lower, course.over(contact_forms(assembly, held, held))
     found = []
     for n, (piece, _) in enumerate(alike):
@@ -194,7 +195,7 @@ def facet_rows(assembly: Assembly, claim: Claim) -> Iterator[FacetRows]:
         claim: whose piece has contacts.
     """
     piece, course = claim.piece, Course.of((claim.advance.ends,))
-    table = bounds(assembly, piece.held, piece.held)
+    table = bounds(assembly, piece.held, piece.held, _own(assembly, piece))
     rows = course.over(table.forms)
     # Both ends: the bound is the lesser of the two, and a displacement of either pose moves its own.
     for end in (0, 1):
@@ -205,10 +206,16 @@ def facet_rows(assembly: Assembly, claim: Claim) -> Iterator[FacetRows]:
 
 def _made(assembly: Assembly, piece: Piece, course: Course) -> FacetRows:
     """What bounds the contacts made at the end of a piece."""
-    table = bounds(assembly, piece.making, piece.goal_contacts)
     # Only the goal counts: before it these contacts are not there, and nothing has to bound them.
+    table = bounds(assembly, piece.making, piece.goal_contacts, _own(assembly, piece))
     rows = course.ended().over(table.forms)
     return FacetRows(piece.making, 1, table, rows.end(1), rows.bounds[1, 0])
+
+
+def _own(assembly: Assembly, piece: Piece) -> frozenset[PrimitiveContact]:
+    """Where parts are off their form the contacts of the basis, which have to touch themselves."""
+    made = () if piece.made is None else (piece.made,)
+    return frozenset((*(c.contact for c in piece.basis), *made)) if assembly.form else frozenset()
 
 
 def _with_made(assembly: Assembly, piece: Piece, course: Course) -> Heights:
@@ -216,10 +223,15 @@ def _with_made(assembly: Assembly, piece: Piece, course: Course) -> Heights:
     return course.over(contact_forms(assembly, (*piece.held, *piece.making), piece.goal_contacts))
 
 
-def _before(assembly: Assembly, piece: Piece, made: PrimitiveContact, course: Course, rho: float) -> float:
+def _before(assembly: Assembly, piece: Piece, ends: Ends, course: Course, rho: float) -> float:
     """How far from touching the contact to be made still is when the move starts.
 
-    Where its row measures an angle (see `made_form`), this is the way on an arm of ρ.
+    Where its row measures an angle (see `made_form`), this is the way on an arm of ρ. Parts that are off their form
+    touch where that is not yet zero.
     """
-    rows = course.over(made_form(assembly, made, piece.held))
-    return float(rows.bounds[0, 0, 0]) * made_scale(assembly, made, piece.held, rho)
+    assert piece.made is not None
+    forms = made_form(assembly, piece.made, piece.held)
+    found = float(course.over(forms).bounds[0, 0, 0])
+    if ends.form:
+        found += ends.form * ((2.0 if forms.directed[0] else 1.0) - made_lever(assembly, piece, ends))
+    return found * made_scale(assembly, piece.made, piece.held, rho)

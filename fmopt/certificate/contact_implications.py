@@ -73,7 +73,7 @@ class Facts:
     def level_with(self, normal: Array, offset: float) -> Wall:
         """The same, or what follows for a plane beside a wall: a face in that is as far from it as the wall is."""
         known = self.on(normal, offset)
-        for wall in self.walls:
+        for wall in self.walls if self.assembly.several else ():
             if not known.points and wall.flush and self.assembly.agree(wall.normal, offset, normal, offset):
                 n, c = wall.flush[0]
                 there = c + wall.offset - offset

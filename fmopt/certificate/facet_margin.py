@@ -82,7 +82,10 @@ class Bounds:
 
 @remembered(_MEMORY)
 def bounds(
-    assembly: Assembly, contacts: tuple[PrimitiveContact, ...], together: tuple[PrimitiveContact, ...]
+    assembly: Assembly,
+    contacts: tuple[PrimitiveContact, ...],
+    together: tuple[PrimitiveContact, ...],
+    own: frozenset[PrimitiveContact] = frozenset(),
 ) -> Bounds:
     """How far contacts stay from the boundaries of their facets.
 
@@ -96,9 +99,10 @@ def bounds(
         assembly: the two parts.
         contacts: held, or just made.
         together: all contacts held with them.
+        own: those of which no crossing of another rim says the same: it would only nearly, see `form`.
     """
-    rows = Questions([], [], [])
-    judges = tuple(_judge(assembly, contact, together, rows) for contact in contacts)
+    rows, corners = Questions([], [], []), tuple(c for c in together if c.kind is Kind.VERTEX_FACE)
+    judges = tuple(_judge(assembly, contact, corners if contact in own else together, rows) for contact in contacts)
     return Bounds(rows.forms(), judges)
 
 

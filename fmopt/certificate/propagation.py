@@ -24,6 +24,7 @@ import numpy as np
 
 from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.error_set import ErrorSet
+from fmopt.certificate.form import under_form
 from fmopt.certificate.remainder import Extent
 from fmopt.certificate.segment_linearisation import (
     Compliance,
@@ -100,7 +101,7 @@ def advance(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Toler
         size = length(way.motion * ellipsoid.metric(tolerance.rho))
         # In the metric of ρ, so that directions of slides and of turns are alike in length.
         basis = (*basis, Compliance(piece.made, way.motion / size))
-    ends, overtravel = _carried(piece, way, basis, errors, tolerance)
+    ends, overtravel = _carried(assembly, piece, way, basis, errors, tolerance)
     extent = ends.extent
     nearer = approach(tolerance, way, extent, errors.linkage)
     farther = tuple(departures(assembly, piece, tolerance, way, extent, errors.linkage))
@@ -108,7 +109,12 @@ def advance(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Toler
 
 
 def _carried(
-    piece: Piece, way: Linearisation, basis: Sequence[Compliance], errors: ErrorSet, tolerance: Tolerance
+    assembly: Assembly,
+    piece: Piece,
+    way: Linearisation,
+    basis: Sequence[Compliance],
+    errors: ErrorSet,
+    tolerance: Tolerance,
 ) -> tuple[Ends, float]:
     """Both ends of a piece with their sets, and the overtravel.
 
@@ -125,21 +131,26 @@ def _carried(
         links = linkage.links(piece.start.p, piece.goal.p)
         linkage = linkage.begun(piece.start.p).turned(exp(way.twist[3:]))
     # Only the last piece makes the contact; on those before it is still ahead.
-    layers = way.closing if piece.made is not None and piece.last else way.on_the_way
+    closing = piece.made is not None and piece.last
+    layers = way.closing if closing else way.on_the_way
     translation, rotation = tolerance.velocity_error
     rates = translation, rotation / tolerance.rho
     leaning = length(way.seen[3:])
     numbers = Numbers(way.length, way.turn, way.rate, leaning, piece.share, rates, way.seen, way.projector)
     drifts = errors.slide_root, errors.swing_root
     roots = Errors(core, *drifts, errors.shape_root, moved, shape_moved, links)
-    found = carried(layers, numbers, roots, tolerance.rho)
-    code, half, thickness, beyond, generators, slide, swing, shape = found
-    if code != SETTLED:
-        message, advice = _IMPOSSIBLE[code]
-        raise InfeasibleError(message, advice=advice)
-    compliant = np.array([c.direction for c in basis[: len(thickness)]]).reshape(-1, 6)
-    goal = ErrorSet(shape, generators, slide, swing, len(thickness), compliant, linkage)
-    extent = Extent(way.twist, half, coupled(links, half, way.turn))
-    # Thickness at the start is what contacts of the basis may be off there, along their compliant directions.
-    slack = way.start_dual * thickness[: len(piece.basis)]
-    return Ends(piece.start, piece.goal, errors, goal, extent, slack, core), beyond
+
+    def carry(form: Array) -> tuple[Ends, float]:
+        found = carried(layers._replace(form=form), numbers, roots, tolerance.rho)
+        code, half, thickness, beyond, generators, slide, swing, shape = found
+        if code != SETTLED:
+            message, advice = _IMPOSSIBLE[code]
+            raise InfeasibleError(message, advice=advice)
+        compliant = np.array([c.direction for c in basis[: len(thickness)]]).reshape(-1, 6)
+        goal = ErrorSet(shape, generators, slide, swing, len(thickness), compliant, linkage)
+        extent = Extent(way.twist, half, coupled(links, half, way.turn))
+        # Thickness at the start is what contacts of the basis may be off there, along their compliant directions.
+        slack = way.start_dual * thickness[: len(piece.basis)]
+        return Ends(piece.start, piece.goal, errors, goal, extent, slack, core, assembly.form), beyond
+
+    return under_form(assembly, piece, way, carry) if assembly.form else carry(layers.form)

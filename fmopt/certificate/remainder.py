@@ -132,7 +132,8 @@ class Ends:
     """A piece of motion: nominal poses and error sets at both ends, its extent, and the thickness of its contacts.
 
     `slack` (6, h) holds the columns T^Sᵢtᵢ: how far the true contact surfaces may push the error at the start, beyond
-    the start set's core; `core` (k, 6) its generators, those of the whole start set by default.
+    the start set's core; `core` (k, 6) its generators, those of the whole start set by default. `form` (m) is how far
+    the surfaces of both parts may lie from those planned with.
     """
 
     start: Pose
@@ -142,6 +143,7 @@ class Ends:
     extent: Extent
     slack: Array
     core: Array | None = None
+    form: float = 0.0
 
     @property
     def columns(self) -> tuple[Reaching, Reaching]:
@@ -172,22 +174,23 @@ class Course:
         half = np.array([ends.extent.half for ends in listed])
         n, coupling = len(listed), np.array([ends.extent.coupling for ends in listed])
         shapes = p.reshape(2, n, 3), R.reshape(2, n, 3, 3), columns.reshape(2, n, *columns.shape[1:])
-        return Course(Motion(*shapes, cuts, twist, half, coupling))
+        return Course(Motion(*shapes, cuts, twist, half, coupling, listed[0].form))
 
     def piece(self, n: int) -> Course:
         """One of the pieces."""
-        p, R, columns, cuts, twist, half, coupling = self.motion
+        p, R, columns, cuts, twist, half, coupling, form = self.motion
         if len(twist) == 1:
             return self
         only = np.array([n])
-        return Course(Motion(p[:, only], R[:, only], columns[:, only], cuts, twist[only], half[only], coupling[only]))
+        ends = p[:, only], R[:, only], columns[:, only]
+        return Course(Motion(*ends, cuts, twist[only], half[only], coupling[only], form))
 
     def ended(self) -> Course:
         """The same pieces when they have ended, without the motion."""
-        p, R, columns, cuts, twist, half, coupling = self.motion
+        p, R, columns, cuts, twist, half, coupling, form = self.motion
         goal = np.array([1, 1])
         # Both ends at the goal: what counts is one pose, and a piece of no motion has the rest of the errors alone.
-        return Course(Motion(p[goal], R[goal], columns[goal], cuts, np.zeros_like(twist), half, coupling))
+        return Course(Motion(p[goal], R[goal], columns[goal], cuts, np.zeros_like(twist), half, coupling, form))
 
     def spread(self, end: int, N: Array) -> Mask:
         """Whether generators and drifts, not the ellipsoid of everything, bound the errors along rows (m, 6): (m,).

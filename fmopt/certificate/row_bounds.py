@@ -31,6 +31,7 @@ class Motion(NamedTuple):
         twist: (n, 6), m and rad.
         half: half-widths (n, 6) of the box around the errors, m and rad.
         coupling: what the linear picture leaves of errors in different frames (n, 2), m and rad.
+        form: how far the surfaces of both parts may lie from those planned with, together, m.
     """
 
     p: Array
@@ -40,6 +41,7 @@ class Motion(NamedTuple):
     twist: Array
     half: Array
     coupling: Array
+    form: float
 
 
 class Sides(NamedTuple):
@@ -110,11 +112,15 @@ def _reach(moving: Vector, turning: Vector, motion: Motion, n: int, e: int) -> f
 
 @part
 def _left(row: Row, start: End, goal: End, motion: Motion, n: int) -> float:
-    """The remainder of a row over a piece of motion."""
+    """The remainder of a row over a piece of motion, and what tolerances of form take of it.
+
+    A row that measures how far apart two points are along a direction loses those of two places.
+    """
     twist, half = halves(motion.twist[n]), halves(motion.half[n])
     # Errors in different frames leave a distance, and an angle that counts on the row's arm.
     coupled = motion.coupling[n, 0] + motion.coupling[n, 1] * reach(row, start, goal)
-    return float(remainder(row, (start, goal), twist, half) + coupled)
+    places = 1.0 if row["bilinear"] or vector(row["n"]) != (0.0, 0.0, 0.0) else 2.0
+    return float(remainder(row, (start, goal), twist, half) + coupled + places * motion.form)
 
 
 @compiled

@@ -73,6 +73,11 @@ class Forms:
         return np.asarray(self.table["bilinear"] != 0)
 
     @property
+    def directed(self) -> Mask:
+        """Which rows (k,) measure a direction, whatever the position."""
+        return np.asarray((self.table["bilinear"] == 0) & ~self.table["n"].any(axis=1))
+
+    @property
     def lever(self) -> Array:
         """|u||k| (k,), m."""
         return np.asarray(self.table["lever"])

@@ -101,8 +101,8 @@ class Linearisation:
         return self._layers(curvature, off, residue, C @ inverse, np.abs(inverse[-1]))
 
     def _layers(self, curvature: Curvature, off: Array, residue: Array, goal_dual: Array, delay: Array) -> Layers:
-        start = self.held[0]
-        return Layers(curvature.bending, start.f, start.N, off, residue, self.start_dual, goal_dual, delay)
+        start, form = self.held[0], np.zeros(len(off))
+        return Layers(curvature.bending, start.f, start.N, off, residue, self.start_dual, goal_dual, delay, form)
 
 
 def linearisation_of(assembly: Assembly, piece: Piece, tolerance: Tolerance) -> Linearisation:

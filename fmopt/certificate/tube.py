@@ -39,6 +39,7 @@ class Layers(NamedTuple):
         start_dual: T^S (6, h), dual to the rows at the start.
         goal_dual: T^G (6, r), dual to those at the goal.
         delay: how much farther the execution goes for each thickness (r,), as a share of the piece, 1/m.
+        form: what tolerances of form add to the thickness of each (r,), m.
     """
 
     bending: Bending
@@ -49,6 +50,7 @@ class Layers(NamedTuple):
     start_dual: Array
     goal_dual: Array
     delay: Array
+    form: Array
 
 
 class Numbers(NamedTuple):
@@ -453,6 +455,8 @@ def carried(
     for k in range(len(layers.f)):
         along = min(_reach(N[k], core, slide, swing), _radius(N[k], shape))
         rest[k] = max(abs(layers.f[k]) + along, rest[k])
+    for k in range(len(rest)):
+        rest[k] += layers.form[k]
     drifts, boxes = _spread(slide_there, swing_there, projector, rho), _boxes(core, image, slide, swing)
     late = (0.0, 0.0)
     if way.rate > 0.0:

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from fmopt.geometry.mesh.mesh_import import Imported
 
 _ELSEWHERE = 1.5  # times: how far facets are off faces in frames that fit a mesh to them by other measures
+_SINGLE = 2e-8  # m: as far as that, numbers of single precision put facets off in parts of 200 mm
 _MESH_VOLUME = 1e-4  # of the volume
 _FAR_END = 0.05  # of a feature's length: gaps no further from its far end than this are at its far rim
 
@@ -48,7 +49,7 @@ class Part(Value):
 
     Balls beside the boundary are parts of it; `pieces` are what is bounded by faces, `bodies` all that it is made of.
     `notes` say what a user should know of an imported mesh, one statement each. The facets of its file lie up to `off`
-    (m, counted half as much again in the sagitta) from the boundary, at `where` (3,), m, in the numbers of the file.
+    (m) from the boundary, at `where` (3,), m, in the numbers of the file.
     """
 
     name: str
@@ -59,6 +60,14 @@ class Part(Value):
     notes: tuple[str, ...] = ()
     off: float = 0.0
     where: Array = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def form(self) -> float:
+        """Its tolerance of form, m: how far the surface of the real part may lie from the boundary.
+
+        What single precision leaves of numbers is none.
+        """
+        return _ELSEWHERE * self.off if self.off > _SINGLE else 0.0
 
     @cached_property
     def balls(self) -> tuple[Polyhedron, ...]:
@@ -159,7 +168,7 @@ def mesh_part(
     known = found_features(part.polyhedron, part.pieces) if features is None else tuple(features)
     for feature in known:
         _require_intact(name, mesh, feature)
-    true = _ELSEWHERE * mesh.off + (mesh.chord_error if chord_error is None else chord_error)
+    true = mesh.chord_error if chord_error is None else chord_error
     notes = tuple(f"warning: {name}: {note}" for note in mesh.notes)
     return replace(part, features=known, chord_error=true, notes=notes)
 
@@ -211,6 +220,7 @@ def stretched(part: Part, factors: Sequence[float]) -> Part:
         polyhedron=rounded(scaled(part.polyhedron, factors)),
         pieces=tuple(rounded(scaled(piece, factors)) for piece in part.pieces),
         chord_error=max(factors) * part.chord_error,
+        off=max(factors) * part.off,
     )
 
 

@@ -54,7 +54,7 @@ def given(problem: task.Problem) -> dict[str, Given]:
 def _part(part: Part) -> Given:
     shape = part.polyhedron
     faces = tuple(tuple(tuple(loop) for loop in face.loops) for face in shape.faces)
-    return Given(Body(tuple(tuple(row) for row in shape.vertices.tolist()), faces), part.chord_error)
+    return Given(Body(tuple(tuple(row) for row in shape.vertices.tolist()), faces), part.chord_error, part.form)
 
 
 def admitted(plan: Plan, unverified: bool, name: str = "the plan") -> str:

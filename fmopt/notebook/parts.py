@@ -86,6 +86,8 @@ def part_words(part: Part) -> Iterator[str]:
     )
     said = f"facets lie up to {_mm(part.chord_error)} mm off the true surface, which adds to the start error"
     yield f"{'deviation':<10} {said if part.chord_error else 'none: every face is plane'}"
+    if part.form:
+        yield f"{'form':<10} faces lie up to {1e6 * part.form:.3g} µm off the facets of the file, which margins lose"
     for feature in part.features:
         yield f"{'feature':<10} {_feature_words(feature)}"
     if not part.features:
@@ -123,6 +125,7 @@ def part_facts(part: Part) -> dict[str, Any]:
         "vertices": len(shape.vertices),
         "convex_pieces": len(part.pieces),
         "deviation": part.chord_error,
+        "form": part.form,
         "features": [
             {
                 "name": feature.name,

@@ -53,19 +53,29 @@ from fmopt.verify.reading.document import (
     UnplannedContact,
     Witness,
 )
-from fmopt.verify.reading.file import FORMAT, FRAMES, NOT_COVERED, UNITS, Numbers, PlanError, content, decoded
+from fmopt.verify.reading.file import (
+    FORMAT,
+    FRAMES,
+    NOT_COVERED,
+    NOT_COVERED_OFF_FORM,
+    UNITS,
+    Numbers,
+    PlanError,
+    content,
+    decoded,
+)
 from fmopt.verify.reading.parse import parse
 from fmopt.verify.reading.parse_diagnostics import read_boundary, read_diagram, read_surface
 from fmopt.verify.reading.reader import LONGEST, UNSEEN, Reader
 
 __all__ = [
-    "FORMAT", "FRAMES", "NOT_COVERED", "STDIO", "UNITS", "Body", "Boundary", "Contact", "ContactClaim", "CriticalPoint",
-    "Curve", "Diagnostics", "Diagram", "ErrorTolerance", "Hybrid", "Interval", "JamFree", "Lift", "MoveRecovery",
-    "Nominal", "Numbers", "Part", "Phase", "Plan", "Planar", "PlanarSegment", "Polyline", "PositionForce", "Recovery",
-    "Search", "SearchedState", "Segment", "Separation", "Slice", "Specification", "Surface", "ToleranceEnd", "Tube",
-    "UnplannedContact",
-    "Witness", "boundary", "canonical", "clean", "diagram", "digest", "line", "parsed", "read", "read_document",
-    "rounded_down", "sealed", "surface", "write",
+    "FORMAT", "FRAMES", "NOT_COVERED", "NOT_COVERED_OFF_FORM", "STDIO", "UNITS", "Body", "Boundary", "Contact",
+    "ContactClaim", "CriticalPoint", "Curve", "Diagnostics", "Diagram", "ErrorTolerance", "Hybrid", "Interval",
+    "JamFree", "Lift", "MoveRecovery", "Nominal", "Numbers", "Part", "Phase", "Plan", "Planar", "PlanarSegment",
+    "Polyline", "PositionForce", "Recovery", "Search", "SearchedState", "Segment", "Separation", "Slice",
+    "Specification", "Surface", "ToleranceEnd", "Tube", "UnplannedContact", "Witness", "boundary", "canonical",
+    "clean", "diagram", "digest", "line", "parsed", "read", "read_document", "rounded_down", "sealed", "surface",
+    "write",
 ]  # fmt: skip
 
 STDIO = Path("-")  # standard input or output, in place of a file

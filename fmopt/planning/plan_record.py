@@ -95,7 +95,7 @@ def _proof(problem: Problem, motion: ControlledMotion) -> dict[str, Any]:
         "specification": problem.specification.record(),
         "goal": segments[-1]["goal"],
         "touch_tolerance": 1e-9,
-        "not_covered": plan.NOT_COVERED,
+        "not_covered": plan.NOT_COVERED_OFF_FORM if done.assembly.form else plan.NOT_COVERED,
         "parts": {
             "moving": {**part_record(problem.moving, declared, clearance, own), **_found(problem, 0)},
             "fixed": {**part_record(problem.fixed, declared, clearance, other), **_found(problem, 1)},
@@ -249,6 +249,8 @@ def part_record(
         exact: by vertex, where coordinates are no floats.
     """
     shapes: dict[str, Any] = {**_shape(part.polyhedron), "pieces": [_shape(piece) for piece in part.pieces]}
+    if part.form:
+        shapes["form"] = part.form
     if part.polyhedron.balls:
         shapes["balls"] = [{"vertex": n, "radius": radius} for n, radius in part.polyhedron.balls]
     if exact:

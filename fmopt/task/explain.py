@@ -107,7 +107,8 @@ def _part(side: str, part: Part, feature: Feature) -> str:
     kind = "length" if feature.kind == "solid" else "open at both ends, depth" if feature.through else "blind, depth"
     words = f"{side}: {part.name}, {extent} mm, {len(shape.faces)} faces, {pieces}"
     words += f"; mates by {feature.name} ({feature.kind}, {kind} {_mm(feature.length)} mm)"
-    return words + (f"; curves are off by up to {_mm(part.chord_error)} mm" if part.chord_error else "")
+    words += f"; curves are off by up to {_mm(part.chord_error)} mm" if part.chord_error else ""
+    return words + (f"; tolerance of form {1e6 * part.form:.3g} µm" if part.form else "")
 
 
 def _task(problem: Problem) -> Iterator[str]:
@@ -157,7 +158,7 @@ def _warnings(problem: Problem, clearance: Clearance) -> Iterator[str]:
     for part in (problem.moving, problem.fixed):
         yield from (note for note in part.notes if note.startswith(_WARNING))
     yield from _far(problem)
-    rounds = problem.moving.chord_error + problem.fixed.chord_error
+    rounds = sum(part.chord_error + part.form for part in (problem.moving, problem.fixed))
     if rounds >= clearance.per_side:
         yield (
             f"warning: the curved surfaces lie up to {_mm(rounds)} mm from their facets, which is the clearance and "

@@ -23,7 +23,7 @@ from fmopt.verify.parts.reach import dot
 from fmopt.verify.parts.rows import pose
 from fmopt.verify.reading.diagnostics import Diagnostics, Interval, Search, Visit
 from fmopt.verify.reading.document import CriticalPoint, Nominal, Plan, PositionForce, Segment
-from fmopt.verify.reading.file import NOT_COVERED, Numbers
+from fmopt.verify.reading.file import NOT_COVERED, NOT_COVERED_OFF_FORM, Numbers
 
 _SAME = 1e-12  # m, rad, s: stated twice, from one number
 _FOLLOWS = 1e-9  # m, rad: interpolated again
@@ -40,7 +40,7 @@ def check_outline(plan: Plan, notes: Notes) -> None:
         plan: as it was read.
         notes: findings are added.
     """
-    if plan.not_covered != NOT_COVERED:
+    if plan.not_covered != (NOT_COVERED_OFF_FORM if plan.moving.form or plan.fixed.form else NOT_COVERED):
         notes.add("not_covered", "does not say what plans of this kind leave out")
     if plan.nominal is not None:
         _nominal(plan.nominal, plan, notes)

@@ -17,6 +17,7 @@ from tests.shared.random_rows import KINDS, box, forms, moved, pose
 PIECES = 3
 CUTS = (4, 6, 7, 9)  # generators, slide, swing, shape; the rest is slack
 COLUMNS = 11
+FORM = 3e-6  # m
 
 
 def motion(rng: np.random.Generator) -> Motion:
@@ -27,17 +28,18 @@ def motion(rng: np.random.Generator) -> Motion:
     columns = rng.normal(size=(2, PIECES, COLUMNS, 6)) * 1e-3
     twist = np.array([twist for _, _, twist in poses])
     half = np.array([box(tuple(rng.uniform(0.0, 0.05, 3).tolist())) for _ in range(PIECES)])
-    return Motion(p, R, columns, np.array(CUTS), twist, half, rng.uniform(0.0, 1e-4, (PIECES, 2)))
+    return Motion(p, R, columns, np.array(CUTS), twist, half, rng.uniform(0.0, 1e-4, (PIECES, 2)), FORM)
 
 
 def plain(rows: Forms, pieces: Motion) -> tuple[Array, Array, Array, Array]:
     """What `over` finds, from each formula's own place."""
-    p, R, columns, cuts, twist, half, coupling = pieces
+    p, R, columns, cuts, twist, half, coupling, form = pieces
     start, goal = rows.ends(p, R)
     supports = Support(np.swapaxes(columns, -1, -2), (int(cuts[0]), int(cuts[1]), int(cuts[2]), int(cuts[3])))
     N = np.array([start.N, goal.N])
     bends = [Curvature.of(start.end(n), goal.end(n), twist[n]) for n in range(PIECES)]
-    rest = [left(bent.bending, half[n], coupling[n]) for n, bent in enumerate(bends)]
+    lost = form * (1.0 + rows.directed)
+    rest = [left(bent.bending, half[n], coupling[n]) + lost for n, bent in enumerate(bends)]
     return np.array([start.f, goal.f]), N, supports(N), np.array(rest)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import random
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -181,9 +182,21 @@ def test_the_check_measures_no_more_than_is_stated(tmp_path: Path) -> None:
             beside = part_beside_its_model(part(planners), read, side, None)
             assert beside.differences == ()
             assert beside.chord.least <= planners.chord_error <= beside.chord.most
+            assert (planners.form > 1e-6) == (size > 0.0)
     clean = load(folder(tmp_path, 0.0)).moving
     folder(tmp_path, 5e-3)
-    assert part_beside_its_model(part(clean), load_problem(file), "moving", None).chord.least > clean.chord_error + 1e-6
+    (told,) = part_beside_its_model(part(clean), load_problem(file), "moving", None).differences
+    assert told.startswith("parts.moving.form: the plan allows for 0.0 m")
+
+
+def test_a_tolerance_of_form_that_the_mesh_exceeds_is_noticed(tmp_path: Path) -> None:
+    file = folder(tmp_path, 2e-3)
+    problem, read = load(file), load_problem(file)
+    for side, planners in (("moving", problem.moving), ("fixed", problem.fixed)):
+        stated = part(planners)
+        for share, noticed in ((2.0, 0), (1.0, 0), (0.5, 1), (0.0, 1)):
+            forged = replace(stated, form=share * stated.form)
+            assert len(part_beside_its_model(forged, read, side, None).differences) == noticed
 
 
 def test_a_noisy_pair_anywhere_in_space_is_certified_and_checked(tmp_path: Path) -> None:

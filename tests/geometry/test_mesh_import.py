@@ -248,10 +248,10 @@ def test_a_chamfer_that_is_plane_but_for_rounding_is_plane(tmp_path: Path, times
     part = mesh_part("bar", load_mesh(path, "mm"))
     assert len(part.pieces) == 1
     assert len(part.polyhedron.faces) == 10
-    assert 0.0 < part.chord_error < 2e-6
+    assert 0.0 < part.form < 2e-6
     (note,) = part.notes
     assert note.startswith("warning: bar: facets are up to")
-    assert note.endswith("they were made plane, which is added to its deviation")
+    assert note.endswith("they were made plane, which is a tolerance of form")
     hole = part_of("plate", plate((0.0085, 0.0073)))
     pair = [mating_clearance(seated(one, "peg"), seated(hole, "hole"), 0.01) for one in (part, part_of("bar", bar))]
     assert pair[0].per_side == pytest.approx(pair[1].per_side, abs=1e-6)

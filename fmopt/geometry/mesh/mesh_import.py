@@ -281,7 +281,7 @@ def _evened(off: float, where: Array) -> list[str]:
         return []
     return [
         f"facets are up to {1e6 * off:.3g} µm off plane faces, most at {place(where)}; they were made plane, which is "
-        "added to its deviation"
+        "a tolerance of form"
     ]
 
 

@@ -114,7 +114,7 @@ def freedom(moving: Part, fixed: Part, path: NominalTrajectory, box: ArrayLike) 
     Returns:
         Intervals that cover [0, T], neighbours different.
     """
-    roundness = float(np.sqrt(moving.chord_error) + np.sqrt(fixed.chord_error))
+    roundness = float(sum(np.sqrt(part.chord_error + part.form) for part in (moving, fixed)))
     bodies = Body.of(moving.polyhedron), Body.of(fixed.polyhedron)
     scene = _Scene(*bodies, path, frozen(box, 6, name="half-widths"), roundness)
     grid = _grid(scene)

@@ -22,7 +22,7 @@ _REFINED = 6  # edges of a pair that are looked at more closely
 
 Places = NDArray[np.intp]
 Moving = tuple[Array, Array, Array, Places, Array, Array, Array]
-"""Pieces of motion (n), as `fmopt.certificate.row_bounds.Motion` lists them."""
+"""Pieces of motion (n), as `fmopt.certificate.row_bounds.Motion` lists them, but for tolerances of form."""
 
 
 class Edges(NamedTuple):

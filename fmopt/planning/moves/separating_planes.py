@@ -218,10 +218,10 @@ class Fans:
 
     def best(self, course: Course) -> FreePlanes:
         """For each fixed piece the plane with the largest certified margin over pieces of motion."""
-        p, R, columns, cuts, twist, half, coupling = course.motion
+        p, R, columns, cuts, twist, half, coupling, form = course.motion
         motion = p, R, columns, cuts, twist, half, coupling
         normals, offsets, margins, clearances = best(self.edges, self.body, motion)
-        return FreePlanes(normals, offsets, margins - self.radius - BEHIND, clearances - self.radius - BEHIND)
+        return FreePlanes(normals, offsets, margins - self.radius - BEHIND - form, clearances - self.radius - BEHIND)
 
 
 @remembered(_FANS)

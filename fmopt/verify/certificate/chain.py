@@ -46,9 +46,9 @@ from fmopt.verify.arithmetic.rational import (
 )
 from fmopt.verify.certificate.contact_implications import Facts
 from fmopt.verify.certificate.error_set import ErrorSet, image, row_of, start_errors
-from fmopt.verify.certificate.propagation import Motion, Task
+from fmopt.verify.certificate.propagation import Motion
 from fmopt.verify.findings import ALLOWANCE, LEFT_ASIDE, Notes, micrometres
-from fmopt.verify.parts.assembly import Assembly, Touch
+from fmopt.verify.parts.assembly import Assembly, Task, Touch
 from fmopt.verify.parts.incidence import LARGEST_ERROR
 from fmopt.verify.parts.rows import pose
 from fmopt.verify.parts.solids import Plane

@@ -27,13 +27,15 @@ from fmopt.verify.arithmetic.rational import (
     vector,
 )
 from fmopt.verify.certificate.chain import Stage
+from fmopt.verify.certificate.edge_planes import Known
 from fmopt.verify.certificate.error_set import ErrorSet, metric, seen
 from fmopt.verify.certificate.facet_margin import facet_margin
+from fmopt.verify.certificate.form import made_lever, varied
 from fmopt.verify.certificate.propagation import Motion
-from fmopt.verify.certificate.separating_plane import Apart, Known, WitnessError, apart
+from fmopt.verify.certificate.separating_plane import Apart, WitnessError, apart
 from fmopt.verify.findings import ALLOWANCE, MARGIN_FLOOR, RELATIVE, Notes
 from fmopt.verify.parts.assembly import Assembly
-from fmopt.verify.parts.rows import Distance, Function, PointAbove, size
+from fmopt.verify.parts.rows import Distance, Function, PointAbove
 from fmopt.verify.reading.document import Numbers
 
 # What double arithmetic leaves of entries of shape matrices that should be zero, as radii in m and rad, and as a share.
@@ -180,7 +182,9 @@ def _contacts(assembly: Assembly, stage: Stage, named: list[tuple[int, str]], no
         goal = motion.ends(function)[1]
         notes.equal(f"normal of {touch.id}", stated.normal, goal.N, _NORMAL_FLOOR)
         notes.equal(f"offset of {touch.id}", [stated.offset], [-goal.f], MARGIN_FLOOR)
-        notes.at_least(f"remainder of {touch.id}", stated.remainder, motion.rest(function), ALLOWANCE)
+        notes.at_least(
+            f"remainder of {touch.id}", stated.remainder, motion.rest(function) + motion.loss(function), ALLOWANCE
+        )
 
 
 def _before(assembly: Assembly, stage: Stage, named: list[tuple[int, str]], notes: Notes) -> None:
@@ -195,6 +199,8 @@ def _before(assembly: Assembly, stage: Stage, named: list[tuple[int, str]], note
     if stage.segment.progress[0] == 0.0:
         first = motion.ends(motion.made)[0]
         room = motion.at_start(motion.made)
+        if assembly.form:
+            room += motion.loss(motion.made) - times(assembly.form, made_lever(motion, motion.room)) - 1
         if not any(first.N[:3]) and first.bend is None:
             # A row that measures an angle: the way on an arm of ρ.
             room = over(times(room, motion.task.rho), first.reach)
@@ -295,9 +301,4 @@ def _swung(motion: Motion, N: Row) -> int:
 
 def _turned(motion: Motion, start: Distance, goal: Distance) -> int:
     """A bound of how much a row's product with the motion differs between poses of the piece."""
-    straight, round_ = length(motion.motion[:3]), length(motion.motion[3:])
-    angle = motion.task.theta + motion.extent.turn
-    change = times(angle, times(size(start, goal), round_))
-    if start.bend is not None:
-        change += times(angle, straight) + times(motion.extent.offset + length(motion.extent.travel), round_)
-    return change
+    return varied(start, goal, motion.motion, motion.extent)

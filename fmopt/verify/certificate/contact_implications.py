@@ -15,7 +15,7 @@ from functools import cached_property
 
 from fmopt.verify.arithmetic.exact import above_beside, height, inner, parallel, turned_over
 from fmopt.verify.arithmetic.rational import ONE, Matrix, Vector, dot, length, neg, scaled, sub, times, turned, unit
-from fmopt.verify.parts.assembly import Assembly, Touch
+from fmopt.verify.parts.assembly import Assembly, Touch, taken_turns
 from fmopt.verify.parts.incidence import Flush, Turn, about, cancel, crossing, directed, image_of, steep
 from fmopt.verify.parts.solids import DEVIATION, ROUNDING, Line, Plane, line, near, short
 
@@ -55,45 +55,6 @@ class Wall:
             if not any(assembly.holds(known, a) and assembly.holds(known, b) for known in distinct):
                 distinct.append(line(a, b))
         return distinct
-
-
-def taken_turns(assembly: Assembly, touch: Touch, held: Sequence[Touch]) -> Plane | None:
-    """The wall along an edge contact's fixed edge that its moving edge lies in whether or not it still crosses there.
-
-    Held on the wall is one end of the moving edge, and either its other end or a crossing of the same edge with another
-    rim of the wall. When the end slips over the rim, the crossing there takes over from it, and both have the same
-    zeros: the edge's line in the wall. None when there is no such wall.
-
-    Args:
-        assembly: the parts.
-        touch: an edge against an edge.
-        held: contacts held together with it, itself among them or not.
-    """
-    for face in touch.faces:
-        ends = [
-            other.moving[0] for other in held if other.kind == "vertex-face" and assembly.agree(face, other.faces[0])
-        ]
-        on = [end for end in touch.moving if end in ends]
-        if len(on) == 2 or (on and any(other_rim(assembly, touch, other, face) for other in held)):
-            return face
-    return None
-
-
-def other_rim(assembly: Assembly, touch: Touch, other: Touch, wall: Plane) -> bool:
-    """Whether another contact has the same moving edge against another rim of the wall.
-
-    Args:
-        assembly: the parts.
-        touch: an edge against an edge.
-        other: any contact.
-        wall: a fixed plane.
-    """
-    return (
-        other.kind == "edge-edge"
-        and set(other.indices[0]) == set(touch.indices[0])
-        and set(other.indices[1]) != set(touch.indices[1])
-        and any(assembly.agree(wall, face) for face in other.faces)
-    )
 
 
 class Facts:
@@ -353,8 +314,8 @@ class Facts:
         return {}
 
     def _planes_beside(self, plane: Plane) -> Iterator[Plane]:
-        if not self.assembly.agree(plane, plane):
-            return  # none of the parts' own
+        if self.assembly.form or not self.assembly.agree(plane, plane):
+            return  # faces of a part may be off each other, or the plane is none of the parts' own
         exact = self.assembly.exact(plane)
         for wall in self.walls:
             own = self.assembly.exact(wall.plane)

@@ -7,9 +7,8 @@ from itertools import islice
 from typing import NamedTuple
 
 from fmopt.verify.arithmetic.rational import ONE, Vector, add, dot, fixed, neg, over, scaled, sub, times
-from fmopt.verify.certificate.contact_implications import other_rim, taken_turns
 from fmopt.verify.certificate.propagation import Motion
-from fmopt.verify.parts.assembly import Assembly, Touch, middle
+from fmopt.verify.parts.assembly import Assembly, Touch, middle, other_rim, taken_turns
 from fmopt.verify.parts.rows import DirectionAlong, FaceAbove, Function, PointAbove
 from fmopt.verify.parts.solids import DEVIATION, ROUNDING, Bound, Plane, Shape
 
@@ -63,6 +62,9 @@ def facet_margin(assembly: Assembly, touch: Touch, together: Sequence[Touch], mo
         held: whether the contact is held along the piece; else it has just been made at the piece's end.
     """
     way = _Way(motion, held)
+    if assembly.form and any(touch.id == own.id for own in motion.task.basis):
+        # The crossing of another rim says the same only nearly. That an end of the edge is on the wall is enough.
+        together = [other for other in together if other.kind == "vertex-face"]
     if touch.kind in ("vertex-face", "ball-face"):  # a ball touches where its centre is over the face
         return _in_face(assembly, touch, together, way)
     if touch.kind == "edge-edge":

@@ -15,7 +15,7 @@ contacts' rows at either end. A row's linear part is therefore bounded at the tw
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import cached_property
 
 from fmopt.verify.arithmetic.rational import (
@@ -24,7 +24,6 @@ from fmopt.verify.arithmetic.rational import (
     SLACK,
     ArithmeticRefusal,
     Row,
-    Vector,
     length,
     logarithm,
     over,
@@ -56,57 +55,20 @@ from fmopt.verify.certificate.error_set import (
     stretched,
     without,
 )
-from fmopt.verify.parts.assembly import Assembly, Touch
+from fmopt.verify.certificate.form import levers, loss
+from fmopt.verify.parts.assembly import Assembly, Task
 from fmopt.verify.parts.rows import (
     DirectionAlong,
     Distance,
     Extent,
     Function,
     PointAbove,
-    Pose,
     coarse,
     remainder,
     size,
 )
 
-_HALF = ONE >> 1
-
-
-@dataclass(frozen=True)
-class Task:
-    """The piece to be carried through.
-
-    Attributes:
-        start, goal: nominal poses.
-        held: basis contacts held along the piece, with directions.
-        made: basis contact that the move makes, or None.
-        state: all contacts held along the piece.
-        goal_state: all contacts held after the move.
-        share: φ, the piece's share of what is left of the move; ONE on its last piece.
-        theta: stated bound of |ε|, rad.
-        angles: stated half-widths of the box of ε, rad.
-        box: stated half-widths of the box of e, m.
-        rates: λ_t and λ_r.
-        rho: characteristic length, m.
-    """
-
-    start: Pose
-    goal: Pose
-    held: tuple[tuple[Touch, Row], ...]
-    made: Touch | None
-    state: tuple[Touch, ...]
-    goal_state: tuple[Touch, ...]
-    share: int
-    theta: int
-    angles: Vector
-    box: Vector
-    rates: tuple[int, int]
-    rho: int
-
-    @property
-    def last(self) -> bool:
-        """Whether the move ends with this piece."""
-        return self.share == ONE
+_HALF, _ROUNDS, _ABOVE = ONE >> 1, 60, 10**11
 
 
 class Motion:
@@ -153,9 +115,7 @@ class Motion:
         self._move_on()
         self._hold()
         self._make()
-        self._thicken()
-        self.overtravel = self._overtravel()
-        self._carry()
+        self._follow()
 
     def ends(self, function: Function) -> tuple[Distance, Distance]:
         """A function's row at the start and at the goal."""
@@ -171,6 +131,10 @@ class Motion:
             ends = self.ends(function)
             found = self._rest[function] = remainder(*ends, self.extent) + self._coupled(size(*ends))
         return found
+
+    def loss(self, function: Function) -> int:
+        """What a function loses to tolerances of form."""
+        return loss(function, self.assembly.form)
 
     def nominal(self, function: Function) -> int:
         """The lesser of a function's values at the nominal poses of both ends; `lowest` is less."""
@@ -194,24 +158,25 @@ class Motion:
                 found = goal.f - self._second(function)
                 if start.f - self._boxed(start.N) < found:
                     found = min(found, start.f - self._first(function))
-            found = self._lowest[function] = found - self.rest(function) - SLACK
+            found = self._lowest[function] = found - self.rest(function) - self.loss(function) - SLACK
         return found
 
     def highest(self, function: Function) -> int:
         """Certified upper bound of a function over the piece."""
         start, goal = self.ends(function)
         found = max(start.f + self._first(function), goal.f + self._second(function))
-        return found + self.rest(function) + SLACK
+        return found + self.rest(function) + self.loss(function) + SLACK
 
     def at_start(self, function: Function) -> int:
         """Certified lower bound of a function at the start of the piece."""
-        return self.ends(function)[0].f - self._first(function) - self.rest(function) - SLACK
+        lost = self.rest(function) + self.loss(function) + SLACK
+        return self.ends(function)[0].f - self._first(function) - lost
 
     def at_goal(self, function: Function) -> tuple[int, int]:
         """Certified lower and upper bound of a function when the piece has ended."""
         goal = self.ends(function)[1]
         off = self._second(function) + remainder(goal, goal, self.extent.standing) + self._coupled(size(goal, goal))
-        off += SLACK
+        off += self.loss(function) + SLACK
         return goal.f - off, goal.f + off
 
     def _first(self, function: Function) -> int:
@@ -236,13 +201,15 @@ class Motion:
 
     def far(self, function: Function) -> int:
         """A quick lower bound of a function: `lowest` is above it where the errors are in their stated box."""
-        return self.nominal(function) - self._blur(function, self.extent.offset, self.task.theta)
+        lost = self._blur(function, self.extent.offset, self.task.theta) + self.loss(function)
+        return self.nominal(function) - lost
 
     def blur(self, function: Function) -> int:
         """A quick bound of what `lowest` and `at_goal` take off nominal values, by the derived box of the errors."""
         offset, angle = self._reach
         # A row that measures an angle is the same at all positions.
-        return self._blur(function, 0 if isinstance(function, DirectionAlong) else offset, angle)
+        offset = 0 if isinstance(function, DirectionAlong) else offset
+        return self._blur(function, offset, angle) + self.loss(function)
 
     @cached_property
     def _reach(self) -> tuple[int, int]:
@@ -312,20 +279,55 @@ class Motion:
         self.felt = seen(goal.N, self.hold)
         self.projector = without(self.hold, column, self.felt)
 
-    def _thicken(self) -> None:
-        """Thickness of the contact surfaces at both ends, and by how much it delays the touch (a share of V)."""
+    def _follow(self) -> None:
+        """Thickness, overtravel and error set at the end.
+
+        Where parts are off their form, levers depend on where the errors take the part: they are raised until none that
+        follows is larger. They hold where the piece starts, by the errors there, and so all along.
+        """
+        form = self.assembly.form
+        most = levers(self, self._without_errors) if form else []
+        for _ in range(_ROUNDS):
+            self._thicken([times(form, lever) + 1 for lever in most] if form else [0] * (len(self.held) + 1))
+            self.overtravel = self._overtravel()
+            self._carry()
+            least = levers(self, self.room) if form else []
+            if all(one <= other for one, other in zip(least, most, strict=True)):
+                return
+            most = [lever + lever // _ABOVE + 1 for lever in least]
+        raise ArithmeticRefusal("tolerances of form make the surfaces of contacts too thick")
+
+    def _without_errors(self, function: PointAbove) -> int:
+        """How high a point is over a plane nominally, less the tolerances of form."""
+        return min(row.f for row in self.ends(function)) - self.loss(function)
+
+    def room(self, function: PointAbove) -> int:
+        """How high a point is over a plane at least, by all errors at the start, and by those along the piece."""
+        for known in (self._at_start, self._at_goal, self._lowest):
+            known.pop(function, None)
+        start = self.ends(function)[0]
+        begun = start.f - self.errors.support(start.N) - self.rest(function) - self.loss(function) - SLACK
+        return min(begun, self.lowest(function))
+
+    def _thicken(self, added: Sequence[int]) -> None:
+        """Thickness of the contact surfaces, `added` by tolerances of form, and how it delays the touch (a share of V).
+
+        What is added for the contact being made comes last.
+        """
         self.start_thickness = []
         for function in self.held:
             start, goal = self.ends(function)
             off = max(abs(start.f) + self.errors.core_support(start.N), abs(goal.f))
             self.start_thickness.append(self.rest(function) + off + SLACK)
+        closing = self.made if self.task.last else None
+        self.start_thickness = [t + more for t, more in zip(self.start_thickness, added, strict=False)]
         self.thickness, self.goal_dual, self.delay = list(self.start_thickness), self.held_dual, 0
-        if self.made is None or not self.task.last:
+        if self.made is None or closing is None:
             return
         goal = self.ends(self.made)[1]
         rows = tuple(self.ends(function)[1].N for function in (*self.held, self.made))
         self.goal_dual, solved = dual((*self.directions, self.motion), rows)
-        self.thickness.append(self.rest(self.made) + abs(goal.f) + self._left(goal.N) + SLACK)
+        self.thickness.append(self.rest(self.made) + abs(goal.f) + self._left(goal.N) + SLACK + added[-1])
         self.delay = sum(times(abs(c), t) for c, t in zip(solved[-1], self.thickness, strict=True)) + SLACK
 
     @property

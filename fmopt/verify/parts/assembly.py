@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
-from fmopt.verify.arithmetic.rational import Vector, add, cross, dot, length, scaled, sub
+from fmopt.verify.arithmetic.rational import ONE, Row, Vector, add, cross, dot, fixed, length, scaled, sub
 from fmopt.verify.parts.covering import uncovered
 from fmopt.verify.parts.incidence import Incidence
-from fmopt.verify.parts.rows import DirectionAlong, EdgesApart, FaceAbove, Function, PointAbove
+from fmopt.verify.parts.rows import DirectionAlong, EdgesApart, FaceAbove, Function, PointAbove, Pose
 from fmopt.verify.parts.solids import DEVIATION, Line, Plane, line
 from fmopt.verify.reading.document import Contact, Plan
 
@@ -80,6 +80,48 @@ class Rim(NamedTuple):
 
 
 @dataclass(frozen=True)
+class Task:
+    """The piece to be carried through.
+
+    Attributes:
+        start, goal: nominal poses.
+        held: basis contacts held along the piece, with directions.
+        made: basis contact that the move makes, or None.
+        state: all contacts held along the piece.
+        goal_state: all contacts held after the move.
+        share: φ, the piece's share of what is left of the move; ONE on its last piece.
+        theta: stated bound of |ε|, rad.
+        angles: stated half-widths of the box of ε, rad.
+        box: stated half-widths of the box of e, m.
+        rates: λ_t and λ_r.
+        rho: characteristic length, m.
+    """
+
+    start: Pose
+    goal: Pose
+    held: tuple[tuple[Touch, Row], ...]
+    made: Touch | None
+    state: tuple[Touch, ...]
+    goal_state: tuple[Touch, ...]
+    share: int
+    theta: int
+    angles: Vector
+    box: Vector
+    rates: tuple[int, int]
+    rho: int
+
+    @property
+    def last(self) -> bool:
+        """Whether the move ends with this piece."""
+        return self.share == ONE
+
+    @property
+    def basis(self) -> list[Touch]:
+        """The contacts of the basis, the one being made the last of them."""
+        return [*(touch for touch, _ in self.held), *([] if self.made is None else [self.made])]
+
+
+@dataclass(frozen=True)
 class _Found:
     """What was worked out before: of the few contacts, lines and points of a plan the same is asked again and again."""
 
@@ -93,10 +135,12 @@ class Assembly(Incidence):
     Attributes:
         touches: contacts by id.
         flaws: what is wrong with parts, pieces or contacts.
+        form: how far the surfaces of both parts may lie from these, together, m.
     """
 
     def __init__(self, plan: Plan) -> None:
         super().__init__(plan.moving, plan.fixed)
+        self.form = fixed(plan.moving.form) + fixed(plan.fixed.form)
         self.touches: dict[str, Touch] = {}
         # Flaws are collected, not raised: a plan with one is judged, and found wanting, with all of them.
         self.flaws = [*self._solids(), *self.blurred(plan.touch)]
@@ -293,3 +337,42 @@ def middle(points: Sequence[Vector]) -> Vector:
         total = add(total, p)
     n = len(points)
     return (total[0] // n, total[1] // n, total[2] // n)
+
+
+def taken_turns(assembly: Assembly, touch: Touch, held: Sequence[Touch]) -> Plane | None:
+    """The wall along an edge contact's fixed edge that its moving edge lies in whether or not it still crosses there.
+
+    Held on the wall is one end of the moving edge, and either its other end or a crossing of the same edge with another
+    rim of the wall. When the end slips over the rim, the crossing there takes over from it, and both have the same
+    zeros: the edge's line in the wall. None when there is no such wall.
+
+    Args:
+        assembly: the parts.
+        touch: an edge against an edge.
+        held: contacts held together with it, itself among them or not.
+    """
+    for face in touch.faces:
+        ends = [
+            other.moving[0] for other in held if other.kind == "vertex-face" and assembly.agree(face, other.faces[0])
+        ]
+        on = [end for end in touch.moving if end in ends]
+        if len(on) == 2 or (on and any(other_rim(assembly, touch, other, face) for other in held)):
+            return face
+    return None
+
+
+def other_rim(assembly: Assembly, touch: Touch, other: Touch, wall: Plane) -> bool:
+    """Whether another contact has the same moving edge against another rim of the wall.
+
+    Args:
+        assembly: the parts.
+        touch: an edge against an edge.
+        other: any contact.
+        wall: a fixed plane.
+    """
+    return (
+        other.kind == "edge-edge"
+        and set(other.indices[0]) == set(touch.indices[0])
+        and set(other.indices[1]) != set(touch.indices[1])
+        and any(assembly.agree(wall, face) for face in other.faces)
+    )

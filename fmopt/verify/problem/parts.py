@@ -12,11 +12,12 @@ from fmopt.verify.problem.meshes import NoMesh, Point, Triangle, triangles
 from fmopt.verify.problem.model import Mesh, Solid
 from fmopt.verify.problem.problem import Problem
 from fmopt.verify.problem.solids import Comparison, Frame, Unbounded, frame, of_piece, tree_of
-from fmopt.verify.problem.surfaces import FLAT, OFF, basis, between, chord_error, compared, diameter, fitting, seated
+from fmopt.verify.problem.surfaces import FLAT, basis, between, chord_error, compared, diameter, fitting, seated
 from fmopt.verify.problem.tables import LARGEST_MESH, read_bytes
 from fmopt.verify.reading.document import Body, Part
 
 _SAME = 1e-12  # m: between coordinates that went the same way
+_SINGLE = 2e-8  # m: what facets are off their faces by less is rounding of numbers of single precision
 _NEAR = 1e-8  # m: between corners that are one
 _MOST_CORNERS, _MOST_TRIPLES = 3000, 2000
 
@@ -28,10 +29,12 @@ class Given:
     Attributes:
         body: its surface.
         chord: how far the true surface lies from it, m.
+        form: its tolerance of form, m.
     """
 
     body: Body
     chord: float
+    form: float = 0.0
 
 
 Reader = Callable[[], Mapping[str, Given]]
@@ -156,7 +159,8 @@ def _beside_given(part: Part, side: str, given: Given) -> Compared:
         found = f"parts.{side}: the plan is for another {side} part: its vertices or faces are not those of its file"
         return Compared((found,), (), Chord(given.chord, given.chord))
     words = f"the {side} part was held against its STEP file by way of the planner's reader"
-    return Compared((), (words,), Chord(given.chord, given.chord))
+    flaws = tuple(_form_differences(part, side, "its file", given.form))
+    return Compared(flaws, (words,), Chord(given.chord, given.chord))
 
 
 def _beside_mesh(part: Part, problem: Problem, side: str, mesh: Mesh, per_metre: float) -> Compared:
@@ -169,8 +173,9 @@ def _beside_mesh(part: Part, problem: Problem, side: str, mesh: Mesh, per_metre:
         raise table.error(key, f"{mesh.name} {error}") from None
     remarks = tuple(_choices(problem, side))
     if problem.feature(side).found and not problem.framed(side):
-        placed = seated(found, part.body)
+        placed, blur = seated(found, part.body), max(2.0 * FLAT * diameter(part.body), _SINGLE)
     else:
+        blur = _SINGLE
         at = problem.frame(side)
         placed = iter([[_moved(triangle, at) for triangle in found]])
     flaw = "no frame puts its corners on those of the part"
@@ -178,10 +183,11 @@ def _beside_mesh(part: Part, problem: Problem, side: str, mesh: Mesh, per_metre:
         surface = compared(candidate, part.body)
         if surface.flaw is None:
             near = min(surface, compared(fitting(candidate, part.body), part.body), key=lambda s: (bool(s.flaw), s.off))
-            return Compared((), (*remarks, *near.remarks), _chord(part.body, mesh, near.off))
+            flaws = tuple(_form_differences(part, side, mesh.name, near.off - blur))
+            return Compared(flaws, (*remarks, *near.remarks), _chord(part.body, mesh))
         flaw = surface.flaw
     told = f"parts.{side}: the plan is for another {side} part than the mesh {mesh.name}: {flaw}"
-    return Compared((told,), remarks, _chord(part.body, mesh, 0.0))
+    return Compared((told,), remarks, _chord(part.body, mesh))
 
 
 def _moved(triangle: Triangle, at: Frame) -> Triangle:
@@ -194,15 +200,23 @@ def _moved(triangle: Triangle, at: Frame) -> Triangle:
     return found[0], found[1], found[2]
 
 
-def _chord(body: Body, mesh: Mesh, off: float) -> Chord:
-    """What the facets of a mesh add to the errors: as stated or estimated, and how far they were put from the file's.
+def _form_differences(part: Part, side: str, name: str, off: float) -> Iterator[str]:
+    """Where a part's tolerance of form does not cover how far it lies from the facets of its file, m."""
+    if off > part.form:
+        yield (
+            f"parts.{side}.form: the plan allows for {part.form!r} m between its {side} part and the surface of "
+            f"{name}, which lies up to {off!r} m off"
+        )
+
+
+def _chord(body: Body, mesh: Mesh) -> Chord:
+    """What the facets of a mesh add to the errors, as stated or estimated.
 
     The estimate is of the part's facets, which the mesh's differ from by rounding.
     """
-    span = diameter(body)
     stated = mesh.deviation
     base = chord_error(body) * (1.0 - 1e-3) if stated is None else stated
-    return Chord(base + max(off - 2.0 * FLAT * span, 0.0), base * (1.0 + 3e-3) + 2.0 * OFF + FLAT * span)
+    return Chord(base, base * (1.0 + 3e-3) + FLAT * diameter(body))
 
 
 def _frames(solid: Solid, body: Body) -> Iterator[Frame]:

@@ -47,7 +47,8 @@ class Part:
     """A part: its surface, its convex pieces, its name, and the clearance a side declared (in x, y) and measured, m.
 
     No clearance is declared where the problem declares none; `found` says how the part mates where that was found.
-    `balls` come after the pieces, each a body with its centre for a vertex.
+    `balls` come after the pieces, each a body with its centre for a vertex. `form` is its tolerance of form, m: how far
+    the surface of the real part may lie from its own.
     """
 
     body: Body
@@ -57,6 +58,7 @@ class Part:
     measured_clearance: float
     found: Found | None = None
     balls: tuple[Body, ...] = ()
+    form: float = 0.0
 
 
 @dataclass(frozen=True)

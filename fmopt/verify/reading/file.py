@@ -30,6 +30,11 @@ NOT_COVERED = (
     "whether the real errors lie in the stated set, each fixed in the frame that is stated of it, apart from the "
     "velocity error",
 )
+NOT_COVERED_OFF_FORM = (
+    *NOT_COVERED,
+    "where more contacts hold than determine the pose of parts that are off their form: those of the basis are taken "
+    "to touch",
+)
 FIXED_IN = ("hole", "hand", "world")  # of errors, in the order of their generators
 VERDICTS = ("CERTIFIED", "NOT_PROVED", "REFUTED")
 

@@ -28,6 +28,7 @@ LARGEST_TOLERANCE = 1e-9  # m
 LARGEST_NUMBER_OF_PIECES = 400
 LARGEST_NUMBER_OF_BALLS = 16
 SMALLEST_RADIUS, LARGEST_RADIUS = 1e-6, 4.0  # m
+LARGEST_FORM = 1e-3  # m
 _FRACTION = re.compile(r"(-?[0-9]+)(?:/([1-9][0-9]*))?", re.ASCII)
 _LONGEST_FRACTION = 800
 _MOVE_NAME = re.compile(r"[+-]r?[xyz]|[a-z]{1,16}", re.ASCII)
@@ -61,10 +62,10 @@ _SPECIFICATION = fields(
 _PARTS = fields("parts", objects="moving fixed")
 _PART = fields(
     "parts.*",
-    compared="vertices faces declared_clearance",
+    compared="vertices faces declared_clearance form",
     commentary="name measured_clearance",
     objects="pieces exact found balls",
-    optional=("exact", "found", "balls"),
+    optional=("exact", "found", "balls", "form"),
 )
 _FOUND = fields("parts.*.found", proved="frame turn", compared="side feature", optional=("frame",))
 _BALL = fields("parts.*.balls[]", compared="vertex radius")
@@ -192,7 +193,8 @@ def _part(place: Reader) -> Part:
         Body((body.vertices[n],), (), {0: body.exact[n]} if n in body.exact else {}, ((0, radius),))
         for n, radius in body.balls
     )
-    return Part(body, tuple(pieces), place.at("name").text(), clearance, measured, _found(place), balls)
+    form = place.at("form").number(0.0, LARGEST_FORM) if place.has("form") else 0.0
+    return Part(body, tuple(pieces), place.at("name").text(), clearance, measured, _found(place), balls, form)
 
 
 def _found(place: Reader) -> Found | None:

@@ -18,7 +18,8 @@ def body(polyhedron: Polyhedron) -> Body:
 
 
 def part(found: PlannersPart) -> Part:
-    return Part(body(found.polyhedron), tuple(map(body, found.pieces)), found.name, (0.0, 0.0), 0.0)
+    pieces = tuple(map(body, found.pieces))
+    return Part(body(found.polyhedron), pieces, found.name, (0.0, 0.0), 0.0, form=found.form)
 
 
 def packed_stl(points: np.ndarray, faces: np.ndarray) -> bytes:

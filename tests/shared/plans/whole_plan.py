@@ -74,6 +74,7 @@ def whole_plan() -> dict[str, Any]:
     moving = plan["parts"]["moving"]
     ball = {"vertex": len(moving["vertices"]), "radius": 0.001}
     moving = {**moving, "vertices": [*moving["vertices"], [0.0, 0.0, 0.01]], "balls": [ball]}
+    moving["form"] = 1e-6
     told["parts"] = {"moving": moving, "fixed": fixed}
     whole = {"segments": segments, "specification": specification, "uncertainty": uncertainty}
     return sealed({**plan, **told, **whole})
