@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -280,3 +280,41 @@ def _rows(
 
 def _same_wall(assembly: Assembly, gone: PrimitiveContact, other: PrimitiveContact) -> bool:
     return other.kind is Kind.VERTEX_FACE and on_wall(assembly, gone, other.fixed_feature)
+
+
+def in_a_row(moves: Sequence[Move], start: Pose, goals: Iterable[Pose]) -> tuple[Move, ...]:
+    """The moves from another start to other goals, one for each; each begins where the one before ends.
+
+    Args:
+        moves: in order.
+        start: of the first.
+        goals: one for each.
+    """
+    ways = pairwise((start, *goals))
+    return tuple(replace(move, start=at, goal=to) for move, (at, to) in zip(moves, ways, strict=True))
+
+
+def onto_surfaces(assembly: Assembly, pose: Pose, move: Move) -> Pose:
+    """The nearest pose at which all contacts are exactly zero, by Gauss–Newton with the least turn.
+
+    Args:
+        assembly: the two parts.
+        pose: a pose near by.
+        move: the move that ends with the contacts.
+
+    Raises:
+        InfeasibleError: no pose near by makes all of them.
+    """
+    contacts = (*move.held, *move.making)
+    if not contacts:
+        return pose
+    units = assembly.units * assembly.freedoms
+    for _ in range(20):
+        rows = contact_rows(assembly, contacts, contacts, pose)
+        if np.abs(rows.f).max() < 1e-16:
+            return pose
+        step = np.linalg.pinv(rows.N * units, rcond=1e-6) @ rows.f * units
+        pose = pose.moved(-step)
+    if np.abs(contact_rows(assembly, contacts, contacts, pose).f).max() > 1e-13:
+        raise InfeasibleError("a goal pose left the true surfaces of its contact state")
+    return pose

@@ -24,12 +24,12 @@ from fmopt.certificate.contact_implications import Assembly
 from fmopt.certificate.separating_plane import Separation, row_bounds
 from fmopt.errors import InfeasibleError, OverdueError, SolverError
 from fmopt.geometry.polyhedron import Polyhedron
-from fmopt.planning.moves.moves import Move
+from fmopt.planning.moves.moves import Move, onto_surfaces
 from fmopt.planning.optimise.cone_program import ConeProgram, Solution
 from fmopt.planning.placement.formation import Row, ball_face, evaluate, face_vertex, vertex_face
 from fmopt.planning.placement.largest_clearance import Flat, Metric, Placement
 from fmopt.planning.placement.nonlinear_program import SurfacePlacement, place_on_surfaces
-from fmopt.planning.placement.sequence_program import Aim, Placed, better, onto_surfaces, state_rows
+from fmopt.planning.placement.sequence_program import Aim, Placed, better, state_rows
 from fmopt.planning.placement.sequence_rows import pairs_of
 from fmopt.runtime.compiled import heed
 from fmopt.spatial.values import Array

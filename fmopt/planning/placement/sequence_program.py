@@ -11,9 +11,9 @@ certified margin rose.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise, takewhile
+from itertools import takewhile
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from fmopt.certificate.propagation import Tolerance
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import InfeasibleError, OverdueError, SolverError
 from fmopt.geometry.section import lowest_point
-from fmopt.planning.moves.moves import Move, Reached, unroll
+from fmopt.planning.moves.moves import Move, Reached, in_a_row, onto_surfaces, unroll
 from fmopt.planning.optimise.cone_program import ConeProgram, Norm, Solver
 from fmopt.planning.placement.sequence_rows import Hold, SequenceRows, hold_rows, sequence_rows
 from fmopt.runtime.compiled import heed
@@ -361,18 +361,6 @@ def state_rows(assembly: Assembly, contacts: Sequence[PrimitiveContact], pose: P
     return np.asarray(Vt[s > _RANK * s.max(initial=0.0)] / assembly.units)
 
 
-def in_a_row(moves: Sequence[Move], start: Pose, goals: Iterable[Pose]) -> tuple[Move, ...]:
-    """The moves from another start to other goals, one for each; each begins where the one before ends.
-
-    Args:
-        moves: in order.
-        start: of the first.
-        goals: one for each.
-    """
-    ways = pairwise((start, *goals))
-    return tuple(replace(move, start=at, goal=to) for move, (at, to) in zip(moves, ways, strict=True))
-
-
 def _rising(assembly: Assembly, pose: Pose) -> Array:
     """How displacements raise the lowest point of the moving part, a row (1, 6)."""
     body = assembly.moving.polyhedron
@@ -390,29 +378,3 @@ def _shifted(aim: Aim, moves: Sequence[Move], shift: Array) -> tuple[Move, ...]:
     if aim.lift is not None:
         start = start.moved([0.0, 0.0, aim.lift - lowest_point(aim.assembly.moving, start), 0.0, 0.0, 0.0])
     return in_a_row(moves, start, (*goals, last.goal))
-
-
-def onto_surfaces(assembly: Assembly, pose: Pose, move: Move) -> Pose:
-    """The nearest pose at which all contacts are exactly zero, by Gauss–Newton with the least turn.
-
-    Args:
-        assembly: the two parts.
-        pose: a pose near by.
-        move: the move that ends with the contacts.
-
-    Raises:
-        InfeasibleError: no pose near by makes all of them.
-    """
-    contacts = (*move.held, *move.making)
-    if not contacts:
-        return pose
-    units = assembly.units * assembly.freedoms
-    for _ in range(20):
-        rows = contact_rows(assembly, contacts, contacts, pose)
-        if np.abs(rows.f).max() < 1e-16:
-            return pose
-        step = np.linalg.pinv(rows.N * units, rcond=1e-6) @ rows.f * units
-        pose = pose.moved(-step)
-    if np.abs(contact_rows(assembly, contacts, contacts, pose).f).max() > 1e-13:
-        raise InfeasibleError("a goal pose left the true surfaces of its contact state")
-    return pose

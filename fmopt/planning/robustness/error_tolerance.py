@@ -21,9 +21,9 @@ from fmopt.errors import InfeasibleError
 from fmopt.geometry.clearance import Clearance
 from fmopt.geometry.part import stretched
 from fmopt.plan.position_force import AXES
-from fmopt.planning.moves.moves import Move, Reached, carried, claims_of_moves, unroll
+from fmopt.planning.moves.moves import Move, Reached, carried, claims_of_moves, in_a_row, onto_surfaces, unroll
 from fmopt.planning.optimise.bisection import Trial, largest
-from fmopt.planning.placement.sequence_program import Placed, certified, in_a_row, onto_surfaces
+from fmopt.planning.placement.sequence_program import Placed, certified
 from fmopt.planning.search.symmetry import Searched
 from fmopt.spatial.values import IN_THE_WORLD, Array, Framing, Value, frozen
 

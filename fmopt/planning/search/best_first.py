@@ -75,12 +75,7 @@ class MoveSequence:
 
 @dataclass(frozen=True, eq=False)
 class Closest:
-    """The state that came closest to the seated part in a search that found no sequence.
-
-    Args:
-        task: what the search is about.
-        node: the state.
-    """
+    """The state that came closest to the seated part in a search for a task that found no sequence."""
 
     task: Task
     node: Node

@@ -280,10 +280,9 @@ class Motion:
         self.projector = without(self.hold, column, self.felt)
 
     def _follow(self) -> None:
-        """Thickness, overtravel and error set at the end.
+        """Thickness, overtravel and error set at the end; where parts are off their form, levers depend on these errors.
 
-        Where parts are off their form, levers depend on where the errors take the part: they are raised until none that
-        follows is larger. They hold where the piece starts, by the errors there, and so all along.
+        They are raised until none that follows is larger: they hold where the piece starts, and so all along.
         """
         form = self.assembly.form
         most = levers(self, self._without_errors) if form else []

@@ -14,8 +14,8 @@ from fmopt.contact.primitive import PrimitiveContact, near_contacts
 from fmopt.errors import InfeasibleError
 from fmopt.planning.control.bias_wrench import GuardedMove, firmness, held_by, steadiness, turns
 from fmopt.planning.control.holding import MoveDerivatives, _arms, _wrenches, hold_derivatives
-from fmopt.planning.moves.moves import Move
-from fmopt.planning.placement.sequence_program import onto_surfaces, state_rows
+from fmopt.planning.moves.moves import Move, onto_surfaces
+from fmopt.planning.placement.sequence_program import state_rows
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 from fmopt.task.problem import Specification, load

@@ -13,10 +13,10 @@ import fmopt
 from fmopt.errors import InfeasibleError
 from fmopt.planning.motion import _Stood
 from fmopt.planning.moves import moves as moving
-from fmopt.planning.moves.moves import Move
+from fmopt.planning.moves.moves import Move, in_a_row, onto_surfaces
 from fmopt.planning.optimise.solvers import ClarabelSolver
 from fmopt.planning.placement import error_growth as growth
-from fmopt.planning.placement.sequence_program import certified, displaced, in_a_row, onto_surfaces
+from fmopt.planning.placement.sequence_program import certified, displaced
 from fmopt.planning.posed import FINE, Posed, Stages
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion
 from fmopt.planning.search.symmetry import images

@@ -9,7 +9,7 @@ import pytest
 
 from fmopt.errors import InfeasibleError
 from fmopt.planning.control.controlled_motion import least_firm, least_steady
-from fmopt.planning.moves.moves import Reached
+from fmopt.planning.moves.moves import Reached, in_a_row, onto_surfaces
 from fmopt.planning.optimise.solvers import ClarabelSolver
 from fmopt.planning.pipeline import certified_motion
 from fmopt.planning.placement.error_derivatives import sensitivities
@@ -18,8 +18,6 @@ from fmopt.planning.placement.sequence_program import (
     Placed,
     Refinement,
     certified,
-    in_a_row,
-    onto_surfaces,
     refine,
     state_rows,
 )
