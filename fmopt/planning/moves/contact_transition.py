@@ -181,7 +181,7 @@ def _pattern(wall: _Wall, p: Array, R: Array, errors: ErrorSet) -> bytes:
     depths(wall.vertices, wall.rims, p, R, depth, rows)
     doubt = DOUBTED * errors.support(rows) + DOUBT
     found = np.empty(len(wall.vertices) + len(wall.numbers) * len(wall.convex), dtype=np.uint8)
-    pattern(wall.vertices, wall.rims, wall.edges, (p, R), (depth, doubt), found)
+    pattern(wall.vertices, wall.rims, wall.edges, (p[0], R[0]), (depth, doubt), found)
     return found.tobytes()
 
 
@@ -298,7 +298,7 @@ def pattern(
         vertices: in the body (n, 3), in the face's plane.
         rims: of the face, c convex ones first; at the others another face begins.
         edges: convex edges between the vertices.
-        pose: positions (2, 3) and rotations (2, 3, 3) at start and goal.
+        pose: position (3,) and rotation (3, 3) at the start.
         inside: how far inside rims vertices are at both ends (2, n, r), m, and how far errors displace that.
         found: (n + e c), of each vertex whether it is listed, of each edge and rim 1 where they cross, 2 where they do
             so with the edge run from its first end to its second.
@@ -324,18 +324,16 @@ def pattern(
             if not joined[i, r]:
                 found[i] = 0
     # An edge crosses a rim all along where one end is beyond it, or as long as that end, which is listed, is.
-    at = np.empty((2, 2, 3))
+    at = np.empty((2, 3))
     for e in range(len(ends)):
-        for end in range(2):
-            for k in range(2):
-                v = vertices[ends[e, k]]
-                for j in range(3):
-                    turned = R[end, j, 0] * v[0] + R[end, j, 1] * v[1] + R[end, j, 2] * v[2]
-                    at[end, k, j] = p[end, j] + turned
+        for k in range(2):
+            v = vertices[ends[e, k]]
+            for j in range(3):
+                at[k, j] = p[j] + R[j, 0] * v[0] + R[j, 1] * v[1] + R[j, 2] * v[2]
         for r in range(c):
             over = False
             for k in range(2):
                 a, b = ends[e, k], ends[e, 1 - k]
                 over |= sure[a, r] and (side[b, r] == -1 or (side[b, r] == 0 and found[b] == 1))
-            crossing = over and _meets(at[0, 0], at[0, 1], rims, r) and _meets(at[1, 0], at[1, 1], rims, r)
-            found[n + e * c + r] = (2 if _forward(edges, e, r, R[0]) else 1) if crossing else 0
+            crossing = over and _meets(at[0], at[1], rims, r)
+            found[n + e * c + r] = (2 if _forward(edges, e, r, R) else 1) if crossing else 0

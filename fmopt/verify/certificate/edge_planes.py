@@ -279,7 +279,8 @@ def _lines(known: Known, own: Sequence[Vector], other: Sequence[Vector]) -> tupl
     for touch in known.all if not known.facts.assembly.form else ():
         if touch.kind == "edge-edge" and all(near(touch.fixed_line.away(w)) for w in other):
             one = touch.moving_line
-            if all(_level(known.facts, base.direction, cross(one.away(v), one.direction)) for v in own):
+            parallel = near(sub(one.away(own[0]), one.away(own[1])))
+            if parallel and all(_level(known.facts, base.direction, cross(one.away(v), one.direction)) for v in own):
                 return _along(one, moving), _along(touch.fixed_line, base)
     return moving, base
 

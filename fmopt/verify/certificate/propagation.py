@@ -280,9 +280,9 @@ class Motion:
         self.projector = without(self.hold, column, self.felt)
 
     def _follow(self) -> None:
-        """Thickness, overtravel and error set at the end; where parts are off their form, levers depend on these errors.
+        """Thickness, overtravel and error set at the end.
 
-        They are raised until none that follows is larger: they hold where the piece starts, and so all along.
+        Where parts are off their form, levers depend on these: they are raised until none that follows is larger.
         """
         form = self.assembly.form
         most = levers(self, self._without_errors) if form else []

@@ -52,9 +52,7 @@ def wall(moving: Part, fixed: Part) -> tuple[Array, Rims, Edges, list[int], list
     return body.vertices[own], (ends[:, 0].copy(), inward), (places, ahead, normals, other, others), edges, convex
 
 
-def plainly(
-    vertices: Array, across: Rims, edges: Edges, poses: tuple[Pose, Pose], depth: Array, doubt: Array
-) -> tuple[Any, Any]:
+def plainly(vertices: Array, across: Rims, edges: Edges, pose: Pose, depth: Array, doubt: Array) -> tuple[Any, Any]:
     """Which vertices are listed, and which edges cross which convex rims, in plain NumPy."""
     points, inward = across
     convex = len(edges[3])
@@ -69,13 +67,12 @@ def plainly(
     beyond = (side == -1) | ((side == 0) & listed[:, None])
     over = np.array([(sure[a] & beyond[b]) | (sure[b] & beyond[a]) for a, b in edges[0]])[:, :convex]
     for e, r in zip(*np.nonzero(over), strict=True):
-        for pose in poses:
-            a, b = pose.apply(vertices[edges[0][e]])
-            rise = float((b - a) @ inward[r])
-            x = a + np.clip((points[r] - a) @ inward[r] / rise, 0.0, 1.0) * (b - a)
-            inside = np.vecdot(inward, x - points) > -DOUBT
-            inside[r] = True
-            over[e, r] &= abs(rise) > 1e-3 * np.linalg.norm(b - a) and inside.all()
+        a, b = pose.apply(vertices[edges[0][e]])
+        rise = float((b - a) @ inward[r])
+        x = a + np.clip((points[r] - a) @ inward[r] / rise, 0.0, 1.0) * (b - a)
+        inside = np.vecdot(inward, x - points) > -DOUBT
+        inside[r] = True
+        over[e, r] = abs(rise) > 1e-3 * np.linalg.norm(b - a) and inside.all()
     return listed, over
 
 
@@ -100,8 +97,8 @@ def test_what_touches_a_wall_is_what_the_plain_formula_finds() -> None:
             assert rows[..., :3] == pytest.approx(np.broadcast_to(across[1], rows[..., :3].shape))
             assert rows[..., 3:] == pytest.approx(cross(arms, across[1]), abs=1e-16)
             found = np.empty(len(vertices) + len(numbers) * len(rim_numbers), dtype=np.uint8)
-            pattern(vertices, across, edges, (p, R), (depth, doubt), found)
-            listed, over = plainly(vertices, across, edges, (start, goal), depth, doubt)
+            pattern(vertices, across, edges, (p[0], R[0]), (depth, doubt), found)
+            listed, over = plainly(vertices, across, edges, start, depth, doubt)
             assert found[: len(vertices)].tolist() == listed.tolist()
             across_rims = found[len(vertices) :].reshape(len(numbers), len(rim_numbers))
             assert (across_rims > 0).tolist() == over.tolist()
