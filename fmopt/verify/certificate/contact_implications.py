@@ -200,9 +200,8 @@ class Facts:
     def keeps(self, normal: Vector, d: Vector) -> bool:
         """Whether a body direction is known to be level with planes of a normal, both given exactly.
 
-        It is decided and not measured: either the direction is one that is turned onto one level with them, or it is
-        across one that is turned onto their normal, or the two turned directions that it is made of, and the one across
-        them, cancel exactly.
+        It is decided and not measured: either the direction is one that is turned onto one level with them, or the two
+        turned directions that it is made of, and the one across them, cancel exactly.
 
         Args:
             normal: integers, of any length.
@@ -210,12 +209,20 @@ class Facts:
         """
         if not any(d) or any(parallel(turn.exact, d) and turn.keeps(normal) for turn in self.turns):
             return True
-        if any(
-            turn.onto is not None and parallel(turn.onto, normal) and inner(turn.exact, d) == 0 for turn in self.turns
-        ):
-            return True
         pair = self._whole
         return pair is not None and cancel(*pair, normal, d)
+
+    def across(self, along: Vector, d: Vector) -> bool:
+        """Whether a body direction is known to be across a world direction, both given exactly.
+
+        So it is where one across it is turned onto that.
+
+        Args:
+            along: integers, of any length.
+            d: of the body, integers.
+        """
+        turned = (turn for turn in self.turns if turn.onto is not None and parallel(turn.onto, along))
+        return any(inner(turn.exact, d) == 0 for turn in turned) or self.keeps(along, d)
 
     def level(self, plane: Plane, v: Vector, w: Vector) -> bool:
         """Whether two body points are known to be equally high over a wall.

@@ -130,7 +130,7 @@ def level_rims(assembly: Assembly, known: Known) -> list[LevelRim]:
         along = assembly.way(*touch.fixed)
         for side in sides:
             face = assembly.moving.faces[side].plane
-            if known.facts.keeps(along, assembly.exact(face)[:3]):
+            if known.facts.across(along, assembly.exact(face)[:3]):
                 found.append(LevelRim(touch, face, touch in held))
     return found
 
@@ -138,6 +138,15 @@ def level_rims(assembly: Assembly, known: Known) -> list[LevelRim]:
 def edge_rows(
     assembly: Assembly, M: Shape, F: Shape, witness: Witness, motion: Motion, known: Known
 ) -> tuple[list[Function], int]:
+    """The rows of a plane along an edge of each of two pieces that contacts do not settle, and what scales them.
+
+    Args:
+        assembly: parts and contacts.
+        M, F: the moving and the fixed piece.
+        witness: the edges.
+        motion: of the piece of motion.
+        known: what contacts say during it.
+    """
     own, other = [M.vertices[i] for i in witness.moving], [F.vertices[i] for i in witness.fixed]
     moving, base = _lines(known, own, other)
     anchors = list(_anchors(assembly, known, moving, base))

@@ -65,6 +65,8 @@ class Incidence:
         body_points: vertices of the moving part and of its pieces.
     """
 
+    form = 0  # m: how far surfaces may lie from these, see `Assembly`
+
     def __init__(self, moving: Part, fixed: Part) -> None:
         self.moving, self.fixed = Shape(moving.body), Shape(fixed.body)
         self.moving_pieces = tuple(Shape(_sharing(piece, moving.body)) for piece in (*moving.pieces, *moving.balls))
