@@ -114,6 +114,8 @@ def edges_level(
     found = []
     for rim in level_rims(assembly, held, opening):
         offset = float((moving.vertices @ rim.normal).max())
+        if not assembly.faced(rim.normal, offset):
+            continue
         before = rim.before(fixed.vertices, rim.normal, offset)
         own = [edge.vertices for edge in moving.edges if _runs(moving.vertices[[*edge.vertices]], rim.way)]
         on = [ends for ends in own if (moving.vertices[[*ends]] @ rim.normal >= offset - NEAR).all()]

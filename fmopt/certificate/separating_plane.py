@@ -238,7 +238,7 @@ def _touched(assembly: Assembly, pair: Pair, normal: Array, offset: float) -> Ma
     F = pair.fixed.vertices
     done = np.zeros(len(F), dtype=np.bool_)
     for rim in level_rims(assembly, pair.state, pair.beside) if assembly.several else ():
-        if rim.held:
+        if rim.held and assembly.faced(normal, offset):
             done |= rim.before(F, normal, offset)
     for contact in contacts_of(pair):
         if contact.kind is Kind.FACE_VERTEX:
