@@ -8,7 +8,6 @@ point counts: they have integer components and no unit. Nothing is rounded here,
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from fractions import Fraction
 from itertools import pairwise
 from math import gcd, isqrt
 
@@ -88,42 +87,6 @@ def height(plane: Level, p: Point) -> int:
     return plane[0] * p[0] + plane[1] * p[1] + plane[2] * p[2] - plane[3] * p[3]
 
 
-def above_beside(flush: Level, wall: Level, beside: Level, p: Point) -> bool:
-    """Whether a body point is on or above a plane beside a wall, on which a body plane lies.
-
-    Args:
-        flush: the body plane, its normal towards the wall.
-        wall: the wall, its normal towards the body.
-        beside: a plane parallel to the wall, its normal on the same side.
-        p: the body point.
-    """
-    # It is (d − n·p)/|n| above the wall, which is D'/|N'| − D/|N| below the plane beside it; N' = N·(N'·N)/(N·N).
-    square = inner(wall[:3], wall[:3])
-    rise = Fraction(-height(flush, p), p[3])
-    asked = Fraction(beside[3] * square, inner(beside[:3], wall[:3])) - wall[3]
-    one, other = _sign(rise) * rise**2 * square, _sign(asked) * asked**2 * inner(flush[:3], flush[:3])
-    return one >= other
-
-
-def nearer(p: Point, a: Point, b: Point, wall: Level, behind: Level) -> bool:
-    """Whether a point is no farther from a line than one plane is behind another that is parallel to it.
-
-    Args:
-        p: the point.
-        a: a point of the line.
-        b: another one.
-        wall: the plane in front, seen from there.
-        behind: the one behind it, seen from the same side.
-    """
-    square = inner(wall[:3], wall[:3])
-    gap = wall[3] - Fraction(behind[3] * square, inner(behind[:3], wall[:3]))  # times 1/|normal|
-    along, off = way(a, b), way(a, p)
-    across = outer(along, off)
-    scale = p[3] if a[3] == p[3] else a[3] * p[3]  # what `way` is times
-    away = Fraction(inner(across, across), inner(along, along) * scale**2)
-    return gap >= 0 and gap**2 >= away * square
-
-
 def through(points: Iterable[Point]) -> Level | None:
     """The plane of the first three points that are not in line, seen from either side; None without any."""
     base: Point | None = None
@@ -186,5 +149,5 @@ def balanced(a: int, b: int, c: int, p: tuple[int, int], q: tuple[int, int]) -> 
     return s == -_sign(c)
 
 
-def _sign(x: int | Fraction) -> int:
+def _sign(x: int) -> int:
     return (x > 0) - (x < 0)

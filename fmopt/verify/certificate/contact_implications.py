@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from fmopt.verify.arithmetic.exact import above_beside, height, inner, parallel, turned_over
+from fmopt.verify.arithmetic.exact import height, inner, parallel, turned_over
 from fmopt.verify.arithmetic.rational import ONE, Matrix, Vector, dot, length, neg, scaled, sub, times, turned, unit
 from fmopt.verify.parts.assembly import Assembly, Touch, taken_turns
 from fmopt.verify.parts.incidence import Flush, Turn, about, cancel, crossing, directed, image_of, steep
@@ -323,17 +323,16 @@ class Facts:
     def _planes_beside(self, plane: Plane) -> Iterator[Plane]:
         if self.assembly.form or not self.assembly.agree(plane, plane):
             return  # faces of a part may be off each other, or the plane is none of the parts' own
-        exact = self.assembly.exact(plane)
         for wall in self.walls:
-            own = self.assembly.exact(wall.plane)
-            if not wall.flush or exact == own or not parallel(exact, own) or inner(exact, own) <= 0:
+            if not wall.flush or self.assembly.agree(wall.plane, plane) or not self.assembly.along(wall.plane, plane):
                 continue
-            flush = wall.flush[0]
-            points = self.assembly.body_points
-            kept = (v for v in points if above_beside(flush.exact, own, exact, self.assembly.point(v)))
-            lowest = max((dot(flush.plane.normal, v) for v in kept), default=None)
-            if lowest is not None:
-                yield Plane(flush.plane.normal, lowest)
+            flush = wall.flush[0].plane
+            # Of the body plane that lies in the wall, and of what is as far behind it as the plane from the wall.
+            lowest = flush.offset + wall.plane.offset - plane.offset
+            heights = [dot(flush.normal, v) for v in self.assembly.body_points]
+            kept = max((at for at in heights if at <= lowest + DEVIATION), default=None)
+            if kept is not None:
+                yield Plane(flush.normal, kept)
 
     def not_below(self, wall_plane: Plane, vertices: Sequence[Vector], above: Iterable[Vector]) -> set[int]:
         """Which body points are on or above a wall, given some vertices known to be on or above it.

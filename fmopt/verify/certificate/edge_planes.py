@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from fmopt.verify.arithmetic.exact import height, nearer
+from fmopt.verify.arithmetic.exact import height
 from fmopt.verify.arithmetic.rational import (
     ONE,
     Vector,
@@ -98,15 +98,13 @@ class LevelRim(NamedTuple):
     face: Plane
     held: bool
 
-    def before(self, assembly: Assembly, w: Vector, plane: Plane) -> bool:
+    def before(self, w: Vector, plane: Plane) -> bool:
         """Whether a fixed point is not behind a body plane parallel to the face, as that is as far behind it at least.
 
-        A vertex of a piece may be off an edge of the part by `DEVIATION`: what holds of the whole edge is then said of
-        it, and nothing follows from that.
+        It may be by `DEVIATION`, and nothing follows from that: so far parts are off what is said of them, too.
         """
-        exact = assembly.exact(self.face), assembly.exact(plane)
-        ends = assembly.point(self.touch.fixed[0]), assembly.point(self.touch.fixed[1])
-        return any(nearer(p, *ends, *exact) for p in assembly.edge_near(w, self.touch.fixed_line))
+        behind = self.face.offset - plane.offset
+        return behind >= -DEVIATION and length(self.touch.fixed_line.away(w)) <= behind + DEVIATION
 
 
 def level_rims(assembly: Assembly, known: Known) -> list[LevelRim]:
@@ -209,13 +207,15 @@ def _beside_rims(
     asked, base = line(*own), line(*other)
     for rim in level_rims(assembly, known):
         one = rim.touch.moving_line
+        if not near(sub(one.away(own[0]), one.away(own[1]))):
+            continue
         way = one.direction if dot(one.direction, asked.direction) > 0 else neg(one.direction)
         for face in assembly.moving.faces:
             if face.exact is None or not assembly.along(rim.face, face.plane):
                 continue
             flat = all(abs(face.plane.height(v)) <= DEVIATION for v in own)
             behind = all(face.plane.height(v) <= DEVIATION for v in M.vertices)
-            if flat and behind and all(rim.before(assembly, w, face.plane) for w in other):
+            if flat and behind and all(rim.before(w, face.plane) for w in other):
                 moving = Line(own[0], way, add(own[0], scaled(length(sub(own[1], own[0])), way)))
                 # The contact's side is that which the witness plane is to have in front.
                 turned = dot(one.direction, asked.direction) * dot(rim.touch.fixed_line.direction, base.direction)
@@ -233,8 +233,10 @@ def _level_rows(
     """
     rim, plane, moving, base = beside
     a = moving.point
-    kept = [v for v in M.vertices if abs(plane.height(v)) > DEVIATION]
-    functions: list[Function] = [_relative(assembly, base.direction, cross(sub(v, a), moving.direction)) for v in kept]
+    off = [v for v in M.vertices if abs(plane.height(v)) > DEVIATION]
+    arms = [cross(sub(v, a), moving.direction) for v in off]
+    kept = [arm for arm in arms if not known.facts.rises(base.direction, arm)]
+    functions: list[Function] = [_relative(assembly, base.direction, arm) for arm in kept]
     below = {k for k, w in enumerate(F.vertices) if near(base.away(w))}
     for v, inward, wall in _turned_beside(assembly, known, rim) if rim.held else ():
         if _outside(assembly, motion, moving, base, wall):

@@ -136,6 +136,6 @@ def _moving_face_rows(assembly: Assembly, M: Shape, F: Shape, witness: Witness, 
         done = {k for k, w in enumerate(F.vertices) if any(near(sub(w, x)) for x in on)}
         for rim in level_rims(assembly, known):
             if rim.held and assembly.along(rim.face, backed.wall):
-                done |= {k for k, w in enumerate(F.vertices) if rim.before(assembly, w, backed.wall)}
+                done |= {k for k, w in enumerate(F.vertices) if rim.before(w, backed.wall)}
         plane = backed.cover if done else plane
     return [FaceAbove(plane, w) for k, w in enumerate(F.vertices) if k not in done]

@@ -19,7 +19,7 @@ from typing import NamedTuple
 from fmopt.verify.arithmetic.exact import Level, Point, balanced, inner, level, outer, parallel, point, unit_of, way
 from fmopt.verify.arithmetic.rational import ONE, Vector, add, cross, dot, fixed, length, over, root, scaled, sub, times
 from fmopt.verify.parts.covering import DEVIATION as COVERED
-from fmopt.verify.parts.solids import DEVIATION, Line, Plane, Shape, line, near, short
+from fmopt.verify.parts.solids import DEVIATION, Line, Plane, Shape, short
 from fmopt.verify.reading.document import Body, Part
 
 _LOSSES = 32  # at most so many deviations add up, see `facets` for the most of them
@@ -99,19 +99,6 @@ class Incidence:
         if one is None or other is None:
             return False
         return parallel(one[:3], other[:3]) and inner(one[:3], other[:3]) > 0
-
-    def edge_near(self, w: Vector, along: Line) -> Iterator[Point]:
-        """A fixed vertex exactly, and the first end of each edge of the fixed part along a line that goes through it.
-
-        A vertex of a piece may be off that edge by `DEVIATION`.
-        """
-        yield self.point(w)
-        for i, j in self.fixed.edge_faces:
-            if i < j:
-                p, q = self.fixed.vertices[i], self.fixed.vertices[j]
-                ways = way(self.point(p), self.point(q)), way(self.point(along.point), self.point(along.far))
-                if parallel(*ways) and near(line(p, q).away(w)):
-                    yield self.point(p)
 
     def exact(self, plane: Plane) -> Level:
         """The plane of a face of the parts exactly."""
