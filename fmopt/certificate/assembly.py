@@ -69,10 +69,6 @@ class Assembly:
         """
         return len(self.moving.bodies) > 1 and not self.form
 
-    def faced(self, normal: Array, offset: float) -> bool:
-        """Whether a body plane, out of the part, is that of one of its faces, and not of a cut through it."""
-        return any(self.agree(face.normal, face.offset, normal, offset) for face in self.moving.polyhedron.faces)
-
     @cached_property
     def radius(self) -> float:
         """How far from the origin a plane may matter, m."""

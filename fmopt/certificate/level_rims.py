@@ -114,7 +114,7 @@ def edges_level(
     found = []
     for rim in level_rims(assembly, held, opening):
         offset = float((moving.vertices @ rim.normal).max())
-        if not assembly.faced(rim.normal, offset):
+        if not faced(assembly, rim.normal, offset):
             continue
         before = rim.before(fixed.vertices, rim.normal, offset)
         own = [edge.vertices for edge in moving.edges if _runs(moving.vertices[[*edge.vertices]], rim.way)]
@@ -124,6 +124,12 @@ def edges_level(
                 run = _run_like(fixed.vertices, other.vertices, rim.along)
                 found += [(_run_like(moving.vertices, ends, rim.way), run) for ends in on]
     return tuple(dict.fromkeys(found))
+
+
+def faced(assembly: Assembly, normal: Array, offset: float) -> bool:
+    """Whether a body plane, its normal (3,) out of the part and its offset in m, is of a face and not of a cut."""
+    faces = assembly.moving.polyhedron.faces
+    return any(assembly.agree(face.normal, face.offset, normal, offset) for face in faces)
 
 
 def _runs(ends: Array, way: Array) -> bool:

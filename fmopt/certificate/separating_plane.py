@@ -21,7 +21,7 @@ from fmopt.certificate.assembly import NEAR, Assembly, hinge
 from fmopt.certificate.contact_implications import Wall, coming_off, facts
 from fmopt.certificate.edge_planes import Counted, contacts_of, edge_rows
 from fmopt.certificate.kernels_rows import Table
-from fmopt.certificate.level_rims import level_rims
+from fmopt.certificate.level_rims import faced, level_rims
 from fmopt.certificate.piece_pairs import Pair, Witness, pairs, touching
 from fmopt.certificate.remainder import AtEnd, Course, Ends
 from fmopt.certificate.row_bounds import Places, Witnesses, best
@@ -238,7 +238,7 @@ def _touched(assembly: Assembly, pair: Pair, normal: Array, offset: float) -> Ma
     F = pair.fixed.vertices
     done = np.zeros(len(F), dtype=np.bool_)
     for rim in level_rims(assembly, pair.state, pair.beside) if assembly.several else ():
-        if rim.held and assembly.faced(normal, offset):
+        if rim.held and faced(assembly, normal, offset):
             done |= rim.before(F, normal, offset)
     for contact in contacts_of(pair):
         if contact.kind is Kind.FACE_VERTEX:

@@ -53,20 +53,22 @@ from fmopt.verify.reading.document import (
     UnplannedContact,
     Witness,
 )
-from fmopt.verify.reading.file import (
+from fmopt.verify.reading.parse import parse
+from fmopt.verify.reading.parse_diagnostics import read_boundary, read_diagram, read_surface
+from fmopt.verify.reading.reader import (
     FORMAT,
     FRAMES,
+    LONGEST,
     NOT_COVERED,
     NOT_COVERED_OFF_FORM,
     UNITS,
+    UNSEEN,
     Numbers,
     PlanError,
+    Reader,
     content,
     decoded,
 )
-from fmopt.verify.reading.parse import parse
-from fmopt.verify.reading.parse_diagnostics import read_boundary, read_diagram, read_surface
-from fmopt.verify.reading.reader import LONGEST, UNSEEN, Reader
 
 __all__ = [
     "FORMAT", "FRAMES", "NOT_COVERED", "NOT_COVERED_OFF_FORM", "STDIO", "UNITS", "Body", "Boundary", "Contact",

@@ -6,7 +6,7 @@ remainders, error sets and knowledge of held contacts are written here a second 
 
 from fmopt.verify.check import judge, verify
 from fmopt.verify.findings import CERTIFIED, NOT_PROVED, REFUTED, Finding, Verdict, Witness, describe
-from fmopt.verify.reading.file import PlanError, load
+from fmopt.verify.reading.reader import PlanError, load
 
 __all__ = [
     "CERTIFIED",

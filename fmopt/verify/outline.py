@@ -23,7 +23,7 @@ from fmopt.verify.parts.reach import dot
 from fmopt.verify.parts.rows import pose
 from fmopt.verify.reading.diagnostics import Diagnostics, Interval, Search, Visit
 from fmopt.verify.reading.document import CriticalPoint, Nominal, Plan, PositionForce, Segment
-from fmopt.verify.reading.file import NOT_COVERED, NOT_COVERED_OFF_FORM, Numbers
+from fmopt.verify.reading.reader import NOT_COVERED, NOT_COVERED_OFF_FORM, Numbers
 
 _SAME = 1e-12  # m, rad, s: stated twice, from one number
 _FOLLOWS = 1e-9  # m, rad: interpolated again

@@ -16,7 +16,7 @@ from fmopt.plan import sealed
 from fmopt.planning.pipeline import certified_motion, proved
 from fmopt.task.problem import Problem, load
 from fmopt.verify import verify
-from fmopt.verify.reading.file import NOT_COVERED, NOT_COVERED_OFF_FORM, PlanError
+from fmopt.verify.reading.reader import NOT_COVERED, NOT_COVERED_OFF_FORM, PlanError
 from tests.shared.executions.real_parts import execute, off_form
 from tests.shared.parts import families
 

@@ -16,9 +16,8 @@ import pytest
 from fmopt import plan
 from fmopt.errors import PlanFormatError, ResourceError
 from fmopt.verify import PlanError, Verdict, verify
-from fmopt.verify.reading.file import LARGEST_FILE, decoded
 from fmopt.verify.reading.parse import FIELDS, parse
-from fmopt.verify.reading.reader import Fields, Reader, table
+from fmopt.verify.reading.reader import LARGEST_FILE, Fields, Reader, decoded, table
 from tests import ROOT
 from tests.shared.plans.table_plan import sealed
 from tests.shared.plans.whole_plan import whole_plan

@@ -50,7 +50,7 @@ from fmopt.verify.arithmetic.rational import (
     width,
 )
 from fmopt.verify.reading.document import Plan
-from fmopt.verify.reading.file import FIXED_IN
+from fmopt.verify.reading.reader import FIXED_IN
 
 SIX = range(6)
 _UPPER = [(a, b) for a in SIX for b in range(a, 6)]  # places on and above the diagonal

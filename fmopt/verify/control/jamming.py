@@ -30,7 +30,7 @@ from fmopt.verify.findings import RELATIVE, Notes
 from fmopt.verify.parts.reach import Contact, cross, dot
 from fmopt.verify.parts.rows import pose
 from fmopt.verify.reading.document import Hybrid, JamFree, Specification
-from fmopt.verify.reading.file import Numbers
+from fmopt.verify.reading.reader import Numbers
 
 _STRICT = 1e-9  # of unit twists, by which each contact must be opened beyond friction
 _ROUNDING = 1e-9  # rad, or relative

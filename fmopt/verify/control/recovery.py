@@ -42,7 +42,7 @@ from fmopt.verify.findings import Notes, micrometres
 from fmopt.verify.parts.rows import pose
 from fmopt.verify.parts.solids import DEVIATION, Shape
 from fmopt.verify.reading.document import Lift, MoveRecovery, Plan, Segment
-from fmopt.verify.reading.file import Numbers
+from fmopt.verify.reading.reader import Numbers
 
 _UPRIGHT = ONE >> 20  # faces lean over by less than this where they may count as vertical
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fmopt.verify.reading.file import Numbers
+from fmopt.verify.reading.reader import Numbers
 
 Point = tuple[float, float]
 Polyline = tuple[Point, ...]

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from fmopt.verify.reading.diagnostics import Diagnostics, Interval, Search
-from fmopt.verify.reading.file import FORMAT, NOT_COVERED, Numbers, PlanError
+from fmopt.verify.reading.reader import FORMAT, NOT_COVERED, Numbers, PlanError
 
 __all__ = ["FORMAT", "NOT_COVERED", "Numbers", "PlanError"]
 

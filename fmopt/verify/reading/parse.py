@@ -9,7 +9,6 @@ from typing import Any
 
 from fmopt.verify.reading.diagnostics import Search, SearchedState
 from fmopt.verify.reading.document import Body, Contact, Found, Part, Plan, Specification
-from fmopt.verify.reading.file import FIXED_IN, FORMAT, FRAMES, UNITS, VERDICTS, Numbers, digest
 from fmopt.verify.reading.parse_diagnostics import DIAGNOSTIC_FIELDS, read_diagnostics
 from fmopt.verify.reading.parse_segments import (
     ACCOUNT_FIELDS,
@@ -22,7 +21,18 @@ from fmopt.verify.reading.parse_segments import (
     read_recovery,
     read_segment,
 )
-from fmopt.verify.reading.reader import Fields, Reader, fields
+from fmopt.verify.reading.reader import (
+    FIXED_IN,
+    FORMAT,
+    FRAMES,
+    UNITS,
+    VERDICTS,
+    Fields,
+    Numbers,
+    Reader,
+    digest,
+    fields,
+)
 
 LARGEST_TOLERANCE = 1e-9  # m
 LARGEST_NUMBER_OF_PIECES = 400

@@ -29,9 +29,8 @@ from fmopt.verify.reading.diagnostics import (
     ToleranceEnd,
     Visit,
 )
-from fmopt.verify.reading.file import FIXED_IN
 from fmopt.verify.reading.parse_segments import STATE_VERDICTS, read_interval
-from fmopt.verify.reading.reader import MOST, Fields, Reader, fields
+from fmopt.verify.reading.reader import FIXED_IN, MOST, Fields, Reader, fields
 
 PHASES = ("gross", "fine", "blocked")
 CARRIERS = ("r_M", "r_m", "g_M", "g_m", "n", "line")

@@ -27,8 +27,7 @@ from fmopt.verify.reading.document import (
     UnplannedContact,
     Witness,
 )
-from fmopt.verify.reading.file import Numbers
-from fmopt.verify.reading.reader import Fields, Reader, fields
+from fmopt.verify.reading.reader import Fields, Numbers, Reader, fields
 
 SLOWEST = 1e-9  # m/s
 LEAST_FORCE = 1e-9  # N, that ends a move
