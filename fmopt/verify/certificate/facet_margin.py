@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from itertools import islice
 from typing import NamedTuple
 
-from fmopt.verify.arithmetic.rational import ONE, Vector, add, dot, fixed, neg, over, scaled, sub, times
+from fmopt.verify.arithmetic.rational import ONE, Vector, add, dot, fixed, neg, over, scaled, sub, times, unit
 from fmopt.verify.certificate.propagation import Motion
 from fmopt.verify.parts.assembly import Assembly, Touch, middle, other_rim, taken_turns
 from fmopt.verify.parts.rows import DirectionAlong, FaceAbove, Function, PointAbove
@@ -93,7 +93,7 @@ def _in_face(assembly: Assembly, touch: Touch, together: Sequence[Touch], way: _
 
 def _in_region(assembly: Assembly, touch: Touch, together: Sequence[Touch], region: Sequence[Bound], way: _Way) -> int:
     """How far a point is from the edges of a convex part of its face, and beyond the holes of that."""
-    v, found = touch.moving[0], UNBOUNDED
+    v, found, walled = touch.moving[0], UNBOUNDED, False
     for i, j, rim, whole in region:
         above = way.above(v, rim)
         # The quick bound is never above the exact one: a rim that it puts farther away cannot bind.
@@ -101,21 +101,17 @@ def _in_region(assembly: Assembly, touch: Touch, together: Sequence[Touch], regi
             continue
         room = way.least(above)
         # Where the part goes on along the line beyond the edge there is more of the face behind it, not a wall.
-        if room < found and not (
-            whole
-            and (
-                _swallowed(assembly, touch.faces[0], (i, j), rim, room)
-                or _slips(assembly, touch, together, (i, j, rim), room, way)
-            )
-        ):
+        if room < found and whole and _swallowed(assembly, (i, j), rim, room):
+            walled = True
+        elif room < found and not (whole and _slips(assembly, touch, together, (i, j, rim), room, way)):
             found = room
     for hole in assembly.fixed.faces[touch.face].loops[1:]:
         beyond = [way.least(way.above(v, plane)) for plane in _beside(assembly.fixed, touch.face, hole)]
         found = min(found, max(beyond, default=-UNBOUNDED))
-    return found
+    return min(found, 0) if walled and found <= _SURELY else found  # walls are looked at so far from other rims
 
 
-def _swallowed(assembly: Assembly, wall: Plane, edge: tuple[int, int], rim: Plane, room: int) -> bool:
+def _swallowed(assembly: Assembly, edge: tuple[int, int], rim: Plane, room: int) -> bool:
     """Whether the strip of the wall's plane just beyond a re-entrant edge is inside a fixed piece.
 
     The contact cannot leave its face there without the two parts overlapping, which the separations rule out.
@@ -125,7 +121,9 @@ def _swallowed(assembly: Assembly, wall: Plane, edge: tuple[int, int], rim: Plan
         return False
     far = max(0, -room) + _BEYOND
     back = scaled(far, neg(rim.normal))
-    ends = [assembly.fixed.vertices[k] for k in edge]
+    a, b = (assembly.fixed.vertices[k] for k in edge)
+    inwards = scaled(_SURELY, unit(sub(b, a)))
+    ends = [add(a, inwards), sub(b, inwards)]
     strip = [*ends, *(add(p, back) for p in ends)]
     # One convex piece has to hold the whole strip: of two, each with a part, the seam would have to be looked at.
     return any(all(_behind(face.plane, strip, far) for face in piece.faces) for piece in assembly.fixed_pieces)
