@@ -16,76 +16,36 @@ __all__ = ["CONTACTS"]
 
 @contact
 def vertex_face(p: Vector, R: Matrix, v: Body, n: World, c: Scalar) -> Scalar:
-    """A point v of the moving part over the fixed plane n·x = c.
-
-    Args:
-        p: body origin in the B-frame, m.
-        R: orientation of the body frame.
-        v: of the moving part, in its body frame, m.
-        n: outward unit normal, axes of B.
-        c: offset, m.
-    """
+    """A point v of the moving part over the fixed plane n·x = c."""
     return dot(n, p + R @ v) - c
 
 
 @contact
 def face_vertex(p: Vector, R: Matrix, n: Body, w: World, c: Scalar) -> Scalar:
-    """A fixed point w over the plane n·x = c of the moving part.
-
-    Args:
-        p, R: as for `vertex_face`.
-        n: outward unit normal of the moving face, body axes.
-        w: in the B-frame, m.
-        c: offset, m.
-    """
+    """A fixed point w over the plane n·x = c of the moving part."""
     return dot(R @ n, w - p) - c
 
 
 @contact
 def edge_edge(p: Vector, R: Matrix, a: Body, v: Body, e: World, q: World) -> Scalar:
-    """The edge through v along a of the moving part across the fixed edge through q along e.
-
-    Args:
-        p, R: as for `vertex_face`.
-        a: direction, body axes; it points so that R a × e leads out of the fixed part.
-        v: a point of that edge, in the body frame, m.
-        e: direction, axes of B.
-        q: a point of that edge, in the B-frame, m.
-    """
+    """The edge through v along a of the moving part across the fixed edge through q along e."""
     m = cross(R @ a, e)  # out of the fixed part
     return dot(m, p + R @ v - q) / norm(m)
 
 
 @contact
 def ball_face(p: Vector, R: Matrix, v: Body, n: World, c: Scalar, r: Scalar) -> Scalar:
-    """A ball of the moving part, of radius r about its point v, over the fixed plane n·x = c.
-
-    Args:
-        p, R, n, c: as for `vertex_face`.
-        v: the ball's centre, in the body frame, m.
-        r: m.
-    """
+    """A ball of the moving part, of radius r about its point v, over the fixed plane n·x = c."""
     return dot(n, p + R @ v) - c - r
 
 
 @row
 def edges_apart(p: Vector, R: Matrix, a: Body, v: Body, e: World, q: World) -> Scalar:
-    """The distance of edges times the sine between them, |R a × e|; of any point v over the plane along both.
-
-    Args:
-        p, R, a, v, e, q: as for `edge_edge`.
-    """
-    # The triple product: v and q may be any points of the two lines, as moving one along its line changes nothing.
+    """The distance of edges times the sine between them, |R a × e|; of any point v over the plane along both."""
     return dot(R @ a, cross(e, p - q)) + dot(e, R @ cross(v, a))
 
 
 @row
 def hinge(p: Vector, R: Matrix, k: Body, u: World) -> Scalar:
-    """An edge held in a wall, or a face level with a rim: only turning moves it.
-
-    Args:
-        p, R: as for `vertex_face`.
-        k: body axes.
-        u: axes of B.
-    """
+    """An edge held in a wall, or a face level with a rim: only turning moves it."""
     return dot(u, R @ k)

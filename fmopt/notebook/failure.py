@@ -142,7 +142,9 @@ def _followed(posed: Posed, attempt: Attempt) -> tuple[tuple[Step, ...], Lack | 
             except OverdueError:
                 lack = lack or Lack(number, name, "the time limit is used up", "", "", None)
         steps.append(_step(name, move, margin))
-    if lack is not None or attempt.seated:
+    if lack is None and attempt.seated:  # all of it can be followed: what was missing is time to place it
+        lack = Lack(max(1, len(steps)), attempt.names[-1], "the time limit is used up", "", "", None)
+    if lack is not None:
         return tuple(steps), lack
     ways = list[Lack]()
     for name, move in attempt.onward:

@@ -200,22 +200,21 @@ def surer(aim: Aim, placed: Placed, solver: Solver, settings: Refinement) -> Pla
         placed: the sequence, with a margin.
         solver: for cone programs.
         settings: rounds and trust region.
-
-    Raises:
-        OverdueError: there is no time left.
     """
     best, radius = placed, settings.radius
     least, aimed = (min(left * placed.margin, placed.margin) for left in (_LEFT, _AIMED))
     holds = aim.holds(best.reached.claims)
     for _ in range(settings.rounds):
-        heed()
         held = _surest(holds)
         if held >= 1.0 or held <= 0.0 or radius < settings.least_radius:
             break
         try:
+            heed()
             x = solver.solve(_surer(aim, best, holds, min(aimed, best.margin), radius)).x[:-1]
             found = displaced(aim, best, x.reshape(-1, 6))
             now = aim.holds(found.reached.claims)
+        except OverdueError:
+            break
         except (InfeasibleError, SolverError):
             radius *= SHORTER
             continue

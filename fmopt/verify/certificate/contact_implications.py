@@ -310,7 +310,7 @@ class Facts:
         return v in self.on(plane).points
 
     def _beside(self, plane: Plane) -> tuple[Plane, ...]:
-        """The lowest body planes not below a plane, as follows from a face beside them in a wall parallel to it."""
+        """Body planes that lie in a plane, as follows from a face beside them in a wall parallel to it."""
         key = len(self.turns), plane
         if key not in self._besides:
             self._besides[key] = tuple(self._planes_beside(plane))
@@ -327,12 +327,8 @@ class Facts:
             if not wall.flush or self.assembly.agree(wall.plane, plane) or not self.assembly.along(wall.plane, plane):
                 continue
             flush = wall.flush[0].plane
-            # Of the body plane that lies in the wall, and of what is as far behind it as the plane from the wall.
-            lowest = flush.offset + wall.plane.offset - plane.offset
-            heights = [dot(flush.normal, v) for v in self.assembly.body_points]
-            kept = max((at for at in heights if at <= lowest + DEVIATION), default=None)
-            if kept is not None:
-                yield Plane(flush.normal, kept)
+            # As far behind the body plane that lies in the wall as the plane is behind the wall.
+            yield Plane(flush.normal, flush.offset + wall.plane.offset - plane.offset)
 
     def not_below(self, wall_plane: Plane, vertices: Sequence[Vector], above: Iterable[Vector]) -> set[int]:
         """Which body points are on or above a wall, given some vertices known to be on or above it.
