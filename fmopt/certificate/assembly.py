@@ -364,11 +364,9 @@ def swallowed(assembly: Assembly, ends: Array, inward: Array) -> tuple[Span, ...
     spans = []
     for normals, offsets in assembly.fixed_planes:
         heights, rise = ends @ normals.T - offsets, -(normals @ inward)
-        if (heights > NEAR).any():
-            continue
-        middle = heights.mean(axis=0)
-        limits = [(NEAR - heights.max(axis=0), rise), (-NEAR - middle, 0.5 * rise)]
-        spans.append(span([pair for room, slope in limits for pair in zip(room, slope, strict=True)]))
+        if not (heights > NEAR).any():
+            limits = [(NEAR - heights.max(axis=0), rise), (-NEAR - heights.mean(axis=0), 0.5 * rise)]
+            spans.append(span([pair for room, slope in limits for pair in zip(room, slope, strict=True)]))
     return tuple(span for span in spans if span[0] < span[1])
 
 
@@ -391,9 +389,11 @@ def edge_along(piece: Polyhedron, part: Polyhedron, ends: tuple[int, ...]) -> tu
     a, b = part.vertices[list(ends)]
     direction = (b - a) / length(b - a)
     off = lengths(cross(piece.vertices - a, direction))
-    for edge in piece.edges:
-        i, j = edge.vertices
-        if max(off[i], off[j]) <= 1e-9:
-            forward = float((piece.vertices[j] - piece.vertices[i]) @ direction) > 0.0
-            return (i, j) if forward else (j, i)
-    return None
+    on_line = (edge.vertices for edge in piece.edges if off[[*edge.vertices]].max() <= TOUCH)
+    return next((run_like(piece.vertices, ends, direction) for ends in on_line), None)
+
+
+def run_like(vertices: Array, ends: tuple[int, int], way: Array) -> tuple[int, int]:
+    """The ends of an edge, as indices of vertices (n, 3) in m, in the order in which they come along a way (3,)."""
+    i, j = ends
+    return (i, j) if float((vertices[j] - vertices[i]) @ way) > 0.0 else (j, i)

@@ -5,8 +5,9 @@ The rows of a plane along two edges in touch are heights relative to these, and 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
@@ -147,9 +148,16 @@ def edge_rows(assembly: Assembly, pair: Pair, witness: Witness, known: Facts) ->
     parts = [upper, directions_along(fixed.arms[~fixed.on], e_m)]
     always = count = len(upper) + len(off)
     behind = []
-    turned = _turned_onto(assembly, pair, moving, fixed, known) if held else []
-    turned += [each for rim in rims if rim.held for each in _turned_beside(assembly, pair, rim)]
-    for vertex, inward, at, n in turned:
+
+    def on_edge(v: Array) -> bool:
+        """Whether a point is on the moving edge, or beside it along the fixed one."""
+        off = v - a
+        off = off - e_m * float(e_m @ off)
+        return length(off) <= NEAR or bool(known.beside(off[None], e_f)[0])
+
+    turned = [_turned_onto(assembly, pair, (c, e_f), on_edge)] if held else []
+    turned += [_turned_onto(assembly, pair, (rim.at, rim.along), rim.has) for rim in rims if rim.held]
+    for vertex, inward, at, n in chain.from_iterable(turned):
         parts += [directions_along(cross(e_f, n)[None], e_m), points_above(vertex[None], inward, at)]
         behind.append((np.abs((off - c) @ n) <= NEAR) & ((off - c) @ inward >= -NEAR))
     count += 2 * len(behind)
@@ -167,20 +175,6 @@ def _level(assembly: Assembly, pair: Pair, moving: _Edge, fixed: _Edge) -> tuple
         if parallel and rim.before(fixed.ends, rim.normal, float(rim.normal @ moving.ends[0])).all():
             found.append(rim)
     return tuple(found)
-
-
-def _turned_beside(assembly: Assembly, pair: Pair, rim: LevelRim) -> Iterator[tuple[Array, Array, float, Array]]:
-    """Vertices of a face with a rim in its plane that are on a wall along the rim, as `_turned_onto` gives them."""
-    body, world = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron
-    for contact in contacts_of(pair):
-        if contact.kind is Kind.VERTEX_FACE:
-            v, wall = body[contact.moving[0]], world.faces[contact.fixed_feature]
-            along = (
-                abs(float(wall.normal @ rim.along)) <= NEAR and abs(float(wall.normal @ rim.at) - wall.offset) <= NEAR
-            )
-            if along and abs(float(rim.normal @ v) - rim.offset) <= NEAR:
-                inward = _inward(world.vertices[list(contact.fixed)], rim.at, rim.along, wall.normal)
-                yield v, inward, float(inward @ rim.at), wall.normal
 
 
 def _within(mask: Mask, at: int, count: int) -> Mask:
@@ -241,27 +235,26 @@ def _levelled(assembly: Assembly, pair: Pair, moving: _Edge, fixed: _Edge) -> Ma
 
 
 def _turned_onto(
-    assembly: Assembly, pair: Pair, moving: _Edge, fixed: _Edge, known: Facts
-) -> list[tuple[Array, Array, float, Array]]:
-    """Ends of the moving edge, or of one beside it, that lie on a wall along the fixed edge.
+    assembly: Assembly, pair: Pair, rim: tuple[Array, Array], lies: Callable[[Array], bool]
+) -> Iterator[tuple[Array, Array, float, Array]]:
+    """Vertices in the plane of both edges that are on a wall along the fixed one.
+
+    Args:
+        assembly: the two parts.
+        pair: the pieces, with what bears on them.
+        rim: a point of the wall's rim and its unit direction (3,), in the plane.
+        lies: whether a body point (3,) is in the plane.
 
     Returns:
         (body vertex, direction inward in the wall, how far the rim is along it in m, the wall's normal) of each.
     """
-    body, world = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron.vertices
-    c, e_f, found = fixed.ends[0], fixed.along, []
+    body, fixed, (at, along) = assembly.moving.polyhedron.vertices, assembly.fixed.polyhedron, rim
     for contact in contacts_of(pair):
-        if contact.kind is not Kind.VERTEX_FACE:
-            continue
-        off = body[contact.moving[0]] - moving.ends[0]
-        off = off - moving.along * float(moving.along @ off)
-        if contact.moving[0] not in moving.points and not known.beside(off[None], e_f)[0]:
-            continue
-        wall = assembly.fixed.polyhedron.faces[contact.fixed_feature]
-        if abs(float(wall.normal @ e_f)) <= NEAR and abs(float(wall.normal @ c) - wall.offset) <= NEAR:
-            inward = _inward(world[list(contact.fixed)], c, e_f, wall.normal)
-            found.append((body[contact.moving[0]], inward, float(inward @ c), wall.normal))
-    return found
+        if contact.kind is Kind.VERTEX_FACE and lies(vertex := body[contact.moving[0]]):
+            wall = fixed.faces[contact.fixed_feature]
+            if abs(float(wall.normal @ along)) <= NEAR and abs(float(wall.normal @ at) - wall.offset) <= NEAR:
+                inward = _inward(fixed.vertices[list(contact.fixed)], at, along, wall.normal)
+                yield vertex, inward, float(inward @ at), wall.normal
 
 
 def _inward(corners: Array, at: Array, along: Array, normal: Array) -> Array:

@@ -156,12 +156,12 @@ def _regions(assembly: Assembly, part: Polyhedron, face: int) -> tuple[_Region, 
         behind = swallowed(assembly, ends[:, i], inward[i]) if walled else ()
         return _Rim(spans[i], inward[i], float(offsets[i]), whole, behind)
 
-    found = []
     if (points @ inward.T - offsets >= -NEAR).all():
         return (tuple(rim(i, True) for i in range(len(spans))),)
-    for chosen in convex_regions(ends, inward, offsets):
-        found.append(tuple(rim(i, along_edge(i, chosen, ends, inward, offsets)) for i in chosen))
-    return tuple(found)
+    return tuple(
+        tuple(rim(i, along_edge(i, chosen, ends, inward, offsets)) for i in chosen)
+        for chosen in convex_regions(ends, inward, offsets)
+    )
 
 
 def cornered(assembly: Assembly, contact: PrimitiveContact, pose: Pose) -> bool:

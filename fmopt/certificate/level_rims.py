@@ -6,12 +6,13 @@ it. A rim that lies farther out by no more than a parallel face of the part lies
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
 
-from fmopt.certificate.assembly import NEAR, Assembly, edge_along, hinge, on_line
+from fmopt.certificate.assembly import NEAR, Assembly, edge_along, hinge, on_line, run_like
 from fmopt.certificate.contact_implications import Facts, facts, rising
 from fmopt.certificate.rows import Mask
 from fmopt.contact.primitive import Kind, PrimitiveContact
@@ -59,6 +60,10 @@ class LevelRim:
             return np.zeros(len(points), dtype=np.bool_)
         return np.asarray(lengths(cross(points - self.at, self.along)) <= self.offset - offset + NEAR)
 
+    def has(self, point: Array) -> bool:
+        """Whether a body point (3,), m, is in the face's plane."""
+        return abs(float(self.normal @ point) - self.offset) <= NEAR
+
 
 @remembered(_MEMORY)
 def level_rims(
@@ -99,20 +104,19 @@ def level_rims(
     return tuple(found)
 
 
-@remembered(_MEMORY)
-def edges_level(
-    assembly: Assembly,
-    moving: Polyhedron,
-    fixed: Polyhedron,
-    held: tuple[PrimitiveContact, ...],
-    opening: tuple[PrimitiveContact, ...],
-) -> Edges:
+def edges_level(assembly: Assembly, moving: Polyhedron, fixed: Polyhedron, rims: Sequence[LevelRim]) -> Edges:
     """Edges of two pieces, of which a level rim says that the fixed one is not behind a face at the moving one.
 
-    As vertex indices of the two pieces, run like the contact's edges; arguments as of `edges_beside`.
+    They run like the contact's edges.
+
+    Args:
+        assembly: the two parts.
+        moving: the moving piece.
+        fixed: the fixed piece.
+        rims: as `level_rims` finds them.
     """
     found = []
-    for rim in level_rims(assembly, held, opening):
+    for rim in rims:
         offset = float((moving.vertices @ rim.normal).max())
         if not faced(assembly, rim.normal, offset):
             continue
@@ -121,8 +125,8 @@ def edges_level(
         on = [ends for ends in own if (moving.vertices[[*ends]] @ rim.normal >= offset - NEAR).all()]
         for other in fixed.edges:
             if before[[*other.vertices]].all() and _runs(fixed.vertices[[*other.vertices]], rim.along):
-                run = _run_like(fixed.vertices, other.vertices, rim.along)
-                found += [(_run_like(moving.vertices, ends, rim.way), run) for ends in on]
+                run = run_like(fixed.vertices, other.vertices, rim.along)
+                found += [(run_like(moving.vertices, ends, rim.way), run) for ends in on]
     return tuple(dict.fromkeys(found))
 
 
@@ -137,11 +141,6 @@ def _runs(ends: Array, way: Array) -> bool:
     return length(cross(ends[1] - ends[0], way)) <= NEAR
 
 
-def _run_like(vertices: Array, ends: tuple[int, int], way: Array) -> tuple[int, int]:
-    i, j = ends
-    return (i, j) if float((vertices[j] - vertices[i]) @ way) > 0.0 else (j, i)
-
-
 @remembered(_MEMORY)
 def edges_beside(
     assembly: Assembly,
@@ -152,7 +151,7 @@ def edges_beside(
 ) -> Edges:
     """Edges of a moving piece beside one in touch, that are known to lie along the fixed edge from it, with that one.
 
-    As vertex indices of the two pieces, run like the contacts' edges.
+    They run like the contacts' edges.
 
     Args:
         assembly: the two parts.
@@ -168,13 +167,10 @@ def edges_beside(
         rim = edge_along(fixed, assembly.fixed.polyhedron, contact.fixed) if contact.kind is Kind.EDGE_EDGE else None
         if rim is None:
             continue
-        c, d = fixed.vertices[list(rim)]
+        own, (c, d) = body[list(contact.moving)], fixed.vertices[list(rim)]
         for edge in moving.edges:
-            i, j = edge.vertices
-            if beside(known, body[list(contact.moving)], moving.vertices[[i, j]], (d - c) / length(d - c)):
-                a, b = body[list(contact.moving)]
-                forward = float((moving.vertices[j] - moving.vertices[i]) @ (b - a)) > 0.0
-                found.append(((i, j) if forward else (j, i), rim))
+            if beside(known, own, moving.vertices[[*edge.vertices]], (d - c) / length(d - c)):
+                found.append((run_like(moving.vertices, edge.vertices, own[1] - own[0]), rim))
     return tuple(dict.fromkeys(found))
 
 

@@ -158,14 +158,7 @@ def powers(bending: Bending) -> Array:
 
 @part
 def _coupled(links: Array, offset: float, angle: float, turn: float) -> tuple[float, float]:
-    """What the linear picture leaves of errors in different frames, m and rad; see `certificate.error_set`.
-
-    Args:
-        links: sizes of h_p, h, g_p and g_r, and P (5,), m and rad.
-        offset: bound of the translation, m.
-        angle: bound of the angle, rad.
-        turn: of the piece, rad.
-    """
+    """What `coupled` gives for bounds of translation (m) and angle (rad); see `certificate.error_set`."""
     shift, askew, off, slant, travel = links[0], links[1], links[2], links[3], links[4]
     moved, a, arc = offset + shift + askew * travel + off, angle + askew + slant, turn * turn / 8.0
     c = a + slant

@@ -14,7 +14,7 @@ _BESIDE = 1e-3  # of the shortest edge, how far from corners and edges points ar
 
 
 def convex_regions(ends: Array, inward: Array, offsets: Array) -> tuple[tuple[int, ...], ...]:
-    """Convex parts of a polygon (n), each by the edges before which it lies, the whole of it if it is convex.
+    """Convex parts of a polygon (n), each by the edges before which it lies.
 
     They are taken around a point beside each corner and each edge, with the nearest edges and the farthest ones first.
     A part that is before some edges has nothing of the outline inside it if each edge is behind one of them.
@@ -25,8 +25,6 @@ def convex_regions(ends: Array, inward: Array, offsets: Array) -> tuple[tuple[in
         offsets: of the lines of the edges along them (n,), m.
     """
     heights = inward @ np.swapaxes(ends, 1, 2) - offsets[:, None]  # (2, n, n), over the first of the last two
-    if (heights >= -_NEAR).all():
-        return (tuple(range(len(offsets))),)
     behind = np.asarray((heights <= _NEAR).all(axis=0))
     beside = _BESIDE * float(lengths(ends[1] - ends[0]).min())
     starts = np.concatenate([ends.mean(axis=0) + beside * inward, ends[0] + beside * (inward + np.roll(inward, 1, 0))])

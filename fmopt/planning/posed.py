@@ -95,9 +95,8 @@ class Posed:
         """What a sequence is placed for under a share of all errors, coarsely, free to turn and to start elsewhere."""
         errors = ErrorSet.of(share * self.problem.start_box, self.problem.framing)
         tolerance = _tolerance(self.problem, self.tolerance.rho, share)
-        start = Reached(errors, (), ())
-        aim = Aim(self.assembly, start, tolerance, COARSE, turning=True, lift=self.problem.approach)
-        return replace(aim, holds=self.holds)
+        start, lift = Reached(errors, (), ()), self.problem.approach
+        return Aim(self.assembly, start, tolerance, COARSE, turning=True, lift=lift, holds=self.holds)
 
     def holds(self, claims: Sequence[Claim]) -> list[Hold]:
         """How surely the pieces of a motion hold their contacts, of those that hold them by little."""

@@ -153,11 +153,8 @@ class Faces:
 
 def _candidates(assembly: Assembly, pair: Pair) -> tuple[Witness, ...]:
     """Planes of faces, and those along the two edges of the pair's edge–edge contacts."""
-    own = (
-        []
-        if _faces_count(assembly, pair)
-        else [Witness("moving-face", face.loops[0], ()) for face in pair.moving.faces]
-    )
+    moving = () if _faces_count(assembly, pair) else pair.moving.faces
+    own = [Witness("moving-face", face.loops[0], ()) for face in moving]
     faces = [Witness("fixed-face", (), face.loops[0]) for face in pair.fixed.faces]
     return (*faces, *own, *_contact_edges(assembly, pair))
 
@@ -171,8 +168,10 @@ def _contact_edges(assembly: Assembly, pair: Pair) -> list[Witness]:
             assert moving is not None  # they touch
             assert fixed is not None
             found.append((moving, fixed))
-    for others in (edges_beside, edges_level) if assembly.several else ():
-        found += others(assembly, pair.moving, pair.fixed, pair.state, pair.beside)
+    if assembly.several:
+        found += edges_beside(assembly, pair.moving, pair.fixed, pair.state, pair.beside)
+        rims = level_rims(assembly, pair.state, pair.beside)
+        found += edges_level(assembly, pair.moving, pair.fixed, rims)
     return [Witness("edges", *both) for both in dict.fromkeys(found)]
 
 

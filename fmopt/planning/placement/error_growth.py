@@ -104,7 +104,8 @@ def grown(
     if at.share < 1.0:
 
         def finer(share: float) -> Aim:
-            return replace(aim_at(share), step=_FINER * aim_at(share).step)
+            aim = aim_at(share)
+            return replace(aim, step=_FINER * aim.step)
 
         with suppress(InfeasibleError):
             at = _towards_all(finer, _under(finer, at.share, at.placed.moves, near), solver, settings)

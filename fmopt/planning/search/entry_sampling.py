@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import chain, islice, zip_longest
 
 import numpy as np
@@ -16,7 +17,7 @@ import numpy as np
 from fmopt.geometry.part import Part
 from fmopt.geometry.section import leading_corners
 from fmopt.planning.search.best_first import begin
-from fmopt.planning.search.entry import Entry, Shape, lowest, swung_by
+from fmopt.planning.search.entry import Entry, Shape, lowest, start_spread, swung_by
 from fmopt.planning.search.entry_candidates import Way, funnel_depth, funnel_width, likely_headings
 from fmopt.planning.search.successors import Task
 from fmopt.spatial.values import Array
@@ -64,31 +65,40 @@ class Drawing:
     def _tilted(self, way: Way, rng: np.random.Generator) -> Shape:
         """A shape without a depth."""
         about_y, about_x = (self.max_tilt * drawn(rng, _TILT) for _ in range(2))
-        lateral = float(self.start_box[:2].max()) + swung_by(leading_corners(self.moving), self.start_box)
-        room = lateral * drawn(rng, _ROOM), lateral * drawn(rng, _ROOM)
+        room = self._spread * drawn(rng, _ROOM), self._spread * drawn(rng, _ROOM)
         return Shape(about_y, about_x, float(rng.uniform(-_TURN, _TURN)), 0.0, room, heading=way.heading)
 
     def _at_once(self, shape: Shape, rng: np.random.Generator) -> Shape:
         """With the corner going in at once."""
         uncertain = float(self.start_box[2]) + self._swing(shape)
-        return replace(shape, depth=funnel_depth(self.fixed) + drawn(rng, _DEEP) * uncertain)
+        return replace(shape, depth=self._funnel[0] + drawn(rng, _DEEP) * uncertain)
 
     def _touching(self, shape: Shape, rng: np.random.Generator) -> Shape:
         """With the corner touching the top first."""
-        beyond = funnel_width(self.fixed) + drawn(rng, _AWAY) * self._lateral(shape)
+        beyond = self._funnel[1] + drawn(rng, _AWAY) * self._lateral(shape)
         way = min(shape.room) + beyond
-        depth = funnel_depth(self.fixed) + drawn(rng, _DEEP_TOLD) * self.rate * way
+        depth = self._funnel[0] + drawn(rng, _DEEP_TOLD) * self.rate * way
         return replace(shape, depth=depth, touch=(beyond, drawn(rng, _RISE) * way))
 
     def _flat(self, shape: Shape, rng: np.random.Generator) -> Shape:
         """With the part lying flat on the top first."""
-        away = funnel_width(self.fixed) + drawn(rng, _AWAY) * self._lateral(shape)
+        away = self._funnel[1] + drawn(rng, _AWAY) * self._lateral(shape)
         corner = lowest(leading_corners(self.moving), shape)
         way = float(np.linalg.norm(corner)) * math.hypot(shape.about_y, shape.about_x)
         uncertain = max(self.rate * way, _PLAY * min(self.play))
-        depth = funnel_depth(self.fixed) + drawn(rng, _DEEP_TOLD) * uncertain
+        depth = self._funnel[0] + drawn(rng, _DEEP_TOLD) * uncertain
         lean = drawn(rng, _LEAN) * float(np.linalg.norm(self.start_box[3:]))
         return replace(shape, depth=depth, flat=(away, drawn(rng, _RISE) * way, lean))
+
+    @cached_property
+    def _spread(self) -> float:
+        """How far the errors displace the tip's corners sideways, m."""
+        return start_spread(self.moving, self.start_box)
+
+    @cached_property
+    def _funnel(self) -> tuple[float, float]:
+        """How deep below the mouth the walls begin, and how far outside them the top does, m."""
+        return funnel_depth(self.fixed), funnel_width(self.fixed)
 
     def _swing(self, shape: Shape) -> float:
         return swung_by(lowest(leading_corners(self.moving), shape)[None], self.start_box)

@@ -14,7 +14,7 @@ free, too, and tilts that may change, it comes to 0.43 times for the hexagon, 0.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -72,7 +72,7 @@ def tuned(
         if found.entry.shape is None:
             return found if best is None else best.best
         kept = steady if steady(found) else lambda _: True
-        tuning = _Tuning(task, found, entry_of, limits, progress, kept)
+        tuning = _Tuning(task, found, found.entry.shape, entry_of, limits, progress, kept)
         _in_turn(tuning, _GAIN * limits.enough)
         best = tuning if best is None or tuning.best.reached.margin > best.best.reached.margin else best
         if not best.slight:
@@ -106,57 +106,62 @@ def _at_random(tuning: _Tuning) -> None:
         width = min(_WIDER * width, greatest) if gained else max(_NARROWER * width, least)
 
 
+@dataclass(eq=False)
 class _Tuning:
-    """The best sequence so far, the factors of the first shape's numbers that led to it, and the tries it took."""
+    """The best sequence so far, the factors of the first shape's numbers that led to it, and the tries it took.
 
-    def __init__(
-        self,
-        task: Task,
-        found: MoveSequence,
-        entry_of: Callable[[Shape], Entry],
-        limits: Limits,
-        progress: Callable[[float], None],
-        kept: Callable[[MoveSequence], bool],
-    ) -> None:
-        assert found.entry.shape is not None
-        self._found, self._shape = found, found.entry.shape
-        self._task, self._entry_of, self._limits = task, entry_of, limits
-        self._progress, self._kept = progress, kept
-        self._margins: list[float] = []  # before each try
-        self.best = found
-        self.factors: Array = np.ones(len(self._shape.numbers))
+    Args:
+        task: as of `tuned`.
+        found: the sequence as it was found.
+        shape: its own, of which the numbers are varied.
+        entry_of, limits, progress: as of `tuned`.
+        kept: whether another sequence may take its place.
+    """
+
+    task: Task
+    found: MoveSequence
+    shape: Shape
+    entry_of: Callable[[Shape], Entry]
+    limits: Limits
+    progress: Callable[[float], None]
+    kept: Callable[[MoveSequence], bool]
+    _margins: list[float] = field(default_factory=list)  # before each try
+
+    def __post_init__(self) -> None:
+        self.factors: Array = np.ones(len(self.shape.numbers))
+        self.best = self.found
 
     @property
     def slight(self) -> bool:
         """Whether there is next to no margin yet."""
-        return self.best.reached.margin < _ENOUGH * self._limits.enough
+        return self.best.reached.margin < _ENOUGH * self.limits.enough
 
     @property
     def stuck(self) -> bool:
         """Whether there is no margin, and as many tries as an entry may have brought none nearer."""
-        margin, recent = self.best.reached.margin, self._margins[-self._limits.tries :]
-        return margin <= 0.0 and len(recent) == self._limits.tries and margin < recent[0] + _GAIN * self._limits.enough
+        margin, recent = self.best.reached.margin, self._margins[-self.limits.tries :]
+        return margin <= 0.0 and len(recent) == self.limits.tries and margin < recent[0] + _GAIN * self.limits.enough
 
     @property
     def open(self) -> bool:
         """Whether to go on."""
-        most = self._limits.tries * (_PATIENCE if self.slight else 1)
-        enough = self.best.reached.margin >= self._limits.enough
-        return len(self._margins) < most and not enough and clock() < self._limits.deadline
+        most = self.limits.tries * (_PATIENCE if self.slight else 1)
+        enough = self.best.reached.margin >= self.limits.enough
+        return len(self._margins) < most and not enough and clock() < self.limits.deadline
 
     def gains(self, step: Array, gain: float) -> bool:
         """Takes a step of the factors if it adds more than a gain (m) to the margin and may be kept; whether it did."""
         self._margins.append(self.best.reached.margin)
         factors = self.factors + step
-        entry = self._entry_of(Shape.of(self._shape.numbers * factors, self._shape.heading))
+        entry = self.entry_of(Shape.of(self.shape.numbers * factors, self.shape.heading))
         try:
-            other = _from_entry(self._task, self._found, entry, self.best.reached.margin + gain)
+            other = _from_entry(self.task, self.found, entry, self.best.reached.margin + gain)
         except OverdueError:
             return False  # and there is no time for another try
-        if other is None or not self._kept(other):
+        if other is None or not self.kept(other):
             return False
         self.factors, self.best = factors, other
-        self._progress(other.reached.margin)
+        self.progress(other.reached.margin)
         return True
 
 

@@ -7,8 +7,9 @@ front of that. Of parts that are off their form nothing is said beside what touc
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 from fmopt.verify.arithmetic.exact import height
@@ -31,6 +32,28 @@ from fmopt.verify.parts.assembly import Assembly, Rim, Touch
 from fmopt.verify.parts.rows import DirectionAlong, EdgesApart, Function, PointAbove
 from fmopt.verify.parts.solids import DEVIATION, Line, Plane, Shape, line, near
 from fmopt.verify.reading.document import Witness
+
+
+class LevelRim(NamedTuple):
+    """A rim that contacts keep level with a face of the moving part, and from going behind it.
+
+    Attributes:
+        touch: the contact of an edge of the face on it.
+        face: the plane of the face, in the body.
+        held: whether the rim lies in that; else it may yet come nearer, or go away.
+    """
+
+    touch: Touch
+    face: Plane
+    held: bool
+
+    def before(self, w: Vector, plane: Plane) -> bool:
+        """Whether a fixed point is not behind a body plane parallel to the face, as that is as far behind it at least.
+
+        It may be by `DEVIATION`, and nothing follows from that: so far parts are off what is said of them, too.
+        """
+        behind = self.face.offset - plane.offset
+        return behind >= -DEVIATION and length(self.touch.fixed_line.away(w)) <= behind + DEVIATION
 
 
 @dataclass(frozen=True)
@@ -61,6 +84,28 @@ class Known:
         """Contacts held, being made and given up."""
         return (*self.facts.held, *self.beside)
 
+    @cached_property
+    def rims(self) -> tuple[LevelRim, ...]:
+        """The rims that contacts keep level with faces of the moving part.
+
+        Two edges of a face that are held on one rim put it into the face's plane. One does where what is known of turns
+        keeps the face level with the rim; where its contact is made or given up, the rim stays on the contact's side.
+        """
+        assembly, held = self.facts.assembly, self.facts.held
+        return () if assembly.form else (*_crossed(assembly, held), *self._turned())
+
+    def _turned(self) -> Iterator[LevelRim]:
+        assembly = self.facts.assembly
+        for touch in self.all:
+            sides = assembly.moving.edge(*touch.indices[0]) if touch.kind == "edge-edge" else None
+            if sides is None or (touch is self.made and self.hinge is not None):
+                continue
+            along = assembly.way(*touch.fixed)
+            for side in sides:
+                face = assembly.moving.faces[side].plane
+                if self.facts.across(along, assembly.exact(face)[:3]):
+                    yield LevelRim(touch, face, touch in self.facts.held)
+
     def presses(self, assembly: Assembly, centre: Vector, plane: Plane) -> bool:
         """Whether a contact keeps the ball about a body point on a plane, or from crossing it.
 
@@ -85,52 +130,13 @@ class Known:
         return points + [v for wall, v in self.coming_off if assembly.agree(wall, plane)]
 
 
-class LevelRim(NamedTuple):
-    """A rim that contacts keep level with a face of the moving part, and from going behind it.
-
-    Attributes:
-        touch: the contact of an edge of the face on it.
-        face: the plane of the face, in the body.
-        held: whether the rim lies in that; else it may yet come nearer, or go away.
-    """
-
-    touch: Touch
-    face: Plane
-    held: bool
-
-    def before(self, w: Vector, plane: Plane) -> bool:
-        """Whether a fixed point is not behind a body plane parallel to the face, as that is as far behind it at least.
-
-        It may be by `DEVIATION`, and nothing follows from that: so far parts are off what is said of them, too.
-        """
-        behind = self.face.offset - plane.offset
-        return behind >= -DEVIATION and length(self.touch.fixed_line.away(w)) <= behind + DEVIATION
-
-
-def level_rims(assembly: Assembly, known: Known) -> list[LevelRim]:
-    """The rims that contacts keep level with faces of the moving part.
-
-    Two edges of a face that are held on one rim put it into the face's plane. One does where what is known of turns
-    keeps the face level with the rim; where its contact is made or given up, the rim stays on the contact's side.
-    """
-    held, found = known.facts.held, list[LevelRim]()
-    if assembly.form:
-        return found
+def _crossed(assembly: Assembly, held: Sequence[Touch]) -> Iterator[LevelRim]:
+    """Rims on which two edges of a face are held."""
     for n, touch in enumerate(held):
         for other in held[:n]:
             level = assembly.level(touch, (other,))
             if level is not None:
-                found += [LevelRim(touch, level.face, True), LevelRim(other, level.face, True)]
-    for touch in known.all:
-        sides = assembly.moving.edge(*touch.indices[0]) if touch.kind == "edge-edge" else None
-        if sides is None or (touch is known.made and known.hinge is not None):
-            continue
-        along = assembly.way(*touch.fixed)
-        for side in sides:
-            face = assembly.moving.faces[side].plane
-            if known.facts.across(along, assembly.exact(face)[:3]):
-                found.append(LevelRim(touch, face, touch in held))
-    return found
+                yield from (LevelRim(each, level.face, True) for each in (touch, other))
 
 
 def edge_rows(
@@ -153,6 +159,11 @@ def edge_rows(
         if beside is not None:
             return _level_rows(assembly, M, F, beside, motion, known)
     a, b = moving.point, moving.far
+
+    def lies(v: Vector) -> bool:
+        """Whether a body point is on the moving edge, or beside it along the fixed one."""
+        return assembly.holds(moving, v) or (not assembly.form and any(known.facts.beside(v, p, base) for p in (a, b)))
+
     functions: list[Function] = []
     kept = M.vertices
     if anchors:
@@ -170,22 +181,8 @@ def edge_rows(
         functions += [_relative(assembly, base.direction, cross(sub(v, a), moving.direction)) for v in kept]
     else:
         functions += [EdgesApart(moving, base, v) for v in kept]
-    # Vertices on the fixed edge are on the plane by its construction.
-    below = {k for k, w in enumerate(F.vertices) if near(base.away(w))}
-    if any(held for held in anchors):
-        for v, inward, wall in _turned_onto(assembly, known, moving, base):
-            if _outside(assembly, motion, moving, base, wall):
-                functions.append(PointAbove(inward, v, assembly.reach(v)))
-                # A vertex of the piece that is off the wall by so much is in front of the witness plane by no more.
-                below |= {
-                    k
-                    for k, w in enumerate(F.vertices)
-                    if abs(wall.height(w)) <= DEVIATION and inward.height(w) >= -DEVIATION
-                }
-    for k, w in enumerate(F.vertices):
-        if k not in below:
-            functions.append(_relative(assembly, neg(cross(base.direction, sub(w, base.point))), moving.direction))
-    return functions, _scale(motion, moving, base)
+    turned = _turned_onto(assembly, known, base, lies) if any(anchors) else iter(())
+    return [*functions, *_fixed_rows(assembly, F, motion, (moving, base), turned)], _scale(motion, moving, base)
 
 
 class _Beside(NamedTuple):
@@ -205,7 +202,7 @@ def _beside_rims(
     The line of the moving edge is taken to run as the edge in touch does, through an end of it.
     """
     asked, base = line(*own), line(*other)
-    for rim in level_rims(assembly, known):
+    for rim in known.rims:
         one = rim.touch.moving_line
         if not near(sub(one.away(own[0]), one.away(own[1]))):
             continue
@@ -237,31 +234,44 @@ def _level_rows(
     arms = [cross(sub(v, a), moving.direction) for v in off]
     kept = [arm for arm in arms if not known.facts.rises(base.direction, arm)]
     functions: list[Function] = [_relative(assembly, base.direction, arm) for arm in kept]
+    plain = assembly.exact(rim.face)
+    turned = (
+        _turned_onto(assembly, known, rim.touch.fixed_line, lambda v: height(plain, assembly.point(v)) == 0)
+        if rim.held
+        else iter(())
+    )
+    return [*functions, *_fixed_rows(assembly, F, motion, (moving, base), turned)], _scale(motion, moving, base)
+
+
+def _fixed_rows(
+    assembly: Assembly,
+    F: Shape,
+    motion: Motion,
+    edges: tuple[Line, Line],
+    turned: Iterator[tuple[Vector, Plane, Plane]],
+) -> Iterator[Function]:
+    """The rows of a fixed piece under a plane along its edge and a moving one.
+
+    Args:
+        assembly: parts and contacts.
+        F: the piece.
+        motion: of the piece of motion.
+        edges: the moving and the fixed one.
+        turned: points in the plane, as `_turned_onto` finds them.
+    """
+    moving, base = edges
+    # Vertices on the fixed edge are on the plane by its construction.
     below = {k for k, w in enumerate(F.vertices) if near(base.away(w))}
-    for v, inward, wall in _turned_beside(assembly, known, rim) if rim.held else ():
+    off = [sub(w, base.point) for w in F.vertices]
+    for v, inward, wall in turned:
         if _outside(assembly, motion, moving, base, wall):
-            functions.append(PointAbove(inward, v, assembly.reach(v)))
-            way = inward.normal
-            below |= {
-                k
-                for k, w in enumerate(F.vertices)
-                if abs(dot(wall.normal, sub(w, base.point))) <= DEVIATION and dot(way, sub(w, base.point)) >= -DEVIATION
-            }
-    for k, w in enumerate(F.vertices):
+            yield PointAbove(inward, v, assembly.reach(v))
+            # A vertex of the piece that is off the wall by so much is in front of the witness plane by no more.
+            along = [abs(dot(wall.normal, d)) <= DEVIATION and dot(inward.normal, d) >= -DEVIATION for d in off]
+            below.update(k for k, behind in enumerate(along) if behind)
+    for k, d in enumerate(off):
         if k not in below:
-            functions.append(_relative(assembly, neg(cross(base.direction, sub(w, base.point))), moving.direction))
-    return functions, _scale(motion, moving, base)
-
-
-def _turned_beside(assembly: Assembly, known: Known, rim: LevelRim) -> Iterator[tuple[Vector, Plane, Plane]]:
-    """Vertices of a face with a rim in its plane that are on or above a wall along the rim, as `_turned_onto`."""
-    base = rim.touch.fixed_line
-    for touch in known.all:
-        if touch.kind != "vertex-face" or height(assembly.exact(rim.face), assembly.point(touch.moving[0])):
-            continue
-        wall = touch.faces[0]
-        if not any(height(assembly.exact(wall), assembly.point(w)) for w in rim.touch.fixed):
-            yield touch.moving[0], _inward(touch, base, wall), wall
+            yield _relative(assembly, neg(cross(base.direction, d)), moving.direction)
 
 
 def _relative(assembly: Assembly, u: Vector, k: Vector) -> DirectionAlong:
@@ -339,22 +349,29 @@ def _levels(assembly: Assembly, known: Known, moving: Line, base: Line) -> Itera
                 yield level
 
 
-def _turned_onto(assembly: Assembly, known: Known, moving: Line, base: Line) -> Iterator[tuple[Vector, Plane, Plane]]:
+def _turned_onto(
+    assembly: Assembly, known: Known, base: Line, lies: Callable[[Vector], bool]
+) -> Iterator[tuple[Vector, Plane, Plane]]:
     """Points in the plane of both edges known to be on or above a wall along the fixed one: (point, rim plane, wall).
 
-    The witness plane holds the fixed edge and this point. With the point on or above the wall and inside its rim, the
-    wall is behind the plane.
+    The plane holds the rim and this point. With the point on or above the wall and inside its rim, the wall is behind
+    the plane, and so is one parallel to it under another rim that is level with the plane.
+
+    Args:
+        assembly: parts and contacts.
+        known: what contacts say.
+        base: the rim, which is in the plane.
+        lies: whether a body point is known to be in the plane.
     """
     for touch in known.all:
-        if touch.kind != "vertex-face" or not _in_plane(assembly, known, moving, base, touch.moving[0]):
+        if touch.kind != "vertex-face" or not lies(touch.moving[0]):
             continue
         wall = touch.faces[0]
         exact = assembly.exact(wall)
         # Exactly along the fixed edge: only then does the end of the moving edge, turned onto it, lie in the witness
         # plane.
-        if any(height(exact, assembly.point(w)) for w in (base.point, base.far)):
-            continue
-        yield touch.moving[0], _inward(touch, base, wall), wall
+        if not any(height(exact, assembly.point(w)) for w in (base.point, base.far)):
+            yield touch.moving[0], _inward(touch, base, wall), wall
 
 
 def _inward(touch: Touch, base: Line, wall: Plane) -> Plane:
@@ -368,16 +385,6 @@ def _inward(touch: Touch, base: Line, wall: Plane) -> Plane:
         inward = sub(inward, scaled(dot(axis, inward), axis))
     inward = unit(inward)
     return Plane(inward, dot(inward, base.point))
-
-
-def _in_plane(assembly: Assembly, known: Known, moving: Line, base: Line, v: Vector) -> bool:
-    """Whether a body point is known to lie in the plane of both edges: on the moving one, or beside it along the other.
-
-    The moving edge is one of a contact that is held.
-    """
-    if assembly.holds(moving, v):
-        return True
-    return not assembly.form and any(known.facts.beside(v, p, base) for p in (moving.point, moving.far))
 
 
 def _outside(assembly: Assembly, motion: Motion, moving: Line, base: Line, wall: Plane) -> bool:

@@ -15,7 +15,7 @@ from fmopt.verify.arithmetic.rational import (
     unit,
     vector,
 )
-from fmopt.verify.certificate.edge_planes import Known, edge_rows, level_rims
+from fmopt.verify.certificate.edge_planes import Known, edge_rows
 from fmopt.verify.certificate.propagation import Motion
 from fmopt.verify.parts.assembly import Assembly, over_balls
 from fmopt.verify.parts.rows import Distance, FaceAbove, Function, PointAbove
@@ -134,7 +134,7 @@ def _moving_face_rows(assembly: Assembly, M: Shape, F: Shape, witness: Witness, 
         touching = [t for t in known.all if t.kind == "face-vertex" and t.plane is not None]
         on = [t.fixed[0] for t in touching if t.plane is not None and assembly.agree(t.plane, backed.wall)]
         done = {k for k, w in enumerate(F.vertices) if any(near(sub(w, x)) for x in on)}
-        for rim in level_rims(assembly, known):
+        for rim in known.rims:
             if rim.held and assembly.along(rim.face, backed.wall):
                 done |= {k for k, w in enumerate(F.vertices) if rim.before(w, backed.wall)}
         plane = backed.cover if done else plane
