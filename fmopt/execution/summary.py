@@ -16,10 +16,11 @@ import numpy as np
 from fmopt.execution.program import FAILED
 from fmopt.execution.rig import Event, Rig
 from fmopt.execution.rotation import between, from_quaternions, quaternions
-from fmopt.plan import Plan
+from fmopt.plan import Body, Plan
 from fmopt.plan.contact_geometry import Contact
 from fmopt.plan.guarded_moves import Move
-from fmopt.spatial.se3 import Pose
+from fmopt.spatial.se3 import Pose, cross
+from fmopt.spatial.values import Array
 
 _Z = 1.959963984540054  # normal quantile of 95 %
 
@@ -155,7 +156,8 @@ class Fit:
     """The fit that success is measured by: clearance a side and depth, m, the half-diagonal ρ, m, and the goal pose.
 
     Contacts of balls leave a part turned as it is, and what is fixed to it beside them where that is: `free` is what
-    the plan's error sets then leave open of the pose (6,), m and rad, and 0 without balls.
+    the plan's error sets then leave open of the pose (6,), m and rad, and 0 without balls. `moving` and `fixed` are the
+    convex pieces of the parts, each as its planes (k, 4): outward normals, and how far they lie along these, m.
     """
 
     clearance: float
@@ -164,6 +166,8 @@ class Fit:
     goal: Pose
     loose: float
     free: tuple[float, ...] = (0.0,) * 6
+    moving: tuple[Array, ...] = ()
+    fixed: tuple[Array, ...] = ()
 
     @staticmethod
     def of(plan: Plan) -> Fit:
@@ -171,7 +175,34 @@ class Fit:
         goal, last = Pose.from_vector(plan.goal), plan.segments[-1]
         loose = 0.0 if last.hybrid.felt else last.tube.box[2]
         free = (*last.tube.box, *last.tube.angles) if plan.moving.body.balls else (0.0,) * 6
-        return Fit(plan.moving.measured_clearance, -float(goal.p[2]), plan.rho, goal, loose, free)
+        moving, fixed = (tuple(map(_planes, plan.parts[side].pieces)) for side in ("moving", "fixed"))
+        return Fit(plan.moving.measured_clearance, -float(goal.p[2]), plan.rho, goal, loose, free, moving, fixed)
+
+    def meet(self, point: Array, pose: Pose, goal: Pose) -> bool:
+        """Whether what touches in a point (3,) is to touch at a goal as well, as far as contacts count as closed.
+
+        Args:
+            point: in B, m.
+            pose: of the moving part now.
+            goal: its pose as planned.
+        """
+        own, other = goal.apply(pose.inverse().apply(point)), goal.inverse().apply(point)
+        return min(_off(self.fixed, own), _off(self.moving, other)) <= CLOSED * self.clearance
+
+
+def _planes(piece: Body) -> Array:
+    """The planes (k, 4) of a convex piece."""
+    vertices = np.array(piece.vertices)
+    loops = [vertices[list(face[0])] for face in piece.faces]
+    normals = np.array([cross(loop - loop[0], np.roll(loop, -1, axis=0) - loop[0]).sum(axis=0) for loop in loops])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    heights = [float((loop @ normal).mean()) for loop, normal in zip(loops, normals, strict=True)]
+    return np.column_stack([normals, heights])
+
+
+def _off(pieces: Sequence[Array], point: Array) -> float:
+    """How far a point (3,) is from the surface of a part, about, m: from the planes of the piece next to it."""
+    return abs(min((float((each[:, :3] @ point - each[:, 3]).max()) for each in pieces), default=np.inf))
 
 
 @dataclass(frozen=True)
@@ -233,14 +264,15 @@ def departures(rig: Rig, body: int, move: Move, known: Mapping[str, Contact], fi
     """Planned contacts that gape, and forces where none is planned, in words.
 
     Edges that have turned parallel cross nowhere; what they hold, the vertices at their ends hold on the faces. Where
-    several vertices are to be on one face, what lies between them may press on it anywhere.
+    several vertices are to be on one face, what lies between them may press on it anywhere. Contacts that follow from
+    others, as those of parallel walls do, are not listed: what is to touch at the goal may.
 
     Args:
         rig: as it stands.
         body: its row.
         move: that has just ended.
         known: contacts of the plan, by id.
-        fit: clearance and goal.
+        fit: clearance and parts.
     """
     q = rig.qpos[body]
     pose = Pose(q[:3], from_quaternions(q[3:]))
@@ -256,7 +288,8 @@ def departures(rig: Rig, body: int, move: Move, known: Mapping[str, Contact], fi
     pressing = sensed[(sensed[:, 0] > 0.0) & (np.linalg.norm(sensed[:, 1:4], axis=1) > _PRESSES)]
     for row in pressing:
         near = any(float(np.linalg.norm(row[5:] - place)) <= _NEAR for place in places)
-        if not near and not any(abs(face.above(row[5:])) <= _LEVEL for face in flat):
+        level = any(abs(face.above(row[5:])) <= _LEVEL for face in flat)
+        if not near and not level and not fit.meet(row[5:], pose, move.goal):
             found.append(f"{_spoken(move.number)}: a contact that is not planned")
             break
     return found

@@ -14,7 +14,7 @@ from fmopt.geometry.clearance import Clearance
 from fmopt.planning.control.controlled_motion import least_steady
 from fmopt.planning.moves.moves import Move
 from fmopt.planning.placement.sequence_program import Placed, certified
-from fmopt.planning.posed import FINE, GRACE, STEADY, Posed, Stages, by_method, placed_by_growing, placement
+from fmopt.planning.posed import GRACE, STEADY, Posed, Stages, by_method, placed_by_growing, placement
 from fmopt.planning.search.best_first import MoveSequence, best_sequences, search
 from fmopt.planning.search.entry import (
     Entry,
@@ -127,7 +127,8 @@ def _motion(posed: Posed, stages: Stages, deadline: float) -> tuple[Searched, Pl
         try:
             found, placed = found_by(deadline, stages)
             with until(deadline + GRACE):
-                own = certified(posed.assembly, here.image.own_moves(placed.moves), posed.start, posed.tolerance, FINE)
+                moves = here.image.own_moves(placed.moves)
+                own = certified(posed.assembly, moves, posed.start, posed.tolerance, placed.step)
                 own = by_method(posed, own)
         except (SearchError, InfeasibleError) as error:
             failures.append(_Tried(here.image, error.with_traceback(None), here.found))

@@ -149,16 +149,17 @@ def under_errors(found: CertifiedMotion, problem: Problem) -> Motion:
         problem: whose errors are.
     """
     tolerance = _tolerance(problem, found.tolerance.rho)
-    return Motion(found.assembly, found.placed.moves, problem.start_box, tolerance, FINE, problem.framing)
+    return Motion(found.assembly, found.placed.moves, problem.start_box, tolerance, found.placed.step, problem.framing)
 
 
-def placement(posed: Posed, moves: Sequence[Move], progress: Progress) -> Placed:
+def placement(posed: Posed, moves: Sequence[Move], progress: Progress, step: float = FINE) -> Placed:
     """All goal poses placed for the largest certified margin, by the method that the problem asks for.
 
     Args:
         posed: the problem.
         moves: the sequence, with goals in the contact states that it goes through.
         progress: told the margin after each gain.
+        step: greatest turn of one piece, rad.
 
     Raises:
         InfeasibleError: fine pieces cannot follow the motion, or no contact would be felt that ends one.
@@ -167,7 +168,7 @@ def placement(posed: Posed, moves: Sequence[Move], progress: Progress) -> Placed
     problem, clearance = posed.problem, posed.clearance.per_side
     turns = Turns(3, 0.5 * (posed.spread + clearance))
     with until(deadline() + GRACE):
-        begun = certified(posed.assembly, moves, posed.start, posed.tolerance, FINE)
+        begun = certified(posed.assembly, moves, posed.start, posed.tolerance, step)
     solver, asked = ClarabelSolver(), _Asked(posed, begun)
     if problem.settings.placement != "descent":
         held = surer(asked.aim, begun, solver, posed.refinement)
@@ -222,7 +223,8 @@ def placed_by_growing(posed: Posed, moves: Sequence[Move], progress: Progress) -
     from fmopt.planning.placement.error_growth import grown
 
     progress("placement: errors are grown")
-    return placement(posed, grown(posed.under, moves, ClarabelSolver(), posed.refinement, FINE).moves, progress)
+    found = grown(posed.under, moves, ClarabelSolver(), posed.refinement, FINE)
+    return placement(posed, found.moves, progress, found.step)
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,7 +241,7 @@ class _Asked:
     def aim(self) -> Aim:
         """What it is placed for."""
         posed = self.posed
-        return Aim(posed.assembly, posed.start, posed.tolerance, FINE, self.fit, holds=posed.holds)
+        return Aim(posed.assembly, posed.start, posed.tolerance, self.begun.step, self.fit, holds=posed.holds)
 
     def fit(self, placed: Placed) -> bool:
         """Whether contacts of a sequence hold as surely as those of the first one, or as surely as they need to."""

@@ -169,6 +169,20 @@ def test_moves_that_failed_are_counted_from_one() -> None:
     assert log.departures == ["move 2: contact not felt"]
 
 
+def test_what_touches_where_the_parts_are_to_touch_is_as_planned(square_peg_plan: dict[str, Any]) -> None:
+    read = parsed(square_peg_plan)
+    fit, rng = Fit.of(read), np.random.default_rng(3)
+    seated, clearance = Pose.from_vector(read.goal), Fit.of(read).clearance
+    tip = np.array([corner for corner in read.moving.body.vertices if corner[2] < 1e-9])
+    for _ in range(20):
+        # Anywhere under a tip that stands on the ground of its hole, wherever the part is now; not where it would not.
+        now = Pose.from_vector([*rng.uniform(-1e-3, 1e-3, 3), *rng.uniform(-0.1, 0.1, 3)])
+        point = now.apply(rng.dirichlet(np.ones(len(tip))) @ tip)
+        assert fit.meet(point, now, seated)
+        assert fit.meet(point, now, seated.moved([0.0, 0.0, 0.2 * clearance, 0.0, 0.0, 0.0]))
+        assert not fit.meet(point, now, seated.moved([0.0, 0.0, 5.0 * clearance, 0.0, 0.0, 0.0]))
+
+
 def test_summaries_tell_inside_from_beyond_and_group_failures_by_what_went_wrong_first() -> None:
     records = [record(0, 0.9), record(1, 0.2, True, ("move 1: a open",)), record(2, 1.0, False, ("move 2: b open",))]
     records += [record(3, 1.1), record(4, 1.6, False), record(5, 1.7, False, ("move 2: b open", "move 3: c open"))]

@@ -112,8 +112,8 @@ def grown(
     if at.share < 1.0:
         raise InfeasibleError(f"the moves can be followed under {at.share:.0%} of the errors only")
     coarse = refine(at.aim, at.placed, solver, settings)
-    fine = replace(at.aim, step=step)
-    placed = certified(fine.assembly, coarse.moves, fine.start, fine.tolerance, step)
+    fine = replace(at.aim, step=min(step, at.aim.step))
+    placed = certified(fine.assembly, coarse.moves, fine.start, fine.tolerance, fine.step)
     closer = replace(settings, least_radius=_CLOSER * settings.least_radius, least_gain=_CLOSER * settings.least_gain)
     margin = -np.inf
     while placed.margin > margin + settings.least_gain:

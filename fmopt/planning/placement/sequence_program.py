@@ -60,7 +60,7 @@ class Refinement:
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """A sequence of moves with its claims, and what had been reached after each move.
+    """A sequence of moves with its claims, what had been reached after each, and the greatest turn of a piece, rad.
 
     Where it is not `thorough`, nothing is claimed of how far contacts stay inside their facets.
     """
@@ -69,6 +69,7 @@ class Placed:
     reached: Reached
     stages: tuple[Reached, ...]
     thorough: bool
+    step: float
 
     @property
     def margin(self) -> float:
@@ -95,7 +96,7 @@ def certified(
     stages = [start]
     for move in moves:
         stages.append(unroll(assembly, move, stages[-1], tolerance, step, thorough))
-    return Placed(tuple(moves), stages[-1], tuple(stages[1:]), thorough)
+    return Placed(tuple(moves), stages[-1], tuple(stages[1:]), thorough, step)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +152,7 @@ def better(aim: Aim, moves: Sequence[Move], than: Placed, by: float) -> Placed |
                 return None
     except InfeasibleError:
         return None
-    return Placed(tuple(moves), stages[-1], tuple(stages[1:]), than.thorough)
+    return Placed(tuple(moves), stages[-1], tuple(stages[1:]), than.thorough, aim.step)
 
 
 def refine(

@@ -39,7 +39,7 @@ from fmopt.verify.parts.rows import Distance, Function, PointAbove
 from fmopt.verify.reading.document import Numbers
 
 # What double arithmetic leaves of entries of shape matrices that should be zero, as radii in m and rad, and as a share.
-_SHAPE_FLOOR = (1e-10,) * 3 + (2e-8,) * 3
+_SHAPE_FLOOR = (3e-10,) * 3 + (2e-8,) * 3
 _SHAPE_SKEW = (1e-17,) * 3 + (1e-15,) * 3
 _ROUNDING = 2e-12
 _GENERATOR_FLOOR = 1e-15

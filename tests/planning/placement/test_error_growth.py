@@ -17,7 +17,7 @@ from fmopt.planning.moves.moves import Move, in_a_row, onto_surfaces
 from fmopt.planning.optimise.solvers import ClarabelSolver
 from fmopt.planning.placement import error_growth as growth
 from fmopt.planning.placement.sequence_program import certified, displaced
-from fmopt.planning.posed import FINE, Posed, Stages
+from fmopt.planning.posed import FINE, Posed, Stages, placement, under_errors
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion
 from fmopt.planning.search.symmetry import images
 from fmopt.spatial.se3 import length, log
@@ -53,6 +53,18 @@ def test_a_motion_comes_back_from_poses_that_are_disturbed(solved: tuple[fmopt.P
     plan = fmopt.stages.plan(problem, found)
     assert plan.verify(problem).verdict == "CERTIFIED"
     assert [move.making for move in found.placed.moves] == [move.making for move in motion.placed.moves]
+
+
+def test_what_is_placed_in_finer_pieces_is_certified_in_them(solved: tuple[fmopt.Problem, CertifiedMotion]) -> None:
+    problem, motion = solved
+    posed = Posed.of(problem)
+    placed = placement(posed, motion.placed.moves, lambda _: None, 0.5 * FINE)
+    assert motion.placed.step == FINE
+    assert placed.step == 0.5 * FINE
+    assert max(length(log(c.piece.start.R.T @ c.piece.goal.R)) for c in placed.reached.claims) <= 0.5 * FINE + 1e-9
+    found = replace(motion, placed=placed)
+    assert under_errors(found, problem).turn == placed.step
+    assert fmopt.stages.plan(problem, found).verify(problem).verdict == "CERTIFIED"
 
 
 def test_rows_for_a_share_of_the_errors_foresee_those_for_all(solved: tuple[fmopt.Problem, CertifiedMotion]) -> None:
@@ -133,5 +145,5 @@ def test_a_share_of_the_errors_leads_to_all_of_them(tmp_path: Path) -> None:
     found, placed = stood.grown(math.inf, Stages())
     assert placed.margin > 1e-5
     assert found.names[-1] == "-z"
-    margin = certified(stood.task.assembly, placed.moves, stood.posed.start, stood.posed.tolerance, FINE).margin
+    margin = certified(stood.task.assembly, placed.moves, stood.posed.start, stood.posed.tolerance, placed.step).margin
     assert margin == pytest.approx(placed.margin, rel=1e-6)
