@@ -100,10 +100,12 @@ class InfeasibleError(FmoptError):
     That no other way leads to the goal is not proven, as it is where parts overlap, `InterferenceError`.
 
     `attempt` is how far a motion came, `fmopt.planning.motion.Attempt`, where one was looked for, and `failure` what
-    there is to say of it, `fmopt.report.attempt.Failure`, where that was worked out.
+    there is to say of it, `fmopt.report.attempt.Failure`, where that was worked out. `share` is what a sequence takes
+    of all errors, about; 0 where that is not known.
     """
 
     exit_code = 3
+    share: float = 0.0
     attempt: Any = None
     failure: Any = None
 

@@ -166,12 +166,23 @@ def _told(failures: Sequence[_Tried], deadline: float) -> FmoptError:
     farthest = max(failures, key=lambda tried: tried.order)
     told = min(failures, key=lambda tried: (_telling(tried.error), tried is not farthest)).error
     assert isinstance(told, SearchError | InfeasibleError)
+    share = max(_share(tried.error) for tried in failures)
+    if share > 0.0:
+        words = f"no motion takes all of the errors, the best that was found about {share:.0%} of them"
+        told = SearchError(words, _SMALLER, isinstance(told, SearchError) and told.late)
+    if isinstance(told, SearchError):
+        told.late = told.late or clock() >= deadline  # there were ways left to try
     try:
         with until(deadline + GRACE):
             told.attempt = farthest.attempt
     except OverdueError:
         told.attempt = None
     return told
+
+
+def _share(error: FmoptError) -> float:
+    """What a sequence that failed takes of all errors; 0 where that is not known."""
+    return error.share if isinstance(error, InfeasibleError) else 0.0
 
 
 def _telling(error: FmoptError) -> int:
@@ -267,7 +278,7 @@ class _Stood:
             try:
                 placed = placed_by_growing(self.posed, found.moves, stages.progress)
             except (InfeasibleError, OverdueError) as error:
-                failure = error.with_traceback(None)
+                failure = max(failure, error.with_traceback(None), key=_share) if failure else error
                 continue
             finally:
                 stages.ended("placement")

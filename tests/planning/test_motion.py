@@ -61,3 +61,20 @@ def test_the_failure_that_says_most_of_all_attempts_is_told(
     failing(monkeypatch, errors)
     with pytest.raises(FmoptError, match=f"^{told}$"):
         certified_motion(rectangle)
+
+
+def test_what_the_best_sequence_takes_of_the_errors_is_told(
+    rectangle: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def nearly(*_: object) -> None:
+        error = InfeasibleError("the moves can be followed under 88% of the errors only")
+        error.share = 0.88
+        raise error
+
+    failing(monkeypatch, [SearchError(f"attempt {n}") for n in range(4)])
+    monkeypatch.setattr(motion._Stood, "grown", nearly)
+    with pytest.raises(
+        SearchError, match=r"no motion takes all of the errors, the best that was found about 88% of"
+    ) as caught:
+        certified_motion(rectangle)
+    assert not caught.value.late

@@ -8,14 +8,14 @@ contacts, and where it exceeds the share that is certified, that grows.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from fmopt.errors import InfeasibleError, SolverError
+from fmopt.errors import InfeasibleError, OverdueError, SolverError
 from fmopt.planning.moves.contact_transition import DOUBT
 from fmopt.planning.moves.moves import Move
 from fmopt.planning.optimise.cone_program import Solver
@@ -82,6 +82,11 @@ class _Grown:
         """The share of all errors that the rows bear."""
         return self.borne(np.zeros(self.rows.slopes.shape[1]))
 
+    @property
+    def taken(self) -> float:
+        """The share of all errors that it takes, about."""
+        return max(min(self.share, self.bears), 0.0)
+
 
 def grown(
     aim_at: Callable[[float], Aim], moves: Sequence[Move], solver: Solver, settings: Refinement, step: float
@@ -107,10 +112,12 @@ def grown(
             aim = aim_at(share)
             return replace(aim, step=_FINER * aim.step)
 
-        with suppress(InfeasibleError):
+        with suppress(InfeasibleError, OverdueError):
             at = _towards_all(finer, _under(finer, at.share, at.placed.moves, near), solver, settings)
     if at.share < 1.0:
-        raise InfeasibleError(f"the moves can be followed under {at.share:.0%} of the errors only")
+        error = InfeasibleError(f"the moves can be followed under {at.taken:.0%} of the errors only")
+        error.share = at.taken
+        raise error
     coarse = refine(at.aim, at.placed, solver, settings)
     fine = replace(at.aim, step=min(step, at.aim.step))
     placed = certified(fine.assembly, coarse.moves, fine.start, fine.tolerance, fine.step)
@@ -124,7 +131,16 @@ def grown(
 
 
 def _towards_all(aim_at: Callable[[float], Aim], begun: _Grown, solver: Solver, settings: Refinement) -> _Grown:
-    """As much of the errors as a sequence comes to bear, step by step; arguments as of `grown`."""
+    """As much of the errors as a sequence comes to bear, step by step, while there is time; arguments as of `grown`."""
+    at = begun
+    with suppress(OverdueError):
+        for step in _growing(aim_at, begun, solver, settings):
+            at = step
+    return at
+
+
+def _growing(aim_at: Callable[[float], Aim], begun: _Grown, solver: Solver, settings: Refinement) -> Iterator[_Grown]:
+    """The sequence after each step."""
     near, radius, at = _AHEAD * settings.radius, settings.radius, begun
     borne = [at.bears]
     for _ in range(_ROUNDS):
@@ -138,11 +154,11 @@ def _towards_all(aim_at: Callable[[float], Aim], begun: _Grown, solver: Solver, 
         more = _more(aim_at, at, near) if at.bears > _MORE * at.share else None
         if more is not None:
             at, radius = more, max(radius, settings.radius)
+        yield at
         borne.append(at.bears)
         slow = len(borne) > _PATIENCE and at.bears < borne[-_PATIENCE] + _SLOW
         if radius < settings.least_radius or slow:
             break
-    return at
 
 
 def _begun(aim_at: Callable[[float], Aim], moves: Sequence[Move], near: float) -> _Grown:
