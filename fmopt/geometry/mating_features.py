@@ -124,7 +124,7 @@ def _hole(body: Polyhedron, pieces: Sequence[Polyhedron], face: Face, rim: Loop)
     depth, far = _far_mouth(body, face, mouth) if through else (min(below), ())
     if depth <= _SAME * body.diameter or not np.isfinite(depth):
         return None
-    ring = _ring(pieces, mouth, face.normal, -0.5 * depth, hollow=True)
+    ring = section_ring(pieces, mouth, face.normal, -0.5 * depth, hollow=True)
     if ring is None:
         return None
     return _Found("hollow", _frame(ring, mouth, face.normal), depth, through, ring.area, size, rim, far)
@@ -154,7 +154,7 @@ def _boss(pieces: Sequence[Polyhedron], face: Face, rim: Array) -> _Found | None
     height = max(spans, default=0.0)
     if height <= _ROUND:
         return None
-    ring = _ring(pieces, base, -face.normal, -0.5 * height, hollow=False)
+    ring = section_ring(pieces, base, -face.normal, -0.5 * height, hollow=False)
     if ring is None:
         return None
     tip = base + height * face.normal
@@ -179,7 +179,7 @@ def _pegs(body: Polyhedron, pieces: Sequence[Polyhedron]) -> list[_Found]:
             continue
         length = float(-levels[inside].max()) if inside.any() else float(-heights.min())
         tip, _ = _inside(body.vertices[list(face.loops[0])], face.normal)
-        ring = _ring(pieces, tip, -face.normal, 0.5 * length, hollow=False, alone=True)
+        ring = section_ring(pieces, tip, -face.normal, 0.5 * length, hollow=False, alone=True)
         if ring is not None:
             frame = _frame(ring, tip, -face.normal)
             ends.append(_Found("solid", frame, length, False, ring.area, ring.area))
@@ -291,10 +291,10 @@ def _inside(rim: Array, normal: Array) -> tuple[Array, float]:
     return basis @ inside(rim @ basis) + normal * float(np.mean(rim @ normal)), float(Polygon(rim @ basis).area)
 
 
-def _ring(
+def section_ring(
     pieces: Sequence[Polyhedron], origin: Array, z: Array, height: float, hollow: bool, alone: bool = False
 ) -> Polygon | None:
-    """Outline around the origin, across z at a height, in the plane's basis: of the opening or of the material.
+    """Outline around an origin (3,), m, across z (3,) at a height, in the plane's basis: of an opening or the material.
 
     `alone`: only where there is no other material at that height.
     """

@@ -45,6 +45,7 @@ _SHARE = 0.25  # of the errors, for which sequences are looked for that then tak
 _BEGINNING = (1.0, 0.7, 0.5)  # of the errors, for which ways to begin are drawn for these
 _DRAWN, _ENOUGH = 300, 8  # ways that are drawn for each, and found of different kinds so that no less will do
 _DRAWINGS = 8  # how often
+_STATES = 30  # that a search from one of them looks at: what was found with a margin in families took 26 at most
 _SMALLER = "allow a larger tilt, lower the start errors"
 
 
@@ -289,7 +290,8 @@ class _Stood:
     def _under(self, deadline: float, stages: Stages) -> Iterator[MoveSequence]:
         """Sequences for a share of all errors from ways to begin under as much of them as there are any for."""
         aim = self.posed.under(_SHARE)
-        task = replace(self.task, start=aim.start.errors, tolerance=aim.tolerance, askew=True)
+        costs = replace(self.task.costs, states=_STATES)
+        task = replace(self.task, start=aim.start.errors, tolerance=aim.tolerance, costs=costs, askew=True)
         for entry in self._drawn(deadline):
             if clock() >= deadline:
                 break

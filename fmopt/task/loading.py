@@ -249,14 +249,13 @@ def _problem(said: Source, source: Source, file: files.ProblemFile, models: Mapp
     built = _both(lambda _, model: _noted(model), models)
     mated: Mapping[str, Mated] = {}
     if any(_table(file, side).feature is None or model.is_found(_named(file, side)) for side, model in models.items()):
-        from fmopt.task.pairing import paired
+        from fmopt.task.centring import mating
 
-        file, mated = paired(source, file, models, built)
+        file, mated, models, built = mating(source, file, models, built)
         if faults := list(_pair_faults(source, file, models)):
             raise InputError(*faults)
-        models, before = reaching(models, {side: _named(file, side) for side in models}), models
-        if models != before:
-            built = _both(lambda _, model: _noted(model), models)
+        if (longer := reaching(models, {side: _named(file, side) for side in models})) != models:
+            models, built = longer, _both(lambda _, model: _noted(model), longer)
     exchanged = _is_exchanged(file, models)
     peg, hole = ("fixed", "moving") if exchanged else ("moving", "fixed")
     refuse_reaching(source, parts := _parts(file, built))

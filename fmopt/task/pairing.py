@@ -48,7 +48,7 @@ class Mated:
 
 
 @dataclass(frozen=True)
-class _Pair:
+class FittingPair:
     """Two features that could mate, how they fit, and how deep the goal is, m, where a file has the parts seated."""
 
     names: Mapping[Side, str]
@@ -70,12 +70,12 @@ def paired(
     Raises:
         InputError: no two features can mate, or several pairs fit alike.
     """
-    stated: dict[Side, str | None] = {side: _operand(file, side).feature for side in SIDES}
+    stated: dict[Side, str | None] = {side: operand(file, side).feature for side in SIDES}
     missing = [side for side in SIDES if stated[side] is not None and stated[side] not in models[side].file.features]
     if missing:
         return file, {}
     turning = "turn" not in file.goal.model_fields_set and is_found(models, stated)
-    pairs = list(_pairs(source, file, parts, stated, turning))
+    pairs = list(fitting_pairs(source, file, parts, stated, turning))
     if not pairs:
         return file, {}
     seated = _seated(file, models)
@@ -85,7 +85,7 @@ def paired(
         _require_near(source, best, parts, exchanged)
     turn = best.fit.turn
     operands: dict[str, Any] = {
-        side: _operand(file, side).model_copy(update={"feature": best.names[side]}) for side in SIDES
+        side: operand(file, side).model_copy(update={"feature": best.names[side]}) for side in SIDES
     }
     update = {"turn": -turn if exchanged else turn} if turn else {}
     if best.depth is not None and "depth" not in file.goal.model_fields_set:
@@ -120,14 +120,22 @@ def _frame(model: Model, name: str) -> tuple[float, ...] | None:
     return (*(table.at or (0.0, 0.0, 0.0)), *table.turn) if model.is_found(name) else None
 
 
-def _operand(file: ProblemFile, side: Side) -> Any:
+def operand(file: ProblemFile, side: Side) -> Any:
+    """What a problem file says of the part on a side."""
     return file.moving if side == "moving" else file.fixed
 
 
-def _pairs(
+def fitting_pairs(
     source: Source, file: ProblemFile, parts: Mapping[str, Part], stated: Mapping[Side, str | None], turning: bool
-) -> Iterator[_Pair]:
+) -> Iterator[FittingPair]:
     """The pairs of a solid and a hollow feature among those that are stated, or of all.
+
+    Args:
+        source: the problem file.
+        file: its tables.
+        parts: by side, in the frames of their models.
+        stated: names of features by side; None stands for all.
+        turning: whether pegs may be turned.
 
     Raises:
         InputError: there is none.
@@ -150,7 +158,7 @@ def _pairs(
         peg, hole = ("fixed", "moving") if a.kind == "hollow" else ("moving", "fixed")
         depth = file.goal.depth or min(a.length, b.length)
         depth = min(depth, a.length, b.length)
-        yield _Pair({"moving": a.name, "fixed": b.name}, best_fit(mating[peg], mating[hole], depth, turning))
+        yield FittingPair({"moving": a.name, "fixed": b.name}, best_fit(mating[peg], mating[hole], depth, turning))
 
 
 def _no_pair(source: Source, parts: Mapping[str, Part]) -> InputError:
@@ -163,7 +171,7 @@ def _no_pair(source: Source, parts: Mapping[str, Part]) -> InputError:
     return InputError(source.place(("fixed",), of_key=True).fault("no-pair", message, advice))
 
 
-def _best(source: Source, pairs: list[_Pair]) -> _Pair:
+def _best(source: Source, pairs: list[FittingPair]) -> FittingPair:
     """The tightest pair with room; where none has any, the one that overlaps the least.
 
     Raises:
@@ -188,7 +196,7 @@ def _seated(file: ProblemFile, models: Mapping[str, Model]) -> Pose | None:
     from fmopt.geometry.step.step_import import bodies
 
     paths = {model.source.path for model in models.values()}
-    which = [_operand(file, side).body for side in SIDES]
+    which = [operand(file, side).body for side in SIDES]
     if len(paths) > 1 or any(model.given for model in models.values()) or None in which:
         return None
     found = bodies(paths.pop())
@@ -196,7 +204,7 @@ def _seated(file: ProblemFile, models: Mapping[str, Model]) -> Pose | None:
     return fixed.pose.inverse().compose(moving.pose)
 
 
-def _in_place(source: Source, pairs: list[_Pair], parts: Mapping[str, Part], seated: Pose) -> _Pair:
+def _in_place(source: Source, pairs: list[FittingPair], parts: Mapping[str, Part], seated: Pose) -> FittingPair:
     """The pair that the file has on one axis, in each other, with the depth and the turn that it has.
 
     Raises:
@@ -204,7 +212,7 @@ def _in_place(source: Source, pairs: list[_Pair], parts: Mapping[str, Part], sea
     """
     from fmopt.geometry.mating_fit import turned_to
 
-    placed, aside = list[_Pair](), list[tuple[float, _Pair]]()
+    placed, aside = list[FittingPair](), list[tuple[float, FittingPair]]()
     for pair in pairs:
         frames = {side: parts[side].feature(pair.names[side]).frame for side in SIDES}
         pose = frames["fixed"].inverse().compose(seated.compose(frames["moving"]))
@@ -229,7 +237,7 @@ def _in_place(source: Source, pairs: list[_Pair], parts: Mapping[str, Part], sea
     raise InputError(source.place(("moving",), of_key=True).fault("not-seated", message, advice))
 
 
-def _require_near(source: Source, best: _Pair, parts: Mapping[str, Part], exchanged: bool) -> None:
+def _require_near(source: Source, best: FittingPair, parts: Mapping[str, Part], exchanged: bool) -> None:
     from fmopt.geometry.mating_fit import require_near
 
     peg, hole = (parts[side].name for side in (SIDES[::-1] if exchanged else SIDES))

@@ -16,11 +16,12 @@ import pytest
 from fmopt.contact.c_surface import Surfaces
 from fmopt.contact.primitive import Kind, PrimitiveContact, vertex_face
 from fmopt.errors import InputError, SearchError
-from fmopt.planning import motion, pipeline
+from fmopt.planning import pipeline
 from fmopt.planning.control.controlled_motion import _touching
 from fmopt.planning.moves.moves import Move, Reached
 from fmopt.planning.optimise.bisection import ATTEMPTS, largest_share
 from fmopt.planning.placement.sequence_program import Placed, certified
+from fmopt.planning.posed import FINE
 from fmopt.planning.search.best_first import best_sequences, search
 from fmopt.planning.search.entry import Entry, planar_entries
 from fmopt.planning.search.entry_candidates import roomy_in_plane
@@ -56,7 +57,7 @@ def distance(slot: Problem, contact: PrimitiveContact, pose: Pose) -> float:
 
 def thoroughly(task: Task, moves: Sequence[Move]) -> Placed:
     start = Reached(task.start, (), ())
-    return certified(task.assembly, moves, start, task.tolerance, motion.FINE)
+    return certified(task.assembly, moves, start, task.tolerance, FINE)
 
 
 def faults(tmp_path: Path, file: str, old: str, new: str) -> list[Any]:
