@@ -42,7 +42,7 @@ from fmopt.verify.reading.document import Numbers
 _SHAPE_FLOOR = (3e-10,) * 3 + (2e-8,) * 3
 _SHAPE_SKEW = (1e-17,) * 3 + (1e-15,) * 3
 _ROUNDING = 2e-12
-_GENERATOR_FLOOR = 1e-15
+_GENERATOR_FLOOR = 3e-15
 _NORMAL_FLOOR = 1e-14
 _TWIST_FLOOR = 1e-15  # m or rad: rounding of a twist between two poses
 _RECIPROCAL = 1e-9
