@@ -23,6 +23,7 @@ from fmopt.spatial.values import Array, remembered, there
 __all__ = ["Assembly", "Facts", "Wall", "aligned", "facts", "flushes", "in_plane", "taken_turns"]
 
 _SHORT = 1e-6  # m: what is nearer to a line than this spans no plane with it
+_LEVEL = 3e-14  # of a vector: what arithmetic leaves of its height; the check decides that exactly
 _STEEP = 1.0 / 64.0
 _APART = 1.0 / 16.0
 _MEMORY = 512
@@ -361,9 +362,12 @@ def aligned(known: Sequence[tuple[Array, Array]], vector: Array) -> Array | None
 
 
 def level(known: Sequence[tuple[Array, Array]], normal: Array, vectors: Array) -> Mask:
-    """Which body vectors (k, 3) flush faces keep level with a plane of this normal."""
+    """Which body vectors (k, 3) flush faces keep level with a plane of this normal, exactly.
+
+    Sides at an angle whose sine is no round number have vertices that were rounded: what is level but for that is not.
+    """
     found, fixed = images(known, vectors)
-    return np.asarray(fixed & (np.abs(found @ normal) <= NEAR))
+    return np.asarray(fixed & (np.abs(found @ normal) <= _LEVEL * lengths(vectors)))
 
 
 def rising(known: Sequence[tuple[Array, Array]], normal: Array, vectors: Array) -> Mask:
