@@ -1,4 +1,4 @@
-"""How a peg fits a hole whose frames do not agree about the axis: the turn that leaves the most room.
+"""How a peg fits a hole whose frames do not agree about the axis: the turn that leaves the most room, other centres.
 
 A peg turned so that one of its sides is parallel to a wall of the hole may fit; those turns are tried, and none at all.
 """
@@ -6,21 +6,23 @@ A peg turned so that one of its sides is parallel to a wall of the hole may fit;
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.clearance import mating_clearance
+from fmopt.geometry.mating_features import Feature, section_ring
 from fmopt.geometry.part import Part, rebased
-from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.geometry.polyhedron import Polyhedron, plane_basis
 from fmopt.spatial.se3 import Pose, exp
 from fmopt.spatial.values import Array
 
 _LARGEST = 3  # sides of the peg that are held against the walls
 _WALLS = 64  # of the hole, the largest ones
 _SAME = 1e-7  # rad: turns closer than this are one
+_ONE = 1e-9  # of its length: centres of a feature that are closer are one
 _AS_GOOD = 0.02  # of the clearance: turns that leave so little less are as good
 _STEEP = 0.9  # upward part of a normal above which a face is no wall
 
@@ -103,6 +105,27 @@ def _headings(body: Polyhedron, window: tuple[float, float], outward: bool) -> A
 def _area(corners: Array) -> float:
     arms = corners - corners[0]
     return 0.5 * float(np.linalg.norm(np.cross(arms[1:-1], arms[2:]).sum(axis=0)))
+
+
+def other_frames(pieces: Sequence[Polyhedron], feature: Feature) -> Iterator[Pose]:
+    """The frames of a found feature about the other points that may be taken for the centre of its section.
+
+    Args:
+        pieces: of its part, in the frame of the model.
+        feature: as it was found.
+    """
+    from shapely.geometry.polygon import orient
+
+    from fmopt.geometry.centre import centres
+
+    frame, hollow = feature.frame, feature.kind == "hollow"
+    z = frame.R[:, 2]
+    ring = section_ring(pieces, frame.p, z, (-0.5 if hollow else 0.5) * feature.length, hollow)
+    if ring is not None:
+        basis = plane_basis(z)
+        for point in centres(np.array(orient(ring).exterior.coords)[:-1]):
+            if float(np.linalg.norm(point)) > _ONE * feature.length:
+                yield Pose(frame.p + basis @ point, frame.R)
 
 
 def require_near(fit: Fit, peg: str, hole: str) -> None:

@@ -279,7 +279,8 @@ class _Stood:
             try:
                 placed = placed_by_growing(self.posed, found.moves, stages.progress)
             except (InfeasibleError, OverdueError) as error:
-                failure = max(failure, error.with_traceback(None), key=_share) if failure else error
+                error = error.with_traceback(None)
+                failure = max(failure or error, error, key=_share)
                 continue
             finally:
                 stages.ended("placement")

@@ -249,9 +249,9 @@ def _problem(said: Source, source: Source, file: files.ProblemFile, models: Mapp
     built = _both(lambda _, model: _noted(model), models)
     mated: Mapping[str, Mated] = {}
     if any(_table(file, side).feature is None or model.is_found(_named(file, side)) for side, model in models.items()):
-        from fmopt.task.centring import mating
+        from fmopt.task.pairing import paired
 
-        file, mated, models, built = mating(source, file, models, built)
+        file, mated, models, built = paired(source, file, models, built)
         if faults := list(_pair_faults(source, file, models)):
             raise InputError(*faults)
         if (longer := reaching(models, {side: _named(file, side) for side in models})) != models:

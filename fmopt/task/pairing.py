@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import islice, product
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from fmopt.errors import GeometryError, InputError
+from fmopt.spatial.se3 import Pose
 from fmopt.task.toml.source import Source
 
 if TYPE_CHECKING:
     from fmopt.geometry.mating_fit import Fit
     from fmopt.geometry.part import Part
-    from fmopt.spatial.se3 import Pose
     from fmopt.task.model import Model
     from fmopt.task.toml.problem_file import ProblemFile
 
@@ -48,7 +49,7 @@ class Mated:
 
 
 @dataclass(frozen=True)
-class FittingPair:
+class _Pair:
     """Two features that could mate, how they fit, and how deep the goal is, m, where a file has the parts seated."""
 
     names: Mapping[Side, str]
@@ -57,9 +58,12 @@ class FittingPair:
 
 
 def paired(
-    source: Source, file: ProblemFile, models: Mapping[str, Model], parts: Mapping[str, Part]
-) -> tuple[ProblemFile, Mapping[str, Mated]]:
+    source: Source, file: ProblemFile, models: Mapping[str, Model], parts: dict[str, Part]
+) -> tuple[ProblemFile, Mapping[str, Mated], Mapping[str, Model], dict[str, Part]]:
     """The problem file with features and turn as they were found where it does not state them, and what was found.
+
+    The models and parts are those that it was found on: a peg and its hole are found each on its own, and where none
+    fits another about the centre of its section, others are tried. In an L the gap may decide which point that is.
 
     Args:
         source: the problem file.
@@ -70,14 +74,20 @@ def paired(
     Raises:
         InputError: no two features can mate, or several pairs fit alike.
     """
-    stated: dict[Side, str | None] = {side: operand(file, side).feature for side in SIDES}
+    stated: dict[Side, str | None] = {side: _operand(file, side).feature for side in SIDES}
     missing = [side for side in SIDES if stated[side] is not None and stated[side] not in models[side].file.features]
     if missing:
-        return file, {}
+        return file, {}, models, parts
     turning = "turn" not in file.goal.model_fields_set and is_found(models, stated)
-    pairs = list(fitting_pairs(source, file, parts, stated, turning))
+    pairs = list(_pairs(source, file, parts, stated, turning))
     if not pairs:
-        return file, {}
+        return file, {}, models, parts
+    closest = max(pairs, key=lambda pair: pair.fit.gap)
+    if closest.fit.gap <= 0.0:
+        for tried, moved in _recentred(models, parts, closest.names):
+            if any(pair.fit.gap > 0.0 for pair in _pairs(source, file, moved, closest.names, turning)):
+                models, parts, pairs = tried, moved, list(_pairs(source, file, moved, stated, turning))
+                break
     seated = _seated(file, models)
     best = _best(source, pairs) if seated is None else _in_place(source, pairs, parts, seated)
     exchanged = parts["moving"].feature(best.names["moving"]).kind == "hollow"
@@ -85,7 +95,7 @@ def paired(
         _require_near(source, best, parts, exchanged)
     turn = best.fit.turn
     operands: dict[str, Any] = {
-        side: operand(file, side).model_copy(update={"feature": best.names[side]}) for side in SIDES
+        side: _operand(file, side).model_copy(update={"feature": best.names[side]}) for side in SIDES
     }
     update = {"turn": -turn if exchanged else turn} if turn else {}
     if best.depth is not None and "depth" not in file.goal.model_fields_set:
@@ -96,7 +106,36 @@ def paired(
         for side in SIDES
         if stated[side] is None or models[side].is_found(best.names[side])
     }
-    return file.model_copy(update={**operands, "goal": goal}), found
+    return file.model_copy(update={**operands, "goal": goal}), found, models, parts
+
+
+def _recentred(
+    models: Mapping[str, Model], parts: Mapping[str, Part], names: Mapping[Side, str]
+) -> Iterator[tuple[dict[str, Model], dict[str, Part]]]:
+    """The models and their parts with found features about other centres of their sections."""
+    choices = [[models[side], *_about_others(models[side], parts[side], names[side])] for side in SIDES]
+    for both in islice(product(*choices), 1, None):  # the first are the models as they are
+        tried: dict[str, Model] = dict(zip(SIDES, both, strict=True))
+        yield tried, {side: _with_frame(parts[side], tried[side], names[side]) for side in SIDES}
+
+
+def _about_others(model: Model, part: Part, name: str) -> Iterator[Model]:
+    """A model with a feature about other centres of its section, if its place was found."""
+    from fmopt.geometry.mating_fit import other_frames
+
+    table = model.file.features[name]
+    if model.is_found(name) and "at" not in model.source.data.get("features", {}).get(name, {}):
+        for frame in other_frames(part.pieces, part.feature(name)):
+            at = (float(frame.p[0]), float(frame.p[1]), float(frame.p[2]))
+            features = {**model.file.features, name: table.model_copy(update={"at": at})}
+            yield replace(model, file=model.file.model_copy(update={"features": features}))
+
+
+def _with_frame(part: Part, model: Model, name: str) -> Part:
+    """A part with a feature where its model has it."""
+    at = model.file.features[name].at or (0.0, 0.0, 0.0)
+    moved = [replace(f, frame=Pose(np.array(at), f.frame.R)) if f.name == name else f for f in part.features]
+    return replace(part, features=tuple(moved))
 
 
 def is_found(models: Mapping[str, Model], names: Mapping[Side, str | None]) -> bool:
@@ -120,22 +159,14 @@ def _frame(model: Model, name: str) -> tuple[float, ...] | None:
     return (*(table.at or (0.0, 0.0, 0.0)), *table.turn) if model.is_found(name) else None
 
 
-def operand(file: ProblemFile, side: Side) -> Any:
-    """What a problem file says of the part on a side."""
+def _operand(file: ProblemFile, side: Side) -> Any:
     return file.moving if side == "moving" else file.fixed
 
 
-def fitting_pairs(
+def _pairs(
     source: Source, file: ProblemFile, parts: Mapping[str, Part], stated: Mapping[Side, str | None], turning: bool
-) -> Iterator[FittingPair]:
+) -> Iterator[_Pair]:
     """The pairs of a solid and a hollow feature among those that are stated, or of all.
-
-    Args:
-        source: the problem file.
-        file: its tables.
-        parts: by side, in the frames of their models.
-        stated: names of features by side; None stands for all.
-        turning: whether pegs may be turned.
 
     Raises:
         InputError: there is none.
@@ -158,7 +189,7 @@ def fitting_pairs(
         peg, hole = ("fixed", "moving") if a.kind == "hollow" else ("moving", "fixed")
         depth = file.goal.depth or min(a.length, b.length)
         depth = min(depth, a.length, b.length)
-        yield FittingPair({"moving": a.name, "fixed": b.name}, best_fit(mating[peg], mating[hole], depth, turning))
+        yield _Pair({"moving": a.name, "fixed": b.name}, best_fit(mating[peg], mating[hole], depth, turning))
 
 
 def _no_pair(source: Source, parts: Mapping[str, Part]) -> InputError:
@@ -171,7 +202,7 @@ def _no_pair(source: Source, parts: Mapping[str, Part]) -> InputError:
     return InputError(source.place(("fixed",), of_key=True).fault("no-pair", message, advice))
 
 
-def _best(source: Source, pairs: list[FittingPair]) -> FittingPair:
+def _best(source: Source, pairs: list[_Pair]) -> _Pair:
     """The tightest pair with room; where none has any, the one that overlaps the least.
 
     Raises:
@@ -196,7 +227,7 @@ def _seated(file: ProblemFile, models: Mapping[str, Model]) -> Pose | None:
     from fmopt.geometry.step.step_import import bodies
 
     paths = {model.source.path for model in models.values()}
-    which = [operand(file, side).body for side in SIDES]
+    which = [_operand(file, side).body for side in SIDES]
     if len(paths) > 1 or any(model.given for model in models.values()) or None in which:
         return None
     found = bodies(paths.pop())
@@ -204,7 +235,7 @@ def _seated(file: ProblemFile, models: Mapping[str, Model]) -> Pose | None:
     return fixed.pose.inverse().compose(moving.pose)
 
 
-def _in_place(source: Source, pairs: list[FittingPair], parts: Mapping[str, Part], seated: Pose) -> FittingPair:
+def _in_place(source: Source, pairs: list[_Pair], parts: Mapping[str, Part], seated: Pose) -> _Pair:
     """The pair that the file has on one axis, in each other, with the depth and the turn that it has.
 
     Raises:
@@ -212,7 +243,7 @@ def _in_place(source: Source, pairs: list[FittingPair], parts: Mapping[str, Part
     """
     from fmopt.geometry.mating_fit import turned_to
 
-    placed, aside = list[FittingPair](), list[tuple[float, FittingPair]]()
+    placed, aside = list[_Pair](), list[tuple[float, _Pair]]()
     for pair in pairs:
         frames = {side: parts[side].feature(pair.names[side]).frame for side in SIDES}
         pose = frames["fixed"].inverse().compose(seated.compose(frames["moving"]))
@@ -237,7 +268,7 @@ def _in_place(source: Source, pairs: list[FittingPair], parts: Mapping[str, Part
     raise InputError(source.place(("moving",), of_key=True).fault("not-seated", message, advice))
 
 
-def _require_near(source: Source, best: FittingPair, parts: Mapping[str, Part], exchanged: bool) -> None:
+def _require_near(source: Source, best: _Pair, parts: Mapping[str, Part], exchanged: bool) -> None:
     from fmopt.geometry.mating_fit import require_near
 
     peg, hole = (parts[side].name for side in (SIDES[::-1] if exchanged else SIDES))
