@@ -30,8 +30,7 @@ from fmopt.planning.posed import Posed, Progress, Stages, under_errors
 from fmopt.planning.robustness.contact_space import contact_spaces
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion, ErrorTolerance, error_tolerance
 from fmopt.planning.robustness.state_trace import Visited, visited
-from fmopt.runtime.compiled import clock, deadline, heed, until
-from fmopt.spatial.values import few_collections
+from fmopt.runtime.compiled import clock, deadline, heed, undisturbed, until
 from fmopt.task.object_model.command import Answer, answer
 from fmopt.task.problem import Problem
 from fmopt.task.task_command import task_command
@@ -77,7 +76,7 @@ class Share:
     late: bool
 
 
-@few_collections()
+@undisturbed()
 def synthesise(problem: Problem, progress: Progress = lambda _: None, reserved: float = 0.0) -> Synthesis:
     """Solves a problem, or as much of its start errors as there is a plan for where its settings ask for that.
 
@@ -137,7 +136,7 @@ def tried(problem: Problem) -> Clearance:
     return posed.clearance
 
 
-@few_collections()
+@undisturbed()
 def certified_motion(problem: Problem, stages: Stages | None = None) -> CertifiedMotion:
     """Measures the parts and finds the motion; errors as of `synthesise`.
 
@@ -165,7 +164,7 @@ def _completed(problem: Problem, motion: CertifiedMotion, stages: Stages) -> Syn
     return Synthesis(document, verdict, stages.seconds)
 
 
-@few_collections()
+@undisturbed()
 def planned(
     problem: Problem,
     motion: CertifiedMotion,

@@ -5,11 +5,13 @@ cache. Numba looks at the file of a kernel alone to tell whether that is still v
 is therefore in files named kernels….py, and what they contain names the folder; all else kernels call, and the named
 tuples that they take, is in their own file.
 
-The clock that time limits go by, which does not count compiling, and the moment that all stages of a computation heed.
+The clock that time limits go by, which does not count compiling, the moment that all stages of a computation heed, and
+how Python and the libraries are set meanwhile: for many small objects and many small matrices.
 """
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import math
 import os
@@ -19,10 +21,12 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache
 from pathlib import Path
+from threading import Lock
 from typing import Any, ParamSpec, TypeVar, cast
 
 from numba import config, njit
 from numba.core import event
+from threadpoolctl import threadpool_limits
 
 from fmopt.errors import OverdueError
 
@@ -34,6 +38,9 @@ _SETTINGS: dict[str, Any] = {"error_model": "numpy"}
 _EFFORT = {"OPT": 1, "LOOP_VECTORIZE": 0, "SLP_VECTORIZE": 0}
 _PACKAGE = Path(__file__).parent.parent
 LIST = Path(__file__).with_name("signatures.json")  # of kernels that `fmopt.runtime.ahead` compiles
+_COLLECTED = (20_000, 10, 50)  # new objects, and collections of the younger ones, before the next collection
+_lock = Lock()
+_before: list[tuple[tuple[int, int, int], threadpool_limits]] = []  # what was set before, for each that runs
 KERNELS: dict[str, Any] = {}  # those that are defined by now, by module and name
 
 
@@ -150,3 +157,26 @@ def heed() -> None:
     """
     if clock() > _moment.get():
         raise OverdueError("the time limit is used up", advice="raise settings.time_limit")
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Looks for garbage less often than Python does by itself, and keeps linear algebra in one thread.
+
+    Looking for garbage takes an eighth of the time of a short solve; what is remembered goes without that, as soon as
+    nobody has its object. Matrices are too small to be shared out: further threads only wait for each other, which
+    takes a quarter of a core from whatever else runs, and how sums are shared out may change their last digits.
+    """
+    with _lock:
+        # The first of several that run at once knows what was set before all of them; the last one puts it back.
+        _before.append(_before[0] if _before else (gc.get_threshold(), threadpool_limits(1, user_api="blas")))
+        collected, _ = _before[0]
+        gc.set_threshold(*(max(pair) if min(pair) else 0 for pair in zip(collected, _COLLECTED, strict=True)))
+    try:
+        yield
+    finally:
+        with _lock:
+            collected, threads = _before.pop()
+            if not _before:
+                gc.set_threshold(*collected)
+                threads.restore_original_limits()

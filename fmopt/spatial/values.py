@@ -5,13 +5,10 @@ What has been worked out about an object, kept with it: the memory goes when the
 
 from __future__ import annotations
 
-import gc
 import math
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, wraps
-from threading import Lock
 from typing import Any, Concatenate, ParamSpec, TypeVar
 from weakref import ref
 
@@ -24,9 +21,6 @@ T = TypeVar("T")
 R = TypeVar("R")
 P = ParamSpec("P")
 _PLACE = "_remembered"
-_lock = Lock()
-_before: list[tuple[int, int, int]] = []  # what was set before, for each that runs
-_COLLECTED = (20_000, 10, 50)  # new objects, and collections of the younger ones, before the next collection
 
 
 def frozen(values: ArrayLike, *shape: int | None, name: str = "array") -> Array:
@@ -125,25 +119,6 @@ def remembered(most: int) -> Callable[[Callable[Concatenate[T, P], R]], Callable
         return found
 
     return decorated
-
-
-@contextmanager
-def few_collections() -> Iterator[None]:
-    """Looks for garbage less often than Python does by itself, which takes an eighth of the time of a short solve.
-
-    What is remembered goes without that, as soon as nobody has its object.
-    """
-    with _lock:
-        # The first of several that run at once knows what was set before all of them; the last one puts it back.
-        _before.append(_before[0] if _before else gc.get_threshold())
-        gc.set_threshold(*(max(pair) if min(pair) else 0 for pair in zip(_before[0], _COLLECTED, strict=True)))
-    try:
-        yield
-    finally:
-        with _lock:
-            before = _before.pop()
-            if not _before:
-                gc.set_threshold(*before)
 
 
 @dataclass(frozen=True, eq=False)

@@ -74,6 +74,7 @@ LIBRARIES: dict[str, frozenset[str]] = {
     "scipy": frozenset({"geometry", "contact", "papers", "planning", "study"})
     | {"execution/trials.py", "execution/engines/drake_engine.py"},
     "numba": frozenset({"runtime/compiled.py", "runtime/ahead.py"}),
+    "threadpoolctl": frozenset({"runtime/compiled.py"}),
     "distributed": frozenset({"study/running/cluster.py"}),
     "polars": frozenset({"study/__init__.py", "study/outcome.py", "study/results/table.py", "notebook/plan.py"}),
     "sympy": frozenset(

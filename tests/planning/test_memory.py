@@ -8,8 +8,11 @@ import weakref
 from dataclasses import dataclass
 from pathlib import Path
 
+from threadpoolctl import threadpool_info
+
 from fmopt.planning.pipeline import certified_motion
-from fmopt.spatial.values import few_collections, remembered
+from fmopt.runtime.compiled import undisturbed
+from fmopt.spatial.values import remembered
 from fmopt.task.problem import load
 from tests import ROOT
 from tests.shared.studies.problems import straight
@@ -51,18 +54,32 @@ def test_nothing_holds_on_to_a_problem_that_was_solved(tmp_path: Path) -> None:
         gc.enable()
 
 
+def test_linear_algebra_has_one_thread_while_a_problem_is_solved() -> None:
+    def threads() -> list[int]:
+        return [library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"]
+
+    before = threads()
+    assert before
+    with undisturbed():
+        assert set(threads()) == {1}
+        with undisturbed():
+            pass
+        assert set(threads()) == {1}
+    assert threads() == before
+
+
 def test_collections_are_as_before_once_they_were_few() -> None:
     before = gc.get_threshold()
-    with few_collections():
+    with undisturbed():
         assert min(gc.get_threshold()) >= min(before)
         assert gc.get_threshold()[0] > before[0]
-        with few_collections():
+        with undisturbed():
             pass
         assert gc.get_threshold()[0] > before[0]
     assert gc.get_threshold() == before
     gc.set_threshold(0)
     try:
-        with few_collections():
+        with undisturbed():
             assert gc.get_threshold()[0] == 0
     finally:
         gc.set_threshold(*before)
