@@ -17,6 +17,7 @@ from fmopt.runtime.compiled import compiled
 from fmopt.spatial.values import Array, fixed
 
 _SINGULAR = 1e-12
+_FARTHEST = 0.99 * 2.0**16  # m or rad per m, what the independent check allows of that, but for rounding
 _LARGE = 1e11  # inverses no larger than this are of matrices that are not singular
 _WIDTH = 18  # columns that a root may have while sums are taken
 
@@ -64,7 +65,7 @@ def coupling_inverse(N: ArrayLike, C: ArrayLike) -> Array:
         C: directions as columns (n, r).
 
     Raises:
-        InfeasibleError: moving along C cannot set N x, because N C is singular.
+        InfeasibleError: moving along C cannot set N x, because N C is singular, or can so only by going too far.
     """
     rows, columns = np.asarray(N, dtype=np.float64), np.asarray(C, dtype=np.float64)
     if rows.shape != columns.T.shape:
@@ -81,6 +82,8 @@ def coupling_inverse(N: ArrayLike, C: ArrayLike) -> Array:
                 f"the directions do not reach all contact rows (smallest singular value {smallest:.1e})",
                 advice="pass independent contact rows, and one direction for each that is not tangent to it",
             )
+    if max(inverse.max(initial=0.0), -inverse.min(initial=0.0)) > _FARTHEST:
+        raise InfeasibleError("the directions hardly reach all contact rows", advice="hold contacts farther apart")
     return inverse
 
 

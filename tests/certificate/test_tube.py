@@ -210,5 +210,5 @@ def test_a_grazing_approach_is_refused() -> None:
     aside = np.append(np.cross(row[:3], [0.3, 0.5, 0.7]), np.zeros(3))
     start = Pose(made.piece.goal.p - 1e-3 * far[:3] - 2e-3 * aside[:3], made.piece.goal.R)
     piece = Piece(start, made.piece.goal, (), made.contacts, (), made.piece.made, (0.0, 1.0))
-    with pytest.raises(InfeasibleError, match=r"past the contact|too large for this piece"):
+    with pytest.raises(InfeasibleError, match=r"past the contact|too large for this piece|hardly reach"):
         advance(made.assembly, piece, made.errors, Tolerance((0.1, 0.1), RHO))

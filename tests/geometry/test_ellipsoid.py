@@ -8,6 +8,7 @@ import pytest
 from fmopt.errors import InfeasibleError
 from fmopt.spatial import ellipsoid
 from fmopt.spatial.values import Array
+from fmopt.verify.arithmetic.rational import ArithmeticRefusal, fixed, inverse
 from tests.shared.in_ellipsoid import contains
 
 
@@ -147,3 +148,20 @@ def test_box_touches_its_ellipsoid_at_the_corners(half_widths: list[float]) -> N
 def test_box_refuses_negative_half_widths() -> None:
     with pytest.raises(ValueError, match="negative"):
         ellipsoid.box_root([1.0, -1.0])
+
+
+@pytest.mark.parametrize("far", [0.9, 0.98, 0.995, 1.01, 30.0])
+def test_directions_that_reach_contacts_go_no_farther_than_the_check_allows(far: float) -> None:
+    """What the check refuses is refused, and next to nothing besides."""
+    lever = 1.0 / (far * 2.0**16)  # m of a row for a rad of its direction
+    rows, directions = np.array([[0.0, 0.0, 0.0, lever, 0.0, 0.0]]), np.eye(6)[:, 3:4]
+    if far > 1.0:
+        with pytest.raises(ArithmeticRefusal, match="hardly depend"):
+            inverse([[fixed(lever)]])
+    else:
+        assert len(inverse([[fixed(lever)]])) == 1
+    if far > 0.99:
+        with pytest.raises(InfeasibleError, match="hardly reach"):
+            ellipsoid.coupling_inverse(rows, directions)
+    else:
+        assert ellipsoid.coupling_inverse(rows, directions) == pytest.approx(1.0 / lever)
