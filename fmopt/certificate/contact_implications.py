@@ -319,6 +319,9 @@ def _planes(assembly: Assembly, wall: Wall, a: Array, direction: Array) -> list[
         first, second = on_line(P[[i, j]], a, direction)
         if first != second:
             candidates.append(j if first else i)
+        # So it is when both are off the line on one side of it, as those of the edge across a face are.
+        elif same_side(P[[j]], a, direction, P[i])[0]:
+            candidates.append(i)
     found = []
     for i in candidates:
         off = P[i] - a

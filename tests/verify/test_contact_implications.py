@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from fmopt.verify.arithmetic.rational import fixed, vector
@@ -55,6 +57,25 @@ def test_an_end_and_a_crossing_put_the_edge_on_the_wall(assembly: Assembly) -> N
     # The crossing is also somewhere on the top plane, which says nothing of the edge's ends.
     assert known.not_below(TOP, PEG.vertices, []) == set()
     assert known.turns == []
+
+
+def test_an_edge_across_the_rim_beside_a_line_makes_a_face_flush(assembly: Assembly) -> None:
+    """Where on its length it touches is open; all of it is on one side of the line, in one plane with that."""
+    known = facts(assembly, V0_LEFT, A, edge_on(V3, T3, RIM_LEFT, LEFT))
+    assert known.implies(V3_LEFT)
+    assert known.implies(T3_LEFT)
+    assert len(known.turns) == 1
+
+
+def test_an_edge_through_a_line_says_nothing_more(assembly: Assembly) -> None:
+    """It may touch where it crosses the line, about which the part still turns."""
+    ends = point(-10, 10, 30), point(-10, -30, 0)
+    through = replace(edge_on(V3, T3, RIM_LEFT, LEFT), moving=ends)
+    known = facts(assembly, V0_LEFT, A, through)
+    assert not known.implies(V3_LEFT)
+    assert known.turns == []
+    short = replace(through, moving=(ends[0], point(-10, -9, 0)))  # it ends before the line
+    assert facts(assembly, V0_LEFT, A, short).implies(V3_LEFT)
 
 
 def test_a_point_above_raises_its_side_of_a_hinged_face(assembly: Assembly) -> None:

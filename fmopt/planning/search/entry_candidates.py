@@ -24,6 +24,7 @@ _TURNS = ((0.4, 0.6), (-0.3, 1.3))
 # What the errors are multiplied with: how deep the corner goes in, how far from the walls it goes in.
 _ROUNDS = ((4.0, 3.0), (3.0, 3.0), (5.5, 3.0), (2.2, 3.0), (7.5, 4.0), (4.0, 4.0))
 _SLOPED = 1e-3  # upward part of the normal of a face that is neither a wall nor level
+_MEETS = 1e-9  # m, heights that differ by less are one
 _SHARED = (0.4, 0.6)  # of the room between opposite walls that the corner stays within
 # What a corner that has touched the top goes in by, in errors of velocity; how far it rises, as a share of its way.
 _TOUCHED, _RISE = (8.0, 6.0, 4.5, 10.0), 0.06
@@ -368,9 +369,19 @@ def funnel_width(fixed: Part) -> float:
 
 
 def _slopes(fixed: Part) -> Iterator[tuple[float, float]]:
-    """The sloped faces that begin at the mouth: how deep they go down, and how far outside they are for each depth."""
+    """The sloped faces that begin at the mouth: how deep they go down, and how far outside they are for each depth.
+
+    They lead to walls that go on steeper below them: those of a tapered hole, which end with it, are its walls.
+    """
     body = fixed.polyhedron
-    for face in body.faces:
-        heights = body.vertices[list(face.vertices), 2]
-        if _SLOPED < face.normal[2] < 1.0 - _SLOPED and abs(float(heights.max())) <= 1e-9:
-            yield -float(heights.min()), float(face.normal[2] / math.hypot(*face.normal[:2]))
+    lowest = [float(body.vertices[list(face.vertices), 2].min()) for face in body.faces]
+    for face, low in zip(body.faces, lowest, strict=True):
+        heights, rise = body.vertices[list(face.vertices), 2], float(face.normal[2])
+        if not _SLOPED < rise < 1.0 - _SLOPED or abs(float(heights.max())) > _MEETS:
+            continue
+        end = {v for v, z in zip(face.vertices, heights.tolist(), strict=True) if z <= low + _MEETS}
+        if any(
+            abs(other.normal[2]) < rise - _SLOPED and deep < low - _MEETS and not end.isdisjoint(other.vertices)
+            for other, deep in zip(body.faces, lowest, strict=True)
+        ):
+            yield -low, rise / math.hypot(*face.normal[:2])

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from fmopt.verify.arithmetic.exact import height, inner, parallel, turned_over
+from fmopt.verify.arithmetic.exact import height, inner, outer, parallel, turned_over
 from fmopt.verify.arithmetic.rational import ONE, Matrix, Vector, dot, length, neg, scaled, sub, times, turned, unit
 from fmopt.verify.parts.assembly import Assembly, Touch, taken_turns
 from fmopt.verify.parts.incidence import Flush, Turn, about, cancel, crossing, directed, image_of, steep
@@ -133,6 +133,9 @@ class Facts:
             # An unknown point between a and b is off the line, and in one plane with it, when just one end is on it.
             if (on := self.assembly.holds(l, a)) != self.assembly.holds(l, b):
                 candidates.append(b if on else a)
+            # So it is when both are off the line on one side of it, as those of the edge across a face are.
+            elif not on and self._on_one_side(l, a, b):
+                candidates.append(a)
         grown = False
         for p in candidates:
             flush = self.assembly.spanned(l, p)
@@ -152,6 +155,12 @@ class Facts:
             grown = True
         return grown
 
+    def _on_one_side(self, l: Line, a: Vector, b: Vector) -> bool:
+        """Whether two vertices are in one plane with a line that neither is on, and on one side of it."""
+        along = self.assembly.way(l.point, l.far)
+        one, other = (outer(along, self.assembly.way(l.point, v)) for v in (a, b))
+        return parallel(one, other) and inner(one, other) > 0
+
     def _turn_edge(self) -> bool:
         """Whether a body edge was found that lies in a wall and that a flush elsewhere leaves but one direction.
 
@@ -170,7 +179,8 @@ class Facts:
                         there = directed(plane.normal, turn.world, dot(turn.body, u), turned(self.R, u))
                         if there is not None:
                             normal = self.assembly.exact(plane)[:3]
-                            self.turns.append(Turn(u, there, exact, crossing(normal, turn, exact, there), normal))
+                            onto = crossing(normal, turn, exact, there, self.R)
+                            self.turns.append(Turn(u, there, exact, onto, normal))
                             return True
         return False
 

@@ -17,7 +17,21 @@ from functools import cached_property
 from typing import NamedTuple
 
 from fmopt.verify.arithmetic.exact import Level, Point, balanced, inner, level, outer, parallel, point, unit_of, way
-from fmopt.verify.arithmetic.rational import ONE, Vector, add, cross, dot, fixed, length, over, root, scaled, sub, times
+from fmopt.verify.arithmetic.rational import (
+    ONE,
+    Matrix,
+    Vector,
+    add,
+    cross,
+    dot,
+    fixed,
+    length,
+    over,
+    root,
+    scaled,
+    sub,
+    times,
+)
 from fmopt.verify.parts.covering import DEVIATION as COVERED
 from fmopt.verify.parts.solids import DEVIATION, Line, Plane, Shape, short
 from fmopt.verify.reading.document import Body, Part
@@ -26,6 +40,7 @@ _LOSSES = 32  # at most so many deviations add up, see `facets` for the most of 
 
 _STEEP = ONE >> 6  # of the squared sine between directions: less tells a turn about their axis too badly
 _APART = ONE >> 4  # between the two directions that a wall and an angle leave an edge, at least twice that
+_NEARLY = ONE >> 30  # of the entries of a rotation that turns axes onto axes: how far they may be from 0 or ±1
 # rad: no error may be larger where an edge is known by its nominal direction; the other one is 1/4 from it.
 LARGEST_ERROR = (ONE >> 3) + (ONE >> 4)
 
@@ -327,17 +342,41 @@ def directed(normal: Vector, w: Vector, cosine: int, nominal: Vector) -> Vector 
     return None
 
 
-def crossing(normal: Vector, turn: Turn, edge: Vector, there: Vector) -> Vector | None:
-    """The direction of an edge in a wall exactly, when it is square to a direction that is turned exactly.
+def crossing(normal: Vector, turn: Turn, edge: Vector, there: Vector, nominal: Matrix) -> Vector | None:
+    """The direction of an edge in a wall exactly, None where it is not known.
+
+    It is when it is square to a direction that is turned exactly. It is, too, where axes are turned onto axes, as they
+    are in a part that is seated, and the edge so turned is level with the wall and at the right angle exactly: of the
+    two directions that are, it is the one that is near.
 
     Args:
         normal: of the wall, integers.
         turn: of the body.
         edge: of the body, integers.
-        there: where the edge points about, to choose one of two signs.
+        there: where the edge points about, to choose one of two.
+        nominal: rotation of the part.
     """
-    if turn.onto is None or inner(turn.exact, edge) != 0:
+    m = turn.onto
+    if m is None:
         return None
-    # In the wall and square to what is turned exactly: the cross product of the two, up to its sign.
-    along = outer(normal, turn.onto)
-    return along if inner(along, there) > 0 else (-along[0], -along[1], -along[2])
+    if inner(turn.exact, edge) == 0:
+        # In the wall and square to what is turned exactly: the cross product of the two, up to its sign.
+        along = outer(normal, m)
+        return along if inner(along, there) > 0 else (-along[0], -along[1], -along[2])
+    found = _axes_turned(nominal, edge)
+    if found is None or inner(found, normal) != 0:
+        return None
+    before, after = inner(edge, turn.exact), inner(found, m)
+    alike = before**2 * inner(m, m) == after**2 * inner(turn.exact, turn.exact) and (before > 0) == (after > 0)
+    return found if alike and length(sub(unit_of(found), there)) < _APART else None
+
+
+def _axes_turned(R: Matrix, d: Vector) -> Vector | None:
+    """R d exactly where R turns axes onto axes but for rounding, else None."""
+    found = list[int]()
+    for row in R:
+        n = max(range(3), key=lambda i: abs(row[i]))
+        if any(abs(abs(x) - (ONE if i == n else 0)) > _NEARLY for i, x in enumerate(row)):
+            return None
+        found.append(d[n] if row[n] > 0 else -d[n])
+    return (found[0], found[1], found[2])
