@@ -89,6 +89,7 @@ class Task:
         costs: weights and limits.
         max_turn: greatest turn of a move, rad.
         askew: whether moves go along and about the axes of sides that lie askew, too.
+        thorough: whether margins count how far contacts stay inside their facets, too.
     """
 
     assembly: Assembly
@@ -98,6 +99,7 @@ class Task:
     costs: Costs
     max_turn: float
     askew: bool = False
+    thorough: bool = False
 
     @property
     def pinned_upright(self) -> int:
@@ -378,7 +380,8 @@ def _along(task: Task, node: Node, freedom: Freedom, near: Near) -> Node | None:
     if first is None and freedom.name == "-z":
         first = _straight_down(task, node.place, freedom.twist)
     ways = moves if first is None else chain([first], moves)
-    return next((after for move in ways if (after := successor_by(task, node, move, freedom.name)) is not None), None)
+    afters = (successor_by(task, node, move, freedom.name, task.thorough) for move in ways)
+    return next((after for after in afters if after is not None), None)
 
 
 def _straight_down(task: Task, place: Place, twist: Array) -> Move | None:

@@ -11,12 +11,12 @@ import pytest
 
 import fmopt
 from fmopt.errors import InfeasibleError
-from fmopt.planning.motion import _Stood
+from fmopt.planning.motion import _SHARE, _Stood
 from fmopt.planning.moves import moves as moving
 from fmopt.planning.moves.moves import Move, in_a_row, onto_surfaces
 from fmopt.planning.optimise.solvers import ClarabelSolver
 from fmopt.planning.placement import error_growth as growth
-from fmopt.planning.placement.sequence_program import certified, displaced
+from fmopt.planning.placement.sequence_program import COARSE, certified, displaced
 from fmopt.planning.posed import FINE, Posed, Stages, placement, under_errors
 from fmopt.planning.robustness.error_tolerance import CertifiedMotion
 from fmopt.planning.search.symmetry import images
@@ -147,3 +147,17 @@ def test_a_share_of_the_errors_leads_to_all_of_them(tmp_path: Path) -> None:
     assert found.names[-1] == "-z"
     margin = certified(stood.task.assembly, placed.moves, stood.posed.start, stood.posed.tolerance, placed.step).margin
     assert margin == pytest.approx(placed.margin, rel=1e-6)
+
+
+@pytest.mark.parametrize(("family", "seed"), [("chamfered", 102), ("plus", 102)])
+def test_what_is_grown_stays_inside_its_facets_to_begin_with(family: str, seed: int, tmp_path: Path) -> None:
+    """Contacts that would run past the end of a facet under a quarter of the errors are none that could bear all."""
+    file = write_toml(family_pair(family, seed), tmp_path, error=(1.0, 1.0), time_limit=600.0)
+    file.write_text(file.read_text().replace("\nz = 0\n", "\nz = 0.5\n").replace("\nheight", "\n# height"))
+    posed = Posed.of(fmopt.load(file))
+    stood = _Stood.of(posed, next(iter(images(posed.assembly, posed.problem.start_box))))
+    found, aim = next(stood._under(math.inf, Stages())), stood.posed.under(_SHARE)
+    assert any(claim.contacts for claim in found.reached.claims)
+    coarse = certified(stood.task.assembly, found.moves, aim.start, aim.tolerance, COARSE)
+    assert coarse.thorough
+    assert coarse.margin > 0.0
