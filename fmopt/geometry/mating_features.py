@@ -49,7 +49,7 @@ DESCRIBE = (
 )
 
 _NARROW = 2e-3  # of the diameter: facets of curved surfaces are off them by less
-_SMOOTH = math.radians(30.5)  # facets that meet at less than this may stand for one curved surface: 12 to a circle
+SMOOTH = math.radians(30.5)  # facets that meet at less than this may stand for one curved surface: 12 to a circle
 
 
 @dataclass(frozen=True)
@@ -205,13 +205,14 @@ def _strips(body: Polyhedron) -> set[int]:
     for edge in body.edges:
         one, other = (body.faces[number].normal for number in edge.faces)
         turn = math.atan2(float(np.linalg.norm(np.cross(one, other))), float(one @ other))
-        if turn <= _SMOOTH:
+        if turn <= SMOOTH:
             start, end = body.vertices[list(edge.vertices)]
             along = (end - start) / np.linalg.norm(end - start)
             found.update(
                 number
                 for number in edge.faces
-                if 0.5 * _width(body, body.faces[number], along) * math.tan(0.25 * turn) <= _NARROW * body.diameter
+                if 0.5 * width_across(body, body.faces[number], along) * math.tan(0.25 * turn)
+                <= _NARROW * body.diameter
             )
     return {number for number, count in found.items() if count > 1}
 
@@ -382,29 +383,6 @@ def in_frame(feature: Feature, pose: Pose) -> Feature:
     return replace(feature, frame=pose.inverse().compose(feature.frame))
 
 
-def chord_error(body: Polyhedron) -> float:
-    """The sagitta (m) of the arcs that chains of facets stand for, 0 where there are none.
-
-    Facets of width c that turn by φ from one to the next are chords of an arc with the sagitta c/2 · tan(φ/4). A facet
-    counts when it has such neighbours across two or more of its edges: one alone is a chamfer or a draft.
-    """
-    turns = []
-    for edge in body.edges:
-        one, other = (body.faces[number].normal for number in edge.faces)
-        turn = math.atan2(float(np.linalg.norm(np.cross(one, other))), float(one @ other))
-        if turn <= _SMOOTH:
-            turns.append((edge, turn))
-    neighbours = Counter(number for edge, _ in turns for number in edge.faces)
-    largest = 0.0
-    for edge, turn in turns:
-        if max(neighbours[number] for number in edge.faces) > 1:
-            start, end = body.vertices[list(edge.vertices)]
-            along = (end - start) / np.linalg.norm(end - start)
-            width = min(_width(body, body.faces[number], along) for number in edge.faces)
-            largest = max(largest, 0.5 * width * math.tan(0.25 * turn))
-    return largest
-
-
-def _width(body: Polyhedron, face: Face, along: Array) -> float:
-    """Extent of a face across a direction in its plane, m."""
+def width_across(body: Polyhedron, face: Face, along: Array) -> float:
+    """Extent (m) of a face across a direction (3,) in its plane."""
     return float(np.ptp(body.vertices[list(face.vertices)] @ np.cross(face.normal, along)))

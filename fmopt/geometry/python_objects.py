@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.mating_features import chord_error
 from fmopt.geometry.mesh.mesh_import import Imported, Unit, mesh_polyhedron
+from fmopt.geometry.mesh.round_planes import chord_error
 from fmopt.geometry.part import Part, mesh_part
 from fmopt.geometry.polyhedron import from_faces
 from fmopt.geometry.section import require_plausible

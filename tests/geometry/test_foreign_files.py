@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 
 from fmopt.errors import FmoptError, GeometryError, ResourceError, SizeError
-from fmopt.geometry.mesh.mesh_file import MAX_TRIANGLES, read_triangles
+from fmopt.geometry.mesh.mesh_file import read_triangles
 from fmopt.geometry.mesh.mesh_import import load_mesh
+from fmopt.geometry.mesh.surface import MAX_TRIANGLES
 from fmopt.geometry.step import step_import as step
 from tests.shared.files.mesh_files import ply_text, rounded, stl_text, triangles_of
 from tests.shared.files.step_files import write_step

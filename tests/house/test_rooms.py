@@ -19,8 +19,6 @@ MOST_LINES = 400
 LONGER = {
     "certificate/tube.py": 489,
     "contact/polytope.py": 420,
-    "geometry/mating_features.py": 410,
-    "geometry/mesh/mesh_file.py": 414,
     "geometry/outline_solids.py": 482,
     "notebook/plan.py": 412,
     "task/loading.py": 468,

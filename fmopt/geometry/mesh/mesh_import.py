@@ -12,7 +12,6 @@ import numpy as np
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.facets import Indices, merged_vertices, place
-from fmopt.geometry.mating_features import chord_error
 from fmopt.geometry.mesh.mesh_file import read_triangles
 from fmopt.geometry.mesh.mesh_repair import (
     MOST_OFF,
@@ -24,6 +23,7 @@ from fmopt.geometry.mesh.mesh_repair import (
     turned_outward,
 )
 from fmopt.geometry.mesh.plane_facets import flattened
+from fmopt.geometry.mesh.round_planes import chord_error
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.geometry.section import require_plausible
 from fmopt.spatial.values import Array, Value, frozen

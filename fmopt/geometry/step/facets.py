@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.mesh.mesh_file import MAX_TRIANGLES
 from fmopt.geometry.mesh.mesh_repair import first_crossing
+from fmopt.geometry.mesh.surface import MAX_TRIANGLES
 from fmopt.geometry.polyhedron import from_triangles
 from fmopt.geometry.step.exact_facets import Facets, exact_facets
 from fmopt.geometry.step.step_file import inside, openings

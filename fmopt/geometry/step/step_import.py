@@ -19,8 +19,8 @@ import numpy as np
 
 from fmopt.errors import FmoptError, GeometryError, ResourceError, SizeError
 from fmopt.geometry.csg import exact_pose
-from fmopt.geometry.mesh.mesh_file import MAX_TRIANGLES
 from fmopt.geometry.mesh.mesh_import import Imported, mesh_polyhedron
+from fmopt.geometry.mesh.surface import MAX_TRIANGLES
 from fmopt.geometry.polyhedron import from_triangles, placed
 from fmopt.geometry.section import require_plausible
 from fmopt.spatial.se3 import Pose
