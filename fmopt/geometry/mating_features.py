@@ -49,7 +49,7 @@ DESCRIBE = (
 )
 
 _NARROW = 2e-3  # of the diameter: facets of curved surfaces are off them by less
-SMOOTH = math.radians(30.5)  # facets that meet at less than this may stand for one curved surface: 12 to a circle
+_SMOOTH = math.radians(30.5)  # facets that meet at less than this may stand for one curved surface: 12 to a circle
 
 
 @dataclass(frozen=True)
@@ -201,19 +201,12 @@ def _around(body: Polyhedron, end: Face, shoulders: NDArray[np.bool_], reach: fl
 def _strips(body: Polyhedron) -> set[int]:
     """The faces that are facets of a curved surface, such as a fillet: they turn little from two neighbours, and are
     narrow for it."""
-    found: Counter[int] = Counter()
-    for edge in body.edges:
-        one, other = (body.faces[number].normal for number in edge.faces)
-        turn = math.atan2(float(np.linalg.norm(np.cross(one, other))), float(one @ other))
-        if turn <= SMOOTH:
-            start, end = body.vertices[list(edge.vertices)]
-            along = (end - start) / np.linalg.norm(end - start)
-            found.update(
-                number
-                for number in edge.faces
-                if 0.5 * width_across(body, body.faces[number], along) * math.tan(0.25 * turn)
-                <= _NARROW * body.diameter
-            )
+    found = Counter(
+        number
+        for faces, sagittas in chords(body)
+        for number, sagitta in zip(faces, sagittas, strict=True)
+        if sagitta <= _NARROW * body.diameter
+    )
     return {number for number, count in found.items() if count > 1}
 
 
@@ -383,6 +376,21 @@ def in_frame(feature: Feature, pose: Pose) -> Feature:
     return replace(feature, frame=pose.inverse().compose(feature.frame))
 
 
-def width_across(body: Polyhedron, face: Face, along: Array) -> float:
-    """Extent (m) of a face across a direction (3,) in its plane."""
+def chords(body: Polyhedron) -> Iterator[tuple[tuple[int, int], tuple[float, float]]]:
+    """The pairs of faces that may stand for one curved surface, with the sagitta (m) of the arc of each of the two.
+
+    Facets of width c that turn by φ from one to the next are chords of an arc with the sagitta c/2 · tan(φ/4).
+    """
+    for edge in body.edges:
+        one, other = (body.faces[number] for number in edge.faces)
+        turn = math.atan2(float(np.linalg.norm(np.cross(one.normal, other.normal))), float(one.normal @ other.normal))
+        if turn <= _SMOOTH:
+            start, end = body.vertices[list(edge.vertices)]
+            along = (end - start) / np.linalg.norm(end - start)
+            first, second = (0.5 * _width(body, face, along) * math.tan(0.25 * turn) for face in (one, other))
+            yield edge.faces, (first, second)
+
+
+def _width(body: Polyhedron, face: Face, along: Array) -> float:
+    """Extent of a face across a direction in its plane, m."""
     return float(np.ptp(body.vertices[list(face.vertices)] @ np.cross(face.normal, along)))

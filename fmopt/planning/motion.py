@@ -291,9 +291,14 @@ class _Stood:
     def _under(self, deadline: float, stages: Stages) -> Iterator[MoveSequence]:
         """Sequences for a share of all errors from ways to begin under as much of them as there are any for."""
         aim = self.posed.under(_SHARE)
-        costs = replace(self.task.costs, states=_STATES)
-        begun = replace(self.task, start=aim.start.errors, tolerance=aim.tolerance, costs=costs)
-        task = replace(begun, askew=True, thorough=True)
+        task = replace(
+            self.task,
+            start=aim.start.errors,
+            tolerance=aim.tolerance,
+            costs=replace(self.task.costs, states=_STATES),
+            askew=True,
+            thorough=True,
+        )
         for entry in self._drawn(deadline):
             if clock() >= deadline:
                 break

@@ -203,12 +203,15 @@ def test_without_a_contact_to_make_the_drift_is_that_of_the_commanded_way() -> N
     assert outcome.departure == np.inf
 
 
-def test_a_grazing_approach_is_refused() -> None:
+@pytest.mark.parametrize(
+    ("length", "refusal"), [(20.0, r"past the contact|too large for this piece"), (1.0, "hardly reach")]
+)
+def test_a_grazing_approach_is_refused(length: float, refusal: str) -> None:
     made = segment(0)
     far = made.piece.start.local(made.piece.goal)
     row = contact_rows(made.assembly, made.contacts, made.contacts, made.piece.goal).N[0]
     aside = np.append(np.cross(row[:3], [0.3, 0.5, 0.7]), np.zeros(3))
-    start = Pose(made.piece.goal.p - 1e-3 * far[:3] - 2e-3 * aside[:3], made.piece.goal.R)
+    start = Pose(made.piece.goal.p - length * (1e-3 * far[:3] + 2e-3 * aside[:3]), made.piece.goal.R)
     piece = Piece(start, made.piece.goal, (), made.contacts, (), made.piece.made, (0.0, 1.0))
-    with pytest.raises(InfeasibleError, match=r"past the contact|too large for this piece|hardly reach"):
+    with pytest.raises(InfeasibleError, match=refusal):
         advance(made.assembly, piece, made.errors, Tolerance((0.1, 0.1), RHO))

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.geometry.facets import Loop
-from fmopt.geometry.mating_features import SMOOTH, width_across
+from fmopt.geometry.mating_features import chords
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.spatial.values import Array
 
@@ -130,21 +130,10 @@ def through_columns(points: Array, faces: Sequence[Sequence[Loop]], planes: Plan
 def chord_error(body: Polyhedron) -> float:
     """The sagitta (m) of the arcs that chains of facets stand for, 0 where there are none.
 
-    Facets of width c that turn by φ from one to the next are chords of an arc with the sagitta c/2 · tan(φ/4). A facet
-    counts when it has such neighbours across two or more of its edges: one alone is a chamfer or a draft.
+    A facet counts when it has neighbours that it may be one surface with across two or more of its edges: one alone is
+    a chamfer or a draft.
     """
-    turns = []
-    for edge in body.edges:
-        one, other = (body.faces[number].normal for number in edge.faces)
-        turn = math.atan2(float(np.linalg.norm(np.cross(one, other))), float(one @ other))
-        if turn <= SMOOTH:
-            turns.append((edge, turn))
-    neighbours = Counter(number for edge, _ in turns for number in edge.faces)
-    largest = 0.0
-    for edge, turn in turns:
-        if max(neighbours[number] for number in edge.faces) > 1:
-            start, end = body.vertices[list(edge.vertices)]
-            along = (end - start) / np.linalg.norm(end - start)
-            width = min(width_across(body, body.faces[number], along) for number in edge.faces)
-            largest = max(largest, 0.5 * width * math.tan(0.25 * turn))
-    return largest
+    found = list(chords(body))
+    neighbours = Counter(number for faces, _ in found for number in faces)
+    counted = (min(sagittas) for faces, sagittas in found if max(neighbours[number] for number in faces) > 1)
+    return max(counted, default=0.0)

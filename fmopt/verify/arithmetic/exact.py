@@ -58,6 +58,11 @@ def parallel(u: Sequence[int], v: Sequence[int]) -> bool:
     return a * y == b * x and b * z == c * y and c * x == a * z
 
 
+def one_way(u: Sequence[int], v: Sequence[int]) -> bool:
+    """Whether two directions that are not (0, 0, 0) are one."""
+    return parallel(u, v) and inner(u, v) > 0
+
+
 def level(normal: Sequence[int], p: Point) -> Level:
     """The plane across a direction through a point.
 

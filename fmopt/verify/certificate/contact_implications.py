@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from fmopt.verify.arithmetic.exact import height, inner, outer, parallel, turned_over
+from fmopt.verify.arithmetic.exact import height, inner, one_way, outer, parallel, turned_over
 from fmopt.verify.arithmetic.rational import ONE, Matrix, Vector, dot, length, neg, scaled, sub, times, turned, unit
 from fmopt.verify.parts.assembly import Assembly, Touch, taken_turns
 from fmopt.verify.parts.incidence import Flush, Turn, about, cancel, crossing, directed, image_of, steep
@@ -156,10 +156,9 @@ class Facts:
         return grown
 
     def _on_one_side(self, l: Line, a: Vector, b: Vector) -> bool:
-        """Whether two vertices are in one plane with a line that neither is on, and on one side of it."""
+        """Whether two vertices are in one plane with a line that neither is on, and on one side of it, exactly."""
         along = self.assembly.way(l.point, l.far)
-        one, other = (outer(along, self.assembly.way(l.point, v)) for v in (a, b))
-        return parallel(one, other) and inner(one, other) > 0
+        return one_way(*(outer(along, self.assembly.way(l.point, v)) for v in (a, b)))
 
     def _turn_edge(self) -> bool:
         """Whether a body edge was found that lies in a wall and that a flush elsewhere leaves but one direction.

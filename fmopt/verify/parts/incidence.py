@@ -16,7 +16,19 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
-from fmopt.verify.arithmetic.exact import Level, Point, balanced, inner, level, outer, parallel, point, unit_of, way
+from fmopt.verify.arithmetic.exact import (
+    Level,
+    Point,
+    balanced,
+    inner,
+    level,
+    one_way,
+    outer,
+    parallel,
+    point,
+    unit_of,
+    way,
+)
 from fmopt.verify.arithmetic.rational import (
     ONE,
     Matrix,
@@ -113,7 +125,7 @@ class Incidence:
         one, other = self._levels.get(a), self._levels.get(b)
         if one is None or other is None:
             return False
-        return parallel(one[:3], other[:3]) and inner(one[:3], other[:3]) > 0
+        return one_way(one[:3], other[:3])
 
     def exact(self, plane: Plane) -> Level:
         """The plane of a face of the parts exactly."""

@@ -15,7 +15,7 @@ from fmopt.contact.primitive import Kind, PrimitiveContact, near_contacts
 from fmopt.planning.search.entry_candidates import funnel_depth, funnel_width
 from fmopt.spatial.se3 import Pose
 from fmopt.task.problem import Problem, load
-from fmopt.verify.arithmetic.exact import unit_of
+from fmopt.verify.arithmetic.exact import inner, outer, unit_of
 from fmopt.verify.arithmetic.rational import ONE, Matrix, Vector
 from fmopt.verify.parts.incidence import Turn, crossing
 from tests import ROOT
@@ -108,12 +108,8 @@ def seats() -> list[tuple[tuple[int, ...], ...]]:
     return found
 
 
-def outer(a: tuple[int, ...], b: tuple[int, ...]) -> tuple[int, int, int]:
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-
-
 def turned(R: tuple[tuple[int, ...], ...], v: tuple[int, ...]) -> tuple[int, int, int]:
-    x, y, z = (sum(a * b for a, b in zip(row, v, strict=True)) for row in R)
+    x, y, z = (inner(row, v) for row in R)
     return (x, y, z)
 
 
