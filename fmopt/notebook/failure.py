@@ -125,7 +125,7 @@ def _followed(posed: Posed, attempt: Attempt) -> tuple[tuple[Step, ...], Lack | 
     from fmopt.planning.posed import FINE
 
     def after(move: Move, reached: Reached) -> tuple[Reached, float, str]:
-        there = unroll(posed.assembly, move, reached, posed.tolerance, FINE, thorough=True)
+        there = unroll(posed.assembly, move, reached, posed.tolerance, FINE)
         worst = min(there.claims[len(reached.claims) :], key=lambda claim: claim.margin)
         return there, worst.margin, worst.binding
 

@@ -12,7 +12,7 @@ from itertools import islice, tee
 from fmopt.errors import FmoptError, InfeasibleError, OverdueError, SearchError
 from fmopt.geometry.clearance import Clearance
 from fmopt.planning.control.controlled_motion import least_steady
-from fmopt.planning.moves.moves import Move
+from fmopt.planning.moves.moves import Care, Move
 from fmopt.planning.placement.sequence_program import Placed, certified
 from fmopt.planning.posed import GRACE, STEADY, Posed, Stages, by_method, placed_by_growing, placement
 from fmopt.planning.search.best_first import MoveSequence, best_sequences, search
@@ -297,7 +297,7 @@ class _Stood:
             tolerance=aim.tolerance,
             costs=replace(self.task.costs, states=_STATES),
             askew=True,
-            thorough=True,
+            care=Care.FACETS,
         )
         for entry in self._drawn(deadline):
             if clock() >= deadline:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from enum import IntFlag
 from itertools import pairwise
 
 import numpy as np
@@ -31,6 +32,17 @@ _SHOTS = 16
 _AIMED = 2e-15
 _RANK = 1e-6
 _CONDITION = 1e8
+
+
+class Care(IntFlag):
+    """What is done to certify a move besides keeping its parts apart."""
+
+    NONE = 0
+    FACETS = 1
+    """How far contacts stay inside their facets counts, too."""
+    PIECES = 2
+    """It is tried in all numbers of pieces, and its twist aimed until they end at the goal."""
+    ALL = FACETS | PIECES
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +172,7 @@ def _way(
 
 
 def unroll(
-    assembly: Assembly, move: Move, reached: Reached, tolerance: Tolerance, step: float, thorough: bool = True
+    assembly: Assembly, move: Move, reached: Reached, tolerance: Tolerance, step: float, care: Care = Care.ALL
 ) -> Reached:
     """Certifies a move piece by piece.
 
@@ -170,7 +182,7 @@ def unroll(
         reached: where it starts.
         tolerance: velocity error and metric.
         step: greatest turn of one piece, rad.
-        thorough: whether to compute how far contacts stay inside their facets, too.
+        care: what is done besides.
 
     Raises:
         InfeasibleError: parts overlap nominally on the way, or a step is impossible.
@@ -181,11 +193,11 @@ def unroll(
     failures: list[InfeasibleError] = []
     # Shorter pieces leave smaller remainders; but the last one must be longer than what errors make the touch differ.
     # Most of the moves that a search tries fail in every way: there two of them say enough.
-    others = (2 * count, -(-2 * count // 3), -(-count // 2), 4 * count, -(-count // 3)) if thorough else ()
+    others = (2 * count, -(-2 * count // 3), -(-count // 2), 4 * count, -(-count // 3)) if care & Care.PIECES else ()
     for pieces in dict.fromkeys((count, *others, 1)):
         heed()
         try:
-            return _unroll(assembly, move, reached, tolerance, pieces, thorough)
+            return _unroll(assembly, move, reached, tolerance, pieces, care)
         except InfeasibleError as error:
             failures.append(error.with_traceback(None))  # which would hold on to this frame, and all that is in it
             if turn == 0.0:
@@ -193,17 +205,15 @@ def unroll(
     raise failures.pop(0)
 
 
-def _unroll(
-    assembly: Assembly, move: Move, reached: Reached, tolerance: Tolerance, count: int, thorough: bool
-) -> Reached:
-    steps, there = carried(assembly, move, reached, tolerance, count, thorough)
+def _unroll(assembly: Assembly, move: Move, reached: Reached, tolerance: Tolerance, count: int, care: Care) -> Reached:
+    steps, there = carried(assembly, move, reached, tolerance, count, care)
     # What errors ask of the pieces is known by now: only where all can be followed is the rest worth its while.
-    claims = claimed(assembly, steps, tolerance, choose_separations, thorough)
+    claims = claimed(assembly, steps, tolerance, choose_separations, bool(care & Care.FACETS))
     return Reached(there.errors, there.basis, (*reached.claims, *claims))
 
 
 def carried(
-    assembly: Assembly, move: Move, reached: Reached, tolerance: Tolerance, count: int, thorough: bool
+    assembly: Assembly, move: Move, reached: Reached, tolerance: Tolerance, count: int, care: Care
 ) -> tuple[tuple[Stepped, ...], Reached]:
     """Carries the errors through a move in so many pieces: these, and where it comes to with nothing claimed of them.
 
@@ -213,7 +223,7 @@ def carried(
         InfeasibleError: a step is impossible.
     """
     basis = tuple(c for c in reached.basis if c.contact not in move.left)
-    shots = _SHOTS if thorough and count > 1 else 1
+    shots = _SHOTS if care & Care.PIECES and count > 1 else 1
     steps, end = _carried(move, (reached.errors, basis), assembly, tolerance, count, shots)
     return steps, Reached(*end, reached.claims)
 

@@ -24,7 +24,7 @@ from fmopt.certificate.propagation import Tolerance
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import InfeasibleError, OverdueError, SolverError
 from fmopt.geometry.section import lowest_point
-from fmopt.planning.moves.moves import Move, Reached, in_a_row, onto_surfaces, unroll
+from fmopt.planning.moves.moves import Care, Move, Reached, in_a_row, onto_surfaces, unroll
 from fmopt.planning.optimise.cone_program import ConeProgram, Norm, Solver
 from fmopt.planning.placement.sequence_rows import Hold, SequenceRows, hold_rows, sequence_rows
 from fmopt.runtime.compiled import heed
@@ -62,13 +62,13 @@ class Refinement:
 class Placed:
     """A sequence of moves with its claims, what had been reached after each, and the greatest turn of a piece, rad.
 
-    Where it is not `thorough`, nothing is claimed of how far contacts stay inside their facets.
+    Without care for them, nothing is claimed of how far contacts stay inside their facets.
     """
 
     moves: tuple[Move, ...]
     reached: Reached
     stages: tuple[Reached, ...]
-    thorough: bool
+    care: Care
     step: float
 
     @property
@@ -78,9 +78,9 @@ class Placed:
 
 
 def certified(
-    assembly: Assembly, moves: Sequence[Move], start: Reached, tolerance: Tolerance, step: float, thorough: bool = True
+    assembly: Assembly, moves: Sequence[Move], start: Reached, tolerance: Tolerance, step: float, care: Care = Care.ALL
 ) -> Placed:
-    """Certifies a sequence of moves from the start, all that is claimed of them unless it is not `thorough`.
+    """Certifies a sequence of moves from the start, with all care unless it is said otherwise.
 
     Args:
         assembly: the parts.
@@ -88,15 +88,15 @@ def certified(
         start: where the first begins, with its errors.
         tolerance: metric and velocity error.
         step: greatest turn of one piece, rad.
-        thorough: whether separations and the rest are claimed, too.
+        care: with which.
 
     Raises:
         InfeasibleError: a move is impossible.
     """
     stages = [start]
     for move in moves:
-        stages.append(unroll(assembly, move, stages[-1], tolerance, step, thorough))
-    return Placed(tuple(moves), stages[-1], tuple(stages[1:]), thorough, step)
+        stages.append(unroll(assembly, move, stages[-1], tolerance, step, care))
+    return Placed(tuple(moves), stages[-1], tuple(stages[1:]), care, step)
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,12 +147,12 @@ def better(aim: Aim, moves: Sequence[Move], than: Placed, by: float) -> Placed |
     stages = [aim.start, *than.stages[:shared]]
     try:
         for move in moves[len(stages) - 1 :]:
-            stages.append(unroll(aim.assembly, move, stages[-1], aim.tolerance, aim.step, than.thorough))
+            stages.append(unroll(aim.assembly, move, stages[-1], aim.tolerance, aim.step, than.care))
             if stages[-1].margin <= than.margin + by:
                 return None
     except InfeasibleError:
         return None
-    return Placed(tuple(moves), stages[-1], tuple(stages[1:]), than.thorough, aim.step)
+    return Placed(tuple(moves), stages[-1], tuple(stages[1:]), than.care, aim.step)
 
 
 def refine(
@@ -271,7 +271,7 @@ def displaced(aim: Aim, placed: Placed, shift: Array) -> Placed:
         InfeasibleError: a pose leaves its contact state, or a move is impossible.
     """
     moves = _shifted(aim, placed.moves, shift)
-    return certified(aim.assembly, moves, aim.start, aim.tolerance, aim.step, placed.thorough)
+    return certified(aim.assembly, moves, aim.start, aim.tolerance, aim.step, placed.care)
 
 
 def _moved(aim: Aim, placed: Placed, shift: Array, by: float) -> Placed | None:

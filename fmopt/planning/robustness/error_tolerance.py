@@ -21,7 +21,7 @@ from fmopt.errors import InfeasibleError
 from fmopt.geometry.clearance import Clearance
 from fmopt.geometry.part import stretched
 from fmopt.plan.position_force import AXES
-from fmopt.planning.moves.moves import Move, Reached, carried, claims_of_moves, in_a_row, onto_surfaces, unroll
+from fmopt.planning.moves.moves import Care, Move, Reached, carried, claims_of_moves, in_a_row, onto_surfaces, unroll
 from fmopt.planning.optimise.bisection import Trial, largest
 from fmopt.planning.placement.sequence_program import Placed, certified
 from fmopt.planning.search.symmetry import Searched
@@ -164,7 +164,7 @@ class Motion:
         reached, least = begun.reached, begun.least
         for move in () if begun.reason else self.moves[len(least) :]:
             try:
-                after = unroll(self.assembly, move, reached, self.tolerance, self.turn, thorough=True)
+                after = unroll(self.assembly, move, reached, self.tolerance, self.turn)
             except InfeasibleError as error:
                 return Outcome(reached, least, error.message)
             least = (*least, min(after.claims[len(reached.claims) :], key=_margin))
@@ -184,7 +184,7 @@ class Motion:
         for move, count in zip(self.moves, pieces, strict=True):
             for number in dict.fromkeys((count, 1)):
                 try:
-                    reached = carried(self.assembly, move, reached, self.tolerance, number, thorough=True)[1]
+                    reached = carried(self.assembly, move, reached, self.tolerance, number, Care.ALL)[1]
                     break
                 except InfeasibleError:
                     continue

@@ -24,7 +24,7 @@ import numpy as np
 
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import OverdueError, SearchError
-from fmopt.planning.moves.moves import Move, Reached
+from fmopt.planning.moves.moves import Care, Move, Reached
 from fmopt.planning.search.entry import Entry, Leant
 from fmopt.planning.search.guarded_move import Freedom, Near, Place, guarded, insides, neighbourhood, tips
 from fmopt.planning.search.successors import ASKEW, Costs, Node, Task, successor_by, successors, ways_on
@@ -327,7 +327,7 @@ def begin(task: Task, entry: Entry) -> Node | None:
     height = float(entry.start.apply(entry.corner)[2])
     down = Freedom("-z", np.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0]), 1.5 * height)
     move = guarded(task.assembly, place, down, neighbourhood(task.assembly, place, down, task.costs.reach))
-    touched = None if move is None else successor_by(task, above, move, "approach", thorough=True)
+    touched = None if move is None else successor_by(task, above, move, "approach", Care.ALL)
     if touched is None:
         return None
     lifted = successor_by(task, touched, Move(touched.place.pose, entry.over, (), (), touched.place.held), "leave")
@@ -388,7 +388,7 @@ def _onto_top(task: Task, node: Node, freedom: Freedom, corners: Array) -> Node 
         move = guarded(assembly, node.place, freedom, Near.of(assembly, near))
         if move is not None and move.making[0] not in tried:
             tried.add(move.making[0])
-            after = successor_by(task, node, move, freedom.name, thorough=True)
+            after = successor_by(task, node, move, freedom.name, Care.ALL)
             if after is not None and (best is None or after.reached.margin > best.reached.margin):
                 best = after
         if best is not None and best.reached.margin > 0.0:

@@ -14,12 +14,15 @@ from itertools import chain, islice, zip_longest
 
 import numpy as np
 
+from fmopt.certificate.error_set import ErrorSet
 from fmopt.geometry.part import Part
 from fmopt.geometry.section import leading_corners
+from fmopt.planning.moves.moves import Move, Reached
 from fmopt.planning.search.best_first import begin
 from fmopt.planning.search.entry import Entry, Shape, lowest, start_spread, swung_by
 from fmopt.planning.search.entry_candidates import Way, funnel_depth, funnel_width, likely_headings
-from fmopt.planning.search.successors import Task
+from fmopt.planning.search.guarded_move import Place
+from fmopt.planning.search.successors import Node, Task, successor_by
 from fmopt.spatial.values import Array
 
 # Between which values numbers are drawn, evenly in their logarithms: each spans what can be certified at all.
@@ -33,6 +36,7 @@ _LEAN = (1.2, 3.0)  # of the errors of angle, how far a part leans that is laid 
 _TURN = 0.2  # rad, how far it is turned about its own axis at most, either way, drawn evenly
 _PLAY = 0.25  # of the play between walls, what a laid part's height is taken to be uncertain by at least
 _CELL = 0.4  # rad, the directions of tilts that are one
+_LEFT_FLAT = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0])  # which errors are left to a part that has lain flat
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +131,7 @@ def beginnings(
     cells: dict[tuple[int, float, int], tuple[float, Entry]] = {}
     for shape in islice(shapes, count):
         entry = entry_of(shape)
-        node = begin(task, entry)
+        node = begin(task, entry) if _could_enter(task, entry) else None
         if node is not None and node.reached.margin > 0.0:
             tilt = round(math.atan2(shape.about_x, shape.about_y) / _CELL)
             cell = _kind(shape), round(shape.heading, 9), tilt
@@ -136,6 +140,19 @@ def beginnings(
     order = sorted(cells.items(), key=lambda item: (-item[1][0], item[0]))
     kinds = [[entry for cell, (_, entry) in order if cell[0] == kind] for kind in range(3)]
     return tuple(entry for entry in chain.from_iterable(zip_longest(*kinds)) if entry is not None)
+
+
+def _could_enter(task: Task, entry: Entry) -> bool:
+    """Whether a part that has lain flat could go in from there with the errors that this leaves for sure.
+
+    These are sideways and about the vertical. Lying flat takes far more to certify, and that is mostly in vain.
+    """
+    if entry.leant is None or entry.over is None:
+        return True
+    left = ErrorSet.from_box(_LEFT_FLAT * task.start.support(np.eye(6)))
+    over = Node(entry, Place(entry.over, (), (), entry.corner), Reached(left, (), ()), (), (), 0.0, 0)
+    inside = successor_by(task, over, Move(entry.over, entry.inside, (), ()), "enter")
+    return inside is not None and inside.reached.margin > 0.0
 
 
 def _kind(shape: Shape) -> int:

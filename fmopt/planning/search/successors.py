@@ -20,7 +20,7 @@ from fmopt.contact.primitive import Kind, PrimitiveContact, near_contacts
 from fmopt.errors import InfeasibleError
 from fmopt.geometry.section import corner_walls, leading_corners, next_to_round
 from fmopt.planning.moves.contact_transition import described, on_wall
-from fmopt.planning.moves.moves import Move, Reached, unroll
+from fmopt.planning.moves.moves import Care, Move, Reached, unroll
 from fmopt.planning.search.entry import Entry, deeper, turned_axes
 from fmopt.planning.search.guarded_move import (
     Freedom,
@@ -89,7 +89,7 @@ class Task:
         costs: weights and limits.
         max_turn: greatest turn of a move, rad.
         askew: whether moves go along and about the axes of sides that lie askew, too.
-        thorough: whether margins count how far contacts stay inside their facets, too.
+        care: with which moves are certified.
     """
 
     assembly: Assembly
@@ -99,7 +99,7 @@ class Task:
     costs: Costs
     max_turn: float
     askew: bool = False
-    thorough: bool = False
+    care: Care = Care.NONE
 
     @property
     def pinned_upright(self) -> int:
@@ -200,7 +200,7 @@ def modulo(held: Array, rows: Array) -> Array:
     return np.asarray(rows - rows @ basis.T @ basis)
 
 
-def successor_by(task: Task, node: Node, move: Move, name: str, thorough: bool = False) -> Node | None:
+def successor_by(task: Task, node: Node, move: Move, name: str, care: Care = Care.NONE) -> Node | None:
     """The state after a move, None when it cannot be certified.
 
     Args:
@@ -208,12 +208,12 @@ def successor_by(task: Task, node: Node, move: Move, name: str, thorough: bool =
         node: where it starts.
         move: the move.
         name: of the freedom that it goes along.
-        thorough: whether its margin is to count how far contacts stay inside their facets, too.
+        care: with which it is certified.
     """
     costs = task.costs
     try:
         before = len(node.reached.claims)
-        reached = unroll(task.assembly, move, node.reached, task.tolerance, costs.coarse, thorough)
+        reached = unroll(task.assembly, move, node.reached, task.tolerance, costs.coarse, care)
     except InfeasibleError:
         return None
     margin = min(c.margin for c in reached.claims[before:])
@@ -380,7 +380,7 @@ def _along(task: Task, node: Node, freedom: Freedom, near: Near) -> Node | None:
     if first is None and freedom.name == "-z":
         first = _straight_down(task, node.place, freedom.twist)
     ways = moves if first is None else chain([first], moves)
-    afters = (successor_by(task, node, move, freedom.name, task.thorough) for move in ways)
+    afters = (successor_by(task, node, move, freedom.name, task.care) for move in ways)
     return next((after for after in afters if after is not None), None)
 
 

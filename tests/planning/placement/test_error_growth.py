@@ -13,7 +13,7 @@ import fmopt
 from fmopt.errors import InfeasibleError
 from fmopt.planning.motion import _SHARE, _Stood
 from fmopt.planning.moves import moves as moving
-from fmopt.planning.moves.moves import Move, in_a_row, onto_surfaces
+from fmopt.planning.moves.moves import Care, Move, in_a_row, onto_surfaces
 from fmopt.planning.optimise.solvers import ClarabelSolver
 from fmopt.planning.placement import error_growth as growth
 from fmopt.planning.placement.sequence_program import COARSE, certified, displaced
@@ -100,10 +100,10 @@ def test_moves_that_fail_are_divided_in_two_ways_while_searching_and_in_more_aft
     monkeypatch.setattr(moving, "_unroll", fail)
     upright = next(move for move in motion.placed.moves if not np.allclose(move.start.R, move.goal.R))
     step = length(log(upright.goal.R @ upright.start.R.T)) / 12
-    for thorough, ways in ((False, 2), (True, 7)):
+    for care, ways in ((Care.NONE, 2), (Care.FACETS, 2), (Care.ALL, 7)):
         tried.clear()
         with pytest.raises(InfeasibleError, match="it fails"):
-            moving.unroll(posed.assembly, upright, posed.start, posed.tolerance, step, thorough)
+            moving.unroll(posed.assembly, upright, posed.start, posed.tolerance, step, care)
         assert len(tried) == len(set(tried)) == ways
 
 
@@ -159,5 +159,5 @@ def test_what_is_grown_stays_inside_its_facets_to_begin_with(family: str, seed: 
     found, aim = next(stood._under(math.inf, Stages())), stood.posed.under(_SHARE)
     assert any(claim.contacts for claim in found.reached.claims)
     coarse = certified(stood.task.assembly, found.moves, aim.start, aim.tolerance, COARSE)
-    assert coarse.thorough
+    assert coarse.care is Care.ALL
     assert coarse.margin > 0.0

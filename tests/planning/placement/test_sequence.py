@@ -9,7 +9,7 @@ import pytest
 
 from fmopt.errors import InfeasibleError
 from fmopt.planning.control.controlled_motion import least_firm, least_steady
-from fmopt.planning.moves.moves import Reached, in_a_row, onto_surfaces
+from fmopt.planning.moves.moves import Care, Reached, in_a_row, onto_surfaces
 from fmopt.planning.optimise.solvers import ClarabelSolver
 from fmopt.planning.pipeline import certified_motion
 from fmopt.planning.placement.error_derivatives import sensitivities
@@ -44,7 +44,7 @@ def displaced(done: CertifiedMotion, number: int, shift: Array) -> Placed | None
     try:
         goals[number] = onto_surfaces(done.assembly, goals[number].moved(shift), moves[number])
         ways = in_a_row(moves, moves[0].start, goals)
-        other = certified(done.assembly, ways, start, done.tolerance, FINE, thorough=False)
+        other = certified(done.assembly, ways, start, done.tolerance, FINE, Care.NONE)
     except InfeasibleError:
         return None
     return other if len(other.reached.claims) == len(done.placed.reached.claims) else None
