@@ -68,6 +68,13 @@ class Bounds:
         judge, numbers, found = self.judges[contact], lower.tolist(), np.zeros(len(lower))
         looked = _Looked(numbers)
         here = judge(looked)
+        alone = [k for k in looked.at if numbers[k] == here]
+        if len(alone) == 1:  # most margins are one of the rows: where it falls with that, no other counts
+            numbers[alone[0]] = here - _DIFFERENCE
+            if judge(numbers) == here - _DIFFERENCE:
+                found[alone[0]] = 1.0
+                return found
+            numbers[alone[0]] = here
         for way in (-_DIFFERENCE, _DIFFERENCE):  # a least of several falls with each of them, a greatest only rises
             for k in sorted(looked.at):  # what was not looked at makes no difference
                 number = numbers[k]

@@ -133,8 +133,7 @@ class SequenceRows:
         return Linear(self.values[kept], slopes[kept], self.counted[kept], self.drifts[kept], self.moves[kept], kinks)
 
 
-@dataclass(frozen=True, eq=False)
-class _Block:
+class _Block(NamedTuple):
     """Rows of a piece at one of its ends.
 
     Args:
@@ -142,7 +141,6 @@ class _Block:
         values: (m,), what errors and remainders take of them off.
         reach, rest: what these take (m,).
         end: which.
-        spread: whether generators bound the errors (m,).
         scale: what all of it is divided by.
         factor: how often errors count.
         counted: whether they are rows of the margin.
@@ -153,10 +151,15 @@ class _Block:
     reach: Array
     rest: Array
     end: int
-    spread: NDArray[np.bool_]
     scale: float = 1.0
     factor: float = 1.0
     counted: float = 1.0
+
+    @staticmethod
+    def joined(blocks: Sequence[_Block]) -> tuple[Array, ...]:
+        """All rows of some, one after the other, with a number for each row where a block has one for all."""
+        each = [(*block[:4], *(np.full(len(block.values), number) for number in block[4:])) for block in blocks]
+        return tuple(np.concatenate(column) for column in zip(*each, strict=True))
 
 
 def sequence_rows(
@@ -187,32 +190,46 @@ def sequence_rows(
         sure = _surely(assembly, claims[0].piece.held, courses)
         for claim, course in zip(claims, courses, strict=True):
             changing = next(sensitivity)
-            blocks = chain(_near(assembly, claim, course, tolerance.rho, most), _described(course, sure, _STEPS * near))
-            parts += [_rows(block, claim, changing, number, shape) for block in blocks]
+            near_by = _near(assembly, claim, course, tolerance.rho, most)
+            blocks = list(chain(near_by, _described(course, sure, _STEPS * near)))
+            if blocks:
+                parts.append(_rows(blocks, course, claim, changing, (number, *shape)))
         gains = [gain for claim in claims for gain in _gains(assembly, claim, felt)]
         parts.append(_growing(gains, claims[-1], changing, number, shape))
     return SequenceRows.joined(parts)
 
 
-def _rows(block: _Block, claim: Claim, sensitivity: Sensitivity, number: int, shape: tuple[int, int]) -> SequenceRows:
-    """A block of rows of a move as functions of all displacements (n), with up to so many generators."""
-    (width, n), share, m = shape, claim.piece.progress[block.end], len(block.values)
-    N = block.N / block.scale
-    slopes = np.zeros((m, n))
-    along = N @ sensitivity.held[block.end]
-    slopes[:, 6 * number : 6 * number + 6] = (1.0 - share) * along
-    slopes[:, 6 * number + 6 : 6 * number + 12] = share * along
-    generators, derivatives = sensitivity.goal if block.end else sensitivity.start
-    products, turning = np.zeros((m, width)), np.zeros((m, width, n))
-    if len(generators):
-        weight = block.factor * block.spread[:, None]
-        products[:, : len(generators)] = weight * (N @ generators.T)
-        turning[:, : len(generators)] = weight[..., None] * np.einsum("mi,kin->mkn", N, derivatives)
-    counted, moves = np.full(m, block.counted), np.full(m, number, dtype=np.intp)
-    sizes = np.linalg.norm(N, axis=1)
-    values, reach, rest = (numbers / block.scale for numbers in (block.values, block.reach, block.rest))
-    slopes -= sensitivity.drift(N, block.end)
-    return SequenceRows(values, slopes, counted, sizes, moves, products, turning, reach, rest)
+def _rows(
+    blocks: Sequence[_Block], course: Course, claim: Claim, sensitivity: Sensitivity, among: tuple[int, int, int]
+) -> SequenceRows:
+    """Blocks of rows of a piece as functions of all displacements (n), with up to so many generators.
+
+    Args:
+        blocks: of its rows.
+        course: of the piece.
+        claim: of the piece.
+        sensitivity: how errors change along it.
+        among: the number of its move, generators and displacements.
+    """
+    N, values, reach, rest, ends, scale, factor, counted = _Block.joined(blocks)
+    (number, width, n), m = among, len(values)
+    gradients = N / scale[:, None]
+    slopes, products, turning = np.zeros((m, n)), np.zeros((m, width)), np.zeros((m, width, n))
+    for end, share in enumerate(claim.piece.progress):
+        at = np.flatnonzero(ends == end)
+        own = gradients[at]
+        along = own @ sensitivity.held[end]
+        change = -sensitivity.drift(own, end)
+        change[:, 6 * number : 6 * number + 6] += (1.0 - share) * along
+        change[:, 6 * number + 6 : 6 * number + 12] += share * along
+        slopes[at] = change
+        generators, derivatives = sensitivity.goal if end else sensitivity.start
+        if len(generators):
+            weight = (factor[at] * course.spread(end, N[at]))[:, None]
+            products[at, : len(generators)] = weight * (own @ generators.T)
+            turning[at, : len(generators)] = weight[..., None] * np.einsum("mi,kin->mkn", own, derivatives)
+    moves, sizes = np.full(m, number, dtype=np.intp), np.linalg.norm(gradients, axis=1)
+    return SequenceRows(values / scale, slopes, counted, sizes, moves, products, turning, reach / scale, rest / scale)
 
 
 @dataclass(frozen=True, eq=False)
@@ -306,17 +323,17 @@ def _near(assembly: Assembly, claim: Claim, course: Course, rho: float, most: fl
             if len(which):
                 N = rows.N[end, 0, which]
                 reach, rest = rows.reach[end, 0, which], rows.rest[0, which]
-                yield _Block(N, values[which], reach, rest, end, course.spread(end, N), scale)
+                yield _Block(N, values[which], reach, rest, end, scale)
     for facet in facet_rows(assembly, claim) if claim.contacts else ():
         for contact, margin in enumerate(facet.table.margins(facet.lower)):
             if margin < most and (slope := facet.table.slope(contact, facet.lower)).any():
                 N, taken = (slope @ facet.rows.N)[None], np.array([slope @ (facet.rows.f - facet.lower)])
-                yield _Block(N, np.array([margin]), taken, np.zeros(1), facet.end, course.spread(facet.end, N))
+                yield _Block(N, np.array([margin]), taken, np.zeros(1), facet.end)
     if claim.early is not None and piece.made is not None:
         made = made_form(assembly, piece.made, piece.held).at(piece.start)
         scale = made_scale(assembly, piece.made, piece.held, rho)
         N, early = scale * made.N, np.array([claim.early])
-        yield _Block(N, early, scale * made.f - early, np.zeros(1), 0, course.spread(0, N))
+        yield _Block(N, early, scale * made.f - early, np.zeros(1), 0)
 
 
 def _described(course: Course, sure: Sequence[tuple[Forms, NDArray[np.intp]]], near: float) -> Iterator[_Block]:
@@ -329,8 +346,7 @@ def _described(course: Course, sure: Sequence[tuple[Forms, NDArray[np.intp]]], n
             close = room < near
             N = rows.N[end, 0, which[close]]
             if len(N):
-                none, spread = np.zeros(len(N)), course.spread(end, N)
-                yield _Block(N, KEPT * room[close], reach[close], none, end, spread, 1.0, DOUBTED, 0.0)
+                yield _Block(N, KEPT * room[close], reach[close], np.zeros(len(N)), end, 1.0, DOUBTED, 0.0)
 
 
 def pairs_of(assembly: Assembly, claim: Claim) -> list[tuple[Pair, Separation]]:
