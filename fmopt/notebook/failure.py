@@ -13,6 +13,7 @@ from fmopt.report.naming import quantity
 from fmopt.runtime import output
 from fmopt.runtime.compiled import clock, until
 from fmopt.task.problem import Problem
+from fmopt.task.sizes import short_of_height
 
 if TYPE_CHECKING:
     from fmopt.contact.primitive import PrimitiveContact
@@ -103,6 +104,11 @@ def write(failure: Failure, folder: Path) -> list[Path]:
 
 def _advice(problem: Problem, error: SearchError | InfeasibleError, found: Nearest | None, cut: bool) -> Iterator[str]:
     """What to change, each true of what was tried; `cut` says whether time ended a try with smaller errors."""
+    if (short := short_of_height(problem)) is not None:
+        yield (
+            f"raise start.height to {quantity(short[1])}: it is {quantity(problem.approach)}, and the start error could "
+            f"bring the part down by {quantity(short[0])}"
+        )
     late, now = isinstance(error, SearchError) and error.late, f"{problem.settings.time_limit:g} s now"
     if found is not None:
         yield (

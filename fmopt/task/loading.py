@@ -22,7 +22,7 @@ from fmopt.task.mesh_source import MAX_MESH_BYTES
 from fmopt.task.model import Bare, Model, load_model, overrides_of, reaching
 from fmopt.task.object_model.tree import ObjectTree
 from fmopt.task.problem import Attributes, Problem, Settings, Specification, VelocityError
-from fmopt.task.sizes import force_faults, refuse_far, refuse_reaching, refuse_wild
+from fmopt.task.sizes import brought_down, force_faults, refuse_far, refuse_reaching, refuse_wild, start_height
 from fmopt.task.solid_tree import build_part, build_tree
 from fmopt.task.sources import (
     Contribution,
@@ -46,8 +46,6 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 _SIDES: dict[str, Frame] = {"moving": "hand", "fixed": "hole"}
-_LEAST_HEIGHT = 1e-3  # m: of the lowest point at the start
-_ROOM = 1.25  # times what the start errors could bring the lowest point down by, it starts above the mouth
 _LEAST = 1e-9  # m and rad: the least start error where velocity adds none, which rounding is small beside
 
 
@@ -338,11 +336,7 @@ def _height(file: files.ProblemFile, peg: Part) -> float:
     """Height of the lowest point at the start, m: stated, or as high as the start errors ask for, at least 1 mm."""
     if file.start.height is not None:
         return file.start.height
-    tip = peg.polyhedron.vertices[np.abs(peg.polyhedron.vertices[:, 2]) <= 1e-9]
-    radius = float(np.linalg.norm(tip[:, :2], axis=1).max(initial=0.0))
-    box = _stated_box(file.uncertainty.start)
-    down = float(box[2]) + radius * math.hypot(float(box[3]), float(box[4]))
-    return max(_LEAST_HEIGHT, math.ceil(round(_ROOM * down / _LEAST_HEIGHT, 6)) * _LEAST_HEIGHT)
+    return start_height(brought_down(peg, _stated_box(file.uncertainty.start)))
 
 
 def _start(file: files.ProblemFile, height: float, exchanged: bool) -> Pose:

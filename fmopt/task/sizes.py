@@ -32,6 +32,9 @@ _USUAL = 0.05  # m: about how long a part is
 
 _IMPACT = ("impact_force", "apparent_mass", "contact_stiffness")
 
+_LEAST_HEIGHT = 1e-3  # m: of the lowest point at the start
+_ROOM = 1.25  # times what the start errors could bring the lowest point down by, it starts above the mouth
+
 LEAST_LEVER = 2.0**-10  # m: what the check of a plan takes
 _FAR = 10.0  # times the declared clearance: no tolerance, but another part or another unit
 
@@ -205,6 +208,29 @@ def characteristic_length(problem: Problem, clearance: Clearance) -> float:
         clearance: measured, with the size of the mating section.
     """
     return problem.settings.characteristic_length or max(clearance.half_diagonal, LEAST_LEVER)
+
+
+def brought_down(peg: Part, box: Array) -> float:
+    """How far start errors could bring the leading face of a peg down, m.
+
+    Args:
+        peg: in the frame of its feature.
+        box: half-widths (6,) of the errors, m and rad.
+    """
+    tip = peg.polyhedron.vertices[np.abs(peg.polyhedron.vertices[:, 2]) <= 1e-9]
+    radius = float(np.linalg.norm(tip[:, :2], axis=1).max(initial=0.0))
+    return float(box[2]) + radius * math.hypot(float(box[3]), float(box[4]))
+
+
+def start_height(down: float) -> float:
+    """How high above the mouth the lowest point should start that errors could bring down by so much, both in m."""
+    return max(_LEAST_HEIGHT, math.ceil(round(_ROOM * down / _LEAST_HEIGHT, 6)) * _LEAST_HEIGHT)
+
+
+def short_of_height(problem: Problem) -> tuple[float, float] | None:
+    """How far errors could bring a part down that starts no higher than that, and how high it should start, m."""
+    down = brought_down(problem.fixed if problem.task.exchanged else problem.moving, problem.start_box)
+    return (down, start_height(down)) if problem.approach <= down else None
 
 
 def drift(problem: Problem, clearance: Clearance) -> Array:

@@ -87,6 +87,17 @@ def test_more_time_is_advised_where_time_was_short_and_helps() -> None:
     assert fmopt.solve(short.with_(settings_time_limit="60 s")).proved
 
 
+def test_a_start_is_said_to_be_too_low_where_errors_could_bring_the_part_to_the_top() -> None:
+    peg = fmopt.load(fmopt.example("square_peg")).with_(settings_time_limit="1e-3 s", uncertainty_start_z="0.2 mm")
+    for height, low in (("0.25 mm", True), ("1 mm", False)):
+        with pytest.raises(SearchError) as caught:
+            fmopt.solve(peg.with_(start_height=height))
+        assert ("raise start.height to 1 mm: it is 250 µm" in caught.value.advice) is low
+        assert ("start.height" in caught.value.advice) is low
+    advised = peg.with_(start_height="1 mm", settings_time_limit="60 s")
+    assert fmopt.solve(advised).proved
+
+
 def test_the_command_writes_page_and_figure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:  # type: ignore[no-untyped-def]
     task = prism(tmp_path, rectangle(25, 2.5), rectangle(25.1, 2.6), limit=4)
     out = tmp_path / "out"
