@@ -106,8 +106,8 @@ def _advice(problem: Problem, error: SearchError | InfeasibleError, found: Neare
     """What to change, each true of what was tried; `cut` says whether time ended a try with smaller errors."""
     if (short := short_of_height(problem)) is not None:
         yield (
-            f"raise start.height to {quantity(short[1])}: it is {quantity(problem.approach)}, and the start error could "
-            f"bring the part down by {quantity(short[0])}"
+            f"raise start.height to {quantity(short[1])}: it is {quantity(problem.approach)}, "
+            f"and the start error could bring the part down by {quantity(short[0])}"
         )
     late, now = isinstance(error, SearchError) and error.late, f"{problem.settings.time_limit:g} s now"
     if found is not None:

@@ -155,12 +155,6 @@ class _Block(NamedTuple):
     factor: float = 1.0
     counted: float = 1.0
 
-    @staticmethod
-    def joined(blocks: Sequence[_Block]) -> tuple[Array, ...]:
-        """All rows of some, one after the other, with a number for each row where a block has one for all."""
-        each = [(*block[:4], *(np.full(len(block.values), number) for number in block[4:])) for block in blocks]
-        return tuple(np.concatenate(column) for column in zip(*each, strict=True))
-
 
 def sequence_rows(
     assembly: Assembly,
@@ -202,16 +196,9 @@ def sequence_rows(
 def _rows(
     blocks: Sequence[_Block], course: Course, claim: Claim, sensitivity: Sensitivity, among: tuple[int, int, int]
 ) -> SequenceRows:
-    """Blocks of rows of a piece as functions of all displacements (n), with up to so many generators.
-
-    Args:
-        blocks: of its rows.
-        course: of the piece.
-        claim: of the piece.
-        sensitivity: how errors change along it.
-        among: the number of its move, generators and displacements.
-    """
-    N, values, reach, rest, ends, scale, factor, counted = _Block.joined(blocks)
+    """Blocks of rows of a piece, of a move `among` so many generators and displacements, as functions of these (n)."""
+    each = [(*block[:4], *(np.full(len(block.values), number) for number in block[4:])) for block in blocks]
+    N, values, reach, rest, ends, scale, factor, counted = map(np.concatenate, zip(*each, strict=True))
     (number, width, n), m = among, len(values)
     gradients = N / scale[:, None]
     slopes, products, turning = np.zeros((m, n)), np.zeros((m, width)), np.zeros((m, width, n))
