@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from fmopt.errors import FmoptError, InfeasibleError, SearchError
+from fmopt.errors import FmoptError, InfeasibleError, OverdueError, SearchError
 from fmopt.planning import motion
 from fmopt.planning.pipeline import certified_motion
+from fmopt.planning.posed import Posed, Stages
+from fmopt.planning.search.symmetry import images
 from fmopt.task.problem import Problem, load
 from tests import ROOT
 
@@ -78,3 +82,26 @@ def test_what_the_best_sequence_takes_of_the_errors_is_told(
     ) as caught:
         certified_motion(rectangle)
     assert not caught.value.late
+
+
+def test_what_was_found_counts_when_time_ends_while_another_way_to_begin_is_looked_for(
+    rectangle: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = SimpleNamespace(moves=())
+
+    def under(*_: object) -> Iterator[object]:
+        yield found
+        raise OverdueError("the time limit is used up")
+
+    def placed(*_: object) -> None:
+        error = InfeasibleError("the moves can be followed under 61% of the errors only")
+        error.share = 0.61
+        raise error
+
+    posed = Posed.of(rectangle)
+    stood = motion._Stood.of(posed, next(iter(images(posed.assembly, rectangle.start_box))))
+    monkeypatch.setattr(motion._Stood, "_under", under)
+    monkeypatch.setattr(motion, "placed_by_growing", placed)
+    with pytest.raises(InfeasibleError, match="61% of the errors"):
+        stood.grown(math.inf, Stages())
+    assert stood.found is found  # type: ignore[comparison-overlap]
