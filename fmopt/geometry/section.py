@@ -77,7 +77,7 @@ def section_limit(bodies: Sequence[Polyhedron], frame: Pose, side: Literal[-1, 1
         frame: whose plane z = 0 cuts them.
         side: from where that plane comes, 1 for its positive z.
     """
-    from shapely import MultiPoint, Point, union_all
+    from shapely import MultiPoint, Point
 
     to_frame = exact_pose(frame).inverse()
     parts = []
@@ -92,7 +92,16 @@ def section_limit(bodies: Sequence[Polyhedron], frame: Pose, side: Literal[-1, 1
             outline = MultiPoint(_crossings(body, points)).convex_hull
             if outline.geom_type == "Polygon":
                 parts.append(outline)
-    return _polygons(sealed(union_all(parts)).simplify(0.0))
+    return _polygons(sealed(_united(parts)).simplify(0.0))
+
+
+def _united(parts: Sequence[BaseGeometry]) -> BaseGeometry:
+    """The union of plane shapes, formed on a grid where rounding along a common side loses one of them."""
+    from shapely import distance, get_coordinates, points, union_all
+
+    found, corners = union_all(parts), points(get_coordinates(parts))
+    lost = len(corners) > 0 and not (distance(found, corners) <= _GAP).all()
+    return union_all(parts, grid_size=_GAP) if lost else found
 
 
 def sealed(shape: BaseGeometry) -> BaseGeometry:
