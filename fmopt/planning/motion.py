@@ -274,19 +274,18 @@ class _Stood:
             InfeasibleError: those that there are cannot be placed so.
         """
         failure: FmoptError | None = None
-        with suppress(OverdueError):  # while beginning another: what was found by then is what there is
-            for found in self._under(deadline, stages):
-                self.found_last[:] = [found]
-                try:
-                    placed = placed_by_growing(self.posed, found.moves, stages.progress)
-                except (InfeasibleError, OverdueError) as error:
-                    error = error.with_traceback(None)
-                    failure = max(failure or error, error, key=_share)
-                    continue
-                finally:
-                    stages.ended("placement")
-                if placed.margin > 0.0:
-                    return found.searched, placed
+        for found in self._under(deadline, stages):
+            self.found_last[:] = [found]
+            try:
+                placed = placed_by_growing(self.posed, found.moves, stages.progress)
+            except (InfeasibleError, OverdueError) as error:
+                error = error.with_traceback(None)
+                failure = max(failure or error, error, key=_share)
+                continue
+            finally:
+                stages.ended("placement")
+            if placed.margin > 0.0:
+                return found.searched, placed
         raise failure or SearchError("no sequence of contacts was found for a share of the errors", advice=_SMALLER)
 
     def _under(self, deadline: float, stages: Stages) -> Iterator[MoveSequence]:

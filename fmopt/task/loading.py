@@ -22,7 +22,7 @@ from fmopt.task.mesh_source import MAX_MESH_BYTES
 from fmopt.task.model import Bare, Model, load_model, overrides_of, reaching
 from fmopt.task.object_model.tree import ObjectTree
 from fmopt.task.problem import Attributes, Problem, Settings, Specification, VelocityError
-from fmopt.task.sizes import brought_down, force_faults, refuse_far, refuse_reaching, refuse_wild, start_height
+from fmopt.task.sizes import force_faults, refuse_far, refuse_reaching, refuse_wild, start_height, tip_radius
 from fmopt.task.solid_tree import build_part, build_tree
 from fmopt.task.sources import (
     Contribution,
@@ -336,7 +336,7 @@ def _height(file: files.ProblemFile, peg: Part) -> float:
     """Height of the lowest point at the start, m: stated, or as high as the start errors ask for, at least 1 mm."""
     if file.start.height is not None:
         return file.start.height
-    return start_height(brought_down(peg, _stated_box(file.uncertainty.start)))
+    return start_height(peg, _stated_box(file.uncertainty.start))
 
 
 def _start(file: files.ProblemFile, height: float, exchanged: bool) -> Pose:
@@ -387,8 +387,7 @@ def _budget(file: files.ProblemFile, sources: Sources, moving: Part, start: floa
     1.3 times the tilts, beside the axis by a few times the errors and what the lean shortens.
     """
     lean = min(1.3 * math.sqrt(2.0) * file.settings.max_tilt, 0.5 * math.pi)
-    tip = moving.polyhedron.vertices[np.abs(moving.polyhedron.vertices[:, 2]) <= 1e-9]
-    radius = float(np.linalg.norm(tip[:, :2], axis=1).max())
+    radius = tip_radius(moving)
     height = start + radius * math.sin(lean)
     upright = start_box(sources, height, 0.0, lean)
     swing = radius * float(np.linalg.norm(upright[3:]))

@@ -210,6 +210,12 @@ def characteristic_length(problem: Problem, clearance: Clearance) -> float:
     return problem.settings.characteristic_length or max(clearance.half_diagonal, LEAST_LEVER)
 
 
+def tip_radius(peg: Part) -> float:
+    """How far the leading face of a peg, in the frame of its feature, reaches from the axis, m."""
+    tip = peg.polyhedron.vertices[np.abs(peg.polyhedron.vertices[:, 2]) <= 1e-9]
+    return float(np.linalg.norm(tip[:, :2], axis=1).max(initial=0.0))
+
+
 def brought_down(peg: Part, box: Array) -> float:
     """How far start errors could bring the leading face of a peg down, m.
 
@@ -217,20 +223,24 @@ def brought_down(peg: Part, box: Array) -> float:
         peg: in the frame of its feature.
         box: half-widths (6,) of the errors, m and rad.
     """
-    tip = peg.polyhedron.vertices[np.abs(peg.polyhedron.vertices[:, 2]) <= 1e-9]
-    radius = float(np.linalg.norm(tip[:, :2], axis=1).max(initial=0.0))
-    return float(box[2]) + radius * math.hypot(float(box[3]), float(box[4]))
+    return float(box[2]) + tip_radius(peg) * math.hypot(float(box[3]), float(box[4]))
 
 
-def start_height(down: float) -> float:
-    """How high above the mouth the lowest point should start that errors could bring down by so much, both in m."""
+def start_height(peg: Part, box: Array) -> float:
+    """How high above the mouth the lowest point should start for what errors could bring it down by, m.
+
+    Args:
+        peg, box: as for `brought_down`.
+    """
+    down = brought_down(peg, box)
     return max(_LEAST_HEIGHT, math.ceil(round(_ROOM * down / _LEAST_HEIGHT, 6)) * _LEAST_HEIGHT)
 
 
 def short_of_height(problem: Problem) -> tuple[float, float] | None:
     """How far errors could bring a part down that starts no higher than that, and how high it should start, m."""
-    down = brought_down(problem.fixed if problem.task.exchanged else problem.moving, problem.start_box)
-    return (down, start_height(down)) if problem.approach <= down else None
+    given = problem.fixed if problem.task.exchanged else problem.moving, problem.start_box
+    down = brought_down(*given)
+    return (down, start_height(*given)) if problem.approach <= down else None
 
 
 def drift(problem: Problem, clearance: Clearance) -> Array:

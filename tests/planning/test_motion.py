@@ -13,6 +13,7 @@ from fmopt.errors import FmoptError, InfeasibleError, OverdueError, SearchError
 from fmopt.planning import motion
 from fmopt.planning.pipeline import certified_motion
 from fmopt.planning.posed import Posed, Stages
+from fmopt.planning.search import entry_sampling
 from fmopt.planning.search.symmetry import images
 from fmopt.task.problem import Problem, load
 from tests import ROOT
@@ -87,11 +88,14 @@ def test_what_the_best_sequence_takes_of_the_errors_is_told(
 def test_what_was_found_counts_when_time_ends_while_another_way_to_begin_is_looked_for(
     rectangle: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    found = SimpleNamespace(moves=())
+    ample = SimpleNamespace(margin=1.0)
+    found, begun = SimpleNamespace(moves=(), reached=ample), list[object]()
 
-    def under(*_: object) -> Iterator[object]:
-        yield found
-        raise OverdueError("the time limit is used up")
+    def begin(_: object, entry: object) -> object:
+        begun.append(entry)
+        if len(begun) > 1:
+            raise OverdueError("the time limit is used up")
+        return SimpleNamespace(reached=ample)
 
     def placed(*_: object) -> None:
         error = InfeasibleError("the moves can be followed under 61% of the errors only")
@@ -100,7 +104,8 @@ def test_what_was_found_counts_when_time_ends_while_another_way_to_begin_is_look
 
     posed = Posed.of(rectangle)
     stood = motion._Stood.of(posed, next(iter(images(posed.assembly, rectangle.start_box))))
-    monkeypatch.setattr(motion._Stood, "_under", under)
+    monkeypatch.setattr(entry_sampling, "begin", begin)
+    monkeypatch.setattr(motion, "search", lambda *_: found)
     monkeypatch.setattr(motion, "placed_by_growing", placed)
     with pytest.raises(InfeasibleError, match="61% of the errors"):
         stood.grown(math.inf, Stages())

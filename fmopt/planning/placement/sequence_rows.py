@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
-from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -184,9 +183,8 @@ def sequence_rows(
         sure = _surely(assembly, claims[0].piece.held, courses)
         for claim, course in zip(claims, courses, strict=True):
             changing = next(sensitivity)
-            near_by = _near(assembly, claim, course, tolerance.rho, most)
-            blocks = list(chain(near_by, _described(course, sure, _STEPS * near)))
-            if blocks:
+            binding = _near(assembly, claim, course, tolerance.rho, most)
+            if blocks := [*binding, *_described(course, sure, _STEPS * near)]:
                 parts.append(_rows(blocks, course, claim, changing, (number, *shape)))
         gains = [gain for claim in claims for gain in _gains(assembly, claim, felt)]
         parts.append(_growing(gains, claims[-1], changing, number, shape))
@@ -196,7 +194,7 @@ def sequence_rows(
 def _rows(
     blocks: Sequence[_Block], course: Course, claim: Claim, sensitivity: Sensitivity, among: tuple[int, int, int]
 ) -> SequenceRows:
-    """Blocks of rows of a piece, of a move `among` so many generators and displacements, as functions of these (n)."""
+    """Blocks of rows of a piece as functions of displacements (n): `among` are its move's number, generators and n."""
     each = [(*block[:4], *(np.full(len(block.values), number) for number in block[4:])) for block in blocks]
     N, values, reach, rest, ends, scale, factor, counted = map(np.concatenate, zip(*each, strict=True))
     (number, width, n), m = among, len(values)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain, islice, zip_longest
@@ -15,6 +16,7 @@ from itertools import chain, islice, zip_longest
 import numpy as np
 
 from fmopt.certificate.error_set import ErrorSet
+from fmopt.errors import OverdueError
 from fmopt.geometry.part import Part
 from fmopt.geometry.section import leading_corners
 from fmopt.planning.moves.moves import Move, Reached
@@ -129,14 +131,15 @@ def beginnings(
         count: how many are tried.
     """
     cells: dict[tuple[int, float, int], tuple[float, Entry]] = {}
-    for shape in islice(shapes, count):
-        entry = entry_of(shape)
-        node = begin(task, entry) if _could_enter(task, entry) else None
-        if node is not None and node.reached.margin > 0.0:
-            tilt = round(math.atan2(shape.about_x, shape.about_y) / _CELL)
-            cell = _kind(shape), round(shape.heading, 9), tilt
-            if cell not in cells or node.reached.margin > cells[cell][0]:
-                cells[cell] = node.reached.margin, entry
+    with suppress(OverdueError):  # those that could begin by then count
+        for shape in islice(shapes, count):
+            entry = entry_of(shape)
+            node = begin(task, entry) if _could_enter(task, entry) else None
+            if node is not None and node.reached.margin > 0.0:
+                tilt = round(math.atan2(shape.about_x, shape.about_y) / _CELL)
+                cell = _kind(shape), round(shape.heading, 9), tilt
+                if cell not in cells or node.reached.margin > cells[cell][0]:
+                    cells[cell] = node.reached.margin, entry
     order = sorted(cells.items(), key=lambda item: (-item[1][0], item[0]))
     kinds = [[entry for cell, (_, entry) in order if cell[0] == kind] for kind in range(3)]
     return tuple(entry for entry in chain.from_iterable(zip_longest(*kinds)) if entry is not None)
