@@ -230,7 +230,8 @@ def start_height(peg: Part, box: Array) -> float:
     """How high above the mouth the lowest point should start for what errors could bring it down by, m.
 
     Args:
-        peg, box: as for `brought_down`.
+        peg: in the frame of its feature.
+        box: half-widths (6,) of the errors, m and rad.
     """
     down = brought_down(peg, box)
     return max(_LEAST_HEIGHT, math.ceil(round(_ROOM * down / _LEAST_HEIGHT, 6)) * _LEAST_HEIGHT)
