@@ -208,3 +208,91 @@ def _sloped(
     pulled = cross(turn, b)
     spun = plus(plus(cross(b, slid(row, move)), dot(seen[0], turn), along[0]), dot(seen[1], turn), along[1])
     return plus(cross(pulled, vector(row["a"])), row["sign"], pulled), plus(spun, -dot(u, w) - dot(b, y), turn)
+
+
+@part
+def unsteady(row: Row, arm: float, motion: tuple[float, float], reach: tuple[float, float]) -> float:
+    """How much N·μ differs at most between poses, by lengths alone: of motions in any direction.
+
+    Args:
+        row: one of a table.
+        arm: `reach` of it, m.
+        motion: lengths of μ, m and rad.
+        reach: how far the poses are apart at most, m and rad.
+    """
+    found = reach[1] * motion[1] * arm
+    if row["bilinear"]:
+        found += reach[1] * motion[0] + reach[0] * motion[1]
+    return found
+
+
+@part
+def varying(
+    row: Row, arm: float, motion: tuple[float, float], errors: tuple[float, float], way: tuple[float, float]
+) -> float:
+    """What N·μ at a pose of a piece differs by, at most, from its linear picture: that of both ends, interpolated.
+
+    With μ = (x, ξ) it changes by u·(ξ × (E − 1)w) + (ξ × (E − 1)β)·y + (ξ × Eβ)·A d + (E − 1)β·A x, E the turn by ε.
+    Beyond the first order in ε and d that is ½θ²(|ξ| arm + |x|) and θ|ξ||d| at most. On the nominal path all of it, and
+    its first order, is off its chord by an eighth of its second derivative.
+
+    Args:
+        row: one of a table.
+        arm: `reach` of it, m.
+        motion: lengths of μ, m and rad.
+        errors: |d| and θ, at most.
+        way: lengths of the piece's twist, m and rad.
+    """
+    (slide, spin), (offset, theta), (move, turn) = motion, errors, way
+    swing, chord = spin * arm, 0.0
+    left = 0.0
+    if row["bilinear"]:
+        swing += slide
+        left = theta * offset * spin
+        chord = 2.0 * (1.0 + theta) * turn * move * spin + turn * turn * offset * spin
+    return left + 0.5 * theta * theta * swing + 0.125 * (chord + (1.0 + theta) * turn * turn * swing)
+
+
+@part
+def together(bending: Bending, shares: Array, off: Array, half: Array, coupling: Array) -> float:
+    """What the linear picture of a combination of rows leaves where a piece ends, at most, m.
+
+    At errors (d, ε) in a box a row is off its linear part by ½ε·G ε + ε·[β]× A d, G as in `_drawn`, and by a sixth of
+    |ε|³ times its reach and ½|ε|²|A d|. In the sum of all first parts what rows have in common cancels.
+
+    Args:
+        bending: the rows (k).
+        shares: of each row (k,).
+        off: what each is off by besides (k,), m.
+        half: half-widths (6,) of the box, m and rad.
+        coupling: what the linear picture leaves of errors in different frames (2,), m and rad.
+    """
+    K, X, found = np.zeros((3, 3)), np.zeros((3, 3)), 0.0
+    theta, offset = size((half[3], half[4], half[5])), size((half[0], half[1], half[2]))
+    at = bending.turned
+    for k in range(len(shares)):
+        row, share = bending.table[k], shares[k]
+        u, a, sign = vector(row["u"]), vector(row["a"]), row["sign"]
+        w, b, y = vector(at.w[1, k]), vector(at.b[1, k]), vector(at.y[1, k])
+        end = w, b, y
+        far, trace = reach(row, end, end), dot(u, w)
+        found += abs(share) * (off[k] + coupling[0] + coupling[1] * far + theta**3 / 6.0 * far)
+        for i in range(3):
+            for j in range(3):
+                K[i, j] += 0.25 * share * (w[i] * u[j] + w[j] * u[i])
+        if row["bilinear"]:
+            found += abs(share) * 0.5 * theta * theta * offset
+            trace += dot(b, y)
+            # Columns of A = σ + [a]×, to which translations of the box are put.
+            columns = (sign, a[2], -a[1]), (-a[2], sign, a[0]), (a[1], -a[0], sign)
+            for j in range(3):
+                mixed = cross(b, columns[j])
+                for i in range(3):
+                    K[i, j] += 0.25 * share * (b[i] * y[j] + b[j] * y[i])
+                    X[i, j] += share * mixed[i]
+        for i in range(3):
+            K[i, i] -= 0.5 * share * trace
+    for i in range(3):
+        for j in range(3):
+            found += half[3 + i] * (abs(K[i, j]) * half[3 + j] + abs(X[i, j]) * half[j])
+    return found

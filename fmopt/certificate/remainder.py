@@ -26,10 +26,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.certificate.error_set import UNCOUPLED, ErrorSet
-from fmopt.certificate.kernels_rows import Bending, Turned
+from fmopt.certificate.kernels_rows import Bending, Turned, power, reach, unsteady, varying
 from fmopt.certificate.row_bounds import Motion, over
 from fmopt.certificate.rows import Forms, Mask, Rows
 from fmopt.certificate.tube import left, powers, varied
+from fmopt.runtime.compiled import compiled
+from fmopt.spatial.kernels import halves, size, vector
 from fmopt.spatial.se3 import Pose, length, lengths
 from fmopt.spatial.values import Array
 
@@ -122,6 +124,98 @@ class Curvature:
             motion: v (6,).
         """
         return varied(self.bending, half, motion)
+
+    def inside(self, N: Array, motions: Array, half: Array, drift: Array) -> tuple[Array, Array, float, Array]:
+        """How much the last row grows while the others are held, at every pose of the piece and with every error.
+
+        Held rows Nᵢ turn as the last one, N, does. With the combination r = N − Σ aᵢ Nᵢ that gives way to nothing where
+        the piece ends, r D = 0 there, it grows by r·(v + w + D λ), with λ what the directions D give way by so that
+        Nᵢ·(v + w + D λ) = 0 at each pose: r·v at first order; what r D and λ come to is of second order in what differs
+        between the poses. In r·v what turns all rows alike cancels.
+
+        Args:
+            N: gradients (2, h + 1, 6) of all rows at both ends.
+            motions: v and D (h + 1, 6): the motion inside the held rows at the goal, and directions dual to them there.
+            half: half-widths (6,) of a box around the errors, m and rad.
+            drift: what else the part may move by in any direction, m and rad (2,).
+
+        Returns:
+            how much it grows nominally, at the start and at the goal (2,), and how that changes with the pose (6,);
+            what is lost of it at most, infinite where the directions may come not to reach the rows; and |λ| at most
+            (h,).
+        """
+        return _inside(self.bending, N, motions, half, drift)
+
+
+@compiled
+def _inside(bending: Bending, N: Array, motions: Array, half: Array, drift: Array) -> tuple[Array, Array, float, Array]:
+    """See `Curvature.inside`."""
+    h, table = len(motions) - 1, bending.table
+    (move, turn), (offset, angles) = halves(bending.twist), halves(half)
+    errors, way, off = (size(offset), size(angles)), (size(move), size(turn)), (drift[0], drift[1])
+    # Products of the rows with the motions at both ends, and by how much each may differ from these.
+    along, own, turning = np.zeros((2, h + 1, h + 1)), np.zeros((h + 1, h + 1)), np.zeros(6)
+    for e in range(2):
+        for i in range(h + 1):
+            for j in range(h + 1):
+                for x in range(6):
+                    along[e, i, j] += N[e, i, x] * motions[j, x]
+    shares, loose = np.ones(h + 1), np.empty(h + 1)
+    for i in range(h):
+        shares[i] = -along[1, h, 1 + i]
+    for j in range(h + 1):
+        slide, spin = halves(motions[j])
+        felt, beyond = np.zeros((2, 6)), 0.0
+        for i in range(h + 1):
+            ends = (
+                (vector(bending.turned.w[0, i]), vector(bending.turned.b[0, i]), vector(bending.turned.y[0, i])),
+                (vector(bending.turned.w[1, i]), vector(bending.turned.b[1, i]), vector(bending.turned.y[1, i])),
+            )
+            arm, most = reach(table[i], ends[0], ends[1]), 0.0
+            for e in range(2):
+                moving, spinning, total = *power(table[i], ends[e], slide, spin), 0.0
+                for x in range(3):
+                    felt[e, x] += shares[i] * moving[x]
+                    felt[e, 3 + x] += shares[i] * spinning[x]
+                    total += abs(moving[x]) * offset[x] + abs(spinning[x]) * angles[x]
+                most = max(most, total)
+            left = varying(table[i], arm, (size(slide), size(spin)), errors, way)
+            own[i, j], beyond = most + left, beyond + abs(shares[i]) * left
+            loose[i] = unsteady(table[i], arm, off, (errors[0] + way[0], errors[1] + way[1]))
+        total = 0.0
+        for e in range(2):
+            total = max(total, np.abs(felt[e]) @ np.abs(half))
+            if j == 0:
+                turning += 0.5 * felt[e]
+        own[h, j] = total + beyond
+    grows, lost, given = np.zeros(2), own[h, 0], np.zeros(h)
+    for e in range(2):
+        for i in range(h + 1):
+            grows[e] += shares[i] * along[e, i, 0]
+    for i in range(h + 1):
+        lost += abs(shares[i]) * loose[i]
+    # (1 + Ε)λ = −η: |λ| ≤ η + Εη/(1 − q), q the largest row sum of Ε.
+    eta, most, q = np.empty(h), 0.0, 0.0
+    for i in range(h):
+        t, r = halves(N[1, i])
+        eta[i] = (
+            max(abs(along[0, i, 0]), abs(along[1, i, 0])) + own[i, 0] + off[0] * size(t) + off[1] * size(r) + loose[i]
+        )
+    for i in range(h):
+        row, total = 0.0, 0.0
+        for j in range(h):
+            differs = abs(along[0, i, 1 + j] - (1.0 if i == j else 0.0)) + own[i, 1 + j]
+            row, total = row + differs, total + differs * eta[j]
+        q, most = max(q, row), max(most, total)
+    if q >= 1.0:
+        return grows, turning, np.inf, given
+    for j in range(h):
+        given[j] = eta[j] + most / (1.0 - q)
+        tied = 0.0
+        for i in range(h + 1):
+            tied += shares[i] * along[0, i, 1 + j]
+        lost += (abs(tied) + own[h, 1 + j]) * given[j]
+    return grows, turning, lost, given
 
 
 """The columns (…, 6) of a support: generators, roots of slide, swing and shape, and slack."""

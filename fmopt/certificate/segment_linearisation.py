@@ -5,7 +5,7 @@ Pieces of a move, the compliance with which contacts are held along them, and th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -46,6 +46,7 @@ class Linearisation:
         rate: −N_m·v, how much nearer the contact being made comes, m.
         seen: N′ = Π_hᵀ N_m (6,).
         projector: Π = Π_h + φ v N′ᵀ/rate (6, 6).
+        rho: characteristic length ρ, m.
     """
 
     twist: Array
@@ -61,6 +62,7 @@ class Linearisation:
     rate: float
     seen: Array
     projector: Array
+    rho: float
 
     @property
     def travel(self) -> Array:
@@ -73,10 +75,10 @@ class Linearisation:
         return Curvature.of(*self.held, self.twist)
 
     @cached_property
-    def made_curvature(self) -> Curvature:
-        """Of the row of the contact being made."""
+    def joined_curvature(self) -> Curvature:
+        """Of the held rows, and of the one of the contact being made."""
         assert self.made is not None
-        return Curvature.of(*self.made, self.twist)
+        return Curvature.joined(self.held_curvature, Curvature.of(*self.made, self.twist))
 
     @cached_property
     def on_the_way(self) -> Layers:
@@ -90,19 +92,19 @@ class Linearisation:
         """The same where the contact being made is."""
         assert self.made is not None
         (_, second), end = self.held, self.made[1]
-        C = np.vstack([self.directions, self.motion]).T
-        # The contact being made is held at the end, too: the motion itself is the direction that gives way to it.
+        # The contact being made is held at the end, too: the motion itself is the direction that gives way to it. Of a
+        # length like those of the others: that of the piece says nothing of how well it reaches the row.
+        C = np.vstack([self.directions, self.motion / length(self.motion * ellipsoid.metric(self.rho))]).T
         inverse = ellipsoid.coupling_inverse(np.vstack([second.N, end.N]), C)
         # What a velocity error moves the row by beyond what the held contacts take up.
         left = end.N[0] @ self.projector
         residue = np.array([length(left[:3]), length(left[3:])])
-        off = np.abs(np.append(second.f, end.f))
-        curvature = Curvature.joined(self.held_curvature, self.made_curvature)
-        return self._layers(curvature, off, residue, C @ inverse, np.abs(inverse[-1]))
+        off, shares = np.abs(np.append(second.f, end.f)), np.append(-end.N[0] @ self.goal_dual, 1.0)
+        return self._layers(self.joined_curvature, off, residue, C @ inverse, shares)
 
-    def _layers(self, curvature: Curvature, off: Array, residue: Array, goal_dual: Array, delay: Array) -> Layers:
+    def _layers(self, curvature: Curvature, off: Array, residue: Array, goal_dual: Array, shares: Array) -> Layers:
         start, form = self.held[0], np.zeros(len(off))
-        return Layers(curvature.bending, start.f, start.N, off, residue, self.start_dual, goal_dual, delay, form)
+        return Layers(curvature.bending, start.f, start.N, off, residue, self.start_dual, goal_dual, shares, form)
 
 
 def linearisation_of(assembly: Assembly, piece: Piece, tolerance: Tolerance) -> Linearisation:
@@ -155,7 +157,7 @@ def _way(
     hold = np.eye(6) - duals[1] @ held[1].N
     v = hold @ V
     if making is None:
-        return Linearisation(V, turn, far, C, held, None, duals[0], duals[1], hold, v, 0.0, np.zeros(6), hold)
+        return Linearisation(V, turn, far, C, held, None, duals[0], duals[1], hold, v, 0.0, np.zeros(6), hold, rho)
     contact, share = making
     made = made_form(assembly, contact, held_all).over(start, goal)
     N = made[1].N[0]
@@ -165,7 +167,7 @@ def _way(
         raise InfeasibleError(f"the move does not lead to contact {contact.id}")
     # Who is too far from the contact by an error goes on for longer, along the motion: that is what the projector adds.
     projector = hold + np.outer(share / rate * v, seen)
-    return Linearisation(V, turn, far, C, held, made, duals[0], duals[1], hold, v, rate, seen, projector)
+    return Linearisation(V, turn, far, C, held, made, duals[0], duals[1], hold, v, rate, seen, projector, rho)
 
 
 def cone(tolerance: Tolerance, way: Linearisation, N: Array) -> float:
@@ -189,11 +191,13 @@ class Growth:
         row: its gradient inside the held contacts (6,).
         nominal: how much it grows where there are no errors, m.
         lost: what errors may take of that, m.
+        turned: how that changes with the pose (6,), as rows turn.
     """
 
     row: Array
     nominal: float
     lost: float
+    turned: Array = field(default_factory=lambda: np.zeros(6))
 
     @property
     def least(self) -> float:
@@ -214,10 +218,8 @@ def approach(tolerance: Tolerance, way: Linearisation, extent: Extent, linkage: 
     """
     if way.made is None:
         return None
-    # Nearest at either end: in between the gradient changes by no more than `_change` takes off.
-    first, second = (float(rows.N[0] @ way.motion) for rows in way.made)
-    lost = _change(tolerance, way, extent, linkage, way.made[1], way.made_curvature)
-    return Growth(-way.seen, min(-first, -second), lost)
+    grows, turned, lost = _growing(tolerance, way, extent, linkage, way.made, way.joined_curvature)
+    return Growth(-way.seen, -float(grows.max()), lost, -turned)
 
 
 def departures(
@@ -242,33 +244,40 @@ def departures(
     found = list[Growth]()
     for form in forms:
         rows = form.over(piece.start, piece.goal)
-        first, second = (float(end.N[0] @ way.motion) for end in rows)
-        lost = _change(tolerance, way, extent, linkage, rows[1], Curvature.of(*rows, way.twist))
-        found.append(Growth(rows[1].N[0] @ way.hold, min(first, second), lost))
+        bends = Curvature.joined(way.held_curvature, Curvature.of(*rows, way.twist))
+        grows, turned, lost = _growing(tolerance, way, extent, linkage, rows, bends)
+        found.append(Growth(rows[1].N[0] @ way.hold, float(grows.min()), lost, turned))
     return found
 
 
-def _change(
-    tolerance: Tolerance, way: Linearisation, extent: Extent, linkage: Linkage | None, row: Rows, curvature: Curvature
-) -> float:
-    """By how much a row (1) may grow more or less along a piece than at the nominal poses of its ends, m.
+def _growing(
+    tolerance: Tolerance,
+    way: Linearisation,
+    extent: Extent,
+    linkage: Linkage | None,
+    rows: tuple[Rows, Rows],
+    bends: Curvature,
+) -> tuple[Array, Array, float]:
+    """How much a row (1) grows along a piece nominally, by either end (2,), how that turns (6,), what errors change, m.
 
-    The row turns along the piece; the velocity error adds to the motion; and the held rows turn as well, so that the
-    motion inside them changes (their share counted twice, which covers the second order). In a hole that is askew by h
-    all motion is seen turned by it, and a part that is off by g in the hand swings by its turn across g.
+    The rows turn along the piece and with the errors, that of the row and those held, see `Curvature.inside`; the
+    velocity error adds to the motion. In a hole that is askew by h all motion is seen turned by it, and a part that is
+    off by g in the hand swings by its turn across g.
     """
-    N = row.N[0]
-    turned, held = (bends.variation(extent.half, way.motion) for bends in (curvature, way.held_curvature))
-    change = float(turned[0]) + cone(tolerance, way, N @ way.hold) + 2.0 * float(np.abs(N @ way.goal_dual) @ held)
-    if linkage is None:
-        return change
-    # Errors of the frames tilt the way itself: by as much as the part slides and spins on it.
-    _, askew, off, _ = linkage.sizes.tolist()
-    seen, drift = N @ way.hold, np.multiply(tolerance.velocity_error, way.length)
-    slid = length(way.motion[:3]) + 2.0 * float(held @ lengths(way.goal_dual[:3].T)) + float(drift[0])
-    spun = length(way.motion[3:]) + 2.0 * float(held @ lengths(way.goal_dual[3:].T)) + float(drift[1]) / tolerance.rho
-    linked = length(seen[:3]) * (askew * slid + off * spun) + length(seen[3:]) * askew * spun
-    return change + float(linked)
+    seen, drift = rows[1].N[0] @ way.hold, np.multiply(tolerance.velocity_error, way.length)
+    drift[1] /= tolerance.rho
+    slid, spun = length(way.motion[:3]), length(way.motion[3:])
+    _, askew, off, _ = (0.0,) * 4 if linkage is None else linkage.sizes.tolist()
+    wide = drift + np.array([askew * slid + off * spun, askew * spun])
+    N = np.array([[*held.N, row.N[0]] for held, row in zip(way.held, rows, strict=True)])
+    grows, turned, lost, given = bends.inside(N, np.vstack([way.motion, way.goal_dual.T]), extent.half, wide)
+    lost += cone(tolerance, way, seen)
+    if linkage is not None:
+        # Errors of the frames tilt the way itself: by as much as the part slides and spins on it.
+        slid += float(given @ lengths(way.goal_dual[:3].T)) + float(drift[0])
+        spun += float(given @ lengths(way.goal_dual[3:].T)) + float(drift[1])
+        lost += length(seen[:3]) * (askew * slid + off * spun) + length(seen[3:]) * askew * spun
+    return grows, turned, float(lost)
 
 
 @dataclass(frozen=True, eq=False)

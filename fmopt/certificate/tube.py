@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmopt.certificate.kernels_rows import Bending, End, Turned, power, reach, remainder
+from fmopt.certificate.kernels_rows import Bending, End, Turned, power, reach, remainder, together, unsteady
 from fmopt.runtime.compiled import compiled, part
 from fmopt.spatial.kernels import halves, size, vector
 from fmopt.spatial.values import Array
@@ -38,7 +38,7 @@ class Layers(NamedTuple):
         residue: what rounding leaves of the made one under the projection, per m and per rad (2,).
         start_dual: T^S (6, h), dual to the rows at the start.
         goal_dual: T^G (6, r), dual to those at the goal.
-        delay: how much farther the execution goes for each thickness (r,), as a share of the piece, 1/m.
+        shares: of the rows (r,) in what says how far the execution goes until it touches, 1 of the made one.
         form: what tolerances of form add to the thickness of each (r,), m.
     """
 
@@ -49,7 +49,7 @@ class Layers(NamedTuple):
     residue: Array
     start_dual: Array
     goal_dual: Array
-    delay: Array
+    shares: Array
     form: Array
 
 
@@ -134,13 +134,11 @@ def varied(bending: Bending, half: Array, motion: Array) -> Array:
     """
     table, turned = bending.table, bending.turned
     (move, turn), (offset, angles), (slide, spin) = halves(bending.twist), halves(half), halves(motion)
-    wander, moved = size(angles) + size(turn), size(offset) + size(move)
+    apart, lengths = (size(offset) + size(move), size(angles) + size(turn)), (size(slide), size(spin))
     found = np.empty(len(table))
     for i in range(len(table)):
         arm = reach(table[i], _end(turned, 0, i), _end(turned, 1, i))
-        found[i] = wander * size(spin) * arm
-        if table[i]["bilinear"]:
-            found[i] += wander * size(slide) + moved * size(spin)
+        found[i] = unsteady(table[i], arm, lengths, apart)
     return found
 
 
@@ -327,7 +325,7 @@ def _grown(
         of the angle with the turn's second order (m, rad), and what the linear picture leaves of different frames (2,).
     """
     far, turn, rate, leaning, share, rates = way.length, way.turn, way.rate, way.leaning, way.share, way.rates
-    held, residue, delay = len(layers.f), layers.residue, layers.delay
+    held, residue = len(layers.f), layers.residue
     box = np.empty(6)
     for i in range(6):
         box[i] = half[i] + _ALLOWANCE
@@ -344,8 +342,10 @@ def _grown(
         if room < 0.5:
             return PAST, final, beyond, nothing, coupling
         delayed = 0.0
-        for i in range(len(final)):
-            delayed += delay[i] * final[i]
+        if len(final) > held:
+            # The execution goes on until all rows together say that it touches: what they share does not delay it.
+            off = together(layers.bending, layers.shares, layers.off + layers.form, box, coupling)
+            delayed = (off + residue[0] * wide + residue[1] * wider) / rate
         beyond = (share * (late[0] + late[1]) + delayed) / room
     gone = far * (1.0 + beyond)
     a, b, swung = rates[0] * gone, rates[1] * gone, beyond * turn

@@ -204,7 +204,7 @@ def test_without_a_contact_to_make_the_drift_is_that_of_the_commanded_way() -> N
 
 
 @pytest.mark.parametrize(
-    ("length", "refusal"), [(20.0, r"past the contact|too large for this piece"), (1.0, "hardly reach")]
+    ("length", "refusal"), [(20.0, r"past the contact|too large for this piece"), (1.0, "past the contact")]
 )
 def test_a_grazing_approach_is_refused(length: float, refusal: str) -> None:
     made = segment(0)

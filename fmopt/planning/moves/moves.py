@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import IntFlag
 from itertools import pairwise
@@ -27,6 +27,7 @@ from fmopt.spatial import se3
 from fmopt.spatial.se3 import Pose, length
 from fmopt.spatial.values import Array, remembered
 
+_DIGITS = 9  # decimals of poses, m and rad, that tell one move from another
 _LATEST = 2
 _SHOTS = 16
 _AIMED = 2e-15
@@ -62,6 +63,24 @@ class Move:
     held: tuple[PrimitiveContact, ...]
     making: tuple[PrimitiveContact, ...]
     left: tuple[PrimitiveContact, ...] = ()
+
+
+class Tried:
+    """Moves from one state that have been tried.
+
+    Held contacts may leave the part but one way to go, whichever freedom it is asked for along.
+    """
+
+    def __init__(self) -> None:
+        self._known = set[tuple[bytes, tuple[PrimitiveContact, ...]]]()
+
+    def fresh(self, moves: Iterable[Move]) -> Iterator[Move]:
+        """Those that lead to a pose, but for rounding, and to contacts there that none did before."""
+        for move in moves:
+            where = (np.round(move.goal.vector(), decimals=_DIGITS) + 0.0).tobytes(), move.making
+            if where not in self._known:
+                self._known.add(where)
+                yield move
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from fmopt.certificate.assembly import Assembly, contact_rows, made_form, made_s
 from fmopt.certificate.claim import Claim, facet_rows
 from fmopt.certificate.piece_pairs import Pair, pairs
 from fmopt.certificate.remainder import Course, Curvature
-from fmopt.certificate.rows import Forms, Rows
+from fmopt.certificate.rows import Forms
 from fmopt.certificate.segment_linearisation import Growth, Tolerance, linearisation_of
 from fmopt.certificate.separating_plane import Separation, counted_rows
 from fmopt.contact.primitive import PrimitiveContact
@@ -275,20 +275,19 @@ def _gains(assembly: Assembly, claim: Claim, felt: bool) -> Iterator[_Gain]:
     share, at = piece.progress[1] - piece.progress[0], piece.progress[1]
     twist = piece.start.local(piece.goal)
 
-    def gain(growth: Growth, rows: Rows | None = None, size: float | None = None) -> _Gain:
-        turned = np.zeros(6) if rows is None else -Curvature.of(rows, rows, twist).power().mean(axis=0)
+    def gain(growth: Growth, size: float) -> _Gain:
         whole = Growth(growth.row, growth.nominal / share, growth.lost / share)
-        return _Gain(whole, turned / share, at, whole.lost if size is None else size / share)
+        return _Gain(whole, growth.turned / share, at, size / share)
 
     for growth in step.departures:
-        yield gain(growth)
+        yield gain(growth, growth.lost)
     if piece.made is not None and step.approach is not None:
-        yield gain(step.approach, made_form(assembly, piece.made, piece.held).at(piece.goal))
+        yield gain(step.approach, step.approach.lost)
         if not felt:
             return
         rows = contact_rows(assembly, piece.making, (), piece.goal)
-        pushed = -rows.N.mean(axis=0)
-        yield gain(Growth(pushed, float(pushed @ twist), 0.0), rows, float(np.abs(pushed * twist).sum()))
+        pushed, turned = -rows.N.mean(axis=0), -Curvature.of(rows, rows, twist).power().mean(axis=0)
+        yield gain(Growth(pushed, float(pushed @ twist), 0.0, turned), float(np.abs(pushed * twist).sum()))
 
 
 def _near(assembly: Assembly, claim: Claim, course: Course, rho: float, most: float) -> Iterator[_Block]:

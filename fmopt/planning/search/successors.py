@@ -20,7 +20,7 @@ from fmopt.contact.primitive import Kind, PrimitiveContact, near_contacts
 from fmopt.errors import InfeasibleError
 from fmopt.geometry.section import corner_walls, leading_corners, next_to_round
 from fmopt.planning.moves.contact_transition import described, on_wall
-from fmopt.planning.moves.moves import Care, Move, Reached, unroll
+from fmopt.planning.moves.moves import Care, Move, Reached, Tried, unroll
 from fmopt.planning.search.entry import Entry, deeper, turned_axes
 from fmopt.planning.search.guarded_move import (
     Freedom,
@@ -254,14 +254,11 @@ def successors(task: Task, node: Node) -> Iterator[Node]:
     if task.blunt and node.place.held:
         yield from _told(task, node)
         return
-    near: dict[tuple[bool, float], Near] = {}
-    for freedom in _freedoms(task, node):
-        kind = bool(freedom.twist[3:].any()), freedom.limit
-        if task.blunt and (kind[0] or freedom.name in node.names):
+    tried = Tried()
+    for freedom, near in _nearby(task, node):
+        if task.blunt and (freedom.twist[3:].any() or freedom.name in node.names):
             continue  # it is to touch walls that lie in different directions
-        if kind not in near:
-            near[kind] = neighbourhood(task.assembly, node.place, freedom, task.costs.reach)
-        after = _along(task, node, freedom, near[kind])
+        after = _along(task, node, freedom, near, tried)
         if after is not None:
             yield after
     yield from _given_up(task, node)
@@ -269,14 +266,20 @@ def successors(task: Task, node: Node) -> Iterator[Node]:
 
 def ways_on(task: Task, node: Node) -> Iterator[tuple[str, Move]]:
     """The first guarded move along each freedom from a state, whether or not it can be certified, with its name."""
+    for freedom, near in _nearby(task, node):
+        move = guarded(task.assembly, node.place, freedom, near)
+        if move is not None:
+            yield freedom.name, move
+
+
+def _nearby(task: Task, node: Node) -> Iterator[tuple[Freedom, Near]]:
+    """The freedoms from a state, each with the contacts that a move along it may meet."""
     near: dict[tuple[bool, float], Near] = {}
     for freedom in _freedoms(task, node):
         kind = bool(freedom.twist[3:].any()), freedom.limit
         if kind not in near:
             near[kind] = neighbourhood(task.assembly, node.place, freedom, task.costs.reach)
-        move = guarded(task.assembly, node.place, freedom, near[kind])
-        if move is not None:
-            yield freedom.name, move
+        yield freedom, near[kind]
 
 
 def _given_up(task: Task, node: Node) -> Iterator[Node]:
@@ -345,7 +348,8 @@ def follow(task: Task, node: Node, name: str) -> Node | None:
         return _freely(task, node, name)
     for freedom in _freedoms(task, node):
         if freedom.name == name:
-            return _along(task, node, freedom, neighbourhood(task.assembly, node.place, freedom, task.costs.reach))
+            near = neighbourhood(task.assembly, node.place, freedom, task.costs.reach)
+            return _along(task, node, freedom, near, Tried())
     return None
 
 
@@ -374,13 +378,13 @@ def _headings(task: Task, node: Node) -> list[float]:
     return found
 
 
-def _along(task: Task, node: Node, freedom: Freedom, near: Near) -> Node | None:
+def _along(task: Task, node: Node, freedom: Freedom, near: Near, tried: Tried) -> Node | None:
     moves = meetings(task.assembly, node.place, freedom, near)
     first = next(moves, None)
     if first is None and freedom.name == "-z":
         first = _straight_down(task, node.place, freedom.twist)
     ways = moves if first is None else chain([first], moves)
-    afters = (successor_by(task, node, move, freedom.name, task.care) for move in ways)
+    afters = (successor_by(task, node, move, freedom.name, task.care) for move in tried.fresh(ways))
     return next((after for after in afters if after is not None), None)
 
 

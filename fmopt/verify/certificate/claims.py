@@ -12,10 +12,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from fmopt.verify.arithmetic.rational import (
+    BITS,
+    ONE,
     SLACK,
     ArithmeticRefusal,
     Row,
     Square,
+    add,
+    cross,
     inverse,
     length,
     number,
@@ -28,14 +32,14 @@ from fmopt.verify.arithmetic.rational import (
 )
 from fmopt.verify.certificate.chain import Stage
 from fmopt.verify.certificate.edge_planes import Known
-from fmopt.verify.certificate.error_set import ErrorSet, metric, seen
+from fmopt.verify.certificate.error_set import ErrorSet, metric, row_of, seen
 from fmopt.verify.certificate.facet_margin import facet_margin
-from fmopt.verify.certificate.form import made_lever, varied
+from fmopt.verify.certificate.form import made_lever
 from fmopt.verify.certificate.propagation import Motion
 from fmopt.verify.certificate.separating_plane import Apart, WitnessError, apart
 from fmopt.verify.findings import ALLOWANCE, MARGIN_FLOOR, RELATIVE, Notes
 from fmopt.verify.parts.assembly import Assembly
-from fmopt.verify.parts.rows import Distance, Function, PointAbove
+from fmopt.verify.parts.rows import Distance, Function, PointAbove, size
 from fmopt.verify.reading.document import Numbers
 
 # What double arithmetic leaves of entries of shape matrices that should be zero, as radii in m and rad, and as a share.
@@ -250,12 +254,7 @@ def _hybrid(stage: Stage, notes: Notes) -> None:
 
 def approach(motion: Motion) -> int:
     """A lower bound, in fixed point, of how far the made contact comes nearer; positive: on every execution it does."""
-    if motion.made is None:
-        return 0
-    start, goal = motion.ends(motion.made)
-    # The gradient turns between the ends: the worse of both, less what it may change in between and with errors.
-    nearer = min(-row_dot(goal.N, motion.motion), -row_dot(start.N, motion.motion))
-    return nearer - _change(motion, motion.made) - SLACK
+    return 0 if motion.made is None else _Growth(motion, motion.made).least(-1)
 
 
 def departure(motion: Motion, function: Function) -> int:
@@ -265,40 +264,137 @@ def departure(motion: Motion, function: Function) -> int:
         motion: the piece.
         function: of a contact given up, 0 at its start.
     """
-    start, goal = motion.ends(function)
-    farther = min(row_dot(goal.N, motion.motion), row_dot(start.N, motion.motion))
-    return farther - _change(motion, function) - SLACK
+    return _Growth(motion, function).least(1)
 
 
-def _change(motion: Motion, function: Function) -> int:
-    """By how much a row may grow more or less along the piece than at the nominal poses of its ends.
+class _Growth:
+    """How much a row N grows along a piece at every pose of it and with every error, while the held rows Nᵢ stay.
 
-    The row turns along the piece; the velocity error adds to the motion; and the held rows turn as well, so that the
-    motion inside them changes (their share counted twice, which covers the second order). In a hole that is askew by h
-    all motion is seen turned by it, and a part that is off by g in the hand swings by its turn across g.
+    An execution goes along v + w + D λ: the motion v inside the held rows where the piece ends, what velocity errors
+    add, and what the directions D, dual to the held rows there, give way by so that Nᵢ·(v + w + D λ) = 0 at each pose.
+    With aᵢ = N·Dᵢ, r = N − Σ aᵢ Nᵢ feels nothing of D where the piece ends, and N grows by r·(v + w + D λ): what rows
+    have in common as they turn cancels in r. Products of rows and motions are interpolated between both ends, and of
+    first order in the errors; what is left has closed bounds.
+
+    Args:
+        motion: the piece.
+        function: of the row N.
     """
-    start, goal = motion.ends(function)
-    change = _turned(motion, start, goal) + times(motion.cone(seen(goal.N, motion.hold)), motion.length)
-    for held, column in zip(motion.held, motion.held_dual, strict=True):
-        # Twice: the directions that give way may differ at both ends of the way.
-        change += 2 * times(abs(row_dot(goal.N, column)), _turned(motion, *motion.ends(held)))
-    return change + _swung(motion, seen(goal.N, motion.hold))
+
+    def __init__(self, motion: Motion, function: Function) -> None:
+        self._motion = motion
+        self._ends = [*(motion.ends(held) for held in motion.held), motion.ends(function)]
+        self._sizes = [size(*ends) for ends in self._ends]
+        goal = self._ends[-1][1].N
+        self._shares = [*(-row_dot(goal, column) for column in motion.held_dual), ONE]
+        self._seen = seen(goal, motion.hold)
+        rates = motion.task.rates[0], over(motion.task.rates[1], motion.task.rho)
+        drift = times(rates[0], motion.length) + 2, times(rates[1], motion.length) + 2
+        self._drift = self._wide = drift
+        if motion.linkage is not None:
+            # All motion is seen turned by how much the hole is askew; a part swings across its place in the hand.
+            _, askew, off, _ = motion.linkage.sizes
+            slid, spun = length(motion.motion[:3]), length(motion.motion[3:])
+            self._wide = drift[0] + times(askew, slid) + times(off, spun) + 4, drift[1] + times(askew, spun) + 4
+
+    def least(self, sign: int) -> int:
+        """A lower bound of how much sign · N grows."""
+        motion, own, v = self._motion, self._shares, self._motion.motion
+        grows = [sum(times(c, row_dot(ends[e].N, v)) for c, ends in zip(own, self._ends, strict=True)) for e in (0, 1)]
+        lost = self._combined(v)[1] + times(motion.cone(self._seen), motion.length)
+        lost += sum(times(abs(c), self._loose(i)) + 1 for i, c in enumerate(own))
+        given = self._given() if motion.held else []
+        if given is None:
+            return -ONE
+        for column, most in zip(motion.held_dual, given, strict=True):
+            along, error = self._combined(column)
+            lost += times(abs(along) + error, most) + 1
+        return min(sign * x for x in grows) - lost - self._swung(given) - 64 * (1 + len(own)) - SLACK
+
+    def _given(self) -> list[int] | None:
+        """Bounds of |λ|: with (1 + Ε)λ = −η at most η + Εη/(1 − q), q the largest row sum of Ε; None from q = 1."""
+        motion, held = self._motion, range(len(self._motion.held))
+        eta, most, q = [], 0, 0
+        for i in held:
+            start, goal = (end.N for end in self._ends[i])
+            rest = abs(row_dot(start, motion.motion)), abs(row_dot(goal, motion.motion))
+            drift = times(self._drift[0], length(goal[:3])) + times(self._drift[1], length(goal[3:])) + self._loose(i)
+            eta.append(max(rest) + self._error(i, motion.motion) + drift + 8)
+        for i in held:
+            start = self._ends[i][0].N
+            differs = [
+                abs(row_dot(start, column) - (ONE if i == j else 0)) + self._error(i, column) + 8
+                for j, column in enumerate(motion.held_dual)
+            ]
+            q, most = max(q, sum(differs)), max(most, sum(times(x, y) + 1 for x, y in zip(differs, eta, strict=True)))
+        if q >= ONE:
+            return None
+        return [x + over(most, ONE - q) + 1 for x in eta]
+
+    def _combined(self, mu: Row) -> tuple[int, int]:
+        """Of r·μ what it is where the piece starts, and by how much it may differ from its values at both ends."""
+        along = sum(times(c, row_dot(ends[0].N, mu)) for c, ends in zip(self._shares, self._ends, strict=True))
+        felt = []
+        for e in (0, 1):
+            slopes = [_power(ends[e], mu) for ends in self._ends]
+            felt.append(row_of(sum(map(times, self._shares, column)) for column in zip(*slopes, strict=True)))
+        left = sum(times(abs(c), self._left(i, mu)) + 1 for i, c in enumerate(self._shares))
+        return along, max(map(self._boxed, felt)) + left
+
+    def _error(self, i: int, mu: Row) -> int:
+        """By how much Nᵢ·μ may differ from its values at both ends, interpolated."""
+        return max(self._boxed(_power(end, mu)) for end in self._ends[i]) + self._left(i, mu)
+
+    def _boxed(self, slope: Row) -> int:
+        """The largest product with errors in the box."""
+        half = (*self._motion.extent.box, *self._motion.extent.angles)
+        return (sum(abs(x) * y for x, y in zip(slope, half, strict=True)) >> BITS) + 16
+
+    def _left(self, i: int, mu: Row) -> int:
+        """What Nᵢ·μ, μ = (x, ξ), differs by from its first order in the errors, interpolated between the ends.
+
+        ½θ²(|ξ| s + |x|) and θ|ξ||d| beyond the first order, s the row's size, and an eighth of the second derivative
+        along the nominal path of all that is interpolated; no |x| and |d| in rows that are not bilinear.
+        """
+        extent, slide, spin = self._motion.extent, length(mu[:3]), length(mu[3:])
+        a, t, swing, left, chord = extent.theta, extent.turn, times(spin, self._sizes[i]), 0, 0
+        if self._ends[i][0].bend is not None:
+            swing += slide
+            left = times(times(a, extent.offset), spin)
+            chord = times(times(2 * t, length(extent.travel)), spin)
+            chord += times(a, chord) + times(times(t, t), times(extent.offset, spin))
+        chord += times(times(t, t), swing + times(a, swing))
+        return left + (times(times(a, a), swing) >> 1) + (chord >> 3) + 32
+
+    def _loose(self, i: int) -> int:
+        """By how much Nᵢ·w may differ between poses, for what is added to the motion in any direction."""
+        extent, (slide, spin) = self._motion.extent, self._wide
+        angle = extent.theta + extent.turn
+        found = times(angle, times(self._sizes[i], spin)) + 8
+        if self._ends[i][0].bend is not None:
+            found += times(angle, slide) + times(extent.offset + length(extent.travel), spin)
+        return found
+
+    def _swung(self, given: Sequence[int]) -> int:
+        """How much the row grows more or less along the piece for errors that are fixed in the hole and in the hand."""
+        motion, N = self._motion, self._seen
+        if motion.linkage is None:
+            return 0
+        _, askew, off, _ = motion.linkage.sizes
+        slid, spun = length(motion.motion[:3]) + self._drift[0], length(motion.motion[3:]) + self._drift[1]
+        for column, most in zip(motion.held_dual, given, strict=True):
+            slid, spun = slid + times(most, length(column[:3])), spun + times(most, length(column[3:]))
+        return (
+            times(length(N[:3]), times(askew, slid) + times(off, spun)) + times(length(N[3:]), times(askew, spun)) + 8
+        )
 
 
-def _swung(motion: Motion, N: Row) -> int:
-    """How much a row grows more or less along the piece for errors that are fixed in the hole and in the hand."""
-    if motion.linkage is None:
-        return 0
-    _, askew, off, _ = motion.linkage.sizes
-    rate, turning = motion.task.rates
-    slid = length(motion.motion[:3]) + times(rate, motion.length)
-    spun = length(motion.motion[3:]) + times(over(turning, motion.task.rho), motion.length)
-    for held, column in zip(motion.held, motion.held_dual, strict=True):
-        given = 2 * _turned(motion, *motion.ends(held))
-        slid, spun = slid + times(given, length(column[:3])), spun + times(given, length(column[3:]))
-    return times(length(N[:3]), times(askew, slid) + times(off, spun)) + times(length(N[3:]), times(askew, spun)) + 8
-
-
-def _turned(motion: Motion, start: Distance, goal: Distance) -> int:
-    """A bound of how much a row's product with the motion differs between poses of the piece."""
-    return varied(start, goal, motion.motion, motion.extent)
+def _power(distance: Distance, mu: Row) -> Row:
+    """How N·μ, μ = (x, ξ), changes with the error, to first order: Mᵀ(ξ × β), and w × (u × ξ) + β × (y × ξ + M x)."""
+    spin = mu[3:]
+    turning = cross(distance.turned, cross(distance.push, spin))
+    if distance.bend is None:
+        return (0, 0, 0, *turning)
+    beta, y, _ = distance.bend
+    pulled = distance.bend.pulled(cross(spin, beta))
+    return pulled + add(turning, cross(beta, add(cross(y, spin), distance.bend.moved(mu[:3]))))

@@ -33,6 +33,7 @@ from fmopt.verify.arithmetic.rational import (
     ArithmeticRefusal,
     Row,
     Vector,
+    cross,
     dot,
     inverse,
     length,
@@ -249,3 +250,35 @@ def varied(start: Distance, goal: Distance, motion: Row, extent: Extent) -> int:
     if start.bend is not None:
         change += times(angle, straight) + times(extent.offset + length(extent.travel), round_)
     return change
+
+
+def together(rows: Sequence[Distance], shares: Sequence[int], off: Sequence[int], extent: Extent) -> int:
+    """What a combination of rows differs by from its linear part where a piece ends, with errors in its box, at most.
+
+    Beyond that a row is ½ε·G ε + ε·(β × M e), G = w uᵀ + β yᵀ made symmetric less its trace, and no more than |ε|³/6
+    times its size and |ε|²|M e|/2 of third order. In the sum of all G what rows have in common cancels.
+
+    Args:
+        rows: at the goal.
+        shares: of each.
+        off: what each is off by besides, at most.
+        extent: of the piece and its errors.
+    """
+    axes, found, a = range(3), 0, extent.theta
+    G, mixed = [[0] * 3 for _ in axes], [[0] * 3 for _ in axes]
+    for row, share, least in zip(rows, shares, off, strict=True):
+        parts, left = [(row.push, row.turned)], least + times(times(a, times(a, a)), size(row, row)) // 6 + 8
+        if row.bend is not None:
+            parts.append((row.bend.body, row.bend.arm))
+            left += times(times(a, a), extent.offset) >> 1
+            for j, column in enumerate(row.bend.columns()):
+                for i, x in enumerate(cross(row.bend.body, column)):
+                    mixed[i][j] += times(share, x)
+        for i in axes:
+            for j in axes:
+                G[i][j] += times(share, sum(u[i] * w[j] + u[j] * w[i] for u, w in parts) >> BITS)
+            G[i][i] -= 2 * times(share, sum(dot(*part) for part in parts))
+        found += times(abs(share), left) + 8
+    found += sum(times(times(extent.angles[i], extent.angles[j]), abs(G[i][j])) for i in axes for j in axes) >> 2
+    found += sum(times(times(extent.angles[i], extent.box[j]), abs(mixed[i][j])) for i in axes for j in axes)
+    return found + 64 * len(rows)

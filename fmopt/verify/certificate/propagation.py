@@ -55,7 +55,7 @@ from fmopt.verify.certificate.error_set import (
     stretched,
     without,
 )
-from fmopt.verify.certificate.form import levers, loss
+from fmopt.verify.certificate.form import levers, loss, together
 from fmopt.verify.parts.assembly import Assembly, Task
 from fmopt.verify.parts.rows import (
     DirectionAlong,
@@ -309,25 +309,24 @@ class Motion:
         return min(begun, self.lowest(function))
 
     def _thicken(self, added: Sequence[int]) -> None:
-        """Thickness of the contact surfaces, `added` by tolerances of form, and how it delays the touch (a share of V).
-
-        What is added for the contact being made comes last.
-        """
+        """Thickness of contacts, `added` by tolerances of form (made one last), and how it delays, as a share of V."""
         self.start_thickness = []
-        for function in self.held:
+        for function, more in zip(self.held, added, strict=False):
             start, goal = self.ends(function)
-            off = max(abs(start.f) + self.errors.core_support(start.N), abs(goal.f))
-            self.start_thickness.append(self.rest(function) + off + SLACK)
-        closing = self.made if self.task.last else None
-        self.start_thickness = [t + more for t, more in zip(self.start_thickness, added, strict=False)]
+            most = max(abs(start.f) + self.errors.core_support(start.N), abs(goal.f))
+            self.start_thickness.append(self.rest(function) + most + more + SLACK)
         self.thickness, self.goal_dual, self.delay = list(self.start_thickness), self.held_dual, 0
-        if self.made is None or closing is None:
+        closing, along = self.made, self.made_direction
+        if closing is None or along is None or not self.task.last:
             return
-        goal = self.ends(self.made)[1]
-        rows = tuple(self.ends(function)[1].N for function in (*self.held, self.made))
-        self.goal_dual, solved = dual((*self.directions, self.motion), rows)
-        self.thickness.append(self.rest(self.made) + abs(goal.f) + self._left(goal.N) + SLACK + added[-1])
-        self.delay = sum(times(abs(c), t) for c, t in zip(solved[-1], self.thickness, strict=True)) + SLACK
+        goals = [self.ends(function)[1] for function in (*self.held, closing)]
+        left = self._left(goals[-1].N)
+        self.goal_dual, _ = dual((*self.directions, along), tuple(goal.N for goal in goals))
+        self.thickness.append(self.rest(closing) + abs(goals[-1].f) + left + SLACK + added[-1])
+        # The execution goes on until all rows together say that it touches: what they share does not delay it.
+        shares = [*(-row_dot(goals[-1].N, column) for column in self.held_dual), ONE]
+        off = [abs(goal.f) + more + self._coupled(size(goal, goal)) for goal, more in zip(goals, added, strict=True)]
+        self.delay = over(together(goals, shares, off, self.extent) + left + SLACK, self.rate) + 1
 
     @property
     def _angular_rate(self) -> int:

@@ -122,6 +122,12 @@ class Bend:
         across = crossing(n, self.theta, self.angles)
         return across * (swung + swept) / 2 + mp.norm(cross(self.turn, n)) * swept / 8
 
+    def at_rest(self, n: mp.matrix, goal: mp.matrix) -> mp.mpf:
+        """The same where the piece has ended, R v = goal, by second derivatives."""
+        G = n * goal.T + goal * n.T - 2 * dot(n, goal) * mp.eye(3)
+        second = mp.fsum(abs(G[i, j]) * self.angles[i] * self.angles[j] for i in range(3) for j in range(3)) / 4
+        return second + self.theta**3 * mp.norm(goal) / 6
+
 
 def down(x: mp.mpf) -> float:
     return float(x - abs(x) * mp.mpf("1e-12") - mp.mpf("1e-18"))
@@ -183,7 +189,8 @@ class Builder:
                 abs(fS) + self.errors.support(NS, self.errors.core) if held else 0, abs(fG)
             )
             touching = held or (made and last)
-            goal_set = self._carried(V, L, tau, Pi, NG, v, share, made, theta, t if last and made else 0)
+            late = abs(fG) + bend.at_rest(up_z, armG) if last and made else 0
+            goal_set = self._carried(V, L, tau, Pi, NG, v, share, made, theta, late)
             if touching:
                 goal_set.thick = [t * TG]
                 goal_set.shape = outer_sum(goal_set.shape, t**2 * TG * TG.T)
