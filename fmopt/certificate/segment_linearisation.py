@@ -270,7 +270,7 @@ def _growing(
     _, askew, off, _ = (0.0,) * 4 if linkage is None else linkage.sizes.tolist()
     wide = drift + np.array([askew * slid + off * spun, askew * spun])
     N = np.array([[*held.N, row.N[0]] for held, row in zip(way.held, rows, strict=True)])
-    grows, turned, lost, given = bends.inside(N, np.vstack([way.motion, way.goal_dual.T]), extent.half, wide)
+    grows, turned, lost, given = bends.inside(N, np.array([way.motion, *way.goal_dual.T]), extent.half, wide)
     lost += cone(tolerance, way, seen)
     if linkage is not None:
         # Errors of the frames tilt the way itself: by as much as the part slides and spins on it.

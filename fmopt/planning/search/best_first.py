@@ -6,8 +6,8 @@ force signature of a wanted contact is to tell from that of the likeliest wrong 
 obstacle on the way, as a reciprocal of the certified margin. Each freedom that is still to be taken away costs one
 transition and one roomy move at least, and so does each move of a part that is next to round, which touches walls to
 learn where it is and then goes straight in. That bound is admissible; the order of expansion weighs it more, so that an
-answer comes soon, and the least bound among the states left open or dropped for a cheaper way to the same contacts says
-how much better another sequence could be: the gap.
+answer comes soon, and the least bound among the states left open, or dropped for a way to the same contacts that costs
+and risks no more, says how much better another sequence could be: the gap.
 """
 
 from __future__ import annotations
@@ -251,12 +251,15 @@ def shortfall(node: Node) -> str:
 
 
 class _Frontier:
-    """States to expand, the cheapest way to each only: those with a margin first, by what they promise to cost."""
+    """States to expand, those with a margin first, by what they promise to cost.
+
+    Ways to the same contacts as others that cost no less and have no more margin are left out.
+    """
 
     def __init__(self, final: int, costs: Costs, nodes: Sequence[Node]) -> None:
         self._costs = costs
         self._queue: list[_Open] = []
-        self._best: dict[tuple[frozenset[str], int], float] = {}
+        self._best: dict[tuple[frozenset[str], int], list[tuple[float, float]]] = {}
         self._dropped = math.inf
         self._origins: dict[Node, Node | None] = {}  # of all states, in the order in which they were come to
         self._popped = set[Node]()
@@ -278,11 +281,11 @@ class _Frontier:
             # A part may slide to its seat without another contact: seated is another state.
             held = frozenset(c.id for c in entry.node.place.held)
             state = held, entry.final
-            cost = round(entry.node.cost, _DIGITS)
-            if held and self._best.get(state, math.inf) <= cost:
+            cost, margin = round(entry.node.cost, _DIGITS), round(entry.node.reached.margin, _PLACES)
+            if held and any(c <= cost and m >= margin for c, m in self._best.get(state, ())):
                 self._dropped = min(self._dropped, entry.bound)
                 continue
-            self._best[state] = cost
+            self._best.setdefault(state, []).append((cost, margin))
             self._popped.add(entry.node)
             return entry.node
         return None

@@ -125,8 +125,9 @@ def test_a_way_along_the_chamfer_leaves_nothing(motion: CertifiedMotion) -> None
         piece = Piece(claim.piece.start, goal, (), (), (), None, (0.0, 1.0), (contact,))
         step = advance(motion.assembly, piece, claim.advance.ends.start_set, motion.tolerance)
         assert (step.departure > 0.0) is free
-        # The velocity error, a thousandth of the way in translation and in turn, decides.
-        assert step.departure == pytest.approx(0.01 * (rise - error * np.hypot(1.0, rise)), abs=1e-12)
+        # The velocity error, a thousandth of the way in translation and in turn, decides, but for its second order.
+        first = 0.01 * (rise - error * np.hypot(1.0, rise))
+        assert first - 0.1 * 0.01 * error < step.departure <= first + 1e-12
 
 
 def test_a_contact_is_not_given_up_without_what_it_turns_about(motion: CertifiedMotion) -> None:

@@ -15,12 +15,13 @@ from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.error_set import ErrorSet
 from fmopt.certificate.propagation import Tolerance
 from fmopt.contact.c_surface import Surfaces
-from fmopt.contact.primitive import Kind
+from fmopt.contact.primitive import Kind, near_contacts
 from fmopt.errors import SearchError
 from fmopt.geometry.clearance import mating_clearance
 from fmopt.geometry.csg import Box, Difference, Placed
 from fmopt.geometry.part import part_of
 from fmopt.geometry.polyhedron import Polyhedron
+from fmopt.planning.moves.moves import Move, Tried
 from fmopt.planning.search.best_first import MoveSequence, _Frontier, begin, best_sequences, search, shortfall
 from fmopt.planning.search.entry import Entry, start_spread, straight_entry, tilted_entry
 from fmopt.planning.search.entry_candidates import tilted_shapes
@@ -143,6 +144,18 @@ def test_a_search_out_of_time_gives_what_it_has() -> None:
     assert found.names == ("approach", "-z")
     assert found.reached.margin > 0.0
     assert found.lower_bound <= found.cost
+
+
+def test_moves_to_the_same_place_are_tried_once() -> None:
+    start, there = Pose(np.zeros(3), np.eye(3)), Pose(np.array([1e-3, 0.0, 0.0]), exp(np.array([0.0, 0.1, 0.0])))
+    assembly = rectangular((0.3, 0.3))
+    one, other, *_ = near_contacts(*polyhedra(assembly), start, 1e-2, 0.1)
+    first, second = Move(start, there, (), (one,)), Move(start, there, (), (other,))
+    rounded = Move(start, there.moved([1e-13, -1e-13, 0.0, 0.0, 0.0, 1e-13]), (), (one,))
+    elsewhere = Move(start, there.moved([1e-8, 0.0, 0.0, 0.0, 0.0, 0.0]), (), (one,))
+    tried = Tried()
+    assert list(tried.fresh([first, rounded, second])) == [first, second]
+    assert list(tried.fresh([rounded, elsewhere])) == [elsewhere]
 
 
 def test_the_order_of_moves_not_rounding_tells_states_of_equal_cost_apart() -> None:
