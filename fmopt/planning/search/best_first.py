@@ -195,7 +195,7 @@ def search(
             nodes += [] if node is None else [node]
     # A part that stands upright in the mouth with room for its errors may go straight down, all freedoms left.
     final = 0 if any(task.upright(node.place.pose) for node in nodes) else task.final_rank
-    front = _Frontier(final, task.costs, nodes)
+    front = _Frontier(final, task.costs, nodes, placed=bool(task.care))
     closest: Node | None = None
     ready: Node | None = None  # what there is when time runs out
     expanded = 0
@@ -253,11 +253,11 @@ def shortfall(node: Node) -> str:
 class _Frontier:
     """States to expand, those with a margin first, by what they promise to cost.
 
-    Ways to the same contacts as others that cost no less and have no more margin are left out.
+    Left out are ways to the same contacts as another at no less cost, and no more margin if poses are not placed anew.
     """
 
-    def __init__(self, final: int, costs: Costs, nodes: Sequence[Node]) -> None:
-        self._costs = costs
+    def __init__(self, final: int, costs: Costs, nodes: Sequence[Node], placed: bool = False) -> None:
+        self._costs, self._placed = costs, placed
         self._queue: list[_Open] = []
         self._best: dict[tuple[frozenset[str], int], list[tuple[float, float]]] = {}
         self._dropped = math.inf
@@ -282,7 +282,7 @@ class _Frontier:
             held = frozenset(c.id for c in entry.node.place.held)
             state = held, entry.final
             cost, margin = round(entry.node.cost, _DIGITS), round(entry.node.reached.margin, _PLACES)
-            if held and any(c <= cost and m >= margin for c, m in self._best.get(state, ())):
+            if held and any(c <= cost and (self._placed or m >= margin) for c, m in self._best.get(state, ())):
                 self._dropped = min(self._dropped, entry.bound)
                 continue
             self._best.setdefault(state, []).append((cost, margin))
