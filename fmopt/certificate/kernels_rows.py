@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from fmopt.runtime.compiled import part
-from fmopt.spatial.kernels import Vector, cross, dot, plus, size, swung, turned, vector
+from fmopt.spatial.kernels import Vector, cross, dot, halves, plus, size, swung, turned, vector
 from fmopt.spatial.values import Array
 
 ROW = np.dtype(
@@ -98,9 +98,22 @@ def reach(row: Row, start: End, goal: End) -> float:
 
 
 @part
+def end_of(turned: Turned, e: int, i: int) -> End:
+    """What turns of row i at an end."""
+    return vector(turned.w[e, i]), vector(turned.b[e, i]), vector(turned.y[e, i])
+
+
+@part
 def slid(row: Row, move: Vector) -> Vector:
     """A Δ, A = σ + [a]×."""
     return plus(cross(vector(row["a"]), move), row["sign"], move)
+
+
+@part
+def _columns(row: Row) -> tuple[Vector, Vector, Vector]:
+    """Those of A = σ + [a]×, to which translations of a box are put."""
+    a, sign = vector(row["a"]), row["sign"]
+    return (sign, a[2], -a[1]), (-a[2], sign, a[0]), (a[1], -a[0], sign)
 
 
 @part
@@ -162,16 +175,13 @@ def _bent(row: Row, ends: tuple[End, End], twist: tuple[Vector, Vector], half: t
 @part
 def _drawn(row: Row, end: End, offset: Vector, angles: Vector) -> float:
     """The most of a bilinear row's Hessian at an end: ½ ε·G ε and ε·[b]× A d over the box of the errors."""
-    u, a, sign = vector(row["u"]), vector(row["a"]), row["sign"]
-    w, b, y = end
+    u, (w, b, y), columns = vector(row["u"]), end, _columns(row)
     # The Hessian of the rotation, symmetric: trace on the diagonal, less products of what turns.
     trace, found = dot(u, w) + dot(b, y), 0.0
     for i in range(3):
         found += 0.5 * abs(trace - w[i] * u[i] - b[i] * y[i]) * angles[i] * angles[i]
         for j in range(i):
             found += 0.5 * abs(w[i] * u[j] + b[i] * y[j] + w[j] * u[i] + b[j] * y[i]) * angles[i] * angles[j]
-    # Columns of A = σ + [a]×, to which translations of the box are put.
-    columns = (sign, a[2], -a[1]), (-a[2], sign, a[0]), (a[1], -a[0], sign)
     for j in range(3):
         mixed = cross(b, columns[j])
         found += offset[j] * (abs(mixed[0]) * angles[0] + abs(mixed[1]) * angles[1] + abs(mixed[2]) * angles[2])
@@ -269,12 +279,9 @@ def together(bending: Bending, shares: Array, off: Array, half: Array, coupling:
     """
     K, X, found = np.zeros((3, 3)), np.zeros((3, 3)), 0.0
     theta, offset = size((half[3], half[4], half[5])), size((half[0], half[1], half[2]))
-    at = bending.turned
     for k in range(len(shares)):
-        row, share = bending.table[k], shares[k]
-        u, a, sign = vector(row["u"]), vector(row["a"]), row["sign"]
-        w, b, y = vector(at.w[1, k]), vector(at.b[1, k]), vector(at.y[1, k])
-        end = w, b, y
+        row, share, end = bending.table[k], shares[k], end_of(bending.turned, 1, k)
+        u, (w, b, y) = vector(row["u"]), end
         far, trace = reach(row, end, end), dot(u, w)
         found += abs(share) * (off[k] + coupling[0] + coupling[1] * far + theta**3 / 6.0 * far)
         for i in range(3):
@@ -283,8 +290,7 @@ def together(bending: Bending, shares: Array, off: Array, half: Array, coupling:
         if row["bilinear"]:
             found += abs(share) * 0.5 * theta * theta * offset
             trace += dot(b, y)
-            # Columns of A = σ + [a]×, to which translations of the box are put.
-            columns = (sign, a[2], -a[1]), (-a[2], sign, a[0]), (a[1], -a[0], sign)
+            columns = _columns(row)
             for j in range(3):
                 mixed = cross(b, columns[j])
                 for i in range(3):
@@ -296,3 +302,55 @@ def together(bending: Bending, shares: Array, off: Array, half: Array, coupling:
         for j in range(3):
             found += half[3 + i] * (abs(K[i, j]) * half[3 + j] + abs(X[i, j]) * half[j])
     return found
+
+
+@part
+def products(N: Array, motions: Array) -> Array:
+    """Those (2, k, m) of rows (2, k, 6) at both ends with motions (m, 6)."""
+    found = np.zeros((2, N.shape[1], len(motions)))
+    for e in range(2):
+        for i in range(N.shape[1]):
+            for j in range(len(motions)):
+                for x in range(6):
+                    found[e, i, j] += N[e, i, x] * motions[j, x]
+    return found
+
+
+@part
+def differing(bending: Bending, motions: Array, half: Array, drift: Array, shares: Array) -> tuple[Array, Array, Array]:
+    """By how much products of rows with motions differ between poses from those at both ends, interpolated.
+
+    Args:
+        bending: the rows (k).
+        motions: (m, 6).
+        half: half-widths (6,) of a box around the errors.
+        drift: lengths of what is added to the motions in any direction (2,).
+        shares: of each row (k,) in their combination.
+
+    Returns:
+        bounds (k, m), of the combination in place of the last row; how much the product of each row with the drift
+        differs at most (k,); and how that of the combination changes with the error, at both ends (m, 2, 6).
+    """
+    k, m, (move, turn), (offset, angles) = len(shares), len(motions), halves(bending.twist), halves(half)
+    errors, way, beside = (size(offset), size(angles)), (size(move), size(turn)), (drift[0], drift[1])
+    own, loose, felt = np.zeros((k, m)), np.empty(k), np.zeros((m, 2, 6))
+    beyond = np.zeros(m)
+    for i in range(k):
+        row, ends = bending.table[i], (end_of(bending.turned, 0, i), end_of(bending.turned, 1, i))
+        arm = reach(row, ends[0], ends[1])
+        loose[i] = unsteady(row, arm, beside, (errors[0] + way[0], errors[1] + way[1]))
+        for j in range(m):
+            slide, spin = halves(motions[j])
+            for e in range(2):
+                moving, spinning = power(row, ends[e], slide, spin)
+                total = 0.0
+                for x in range(3):
+                    felt[j, e, x] += shares[i] * moving[x]
+                    felt[j, e, 3 + x] += shares[i] * spinning[x]
+                    total += abs(moving[x]) * offset[x] + abs(spinning[x]) * angles[x]
+                own[i, j] = max(own[i, j], total)
+            left = varying(row, arm, (size(slide), size(spin)), errors, way)
+            own[i, j], beyond[j] = own[i, j] + left, beyond[j] + abs(shares[i]) * left
+    for j in range(m):
+        own[k - 1, j] = max(np.abs(felt[j, 0]) @ half, np.abs(felt[j, 1]) @ half) + beyond[j]
+    return own, loose, felt

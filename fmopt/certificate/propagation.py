@@ -98,9 +98,7 @@ def advance(assembly: Assembly, piece: Piece, errors: ErrorSet, tolerance: Toler
     way = linearisation_of(assembly, piece, tolerance)
     basis = piece.basis
     if piece.made is not None:
-        size = length(way.motion * ellipsoid.metric(tolerance.rho))
-        # In the metric of ρ, so that directions of slides and of turns are alike in length.
-        basis = (*basis, Compliance(piece.made, way.motion / size))
+        basis = (*basis, Compliance(piece.made, way.direction))
     ends, overtravel = _carried(assembly, piece, way, basis, errors, tolerance)
     extent = ends.extent
     nearer = approach(tolerance, way, extent, errors.linkage)

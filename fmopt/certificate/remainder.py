@@ -26,12 +26,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.certificate.error_set import UNCOUPLED, ErrorSet
-from fmopt.certificate.kernels_rows import Bending, Turned, power, reach, unsteady, varying
+from fmopt.certificate.kernels_rows import Bending, Turned, differing, products
 from fmopt.certificate.row_bounds import Motion, over
 from fmopt.certificate.rows import Forms, Mask, Rows
 from fmopt.certificate.tube import left, powers, varied
 from fmopt.runtime.compiled import compiled
-from fmopt.spatial.kernels import halves, size, vector
+from fmopt.spatial.kernels import halves, size
 from fmopt.spatial.se3 import Pose, length, lengths
 from fmopt.spatial.values import Array
 
@@ -150,63 +150,29 @@ class Curvature:
 @compiled
 def _inside(bending: Bending, N: Array, motions: Array, half: Array, drift: Array) -> tuple[Array, Array, float, Array]:
     """See `Curvature.inside`."""
-    h, table = len(motions) - 1, bending.table
-    (move, turn), (offset, angles) = halves(bending.twist), halves(half)
-    errors, way, off = (size(offset), size(angles)), (size(move), size(turn)), (drift[0], drift[1])
-    # Products of the rows with the motions at both ends, and by how much each may differ from these.
-    along, own, turning = np.zeros((2, h + 1, h + 1)), np.zeros((h + 1, h + 1)), np.zeros(6)
-    for e in range(2):
-        for i in range(h + 1):
-            for j in range(h + 1):
-                for x in range(6):
-                    along[e, i, j] += N[e, i, x] * motions[j, x]
-    shares, loose = np.ones(h + 1), np.empty(h + 1)
+    h = len(motions) - 1
+    along = products(N, motions)
+    shares = np.ones(h + 1)
     for i in range(h):
         shares[i] = -along[1, h, 1 + i]
-    for j in range(h + 1):
-        slide, spin = halves(motions[j])
-        felt, beyond = np.zeros((2, 6)), 0.0
-        for i in range(h + 1):
-            ends = (
-                (vector(bending.turned.w[0, i]), vector(bending.turned.b[0, i]), vector(bending.turned.y[0, i])),
-                (vector(bending.turned.w[1, i]), vector(bending.turned.b[1, i]), vector(bending.turned.y[1, i])),
-            )
-            arm, most = reach(table[i], ends[0], ends[1]), 0.0
-            for e in range(2):
-                moving, spinning, total = *power(table[i], ends[e], slide, spin), 0.0
-                for x in range(3):
-                    felt[e, x] += shares[i] * moving[x]
-                    felt[e, 3 + x] += shares[i] * spinning[x]
-                    total += abs(moving[x]) * offset[x] + abs(spinning[x]) * angles[x]
-                most = max(most, total)
-            left = varying(table[i], arm, (size(slide), size(spin)), errors, way)
-            own[i, j], beyond = most + left, beyond + abs(shares[i]) * left
-            loose[i] = unsteady(table[i], arm, off, (errors[0] + way[0], errors[1] + way[1]))
-        total = 0.0
-        for e in range(2):
-            total = max(total, np.abs(felt[e]) @ np.abs(half))
-            if j == 0:
-                turning += 0.5 * felt[e]
-        own[h, j] = total + beyond
+    own, loose, felt = differing(bending, motions, half, drift, shares)
     grows, lost, given = np.zeros(2), own[h, 0], np.zeros(h)
-    for e in range(2):
-        for i in range(h + 1):
-            grows[e] += shares[i] * along[e, i, 0]
     for i in range(h + 1):
+        grows[0], grows[1] = grows[0] + shares[i] * along[0, i, 0], grows[1] + shares[i] * along[1, i, 0]
         lost += abs(shares[i]) * loose[i]
+    turning = 0.5 * (felt[0, 0] + felt[0, 1])
     # (1 + Ε)λ = −η: |λ| ≤ η + Εη/(1 − q), q the largest row sum of Ε.
     eta, most, q = np.empty(h), 0.0, 0.0
     for i in range(h):
-        t, r = halves(N[1, i])
-        eta[i] = (
-            max(abs(along[0, i, 0]), abs(along[1, i, 0])) + own[i, 0] + off[0] * size(t) + off[1] * size(r) + loose[i]
-        )
+        slide, spin = halves(N[1, i])
+        eta[i] = max(abs(along[0, i, 0]), abs(along[1, i, 0])) + own[i, 0]
+        eta[i] += drift[0] * size(slide) + drift[1] * size(spin) + loose[i]
     for i in range(h):
-        row, total = 0.0, 0.0
+        total, taken = 0.0, 0.0
         for j in range(h):
             differs = abs(along[0, i, 1 + j] - (1.0 if i == j else 0.0)) + own[i, 1 + j]
-            row, total = row + differs, total + differs * eta[j]
-        q, most = max(q, row), max(most, total)
+            total, taken = total + differs, taken + differs * eta[j]
+        q, most = max(q, total), max(most, taken)
     if q >= 1.0:
         return grows, turning, np.inf, given
     for j in range(h):

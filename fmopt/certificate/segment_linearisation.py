@@ -70,6 +70,11 @@ class Linearisation:
         return self.twist[:3]
 
     @cached_property
+    def direction(self) -> Array:
+        """v per unit of its length in the metric of ρ (6,), so that directions of slides and of turns are alike."""
+        return np.asarray(self.motion / length(self.motion * ellipsoid.metric(self.rho)))
+
+    @cached_property
     def held_curvature(self) -> Curvature:
         """Of the held rows."""
         return Curvature.of(*self.held, self.twist)
@@ -92,9 +97,8 @@ class Linearisation:
         """The same where the contact being made is."""
         assert self.made is not None
         (_, second), end = self.held, self.made[1]
-        # The contact being made is held at the end, too: the motion itself is the direction that gives way to it. Of a
-        # length like those of the others: that of the piece says nothing of how well it reaches the row.
-        C = np.vstack([self.directions, self.motion / length(self.motion * ellipsoid.metric(self.rho))]).T
+        # The contact being made is held at the end, too: the motion itself is the direction that gives way to it.
+        C = np.vstack([self.directions, self.direction]).T
         inverse = ellipsoid.coupling_inverse(np.vstack([second.N, end.N]), C)
         # What a velocity error moves the row by beyond what the held contacts take up.
         left = end.N[0] @ self.projector

@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fmopt.certificate.kernels_rows import Bending, End, Turned, power, reach, remainder, together, unsteady
+from fmopt.certificate.kernels_rows import Bending, end_of, power, reach, remainder, together, unsteady
 from fmopt.runtime.compiled import compiled, part
-from fmopt.spatial.kernels import halves, size, vector
+from fmopt.spatial.kernels import halves, size
 from fmopt.spatial.values import Array
 
 _ROUNDS = 80
@@ -99,12 +99,6 @@ class Errors(NamedTuple):
     links: Array
 
 
-@part
-def _end(turned: Turned, e: int, i: int) -> End:
-    """What turns of row i at an end."""
-    return vector(turned.w[e, i]), vector(turned.b[e, i]), vector(turned.y[e, i])
-
-
 @compiled
 def left(bending: Bending, half: Array, coupling: Array) -> Array:
     """What the linear picture of rows leaves over a piece (k,), m.
@@ -117,7 +111,7 @@ def left(bending: Bending, half: Array, coupling: Array) -> Array:
     table, turned, twist = bending.table, bending.turned, halves(bending.twist)
     found, box = np.empty(len(table)), halves(half)
     for i in range(len(table)):
-        start, goal = _end(turned, 0, i), _end(turned, 1, i)
+        start, goal = end_of(turned, 0, i), end_of(turned, 1, i)
         found[i] = remainder(table[i], (start, goal), twist, box)
         found[i] += coupling[0] + coupling[1] * reach(table[i], start, goal)
     return found
@@ -137,7 +131,7 @@ def varied(bending: Bending, half: Array, motion: Array) -> Array:
     apart, lengths = (size(offset) + size(move), size(angles) + size(turn)), (size(slide), size(spin))
     found = np.empty(len(table))
     for i in range(len(table)):
-        arm = reach(table[i], _end(turned, 0, i), _end(turned, 1, i))
+        arm = reach(table[i], end_of(turned, 0, i), end_of(turned, 1, i))
         found[i] = unsteady(table[i], arm, lengths, apart)
     return found
 
@@ -148,7 +142,7 @@ def powers(bending: Bending) -> Array:
     move, turn = halves(bending.twist)
     found = np.empty((len(bending.table), 6))
     for i in range(len(found)):
-        moving, spinning = power(bending.table[i], _end(bending.turned, 0, i), move, turn)
+        moving, spinning = power(bending.table[i], end_of(bending.turned, 0, i), move, turn)
         for j in range(3):
             found[i, j], found[i, 3 + j] = moving[j], spinning[j]
     return found
@@ -344,7 +338,7 @@ def _grown(
         delayed = 0.0
         if len(final) > held:
             # The execution goes on until all rows together say that it touches: what they share does not delay it.
-            off = together(layers.bending, layers.shares, layers.off + layers.form, box, coupling)
+            off = together(layers.bending, layers.shares, rest, box, coupling)
             delayed = (off + residue[0] * wide + residue[1] * wider) / rate
         beyond = (share * (late[0] + late[1]) + delayed) / room
     gone = far * (1.0 + beyond)

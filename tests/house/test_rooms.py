@@ -17,7 +17,7 @@ MOST_ENTRIES = 20
 MOST_LINES = 400
 # Files that were longer when the limit was set, and how long each may be. A figure here may only fall.
 LONGER = {
-    "certificate/tube.py": 489,
+    "certificate/tube.py": 483,
     "contact/polytope.py": 420,
     "geometry/outline_solids.py": 482,
     "notebook/plan.py": 412,

@@ -23,7 +23,7 @@ from tests.shared.files.prisms import prism, rectangle, regular
 def failed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Problem, SearchError]:
     """A rectangle of nearly thirty to one under errors of many clearances, in a time in which there is no plan."""
     folder = tmp_path_factory.mktemp("rectangle")
-    problem = fmopt.load(prism(folder, rectangle(25, 0.9), rectangle(25.06, 0.96), limit=16))
+    problem = fmopt.load(prism(folder, rectangle(25, 0.9), rectangle(25.06, 0.96), limit=24))
     with pytest.raises(SearchError) as caught:
         fmopt.solve(problem)
     return problem, caught.value

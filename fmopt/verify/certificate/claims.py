@@ -34,7 +34,7 @@ from fmopt.verify.certificate.chain import Stage
 from fmopt.verify.certificate.edge_planes import Known
 from fmopt.verify.certificate.error_set import ErrorSet, metric, row_of, seen
 from fmopt.verify.certificate.facet_margin import facet_margin
-from fmopt.verify.certificate.form import made_lever
+from fmopt.verify.certificate.form import made_lever, varied
 from fmopt.verify.certificate.propagation import Motion
 from fmopt.verify.certificate.separating_plane import Apart, WitnessError, apart
 from fmopt.verify.findings import ALLOWANCE, MARGIN_FLOOR, RELATIVE, Notes
@@ -368,12 +368,8 @@ class _Growth:
 
     def _loose(self, i: int) -> int:
         """By how much Nᵢ·w may differ between poses, for what is added to the motion in any direction."""
-        extent, (slide, spin) = self._motion.extent, self._wide
-        angle = extent.theta + extent.turn
-        found = times(angle, times(self._sizes[i], spin)) + 8
-        if self._ends[i][0].bend is not None:
-            found += times(angle, slide) + times(extent.offset + length(extent.travel), spin)
-        return found
+        slide, spin = self._wide
+        return varied(*self._ends[i], (slide, 0, 0, spin, 0, 0), self._motion.extent) + 8
 
     def _swung(self, given: Sequence[int]) -> int:
         """How much the row grows more or less along the piece for errors that are fixed in the hole and in the hand."""

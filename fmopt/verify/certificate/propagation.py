@@ -310,22 +310,23 @@ class Motion:
 
     def _thicken(self, added: Sequence[int]) -> None:
         """Thickness of contacts, `added` by tolerances of form (made one last), and how it delays, as a share of V."""
-        self.start_thickness = []
+        off = []
         for function, more in zip(self.held, added, strict=False):
             start, goal = self.ends(function)
-            most = max(abs(start.f) + self.errors.core_support(start.N), abs(goal.f))
-            self.start_thickness.append(self.rest(function) + most + more + SLACK)
+            off.append(max(abs(start.f) + self.errors.core_support(start.N), abs(goal.f)) + more + SLACK)
+        self.start_thickness = [x + self.rest(function) for x, function in zip(off, self.held, strict=True)]
         self.thickness, self.goal_dual, self.delay = list(self.start_thickness), self.held_dual, 0
         closing, along = self.made, self.made_direction
         if closing is None or along is None or not self.task.last:
             return
         goals = [self.ends(function)[1] for function in (*self.held, closing)]
+        off.append(abs(goals[-1].f) + added[-1] + SLACK)
         left = self._left(goals[-1].N)
         self.goal_dual, _ = dual((*self.directions, along), tuple(goal.N for goal in goals))
-        self.thickness.append(self.rest(closing) + abs(goals[-1].f) + left + SLACK + added[-1])
+        self.thickness.append(self.rest(closing) + off[-1] + left)
         # The execution goes on until all rows together say that it touches: what they share does not delay it.
         shares = [*(-row_dot(goals[-1].N, column) for column in self.held_dual), ONE]
-        off = [abs(goal.f) + more + self._coupled(size(goal, goal)) for goal, more in zip(goals, added, strict=True)]
+        off = [x + self._coupled(size(goal, goal)) for x, goal in zip(off, goals, strict=True)]
         self.delay = over(together(goals, shares, off, self.extent) + left + SLACK, self.rate) + 1
 
     @property
