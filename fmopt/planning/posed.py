@@ -97,7 +97,11 @@ class Posed:
         errors = ErrorSet.of(share * self.problem.start_box, self.problem.framing)
         tolerance = _tolerance(self.problem, self.tolerance.rho, share)
         start, lift = Reached(errors, (), ()), self.problem.approach
-        return Aim(self.assembly, start, tolerance, COARSE, turning=True, lift=lift, holds=self.holds)
+        return Aim(self.assembly, start, tolerance, COARSE, self.felt, turning=True, lift=lift, holds=self.holds)
+
+    def felt(self, placed: Placed) -> bool:
+        """Whether every piece of a sequence runs against the contact that ends its move."""
+        return runs_against(self.problem, self.assembly, placed.reached.claims, self.tolerance)
 
     def holds(self, claims: Sequence[Claim]) -> list[Hold]:
         """How surely the pieces of a motion hold their contacts, of those that hold them by little."""
@@ -291,6 +295,6 @@ def by_method(posed: Posed, placed: Placed) -> Placed:
 def _felt(posed: Posed, found: Sequence[Placed]) -> Placed:
     """The last of some sequences of which every piece runs against the contact that ends its move."""
     for placed in reversed(found):
-        if runs_against(posed.problem, posed.assembly, placed.reached.claims, posed.tolerance):
+        if posed.felt(placed):
             return placed
     raise InfeasibleError("a piece of a turn leads away from the contact that is to end it at first")

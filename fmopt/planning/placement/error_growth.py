@@ -35,6 +35,7 @@ from fmopt.spatial.values import Array
 _ROUNDS = 120
 _PATIENCE, _SLOW = 10, 0.01  # rounds in which the share borne has to rise, by so much of all errors
 _FINER = 0.4  # of the pieces that a sequence is placed in, where it comes to all of the errors in these only
+_NEARLY = 0.85  # of the errors, taken in coarse pieces, from where finer ones may come to all: they add 0.15 at most
 _HALVINGS = 6  # of the errors, until the moves are possible
 _AHEAD = 10.0  # times the trust radius to begin with: rows that are looked at
 _MORE = 1.02  # times the share, what rows have to bear for more of the errors to be tried
@@ -95,7 +96,7 @@ def grown(
 
     Args:
         aim_at: what for, under a share of all errors, in pieces that turn by
-            `fmopt.planning.placement.sequence_program.COARSE` at most.
+            `fmopt.planning.placement.sequence_program.COARSE` at most. Whether a sequence will do is asked in the end.
         moves: the sequence; their goals make the contacts that they should.
         solver: for cone programs.
         settings: trust region, and how far the margin is raised in the end.
@@ -106,7 +107,7 @@ def grown(
     """
     near = _AHEAD * settings.radius
     at = _towards_all(aim_at, _begun(aim_at, moves, near), solver, settings)
-    if at.share < 1.0:
+    if _NEARLY < at.share < 1.0:
 
         def finer(share: float) -> Aim:
             aim = aim_at(share)
@@ -118,9 +119,10 @@ def grown(
         error = InfeasibleError(f"the moves can be followed under {at.taken:.0%} of the errors only")
         error.share = at.taken
         raise error
-    coarse = refine(at.aim, at.placed, solver, settings)
+    coarse = refine(_kept(at.aim, at.placed), at.placed, solver, settings)
     fine = replace(at.aim, step=min(step, at.aim.step))
     placed = certified(fine.assembly, coarse.moves, fine.start, fine.tolerance, fine.step)
+    fine = _kept(fine, placed)
     closer = replace(settings, least_radius=_CLOSER * settings.least_radius, least_gain=_CLOSER * settings.least_gain)
     margin = -np.inf
     while placed.margin > margin + settings.least_gain:
@@ -128,6 +130,11 @@ def grown(
         for wider in (1.0, _WIDER, 1.0 / _WIDER):
             placed = refine(fine, placed, solver, replace(closer, radius=wider * settings.radius))
     return placed
+
+
+def _kept(aim: Aim, placed: Placed) -> Aim:
+    """The aim with nothing asked of a sequence, whatever its margin, where another one does not do either."""
+    return aim if aim.fit(placed) else replace(aim, fit=lambda _: True)
 
 
 def _towards_all(aim_at: Callable[[float], Aim], begun: _Grown, solver: Solver, settings: Refinement) -> _Grown:
@@ -179,12 +186,14 @@ def _under(aim_at: Callable[[float], Aim], share: float, moves: Sequence[Move], 
 
 
 def _more(aim_at: Callable[[float], Aim], at: _Grown, near: float) -> _Grown | None:
-    """The same poses under more of the errors, under as much as they are possible."""
+    """The same poses under more of the errors, as much as leaves them room to be placed better; None if none does."""
     for part in (1.0, 0.5, 0.25):
         share = min(1.0, at.share + part * (at.bears - at.share))
         if share > at.share:
             with suppress(InfeasibleError):
-                return _under(aim_at, share, at.placed.moves, near)
+                found = _under(aim_at, share, at.placed.moves, near)
+                if found.bears >= at.share:
+                    return found
     return None
 
 
