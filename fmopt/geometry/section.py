@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import product
 from typing import TYPE_CHECKING, Literal, assert_never
 
@@ -44,6 +45,9 @@ if TYPE_CHECKING:
 _SHORT = 0.25  # of the longest side of the leading face, below which a side is no wall
 _NARROW = 0.1  # sine of the angle between two sides, below which they are opposite ones
 _ALIKE = 0.55  # cosine above which two sides are no corner
+_APART = 0.7  # sine of the angle between two walls, from which each of them tells little of what the other does
+_FLUSH = 1e-7  # of the longest side, by which corners of a side may be off it
+_DOWN = -0.9  # upward part of a normal, below which a face is one that leads
 _BLUNT, _SHARE = math.radians(40.0), 0.45  # turns at corners, and share of the width, below which a part is round
 _UPRIGHT, _SAME = 1e-9, 1e-9  # upward part of a wall's normal, and m, that are nothing but rounding
 _TAPERED = 0.5  # of the part's width, how far up chamfers of its tip reach at most
@@ -270,6 +274,70 @@ def corner_walls(moving: Part, corner: Array) -> tuple[tuple[Array, Array], tupl
         if abs(float(np.linalg.det(inward[[one, two]]))) > _NARROW:
             break
     return (inward[one], points[one]), (inward[two], points[two])
+
+
+@dataclass(frozen=True, eq=False)
+class Walls:
+    """Sides around a tip that hold its hull, none for a star: what is inside has `inward` · (x, y) ≥ `offsets`.
+
+    Args:
+        inward: unit normals (n, 2).
+        offsets: (n,), m.
+        lengths: of the sides (n,), m.
+    """
+
+    inward: Array
+    offsets: Array
+    lengths: Array
+
+    @property
+    def pairs(self) -> tuple[tuple[int, int], ...]:
+        """Two of them, the second on the left of the first seen from outside, that stand at an angle to each other.
+
+        Short ones are passed over as `corner_walls` does.
+        """
+        if not len(self.lengths):
+            return ()
+        x, y = self.inward.T
+        sines, longest = np.outer(x, y) - np.outer(y, x), int(self.lengths.argmax())
+        width = float(np.max(self.lengths * np.abs(sines[longest])))
+        for size in (float(self.lengths[longest]), width, 0.0):
+            long = self.lengths > _SHORT * size
+            found = np.argwhere(np.outer(long, long) & (sines >= min(_APART, float(sines.max()))))
+            if len(found):
+                break
+        return tuple((int(i), int(j)) for i, j in found)
+
+
+@remembered(1)
+def walls_around(moving: Part) -> Walls:
+    """The sides of the part's walls around its tip that its hull has, too.
+
+    Args:
+        moving: in its body frame.
+    """
+    body, tip = moving.polyhedron, leading_corners(moving)
+    loop = outline(tip)[:, :2]
+    along = np.roll(loop, -1, axis=0) - loop
+    lengths = np.linalg.norm(along, axis=1)
+    inward = np.column_stack([-along[:, 1], along[:, 0]]) / lengths[:, None]
+    offsets = np.einsum("ij,ij->i", inward, loop)
+    first = (body.vertices[:, None] == tip).all(axis=2).any(axis=1)
+    on = first[:, None] & (np.abs(body.vertices[:, :2] @ inward.T - offsets) <= _FLUSH * lengths.max())  # (v, n)
+    walls = [list(face.vertices) for face in body.faces if face.normal[2] > _DOWN]
+    real = np.any([on[wall].sum(axis=0) >= 2 for wall in walls], axis=0)  # over a notch the hull has no wall
+    return Walls(inward[real], offsets[real], lengths[real])
+
+
+def reaching_below(moving: Part, pose: Pose) -> Array:
+    """Where (n, 2) the moving part is below the mouth at most, x and y in the B-frame, m.
+
+    Args:
+        moving: in its body frame.
+        pose: of it in the B-frame, whose z = 0 is the mouth.
+    """
+    points = pose.apply(moving.polyhedron.vertices)
+    return np.vstack([points[points[:, 2] < 0.0, :2], _crossings(moving.polyhedron, points)])
 
 
 def far_edge(moving: Part, corner: Array) -> tuple[Array, Array]:

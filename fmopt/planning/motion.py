@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from itertools import islice, tee
@@ -15,7 +14,7 @@ from fmopt.planning.control.controlled_motion import least_steady
 from fmopt.planning.moves.moves import Care, Move
 from fmopt.planning.placement.sequence_program import Placed, certified
 from fmopt.planning.posed import GRACE, STEADY, Posed, Stages, by_method, placed_by_growing, placement
-from fmopt.planning.search.best_first import MoveSequence, best_sequences, search
+from fmopt.planning.search.best_first import MoveSequence, best_sequences, farther, search
 from fmopt.planning.search.entry import (
     Entry,
     Shape,
@@ -43,8 +42,8 @@ _MORE = 2  # sequences that are looked at beside one with less
 _LIKELY = 32  # ways to begin that are tried in each attitude before the rest are
 _SHARE = 0.25  # of the errors, for which sequences are looked for that then take all of them
 _BEGINNING = (1.0, 0.7, 0.5)  # of the errors, for which ways to begin are drawn for these
-_DRAWN, _ENOUGH = 300, 8  # ways that are drawn for each, and found of different kinds so that no less will do
-_DRAWINGS = 8  # how often
+_DRAWN, _ENOUGH = 100, 8  # ways that are drawn for each, and found of different kinds so that no less will do
+_DRAWINGS = 24  # how often
 _STATES = 30  # that a search from one of them looks at: what was found with a margin in families took 26 at most
 _SMALLER = "allow a larger tilt, lower the start errors"
 
@@ -274,7 +273,8 @@ class _Stood:
             InfeasibleError: those that there are cannot be placed so.
         """
         failure: FmoptError | None = None
-        for found in self._under(deadline, stages):
+        failed = list[SearchError]()
+        for found in self._under(deadline, stages, failed):
             self.found_last[:] = [found]
             try:
                 placed = placed_by_growing(self.posed, found.moves, stages.progress)
@@ -286,10 +286,15 @@ class _Stood:
                 stages.ended("placement")
             if placed.margin > 0.0:
                 return found.searched, placed
-        raise failure or SearchError("no sequence of contacts was found for a share of the errors", advice=_SMALLER)
+        attempt = failed[-1].attempt if failed else None
+        words = "no sequence of contacts was found for a share of the errors"
+        raise failure or SearchError(words, _SMALLER, attempt=attempt)
 
-    def _under(self, deadline: float, stages: Stages) -> Iterator[MoveSequence]:
-        """Sequences for a share of all errors from ways to begin under as much of them as there are any for."""
+    def _under(self, deadline: float, stages: Stages, failed: list[SearchError]) -> Iterator[MoveSequence]:
+        """Sequences for a share of all errors from ways to begin under as much of them as there are any for.
+
+        The last of those that failed is the one that came farthest.
+        """
         aim = self.posed.under(_SHARE)
         task = replace(
             self.task,
@@ -302,16 +307,19 @@ class _Stood:
         for entry in self._drawn(deadline):
             if clock() >= deadline:
                 break
-            with suppress(SearchError):
+            try:
                 found = search(task, (entry,), deadline, lambda names: stages.progress(f"search: {names}"))
-                if found.reached.margin > 0.0:
-                    stages.ended("search")
-                    yield found
+            except SearchError as error:
+                failed[:] = [farther(error.with_traceback(None), *failed)]
+                continue
+            if found.reached.margin > 0.0:
+                stages.ended("search")
+                yield found
 
     def _drawn(self, deadline: float) -> Iterator[Entry]:
         """Ways to begin, as many times as there is time: for all errors first, for less where there are few."""
         problem, moving = self.posed.problem, self.posed.assembly.moving
-        if problem.plane is not None or moving.polyhedron.balls or self.task.blunt or problem.settings.max_tilt <= 0.0:
+        if problem.plane is not None or moving.polyhedron.balls or problem.settings.max_tilt <= 0.0:
             return
         for seed in range(_DRAWINGS):
             few = 0

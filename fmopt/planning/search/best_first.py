@@ -22,11 +22,10 @@ from itertools import islice
 
 import numpy as np
 
-from fmopt.contact.primitive import PrimitiveContact
 from fmopt.errors import OverdueError, SearchError
 from fmopt.planning.moves.moves import Care, Move, Reached
 from fmopt.planning.search.entry import Entry, Leant
-from fmopt.planning.search.guarded_move import Freedom, Near, Place, guarded, insides, neighbourhood, tips
+from fmopt.planning.search.guarded_move import Freedom, Near, Place, guarded, insides, meetings, neighbourhood, tips
 from fmopt.planning.search.successors import ASKEW, Costs, Node, Task, successor_by, successors, ways_on
 from fmopt.planning.search.symmetry import Searched, SearchedState
 from fmopt.runtime.compiled import clock
@@ -152,7 +151,7 @@ def _first_sequences(
         try:
             found.append(search(task, entries, deadline, progress))
         except SearchError as error:
-            failures = [_farther(error.with_traceback(None), *failures)]  # a traceback would hold on to this frame
+            failures = [farther(error.with_traceback(None), *failures)]  # a traceback would hold on to this frame
         else:
             if found[-1].reached.margin > 0.0:
                 return (found[-1],)
@@ -163,8 +162,13 @@ def _first_sequences(
     return tuple(sorted(found, key=lambda sequence: -round(sequence.reached.margin, _PLACES)))
 
 
-def _farther(error: SearchError, before: SearchError | None = None) -> SearchError:
-    """The latest failure, with the attempt of the one before where that came farther."""
+def farther(error: SearchError, before: SearchError | None = None) -> SearchError:
+    """The latest failure, with the attempt of the one before where that came farther.
+
+    Args:
+        error: the latest one.
+        before: the one before, if there was one.
+    """
     known = None if before is None else before.attempt
     if known is not None and (error.attempt is None or known.order > error.attempt.order):
         error.attempt = known
@@ -376,25 +380,19 @@ def _onto_top(task: Task, node: Node, freedom: Freedom, corners: Array) -> Node 
         for contact in tips(assembly, node.place, freedom, task.costs.reach)
         if (corners == vertices[contact.moving_feature]).all(axis=1).any()
     ]
-    move = guarded(assembly, node.place, freedom, Near.of(assembly, near))
-    if move is None:
-        return None
     spread = float(node.reached.errors.support(np.eye(2, 6)).max())
-    inside = insides(assembly, near, move.goal)
-    heights = start.apply(vertices[[contact.moving_feature for contact in near]])[:, 2]
-    # Of those that come together the last in the list is met first.
-    order = sorted(range(len(near)), key=lambda n: (bool(inside[n] > spread), round(float(heights[n]), 9)))
-    near = [near[n] for n in order]
+
+    def well_inside(move: Move) -> tuple[bool, float]:
+        contact = move.making[0]
+        height = float(start.apply(vertices[contact.moving_feature])[2])
+        return bool(insides(assembly, [contact], move.goal)[0] > spread), round(height, 9)
+
     best: Node | None = None
-    tried: set[PrimitiveContact] = set()
-    for _ in near:
-        move = guarded(assembly, node.place, freedom, Near.of(assembly, near))
-        if move is not None and move.making[0] not in tried:
-            tried.add(move.making[0])
-            after = successor_by(task, node, move, freedom.name, Care.ALL)
-            if after is not None and (best is None or after.reached.margin > best.reached.margin):
-                best = after
+    moves = meetings(assembly, node.place, freedom, Near.of(assembly, near))
+    for move in sorted(moves, key=well_inside, reverse=True):
+        after = successor_by(task, node, move, freedom.name, Care.ALL)
+        if after is not None and (best is None or after.reached.margin > best.reached.margin):
+            best = after
         if best is not None and best.reached.margin > 0.0:
             break
-        near.insert(0, near.pop())
     return best

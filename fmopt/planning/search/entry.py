@@ -24,6 +24,8 @@ from fmopt.geometry.section import (
     leading_face,
     lowest_point,
     outline,
+    reaching_below,
+    walls_around,
 )
 from fmopt.spatial import se3
 from fmopt.spatial.se3 import Pose
@@ -31,6 +33,7 @@ from fmopt.spatial.values import Array
 
 # What the errors are multiplied with in the plane: how deep the corner goes in below a level.
 _LEVELS = (4.5, 5.5, 3.5, 7.0, 2.5)
+_DIGITS = 12  # of distances (m) from walls, decimals that tell one from another
 _LEAST = 0.03  # of the part's width, which what its height is uncertain by is taken to be at least
 _ACROSS = 2.0  # times as far as along the edge that it comes down on, a part leans across it at least
 _HOVERING = (2.0, 3.0, 1.5, 0.0)  # times the errors that a ball is away from walls
@@ -48,7 +51,7 @@ class Shape:
         turn: turn about the part's own axis, rad.
         depth: how far below the mouth the corner goes, m.
         room: how far from the walls next to it the corner goes in, along x and y, m.
-        touch: how far outside the nearer of these walls the corner touches the top first, and how high above the mouth
+        touch: how far outside the nearest of these walls the corner touches the top first, and how high above the mouth
             it is then brought over the place where it goes in, m; None where it goes in at once.
         flat: how far from both walls the corner is at least while the part lies flat on the top first, how high above
             the mouth it is then brought over the place where it goes in, m, and how far the part leans along the edge
@@ -65,6 +68,7 @@ class Shape:
     touch: tuple[float, float] | None = None
     flat: tuple[float, float, float] | None = None
     heading: float = 0.0
+    between: tuple[int, int] | None = None
 
     @property
     def numbers(self) -> Array:
@@ -99,6 +103,8 @@ class Entry:
         shallow: whether the corner is still among the slopes of the mouth; caught on one, it may go in deeper.
         over: pose above the mouth to which it goes after the corner has touched the top below the start; None where it
             goes in at once.
+        leant: how it is laid flat on the top first; None where it is not.
+        walls: inward normals (2, 2) of those that it goes in between; None for those next to the corner.
     """
 
     start: Pose
@@ -108,10 +114,13 @@ class Entry:
     shallow: bool = False
     over: Pose | None = None
     leant: Leant | None = None
+    walls: Array | None = None
 
     @property
     def heading(self) -> float:
         """Turn about z of the axes that moves go along and about from then on, rad."""
+        if self.walls is not None:
+            return math.atan2(self.walls[0, 1], self.walls[0, 0])
         return self.shape.heading if self.shape else 0.0
 
 
@@ -138,28 +147,29 @@ def tilted_entry(moving: Part, play: tuple[float, float], approach: float, shape
         shape: tilts, turn, depth, room, and where the corner touches first.
     """
     tip, axes = leading_corners(moving), turned_axes(shape.heading)
-    corner = lowest(tip, shape)
-    place, inward = _between_walls(moving, corner, play, shape.room, axes)
-    at = np.append(place, -shape.depth)
-    sx, sy = (math.copysign(1.0, x) for x in (axes.T @ corner)[:2])
+    corner, mouth = lowest(tip, shape), _Mouth.of(moving, play, shape)
+    sx, sy = (math.copysign(1.0, x) for x in (axes.T @ corner)[:2]) if shape.between is None else (-1.0, -1.0)
     # Turning about +x by α moves y-negative points down by α; about +y by β moves x-positive points down.
     tilt = se3.exp([-sy * shape.about_x, 0.0, 0.0]) @ se3.exp([0.0, sx * shape.about_y, 0.0])
     R = axes @ tilt @ axes.T @ se3.exp([0.0, 0.0, shape.turn])
-    inside = Pose(at - R @ corner, R)
+    hung = Pose(np.array([0.0, 0.0, -shape.depth]) - R @ corner, R)
+    low = np.zeros((1, 2)) if shape.between is None else reaching_below(moving, hung)
+    place = mouth.beside(shape.room, low)
+    inside = Pose(np.append(place, -shape.depth) - R @ corner, R)
     sunk = -lowest_point(moving, inside)
     above = inside.moved([0.0, 0.0, approach + sunk, 0.0, 0.0, 0.0])
+    walls = None if shape.between is None else mouth.inward[:2]
+    entry = Entry(above, inside, corner, shape, walls=walls)
     if shape.flat is not None:
-        return _laid_flat(moving, play, approach, shape, Entry(above, inside, corner, shape))
+        return _laid_flat(moving, approach, shape, mouth, entry)
     if shape.touch is None:
-        return Entry(above, inside, corner, shape)
+        return entry
     beyond, rise = shape.touch
-    nearer = int(np.argmin(shape.room))
-    aside = -(shape.room[nearer] + beyond) * inward[nearer]
     over = inside.moved([0.0, 0.0, sunk + rise, 0.0, 0.0, 0.0])
-    return Entry(above.moved([*aside, 0.0, 0.0, 0.0, 0.0]), inside, corner, shape, over=over)
+    return replace(entry, start=above.moved([*mouth.outwards(place, beyond), 0.0, 0.0, 0.0, 0.0]), over=over)
 
 
-def _laid_flat(moving: Part, play: tuple[float, float], approach: float, shape: Shape, entry: Entry) -> Entry:
+def _laid_flat(moving: Part, approach: float, shape: Shape, mouth: _Mouth, entry: Entry) -> Entry:
     """The entry of a part that lies flat on the top first, its leading corner over the mouth.
 
     It leans on a corner opposite to that, comes down on a long edge that ends there, and then altogether.
@@ -168,8 +178,7 @@ def _laid_flat(moving: Part, play: tuple[float, float], approach: float, shape: 
     away, rise, lean = shape.flat
     tip = leading_face(moving)
     room = (max(shape.room[0], away), max(shape.room[1], away))
-    axes = turned_axes(shape.heading)
-    at = np.append(_between_walls(moving, entry.corner, play, room, axes)[0], entry.corner[2] - tip[0, 2])
+    at = np.append(mouth.beside(room, np.zeros((1, 2))), entry.corner[2] - tip[0, 2])
     R = se3.exp([0.0, 0.0, shape.turn])
     first, second = far_edge(moving, entry.corner)
     along = R @ (second - first) / float(np.linalg.norm(second - first))
@@ -307,18 +316,42 @@ def swung_by(tip: Array, start_box: Array) -> float:
     return float(np.linalg.norm(tip[:, :2], axis=1).max()) * float(np.linalg.norm(start_box[3:]))
 
 
-def _between_walls(
-    moving: Part, corner: Array, play: tuple[float, float], room: tuple[float, float], axes: Array
-) -> tuple[Array, Array]:
-    """Where (x, y) the corner is as far from the two walls next to it as `room` says, and their inward normals (2, 2).
+@dataclass(frozen=True, eq=False)
+class _Mouth:
+    """Walls of the hole at its mouth, first the two that a part goes in between; inside, `inward` · (x, y) ≥ `offsets`.
 
-    The part's sides face the walls; the first is the one that faces more along the x-axis of the turned axes.
+    Args:
+        inward: unit normals (n, 2).
+        offsets: (n,), m.
     """
-    along = axes[:2, 0]
-    (one, on_one), (two, on_two) = sorted(corner_walls(moving, corner), key=lambda side: -abs(float(side[0] @ along)))
-    N = np.array([one, two])
-    walls = np.array([one @ on_one, two @ on_two]) - 0.5 * np.abs(N) @ np.asarray(play)
-    return np.asarray(np.linalg.solve(N, walls + np.asarray(room))), N
+
+    inward: Array
+    offsets: Array
+
+    @staticmethod
+    def of(moving: Part, play: tuple[float, float], shape: Shape) -> _Mouth:
+        """The walls that the part's sides face. Next to a corner the first is the one that faces more along x."""
+        if shape.between is None:
+            along = turned_axes(shape.heading)[:2, 0]
+            sides = corner_walls(moving, lowest(leading_corners(moving), shape))
+            (one, on_one), (two, on_two) = sorted(sides, key=lambda side: -abs(float(side[0] @ along)))
+            inward, offsets = np.array([one, two]), np.array([one @ on_one, two @ on_two])
+        else:
+            around = walls_around(moving)
+            order = [*shape.between, *(n for n in range(len(around.offsets)) if n not in shape.between)]
+            inward, offsets = around.inward[order], around.offsets[order]
+        return _Mouth(inward, offsets - 0.5 * np.abs(inward) @ np.asarray(play))
+
+    def beside(self, room: tuple[float, float], low: Array) -> Array:
+        """Where (2,) something goes in, points (k, 2) of which relative to it have so much room from the first two."""
+        inward = self.inward[:2]
+        return np.asarray(np.linalg.solve(inward, self.offsets[:2] + np.asarray(room) - (low @ inward.T).min(axis=0)))
+
+    def outwards(self, place: Array, beyond: float) -> Array:
+        """The way (2,) from a place inside to so far outside the nearest wall."""
+        away = self.inward @ place - self.offsets
+        nearest = int(np.argmin(np.round(away, _DIGITS)))
+        return np.asarray(-(away[nearest] + beyond) * self.inward[nearest])
 
 
 def turned_axes(heading: float) -> Array:

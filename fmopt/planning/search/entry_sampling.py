@@ -1,7 +1,7 @@
 """Ways to begin drawn at random, from the parts and the errors alone: a corner goes in however the part is tilted.
 
 It goes in at once, touches the top first, or the part lies flat on it, in turn. Nothing is known here of what leads
-anywhere: what can be certified is spread over cells of corner and tilt, and the rest is for the search to say.
+anywhere: what can be certified is spread over cells of heading and tilt, and the rest is for the search to say.
 """
 
 from __future__ import annotations
@@ -11,18 +11,18 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import chain, islice, zip_longest
+from itertools import chain, islice, product, zip_longest
 
 import numpy as np
 
 from fmopt.certificate.error_set import ErrorSet
 from fmopt.errors import OverdueError
 from fmopt.geometry.part import Part
-from fmopt.geometry.section import leading_corners
+from fmopt.geometry.section import leading_corners, walls_around
 from fmopt.planning.moves.moves import Move, Reached
 from fmopt.planning.search.best_first import begin
 from fmopt.planning.search.entry import Entry, Shape, lowest, start_spread, swung_by
-from fmopt.planning.search.entry_candidates import Way, funnel_depth, funnel_width, likely_headings
+from fmopt.planning.search.entry_candidates import funnel_depth, funnel_width, likely_headings
 from fmopt.planning.search.guarded_move import Place
 from fmopt.planning.search.successors import Node, Task, successor_by
 from fmopt.spatial.values import Array
@@ -39,6 +39,9 @@ _TURN = 0.2  # rad, how far it is turned about its own axis at most, either way,
 _PLAY = 0.25  # of the play between walls, what a laid part's height is taken to be uncertain by at least
 _CELL = 0.4  # rad, the directions of tilts that are one
 _LEFT_FLAT = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 1.0])  # which errors are left to a part that has lain flat
+
+_Towards = tuple[float, tuple[int, int] | None]
+"""A heading, and the walls between which something goes in with it, by number; None for those next to a corner."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,16 +66,32 @@ class Drawing:
 
     def shapes(self, seed: int) -> Iterator[Shape]:
         """Shapes of entries without end, the same for the same seed."""
-        rng, ways = np.random.default_rng(seed), likely_headings(self.moving)
+        rng = np.random.default_rng(seed)
         while True:
-            for complete in (self._at_once, self._touching, self._flat):
-                yield complete(self._tilted(ways[int(rng.integers(len(ways)))], rng), rng)
+            for towards, complete in product(self._towards, (self._at_once, self._touching, self._flat)):
+                yield complete(self._tilted(towards[int(rng.integers(len(towards)))], rng), rng)
 
-    def _tilted(self, way: Way, rng: np.random.Generator) -> Shape:
+    @cached_property
+    def _towards(self) -> list[list[_Towards]]:
+        """Headings that put something between two walls, which lie towards −x and −y then: what, and which walls.
+
+        First corners that turn enough for it, between those next to them, if there are any, then what is between two
+        that stand at an angle, wherever they are.
+        """
+        around = walls_around(self.moving)
+        corners: list[_Towards] = [(way.heading, None) for way in likely_headings(self.moving) if way.wall is None]
+        pairs = list[_Towards]()
+        for pair in around.pairs:
+            x, y = -around.inward[list(pair)].sum(axis=0)
+            pairs.append((math.atan2(y, x) + 0.75 * math.pi, pair))
+        return [ways for ways in (corners, pairs) if ways] or [[(0.0, None)]]
+
+    def _tilted(self, way: _Towards, rng: np.random.Generator) -> Shape:
         """A shape without a depth."""
         about_y, about_x = (self.max_tilt * drawn(rng, _TILT) for _ in range(2))
         room = self._spread * drawn(rng, _ROOM), self._spread * drawn(rng, _ROOM)
-        return Shape(about_y, about_x, float(rng.uniform(-_TURN, _TURN)), 0.0, room, heading=way.heading)
+        turn = float(rng.uniform(-_TURN, _TURN))
+        return Shape(about_y, about_x, turn, 0.0, room, heading=way[0], between=way[1])
 
     def _at_once(self, shape: Shape, rng: np.random.Generator) -> Shape:
         """With the corner going in at once."""
@@ -130,14 +149,14 @@ def beginnings(
         entry_of: the entry of a shape.
         count: how many are tried.
     """
-    cells: dict[tuple[int, float, int], tuple[float, Entry]] = {}
+    cells: dict[tuple[int, float, tuple[int, ...], int], tuple[float, Entry]] = {}
     with suppress(OverdueError):  # those that could begin by then count
         for shape in islice(shapes, count):
             entry = entry_of(shape)
             node = begin(task, entry) if _could_enter(task, entry) else None
             if node is not None and node.reached.margin > 0.0:
                 tilt = round(math.atan2(shape.about_x, shape.about_y) / _CELL)
-                cell = _kind(shape), round(shape.heading, 9), tilt
+                cell = _kind(shape), round(shape.heading, 9), shape.between or (), tilt
                 if cell not in cells or node.reached.margin > cells[cell][0]:
                     cells[cell] = node.reached.margin, entry
     order = sorted(cells.items(), key=lambda item: (-item[1][0], item[0]))

@@ -88,7 +88,7 @@ class Task:
         tolerance: velocity error and metric.
         costs: weights and limits.
         max_turn: greatest turn of a move, rad.
-        askew: whether moves go along and about the axes of sides that lie askew, too.
+        askew: whether moves go along sides that lie askew, too; walls far apart then hold a part next to round.
         care: with which moves are certified.
     """
 
@@ -114,7 +114,7 @@ class Task:
     @cached_property
     def blunt(self) -> bool:
         """Whether the moving part is next to round, so that no corner of it takes all freedoms away."""
-        return not self.assembly.planar and next_to_round(self.assembly.moving)
+        return not (self.askew or self.assembly.planar) and next_to_round(self.assembly.moving)
 
     @property
     def final_rank(self) -> int:
@@ -370,7 +370,8 @@ def _headings(task: Task, node: Node) -> list[float]:
     found = [node.entry.heading]
     if not task.askew or task.assembly.planar or task.rounded or task.blunt:
         return found
-    for normal, _ in corner_walls(task.assembly.moving, node.place.pivot):
+    walls = node.entry.walls
+    for normal in walls if walls is not None else (n for n, _ in corner_walls(task.assembly.moving, node.place.pivot)):
         apart = math.atan2(normal[1], normal[0]) - found[0]
         heading = found[0] + math.remainder(apart, 0.5 * math.pi)
         if all(abs(heading - known) > _ALIGNED for known in found):

@@ -156,7 +156,7 @@ def test_what_is_grown_stays_inside_its_facets_to_begin_with(family: str, seed: 
     file.write_text(file.read_text().replace("\nz = 0\n", "\nz = 0.5\n").replace("\nheight", "\n# height"))
     posed = Posed.of(fmopt.load(file))
     stood = _Stood.of(posed, next(iter(images(posed.assembly, posed.problem.start_box))))
-    found, aim = next(stood._under(math.inf, Stages())), stood.posed.under(_SHARE)
+    found, aim = next(stood._under(math.inf, Stages(), [])), stood.posed.under(_SHARE)
     assert any(claim.contacts for claim in found.reached.claims)
     coarse = certified(stood.task.assembly, found.moves, aim.start, aim.tolerance, COARSE)
     assert coarse.care is Care.ALL
