@@ -36,8 +36,7 @@ from fmopt.contact.facet_bounds import bounds
 from fmopt.contact.primitive import PrimitiveContact, near_contacts
 from fmopt.plan.position_force import AXES
 from fmopt.planning.optimise.solvers import least_vertex
-from fmopt.planning.search.guarded_move import implied
-from fmopt.planning.search.successors import modulo
+from fmopt.planning.search.guarded_move import implied, modulo
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value, frozen
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import compress, groupby
+from itertools import compress, groupby, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,8 @@ _HALVINGS = 4  # of the way, where held contacts cannot be kept all along
 _TOGETHER = 1e-11
 _PARALLEL = 1e-7  # sine of the angle between edges, up to which rounding decides where they cross
 IN_PLANE = ("x", "z", "ry")
+_OPPOSITE = -0.9999  # cosine of the angle between the normals of faces that face each other
+_MATING = 10.0  # clearances a side, as near to each other as planes of faces are that mate
 _STILL = 0.02  # rad, the turn that compliance may add to a slide
 
 
@@ -342,3 +344,40 @@ def pinned(assembly: Assembly, pose: Pose, held: Sequence[PrimitiveContact]) -> 
     if not held:
         return 0
     return int(np.linalg.matrix_rank(contact_rows(assembly, held, held, pose).N * assembly.units, 1e-6))
+
+
+def mating_faces(assembly: Assembly, goal: Pose, clearance: float) -> frozenset[tuple[int, int]]:
+    """Faces of the moving and the fixed part, by number, that face each other in the seat.
+
+    Args:
+        assembly: the parts.
+        goal: the seated pose.
+        clearance: a side, m.
+    """
+    moving, fixed = assembly.moving.polyhedron, assembly.fixed.polyhedron
+    middles = np.array([goal.apply(moving.vertices[list(face.vertices)]).mean(axis=0) for face in moving.faces])
+    apart = np.abs(middles @ fixed.normals.T - fixed.offsets) <= _MATING * clearance
+    facing = moving.normals @ goal.R.T @ fixed.normals.T < _OPPOSITE
+    return frozenset((int(i), int(j)) for i, j in np.argwhere(apart & facing))
+
+
+def lasts(assembly: Assembly, contact: PrimitiveContact, mates: frozenset[tuple[int, int]]) -> bool:
+    """Whether a contact may last until the seat: faces that mate there meet in its features.
+
+    Args:
+        assembly: the parts.
+        contact: of any kind.
+        mates: as `mating_faces` finds them.
+    """
+    sides = (assembly.moving.polyhedron, contact.moving), (assembly.fixed.polyhedron, contact.fixed)
+    faces = (set.intersection(*(set(body.vertex_faces[v]) for v in vertices)) for body, vertices in sides)
+    return not mates.isdisjoint(product(*faces))
+
+
+def modulo(held: Array, rows: Array) -> Array:
+    """Rows (k, n) less their parts in the span of the held rows (h, n)."""
+    if not len(held):
+        return rows
+    _, s, Vt = np.linalg.svd(held, full_matrices=False)
+    basis = Vt[s > 1e-9 * s[0]]
+    return np.asarray(rows - rows @ basis.T @ basis)

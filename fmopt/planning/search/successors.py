@@ -30,7 +30,10 @@ from fmopt.planning.search.guarded_move import (
     guarded,
     implied,
     insides,
+    lasts,
+    mating_faces,
     meetings,
+    modulo,
     neighbourhood,
     pinned,
 )
@@ -120,14 +123,18 @@ class Task:
     def final_rank(self) -> int:
         """How many freedoms the contacts of the seated part take away, at most.
 
-        Of a part that is next to round, how many transitions lead from no contact to the seat at least: it touches a
-        wall, and leaves that to go in.
+        Of a part that is next to round, how many transitions lead to the seat at least: a touch of a wall, and on.
         """
         if self.blunt:
             return 1 + len(_IN)
         near = near_contacts(self.assembly.moving.polyhedron, self.assembly.fixed.polyhedron, self.goal, 1e-6, 1e-3)
         stops = [c for c in near if abs(contact_rows(self.assembly, [c], (), self.goal).f[0]) < 1e-9]
         return self.pinned_upright + (1 if stops else 0)
+
+    @cached_property
+    def mates(self) -> frozenset[tuple[int, int]]:
+        """Faces of the moving and the fixed part, by number, that face each other in the seat."""
+        return mating_faces(self.assembly, self.goal, self.costs.scale)
 
     def seated(self, pose: Pose) -> bool:
         """Whether a pose is as deep as the goal."""
@@ -191,15 +198,6 @@ def _likely(errors: ErrorSet) -> tuple[float, float]:
     return float(np.linalg.norm(spread[:3])), float(np.linalg.norm(spread[3:]))
 
 
-def modulo(held: Array, rows: Array) -> Array:
-    """Rows (k, n) less their parts in the span of the held rows (h, n)."""
-    if not len(held):
-        return rows
-    _, s, Vt = np.linalg.svd(held, full_matrices=False)
-    basis = Vt[s > 1e-9 * s[0]]
-    return np.asarray(rows - rows @ basis.T @ basis)
-
-
 def successor_by(task: Task, node: Node, move: Move, name: str, care: Care = Care.NONE) -> Node | None:
     """The state after a move, None when it cannot be certified.
 
@@ -225,7 +223,9 @@ def successor_by(task: Task, node: Node, move: Move, name: str, care: Care = Car
     if _slid_off(task.assembly, held, move.goal):
         return None
     place = Place(move.goal, held, reached.basis, node.place.pivot)
-    rank = pinned(task.assembly, move.goal, held)
+    # Contacts that are given up before the seat take no freedom away for good: with them a search runs into wedges.
+    lasting = [contact for contact in held if lasts(task.assembly, contact, task.mates)] if task.care else held
+    rank = pinned(task.assembly, move.goal, lasting)
     return Node(node.entry, place, reached, (*node.moves, move), (*node.names, name), cost, rank)
 
 

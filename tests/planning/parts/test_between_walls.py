@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 import fmopt
+from fmopt.contact.primitive import Kind, near_contacts
 from fmopt.geometry.section import next_to_round, walls_around
 from fmopt.planning import motion
 from fmopt.planning.moves.moves import Reached
 from fmopt.planning.posed import Posed
 from fmopt.planning.search.entry import Entry, Shape
 from fmopt.planning.search.entry_sampling import Drawing
-from fmopt.planning.search.guarded_move import Place
+from fmopt.planning.search.guarded_move import Place, lasts
 from fmopt.planning.search.successors import Node, _freedoms
 from fmopt.planning.search.symmetry import images
 from fmopt.spatial.values import Array
@@ -126,3 +127,23 @@ def test_a_star_begins_with_its_corners(tmp_path: Path) -> None:
     assert walls_around(problem.moving).pairs == ()
     drawing = Drawing(problem.moving, problem.fixed, play, problem.start_box, 1e-3, problem.settings.max_tilt)
     assert all(shape.between is None for shape in islice(drawing.shapes(0), SHAPES))
+
+
+def test_contacts_last_where_faces_meet_that_mate_in_the_seat(tmp_path: Path) -> None:
+    stand = stood(fmopt.load(write_toml(family_pair("8-gon", 102), tmp_path, (0.2, 0.5))))
+    assembly, goal = stand.task.assembly, stand.task.goal
+    body, hole = assembly.moving.polyhedron, assembly.fixed.polyhedron
+    assert len(stand.task.mates) == 8 + 1  # the walls, and the tip on the floor
+    seen = set[bool]()
+    for contact in near_contacts(body, hole, goal, 0.02, 3.0):
+        if contact.kind is not Kind.VERTEX_FACE:
+            continue
+        normal = hole.faces[contact.fixed_feature].normal
+        own = [goal.R @ body.faces[k].normal for k in body.vertex_faces[contact.moving_feature]]
+        depth = (
+            float(normal @ goal.apply(body.vertices[contact.moving_feature])) - hole.faces[contact.fixed_feature].offset
+        )
+        beside = min(float(np.abs(n + normal).max()) for n in own) < 1e-9 and abs(depth) < 1e-3
+        assert lasts(assembly, contact, stand.task.mates) == beside
+        seen.add(beside)
+    assert seen == {True, False}
