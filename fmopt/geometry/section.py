@@ -317,8 +317,7 @@ def walls_around(moving: Part) -> Walls:
         moving: in its body frame.
     """
     body, tip = moving.polyhedron, leading_corners(moving)
-    loop = outline(tip)[:, :2]
-    along = np.roll(loop, -1, axis=0) - loop
+    loop, along = outline(tip)[:, :2], _sides(tip)
     lengths = np.linalg.norm(along, axis=1)
     inward = np.column_stack([-along[:, 1], along[:, 0]]) / lengths[:, None]
     offsets = np.einsum("ij,ij->i", inward, loop)

@@ -332,12 +332,16 @@ class _Stood:
 
     def _beginnings(self, share: float, seed: int) -> tuple[Entry, ...]:
         """Ways to begin that can be certified for a share of all errors."""
-        problem, aim = self.posed.problem, self.posed.under(share)
+        aim = self.posed.under(share)
         task = replace(self.task, start=aim.start.errors, tolerance=aim.tolerance)
+        return beginnings(task, self.drawing(share).shapes(seed), self.entry_of, _DRAWN)
+
+    def drawing(self, share: float) -> Drawing:
+        """What ways to begin are drawn for under a share of all errors."""
+        problem, play = self.posed.problem, self.posed.clearance.play
         rate = share * (problem.velocity_error.translation + problem.velocity_error.rotation)
-        box, play = share * problem.start_box, self.posed.clearance.play
-        drawing = Drawing(problem.moving, problem.fixed, play, box, rate, problem.settings.max_tilt)
-        return beginnings(task, drawing.shapes(seed), self.entry_of, _DRAWN)
+        tilt = problem.settings.max_tilt
+        return Drawing(problem.moving, problem.fixed, play, share * problem.start_box, rate, tilt)
 
 
 def _rounds(

@@ -147,7 +147,8 @@ def tilted_entry(moving: Part, play: tuple[float, float], approach: float, shape
         shape: tilts, turn, depth, room, and where the corner touches first.
     """
     tip, axes = leading_corners(moving), turned_axes(shape.heading)
-    corner, mouth = lowest(tip, shape), _Mouth.of(moving, play, shape)
+    corner = lowest(tip, shape)
+    mouth = _Mouth.of(moving, corner, play, shape)
     sx, sy = (math.copysign(1.0, x) for x in (axes.T @ corner)[:2]) if shape.between is None else (-1.0, -1.0)
     # Turning about +x by α moves y-negative points down by α; about +y by β moves x-positive points down.
     tilt = se3.exp([-sy * shape.about_x, 0.0, 0.0]) @ se3.exp([0.0, sx * shape.about_y, 0.0])
@@ -329,11 +330,11 @@ class _Mouth:
     offsets: Array
 
     @staticmethod
-    def of(moving: Part, play: tuple[float, float], shape: Shape) -> _Mouth:
+    def of(moving: Part, corner: Array, play: tuple[float, float], shape: Shape) -> _Mouth:
         """The walls that the part's sides face. Next to a corner the first is the one that faces more along x."""
         if shape.between is None:
             along = turned_axes(shape.heading)[:2, 0]
-            sides = corner_walls(moving, lowest(leading_corners(moving), shape))
+            sides = corner_walls(moving, corner)
             (one, on_one), (two, on_two) = sorted(sides, key=lambda side: -abs(float(side[0] @ along)))
             inward, offsets = np.array([one, two]), np.array([one @ on_one, two @ on_two])
         else:

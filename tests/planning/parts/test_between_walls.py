@@ -16,7 +16,6 @@ from fmopt.planning import motion
 from fmopt.planning.moves.moves import Reached
 from fmopt.planning.posed import Posed
 from fmopt.planning.search.entry import Entry, Shape
-from fmopt.planning.search.entry_sampling import Drawing
 from fmopt.planning.search.guarded_move import Place, lasts
 from fmopt.planning.search.successors import Node, _freedoms
 from fmopt.planning.search.symmetry import images
@@ -40,10 +39,7 @@ def stood(problem: fmopt.Problem) -> motion._Stood:
 
 
 def drawn(stand: motion._Stood) -> list[tuple[Shape, Entry]]:
-    problem, play = stand.posed.problem, stand.posed.clearance.play
-    rate = problem.velocity_error.translation + problem.velocity_error.rotation
-    drawing = Drawing(problem.moving, problem.fixed, play, problem.start_box, rate, problem.settings.max_tilt)
-    between = (shape for shape in drawing.shapes(0) if shape.between is not None)
+    between = (shape for shape in stand.drawing(1.0).shapes(0) if shape.between is not None)
     return [(shape, stand.entry_of(shape)) for shape in islice(between, SHAPES)]
 
 
@@ -123,10 +119,8 @@ def test_a_part_that_is_next_to_round_begins_between_walls_as_well(tmp_path: Pat
 
 def test_a_star_begins_with_its_corners(tmp_path: Path) -> None:
     stand = stood(fmopt.load(write_toml(family_pair("star", 102), tmp_path, (0.2, 0.5))))
-    problem, play = stand.posed.problem, stand.posed.clearance.play
-    assert walls_around(problem.moving).pairs == ()
-    drawing = Drawing(problem.moving, problem.fixed, play, problem.start_box, 1e-3, problem.settings.max_tilt)
-    assert all(shape.between is None for shape in islice(drawing.shapes(0), SHAPES))
+    assert walls_around(stand.posed.problem.moving).pairs == ()
+    assert all(shape.between is None for shape in islice(stand.drawing(1.0).shapes(0), SHAPES))
 
 
 def test_contacts_last_where_faces_meet_that_mate_in_the_seat(tmp_path: Path) -> None:

@@ -64,7 +64,7 @@ def test_holds_change_with_the_poses_of_a_sequence_as_their_rows_say() -> None:
         for k, hold in enumerate(here):
             shares = [{other.claim: other.share for other in end}[hold.claim] for end in ends]
             change = 0.5 * (shares[0] - shares[1])
-            right += abs(change - told[k]) <= 0.2 * max(abs(change), 3e-5)  # a 5000th of the share, if it is that
+            right += abs(change - told[k]) <= 0.2 * max(abs(change), 3e-5)  # where shares hardly change
             seen += 1
     assert right >= 0.9 * seen
 
