@@ -1,4 +1,4 @@
-"""How the errors along a sequence of moves change as the poses do that its moves start from and go to.
+"""How the errors along a sequence of moves, and the poses of its pieces, change as those do that its moves go to.
 
 A move takes errors up along its own direction: of a contact that is made, along the motion v by which it is made, and
 of one that is held, along the motion C by which it was. Where a pose is displaced, v turns, and with it
@@ -6,12 +6,22 @@ of one that is held, along the motion C by which it was. Where a pose is displac
     Π = Π_h + φ v N′ᵀ/rate,   Π_h = 1 − C (N_h C)⁻¹ N_h,   N′ = Π_hᵀ N_m,   rate = −N_m·v,
 
 of this move and of all later ones that hold the contact. Rows N count as they are: what turns them is second order.
+
+All pieces of a move share one twist τ per unit of progress, but for the compliance that keeps the held contacts: a
+piece that is a share a of the move goes a (τ + C g). With A = diag(1, exp ω) and J = diag(1, J_l(ω)) of its turn ω, a
+displacement ε of its start goes on as
+
+    ε′ = Π_h (A ε + a J (∂τ + ∂C g)),
+
+and ∂τ is what brings the last one to the goal of the move. The twists C are motions by which contacts were made: they
+turn with the poses of the moves before, and so does what gives way by more or less than in the first piece.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -19,11 +29,13 @@ from fmopt.certificate.assembly import Assembly
 from fmopt.certificate.claim import Claim
 from fmopt.certificate.remainder import Ends
 from fmopt.certificate.segment_linearisation import Linearisation, Piece, Tolerance, linearisation_of
+from fmopt.planning.moves.moves import claims_of_moves
 from fmopt.spatial import ellipsoid
-from fmopt.spatial.se3 import Pose
+from fmopt.spatial.se3 import Pose, exp, left_jacobian
 from fmopt.spatial.values import Array
 
 _STANDSTILL = 1e-12  # m
+_RANK = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +47,7 @@ class Sensitivity:
     Args:
         start, goal: generators and derivatives.
         held: what is left of displacements (6, 6) at both ends once compliance has kept the held contacts.
+        compliant: derivatives of the twists along which the contacts of the held basis give way (h, 6, n).
         brought: what errors at the end of each move before have become at both ends (k, 6, 6).
         longer: how much longer displacements make these moves (k, n).
         rates: velocity errors per unit of length, in translation and in angle (1/m).
@@ -43,6 +56,7 @@ class Sensitivity:
     start: tuple[Array, Array]
     goal: tuple[Array, Array]
     held: tuple[Array, Array]
+    compliant: Array
     brought: tuple[Array, Array]
     longer: Array
     rates: tuple[float, float]
@@ -89,7 +103,7 @@ def sensitivities(
         changed = moved.carried(core, before)
         onward, now = moved.projector @ brought, (ends.goal_set.generators[: len(core)], changed)
         held = np.eye(6) - moved.way.start_dual @ moved.way.held[0].N, moved.way.hold
-        found.append(Sensitivity((core, before), now, held, (brought, onward), longer, rates))
+        found.append(Sensitivity((core, before), now, held, moved.compliant, (brought, onward), longer, rates))
         brought, begun = onward, piece.start if piece.progress[0] == 0.0 else begun
         if piece.last and drifting:
             brought = np.concatenate([onward, np.eye(6)[None]])
@@ -111,6 +125,60 @@ def _longer(start: Pose, goal: Pose, number: int, n: int, rho: float) -> Array:
 def carried_on(ends: Ends) -> Array:
     """The generators (k, 6) that a piece carries on."""
     return ends.start_set.generators if ends.core is None else ends.core
+
+
+def pose_derivatives(assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance) -> list[tuple[Array, Array]]:
+    """The derivatives (6, n) of the start and of the goal of each piece, m and rad.
+
+    They are with respect to displacements (d, δ) of all poses that moves start from or go to, n = 6 (moves + 1), inside
+    the held contacts.
+
+    Args:
+        assembly: the two parts.
+        claims: of all pieces of the moves, in order.
+        tolerance: velocity error and metric.
+    """
+    moves, changing = claims_of_moves(claims), iter(sensitivities(assembly, claims, tolerance))
+    displaced, found = np.eye(6 * (len(moves) + 1)), list[tuple[Array, Array]]()
+    for number, pieces in enumerate(moves):
+        changes = [next(changing) for _ in pieces]
+        ways = [linearisation_of(assembly, claim.piece, tolerance) for claim in pieces]
+        shares = [claim.piece.progress[1] - claim.piece.progress[0] for claim in pieces]
+        start, goal = displaced[6 * number : 6 * number + 12].reshape(2, 6, -1)
+        ends = changes[0].held[0] @ start, changes[-1].held[1] @ goal
+        found += pairwise(_between(ways, shares, changes[0].compliant, ends))
+    return found
+
+
+def _between(
+    ways: Sequence[Linearisation], shares: Sequence[float], compliant: Array, ends: tuple[Array, Array]
+) -> list[Array]:
+    """The derivatives (6, n) of all poses of a move in k pieces, from its start to its goal.
+
+    Args:
+        ways: the linear pictures of the pieces (k).
+        shares: of the move, that they are (k).
+        compliant: derivatives of the twists along which held contacts give way (h, 6, n).
+        ends: derivatives (6, n) of the start and of the goal of the move.
+    """
+    # As the twist stays, and with the twist: what all pieces give way by alike is part of it.
+    (start, goal), first = ends, ways[0].twist / shares[0]
+    still, driven = [start], [np.zeros((6, 6))]
+    for way, share in zip(ways, shares, strict=True):
+        turn = way.twist[3:]
+        onward, twisted = _turning(exp(turn)), share * _turning(left_jacobian(turn))
+        gives = np.linalg.lstsq(way.directions.T, way.twist / share - first, rcond=_RANK)[0]
+        still.append(way.hold @ (onward @ still[-1] + twisted @ np.tensordot(gives, compliant, 1)))
+        driven.append(way.hold @ (onward @ driven[-1] + twisted))
+    aimed = np.linalg.lstsq(driven[-1], goal - still[-1], rcond=_RANK)[0]
+    return [at + by @ aimed for at, by in zip(still, driven, strict=True)]
+
+
+def _turning(by: Array) -> Array:
+    """diag(1, by) (6, 6)."""
+    found = np.eye(6)
+    found[3:, 3:] = by
+    return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,12 +14,12 @@ from fmopt.certificate.claim import Claim, facet_rows
 from fmopt.certificate.piece_pairs import Pair, pairs
 from fmopt.certificate.remainder import Course, Curvature
 from fmopt.certificate.rows import Forms
-from fmopt.certificate.segment_linearisation import Growth, Tolerance, linearisation_of
+from fmopt.certificate.segment_linearisation import Growth, Tolerance
 from fmopt.certificate.separating_plane import Separation, counted_rows
 from fmopt.contact.primitive import PrimitiveContact
 from fmopt.planning.moves.contact_transition import DOUBTED, within_rims
 from fmopt.planning.moves.moves import Reached, claims_of_moves
-from fmopt.planning.placement.error_derivatives import Sensitivity, sensitivities
+from fmopt.planning.placement.error_derivatives import Sensitivity, pose_derivatives, sensitivities
 from fmopt.spatial.values import Array
 
 _STEPS = 4  # steps of the trust region that a row is kept away from where contacts are described otherwise
@@ -384,13 +384,9 @@ def hold_rows(
     numbers = np.cumsum([claim.piece.progress[0] == 0.0 for claim in reached.claims], dtype=np.intp) - 1
     n = 6 * (int(numbers[-1]) + 2)
     slopes, moves = np.zeros((m, n)), np.array([numbers[hold.claim] for hold in holds], dtype=np.intp)
-    for row, hold, number in zip(slopes, holds, moves.tolist(), strict=True):
-        piece = reached.claims[hold.claim].piece
-        way = linearisation_of(assembly, piece, tolerance)
-        kept = np.eye(6) - way.start_dual @ way.held[0].N, way.hold
-        for part, share, stays in zip(hold.slopes.reshape(2, 6), piece.progress, kept, strict=True):
-            row[6 * number : 6 * number + 6] += (1.0 - share) * rho * part @ stays
-            row[6 * number + 6 : 6 * number + 12] += share * rho * part @ stays
+    poses = pose_derivatives(assembly, reached.claims, tolerance) if holds else []
+    for row, hold in zip(slopes, holds, strict=True):
+        row[:] = rho * hold.slopes @ np.vstack(poses[hold.claim])
     beyond = np.array([KEPT * rho * max(hold.share - hold.least, 0.0) for hold in holds])
     asked, none = np.array([rho * hold.least for hold in holds]), np.zeros(m)
     generators = np.zeros((m, width)), np.zeros((m, width, n))

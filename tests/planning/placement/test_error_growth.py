@@ -70,7 +70,7 @@ def test_what_is_placed_in_finer_pieces_is_certified_in_them(solved: tuple[fmopt
 def test_rows_for_a_share_of_the_errors_foresee_those_for_all(solved: tuple[fmopt.Problem, CertifiedMotion]) -> None:
     problem, motion = solved
     posed = Posed.of(problem)
-    less, near, whole = (growth._under(posed.under, share, motion.placed.moves, 1e-3) for share in (0.9, 0.98, 0.995))
+    less, near, whole = (growth._under(posed.under, share, motion.placed.moves, 1e-3) for share in (0.85, 0.98, 0.995))
     assert whole.bears > 1.0
     # What is not foreseen, how arcs and bent surfaces add up, goes as the errors come near to being there.
     assert near.bears == pytest.approx(whole.bears, abs=0.02)
