@@ -33,14 +33,17 @@ _SLOW = (1e-3, 0.05)  # m/s and rad/s
 
 
 def wilson(successes: int, trials: int) -> tuple[float, float]:
-    """95 % Wilson interval of a share; (0, 1) without trials."""
+    """Wilson's score interval of a share at 95 %, which holds for few trials and for shares near 0 and 1, too.
+
+    Without trials it is (0, 1).
+    """
     if not trials:
         return 0.0, 1.0
     share, z2 = successes / trials, _Z**2
     centre = (share + z2 / (2 * trials)) / (1 + z2 / trials)
     half = _Z * sqrt(share * (1 - share) / trials + z2 / (4 * trials**2)) / (1 + z2 / trials)
-    low = 0.0 if successes == 0 else centre - half
-    return low, 1.0 if successes == trials else centre + half
+    low = 0.0 if successes == 0 else max(centre - half, 0.0)
+    return low, 1.0 if successes == trials else min(centre + half, 1.0)
 
 
 def summary(records: Sequence[Any]) -> dict[str, Any]:

@@ -22,6 +22,7 @@ import numpy as np
 from fmopt.errors import GeometryError
 from fmopt.geometry.csg import Hull, Placed, Prism, Solid, Stack
 from fmopt.geometry.facets import place
+from fmopt.geometry.section import united
 from fmopt.spatial.se3 import Pose
 
 Point: TypeAlias = tuple[Fraction, Fraction]
@@ -191,7 +192,7 @@ def _runs(lofts: Sequence[_Loft]) -> Iterator[tuple[_Ring, ...]]:
 
 def _lofted(lower: Outline, upper: Outline) -> Iterator[tuple[tuple[int | None, ...], Outline, Outline]]:
     """Convex pieces between two outlines: the sides that they lie behind, and their corners below and above."""
-    from shapely import Polygon, union_all
+    from shapely import Polygon
 
     found = convex_pieces(lower)
     if lower == upper:
@@ -207,7 +208,7 @@ def _lofted(lower: Outline, upper: Outline) -> Iterator[tuple[tuple[int | None, 
         if len(one) == len(other)
     ]
     for whole, pieces in ((upper, tops), (middle[0], middle[1:])):
-        made = union_all([Polygon(piece) for piece in pieces if piece])
+        made = united([Polygon(piece) for piece in pieces if piece])
         shape = Polygon(whole)
         if len(pieces) < len(found) or made.symmetric_difference(shape).area > _SLIVER * shape.area:
             raise GeometryError(
@@ -233,8 +234,7 @@ def _between(outline: Outline, sides: Sequence[int | None]) -> Outline:
     if sorted(map(str, box.sides)) != sorted(map(str, sides)):
         return ()
     first = box.sides.index(sides[0])
-    turned = box.corners[first:] + box.corners[:first]
-    return Convex(turned, tuple(sides)).outline
+    return Convex(box.corners[first:] + box.corners[:first], tuple(sides)).outline
 
 
 def _is_one(rings: Sequence[_Ring]) -> bool:

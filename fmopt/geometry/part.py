@@ -322,10 +322,12 @@ def ridge(polygon: ArrayLike) -> Solid:
 
 def outline(polygons: Sequence[ArrayLike]) -> tuple[Array, ...]:
     """The loops (k, 2) of the union of convex polygons, outlines counter-clockwise, holes clockwise."""
-    from shapely import MultiPolygon, Polygon, get_parts, union_all
+    from shapely import MultiPolygon, Polygon, get_parts
     from shapely.geometry.polygon import orient
 
-    whole = union_all([Polygon(convex(polygon)) for polygon in polygons])
+    from fmopt.geometry.section import united
+
+    whole = united([Polygon(convex(polygon)) for polygon in polygons])
     loops = []
     for part in get_parts(MultiPolygon([*get_parts(whole)])):
         turned = orient(part)

@@ -96,10 +96,10 @@ def section_limit(bodies: Sequence[Polyhedron], frame: Pose, side: Literal[-1, 1
             outline = MultiPoint(_crossings(body, points)).convex_hull
             if outline.geom_type == "Polygon":
                 parts.append(outline)
-    return _polygons(sealed(_united(parts)).simplify(0.0))
+    return _polygons(sealed(united(parts)).simplify(0.0))
 
 
-def _united(parts: Sequence[BaseGeometry]) -> BaseGeometry:
+def united(parts: Sequence[BaseGeometry]) -> BaseGeometry:
     """The union of plane shapes, formed on a grid where rounding along a common side loses one of them."""
     from shapely import distance, get_coordinates, points, union_all
 

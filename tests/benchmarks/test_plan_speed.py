@@ -10,6 +10,8 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from fmopt.planning import pipeline
 from fmopt.task.problem import load
 from fmopt.verify import verify
+from fmopt.verify.problem import differences
+from fmopt.verify.reading.parse import parse
 from tests import ROOT
 
 PROBLEM = ROOT / "problems" / "square_peg.toml"
@@ -19,6 +21,14 @@ PROBLEM = ROOT / "problems" / "square_peg.toml"
 def test_verify(benchmark: BenchmarkFixture, square_peg_plan: dict[str, Any]) -> None:
     benchmark.extra_info["segments"] = len(square_peg_plan["segments"])
     assert benchmark.pedantic(verify, (square_peg_plan,), rounds=3).segments == len(square_peg_plan["segments"])
+
+
+@pytest.mark.benchmark(group="whole plan")
+def test_the_problem_beside_the_plan(benchmark: BenchmarkFixture, square_peg_plan: dict[str, Any]) -> None:
+    def read_again() -> list[str]:
+        return differences(parse(square_peg_plan), PROBLEM)
+
+    assert benchmark.pedantic(read_again, rounds=3) == []
 
 
 @pytest.mark.benchmark(group="whole plan")

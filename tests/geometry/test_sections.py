@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from shapely import Polygon, union_all
 
-from fmopt.geometry.section import _united
+from fmopt.geometry.section import united
 
 # A shaft of sixteen sides less two, and its key, in metres: their common side is one but for rounding.
 BODY = [
@@ -36,12 +36,12 @@ KEY = [
 
 def test_a_piece_is_not_lost_beside_another() -> None:
     parts = [Polygon(BODY), Polygon(KEY)]
-    whole = _united(parts)
+    whole = united(parts)
     assert whole.area == pytest.approx(sum(part.area for part in parts), rel=1e-6)
-    assert _united(parts[::-1]).area == pytest.approx(whole.area, rel=1e-6)
+    assert united(parts[::-1]).area == pytest.approx(whole.area, rel=1e-6)
 
 
 def test_what_is_not_lost_is_left_as_it_is() -> None:
     parts = [Polygon([(0.0, 0.0), (0.1, 0.0), (0.1, 0.3)]), Polygon([(0.05, 0.01), (0.3, 0.02), (0.3, 0.1)])]
-    assert _united(parts).equals_exact(union_all(parts), 0.0)
-    assert _united([]).is_empty
+    assert united(parts).equals_exact(union_all(parts), 0.0)
+    assert united([]).is_empty

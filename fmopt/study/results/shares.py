@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fmopt.execution.summary import wilson
 from fmopt.spatial.values import Array
 from fmopt.study.results.table import Varied
 from fmopt.study.results.view import View
@@ -110,11 +111,7 @@ def share(successes: int, trials: int) -> Estimate:
     """
     if not 0 <= successes <= trials or trials == 0:
         raise ValueError(f"{successes} of {trials} is no share")
-    p, n = successes / trials, float(trials)
-    middle = (p + _Z**2 / (2.0 * n)) / (1.0 + _Z**2 / n)
-    half = _Z / (1.0 + _Z**2 / n) * math.sqrt(p * (1.0 - p) / n + _Z**2 / (4.0 * n**2))
-    low = 0.0 if successes == 0 else max(middle - half, 0.0)
-    return Estimate(p, low, 1.0 if successes == trials else min(middle + half, 1.0))
+    return Estimate(successes / trials, *wilson(successes, trials))
 
 
 def rank_correlation(x: Array, y: Array) -> Estimate | None:
