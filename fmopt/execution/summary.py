@@ -22,7 +22,7 @@ from fmopt.plan.guarded_moves import Move
 from fmopt.spatial.se3 import Pose, cross
 from fmopt.spatial.values import Array
 
-_Z = 1.959963984540054  # normal quantile of 95 %
+NORMAL_95 = 1.959963984540054  # standard deviations either way that hold 95 % of a normal distribution
 
 SHARE = 0.2  # of the clearance, that the physics may penetrate and the part overshoot
 CLOSED = 0.25  # of the clearance, up to which a contact counts as closed
@@ -39,9 +39,9 @@ def wilson(successes: int, trials: int) -> tuple[float, float]:
     """
     if not trials:
         return 0.0, 1.0
-    share, z2 = successes / trials, _Z**2
+    share, z2 = successes / trials, NORMAL_95**2
     centre = (share + z2 / (2 * trials)) / (1 + z2 / trials)
-    half = _Z * sqrt(share * (1 - share) / trials + z2 / (4 * trials**2)) / (1 + z2 / trials)
+    half = NORMAL_95 * sqrt(share * (1 - share) / trials + z2 / (4 * trials**2)) / (1 + z2 / trials)
     low = 0.0 if successes == 0 else max(centre - half, 0.0)
     return low, 1.0 if successes == trials else min(centre + half, 1.0)
 

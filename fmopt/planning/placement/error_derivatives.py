@@ -35,7 +35,7 @@ from fmopt.spatial.se3 import Pose, exp, left_jacobian
 from fmopt.spatial.values import Array
 
 _STANDSTILL = 1e-12  # m
-_RANK = 1e-9
+_RANK = 1e-9  # of the largest singular value, what counts as none
 
 
 @dataclass(frozen=True, eq=False)

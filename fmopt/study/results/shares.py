@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.execution.summary import wilson
+from fmopt.execution.summary import NORMAL_95, wilson
 from fmopt.spatial.values import Array
 from fmopt.study.results.table import Varied
 from fmopt.study.results.view import View
@@ -19,7 +19,6 @@ from fmopt.study.results.view import View
 _VALUES = 16  # of an axis, above which neighbours are put together
 _BINS = 8
 
-_Z = 1.959963984540054  # of a 95 % interval
 _DRAWS = 1000
 
 
@@ -134,7 +133,7 @@ def rank_correlation(x: Array, y: Array) -> Estimate | None:
     n = float(len(x))
     most = 1.0 - 12.0 / (n * (n**2 - 1.0))
     near = math.copysign(min(abs(rho), most), rho)
-    z, spread = math.atanh(near), _Z * math.sqrt((1.0 + 0.5 * near**2) / (n - 3.0))
+    z, spread = math.atanh(near), NORMAL_95 * math.sqrt((1.0 + 0.5 * near**2) / (n - 3.0))
     return Estimate(rho, min(math.tanh(z - spread), rho), max(math.tanh(z + spread), rho))
 
 
