@@ -38,6 +38,7 @@ from fmopt.spatial.values import Array
 _NONE = np.zeros((0, 6))
 
 Reaching = tuple[Array, Array, Array, Array, Array]
+"""The columns (…, 6) of a support: generators, roots of slide, swing and shape, and slack."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,9 +183,6 @@ def _inside(bending: Bending, N: Array, motions: Array, half: Array, drift: Arra
             tied += shares[i] * along[0, i, 1 + j]
         lost += (abs(tied) + own[h, 1 + j]) * given[j]
     return grows, turning, lost, given
-
-
-"""The columns (…, 6) of a support: generators, roots of slide, swing and shape, and slack."""
 
 
 @dataclass(frozen=True, eq=False)

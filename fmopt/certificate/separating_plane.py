@@ -43,6 +43,7 @@ __all__ = ["Ends", "Pair", "RowBounds", "Separation", "Witness", "pairs", "row_b
 _MEMORY = 4096
 
 Faces = dict[tuple[int, ...], tuple[Array, float, Forms]]
+"""By the outline of each face of a piece its normal, how far out it is, and the rows of another piece's vertices."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,9 +173,6 @@ def rows_along(assembly: Assembly, pair: Pair, witnesses: tuple[Witness, ...]) -
         else:
             found.append(edge_rows(assembly, pair, witness, known))
     return tuple(found)
-
-
-"""By the outline of each face of a piece its normal, how far out it is, and the rows of another piece's vertices."""
 
 
 @remembered(_MEMORY)

@@ -7,6 +7,7 @@ import io
 import re
 import tokenize
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import fmopt
@@ -91,6 +92,21 @@ def test_functions_take_few_arguments() -> None:
     assert not many
 
 
+def astray(text: str) -> list[str]:
+    """The strings of a source that explain nothing: neither docstrings nor right behind an assignment."""
+    found = []
+    for node in ast.walk(ast.parse(text)):
+        body = getattr(node, "body", None)
+        for before, one in pairwise(body if isinstance(body, list) else ()):
+            if isinstance(one, ast.Expr) and isinstance(one.value, ast.Constant) and isinstance(one.value.value, str):
+                found += [] if isinstance(before, ast.Assign | ast.AnnAssign) else [one.value.value]
+    return found
+
+
+def test_what_a_name_stands_for_is_said_right_behind_it() -> None:
+    assert [f"{name}: {one}" for name, text in sources().items() for one in astray(text)] == []
+
+
 def test_comments_say_why_often_enough() -> None:
     """Comments in a hundred lines, of all lines that there are; directives to tools are none."""
     texts = sources()
@@ -110,4 +126,5 @@ def test_the_counts_see_what_they_should() -> None:
     assert [one.name for one in public(text)] == ["f", "g", "h", "of"]
     assert [is_documented(one, elsewhere) for one in public(text)] == [True, True, False, False]
     assert comments(text) == ["# why"]
+    assert astray("'''What.'''\nA = 1\n'''One.'''\n'''Two.'''\ndef f():\n    '''Three.'''\n") == ["Two."]
     assert taken(next(public(text))) == ["a", "b"]

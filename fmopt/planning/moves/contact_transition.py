@@ -30,8 +30,11 @@ DOUBT = 3e-5  # m; a vertex nearer to a rim than its error and this is listed wi
 _LEVEL = 1e-3  # sine of the angle at which an edge runs level with a rim
 
 Rims = tuple[Array, Array]
+"""Of each rim of a face a point, and the unit direction (r, 3) into the face across it."""
 
 Edges = tuple[NDArray[np.intp], Array, Array, Array, Array]
+"""Places (e, 2) of the ends of edges of the moving part, their directions (e, 3) and the sums (e, 3) of the normals of
+their faces, and both (c, 3) for the convex rims."""
 
 
 def described(
@@ -208,13 +211,6 @@ def _touching(assembly: Assembly, wall: _Wall, found: bytes) -> list[PrimitiveCo
             across, ends = edge_edge(body, fixed, np.eye(3), i, rim), body.edges[i].vertices
             contacts.append(replace(across, moving=ends if way == 2 else ends[::-1]))
     return contacts
-
-
-"""Of each rim of a face a point, and the unit direction (r, 3) into the face across it."""
-
-
-"""Places (e, 2) of the ends of edges of the moving part, their directions (e, 3) and the sums (e, 3) of the normals of
-their faces, and both (c, 3) for the convex rims."""
 
 
 @compiled
