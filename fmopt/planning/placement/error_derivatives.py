@@ -32,7 +32,7 @@ from fmopt.certificate.segment_linearisation import Linearisation, Piece, Tolera
 from fmopt.planning.moves.moves import claims_of_moves
 from fmopt.spatial import ellipsoid
 from fmopt.spatial.se3 import Pose, exp, left_jacobian
-from fmopt.spatial.values import Array
+from fmopt.spatial.values import Array, remembered
 
 _STANDSTILL = 1e-12  # m
 _RANK = 1e-9  # of the largest singular value, what counts as none
@@ -73,9 +73,10 @@ class Sensitivity:
         return np.asarray((self.rates[0] * t + self.rates[1] * r) @ self.longer)
 
 
+@remembered(1)  # rows of the same sequence ask twice: those of the certificate, then those of holds
 def sensitivities(
-    assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance, drifting: bool = False
-) -> list[Sensitivity]:
+    assembly: Assembly, claims: tuple[Claim, ...], tolerance: Tolerance, drifting: bool = False
+) -> tuple[Sensitivity, ...]:
     """How generators change along a sequence of moves, piece by piece.
 
     Args:
@@ -110,7 +111,7 @@ def sensitivities(
             longer = np.vstack([longer, _longer(begun, piece.goal, number, n, tolerance.rho)])
         if piece.last and piece.made is not None:
             turned[claim.advance.basis[-1].direction.tobytes()] = moved.direction(ellipsoid.metric(tolerance.rho))
-    return found
+    return tuple(found)
 
 
 def _longer(start: Pose, goal: Pose, number: int, n: int, rho: float) -> Array:
@@ -127,7 +128,7 @@ def carried_on(ends: Ends) -> Array:
     return ends.start_set.generators if ends.core is None else ends.core
 
 
-def pose_derivatives(assembly: Assembly, claims: Sequence[Claim], tolerance: Tolerance) -> list[tuple[Array, Array]]:
+def pose_derivatives(assembly: Assembly, claims: tuple[Claim, ...], tolerance: Tolerance) -> list[tuple[Array, Array]]:
     """The derivatives (6, n) of the start and of the goal of each piece, m and rad.
 
     They are with respect to displacements (d, δ) of all poses that moves start from or go to, n = 6 (moves + 1), inside
