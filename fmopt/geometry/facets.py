@@ -1,11 +1,16 @@
-"""Triangles to polygons: coplanar neighbours are merged and their common outline is traced into loops."""
+"""Triangles to polygons: coplanar neighbours are merged and their common outline is traced into loops.
+
+How far facets may lie from the curved surface that they stand for, read off how they meet.
+"""
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +18,13 @@ from numpy.typing import NDArray
 from fmopt.errors import GeometryError
 from fmopt.spatial.values import Array
 
+if TYPE_CHECKING:
+    from fmopt.geometry.polyhedron import Face, Polyhedron
+
 MAX_FACES = 2_000  # what is planned with them takes a time that grows by their square, at least
 _MOST_PAIRS = 2_000_000  # of vertices near each other: more than any honest mesh has
 _FOLD = 100.0  # slivers up to this many tolerances high may lie folded back in their face's plane
+_SMOOTH = math.radians(30.5)  # facets that meet at less than this may stand for one curved surface: 12 to a circle
 
 Indices = NDArray[np.int64]
 Loop = tuple[int, ...]
@@ -334,3 +343,23 @@ def _straightened(
 def _area(vertices: Array, loop: Loop, axis: Array) -> float:
     arms = vertices[list(loop)] - vertices[loop[0]]
     return float(np.sum(np.cross(arms[:-1], arms[1:]) @ axis))
+
+
+def chords(body: Polyhedron) -> Iterator[tuple[tuple[int, int], tuple[float, float]]]:
+    """The pairs of faces that may stand for one curved surface, with the sagitta (m) of the arc of each of the two.
+
+    Facets of width c that turn by φ from one to the next are chords of an arc with the sagitta c/2 · tan(φ/4).
+    """
+    for edge in body.edges:
+        one, other = (body.faces[number] for number in edge.faces)
+        turn = math.atan2(float(np.linalg.norm(np.cross(one.normal, other.normal))), float(one.normal @ other.normal))
+        if turn <= _SMOOTH:
+            start, end = body.vertices[list(edge.vertices)]
+            along = (end - start) / np.linalg.norm(end - start)
+            first, second = (0.5 * _width(body, face, along) * math.tan(0.25 * turn) for face in (one, other))
+            yield edge.faces, (first, second)
+
+
+def _width(body: Polyhedron, face: Face, along: Array) -> float:
+    """Extent of a face across a direction in its plane, m."""
+    return float(np.ptp(body.vertices[list(face.vertices)] @ np.cross(face.normal, along)))

@@ -7,8 +7,6 @@ side of that section, both by `fmopt.geometry.centre`, so that a peg and a hole 
 its symmetry; of a round section x is along the model's where that lies across.
 
 Named mating features of a part: solid ones (pegs) and hollow ones (holes), each with a frame on its centre line.
-
-How far a mesh may lie from the curved surface that it stands for, read off its strips of narrow facets.
 """
 
 from __future__ import annotations
@@ -23,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.facets import Loop
+from fmopt.geometry.facets import Loop, chords
 from fmopt.geometry.polyhedron import Face, Polyhedron, plane_basis
 from fmopt.geometry.section import section_limit
 from fmopt.spatial.se3 import Pose
@@ -49,7 +47,6 @@ DESCRIBE = (
 )
 
 _NARROW = 2e-3  # of the diameter: facets of curved surfaces are off them by less
-_SMOOTH = math.radians(30.5)  # facets that meet at less than this may stand for one curved surface: 12 to a circle
 
 
 @dataclass(frozen=True)
@@ -81,7 +78,7 @@ def found_features(body: Polyhedron, pieces: Sequence[Polyhedron]) -> tuple[Feat
     """
     found = _without_steps(_without_far_mouths([*_around_inner_loops(body, pieces)]), _SAME * body.diameter)
     tips = [one.frame.p for one in found if one.kind == "solid"]
-    for peg in _pegs(body, pieces):
+    for peg in _slenderest(_ends(body, pieces)):
         known = any(np.linalg.norm(peg.frame.p - tip) <= _SAME * body.diameter for tip in tips)
         if not found or (not known and peg.length >= _SLENDER * np.sqrt(peg.area)):
             found.append(peg)
@@ -161,8 +158,31 @@ def _boss(pieces: Sequence[Polyhedron], face: Face, rim: Array) -> _Found | None
     return _Found("solid", _frame(ring, tip, -face.normal), height, False, ring.area, size)
 
 
-def _pegs(body: Polyhedron, pieces: Sequence[Polyhedron]) -> list[_Found]:
-    """The part as a peg: none, or one by its longest axis and better end."""
+def other_ends(body: Polyhedron, pieces: Sequence[Polyhedron], feature: Feature) -> list[Pose]:
+    """The frames of a found feature by its other end, where that leads as well: of a prism, of a hole with like mouths.
+
+    Args:
+        body, pieces: of its part, as for `found_features`.
+        feature: as it was found.
+    """
+    found = _ends(body, pieces) if feature.kind == "solid" else [*_around_inner_loops(body, pieces)]
+    z, beside = feature.frame.R[:, 2], _SAME * body.diameter
+    own = [f for f in found if np.linalg.norm(f.frame.p - feature.frame.p) <= beside and f.frame.R[:, 2] @ z > 0.0][:1]
+    return [
+        other.frame
+        for one in own
+        for other in found
+        if other.frame.R[:, 2] @ z < -1.0 + 1e-9 and set(other.rim) == set(one.far)
+        if all(len(set(_levels(sizes).values())) == 1 for sizes in zip(_sizes(one), _sizes(other), strict=True))
+    ]
+
+
+def _sizes(found: _Found) -> tuple[float, float]:
+    return found.length, found.mouth
+
+
+def _ends(body: Polyhedron, pieces: Sequence[Polyhedron]) -> list[_Found]:
+    """The ends that the part could lead with as a peg."""
     reach = _SAME * body.diameter
     ends = []
     strips = _strips(body)
@@ -183,7 +203,7 @@ def _pegs(body: Polyhedron, pieces: Sequence[Polyhedron]) -> list[_Found]:
         if ring is not None:
             frame = _frame(ring, tip, -face.normal)
             ends.append(_Found("solid", frame, length, False, ring.area, ring.area))
-    return [_slenderest(ends)] if ends else []
+    return ends
 
 
 def _around(body: Polyhedron, end: Face, shoulders: NDArray[np.bool_], reach: float) -> NDArray[np.bool_]:
@@ -201,28 +221,32 @@ def _around(body: Polyhedron, end: Face, shoulders: NDArray[np.bool_], reach: fl
 def _strips(body: Polyhedron) -> set[int]:
     """The faces that are facets of a curved surface, such as a fillet: they turn little from two neighbours, and are
     narrow for it."""
+    narrow = _NARROW * body.diameter
     found = Counter(
         number
         for faces, sagittas in chords(body)
         for number, sagitta in zip(faces, sagittas, strict=True)
-        if sagitta <= _NARROW * body.diameter
+        if sagitta <= narrow
     )
     return {number for number, count in found.items() if count > 1}
 
 
-def _slenderest(ends: Sequence[_Found]) -> _Found:
-    """The end of the longest peg for its width; of equal ends of one axis the one that points down in the model."""
+def _slenderest(ends: Sequence[_Found]) -> list[_Found]:
+    """The end of the longest peg for its width, if any; of equal ends of one axis that which points down in the model.
+
+    Raises:
+        GeometryError: ends of several axes are equal.
+    """
 
     def slender(end: _Found) -> float:
         return end.length / float(np.sqrt(end.area))
 
-    best = max(map(slender, ends))
+    best = max(map(slender, ends), default=0.0)
     near = [end for end in ends if slender(end) > 0.99 * best]
-    axes = np.array([end.frame.R[:, 2] for end in near])
-    if np.abs(axes @ axes[0]).min() < 1.0 - 1e-9:
+    if any(abs(end.frame.R[:, 2] @ near[0].frame.R[:, 2]) < 1.0 - 1e-9 for end in near):
         message = "it is as much a peg along one axis as along another"
         raise GeometryError(message, DESCRIBE)
-    return max(near, key=lambda end: _upward(end.frame.R[:, 2]))
+    return [max(near, key=lambda end: _upward(end.frame.R[:, 2]))] if near else []
 
 
 def _without_far_mouths(found: Sequence[_Found]) -> list[_Found]:
@@ -374,23 +398,3 @@ class Feature(Value):
 def in_frame(feature: Feature, pose: Pose) -> Feature:
     """The feature with its frame expressed in the frame `pose`, itself given in the feature's model frame."""
     return replace(feature, frame=pose.inverse().compose(feature.frame))
-
-
-def chords(body: Polyhedron) -> Iterator[tuple[tuple[int, int], tuple[float, float]]]:
-    """The pairs of faces that may stand for one curved surface, with the sagitta (m) of the arc of each of the two.
-
-    Facets of width c that turn by φ from one to the next are chords of an arc with the sagitta c/2 · tan(φ/4).
-    """
-    for edge in body.edges:
-        one, other = (body.faces[number] for number in edge.faces)
-        turn = math.atan2(float(np.linalg.norm(np.cross(one.normal, other.normal))), float(one.normal @ other.normal))
-        if turn <= _SMOOTH:
-            start, end = body.vertices[list(edge.vertices)]
-            along = (end - start) / np.linalg.norm(end - start)
-            first, second = (0.5 * _width(body, face, along) * math.tan(0.25 * turn) for face in (one, other))
-            yield edge.faces, (first, second)
-
-
-def _width(body: Polyhedron, face: Face, along: Array) -> float:
-    """Extent of a face across a direction in its plane, m."""
-    return float(np.ptp(body.vertices[list(face.vertices)] @ np.cross(face.normal, along)))

@@ -1,4 +1,4 @@
-"""How a peg fits a hole whose frames do not agree about the axis: the turn that leaves the most room, other centres.
+"""How a peg fits a hole whose frames do not agree about the axis: the turn with the most room, other centres and ends.
 
 A peg turned so that one of its sides is parallel to a wall of the hole may fit; those turns are tried, and none at all.
 """
@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fmopt.errors import GeometryError
 from fmopt.geometry.clearance import mating_clearance
-from fmopt.geometry.mating_features import Feature, section_ring
+from fmopt.geometry.mating_features import Feature, other_ends, section_ring
 from fmopt.geometry.part import Part, rebased
 from fmopt.geometry.polyhedron import Polyhedron, plane_basis
 from fmopt.spatial.se3 import Pose, exp
@@ -126,6 +126,18 @@ def other_frames(pieces: Sequence[Polyhedron], feature: Feature) -> Iterator[Pos
         for point in centres(np.array(orient(ring).exterior.coords)[:-1]):
             if float(np.linalg.norm(point)) > _ONE * feature.length:
                 yield Pose(frame.p + basis @ point, frame.R)
+
+
+def frames_from_beyond(part: Part, feature: Feature) -> Iterator[Pose]:
+    """The frames of a found feature that leads by its other end, about all points that may be taken for its centre.
+
+    Args:
+        part: in the frame of its model.
+        feature: of the part, as it was found.
+    """
+    for frame in other_ends(part.polyhedron, part.pieces, feature):
+        yield frame
+        yield from other_frames(part.pieces, replace(feature, frame=frame))
 
 
 def require_near(fit: Fit, peg: str, hole: str) -> None:

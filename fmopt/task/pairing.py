@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from itertools import islice, product
+from itertools import chain, islice, product
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -63,7 +63,9 @@ def paired(
     """The problem file with features and turn as they were found where it does not state them, and what was found.
 
     The models and parts are those that it was found on: a peg and its hole are found each on its own, and where none
-    fits another about the centre of its section, others are tried. In an L the gap may decide which point that is.
+    fits another about the centre of its section, others are tried, and then the other end of a prism or of a hole
+    that is alike from both sides: an L goes into its hole by one end only. In an L the gap may decide which point the
+    centre is.
 
     Args:
         source: the problem file.
@@ -112,29 +114,38 @@ def paired(
 def _recentred(
     models: Mapping[str, Model], parts: Mapping[str, Part], names: Mapping[Side, str]
 ) -> Iterator[tuple[dict[str, Model], dict[str, Part]]]:
-    """The models and their parts with found features about other centres of their sections."""
-    choices = [[models[side], *_about_others(models[side], parts[side], names[side])] for side in SIDES]
-    for both in islice(product(*choices), 1, None):  # the first are the models as they are
+    """The models and their parts with found features about other centres of their sections, then by other ends."""
+    from fmopt.geometry.mating_fit import frames_from_beyond, other_frames
+
+    features = {side: parts[side].feature(names[side]) for side in SIDES}
+    moving, fixed = (
+        [models[side], *_with_frames(models[side], names[side], other_frames(parts[side].pieces, features[side]))]
+        for side in SIDES
+    )
+    turned, upside_down = (
+        [*_with_frames(models[side], names[side], frames_from_beyond(parts[side], features[side]))] for side in SIDES
+    )
+    recentred = islice(product(moving, fixed), 1, None)  # the first are the models as they are
+    for both in chain(recentred, product(turned, fixed), product(moving, upside_down)):
         tried: dict[str, Model] = dict(zip(SIDES, both, strict=True))
         yield tried, {side: _with_frame(parts[side], tried[side], names[side]) for side in SIDES}
 
 
-def _about_others(model: Model, part: Part, name: str) -> Iterator[Model]:
-    """A model with a feature about other centres of its section, if its place was found."""
-    from fmopt.geometry.mating_fit import other_frames
-
+def _with_frames(model: Model, name: str, frames: Iterator[Pose]) -> Iterator[Model]:
+    """A model with a feature in other frames, if its place was found."""
     table = model.file.features[name]
     if model.is_found(name) and "at" not in model.source.data.get("features", {}).get(name, {}):
-        for frame in other_frames(part.pieces, part.feature(name)):
-            at = (float(frame.p[0]), float(frame.p[1]), float(frame.p[2]))
-            features = {**model.file.features, name: table.model_copy(update={"at": at})}
+        for frame in frames:
+            x, y, z, *turn = frame.vector().tolist()
+            features = {**model.file.features, name: table.model_copy(update={"at": (x, y, z), "turn": tuple(turn)})}
             yield replace(model, file=model.file.model_copy(update={"features": features}))
 
 
 def _with_frame(part: Part, model: Model, name: str) -> Part:
     """A part with a feature where its model has it."""
-    at = model.file.features[name].at or (0.0, 0.0, 0.0)
-    moved = [replace(f, frame=Pose(np.array(at), f.frame.R)) if f.name == name else f for f in part.features]
+    table = model.file.features[name]
+    frame = Pose.from_vector([*(table.at or (0.0, 0.0, 0.0)), *table.turn])
+    moved = [replace(f, frame=frame) if f.name == name else f for f in part.features]
     return replace(part, features=tuple(moved))
 
 

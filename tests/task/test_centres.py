@@ -11,8 +11,9 @@ import pytest
 
 from fmopt.geometry.centre import centre
 from fmopt.planning.posed import Posed
+from fmopt.spatial.se3 import exp
 from fmopt.task.problem import load
-from tests.shared.parts.families import Pair, pair, write_stl, write_toml
+from tests.shared.parts.families import Pair, meshes, pair, stl_bytes, write_stl, write_toml
 
 
 def disagreeing(count: int) -> list[Pair]:
@@ -32,3 +33,35 @@ def test_a_peg_finds_its_hole_where_their_centres_do_not_agree(write: Callable[.
     for one in found:
         problem = load(write(one, tmp_path / one.name, (0.01, 0.1)))
         assert 1e3 * Posed.of(problem).clearance.per_side == pytest.approx(one.clearance, abs=1e-3)
+
+
+@pytest.mark.parametrize("family", ["triangle", "L"])
+@pytest.mark.parametrize("seed", range(3))
+def test_the_end_that_goes_in_leads_however_the_peg_lies_in_its_file(family: str, seed: int, tmp_path: Path) -> None:
+    one, ways = (
+        pair(family, seed),
+        (([np.pi, 0.0, 0.0]), ([0.0, np.pi, 0.0]), ([np.pi / 2, 0.0, 0.0]), ([0.0, 1.0, 0.0])),
+    )
+    file = write_stl(one, tmp_path, (0.01, 0.1))
+    (points, triangles), _ = meshes(one)
+    for way in ways:
+        (tmp_path / "peg.stl").write_bytes(stl_bytes(points @ exp(np.array(way)).T, triangles))
+        assert 1e3 * Posed.of(load(file)).clearance.per_side == pytest.approx(one.clearance, abs=1e-3), way
+
+
+def test_a_hole_alike_from_both_sides_is_entered_where_a_stated_peg_fits(tmp_path: Path) -> None:
+    one = next(one for one in (pair("triangle", seed) for seed in range(100)) if one.through)
+    file = write_stl(one, tmp_path, (0.01, 0.1))
+    found = load(file).mated[0]
+    assert found is not None
+    assert found.frame is not None
+    at, turn = (
+        ", ".join(map(repr, part))
+        for part in (np.multiply(found.frame[:3], 1e3).tolist(), np.degrees(found.frame[3:]).tolist())
+    )
+    stated = f'\n[features.peg]\nkind = "solid"\nat = [{at}]\nturn = [{turn}]\nlength = {one.peg[-1].at}\n'
+    (tmp_path / "peg.toml").write_text((tmp_path / "peg.toml").read_text() + stated)
+    _, (points, triangles) = meshes(one)
+    for way in ([0.0, 0.0, 0.0], [np.pi, 0.0, 0.0], [0.0, np.pi, 0.0]):
+        (tmp_path / "block.stl").write_bytes(stl_bytes(points @ exp(np.array(way)).T, triangles))
+        assert 1e3 * Posed.of(load(file)).clearance.per_side == pytest.approx(one.clearance, abs=1e-3), way

@@ -13,8 +13,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from fmopt.geometry.facets import Loop
-from fmopt.geometry.mating_features import chords
+from fmopt.geometry.facets import Loop, chords
 from fmopt.geometry.polyhedron import Polyhedron
 from fmopt.spatial.values import Array
 
