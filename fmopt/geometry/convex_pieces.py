@@ -199,6 +199,8 @@ def _minus(stock: tuple[Polyhedron, ...], tool: Solid, pose: Pose) -> tuple[Poly
     match tool:
         case Box() | Cylinder() | Cone() | Sphere() | Prism() | Wedge() | Hull():
             body = convex_polyhedron(tool, pose)
+            if len(stock) == 1:
+                return tuple(_slabs(stock[0], body))  # each alone has what is right outside its own face of the tool
             whole = (union_manifold(stock) - convex_manifold(body)).volume()
             return _irredundant([slab for piece in stock for slab in _slabs(piece, body)], whole)
         case Placed(inner, move):
