@@ -22,6 +22,7 @@ from fmopt.geometry.facets import place
 from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import Polyhedron, diameter, placed, plane_basis
 from fmopt.geometry.section import section_limit
+from fmopt.runtime.compiled import heed
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value, frozen
 
@@ -146,9 +147,7 @@ def mating_clearance(moving: Part, fixed: Part, depth: float) -> Clearance:
     Raises:
         GeometryError: peg or hole has no material at those depths.
     """
-    pegs = _slices(moving, 0.0, depth)
-    holes = _slices(fixed, -depth, 0.0)
-    pairs = [(peg, hole) for peg in pegs for hole in holes if _meet(peg, hole, depth)]
+    pairs = _facing(moving, fixed, depth)
     gaps = [_gap(peg.shape, hole.shape) for peg, hole in pairs]
     peg, hole = pairs[int(np.argmin(gaps))]
     gap = min(gaps)
@@ -164,6 +163,34 @@ def mating_clearance(moving: Part, fixed: Part, depth: float) -> Clearance:
         _face_at(fixed.polyhedron, np.append(at_hole, hole.height), np.append(-across, 0.0)),
         0.5 * diameter(_corners(peg.shape)),
     )
+
+
+def turned_room(moving: Part, fixed: Part, depth: float, turns: Sequence[float]) -> list[tuple[float, float]]:
+    """Clearance per side, m, of a peg turned about the axis of its hole, and half its diagonal, m, for each turn.
+
+    Args:
+        moving, fixed, depth: as for `mating_clearance`.
+        turns: rad.
+
+    Raises:
+        GeometryError: peg or hole has no material at those depths.
+    """
+    from shapely.affinity import rotate
+
+    pairs = _facing(moving, fixed, depth)
+    diagonals = [0.5 * diameter(_corners(peg.shape)) for peg, _ in pairs]
+    found = []
+    for turn in turns:
+        heed()
+        gaps = [_gap(rotate(peg.shape, turn, (0.0, 0.0), use_radians=True), hole.shape) for peg, hole in pairs]
+        found.append((min(gaps), diagonals[int(np.argmin(gaps))]))
+    return found
+
+
+def _facing(moving: Part, fixed: Part, depth: float) -> list[tuple[_Slice, _Slice]]:
+    """Sections of the peg with those of the hole that they pass."""
+    pegs, holes = _slices(moving, 0.0, depth), _slices(fixed, -depth, 0.0)
+    return [(peg, hole) for peg in pegs for hole in holes if _meet(peg, hole, depth)]
 
 
 def interference(moving: Part, fixed: Part, pose: Pose) -> Interference:

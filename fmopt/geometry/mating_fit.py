@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.clearance import mating_clearance
+from fmopt.geometry.clearance import turned_room
 from fmopt.geometry.mating_features import Feature, other_ends, section_ring
-from fmopt.geometry.part import Part, rebased
+from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import Polyhedron, plane_basis
-from fmopt.spatial.se3 import Pose, exp
+from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
 
 _LARGEST = 3  # sides of the peg that are held against the walls
@@ -51,16 +51,11 @@ def best_fit(peg: Part, hole: Part, depth: float, turning: bool = True) -> Fit:
     Raises:
         GeometryError: peg or hole has no material at those depths.
     """
-    fits = [_fit(peg, hole, depth, turn) for turn in (_turns(peg, hole, depth) if turning else (0.0,))]
+    turns = [*_turns(peg, hole, depth)] if turning else [0.0]
+    fits = [Fit(turn, *room) for turn, room in zip(turns, turned_room(peg, hole, depth, turns), strict=True)]
     best = max(fit.gap for fit in fits)
     alike = [fit for fit in fits if fit.gap >= best - max(1e-9, _AS_GOOD * abs(best))]
     return min(alike, key=lambda fit: (abs(fit.turn), -fit.turn))
-
-
-def _fit(peg: Part, hole: Part, depth: float, turn: float) -> Fit:
-    turned = rebased(peg, Pose(np.zeros(3), exp([0.0, 0.0, -turn]))) if turn else peg
-    found = mating_clearance(turned, hole, depth)
-    return Fit(turn, found.per_side, found.half_diagonal)
 
 
 def _turns(peg: Part, hole: Part, depth: float) -> Iterator[float]:
