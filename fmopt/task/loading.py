@@ -249,11 +249,11 @@ def _problem(said: Source, source: Source, file: files.ProblemFile, models: Mapp
     if any(_table(file, side).feature is None or model.is_found(_named(file, side)) for side, model in models.items()):
         from fmopt.task.pairing import paired
 
-        file, mated, models, built = paired(source, file, models, built)
-        if faults := list(_pair_faults(source, file, models)):
+        file, mated, found = paired(source, file, models, built)
+        if faults := list(_pair_faults(source, file, found)):
             raise InputError(*faults)
-        if (longer := reaching(models, {side: _named(file, side) for side in models})) != models:
-            models, built = longer, _both(lambda _, model: _noted(model), longer)
+        if (found := reaching(found, {side: _named(file, side) for side in found})) != models:
+            models, built = found, _both(lambda _, model: _noted(model), found)  # notes and gaps depend on frames
     exchanged = _is_exchanged(file, models)
     peg, hole = ("fixed", "moving") if exchanged else ("moving", "fixed")
     refuse_reaching(source, parts := _parts(file, built))

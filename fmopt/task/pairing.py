@@ -59,13 +59,12 @@ class _Pair:
 
 def paired(
     source: Source, file: ProblemFile, models: Mapping[str, Model], parts: dict[str, Part]
-) -> tuple[ProblemFile, Mapping[str, Mated], Mapping[str, Model], dict[str, Part]]:
+) -> tuple[ProblemFile, Mapping[str, Mated], Mapping[str, Model]]:
     """The problem file with features and turn as they were found where it does not state them, and what was found.
 
-    The models and parts are those that it was found on: a peg and its hole are found each on its own, and where none
-    fits another about the centre of its section, others are tried, and then the other end of a prism or of a hole
-    that is alike from both sides: an L goes into its hole by one end only. In an L the gap may decide which point the
-    centre is.
+    The models are those that it was found on: a peg and its hole are found each on its own, and where none fits another
+    about the centre of its section, others are tried, and then the other end of a prism or of a hole that is alike from
+    both sides: an L goes into its hole by one end only. In an L the gap may decide which point the centre is.
 
     Args:
         source: the problem file.
@@ -79,11 +78,11 @@ def paired(
     stated: dict[Side, str | None] = {side: _operand(file, side).feature for side in SIDES}
     missing = [side for side in SIDES if stated[side] is not None and stated[side] not in models[side].file.features]
     if missing:
-        return file, {}, models, parts
+        return file, {}, models
     turning = "turn" not in file.goal.model_fields_set and is_found(models, stated)
     pairs = list(_pairs(source, file, parts, stated, turning))
     if not pairs:
-        return file, {}, models, parts
+        return file, {}, models
     closest = max(pairs, key=lambda pair: pair.fit.gap)
     if closest.fit.gap <= 0.0:
         for tried, moved in _recentred(models, parts, closest.names):
@@ -108,7 +107,7 @@ def paired(
         for side in SIDES
         if stated[side] is None or models[side].is_found(best.names[side])
     }
-    return file.model_copy(update={**operands, "goal": goal}), found, models, parts
+    return file.model_copy(update={**operands, "goal": goal}), found, models
 
 
 def _recentred(
