@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from itertools import chain, islice, product
+from itertools import islice, product
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -114,6 +114,14 @@ def _recentred(
     models: Mapping[str, Model], parts: Mapping[str, Part], names: Mapping[Side, str]
 ) -> Iterator[tuple[dict[str, Model], dict[str, Part]]]:
     """The models and their parts with found features about other centres of their sections, then by other ends."""
+    for both in _about_others(models, parts, names):
+        tried: dict[str, Model] = dict(zip(SIDES, both, strict=True))
+        yield tried, {side: _with_frame(parts[side], tried[side], names[side]) for side in SIDES}
+
+
+def _about_others(
+    models: Mapping[str, Model], parts: Mapping[str, Part], names: Mapping[Side, str]
+) -> Iterator[tuple[Model, Model]]:
     from fmopt.geometry.mating_fit import frames_from_beyond, other_frames
 
     features = {side: parts[side].feature(names[side]) for side in SIDES}
@@ -121,13 +129,13 @@ def _recentred(
         [models[side], *_with_frames(models[side], names[side], other_frames(parts[side].pieces, features[side]))]
         for side in SIDES
     )
+    yield from islice(product(moving, fixed), 1, None)  # the first are the models as they are
+    # Other ends take a look at all faces of a part: only once no centre was the right one.
     turned, upside_down = (
         [*_with_frames(models[side], names[side], frames_from_beyond(parts[side], features[side]))] for side in SIDES
     )
-    recentred = islice(product(moving, fixed), 1, None)  # the first are the models as they are
-    for both in chain(recentred, product(turned, fixed), product(moving, upside_down)):
-        tried: dict[str, Model] = dict(zip(SIDES, both, strict=True))
-        yield tried, {side: _with_frame(parts[side], tried[side], names[side]) for side in SIDES}
+    yield from product(turned, fixed)
+    yield from product(moving, upside_down)
 
 
 def _with_frames(model: Model, name: str, frames: Iterator[Pose]) -> Iterator[Model]:
