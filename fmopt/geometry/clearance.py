@@ -22,7 +22,6 @@ from fmopt.geometry.facets import place
 from fmopt.geometry.part import Part
 from fmopt.geometry.polyhedron import Polyhedron, diameter, placed, plane_basis
 from fmopt.geometry.section import section_limit
-from fmopt.runtime.compiled import heed
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array, Value, frozen
 
@@ -127,7 +126,9 @@ class Interference:
 
 
 @dataclass(frozen=True)
-class _Slice:
+class Slice:
+    """A section of a part, just above its height, m, where `side` is 1, else just below."""
+
     height: float
     side: int
     shape: MultiPolygon
@@ -147,16 +148,16 @@ def mating_clearance(moving: Part, fixed: Part, depth: float) -> Clearance:
     Raises:
         GeometryError: peg or hole has no material at those depths.
     """
-    pairs = _facing(moving, fixed, depth)
-    gaps = [_gap(peg.shape, hole.shape) for peg, hole in pairs]
+    pairs = facing(moving, fixed, depth)
+    gaps = [gap(peg.shape, hole.shape) for peg, hole in pairs]
     peg, hole = pairs[int(np.argmin(gaps))]
-    gap = min(gaps)
+    least = min(gaps)
     travel = np.array([_travel(one.shape, two.shape) for one, two in pairs]).min(axis=0)
-    play = (0.0, 0.0) if gap <= 0.0 else (float(travel[0] + travel[1]), float(travel[2] + travel[3]))
-    at_peg, at_hole = _closest(peg.shape, hole.shape, gap)
+    play = (0.0, 0.0) if least <= 0.0 else (float(travel[0] + travel[1]), float(travel[2] + travel[3]))
+    at_peg, at_hole = _closest(peg.shape, hole.shape, least)
     across = at_hole - at_peg
     return Clearance(
-        gap,
+        least,
         play,
         np.append(0.5 * (at_peg + at_hole), hole.height),
         _face_at(moving.polyhedron, np.append(at_peg, peg.height), np.append(across, 0.0)),
@@ -165,30 +166,15 @@ def mating_clearance(moving: Part, fixed: Part, depth: float) -> Clearance:
     )
 
 
-def turned_room(moving: Part, fixed: Part, depth: float, turns: Sequence[float]) -> list[tuple[float, float]]:
-    """Clearance per side, m, of a peg turned about the axis of its hole, and half its diagonal, m, for each turn.
+def facing(moving: Part, fixed: Part, depth: float) -> list[tuple[Slice, Slice]]:
+    """Sections of the peg with those of the hole that they pass.
 
     Args:
         moving, fixed, depth: as for `mating_clearance`.
-        turns: rad.
 
     Raises:
         GeometryError: peg or hole has no material at those depths.
     """
-    from shapely.affinity import rotate
-
-    pairs = _facing(moving, fixed, depth)
-    diagonals = [0.5 * diameter(_corners(peg.shape)) for peg, _ in pairs]
-    found = []
-    for turn in turns:
-        heed()
-        gaps = [_gap(rotate(peg.shape, turn, (0.0, 0.0), use_radians=True), hole.shape) for peg, hole in pairs]
-        found.append((min(gaps), diagonals[int(np.argmin(gaps))]))
-    return found
-
-
-def _facing(moving: Part, fixed: Part, depth: float) -> list[tuple[_Slice, _Slice]]:
-    """Sections of the peg with those of the hole that they pass."""
     pegs, holes = _slices(moving, 0.0, depth), _slices(fixed, -depth, 0.0)
     return [(peg, hole) for peg in pegs for hole in holes if _meet(peg, hole, depth)]
 
@@ -273,7 +259,7 @@ def past_shoulders(peg: Part, hole: Part, length: float, depth: float) -> float:
     return length
 
 
-def _slices(part: Part, low: float, high: float) -> list[_Slice]:
+def _slices(part: Part, low: float, high: float) -> list[Slice]:
     """Sections of the part between two heights: limits at both ends and the middle of each stretch without vertices."""
     heights = np.unique(np.clip([low, high, *(z for body in part.bodies for z in body.vertices[:, 2])], low, high))
     heights = heights[np.append(True, np.diff(heights) > 1e-9)]
@@ -283,7 +269,7 @@ def _slices(part: Part, low: float, high: float) -> list[_Slice]:
             level = Pose(np.array([0.0, 0.0, height]), np.eye(3))
             shape = section_limit(part.bodies, level, 1 if side > 0 else -1)
             if not shape.is_empty:
-                made.append(_Slice(float(height), side, shape))
+                made.append(Slice(float(height), side, shape))
     if not made:
         raise GeometryError(
             f"part {part.name!r} has no material between z = {1e3 * low:g} and {1e3 * high:g} mm of its mating frame",
@@ -292,28 +278,39 @@ def _slices(part: Part, low: float, high: float) -> list[_Slice]:
     return made
 
 
-def _meet(peg: _Slice, hole: _Slice, depth: float) -> bool:
+def _meet(peg: Slice, hole: Slice, depth: float) -> bool:
     """Whether the peg's section passes the hole's section on the way to `depth`."""
     ahead = hole.height - (peg.height - depth)
     return ahead > _TOUCH or (abs(ahead) <= _TOUCH and not peg.side > hole.side)
 
 
-def _gap(peg: MultiPolygon, hole: MultiPolygon) -> float:
-    """Distance between two sections; for overlapping ones minus the offset by which the peg's has to shrink."""
+def gap(peg: MultiPolygon, hole: MultiPolygon) -> float:
+    """Distance between two sections, m; for overlapping ones minus the offset by which the peg's has to shrink.
+
+    Args:
+        peg, hole: in one plane.
+    """
     if (apart := float(peg.distance(hole))) > 0.0:
         return apart
-
-    def overlaps(offset: float) -> bool:
-        shrunk = peg.buffer(-offset, join_style="mitre", mitre_limit=1e3) if offset > 0.0 else peg
-        return bool(shrunk.intersection(hole).area > 1e-6 * _TOUCH)
-
     low, high = 0.0, 0.5 * diameter(_corners(peg))
-    if not overlaps(low):
+    if not overlap_shrunk(peg, hole, low):
         return 0.0
     while high - low > 1e-3 * _TOUCH:
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if overlaps(middle) else (low, middle)
+        low, high = (middle, high) if overlap_shrunk(peg, hole, middle) else (low, middle)
     return -high
+
+
+def overlap_shrunk(peg: MultiPolygon, hole: MultiPolygon, offset: float) -> bool:
+    """Whether two sections overlap still when the peg's has shrunk by an offset.
+
+    Args:
+        peg, hole: in one plane.
+        offset: m, not negative.
+    """
+    with np.errstate(invalid="ignore"):  # GEOS raises the flag where a mitre has no corner
+        shrunk = peg.buffer(-offset, join_style="mitre", mitre_limit=1e3) if offset > 0.0 else peg
+    return bool(shrunk.intersection(hole).area > 1e-6 * _TOUCH)
 
 
 def _travel(peg: MultiPolygon, hole: MultiPolygon) -> tuple[float, float, float, float]:

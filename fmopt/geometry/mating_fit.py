@@ -8,22 +8,28 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fmopt.errors import GeometryError
-from fmopt.geometry.clearance import turned_room
+from fmopt.geometry.clearance import Slice, facing, gap, overlap_shrunk
 from fmopt.geometry.mating_features import Feature, other_ends, section_ring
 from fmopt.geometry.part import Part
-from fmopt.geometry.polyhedron import Polyhedron, plane_basis
+from fmopt.geometry.polyhedron import Polyhedron, diameter, plane_basis
+from fmopt.runtime.compiled import heed
 from fmopt.spatial.se3 import Pose
 from fmopt.spatial.values import Array
+
+if TYPE_CHECKING:
+    from shapely import MultiPolygon
 
 _LARGEST = 3  # sides of the peg that are held against the walls
 _WALLS = 64  # of the hole, the largest ones
 _SAME = 1e-7  # rad: turns closer than this are one
 _ONE = 1e-9  # of its length: centres of a feature that are closer are one
 _AS_GOOD = 0.02  # of the clearance: turns that leave so little less are as good
+_NEAR = 1e-9  # m: likewise, however small the clearance
 _STEEP = 0.9  # upward part of a normal above which a face is no wall
 
 
@@ -31,7 +37,7 @@ _STEEP = 0.9  # upward part of a normal above which a face is no wall
 class Fit:
     """How a peg fits: turned by `turn` (rad) about the axis against the hole's frame it has `gap` (m) on each side.
 
-    Negative gaps are by how much its section would have to shrink.
+    Negative gaps are by how much its section would have to shrink, and its half diagonal is ∞ then.
     """
 
     turn: float
@@ -51,11 +57,64 @@ def best_fit(peg: Part, hole: Part, depth: float, turning: bool = True) -> Fit:
     Raises:
         GeometryError: peg or hole has no material at those depths.
     """
+    pairs = facing(peg, hole, depth)
     turns = [*_turns(peg, hole, depth)] if turning else [0.0]
-    fits = [Fit(turn, *room) for turn, room in zip(turns, turned_room(peg, hole, depth, turns), strict=True)]
+    fits = [_apart(turn, pairs) for turn in turns]
     best = max(fit.gap for fit in fits)
-    alike = [fit for fit in fits if fit.gap >= best - max(1e-9, _AS_GOOD * abs(best))]
+    if best <= 0.0:  # how much too thick it is takes long to find
+        best, fits = -math.inf, []
+        for turn in turns:
+            fits.append(_overlapping(turn, pairs, _as_good(best)))
+            best = max(best, fits[-1].gap)
+    alike = [fit for fit in fits if fit.gap >= _as_good(best)]
     return min(alike, key=lambda fit: (abs(fit.turn), -fit.turn))
+
+
+def goes_in(peg: Part, hole: Part, depth: float, turning: bool = True) -> bool:
+    """Whether a peg has room in a hole at any turn about the axis.
+
+    Args:
+        peg, hole, depth, turning: as for `best_fit`.
+
+    Raises:
+        GeometryError: peg or hole has no material at those depths.
+    """
+    pairs = facing(peg, hole, depth)
+    return any(_apart(turn, pairs).gap > 0.0 for turn in (_turns(peg, hole, depth) if turning else (0.0,)))
+
+
+def _as_good(gap: float) -> float:
+    """The least gap that is as good, m."""
+    return gap - max(_NEAR, _AS_GOOD * abs(gap))
+
+
+def _apart(turn: float, pairs: Sequence[tuple[Slice, Slice]]) -> Fit:
+    """How a peg fits that is turned, its gap 0 where it does not."""
+    from shapely import get_coordinates
+
+    heed()
+    gaps = [float(_turned(peg, turn).distance(hole.shape)) for peg, hole in pairs]
+    peg, _ = pairs[int(np.argmin(gaps))]
+    return Fit(turn, min(gaps), 0.5 * diameter(np.asarray(get_coordinates(peg.shape))))
+
+
+def _overlapping(turn: float, pairs: Sequence[tuple[Slice, Slice]], least: float) -> Fit:
+    """How a peg does not fit that is turned; its gap is −∞ if it is less than `least`, m."""
+    heed()
+    found = Fit(turn, 0.0, math.inf)
+    for peg, hole in pairs:
+        shape = _turned(peg, turn)
+        if math.isfinite(least) and overlap_shrunk(shape, hole.shape, -least):
+            return Fit(turn, -math.inf, math.inf)
+        if overlap_shrunk(shape, hole.shape, -found.gap):
+            found = Fit(turn, gap(shape, hole.shape), math.inf)
+    return found
+
+
+def _turned(section: Slice, turn: float) -> MultiPolygon:
+    from shapely.affinity import rotate
+
+    return rotate(section.shape, turn, (0.0, 0.0), use_radians=True)
 
 
 def _turns(peg: Part, hole: Part, depth: float) -> Iterator[float]:

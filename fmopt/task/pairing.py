@@ -75,6 +75,8 @@ def paired(
     Raises:
         InputError: no two features can mate, or several pairs fit alike.
     """
+    from fmopt.geometry.mating_fit import goes_in
+
     stated: dict[Side, str | None] = {side: _operand(file, side).feature for side in SIDES}
     missing = [side for side in SIDES if stated[side] is not None and stated[side] not in models[side].file.features]
     if missing:
@@ -86,7 +88,8 @@ def paired(
     closest = max(pairs, key=lambda pair: pair.fit.gap)
     if closest.fit.gap <= 0.0:
         for tried, moved in _recentred(models, parts, closest.names):
-            if any(pair.fit.gap > 0.0 for pair in _pairs(source, file, moved, closest.names, turning)):
+            matings = _matings(source, file, moved, closest.names)
+            if any(goes_in(peg, hole, depth, turning) for _, peg, hole, depth in matings):
                 models, parts, pairs = tried, moved, list(_pairs(source, file, moved, stated, turning))
                 break
     seated = _seated(file, models)
@@ -184,12 +187,25 @@ def _operand(file: ProblemFile, side: Side) -> Any:
 def _pairs(
     source: Source, file: ProblemFile, parts: Mapping[str, Part], stated: Mapping[Side, str | None], turning: bool
 ) -> Iterator[_Pair]:
-    """The pairs of a solid and a hollow feature among those that are stated, or of all.
+    """The pairs of a solid and a hollow feature among those that are stated, or of all, and how they fit.
 
     Raises:
         InputError: there is none.
     """
     from fmopt.geometry.mating_fit import best_fit
+
+    for names, peg, hole, depth in _matings(source, file, parts, stated):
+        yield _Pair(names, best_fit(peg, hole, depth, turning))
+
+
+def _matings(
+    source: Source, file: ProblemFile, parts: Mapping[str, Part], stated: Mapping[Side, str | None]
+) -> Iterator[tuple[Mapping[Side, str], Part, Part, float]]:
+    """For each pair the names of its features, peg and hole in their frames, and how deep the one goes, m.
+
+    Raises:
+        InputError: there is none.
+    """
     from fmopt.geometry.part import rebased
 
     own, others = ([one for one in parts[side].features if stated[side] in (None, one.name)] for side in SIDES)
@@ -207,7 +223,7 @@ def _pairs(
         peg, hole = ("fixed", "moving") if a.kind == "hollow" else ("moving", "fixed")
         depth = file.goal.depth or min(a.length, b.length)
         depth = min(depth, a.length, b.length)
-        yield _Pair({"moving": a.name, "fixed": b.name}, best_fit(mating[peg], mating[hole], depth, turning))
+        yield {"moving": a.name, "fixed": b.name}, mating[peg], mating[hole], depth
 
 
 def _no_pair(source: Source, parts: Mapping[str, Part]) -> InputError:

@@ -19,7 +19,8 @@ from fmopt.errors import GeometryError, InputError
 from fmopt.geometry import csg
 from fmopt.geometry.centre import axis, centre
 from fmopt.geometry.convex_pieces import pieces, polyhedron, union_manifold
-from fmopt.geometry.outline_solids import Convex, convex_pieces, stack
+from fmopt.geometry.convex_polygons import Convex, convex_pieces
+from fmopt.geometry.outline_solids import stack
 from fmopt.geometry.part import Part
 from fmopt.papers.lee_huang.nominal_trajectory import critical_poses, insertion
 from fmopt.plan import sealed
@@ -79,6 +80,24 @@ def test_pieces_are_few_and_reach_as_far_as_they_can(outline: families.Outline, 
         body = Polygon(piece.outline)
         others = [Polygon(other.outline) for other in found if other is not piece]
         assert any(body.intersection(other).area > 0.1 for other in others)
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+def test_heights_above_a_line_have_the_exact_sign_however_near_they_are(scale: float) -> None:
+    rng = np.random.default_rng(3)
+    seen = set[int]()
+    for _ in range(300):
+        a, b = scale * rng.uniform(-1.0, 1.0, (2, 2))
+        steps = rng.integers(-40, 41, (4, 2)) * 2.0**-55 * scale
+        near = [a + share * (b - a) + step for share, step in zip(rng.uniform(-1.0, 2.0, 4), steps, strict=True)]
+        one, other, *corners = ((Fraction(x), Fraction(y)) for x, y in np.array([a, b, *near]).tolist())
+        middle = (one[0] + (other[0] - one[0]) / 3, one[1] + (other[1] - one[1]) / 3)  # on the line, no floats
+        found = Convex((*corners, middle), (None,) * 5).heights(one, other)
+        exact = [(other[0] - one[0]) * (y - one[1]) - (other[1] - one[1]) * (x - one[0]) for x, y in (*corners, middle)]
+        signs = [int(np.sign(float(height))) for height in found]
+        assert signs == [(height > 0) - (height < 0) for height in exact]
+        seen.update(signs)
+    assert seen == {-1, 0, 1}
 
 
 def test_sides_of_pieces_lie_in_sides_of_the_outline() -> None:

@@ -19,7 +19,6 @@ MOST_LINES = 400
 LONGER = {
     "certificate/tube.py": 483,
     "contact/polytope.py": 420,
-    "geometry/outline_solids.py": 482,
     "notebook/plan.py": 412,
     "task/loading.py": 468,
     "task/model.py": 412,

@@ -1,0 +1,358 @@
+"""Convex polygons, few of them, whose union a simple polygon is.
+
+A polygon that is not convex is its convex hull less its pockets, each of which is its own hull less pockets of its own.
+Taking the hull of a pocket away from a convex piece leaves, for each of its sides but the lid, what of the piece lies
+beyond that side. Such pieces overlap on purpose: each reaches as far as it can, so that one plane keeps another body
+off it. All of it is exact, in fractions, so that the sides of pieces lie in those of the outline; corners that are
+none of the outline's are rounded once, at the end.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property, lru_cache
+from itertools import pairwise
+from typing import TypeAlias
+
+from fmopt.errors import GeometryError
+from fmopt.geometry.facets import place
+
+Point: TypeAlias = tuple[Fraction, Fraction]
+Outline: TypeAlias = tuple[tuple[float, float], ...]
+
+_SLIVER = 1e-9  # of a piece: less is not worth a piece
+_NOISE = 1e-12  # of an area
+_MANY = 64  # pieces, from which on those that add nothing are dropped while others are cut
+_UNSURE = 1e-14  # of the square of the largest coordinate: heights in floats that are larger have the right sign
+_LID = -1  # what the side of a pocket is called that lies in the hull
+
+
+@dataclass(frozen=True)
+class Convex:
+    """A convex polygon: corners, counter-clockwise, and which side of the outline each side lies in, None for none."""
+
+    corners: tuple[Point, ...]
+    sides: tuple[int | None, ...]
+
+    @cached_property
+    def outline(self) -> Outline:
+        """The corners, rounded to floats."""
+        return tuple((float(x), float(y)) for x, y in self.corners)
+
+    @cached_property
+    def area(self) -> Fraction:
+        """Its area."""
+        return _area(self.corners)
+
+    def beyond(self, a: Point, b: Point, side: int | None) -> Convex | None:
+        """What of it lies left of the line from a to b, whose part becomes a side of that number; None if nothing."""
+        heights = self.heights(a, b)
+        if all(height >= 0 for height in heights):
+            return self
+        if all(height < 0 for height in heights):
+            return None
+        corners: list[Point] = []
+        sides: list[int | None] = []
+        count = len(heights)
+        for k, (p, h) in enumerate(zip(self.corners, heights, strict=True)):
+            q, g = self.corners[(k + 1) % count], heights[(k + 1) % count]
+            if h >= 0 and (h > 0 or g > 0):
+                corners.append(p)
+                sides.append(self.sides[k])
+            elif h == 0:  # the line leaves here
+                corners.append(p)
+                sides.append(side)
+            if h * g < 0:
+                h, g = _left(a, b, p), _left(a, b, q)
+                share = h / (h - g)
+                corners.append((p[0] + share * (q[0] - p[0]), p[1] + share * (q[1] - p[1])))
+                sides.append(side if g < 0 else self.sides[k])
+        return Convex(tuple(corners), tuple(sides)) if len(corners) > 2 else None
+
+    def heights(self, a: Point, b: Point) -> list[Fraction | float]:
+        """For each corner a number with the sign of its height above the line from a to b, left of it positive.
+
+        It is exact where floats leave the sign open: their errors, of the roundings of six coordinates, three
+        differences and two products at most 2 M long and 4 M² large, add up to less than 48 · 2⁻⁵³ M² < 1e-14 M², M
+        the largest coordinate.
+        """
+        (ax, ay), (bx, by) = ((float(x), float(y)) for x, y in (a, b))
+        x, y = bx - ax, by - ay
+        unsure = _UNSURE * max(self.reach, abs(ax), abs(ay), abs(bx), abs(by)) ** 2
+        found: list[Fraction | float] = []
+        for p, (px, py) in zip(self.corners, self.outline, strict=True):
+            height = x * (py - ay) - y * (px - ax)
+            found.append(height if abs(height) > unsure else _left(a, b, p))
+        return found
+
+    @cached_property
+    def reach(self) -> float:
+        """The largest coordinate of its corners, by size."""
+        return max(abs(value) for corner in self.outline for value in corner)
+
+
+@lru_cache(maxsize=8)
+def convex_pieces(outline: Outline) -> tuple[Convex, ...]:
+    """Few convex polygons whose union a simple polygon is, counter-clockwise.
+
+    >>> corners = ((0, 0), (3, 0), (3, 1), (1, 1), (1, 2), (0, 2))
+    >>> [piece.outline for piece in convex_pieces(corners)]
+    [((0.0, 0.0), (3.0, 0.0), (3.0, 1.0), (0.0, 1.0)), ((0.0, 0.0), (1.0, 0.0), (1.0, 2.0), (0.0, 2.0))]
+
+    Raises:
+        GeometryError: it crosses or touches itself, or is clockwise.
+    """
+    points = tuple((Fraction(x), Fraction(y)) for x, y in simple(outline))
+    return _pieces(points)
+
+
+def simple(outline: Outline) -> Outline:
+    """The corners of a simple polygon, counter-clockwise, without those where it goes straight on.
+
+    Raises:
+        GeometryError: it crosses or touches itself, goes back on itself, or is clockwise.
+    """
+    from shapely import Polygon, is_valid_reason
+
+    made = tuple((float(x), float(y)) for x, y in outline)
+    if len(made) < 3 or not all(math.isfinite(value) for corner in made for value in corner):
+        raise GeometryError(f"an outline has {len(made)} usable corners", "give at least three finite ones")
+    shape = Polygon(made)
+    if not shape.is_valid or shape.area == 0.0:
+        reason = str(is_valid_reason(shape))
+        at = reason[reason.find("[") + 1 : -1].split() if "[" in reason else [str(value) for value in made[0]]
+        where = place((float(at[0]), float(at[1]), 0.0))
+        raise GeometryError(f"the outline crosses or touches itself at {where}", "list the corners in order around it")
+    if not shape.exterior.is_ccw:
+        raise GeometryError("the outline runs clockwise", "list its corners counter-clockwise, seen from above")
+    points = [(Fraction(x), Fraction(y)) for x, y in made]
+    turns = zip(points[-1:] + points[:-1], points, points[1:] + points[:1], made, strict=True)
+    return tuple(corner for before, point, after, corner in turns if _left(before, point, after) != 0)
+
+
+def is_convex(outline: Outline) -> bool:
+    """Whether a simple polygon, counter-clockwise, is convex."""
+    points = [(Fraction(x), Fraction(y)) for x, y in outline]
+    return all(
+        _left(a, b, c) > 0 for a, b, c in zip(points[-1:] + points[:-1], points, points[1:] + points[:1], strict=True)
+    )
+
+
+def _pieces(points: tuple[Point, ...]) -> tuple[Convex, ...]:
+    """Convex pieces of a simple polygon."""
+    hull, pockets = _pockets(points)
+    tools = [tool for pocket in pockets for tool in _parted(pocket)]
+    found: tuple[Convex, ...] = (hull,)
+    whole = hull.area
+    for tool in tools:
+        whole -= tool.area
+        found = _largest([slab for piece in found for slab in _slabs(piece, tool)])
+        if len(found) > _MANY:
+            found = _few(found, float(whole))
+    kept = _few(found, float(whole))
+    return _few(_largest([_grown(piece, hull, tools) for piece in kept]), float(whole)) if tools else kept
+
+
+def _grown(piece: Convex, hull: Convex, tools: Sequence[Convex]) -> Convex:
+    """A convex piece as far as it can reach without one of its sides, and so on, clear of all that is taken away."""
+    ends = list(zip(piece.corners, piece.corners[1:] + piece.corners[:1], piece.sides, strict=True))
+    for number, (start, end, _) in enumerate(ends):
+        more = hull.beyond(end, start, None)  # what the side keeps off lies between the lines of its neighbours
+        for a, b, _ in (ends[number - 1], ends[(number + 1) % len(ends)]):
+            more = None if more is None else more.beyond(a, b, None)
+        if more is None or more.area * 10**9 <= piece.area:
+            continue
+        body: Convex | None = hull
+        for a, b, side in ends[:number] + ends[number + 1 :]:
+            body = None if body is None else body.beyond(a, b, side)
+        for tool in tools:
+            body = None if body is None else _clear(body, tool, piece)
+        if body is not None and body.area * 10**9 > piece.area * (10**9 + 1):
+            return _grown(body, hull, tools)
+    return piece
+
+
+def _clear(body: Convex, tool: Convex, kept: Convex) -> Convex | None:
+    """The most of a convex polygon that a side of a tool leaves of it, with a part that is to be kept."""
+    slabs = list(_slabs(body, tool))
+    if slabs == [body]:
+        return body
+    holding = [slab for slab in slabs if _holds(slab, kept)]
+    return max(holding, key=lambda slab: slab.area, default=None)
+
+
+def _pockets(points: tuple[Point, ...]) -> tuple[Convex, list[Convex]]:
+    """The convex hull of a polygon, with the corners that lie in its sides, and what it has too much.
+
+    The latter are simple polygons, counter-clockwise, which need not be convex.
+    """
+    count = len(points)
+    order = sorted(range(count), key=lambda k: points[k])
+    halves = []
+    for run in (order, order[::-1]):
+        chain: list[int] = []
+        for k in run:
+            while len(chain) > 1 and _left(points[chain[-2]], points[chain[-1]], points[k]) <= 0:
+                chain.pop()
+            chain.append(k)
+        halves.append(chain[:-1])
+    corners = sorted(halves[0] + halves[1])
+    numbers: list[int | None] = []
+    pockets: list[Convex] = []
+    for a, b in zip(corners, [*corners[1:], corners[0] + count], strict=True):
+        start, end = points[a], points[b % count]
+        on = [a, *(k for k in range(a + 1, b) if _left(start, end, points[k % count]) == 0), b]
+        numbers.append(next((one % count for one, other in pairwise(on) if other == one + 1), None))
+        for one, other in pairwise(on):
+            if other > one + 1:
+                back = [k % count for k in range(other, one - 1, -1)]
+                pockets.append(Convex(tuple(points[k] for k in back), (*back[1:], _LID)))
+    return Convex(tuple(points[k] for k in corners), tuple(numbers)), pockets
+
+
+def _parted(polygon: Convex) -> Iterator[Convex]:
+    """A simple polygon cut into convex ones, each cut along a side that it prolongs, those first that settle most."""
+    corners, count = polygon.corners, len(polygon.corners)
+    reflex = [k for k in range(count) if _left(corners[k - 1], corners[k], corners[(k + 1) % count]) < 0]
+    if not reflex:
+        yield polygon
+        return
+    best: tuple[tuple[int, Fraction], int, tuple[Point, int], int | None] | None = None
+    for k in reflex:
+        for back, side in ((corners[k - 1], polygon.sides[k - 1]), (corners[(k + 1) % count], polygon.sides[k])):
+            hit = _ahead(corners, k, back)
+            settled = sum(_left(back, corners[k], corners[n]) == 0 for n in reflex)
+            rank = (-settled, _square(corners[k], hit[0]))
+            if best is None or rank < best[0]:
+                best = rank, k, hit, side
+    assert best is not None
+    _, k, (at, edge), side = best
+    for one, other in ((k, edge), (edge, k)):
+        yield from _parted(_cut_off(polygon, one, other, at, side, k))
+
+
+def _ahead(corners: tuple[Point, ...], k: int, back: Point) -> tuple[Point, int]:
+    """Where the line from a point through corner k meets the boundary next, and the number of the side that it meets.
+
+    The side is the one that starts in the point where that is a corner.
+    """
+    start, count = corners[k], len(corners)
+    run = (start[0] - back[0], start[1] - back[1])
+    found: list[tuple[Fraction, int, Point]] = []
+    for n in range(count):
+        a, b = corners[n], corners[(n + 1) % count]
+        if n == k or (n + 1) % count == k:
+            continue
+        one, other = _left(back, start, a), _left(back, start, b)
+        if one * other > 0 or one == other or other == 0:
+            continue
+        share = one / (one - other)
+        at = (a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]))
+        ahead = (at[0] - start[0]) * run[0] + (at[1] - start[1]) * run[1]
+        if ahead > 0:
+            found.append((ahead, n, at))
+    _, edge, at = min(found)
+    return at, edge
+
+
+def _cut_off(polygon: Convex, one: int, other: int, at: Point, side: int | None, k: int) -> Convex:
+    """The part of a polygon on one side of a cut from corner k to a point `at` in another side, both in order."""
+    count = len(polygon.corners)
+    corners: list[Point] = []
+    sides: list[int | None] = []
+    if one == k:  # from the corner along the boundary to the point, and back
+        n = one
+        while True:
+            corners.append(polygon.corners[n])
+            sides.append(polygon.sides[n])
+            if n == other:
+                break
+            n = (n + 1) % count
+        if corners[-1] == at:
+            sides[-1] = side
+        else:
+            corners.append(at)
+            sides.append(side)
+    else:  # from the point along the boundary to the corner, and back
+        corners.append(at)
+        sides.append(polygon.sides[one])
+        n = (one + 1) % count
+        while n != k:
+            corners.append(polygon.corners[n])
+            sides.append(polygon.sides[n])
+            n = (n + 1) % count
+        corners.append(polygon.corners[k])
+        sides.append(side)
+    return _straight(Convex(tuple(corners), tuple(sides)))
+
+
+def _straight(polygon: Convex) -> Convex:
+    """A polygon without the corners in which it goes straight on."""
+    corners, count = polygon.corners, len(polygon.corners)
+    kept = [k for k in range(count) if _left(corners[k - 1], corners[k], corners[(k + 1) % count]) != 0]
+    return Convex(tuple(corners[k] for k in kept), tuple(polygon.sides[k] for k in kept))
+
+
+def _slabs(piece: Convex, tool: Convex) -> Iterator[Convex]:
+    """What is left of a convex piece without a convex tool: one polygon for each side of the tool that bounds both."""
+    ends = list(zip(tool.corners, tool.corners[1:] + tool.corners[:1], tool.sides, strict=True))
+    common: Convex | None = piece
+    for number, (a, b, _) in enumerate(ends):
+        common = None if common is None else common.beyond(a, b, _LID - 1 - number)
+    if common is None or common.area == 0:
+        yield piece
+        return
+    for number, (a, b, side) in enumerate(ends):
+        if side != _LID and _LID - 1 - number in common.sides:
+            slab = piece.beyond(b, a, side)
+            if slab is not None and slab.area > 0:
+                yield slab
+
+
+def _largest(bodies: Sequence[Convex]) -> tuple[Convex, ...]:
+    """The polygons that lie in no other one."""
+    kept: list[Convex] = []
+    for body in sorted(bodies, key=lambda body: -body.area):
+        if not any(_holds(other, body) for other in kept):
+            kept.append(body)
+    return tuple(kept)
+
+
+def _holds(outer: Convex, inner: Convex) -> bool:
+    ends = zip(outer.corners, outer.corners[1:] + outer.corners[:1], strict=True)
+    return all(height >= 0 for a, b in ends for height in inner.heights(a, b))
+
+
+def _few(bodies: Sequence[Convex], whole: float) -> tuple[Convex, ...]:
+    """Few of the polygons whose union has an area, chosen by what they add, then by their size; in the order given."""
+    from shapely import Polygon
+
+    shapes = [Polygon(body.outline) for body in bodies]
+    kept: list[int] = []
+    union = Polygon()
+    while union.area < (1.0 - _NOISE) * whole:
+        gains = [shape.difference(union).area for shape in shapes]
+        best = max(range(len(shapes)), key=lambda k: (round(gains[k] / whole, 9), round(shapes[k].area / whole, 9)))
+        if best in kept or gains[best] <= _SLIVER * shapes[best].area:
+            break
+        kept.append(best)
+        union = union.union(shapes[best])
+    return tuple(bodies[k] for k in sorted(kept))
+
+
+def _left(a: Point, b: Point, p: Point) -> Fraction:
+    """Positive for a point left of the line from a to b."""
+    return (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
+
+
+def _square(a: Point, b: Point) -> Fraction:
+    """The square of their distance."""
+    return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2
+
+
+def _area(corners: Sequence[Point]) -> Fraction:
+    ahead = (*corners[1:], corners[0])
+    return sum((a * d - c * b for (a, b), (c, d) in zip(corners, ahead, strict=True)), Fraction(0)) / 2
