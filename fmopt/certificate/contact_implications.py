@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 from weakref import ref
 
 import numpy as np
@@ -282,17 +283,23 @@ def _lines(
     pairs = [(i, j) for n, i in enumerate(ends) for j in ends[:n]]
     pairs += [(a, b) for a, b in between if a in points or b in points]
     distinct: list[tuple[Array, Array]] = []
+    known = np.zeros((len(P), len(P)), dtype=np.bool_)
     for i, j in pairs:
-        if not any(on_line(P[[i, j]], a, direction).all() for a, direction in distinct):
-            distinct.append((P[i], (P[j] - P[i]) / length(P[j] - P[i])))
+        if not known[i, j]:
+            direction = (P[j] - P[i]) / length(P[j] - P[i])
+            distinct.append((P[i], direction))
+            on = np.flatnonzero(on_line(P, P[i], direction))
+            known[np.ix_(on, on)] = True
     return tuple(distinct)
 
 
 def _grown(assembly: Assembly, wall: Wall, turns: list[tuple[Array, Array]]) -> Wall:
     """One round of conclusions about a wall, the same when there are none; new flush faces are added to `turns`."""
     P = assembly.body_points
-    lines = _lines(assembly, wall.points, wall.between)
     flush = list(wall.flush)
+    # Lines in a flush face say no more than that face.
+    told = any(in_plane(P[[*wall.points, *chain(*wall.between)]], n, c) for n, c in flush)
+    lines = () if told else _lines(assembly, wall.points, wall.between)
     on = np.zeros(len(P), dtype=np.bool_)
     for a, direction in lines:
         on |= on_line(P, a, direction)
